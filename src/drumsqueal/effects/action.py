@@ -1,0 +1,27 @@
+"""What an effect returns: a generalised force and a power."""
+
+from typing import NamedTuple, Protocol
+
+from jax.typing import ArrayLike
+
+Six = tuple[ArrayLike, ArrayLike, ArrayLike, ArrayLike, ArrayLike, ArrayLike]
+ZERO: Six = (0.0,) * 6
+
+
+class Action(NamedTuple):
+    """Generalised force on the six coordinates (N, N m) and the power it feeds in beyond its potential energy (W)."""
+
+    force: Six
+    power: ArrayLike
+
+
+class Effect(Protocol):
+    """What a model asks of an effect."""
+
+    def act(self, time: ArrayLike, q: Six, v: Six) -> Action:
+        """Generalised force and power at a time (s), displacement q (m, rad) and velocity v (m/s, rad/s)."""
+        ...
+
+    def potential_energy(self, time: ArrayLike, q: Six) -> ArrayLike:
+        """Energy stored (J); zero for an effect that stores none."""
+        ...

@@ -1,0 +1,237 @@
+"""Distributed contact between lining and drum: pressure, and the friction that rides on it.
+
+Source: Seo & Kang 2023, equations (8) to (14) and (20); separation and the exact edges are ours.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+from jax import Array
+from jax.typing import ArrayLike
+
+from drumsqueal.bodies.rigid_shoe import TX, TY, TZ, X, Y, Z, RigidShoe
+from drumsqueal.effects.action import Action, Six
+from drumsqueal.effects.friction import Friction
+from drumsqueal.effects.schedule import Profile, Schedule
+from drumsqueal.precision import real
+from drumsqueal.quadrature.arc import ArcSurface, Nodes
+from drumsqueal.quadrature.area import AreaSurface
+from drumsqueal.quadrature.levels import Level
+
+
+class Bonded(eqx.Module):
+    """N = p0 + k_c u_r, also where that is negative; k_c in N/m³."""
+
+    stiffness: Array = eqx.field(converter=real)
+
+    def edges(self, level: Level) -> None:
+        """No edges: contact is never lost."""
+        del level
+
+    def pressure(self, level: Array) -> Array:
+        """N (Pa) from the level p0 + k_c u_r (Pa)."""
+        return level
+
+    def compression(self, preload: Array, radial: Array) -> Array:
+        """Radial displacement that the lining follows (m)."""
+        del preload
+        return radial
+
+
+class Unilateral(eqx.Module):
+    """N = max(0, p0 + k_c u_r): the lining can leave the drum; k_c in N/m³."""
+
+    stiffness: Array = eqx.field(converter=real)
+
+    def edges(self, level: Level) -> Level:
+        """The level whose roots are the edges of contact."""
+        return level
+
+    def pressure(self, level: Array) -> Array:
+        """N (Pa) from the level p0 + k_c u_r (Pa)."""
+        return jnp.maximum(level, 0.0)
+
+    def compression(self, preload: Array, radial: Array) -> Array:
+        """Radial displacement that the lining follows (m): u_r, or −p0/k_c where the lining has left the drum."""
+        lifted = preload + self.stiffness * radial <= 0
+        return jnp.where(lifted, -preload / jnp.where(lifted, self.stiffness, 1.0), radial)
+
+
+PressureLaw = Bonded | Unilateral
+
+
+class ContactField(NamedTuple):
+    """Contact at the nodes: pressure level p0 + k_c u_r and pressure N (Pa), slip V_θ, V_z (m/s), tractions (Pa)."""
+
+    nodes: Nodes
+    level: Array
+    pressure: Array
+    slip: Array | None
+    axial: Array | None
+    along: Array | None
+    across: Array | None
+
+
+class Observation(NamedTuple):
+    """What a transient records of the contact; units in the attributes of the history."""
+
+    brake_torque: Array
+    normal_force: Array
+    contact_fraction: Array
+    slip_reversed_fraction: Array
+    smallest_pressure: Array
+    friction_power: Array
+
+
+class Contact(eqx.Module):
+    """Pressure and friction over the lining, integrated exactly between its edges."""
+
+    shoe: RigidShoe
+    law: PressureLaw
+    friction: Friction | None
+    preload: Schedule
+    drum_speed: Schedule
+    surface: ArcSurface | AreaSurface
+
+    def field(self, time: ArrayLike, q: Six, v: Six) -> ContactField:
+        """Evaluate the contact at the quadrature nodes of the present state."""
+        level = self._pressure_level(time, q)
+        spatial = isinstance(self.surface, AreaSurface)
+        slip = axial = None
+        if self.friction is not None:
+            slip = self._slip_level(time, v)
+            axial = self._axial_level(v) if spatial and self.friction.direction.knows_axial else None
+        nodes = self.surface.nodes(self.shoe, self.law.edges(level), slip, axial)
+        value = level.at(nodes.cosine, nodes.sine, nodes.z)
+        pressure = self.law.pressure(value)
+        if self.friction is None or slip is None:
+            return ContactField(nodes, value, pressure, None, None, None, None)
+        tangential = slip.at(nodes.cosine, nodes.sine, nodes.z)
+        lateral = None if axial is None else axial.at(nodes.cosine, nodes.sine, nodes.z)
+        along, across = self.friction.traction(pressure, tangential, lateral)
+        return ContactField(nodes, value, pressure, tangential, lateral, along, across)
+
+    def act(self, time: ArrayLike, q: Six, v: Six) -> Action:
+        """Q_i = ∫(−N φ_i^r + F_θ φ_i^θ + F_z φ_i^z) dA, equation (20), and the power beyond the stored energy."""
+        field = self.field(time, q, v)
+        force = self._resultant(field)
+        power = 0.0
+        if field.along is not None:
+            torque, heat = self._torque_and_heat(field)
+            power = torque * self.drum_speed.at(time) - heat
+        if isinstance(self.preload, Profile):
+            power = power + self.preload.rate(time) * self._stored(time, q, field)[1]
+        return Action(force, power)
+
+    def potential_energy(self, time: ArrayLike, q: Six) -> Array:
+        """U = ∫(p0 e + ½ k_c e²) dA with e the compression: its force is −∫ N φ^r dA (J)."""
+        level = self._pressure_level(time, q)
+        nodes = self.surface.nodes(self.shoe, self.law.edges(level), None, None)
+        value = level.at(nodes.cosine, nodes.sine, nodes.z)
+        return self._stored(time, q, ContactField(nodes, value, value, None, None, None, None))[0]
+
+    def observe(self, time: ArrayLike, q: Six, v: Six) -> Observation:
+        """Integrals and extremes that describe the contact at one instant."""
+        field = self.field(time, q, v)
+        weight, area = field.nodes.weight, self.shoe.area
+        touching = field.level > 0
+        zero = jnp.zeros(())
+        torque, heat = (zero, zero) if field.along is None else self._torque_and_heat(field)
+        reversed_fraction = zero
+        if field.slip is not None:
+            forward = touching & (field.slip * jnp.sign(self.drum_speed.at(time)) > 0)
+            reversed_fraction = jnp.sum(jnp.where(forward, weight, 0.0)) / area
+        return Observation(
+            brake_torque=torque,
+            normal_force=jnp.sum(field.pressure * weight),
+            contact_fraction=jnp.sum(jnp.where(touching, weight, 0.0)) / area,
+            slip_reversed_fraction=reversed_fraction,
+            smallest_pressure=self.law.pressure(self._pressure_range(time, q)[0]),
+            friction_power=heat,
+        )
+
+    def pressure_range(self, time: ArrayLike, q: Six) -> tuple[Array, Array]:
+        """Smallest and largest pressure on the lining (Pa)."""
+        low, high = self._pressure_range(time, q)
+        return self.law.pressure(low), self.law.pressure(high)
+
+    def along_arc(self, time: ArrayLike, q: Six, v: Six, theta: Array) -> tuple[Array, Array]:
+        """Pressure N (Pa) and slip velocity V_θ (m/s) at angles θ (rad) of the middle line z = 0."""
+        cosine, sine = jnp.cos(theta), jnp.sin(theta)
+        pressure = self.law.pressure(self._pressure_level(time, q).at(cosine, sine, None))
+        return pressure, self._slip_level(time, v).at(cosine, sine, None)
+
+    def _pressure_level(self, time: ArrayLike, q: Six) -> Level:
+        """p0 + k_c u_r, u_r = (q1 + z q5) cos θ + (q2 − z q4 − c q6) sin θ."""
+        k = self.law.stiffness
+        return Level(
+            self.preload.at(time), k * q[X], k * (q[Y] - self.shoe.centroid * q[TZ]), k * q[TY], -k * q[TX]
+        )
+
+    def _slip_level(self, time: ArrayLike, v: Six) -> Level:
+        """V_θ = R (q̇6 − Ω) − (q̇1 + z q̇5) sin θ + (q̇2 − z q̇4 − c q̇6) cos θ, equations (9) and (13)."""
+        constant = self.shoe.outer_radius * (v[TZ] - self.drum_speed.at(time))
+        return Level(constant, v[Y] - self.shoe.centroid * v[TZ], -1.0 * v[X], -1.0 * v[TX], -1.0 * v[TY])
+
+    def _axial_level(self, v: Six) -> Level:
+        """V_z = q̇3 + R q̇4 sin θ − (R cos θ − c) q̇5."""
+        R = self.shoe.outer_radius
+        return Level(v[Z] + self.shoe.centroid * v[TY], -R * v[TY], R * v[TX])
+
+    def _resultant(self, field: ContactField) -> Six:
+        """Generalised force; per unit area the in-plane force on the lining is (x, y) = −N e_r + F_θ e_θ."""
+        R, c = self.shoe.outer_radius, self.shoe.centroid
+        cosine, sine, z, weight = field.nodes
+        load = field.pressure * weight
+        x, y = -load * cosine, -load * sine
+        spin = 0.0
+        if field.along is not None:
+            drag = field.along * weight
+            x, y = x - drag * sine, y + drag * cosine
+            spin = R * jnp.sum(drag)
+        force_x, force_y = jnp.sum(x), jnp.sum(y)
+        moment_z = spin - c * force_y
+        if z is None:
+            return force_x, force_y, 0.0, 0.0, 0.0, moment_z
+        moment_x, moment_y, force_z = -z * y, z * x, 0.0
+        if field.across is not None:
+            lateral = field.across * weight
+            moment_x, moment_y = moment_x + R * sine * lateral, moment_y - (R * cosine - c) * lateral
+            force_z = jnp.sum(lateral)
+        return force_x, force_y, force_z, jnp.sum(moment_x), jnp.sum(moment_y), moment_z
+
+    def _torque_and_heat(self, field: ContactField) -> tuple[Array, Array]:
+        """Brake torque R ∫F_θ dA (N m) and friction heat −∫F·V dA (W)."""
+        assert field.along is not None and field.slip is not None  # noqa: S101 (for the type checker)
+        weight = field.nodes.weight
+        density = field.along * field.slip
+        if field.across is not None and field.axial is not None:
+            density = density + field.across * field.axial
+        return self.shoe.outer_radius * jnp.sum(field.along * weight), -jnp.sum(density * weight)
+
+    def _stored(self, time: ArrayLike, q: Six, field: ContactField) -> tuple[Array, Array]:
+        """Stored energy (J) and its derivative with respect to p0, ∫ e dA (m³)."""
+        nodes = field.nodes
+        radial = self._radial_level(q).at(nodes.cosine, nodes.sine, nodes.z)
+        preload = self.preload.at(time)
+        compression = self.law.compression(preload, radial)
+        energy = compression * (preload + self.law.stiffness * compression / 2)
+        return jnp.sum(energy * nodes.weight), jnp.sum(compression * nodes.weight)
+
+    def _radial_level(self, q: Six) -> Level:
+        """u_r, equation (10)."""
+        return Level(0.0, 1.0 * q[X], q[Y] - self.shoe.centroid * q[TZ], 1.0 * q[TY], -1.0 * q[TX])
+
+    def _pressure_range(self, time: ArrayLike, q: Six) -> tuple[Array, Array]:
+        """Extremes of p0 + k_c u_r: at an end of the arc or where cos and sin line up, on an edge line z = ±b/2."""
+        z = self.shoe.width / 2 * jnp.asarray([-1.0, 1.0])
+        a, b, c, _, _ = self._pressure_level(time, q).on_line(z)
+        swing = jnp.sqrt(jnp.where(b * b + c * c > 0, b * b + c * c, 1.0)) * (b * b + c * c > 0)
+        peak = jnp.arctan2(c, jnp.where((b == 0) & (c == 0), 1.0, b))
+        half_angle, angle = self.shoe.half_angle, jnp.stack([-self.shoe.half_angle, self.shoe.half_angle])
+        ends = a + b * jnp.cos(angle)[:, None] + c * jnp.sin(angle)[:, None]
+        trough = jnp.where(peak > 0, peak - jnp.pi, peak + jnp.pi)
+        low = jnp.where(jnp.abs(trough) <= half_angle, a - swing, jnp.min(ends, axis=0))
+        high = jnp.where(jnp.abs(peak) <= half_angle, a + swing, jnp.max(ends, axis=0))
+        return jnp.min(low), jnp.max(high)

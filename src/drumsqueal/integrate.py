@@ -1,0 +1,235 @@
+"""The transient: diffrax in equal chunks, each one compiled call, handed out as they come.
+
+A Python loop over chunks keeps memory flat, lets an interrupted run keep its data, and holds host callbacks out of the
+compiled program, which would bar it from the persistent compilation cache.
+"""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.typing import ArrayLike
+
+from drumsqueal.effects.contact import Observation
+from drumsqueal.effects.damping import frictionless_modes
+from drumsqueal.model import Model
+from drumsqueal.precision import real
+
+CHUNK_SAMPLES = 500  # samples a chunk: some 50 ms of computing in the plane, so that Ctrl-C and the bar respond
+STEP_BUDGET = 2_000_000  # steps a chunk: a run that exceeds it is stuck, and says so
+# Share of the scene's tolerance that one step may err. Errors add up over some thousand steps.
+LOCAL_SHARE = 0.1
+# A coordinate is resolved at least to this share of what it would do if all vibration energy were in each mode.
+COUPLING_SHARE = 1e-3
+QUIET = 1e-12  # m; motion below a picometre counts as rest, and is resolved as if it were that large
+FIRST_STEP_SHARE = 0.01  # first step over the period of the highest frictionless mode, divided by 2π
+
+
+class Chunk(NamedTuple):
+    """Samples of one chunk: time (k,), displacement and velocity (k, n), observations and energies (k,)."""
+
+    time: np.ndarray
+    displacement: np.ndarray
+    velocity: np.ndarray
+    observation: Observation
+    kinetic_energy: np.ndarray
+    potential_energy: np.ndarray
+    energy_balance_error: np.ndarray
+    steps: int
+    rejected_steps: int
+
+
+class IntegrationError(ArithmeticError):
+    """The integration stopped before its end; the message says when and why."""
+
+
+class _State(NamedTuple):
+    """Displacement from steady sliding (n,), velocity (n,) and power fed in so far beyond stored energy (J)."""
+
+    departure: Array
+    velocity: Array
+    work: Array
+
+
+class _Segment(NamedTuple):
+    time: Array
+    states: _State
+    observation: Observation
+    kinetic: Array
+    potential: Array
+    final: _State
+    steps: Array
+    accepted: Array
+    succeeded: Array
+    result: diffrax.RESULTS
+
+
+def integrate(
+    model: Model,
+    steady: Array,
+    displacement: ArrayLike,
+    velocity: ArrayLike,
+    *,
+    duration: float,
+    sample_rate: float,
+    tolerance: float,
+) -> Iterator[Chunk]:
+    """Integrate M q̈ = Σ Q from a departure (n,) from steady sliding q* (n,) and yield the samples chunk by chunk.
+
+    Adaptive Dormand-Prince of order 8 (diffrax), its error per step measured against the amplitude that the vibration
+    energy gives each coordinate. Samples lie at k / sample_rate from 0 to the duration, both included. Raises
+    IntegrationError when a chunk fails; all good samples have been yielded by then.
+    """
+    samples = round(duration * sample_rate)
+    state = _State(real(displacement), real(velocity), jnp.zeros(()))
+    first_energy = sum(float(e) for e in _energy(model, steady, state))
+    step = None
+    for first in range(0, samples, CHUNK_SAMPLES):
+        count = min(CHUNK_SAMPLES, samples - first)
+        segment = _advance(
+            model, steady, state, real(first), real(first + count), real(1 / sample_rate), real(tolerance), step
+        )
+        chunk = _to_chunk(segment, first_energy, sample_rate, first, count, np.asarray(steady))
+        good = np.isfinite(chunk.displacement).all(axis=1) & np.isfinite(chunk.velocity).all(axis=1)
+        kept = count + 1 if good.all() else int(np.argmin(good))
+        yield _rows(chunk, slice(0 if first == 0 else 1, kept))
+        if kept <= count or not bool(segment.succeeded):
+            raise IntegrationError(_why(segment, chunk.time[max(kept - 1, 0)]))
+        state, step = segment.final, real(count / sample_rate) / segment.accepted
+
+
+@eqx.filter_jit
+def _advance(
+    model: Model,
+    steady: Array,
+    state: _State,
+    first: Array,
+    last: Array,
+    interval: Array,
+    tolerance: Array,
+    step: Array | None,
+) -> _Segment:
+    """One chunk from sample number `first` to `last`; samples past the last repeat it, to keep the shapes."""
+    scale = motion_scale(model, state)
+    time = jnp.minimum(first + jnp.arange(CHUNK_SAMPLES + 1), last) * interval
+    local = tolerance * LOCAL_SHARE
+
+    def vector_field(t: ArrayLike, scaled: _State, args: None) -> _State:
+        del args
+        now = jax.tree.map(jnp.multiply, scaled, scale)
+        force, power = model.act(t, steady + now.departure, now.velocity)
+        rate = _State(now.velocity, force / model.mass, power)
+        return jax.tree.map(jnp.divide, rate, scale)
+
+    if step is None:
+        step = FIRST_STEP_SHARE / frictionless_modes(model.mass, model.stiffness)[0][-1]
+    solution = diffrax.diffeqsolve(
+        diffrax.ODETerm(vector_field),
+        diffrax.Dopri8(),
+        time[0],
+        time[-1],
+        step,
+        jax.tree.map(jnp.divide, state._replace(work=jnp.zeros(())), scale),
+        saveat=diffrax.SaveAt(subs=[diffrax.SubSaveAt(ts=time), diffrax.SubSaveAt(t1=True)]),
+        stepsize_controller=diffrax.PIDController(rtol=local, atol=local, norm=_largest),
+        adjoint=diffrax.ForwardMode(),
+        max_steps=STEP_BUDGET,
+        throw=False,
+    )
+    assert solution.ys is not None  # noqa: S101 (for the type checker)
+    states, final = (jax.tree.map(jnp.multiply, ys, scale) for ys in solution.ys)
+    final = jax.tree.map(lambda x: x[0], final)
+    states, final = (s._replace(work=s.work + state.work) for s in (states, final))
+
+    def observe(sample: tuple[Array, _State]) -> tuple[Observation, Array, Array]:
+        t, now = sample
+        q = steady + now.departure
+        return model.observe(t, q, now.velocity), *model.energy(t, q, now.velocity)
+
+    observation, kinetic, potential = jax.lax.map(observe, (time, states))
+    succeeded = solution.result == diffrax.RESULTS.successful
+    return _Segment(
+        time,
+        states,
+        observation,
+        kinetic,
+        potential,
+        final,
+        solution.stats["num_steps"],
+        solution.stats["num_accepted_steps"],
+        succeeded,
+        solution.result,
+    )
+
+
+def motion_scale(model: Model, state: _State) -> _State:
+    """Amplitudes that the present vibration energy gives to displacement, velocity (n,) and work.
+
+    In the mass-normalised modes (ω_j, Φ) of the frictionless shoe, s_j = √((ω_j p_j)² + ṗ_j²) is the amplitude of ṗ_j;
+    coordinate i has velocity amplitude Σ |Φ_ij| s_j and displacement amplitude Σ |Φ_ij| s_j/ω_j. Unlike the present
+    values they do not pass through zero, so an error relative to them is a fair measure at any phase.
+    """
+    omega, modes = frictionless_modes(model.mass, model.stiffness)
+    highest = jnp.max(omega)
+    highest = jnp.where(highest > 0, highest, 1.0)
+    shaped = model.mass[:, None] * modes
+    position, speed = state.departure @ shaped, state.velocity @ shaped
+    amplitude = jnp.sqrt((omega * position) ** 2 + speed**2)
+    quiet = QUIET * highest * jnp.sqrt(jnp.max(model.mass))
+    total = jnp.sqrt(jnp.sum(amplitude**2) + quiet**2)
+    amplitude = jnp.maximum(amplitude, COUPLING_SHARE * total)
+    # A mode without stiffness drifts; it is given the slowest of the other frequencies.
+    slowest = jnp.min(jnp.where(omega > 0, omega, highest))
+    size = jnp.abs(modes)
+    return _State(size @ (amplitude / jnp.where(omega > 0, omega, slowest)), size @ amplitude, total**2 / 2)
+
+
+def _largest(scaled_error: _State) -> Array:
+    """Largest error of any coordinate relative to its tolerance."""
+    return jnp.max(jnp.stack([jnp.max(jnp.abs(leaf)) for leaf in jax.tree.leaves(scaled_error)]))
+
+
+@jax.jit
+def _energy(model: Model, steady: Array, state: _State) -> tuple[Array, Array]:
+    return model.energy(0.0, steady + state.departure, state.velocity)
+
+
+def _to_chunk(
+    segment: _Segment, first_energy: float, sample_rate: float, first: int, count: int, steady: np.ndarray
+) -> Chunk:
+    states = jax.tree.map(lambda x: np.asarray(x)[: count + 1], segment.states)
+    observation = jax.tree.map(lambda x: np.asarray(x)[: count + 1], segment.observation)
+    kinetic, potential = (np.asarray(x)[: count + 1] for x in (segment.kinetic, segment.potential))
+    return Chunk(
+        time=np.arange(first, first + count + 1) / sample_rate,
+        displacement=states.departure + steady,
+        velocity=states.velocity,
+        observation=observation,
+        kinetic_energy=kinetic,
+        potential_energy=potential,
+        energy_balance_error=kinetic + potential - first_energy - states.work,
+        steps=int(segment.steps),
+        rejected_steps=int(segment.steps - segment.accepted),
+    )
+
+
+def _rows(chunk: Chunk, rows: slice) -> Chunk:
+    """The chunk's samples in `rows`."""
+    picked = jax.tree.map(lambda x: x[rows] if isinstance(x, np.ndarray) else x, chunk)
+    return picked
+
+
+def _why(segment: _Segment, time: float) -> str:
+    if bool(segment.succeeded):
+        return f"the motion became infinite or undefined after t = {time:.6g} s"
+    if bool(segment.result == diffrax.RESULTS.max_steps_reached):
+        return (
+            f"the step size collapsed: {STEP_BUDGET:,} steps were not enough to get past t = {time:.6g} s; "
+            "the lining is probably sticking as a whole, or the tolerance is too tight"
+        )
+    return f"the solver stopped after t = {time:.6g} s: {diffrax.RESULTS[segment.result]}"

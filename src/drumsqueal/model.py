@@ -1,0 +1,208 @@
+"""Body and effects as one vector field: the steady state, the eigenvalues, the transient and the gradients share it."""
+
+import dataclasses
+from collections.abc import Mapping
+from functools import partial
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.typing import ArrayLike
+
+from drumsqueal.bodies.rigid_shoe import IN_PLANE, RigidShoe
+from drumsqueal.effects.action import Effect, Six
+from drumsqueal.effects.assembly import Balance, Preload
+from drumsqueal.effects.contact import Bonded, Contact, Observation, Unilateral
+from drumsqueal.effects.damping import Damping
+from drumsqueal.effects.friction import ConstantLaw, ExponentialLaw, Friction, Tangential, UnitVelocity
+from drumsqueal.effects.schedule import Constant, Profile, Schedule
+from drumsqueal.effects.support import Support
+from drumsqueal.precision import real
+from drumsqueal.quadrature.arc import ArcSurface
+from drumsqueal.quadrature.area import AreaSurface
+from drumsqueal.scene import COORDINATES, Scene
+
+Numbers = Mapping[str, ArrayLike]
+
+
+class Model(eqx.Module):
+    """M q̈ = Σ effects, over the kept coordinates only.
+
+    `coordinates` are indices into (X, Y, Z, Tx, Ty, Tz); n of them are kept. `mass` is the diagonal of M (n,) and
+    `stiffness` the frictionless stiffness in full contact (n, n).
+    """
+
+    contact: Contact
+    others: tuple[Effect, ...]
+    mass: Array = eqx.field(converter=real)
+    stiffness: Array = eqx.field(converter=real)
+    coordinates: tuple[int, ...] = eqx.field(static=True)
+
+    @property
+    def shoe(self) -> RigidShoe:
+        """The body."""
+        return self.contact.shoe
+
+    @property
+    def effects(self) -> tuple[Effect, ...]:
+        """All that acts on the body."""
+        return (self.contact, *self.others)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the kept coordinates."""
+        return tuple(COORDINATES[i] for i in self.coordinates)
+
+    def widen(self, kept: Array) -> Six:
+        """Six scalars from the kept coordinates (n,): literal zeros elsewhere, which cost nothing when compiled."""
+        return tuple(kept[self.coordinates.index(i)] if i in self.coordinates else 0.0 for i in range(6))
+
+    def in_plane(self) -> "Model":
+        """The same model with its out-of-plane coordinates held at zero: a line integral instead of an area."""
+        kept = [k for k, i in enumerate(self.coordinates) if i in IN_PLANE]
+        contact = dataclasses.replace(self.contact, surface=ArcSurface())
+        stiffness = self.stiffness[np.ix_(kept, kept)]
+        return Model(contact, self.others, self.mass[np.asarray(kept)], stiffness, tuple(self.coordinates[k] for k in kept))
+
+    def act(self, time: ArrayLike, q: Array, v: Array) -> tuple[Array, Array]:
+        """Generalised force (n,) and power beyond the stored energy (W), at displacement q (n,) and velocity v (n,)."""
+        wide_q, wide_v = self.widen(q), self.widen(v)
+        actions = [effect.act(time, wide_q, wide_v) for effect in self.effects]
+        force = [sum(action.force[i] for action in actions) + jnp.zeros(()) for i in self.coordinates]
+        return jnp.stack(force), sum(action.power for action in actions) + jnp.zeros(())
+
+    def acceleration(self, time: ArrayLike, q: Array, v: Array) -> Array:
+        """q̈ = M⁻¹ Σ Q (n,)."""
+        return self.act(time, q, v)[0] / self.mass
+
+    def energy(self, time: ArrayLike, q: Array, v: Array) -> tuple[Array, Array]:
+        """Kinetic energy ½ vᵀ M v and potential energy Σ U (J)."""
+        wide = self.widen(q)
+        potential = sum(effect.potential_energy(time, wide) for effect in self.effects)
+        return jnp.sum(self.mass * v * v) / 2, potential + jnp.zeros(())
+
+    def observe(self, time: ArrayLike, q: Array, v: Array) -> Observation:
+        """Torque, forces and extent of the contact at one instant."""
+        return self.contact.observe(time, self.widen(q), self.widen(v))
+
+
+class Composition(NamedTuple):
+    """What a scene calls for, without its numbers: it decides what is in the compiled program."""
+
+    coordinates: tuple[int, ...]
+    separation: bool
+    friction_law: str | None
+    friction_direction: str | None
+    steady_state: str
+    support: bool
+    damping: bool
+
+
+def build_model(
+    scene: Scene, numbers: Numbers | None = None, coordinates: tuple[int, ...] | None = None
+) -> Model:
+    """Build the model that a scene calls for, over its kept coordinates unless others are asked for.
+
+    `numbers` replaces the scene's physical values (keys as in `scene.numbers()`, SI units) and may hold traced values:
+    that is how a growth rate is differentiated with respect to a parameter of the scene. Raises KeyError for a key
+    that the scene does not have.
+    """
+    own = scene.numbers()
+    unknown = sorted(set(numbers or {}) - set(own))
+    if unknown:
+        raise KeyError(f"{unknown[0]} is no number of this scene; it has {', '.join(sorted(own))}")
+    value = {key: real(number) for key, number in {**own, **(numbers or {})}.items()}
+    composition = compose(scene)
+    if coordinates is not None:
+        composition = composition._replace(coordinates=coordinates)
+    return _assemble(composition, value)
+
+
+def compose(scene: Scene) -> Composition:
+    """Read off a scene which effects and coordinates its transient calls for."""
+    friction = scene.friction
+    return Composition(
+        coordinates=kept_coordinates(scene),
+        separation=scene.contact.separation,
+        friction_law=None if friction is None else friction.law,
+        friction_direction=None if friction is None else friction.direction,
+        steady_state=scene.steady.state,
+        support=scene.support is not None,
+        damping=scene.damping is not None,
+    )
+
+
+@partial(jax.jit, static_argnums=0)  # one small program instead of a hundred separate operations
+def _assemble(composition: Composition, value: Mapping[str, Array]) -> Model:
+    shoe = RigidShoe(
+        outer_radius=value["shoe.outer_radius"],
+        thickness=value["shoe.thickness"],
+        width=value["shoe.width"],
+        arc_angle=value["shoe.arc_angle"],
+        density=value["shoe.density"],
+    )
+    contact = _contact(composition, value, shoe)
+    others: list[Effect] = [_assembly(composition, contact)]
+    stiffness = contact.law.stiffness * shoe.radial_stiffness()
+    if composition.support:
+        support = Support(value["support.upper_stiffness"], value["support.lower_stiffness"], shoe.outer_radius)
+        others.append(support)
+        stiffness = stiffness + support.stiffness()
+    kept = np.asarray(composition.coordinates)
+    mass, stiffness = shoe.mass[kept], stiffness[np.ix_(kept, kept)]
+    if composition.damping:
+        others.append(Damping.from_ratio(value["damping.ratio"], mass, stiffness, composition.coordinates))
+    return Model(contact, tuple(others), mass, stiffness, composition.coordinates)
+
+
+def kept_coordinates(scene: Scene) -> tuple[int, ...]:
+    """Coordinates that can move: those listed, or for "auto" the plane's three unless something starts out of it."""
+    if scene.simulate.coordinates != "auto":
+        return tuple(sorted(COORDINATES.index(name) for name in scene.simulate.coordinates))
+    started = {
+        COORDINATES.index(name)
+        for start in (scene.start.displacement, scene.start.velocity)
+        for name, value in start.items()
+        if value != 0
+    }
+    return IN_PLANE if started <= set(IN_PLANE) else tuple(range(6))
+
+
+def linear_coordinates(scene: Scene) -> tuple[int, ...]:
+    """Coordinates of the eigenvalue problem: those listed, or all six, for a mode need not be started to be unstable."""
+    return tuple(range(6)) if scene.simulate.coordinates == "auto" else kept_coordinates(scene)
+
+
+def _contact(composition: Composition, value: Mapping[str, Array], shoe: RigidShoe) -> Contact:
+    law = Unilateral if composition.separation else Bonded
+    # The load is spread evenly over the lining: p0 = load / (R β b), our reading of the paper's "uniformly distributed".
+    preload = _schedule("contact.normal_load", value, 1 / shoe.area)
+    speed = _schedule("drum.speed", value, jnp.ones(()))
+    surface = ArcSurface() if set(composition.coordinates) <= set(IN_PLANE) else AreaSurface()
+    return Contact(shoe, law(value["contact.stiffness"]), _friction(composition, value), preload, speed, surface)
+
+
+def _friction(composition: Composition, value: Mapping[str, Array]) -> Friction | None:
+    if composition.friction_law is None:
+        return None
+    if composition.friction_law == "exponential":
+        law = ExponentialLaw(value["friction.static"], value["friction.kinetic"], value["friction.decay"])
+    else:
+        law = ConstantLaw(value["friction.coefficient"])
+    return Friction(law, UnitVelocity() if composition.friction_direction == "unit-velocity" else Tangential())
+
+
+def _assembly(composition: Composition, contact: Contact) -> Effect:
+    preload = Preload(contact.shoe, contact.preload)
+    if composition.steady_state == "self-consistent":
+        return preload
+    return Balance(preload, contact.drum_speed, contact.friction)
+
+
+def _schedule(key: str, value: Mapping[str, Array], scale: Array) -> Schedule:
+    if key in value:
+        return Constant(value[key] * scale)
+    return Profile(value[f"{key}.time"], value[f"{key}.value"] * scale)

@@ -1,0 +1,136 @@
+"""Complex eigenvalues of steady sliding: modes, growth rates, frequencies."""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import scipy.linalg
+from jax import Array
+
+from drumsqueal.model import Model
+from drumsqueal.steady import SteadyStateError, linearise, steady_sliding
+
+# An eigenvalue oscillates when its imaginary part exceeds this share of the largest modulus: a real one, and the zero
+# of the free Z motion, come out of the solver with an imaginary part of round-off size.
+OSCILLATING_SHARE = 1e-9
+# A real part below this share of the largest modulus is round-off, neither growth nor decay.
+UNDAMPED_SHARE = 1e-12
+
+
+class Mode(NamedTuple):
+    """An oscillating mode: eigenvalue λ (1/s), named by its largest mass-weighted coordinate.
+
+    `right` and `left` (2n,) are its eigenvectors of the state matrix, with leftᴴ right = 1 and the largest
+    displacement of `right` scaled to 1, so |leftᴴ y| is the amplitude of that coordinate in m or rad.
+    """
+
+    name: str
+    eigenvalue: complex
+    unstable: bool
+    right: np.ndarray
+    left: np.ndarray
+
+    @property
+    def frequency_Hz(self) -> float:
+        """Im λ/2π (Hz)."""
+        return self.eigenvalue.imag / (2 * np.pi)
+
+    @property
+    def growth_rate(self) -> float:
+        """Re λ (1/s); positive grows."""
+        return self.eigenvalue.real
+
+    @property
+    def damping_ratio(self) -> float:
+        """ζ = −Re λ/|λ|, negative when unstable (half of what some finite-element programs call so)."""
+        return -self.eigenvalue.real / abs(self.eigenvalue)
+
+
+class Stability(NamedTuple):
+    """Steady sliding and its eigenvalues: q* (n,), all eigenvalues (2n,), oscillating modes by rising frequency."""
+
+    coordinates: tuple[str, ...]
+    steady_state: np.ndarray
+    eigenvalues: np.ndarray
+    modes: tuple[Mode, ...]
+    pressure_range: tuple[float, float]
+
+    @property
+    def unstable(self) -> tuple[Mode, ...]:
+        """The modes that grow."""
+        return tuple(mode for mode in self.modes if mode.unstable)
+
+    @property
+    def highest_frequency_Hz(self) -> float:
+        """Largest |Im λ|/2π (Hz); 0 when nothing oscillates."""
+        return float(np.max(np.abs(self.eigenvalues.imag))) / (2 * np.pi)
+
+
+def analyse_stability(model: Model) -> Stability:
+    """Find steady sliding and solve the complex eigenvalue problem about it.
+
+    Raises SteadyStateError when there is no steady sliding: the drum stands still, or the equilibrium was not found.
+    """
+    require_sliding(model)
+    steady, matrix, (low, high) = _linear_problem(model)
+    if not bool(jnp.all(jnp.isfinite(steady))):
+        raise SteadyStateError(
+            "no self-consistent steady sliding was found: the shoe may jam or leave the drum at this load and speed"
+        )
+    eigenvalues, left, right = scipy.linalg.eig(np.asarray(matrix), left=True, right=True)
+    modes = _modes(model, eigenvalues, left, right)
+    order = np.lexsort((eigenvalues.imag, np.abs(eigenvalues.imag)))
+    return Stability(model.names, np.asarray(steady), eigenvalues[order], modes, (float(low), float(high)))
+
+
+@jax.jit
+def _linear_problem(model: Model) -> tuple[Array, Array, tuple[Array, Array]]:
+    """Steady sliding q*, the state matrix there and the range of pressure, as one compiled program."""
+    steady = steady_sliding(model)
+    pressure_range = model.contact.pressure_range(0.0, model.widen(steady))
+    return steady, linearise(model, steady).state_matrix(), pressure_range
+
+
+def require_sliding(model: Model) -> None:
+    """Raise SteadyStateError where friction has no direction: the drum stands still at t = 0."""
+    if model.contact.friction is not None and float(model.contact.drum_speed.at(0.0)) == 0:
+        raise SteadyStateError(
+            "drum.speed is 0 at t = 0: there is no steady sliding to start from; give the drum a speed at the start"
+        )
+
+
+def growth_rate(model: Model, mode: str) -> Array:
+    """Re λ (1/s) of the mode with that name, differentiable with respect to the model's numbers.
+
+    Works inside `jax.grad` and `jax.vmap`. Of several modes of one name the least stable counts; NaN where no mode of
+    that name oscillates. Raises KeyError when the model lacks the coordinate.
+    """
+    if mode not in model.names:
+        raise KeyError(f"{mode} is no coordinate of this model; it has {', '.join(model.names)}")
+    matrix = linearise(model, steady_sliding(model)).state_matrix()
+    # Eigenvectors have no derivative in JAX and need none here: they only say which eigenvalue is meant.
+    values, vectors = jnp.linalg.eig(jax.lax.stop_gradient(matrix))
+    n = len(model.names)
+    main = jnp.argmax(jnp.abs(vectors[:n]) * jnp.sqrt(model.mass)[:, None], axis=0)
+    meant = (main == model.names.index(mode)) & (values.imag > OSCILLATING_SHARE * jnp.max(jnp.abs(values)))
+    target = values[jnp.argmax(jnp.where(meant, values.real, -jnp.inf))]
+    eigenvalues = jnp.linalg.eigvals(matrix)
+    rate = eigenvalues[jnp.argmin(jnp.abs(eigenvalues - target))].real
+    return jnp.where(jnp.any(meant), rate, jnp.nan)
+
+
+def _modes(model: Model, eigenvalues: np.ndarray, left: np.ndarray, right: np.ndarray) -> tuple[Mode, ...]:
+    n = len(model.coordinates)
+    weight = np.sqrt(np.asarray(model.mass))
+    largest = np.max(np.abs(eigenvalues))
+    modes = []
+    for k in np.argsort(eigenvalues.imag):
+        if eigenvalues[k].imag <= OSCILLATING_SHARE * largest:
+            continue
+        main = int(np.argmax(np.abs(right[:n, k]) * weight))
+        shape = right[:, k] / right[main, k]
+        projection = left[:, k] / np.conj(np.vdot(left[:, k], shape))
+        unstable = bool(eigenvalues[k].real > UNDAMPED_SHARE * largest)
+        modes.append(Mode(model.names[main], complex(eigenvalues[k]), unstable, shape, projection))
+    return tuple(modes)

@@ -1,0 +1,26 @@
+"""Double precision: switched on once, and asserted wherever numbers enter a model.
+
+The edges of contact are found from differences of nearly equal numbers, and the growth of a squeal is followed over
+many decades: single precision is of no use here, and JAX falls back to it silently unless told otherwise.
+"""
+
+import jax
+import jax.numpy as jnp
+from jax import Array
+from jax.typing import ArrayLike
+
+jax.config.update("jax_enable_x64", True)
+
+
+def real(value: ArrayLike) -> Array:
+    """Return `value` as a float64 array leaf, so that changing it never recompiles.
+
+    Raises TypeError when JAX has been switched back to single precision.
+    """
+    array = jnp.asarray(value, dtype=float)
+    if array.dtype != jnp.float64:
+        raise TypeError(
+            f"drumsqueal computes in float64, but JAX gave {array.dtype}; "
+            'leave jax.config.update("jax_enable_x64", True) as the import of drumsqueal set it'
+        )
+    return array

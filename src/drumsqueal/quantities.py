@@ -1,0 +1,160 @@
+"""Physical values as they are written: a number in SI, or a string with a unit, read to one SI float."""
+
+import json
+import math
+import re
+from functools import cache
+from numbers import Real
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import pint
+
+KeyPath = tuple[str | int, ...]
+
+# What each SI unit measures, and a value that could stand in a scene.
+_EXPECTED = {
+    "m": ("a length", "100 mm"),
+    "m/s": ("a velocity", "1e-3 m/s"),
+    "rad": ("an angle", "130 deg"),
+    "rad/s": ("an angular speed", "48 rpm"),
+    "kg/m^3": ("a density", "7820 kg/m^3"),
+    "N": ("a force", "2000 N"),
+    "N/m": ("a stiffness", "1e8 N/m"),
+    "N/m^3": ("a stiffness per area", "0.35e11 N/m^3"),
+    "s/m": ("a decay per slip speed", "1 s/m"),
+    "s": ("a time", "40 ms"),
+    "Hz": ("a frequency", "50 kHz"),
+}
+_LONGEST = 64  # characters in a value
+
+# The unit expression is held to names, "*", "/" and one-digit powers: pint evaluates arithmetic, and a tower of powers
+# (9**9**9) would keep it busy for ever.
+_NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
+_FACTOR = r"(?:[A-Za-z_µμΩ]+|°|%)(?:(?:\^|\*\*)-?[1-9]|[²³])?"
+_WRITTEN = re.compile(rf"\s*(?P<number>{_NUMBER})\s*(?P<unit>(?:1\s*/\s*)?{_FACTOR}(?:\s*[*/·]\s*{_FACTOR})*)?\s*")
+
+_NOTHING = object()
+
+
+class SceneError(ValueError):
+    """What is wrong with a request, in one line: where, the value, the reason and the cure.
+
+    `reason` is the line without the place; `path` leads to the place and `value` is what was found there.
+    """
+
+    def __init__(self, reason: str, path: KeyPath = (), value: Any = _NOTHING):
+        """Build the line from the reason, the path (empty: the reason says it all) and the value found there."""
+        self.reason, self.path, self.value = reason, path, value
+        place = dotted(path)
+        if place and value is not _NOTHING:
+            place += f" = {show(value)}"
+        line = f"{place}: {reason}" if place else reason
+        # One line, safe on any terminal, whatever was in the file.
+        super().__init__("".join(letter if letter.isprintable() else "?" for letter in line))
+
+    def under(self, path: KeyPath, value: Any = _NOTHING) -> "SceneError":
+        """Return the same error seen from further out: `path` leads to what was read, and `value` is what that was."""
+        inner = value if self.value is _NOTHING and not self.path else self.value
+        return SceneError(self.reason, path + self.path, inner)
+
+
+def dotted(path: KeyPath) -> str:
+    """Write a path as users do: drum.speed.value[2]."""
+    return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in path).removeprefix(".")
+
+
+def show(value: Any) -> str:
+    """Write a value as it would stand in a scene file, shortened."""
+    try:
+        text = json.dumps(value, ensure_ascii=False)
+    except (TypeError, ValueError, RecursionError):  # no TOML value, or an integer too long to print
+        text = f"<{type(value).__name__}>"
+    return text if len(text) <= 60 else f"{text[:50]}...{text[-7:]}"
+
+
+def read_quantity(value: Any, unit: str, key: str) -> float:
+    """Read a number in SI, or a string such as "100 mm", as a float in `unit` ("" for a plain number).
+
+    `unit` is an SI unit: "m", "rad/s", "Hz", "N/m^3". Radians count as a dimension, so an angular speed takes "48 rpm"
+    and refuses "5 Hz", and a frequency the other way round. Raises SceneError, naming `key`, for anything that is no
+    finite quantity of that kind.
+    """
+    try:
+        return parse_quantity(value, unit)
+    except SceneError as error:
+        raise error.under((key,), value) from None
+
+
+def parse_quantity(value: Any, unit: str) -> float:
+    """Read a quantity as `read_quantity` does, for callers that add the key to the SceneError themselves."""
+    if isinstance(value, str):
+        number = _from_text(value, unit)
+    elif isinstance(value, Real) and not isinstance(value, bool):
+        try:
+            number = float(value)
+        except OverflowError:
+            number = math.inf
+    else:
+        raise SceneError(f"this is no number; {_cure(unit)}")
+    if not math.isfinite(number):
+        raise SceneError(f"the value must be finite; {_cure(unit)}")
+    return number
+
+
+def _from_text(text: str, unit: str) -> float:
+    written = len(text) <= _LONGEST and _WRITTEN.fullmatch(text)
+    if not written:
+        raise SceneError(f"this is not a number followed by a unit; {_cure(unit)}")
+    number = float(written["number"])
+    if written["unit"]:
+        return _in_unit(number, written["unit"].replace("·", "*"), unit)
+    plain = written["number"].removeprefix("+")
+    if unit:
+        raise SceneError(f'the unit is missing; write {plain} as a number in {unit}, or "{plain} {unit}"')
+    raise SceneError(f"a plain number is wanted; write {plain} without the quotes")
+
+
+def _in_unit(number: float, written: str, unit: str) -> float:
+    registry = _registry()
+    try:
+        given, wanted = registry.parse_units(written), registry.parse_units(unit)
+        given_base, wanted_base = (str(registry.get_root_units(each)[1]) for each in (given, wanted))
+    except Exception:  # beside its own errors pint raises AssertionError, KeyError and ValueError for odd names
+        raise SceneError(f'"{written}" is no known unit; {_cure(unit)}') from None
+    if not unit and written not in ("%", "percent"):  # pint would turn "dB" and "pi" into plain numbers too
+        raise SceneError(f'a plain number is wanted, without the unit "{written}"; {_cure(unit)}')
+    # Root units, unlike pint's dimensions, keep the radian: for pint itself 5 Hz is 5 rad/s.
+    if given_base != wanted_base:
+        kind = _EXPECTED.get(unit, (f"a value in {unit}", ""))[0]
+        raise SceneError(f"{_named(given, written)} is no unit of {kind.split(' ', 1)[1]}; {_cure(unit)}")
+    return float(registry.Quantity(number, given).to(wanted).magnitude)
+
+
+def _named(given: "pint.Unit", written: str) -> str:
+    long_name = str(given)
+    return f'"{written}"' if long_name == written else f'"{written}" ({long_name})'
+
+
+def _cure(unit: str) -> str:
+    if not unit:
+        return "write a plain number such as 0.5"
+    if unit not in _EXPECTED:
+        return f'write a value such as "1 {unit}" or a number in {unit}'
+    kind, example = _EXPECTED[unit]
+    return f'write {kind} such as "{example}" or a number in {unit}'
+
+
+def example(unit: str) -> str:
+    """Return a value in `unit` as it could stand in a scene file."""
+    return f'"{_EXPECTED[unit][1]}"' if unit in _EXPECTED else "0.5"
+
+
+@cache
+def _registry() -> "pint.UnitRegistry":
+    # Importing pint and building its registry takes a quarter of a second: only a scene that writes units pays it.
+    import pint
+
+    registry = pint.UnitRegistry()
+    registry.define("@alias turn = rev")
+    return registry

@@ -1,0 +1,40 @@
+"""What a recorded motion says: spectra, growth rates, envelopes and the regime; arrays in, arrays out."""
+
+from drumsqueal.signals.growth import (
+    Envelope,
+    Growth,
+    envelope,
+    fit_growth,
+    modal_amplitudes,
+    modal_frequency,
+)
+from drumsqueal.signals.regime import Regime, classify
+from drumsqueal.signals.spectra import (
+    Peak,
+    Peaks,
+    Spectrogram,
+    Spectrum,
+    amplitude_spectrum,
+    peak_near,
+    spectral_peaks,
+    spectrogram,
+)
+
+__all__ = [
+    "Envelope",
+    "Growth",
+    "Peak",
+    "Peaks",
+    "Regime",
+    "Spectrogram",
+    "Spectrum",
+    "amplitude_spectrum",
+    "classify",
+    "envelope",
+    "fit_growth",
+    "modal_amplitudes",
+    "modal_frequency",
+    "peak_near",
+    "spectral_peaks",
+    "spectrogram",
+]

@@ -1,0 +1,266 @@
+"""Which regime a saturated record shows: steady, periodic, neither, or too little to tell."""
+# ruff: noqa: N815  (units keep their case)
+
+from typing import Literal, NamedTuple
+
+import numpy as np
+import scipy.fft
+import scipy.signal
+from numpy.typing import ArrayLike, NDArray
+
+from drumsqueal.signals.checks import below_nyquist, finite_record, positive
+from drumsqueal.signals.spectra import amplitude_spectrum, parabola_vertex
+
+# Motion below this fraction of the size that would count as motion is none.
+STEADY = 1e-6
+# A regime can only be told from this many periods: of the lowest frequency of interest, and of the period found.
+PERIODS_NEEDED = 20
+# A period longer than this many periods of the lowest frequency is not looked for: among so many lags every torus
+# nearly closes.
+LONGEST_PERIOD = 20
+# A motion is periodic when it differs from itself a period later by less than this, relative to its rms. Growth or
+# decay by more than this between the halves of the record is drift.
+RECURRENCE = 1e-2
+# The rms of an irregular motion fluctuates by itself; only more than this between the halves is called drift.
+IRREGULAR_DRIFT = 0.1
+# Interpolation before lags are compared: 7.4 kHz at 50 kHz has 6.8 samples a period, and half a sample is then a
+# recurrence error of 0.46. A Kaiser-windowed sinc over 16 samples on either side is flat to 1e-4 up to 0.84 of the
+# Nyquist frequency.
+FINER = 8
+REACH = 16
+KAISER = 8.0
+
+Kind = Literal["steady", "periodic", "neither", "unknown"]
+
+
+class Regime(NamedTuple):
+    """The kind of motion and what it was told by; None where a number has no meaning or could not be found.
+
+    `recurrence_error` is rms |y(t+T) − y(t)| / rms y at the period found (the larger of those after one period and
+    after many), or the smallest at any lag searched when no period was found. `amplitude_drift` is the rms of the
+    second half over that of the first, minus 1, of the signal in which it is farthest from 0.
+    """
+
+    kind: Kind
+    period_s: float | None
+    base_frequency_Hz: float | None
+    recurrence_error: float | None
+    amplitude_drift: float | None
+    reason: str
+
+
+class _Return(NamedTuple):
+    """A lag (in fine samples) after which the motion comes back, and how well: after one, and after many of them."""
+
+    lag: float
+    error: float
+    later_error: float
+
+
+def classify(signals: ArrayLike, sample_rate: float, *, scale: ArrayLike, lowest_frequency: float) -> Regime:
+    """Tell the regime of the saturated part of a record: "steady", "periodic", "neither" or "unknown".
+
+    `signals` (time, k), each column in its own unit; `scale` (k,), what would count as motion in each of them;
+    `sample_rate` and `lowest_frequency`, the lowest that matters, in Hz. The start-up must have been cut off.
+
+    - unknown: fewer than 20 periods of `lowest_frequency`, or of the period found, are recorded, or the motion
+    still drifts.
+    - steady: no signal moves about its mean by more than 1e-6 of its scale.
+    - periodic: with the signals that do move scaled to unit rms, there is a period T with
+
+          e(T) = rms |y(t + T) − y(t)| / rms y ≤ 1e-2
+
+      and this still holds after many periods (2^j T, as far as half the record). That tells a cycle, whose error
+      stays, from a torus that nearly closes or a slow beat, whose error grows with every turn. The shortest such T
+      is returned, so a subharmonic weaker than half a per cent of the rms is not seen.
+    - neither: a torus, chaos, noise: stationary, but it does not come back.
+
+    Drift is a change of rms between the halves, or of the mean relative to the rms, by more than 1e-2 in a motion
+    that comes back after T (measured over whole periods), by more than 0.1 in one that does not.
+
+    e is computed on a record interpolated band-limited to 8 times the rate, at all lags through the
+    autocorrelation, from half a period of the strongest spectral peak to a third of the record or 20 periods of
+    `lowest_frequency`, whichever is less, then refined between the lags. A cycle longer than that is not told from
+    a torus. A component above 0.84 of the Nyquist frequency is damped by the interpolation.
+
+    Raises ValueError for NaN, for fewer than 16 samples, and for arguments of wrong shape or sign.
+
+    Source: recurrence as the test of periodicity, J.-P. Eckmann, S. O. Kamphorst and D. Ruelle, "Recurrence plots
+    of dynamical systems", Europhysics Letters 4, 1987; interpolation, `scipy.signal.resample_poly`.
+    """
+    record = finite_record("signals", signals, dimensions=2)
+    rate = positive("sample_rate", sample_rate)
+    lowest = below_nyquist("lowest_frequency", lowest_frequency, rate)
+    sizes = _checked_scale(scale, record.shape[1])
+    duration = record.shape[0] / rate
+    if duration * lowest < PERIODS_NEEDED * (1.0 - 1e-9):
+        return _unknown(
+            f"The record is too short to tell: {duration:.4g} s hold {duration * lowest:.1f} periods of the lowest "
+            f"frequency of {lowest:.5g} Hz, and {PERIODS_NEEDED} are needed; record at least {PERIODS_NEEDED / lowest:.4g} s."
+        )
+    motion = record - record.mean(axis=0)
+    relative = 0.5 * np.ptp(motion, axis=0) / sizes
+    if np.all(relative < STEADY):
+        return _steady(motion, float(relative.max()))
+    # A signal at rest is round-off: scaled to unit rms it would drown the others in noise.
+    moving = motion[:, relative >= STEADY]
+    return _moving_regime(moving / np.sqrt(np.mean(moving**2, axis=0)), rate, LONGEST_PERIOD / lowest)
+
+
+def _moving_regime(unit: NDArray[np.float64], rate: float, longest_period: float) -> Regime:
+    """Tell the regime of signals (time, k) of zero mean and unit rms."""
+    fine = _interpolated(unit)
+    returns, smallest = _returns(fine, _shortest_lag(unit), int(longest_period * FINER * rate) + 2)
+    lasting = next((item for item in returns if item.later_error <= RECURRENCE), None)
+    first = lasting or next(iter(returns), None)
+    period = None if first is None else first.lag / (FINER * rate)
+    amplitude_drift, mean_drift = _drift(unit, None if period is None else period * rate)
+    allowed = IRREGULAR_DRIFT if first is None else RECURRENCE
+    error = smallest if lasting is None else max(lasting.error, lasting.later_error)
+    if abs(amplitude_drift) > allowed or mean_drift > allowed:
+        return _drifting(amplitude_drift, mean_drift, error)
+    if error is None:
+        return _unknown(
+            "The record is too short to tell: its strongest component is slower than any period that could be looked
+            for; " "record for longer or lower the lowest frequency.", drift=amplitude_drift,
+        )
+    if lasting is None or period is None:
+        return _neither(error, amplitude_drift, nearly=first is not None)
+    held = unit.shape[0] / rate / period
+    if held < PERIODS_NEEDED:
+        return _unknown(
+            f"The record is too short to tell: the motion seems to repeat every {period:.5g} s, but only {held:.1f} such "
+            f"periods are recorded, and {PERIODS_NEEDED} are needed; record at least {PERIODS_NEEDED * period:.4g} s.",
+            error,
+            amplitude_drift,
+        )
+    reason = f"The motion repeats every {period:.6g} s ({1.0 / period:.6g} Hz) to within {error:.2g} of its rms."
+    return Regime("periodic", period, 1.0 / period, error, amplitude_drift, reason)
+
+
+def _neither(error: float, drift: float, *, nearly: bool) -> Regime:
+    if nearly:
+        what = f"comes back to within {error:.2g} of its rms once, but not after many turns: a torus that nearly closes"
+    else:
+        what = f"does not come back to itself: at best to within {error:.2g} of its rms, where {RECURRENCE:g} is periodic"
+    return Regime("neither", None, None, error, drift, f"The motion is stationary but {what}.")
+
+
+def _checked_scale(scale: ArrayLike, columns: int) -> NDArray[np.float64]:
+    sizes = np.asarray(scale, dtype=np.float64)
+    if sizes.shape != (columns,):
+        raise ValueError(f"scale must have one entry for each of the {columns} signals, got shape {sizes.shape}")
+    if not np.all(np.isfinite(sizes) & (sizes > 0.0)):
+        raise ValueError(f"scale must be finite and positive, got {sizes}")
+    return sizes
+
+
+def _steady(motion: NDArray[np.float64], largest: float) -> Regime:
+    moved = motion[:, np.any(motion != 0.0, axis=0)]
+    drift = _drift(moved, None)[0] if moved.size else 0.0
+    reason = f"Nothing moves: the largest amplitude is {largest:.2g} of its scale, and {STEADY:g} would be motion."
+    if drift > IRREGULAR_DRIFT:
+        reason += " What little there is still grows, so a longer record may show motion."
+    return Regime("steady", None, None, None, drift, reason)
+
+
+def _unknown(reason: str, error: float | None = None, drift: float | None = None) -> Regime:
+    return Regime("unknown", None, None, error, drift, reason)
+
+
+def _drifting(amplitude_drift: float, mean_drift: float, error: float | None) -> Regime:
+    if abs(amplitude_drift) >= mean_drift:
+        what = f"the rms {'grows' if amplitude_drift > 0 else 'falls'} by {abs(amplitude_drift):.2g} of itself"
+    else:
+        what = f"the mean moves by {mean_drift:.2g} of the rms"
+    reason = (
+        f"The motion still drifts: {what} from the first half of the record to the second; record for longer."
+    )
+    return _unknown(reason, error, amplitude_drift)
+
+
+def _drift(motion: NDArray[np.float64], period: float | None) -> tuple[float, float]:
+    """Return the change of rms (signed) and of mean between the halves, cut to whole periods (samples) where known."""
+    half = motion.shape[0] // 2
+    length = half if period is None or period > half else min(half, round(half // period * period))
+    first, second = motion[:length], motion[-length:]
+    before, after = (np.sqrt(np.mean(part**2, axis=0)) for part in (first, second))
+    change = after / np.maximum(before, np.finfo(np.float64).tiny) - 1.0
+    shift = np.abs(second.mean(axis=0) - first.mean(axis=0)) / np.sqrt(np.mean(motion**2, axis=0))
+    return float(change[np.argmax(np.abs(change))]), float(shift.max())
+
+
+def _interpolated(unit: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the record at a finer rate, without the ends that the interpolation cannot reach."""
+    kernel = scipy.signal.firwin(2 * REACH * FINER + 1, 1.0 / FINER, window=("kaiser", KAISER))
+    fine = scipy.signal.resample_poly(unit, FINER, 1, axis=0, window=kernel)
+    trim = min(REACH, unit.shape[0] // 8) * FINER
+    return fine[trim : fine.shape[0] - trim]
+
+
+def _shortest_lag(unit: NDArray[np.float64]) -> int:
+    """Return half a period of the strongest spectral component, in fine samples: no shorter lag can be a period."""
+    spectra = [amplitude_spectrum(column, 1.0, zero_padding=1) for column in unit.T]
+    power = np.sum([spectrum.amplitude**2 for spectrum in spectra], axis=0)
+    return max(1, int(0.5 * FINER / spectra[0].frequency_Hz[1 + np.argmax(power[1:])]))
+
+
+def _returns(fine: NDArray[np.float64], shortest: int, longest: int) -> tuple[list[_Return], float | None]:
+    """Return the lags after which the motion comes back, shortest first, and the smallest error at any lag searched."""
+    squared = _squared_errors(fine)
+    longest = min(longest, fine.shape[0] // 3)
+    if shortest >= longest:
+        return [], None
+    minima = shortest + 1 + scipy.signal.find_peaks(-squared[shortest + 1 : longest])[0]
+    found: list[_Return] = []
+    for lag in minima:
+        offset, lowest = parabola_vertex(*squared[lag - 1 : lag + 2].tolist())
+        if lowest > (3.0 * RECURRENCE) ** 2:  # far off already; the exact error takes longer
+            continue
+        error = _error_at(fine, lag + offset)
+        if error <= RECURRENCE:
+            found.append(_followed(fine, squared, lag + offset, error))
+            if found[-1].later_error <= RECURRENCE:
+                break
+    smallest = float(np.sqrt(squared[shortest:longest].min()))
+    return found, min([smallest, *(item.error for item in found)])
+
+
+def _followed(fine: NDArray[np.float64], squared: NDArray[np.float64], lag: float, error: float) -> _Return:
+    """Double the lag as long as it fits in half the record; the last one fixes the period, its error tells a cycle."""
+    turns, reached = 1, lag
+    while round(2.0 * reached) + 3 < squared.size:
+        turns, middle = 2 * turns, round(2.0 * reached)
+        nearest = middle - 2 + int(np.argmin(squared[middle - 2 : middle + 3]))
+        offset, _ = parabola_vertex(*squared[nearest - 1 : nearest + 2].tolist())
+        reached = nearest + float(np.clip(offset, -1.0, 1.0))
+    return _Return(reached / turns, error, _error_at(fine, reached))
+
+
+def _squared_errors(fine: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return e² for every whole lag up to half the record: e²(L) (n − L) = Σ y(t)² + Σ y(t+L)² − 2 Σ y(t) y(t+L)."""
+    samples = fine.shape[0]
+    lags = np.arange(samples // 2)
+    length = scipy.fft.next_fast_len(samples + lags.size, real=True)
+    correlation = np.zeros(lags.size)
+    for column in fine.T:
+        transform = np.fft.rfft(column, length)
+        correlation += np.fft.irfft(np.abs(transform) ** 2, length)[: lags.size]
+    energy = np.concatenate([[0.0], np.cumsum(np.sum(fine**2, axis=1))])
+    pairs = energy[samples - lags] + (energy[-1] - energy[lags]) - 2.0 * correlation
+    return np.maximum(pairs, 0.0) / (samples - lags) / (energy[-1] / samples)
+
+
+def _error_at(fine: NDArray[np.float64], lag: float) -> float:
+    """Return e at a lag between samples, by the cubic through the four samples about it."""
+    whole = int(lag)
+    p = lag - whole
+    weights = (
+        -p * (p - 1.0) * (p - 2.0) / 6.0,
+        (p + 1.0) * (p - 1.0) * (p - 2.0) / 2.0,
+        -(p + 1.0) * p * (p - 2.0) / 2.0,
+        (p + 1.0) * p * (p - 1.0) / 6.0,
+    )
+    pairs = fine.shape[0] - whole - 2
+    later = sum(weight * fine[whole + j : whole + j + pairs] for j, weight in zip((-1, 0, 1, 2), weights, strict=True))
+    return float(np.sqrt(np.mean((later - fine[:pairs]) ** 2) / np.mean(fine**2)))
