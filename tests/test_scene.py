@@ -189,7 +189,7 @@ def test_quantities_are_read_in_their_unit(value, unit, expected):
         ("5 rad/s", "Hz", "no unit of frequency"),
         ("5 rpm", "Hz", "no unit of frequency"),
         ("5 %", "rad", "no unit of angle"),
-        ("5 m", "Pa", 'no unit of value in Pa; write a value such as "1 Pa" or a number in Pa'),
+        ("5 m", "Pa", 'not the like of Pa; write a value such as "1 Pa" or a number in Pa'),
         ("0.1", "m", 'the unit is missing; write 0.1 as a number in m, or "0.1 m"'),
         ("0.5", "", "write 0.5 without the quotes"),
         ("3 dB", "", "a plain number is wanted"),

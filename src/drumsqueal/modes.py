@@ -48,9 +48,13 @@ class Mode(NamedTuple):
 
 
 class Stability(NamedTuple):
-    """Steady sliding and its eigenvalues: q* (n,), all eigenvalues (2n,), oscillating modes by rising frequency."""
+    """Steady sliding and its eigenvalues: q* (n,), all eigenvalues (2n,), oscillating modes by rising frequency.
+
+    `mass` is the diagonal of the mass matrix (n,), `pressure_range` the smallest and largest steady pressure (Pa).
+    """
 
     coordinates: tuple[str, ...]
+    mass: np.ndarray
     steady_state: np.ndarray
     eigenvalues: np.ndarray
     modes: tuple[Mode, ...]
@@ -81,7 +85,7 @@ def analyse_stability(model: Model) -> Stability:
     eigenvalues, left, right = scipy.linalg.eig(np.asarray(matrix), left=True, right=True)
     modes = _modes(model, eigenvalues, left, right)
     order = np.lexsort((eigenvalues.imag, np.abs(eigenvalues.imag)))
-    return Stability(model.names, np.asarray(steady), eigenvalues[order], modes, (float(low), float(high)))
+    return Stability(model.names, np.asarray(model.mass), np.asarray(steady), eigenvalues[order], modes, (float(low), float(high)))
 
 
 @jax.jit

@@ -116,19 +116,18 @@ def _from_text(text: str, unit: str) -> float:
 
 
 def _in_unit(number: float, written: str, unit: str) -> float:
+    if not unit and written not in ("%", "percent"):  # pint would turn "dB" and "pi" into plain numbers too
+        raise SceneError(f'a plain number is wanted, without the unit "{written}"; {_cure(unit)}')
     registry = _registry()
     try:
         given, wanted = registry.parse_units(written), registry.parse_units(unit)
-        given_base, wanted_base = (str(registry.get_root_units(each)[1]) for each in (given, wanted))
+        # Root units, unlike pint's dimensions, keep the radian: for pint itself 5 Hz is 5 rad/s.
+        if str(registry.get_root_units(given)[1]) == str(registry.get_root_units(wanted)[1]):
+            return float(registry.Quantity(number, given).to(wanted).magnitude)
     except Exception:  # beside its own errors pint raises AssertionError, KeyError and ValueError for odd names
         raise SceneError(f'"{written}" is no known unit; {_cure(unit)}') from None
-    if not unit and written not in ("%", "percent"):  # pint would turn "dB" and "pi" into plain numbers too
-        raise SceneError(f'a plain number is wanted, without the unit "{written}"; {_cure(unit)}')
-    # Root units, unlike pint's dimensions, keep the radian: for pint itself 5 Hz is 5 rad/s.
-    if given_base != wanted_base:
-        kind = _EXPECTED.get(unit, (f"a value in {unit}", ""))[0]
-        raise SceneError(f"{_named(given, written)} is no unit of {kind.split(' ', 1)[1]}; {_cure(unit)}")
-    return float(registry.Quantity(number, given).to(wanted).magnitude)
+    mismatch = f"no unit of {_EXPECTED[unit][0].split(' ', 1)[1]}" if unit in _EXPECTED else f"not the like of {unit}"
+    raise SceneError(f"{_named(given, written)} is {mismatch}; {_cure(unit)}")
 
 
 def _named(given: "pint.Unit", written: str) -> str:

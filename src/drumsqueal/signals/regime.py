@@ -64,7 +64,7 @@ def classify(signals: ArrayLike, sample_rate: float, *, scale: ArrayLike, lowest
     `sample_rate` and `lowest_frequency`, the lowest that matters, in Hz. The start-up must have been cut off.
 
     - unknown: fewer than 20 periods of `lowest_frequency`, or of the period found, are recorded, or the motion
-    still drifts.
+      still drifts.
     - steady: no signal moves about its mean by more than 1e-6 of its scale.
     - periodic: with the signals that do move scaled to unit rms, there is a period T with
 
@@ -96,7 +96,8 @@ def classify(signals: ArrayLike, sample_rate: float, *, scale: ArrayLike, lowest
     if duration * lowest < PERIODS_NEEDED * (1.0 - 1e-9):
         return _unknown(
             f"The record is too short to tell: {duration:.4g} s hold {duration * lowest:.1f} periods of the lowest "
-            f"frequency of {lowest:.5g} Hz, and {PERIODS_NEEDED} are needed; record at least {PERIODS_NEEDED / lowest:.4g} s."
+            f"frequency of {lowest:.5g} Hz, and {PERIODS_NEEDED} are needed; record at least "
+            f"{PERIODS_NEEDED / lowest:.4g} s."
         )
     motion = record - record.mean(axis=0)
     relative = 0.5 * np.ptp(motion, axis=0) / sizes
@@ -121,16 +122,18 @@ def _moving_regime(unit: NDArray[np.float64], rate: float, longest_period: float
         return _drifting(amplitude_drift, mean_drift, error)
     if error is None:
         return _unknown(
-            "The record is too short to tell: its strongest component is slower than any period that could be looked
-            for; " "record for longer or lower the lowest frequency.", drift=amplitude_drift,
+            "The record is too short to tell: its strongest component is slower than any period that could be looked "
+            "for; record for longer or lower the lowest frequency.",
+            drift=amplitude_drift,
         )
     if lasting is None or period is None:
         return _neither(error, amplitude_drift, nearly=first is not None)
     held = unit.shape[0] / rate / period
     if held < PERIODS_NEEDED:
         return _unknown(
-            f"The record is too short to tell: the motion seems to repeat every {period:.5g} s, but only {held:.1f} such "
-            f"periods are recorded, and {PERIODS_NEEDED} are needed; record at least {PERIODS_NEEDED * period:.4g} s.",
+            f"The record is too short to tell: the motion seems to repeat every {period:.5g} s, but only {held:.1f} "
+            f"such periods are recorded, and {PERIODS_NEEDED} are needed; "
+            f"record at least {PERIODS_NEEDED * period:.4g} s.",
             error,
             amplitude_drift,
         )
@@ -142,7 +145,7 @@ def _neither(error: float, drift: float, *, nearly: bool) -> Regime:
     if nearly:
         what = f"comes back to within {error:.2g} of its rms once, but not after many turns: a torus that nearly closes"
     else:
-        what = f"does not come back to itself: at best to within {error:.2g} of its rms, where {RECURRENCE:g} is periodic"
+        what = f"does not come back to itself: at best to within {error:.2g} of its rms, and {RECURRENCE:g} is periodic"
     return Regime("neither", None, None, error, drift, f"The motion is stationary but {what}.")
 
 
@@ -173,9 +176,7 @@ def _drifting(amplitude_drift: float, mean_drift: float, error: float | None) ->
         what = f"the rms {'grows' if amplitude_drift > 0 else 'falls'} by {abs(amplitude_drift):.2g} of itself"
     else:
         what = f"the mean moves by {mean_drift:.2g} of the rms"
-    reason = (
-        f"The motion still drifts: {what} from the first half of the record to the second; record for longer."
-    )
+    reason = f"The motion still drifts: {what} from the first half of the record to the second; record for longer."
     return _unknown(reason, error, amplitude_drift)
 
 
@@ -192,7 +193,8 @@ def _drift(motion: NDArray[np.float64], period: float | None) -> tuple[float, fl
 
 def _interpolated(unit: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the record at a finer rate, without the ends that the interpolation cannot reach."""
-    kernel = scipy.signal.firwin(2 * REACH * FINER + 1, 1.0 / FINER, window=("kaiser", KAISER))
+    samples = np.arange(-REACH * FINER, REACH * FINER + 1) / FINER
+    kernel = np.sinc(samples) * np.kaiser(samples.size, KAISER) / FINER
     fine = scipy.signal.resample_poly(unit, FINER, 1, axis=0, window=kernel)
     trim = min(REACH, unit.shape[0] // 8) * FINER
     return fine[trim : fine.shape[0] - trim]

@@ -55,14 +55,14 @@ def amplitude_spectrum(signal: ArrayLike, sample_rate: float, *, zero_padding: i
 
         amplitude(f) = 2 |Σ w_j (x_j − m) exp(−2πi f j/f_s)| / Σ w_j,   w the periodic Hann window
 
-    m is the window-weighted mean Σ w x / Σ w: it removes a constant exactly, and a sinusoid that does not fit the record
-    a whole number of times disturbs it far less than it disturbs the plain mean.
+    m is the window-weighted mean Σ w x / Σ w: it removes a constant exactly, and a sinusoid that does not fit the
+    record a whole number of times disturbs it far less than it disturbs the plain mean.
 
     `signal` has shape (time,), in any unit, which is then the unit of the amplitude; `sample_rate` is in Hz;
     `zero_padding` times the record length (a whole number) is transformed, so that the frequency step is
-    f_s/(`zero_padding` n). That refines the grid and not the resolution, which is the window's equivalent noise bandwidth
-    1.5/T. Between two bins the peak of a sinusoid is up to 0.3 % lower at the default padding; `spectral_peaks` and
-    `peak_near` interpolate that away.
+    f_s/(`zero_padding` n). That refines the grid and not the resolution, which is the window's equivalent noise
+    bandwidth 1.5/T. Between two bins the peak of a sinusoid is up to 0.3 % lower at the default padding;
+    `spectral_peaks` and `peak_near` interpolate that away.
 
     Raises ValueError for NaN, for fewer than 16 samples and for a padding below 1.
 
@@ -79,7 +79,8 @@ def amplitude_spectrum(signal: ArrayLike, sample_rate: float, *, zero_padding: i
     amplitude = 2.0 * transform / window.sum()
     if length % 2 == 0:
         amplitude[-1] *= 0.5  # the Nyquist bin, like the zero bin (here empty), has no mirror image to stand for
-    return Spectrum(np.fft.rfftfreq(length, 1.0 / rate), amplitude, HANN_BANDWIDTH * rate / record.size)
+    frequency = np.asarray(np.fft.rfftfreq(length, 1.0 / rate), dtype=np.float64)
+    return Spectrum(frequency, amplitude, HANN_BANDWIDTH * rate / record.size)
 
 
 def spectral_peaks(spectrum: Spectrum, *, count: int, floor: float) -> Peaks:
@@ -99,9 +100,9 @@ def spectral_peaks(spectrum: Spectrum, *, count: int, floor: float) -> Peaks:
 
     Raises ValueError for a `count` below 1 or a `floor` outside (0, 1).
 
-    Source: the window, F. J. Harris, Proceedings of the IEEE 66(1), 1978; the interpolation, M. Gasior and J. L. Gonzalez,
-    "Improving FFT frequency measurement resolution by parabolic and Gaussian spectrum interpolation", AIP Conference
-    Proceedings 732, 2004.
+    Source: the window, F. J. Harris, Proceedings of the IEEE 66(1), 1978; the interpolation, M. Gasior and J. L.
+    Gonzalez, "Improving FFT frequency measurement resolution by parabolic and Gaussian spectrum interpolation", AIP
+    Conference Proceedings 732, 2004.
     """
     if count < 1:
         raise ValueError(f"count must be at least 1, got {count}")
@@ -121,12 +122,13 @@ def spectral_peaks(spectrum: Spectrum, *, count: int, floor: float) -> Peaks:
 def peak_near(spectrum: Spectrum, frequency: float, *, half_width: float) -> Peak | None:
     """Return the strongest local maximum within `frequency` ± `half_width` (Hz), or None where there is none.
 
-    None means that the amplitude has no maximum of its own in the band: it only rises or falls through it, as on the flank
-    of a peak outside. The band is searched as it is, without the side-lobe test of `spectral_peaks`: where nothing but
-    lobes is in it, a lobe is returned, and its small amplitude says so.
+    None means that the amplitude has no maximum of its own in the band: it only rises or falls through it, as on
+    the flank of a peak outside. The band is searched as it is, without the side-lobe test of `spectral_peaks`:
+    where nothing but lobes is in it, a lobe is returned, and its small amplitude says so.
 
-    Exponential growth does not move the peak. The windowed transform of e^(σt) e^(iωt) is ∫ w e^(σt) e^(i(ω−ω')t) dt with a
-    positive weight w e^(σt), so its magnitude is largest where the phase factor is 1: exactly at ω' = ω, for any σ.
+    Exponential growth does not move the peak. The windowed transform of e^(σt) e^(iωt) is ∫ w e^(σt) e^(i(ω−ω')t)
+    dt with a positive weight w e^(σt), so its magnitude is largest where the phase factor is 1: exactly at ω' = ω,
+    for any σ.
 
     Raises ValueError when `frequency` or `half_width` is not positive.
     """
@@ -143,12 +145,13 @@ def spectrogram(
 ) -> Spectrogram:
     """Return amplitude over time and frequency, scaled as in `amplitude_spectrum`.
 
-    Hann windows of `periods` periods of `lowest_frequency` (Hz), each overlapping the one before by the fraction `overlap`;
-    the resolution is 1.5 `lowest_frequency` / `periods` in frequency. Only windows that lie wholly inside the record are
-    returned, so that there is no false fading at its ends. `signal` has shape (time,), `sample_rate` is in Hz.
+    Hann windows of `periods` periods of `lowest_frequency` (Hz), each overlapping the one before by the fraction
+    `overlap`; the resolution is 1.5 `lowest_frequency` / `periods` in frequency. Only windows that lie wholly
+    inside the record are returned, so that there is no false fading at its ends. `signal` has shape (time,),
+    `sample_rate` is in Hz.
 
-    Raises ValueError for NaN, for a record shorter than one window, for a `lowest_frequency` at or above half the sample
-    rate and for an `overlap` outside [0, 1).
+    Raises ValueError for NaN, for a record shorter than one window, for a `lowest_frequency` at or above half the
+    sample rate and for an `overlap` outside [0, 1).
 
     Source: `scipy.signal.ShortTimeFFT`.
     """

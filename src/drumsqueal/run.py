@@ -1,0 +1,113 @@
+"""The main job: a scene in, the linear prediction, the nonlinear transient and their comparison out."""
+
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from typing import NamedTuple
+
+import numpy as np
+import xarray
+
+from drumsqueal.comparison import Comparison, compare
+from drumsqueal.history import COMPLETE, to_dataset
+from drumsqueal.integrate import Chunk, IntegrationError, integrate
+from drumsqueal.model import Model, build_model, linear_coordinates
+from drumsqueal.modes import Stability, analyse_stability
+from drumsqueal.scene import Scene, SceneError
+from drumsqueal.steady import SteadyStateError
+
+
+class Prepared(NamedTuple):
+    """A scene with its models: `model` over the coordinates that move, `linear` over those of the eigenvalues."""
+
+    scene: Scene
+    model: Model
+    linear: Model
+    stability: Stability
+
+
+class Result(NamedTuple):
+    """What a run leaves: the linear prediction, the history (xarray), the comparison, and how the run ended."""
+
+    scene: Scene
+    stability: Stability
+    history: xarray.Dataset
+    comparison: Comparison
+    outcome: str
+
+
+def prepare(scene: Scene) -> Prepared:
+    """Build the models of a scene, find steady sliding and the eigenvalues.
+
+    Raises SceneError when the scene has no steady sliding to start from.
+    """
+    linear = build_model(scene, coordinates=linear_coordinates(scene))
+    try:
+        stability = analyse_stability(linear)
+    except SteadyStateError as error:
+        raise SceneError(str(error)) from None
+    return Prepared(scene, build_model(scene), linear, stability)
+
+
+def check_sample_rate(prepared: Prepared) -> None:
+    """Raise SceneError where the samples would fold the highest frequency of the model."""
+    highest = prepared.stability.highest_frequency_Hz
+    if prepared.scene.simulate.sample_rate < 2 * highest:
+        raise SceneError(
+            f"this is below twice the highest frequency of the model, {highest:.5g} Hz, which would fold; "
+            f"take at least {2 * highest:.5g} Hz",
+            ("simulate", "sample_rate"),
+            prepared.scene.simulate.sample_rate,
+        )
+
+
+def transient(prepared: Prepared) -> Iterator[Chunk]:
+    """Integrate the scene's start and yield the samples chunk by chunk; raises IntegrationError where it fails."""
+    scene, model, stability = prepared.scene, prepared.model, prepared.stability
+    steady = np.array([stability.steady_state[stability.coordinates.index(name)] for name in model.names])
+    return integrate(
+        model,
+        steady,
+        np.array([scene.start.displacement.get(name, 0.0) for name in model.names]),
+        np.array([scene.start.velocity.get(name, 0.0) for name in model.names]),
+        duration=scene.simulate.duration,
+        sample_rate=scene.simulate.sample_rate,
+        tolerance=scene.simulate.tolerance,
+    )
+
+
+def run(scene: Scene, on_chunk: Callable[[Chunk], None] | None = None) -> Result:
+    """Run a scene: `run(load_scene("scenarios/nominal.toml")).history` is its time history.
+
+    `on_chunk` is called with every chunk as it comes. Ctrl-C and a failed integration keep what was computed and say
+    so in `outcome`. Raises SceneError for a scene that cannot be run, and IntegrationError when nothing was computed.
+    """
+    prepared = prepare(scene)
+    check_sample_rate(prepared)
+    return finish(prepared, *collect(prepared, on_chunk))
+
+
+def collect(prepared: Prepared, on_chunk: Callable[[Chunk], None] | None) -> tuple[list[Chunk], str]:
+    """Integrate to the end, to the first failure or to Ctrl-C: the chunks, and the outcome in words."""
+    chunks: list[Chunk] = []
+    try:
+        with closing(transient(prepared)) as stream:
+            for chunk in stream:
+                chunks.append(chunk)
+                if on_chunk is not None:
+                    on_chunk(chunk)
+    except IntegrationError as error:
+        return chunks, f"failed: {error}"
+    except KeyboardInterrupt:
+        reached = chunks[-1].time[-1] if chunks and chunks[-1].time.size else 0.0
+        return chunks, f"interrupted by the user after t = {reached:.6g} s"
+    return chunks, COMPLETE
+
+
+def finish(prepared: Prepared, chunks: list[Chunk], outcome: str) -> Result:
+    """Put the chunks into one history and compare it with the prediction."""
+    chunks = [chunk for chunk in chunks if chunk.time.size]
+    if not chunks:
+        raise IntegrationError(outcome)
+    history = to_dataset(chunks, prepared.scene, prepared.model.names, outcome)
+    comparison = compare(history, prepared.stability, prepared.linear)
+    return Result(prepared.scene, prepared.stability, history, comparison, outcome)

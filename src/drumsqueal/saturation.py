@@ -1,0 +1,96 @@
+"""The motion after growth: its kind, its main lines, its size, and how far its frequency lies from the onset's."""
+
+from typing import NamedTuple
+
+import numpy as np
+import xarray
+from numpy.typing import NDArray
+
+from drumsqueal.departure import Departure
+from drumsqueal.modes import Mode, Stability
+from drumsqueal.signals import Regime, classify, spectral_peaks
+
+SATURATED_SHARE = 0.6  # last part of what follows the first edge that is called saturated
+FEWEST_SAMPLES = 64
+PEAKS, PEAK_FLOOR = 8, 1e-2  # lines a coordinate at most, and their smallest amplitude over the strongest
+
+
+class Line(NamedTuple):
+    """One line in the spectrum of a coordinate's displacement (m or rad)."""
+
+    coordinate: str
+    frequency_Hz: float
+    amplitude: float
+
+
+class Saturation(NamedTuple):
+    """The motion after growth: from when (s), of which kind, its lines and half its peak-to-peak values (m, rad).
+
+    `main` is the line that holds most kinetic energy, `nearest_mode` the unstable mode whose onset frequency it is
+    compared with, `frequency_shift` their ratio less 1. The fractions are means over the saturated part.
+    """
+
+    start_s: float
+    regime: Regime
+    lines: tuple[Line, ...]
+    amplitude: dict[str, float]
+    main: Line | None
+    nearest_mode: str | None
+    frequency_shift: float | None
+    contact_fraction: float
+    slip_reversed_fraction: float
+
+
+def saturated_part(time: NDArray[np.float64], edge: float) -> slice:
+    """The last part of the record after the first edge (s), by when the growth is taken to be over."""
+    start = time[-1] - SATURATED_SHARE * (time[-1] - edge)
+    return slice(int(np.searchsorted(time, start)), time.size)
+
+
+def describe_saturation(
+    history: xarray.Dataset, departure: Departure, stability: Stability, edge: float
+) -> Saturation | None:
+    """Describe the motion after the first edge at `edge` (s); None where too little was recorded to look at."""
+    part = saturated_part(departure.time, edge)
+    frequencies = [mode.frequency_Hz for mode in stability.unstable or stability.modes]
+    motion = departure.displacement[part]
+    if len(motion) < FEWEST_SAMPLES or not frequencies:
+        return None
+    amplitude = np.ptp(motion, axis=0) / 2
+    moving = amplitude > 0
+    lines = tuple(
+        Line(name, float(frequency), float(size))
+        for name, spectrum in departure.spectra(part).items()
+        for frequency, size in zip(*spectral_peaks(spectrum, count=PEAKS, floor=PEAK_FLOOR), strict=True)
+    )
+    main = _main_line(lines, stability)
+    mode = None if main is None else _reference_mode(main, stability)
+    return Saturation(
+        start_s=float(departure.time[part][0]),
+        # Half the lowest onset frequency leaves room for the drop that contact loss brings.
+        regime=classify(
+            motion[:, moving],
+            departure.sample_rate,
+            scale=amplitude[moving],
+            lowest_frequency=min(frequencies) / 2,
+        ),
+        lines=lines,
+        amplitude={name: float(a) for name, a in zip(stability.coordinates, amplitude, strict=True)},
+        main=main,
+        nearest_mode=None if mode is None else mode.name,
+        frequency_shift=None if mode is None or main is None else main.frequency_Hz / mode.frequency_Hz - 1,
+        contact_fraction=float(history["contact_fraction"].values[part].mean()),
+        slip_reversed_fraction=float(history["slip_reversed_fraction"].values[part].mean()),
+    )
+
+
+def _main_line(lines: tuple[Line, ...], stability: Stability) -> Line | None:
+    """The line with most kinetic energy, ∝ mass × (frequency × amplitude)²."""
+    mass = dict(zip(stability.coordinates, stability.mass, strict=True))
+    return max(lines, key=lambda line: mass[line.coordinate] * (line.frequency_Hz * line.amplitude) ** 2, default=None)
+
+
+def _reference_mode(line: Line, stability: Stability) -> Mode | None:
+    """The unstable mode (any mode if none is) nearest in frequency, measured as a ratio."""
+    candidates = stability.unstable or stability.modes
+    return min(candidates, key=lambda mode: abs(np.log(line.frequency_Hz / mode.frequency_Hz)), default=None)

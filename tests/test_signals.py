@@ -1,0 +1,364 @@
+"""Signals against exact synthetic records: known amplitudes, frequencies, growth and regimes."""
+
+import numpy as np
+import pytest
+import scipy.signal
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from drumsqueal.signals import (
+    amplitude_spectrum,
+    classify,
+    envelope,
+    fit_growth,
+    modal_amplitudes,
+    modal_frequency,
+    peak_near,
+    spectral_peaks,
+    spectrogram,
+)
+
+RATE = 50_000.0
+FREQUENCIES = (1424.0, 4392.0, 7399.0)
+RATES_OF_GROWTH = (76.0, 34.0, 62.0)
+GOLDEN = 0.5 * (1.0 + 5.0**0.5)
+
+
+def times(duration: float) -> np.ndarray:
+    return np.arange(round(duration * RATE)) / RATE
+
+
+def three_growing(t: np.ndarray, amplitudes=(1.0, 1.0, 1.0), phases=(0.0, 1.0, 2.0)) -> np.ndarray:
+    modes = zip(FREQUENCIES, RATES_OF_GROWTH, amplitudes, phases, strict=True)
+    return np.sum([a * np.exp(s * t) * np.cos(2 * np.pi * f * t + p) for f, s, a, p in modes], axis=0)
+
+
+def regime_of(signals: np.ndarray, lowest: float = 1424.0, scale=None):
+    columns = signals if signals.ndim == 2 else signals[:, None]
+    sizes = np.ones(columns.shape[1]) if scale is None else scale
+    return classify(columns, RATE, scale=sizes, lowest_frequency=lowest)
+
+
+# --- spectra --------------------------------------------------------------------------------------------------------
+
+
+# From 12 periods in the record, so that the mirror image, at least 24 bins off, adds at most 1/(π 24³) = 2.3e-5 of the
+# amplitude; the same slope at the peak moves it by less than 1e-3 bins. The parabola errs by 2e-5 and 1e-3 bins.
+@given(
+    cycles=st.floats(12.0, 480.0),
+    phase=st.floats(0.0, 2 * np.pi),
+    exponent=st.floats(-12.0, 6.0),
+    offset=st.floats(-100.0, 100.0),
+)
+@settings(derandomize=True, max_examples=200, deadline=None)
+def test_amplitude_and_frequency_of_a_sinusoid_are_recovered(cycles, phase, exponent, offset):
+    t, amplitude = times(0.02), 10.0**exponent
+    frequency = cycles / 0.02
+    signal = amplitude * (np.sin(2 * np.pi * frequency * t + phase) + offset)
+    peaks = spectral_peaks(amplitude_spectrum(signal, RATE), count=5, floor=1e-2)
+    assert peaks.frequency_Hz.shape == (1,)
+    assert peaks.frequency_Hz[0] == pytest.approx(frequency, abs=2e-3 / 0.02)
+    assert peaks.amplitude[0] == pytest.approx(amplitude, rel=1e-4)
+
+
+def test_the_spectrum_says_what_it_resolves_and_has_no_mean():
+    t = times(0.02)
+    spectrum = amplitude_spectrum(3.0 + np.sin(2 * np.pi * 2000.0 * t), RATE, zero_padding=4)
+    assert spectrum.resolution_Hz == pytest.approx(1.5 / 0.02)  # not the grid step of 1/(4 × 0.02)
+    assert spectrum.frequency_Hz[1] == pytest.approx(1.0 / (4 * 0.02))
+    assert spectrum.frequency_Hz[-1] == RATE / 2
+    assert spectrum.amplitude[0] < 1e-14  # round-off of a mean of 3
+    # A whole number of periods on a bin: exact but for the images, which the Hann window puts to zero there.
+    assert spectrum.amplitude[160] == pytest.approx(1.0, rel=1e-12)
+
+
+def test_the_nyquist_component_is_not_doubled():
+    alternating = np.cos(np.pi * np.arange(64))
+    assert amplitude_spectrum(alternating, 1.0, zero_padding=1).amplitude[-1] == pytest.approx(1.0, rel=1e-12)
+
+
+def test_peaks_are_sorted_and_hold_no_side_lobes():
+    t = times(0.03)
+    parts = ((1500.0, 0.02), (4000.3, 1.0), (9000.7, 0.003))
+    signal = np.sum([a * np.sin(2 * np.pi * f * t + f) for f, a in parts], axis=0)
+    spectrum = amplitude_spectrum(signal, RATE)
+    lobes = scipy.signal.find_peaks(spectrum.amplitude)[0]
+    assert np.sum(spectrum.amplitude[lobes] > 1e-4) > 20  # there are lobes to be fooled by
+    peaks = spectral_peaks(spectrum, count=10, floor=1e-4)
+    # Side lobes of the strongest, 75 bins off: below 1e-6, or 5e-5 of the weakest.
+    np.testing.assert_allclose(peaks.frequency_Hz, [4000.3, 1500.0, 9000.7], atol=0.1)
+    np.testing.assert_allclose(peaks.amplitude, [1.0, 0.02, 0.003], rtol=1e-3)
+    assert spectral_peaks(spectrum, count=2, floor=1e-4).amplitude.shape == (2,)
+    assert spectral_peaks(spectrum, count=10, floor=0.01).amplitude.shape == (2,)
+
+
+@pytest.mark.parametrize("duration", [0.025, 0.04])
+@pytest.mark.parametrize("amplitudes", [(1.0, 1.0, 1.0), (0.03, 1.0, 0.1), (1.0, 0.03, 0.03)])
+def test_growth_moves_no_peak(duration, amplitudes):
+    spectrum = amplitude_spectrum(three_growing(times(duration), amplitudes), RATE)
+    for frequency in FREQUENCIES:
+        peak = peak_near(spectrum, 1.01 * frequency, half_width=0.03 * frequency)
+        assert peak is not None
+        # The aim is 1e-3. The effective window is positive, so only the other modes, at least 71 bins off, can move
+        # the peak: their lobes of 1e-6 relative to them, 33 times that here.
+        assert peak.frequency_Hz == pytest.approx(frequency, rel=1e-5)
+    listed = spectral_peaks(spectrum, count=10, floor=1e-3)
+    np.testing.assert_allclose(np.sort(listed.frequency_Hz), FREQUENCIES, rtol=1e-5)
+
+
+def test_a_lone_growing_sinusoid_peaks_at_its_frequency_however_fast_it_grows():
+    t = times(0.04)
+    for rate in (-300.0, 0.0, 300.0):
+        spectrum = amplitude_spectrum(np.exp(rate * t) * np.cos(2 * np.pi * 4392.0 * t), RATE)
+        peak = peak_near(spectrum, 4392.0, half_width=200.0)
+        assert peak is not None
+        # Only the mirror image, 350 bins off, can move it: even growth by e^12 leaves lobes of about 1e-6 there.
+        assert peak.frequency_Hz == pytest.approx(4392.0, rel=1e-6)
+
+
+def test_peak_near_tells_a_flank_from_a_peak():
+    spectrum = amplitude_spectrum(np.sin(2 * np.pi * 4000.0 * times(0.02)), RATE)
+    assert peak_near(spectrum, 4040.0, half_width=20.0) is None  # the main lobe reaches 4100 Hz: it only falls here
+    peak = peak_near(spectrum, 4040.0, half_width=60.0)
+    assert peak is not None
+    assert peak.frequency_Hz == pytest.approx(4000.0, abs=0.1)
+
+
+@pytest.mark.parametrize("level", [0.0, 0.1, -1e9])
+def test_a_constant_has_no_peaks(level):
+    spectrum = amplitude_spectrum(np.full(1000, level), RATE)
+    assert np.all(spectrum.amplitude == 0.0)
+    assert spectral_peaks(spectrum, count=3, floor=0.1).frequency_Hz.size == 0
+    assert peak_near(spectrum, 1000.0, half_width=500.0) is None
+
+
+def test_the_spectrogram_shows_when_and_how_large():
+    t = times(0.2)
+    amplitude = np.where(t < 0.1, 1.0, 0.25)
+    picture = spectrogram(5.0 + amplitude * np.sin(2 * np.pi * 1424.0 * t), RATE, lowest_frequency=1424.0)
+    assert picture.amplitude.shape == (picture.frequency_Hz.size, picture.time_s.size)
+    strongest = picture.frequency_Hz[picture.amplitude.argmax(axis=0)]
+    np.testing.assert_allclose(strongest, 1424.0, atol=2 * picture.frequency_Hz[1])
+    window = 16 / 1424.0
+    assert picture.time_s[0] >= 0.5 * window * 0.99
+    assert picture.time_s[-1] <= 0.2 - 0.5 * window * 0.99
+    level = picture.amplitude.max(axis=0)
+    # Four-fold padding leaves the bins up to 1/8 of 1/T from the peak: 1 % low.
+    np.testing.assert_allclose(level[picture.time_s < 0.1 - window / 2], 1.0, rtol=0.015)
+    np.testing.assert_allclose(level[picture.time_s > 0.1 + window / 2], 0.25, rtol=0.015)
+
+
+def test_a_record_of_one_window_gives_a_spectrogram():
+    signal = np.sin(2 * np.pi * 1424.0 * times(0.02))[: int(np.ceil(16 * RATE / 1424.0))]
+    picture = spectrogram(signal, RATE, lowest_frequency=1424.0)
+    assert picture.amplitude.shape[1] == picture.time_s.size >= 1
+
+
+# --- growth ---------------------------------------------------------------------------------------------------------
+
+
+def test_an_exact_exponential_is_fitted_exactly():
+    t = 0.3 + times(0.02)
+    growth = fit_growth(t, 2e-9 * np.exp(-76.0 * (t - 0.3)))
+    assert growth.rate_1_per_s == pytest.approx(-76.0, rel=1e-11)
+    assert growth.amplitude_at_start == pytest.approx(2e-9, rel=1e-11)
+    assert growth.standard_error < 1e-9
+    assert growth.samples == t.size
+
+
+@pytest.mark.parametrize("correlation", [0.0, 0.5, 0.9])
+def test_the_standard_error_is_that_of_repeated_experiments(correlation):
+    random, t = np.random.default_rng(7), 1e-4 * np.arange(400)
+    scores = []
+    for _ in range(400):
+        noise = np.asarray(scipy.signal.lfilter([1.0], [1.0, -correlation], random.normal(size=600)))[200:]
+        growth = fit_growth(t, np.exp(50.0 * t + 0.01 * noise))
+        scores.append((growth.rate_1_per_s - 50.0) / growth.standard_error)
+    # 400 experiments fix a standard deviation to 3.5 %. Ignoring the correlation would give 1.7 and 4.4.
+    assert np.std(scores) == pytest.approx(1.0, abs=0.14)
+
+
+@pytest.mark.parametrize(("frequency", "rate"), list(zip(FREQUENCIES, RATES_OF_GROWTH, strict=True)))
+def test_the_envelope_of_a_growing_mode_gives_its_rate(frequency, rate):
+    t = times(0.04)
+    for phase in (0.0, 1.0, 2.5):
+        sizes = envelope(1e-9 * np.exp(rate * t) * np.cos(2 * np.pi * frequency * t + phase) + 1e-6, RATE, 1424.0)
+        growth = fit_growth(*sizes)
+        # The parabola leaves a ripple of at most 2 % in each of 56 windows, mostly far less: 0.5 1/s over 40 ms.
+        assert growth.rate_1_per_s == pytest.approx(rate, abs=0.5)
+        assert growth.amplitude_at_start == pytest.approx(1e-9 * np.exp(rate * sizes.time_s[0]), rel=0.02)
+
+
+def test_the_envelope_holds_every_whole_window_and_no_offset():
+    t = times(0.02)
+    sizes = envelope(40.0 + 2.0 * np.sin(2 * np.pi * 1000.0 * t), RATE, 1000.0, periods=2)
+    assert sizes.time_s.shape == (10,)
+    assert np.all(np.diff(sizes.time_s) > 0.0)
+    np.testing.assert_allclose(sizes.amplitude, 2.0, rtol=1e-3)  # 50 samples a period: (π/50)⁴
+    np.testing.assert_array_equal(envelope(np.zeros(500), RATE, 1000.0).amplitude, 0.0)
+
+
+def test_modal_amplitudes_part_the_modes_of_a_damped_system():
+    t, random = times(0.02), np.random.default_rng(3)
+    matrix = random.normal(size=(4, 4)) * 300.0 + np.kron(np.diag([1.0, 3.0]), [[0.0, 9000.0], [-9000.0, 0.0]])
+    values, right = np.linalg.eig(matrix)
+    left = np.linalg.inv(right).conj().T  # ψᴴφ = 1
+    start = random.normal(size=4)
+    states = np.real((np.exp(np.outer(t, values)) * (left.conj().T @ start)) @ right.T)
+    amplitudes = modal_amplitudes(left, states)
+    assert amplitudes.shape == (t.size, 4)
+    expected = np.exp(np.outer(t, values)) * (left.conj().T @ start)
+    # Round-off, which the condition of the eigenvectors and e^(λt) multiply by at most a few thousand.
+    np.testing.assert_allclose(amplitudes, expected, atol=1e-10 * np.abs(expected).max())
+    for k in range(4):
+        assert modal_frequency(t, amplitudes[:, k]) == pytest.approx(values[k].imag / (2 * np.pi), rel=1e-7)
+        assert fit_growth(t, np.abs(amplitudes[:, k])).rate_1_per_s == pytest.approx(values[k].real, abs=1e-3)
+
+
+# --- regimes --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("duration", [0.015, 0.1])
+@pytest.mark.parametrize("frequency", [1424.0, 4392.0, 7399.0])
+def test_a_sinusoid_is_periodic(duration, frequency):
+    found = regime_of(np.cos(2 * np.pi * frequency * times(duration) + 0.4))
+    assert found.kind == "periodic"
+    # Whole-sample lags would leave 0.46 at 7399 Hz; the interpolation leaves 1e-4.
+    assert found.recurrence_error is not None
+    assert found.recurrence_error < 1e-3
+    assert found.base_frequency_Hz == pytest.approx(frequency, rel=1e-6)
+    assert found.period_s == pytest.approx(1.0 / frequency, rel=1e-6)
+
+
+def test_subharmonics_set_the_base_frequency_and_units_do_not_matter():
+    t = times(0.05)
+    w = 2 * np.pi * 1424.3 * t
+    first = np.cos(w) + 0.3 * np.cos(2 * w + 1.0) + 0.1 * np.cos(11 * w)
+    second = 1e-6 * (np.cos(5 * w + 2.0) + 0.1 * np.cos(0.5 * w)) + 3.0
+    both = np.column_stack([first, second])
+    found = regime_of(both, 700.0, scale=[1.0, 1e-6])
+    assert found.kind == "periodic"
+    assert found.base_frequency_Hz == pytest.approx(712.15, rel=1e-6)
+    alone = regime_of(first)
+    assert alone.base_frequency_Hz == pytest.approx(1424.3, rel=1e-6)
+    third = regime_of(np.cos(2 * np.pi * 7400.0 * t) + 0.2 * np.cos(2 * np.pi * 7400.0 / 3.0 * t + 1.0), 2000.0)
+    assert third.base_frequency_Hz == pytest.approx(7400.0 / 3.0, rel=1e-6)
+
+
+def test_a_signal_at_rest_does_not_hide_the_cycle_of_the_others():
+    t = times(0.05)
+    resting = 1e-18 * np.random.default_rng(1).normal(size=t.size)
+    found = regime_of(np.column_stack([np.cos(2 * np.pi * 1424.0 * t), resting]), scale=[1.0, 1e-6])
+    assert found.kind == "periodic"
+
+
+@pytest.mark.parametrize("duration", [0.03, 0.1, 0.5])
+@pytest.mark.parametrize(
+    "parts", [((1424.0, 1.0), (1424.0 * GOLDEN, 1.0)), ((1424.0, 1.0), (4392.37, 0.7), (7399.1, 0.5))]
+)
+def test_a_torus_is_neither(duration, parts):
+    found = regime_of(np.sum([a * np.cos(2 * np.pi * f * times(duration)) for f, a in parts], axis=0))
+    assert found.kind == "neither"
+    assert found.recurrence_error is not None
+    assert found.recurrence_error > 0.05
+
+
+def test_a_torus_that_nearly_closes_is_not_taken_for_a_cycle():
+    t = times(0.5)  # 4392.37/1424 is close to 37/12, and after 12 periods the motion is back to within 0.5 %
+    found = regime_of(np.cos(2 * np.pi * 1424.0 * t) + 0.05 * np.cos(2 * np.pi * 4392.37 * t))
+    assert found.kind == "neither"
+    assert found.recurrence_error is not None
+    assert found.recurrence_error < 1e-2
+    assert "nearly closes" in found.reason
+
+
+def test_noise_is_neither():
+    noise = np.random.default_rng(5).normal(size=5000)
+    band = scipy.signal.sosfilt(scipy.signal.butter(2, [0.05, 0.3], btype="band", output="sos"), noise)
+    for signal in (noise, band):
+        assert regime_of(np.asarray(signal)).kind == "neither"
+
+
+@pytest.mark.parametrize("rate", [-76.0, -5.0, -1.0, 1.0, 5.0, 76.0])
+def test_growth_and_decay_are_still_drifting(rate):
+    t = times(0.1)
+    found = regime_of(np.exp(rate * t) * np.cos(2 * np.pi * 1424.0 * t))
+    assert found.kind == "unknown"
+    assert "drifts" in found.reason
+    assert found.amplitude_drift is not None
+    # The halves are 0.05 s apart: e^(0.05 rate); the mean taken off first is of 1e-3 of the rms.
+    assert found.amplitude_drift == pytest.approx(np.expm1(0.05 * rate), rel=0.1)
+
+
+def test_a_moving_mean_is_still_drifting():
+    t = times(0.1)
+    found = regime_of(np.cos(2 * np.pi * 1424.0 * t) + 5.0 * t)
+    assert found.kind == "unknown"
+    assert "mean" in found.reason
+
+
+def test_too_short_records_say_so():
+    t = times(0.02)
+    found = regime_of(np.cos(2 * np.pi * 900.0 * t), 900.0)
+    assert found.kind == "unknown"
+    assert "18.0 periods of the lowest" in found.reason
+    assert found.period_s is None
+    # Enough of the lowest frequency of interest, but the motion repeats only after 3 of its periods.
+    third = regime_of(np.cos(2 * np.pi * 1500.0 * t) + np.cos(2 * np.pi * 500.0 * t), 1400.0)
+    assert third.kind == "unknown"
+    assert "repeat every 0.002 s" in third.reason
+    slow = regime_of(np.cos(2 * np.pi * 50.0 * t), 1400.0)  # a single period in all, so the halves even agree
+    assert slow.kind == "unknown"
+
+
+def test_what_does_not_move_is_steady():
+    t = times(0.05)
+    assert regime_of(np.zeros((t.size, 2))).kind == "steady"
+    assert regime_of(np.full(t.size, 0.1)).kind == "steady"
+    small = 0.9e-6 * np.cos(2 * np.pi * 1424.0 * t)
+    assert regime_of(small).kind == "steady"
+    assert regime_of(2.0 * small).kind == "periodic"
+    growing = regime_of(1e-9 * np.exp(50.0 * t) * np.cos(2 * np.pi * 1424.0 * t))
+    assert growing.kind == "steady"
+    assert "grows" in growing.reason
+
+
+# --- refusals -------------------------------------------------------------------------------------------------------
+
+GOOD = np.sin(np.arange(2000.0))
+BAD = np.where(np.arange(2000) == 7, np.nan, GOOD)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: amplitude_spectrum(BAD, RATE), r"signal holds 1 NaN .* index \(7,\)"),
+        (lambda: amplitude_spectrum(GOOD[:15], RATE), "signal is too short: 15"),
+        (lambda: amplitude_spectrum(GOOD.reshape(-1, 2), RATE), "signal must be one-dimensional"),
+        (lambda: amplitude_spectrum(GOOD, 0.0), "sample_rate must be"),
+        (lambda: amplitude_spectrum(GOOD, RATE, zero_padding=0), "zero_padding"),
+        (lambda: spectral_peaks(amplitude_spectrum(GOOD, RATE), count=0, floor=0.1), "count"),
+        (lambda: spectral_peaks(amplitude_spectrum(GOOD, RATE), count=1, floor=0.0), "floor"),
+        (lambda: peak_near(amplitude_spectrum(GOOD, RATE), 100.0, half_width=0.0), "half_width"),
+        (lambda: spectrogram(GOOD, RATE, lowest_frequency=100.0), "signal is too short"),
+        (lambda: spectrogram(GOOD, RATE, lowest_frequency=1000.0, overlap=1.0), "overlap"),
+        (lambda: fit_growth(np.arange(10.0), np.arange(10.0)), "amplitude must be positive"),
+        (lambda: fit_growth(np.arange(5.0), np.ones(5)), "amplitude is too short"),
+        (lambda: fit_growth(np.zeros(10), np.ones(10)), "time must increase"),
+        (lambda: fit_growth(np.arange(9.0), np.ones(10)), "time has 9 entries for 10"),
+        (lambda: modal_amplitudes(np.ones((3, 1)), np.ones((5, 4))), "left_eigenvectors must have shape"),
+        (lambda: modal_amplitudes(np.full((4, 1), np.nan), np.ones((5, 4))), "left_eigenvectors holds NaN"),
+        (lambda: modal_frequency(np.arange(3.0), [1.0, 0.0, 1.0]), "modal_signal is zero at index 1"),
+        (lambda: envelope(GOOD, RATE, 30_000.0), "lowest_frequency"),
+        (lambda: envelope(GOOD[:40], RATE, 1000.0), "signal is too short"),
+        (lambda: envelope(GOOD, RATE, 1000.0, periods=0), "periods"),
+        (lambda: regime_of(BAD), "signals holds 1 NaN"),
+        (lambda: regime_of(GOOD[:15]), "signals is too short"),
+        (lambda: regime_of(GOOD, scale=[1.0, 2.0]), "scale must have one entry"),
+        (lambda: regime_of(GOOD, scale=[0.0]), "scale must be finite and positive"),
+        (lambda: classify(GOOD, RATE, scale=[1.0], lowest_frequency=1e3), "signals must be two-dimensional"),
+    ],
+)
+def test_bad_arguments_are_named(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()
