@@ -92,6 +92,15 @@ def test_peaks_are_sorted_and_hold_no_side_lobes():
     assert spectral_peaks(spectrum, count=10, floor=0.01).amplitude.shape == (2,)
 
 
+@pytest.mark.parametrize("rate", [-240.0, 0.0, 240.0])
+def test_a_fast_growing_sinusoid_is_one_peak(rate):
+    t = times(0.02)  # e^4.8 over the record; the margin is made for e^5, the hardest place is next to the mirror image
+    for cycles in np.arange(2.5, 30.0, 0.25):
+        for phase in (0.0, 1.0, 2.0):
+            spectrum = amplitude_spectrum(np.exp(rate * t) * np.sin(2 * np.pi * cycles / 0.02 * t + phase), RATE)
+            assert spectral_peaks(spectrum, count=10, floor=1e-6).amplitude.shape == (1,)
+
+
 @pytest.mark.parametrize("duration", [0.025, 0.04])
 @pytest.mark.parametrize("amplitudes", [(1.0, 1.0, 1.0), (0.03, 1.0, 0.1), (1.0, 0.03, 0.03)])
 def test_growth_moves_no_peak(duration, amplitudes):
@@ -124,9 +133,9 @@ def test_peak_near_tells_a_flank_from_a_peak():
     assert peak.frequency_Hz == pytest.approx(4000.0, abs=0.1)
 
 
-@pytest.mark.parametrize("level", [0.0, 0.1, -1e9])
+@pytest.mark.parametrize("level", [0.0, np.pi, -1e9 / 7.0])
 def test_a_constant_has_no_peaks(level):
-    spectrum = amplitude_spectrum(np.full(1000, level), RATE)
+    spectrum = amplitude_spectrum(np.full(997, level), RATE)  # of a size and length that leave round-off in the mean
     assert np.all(spectrum.amplitude == 0.0)
     assert spectral_peaks(spectrum, count=3, floor=0.1).frequency_Hz.size == 0
     assert peak_near(spectrum, 1000.0, half_width=500.0) is None
@@ -166,16 +175,17 @@ def test_an_exact_exponential_is_fitted_exactly():
     assert growth.samples == t.size
 
 
-@pytest.mark.parametrize("correlation", [0.0, 0.5, 0.9])
-def test_the_standard_error_is_that_of_repeated_experiments(correlation):
-    random, t = np.random.default_rng(7), 1e-4 * np.arange(400)
+@pytest.mark.parametrize(("samples", "correlation"), [(400, 0.0), (400, 0.5), (400, 0.9), (40, 0.5)])
+def test_the_standard_error_is_that_of_repeated_experiments(samples, correlation):
+    random, t = np.random.default_rng(7), 1e-4 * np.arange(samples)
     scores = []
-    for _ in range(400):
-        noise = np.asarray(scipy.signal.lfilter([1.0], [1.0, -correlation], random.normal(size=600)))[200:]
+    for _ in range(2000):
+        noise = np.asarray(scipy.signal.lfilter([1.0], [1.0, -correlation], random.normal(size=samples + 200)))[200:]
         growth = fit_growth(t, np.exp(50.0 * t + 0.01 * noise))
         scores.append((growth.rate_1_per_s - 50.0) / growth.standard_error)
-    # 400 experiments fix a standard deviation to 3.5 %. Ignoring the correlation would give 1.7 and 4.4.
-    assert np.std(scores) == pytest.approx(1.0, abs=0.14)
+    # 68.3 % of the scores should lie within 1; 2000 experiments fix that bound to 2.2 %. Ignoring the correlation would
+    # give 1.7 and 4.4, ignoring its bias 1.17 for the 40 samples. (Not the standard deviation: the tails are wide.)
+    assert np.quantile(np.abs(scores), 0.683) == pytest.approx(1.0, abs=0.1)
 
 
 @pytest.mark.parametrize(("frequency", "rate"), list(zip(FREQUENCIES, RATES_OF_GROWTH, strict=True)))

@@ -1,13 +1,29 @@
-"""drumsqueal: friction-induced vibration of a drum-brake shoe in time, beside the eigenvalues that predict it."""
+"""drumsqueal: friction-induced vibration of a drum-brake shoe in time, beside the eigenvalues that predict it.
 
-from drumsqueal import precision as precision  # first: it switches double precision on
-from drumsqueal.comparison import Comparison, compare
-from drumsqueal.integrate import IntegrationError
-from drumsqueal.model import Model, build_model
-from drumsqueal.modes import Mode, Stability, analyse_stability, growth_rate
-from drumsqueal.run import Result, run
-from drumsqueal.scene import Scene, SceneError, load_scene, scene_from_dict
-from drumsqueal.steady import SteadyStateError
+The names below are imported when they are first used: reading a scene does not load JAX, and the command line can
+prepare its environment first.
+"""
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from drumsqueal.comparison import Comparison, compare
+    from drumsqueal.errors import IntegrationError, SceneError, SteadyStateError
+    from drumsqueal.model import Model, build_model
+    from drumsqueal.modes import Mode, Stability, analyse_stability, growth_rate
+    from drumsqueal.run import Result, run
+    from drumsqueal.scene import Scene, load_scene, scene_from_dict
+
+_HOMES = {
+    "comparison": ("Comparison", "compare"),
+    "errors": ("IntegrationError", "SceneError", "SteadyStateError"),
+    "model": ("Model", "build_model"),
+    "modes": ("Mode", "Stability", "analyse_stability", "growth_rate"),
+    "run": ("Result", "run"),
+    "scene": ("Scene", "load_scene", "scene_from_dict"),
+}
+_HOME = {name: module for module, names in _HOMES.items() for name in names}
 
 __all__ = [
     "Comparison",
@@ -27,3 +43,12 @@ __all__ = [
     "run",
     "scene_from_dict",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name from its module."""
+    if name not in _HOME:
+        raise AttributeError(f"module 'drumsqueal' has no attribute {name!r}")
+    value = getattr(importlib.import_module(f"drumsqueal.{_HOME[name]}"), name)
+    globals()[name] = value
+    return value

@@ -13,9 +13,9 @@ from drumsqueal.signals import Growth, amplitude_spectrum, fit_growth, modal_amp
 
 # The motion counts as linear while it stays below this share of the edges, contact loss and slip reversal.
 LINEAR_SHARE = 0.1
-# A mode that is weaker than this share of its own largest value in the growth phase is not fitted there: what is left
-# of it drowns in round-off and in the error of the integration.
-CLEAN_SHARE = 1e-4
+# A mode is followed while it makes up at least this share of what its own coordinate has done so far: a weaker one
+# drowns in the error of the integration.
+CLEAN_SHARE = 1e-3
 UNEXCITED_SHARE = 1e-12  # of the largest displacement: a mode below it is not there
 FEWEST_PERIODS = 5  # of a mode, for its frequency and growth to be measured
 NEUTRAL_SHARE = 1e-9  # of the frequency: a growth rate below it is none, and has no relative error
@@ -101,7 +101,7 @@ def _compare_mode(mode: Mode, stability: Stability, departure: Departure, growin
     main = stability.coordinates.index(mode.name)
     if size.max() <= UNEXCITED_SHARE * np.abs(displacement).max():
         return result._replace(note="not excited by this start")
-    clean = size >= CLEAN_SHARE * size.max()
+    clean = size >= CLEAN_SHARE * np.maximum.accumulate(np.abs(displacement[:, main]))
     last = time.size if clean.all() else int(np.argmin(clean))
     if last < FEWEST_SAMPLES or (time[last - 1] - time[0]) * mode.frequency_Hz < FEWEST_PERIODS:
         return result._replace(

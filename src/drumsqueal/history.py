@@ -61,6 +61,8 @@ def to_dataset(chunks: Sequence[Chunk], scene: Scene, kept: Sequence[str], outco
         "scene": scene.to_toml(),
         "versions": json.dumps(versions()),
         "outcome": outcome,
+        "steps": sum(chunk.steps for chunk in chunks),
+        "rejected_steps": sum(chunk.rejected_steps for chunk in chunks),
         "measured_from": "q = 0 of the model; a self-consistent steady state shows as an offset",
     }
     return xarray.Dataset(data, coordinates, attributes)
@@ -81,6 +83,8 @@ class HistoryFile:
             part.to_netcdf(self.path, engine="h5netcdf", unlimited_dims=["time"])
             self._file = h5netcdf.File(self.path, "a")
             return
+        for name in ("steps", "rejected_steps"):
+            self._file.attrs[name] += part.attrs[name]
         before = self._file.dimensions["time"].size
         self._file.resize_dimension("time", before + chunk.time.size)
         for name in ("time", *part.data_vars):

@@ -17,6 +17,7 @@ from jax.typing import ArrayLike
 
 from drumsqueal.effects.contact import Observation
 from drumsqueal.effects.damping import frictionless_modes
+from drumsqueal.errors import IntegrationError
 from drumsqueal.model import Model
 from drumsqueal.precision import real
 
@@ -42,10 +43,6 @@ class Chunk(NamedTuple):
     energy_balance_error: np.ndarray
     steps: int
     rejected_steps: int
-
-
-class IntegrationError(ArithmeticError):
-    """The integration stopped before its end; the message says when and why."""
 
 
 class _State(NamedTuple):
@@ -97,7 +94,9 @@ def integrate(
         chunk = _to_chunk(segment, first_energy, sample_rate, first, count, np.asarray(steady))
         good = np.isfinite(chunk.displacement).all(axis=1) & np.isfinite(chunk.velocity).all(axis=1)
         kept = count + 1 if good.all() else int(np.argmin(good))
-        yield _rows(chunk, slice(0 if first == 0 else 1, kept))
+        fresh = slice(0 if first == 0 else 1, kept)  # a chunk begins with the last sample of the one before
+        if fresh.stop > fresh.start:
+            yield _rows(chunk, fresh)
         if kept <= count or not bool(segment.succeeded):
             raise IntegrationError(_why(segment, chunk.time[max(kept - 1, 0)]))
         state, step = segment.final, real(count / sample_rate) / segment.accepted
@@ -220,8 +219,7 @@ def _to_chunk(
 
 def _rows(chunk: Chunk, rows: slice) -> Chunk:
     """The chunk's samples in `rows`."""
-    picked = jax.tree.map(lambda x: x[rows] if isinstance(x, np.ndarray) else x, chunk)
-    return picked
+    return jax.tree.map(lambda x: x[rows] if isinstance(x, np.ndarray) else x, chunk)
 
 
 def _why(segment: _Segment, time: float) -> str:

@@ -8,8 +8,9 @@ import numpy as np
 import scipy.linalg
 from jax import Array
 
+from drumsqueal.errors import SteadyStateError
 from drumsqueal.model import Model
-from drumsqueal.steady import SteadyStateError, linearise, steady_sliding
+from drumsqueal.steady import linearise, steady_sliding
 
 # An eigenvalue oscillates when its imaginary part exceeds this share of the largest modulus: a real one, and the zero
 # of the free Z motion, come out of the solver with an imaginary part of round-off size.

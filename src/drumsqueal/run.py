@@ -8,12 +8,12 @@ import numpy as np
 import xarray
 
 from drumsqueal.comparison import Comparison, compare
+from drumsqueal.errors import IntegrationError, SteadyStateError
 from drumsqueal.history import COMPLETE, to_dataset
-from drumsqueal.integrate import Chunk, IntegrationError, integrate
+from drumsqueal.integrate import Chunk, integrate
 from drumsqueal.model import Model, build_model, linear_coordinates
 from drumsqueal.modes import Stability, analyse_stability
 from drumsqueal.scene import Scene, SceneError
-from drumsqueal.steady import SteadyStateError
 
 
 class Prepared(NamedTuple):
@@ -98,14 +98,13 @@ def collect(prepared: Prepared, on_chunk: Callable[[Chunk], None] | None) -> tup
     except IntegrationError as error:
         return chunks, f"failed: {error}"
     except KeyboardInterrupt:
-        reached = chunks[-1].time[-1] if chunks and chunks[-1].time.size else 0.0
+        reached = chunks[-1].time[-1] if chunks else 0.0
         return chunks, f"interrupted by the user after t = {reached:.6g} s"
     return chunks, COMPLETE
 
 
 def finish(prepared: Prepared, chunks: list[Chunk], outcome: str) -> Result:
     """Put the chunks into one history and compare it with the prediction."""
-    chunks = [chunk for chunk in chunks if chunk.time.size]
     if not chunks:
         raise IntegrationError(outcome)
     history = to_dataset(chunks, prepared.scene, prepared.model.names, outcome)

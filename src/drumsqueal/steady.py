@@ -17,10 +17,6 @@ STEADY_TOLERANCE = 1e-13
 STEADY_STEPS = 100
 
 
-class SteadyStateError(ArithmeticError):
-    """No steady sliding was found; the message says why."""
-
-
 class Linear(NamedTuple):
     """M q̈ + C q̇ + K q = 0 about steady sliding: mass (n,), damping and stiffness (n, n)."""
 

@@ -39,8 +39,9 @@ def fit_growth(time: ArrayLike, amplitude: ArrayLike) -> Growth:
     the one before are worth n (1 − r)/(1 + r) independent ones. r is corrected for its bias in a detrended short
     record, (n r + 2)/(n − 4), and held between 0 and the value at which one independent sample is left. A bend of
     the data (saturation, a second mode) counts as correlation, too, so that it widens the error rather than hiding
-    in it; but the rate is then the mean slope. With fewer than about ten independent samples the error comes out up
-    to a quarter too small.
+    in it; but the rate is then the mean slope. Two thirds of the rates then lie
+    within one standard error where 13 independent samples or more are left; where there are 4 it is 15 % too small,
+    and one rate in twenty is off by three of them.
 
     Raises ValueError for fewer than 6 samples, for NaN, for an amplitude that is not positive and for times out of
     order.

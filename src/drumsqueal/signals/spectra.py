@@ -14,8 +14,9 @@ from drumsqueal.signals.checks import below_nyquist, finite_record, positive
 # Equivalent noise bandwidth of the Hann window in bins 1/T (Harris 1978, table I).
 HANN_BANDWIDTH = 1.5
 # Side lobes up to this many times the ideal Hann envelope are still taken for side lobes. A growing sinusoid has higher
-# ones than a steady one, by about s (s² + 4π²)/(8π²) for s = growth rate × record length: 2.8 at s = 4, 4.1 at s = 5.
-LOBE_MARGIN = 4.0
+# ones than a steady one, by about s (s² + 4π²)/(8π²) for s = growth rate × record length (1.6 at s = 3, 4.1 at s = 5),
+# and the mean that is taken off raises them by another 1.6 near zero frequency.
+LOBE_MARGIN = 6.5
 # What is left of a constant record after its mean is taken off, relative to the constant: round-off, not a signal.
 ROUND_OFF = 64 * np.finfo(np.float64).eps
 
@@ -94,7 +95,7 @@ def spectral_peaks(spectrum: Spectrum, *, count: int, floor: float) -> Peaks:
       envelope of the Hann window's transform sin(πx)/(πx (1 − x²)), which falls by 18 dB an octave.
 
     The price of the last rule is that a real component hidden under a strong neighbour is not reported: at 3 bins
-    anything below 5 % of the neighbour, at 10 bins below 0.13 %, at 100 bins below 1.3e-6. The margin covers components
+    anything below 9 % of the neighbour, at 10 bins below 0.2 %, at 100 bins below 2e-6. The margin covers components
     that grow or decay by up to e^5 over the record; beyond that their lobes can be listed as peaks. Components in
     the first and the last bin are not local maxima and are not found.
 

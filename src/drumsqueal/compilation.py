@@ -1,0 +1,39 @@
+"""The persistent compilation cache: a second start of the command line compiles nothing."""
+
+import hashlib
+import os
+import platform
+from pathlib import Path
+
+import platformdirs
+
+# Compiled programs belong to one kind of processor: a home folder that two machines share holds one set for each. With
+# that settled, XLA's complaint at every cached program, which compares tuning hints that no processor reports, says
+# nothing; it is an error message of the C++ side, so only its level can silence it.
+QUIET = {"TF_CPP_MIN_LOG_LEVEL": "3"}
+# Errors inside compiled programs become result codes instead of host callbacks, which would keep those programs out of
+# the cache.
+CACHEABLE = {"EQX_ON_ERROR": "nan"}
+
+
+def prepare_environment() -> None:
+    """Set what JAX and equinox read when they are imported; call this before that. The user's settings go first."""
+    folder = Path(platformdirs.user_cache_dir("drumsqueal", appauthor=False)) / _processor()
+    cache = {
+        "JAX_COMPILATION_CACHE_DIR": str(folder),
+        # The programs of a scene are many and small; by default only those that took a second to compile are kept.
+        "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
+        "JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES": "-1",
+    }
+    for name, value in (QUIET | CACHEABLE | cache).items():
+        os.environ.setdefault(name, value)
+
+
+def _processor() -> str:
+    """A short name for the kind of processor: the architecture and a digest of its abilities."""
+    described = platform.processor()
+    information = Path("/proc/cpuinfo")
+    if information.exists():
+        lines = information.read_text(encoding="utf-8", errors="replace").splitlines()
+        described = next((line for line in lines if line.startswith(("flags", "Features"))), described)
+    return f"{platform.machine()}-{hashlib.sha256(described.encode()).hexdigest()[:12]}"

@@ -1,0 +1,79 @@
+"""What a run or an eigenvalue problem prints on the terminal."""
+
+from rich.console import Console
+from rich.table import Table
+
+from drumsqueal.modes import Stability
+from drumsqueal.run import Result
+from drumsqueal.summary import energy_balance
+
+
+def print_stability(console: Console, stability: Stability) -> None:
+    """Print the modes, the other eigenvalues and the steady state."""
+    table = Table(title="Modes of steady sliding")
+    for heading in ("mode", "frequency", "growth rate", "damping ratio", ""):
+        table.add_column(heading, justify="left" if heading in ("mode", "") else "right")
+    for mode in stability.modes:
+        table.add_row(
+            mode.name,
+            f"{mode.frequency_Hz:.2f} Hz",
+            f"{mode.growth_rate:+.3f} 1/s",
+            f"{mode.damping_ratio:+.3%}",
+            "[bold red]unstable[/]" if mode.unstable else "stable",
+        )
+    console.print(table)
+    largest = max(abs(stability.eigenvalues), default=0.0)
+    real = [value.real for value in stability.eigenvalues if abs(value.imag) <= 1e-9 * largest]
+    if real:
+        console.print("Without oscillation: " + ", ".join(f"{_rounded(value, largest):.3f} 1/s" for value in real))
+    moved = {n: q for n, q in zip(stability.coordinates, stability.steady_state, strict=True) if q != 0}
+    if moved:
+        console.print("Steady sliding at " + ", ".join(f"{name} = {value:.4g}" for name, value in moved.items()))
+    low, high = stability.pressure_range
+    console.print(f"Steady pressure from {low / 1e3:.2f} to {high / 1e3:.2f} kPa along the lining")
+
+
+def print_result(console: Console, result: Result) -> None:
+    """Print the comparison of prediction and transient."""
+    table = Table(title="Onset: eigenvalues against the transient")
+    table.add_column("mode")
+    for heading in ("predicted", "measured", "difference", "growth predicted", "growth measured", "difference"):
+        table.add_column(heading, justify="right")
+    notes = []
+    for mode in result.comparison.modes:
+        growth = mode.measured_growth
+        table.add_row(
+            mode.name,
+            f"{mode.predicted_frequency_Hz:.2f} Hz",
+            _shown(mode.measured_frequency_Hz, "{:.2f} Hz"),
+            _shown(mode.frequency_error, "{:+.4%}"),
+            f"{mode.predicted_growth_rate:+.3f} 1/s",
+            _shown(growth and growth.rate_1_per_s, "{:+.3f} 1/s"),
+            _shown(mode.growth_error, "{:+.3%}"),
+        )
+        if mode.note:
+            notes.append(f"{mode.name}: {mode.note}")
+    console.print(table)
+    resolution = {mode.frequency_resolution_Hz for mode in result.comparison.modes if mode.frequency_resolution_Hz}
+    if resolution:
+        console.print(
+            f"Measured from 0 to {result.comparison.growth_end_s:.4g} s; spectral resolution {max(resolution):.3g} Hz, "
+            "peaks interpolated"
+        )
+    for note in notes:
+        console.print(f"[dim]{note}[/]")
+    saturation = result.comparison.saturation
+    if saturation is not None:
+        console.print(f"After growth, from {saturation.start_s:.4g} s: {saturation.regime.reason}")
+    console.print(f"Energy balance closes to {energy_balance(result)['energy_balance_error_over_kinetic_energy']:.1e} "
+                  "of the largest kinetic energy")
+    console.print(f"[bold]{result.comparison.verdict}[/]")
+
+
+def _shown(value: float | None, form: str) -> str:
+    return "-" if value is None else form.format(value)
+
+
+def _rounded(value: float, largest: float) -> float:
+    """Zero for what is round-off beside the largest eigenvalue."""
+    return 0.0 if abs(value) < 1e-12 * largest else value

@@ -1,0 +1,98 @@
+"""The result of a run as plain data for summary.json, and of the eigenvalue problem for `stability --json`."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from drumsqueal.comparison import Comparison
+from drumsqueal.history import versions
+from drumsqueal.modes import Stability
+from drumsqueal.run import Result
+from drumsqueal.saturation import Saturation
+
+
+def describe_stability(stability: Stability) -> dict[str, Any]:
+    """Eigenvalues (1/s), modes, steady state (m, rad) and range of the steady pressure (Pa)."""
+    return {
+        "eigenvalues": [[value.real, value.imag] for value in stability.eigenvalues.tolist()],
+        "modes": [
+            {
+                "name": mode.name,
+                "frequency_Hz": mode.frequency_Hz,
+                "growth_rate_1_per_s": mode.growth_rate,
+                "damping_ratio": mode.damping_ratio,
+                "unstable": mode.unstable,
+            }
+            for mode in stability.modes
+        ],
+        "steady_state": dict(zip(stability.coordinates, stability.steady_state.tolist(), strict=True)),
+        "pressure_range_Pa": list(stability.pressure_range),
+    }
+
+
+def summarise(result: Result) -> dict[str, Any]:
+    """Everything a run found, in numbers and words; None where something could not be told."""
+    return {
+        "title": result.scene.title,
+        "outcome": result.outcome,
+        "verdict": result.comparison.verdict,
+        "prediction": describe_stability(result.stability),
+        "growth": _growth(result.comparison),
+        "saturation": None if result.comparison.saturation is None else _saturation(result.comparison.saturation),
+        "accuracy": energy_balance(result),
+        "integration": {key: int(result.history.attrs[key]) for key in ("steps", "rejected_steps")},
+        "scene": result.scene.model_dump(mode="json"),
+        "versions": versions(),
+    }
+
+
+def energy_balance(result: Result) -> dict[str, float]:
+    """Largest error of the energy balance (J) and its share of the largest kinetic energy."""
+    error = float(np.abs(result.history["energy_balance_error"].values).max())
+    kinetic = float(result.history["kinetic_energy"].values.max())
+    share = error / kinetic if kinetic > 0 else 0.0
+    return {"energy_balance_error_J": error, "energy_balance_error_over_kinetic_energy": share}
+
+
+def write_json(data: dict[str, Any], path: Path) -> None:
+    """Write data to a file; NaN and infinity are refused rather than written as no valid JSON."""
+    path.write_text(to_json(data), encoding="utf-8")
+
+
+def to_json(data: dict[str, Any]) -> str:
+    """JSON text with a final line break."""
+    return json.dumps(data, indent=2, allow_nan=False) + "\n"
+
+
+def _growth(comparison: Comparison) -> dict[str, Any]:
+    return {
+        "linear_until_s": comparison.growth_end_s,
+        "edge_reached_s": comparison.edge_reached_s,
+        "modes": [
+            {
+                "name": mode.name,
+                "unstable": mode.unstable,
+                "predicted_frequency_Hz": mode.predicted_frequency_Hz,
+                "measured_frequency_Hz": mode.measured_frequency_Hz,
+                "frequency_error": mode.frequency_error,
+                "frequency_resolution_Hz": mode.frequency_resolution_Hz,
+                "frequency_from_phase_Hz": mode.phase_frequency_Hz,
+                "predicted_growth_rate_1_per_s": mode.predicted_growth_rate,
+                "measured_growth_rate_1_per_s": mode.measured_growth and mode.measured_growth.rate_1_per_s,
+                "growth_rate_standard_error_1_per_s": mode.measured_growth and mode.measured_growth.standard_error,
+                "growth_rate_error": mode.growth_error,
+                "note": mode.note,
+            }
+            for mode in comparison.modes
+        ],
+    }
+
+
+def _saturation(saturation: Saturation) -> dict[str, Any]:
+    return saturation._asdict() | {
+        "regime": saturation.regime._asdict(),
+        "lines": [line._asdict() for line in saturation.lines],
+        "main": saturation.main and saturation.main._asdict(),
+    }

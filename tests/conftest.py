@@ -1,0 +1,25 @@
+"""Set-up that several test files share."""
+
+import os
+from pathlib import Path
+
+import jax
+import pytest
+
+from drumsqueal.scene import Scene, load_scene
+
+# Error checks that are compiled in would hide behind NaN, or change what is compiled, were this set from outside.
+assert "EQX_ON_ERROR" not in os.environ, "unset EQX_ON_ERROR to run the tests"
+
+
+@pytest.fixture(autouse=True)
+def _double_precision():
+    """Every test starts and ends in double precision, which the import of the package switches on."""
+    yield
+    assert jax.config.read("jax_enable_x64")
+
+
+@pytest.fixture(scope="session")
+def nominal() -> Scene:
+    """Return the paper's brake (Seo & Kang 2023, Table 1), as it is shipped."""
+    return load_scene(Path(__file__).parents[1] / "scenarios" / "nominal.toml")

@@ -1,0 +1,132 @@
+"""The rigid shoe against brute-force integrals over its volume and its lining."""
+
+import jax
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from drumsqueal.bodies.rigid_shoe import RigidShoe
+from drumsqueal.model import build_model
+
+# Gauss nodes: r and z enter as polynomials of degree 3 at most; a product of two sines or cosines over 360° is resolved
+# to round-off by 24 nodes.
+ALONG = np.polynomial.legendre.leggauss(24)
+ACROSS = np.polynomial.legendre.leggauss(4)
+
+# (outer radius, thickness over radius, width, arc angle, density), SI and rad: from a toy to a windlass brake.
+geometries = st.tuples(
+    st.floats(0.01, 2.0),
+    st.floats(0.01, 0.99),
+    st.floats(0.001, 1.0),
+    st.floats(np.radians(5.0), 2 * np.pi),
+    st.floats(100.0, 20000.0),
+)
+
+
+def shoe_of(geometry) -> RigidShoe:
+    radius, share, width, arc, density = geometry
+    return RigidShoe(radius, share * radius, width, arc, density)
+
+
+def on(interval, rule):
+    low, high = interval
+    return (low + high) / 2 + (high - low) / 2 * rule[0], (high - low) / 2 * rule[1]
+
+
+def volume_integral(geometry, integrand):
+    """∫ρ f(r, θ, z) dV by a product of Gauss rules."""
+    radius, share, width, arc, density = geometry
+    r, wr = on((radius * (1 - share), radius), ACROSS)
+    theta, wt = on((-arc / 2, arc / 2), ALONG)
+    z, wz = on((-width / 2, width / 2), ACROSS)
+    r, theta, z = (x.reshape(shape) for x, shape in ((r, (-1, 1, 1)), (theta, (1, -1, 1)), (z, (1, 1, -1))))
+    weight = wr[:, None, None] * wt[None, :, None] * wz[None, None, :] * r
+    return density * np.sum(integrand(r, theta, z) * weight)
+
+
+def lining_integral(geometry, c, integrand):
+    """∫f dA over the lining, f of the shape functions φ^r, φ^θ, φ^z, each (6, nodes)."""
+    radius, _, width, arc, _ = geometry
+    theta, wt = on((-arc / 2, arc / 2), ALONG)
+    z, wz = on((-width / 2, width / 2), ACROSS)
+    theta, z = (x.ravel() for x in np.meshgrid(theta, z, indexing="ij"))
+    weight = radius * np.outer(wt, wz).ravel()
+    zero, one = np.zeros_like(theta), np.ones_like(theta)
+    ahead = radius * np.cos(theta) - c
+    # Rows: displacement of P along x, y and z for unit q_i, the paper's equations (5) to (7).
+    x = np.stack([one, zero, zero, zero, z, -radius * np.sin(theta)])
+    y = np.stack([zero, one, zero, -z, zero, ahead])
+    axial = np.stack([zero, zero, one, radius * np.sin(theta), -ahead, zero])
+    radial = x * np.cos(theta) + y * np.sin(theta)
+    tangential = -x * np.sin(theta) + y * np.cos(theta)
+    return np.sum(integrand(radial, tangential, axial) * weight, axis=-1)
+
+
+# Both sides are sums of positive and negative terms no larger than the tolerance's scale: 1e-13 is some 500 round-offs.
+@given(geometries)
+@settings(derandomize=True, max_examples=100, deadline=None)
+def test_mass_centroid_and_moments_are_the_integrals_over_the_body(geometry):
+    shoe = shoe_of(geometry)
+    mass = volume_integral(geometry, lambda r, theta, z: np.ones(np.broadcast_shapes(r.shape, theta.shape, z.shape)))
+    c = volume_integral(geometry, lambda r, theta, z: r * np.cos(theta) + 0 * z) / mass
+    second = volume_integral(geometry, lambda r, theta, z: r**2 + z**2 + 0 * theta)
+    moments = [
+        volume_integral(geometry, lambda r, theta, z: (r * np.sin(theta)) ** 2 + z**2),
+        volume_integral(geometry, lambda r, theta, z: (r * np.cos(theta) - c) ** 2 + z**2),
+        volume_integral(geometry, lambda r, theta, z: (r * np.cos(theta) - c) ** 2 + (r * np.sin(theta)) ** 2 + 0 * z),
+    ]
+    products = [
+        volume_integral(geometry, lambda r, theta, z: r * np.sin(theta) * z),
+        volume_integral(geometry, lambda r, theta, z: (r * np.cos(theta) - c) * z),
+        volume_integral(geometry, lambda r, theta, z: (r * np.cos(theta) - c) * r * np.sin(theta) + 0 * z),
+    ]
+    np.testing.assert_allclose(shoe.mass[:3], mass, rtol=1e-13)
+    np.testing.assert_allclose(shoe.centroid, c, rtol=0, atol=1e-13 * geometry[0])
+    np.testing.assert_allclose(shoe.mass[3:], moments, rtol=0, atol=1e-13 * second)
+    np.testing.assert_allclose(products, 0, atol=1e-13 * second)  # so that the mass matrix is diagonal
+
+
+@given(geometries)
+@settings(derandomize=True, max_examples=100, deadline=None)
+def test_resultants_and_radial_stiffness_are_the_integrals_over_the_lining(geometry):
+    shoe = shoe_of(geometry)
+    radius, _, width, _, _ = geometry
+    c = float(shoe.centroid)
+    reach = np.array([1, 1, 1, radius + width, radius + width, radius])
+    scale = float(shoe.area) * reach
+    radial = lining_integral(geometry, c, lambda radial, tangential, axial: radial)
+    along = lining_integral(geometry, c, lambda radial, tangential, axial: tangential)
+    stiffness = lining_integral(geometry, c, lambda radial, tangential, axial: radial[:, None] * radial[None])
+    assert shoe.area == pytest.approx(geometry[0] * geometry[2] * geometry[3], rel=1e-15)
+    assert np.all(np.abs(shoe.radial_resultant() - radial) <= 1e-13 * scale)
+    assert np.all(np.abs(shoe.tangential_resultant() - along) <= 1e-13 * scale)
+    assert np.all(np.abs(shoe.radial_stiffness() - stiffness) <= 1e-13 * scale[:, None] * reach)
+    np.testing.assert_array_equal(shoe.radial_stiffness(), shoe.radial_stiffness().T)
+
+
+def test_nominal_shoe_has_the_derived_values(nominal):
+    # Computed from Table 1 of Seo & Kang (2023) by another program; nine digits are given.
+    model = build_model(nominal, coordinates=tuple(range(6)))
+    slip = model.shoe.outer_radius * model.contact.drum_speed.at(0.0)
+    friction = model.contact.friction
+    assert friction is not None
+    assert model.shoe.mass[0] == pytest.approx(1.16571623, rel=5e-9)
+    assert model.shoe.centroid == pytest.approx(72.1956531e-3, rel=5e-9)
+    assert model.contact.preload.at(0.0) == pytest.approx(241499.598, rel=5e-9)
+    assert friction.law.coefficient(slip) == pytest.approx(0.42130613, rel=2e-8)
+    assert -jax.grad(lambda s: friction.law.coefficient(s))(slip) == pytest.approx(0.12130613, rel=5e-8)
+    # The same program's full mass matrix and load pressure, to all digits.
+    moments = [0.0032952030811029555, 0.0004465470727836047, 0.0034829125796615023]
+    np.testing.assert_allclose(model.mass, [1.1657162284483753] * 3 + moments, rtol=1e-13)
+    assert model.contact.preload.at(0.0) == pytest.approx(241499.59752616365, rel=1e-15)
+
+
+def test_thin_short_shoe_is_a_plate():
+    # Arc and thickness towards zero: a flat plate b by Rβ at r = R, with errors of second order in β and h/R.
+    radius, thickness, width, arc, density = 0.1, 1e-5, 0.05, 1e-3, 7800.0
+    shoe = RigidShoe(radius, thickness, width, arc, density)
+    mass = density * radius * arc * width * thickness
+    np.testing.assert_allclose(shoe.mass[0], mass, rtol=1e-4)
+    np.testing.assert_allclose(shoe.centroid, radius, rtol=1e-4)
+    np.testing.assert_allclose(shoe.mass[3], mass * (width**2 + (radius * arc) ** 2) / 12, rtol=2e-4)
