@@ -27,6 +27,8 @@ STEP_BUDGET = 2_000_000  # steps a chunk: a run that exceeds it is stuck, and sa
 LOCAL_SHARE = 0.1
 # A coordinate is resolved at least to this share of what it would do if all vibration energy were in each mode.
 COUPLING_SHARE = 1e-3
+# A proportional part in the step-size control halves the rejected steps where edges make kinks.
+CONTROLLER = {"pcoeff": 0.3, "icoeff": 0.4}
 QUIET = 1e-12  # m; motion below a picometre counts as rest, and is resolved as if it were that large
 FIRST_STEP_SHARE = 0.01  # first step over the period of the highest frictionless mode, divided by 2π
 
@@ -46,11 +48,24 @@ class Chunk(NamedTuple):
 
 
 class _State(NamedTuple):
-    """Displacement from steady sliding (n,), velocity (n,) and power fed in so far beyond stored energy (J)."""
+    """Displacement from steady sliding (n,), velocity (n,) and energy fed in so far beyond the stored one (J).
+
+    The solver sees it as one flat array, which takes less than half the time of a tree of three.
+    """
 
     departure: Array
     velocity: Array
     work: Array
+
+    def flat(self) -> Array:
+        """One array (2n + 1,)."""
+        return jnp.concatenate([self.departure, self.velocity, self.work[None]])
+
+    @staticmethod
+    def split(flat: Array) -> "_State":
+        """From an array (..., 2n + 1)."""
+        n = flat.shape[-1] // 2
+        return _State(flat[..., :n], flat[..., n : 2 * n], flat[..., 2 * n])
 
 
 class _Segment(NamedTuple):
@@ -114,16 +129,15 @@ def _advance(
     step: Array | None,
 ) -> _Segment:
     """One chunk from sample number `first` to `last`; samples past the last repeat it, to keep the shapes."""
-    scale = motion_scale(model, state)
+    scale = motion_scale(model, state).flat()
     time = jnp.minimum(first + jnp.arange(CHUNK_SAMPLES + 1), last) * interval
     local = tolerance * LOCAL_SHARE
 
-    def vector_field(t: ArrayLike, scaled: _State, args: None) -> _State:
+    def vector_field(t: ArrayLike, scaled: Array, args: None) -> Array:
         del args
-        now = jax.tree.map(jnp.multiply, scaled, scale)
+        now = _State.split(scaled * scale)
         force, power = model.act(t, steady + now.departure, now.velocity)
-        rate = _State(now.velocity, force / model.mass, power)
-        return jax.tree.map(jnp.divide, rate, scale)
+        return _State(now.velocity, force / model.mass, power).flat() / scale
 
     if step is None:
         step = FIRST_STEP_SHARE / frictionless_modes(model.mass, model.stiffness)[0][-1]
@@ -133,16 +147,15 @@ def _advance(
         time[0],
         time[-1],
         step,
-        jax.tree.map(jnp.divide, state._replace(work=jnp.zeros(())), scale),
+        state._replace(work=jnp.zeros(())).flat() / scale,
         saveat=diffrax.SaveAt(subs=[diffrax.SubSaveAt(ts=time), diffrax.SubSaveAt(t1=True)]),
-        stepsize_controller=diffrax.PIDController(rtol=local, atol=local, norm=_largest),
+        stepsize_controller=diffrax.PIDController(rtol=local, atol=local, norm=_largest, **CONTROLLER),
         adjoint=diffrax.ForwardMode(),
         max_steps=STEP_BUDGET,
         throw=False,
     )
     assert solution.ys is not None  # noqa: S101 (for the type checker)
-    states, final = (jax.tree.map(jnp.multiply, ys, scale) for ys in solution.ys)
-    final = jax.tree.map(lambda x: x[0], final)
+    states, final = (_State.split(ys * scale) for ys in (solution.ys[0], solution.ys[1][0]))
     states, final = (s._replace(work=s.work + state.work) for s in (states, final))
 
     def observe(sample: tuple[Array, _State]) -> tuple[Observation, Array, Array]:
@@ -188,9 +201,9 @@ def motion_scale(model: Model, state: _State) -> _State:
     return _State(size @ (amplitude / jnp.where(omega > 0, omega, slowest)), size @ amplitude, total**2 / 2)
 
 
-def _largest(scaled_error: _State) -> Array:
+def _largest(scaled_error: Array) -> Array:
     """Largest error of any coordinate relative to its tolerance."""
-    return jnp.max(jnp.stack([jnp.max(jnp.abs(leaf)) for leaf in jax.tree.leaves(scaled_error)]))
+    return jnp.max(jnp.abs(scaled_error))
 
 
 @jax.jit

@@ -14,7 +14,7 @@ from drumsqueal.signals.checks import below_nyquist, finite_record, positive
 # Equivalent noise bandwidth of the Hann window in bins 1/T (Harris 1978, table I).
 HANN_BANDWIDTH = 1.5
 # Side lobes up to this many times the ideal Hann envelope are still taken for side lobes. A growing sinusoid has higher
-# ones than a steady one, by about s (s² + 4π²)/(8π²) for s = growth rate × record length (1.6 at s = 3, 4.1 at s = 5),
+# ones than a steady one, by about s (s² + 4π²)/(8π²) for s = growth rate × record length (2.8 at s = 4, 4.1 at s = 5),
 # and the mean that is taken off raises them by another 1.6 near zero frequency.
 LOBE_MARGIN = 6.5
 # What is left of a constant record after its mean is taken off, relative to the constant: round-off, not a signal.
