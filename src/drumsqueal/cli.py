@@ -18,6 +18,7 @@ from drumsqueal.scene import SceneError, load_scene
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, rich_markup_mode="rich", pretty_exceptions_enable=False)
 FAILED, WRONG = 1, 2  # exit status
+UsageError: type[typer.BadParameter] = typer.BadParameter.__mro__[1]  # any misuse; it has no public name of its own
 
 SceneFile = Annotated[Path, typer.Argument(metavar="SCENE", help="Scene file (TOML).", show_default=False)]
 Settings = Annotated[
@@ -34,7 +35,7 @@ def _main() -> None:
 @app.command(name="run")
 def run_command(
     scene: SceneFile,
-    output: Annotated[Path | None, typer.Option("-o", "--output", metavar="DIR", help="Folder for the results.")] = None,
+    output: Annotated[Path | None, typer.Option("-o", "--output", metavar="DIR", help="Folder of the results.")] = None,
     settings: Settings = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace results that are there already.")] = False,
 ) -> None:
@@ -98,7 +99,7 @@ def main() -> None:
     except (SceneError, RequestError) as error:
         errors.print(f"drumsqueal: {_one_line(error)}")
         sys.exit(WRONG)
-    except typer.BadParameter.__mro__[1] as error:  # any misuse of the command line; the class has no public name
+    except UsageError as error:
         message = error.format_message()
         if message:
             errors.print(f"drumsqueal: {_one_line(ValueError(message))} (see drumsqueal --help)")

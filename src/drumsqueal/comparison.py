@@ -44,7 +44,10 @@ class ModeComparison(NamedTuple):
     @property
     def growth_error(self) -> float | None:
         """Measured over predicted growth rate, less 1; None for a mode that neither grows nor decays."""
-        if self.measured_growth is None or abs(self.predicted_growth_rate) < NEUTRAL_SHARE * self.predicted_frequency_Hz:
+        if (
+            self.measured_growth is None
+            or abs(self.predicted_growth_rate) < NEUTRAL_SHARE * self.predicted_frequency_Hz
+        ):
             return None
         return self.measured_growth.rate_1_per_s / self.predicted_growth_rate - 1
 
@@ -132,7 +135,7 @@ def _verdict(
     predicted = f"The linear model predicts squeal in {names}" if names else "The linear model predicts no squeal"
     if edge is None:
         if ratio > 1:
-            done = f"the motion grows {ratio:.3g} times but reaches no edge within {duration:g} s, too short to tell more"
+            done = f"the motion grows {ratio:.3g} times but reaches no edge in {duration:g} s, too short to tell more"
         elif names:
             done = f"the transient does not grow within {duration:g} s"
         else:

@@ -45,13 +45,13 @@ def to_dataset(chunks: Sequence[Chunk], scene: Scene, kept: Sequence[str], outco
     """
     time = np.concatenate([chunk.time for chunk in chunks])
     signals = [_signals(chunk) for chunk in chunks]
-    data = {
-        name: (("time", "coordinate"), np.concatenate([_widen(getattr(chunk, name), kept) for chunk in chunks]), attrs)
-        for name, attrs in ((n, {"units": u}) for n, u in MIXED_UNITS.items())
-    }
+    data: dict[str, tuple[tuple[str, ...], np.ndarray, dict[str, str]]] = {}
+    for name, units in MIXED_UNITS.items():
+        values = np.concatenate([_widen(getattr(chunk, name), kept) for chunk in chunks])
+        data[name] = (("time", "coordinate"), values, {"units": units})
     for name, (units, meaning) in SIGNALS.items():
         values = np.concatenate([part[name] for part in signals])
-        data[name] = ("time", values, {"units": units, "long_name": meaning})
+        data[name] = (("time",), values, {"units": units, "long_name": meaning})
     coordinates = {
         "time": ("time", time, {"units": "s", "axis": "T"}),
         "coordinate": ("coordinate", list(COORDINATES)),

@@ -4,7 +4,7 @@ A Python loop over chunks keeps memory flat, lets an interrupted run keep its da
 compiled program, which would bar it from the persistent compilation cache.
 """
 
-from collections.abc import Iterator
+from collections.abc import Generator
 from typing import NamedTuple
 
 import diffrax
@@ -28,7 +28,7 @@ LOCAL_SHARE = 0.1
 # A coordinate is resolved at least to this share of what it would do if all vibration energy were in each mode.
 COUPLING_SHARE = 1e-3
 # A proportional part in the step-size control halves the rejected steps where edges make kinks.
-CONTROLLER = {"pcoeff": 0.3, "icoeff": 0.4}
+PROPORTIONAL, INTEGRAL = 0.3, 0.4
 QUIET = 1e-12  # m; motion below a picometre counts as rest, and is resolved as if it were that large
 FIRST_STEP_SHARE = 0.01  # first step over the period of the highest frictionless mode, divided by 2π
 
@@ -83,14 +83,14 @@ class _Segment(NamedTuple):
 
 def integrate(
     model: Model,
-    steady: Array,
+    steady: ArrayLike,
     displacement: ArrayLike,
     velocity: ArrayLike,
     *,
     duration: float,
     sample_rate: float,
     tolerance: float,
-) -> Iterator[Chunk]:
+) -> Generator[Chunk]:
     """Integrate M q̈ = Σ Q from a departure (n,) from steady sliding q* (n,) and yield the samples chunk by chunk.
 
     Adaptive Dormand-Prince of order 8 (diffrax), its error per step measured against the amplitude that the vibration
@@ -98,6 +98,7 @@ def integrate(
     IntegrationError when a chunk fails; all good samples have been yielded by then.
     """
     samples = round(duration * sample_rate)
+    steady = real(steady)
     state = _State(real(displacement), real(velocity), jnp.zeros(()))
     first_energy = sum(float(e) for e in _energy(model, steady, state))
     step = None
@@ -149,12 +150,14 @@ def _advance(
         step,
         state._replace(work=jnp.zeros(())).flat() / scale,
         saveat=diffrax.SaveAt(subs=[diffrax.SubSaveAt(ts=time), diffrax.SubSaveAt(t1=True)]),
-        stepsize_controller=diffrax.PIDController(rtol=local, atol=local, norm=_largest, **CONTROLLER),
+        stepsize_controller=diffrax.PIDController(
+            rtol=local, atol=local, norm=_largest, pcoeff=PROPORTIONAL, icoeff=INTEGRAL
+        ),
         adjoint=diffrax.ForwardMode(),
         max_steps=STEP_BUDGET,
         throw=False,
     )
-    assert solution.ys is not None  # noqa: S101 (for the type checker)
+    assert solution.ys is not None  # for the type checker
     states, final = (_State.split(ys * scale) for ys in (solution.ys[0], solution.ys[1][0]))
     states, final = (s._replace(work=s.work + state.work) for s in (states, final))
 

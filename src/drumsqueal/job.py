@@ -15,7 +15,6 @@ from drumsqueal.run import Prepared, collect, finish
 from drumsqueal.summary import summarise, write_json
 
 
-
 def run_into(folder: Path, prepared: Prepared, console: Console) -> None:
     """Run a prepared scene and write history, summary and figures into the folder.
 

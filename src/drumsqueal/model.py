@@ -65,14 +65,16 @@ class Model(eqx.Module):
         kept = [k for k, i in enumerate(self.coordinates) if i in IN_PLANE]
         contact = dataclasses.replace(self.contact, surface=ArcSurface())
         stiffness = self.stiffness[np.ix_(kept, kept)]
-        return Model(contact, self.others, self.mass[np.asarray(kept)], stiffness, tuple(self.coordinates[k] for k in kept))
+        return Model(
+            contact, self.others, self.mass[np.asarray(kept)], stiffness, tuple(self.coordinates[k] for k in kept)
+        )
 
     def act(self, time: ArrayLike, q: Array, v: Array) -> tuple[Array, Array]:
         """Generalised force (n,) and power beyond the stored energy (W), at displacement q (n,) and velocity v (n,)."""
         wide_q, wide_v = self.widen(q), self.widen(v)
         actions = [effect.act(time, wide_q, wide_v) for effect in self.effects]
         force = [sum(action.force[i] for action in actions) + jnp.zeros(()) for i in self.coordinates]
-        return jnp.stack(force), sum(action.power for action in actions) + jnp.zeros(())
+        return jnp.stack(force), jnp.asarray(sum(action.power for action in actions) + jnp.zeros(()))
 
     def acceleration(self, time: ArrayLike, q: Array, v: Array) -> Array:
         """q̈ = M⁻¹ Σ Q (n,)."""
@@ -82,7 +84,7 @@ class Model(eqx.Module):
         """Kinetic energy ½ vᵀ M v and potential energy Σ U (J)."""
         wide = self.widen(q)
         potential = sum(effect.potential_energy(time, wide) for effect in self.effects)
-        return jnp.sum(self.mass * v * v) / 2, potential + jnp.zeros(())
+        return jnp.sum(self.mass * v * v) / 2, jnp.asarray(potential + jnp.zeros(()))
 
     def observe(self, time: ArrayLike, q: Array, v: Array) -> Observation:
         """Torque, forces and extent of the contact at one instant."""
@@ -101,9 +103,7 @@ class Composition(NamedTuple):
     damping: bool
 
 
-def build_model(
-    scene: Scene, numbers: Numbers | None = None, coordinates: tuple[int, ...] | None = None
-) -> Model:
+def build_model(scene: Scene, numbers: Numbers | None = None, coordinates: tuple[int, ...] | None = None) -> Model:
     """Build the model that a scene calls for, over its kept coordinates unless others are asked for.
 
     `numbers` replaces the scene's physical values (keys as in `scene.numbers()`, SI units) and may hold traced values:
@@ -172,13 +172,13 @@ def kept_coordinates(scene: Scene) -> tuple[int, ...]:
 
 
 def linear_coordinates(scene: Scene) -> tuple[int, ...]:
-    """Coordinates of the eigenvalue problem: those listed, or all six, for a mode need not be started to be unstable."""
+    """Coordinates of the eigenvalue problem: those listed, or all six: a mode is unstable whether started or not."""
     return tuple(range(6)) if scene.simulate.coordinates == "auto" else kept_coordinates(scene)
 
 
 def _contact(composition: Composition, value: Mapping[str, Array], shoe: RigidShoe) -> Contact:
     law = Unilateral if composition.separation else Bonded
-    # The load is spread evenly over the lining: p0 = load / (R β b), our reading of the paper's "uniformly distributed".
+    # The load is spread evenly, p0 = load / (R β b): our reading of the paper's "uniformly distributed".
     preload = _schedule("contact.normal_load", value, 1 / shoe.area)
     speed = _schedule("drum.speed", value, jnp.ones(()))
     surface = ArcSurface() if set(composition.coordinates) <= set(IN_PLANE) else AreaSurface()

@@ -1,12 +1,13 @@
 """Complex eigenvalues of steady sliding: modes, growth rates, frequencies."""
 
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import scipy.linalg
 from jax import Array
+from numpy.typing import NDArray
 
 from drumsqueal.errors import SteadyStateError
 from drumsqueal.model import Model
@@ -29,8 +30,8 @@ class Mode(NamedTuple):
     name: str
     eigenvalue: complex
     unstable: bool
-    right: np.ndarray
-    left: np.ndarray
+    right: NDArray[np.complex128]
+    left: NDArray[np.complex128]
 
     @property
     def frequency_Hz(self) -> float:
@@ -55,9 +56,9 @@ class Stability(NamedTuple):
     """
 
     coordinates: tuple[str, ...]
-    mass: np.ndarray
-    steady_state: np.ndarray
-    eigenvalues: np.ndarray
+    mass: NDArray[np.float64]
+    steady_state: NDArray[np.float64]
+    eigenvalues: NDArray[np.complex128]
     modes: tuple[Mode, ...]
     pressure_range: tuple[float, float]
 
@@ -83,10 +84,12 @@ def analyse_stability(model: Model) -> Stability:
         raise SteadyStateError(
             "no self-consistent steady sliding was found: the shoe may jam or leave the drum at this load and speed"
         )
-    eigenvalues, left, right = scipy.linalg.eig(np.asarray(matrix), left=True, right=True)
+    eigenvalues, left, right = _eigen(np.asarray(matrix))
     modes = _modes(model, eigenvalues, left, right)
     order = np.lexsort((eigenvalues.imag, np.abs(eigenvalues.imag)))
-    return Stability(model.names, np.asarray(model.mass), np.asarray(steady), eigenvalues[order], modes, (float(low), float(high)))
+    return Stability(
+        model.names, np.asarray(model.mass), np.asarray(steady), eigenvalues[order], modes, (float(low), float(high))
+    )
 
 
 @jax.jit
@@ -125,7 +128,16 @@ def growth_rate(model: Model, mode: str) -> Array:
     return jnp.where(jnp.any(meant), rate, jnp.nan)
 
 
-def _modes(model: Model, eigenvalues: np.ndarray, left: np.ndarray, right: np.ndarray) -> tuple[Mode, ...]:
+Complex = NDArray[np.complex128]
+
+
+def _eigen(matrix: NDArray[np.float64]) -> tuple[Complex, Complex, Complex]:
+    """Eigenvalues (2n,), left and right eigenvectors as columns (2n, 2n)."""
+    values, left, right = cast("tuple[Complex, ...]", scipy.linalg.eig(matrix, left=True, right=True))
+    return values, left, right
+
+
+def _modes(model: Model, eigenvalues: Complex, left: Complex, right: Complex) -> tuple[Mode, ...]:
     n = len(model.coordinates)
     weight = np.sqrt(np.asarray(model.mass))
     largest = np.max(np.abs(eigenvalues))

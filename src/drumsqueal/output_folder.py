@@ -14,7 +14,9 @@ def check_output(folder: Path, *, overwrite: bool) -> None:
         if part.exists() and not part.is_dir():
             raise RequestError(f"{folder}: {part} is a file, not a folder; choose another with -o")
     if (folder / HISTORY).exists() and not overwrite:
-        raise RequestError(f"{folder / HISTORY} exists; add --overwrite to replace it, or choose another folder with -o")
+        raise RequestError(
+            f"{folder / HISTORY} exists; add --overwrite to replace it, or choose another folder with -o"
+        )
 
 
 def claim_output(folder: Path) -> None:

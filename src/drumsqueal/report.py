@@ -65,8 +65,10 @@ def print_result(console: Console, result: Result) -> None:
     saturation = result.comparison.saturation
     if saturation is not None:
         console.print(f"After growth, from {saturation.start_s:.4g} s: {saturation.regime.reason}")
-    console.print(f"Energy balance closes to {energy_balance(result)['energy_balance_error_over_kinetic_energy']:.1e} "
-                  "of the largest kinetic energy")
+    console.print(
+        f"Energy balance closes to {energy_balance(result)['energy_balance_error_over_kinetic_energy']:.1e} "
+        "of the largest kinetic energy"
+    )
     console.print(f"[bold]{result.comparison.verdict}[/]")
 
 

@@ -1,6 +1,6 @@
 """The main job: a scene in, the linear prediction, the nonlinear transient and their comparison out."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from contextlib import closing
 from typing import NamedTuple
 
@@ -60,7 +60,7 @@ def check_sample_rate(prepared: Prepared) -> None:
         )
 
 
-def transient(prepared: Prepared) -> Iterator[Chunk]:
+def transient(prepared: Prepared) -> Generator[Chunk]:
     """Integrate the scene's start and yield the samples chunk by chunk; raises IntegrationError where it fails."""
     scene, model, stability = prepared.scene, prepared.model, prepared.stability
     steady = np.array([stability.steady_state[stability.coordinates.index(name)] for name in model.names])

@@ -2,9 +2,11 @@
 
 from typing import NamedTuple, Protocol
 
+from jax import Array
 from jax.typing import ArrayLike
 
-Six = tuple[ArrayLike, ArrayLike, ArrayLike, ArrayLike, ArrayLike, ArrayLike]
+Scalar = Array | float
+Six = tuple[Scalar, ...]  # one for each of X, Y, Z, Tx, Ty, Tz
 ZERO: Six = (0.0,) * 6
 
 
@@ -12,7 +14,7 @@ class Action(NamedTuple):
     """Generalised force on the six coordinates (N, N m) and the power it feeds in beyond its potential energy (W)."""
 
     force: Six
-    power: ArrayLike
+    power: Scalar
 
 
 class Effect(Protocol):
@@ -22,6 +24,6 @@ class Effect(Protocol):
         """Generalised force and power at a time (s), displacement q (m, rad) and velocity v (m/s, rad/s)."""
         ...
 
-    def potential_energy(self, time: ArrayLike, q: Six) -> ArrayLike:
+    def potential_energy(self, time: ArrayLike, q: Six) -> Scalar:
         """Energy stored (J); zero for an effect that stores none."""
         ...

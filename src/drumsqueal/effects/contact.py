@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
-from drumsqueal.bodies.rigid_shoe import TX, TY, TZ, X, Y, Z, RigidShoe
+from drumsqueal.bodies.rigid_shoe import TX, TY, TZ, RigidShoe, X, Y, Z
 from drumsqueal.effects.action import Action, Six
 from drumsqueal.effects.friction import Friction
 from drumsqueal.effects.schedule import Profile, Schedule
@@ -165,9 +165,7 @@ class Contact(eqx.Module):
     def _pressure_level(self, time: ArrayLike, q: Six) -> Level:
         """p0 + k_c u_r, u_r = (q1 + z q5) cos θ + (q2 − z q4 − c q6) sin θ."""
         k = self.law.stiffness
-        return Level(
-            self.preload.at(time), k * q[X], k * (q[Y] - self.shoe.centroid * q[TZ]), k * q[TY], -k * q[TX]
-        )
+        return Level(self.preload.at(time), k * q[X], k * (q[Y] - self.shoe.centroid * q[TZ]), k * q[TY], -k * q[TX])
 
     def _slip_level(self, time: ArrayLike, v: Six) -> Level:
         """V_θ = R (q̇6 − Ω) − (q̇1 + z q̇5) sin θ + (q̇2 − z q̇4 − c q̇6) cos θ, equations (9) and (13)."""
@@ -203,7 +201,8 @@ class Contact(eqx.Module):
 
     def _torque_and_heat(self, field: ContactField) -> tuple[Array, Array]:
         """Brake torque R ∫F_θ dA (N m) and friction heat −∫F·V dA (W)."""
-        assert field.along is not None and field.slip is not None  # noqa: S101 (for the type checker)
+        assert field.along is not None  # both for the type checker
+        assert field.slip is not None
         weight = field.nodes.weight
         density = field.along * field.slip
         if field.across is not None and field.axial is not None:
@@ -226,8 +225,9 @@ class Contact(eqx.Module):
     def _pressure_range(self, time: ArrayLike, q: Six) -> tuple[Array, Array]:
         """Extremes of p0 + k_c u_r: at an end of the arc or where cos and sin line up, on an edge line z = ±b/2."""
         z = self.shoe.width / 2 * jnp.asarray([-1.0, 1.0])
-        a, b, c, _, _ = self._pressure_level(time, q).on_line(z)
-        swing = jnp.sqrt(jnp.where(b * b + c * c > 0, b * b + c * c, 1.0)) * (b * b + c * c > 0)
+        a, b, c = (jnp.asarray(x) for x in self._pressure_level(time, q).on_line(z)[:3])
+        squared = b * b + c * c
+        swing = jnp.where(squared > 0, jnp.sqrt(jnp.where(squared > 0, squared, 1.0)), 0.0)
         peak = jnp.arctan2(c, jnp.where((b == 0) & (c == 0), 1.0, b))
         half_angle, angle = self.shoe.half_angle, jnp.stack([-self.shoe.half_angle, self.shoe.half_angle])
         ends = a + b * jnp.cos(angle)[:, None] + c * jnp.sin(angle)[:, None]

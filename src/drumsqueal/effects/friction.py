@@ -49,9 +49,7 @@ class UnitVelocity(eqx.Module):
 
     knows_axial: ClassVar[bool] = True
 
-    def traction(
-        self, law: "Law", pressure: Array, slip: Array, axial: Array | None
-    ) -> tuple[Array, Array | None]:
+    def traction(self, law: "Law", pressure: Array, slip: Array, axial: Array | None) -> tuple[Array, Array | None]:
         """Tractions along θ and z (Pa) at slip velocity V_θ, V_z (m/s); V_z is None for motion in the plane."""
         if axial is None:
             return Tangential().traction(law, pressure, slip, None)

@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 from jax import Array
-from jax.typing import ArrayLike
 
 SINE_TERMS, COSINE_TERMS = 10, 11  # Taylor terms that reach round-off up to π/2
 
@@ -35,13 +34,13 @@ def sine_cosine(angle: Array) -> tuple[Array, Array]:
 class Level(NamedTuple):
     """L(θ, z) = constant + (cosine + cosine_slope z) cos θ + (sine + sine_slope z) sin θ."""
 
-    constant: ArrayLike
-    cosine: ArrayLike
-    sine: ArrayLike
-    cosine_slope: ArrayLike = 0.0
-    sine_slope: ArrayLike = 0.0
+    constant: Array | complex
+    cosine: Array | complex
+    sine: Array | complex
+    cosine_slope: Array | complex = 0.0
+    sine_slope: Array | complex = 0.0
 
-    def on_line(self, z: ArrayLike) -> "Level":
+    def on_line(self, z: Array) -> "Level":
         """Return the level on the lines z, whose coefficients have the shape of z."""
         cosine = self.cosine + self.cosine_slope * z
         sine = self.sine + self.sine_slope * z
@@ -50,7 +49,7 @@ class Level(NamedTuple):
     def at(self, cosine: Array, sine: Array, z: Array | None) -> Array:
         """Evaluate at nodes given by cos θ, sin θ and z (None on the line z = 0)."""
         line = self if z is None else self.on_line(z)
-        return line.constant + line.cosine * cosine + line.sine * sine
+        return jnp.asarray(line.constant + line.cosine * cosine + line.sine * sine)
 
 
 def real_roots(level: Level, half_angle: Array) -> tuple[Array, Array]:

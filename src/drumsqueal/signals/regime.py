@@ -1,5 +1,4 @@
 """Which regime a saturated record shows: steady, periodic, neither, or too little to tell."""
-# ruff: noqa: N815  (units keep their case)
 
 from typing import Literal, NamedTuple
 

@@ -1,5 +1,4 @@
 """Amplitude spectra, their peaks and the spectrogram."""
-# ruff: noqa: N815  (units keep their case)
 
 import math
 from typing import NamedTuple

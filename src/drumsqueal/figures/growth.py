@@ -1,0 +1,145 @@
+"""Amplitude of the modes over time beside the predicted growth, and the contact underneath."""
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+
+from drumsqueal.comparison import ModeComparison
+from drumsqueal.figures import style
+from drumsqueal.figures.placement import COLUMNS, label_right_edge
+from drumsqueal.figures.view import View, rate_text
+from drumsqueal.modes import Mode
+
+PERIODS = 3  # of the main frequency, over which fast oscillation is averaged
+BAND = (5, 95)  # percentiles within them that bound the band drawn
+DECADES = 8  # shown at most below the largest amplitude
+BEYOND = 1.15  # the record is shown this far past the start of the saturated part
+DASHES = (0, (4, 3))
+
+
+@style.styled()
+def draw_growth(view: View) -> Figure | None:
+    """Draw |leftᴴ y| of each mode with its predicted slope; None where no mode moved or too little was recorded."""
+    if not view.readable or not view.amplitudes:
+        return None
+    figure = style.new_figure(view.title, "growth of the modes")
+    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
+    end = view.time[-1] if view.saturation is None else min(view.time[-1], BEYOND * view.saturation.start_s)
+    shown = slice(0, int(np.searchsorted(view.time, end, side="right")))
+    factor, unit = style.time_unit(view.time[-1])
+    _mark_phases(view, upper)
+    marks = _mark_phases(view, lower)
+    modes = [_draw_mode(view, upper, mode, shown) for mode in view.modes]
+    upper.set_yscale("log")
+    _set_limits(view, upper, shown)
+    style.frame(upper, None, "Amplitude (µm; rotations times R)")
+    upper.add_artist(
+        upper.legend(
+            handles=modes,
+            title="Mode: Re λ predicted / measured (1/s)",
+            ncols=1 + (len(modes) > 3),
+            loc="lower left",
+            bbox_to_anchor=(0.0, 1.0),
+            borderaxespad=0.2,
+            alignment="left",
+        )
+    )
+    upper.legend(handles=_explained(marks), loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2)
+    _draw_contact(view, lower, shown)
+    more = f"; the record goes on to {view.time[-1] * factor:.4g} {unit}" if shown.stop < view.time.size else ""
+    style.frame(lower, f"Time ({unit}){more}", "Lining (%)")
+    lower.set_xlim(view.time[0] * factor, end * factor)
+    return figure
+
+
+def _draw_mode(view: View, axes: Axes, mode: Mode, shown: slice) -> Artist:
+    """Draw one mode and return its entry in the legend."""
+    factor, colour = style.time_unit(view.time[-1])[0], style.COLOUR[mode.name]
+    compared = view.compared(mode)
+    time, low, mean, high = _running(view, view.amplitudes[mode.name], shown)
+    axes.fill_between(time * factor, low, high, color=colour, alpha=0.2, linewidth=0)
+    (line,) = axes.plot(time * factor, mean, color=colour, linewidth=1.3, label=_entry(mode, compared))
+    slope_time, slope = _slope(view, mode, compared)
+    axes.plot(
+        slope_time * factor, slope, color=style.DARK, linewidth=0.7, linestyle=DASHES, gid=f"predicted {mode.name}"
+    )
+    return line
+
+
+def _entry(mode: Mode, compared: ModeComparison) -> str:
+    growth = compared.measured_growth
+    measured = "not measured" if growth is None else rate_text(growth.rate_1_per_s, mode)
+    return f"{mode.name} {mode.frequency_Hz:.0f} Hz: {rate_text(mode.growth_rate, mode)} / {measured}"
+
+
+def _slope(view: View, mode: Mode, compared: ModeComparison) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Times (s) and the predicted exponential through the fitted start, as far as twice the time of the first edge."""
+    edge, growth = view.result.comparison.edge_reached_s, compared.measured_growth
+    time = np.array([view.time[0], view.time[-1] if edge is None else min(2 * edge, view.time[-1])])
+    first = view.amplitudes[mode.name][0]
+    start = first if growth is None else growth.amplitude_at_start * view.micrometres(mode.name)
+    # Cut off where the number would leave what a double holds, far outside the frame.
+    return time, start * np.exp(np.clip(mode.growth_rate * (time - time[0]), -500.0, 500.0))
+
+
+def _set_limits(view: View, axes: Axes, shown: slice) -> None:
+    sizes = np.stack([view.amplitudes[mode.name][shown] for mode in view.modes])
+    top = float(sizes.max())
+    # Decaying modes leave the frame below; those that grow, or else all, decide how far down it goes.
+    growing = [k for k, mode in enumerate(view.modes) if mode.growth_rate >= 0] or list(range(len(view.modes)))
+    beginning = np.median(sizes[growing][:, view.growing], axis=1)
+    axes.set_ylim(max(float(beginning.min()) / 4, top * 10.0**-DECADES), top * 2)
+
+
+def _mark_phases(view: View, axes: Axes) -> list[Artist]:
+    """Shade the growth phase and mark the first edge; return what to name in the legend."""
+    comparison, (factor, unit) = view.result.comparison, style.time_unit(view.time[-1])
+    marks: list[Artist] = []
+    if comparison.growth_end_s < view.time[-1]:
+        span = axes.axvspan(
+            view.time[0] * factor, comparison.growth_end_s * factor, color=style.PALE, zorder=0, linewidth=0
+        )
+        span.set_label("growth phase, below 10 % of an edge")
+        marks.append(span)
+    if comparison.edge_reached_s is not None:
+        edge = comparison.edge_reached_s * factor
+        label = f"first edge reached, {edge:.4g} {unit}"
+        marks.append(axes.axvline(edge, color=style.DARK, linewidth=0.8, linestyle=":", label=label))
+    return marks
+
+
+def _explained(marks: list[Artist]) -> list[Artist]:
+    predicted = Line2D([], [], color=style.DARK, linewidth=0.7, linestyle=DASHES, label="predicted growth")
+    band = Patch(color=style.FAINT, label=f"{BAND[0]} to {BAND[1]} % of the samples in {PERIODS} periods")
+    return [predicted, band, *marks]
+
+
+def _draw_contact(view: View, axes: Axes, shown: slice) -> None:
+    labels, factor = [], style.time_unit(view.time[-1])[0]
+    for name, text, colour in (
+        ("contact_fraction", "in contact", style.TOUCHING),
+        ("slip_reversed_fraction", "slip reversed", style.REVERSED),
+    ):
+        time, low, mean, high = _running(view, 100 * view.result.history[name].values, shown)
+        axes.fill_between(time * factor, low, high, color=colour, alpha=0.25, linewidth=0)
+        axes.plot(time * factor, mean, color=colour)
+        labels.append((float(mean[-1]), text, colour))
+    axes.set_ylim(-4, 104)
+    axes.set_yticks([0, 50, 100])
+    label_right_edge(axes, labels, reach=6.0)
+
+
+def _running(view: View, values: NDArray[np.float64], shown: slice) -> tuple[NDArray[np.float64], ...]:
+    """Times (s) of the middles of overlapping windows, and lower percentile, mean and upper percentile in them."""
+    frequency = view.main_frequency or view.departure.sample_rate
+    values = values[shown]
+    window = min(max(1, round(PERIODS * view.departure.sample_rate / frequency)), max(1, values.size // 8))
+    step = max(1, window // 4, values.size // COLUMNS)
+    windows = sliding_window_view(values, window)[::step]
+    low, high = np.percentile(windows, BAND, axis=1)
+    return view.time[shown][window // 2 :: step][: len(windows)], low, windows.mean(axis=1), high

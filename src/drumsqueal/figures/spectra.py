@@ -1,0 +1,99 @@
+"""Spectra of the growth phase and of the saturated part beside the predicted frequencies."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from drumsqueal.figures import style
+from drumsqueal.figures.placement import extremes, label_top_edge
+from drumsqueal.figures.view import View
+from drumsqueal.signals import Spectrum
+
+DECADES = 6  # of amplitude shown
+ABOVE = 1.25  # highest frequency shown over that of the highest mode
+
+CAPTION_PAD = 20.0  # points above the upper panel, where the names of the modes stand in between
+
+
+@style.styled()
+def draw_spectra(view: View) -> Figure | None:
+    """Draw displacement spectra before and after saturation; None where the record is too short for any."""
+    parts = [("Growth phase" if view.saturation else "Linear motion", view.growing)]
+    if view.saturation is not None:
+        parts.append(("Saturated motion", view.saturated))
+    spectra = [(name, part, view.departure.spectra(part)) for name, part in parts if view.readable]
+    spectra = [entry for entry in spectra if entry[2]]
+    if not spectra:
+        return None
+    figure = style.new_figure(view.title, "displacement spectra")
+    rows = figure.subplots(len(spectra), 1, sharex=True, squeeze=False)[:, 0]
+    highest = min(view.departure.sample_rate / 2, ABOVE * max(mode.frequency_Hz for mode in view.modes))
+    for axes, (name, part, found) in zip(rows, spectra, strict=True):
+        axes.set_xlim(0, highest / 1e3)
+        _draw(view, axes, found, highest)
+        axes.set_title(_caption(view, name, part, found), loc="left", pad=4, fontsize=style.TEXT_SIZE)
+        for mode in view.modes:
+            colour = style.COLOUR[mode.name]
+            axes.axvline(
+                mode.frequency_Hz / 1e3, color=colour, linewidth=0.7, linestyle=":", gid=f"predicted {mode.name}"
+            )
+    rows[0].set_title(rows[0].get_title(loc="left"), loc="left", pad=CAPTION_PAD, fontsize=style.TEXT_SIZE)
+    rows[-1].set_xlabel("Frequency (kHz)")
+    if view.saturation is not None and len(spectra) > 1:
+        _mark_main_line(view, rows[-1])
+    rows[0].legend(
+        loc="lower right",
+        bbox_to_anchor=(1.0, 1.0),
+        ncols=6,
+        borderaxespad=CAPTION_PAD / style.SMALL_SIZE - 0.4,
+        handlelength=1.2,
+        columnspacing=1.2,
+    )
+    figure.supylabel("Displacement amplitude (µm; rotations times R)", fontsize=style.TEXT_SIZE)
+    label_top_edge(
+        rows[0],
+        [(m.frequency_Hz / 1e3, f"{m.name} {m.frequency_Hz:.0f} Hz", style.COLOUR[m.name]) for m in view.modes],
+    )
+    return figure
+
+
+def _draw(view: View, axes: Axes, found: dict[str, Spectrum], highest: float) -> None:
+    top = 0.0
+    for coordinate, spectrum in found.items():
+        kept = spectrum.frequency_Hz <= highest
+        amplitude = spectrum.amplitude[kept] * view.micrometres(coordinate)
+        starts, _, largest = extremes(amplitude)
+        top = max(top, float(largest.max()))
+        axes.plot(spectrum.frequency_Hz[kept][starts] / 1e3, largest, color=style.COLOUR[coordinate], label=coordinate)
+    axes.set_yscale("log")
+    axes.set_ylim(top * 10.0**-DECADES, top * 4)
+    style.frame(axes, None, None)
+
+
+def _caption(view: View, name: str, part: slice, found: dict[str, Spectrum]) -> str:
+    factor, unit = style.time_unit(view.time[-1])
+    first, last = view.time[part][0] * factor, view.time[part][-1] * factor
+    resolution = next(iter(found.values())).resolution_Hz
+    return f"{name}, {first:.4g} to {last:.4g} {unit}, resolution {resolution:.2g} Hz"
+
+
+def _mark_main_line(view: View, axes: Axes) -> None:
+    saturation = view.saturation
+    if saturation is None or saturation.main is None:
+        return
+    main, text = saturation.main, f"{saturation.main.frequency_Hz:.0f} Hz"
+    if saturation.frequency_shift is not None:
+        side = "below" if saturation.frequency_shift < 0 else "above"
+        text += f", {abs(saturation.frequency_shift):.1%} {side} the onset of {saturation.nearest_mode}"
+    height = main.amplitude * view.micrometres(main.coordinate)
+    axes.plot(
+        [main.frequency_Hz / 1e3],
+        [height * 2],
+        marker="v",
+        markersize=4,
+        color=style.DARK,
+        linestyle="",
+        gid="main line",
+    )
+    title = axes.get_title(loc="left")
+    axes.set_title(f"{title}; ▼ {text}", loc="left", pad=4, fontsize=style.TEXT_SIZE)

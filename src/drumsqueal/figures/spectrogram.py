@@ -1,0 +1,65 @@
+"""Frequency content over time of the coordinate that moves most."""
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from drumsqueal.figures import style
+from drumsqueal.figures.placement import label_right_edge
+from drumsqueal.figures.view import View
+from drumsqueal.signals import spectrogram
+
+RANGE_DB = 100.0  # dynamic range shown
+PERIODS, FEWEST_PERIODS = 16.0, 4.0  # of the lowest mode in a window
+WINDOWS = 4  # that must fit side by side into the record
+ABOVE = 1.25  # highest frequency shown over that of the highest mode
+
+
+@style.styled()
+def draw_spectrogram(view: View) -> Figure | None:
+    """Draw the spectrogram of a velocity in dB of its maximum; None where the record is too short for one."""
+    if not view.readable or not view.modes:
+        return None
+    lowest = min(mode.frequency_Hz for mode in view.modes if mode.growth_rate > -mode.frequency_Hz)
+    rate = view.departure.sample_rate
+    periods = min(PERIODS, view.time.size / rate * lowest / WINDOWS)
+    if periods < FEWEST_PERIODS:
+        return None
+    name = view.energetic
+    signal = view.departure.velocity[:, view.departure.coordinates.index(name)]
+    content = spectrogram(signal, rate, lowest_frequency=lowest, periods=periods)
+    highest = min(rate / 2, ABOVE * max(mode.frequency_Hz for mode in view.modes))
+    kept = content.frequency_Hz <= highest
+    peak = content.amplitude.max()
+    level = 20 * np.log10(np.maximum(content.amplitude[kept] / peak, 10 ** (-RANGE_DB / 20 - 1)))
+    factor, unit = style.time_unit(view.time[-1])
+    figure = style.new_figure(view.title, f"spectrogram of the velocity of {name}")
+    axes = figure.subplots()
+    image = axes.imshow(
+        level,
+        origin="lower",
+        aspect="auto",
+        cmap="magma",
+        vmin=-RANGE_DB,
+        vmax=0,
+        extent=_edges((view.time[0] + content.time_s) * factor) + _edges(content.frequency_Hz[kept] / 1e3),
+    )
+    style.frame(axes, f"Time ({unit}), middle of a window of {periods / lowest * 1e3:.3g} ms", "Frequency (kHz)")
+    axes.set_ylim(0, highest / 1e3)
+    speed = "rad/s" if name.startswith("T") else "m/s"
+    bar = figure.colorbar(image, ax=axes, extend="min", pad=0.02, aspect=30)
+    bar.set_label(f"Velocity amplitude (dB relative to {peak:.3g} {speed})")
+    bar.ax.tick_params(labelsize=style.SMALL_SIZE)
+    labels = []
+    for mode in view.modes:
+        axes.axhline(
+            mode.frequency_Hz / 1e3, color="white", linewidth=0.5, linestyle=(0, (2, 4)), gid=f"predicted {mode.name}"
+        )
+        labels.append((mode.frequency_Hz / 1e3, f"{mode.name} {mode.frequency_Hz:.0f} Hz", style.COLOUR[mode.name]))
+    label_right_edge(axes, labels, reach=6.0)
+    return figure
+
+
+def _edges(centres: np.ndarray) -> tuple[float, float]:
+    """Outer edges of evenly spaced pixels."""
+    half = (centres[1] - centres[0]) / 2 if centres.size > 1 else 0.5
+    return float(centres[0] - half), float(centres[-1] + half)

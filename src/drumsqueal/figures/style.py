@@ -1,0 +1,83 @@
+"""How every figure looks: size, fonts, and one fixed colour for each coordinate and each state of the contact."""
+
+from collections.abc import Mapping
+from contextlib import AbstractContextManager
+from typing import Any
+
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+WIDTH_MM, HEIGHT_MM = 170.0, 110.0
+MM_PER_INCH = 25.4
+TEXT_SIZE, SMALL_SIZE, TITLE_SIZE = 8.0, 7.0, 9.0  # points
+LONGEST_TITLE = 70  # characters, as many as fit with the subject beside them
+
+# The palette of Okabe and Ito, which the colour-blind tell apart; a mode has the colour of its coordinate.
+COLOUR: Mapping[str, str] = {
+    "X": "#0072B2",
+    "Y": "#D55E00",
+    "Z": "#B8A500",
+    "Tx": "#56B4E9",
+    "Ty": "#E69F00",
+    "Tz": "#009E73",
+}
+TOUCHING, SEPARATED, REVERSED = "#444444", "#BDBDBD", "#AA3377"  # states of the contact
+PALE, FAINT, DARK = "#EEEEEE", "#CCCCCC", "#333333"
+SHORTEST_IN_SECONDS = 2.0  # a longer time axis is in s, a shorter one in ms
+
+_RC: dict[str, Any] = {
+    "font.size": TEXT_SIZE,
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans"],  # comes with matplotlib, so that a figure is the same everywhere
+    "axes.labelsize": TEXT_SIZE,
+    "axes.titlesize": TEXT_SIZE,
+    "axes.linewidth": 0.6,
+    "axes.edgecolor": DARK,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "xtick.minor.width": 0.4,
+    "ytick.minor.width": 0.4,
+    "legend.fontsize": SMALL_SIZE,
+    "legend.title_fontsize": SMALL_SIZE,
+    "legend.frameon": False,
+    "lines.linewidth": 0.9,
+    "axes.unicode_minus": True,
+    "axes.formatter.useoffset": False,
+    "figure.constrained_layout.h_pad": 0.04,
+    "figure.constrained_layout.w_pad": 0.04,
+    "svg.fonttype": "path",
+    "pdf.fonttype": 42,
+}
+
+
+def styled() -> AbstractContextManager[None]:
+    """Return the context in which figures are built and saved; it leaves the global settings as they were."""
+    return rc_context(_RC)
+
+
+def new_figure(title: str, subject: str) -> Figure:
+    """Return an empty figure headed by the title of the scene and what is shown."""
+    figure = Figure(figsize=(WIDTH_MM / MM_PER_INCH, HEIGHT_MM / MM_PER_INCH), layout="constrained")
+    words = " ".join(title.split())
+    short = words if len(words) <= LONGEST_TITLE else words[: LONGEST_TITLE - 1] + "…"
+    # A title is the user's own words: a dollar sign in it does not start a formula.
+    figure.suptitle(
+        f"{short}: {subject}" if short else subject, fontsize=TITLE_SIZE, x=0.01, ha="left", parse_math=False
+    )
+    return figure
+
+
+def frame(axes: Axes, x_label: str | None, y_label: str | None) -> None:
+    """Label the axes and set their ticks; None leaves a label out."""
+    axes.tick_params(which="both", labelsize=SMALL_SIZE)
+    axes.spines[["top", "right"]].set_visible(False)
+    if x_label is not None:
+        axes.set_xlabel(x_label)
+    if y_label is not None:
+        axes.set_ylabel(y_label)
+
+
+def time_unit(duration: float) -> tuple[float, str]:
+    """Return the factor from seconds and the unit in which a time axis of that length (s) reads well."""
+    return (1.0, "s") if duration > SHORTEST_IN_SECONDS else (1e3, "ms")

@@ -1,0 +1,116 @@
+"""What all figures look at: the result of a run as departure from steady sliding, its modes and its phases."""
+
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drumsqueal.bodies.rigid_shoe import TZ, Y
+from drumsqueal.comparison import NEUTRAL_SHARE, UNEXCITED_SHARE, ModeComparison
+from drumsqueal.departure import FEWEST_SAMPLES, Departure
+from drumsqueal.model import Model
+from drumsqueal.modes import Mode
+from drumsqueal.run import Result
+from drumsqueal.saturation import Saturation
+from drumsqueal.signals import modal_amplitudes
+
+MICRO = 1e6
+ROTATIONS = ("Tx", "Ty", "Tz")
+
+
+class View:
+    """A result prepared for drawing; `model` is the one over the coordinates that moved."""
+
+    def __init__(self, result: Result, model: Model) -> None:
+        """Take the steady state off the history."""
+        self.result, self.model = result, model
+        self.departure = Departure(result.history, result.stability)
+        self.radius = float(model.shoe.outer_radius)
+
+    @property
+    def title(self) -> str:
+        """The title of the scene."""
+        return self.result.scene.title
+
+    @property
+    def time(self) -> NDArray[np.float64]:
+        """Times of the samples (s)."""
+        return self.departure.time
+
+    @cached_property
+    def readable(self) -> bool:
+        """Whether there are samples enough, and motion, to draw a history."""
+        return self.time.size >= FEWEST_SAMPLES and bool(np.any(np.ptp(self.departure.displacement, axis=0) > 0))
+
+    @property
+    def growing(self) -> slice:
+        """The samples of the growth phase."""
+        return slice(0, int(np.searchsorted(self.time, self.result.comparison.growth_end_s, side="right")))
+
+    @property
+    def saturation(self) -> Saturation | None:
+        """The saturated motion, if there is one."""
+        return self.result.comparison.saturation
+
+    @property
+    def saturated(self) -> slice:
+        """The samples of the saturated part, the whole record where nothing saturated."""
+        start = 0.0 if self.saturation is None else self.saturation.start_s
+        return slice(int(np.searchsorted(self.time, start)), self.time.size)
+
+    @cached_property
+    def amplitudes(self) -> dict[str, NDArray[np.float64]]:
+        """|leftᴴ y| (µm, rotations times the outer radius) of each mode that takes part, by name."""
+        names = [mode for mode in self.result.stability.modes if mode.name in self.model.names]
+        if not names:
+            return {}
+        states = np.hstack([self.departure.displacement, self.departure.velocity])
+        sizes = np.abs(modal_amplitudes(np.stack([mode.left for mode in names], axis=1), states))
+        least = UNEXCITED_SHARE * np.abs(self.departure.displacement).max()
+        kept = [k for k in range(len(names)) if sizes[:, k].max() > least]
+        return {names[k].name: sizes[:, k] * self.micrometres(names[k].name) for k in kept}
+
+    @property
+    def modes(self) -> tuple[Mode, ...]:
+        """The modes that take part in the motion, by rising frequency."""
+        return tuple(mode for mode in self.result.stability.modes if mode.name in self.amplitudes)
+
+    def compared(self, mode: Mode) -> ModeComparison:
+        """What the transient did with a mode."""
+        return next(found for found in self.result.comparison.modes if found.name == mode.name)
+
+    def micrometres(self, coordinate: str) -> float:
+        """Factor from a coordinate's unit to µm at the drum's surface."""
+        return MICRO * (self.radius if coordinate in ROTATIONS else 1.0)
+
+    @cached_property
+    def energetic(self) -> str:
+        """The coordinate with the most kinetic energy."""
+        energy = self.result.stability.mass * np.mean(self.departure.velocity**2, axis=0)
+        return self.departure.coordinates[int(np.argmax(energy))]
+
+    @property
+    def main_frequency(self) -> float | None:
+        """Frequency (Hz) of the strongest saturated line, or of the mode that is strongest at the end of the record."""
+        if self.saturation is not None and self.saturation.main is not None:
+            return self.saturation.main.frequency_Hz
+        last = max(1, self.time.size // 10)
+        mass = dict(zip(self.result.stability.coordinates, self.result.stability.mass, strict=True))
+
+        def energy(mode: Mode) -> float:
+            size = float(np.mean(self.amplitudes[mode.name][-last:])) / self.micrometres(mode.name)
+            return mass[mode.name] * (mode.frequency_Hz * size) ** 2
+
+        strongest = max(self.modes, key=energy, default=None)
+        return None if strongest is None else strongest.frequency_Hz
+
+    def surface_motion(self, part: slice) -> NDArray[np.float64]:
+        """u_θ (m) and its rate (m/s) at the middle of the lining, θ = z = 0, for a part of the record (time, 2)."""
+        offset = self.radius - float(self.model.shoe.centroid)
+        displacement, velocity = self.departure.wide()
+        return np.stack([(offset * q[TZ] + q[Y])[part] for q in (displacement, velocity)], axis=1)
+
+
+def rate_text(rate: float, mode: Mode) -> str:
+    """A growth rate of that mode (1/s) in words of four digits, 0 where it is round-off."""
+    return "0" if abs(rate) < NEUTRAL_SHARE * mode.frequency_Hz else f"{rate:+.4g}".replace("-", "−")
