@@ -336,17 +336,27 @@ def test_space_forces_below_the_edges(separation, drum):
 
 
 # With edges, errors relative to p0 × area over states where V_z is up to the given size (m/s) and both edges cross the
-# lining. Where V_z is small beside RΩ = 0.5 m/s, 12 graded nodes resolve the turn of V/|V| at a reversal within a share
-# V_z/RΩ of the arc; most states come out far better than the worst. Found over 60 states each:
+# lining. Where V_z is small beside RΩ = 0.5 m/s, the turn of V/|V| at a reversal takes a share V_z/RΩ of the arc, and 12
+# graded nodes must serve both the turn and the rest of the piece; most states come out far better than the worst, and
+# longer pieces (bonded: two edges fewer) worse. Largest and middling error found over 60 and 100 states each:
+#   V_z up to     1e-1             1e-2             1e-4             1e-6             1e-8
+#   unilateral    4e-7, 2e-10      2e-6, 3e-10      2e-6, 4e-10      4e-6, 1e-9       4e-6, 2e-9
+#   bonded        1e-6, 5e-13      5e-8, 7e-15      7e-6, 2e-15      5e-5, 2e-15      5e-5, 1e-15
 SPACE = [
-AXIAL_TABLE
+    (True, 1e-1, 5e-9, 4e-6),
+    (True, 1e-2, 5e-9, 2e-5),
+    (True, 1e-4, 5e-9, 2e-5),
+    (True, 1e-6, 2e-8, 4e-5),
+    (True, 1e-8, 2e-8, 4e-5),
+    (False, 1e-1, 1e-10, 1e-5),
+    (False, 1e-4, 1e-10, 7e-5),
+    (False, 1e-8, 1e-10, 5e-4),
 ]
 
 
 @pytest.mark.parametrize(("separation", "axial", "middling", "worst"), SPACE)
 def test_space_forces_over_random_states(separation, axial, middling, worst):
     brake = Brake()
-    # Without separation nothing but reversals costs accuracy, and bonded states may press as hard.
     errors = [
         relative_error(brake, q, v, area=True, separation=separation)
         for q, v in random_states(2, 14 if separation else 30, brake, press=1.5, slide=1.5, tilt=1.0, axial=axial)
@@ -355,29 +365,34 @@ def test_space_forces_over_random_states(separation, axial, middling, worst):
     assert np.max(errors) < worst
 
 
-# The reduced direction knows no V_z: only the corners at the edges, which the split lines and the split arc take out.
+# The reduced direction knows no V_z. What is left is where an edge of contact crosses a line of reversal: the lines are
+# not split there, and the integral along them has a corner. Largest found over 40 states 1.4e-6, middling 1.4e-9.
 def test_space_forces_of_the_tangential_direction():
     brake = Brake()
     errors = [
         relative_error(brake, q, v, area=True, direction="tangential")
         for q, v in random_states(3, 14, brake, press=1.5, slide=1.5, tilt=1.0, axial=0.1)
     ]
-    assert np.max(errors) < TANGENTIAL
+    assert np.median(errors) < 1e-8
+    assert np.max(errors) < 1e-5
 
 
-@pytest.mark.parametrize("arc", [30.0, 270.0, 360.0])
-def test_space_forces_on_other_arcs(arc):
+# Largest of 30 states: 30° 7e-8, 270° 3e-7, 360° 2.2e-5 (long pieces, as in the plane); middling 3e-9 at most.
+@pytest.mark.parametrize(("arc", "worst"), [(30.0, 1e-6), (270.0, 3e-6), (360.0, 2e-4)])
+def test_space_forces_on_other_arcs(arc, worst):
     brake = Brake(arc=np.radians(arc))
     errors = [
         relative_error(brake, q, v, area=True)
         for q, v in random_states(4, 10, brake, press=1.5, slide=1.5, tilt=1.0, axial=0.1)
     ]
-    assert np.max(errors) < OTHER
+    assert np.median(errors) < 2e-8
+    assert np.max(errors) < worst
 
 
+# Edges that are about to be born or have just been. Found: V_z 0.1 m/s 1e-11, 1e-4 m/s 2e-9, 1e-8 m/s 1.2e-6.
 @pytest.mark.parametrize("beyond", [1e-3, 1e-6, 1e-9, -1e-9, -1e-3])
-@pytest.mark.parametrize("axial", [1e-1, 1e-4, 1e-8])
-def test_space_forces_with_nearly_tangent_edges(beyond, axial):
+@pytest.mark.parametrize(("axial", "tolerance"), [(1e-1, 2e-10), (1e-4, 2e-8), (1e-8, 1e-5)])
+def test_space_forces_with_nearly_tangent_edges(beyond, axial, tolerance):
     brake = Brake()
     u, s = brake.pressure / brake.stiffness, brake.radius * brake.drum
     q, v = np.zeros(6), np.zeros(6)
@@ -385,17 +400,18 @@ def test_space_forces_with_nearly_tangent_edges(beyond, axial):
     v[:2] = s * (1 + beyond) * np.array([np.sin(0.1), np.cos(0.1)])
     q[3:5] = np.array([0.01, -0.02]) * u / brake.width  # leans a little, so that the edges are born on the lining
     v[2:5] = axial * np.array([0.3, 0.2 / brake.radius, 0.4 / brake.radius])
-    assert relative_error(brake, q, v, area=True) < NEARLY
+    assert relative_error(brake, q, v, area=True) < tolerance
 
 
-# Both surfaces are the same contact: with all motion in the plane they agree to what each is worth.
+# Both surfaces are the same contact: with all motion in the plane they agree to what each is worth. The area grades its
+# nodes towards a reversal even where V_z = 0 and nothing turns, which costs up to 1.2e-5 (over 300 states; mostly 4e-15).
 @given(six_shares, six_shares)
 @settings(derandomize=True, max_examples=50, deadline=None)
 def test_area_and_line_agree_in_the_plane(displacement, velocity):
     brake = Brake()
     q, v = (jnp.asarray(x) for x in scaled_state(brake, displacement + velocity, press=2.0, slide=2.0))
     line, area = (np.asarray(force_of(contact_of(brake, area=kind), q, v)) for kind in (False, True))
-    assert np.max(np.abs(area - line)) < AGREE * brake.pressure * brake.radius * brake.arc * brake.width
+    assert np.max(np.abs(area - line)) < 1e-4 * brake.pressure * brake.radius * brake.arc * brake.width
 
 
 # --- energy and observations ---------------------------------------------------------------------------------------------
@@ -434,12 +450,13 @@ def test_observations_are_the_integrals_they_say():
         assert seen.smallest_pressure == pytest.approx(max(level.min(), 0), abs=1e-2 * np.ptp(level))
 
 
-@pytest.mark.parametrize("separation", [True, False], ids=["unilateral", "bonded"])
-def test_pressure_is_the_slope_of_the_stored_energy(separation):
+# Without friction there are no reversals to grade for: 2.3e-7 was found with separation, round-off without.
+@pytest.mark.parametrize(("separation", "tolerance"), [(True, 2e-6), (False, 1e-10)], ids=["unilateral", "bonded"])
+def test_pressure_is_the_slope_of_the_stored_energy(separation, tolerance):
     brake = Brake(static=0.0, kinetic=0.0)
     contact = contact_of(brake, area=True, separation=separation)
     slope = eqx.filter_jit(jax.grad(lambda q: contact.potential_energy(0.0, tuple(q))))
     scale = brake.pressure * brake.radius * brake.arc * brake.width
     for q, v in random_states(6, 6, brake, press=1.5, slide=0.0, tilt=1.0):
         wanted = brute_force(brake, q, v * 0, separation=separation)
-        assert np.max(np.abs(-np.asarray(slope(jnp.asarray(q))) - wanted)) < SLOPE * scale
+        assert np.max(np.abs(-np.asarray(slope(jnp.asarray(q))) - wanted)) < tolerance * scale

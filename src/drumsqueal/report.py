@@ -1,5 +1,6 @@
 """What a run or an eigenvalue problem prints on the terminal."""
 
+from rich import box
 from rich.console import Console
 from rich.table import Table
 
@@ -10,7 +11,7 @@ from drumsqueal.summary import energy_balance
 
 def print_stability(console: Console, stability: Stability) -> None:
     """Print the modes, the other eigenvalues and the steady state."""
-    table = Table(title="Modes of steady sliding")
+    table = Table(title="Modes of steady sliding", box=box.SIMPLE_HEAD)
     for heading in ("mode", "frequency", "growth rate", "damping ratio", ""):
         table.add_column(heading, justify="left" if heading in ("mode", "") else "right")
     for mode in stability.modes:
@@ -35,21 +36,23 @@ def print_stability(console: Console, stability: Stability) -> None:
 
 def print_result(console: Console, result: Result) -> None:
     """Print the comparison of prediction and transient."""
-    table = Table(title="Onset: eigenvalues against the transient")
+    table = Table(title="Onset: eigenvalues against the transient", box=box.SIMPLE_HEAD)
     table.add_column("mode")
-    for heading in ("predicted", "measured", "difference", "growth predicted", "growth measured", "difference"):
-        table.add_column(heading, justify="right")
+    for quantity, unit in (("frequency", "Hz"), ("growth", "1/s")):
+        table.add_column(f"{quantity}\npredicted\n{unit}", justify="right")
+        table.add_column(f"{quantity}\nmeasured\n{unit}", justify="right")
+        table.add_column("error", justify="right")
     notes = []
     for mode in result.comparison.modes:
         growth = mode.measured_growth
         table.add_row(
             mode.name,
-            f"{mode.predicted_frequency_Hz:.2f} Hz",
-            _shown(mode.measured_frequency_Hz, "{:.2f} Hz"),
+            f"{mode.predicted_frequency_Hz:.2f}",
+            _shown(mode.measured_frequency_Hz, "{:.2f}"),
             _shown(mode.frequency_error, "{:+.4%}"),
-            f"{mode.predicted_growth_rate:+.3f} 1/s",
-            _shown(growth and growth.rate_1_per_s, "{:+.3f} 1/s"),
-            _shown(mode.growth_error, "{:+.3%}"),
+            f"{mode.predicted_growth_rate:+.3f}",
+            _shown(growth and growth.rate_1_per_s, "{:+.3f}"),
+            _shown(mode.growth_error, "{:+.4%}"),
         )
         if mode.note:
             notes.append(f"{mode.name}: {mode.note}")

@@ -21,7 +21,7 @@ from drumsqueal.model import Model
 
 PERIODS = 5  # of the main frequency
 ANGLES, TIMES = 160, 800  # of the image
-SMALL = 0.1  # a pressure that stays this near to p0 is drawn as its deviation
+SMALL = 0.5  # a pressure that stays this near to p0 is drawn as its deviation
 
 
 class _Field(NamedTuple):
@@ -49,9 +49,10 @@ def draw_contact(view: View) -> Figure | None:
     values, label, colours = field.level, "Pressure N / p₀", "YlGnBu"
     limits = (0.0 if _can_lift(view) else min(0.0, float(values.min())), float(values.max()))
     if deviation < SMALL:
-        power = int(np.floor(np.log10(deviation))) if deviation > 0 else 0
-        values, limits = (field.level - 1) / 10.0**power, (-deviation / 10.0**power, deviation / 10.0**power)
-        colours, label = "RdBu_r", f"Pressure N / p₀ − 1, in units of 1e{power}"
+        power = 0 if deviation >= 0.01 or deviation == 0 else int(np.floor(np.log10(deviation)))
+        reach = (deviation or 1.0) / 10.0**power
+        values, limits = (field.level - 1) / 10.0**power, (-reach, reach)
+        colours, label = "RdBu_r", "Pressure N / p₀ − 1" + (f" ({_power_of_ten(power)})" if power else "")
     image = axes.imshow(
         values,
         origin="lower",
@@ -86,7 +87,7 @@ def _evaluate(view: View) -> _Field | None:
     time, fine = (values[-TIMES:] for values in finer(samples, motion, count))
     half = float(view.model.shoe.half_angle)
     angles = np.linspace(-half, half, ANGLES)
-    level, slip, preload = _along_arc(view.model, time, fine, angles)
+    level, slip, preload = _along_arc(view.model, *map(jnp.asarray, (time, fine, angles)))
     p0 = float(np.max(preload))
     if not p0 > 0:
         return None
@@ -106,6 +107,10 @@ def _along_arc(model: Model, time: Array, motion: Array, angles: Array) -> tuple
     return jax.vmap(at)(time, motion)
 
 
+def _power_of_ten(power: int) -> str:
+    return "10" + str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+
+
 def _can_lift(view: View) -> bool:
     return isinstance(view.model.contact.law, Unilateral)
 
@@ -121,6 +126,15 @@ def _mark_states(view: View, axes: Axes, field: _Field, factor: float) -> None:
             extent = (field.time * factor, field.degrees)
             axes.contourf(*extent, level, levels=[0.0, 2 * level.max()], colors=[colour])
             handles.append(Patch(color=colour, label=name))
-    if not handles:
+    shown = bool(handles)
+    if not shown:
         handles.append(Patch(visible=False, label="the whole lining touches and none of it slips backwards"))
-    axes.legend(handles=handles, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.2)
+    axes.legend(
+        handles=handles,
+        loc="lower left",
+        bbox_to_anchor=(0.0, 1.0),
+        ncols=2,
+        borderaxespad=0.2,
+        handlelength=2.0 if shown else 0.0,
+        handletextpad=0.8 if shown else 0.0,
+    )

@@ -19,12 +19,13 @@ STABLE, UNSTABLE = "#EAF3FA", "#FBEDE4"
 def draw_eigenvalues(view: View) -> Figure | None:
     """Draw the upper half of the complex plane: all eigenvalues, and beside them those near the imaginary axis."""
     stability = view.result.stability
-    rates = np.abs(stability.eigenvalues.real)
+    values = np.asarray(stability.eigenvalues, dtype=np.complex128)
+    rates = np.abs(values.real)
     near = [mode for mode in stability.modes if abs(mode.growth_rate) < NEAR_AXIS * rates.max()]
-    enlarged = bool(near) and len(near) < len(stability.eigenvalues[stability.eigenvalues.imag >= 0])
-    figure = style.new_figure(view.title, "eigenvalues of steady sliding (upper half; conjugates left out)")
+    enlarged = bool(near) and len(near) < len(values[values.imag >= 0])
+    figure = style.new_figure(view.title, "eigenvalues of steady sliding, upper half-plane")
     panels = figure.subplots(1, 1 + enlarged, sharey=True, squeeze=False, width_ratios=(1, 1.4)[: 1 + enlarged])[0]
-    low, high = stability.eigenvalues.real.min(), stability.eigenvalues.real.max()
+    low, high = values.real.min(), values.real.max()
     margin = 0.12 * max(high - low, LEAST_WIDTH)
     top = 1.12 * max(stability.highest_frequency_Hz, 1.0) / 1e3
     _draw_panel(view, panels[0], (low - margin, max(high, 0.0) + margin), top)
@@ -34,15 +35,27 @@ def draw_eigenvalues(view: View) -> Figure | None:
         style.frame(panels[1], "Growth rate Re λ (1/s), enlarged", None)
     handles, names = panels[0].get_legend_handles_labels()
     figure.legend(handles, names, loc="outside lower center", ncols=5)
+    measured = _measured(view)
     for k, axes in enumerate(panels):
         full = k == len(panels) - 1
         inside = near if full and enlarged else stability.modes
-        label_points(axes, [(*_point(mode), _text(mode, full=full), style.COLOUR[mode.name]) for mode in inside])
+        label_points(
+            axes, [(*_point(mode), _text(mode, full=full), style.COLOUR[mode.name]) for mode in inside], measured
+        )
     return figure
 
 
 def _point(mode: Mode) -> tuple[float, float]:
     return mode.growth_rate, mode.frequency_Hz / 1e3
+
+
+def _measured(view: View) -> list[tuple[float, float]]:
+    """Growth rate (1/s) and frequency (kHz) of each mode for which the transient showed both."""
+    return [
+        (found.measured_growth.rate_1_per_s, found.measured_frequency_Hz / 1e3)
+        for found in view.result.comparison.modes
+        if found.measured_growth is not None and found.measured_frequency_Hz is not None
+    ]
 
 
 def _text(mode: Mode, *, full: bool) -> str:
@@ -64,9 +77,10 @@ def _draw_panel(view: View, axes: Axes, limits: tuple[float, float], top: float)
     axes.axvspan(0, max(limits[1], 0), color=UNSTABLE, linewidth=0, zorder=0, label="unstable")
     axes.xaxis.set_major_locator(MaxNLocator(5))
     axes.axvline(0, color=style.DARK, linewidth=0.6, zorder=1)
-    for number, mode in enumerate(stability.modes):
-        label = "predicted mode" if number == 0 else None
-        axes.plot(*_point(mode), marker="o", markersize=4, linestyle="", color=style.COLOUR[mode.name], label=label)
+    dot = {"marker": "o", "markersize": 4, "linestyle": ""}
+    for mode in stability.modes:
+        axes.plot(*_point(mode), **dot, color=style.COLOUR[mode.name], gid=f"predicted {mode.name}")
+    axes.plot([], [], **dot, color=style.DARK, label="predicted mode")
     real = [value.real for value in stability.eigenvalues if value.imag == 0]
     if real:
         axes.plot(
@@ -78,11 +92,7 @@ def _draw_panel(view: View, axes: Axes, limits: tuple[float, float], top: float)
             color=style.DARK,
             label="no oscillation",
         )
-    measured = [
-        (found.measured_growth.rate_1_per_s, found.measured_frequency_Hz / 1e3)
-        for found in view.result.comparison.modes
-        if found.measured_growth is not None and found.measured_frequency_Hz is not None
-    ]
+    measured = _measured(view)
     if measured:
         axes.plot(
             *np.transpose(measured),

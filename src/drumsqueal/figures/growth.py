@@ -6,6 +6,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.ticker import NullFormatter
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
@@ -17,7 +18,7 @@ from drumsqueal.modes import Mode
 
 PERIODS = 3  # of the main frequency, over which fast oscillation is averaged
 BAND = (5, 95)  # percentiles within them that bound the band drawn
-DECADES = 8  # shown at most below the largest amplitude
+DECADES = 7  # shown at most below the largest amplitude
 BEYOND = 1.15  # the record is shown this far past the start of the saturated part
 DASHES = (0, (4, 3))
 
@@ -38,17 +39,16 @@ def draw_growth(view: View) -> Figure | None:
     upper.set_yscale("log")
     _set_limits(view, upper, shown)
     style.frame(upper, None, "Amplitude (µm; rotations times R)")
-    upper.add_artist(
-        upper.legend(
-            handles=modes,
-            title="Mode: Re λ predicted / measured (1/s)",
-            ncols=1 + (len(modes) > 3),
-            loc="lower left",
-            bbox_to_anchor=(0.0, 1.0),
-            borderaxespad=0.2,
-            alignment="left",
-        )
+    legend = upper.legend(
+        handles=modes,
+        title="Mode: Re λ predicted / measured (1/s)",
+        loc="lower left",
+        bbox_to_anchor=(0.0, 1.0),
+        borderaxespad=0.2,
+        alignment="left",
     )
+    upper.add_artist(legend)
+    legend.set_clip_on(False)  # or the layout takes it for hidden and leaves it no room
     upper.legend(handles=_explained(marks), loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2)
     _draw_contact(view, lower, shown)
     more = f"; the record goes on to {view.time[-1] * factor:.4g} {unit}" if shown.stop < view.time.size else ""
@@ -90,10 +90,10 @@ def _slope(view: View, mode: Mode, compared: ModeComparison) -> tuple[NDArray[np
 def _set_limits(view: View, axes: Axes, shown: slice) -> None:
     sizes = np.stack([view.amplitudes[mode.name][shown] for mode in view.modes])
     top = float(sizes.max())
-    # Decaying modes leave the frame below; those that grow, or else all, decide how far down it goes.
-    growing = [k for k, mode in enumerate(view.modes) if mode.growth_rate >= 0] or list(range(len(view.modes)))
-    beginning = np.median(sizes[growing][:, view.growing], axis=1)
-    axes.set_ylim(max(float(beginning.min()) / 4, top * 10.0**-DECADES), top * 2)
+    # A decaying mode leaves the frame below: how it begins decides how far down that goes.
+    bottom = max(float(sizes[:, 0].min()) / 10, top * 10.0**-DECADES)
+    axes.set_ylim(min(bottom, top / 100), top * 2)
+    axes.yaxis.set_minor_formatter(NullFormatter())
 
 
 def _mark_phases(view: View, axes: Axes) -> list[Artist]:

@@ -10,6 +10,7 @@ from drumsqueal.figures.placement import finer
 from drumsqueal.figures.view import MICRO, View
 
 LAST_S = 0.03  # of the record that is drawn
+BEFORE_S = 0.01  # of the growth, up to the first edge, that is drawn: more of it would be a filled disc
 FINER = 8  # points drawn per sample
 NEAR = 0.3  # the slip limit is drawn where the motion comes to this share of it
 CHANGE = 0.01  # relative change of the drum's speed that is drawn as a band
@@ -23,8 +24,7 @@ def draw_phase(view: View) -> Figure | None:
     part = slice(max(view.saturated.start, int(np.searchsorted(view.time, view.time[-1] - LAST_S))), view.time.size)
     if view.time[part].size < 8 or not np.ptp(view.surface_motion(part)[:, 0]) > 0:
         return None
-    kind = "saturated motion" if view.saturation is not None else "motion"
-    figure = style.new_figure(view.title, f"phase portrait of the {kind}")
+    figure = style.new_figure(view.title, "phase portrait of the lining's surface")
     axes = figure.subplots()
     path = _path(view, part)
     unit, scale = _length_unit(float(np.abs(path[:, 0]).max()))
@@ -34,20 +34,22 @@ def draw_phase(view: View) -> Figure | None:
             before[:, 0] * scale,
             before[:, 1],
             color=style.FAINT,
-            linewidth=0.4,
+            linewidth=0.5,
             rasterized=True,
-            label="growth, to the first edge",
+            label=f"{BEFORE_S * 1e3:g} ms before the first edge",
         )
     factor, time_unit = style.time_unit(view.time[-1])
     label = f"{view.time[part][0] * factor:.4g} to {view.time[-1] * factor:.4g} {time_unit}"
-    axes.plot(path[:, 0] * scale, path[:, 1], color=style.DARK, linewidth=0.5, alpha=0.55, label=label)
+    axes.plot(path[:, 0] * scale, path[:, 1], color=style.DARK, linewidth=0.6, alpha=0.6, label=label)
     _draw_limit(view, axes, part, float(np.abs(path[:, 1]).max()))
     style.frame(
         axes,
         rf"Displacement $u_\theta$ from steady sliding, middle of the lining ({unit})",
         r"Velocity $\dot u_\theta$ (m/s)",
     )
-    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, borderaxespad=0.2)
+    legend = axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, borderaxespad=0.2)
+    for line in legend.get_lines():
+        line.set(linewidth=1.0, alpha=1.0)
     return figure
 
 
@@ -57,11 +59,11 @@ def _path(view: View, part: slice) -> NDArray[np.float64]:
 
 
 def _growth_path(view: View) -> NDArray[np.float64] | None:
-    """The spiral from the start to the first edge, if the motion got there."""
+    """The end of the spiral that leads to the first edge, if the motion got there."""
     edge = view.result.comparison.edge_reached_s
     if edge is None or view.saturation is None:
         return None
-    part = slice(0, int(np.searchsorted(view.time, edge)))
+    part = slice(*np.searchsorted(view.time, [edge - BEFORE_S, edge]).tolist())
     return _path(view, part) if view.time[part].size >= 8 else None
 
 
@@ -76,7 +78,7 @@ def _draw_limit(view: View, axes: Axes, part: slice, largest: float) -> None:
         axes.plot([], [], linestyle="", label=f"slip limit RΩ = {speed[-1]:.3g} m/s, outside the frame")
         return
     if abs(speed[1] - speed[0]) > CHANGE * np.abs(speed).max():
-        label = f"drum's surface speed RΩ, from {speed[0]:.3g} to {speed[1]:.3g} m/s"
+        label = f"slip limit RΩ, {speed[0]:.2g} to {speed[1]:.2g} m/s"
         axes.axhspan(*np.sort(speed).tolist(), color=style.REVERSED, alpha=0.2, linewidth=0, label=label)
     else:
         label = f"slip limit RΩ = {speed[-1]:.3g} m/s"

@@ -53,7 +53,7 @@ def _label_edge(
     if not labels:
         return []
     figure = axes.get_figure(root=True)
-    assert figure is not None  # noqa: S101 (for the type checker)
+    assert figure is not None
     figure.draw_without_rendering()  # only now is the size of the axes known
     box, along = axes.get_window_extent(), 1 if upright else 0
     length = (box.height if upright else box.width) * 72 / figure.dpi
@@ -95,13 +95,22 @@ _AROUND = (
 )
 
 
-def label_points(axes: Axes, labels: list[tuple[float, float, str, str]], distance: float = 7.0) -> list[Annotation]:
-    """Write (x, y, text, colour) beside each point, clear of other labels, the points, the line x = 0 and the frame."""
+def label_points(
+    axes: Axes,
+    labels: list[tuple[float, float, str, str]],
+    obstacles: list[tuple[float, float]],
+    distance: float = 8.0,
+) -> list[Annotation]:
+    """Write (x, y, text, colour) beside each point, inside the frame.
+
+    The labels keep clear of one another, of the points, of further markers at `obstacles` and of the line x = 0.
+    """
     figure = axes.get_figure(root=True)
-    assert figure is not None  # noqa: S101 (for the type checker)
+    assert figure is not None
     figure.draw_without_rendering()
-    frame, points = axes.get_window_extent(), axes.transData.transform([(x, y) for x, y, _, _ in labels] or [(0, 0)])
-    half = 4.0 * figure.dpi / 72  # a marker's half width
+    frame, places = axes.get_window_extent(), [(x, y) for x, y, _, _ in labels] + obstacles
+    points = axes.transData.transform(places or [(0.0, 0.0)])
+    half = 5.0 * figure.dpi / 72  # a marker's half width
     taken = [Bbox.from_extents(px - half, py - half, px + half, py + half) for px, py in points]
     zero = axes.transData.transform((0.0, 0.0))[0]
     taken.append(Bbox.from_extents(zero - 1, frame.y0, zero + 1, frame.y1))
@@ -115,7 +124,7 @@ def label_points(axes: Axes, labels: list[tuple[float, float, str, str]], distan
         for scale in (1.0, 2.0, 3.5):
             for right, up, horizontal, vertical in _AROUND:
                 label.set(position=(scale * distance * right, scale * distance * up), ha=horizontal, va=vertical)
-                box = label.get_window_extent()
+                box = label.get_window_extent().padded(3.0)
                 cost = sum(_common(box, other) for other in taken) + box.width * box.height - _common(box, frame)
                 if cost < best[0]:
                     best = (cost, box)

@@ -1,6 +1,5 @@
 """Spectra of the growth phase and of the saturated part beside the predicted frequencies."""
 
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -18,10 +17,12 @@ CAPTION_PAD = 20.0  # points above the upper panel, where the names of the modes
 @style.styled()
 def draw_spectra(view: View) -> Figure | None:
     """Draw displacement spectra before and after saturation; None where the record is too short for any."""
-    parts = [("Growth phase" if view.saturation else "Linear motion", view.growing)]
+    parts = [("Growth phase" if view.result.stability.unstable else "Linear motion", view.growing)]
     if view.saturation is not None:
         parts.append(("Saturated motion", view.saturated))
-    spectra = [(name, part, view.departure.spectra(part)) for name, part in parts if view.readable]
+    if not view.readable or not view.modes:
+        return None
+    spectra = [(name, part, view.departure.spectra(part)) for name, part in parts]
     spectra = [entry for entry in spectra if entry[2]]
     if not spectra:
         return None
@@ -84,7 +85,7 @@ def _mark_main_line(view: View, axes: Axes) -> None:
     main, text = saturation.main, f"{saturation.main.frequency_Hz:.0f} Hz"
     if saturation.frequency_shift is not None:
         side = "below" if saturation.frequency_shift < 0 else "above"
-        text += f", {abs(saturation.frequency_shift):.1%} {side} the onset of {saturation.nearest_mode}"
+        text += f", {abs(saturation.frequency_shift) * 100:.1f} % {side} the onset of {saturation.nearest_mode}"
     height = main.amplitude * view.micrometres(main.coordinate)
     axes.plot(
         [main.frequency_Hz / 1e3],

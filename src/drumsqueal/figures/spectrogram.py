@@ -8,7 +8,7 @@ from drumsqueal.figures.placement import label_right_edge
 from drumsqueal.figures.view import View
 from drumsqueal.signals import spectrogram
 
-RANGE_DB = 100.0  # dynamic range shown
+RANGE_DB = 90.0  # dynamic range shown
 PERIODS, FEWEST_PERIODS = 16.0, 4.0  # of the lowest mode in a window
 WINDOWS = 4  # that must fit side by side into the record
 ABOVE = 1.25  # highest frequency shown over that of the highest mode
@@ -19,7 +19,9 @@ def draw_spectrogram(view: View) -> Figure | None:
     """Draw the spectrogram of a velocity in dB of its maximum; None where the record is too short for one."""
     if not view.readable or not view.modes:
         return None
-    lowest = min(mode.frequency_Hz for mode in view.modes if mode.growth_rate > -mode.frequency_Hz)
+    # A mode that dies out within a few periods does not set the length of the windows.
+    lasting = [mode for mode in view.modes if mode.growth_rate > -mode.frequency_Hz]
+    lowest = min(mode.frequency_Hz for mode in lasting or view.modes)
     rate = view.departure.sample_rate
     periods = min(PERIODS, view.time.size / rate * lowest / WINDOWS)
     if periods < FEWEST_PERIODS:

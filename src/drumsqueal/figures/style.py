@@ -1,7 +1,7 @@
 """How every figure looks: size, fonts, and one fixed colour for each coordinate and each state of the contact."""
 
-from collections.abc import Mapping
-from contextlib import AbstractContextManager
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
 from matplotlib import rc_context
@@ -11,7 +11,6 @@ from matplotlib.figure import Figure
 WIDTH_MM, HEIGHT_MM = 170.0, 110.0
 MM_PER_INCH = 25.4
 TEXT_SIZE, SMALL_SIZE, TITLE_SIZE = 8.0, 7.0, 9.0  # points
-LONGEST_TITLE = 70  # characters, as many as fit with the subject beside them
 
 # The palette of Okabe and Ito, which the colour-blind tell apart; a mode has the colour of its coordinate.
 COLOUR: Mapping[str, str] = {
@@ -26,7 +25,7 @@ TOUCHING, SEPARATED, REVERSED = "#444444", "#BDBDBD", "#AA3377"  # states of the
 PALE, FAINT, DARK = "#EEEEEE", "#CCCCCC", "#333333"
 SHORTEST_IN_SECONDS = 2.0  # a longer time axis is in s, a shorter one in ms
 
-_RC: dict[str, Any] = {
+_RC: dict[Any, Any] = {
     "font.size": TEXT_SIZE,
     "font.family": "sans-serif",
     "font.sans-serif": ["DejaVu Sans"],  # comes with matplotlib, so that a figure is the same everywhere
@@ -51,20 +50,26 @@ _RC: dict[str, Any] = {
 }
 
 
-def styled() -> AbstractContextManager[None]:
-    """Return the context in which figures are built and saved; it leaves the global settings as they were."""
-    return rc_context(_RC)
+@contextmanager
+def styled() -> Iterator[None]:
+    """Context, and decorator, in which figures are built and saved; it leaves the global settings as they were."""
+    with rc_context(_RC):
+        yield
 
 
 def new_figure(title: str, subject: str) -> Figure:
     """Return an empty figure headed by the title of the scene and what is shown."""
     figure = Figure(figsize=(WIDTH_MM / MM_PER_INCH, HEIGHT_MM / MM_PER_INCH), layout="constrained")
-    words = " ".join(title.split())
-    short = words if len(words) <= LONGEST_TITLE else words[: LONGEST_TITLE - 1] + "…"
+    heading = " ".join(title.split())
     # A title is the user's own words: a dollar sign in it does not start a formula.
-    figure.suptitle(
-        f"{short}: {subject}" if short else subject, fontsize=TITLE_SIZE, x=0.01, ha="left", parse_math=False
-    )
+    text = figure.suptitle(subject, fontsize=TITLE_SIZE, x=0.01, ha="left", parse_math=False)
+    shown = heading
+    while shown:
+        text.set_text(f"{shown}{'…' * (shown != heading)}: {subject}")
+        excess = text.get_window_extent().width / (0.98 * figure.bbox.width)
+        if excess <= 1:
+            break
+        shown = shown[: min(len(shown) - 1, int(len(shown) / excess))].rstrip()
     return figure
 
 

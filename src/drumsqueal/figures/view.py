@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from drumsqueal.bodies.rigid_shoe import TZ, Y
 from drumsqueal.comparison import NEUTRAL_SHARE, UNEXCITED_SHARE, ModeComparison
 from drumsqueal.departure import FEWEST_SAMPLES, Departure
+from drumsqueal.history import COMPLETE
 from drumsqueal.model import Model
 from drumsqueal.modes import Mode
 from drumsqueal.run import Result
@@ -29,8 +30,9 @@ class View:
 
     @property
     def title(self) -> str:
-        """The title of the scene."""
-        return self.result.scene.title
+        """The title of the scene, and whether the run was cut off."""
+        title = self.result.scene.title
+        return title if self.result.outcome == COMPLETE else f"{title} (incomplete run)".strip()
 
     @property
     def time(self) -> NDArray[np.float64]:

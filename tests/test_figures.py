@@ -1,0 +1,270 @@
+"""Figures of made-up histories: they are made whenever they can be, say the right numbers, and no text overlaps."""
+
+from functools import cache
+from pathlib import Path
+
+import jax.numpy as jnp
+import matplotlib
+import numpy as np
+import pytest
+import xarray
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.text import Text
+
+import drumsqueal as ds
+from drumsqueal.figures import draw_all, save_figures
+from drumsqueal.figures.placement import spread
+from drumsqueal.history import COMPLETE, SIGNALS
+from drumsqueal.scene import COORDINATES
+
+SCENARIOS = Path(__file__).parents[1] / "scenarios"
+ALL = {"growth", "spectrogram", "spectra", "phase", "contact", "eigenvalues"}
+RATE = 50_000.0
+MOTION = {"X": 1e-8, "Y": 6e-8, "Tz": 5e-7, "Tx": 1e-6, "Ty": 5e-7}  # amplitude of each mode at the start (m, rad)
+CASES = {
+    "growing": ("nominal", 6000, COMPLETE),
+    "stable": ("constant_friction", 2500, COMPLETE),
+    "short": ("nominal", 500, COMPLETE),
+    "spatial": ("out_of_plane", 2000, COMPLETE),
+    "cut off": ("nominal", 40, "failed: the step size collapsed"),
+    "stopping": ("stop", 5200, "failed: the step size collapsed"),
+}
+
+
+@cache
+def basis(name: str):
+    scene = ds.load_scene(SCENARIOS / f"{name}.toml")
+    return scene, ds.build_model(scene), ds.analyse_stability(ds.build_model(scene, coordinates=tuple(range(6))))
+
+
+def made_up(name: str, samples: int, outcome: str, title: str | None = None, scale: float = 1.0):
+    """Result whose history is the exact linear motion, its amplitude bent over at 100 times the start."""
+    scene, model, stability = basis(name)
+    scene = scene if title is None else scene.model_copy(update={"title": title})
+    time = np.arange(samples) / RATE
+    state = np.zeros((samples, 12))
+    for mode in stability.modes:
+        if mode.name in model.names:
+            growth = np.exp(mode.growth_rate * time)
+            size = MOTION[mode.name] * growth / np.sqrt(1 + (growth / 200) ** 2)
+            state += (size * np.exp(1j * mode.eigenvalue.imag * time))[:, None].real * mode.right.real
+            state -= (size * np.exp(1j * mode.eigenvalue.imag * time))[:, None].imag * mode.right.imag
+    data = {
+        key: (("time", "coordinate"), scale * part)
+        for key, part in (("displacement", state[:, :6]), ("velocity", state[:, 6:]))
+    }
+    signals = {key: ("time", np.full(samples, 0.5)) for key in SIGNALS}
+    coordinates = {"time": time, "coordinate": list(COORDINATES)}
+    history = xarray.Dataset(data | signals, coordinates)
+    comparison = ds.compare(history, stability, ds.build_model(scene, coordinates=tuple(range(6))))
+    return ds.Result(scene, stability, history, comparison, outcome), model
+
+
+@cache
+def drawn(case: str):
+    result, model = made_up(*CASES[case])
+    return result, model, draw_all(result, model)
+
+
+def texts(figure: Figure) -> list[tuple[str, np.ndarray]]:
+    """Every text that is drawn, with its extents (left, bottom, right, top) in pixels."""
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    renderer = canvas.get_renderer()
+    found = [*figure.texts, *(text for legend in figure.legends for text in legend.findobj(Text))]
+    for extra in (figure._suptitle, figure._supxlabel, figure._supylabel):
+        found += [extra] if extra is not None and extra not in found else []
+    for axes in figure.axes:
+        found += [text for text in axes.findobj(Text) if not in_axis(text, axes)]
+        for axis in (axes.xaxis, axes.yaxis):
+            low, high = sorted(axis.get_view_interval())
+            ticks = [*axis.get_major_ticks(), *axis.get_minor_ticks()]
+            found += [tick.label1 for tick in ticks if low <= tick.get_loc() <= high and tick.label1.get_visible()]
+            found += [axis.label, axis.get_offset_text()]
+    shown = {id(text): text for text in found if text.get_visible() and text.get_text().strip()}
+    # An annotation's own extents would take its leader line in.
+    return [(text.get_text(), np.array(Text.get_window_extent(text, renderer).extents)) for text in shown.values()]
+
+
+def in_axis(text: Text, axes) -> bool:
+    return any(text in axis.findobj(Text) for axis in (axes.xaxis, axes.yaxis))
+
+
+def overlapping(figure: Figure) -> list[tuple[str, str]]:
+    boxes = texts(figure)
+    return [
+        (one, other)
+        for k, (one, a) in enumerate(boxes)
+        for other, b in boxes[:k]
+        if np.all(np.minimum(a[2:], b[2:]) - np.maximum(a[:2], b[:2]) > 0.5)
+    ]
+
+
+def outside(figure: Figure) -> list[str]:
+    width, height = figure.bbox.width, figure.bbox.height
+    return [text for text, (x0, y0, x1, y1) in texts(figure) if min(x0, y0) < -1 or x1 > width + 1 or y1 > height + 1]
+
+
+def named(figure: Figure, gid: str):
+    return [artist for axes in figure.axes for artist in axes.lines if artist.get_gid() == gid]
+
+
+# --- what is drawn --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("case", ["growing", "stable", "short", "spatial", "stopping"])
+def test_every_figure_is_made(case):
+    assert set(drawn(case)[2]) == ALL
+
+
+def test_the_growing_history_saturates():
+    assert drawn("growing")[0].comparison.saturation is not None
+    assert drawn("stable")[0].comparison.saturation is None
+
+
+def test_a_record_too_short_for_a_spectrogram_leaves_it_out():
+    assert set(drawn("cut off")[2]) == ALL - {"spectrogram"}
+
+
+@pytest.mark.parametrize("samples", [2, 15])
+def test_next_to_no_samples_leave_the_eigenvalues(samples):
+    assert set(draw_all(*made_up("nominal", samples, "failed: early"))) == {"eigenvalues"}
+
+
+def test_no_motion_leaves_the_eigenvalues():
+    assert set(draw_all(*made_up("nominal", 500, COMPLETE, scale=0.0))) == {"eigenvalues"}
+
+
+def test_figures_are_saved_in_each_format(tmp_path):
+    figures = {"phase": drawn("short")[2]["phase"]}
+    paths = save_figures(figures, tmp_path / "new", formats=("png", "svg"))
+    assert paths == [tmp_path / "new" / "phase.png", tmp_path / "new" / "phase.svg"]
+    assert paths[0].read_bytes().startswith(b"\x89PNG")
+    assert b"<svg" in paths[1].read_bytes()
+
+
+def test_drawing_leaves_the_global_settings_alone():
+    before = dict(matplotlib.rcParams)
+    draw_all(*made_up("nominal", 500, COMPLETE))
+    assert dict(matplotlib.rcParams) == before
+
+
+# --- text -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", sorted(ALL))
+@pytest.mark.parametrize("case", sorted(CASES))
+def test_no_text_overlaps_or_leaves_the_figure(case, name):
+    figure = drawn(case)[2].get(name)
+    if figure is None:
+        assert (case, name) == ("cut off", "spectrogram")
+        return
+    assert len(texts(figure)) > 8
+    assert overlapping(figure) == []
+    assert outside(figure) == []
+
+
+@pytest.mark.parametrize("title", ["", "W" * 1000, "a costly $brake\n\t$ " * 20, r"$\frac{"])
+def test_any_title_fits(title):
+    figures = draw_all(*made_up("nominal", 40, COMPLETE, title=title))
+    for figure in figures.values():
+        assert outside(figure) == []
+        assert overlapping(figure) == []
+
+
+def test_an_incomplete_run_is_called_so():
+    for figure in drawn("stopping")[2].values():
+        assert "incomplete run" in figure.get_suptitle()
+    for figure in drawn("growing")[2].values():
+        assert "incomplete" not in figure.get_suptitle()
+
+
+@given(st.lists(st.floats(-1, 2), min_size=1, max_size=12), st.floats(0.001, 0.3))
+@settings(derandomize=True, deadline=None)
+def test_labels_are_spread_in_order_within_their_limits(positions, gap):
+    placed = spread(positions, gap, 0.0, 1.0)
+    fits = min(gap, 1.0 / max(len(positions) - 1, 1))
+    order = np.argsort(positions, kind="stable")
+    assert placed.min() >= -1e-12
+    assert placed.max() <= 1 + 1e-12
+    assert np.all(np.diff(placed[order]) >= fits - 1e-12)
+
+
+def test_labels_that_are_far_apart_stay_where_they_are():
+    np.testing.assert_allclose(spread([0.9, 0.1, 0.5], 0.2, 0.0, 1.0), [0.9, 0.1, 0.5])
+    np.testing.assert_allclose(spread([0.5, 0.5], 0.2, 0.0, 1.0), [0.4, 0.6])
+
+
+# --- numbers --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("case", ["growing", "stable", "spatial"])
+def test_predicted_lines_are_at_the_eigenvalues(case):
+    result, model, figures = drawn(case)
+    for mode in result.stability.modes:
+        lines = named(figures["spectra"], f"predicted {mode.name}")
+        levels = named(figures["spectrogram"], f"predicted {mode.name}")
+        points = named(figures["eigenvalues"], f"predicted {mode.name}")
+        assert bool(lines) == bool(levels) == (mode.name in model.names)
+        assert points
+        for line in lines:
+            np.testing.assert_allclose(line.get_xdata(), mode.eigenvalue.imag / (2e3 * np.pi))
+        for line in levels:
+            np.testing.assert_allclose(line.get_ydata(), mode.eigenvalue.imag / (2e3 * np.pi))
+        for point in points:
+            np.testing.assert_allclose(
+                [*point.get_xdata(), *point.get_ydata()],
+                [mode.eigenvalue.real, mode.eigenvalue.imag / (2e3 * np.pi)],
+            )
+
+
+@pytest.mark.parametrize("case", ["growing", "stable", "spatial"])
+def test_dashed_slope_is_the_predicted_growth_through_the_start(case):
+    result, _, figures = drawn(case)
+    for mode in result.stability.modes:
+        for line in named(figures["growth"], f"predicted {mode.name}"):
+            milliseconds, micrometres = line.get_data()
+            slope = np.log(micrometres[1] / micrometres[0]) / (milliseconds[1] - milliseconds[0]) * 1e3
+            assert slope == pytest.approx(mode.growth_rate, rel=1e-9, abs=1e-8)
+            scale = 1e6 * (0.1 if mode.name.startswith("T") else 1.0)
+            # The made-up motion falls short of the exponential by half of (1/200)², and more as it grows.
+            assert micrometres[0] == pytest.approx(scale * MOTION[mode.name], rel=2e-3)
+
+
+def test_the_main_line_is_marked_at_its_frequency_and_named():
+    result, _, figures = drawn("growing")
+    assert result.comparison.saturation is not None
+    main = result.comparison.saturation.main
+    assert main is not None
+    (marker,) = named(figures["spectra"], "main line")
+    assert marker.get_xdata() == pytest.approx([main.frequency_Hz / 1e3])
+    assert any(f"▼ {main.frequency_Hz:.0f} Hz" in text for text, _ in texts(figures["spectra"]))
+
+
+def test_phase_portrait_ends_where_the_record_ends():
+    result, model, figures = drawn("growing")
+    c = float(model.shoe.centroid)
+    displacement, velocity = (result.history[key].values[-1] for key in ("displacement", "velocity"))
+    line = next(line for line in figures["phase"].axes[0].lines if str(line.get_label()).endswith("ms"))
+    expected = [1e6 * (displacement[1] + (0.1 - c) * displacement[5]), velocity[1] + (0.1 - c) * velocity[5]]
+    np.testing.assert_allclose([line.get_xdata()[-1], line.get_ydata()[-1]], expected, rtol=1e-9)
+
+
+@pytest.mark.parametrize("case", ["growing", "stable"])
+def test_contact_image_is_the_pressure_along_the_arc(case):
+    result, model, figures = drawn(case)
+    axes = figures["contact"].axes[0]
+    image = np.asarray(axes.images[0].get_array())
+    last = result.history.isel(time=-1)
+    kept = list(model.coordinates)
+    q, v = (model.widen(jnp.asarray(last[key].values[kept])) for key in ("displacement", "velocity"))
+    angles = np.deg2rad(np.linspace(-65, 65, len(image)))
+    pressure, _ = model.contact.along_arc(float(last["time"]), q, v, jnp.asarray(angles))
+    p0 = 2000 / (0.1 * np.deg2rad(130) * 0.0365)
+    touching = np.asarray(pressure) > 0
+    shown = image[:, -1] if case == "growing" else 1 + image[:, -1]
+    np.testing.assert_allclose(shown[touching], np.asarray(pressure)[touching] / p0, rtol=1e-6)
+    np.testing.assert_allclose(axes.images[0].get_extent()[2:], [-65, 65])
