@@ -69,16 +69,16 @@ def drawn(case: str):
     return result, model, draw_all(result, model)
 
 
+@cache
 def texts(figure: Figure) -> list[tuple[str, np.ndarray]]:
     """Every text that is drawn, with its extents (left, bottom, right, top) in pixels."""
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
     renderer = canvas.get_renderer()
     found = [*figure.texts, *(text for legend in figure.legends for text in legend.findobj(Text))]
-    for extra in (figure._suptitle, figure._supxlabel, figure._supylabel):
-        found += [extra] if extra is not None and extra not in found else []
     for axes in figure.axes:
-        found += [text for text in axes.findobj(Text) if not in_axis(text, axes)]
+        of_axis = {id(text) for axis in (axes.xaxis, axes.yaxis) for text in axis.findobj(Text)}
+        found += [text for text in axes.findobj(Text) if id(text) not in of_axis]
         for axis in (axes.xaxis, axes.yaxis):
             low, high = sorted(axis.get_view_interval())
             ticks = [*axis.get_major_ticks(), *axis.get_minor_ticks()]
@@ -87,10 +87,6 @@ def texts(figure: Figure) -> list[tuple[str, np.ndarray]]:
     shown = {id(text): text for text in found if text.get_visible() and text.get_text().strip()}
     # An annotation's own extents would take its leader line in.
     return [(text.get_text(), np.array(Text.get_window_extent(text, renderer).extents)) for text in shown.values()]
-
-
-def in_axis(text: Text, axes) -> bool:
-    return any(text in axis.findobj(Text) for axis in (axes.xaxis, axes.yaxis))
 
 
 def overlapping(figure: Figure) -> list[tuple[str, str]]:
@@ -108,8 +104,9 @@ def outside(figure: Figure) -> list[str]:
     return [text for text, (x0, y0, x1, y1) in texts(figure) if min(x0, y0) < -1 or x1 > width + 1 or y1 > height + 1]
 
 
-def named(figure: Figure, gid: str):
-    return [artist for axes in figure.axes for artist in axes.lines if artist.get_gid() == gid]
+def named(figure: Figure, gid: str) -> list[np.ndarray]:
+    """Data (2, points) of the lines of that name."""
+    return [np.array(line.get_data()) for axes in figure.axes for line in axes.lines if line.get_gid() == gid]
 
 
 # --- what is drawn --------------------------------------------------------------------------------------------------
@@ -211,12 +208,12 @@ def test_predicted_lines_are_at_the_eigenvalues(case):
         assert bool(lines) == bool(levels) == (mode.name in model.names)
         assert points
         for line in lines:
-            np.testing.assert_allclose(line.get_xdata(), mode.eigenvalue.imag / (2e3 * np.pi))
+            np.testing.assert_allclose(line[0], mode.eigenvalue.imag / (2e3 * np.pi))
         for line in levels:
-            np.testing.assert_allclose(line.get_ydata(), mode.eigenvalue.imag / (2e3 * np.pi))
+            np.testing.assert_allclose(line[1], mode.eigenvalue.imag / (2e3 * np.pi))
         for point in points:
             np.testing.assert_allclose(
-                [*point.get_xdata(), *point.get_ydata()],
+                point[:, 0],
                 [mode.eigenvalue.real, mode.eigenvalue.imag / (2e3 * np.pi)],
             )
 
@@ -226,7 +223,7 @@ def test_dashed_slope_is_the_predicted_growth_through_the_start(case):
     result, _, figures = drawn(case)
     for mode in result.stability.modes:
         for line in named(figures["growth"], f"predicted {mode.name}"):
-            milliseconds, micrometres = line.get_data()
+            milliseconds, micrometres = line
             slope = np.log(micrometres[1] / micrometres[0]) / (milliseconds[1] - milliseconds[0]) * 1e3
             assert slope == pytest.approx(mode.growth_rate, rel=1e-9, abs=1e-8)
             scale = 1e6 * (0.1 if mode.name.startswith("T") else 1.0)
@@ -240,7 +237,7 @@ def test_the_main_line_is_marked_at_its_frequency_and_named():
     main = result.comparison.saturation.main
     assert main is not None
     (marker,) = named(figures["spectra"], "main line")
-    assert marker.get_xdata() == pytest.approx([main.frequency_Hz / 1e3])
+    assert marker[0] == pytest.approx([main.frequency_Hz / 1e3])
     assert any(f"▼ {main.frequency_Hz:.0f} Hz" in text for text, _ in texts(figures["spectra"]))
 
 
@@ -250,7 +247,7 @@ def test_phase_portrait_ends_where_the_record_ends():
     displacement, velocity = (result.history[key].values[-1] for key in ("displacement", "velocity"))
     line = next(line for line in figures["phase"].axes[0].lines if str(line.get_label()).endswith("ms"))
     expected = [1e6 * (displacement[1] + (0.1 - c) * displacement[5]), velocity[1] + (0.1 - c) * velocity[5]]
-    np.testing.assert_allclose([line.get_xdata()[-1], line.get_ydata()[-1]], expected, rtol=1e-9)
+    np.testing.assert_allclose(np.array(line.get_data())[:, -1], expected, rtol=1e-9)
 
 
 @pytest.mark.parametrize("case", ["growing", "stable"])

@@ -11,9 +11,10 @@ import scipy.linalg
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from drumsqueal.errors import SteadyStateError
 from drumsqueal.model import build_model
 from drumsqueal.modes import analyse_stability, growth_rate
-from drumsqueal.steady import SteadyStateError, linearise, steady_sliding
+from drumsqueal.steady import linearise, steady_sliding
 
 ALL = tuple(range(6))
 PLANE = (0, 1, 5)

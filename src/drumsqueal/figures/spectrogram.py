@@ -9,7 +9,7 @@ from drumsqueal.figures.view import View
 from drumsqueal.signals import spectrogram
 
 RANGE_DB = 90.0  # dynamic range shown
-PERIODS, FEWEST_PERIODS = 16.0, 4.0  # of the lowest mode in a window
+PERIODS, FEWEST_PERIODS = 16.0, 3.0  # of the lowest mode in a window
 WINDOWS = 4  # that must fit side by side into the record
 ABOVE = 1.25  # highest frequency shown over that of the highest mode
 

@@ -62,7 +62,7 @@ class View:
 
     @cached_property
     def amplitudes(self) -> dict[str, NDArray[np.float64]]:
-        """|leftᴴ y| (µm, rotations times the outer radius) of each mode that takes part, by name."""
+        """Amplitude (µm, rotations times the outer radius) of each mode that takes part, by name."""
         names = [mode for mode in self.result.stability.modes if mode.name in self.model.names]
         if not names:
             return {}
@@ -70,7 +70,7 @@ class View:
         sizes = np.abs(modal_amplitudes(np.stack([mode.left for mode in names], axis=1), states))
         least = UNEXCITED_SHARE * np.abs(self.departure.displacement).max()
         kept = [k for k in range(len(names)) if sizes[:, k].max() > least]
-        return {names[k].name: sizes[:, k] * self.micrometres(names[k].name) for k in kept}
+        return {names[k].name: sizes[:, k] * self.modal_micrometres(names[k]) for k in kept}
 
     @property
     def modes(self) -> tuple[Mode, ...]:
@@ -84,6 +84,13 @@ class View:
     def micrometres(self, coordinate: str) -> float:
         """Factor from a coordinate's unit to µm at the drum's surface."""
         return MICRO * (self.radius if coordinate in ROTATIONS else 1.0)
+
+    def modal_micrometres(self, mode: Mode) -> float:
+        """Factor from |leftᴴ y| to the amplitude of the mode's coordinate in µm at the drum's surface.
+
+        A real motion Re(a φ e^(λt)) is half a mode and half its conjugate, so that |leftᴴ y| = |a| |leftᴴ φ| / 2.
+        """
+        return 2.0 * self.micrometres(mode.name) / float(np.abs(np.vdot(mode.left, mode.right)))
 
     @cached_property
     def energetic(self) -> str:
@@ -110,7 +117,7 @@ class View:
         """u_θ (m) and its rate (m/s) at the middle of the lining, θ = z = 0, for a part of the record (time, 2)."""
         offset = self.radius - float(self.model.shoe.centroid)
         displacement, velocity = self.departure.wide()
-        return np.stack([(offset * q[TZ] + q[Y])[part] for q in (displacement, velocity)], axis=1)
+        return np.stack([(offset * q[TZ] - q[Y])[part] for q in (displacement, velocity)], axis=1)
 
 
 def rate_text(rate: float, mode: Mode) -> str:
