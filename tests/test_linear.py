@@ -1,7 +1,5 @@
 """The linear model: the Jacobian against equation (29) by hand, eigenvalues, steady sliding, what the paper states."""
 
-from functools import partial
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -14,7 +12,7 @@ from hypothesis import strategies as st
 from drumsqueal.errors import SteadyStateError
 from drumsqueal.model import build_model
 from drumsqueal.modes import analyse_stability, growth_rate
-from drumsqueal.steady import linearise, steady_sliding
+from drumsqueal.steady import linearise
 
 ALL = tuple(range(6))
 PLANE = (0, 1, 5)
@@ -227,7 +225,7 @@ def test_eigenvalues_agree_with_an_independent_program(nominal, values, referenc
 
 
 def test_free_motion_along_the_axis_is_a_zero_and_a_real_eigenvalue(nominal):
-    scene = nominal.with_values({"simulate.coordinates": ["Z"]})
+    scene = nominal.with_values({"simulate.coordinates": ["Z"], "start.displacement": {}})
     stability = analyse_stability(build_model(scene))
     mass, damping, stiffness = by_hand(scene.numbers())
     assert stability.modes == ()
@@ -282,11 +280,13 @@ def test_the_left_eigenvector_reads_off_the_amplitude(nominal):
 # --- other compositions -------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("names", [["Y"], ["X", "Y", "Tz"], ["Z"], ["Tx", "Ty"], ["X", "Z", "Tz"]])
-@pytest.mark.parametrize("damping", [False, True])
+@pytest.mark.parametrize(
+    ("names", "damping"),
+    [(["Y"], False), (["X", "Y", "Tz"], False), (["X", "Y", "Tz"], True), (["Z"], False), (["Tx", "Ty"], True)],
+)
 def test_listed_coordinates_are_the_only_ones(nominal, names, damping):
-    values = {"simulate.coordinates": names} | ({"damping": {"ratio": 0.02}} if damping else {})
-    scene = nominal.with_values(values)
+    values = {"simulate.coordinates": names, "start.displacement": {}}
+    scene = nominal.with_values(values | ({"damping": {"ratio": 0.02}} if damping else {}))
     kept = [("X", "Y", "Z", "Tx", "Ty", "Tz").index(name) for name in names]
     mass, C, K = by_hand(scene.numbers())
     if damping:
@@ -411,7 +411,7 @@ def test_turning_the_drum_backwards_mirrors_the_steady_state(nominal):
 
 def test_self_consistent_without_friction_is_not_displaced(nominal):
     scene = nominal.with_values({"friction": None, "steady.state": "self-consistent"})
-    stability = analyse_stability(build_model(scene, coordinates=ALL))
+    stability = analyse_stability(build_model(scene, coordinates=PLANE))
     np.testing.assert_allclose(stability.steady_state, 0, atol=1e-18)
 
 
@@ -425,32 +425,39 @@ def test_a_drum_at_rest_has_no_steady_sliding(nominal, state):
 # --- gradients -------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("state", ["uniform-pressure", "self-consistent"])
-def test_growth_rates_are_differentiable_by_every_number(nominal, state):
+@pytest.mark.parametrize(
+    ("state", "mode"),
+    [
+        ("uniform-pressure", "X"),
+        ("self-consistent", "Y"),
+        pytest.param("uniform-pressure", "Tz", marks=pytest.mark.slow),
+        pytest.param("self-consistent", "Tz", marks=pytest.mark.slow),
+    ],
+)
+def test_growth_rates_are_differentiable_by_every_number(nominal, state, mode):
     scene = nominal.with_values({"steady.state": state, "damping": {"ratio": 0.002}})
     own = scene.numbers()
     keys = list(own)
     values = jnp.asarray([own[key] for key in keys])
 
-    # Relative changes, so that one step suits all numbers.
-    def rates(change):
+    @jax.jit
+    @jax.value_and_grad
+    def rate(change):  # relative changes, so that one step suits all numbers
         model = build_model(scene, dict(zip(keys, values * (1 + change), strict=True)), PLANE)
-        return jnp.stack([growth_rate(model, name) for name in ("X", "Y", "Tz")])
+        return growth_rate(model, mode)
 
-    gradient = np.asarray(jax.jit(jax.jacrev(rates))(jnp.zeros(len(keys))))
-    evaluate = jax.jit(rates)
+    gradient = np.asarray(rate(jnp.zeros(len(keys)))[1])
+    assert np.all(np.isfinite(gradient))
+    assert np.all(gradient != 0)
     # Five points: an error of step⁴ = 1e-12 times the fifth derivative, and round-off of the eigenvalues (1e-11) over
     # the step; where q* is iterated, its tolerance comes in too.
     step = 1e-3
     for k, key in enumerate(keys):
         change = np.zeros(len(keys))
         change[k] = step
-        one, two = (np.asarray(evaluate(m * change) - evaluate(-m * change)) for m in (1, 2))
+        one, two = (float(rate(m * change)[0] - rate(-m * change)[0]) for m in (1, 2))
         central = (8 * one - two) / (12 * step)
-        allowed = 1e-6 * np.abs(central) + 1e-5
-        assert np.all(np.abs(gradient[:, k] - central) < allowed), (key, gradient[:, k], central)
-    assert np.all(np.isfinite(gradient))
-    assert np.all(np.max(np.abs(gradient), axis=0) > 0)
+        assert gradient[k] == pytest.approx(central, rel=1e-6, abs=1e-5), key
 
 
 # --- what the paper states (section 3 of Seo & Kang 2023) ----------------------------------------------------------------
@@ -458,23 +465,13 @@ def test_growth_rates_are_differentiable_by_every_number(nominal, state):
 
 def eigenvalues_over(scene, coordinates=ALL, **swept):
     """Eigenvalues (points, 2n) and, of each, the coordinate with most kinetic energy, over swept numbers."""
-    numbers = {key.replace("__", "."): jnp.asarray(values) for key, values in swept.items()}
-    size = len(next(iter(numbers.values())))
-    own = {key: jnp.full(size, value) for key, value in scene.numbers().items()}
-
-    @partial(jax.jit)
-    @jax.vmap
-    def linear(number):
-        model = build_model(scene, number, coordinates)
-        return linearise(model, steady_sliding(model)).state_matrix(), model.mass
-
-    matrices, mass = linear({**own, **numbers})
-    n = len(coordinates)
-    eigenvalues, names = [], []
-    for matrix, m in zip(np.asarray(matrices), np.asarray(mass), strict=True):
-        values, vectors = np.linalg.eig(matrix)
+    n, eigenvalues, names = len(coordinates), [], []
+    for point in zip(*swept.values(), strict=True):
+        number = {key.replace("__", "."): value for key, value in zip(swept, point, strict=True)}
+        linear = linear_at_rest(build_model(scene, number, coordinates))
+        values, vectors = np.linalg.eig(np.asarray(linear.state_matrix()))
         eigenvalues.append(values)
-        energy = np.abs(vectors[:n]) * np.sqrt(m)[:, None]
+        energy = np.abs(vectors[:n]) * np.sqrt(np.asarray(linear.mass))[:, None]
         names.append([("X", "Y", "Z", "Tx", "Ty", "Tz")[coordinates[i]] for i in np.argmax(energy, axis=0)])
     return np.array(eigenvalues), np.array(names)
 
@@ -519,9 +516,9 @@ def test_a_slower_drum_squeals_more_and_damps_the_other_modes_more(nominal):
         damping = np.array([-np.sum(row[called == name].real) for row, called in zip(values, names, strict=True)])
         assert np.all(damping > 0)
         assert np.all(np.diff(damping) < 0)
-        # Like μ0/Ω: Z exactly; Tx and Ty but for the slope of the friction curve and the coupling, a few per cent.
+        # Like μ0/Ω, but for the slope of the friction curve and the coupling of Z and Ty: a few per cent.
         law = damping * speeds / friction
-        np.testing.assert_allclose(law, law[0], rtol=1e-9 if name == "Z" else 0.05)
+        np.testing.assert_allclose(law, law[-1], rtol=0.05)
 
 
 def test_growth_is_proportional_to_the_load(nominal):

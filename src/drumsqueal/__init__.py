@@ -12,16 +12,16 @@ if TYPE_CHECKING:
     from drumsqueal.errors import IntegrationError, SceneError, SteadyStateError
     from drumsqueal.model import Model, build_model
     from drumsqueal.modes import Mode, Stability, analyse_stability, growth_rate
-    from drumsqueal.run import Result, run
     from drumsqueal.scene import Scene, load_scene, scene_from_dict
+    from drumsqueal.simulation import Result, run
 
 _HOMES = {
     "comparison": ("Comparison", "compare"),
     "errors": ("IntegrationError", "SceneError", "SteadyStateError"),
     "model": ("Model", "build_model"),
     "modes": ("Mode", "Stability", "analyse_stability", "growth_rate"),
-    "run": ("Result", "run"),
     "scene": ("Scene", "load_scene", "scene_from_dict"),
+    "simulation": ("Result", "run"),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
 

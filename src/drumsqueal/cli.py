@@ -47,7 +47,7 @@ def run_command(
     folder = output if output is not None else Path("out") / scene.stem
     check_output(folder, overwrite=overwrite)
     from drumsqueal.job import run_into
-    from drumsqueal.run import check_sample_rate, prepare
+    from drumsqueal.simulation import check_sample_rate, prepare
 
     prepared = prepare(loaded)
     check_sample_rate(prepared)
@@ -69,7 +69,7 @@ def stability_command(
     """
     loaded = load_scene(scene, settings or ())
     from drumsqueal.report import print_stability
-    from drumsqueal.run import prepare
+    from drumsqueal.simulation import prepare
     from drumsqueal.summary import describe_stability, to_json
 
     stability = prepare(loaded).stability

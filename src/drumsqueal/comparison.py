@@ -14,10 +14,11 @@ from drumsqueal.signals import Growth, amplitude_spectrum, fit_growth, modal_amp
 # The motion counts as linear while it stays below this share of the edges, contact loss and slip reversal.
 LINEAR_SHARE = 0.1
 # A mode is followed while it makes up at least this share of what its own coordinate has done so far: a weaker one
-# drowns in the error of the integration.
-CLEAN_SHARE = 1e-3
+# drowns in what the others feed into it at second order of their size.
+CLEAN_SHARE = 3e-2
 UNEXCITED_SHARE = 1e-12  # of the largest displacement: a mode below it is not there
 FEWEST_PERIODS = 5  # of a mode, for its frequency and growth to be measured
+GROWN = 1.1  # times the start: what the motion must reach by the end to have grown
 NEUTRAL_SHARE = 1e-9  # of the frequency: a growth rate below it is none, and has no relative error
 
 
@@ -99,7 +100,7 @@ def _compare_mode(mode: Mode, stability: Stability, departure: Departure, growin
     if time.size < FEWEST_SAMPLES:
         return result._replace(note="the start is too large: the motion is nonlinear at once")
     states = np.hstack([displacement, departure.velocity[growing]])
-    signal = modal_amplitudes(mode.left[:, None], states)[:, 0]
+    signal = 2 * modal_amplitudes(mode.left[:, None], states)[:, 0]
     size = np.abs(signal)
     main = stability.coordinates.index(mode.name)
     if size.max() <= UNEXCITED_SHARE * np.abs(displacement).max():
@@ -134,7 +135,7 @@ def _verdict(
     names = ", ".join(mode.name for mode in stability.unstable)
     predicted = f"The linear model predicts squeal in {names}" if names else "The linear model predicts no squeal"
     if edge is None:
-        if ratio > 1:
+        if ratio > GROWN:
             done = f"the motion grows {ratio:.3g} times but reaches no edge in {duration:g} s, too short to tell more"
         elif names:
             done = f"the transient does not grow within {duration:g} s"

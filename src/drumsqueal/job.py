@@ -11,7 +11,7 @@ from drumsqueal.history import COMPLETE, HistoryFile
 from drumsqueal.integrate import Chunk
 from drumsqueal.output_folder import HISTORY, SUMMARY
 from drumsqueal.report import print_result
-from drumsqueal.run import Prepared, collect, finish
+from drumsqueal.simulation import Prepared, collect, finish
 from drumsqueal.summary import summarise, write_json
 
 

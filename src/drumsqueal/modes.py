@@ -23,8 +23,9 @@ UNDAMPED_SHARE = 1e-12
 class Mode(NamedTuple):
     """An oscillating mode: eigenvalue λ (1/s), named by its largest mass-weighted coordinate.
 
-    `right` and `left` (2n,) are its eigenvectors of the state matrix, with leftᴴ right = 1 and the largest
-    displacement of `right` scaled to 1, so |leftᴴ y| is the amplitude of that coordinate in m or rad.
+    `right` and `left` (2n,) are its eigenvectors of the state matrix, with leftᴴ right = 1 and the displacement of the
+    named coordinate in `right` scaled to 1. A real motion holds the mode and its conjugate, y = a right + ā right*, so
+    2 |leftᴴ y| is the amplitude of that coordinate in m or rad.
     """
 
     name: str

@@ -5,7 +5,7 @@ from rich.console import Console
 from rich.table import Table
 
 from drumsqueal.modes import Stability
-from drumsqueal.run import Result
+from drumsqueal.simulation import Result
 from drumsqueal.summary import energy_balance
 
 

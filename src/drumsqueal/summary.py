@@ -9,8 +9,8 @@ import numpy as np
 from drumsqueal.comparison import Comparison
 from drumsqueal.history import versions
 from drumsqueal.modes import Stability
-from drumsqueal.run import Result
 from drumsqueal.saturation import Saturation
+from drumsqueal.simulation import Result
 
 
 def describe_stability(stability: Stability) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from drumsqueal.figures.spectrogram import draw_spectrogram
 from drumsqueal.figures.style import styled
 from drumsqueal.figures.view import View
 from drumsqueal.model import Model
-from drumsqueal.run import Result
+from drumsqueal.simulation import Result
 
 __all__ = ["DOTS_PER_INCH", "draw_all", "save_figures"]
 

@@ -81,5 +81,5 @@ def _draw_limit(view: View, axes: Axes, part: slice, largest: float) -> None:
         label = f"slip limit RΩ, {speed[0]:.2g} to {speed[1]:.2g} m/s"
         axes.axhspan(*np.sort(speed).tolist(), color=style.REVERSED, alpha=0.2, linewidth=0, label=label)
     else:
-        label = f"slip limit RΩ = {speed[-1]:.3g} m/s"
+        label = f"slip limit RΩ = {speed[-1]:.3g} m/s".replace("-", "−")
         axes.axhline(float(speed[-1]), color=style.REVERSED, linewidth=0.9, linestyle="--", label=label)

@@ -11,9 +11,9 @@ from drumsqueal.departure import FEWEST_SAMPLES, Departure
 from drumsqueal.history import COMPLETE
 from drumsqueal.model import Model
 from drumsqueal.modes import Mode
-from drumsqueal.run import Result
 from drumsqueal.saturation import Saturation
 from drumsqueal.signals import modal_amplitudes
+from drumsqueal.simulation import Result
 
 MICRO = 1e6
 ROTATIONS = ("Tx", "Ty", "Tz")
@@ -117,7 +117,7 @@ class View:
         """u_θ (m) and its rate (m/s) at the middle of the lining, θ = z = 0, for a part of the record (time, 2)."""
         offset = self.radius - float(self.model.shoe.centroid)
         displacement, velocity = self.departure.wide()
-        return np.stack([(offset * q[TZ] - q[Y])[part] for q in (displacement, velocity)], axis=1)
+        return np.stack([(offset * q[TZ] + q[Y])[part] for q in (displacement, velocity)], axis=1)
 
 
 def rate_text(rate: float, mode: Mode) -> str:

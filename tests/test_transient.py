@@ -1,0 +1,359 @@
+"""The transient against reference trajectories, exact solutions, its own tolerance and the balance of energy."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import scipy.linalg
+from drumsqueal.run import run
+
+from drumsqueal import integrate as integration
+from drumsqueal.errors import IntegrationError
+from drumsqueal.integrate import CHUNK_SAMPLES, integrate
+from drumsqueal.model import build_model
+from drumsqueal.scene import Scene
+from drumsqueal.steady import linearise, steady_sliding
+
+ALL = tuple(range(6))
+REFERENCE = Path(__file__).parent / "reference"
+
+
+class Record(NamedTuple):
+    """A transient: time (k,), departure from steady sliding and velocity (k, n), energies (k,), steps."""
+
+    time: np.ndarray
+    departure: np.ndarray
+    velocity: np.ndarray
+    kinetic: np.ndarray
+    balance_error: np.ndarray
+    steps: int
+    chunks: int
+
+
+def simulate(scene: Scene, coordinates: tuple[int, ...] | None = None) -> Record:
+    """Integrate a scene's start over its own coordinates, or over others."""
+    model = build_model(scene, coordinates=coordinates)
+    steady = np.asarray(eqx.filter_jit(steady_sliding)(model))
+    chunks = list(
+        integrate(
+            model,
+            steady,
+            [scene.start.displacement.get(name, 0.0) for name in model.names],
+            [scene.start.velocity.get(name, 0.0) for name in model.names],
+            duration=scene.simulate.duration,
+            sample_rate=scene.simulate.sample_rate,
+            tolerance=scene.simulate.tolerance,
+        )
+    )
+    time, displacement, velocity, kinetic, error = (
+        np.concatenate([getattr(chunk, name) for chunk in chunks])
+        for name in ("time", "displacement", "velocity", "kinetic_energy", "energy_balance_error")
+    )
+    steps = sum(chunk.steps for chunk in chunks)
+    return Record(time, displacement - steady, velocity, kinetic, error, steps, len(chunks))
+
+
+def started(scene: Scene, displacement, velocity=None, *, duration, sample_rate, tolerance=1e-9, **values) -> Scene:
+    return scene.with_values(
+        {
+            "start.displacement": displacement,
+            "start.velocity": velocity or {},
+            "simulate.duration": duration,
+            "simulate.sample_rate": sample_rate,
+            "simulate.tolerance": tolerance,
+            **{key.replace("__", "."): value for key, value in values.items()},
+        }
+    )
+
+
+def load_reference(name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Time (k,) and displacements with velocities (k, 2n); every second sample of an independent program's record.
+
+    It is a separate program (NumPy, SciPy's DOP853 at 1e-12, numba; no automatic differentiation, no JAX), its own
+    error about 2e-9 (small), 1e-8 (large) and 4e-8 (spatial) of each column's largest value. In SI units.
+    """
+    table = np.loadtxt(REFERENCE / f"{name}.csv", delimiter=",", skiprows=1)
+    return table[:, 0], table[:, 1:]
+
+
+SMALL = {"X": 1e-8, "Y": 1e-8, "Tz": 1e-7}
+LARGE = {"X": 1e-6, "Y": 3e-5, "Tz": 1e-4}
+SPATIAL = {"X": 1e-6, "Y": 2e-5, "Tx": 2e-4, "Ty": 1e-4, "Tz": 1e-4}
+
+
+def errors_against(scene: Scene, name: str, every: int) -> np.ndarray:
+    """Largest error of every displacement and velocity over that column's largest value."""
+    record = simulate(scene)
+    time, wanted = load_reference(name)
+    np.testing.assert_allclose(record.time[::every], time, rtol=1e-12, atol=1e-12)
+    found = np.hstack([record.departure, record.velocity])[::every]
+    return np.max(np.abs(found - wanted), axis=0) / np.max(np.abs(wanted), axis=0)
+
+
+# --- references ------------------------------------------------------------------------------------------------------
+
+
+# What is found is the reference's own error, and what the tolerance adds over some hundred periods.
+@pytest.mark.parametrize(
+    ("name", "start", "bound"),
+    [("transient_inplane_small", SMALL, 2e-8), ("transient_inplane_large", LARGE, 1e-7)],
+    ids=["small", "large"],
+)
+def test_plane_references(nominal, name, start, bound):
+    scene = started(nominal, start, duration=0.02, sample_rate=1e4)
+    assert np.max(errors_against(scene, name, every=2)) < bound
+
+
+def test_spatial_reference(nominal):
+    scene = started(nominal, SPATIAL, {"Z": 0.05}, duration=0.0045, sample_rate=4e4)
+    assert np.max(errors_against(scene, "transient_spatial", every=2)) < 1e-6
+
+
+def test_errors_fall_with_the_tolerance(nominal):
+    # Contact loss and slip reversal throughout. The tolerance is on a step's error, a tenth of it, and errors add up
+    # over a hundred periods: within a factor 50 of it, and no sharper than a hundredth of it for nothing.
+    errors = [
+        np.max(
+            errors_against(
+                started(nominal, LARGE, duration=0.02, sample_rate=1e4, tolerance=tolerance),
+                "transient_inplane_large",
+                every=2,
+            )
+        )
+        for tolerance in (1e-4, 1e-6, 1e-8)
+    ]
+    for error, tolerance in zip(errors, (1e-4, 1e-6, 1e-8), strict=True):
+        assert error < 50 * tolerance
+    assert errors[0] > 5 * errors[1] > 25 * errors[2]
+
+
+# --- exact solutions -------------------------------------------------------------------------------------------------
+
+
+def exact(scene: Scene, record: Record, coordinates=None) -> np.ndarray:
+    """Departures and velocities (k, 2n) of the linear model, by the matrix exponential."""
+    model = build_model(scene, coordinates=coordinates)
+    linear = eqx.filter_jit(linearise)(model, jnp.zeros(len(model.coordinates)))
+    start = np.concatenate([record.departure[0], record.velocity[0]])
+    step = scipy.linalg.expm(np.asarray(linear.state_matrix()) * (record.time[1] - record.time[0]))
+    states = [start]
+    for _ in record.time[1:]:
+        states.append(step @ states[-1])
+    return np.array(states)
+
+
+def share_of_largest(found: Record, wanted: np.ndarray) -> np.ndarray:
+    difference = np.hstack([found.departure, found.velocity]) - wanted
+    largest = np.max(np.abs(wanted), axis=0)
+    return np.max(np.abs(difference), axis=0)[largest > 0] / largest[largest > 0]
+
+
+@pytest.mark.parametrize("coordinates", [["X", "Y", "Tz"], ["X", "Y", "Z", "Tx", "Ty", "Tz"]], ids=["plane", "space"])
+def test_bonded_without_friction_is_linear(nominal, coordinates):
+    # Linear but for sin(2 Tz) of the supports, which at 1e-7 rad is 1e-14 from its slope. Z stays where it is put.
+    start = {"X": 1e-8, "Y": 2e-8, "Tz": 1e-7, "Z": 1e-8, "Tx": 3e-7, "Ty": -2e-7}
+    scene = started(
+        nominal,
+        {name: start[name] for name in coordinates},
+        duration=0.01,
+        sample_rate=1e4,
+        friction=None,
+        contact__separation=False,
+        simulate__coordinates=coordinates,
+    )
+    record = simulate(scene)
+    assert np.max(share_of_largest(record, exact(scene, record))) < 2e-9
+    # Nothing dissipates and nothing drives: the energy stays.
+    assert np.max(np.abs(record.balance_error)) < 1e-9 * record.kinetic.max()
+
+
+def test_axial_motion_decays_as_friction_demands(nominal):
+    # Z alone: m w″ = −μ(|V|) N w′/|V|, which for w′ small beside RΩ is w′ exp(−μ0 N t/(m RΩ)), to second order in 1e-5.
+    scene = started(
+        nominal, {}, {"Z": 5e-6}, duration=0.004, sample_rate=1e4, simulate__coordinates=["Z"], drum__speed=5.0
+    )
+    record = simulate(scene)
+    rate = 0.42130613194252666 * 2000.0 / (1.1657162284483753 * 0.5)
+    np.testing.assert_allclose(record.velocity[:, 0], 5e-6 * np.exp(-rate * record.time), rtol=1e-6, atol=5e-15)
+    np.testing.assert_allclose(
+        record.departure[:, 0], 5e-6 / rate * (1 - np.exp(-rate * record.time)), rtol=1e-6, atol=1e-14
+    )
+
+
+def test_small_motion_departs_from_the_linear_one_by_second_order(nominal):
+    # 10 ms of the nominal brake below all edges: twice the amplitude, four times the difference.
+    differences = []
+    for amplitude in (5e-8, 1e-7, 2e-7):
+        scene = started(
+            nominal, {"Y": amplitude, "Tz": 10 * amplitude}, duration=0.01, sample_rate=1e4, tolerance=1e-12
+        )
+        record = simulate(scene)
+        wanted = exact(scene, record)
+        differences.append(np.max(np.abs(record.departure - wanted[:, :3]), axis=0))
+        assert np.max(share_of_largest(record, wanted)) < 1e-2
+    slopes = np.log2(np.array(differences[1:]) / np.array(differences[:-1]))
+    np.testing.assert_allclose(slopes, 2.0, atol=0.05)
+
+
+# --- steady sliding --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("state", ["uniform-pressure", "self-consistent"])
+def test_steady_sliding_is_held(nominal, state):
+    values = {} if state == "uniform-pressure" else {"damping": {"ratio": 0.005}}
+    scene = started(nominal, {}, duration=0.02, sample_rate=1e4, steady__state=state, **values)
+    record = simulate(scene)
+    # Round-off of forces of 2000 N, 1e-12 N at most, over stiffnesses of 1e7 N/m and more, and the residual of the
+    # steady state, grown by e^1.5 in this time: below an attometre when balanced. Squeal starts from 1e-7 m.
+    assert np.max(np.abs(record.departure)) < 1e-16
+    assert np.all(np.isfinite(record.velocity))
+
+
+# --- energy ------------------------------------------------------------------------------------------------------------
+
+RISE = {"time": [0.0, 0.004, 0.011], "value": [2000.0, 2600.0, 1500.0]}
+STOP = {"time": [0.002, 0.018], "value": [5.0, 3.5]}
+
+
+@pytest.mark.parametrize("start", [SMALL, LARGE], ids=["small", "large"])
+@pytest.mark.parametrize(
+    "values",
+    [
+        {},
+        {"contact__normal_load": RISE, "drum__speed": STOP},
+        {"steady__state": "self-consistent", "damping": {"ratio": 0.005}},
+    ],
+    ids=["nominal", "profiles", "self-consistent and damped"],
+)
+def test_energy_balance_closes(nominal, values, start):
+    scene = started(nominal, start, duration=0.02, sample_rate=1e4, tolerance=1e-8, **values)
+    record = simulate(scene)
+    # Energies are of second order, so twice the error of the motion; the work is integrated to the same tolerance.
+    assert np.max(np.abs(record.balance_error)) < 1e-6 * record.kinetic.max()
+
+
+def test_energy_balance_closes_in_space(nominal):
+    # The power of friction is as good as the area integral, 1e-6 where V_z is small across a reversal.
+    scene = started(nominal, SPATIAL, {"Z": 0.05}, duration=0.0045, sample_rate=4e4)
+    record = simulate(scene)
+    assert np.max(np.abs(record.balance_error)) < 1e-6 * record.kinetic.max()
+
+
+# --- programs that must agree ----------------------------------------------------------------------------------------
+
+
+def test_left_out_coordinates_would_have_stayed_zero(nominal):
+    # Out-of-plane forces of a motion in the plane cancel over the width to round-off. Both integrate to 1e-9 with steps
+    # of their own; below the edges the integrals are the same to round-off, so that is all that may differ.
+    scene = started(nominal, SMALL, duration=0.0045, sample_rate=4e4)
+    plane, space = simulate(scene), simulate(scene, ALL)
+    assert plane.departure.shape[1] == 3
+    largest = np.max(np.abs(plane.departure), axis=0)
+    assert np.max(np.abs(space.departure[:, [0, 1, 5]] - plane.departure) / largest) < 1e-8
+    assert np.max(np.abs(space.departure[:, 2])) < 1e-9 * largest[1]
+    assert np.max(np.abs(space.departure[:, [3, 4]])) < 1e-9 * largest[2]
+
+
+def test_flat_profiles_are_constants(nominal):
+    flat = {
+        "contact__normal_load": {"time": [0.0, 0.01], "value": [2000.0, 2000.0]},
+        "drum__speed": {"time": [0.0, 0.01], "value": [5.0, 5.0]},
+    }
+    plain, profiled = (
+        simulate(started(nominal, LARGE, duration=0.02, sample_rate=1e4, **values)) for values in ({}, flat)
+    )
+    # The same equations, but compiled apart: round-off, grown over a hundred periods with edges.
+    largest = np.max(np.abs(plain.departure), axis=0)
+    assert np.max(np.abs(profiled.departure - plain.departure) / largest) < 1e-8
+
+
+# --- samples and failures --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("samples", [1, CHUNK_SAMPLES, CHUNK_SAMPLES + 1, 2 * CHUNK_SAMPLES + 137])
+def test_samples_are_uniform_and_chunks_leave_no_seam(nominal, samples):
+    scene = started(nominal, SMALL, duration=samples / 1e5, sample_rate=1e5)
+    record = simulate(scene)
+    assert record.chunks == -(-samples // CHUNK_SAMPLES)
+    np.testing.assert_allclose(record.time, np.arange(samples + 1) / 1e5, rtol=1e-15, atol=0)
+    # Nothing happens at a seam: the motion is that of the reference, the linear one to a part in 1e3 at this amplitude,
+    # and its difference from it has no jump there.
+    difference = np.hstack([record.departure, record.velocity]) - exact(scene, record)
+    share = np.abs(difference) / np.max(np.abs(np.hstack([record.departure, record.velocity])), axis=0)
+    assert np.max(share) < 1e-3
+    for seam in range(CHUNK_SAMPLES, samples, CHUNK_SAMPLES):
+        assert np.all(np.abs(share[seam + 1] - share[seam]) < 1e-4)
+    assert np.max(np.abs(record.balance_error)) < 1e-7 * record.kinetic.max()
+
+
+def test_a_chunked_run_follows_the_reference_as_one_chunk_does(nominal):
+    # 1000 samples in two chunks; every tenth is a sample of the record of 200, of which every second is kept.
+    scene = started(nominal, LARGE, duration=0.02, sample_rate=5e4)
+    record = simulate(scene)
+    assert record.chunks == 2
+    time, wanted = load_reference("transient_inplane_large")
+    np.testing.assert_allclose(record.time[::10], time, rtol=1e-12, atol=1e-12)
+    found = np.hstack([record.departure, record.velocity])[::10]
+    assert np.max(np.abs(found - wanted) / np.max(np.abs(wanted), axis=0)) < 1e-7
+
+
+@pytest.fixture
+def _few_steps(monkeypatch):
+    """Give every chunk 400 steps, in a program of its own: the budget is compiled in."""
+    original = integration._advance
+    assert hasattr(original, "__wrapped__")
+    monkeypatch.setattr(integration, "STEP_BUDGET", 400)
+    monkeypatch.setattr(integration, "_advance", eqx.filter_jit(lambda *inputs: original.__wrapped__(*inputs)))
+
+
+@pytest.mark.usefixtures("_few_steps")
+def test_a_stuck_integration_keeps_what_it_has(nominal):
+    scene = started(nominal, LARGE, duration=0.02, sample_rate=5e4)
+    model, chunks = build_model(scene), []
+    start = [scene.start.displacement[name] for name in model.names]
+    stream = integrate(
+        model, np.zeros(3), start, np.zeros(3), duration=0.02, sample_rate=5e4, tolerance=1e-9
+    )
+    with pytest.raises(IntegrationError, match=r"step size collapsed: 400 steps .* past t = 0\.00") as failure:
+        chunks.extend(stream)
+    assert "sticking" in str(failure.value)
+    assert not chunks  # `extend` has none of a stream that raises; what was yielded is seen below
+    result = run(scene)
+    assert result.outcome == f"failed: {failure.value}"
+    assert result.history.attrs["outcome"] == result.outcome
+    time, displacement = result.history["time"].values, result.history["displacement"].values
+    assert 10 < time.size < 1000
+    np.testing.assert_allclose(time, np.arange(time.size) / 5e4, rtol=1e-15)
+    assert f"t = {time[-1]:.6g} s" in result.outcome
+    reference_time, wanted = load_reference("transient_inplane_large")
+    kept = reference_time <= time[-1]
+    found = displacement[::10][: kept.sum()][:, [0, 1, 5]]
+    assert np.max(np.abs(found - wanted[kept, :3]) / np.max(np.abs(wanted[:, :3]), axis=0)) < 1e-7
+
+
+@pytest.mark.usefixtures("_few_steps")
+def test_good_samples_are_yielded_before_the_failure(nominal):
+    model, yielded = build_model(nominal), []
+    stream = integrate(
+        model, np.zeros(3), [1e-6, 3e-5, 1e-4], np.zeros(3), duration=0.02, sample_rate=5e4, tolerance=1e-9
+    )
+    with pytest.raises(IntegrationError):
+        for chunk in stream:
+            yielded.append(chunk)
+    assert len(yielded) == 1
+    assert np.all(np.isfinite(yielded[0].displacement))
+    assert yielded[0].time.size == len(yielded[0].kinetic_energy) == len(yielded[0].observation.brake_torque)
+
+
+def test_infinite_motion_is_a_failure_in_words(nominal):
+    scene = started(nominal, LARGE, duration=0.001, sample_rate=1e4)
+    model = build_model(scene)
+    with pytest.raises(IntegrationError, match=r"t = 0 s"):
+        list(
+            integrate(
+                model, np.zeros(3), [np.nan, 0, 0], np.zeros(3), duration=0.02, sample_rate=1e4, tolerance=1e-9
+            )
+        )
