@@ -20,7 +20,8 @@ LINES = 6
 # Nodes along each half piece of the arc. Over 9 ms of the hard spatial start of the tests, in which V_z passes through
 # zero across slip reversals, 8 nodes lose 1e-3 of the trajectory, 12 lose 3e-6, 16 and 20 less than 3e-8.
 NODES = 16
-NARROWEST, WIDEST = 1.0 / np.sinh(14.0), 10.0  # bounds of the grading, in lengths of the half piece
+# Bounds of the grading, in lengths of the half piece. A narrower turn is as good as a jump, at the end of a piece.
+NARROWEST, WIDEST = 1.0 / np.sinh(12.0), 10.0
 SMOOTH = 1e3  # rad; a split without a narrow turn (finite, so that gradients stay so)
 SMALLEST = 1e-30  # rad; keeps the length of an empty piece off zero
 
