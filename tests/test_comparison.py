@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from drumsqueal.run import Result, run
+from drumsqueal.simulation import Result, run
 
 # From an independent program: Re λ (1/s) and Im λ (rad/s) of the nominal brake.
 ONSET = {

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import scipy.linalg
-from drumsqueal.run import run
+from drumsqueal.simulation import run
 
 from drumsqueal import integrate as integration
 from drumsqueal.errors import IntegrationError

@@ -9,7 +9,7 @@ from drumsqueal.departure import FEWEST_SAMPLES, Departure, edge_share
 from drumsqueal.model import Model
 from drumsqueal.modes import Mode, Stability
 from drumsqueal.saturation import Saturation, describe_saturation
-from drumsqueal.signals import Growth, amplitude_spectrum, fit_growth, modal_amplitudes, modal_frequency, peak_near
+from drumsqueal.signals import Growth, amplitude_spectrum, fit_growth, modal_frequency, peak_near
 
 # The motion counts as linear while it stays below this share of the edges, contact loss and slip reversal.
 LINEAR_SHARE = 0.1
@@ -99,8 +99,7 @@ def _compare_mode(mode: Mode, stability: Stability, departure: Departure, growin
     time, displacement = departure.time[growing], departure.displacement[growing]
     if time.size < FEWEST_SAMPLES:
         return result._replace(note="the start is too large: the motion is nonlinear at once")
-    states = np.hstack([displacement, departure.velocity[growing]])
-    signal = 2 * modal_amplitudes(mode.left[:, None], states)[:, 0]
+    signal = departure.modal(mode)[growing]
     size = np.abs(signal)
     main = stability.coordinates.index(mode.name)
     if size.max() <= UNEXCITED_SHARE * np.abs(displacement).max():

@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from drumsqueal.bodies.rigid_shoe import TX, TY, TZ, X, Y
 from drumsqueal.model import Model
-from drumsqueal.modes import Stability
+from drumsqueal.modes import Mode, Stability
 from drumsqueal.scene import COORDINATES
-from drumsqueal.signals import Spectrum, amplitude_spectrum
+from drumsqueal.signals import Spectrum, amplitude_spectrum, modal_amplitudes
 
 FEWEST_SAMPLES = 16  # for a spectrum
 
@@ -29,6 +29,11 @@ class Departure:
     def sample_rate(self) -> float:
         """Samples per second (Hz)."""
         return (self.time.size - 1) / float(self.time[-1] - self.time[0])
+
+    def modal(self, mode: Mode) -> NDArray[np.complex128]:
+        """Complex amplitude 2 leftᴴ y of a mode (time,); its modulus is that of the named coordinate, in m or rad."""
+        states = np.hstack([self.displacement, self.velocity])
+        return 2 * modal_amplitudes(mode.left[:, None], states)[:, 0]
 
     def wide(self) -> tuple[list[NDArray[np.float64]], list[NDArray[np.float64]]]:
         """Displacement and velocity of all six coordinates, zero where left out: six arrays (time,) each."""

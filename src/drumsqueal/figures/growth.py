@@ -82,7 +82,7 @@ def _slope(view: View, mode: Mode, compared: ModeComparison) -> tuple[NDArray[np
     edge, growth = view.result.comparison.edge_reached_s, compared.measured_growth
     time = np.array([view.time[0], view.time[-1] if edge is None else min(2 * edge, view.time[-1])])
     first = view.amplitudes[mode.name][0]
-    start = first if growth is None else growth.amplitude_at_start * view.modal_micrometres(mode)
+    start = first if growth is None else growth.amplitude_at_start * view.micrometres(mode.name)
     # Cut off where the number would leave what a double holds, far outside the frame.
     return time, start * np.exp(np.clip(mode.growth_rate * (time - time[0]), -500.0, 500.0))
 

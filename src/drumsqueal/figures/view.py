@@ -12,7 +12,6 @@ from drumsqueal.history import COMPLETE
 from drumsqueal.model import Model
 from drumsqueal.modes import Mode
 from drumsqueal.saturation import Saturation
-from drumsqueal.signals import modal_amplitudes
 from drumsqueal.simulation import Result
 
 MICRO = 1e6
@@ -63,14 +62,10 @@ class View:
     @cached_property
     def amplitudes(self) -> dict[str, NDArray[np.float64]]:
         """Amplitude (µm, rotations times the outer radius) of each mode that takes part, by name."""
-        names = [mode for mode in self.result.stability.modes if mode.name in self.model.names]
-        if not names:
-            return {}
-        states = np.hstack([self.departure.displacement, self.departure.velocity])
-        sizes = np.abs(modal_amplitudes(np.stack([mode.left for mode in names], axis=1), states))
+        able = [mode for mode in self.result.stability.modes if mode.name in self.model.names]
+        sizes = {mode.name: np.abs(self.departure.modal(mode)) for mode in able}
         least = UNEXCITED_SHARE * np.abs(self.departure.displacement).max()
-        kept = [k for k in range(len(names)) if sizes[:, k].max() > least]
-        return {names[k].name: sizes[:, k] * self.modal_micrometres(names[k]) for k in kept}
+        return {name: size * self.micrometres(name) for name, size in sizes.items() if size.max() > least}
 
     @property
     def modes(self) -> tuple[Mode, ...]:
@@ -84,13 +79,6 @@ class View:
     def micrometres(self, coordinate: str) -> float:
         """Factor from a coordinate's unit to µm at the drum's surface."""
         return MICRO * (self.radius if coordinate in ROTATIONS else 1.0)
-
-    def modal_micrometres(self, mode: Mode) -> float:
-        """Factor from |leftᴴ y| to the amplitude of the mode's coordinate in µm at the drum's surface.
-
-        A real motion Re(a φ e^(λt)) is half a mode and half its conjugate, so that |leftᴴ y| = |a| |leftᴴ φ| / 2.
-        """
-        return 2.0 * self.micrometres(mode.name) / float(np.abs(np.vdot(mode.left, mode.right)))
 
     @cached_property
     def energetic(self) -> str:
