@@ -154,7 +154,7 @@ def _verdict(
         return f"{what}."
     side = "below" if saturation.frequency_shift < 0 else "above"
     return (
-        f"{what}, strongest at {saturation.main.frequency_Hz:.0f} Hz, {abs(saturation.frequency_shift):.2%} {side} "
+        f"{what}, strongest at {saturation.main.frequency_Hz:.0f} Hz, {abs(saturation.frequency_shift):.1%} {side} "
         f"the onset frequency of {saturation.nearest_mode}, with {saturation.contact_fraction:.0%} of the lining in "
-        f"contact and {saturation.slip_reversed_fraction:.1%} slipping backwards on average."
+        f"contact and the slip reversed on {saturation.slip_reversed_fraction:.1%} of it on average."
     )

@@ -49,10 +49,10 @@ def print_result(console: Console, result: Result) -> None:
             mode.name,
             f"{mode.predicted_frequency_Hz:.2f}",
             _shown(mode.measured_frequency_Hz, "{:.2f}"),
-            _shown(mode.frequency_error, "{:+.4%}"),
+            _shown(mode.frequency_error, "{:+.1e}"),
             f"{mode.predicted_growth_rate:+.3f}",
             _shown(growth and growth.rate_1_per_s, "{:+.3f}"),
-            _shown(mode.growth_error, "{:+.4%}"),
+            _shown(mode.growth_error, "{:+.1e}"),
         )
         if mode.note:
             notes.append(f"{mode.name}: {mode.note}")
