@@ -6,6 +6,7 @@ from pathlib import Path
 import jax
 import pytest
 
+import drumsqueal.precision  # noqa: F401 (switches it on before any test, also where a file runs alone)
 from drumsqueal.scene import Scene, load_scene
 
 # Error checks that are compiled in would hide behind NaN, or change what is compiled, were this set from outside.

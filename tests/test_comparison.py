@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from drumsqueal.simulation import Result, run
 
 # From an independent program: Re λ (1/s) and Im λ (rad/s) of the nominal brake.
@@ -35,6 +36,9 @@ def test_onset_frequency_and_growth_are_those_of_the_eigenvalues(squeal, name):
     assert 0.01 < squeal.comparison.growth_end_s < 0.03
     assert mode.unstable
     assert mode.note == ""
+    assert mode.frequency_error is not None
+    assert mode.growth_error is not None
+    assert mode.measured_growth is not None
     assert mode.predicted_frequency_Hz == pytest.approx(angular / (2 * np.pi), rel=1e-9)
     assert mode.predicted_growth_rate == pytest.approx(rate, rel=1e-7)
     # The motion stays below a tenth of the edges. Frequency by the peak of a spectrum with lines 50 Hz apart, 1e-6
@@ -63,7 +67,7 @@ def test_the_verdict_names_what_squeals_and_what_it_does(squeal, saturated):
         assert result.comparison.verdict.startswith("The linear model predicts squeal in Y, X, Tz; the ")
         assert result.comparison.edge_reached_s is not None
         assert result.comparison.edge_reached_s > result.comparison.growth_end_s
-        assert result.comparison.motion_ratio > 100
+        assert result.comparison.motion_ratio > 20
     assert "below the onset frequency of Y" in saturated.comparison.verdict
 
 
@@ -72,6 +76,7 @@ def test_saturated_squeal_lies_well_below_its_onset_frequency(saturated):
     saturation = saturated.comparison.saturation
     assert saturation is not None
     assert saturation.main is not None
+    assert saturation.frequency_shift is not None
     assert saturation.nearest_mode == "Y"
     assert saturation.main.coordinate == "Y"
     # 1076 Hz and −24 % were found; the motion has several base frequencies, so that a slightly different start gives
@@ -102,6 +107,7 @@ def test_constant_friction_grows_nothing(nominal):
     for name in ("X", "Y", "Tz"):
         mode = mode_of(result, name)
         assert mode.growth_error is None
+        assert mode.measured_growth is not None
         assert abs(mode.measured_growth.rate_1_per_s) < 1e-2 * 34
 
 

@@ -1,5 +1,7 @@
 """The linear model: the Jacobian against equation (29) by hand, eigenvalues, steady sliding, what the paper states."""
 
+import itertools
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -18,7 +20,7 @@ ALL = tuple(range(6))
 PLANE = (0, 1, 5)
 SLOW = {"steady.state": "self-consistent", "drum.speed": 0.5}
 
-# --- equation (29) by hand ---------------------------------------------------------------------------------------------
+# --- equation (29) by hand -------------------------------------------------------------------------------------------
 
 # Products of two shape functions are quadratic in z and of second order in sin and cos: 40 nodes along and 4 across the
 # lining integrate them to round-off on any arc up to 360°.
@@ -101,8 +103,8 @@ def state_matrix(mass, damping, stiffness):
     return np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), lower])
 
 
-def spectrum(values):
-    values = np.asarray(values)
+def spectrum(values) -> np.ndarray:
+    values = np.asarray(values, dtype=complex)
     return values[np.lexsort((values.imag, np.abs(values.imag)))]
 
 
@@ -277,7 +279,7 @@ def test_the_left_eigenvector_reads_off_the_amplitude(nominal):
         assert np.angle(seen) == pytest.approx(phase, abs=1e-10)
 
 
-# --- other compositions -------------------------------------------------------------------------------------------------
+# --- other compositions ----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -344,7 +346,7 @@ def static_force(number, q, nodes=400):
 
     grid = np.linspace(-arc / 2, arc / 2, 2001)
     bounds = [grid[0]]
-    for low, high in zip(grid[:-1], grid[1:], strict=True):
+    for low, high in itertools.pairwise(grid):
         if level(low) * level(high) < 0:
             for _ in range(60):
                 middle = (low + high) / 2
@@ -460,10 +462,10 @@ def test_growth_rates_are_differentiable_by_every_number(nominal, state, mode):
         assert gradient[k] == pytest.approx(central, rel=1e-6, abs=1e-5), key
 
 
-# --- what the paper states (section 3 of Seo & Kang 2023) ----------------------------------------------------------------
+# --- what the paper states (section 3 of Seo & Kang 2023) ------------------------------------------------------------
 
 
-def eigenvalues_over(scene, coordinates=ALL, **swept):
+def eigenvalues_over(scene, coordinates=ALL, **swept) -> tuple[np.ndarray, np.ndarray]:
     """Eigenvalues (points, 2n) and, of each, the coordinate with most kinetic energy, over swept numbers."""
     n, eigenvalues, names = len(coordinates), [], []
     for point in zip(*swept.values(), strict=True):
@@ -537,7 +539,6 @@ def test_a_larger_arc_calms_y_strongly_and_the_others_little(nominal):
     change = {name: growth_over(nominal, name, PLANE, shoe__arc_angle=arcs) for name in ("X", "Y", "Tz")}
     assert np.all(np.diff(change["Y"]) < 0)
     fall = {name: 1 - rates[-1] / rates[0] for name, rates in change.items()}
-    print(fall)
     assert fall["Y"] > 0.5
     assert abs(change["Y"][0] - change["Y"][-1]) > 3 * max(np.ptp(change["X"]), np.ptp(change["Tz"]))
 

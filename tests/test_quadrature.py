@@ -20,7 +20,7 @@ from drumsqueal.quadrature.arc import ArcSurface
 from drumsqueal.quadrature.area import AreaSurface
 from drumsqueal.quadrature.levels import Level, complex_roots, line_crossings, real_roots, sine_cosine
 
-# --- brute force ----------------------------------------------------------------------------------------------------
+# --- brute force -----------------------------------------------------------------------------------------------------
 
 GAUSS = np.polynomial.legendre.leggauss(8)
 HALVINGS = 0.5 ** np.arange(1, 45)  # panels towards a reversal: down to 1e-13 of the arc
@@ -131,7 +131,7 @@ def brute_force(brake: Brake, q, v, *, separation: bool = True, direction: str =
     return result[0] * reach
 
 
-# --- the package's -----------------------------------------------------------------------------------------------------
+# --- the package's ---------------------------------------------------------------------------------------------------
 
 
 def contact_of(brake: Brake, *, area: bool, separation: bool = True, direction: str = "unit-velocity") -> Contact:
@@ -242,8 +242,8 @@ def test_no_complex_roots_where_there_is_nothing_to_solve():
 @settings(derandomize=True, max_examples=100, deadline=None)
 def test_line_crossings_are_where_the_number_of_roots_changes(coefficients, slopes, half):
     level = Level(*coefficients, *slopes)
-    there, z = (np.asarray(x) for x in line_crossings(level, jnp.asarray(half)))
-    crossings = np.sort(z[there & (np.abs(z.imag) < 1e-9)].real)
+    there, z = (np.array(x) for x in line_crossings(level, jnp.asarray(half)))
+    crossings = np.sort(np.real(z[there & (np.abs(np.imag(z)) < 1e-9)]))
     # Root counts on lines, from the monotone stretches between the ends and the extremes.
     lines = np.linspace(-1.5, 1.5, 301)
     a, b, c, b1, c1 = (np.asarray(x) for x in level)
@@ -321,7 +321,7 @@ def test_plane_forces_with_nearly_tangent_edges(beyond, touching):
     assert relative_error(brake, q, v, area=False) < 2e-12
 
 
-# --- contact integrals in space ----------------------------------------------------------------------------------------
+# --- contact integrals in space --------------------------------------------------------------------------------------
 
 
 def random_states(seed: int, count: int, brake: Brake, **sizes):
@@ -339,8 +339,8 @@ def test_space_forces_below_the_edges(separation, drum):
 
 
 # With edges, errors relative to p0 × area over states where V_z is up to the given size (m/s) and both edges cross the
-# lining. Where V_z is small beside RΩ = 0.5 m/s, the turn of V/|V| at a reversal takes a share V_z/RΩ of the arc, and 12
-# graded nodes must serve both the turn and the rest of the piece; most states come out far better than the worst, and
+# lining. Where V_z is small beside RΩ = 0.5 m/s, the turn of V/|V| at a reversal takes a share V_z/RΩ of the arc, and
+# 12 graded nodes must serve both the turn and the rest of the piece; most states come out far better than the worst, and
 # longer pieces (bonded: two edges fewer) worse. Largest and middling error found over 60 and 100 states each:
 #   V_z up to     1e-1             1e-2             1e-4             1e-6             1e-8
 #   unilateral    4e-7, 2e-10      2e-6, 3e-10      2e-6, 4e-10      4e-6, 1e-9       4e-6, 2e-9
@@ -407,7 +407,7 @@ def test_space_forces_with_nearly_tangent_edges(beyond, axial, tolerance):
 
 
 # Both surfaces are the same contact: with all motion in the plane they agree to what each is worth. The area grades its
-# nodes towards a reversal even where V_z = 0 and nothing turns, which costs up to 1.2e-5 (over 300 states; mostly 4e-15).
+# nodes towards a reversal even where V_z = 0 and nothing turns, which costs up to 1.2e-5 (of 300 states; mostly 4e-15).
 @given(six_shares, six_shares)
 @settings(derandomize=True, max_examples=50, deadline=None)
 def test_area_and_line_agree_in_the_plane(displacement, velocity):
@@ -417,7 +417,7 @@ def test_area_and_line_agree_in_the_plane(displacement, velocity):
     assert np.max(np.abs(area - line)) < 1e-4 * brake.pressure * brake.radius * brake.arc * brake.width
 
 
-# --- energy and observations ---------------------------------------------------------------------------------------------
+# --- energy and observations -----------------------------------------------------------------------------------------
 
 
 @eqx.filter_jit

@@ -8,13 +8,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import scipy.linalg
-from drumsqueal.simulation import run
 
 from drumsqueal import integrate as integration
 from drumsqueal.errors import IntegrationError
 from drumsqueal.integrate import CHUNK_SAMPLES, integrate
 from drumsqueal.model import build_model
 from drumsqueal.scene import Scene
+from drumsqueal.simulation import run
 from drumsqueal.steady import linearise, steady_sliding
 
 ALL = tuple(range(6))
@@ -96,10 +96,11 @@ def errors_against(scene: Scene, name: str, every: int) -> np.ndarray:
 # --- references ------------------------------------------------------------------------------------------------------
 
 
-# What is found is the reference's own error, and what the tolerance adds over some hundred periods.
+# 7.5e-9, 6.5e-9 and, in space, 1.8e-8 were found: the references' own errors, and what the tolerance adds over some
+# hundred periods. The bounds leave a factor 5 for another machine's rounding.
 @pytest.mark.parametrize(
     ("name", "start", "bound"),
-    [("transient_inplane_small", SMALL, 2e-8), ("transient_inplane_large", LARGE, 1e-7)],
+    [("transient_inplane_small", SMALL, 4e-8), ("transient_inplane_large", LARGE, 4e-8)],
     ids=["small", "large"],
 )
 def test_plane_references(nominal, name, start, bound):
@@ -109,12 +110,12 @@ def test_plane_references(nominal, name, start, bound):
 
 def test_spatial_reference(nominal):
     scene = started(nominal, SPATIAL, {"Z": 0.05}, duration=0.0045, sample_rate=4e4)
-    assert np.max(errors_against(scene, "transient_spatial", every=2)) < 1e-6
+    assert np.max(errors_against(scene, "transient_spatial", every=2)) < 1e-7
 
 
 def test_errors_fall_with_the_tolerance(nominal):
     # Contact loss and slip reversal throughout. The tolerance is on a step's error, a tenth of it, and errors add up
-    # over a hundred periods: within a factor 50 of it, and no sharper than a hundredth of it for nothing.
+    # over a hundred periods: within a factor 50 of it. 1.5e-4, 7.3e-6 and 4.0e-8 were found.
     errors = [
         np.max(
             errors_against(
@@ -153,7 +154,8 @@ def share_of_largest(found: Record, wanted: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("coordinates", [["X", "Y", "Tz"], ["X", "Y", "Z", "Tx", "Ty", "Tz"]], ids=["plane", "space"])
 def test_bonded_without_friction_is_linear(nominal, coordinates):
-    # Linear but for sin(2 Tz) of the supports, which at 1e-7 rad is 1e-14 from its slope. Z stays where it is put.
+    # Linear but for sin(2 Tz) of the supports, which at 1e-7 rad is 1e-14 from its slope. Z stays where it is put. Over
+    # 74 periods of Tz a tolerance of 1e-9 adds up to 4.9e-9.
     start = {"X": 1e-8, "Y": 2e-8, "Tz": 1e-7, "Z": 1e-8, "Tx": 3e-7, "Ty": -2e-7}
     scene = started(
         nominal,
@@ -165,21 +167,21 @@ def test_bonded_without_friction_is_linear(nominal, coordinates):
         simulate__coordinates=coordinates,
     )
     record = simulate(scene)
-    assert np.max(share_of_largest(record, exact(scene, record))) < 2e-9
+    assert np.max(share_of_largest(record, exact(scene, record))) < 2e-8
     # Nothing dissipates and nothing drives: the energy stays.
     assert np.max(np.abs(record.balance_error)) < 1e-9 * record.kinetic.max()
 
 
 def test_axial_motion_decays_as_friction_demands(nominal):
-    # Z alone: m w″ = −μ(|V|) N w′/|V|, which for w′ small beside RΩ is w′ exp(−μ0 N t/(m RΩ)), to second order in 1e-5.
+    # Z alone: m w″ = −μ(|V|) N w′/|V|, which for w′ = 1e-3 RΩ is w′ exp(−μ0 N t/(m RΩ)) to second order, 1e-6.
     scene = started(
-        nominal, {}, {"Z": 5e-6}, duration=0.004, sample_rate=1e4, simulate__coordinates=["Z"], drum__speed=5.0
+        nominal, {}, {"Z": 5e-4}, duration=0.004, sample_rate=1e4, tolerance=1e-6, simulate__coordinates=["Z"]
     )
     record = simulate(scene)
     rate = 0.42130613194252666 * 2000.0 / (1.1657162284483753 * 0.5)
-    np.testing.assert_allclose(record.velocity[:, 0], 5e-6 * np.exp(-rate * record.time), rtol=1e-6, atol=5e-15)
+    np.testing.assert_allclose(record.velocity[:, 0], 5e-4 * np.exp(-rate * record.time), rtol=0, atol=2e-6 * 5e-4)
     np.testing.assert_allclose(
-        record.departure[:, 0], 5e-6 / rate * (1 - np.exp(-rate * record.time)), rtol=1e-6, atol=1e-14
+        record.departure[:, 0], 5e-4 / rate * (1 - np.exp(-rate * record.time)), rtol=0, atol=2e-6 * 5e-4 / rate
     )
 
 
@@ -201,18 +203,19 @@ def test_small_motion_departs_from_the_linear_one_by_second_order(nominal):
 # --- steady sliding --------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-9])
 @pytest.mark.parametrize("state", ["uniform-pressure", "self-consistent"])
-def test_steady_sliding_is_held(nominal, state):
+def test_steady_sliding_is_held(nominal, state, tolerance):
     values = {} if state == "uniform-pressure" else {"damping": {"ratio": 0.005}}
-    scene = started(nominal, {}, duration=0.02, sample_rate=1e4, steady__state=state, **values)
+    scene = started(nominal, {}, duration=0.02, sample_rate=1e4, tolerance=tolerance, steady__state=state, **values)
     record = simulate(scene)
     # Round-off of forces of 2000 N, 1e-12 N at most, over stiffnesses of 1e7 N/m and more, and the residual of the
-    # steady state, grown by e^1.5 in this time: below an attometre when balanced. Squeal starts from 1e-7 m.
+    # steady state, grown by e^1.5 in this time: below a tenth of a femtometre. Squeal starts from 1e-7 m.
     assert np.max(np.abs(record.departure)) < 1e-16
     assert np.all(np.isfinite(record.velocity))
 
 
-# --- energy ------------------------------------------------------------------------------------------------------------
+# --- energy ----------------------------------------------------------------------------------------------------------
 
 RISE = {"time": [0.0, 0.004, 0.011], "value": [2000.0, 2600.0, 1500.0]}
 STOP = {"time": [0.002, 0.018], "value": [5.0, 3.5]}
@@ -231,15 +234,16 @@ STOP = {"time": [0.002, 0.018], "value": [5.0, 3.5]}
 def test_energy_balance_closes(nominal, values, start):
     scene = started(nominal, start, duration=0.02, sample_rate=1e4, tolerance=1e-8, **values)
     record = simulate(scene)
-    # Energies are of second order, so twice the error of the motion; the work is integrated to the same tolerance.
-    assert np.max(np.abs(record.balance_error)) < 1e-6 * record.kinetic.max()
+    # Energies are of second order, so twice the error of the motion, and the work is integrated to the same tolerance:
+    # a factor 50 of it for a hundred periods; 3.8e-8 was found.
+    assert np.max(np.abs(record.balance_error)) < 5e-7 * record.kinetic.max()
 
 
 def test_energy_balance_closes_in_space(nominal):
-    # The power of friction is as good as the area integral, 1e-6 where V_z is small across a reversal.
+    # The power of friction is as good as the area integral, 1e-6 where V_z is small across a reversal; 3e-9 was found.
     scene = started(nominal, SPATIAL, {"Z": 0.05}, duration=0.0045, sample_rate=4e4)
     record = simulate(scene)
-    assert np.max(np.abs(record.balance_error)) < 1e-6 * record.kinetic.max()
+    assert np.max(np.abs(record.balance_error)) < 1e-7 * record.kinetic.max()
 
 
 # --- programs that must agree ----------------------------------------------------------------------------------------
@@ -247,23 +251,23 @@ def test_energy_balance_closes_in_space(nominal):
 
 def test_left_out_coordinates_would_have_stayed_zero(nominal):
     # Out-of-plane forces of a motion in the plane cancel over the width to round-off. Both integrate to 1e-9 with steps
-    # of their own; below the edges the integrals are the same to round-off, so that is all that may differ.
+    # of their own; below the edges the integrals are the same to round-off, so that is all that may differ: 5e-9 was found.
     scene = started(nominal, SMALL, duration=0.0045, sample_rate=4e4)
     plane, space = simulate(scene), simulate(scene, ALL)
     assert plane.departure.shape[1] == 3
     largest = np.max(np.abs(plane.departure), axis=0)
-    assert np.max(np.abs(space.departure[:, [0, 1, 5]] - plane.departure) / largest) < 1e-8
+    assert np.max(np.abs(space.departure[:, [0, 1, 5]] - plane.departure) / largest) < 5e-8
     assert np.max(np.abs(space.departure[:, 2])) < 1e-9 * largest[1]
     assert np.max(np.abs(space.departure[:, [3, 4]])) < 1e-9 * largest[2]
 
 
 def test_flat_profiles_are_constants(nominal):
     flat = {
-        "contact__normal_load": {"time": [0.0, 0.01], "value": [2000.0, 2000.0]},
-        "drum__speed": {"time": [0.0, 0.01], "value": [5.0, 5.0]},
+        "contact.normal_load": {"time": [0.0, 0.01], "value": [2000.0, 2000.0]},
+        "drum.speed": {"time": [0.0, 0.01], "value": [5.0, 5.0]},
     }
     plain, profiled = (
-        simulate(started(nominal, LARGE, duration=0.02, sample_rate=1e4, **values)) for values in ({}, flat)
+        simulate(started(nominal.with_values(values), LARGE, duration=0.02, sample_rate=1e4)) for values in ({}, flat)
     )
     # The same equations, but compiled apart: round-off, grown over a hundred periods with edges.
     largest = np.max(np.abs(plain.departure), axis=0)
@@ -314,20 +318,24 @@ def test_a_stuck_integration_keeps_what_it_has(nominal):
     scene = started(nominal, LARGE, duration=0.02, sample_rate=5e4)
     model, chunks = build_model(scene), []
     start = [scene.start.displacement[name] for name in model.names]
-    stream = integrate(
-        model, np.zeros(3), start, np.zeros(3), duration=0.02, sample_rate=5e4, tolerance=1e-9
-    )
+    stream = integrate(model, np.zeros(3), start, np.zeros(3), duration=0.02, sample_rate=5e4, tolerance=1e-9)
     with pytest.raises(IntegrationError, match=r"step size collapsed: 400 steps .* past t = 0\.00") as failure:
-        chunks.extend(stream)
-    assert "sticking" in str(failure.value)
-    assert not chunks  # `extend` has none of a stream that raises; what was yielded is seen below
+        for chunk in integrate(model, np.zeros(3), start, np.zeros(3), duration=0.02, sample_rate=5e4, tolerance=1e-9):
+            chunks.append(chunk)
+    assert len(chunks) == 1
+    assert np.all(np.isfinite(chunks[0].displacement))
+    assert chunks[0].time.size == chunks[0].kinetic_energy.size == chunks[0].observation.brake_torque.size
+    assert chunks[0].steps == 400
+
     result = run(scene)
     assert result.outcome == f"failed: {failure.value}"
     assert result.history.attrs["outcome"] == result.outcome
     time, displacement = result.history["time"].values, result.history["displacement"].values
-    assert 10 < time.size < 1000
+    np.testing.assert_array_equal(time, chunks[0].time)
+    assert 10 < time.size < 500
     np.testing.assert_allclose(time, np.arange(time.size) / 5e4, rtol=1e-15)
     assert f"t = {time[-1]:.6g} s" in result.outcome
+    # What was kept is good: every tenth sample is one of the reference's.
     reference_time, wanted = load_reference("transient_inplane_large")
     kept = reference_time <= time[-1]
     found = displacement[::10][: kept.sum()][:, [0, 1, 5]]
@@ -335,25 +343,7 @@ def test_a_stuck_integration_keeps_what_it_has(nominal):
 
 
 @pytest.mark.usefixtures("_few_steps")
-def test_good_samples_are_yielded_before_the_failure(nominal):
-    model, yielded = build_model(nominal), []
-    stream = integrate(
-        model, np.zeros(3), [1e-6, 3e-5, 1e-4], np.zeros(3), duration=0.02, sample_rate=5e4, tolerance=1e-9
-    )
-    with pytest.raises(IntegrationError):
-        for chunk in stream:
-            yielded.append(chunk)
-    assert len(yielded) == 1
-    assert np.all(np.isfinite(yielded[0].displacement))
-    assert yielded[0].time.size == len(yielded[0].kinetic_energy) == len(yielded[0].observation.brake_torque)
-
-
-def test_infinite_motion_is_a_failure_in_words(nominal):
-    scene = started(nominal, LARGE, duration=0.001, sample_rate=1e4)
-    model = build_model(scene)
+def test_undefined_motion_is_a_failure_in_words(nominal):
+    model, start = build_model(nominal), [np.nan, 0, 0]
     with pytest.raises(IntegrationError, match=r"t = 0 s"):
-        list(
-            integrate(
-                model, np.zeros(3), [np.nan, 0, 0], np.zeros(3), duration=0.02, sample_rate=1e4, tolerance=1e-9
-            )
-        )
+        list(integrate(model, np.zeros(3), start, np.zeros(3), duration=0.02, sample_rate=1e4, tolerance=1e-9))

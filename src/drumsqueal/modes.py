@@ -1,5 +1,6 @@
 """Complex eigenvalues of steady sliding: modes, growth rates, frequencies."""
 
+from functools import partial
 from typing import NamedTuple, cast
 
 import jax
@@ -109,6 +110,7 @@ def require_sliding(model: Model) -> None:
         )
 
 
+@partial(jax.jit, static_argnames="mode")
 def growth_rate(model: Model, mode: str) -> Array:
     """Re λ (1/s) of the mode with that name, differentiable with respect to the model's numbers.
 

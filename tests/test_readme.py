@@ -1,0 +1,39 @@
+"""What the README shows works as it stands there."""
+
+import math
+import re
+from pathlib import Path
+
+import pytest
+
+from drumsqueal.scene import load_scene
+
+ROOT = Path(__file__).parents[1]
+
+
+def blocks(language: str) -> list[str]:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    return re.findall(rf"```{language}\n(.*?)```", text, flags=re.DOTALL)
+
+
+def test_the_scene_loads_and_is_the_nominal_one_with_damping(tmp_path, nominal):
+    (block,) = blocks("toml")
+    file = tmp_path / "scene.toml"
+    file.write_text(block, encoding="utf-8")
+    assert load_scene(file) == nominal.with_values({"damping": {"ratio": 0.005}})
+
+
+def test_the_python_lines_run_and_the_gradient_is_right(monkeypatch, capsys):
+    monkeypatch.chdir(ROOT)
+    (block,) = blocks("python")
+    names: dict = {}
+    exec(compile(block, "README.md", "exec"), names)  # the point of this test
+    printed = capsys.readouterr().out.splitlines()
+    assert float(printed[0]) > 1e-5  # squeal has grown to tens of micrometres by then
+    assert "predicts squeal" in printed[1]
+    gradient, step = names["gradient"], 1e-4
+    numbers = ({"drum.speed": 3.0 + change, "contact.normal_load": 2000.0} for change in (step, -step))
+    higher, lower = (float(names["growth"](values)) for values in numbers)
+    # Central differences of a rate near 100 1/s with steps of 1e-4 are good to about 1e-7.
+    assert gradient["drum.speed"] == pytest.approx((higher - lower) / (2 * step), rel=1e-6)
+    assert math.isfinite(gradient["contact.normal_load"])
