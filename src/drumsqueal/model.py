@@ -21,7 +21,7 @@ from drumsqueal.effects.friction import ConstantLaw, ExponentialLaw, Friction, T
 from drumsqueal.effects.schedule import Constant, Profile, Schedule
 from drumsqueal.effects.support import Support
 from drumsqueal.precision import real
-from drumsqueal.quadrature.arc import ArcSurface
+from drumsqueal.quadrature.arc import LONG_ARC, NODES, NODES_LONG_ARC, ArcSurface
 from drumsqueal.quadrature.area import AreaSurface
 from drumsqueal.scene import COORDINATES, Scene
 
@@ -63,7 +63,7 @@ class Model(eqx.Module):
     def in_plane(self) -> "Model":
         """The same model with its out-of-plane coordinates held at zero: a line integral instead of an area."""
         kept = [k for k, i in enumerate(self.coordinates) if i in IN_PLANE]
-        contact = dataclasses.replace(self.contact, surface=ArcSurface())
+        contact = dataclasses.replace(self.contact, surface=ArcSurface(NODES_LONG_ARC))
         stiffness = self.stiffness[np.ix_(kept, kept)]
         return Model(
             contact, self.others, self.mass[np.asarray(kept)], stiffness, tuple(self.coordinates[k] for k in kept)
@@ -95,6 +95,7 @@ class Composition(NamedTuple):
     """What a scene calls for, without its numbers: it decides what is in the compiled program."""
 
     coordinates: tuple[int, ...]
+    long_arc: bool
     separation: bool
     friction_law: str | None
     friction_direction: str | None
@@ -126,6 +127,7 @@ def compose(scene: Scene) -> Composition:
     friction = scene.friction
     return Composition(
         coordinates=kept_coordinates(scene),
+        long_arc=scene.shoe.arc_angle > LONG_ARC,
         separation=scene.contact.separation,
         friction_law=None if friction is None else friction.law,
         friction_direction=None if friction is None else friction.direction,
@@ -181,7 +183,8 @@ def _contact(composition: Composition, value: Mapping[str, Array], shoe: RigidSh
     # The load is spread evenly, p0 = load / (R β b): our reading of the paper's "uniformly distributed".
     preload = _schedule("contact.normal_load", value, 1 / shoe.area)
     speed = _schedule("drum.speed", value, jnp.ones(()))
-    surface = ArcSurface() if set(composition.coordinates) <= set(IN_PLANE) else AreaSurface()
+    in_plane = set(composition.coordinates) <= set(IN_PLANE)
+    surface = ArcSurface(NODES_LONG_ARC if composition.long_arc else NODES) if in_plane else AreaSurface()
     return Contact(shoe, law(value["contact.stiffness"]), _friction(composition, value), preload, speed, surface)
 
 

@@ -49,12 +49,12 @@ class Unilateral(eqx.Module):
         return level
 
     def pressure(self, level: Array) -> Array:
-        """N (Pa) from the level p0 + k_c u_r (Pa)."""
-        return jnp.maximum(level, 0.0)
+        """N (Pa) from the level p0 + k_c u_r (Pa); where that is just zero, the slope is that of contact."""
+        return jnp.where(level < 0, 0.0, level)
 
     def compression(self, preload: Array, radial: Array) -> Array:
         """Radial displacement that the lining follows (m): u_r, or −p0/k_c where the lining has left the drum."""
-        lifted = preload + self.stiffness * radial <= 0
+        lifted = preload + self.stiffness * radial < 0
         return jnp.where(lifted, -preload / jnp.where(lifted, self.stiffness, 1.0), radial)
 
 
