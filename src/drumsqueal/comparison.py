@@ -5,11 +5,14 @@ from typing import NamedTuple
 import numpy as np
 import xarray
 
-from drumsqueal.departure import FEWEST_SAMPLES, Departure, edge_share
+from drumsqueal.departure import FEWEST_SAMPLES, Departure, edge_share, first_edge
+from drumsqueal.effects.schedule import Profile
+from drumsqueal.history import COMPLETE
 from drumsqueal.model import Model
 from drumsqueal.modes import Mode, Stability
 from drumsqueal.saturation import Saturation, describe_saturation
 from drumsqueal.signals import Growth, amplitude_spectrum, fit_growth, modal_frequency, peak_near
+from drumsqueal.verdict import state_verdict
 
 # The motion counts as linear while it stays below this share of the edges, contact loss and slip reversal.
 LINEAR_SHARE = 0.1
@@ -18,7 +21,7 @@ LINEAR_SHARE = 0.1
 CLEAN_SHARE = 3e-2
 UNEXCITED_SHARE = 1e-12  # of the largest displacement: a mode below it is not there
 FEWEST_PERIODS = 5  # of a mode, for its frequency and growth to be measured
-GROWN = 1.1  # times the start: what the motion must reach by the end to have grown
+NOT_EXCITED = "not excited by this start"
 NEUTRAL_SHARE = 1e-9  # of the frequency: a growth rate below it is none, and has no relative error
 
 
@@ -26,6 +29,7 @@ class ModeComparison(NamedTuple):
     """One mode: what the eigenvalue says and what the transient did; None where that cannot be told, and why."""
 
     name: str
+    label: str
     unstable: bool
     predicted_frequency_Hz: float
     predicted_growth_rate: float
@@ -56,13 +60,13 @@ class ModeComparison(NamedTuple):
 class Comparison(NamedTuple):
     """End of the growth phase (s), first edge (s), each mode, the saturated motion and a verdict in one sentence.
 
-    `edge_reached_s` and `saturation` are None where the motion reached no edge; `motion_ratio` is the largest
-    departure in the last tenth of the record over that in the first tenth.
+    `edge_reached_s` and `saturation` are None where the motion reached no edge; `motion_ratio` is the largest motion
+    (root of the vibration energy) in the last tenth of the record over that in the first tenth, None without a start.
     """
 
     growth_end_s: float
     edge_reached_s: float | None
-    motion_ratio: float
+    motion_ratio: float | None
     modes: tuple[ModeComparison, ...]
     saturation: Saturation | None
     verdict: str
@@ -76,40 +80,66 @@ def compare(history: xarray.Dataset, stability: Stability, model: Model) -> Comp
     departure = Departure(history, stability)
     time = departure.time
     share = edge_share(departure, stability, model)
-    nonlinear, reached = np.flatnonzero(share >= LINEAR_SHARE), np.flatnonzero(share >= 1)
+    nonlinear = np.flatnonzero(share >= LINEAR_SHARE)
     growing = slice(0, int(nonlinear[0]) if nonlinear.size else time.size)
     modes = tuple(_compare_mode(mode, stability, departure, growing) for mode in stability.modes)
-    edge = float(time[reached[0]]) if reached.size else None
-    saturation = None if edge is None else describe_saturation(history, departure, stability, edge)
-    tenth = max(1, time.size // 10)
-    start = share[:tenth].max()
-    ratio = float(share[-tenth:].max() / start) if start > 0 else 1.0
+    edge = first_edge(history, share, stability, model)
+    saturation = None if edge is None else describe_saturation(history, departure, stability, model, edge)
+    ratio = _motion_ratio(departure, stability, model)
+    outcome = history.attrs["outcome"]
     return Comparison(
         growth_end_s=float(time[max(growing.stop - 1, 0)]),
         edge_reached_s=edge,
         motion_ratio=ratio,
         modes=modes,
         saturation=saturation,
-        verdict=_verdict(stability, edge, ratio, saturation, float(time[-1])),
+        verdict=state_verdict(
+            stability,
+            changing=_changing(model),
+            excited=tuple(m for m, found in zip(stability.modes, modes, strict=True) if found.note != NOT_EXCITED),
+            motion_ratio=ratio,
+            edge=edge,
+            saturation=saturation,
+            duration=float(time[-1]),
+            cut_off=None if outcome == COMPLETE else outcome,
+        ),
     )
 
 
+def _changing(model: Model) -> bool:
+    """Whether drum speed or load change over time."""
+    return any(isinstance(schedule, Profile) for schedule in (model.contact.drum_speed, model.contact.preload))
+
+
+def _motion_ratio(departure: Departure, stability: Stability, model: Model) -> float | None:
+    """Largest motion in the last tenth of the record over that in the first tenth; None where nothing was started."""
+    if not departure.started:
+        return None
+    elastic = np.einsum("ti,ij,tj->t", departure.displacement, np.asarray(model.stiffness), departure.displacement)
+    size = np.sqrt(departure.velocity**2 @ stability.mass + elastic)
+    tenth = max(1, size.size // 10)
+    return float(size[-tenth:].max() / size[:tenth].max())
+
+
 def _compare_mode(mode: Mode, stability: Stability, departure: Departure, growing: slice) -> ModeComparison:
-    result = ModeComparison(mode.name, mode.unstable, mode.frequency_Hz, mode.growth_rate, None, None, None, None, "")
+    result = ModeComparison(
+        mode.name, mode.label, mode.unstable, mode.frequency_Hz, mode.growth_rate, None, None, None, None, ""
+    )
     time, displacement = departure.time[growing], departure.displacement[growing]
+    if not departure.started:
+        return result._replace(note="nothing was started")
     if time.size < FEWEST_SAMPLES:
-        return result._replace(note="the start is too large: the motion is nonlinear at once")
+        whole = departure.time.size == time.size
+        return result._replace(note="the record is too short" if whole else "nonlinear from the start, or nearly so")
     signal = departure.modal(mode)[growing]
     size = np.abs(signal)
     main = stability.coordinates.index(mode.name)
     if size.max() <= UNEXCITED_SHARE * np.abs(displacement).max():
-        return result._replace(note="not excited by this start")
-    clean = size >= CLEAN_SHARE * np.maximum.accumulate(np.abs(displacement[:, main]))
+        return result._replace(note=NOT_EXCITED)
+    clean = (size > 0) & (size >= CLEAN_SHARE * np.maximum.accumulate(np.abs(displacement[:, main])))
     last = time.size if clean.all() else int(np.argmin(clean))
     if last < FEWEST_SAMPLES or (time[last - 1] - time[0]) * mode.frequency_Hz < FEWEST_PERIODS:
-        return result._replace(
-            note=f"fewer than {FEWEST_PERIODS} periods before it has died out or the motion is nonlinear"
-        )
+        return result._replace(note=_too_few(last, time.size, departure.time.size))
     spectrum = amplitude_spectrum(displacement[:last, main], departure.sample_rate)
     peak = peak_near(spectrum, mode.frequency_Hz, half_width=_reach(mode, stability))
     return result._replace(
@@ -121,40 +151,16 @@ def _compare_mode(mode: Mode, stability: Stability, departure: Departure, growin
     )
 
 
+def _too_few(clean: int, growing: int, recorded: int) -> str:
+    """Why a mode has too few periods: samples in which it is clean, of the growth phase, of the record."""
+    if clean < growing:
+        return f"hidden by the other modes after fewer than {FEWEST_PERIODS} periods"
+    if growing < recorded:
+        return f"nonlinear after fewer than {FEWEST_PERIODS} periods"
+    return f"the record holds fewer than {FEWEST_PERIODS} periods"
+
+
 def _reach(mode: Mode, stability: Stability) -> float:
     """Half the distance to the next mode's frequency (Hz), at most a quarter of the mode's own."""
     apart = [abs(other.frequency_Hz - mode.frequency_Hz) / 2 for other in stability.modes if other is not mode]
     return min([mode.frequency_Hz / 4, *(distance for distance in apart if distance > 0)])
-
-
-def _verdict(
-    stability: Stability, edge: float | None, ratio: float, saturation: Saturation | None, duration: float
-) -> str:
-    """What a reader wants to know first, in one sentence."""
-    names = ", ".join(mode.name for mode in stability.unstable)
-    predicted = f"The linear model predicts squeal in {names}" if names else "The linear model predicts no squeal"
-    if edge is None:
-        if ratio > GROWN:
-            done = f"the motion grows {ratio:.3g} times but reaches no edge in {duration:g} s, too short to tell more"
-        elif names:
-            done = f"the transient does not grow within {duration:g} s"
-        else:
-            done = f"the transient agrees: nothing grows within {duration:g} s"
-        return f"{predicted}; {done}."
-    if saturation is None:
-        return f"{predicted}; the motion reaches an edge at {edge:.4g} s, too late to tell what it settles to."
-    kinds = {
-        "steady": "settles to steady sliding",
-        "periodic": "settles to a periodic motion",
-        "neither": "settles to no periodic motion",
-        "unknown": "has not settled by the end of the record",
-    }
-    what = f"{predicted}; the transient reaches an edge at {edge:.4g} s and {kinds[saturation.regime.kind]}"
-    if saturation.main is None or saturation.frequency_shift is None or saturation.regime.kind == "steady":
-        return f"{what}."
-    side = "below" if saturation.frequency_shift < 0 else "above"
-    return (
-        f"{what}, strongest at {saturation.main.frequency_Hz:.0f} Hz, {abs(saturation.frequency_shift):.1%} {side} "
-        f"the onset frequency of {saturation.nearest_mode}, with {saturation.contact_fraction:.0%} of the lining in "
-        f"contact and the slip reversed on {saturation.slip_reversed_fraction:.1%} of it on average."
-    )

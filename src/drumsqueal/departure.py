@@ -6,12 +6,15 @@ import xarray
 from numpy.typing import NDArray
 
 from drumsqueal.bodies.rigid_shoe import TX, TY, TZ, X, Y
+from drumsqueal.effects.contact import Unilateral
 from drumsqueal.model import Model
 from drumsqueal.modes import Mode, Stability
 from drumsqueal.scene import COORDINATES
 from drumsqueal.signals import Spectrum, amplitude_spectrum, modal_amplitudes
 
+ROTATIONS = ("Tx", "Ty", "Tz")
 FEWEST_SAMPLES = 16  # for a spectrum
+FRACTION_ROUND_OFF = 1e-12  # of a share of the lining, which is a sum over some hundred nodes
 
 
 class Departure:
@@ -29,6 +32,11 @@ class Departure:
     def sample_rate(self) -> float:
         """Samples per second (Hz)."""
         return (self.time.size - 1) / float(self.time[-1] - self.time[0])
+
+    @property
+    def started(self) -> bool:
+        """Whether the record begins away from steady sliding."""
+        return bool(np.any(self.displacement[0] != 0) or np.any(self.velocity[0] != 0))
 
     def modal(self, mode: Mode) -> NDArray[np.complex128]:
         """Complex amplitude 2 leftᴴ y of a mode (time,); its modulus is that of the named coordinate, in m or rad."""
@@ -52,18 +60,52 @@ class Departure:
 
 
 def edge_share(departure: Departure, stability: Stability, model: Model) -> NDArray[np.float64]:
-    """How far the motion has come towards contact loss or slip reversal (time,): 1 is the first edge.
+    """How far the motion has come towards contact loss or slip reversal (time,): below 1 neither has happened.
 
-    The larger of k_c max|u_r − u_r*| over the smallest steady pressure and max|u̇_θ| over R|Ω|. Both maxima are bounds
-    over the whole circle, so the true edge is reached at 1 or somewhat above.
+    The larger of k_c max|u_r − u_r*| over the smallest steady pressure and max|u̇_θ| over R|Ω|; both maxima are bounds
+    over the whole circle. Without separation, or without friction, there is no such edge. Where part of the lining is
+    off the drum in steady sliding already, its edge moves with every motion, and the largest steady pressure is the
+    measure.
     """
     shoe, c = model.shoe, float(model.shoe.centroid)
     half_width, radius = float(shoe.width) / 2, float(shoe.outer_radius)
     q, v = departure.wide()
-    radial = np.hypot(q[X], q[Y] - c * q[TZ]) + half_width * np.hypot(q[TX], q[TY])
-    tangential = np.abs(radius * v[TZ]) + np.hypot(v[X], v[Y] - c * v[TZ]) + half_width * np.hypot(v[TX], v[TY])
-    speed = np.asarray(jax.vmap(model.contact.drum_speed.at)(departure.time))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        loss = radial * float(model.contact.law.stiffness) / max(stability.pressure_range[0], 0.0)
-        reversal = tangential / (radius * np.abs(speed))
-    return np.nan_to_num(np.maximum(loss, reversal), nan=0.0, posinf=np.inf)
+    share = np.zeros(departure.time.size)
+    if isinstance(model.contact.law, Unilateral):
+        radial = np.hypot(q[X], q[Y] - c * q[TZ]) + half_width * np.hypot(q[TX], q[TY])
+        pressed = _steady_pressure(departure, stability, model)
+        share = _over(float(model.contact.law.stiffness) * radial, pressed)
+    if model.contact.friction is not None:
+        tangential = np.abs(radius * v[TZ]) + np.hypot(v[X], v[Y] - c * v[TZ]) + half_width * np.hypot(v[TX], v[TY])
+        speed = np.asarray(jax.vmap(model.contact.drum_speed.at)(departure.time))
+        share = np.maximum(share, _over(tangential, radius * np.abs(speed)))
+    return share
+
+
+def first_edge(history: xarray.Dataset, share: NDArray[np.float64], stability: Stability, model: Model) -> float | None:
+    """Time (s) of the first sample at which part of the lining has left the drum or slips backwards; None if never.
+
+    Read off what was recorded. Where part of the lining is off the drum in steady sliding already, a `share` of 1
+    (from `edge_share`) counts in its place.
+    """
+    reached = np.zeros(share.size, dtype=bool)
+    if isinstance(model.contact.law, Unilateral):
+        whole = stability.pressure_range[0] > 0
+        reached |= history["contact_fraction"].values < 1 - FRACTION_ROUND_OFF if whole else share >= 1
+    if model.contact.friction is not None:
+        reached |= history["slip_reversed_fraction"].values > FRACTION_ROUND_OFF
+    return float(history["time"].values[np.argmax(reached)]) if reached.any() else None
+
+
+def _steady_pressure(departure: Departure, stability: Stability, model: Model) -> NDArray[np.float64]:
+    """Smallest pressure of steady sliding at the load of each instant (time,), the largest where that is zero (Pa)."""
+    load = np.asarray(jax.vmap(model.contact.preload.at)(departure.time))
+    smallest, largest = stability.pressure_range
+    steady = smallest if smallest > 0 else largest
+    return steady * load / load[0] if load[0] > 0 else load
+
+
+def _over(size: NDArray[np.float64], limit: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Size over limit; any motion at all is infinitely far beyond a limit of zero."""
+    beyond = np.where(size > 0, np.inf, 0.0)
+    return np.divide(size, limit, out=beyond, where=limit > 0)

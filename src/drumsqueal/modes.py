@@ -19,17 +19,21 @@ from drumsqueal.steady import linearise, steady_sliding
 OSCILLATING_SHARE = 1e-9
 # A real part below this share of the largest modulus is round-off, neither growth nor decay.
 UNDAMPED_SHARE = 1e-12
+# A double zero (a free coordinate without friction) comes out of the solver split by the root of round-off.
+DRIFT_SHARE = 1e-7
 
 
 class Mode(NamedTuple):
     """An oscillating mode: eigenvalue λ (1/s), named by its largest mass-weighted coordinate.
 
+    `label` is the name, and for every further mode of that name, by rising frequency, "X (2)", "X (3)".
     `right` and `left` (2n,) are its eigenvectors of the state matrix, with leftᴴ right = 1 and the displacement of the
     named coordinate in `right` scaled to 1. A real motion holds the mode and its conjugate, y = a right + ā right*, so
     2 |leftᴴ y| is the amplitude of that coordinate in m or rad.
     """
 
     name: str
+    label: str
     eigenvalue: complex
     unstable: bool
     right: NDArray[np.complex128]
@@ -68,6 +72,14 @@ class Stability(NamedTuple):
     def unstable(self) -> tuple[Mode, ...]:
         """The modes that grow."""
         return tuple(mode for mode in self.modes if mode.unstable)
+
+    @property
+    def divergence(self) -> float | None:
+        """Largest real eigenvalue that grows without oscillation (1/s), None where there is none."""
+        largest = np.max(np.abs(self.eigenvalues))
+        real = self.eigenvalues[np.abs(self.eigenvalues.imag) <= OSCILLATING_SHARE * largest].real
+        growing = real[real > DRIFT_SHARE * largest]
+        return float(growing.max()) if growing.size else None
 
     @property
     def highest_frequency_Hz(self) -> float:
@@ -152,5 +164,8 @@ def _modes(model: Model, eigenvalues: Complex, left: Complex, right: Complex) ->
         shape = right[:, k] / right[main, k]
         projection = left[:, k] / np.conj(np.vdot(left[:, k], shape))
         unstable = bool(eigenvalues[k].real > UNDAMPED_SHARE * largest)
-        modes.append(Mode(model.names[main], complex(eigenvalues[k]), unstable, shape, projection))
+        name = model.names[main]
+        earlier = sum(mode.name == name for mode in modes)
+        label = f"{name} ({earlier + 1})" if earlier else name
+        modes.append(Mode(name, label, complex(eigenvalues[k]), unstable, shape, projection))
     return tuple(modes)

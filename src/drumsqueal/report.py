@@ -16,7 +16,7 @@ def print_stability(console: Console, stability: Stability) -> None:
         table.add_column(heading, justify="left" if heading in ("mode", "") else "right")
     for mode in stability.modes:
         table.add_row(
-            mode.name,
+            mode.label,
             f"{mode.frequency_Hz:.2f} Hz",
             f"{mode.growth_rate:+.3f} 1/s",
             f"{mode.damping_ratio:+.3%}",
@@ -42,11 +42,11 @@ def print_result(console: Console, result: Result) -> None:
         table.add_column(f"{quantity}\npredicted\n{unit}", justify="right")
         table.add_column(f"{quantity}\nmeasured\n{unit}", justify="right")
         table.add_column("error", justify="right")
-    notes = []
+    notes: dict[str, list[str]] = {}
     for mode in result.comparison.modes:
         growth = mode.measured_growth
         table.add_row(
-            mode.name,
+            mode.label,
             f"{mode.predicted_frequency_Hz:.2f}",
             _shown(mode.measured_frequency_Hz, "{:.2f}"),
             _shown(mode.frequency_error, "{:+.1e}"),
@@ -55,7 +55,7 @@ def print_result(console: Console, result: Result) -> None:
             _shown(mode.growth_error, "{:+.1e}"),
         )
         if mode.note:
-            notes.append(f"{mode.name}: {mode.note}")
+            notes.setdefault(mode.note, []).append(mode.label)
     console.print(table)
     resolution = {mode.frequency_resolution_Hz for mode in result.comparison.modes if mode.frequency_resolution_Hz}
     if resolution:
@@ -63,14 +63,15 @@ def print_result(console: Console, result: Result) -> None:
             f"Measured from 0 to {result.comparison.growth_end_s:.4g} s; spectral resolution {max(resolution):.3g} Hz, "
             "peaks interpolated"
         )
-    for note in notes:
-        console.print(f"[dim]{note}[/]")
+    for note, labels in notes.items():
+        console.print(f"[dim]{', '.join(labels)}: {note}[/]")
     saturation = result.comparison.saturation
     if saturation is not None:
         console.print(f"After growth, from {saturation.start_s:.4g} s: {saturation.regime.reason}")
+    balance = energy_balance(result)
     console.print(
-        f"Energy balance closes to {energy_balance(result)['energy_balance_error_over_kinetic_energy']:.1e} "
-        "of the largest kinetic energy"
+        f"Energy balance closes to {balance['energy_balance_error_over_kinetic_energy']:.1e} of the largest kinetic "
+        f"energy, {balance['energy_balance_error_over_friction_work']:.1e} of the work of friction"
     )
     console.print(f"[bold]{result.comparison.verdict}[/]")
 

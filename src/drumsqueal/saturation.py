@@ -6,7 +6,8 @@ import numpy as np
 import xarray
 from numpy.typing import NDArray
 
-from drumsqueal.departure import Departure
+from drumsqueal.departure import ROTATIONS, Departure
+from drumsqueal.model import Model
 from drumsqueal.modes import Mode, Stability
 from drumsqueal.signals import Regime, classify, spectral_peaks
 
@@ -48,40 +49,52 @@ def saturated_part(time: NDArray[np.float64], edge: float) -> slice:
 
 
 def describe_saturation(
-    history: xarray.Dataset, departure: Departure, stability: Stability, edge: float
+    history: xarray.Dataset, departure: Departure, stability: Stability, model: Model, edge: float
 ) -> Saturation | None:
     """Describe the motion after the first edge at `edge` (s); None where too little was recorded to look at."""
     part = saturated_part(departure.time, edge)
-    frequencies = [mode.frequency_Hz for mode in stability.unstable or stability.modes]
+    modes = _taking_part(departure, stability)
     motion = departure.displacement[part]
-    if len(motion) < FEWEST_SAMPLES or not frequencies:
+    if len(motion) < FEWEST_SAMPLES or not modes:
         return None
     amplitude = np.ptp(motion, axis=0) / 2
-    moving = amplitude > 0
-    lines = tuple(
-        Line(name, float(frequency), float(size))
-        for name, spectrum in departure.spectra(part).items()
-        for frequency, size in zip(*spectral_peaks(spectrum, count=PEAKS, floor=PEAK_FLOOR), strict=True)
-    )
+    # Half the lowest onset frequency leaves room for the drop that contact loss brings.
+    lowest = min(mode.frequency_Hz for mode in modes) / 2
+    regime = classify(motion, departure.sample_rate, scale=_scale(departure, stability, model), lowest_frequency=lowest)
+    lines = () if regime.kind == "steady" else _lines(departure, part)
     main = _main_line(lines, stability)
-    mode = None if main is None else _reference_mode(main, stability)
+    mode = None if main is None else _nearest(main, modes)
     return Saturation(
         start_s=float(departure.time[part][0]),
-        # Half the lowest onset frequency leaves room for the drop that contact loss brings.
-        regime=classify(
-            motion[:, moving],
-            departure.sample_rate,
-            scale=amplitude[moving],
-            lowest_frequency=min(frequencies) / 2,
-        ),
+        regime=regime,
         lines=lines,
         amplitude={name: float(a) for name, a in zip(stability.coordinates, amplitude, strict=True)},
         main=main,
-        nearest_mode=None if mode is None else mode.name,
+        nearest_mode=None if mode is None else mode.label,
         frequency_shift=None if mode is None or main is None else main.frequency_Hz / mode.frequency_Hz - 1,
         contact_fraction=float(history["contact_fraction"].values[part].mean()),
         slip_reversed_fraction=float(history["slip_reversed_fraction"].values[part].mean()),
     )
+
+
+def _lines(departure: Departure, part: slice) -> tuple[Line, ...]:
+    return tuple(
+        Line(name, float(frequency), float(size))
+        for name, spectrum in departure.spectra(part).items()
+        for frequency, size in zip(*spectral_peaks(spectrum, count=PEAKS, floor=PEAK_FLOOR), strict=True)
+    )
+
+
+def _scale(departure: Departure, stability: Stability, model: Model) -> NDArray[np.float64]:
+    """What counts as motion of each coordinate (m, rad): the departure at which the steady pressure is lost.
+
+    Without pressure or without contact stiffness it is the largest departure of the record.
+    """
+    largest = np.abs(departure.displacement).max(axis=0)
+    stiffness, radius = float(model.contact.law.stiffness), float(model.shoe.outer_radius)
+    lost = stability.pressure_range[1] / stiffness if stiffness > 0 else 0.0
+    lever = np.array([radius if name in ROTATIONS else 1.0 for name in departure.coordinates])
+    return lost / lever if lost > 0 else np.maximum(largest, np.finfo(np.float64).tiny)
 
 
 def _main_line(lines: tuple[Line, ...], stability: Stability) -> Line | None:
@@ -90,7 +103,17 @@ def _main_line(lines: tuple[Line, ...], stability: Stability) -> Line | None:
     return max(lines, key=lambda line: mass[line.coordinate] * (line.frequency_Hz * line.amplitude) ** 2, default=None)
 
 
-def _reference_mode(line: Line, stability: Stability) -> Mode | None:
-    """The unstable mode (any mode if none is) nearest in frequency, measured as a ratio."""
-    candidates = stability.unstable or stability.modes
-    return min(candidates, key=lambda mode: abs(np.log(line.frequency_Hz / mode.frequency_Hz)), default=None)
+def _taking_part(departure: Departure, stability: Stability) -> tuple[Mode, ...]:
+    """The unstable modes (all modes if none is) whose coordinate moves at some time."""
+    moving = {
+        name
+        for name, size in zip(departure.coordinates, np.ptp(departure.displacement, axis=0), strict=True)
+        if size > 0
+    }
+    able = tuple(mode for mode in stability.modes if mode.name in moving)
+    return tuple(mode for mode in able if mode.unstable) or able
+
+
+def _nearest(line: Line, modes: tuple[Mode, ...]) -> Mode:
+    """The mode nearest in frequency, measured as a ratio."""
+    return min(modes, key=lambda mode: abs(np.log(line.frequency_Hz / mode.frequency_Hz)))

@@ -59,7 +59,7 @@ def _measured(view: View) -> list[tuple[float, float]]:
 
 
 def _text(mode: Mode, *, full: bool) -> str:
-    return f"{mode.name}: {mode.frequency_Hz:.0f} Hz, {rate_text(mode.growth_rate, mode)} 1/s" if full else mode.name
+    return f"{mode.label}: {mode.frequency_Hz:.0f} Hz, {rate_text(mode.growth_rate, mode)} 1/s" if full else mode.label
 
 
 def _limits(near: list[Mode]) -> tuple[float, float]:
@@ -79,7 +79,7 @@ def _draw_panel(view: View, axes: Axes, limits: tuple[float, float], top: float)
     axes.axvline(0, color=style.DARK, linewidth=0.6, zorder=1)
     dot = {"marker": "o", "markersize": 4, "linestyle": ""}
     for mode in stability.modes:
-        axes.plot(*_point(mode), **dot, color=style.COLOUR[mode.name], gid=f"predicted {mode.name}")
+        axes.plot(*_point(mode), **dot, color=style.COLOUR[mode.name], gid=f"predicted {mode.label}")
     axes.plot([], [], **dot, color=style.DARK, label="predicted mode")
     real = [value.real for value in stability.eigenvalues if value.imag == 0]
     if real:

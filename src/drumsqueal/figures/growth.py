@@ -61,12 +61,12 @@ def _draw_mode(view: View, axes: Axes, mode: Mode, shown: slice) -> Artist:
     """Draw one mode and return its entry in the legend."""
     factor, colour = style.time_unit(view.time[-1])[0], style.COLOUR[mode.name]
     compared = view.compared(mode)
-    time, low, mean, high = _running(view, view.amplitudes[mode.name], shown)
+    time, low, mean, high = _running(view, view.amplitudes[mode.label], shown)
     axes.fill_between(time * factor, low, high, color=colour, alpha=0.2, linewidth=0)
     (line,) = axes.plot(time * factor, mean, color=colour, linewidth=1.3, label=_entry(mode, compared))
     slope_time, slope = _slope(view, mode, compared)
     axes.plot(
-        slope_time * factor, slope, color=style.DARK, linewidth=0.7, linestyle=DASHES, gid=f"predicted {mode.name}"
+        slope_time * factor, slope, color=style.DARK, linewidth=0.7, linestyle=DASHES, gid=f"predicted {mode.label}"
     )
     return line
 
@@ -74,21 +74,21 @@ def _draw_mode(view: View, axes: Axes, mode: Mode, shown: slice) -> Artist:
 def _entry(mode: Mode, compared: ModeComparison) -> str:
     growth = compared.measured_growth
     measured = "not measured" if growth is None else rate_text(growth.rate_1_per_s, mode)
-    return f"{mode.name} {mode.frequency_Hz:.0f} Hz: {rate_text(mode.growth_rate, mode)} / {measured}"
+    return f"{mode.label} {mode.frequency_Hz:.0f} Hz: {rate_text(mode.growth_rate, mode)} / {measured}"
 
 
 def _slope(view: View, mode: Mode, compared: ModeComparison) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Times (s) and the predicted exponential through the fitted start, as far as twice the time of the first edge."""
     edge, growth = view.result.comparison.edge_reached_s, compared.measured_growth
     time = np.array([view.time[0], view.time[-1] if edge is None else min(2 * edge, view.time[-1])])
-    first = view.amplitudes[mode.name][0]
+    first = view.amplitudes[mode.label][0]
     start = first if growth is None else growth.amplitude_at_start * view.micrometres(mode.name)
     # Cut off where the number would leave what a double holds, far outside the frame.
     return time, start * np.exp(np.clip(mode.growth_rate * (time - time[0]), -500.0, 500.0))
 
 
 def _set_limits(view: View, axes: Axes, shown: slice) -> None:
-    sizes = np.stack([view.amplitudes[mode.name][shown] for mode in view.modes])
+    sizes = np.stack([view.amplitudes[mode.label][shown] for mode in view.modes])
     top = float(sizes.max())
     # A decaying mode leaves the frame below: how it begins decides how far down that goes.
     bottom = max(float(sizes[:, 0].min()) / 10, top * 10.0**-DECADES)

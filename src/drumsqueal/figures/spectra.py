@@ -36,7 +36,7 @@ def draw_spectra(view: View) -> Figure | None:
         for mode in view.modes:
             colour = style.COLOUR[mode.name]
             axes.axvline(
-                mode.frequency_Hz / 1e3, color=colour, linewidth=0.7, linestyle=":", gid=f"predicted {mode.name}"
+                mode.frequency_Hz / 1e3, color=colour, linewidth=0.7, linestyle=":", gid=f"predicted {mode.label}"
             )
     rows[0].set_title(rows[0].get_title(loc="left"), loc="left", pad=CAPTION_PAD, fontsize=style.TEXT_SIZE)
     rows[-1].set_xlabel("Frequency (kHz)")
@@ -53,7 +53,7 @@ def draw_spectra(view: View) -> Figure | None:
     figure.supylabel("Displacement amplitude (µm; rotations times R)", fontsize=style.TEXT_SIZE)
     label_top_edge(
         rows[0],
-        [(m.frequency_Hz / 1e3, f"{m.name} {m.frequency_Hz:.0f} Hz", style.COLOUR[m.name]) for m in view.modes],
+        [(m.frequency_Hz / 1e3, f"{m.label} {m.frequency_Hz:.0f} Hz", style.COLOUR[m.name]) for m in view.modes],
     )
     return figure
 

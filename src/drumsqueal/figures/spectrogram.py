@@ -54,9 +54,9 @@ def draw_spectrogram(view: View) -> Figure | None:
     labels = []
     for mode in view.modes:
         axes.axhline(
-            mode.frequency_Hz / 1e3, color="white", linewidth=0.5, linestyle=(0, (2, 4)), gid=f"predicted {mode.name}"
+            mode.frequency_Hz / 1e3, color="white", linewidth=0.5, linestyle=(0, (2, 4)), gid=f"predicted {mode.label}"
         )
-        labels.append((mode.frequency_Hz / 1e3, f"{mode.name} {mode.frequency_Hz:.0f} Hz", style.COLOUR[mode.name]))
+        labels.append((mode.frequency_Hz / 1e3, f"{mode.label} {mode.frequency_Hz:.0f} Hz", style.COLOUR[mode.name]))
     label_right_edge(axes, labels, reach=6.0)
     return figure
 

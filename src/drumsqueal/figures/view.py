@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from drumsqueal.bodies.rigid_shoe import TZ, Y
 from drumsqueal.comparison import NEUTRAL_SHARE, UNEXCITED_SHARE, ModeComparison
-from drumsqueal.departure import FEWEST_SAMPLES, Departure
+from drumsqueal.departure import FEWEST_SAMPLES, ROTATIONS, Departure
 from drumsqueal.history import COMPLETE
 from drumsqueal.model import Model
 from drumsqueal.modes import Mode
@@ -15,7 +15,6 @@ from drumsqueal.saturation import Saturation
 from drumsqueal.simulation import Result
 
 MICRO = 1e6
-ROTATIONS = ("Tx", "Ty", "Tz")
 
 
 class View:
@@ -61,20 +60,21 @@ class View:
 
     @cached_property
     def amplitudes(self) -> dict[str, NDArray[np.float64]]:
-        """Amplitude (µm, rotations times the outer radius) of each mode that takes part, by name."""
+        """Amplitude (µm, rotations times the outer radius) of each mode that takes part, by label."""
         able = [mode for mode in self.result.stability.modes if mode.name in self.model.names]
-        sizes = {mode.name: np.abs(self.departure.modal(mode)) for mode in able}
+        sizes = [np.abs(self.departure.modal(mode)) for mode in able]
         least = UNEXCITED_SHARE * np.abs(self.departure.displacement).max()
-        return {name: size * self.micrometres(name) for name, size in sizes.items() if size.max() > least}
+        pairs = zip(able, sizes, strict=True)
+        return {mode.label: size * self.micrometres(mode.name) for mode, size in pairs if size.max() > least}
 
     @property
     def modes(self) -> tuple[Mode, ...]:
         """The modes that take part in the motion, by rising frequency."""
-        return tuple(mode for mode in self.result.stability.modes if mode.name in self.amplitudes)
+        return tuple(mode for mode in self.result.stability.modes if mode.label in self.amplitudes)
 
     def compared(self, mode: Mode) -> ModeComparison:
         """What the transient did with a mode."""
-        return next(found for found in self.result.comparison.modes if found.name == mode.name)
+        return next(found for found in self.result.comparison.modes if found.label == mode.label)
 
     def micrometres(self, coordinate: str) -> float:
         """Factor from a coordinate's unit to µm at the drum's surface."""
@@ -95,7 +95,7 @@ class View:
         mass = dict(zip(self.result.stability.coordinates, self.result.stability.mass, strict=True))
 
         def energy(mode: Mode) -> float:
-            size = float(np.mean(self.amplitudes[mode.name][-last:])) / self.micrometres(mode.name)
+            size = float(np.mean(self.amplitudes[mode.label][-last:])) / self.micrometres(mode.name)
             return mass[mode.name] * (mode.frequency_Hz * size) ** 2
 
         strongest = max(self.modes, key=energy, default=None)

@@ -10,9 +10,9 @@ from jax import Array
 from drumsqueal.bodies.rigid_shoe import RigidShoe
 from drumsqueal.quadrature.levels import Level, real_roots, sine_cosine
 
-# Gauss nodes a piece. The longest piece is the whole arc; cos 2θ over it, the fastest product of shape functions, is then
-# exact to 1e-12 with eight nodes up to 130°, and to 4e-12 with twelve up to 360°. Multiples of four fill the processor's
-# vector lanes (five nodes were measured to be slower than eight).
+# Gauss nodes a piece. The longest piece is the whole arc; cos 2θ over it, the fastest product of shape functions, is
+# then exact to 1e-12 with eight nodes up to 130°, and to 4e-12 with twelve up to 360°. Multiples of four fill the
+# processor's vector lanes (five nodes were measured to be slower than eight).
 NODES, NODES_LONG_ARC = 8, 12
 LONG_ARC = 2.27  # rad; 130° and a little
 
