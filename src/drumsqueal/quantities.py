@@ -50,13 +50,17 @@ class SceneError(ValueError):
         if place and value is not _NOTHING:
             place += f" = {show(value)}"
         line = f"{place}: {reason}" if place else reason
-        # One line, safe on any terminal, whatever was in the file.
-        super().__init__("".join(letter if letter.isprintable() else "?" for letter in line))
+        super().__init__(printable(line))
 
     def under(self, path: KeyPath, value: Any = _NOTHING) -> "SceneError":
         """Return the same error seen from further out: `path` leads to what was read, and `value` is what that was."""
         inner = value if self.value is _NOTHING and not self.path else self.value
         return SceneError(self.reason, path + self.path, inner)
+
+
+def printable(text: str) -> str:
+    """Return the text safe on any terminal: what does not print, such as an escape, becomes a question mark."""
+    return "".join(letter if letter.isprintable() else "?" for letter in text)
 
 
 def dotted(path: KeyPath) -> str:
@@ -73,21 +77,13 @@ def show(value: Any) -> str:
     return text if len(text) <= 60 else f"{text[:50]}...{text[-7:]}"
 
 
-def read_quantity(value: Any, unit: str, key: str) -> float:
+def parse_quantity(value: Any, unit: str) -> float:
     """Read a number in SI, or a string such as "100 mm", as a float in `unit` ("" for a plain number).
 
     `unit` is an SI unit: "m", "rad/s", "Hz", "N/m^3". Radians count as a dimension, so an angular speed takes "48 rpm"
-    and refuses "5 Hz", and a frequency the other way round. Raises SceneError, naming `key`, for anything that is no
-    finite quantity of that kind.
+    and refuses "5 Hz", and a frequency the other way round. Raises SceneError, to which the caller adds the place, for
+    anything that is no finite quantity of that kind.
     """
-    try:
-        return parse_quantity(value, unit)
-    except SceneError as error:
-        raise error.under((key,), value) from None
-
-
-def parse_quantity(value: Any, unit: str) -> float:
-    """Read a quantity as `read_quantity` does, for callers that add the key to the SceneError themselves."""
     if isinstance(value, str):
         number = _from_text(value, unit)
     elif isinstance(value, Real) and not isinstance(value, bool):

@@ -25,6 +25,7 @@ from drumsqueal.scene_tables import (
     Steady,
     Support,
     Table,
+    Title,
 )
 
 __all__ = [
@@ -56,7 +57,7 @@ class Scene(Table):
     A table that is None (support, friction, damping) is an effect the scene does not call for.
     """
 
-    title: Annotated[str, Field(strict=True, max_length=1000)] = ""
+    title: Title = ""
     shoe: Shoe
     support: Support | None = None
     contact: Contact

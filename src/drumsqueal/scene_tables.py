@@ -1,11 +1,12 @@
 """The tables of a scene as frozen, checked models: every value an SI float once it is in."""
 
 import math
+import unicodedata
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, PlainValidator, StrictBool, model_validator
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, StrictBool, model_validator
 from pydantic_core import core_schema
 
 from drumsqueal.quantities import KeyPath, SceneError, parse_quantity
@@ -138,6 +139,15 @@ def _coordinates(value: Any) -> Any:
     return tuple(name for name in COORDINATES if name in value)
 
 
+def _without_controls(title: str) -> str:
+    # No NetCDF attribute takes a null character, and the other control characters act on whatever shows them.
+    for place, letter in enumerate(title, start=1):
+        if unicodedata.category(letter) == "Cc" and letter not in "\t\n\r":
+            raise SceneError(f"letter {place} is the control character U+{ord(letter):04X}; leave it out")
+    return title
+
+
+Title = Annotated[str, Field(strict=True, max_length=1000), AfterValidator(_without_controls)]
 Length = Annotated[float, Quantity("m", above=0)]
 Stiffness = Annotated[float, Quantity("N/m", least=0)]
 Coefficient = Annotated[float, Quantity("", least=0)]
@@ -237,7 +247,7 @@ class Simulate(Table):
     duration: Annotated[float, Quantity("s", above=0)]
     sample_rate: Annotated[float, Quantity("Hz", above=0)]
     tolerance: Annotated[float, Quantity("", least=1e-13, most=1e-1)] = 1e-6
-    coordinates: Annotated[Literal["auto"] | tuple[str, ...], PlainValidator(_coordinates)] = "auto"
+    coordinates: Annotated[Literal["auto"] | tuple[str, ...], BeforeValidator(_coordinates)] = "auto"
 
     @property
     def intervals(self) -> int:
