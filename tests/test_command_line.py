@@ -107,6 +107,8 @@ BAD_SCENES = {
     "folding sample rate": ("simulate.sample_rate=10000", "14797"),
     "profile that stands still": ("drum.speed={time=[0,1,1], value=[5,3,1]}", "drum.speed"),
     "drum at rest": ("drum.speed=0", "drum.speed"),
+    "a mass of next to nothing": ("shoe.density=1e-300", "density"),
+    "a stiffness out of all proportion": ("support.upper_stiffness=1e308", "stiffnesses"),
     "no such table": ("brake.speed=0", "brake"),
     "no setting": ("drum.speed", "KEY=VALUE"),
 }

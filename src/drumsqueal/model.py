@@ -76,10 +76,6 @@ class Model(eqx.Module):
         force = [sum(action.force[i] for action in actions) + jnp.zeros(()) for i in self.coordinates]
         return jnp.stack(force), jnp.asarray(sum(action.power for action in actions) + jnp.zeros(()))
 
-    def acceleration(self, time: ArrayLike, q: Array, v: Array) -> Array:
-        """q̈ = M⁻¹ Σ Q (n,)."""
-        return self.act(time, q, v)[0] / self.mass
-
     def energy(self, time: ArrayLike, q: Array, v: Array) -> tuple[Array, Array]:
         """Kinetic energy ½ vᵀ M v and potential energy Σ U (J)."""
         wide = self.widen(q)

@@ -90,13 +90,19 @@ class Stability(NamedTuple):
 def analyse_stability(model: Model) -> Stability:
     """Find steady sliding and solve the complex eigenvalue problem about it.
 
-    Raises SteadyStateError when there is no steady sliding: the drum stands still, or the equilibrium was not found.
+    Raises SteadyStateError when there is no steady sliding: the drum stands still, the equilibrium was not found, or
+    numbers out of all proportion leave nothing finite.
     """
     require_sliding(model)
     steady, matrix, (low, high) = _linear_problem(model)
     if not bool(jnp.all(jnp.isfinite(steady))):
         raise SteadyStateError(
             "no self-consistent steady sliding was found: the shoe may jam or leave the drum at this load and speed"
+        )
+    if not np.all(np.isfinite(np.hstack([np.ravel(matrix), low, high]))):
+        raise SteadyStateError(
+            "the linear model is not finite: a number is out of all proportion; check the shoe's lengths and density, "
+            "the stiffnesses, contact.normal_load, friction, drum.speed and damping.ratio"
         )
     eigenvalues, left, right = _eigen(np.asarray(matrix))
     modes = _modes(model, eigenvalues, left, right)

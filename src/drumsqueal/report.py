@@ -1,8 +1,9 @@
-"""What a run or an eigenvalue problem prints on the terminal."""
+"""What a run or an eigenvalue problem prints on the terminal, on a console that takes no markup: text is text."""
 
 from rich import box
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from drumsqueal.modes import Stability
 from drumsqueal.simulation import Result
@@ -20,7 +21,7 @@ def print_stability(console: Console, stability: Stability) -> None:
             f"{mode.frequency_Hz:.2f} Hz",
             f"{mode.growth_rate:+.3f} 1/s",
             f"{mode.damping_ratio:+.3%}",
-            "[bold red]unstable[/]" if mode.unstable else "stable",
+            Text("unstable", style="bold red") if mode.unstable else "stable",
         )
     console.print(table)
     largest = max(abs(stability.eigenvalues), default=0.0)
@@ -64,7 +65,7 @@ def print_result(console: Console, result: Result) -> None:
             "peaks interpolated"
         )
     for note, labels in notes.items():
-        console.print(f"[dim]{', '.join(labels)}: {note}[/]")
+        console.print(f"{', '.join(labels)}: {note}", style="dim")
     saturation = result.comparison.saturation
     if saturation is not None:
         console.print(f"After growth, from {saturation.start_s:.4g} s: {saturation.regime.reason}")
@@ -73,7 +74,7 @@ def print_result(console: Console, result: Result) -> None:
         f"Energy balance closes to {balance['energy_balance_error_over_kinetic_energy']:.1e} of the largest kinetic "
         f"energy, {balance['energy_balance_error_over_friction_work']:.1e} of the work of friction"
     )
-    console.print(f"[bold]{result.comparison.verdict}[/]")
+    console.print(result.comparison.verdict, style="bold")
 
 
 def _shown(value: float | None, form: str) -> str:

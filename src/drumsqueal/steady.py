@@ -37,7 +37,7 @@ def steady_sliding(model: Model) -> Array:
 
     Differentiable with respect to every number of the model (implicit function theorem). With the balanced assembly
     q* = 0 without iteration. The out-of-plane coordinates stay zero by symmetry. Where the solver fails, q* is NaN:
-    `check_steady` says so in words.
+    `analyse_stability` says so in words.
     """
     n = len(model.coordinates)
     moving = np.asarray([k for k, i in enumerate(model.coordinates) if i in IN_PLANE], dtype=int)

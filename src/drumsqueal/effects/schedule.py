@@ -18,11 +18,6 @@ class Constant(eqx.Module):
         del time
         return self.value
 
-    def rate(self, time: ArrayLike) -> float:
-        """Time derivative (per s)."""
-        del time
-        return 0.0
-
 
 class Profile(eqx.Module):
     """Piecewise linear between given points, held before the first and after the last."""
