@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from drumsqueal.signals import (
     amplitude_spectrum,
     classify,
-    envelope,
     fit_growth,
     modal_amplitudes,
     modal_frequency,
@@ -188,26 +187,6 @@ def test_the_standard_error_is_that_of_repeated_experiments(samples, correlation
     assert np.quantile(np.abs(scores), 0.683) == pytest.approx(1.0, abs=0.1)
 
 
-@pytest.mark.parametrize(("frequency", "rate"), list(zip(FREQUENCIES, RATES_OF_GROWTH, strict=True)))
-def test_the_envelope_of_a_growing_mode_gives_its_rate(frequency, rate):
-    t = times(0.04)
-    for phase in (0.0, 1.0, 2.5):
-        sizes = envelope(1e-9 * np.exp(rate * t) * np.cos(2 * np.pi * frequency * t + phase) + 1e-6, RATE, 1424.0)
-        growth = fit_growth(*sizes)
-        # The parabola leaves a ripple of at most 2 % in each of 56 windows, mostly far less: 0.5 1/s over 40 ms.
-        assert growth.rate_1_per_s == pytest.approx(rate, abs=0.5)
-        assert growth.amplitude_at_start == pytest.approx(1e-9 * np.exp(rate * sizes.time_s[0]), rel=0.02)
-
-
-def test_the_envelope_holds_every_whole_window_and_no_offset():
-    t = times(0.02)
-    sizes = envelope(40.0 + 2.0 * np.sin(2 * np.pi * 1000.0 * t), RATE, 1000.0, periods=2)
-    assert sizes.time_s.shape == (10,)
-    assert np.all(np.diff(sizes.time_s) > 0.0)
-    np.testing.assert_allclose(sizes.amplitude, 2.0, rtol=1e-3)  # 50 samples a period: (π/50)⁴
-    np.testing.assert_array_equal(envelope(np.zeros(500), RATE, 1000.0).amplitude, 0.0)
-
-
 def test_modal_amplitudes_part_the_modes_of_a_damped_system():
     t, random = times(0.02), np.random.default_rng(3)
     matrix = random.normal(size=(4, 4)) * 300.0 + np.kron(np.diag([1.0, 3.0]), [[0.0, 9000.0], [-9000.0, 0.0]])
@@ -359,9 +338,6 @@ BAD = np.where(np.arange(2000) == 7, np.nan, GOOD)
         (lambda: modal_amplitudes(np.ones((3, 1)), np.ones((5, 4))), "left_eigenvectors must have shape"),
         (lambda: modal_amplitudes(np.full((4, 1), np.nan), np.ones((5, 4))), "left_eigenvectors holds NaN"),
         (lambda: modal_frequency(np.arange(3.0), [1.0, 0.0, 1.0]), "modal_signal is zero at index 1"),
-        (lambda: envelope(GOOD, RATE, 30_000.0), "lowest_frequency"),
-        (lambda: envelope(GOOD[:40], RATE, 1000.0), "signal is too short"),
-        (lambda: envelope(GOOD, RATE, 1000.0, periods=0), "periods"),
         (lambda: regime_of(BAD), "signals holds 1 NaN"),
         (lambda: regime_of(GOOD[:15]), "signals is too short"),
         (lambda: regime_of(GOOD, scale=[1.0, 2.0]), "scale must have one entry"),

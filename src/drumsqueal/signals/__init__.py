@@ -1,13 +1,6 @@
-"""What a recorded motion says: spectra, growth rates, envelopes and the regime; arrays in, arrays out."""
+"""What a recorded motion says: spectra, growth rates and the regime; arrays in, arrays out."""
 
-from drumsqueal.signals.growth import (
-    Envelope,
-    Growth,
-    envelope,
-    fit_growth,
-    modal_amplitudes,
-    modal_frequency,
-)
+from drumsqueal.signals.growth import Growth, fit_growth, modal_amplitudes, modal_frequency
 from drumsqueal.signals.regime import Regime, classify
 from drumsqueal.signals.spectra import (
     Peak,
@@ -21,7 +14,6 @@ from drumsqueal.signals.spectra import (
 )
 
 __all__ = [
-    "Envelope",
     "Growth",
     "Peak",
     "Peaks",
@@ -30,7 +22,6 @@ __all__ = [
     "Spectrum",
     "amplitude_spectrum",
     "classify",
-    "envelope",
     "fit_growth",
     "modal_amplitudes",
     "modal_frequency",

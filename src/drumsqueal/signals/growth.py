@@ -1,13 +1,12 @@
-"""Growth rates, modal amplitudes and envelopes of a transient."""
+"""Growth rates and modal amplitudes of a transient."""
 
-import itertools
 import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from drumsqueal.signals.checks import below_nyquist, finite_record, increasing_times, positive
+from drumsqueal.signals.checks import finite_record, increasing_times
 
 # A straight line and the correction for correlated residuals use four of them.
 FEWEST_FOR_GROWTH = 6
@@ -22,19 +21,12 @@ class Growth(NamedTuple):
     samples: int
 
 
-class Envelope(NamedTuple):
-    """Amplitude over time, one entry a window."""
-
-    time_s: NDArray[np.float64]
-    amplitude: NDArray[np.float64]
-
-
 def fit_growth(time: ArrayLike, amplitude: ArrayLike) -> Growth:
     """Fit amplitude = a₀ e^(σ (t − t₀)) by least squares of log amplitude against time.
 
     `time` (samples,) in s, increasing, t₀ its first entry; `amplitude` (samples,) positive, in any unit. σ in 1/s.
 
-    The samples of an envelope are not independent, so the textbook standard error s/√Sxx is too small. It is
+    The samples of an amplitude are not independent, so the textbook standard error s/√Sxx is too small. It is
     multiplied by √((1 + r)/(1 − r)), with r the correlation of neighbouring residuals: n samples that each remember
     the one before are worth n (1 − r)/(1 + r) independent ones. r is corrected for its bias in a detrended short
     record, (n r + 2)/(n − 4), and held between 0 and the value at which one independent sample is left. A bend of
@@ -104,36 +96,6 @@ def modal_frequency(time: ArrayLike, modal_signal: ArrayLike) -> float:
     return float(centred @ np.unwrap(np.angle(signal)) / (centred @ centred)) / (2.0 * math.pi)
 
 
-def envelope(signal: ArrayLike, sample_rate: float, lowest_frequency: float, *, periods: int = 1) -> Envelope:
-    """Return the peak envelope: half the peak-to-peak value in each window of whole periods of the lowest frequency.
-
-    `signal` (time,), `sample_rate` and `lowest_frequency` in Hz; each window holds `periods` periods of
-    `lowest_frequency`, to the nearest sample. Half the peak-to-peak value needs no mean, so that an offset, even a
-    moving one, does no harm; each of the two extrema is refined by a parabola through three samples, which leaves
-    it at most 2 % low at 7 samples a period (10 % without). The time is midway between the two, from the first
-    sample on. An incomplete last window is left out.
-
-    Raises ValueError for NaN, for a record shorter than one window, for a `lowest_frequency` at or above half the
-    sample rate and for `periods` below 1.
-    """
-    record = finite_record("signal", signal, minimum=3)
-    rate = positive("sample_rate", sample_rate)
-    if periods != int(periods) or periods < 1:
-        raise ValueError(f"periods must be a whole number of at least 1, got {periods}")
-    length = periods * rate / below_nyquist("lowest_frequency", lowest_frequency, rate)
-    count = int(record.size / length + 1e-9)  # a record of exactly whole periods keeps its last one
-    if count < 1:
-        raise ValueError(
-            f"signal is too short: {record.size} samples, {periods} periods of {lowest_frequency:g} Hz "
-            f"take {length:.1f}"
-        )
-    upper, lower = _sharpened(record), -_sharpened(-record)
-    edges = np.minimum(np.rint(np.arange(count + 1) * length).astype(int), record.size)
-    highest = np.array([a + int(np.argmax(upper[a:b])) for a, b in itertools.pairwise(edges)])
-    lowest = np.array([a + int(np.argmin(lower[a:b])) for a, b in itertools.pairwise(edges)])
-    return Envelope(0.5 * (highest + lowest) / rate, 0.5 * (upper[highest] - lower[lowest]))
-
-
 def _correlation_factor(residual: NDArray[np.float64]) -> float:
     """Return (1 + r)/(1 − r), from 1 (independent residuals) up to the number of samples (one independent one)."""
     n, power = residual.size, float(residual @ residual)
@@ -142,13 +104,3 @@ def _correlation_factor(residual: NDArray[np.float64]) -> float:
     measured = float(residual[1:] @ residual[:-1]) / power
     correlation = min(max((n * measured + 2.0) / (n - 4.0), 0.0), (n - 1.0) / (n + 1.0))
     return (1.0 + correlation) / (1.0 - correlation)
-
-
-def _sharpened(record: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the record with each local maximum raised to the vertex of the parabola through it and its neighbours."""
-    left, middle, right = record[:-2], record[1:-1], record[2:]
-    curvature = left - 2.0 * middle + right
-    peak = (middle >= left) & (middle >= right) & (curvature < 0.0)
-    sharp = record.copy()
-    sharp[1:-1][peak] -= (left - right)[peak] ** 2 / (8.0 * curvature[peak])
-    return sharp
