@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 import drumsqueal as ds
+from drumsqueal.departure import Departure, edge_share
 from drumsqueal.figures import draw_all, save_figures
 from drumsqueal.figures.placement import spread
 from drumsqueal.history import COMPLETE, SIGNALS
@@ -58,8 +59,12 @@ def made_up(name: str, samples: int, outcome: str, title: str | None = None, sca
     }
     signals = {key: ("time", np.full(samples, 0.5)) for key in SIGNALS}
     coordinates = {"time": time, "coordinate": list(COORDINATES)}
-    history = xarray.Dataset(data | signals, coordinates)
-    comparison = ds.compare(history, stability, ds.build_model(scene, coordinates=tuple(range(6))))
+    history = xarray.Dataset(data | signals, coordinates, {"outcome": outcome})
+    linear = ds.build_model(scene, coordinates=tuple(range(6)))
+    beyond = edge_share(Departure(history, stability), stability, linear) >= 1
+    history["contact_fraction"].values[:] = np.where(beyond, 0.6, 1.0)
+    history["slip_reversed_fraction"].values[:] = np.where(beyond, 0.02, 0.0)
+    comparison = ds.compare(history, stability, linear)
     return ds.Result(scene, stability, history, comparison, outcome), model
 
 
@@ -170,6 +175,13 @@ def test_any_title_fits(title):
     for figure in figures.values():
         assert outside(figure) == []
         assert overlapping(figure) == []
+
+
+def test_letters_that_the_font_lacks_become_boxes_without_a_warning(tmp_path):
+    figures = draw_all(*made_up("nominal", 40, COMPLETE, title="制动 μ 🚗"))
+    save_figures(figures, tmp_path)
+    for figure in figures.values():
+        assert figure.get_suptitle().startswith("□□ μ □: ")
 
 
 def test_an_incomplete_run_is_called_so():

@@ -41,8 +41,8 @@ def simulate(scene: Scene, coordinates: tuple[int, ...] | None = None) -> Record
         integrate(
             model,
             steady,
-            [scene.start.displacement.get(name, 0.0) for name in model.names],
-            [scene.start.velocity.get(name, 0.0) for name in model.names],
+            np.array([scene.start.displacement.get(name, 0.0) for name in model.names]),
+            np.array([scene.start.velocity.get(name, 0.0) for name in model.names]),
             duration=scene.simulate.duration,
             sample_rate=scene.simulate.sample_rate,
             tolerance=scene.simulate.tolerance,
@@ -155,7 +155,7 @@ def share_of_largest(found: Record, wanted: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("coordinates", [["X", "Y", "Tz"], ["X", "Y", "Z", "Tx", "Ty", "Tz"]], ids=["plane", "space"])
 def test_bonded_without_friction_is_linear(nominal, coordinates):
     # Linear but for sin(2 Tz) of the supports, which at 1e-7 rad is 1e-14 from its slope. Z stays where it is put. Over
-    # 74 periods of Tz a tolerance of 1e-9 adds up to 4.9e-9.
+    # 74 periods of Tz a tolerance of 1e-9 adds up to 4.9e-9, and of the energy to 3.4e-9.
     start = {"X": 1e-8, "Y": 2e-8, "Tz": 1e-7, "Z": 1e-8, "Tx": 3e-7, "Ty": -2e-7}
     scene = started(
         nominal,
@@ -169,7 +169,7 @@ def test_bonded_without_friction_is_linear(nominal, coordinates):
     record = simulate(scene)
     assert np.max(share_of_largest(record, exact(scene, record))) < 2e-8
     # Nothing dissipates and nothing drives: the energy stays.
-    assert np.max(np.abs(record.balance_error)) < 1e-9 * record.kinetic.max()
+    assert np.max(np.abs(record.balance_error)) < 2e-8 * record.kinetic.max()
 
 
 def test_axial_motion_decays_as_friction_demands(nominal):
@@ -215,6 +215,28 @@ def test_steady_sliding_is_held(nominal, state, tolerance):
     assert np.all(np.isfinite(record.velocity))
 
 
+@pytest.mark.parametrize("size", [1e-10, 1e-12])
+def test_a_tiny_start_is_followed_as_well(nominal, size):
+    # A tenth of a nanometre: the forces of the departure are still 1e7 round-offs of the load.
+    scene = started(nominal, {"Y": size}, duration=0.02, sample_rate=1e4)
+    record = simulate(scene)
+    wanted = exact(scene, record)[:, :3]
+    # At this amplitude the motion is linear to 1e-5; of 2000 N a round-off of 2e-13 N is 1e-9 of what Y feels.
+    assert np.max(np.abs(record.departure - wanted), axis=0)[1] < 1e-4 * np.max(np.abs(wanted[:, 1]))
+
+
+def test_a_decaying_motion_is_followed_down_to_rest(nominal):
+    # Constant friction and 2 % damping: Y falls by e^(−179 t). Beside the drum's 422 W its energy is round-off after
+    # 50 ms, and the steps must not care.
+    friction = {"friction": {"law": "constant", "coefficient": 0.4}, "damping": {"ratio": 0.02}}
+    scene = started(nominal.with_values(friction), {"Y": 1e-7}, duration=0.1, sample_rate=2e4)
+    record = simulate(scene)
+    wanted = exact(scene, record)[:, :3]
+    assert np.max(np.abs(record.departure - wanted)) < 1e-4 * 1e-7
+    assert np.max(np.abs(record.departure[-100:, 1])) == pytest.approx(np.max(np.abs(wanted[-100:, 1])), rel=1e-2)
+    assert np.max(np.abs(wanted[-100:, 1])) < 1e-14
+
+
 # --- energy ----------------------------------------------------------------------------------------------------------
 
 RISE = {"time": [0.0, 0.004, 0.011], "value": [2000.0, 2600.0, 1500.0]}
@@ -251,8 +273,8 @@ def test_energy_balance_closes_in_space(nominal):
 
 def test_left_out_coordinates_would_have_stayed_zero(nominal):
     # Out-of-plane forces of a motion in the plane cancel over the width to round-off. Both integrate to 1e-9 with steps
-    # of their own; below the edges the integrals are the same to round-off, so that is all that may differ: 5e-9 was found.
-    scene = started(nominal, SMALL, duration=0.0045, sample_rate=4e4)
+    # of their own; below the edges the integrals are the same to round-off, so that is all that may differ.
+    scene = started(nominal, {"Y": 1e-6, "Tz": 1e-5}, duration=0.0045, sample_rate=4e4)
     plane, space = simulate(scene), simulate(scene, ALL)
     assert plane.departure.shape[1] == 3
     largest = np.max(np.abs(plane.departure), axis=0)
@@ -317,11 +339,10 @@ def _few_steps(monkeypatch):
 def test_a_stuck_integration_keeps_what_it_has(nominal):
     scene = started(nominal, LARGE, duration=0.02, sample_rate=5e4)
     model, chunks = build_model(scene), []
-    start = [scene.start.displacement[name] for name in model.names]
+    start = np.array([scene.start.displacement[name] for name in model.names])
     stream = integrate(model, np.zeros(3), start, np.zeros(3), duration=0.02, sample_rate=5e4, tolerance=1e-9)
     with pytest.raises(IntegrationError, match=r"step size collapsed: 400 steps .* past t = 0\.00") as failure:
-        for chunk in integrate(model, np.zeros(3), start, np.zeros(3), duration=0.02, sample_rate=5e4, tolerance=1e-9):
-            chunks.append(chunk)
+        chunks.extend(stream)  # which keeps what came before the failure
     assert len(chunks) == 1
     assert np.all(np.isfinite(chunks[0].displacement))
     assert chunks[0].time.size == chunks[0].kinetic_energy.size == chunks[0].observation.brake_torque.size
@@ -344,6 +365,6 @@ def test_a_stuck_integration_keeps_what_it_has(nominal):
 
 @pytest.mark.usefixtures("_few_steps")
 def test_undefined_motion_is_a_failure_in_words(nominal):
-    model, start = build_model(nominal), [np.nan, 0, 0]
+    model, start = build_model(nominal), np.array([np.nan, 0, 0])
     with pytest.raises(IntegrationError, match=r"t = 0 s"):
         list(integrate(model, np.zeros(3), start, np.zeros(3), duration=0.02, sample_rate=1e4, tolerance=1e-9))
