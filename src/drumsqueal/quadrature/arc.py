@@ -10,9 +10,9 @@ from jax import Array
 from drumsqueal.bodies.rigid_shoe import RigidShoe
 from drumsqueal.quadrature.levels import Level, real_roots, sine_cosine
 
-# Gauss nodes a piece; the longest piece is the whole arc. Errors of the contact force, largest of 400 random states with
-# edges, over p0 times the area: up to 130° with eight nodes 4e-13 (bonded, with two splits fewer, 3e-11), up to 360°
-# with eight 2e-5, with sixteen 7e-14. Multiples of four fill the processor's vector lanes (five nodes were slower).
+# Gauss nodes a piece; the longest piece is the whole arc. Errors of the contact force, largest of 400 random states
+# with edges, over p0 times the area: up to 130° with eight nodes 4e-13 (bonded, with two splits fewer, 3e-11), up
+# to 360° with eight 2e-5, with sixteen 7e-14. Multiples of four fill the processor's lanes.
 NODES, NODES_LONG_ARC = 8, 16
 LONG_ARC = 2.27  # rad; 130° and a little
 
