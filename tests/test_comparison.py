@@ -167,6 +167,19 @@ def test_an_effect_that_is_not_there_has_no_edge(nominal, table, value):
         assert result.comparison.edge_reached_s is None
 
 
+@pytest.mark.parametrize("name", ["X", "Y", "Tz"])
+def test_onset_about_the_self_consistent_state(nominal, name):
+    scene = nominal.with_values({"steady.state": "self-consistent", "simulate.duration": 0.04})
+    result = run(scene)
+    mode = mode_of(result, name)
+    assert 0.01 < result.comparison.growth_end_s < 0.03
+    assert mode.frequency_error is not None
+    assert mode.growth_error is not None
+    # 5e-7 and 1.2e-4 were found.
+    assert abs(mode.frequency_error) < 1e-5
+    assert abs(mode.growth_error) < 1e-3
+
+
 def test_a_lining_partly_off_the_drum_still_shows_its_growth(nominal):
     # Self-consistent at 0.5 rad/s: the trailing end is off in steady sliding, so its edge moves with every motion.
     # Small motions grow linearly nevertheless.

@@ -61,7 +61,7 @@ def made_up(name: str, samples: int, outcome: str, title: str | None = None, sca
     coordinates = {"time": time, "coordinate": list(COORDINATES)}
     history = xarray.Dataset(data | signals, coordinates, {"outcome": outcome})
     linear = ds.build_model(scene, coordinates=tuple(range(6)))
-    beyond = edge_share(Departure(history, stability), stability, linear) >= 1
+    beyond = edge_share(Departure(history, stability), linear) >= 1
     history["contact_fraction"].values[:] = np.where(beyond, 0.6, 1.0)
     history["slip_reversed_fraction"].values[:] = np.where(beyond, 0.02, 0.0)
     comparison = ds.compare(history, stability, linear)

@@ -14,7 +14,8 @@ from drumsqueal.saturation import Saturation, describe_saturation
 from drumsqueal.signals import Growth, amplitude_spectrum, fit_growth, modal_frequency, peak_near
 from drumsqueal.verdict import state_verdict
 
-# The motion counts as linear while it stays below this share of the edges, contact loss and slip reversal.
+# The motion counts as linear while it stays below this share of the edges, contact loss at the mean pressure and slip
+# reversal.
 LINEAR_SHARE = 0.1
 # A mode is followed while it makes up at least this share of what its own coordinate has done so far: a weaker one
 # drowns in what the others feed into it at second order of their size.
@@ -79,7 +80,7 @@ def compare(history: xarray.Dataset, stability: Stability, model: Model) -> Comp
     """
     departure = Departure(history, stability)
     time = departure.time
-    share = edge_share(departure, stability, model)
+    share = edge_share(departure, model)
     nonlinear = np.flatnonzero(share >= LINEAR_SHARE)
     growing = slice(0, int(nonlinear[0]) if nonlinear.size else time.size)
     modes = tuple(_compare_mode(mode, stability, departure, growing) for mode in stability.modes)

@@ -59,13 +59,12 @@ class Departure:
         return {self.coordinates[k]: amplitude_spectrum(displacement[:, k], self.sample_rate) for k in moving}
 
 
-def edge_share(departure: Departure, stability: Stability, model: Model) -> NDArray[np.float64]:
-    """How far the motion has come towards contact loss or slip reversal (time,): below 1 neither has happened.
+def edge_share(departure: Departure, model: Model) -> NDArray[np.float64]:
+    """How far the motion has come towards contact loss or slip reversal (time,).
 
-    The larger of k_c max|u_r − u_r*| over the smallest steady pressure and max|u̇_θ| over R|Ω|; both maxima are bounds
-    over the whole circle. Without separation, or without friction, there is no such edge. Where part of the lining is
-    off the drum in steady sliding already, its edge moves with every motion, and the largest steady pressure is the
-    measure.
+    The larger of k_c max|u_r − u_r*| over the mean pressure p0 and max|u̇_θ| over R|Ω|; both maxima are bounds over the
+    whole circle, so where the steady pressure is uniform neither has happened below 1. Without separation, or without
+    friction, there is no such edge.
     """
     shoe, c = model.shoe, float(model.shoe.centroid)
     half_width, radius = float(shoe.width) / 2, float(shoe.outer_radius)
@@ -73,8 +72,8 @@ def edge_share(departure: Departure, stability: Stability, model: Model) -> NDAr
     share = np.zeros(departure.time.size)
     if isinstance(model.contact.law, Unilateral):
         radial = np.hypot(q[X], q[Y] - c * q[TZ]) + half_width * np.hypot(q[TX], q[TY])
-        pressed = _steady_pressure(departure, stability, model)
-        share = _over(float(model.contact.law.stiffness) * radial, pressed)
+        pressure = np.asarray(jax.vmap(model.contact.preload.at)(departure.time))
+        share = _over(float(model.contact.law.stiffness) * radial, pressure)
     if model.contact.friction is not None:
         tangential = np.abs(radius * v[TZ]) + np.hypot(v[X], v[Y] - c * v[TZ]) + half_width * np.hypot(v[TX], v[TY])
         speed = np.asarray(jax.vmap(model.contact.drum_speed.at)(departure.time))
@@ -85,8 +84,8 @@ def edge_share(departure: Departure, stability: Stability, model: Model) -> NDAr
 def first_edge(history: xarray.Dataset, share: NDArray[np.float64], stability: Stability, model: Model) -> float | None:
     """Time (s) of the first sample at which part of the lining has left the drum or slips backwards; None if never.
 
-    Read off what was recorded. Where part of the lining is off the drum in steady sliding already, a `share` of 1
-    (from `edge_share`) counts in its place.
+    Read off what was recorded. Where part of the lining is off the drum in steady sliding already, so that its edge
+    moves with every motion, a `share` of 1 (from `edge_share`) counts in its place.
     """
     reached = np.zeros(share.size, dtype=bool)
     if isinstance(model.contact.law, Unilateral):
@@ -95,14 +94,6 @@ def first_edge(history: xarray.Dataset, share: NDArray[np.float64], stability: S
     if model.contact.friction is not None:
         reached |= history["slip_reversed_fraction"].values > FRACTION_ROUND_OFF
     return float(history["time"].values[np.argmax(reached)]) if reached.any() else None
-
-
-def _steady_pressure(departure: Departure, stability: Stability, model: Model) -> NDArray[np.float64]:
-    """Smallest pressure of steady sliding at the load of each instant (time,), the largest where that is zero (Pa)."""
-    load = np.asarray(jax.vmap(model.contact.preload.at)(departure.time))
-    smallest, largest = stability.pressure_range
-    steady = smallest if smallest > 0 else largest
-    return steady * load / load[0] if load[0] > 0 else load
 
 
 def _over(size: NDArray[np.float64], limit: NDArray[np.float64]) -> NDArray[np.float64]:
