@@ -19,6 +19,7 @@ from drumsqueal.departure import Departure, edge_share
 from drumsqueal.figures import draw_all, save_figures
 from drumsqueal.figures.placement import spread
 from drumsqueal.history import COMPLETE, SIGNALS
+from drumsqueal.output_folder import FIGURES, figure_file
 from drumsqueal.scene import COORDINATES
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"
@@ -140,12 +141,23 @@ def test_no_motion_leaves_the_eigenvalues():
     assert set(draw_all(*made_up("nominal", 500, COMPLETE, scale=0.0))) == {"eigenvalues"}
 
 
-def test_figures_are_saved_in_each_format(tmp_path):
-    figures = {"phase": drawn("short")[2]["phase"]}
-    paths = save_figures(figures, tmp_path / "new", formats=("png", "svg"))
-    assert paths == [tmp_path / "new" / "phase.png", tmp_path / "new" / "phase.svg"]
-    assert paths[0].read_bytes().startswith(b"\x89PNG")
-    assert b"<svg" in paths[1].read_bytes()
+def test_figures_are_saved_under_their_names(tmp_path):
+    paths = save_figures(drawn("short")[2], tmp_path)
+    assert [path.name for path in paths] == [figure_file(name) for name in FIGURES]
+    for path in paths:
+        assert path.read_bytes().startswith(b"\x89PNG")
+
+
+def test_no_half_of_a_figure_is_left(tmp_path, monkeypatch):
+    def write_half(path: Path, content: bytes) -> None:
+        with path.open("wb") as file:
+            file.write(content[:1000])
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Path, "write_bytes", write_half)
+    with pytest.raises(KeyboardInterrupt):
+        save_figures({"phase": drawn("short")[2]["phase"]}, tmp_path)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_drawing_leaves_the_global_settings_alone():

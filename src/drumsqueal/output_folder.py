@@ -1,37 +1,87 @@
-"""The folder of a run: nothing of value in it is overwritten unasked, and it can be written before work begins."""
+"""The folder of a run: what a run writes into it, and that nothing there is overwritten unasked."""
 
 import tempfile
+from contextlib import suppress
 from pathlib import Path
 
 from drumsqueal.errors import RequestError
 
 HISTORY, SUMMARY = "history.nc", "summary.json"
+GROWTH, SPECTROGRAM, SPECTRA = "growth", "spectrogram", "spectra"
+PHASE, CONTACT, EIGENVALUES = "phase", "contact", "eigenvalues"
+FIGURES = (GROWTH, SPECTROGRAM, SPECTRA, PHASE, CONTACT, EIGENVALUES)
+
+
+def figure_file(name: str) -> str:
+    """Return the file name of a figure."""
+    return f"{name}.png"
+
+
+RESULTS = (HISTORY, SUMMARY, *map(figure_file, FIGURES))
+"""The names of all files that a run writes."""
 
 
 def check_output(folder: Path, *, overwrite: bool) -> None:
     """Raise RequestError where results lie already, or where the folder's place is taken by something else."""
-    for part in (folder, *folder.parents):
-        if part.exists() and not part.is_dir():
-            raise RequestError(f"{folder}: {part} is a file, not a folder; choose another with -o")
-    if (folder / HISTORY).exists() and not overwrite:
-        raise RequestError(
-            f"{folder / HISTORY} exists; add --overwrite to replace it, or choose another folder with -o"
-        )
+    try:
+        _check_place(folder)
+        taken = [folder / name for name in RESULTS if _is_there(folder / name)]
+        folders = [path for path in taken if path.is_dir()]
+    except OSError as error:  # a name that is too long, a loop of links, a parent that may not be searched
+        raise _unusable(folder, error) from None
+    if folders:
+        raise RequestError(f"{folders[0]} is a folder, where a file is to go; choose another folder with -o")
+    if taken and not overwrite:
+        raise RequestError(f"{taken[0]} exists; add --overwrite to replace it, or choose another folder with -o")
 
 
 def claim_output(folder: Path) -> None:
-    """Create the folder, prove that it can be written and clear it of an earlier run's history and summary."""
-    missing = [part for part in (folder, *folder.parents) if not part.exists()]
+    """Create the folder, prove that it can be written and clear it of all results of an earlier run."""
+    made: list[Path] = []
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        for part in reversed((folder, *folder.parents)):
+            if not part.exists():
+                part.mkdir()
+                made.append(part)
         with tempfile.TemporaryFile(dir=folder):
             pass
-        for name in (HISTORY, SUMMARY):
+        for name in RESULTS:
             (folder / name).unlink(missing_ok=True)
     except OSError as error:
-        for part in missing:
-            if part.exists():
+        with suppress(OSError):  # should somebody else have put something into them
+            for part in reversed(made):
                 part.rmdir()
-        raise RequestError(
-            f"{folder}: this folder cannot be written ({error.strerror or error}); choose another with -o"
-        ) from None
+        raise _unusable(folder, error) from None
+
+
+def write_whole(path: Path, content: bytes) -> None:
+    """Write a file whole or, where the disk or Ctrl-C stops it, leave none. Raises OSError."""
+    try:
+        path.write_bytes(content)
+    except BaseException:
+        path.unlink(missing_ok=True)
+        raise
+
+
+def _check_place(folder: Path) -> None:
+    """Raise RequestError where the innermost part of the path that is there is no folder."""
+    there = next(part for part in (folder, *folder.parents) if _is_there(part))
+    if not there.exists():
+        raise RequestError(f"{folder}: {there} is a link that leads nowhere; choose another folder with -o")
+    if not there.is_dir():
+        raise RequestError(f"{folder}: {there} is a file, not a folder; choose another with -o")
+
+
+def _is_there(path: Path) -> bool:
+    """Whether the name is taken, if only by a link that leads nowhere."""
+    try:
+        path.lstat()
+    except (FileNotFoundError, NotADirectoryError):
+        return False
+    except ValueError as error:  # a null character
+        raise OSError(str(error)) from None
+    return True
+
+
+def _unusable(folder: Path, error: OSError) -> RequestError:
+    return RequestError(f"{folder}: this folder cannot be written ({error.strerror or error}); choose another with -o")

@@ -1,10 +1,12 @@
 """Figures of a run, good enough to print: growth, spectrogram, spectra, phase portrait, contact and eigenvalues."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from io import BytesIO
 from pathlib import Path
 
 from matplotlib.figure import Figure
 
+from drumsqueal import output_folder
 from drumsqueal.figures.contact import draw_contact
 from drumsqueal.figures.eigenvalues import draw_eigenvalues
 from drumsqueal.figures.growth import draw_growth
@@ -21,12 +23,12 @@ __all__ = ["DOTS_PER_INCH", "draw_all", "save_figures"]
 DOTS_PER_INCH = 200
 
 _DRAWINGS = {
-    "growth": draw_growth,
-    "spectrogram": draw_spectrogram,
-    "spectra": draw_spectra,
-    "phase": draw_phase,
-    "contact": draw_contact,
-    "eigenvalues": draw_eigenvalues,
+    output_folder.GROWTH: draw_growth,
+    output_folder.SPECTROGRAM: draw_spectrogram,
+    output_folder.SPECTRA: draw_spectra,
+    output_folder.PHASE: draw_phase,
+    output_folder.CONTACT: draw_contact,
+    output_folder.EIGENVALUES: draw_eigenvalues,
 }
 
 
@@ -40,14 +42,13 @@ def draw_all(result: Result, model: Model) -> dict[str, Figure]:
     return {name: figure for name, figure in drawn.items() if figure is not None}
 
 
-def save_figures(figures: Mapping[str, Figure], directory: Path, *, formats: Sequence[str] = ("png",)) -> list[Path]:
-    """Save figures as directory/name.format and return the paths; pixels at 200 dpi. Raises OSError."""
-    directory.mkdir(parents=True, exist_ok=True)
+def save_figures(figures: Mapping[str, Figure], folder: Path) -> list[Path]:
+    """Save figures into a folder, each whole or not at all, and return the paths; 200 dpi. Raises OSError."""
     paths = []
     with styled():
         for name, figure in figures.items():
-            for ending in formats:
-                path = directory / f"{name}.{ending}"
-                figure.savefig(path, dpi=DOTS_PER_INCH)
-                paths.append(path)
+            content = BytesIO()
+            figure.savefig(content, dpi=DOTS_PER_INCH)
+            paths.append(folder / output_folder.figure_file(name))
+            output_folder.write_whole(paths[-1], content.getvalue())
     return paths

@@ -7,9 +7,11 @@ from typing import Any
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.font_manager import findfont, get_font
 
 WIDTH_MM, HEIGHT_MM = 170.0, 110.0
 MM_PER_INCH = 25.4
+FONT = "DejaVu Sans"  # comes with matplotlib, so that a figure is the same everywhere
 TEXT_SIZE, SMALL_SIZE, TITLE_SIZE = 8.0, 7.0, 9.0  # points
 
 # The palette of Okabe and Ito, which the colour-blind tell apart; a mode has the colour of its coordinate.
@@ -28,7 +30,7 @@ SHORTEST_IN_SECONDS = 2.0  # a longer time axis is in s, a shorter one in ms
 _RC: dict[Any, Any] = {
     "font.size": TEXT_SIZE,
     "font.family": "sans-serif",
-    "font.sans-serif": ["DejaVu Sans"],  # comes with matplotlib, so that a figure is the same everywhere
+    "font.sans-serif": [FONT],
     "axes.labelsize": TEXT_SIZE,
     "axes.titlesize": TEXT_SIZE,
     "axes.linewidth": 0.6,
@@ -45,8 +47,6 @@ _RC: dict[Any, Any] = {
     "axes.formatter.useoffset": False,
     "figure.constrained_layout.h_pad": 0.04,
     "figure.constrained_layout.w_pad": 0.04,
-    "svg.fonttype": "path",
-    "pdf.fonttype": 42,
 }
 
 
@@ -60,7 +60,7 @@ def styled() -> Iterator[None]:
 def new_figure(title: str, subject: str) -> Figure:
     """Return an empty figure headed by the title of the scene and what is shown."""
     figure = Figure(figsize=(WIDTH_MM / MM_PER_INCH, HEIGHT_MM / MM_PER_INCH), layout="constrained")
-    heading = " ".join(title.split())
+    heading = _drawable(" ".join(title.split()))
     # A title is the user's own words: a dollar sign in it does not start a formula.
     text = figure.suptitle(subject, fontsize=TITLE_SIZE, x=0.01, ha="left", parse_math=False)
     shown = heading
@@ -71,6 +71,12 @@ def new_figure(title: str, subject: str) -> Figure:
             break
         shown = shown[: min(len(shown) - 1, int(len(shown) / excess))].rstrip()
     return figure
+
+
+def _drawable(text: str) -> str:
+    """The text with an empty box for every letter that the font lacks, which matplotlib would warn of at each."""
+    font = get_font(findfont(FONT))
+    return "".join(letter if font.get_char_index(ord(letter)) else "□" for letter in text)
 
 
 def frame(axes: Axes, x_label: str | None, y_label: str | None) -> None:
