@@ -6,7 +6,7 @@ and a mistake in a scene is told at once.
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NoReturn
 
 import typer
 from rich.console import Console
@@ -14,10 +14,12 @@ from rich.console import Console
 from drumsqueal.compilation import prepare_environment
 from drumsqueal.errors import IntegrationError, RequestError
 from drumsqueal.output_folder import check_output, claim_output
+from drumsqueal.quantities import printable
 from drumsqueal.scene import SceneError, load_scene
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, rich_markup_mode="rich", pretty_exceptions_enable=False)
 FAILED, WRONG = 1, 2  # exit status
+INTERRUPTED = "interrupted before anything was written"
 UsageError: type[typer.BadParameter] = typer.BadParameter.__mro__[1]  # any misuse; it has no public name of its own
 
 SceneFile = Annotated[Path, typer.Argument(metavar="SCENE", help="Scene file (TOML).", show_default=False)]
@@ -52,7 +54,7 @@ def run_command(
     prepared = prepare(loaded)
     check_sample_rate(prepared)
     claim_output(folder)
-    run_into(folder, prepared, Console(highlight=False))
+    run_into(folder, prepared, _console())
 
 
 @app.command(name="stability")
@@ -74,7 +76,7 @@ def stability_command(
 
     stability = prepare(loaded).stability
     if json_file is None:
-        print_stability(Console(highlight=False), stability)
+        print_stability(_console(), stability)
         return
     text = to_json(describe_stability(stability))
     if json_file == "-":
@@ -86,27 +88,39 @@ def stability_command(
         raise RequestError(f"--json {json_file}: cannot be written ({error.strerror or error})") from None
 
 
-def _one_line(error: BaseException) -> str:
-    return " ".join(str(error).split())
+def _console(*, stderr: bool = False) -> Console:
+    """A console that shows text as it is: what users write is neither markup nor the name of an emoji."""
+    return Console(stderr=stderr, highlight=False, markup=False, emoji=False)
+
+
+def _one_line(message: str) -> str:
+    return printable(" ".join(message.split()))
 
 
 def main() -> None:
     """Run the command line and turn every error into one line and an exit status."""
-    errors = Console(stderr=True, highlight=False, soft_wrap=True, markup=False)
     prepare_environment()
     try:
-        app(standalone_mode=False)
+        # Not app(): that would turn Ctrl-C into a return value, which looks like success.
+        command = typer.main.get_command(app)
+        with command.make_context("drumsqueal", sys.argv[1:]) as context:
+            command.invoke(context)
+    except typer.Exit as done:  # after --help
+        sys.exit(done.exit_code)
     except (SceneError, RequestError) as error:
-        errors.print(f"drumsqueal: {_one_line(error)}")
-        sys.exit(WRONG)
+        _give_up(str(error), WRONG)
     except UsageError as error:
         message = error.format_message()
-        if message:
-            errors.print(f"drumsqueal: {_one_line(ValueError(message))} (see drumsqueal --help)")
-        sys.exit(WRONG)
+        _give_up(message and f"{message} (see drumsqueal --help)", WRONG)
+    except KeyboardInterrupt:
+        _give_up(INTERRUPTED, FAILED)
     except (IntegrationError, OSError) as error:
-        errors.print(f"drumsqueal: {_one_line(error)}")
-        sys.exit(FAILED)
-    except (KeyboardInterrupt, typer.Abort):
-        errors.print("drumsqueal: interrupted before anything was computed")
-        sys.exit(FAILED)
+        _give_up(str(error), FAILED)
+    except Exception as error:
+        _give_up(f"failed unexpectedly, {type(error).__name__}: {error}", FAILED)
+
+
+def _give_up(message: str, status: int) -> NoReturn:
+    if message:
+        _console(stderr=True).print(f"drumsqueal: {_one_line(message)}", soft_wrap=True)
+    sys.exit(status)

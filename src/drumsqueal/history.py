@@ -3,15 +3,15 @@
 import importlib.metadata
 import json
 import platform
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from types import TracebackType
 
-import h5netcdf
+import h5py
 import numpy as np
 import xarray
 
-from drumsqueal.integrate import Chunk
+from drumsqueal.integrate import CHUNK_SAMPLES, Chunk
 from drumsqueal.scene import COORDINATES, Scene
 
 MIXED_UNITS = {"displacement": "m (X, Y, Z), rad (Tx, Ty, Tz)", "velocity": "m/s (X, Y, Z), rad/s (Tx, Ty, Tz)"}
@@ -29,6 +29,8 @@ SIGNALS = {
 }
 COMPLETE = "complete"
 RUNNING = "incomplete: the run was cut off without a word"
+_LONGEST = 512  # bytes of the outcome in the file: of fixed length, so that to change it takes no room
+_ROOM = 500 * CHUNK_SAMPLES  # bytes; twice what a chunk has been seen to take, with HDF5's tables
 _PACKAGES = ("drumsqueal", "jax", "jaxlib", "diffrax", "equinox", "optimistix", "numpy", "scipy", "xarray")
 
 
@@ -43,17 +45,15 @@ def to_dataset(chunks: Sequence[Chunk], scene: Scene, kept: Sequence[str], outco
     Dimensions time (s) and coordinate (six names). The scene as it was run, the versions and the outcome are in the
     attributes.
     """
-    time = np.concatenate([chunk.time for chunk in chunks])
-    signals = [_signals(chunk) for chunk in chunks]
+    columns = [_columns(chunk, kept) for chunk in chunks]
+    joined = {name: np.concatenate([part[name] for part in columns]) for name in columns[0]}
     data: dict[str, tuple[tuple[str, ...], np.ndarray, dict[str, str]]] = {}
     for name, units in MIXED_UNITS.items():
-        values = np.concatenate([_widen(getattr(chunk, name), kept) for chunk in chunks])
-        data[name] = (("time", "coordinate"), values, {"units": units})
+        data[name] = (("time", "coordinate"), joined[name], {"units": units})
     for name, (units, meaning) in SIGNALS.items():
-        values = np.concatenate([part[name] for part in signals])
-        data[name] = (("time",), values, {"units": units, "long_name": meaning})
+        data[name] = (("time",), joined[name], {"units": units, "long_name": meaning})
     coordinates = {
-        "time": ("time", time, {"units": "s", "axis": "T"}),
+        "time": ("time", joined["time"], {"units": "s", "axis": "T"}),
         "coordinate": ("coordinate", list(COORDINATES)),
     }
     attributes = {
@@ -69,49 +69,83 @@ def to_dataset(chunks: Sequence[Chunk], scene: Scene, kept: Sequence[str], outco
 
 
 class HistoryFile:
-    """A history on disk that every chunk extends, readable up to the last chunk whatever happens afterwards."""
+    """A history on disk that every chunk extends, and that is closed, whole and readable between two chunks.
+
+    A disk that is full is found before a chunk is begun, so that what is in the file stays readable. A program that is
+    killed, or a disk that breaks, in the milliseconds of writing a chunk may leave a file that is not.
+    """
 
     def __init__(self, path: Path, scene: Scene, kept: Sequence[str]) -> None:
         """Name the file; it is created with the first chunk."""
         self.path, self._scene, self._kept = path, scene, kept
-        self._file: h5netcdf.File | None = None
+        self.exists = False
 
     def append(self, chunk: Chunk) -> None:
-        """Add the samples of one chunk. Raises OSError when the disk does not take them."""
-        part = to_dataset([chunk], self._scene, self._kept, RUNNING)
-        if self._file is None:
-            part.to_netcdf(self.path, engine="h5netcdf", unlimited_dims=["time"])
-            self._file = h5netcdf.File(self.path, "a")
+        """Add the samples of one chunk. Raises OSError, and leaves what was there, when the disk has no room."""
+        if not self.exists:
+            self._create(to_dataset([chunk], self._scene, self._kept, RUNNING))
             return
-        for name in ("steps", "rejected_steps"):
-            self._file.attrs[name] += part.attrs[name]
-        before = self._file.dimensions["time"].size
-        self._file.resize_dimension("time", before + chunk.time.size)
-        for name in ("time", *part.data_vars):
-            self._file.variables[name][before:] = part[name].values
-        self._file.flush()
+        columns = _columns(chunk, self._kept)
+        _make_room(self.path, _ROOM)
+        with self._opened() as file:
+            for name, values in columns.items():
+                variable = file[name]
+                assert isinstance(variable, h5py.Dataset)  # for the type checker
+                variable.resize(len(variable) + len(values), axis=0)
+                variable[-len(values) :] = values
+            for name in ("steps", "rejected_steps"):
+                file.attrs.modify(name, file.attrs[name] + getattr(chunk, name))
 
-    def close(self, outcome: str) -> None:
-        """Write how the run ended and close the file."""
-        if self._file is not None:
-            self._file.attrs["outcome"] = outcome
-            self._file.close()
-            self._file = None
+    def end(self, outcome: str) -> None:
+        """Write how the run ended, which takes no more room on the disk; nothing where there is no file."""
+        if self.exists:
+            with self._opened() as file:
+                file.attrs.modify("outcome", _padded(outcome))
 
-    def __enter__(self) -> "HistoryFile":
-        """Return itself."""
-        return self
+    def _create(self, dataset: xarray.Dataset) -> None:
+        _make_room(self.path, _ROOM + len(json.dumps(dataset.attrs)))
+        outcome = dataset.attrs.pop("outcome")
+        dataset.to_netcdf(self.path, engine="h5netcdf", unlimited_dims=["time"])
+        with self._opened() as file:
+            file.attrs.create("outcome", _padded(outcome), dtype=h5py.string_dtype(length=_LONGEST))
+        self.exists = True
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Close, with the reason if something went wrong."""
-        self.close(RUNNING if error is None else f"failed: {error}")
+    @contextmanager
+    def _opened(self) -> Iterator[h5py.File]:
+        try:
+            # Without a lock, so that a look at the file from elsewhere does not stop the run.
+            with h5py.File(self.path, "r+", locking=False) as file:
+                yield file
+        except RuntimeError as error:  # what h5py raises when a disk fails while a file is closed
+            raise OSError(str(error)) from None
 
 
-def _signals(chunk: Chunk) -> dict[str, np.ndarray]:
+def _columns(chunk: Chunk, kept: Sequence[str]) -> dict[str, np.ndarray]:
+    """What every variable of the history gets from a chunk."""
     recorded = chunk.observation._asdict() | chunk._asdict()
-    return {name: recorded[name] for name in SIGNALS}
+    columns = {name: _widen(recorded[name], kept) for name in MIXED_UNITS}
+    return columns | {name: recorded[name] for name in ("time", *SIGNALS)}
+
+
+def _make_room(path: Path, size: int) -> None:
+    """Take room on the disk, by zeros behind the file that HDF5 then writes over and cuts off.
+
+    HDF5 itself does not survive a disk that is full. Raises OSError, the file as it was.
+    """
+    with path.open("ab", buffering=0) as file:
+        end = file.tell()
+        try:
+            while (missing := end + size - file.tell()) > 0:
+                file.write(bytes(missing))
+        except OSError:
+            file.truncate(end)
+            if end == 0:
+                path.unlink()
+            raise
+
+
+def _padded(outcome: str) -> bytes:
+    return outcome.encode()[:_LONGEST].decode(errors="ignore").encode()
 
 
 def _widen(values: np.ndarray, kept: Sequence[str]) -> np.ndarray:

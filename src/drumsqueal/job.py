@@ -9,35 +9,70 @@ from drumsqueal.errors import IntegrationError
 from drumsqueal.figures import draw_all, save_figures
 from drumsqueal.history import COMPLETE, HistoryFile
 from drumsqueal.integrate import Chunk
+from drumsqueal.interrupts import uninterrupted
 from drumsqueal.output_folder import HISTORY, SUMMARY
+from drumsqueal.quantities import printable
 from drumsqueal.report import print_result
-from drumsqueal.simulation import Prepared, collect, finish
-from drumsqueal.summary import summarise, write_json
+from drumsqueal.simulation import Prepared, Result, collect, finish
+from drumsqueal.summary import summarise, summarise_prediction, write_json
 
 
 def run_into(folder: Path, prepared: Prepared, console: Console) -> None:
-    """Run a prepared scene and write history, summary and figures into the folder.
+    """Run a prepared scene, write history, summary and figures into the folder and print the comparison.
 
-    Raises IntegrationError for a run that failed or was interrupted, after writing what was computed, and OSError when
-    the disk does not take the data.
+    Raises IntegrationError for a run that failed, was interrupted or did not fit on the disk, after writing what was
+    computed; the message says why and what is where.
     """
-    with HistoryFile(folder / HISTORY, prepared.scene, prepared.model.names) as file, _progress(console) as progress:
+    history, outcome = HistoryFile(folder / HISTORY, prepared.scene, prepared.model.names), ""
+    try:
+        chunks, outcome = _integrate(history, prepared, console)
+        result = finish(prepared, chunks, outcome) if chunks else None
+        _write(folder, prepared, result, outcome)
+    except KeyboardInterrupt:
+        raise IntegrationError(f"interrupted by the user; {_kept(history, outcome)}") from None
+    except OSError as error:
+        cause = f"failed: the disk does not take the results ({error.strerror or error})"
+        raise IntegrationError(f"{cause}; {_kept(history, outcome)}") from None
+    if result is not None:
+        print_result(console, result)
+        console.print(printable(f"History, summary and figures are in {folder}"), soft_wrap=True)
+    if outcome != COMPLETE:
+        raise IntegrationError(f"{outcome}; what was computed is in {folder}")
+
+
+def _integrate(history: HistoryFile, prepared: Prepared, console: Console) -> tuple[list[Chunk], str]:
+    """The chunks, which are in the history, too, and the outcome."""
+    with _progress(console) as progress:
         task = progress.add_task("compiling", total=prepared.scene.simulate.duration, reached="")
 
-        def show(chunk: Chunk) -> None:
-            file.append(chunk)
+        def keep(chunk: Chunk) -> None:
+            try:
+                history.append(chunk)
+            except OSError as error:
+                cause = f"the disk did not take the samples from t = {chunk.time[0]:.6g} s on"
+                raise IntegrationError(f"{cause} ({error.strerror or error})") from None
             reached = float(chunk.time[-1])
             progress.update(task, description="integrating", completed=reached, reached=f"{reached:.4f} s")
 
-        chunks, outcome = collect(prepared, show)
-        file.close(outcome)
-    result = finish(prepared, chunks, outcome)
+        chunks, outcome = collect(prepared, keep)
+        with uninterrupted():
+            history.end(outcome)
+    return chunks, outcome
+
+
+def _write(folder: Path, prepared: Prepared, result: Result | None, outcome: str) -> None:
+    """Summary and figures; of a run without samples the prediction alone."""
+    if result is None:
+        write_json(summarise_prediction(prepared.scene, prepared.stability, outcome), folder / SUMMARY)
+        return
     write_json(summarise(result), folder / SUMMARY)
     save_figures(draw_all(result, prepared.model), folder)
-    print_result(console, result)
-    console.print(f"History, summary and figures are in {folder}")
-    if outcome != COMPLETE:
-        raise IntegrationError(f"{outcome}; what was computed is in {folder}")
+
+
+def _kept(history: HistoryFile, outcome: str) -> str:
+    if not history.exists:
+        return "nothing was computed"
+    return f"the {'complete ' if outcome == COMPLETE else ''}history is in {history.path}"
 
 
 def _progress(console: Console) -> Progress:

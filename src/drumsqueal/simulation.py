@@ -11,6 +11,7 @@ from drumsqueal.comparison import Comparison, compare
 from drumsqueal.errors import IntegrationError, SteadyStateError
 from drumsqueal.history import COMPLETE, to_dataset
 from drumsqueal.integrate import Chunk, integrate
+from drumsqueal.interrupts import uninterrupted
 from drumsqueal.model import Model, build_model, linear_coordinates
 from drumsqueal.modes import Stability, analyse_stability
 from drumsqueal.scene import Scene, SceneError
@@ -78,8 +79,9 @@ def transient(prepared: Prepared) -> Generator[Chunk]:
 def run(scene: Scene, on_chunk: Callable[[Chunk], None] | None = None) -> Result:
     """Run a scene: `run(load_scene("scenarios/nominal.toml")).history` is its time history.
 
-    `on_chunk` is called with every chunk as it comes. Ctrl-C and a failed integration keep what was computed and say
-    so in `outcome`. Raises SceneError for a scene that cannot be run, and IntegrationError when nothing was computed.
+    `on_chunk` is called with every chunk as it comes; Ctrl-C waits until it returns. Ctrl-C and a failed integration
+    keep what was computed and say so in `outcome`. The whole history is held in memory, some 200 bytes a sample. Raises
+    SceneError for a scene that cannot be run, and IntegrationError when nothing was computed.
     """
     prepared = prepare(scene)
     check_sample_rate(prepared)
@@ -87,19 +89,23 @@ def run(scene: Scene, on_chunk: Callable[[Chunk], None] | None = None) -> Result
 
 
 def collect(prepared: Prepared, on_chunk: Callable[[Chunk], None] | None) -> tuple[list[Chunk], str]:
-    """Integrate to the end, to the first failure or to Ctrl-C: the chunks, and the outcome in words."""
+    """Integrate to the end, to the first failure or to Ctrl-C: the chunks, and the outcome in words.
+
+    The chunks are those that `on_chunk` took: Ctrl-C waits for it, and an IntegrationError that it raises ends the run.
+    """
     chunks: list[Chunk] = []
     try:
         with closing(transient(prepared)) as stream:
             for chunk in stream:
-                chunks.append(chunk)
-                if on_chunk is not None:
-                    on_chunk(chunk)
+                with uninterrupted():
+                    if on_chunk is not None:
+                        on_chunk(chunk)
+                    chunks.append(chunk)
     except IntegrationError as error:
         return chunks, f"failed: {error}"
     except KeyboardInterrupt:
-        reached = chunks[-1].time[-1] if chunks else 0.0
-        return chunks, f"interrupted by the user after t = {reached:.6g} s"
+        reached = f"after t = {chunks[-1].time[-1]:.6g} s" if chunks else "before the first samples were computed"
+        return chunks, f"interrupted by the user {reached}"
     return chunks, COMPLETE
 
 

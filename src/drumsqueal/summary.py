@@ -1,6 +1,7 @@
 """The result of a run as plain data for summary.json, and of the eigenvalue problem for `stability --json`."""
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,9 @@ import numpy as np
 from drumsqueal.comparison import Comparison
 from drumsqueal.history import versions
 from drumsqueal.modes import Stability
+from drumsqueal.output_folder import write_whole
 from drumsqueal.saturation import Saturation
+from drumsqueal.scene import Scene
 from drumsqueal.simulation import Result
 
 
@@ -34,16 +37,28 @@ def describe_stability(stability: Stability) -> dict[str, Any]:
 
 def summarise(result: Result) -> dict[str, Any]:
     """Everything a run found, in numbers and words; None where something could not be told."""
-    return {
-        "title": result.scene.title,
-        "outcome": result.outcome,
+    saturation = result.comparison.saturation
+    return summarise_prediction(result.scene, result.stability, result.outcome) | {
         "verdict": result.comparison.verdict,
-        "prediction": describe_stability(result.stability),
         "growth": _growth(result.comparison),
-        "saturation": None if result.comparison.saturation is None else _saturation(result.comparison.saturation),
+        "saturation": None if saturation is None else _saturation(saturation),
         "accuracy": energy_balance(result),
         "integration": {key: int(result.history.attrs[key]) for key in ("steps", "rejected_steps")},
-        "scene": result.scene.model_dump(mode="json"),
+    }
+
+
+def summarise_prediction(scene: Scene, stability: Stability, outcome: str) -> dict[str, Any]:
+    """The same of a run that has computed no samples: None for all but the prediction."""
+    return {
+        "title": scene.title,
+        "outcome": outcome,
+        "verdict": None,
+        "prediction": describe_stability(stability),
+        "growth": None,
+        "saturation": None,
+        "accuracy": None,
+        "integration": None,
+        "scene": scene.model_dump(mode="json"),
         "versions": versions(),
     }
 
@@ -64,13 +79,21 @@ def energy_balance(result: Result) -> dict[str, float]:
 
 
 def write_json(data: dict[str, Any], path: Path) -> None:
-    """Write data to a file; NaN and infinity are refused rather than written as no valid JSON."""
-    path.write_text(to_json(data), encoding="utf-8")
+    """Write data to a file, whole or not at all. Raises OSError."""
+    write_whole(path, to_json(data).encode())
 
 
 def to_json(data: dict[str, Any]) -> str:
-    """JSON text with a final line break."""
-    return json.dumps(data, indent=2, allow_nan=False) + "\n"
+    """JSON text with a final line break; a number that is not finite becomes null, for JSON has none."""
+    return json.dumps(_finite(data), indent=2, allow_nan=False) + "\n"
+
+
+def _finite(data: Any) -> Any:
+    if isinstance(data, dict):
+        return {key: _finite(value) for key, value in data.items()}
+    if isinstance(data, list | tuple):
+        return [_finite(value) for value in data]
+    return None if isinstance(data, float) and not math.isfinite(data) else data
 
 
 def _growth(comparison: Comparison) -> dict[str, Any]:
