@@ -1,14 +1,13 @@
 """The program `drumsqueal`, or `python -m drumsqueal`: it loads the command line and runs it."""
 
-import sys
+from drumsqueal.interrupts import note_interrupts
 
 
 def main() -> None:
-    """Run the command line; Ctrl-C while it loads is told in one line, too."""
-    try:
-        from drumsqueal.cli import main as run
-    except KeyboardInterrupt:
-        sys.exit("drumsqueal: interrupted before anything was written")
+    """Run the command line, with Ctrl-C noted from the loading of it until Python has shut down."""
+    note_interrupts()
+    from drumsqueal.cli import main as run
+
     run()
 
 

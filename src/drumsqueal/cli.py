@@ -13,6 +13,7 @@ from rich.console import Console
 
 from drumsqueal.compilation import prepare_environment
 from drumsqueal.errors import IntegrationError, RequestError
+from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.output_folder import check_output, claim_output
 from drumsqueal.quantities import printable
 from drumsqueal.scene import SceneError, load_scene
@@ -48,11 +49,14 @@ def run_command(
     loaded = load_scene(scene, settings or ())
     folder = output if output is not None else Path("out") / scene.stem
     check_output(folder, overwrite=overwrite)
+    stop_if_interrupted()
     from drumsqueal.job import run_into
     from drumsqueal.simulation import check_sample_rate, prepare
 
+    stop_if_interrupted()
     prepared = prepare(loaded)
     check_sample_rate(prepared)
+    stop_if_interrupted()
     claim_output(folder)
     run_into(folder, prepared, _console())
 
@@ -70,10 +74,12 @@ def stability_command(
     Example: drumsqueal stability scenarios/nominal.toml --set drum.speed=2 --json -
     """
     loaded = load_scene(scene, settings or ())
+    stop_if_interrupted()
     from drumsqueal.report import print_stability
     from drumsqueal.simulation import prepare
     from drumsqueal.summary import describe_stability, to_json
 
+    stop_if_interrupted()
     stability = prepare(loaded).stability
     if json_file is None:
         print_stability(_console(), stability)

@@ -9,7 +9,7 @@ from drumsqueal.errors import IntegrationError
 from drumsqueal.figures import draw_all, save_figures
 from drumsqueal.history import COMPLETE, HistoryFile
 from drumsqueal.integrate import Chunk
-from drumsqueal.interrupts import uninterrupted
+from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.output_folder import HISTORY, SUMMARY
 from drumsqueal.quantities import printable
 from drumsqueal.report import print_result
@@ -26,7 +26,9 @@ def run_into(folder: Path, prepared: Prepared, console: Console) -> None:
     history, outcome = HistoryFile(folder / HISTORY, prepared.scene, prepared.model.names), ""
     try:
         chunks, outcome = _integrate(history, prepared, console)
+        stop_if_interrupted()
         result = finish(prepared, chunks, outcome) if chunks else None
+        stop_if_interrupted()
         _write(folder, prepared, result, outcome)
     except KeyboardInterrupt:
         raise IntegrationError(f"interrupted by the user; {_kept(history, outcome)}") from None
@@ -55,8 +57,7 @@ def _integrate(history: HistoryFile, prepared: Prepared, console: Console) -> tu
             progress.update(task, description="integrating", completed=reached, reached=f"{reached:.4f} s")
 
         chunks, outcome = collect(prepared, keep)
-        with uninterrupted():
-            history.end(outcome)
+        history.end(outcome)
     return chunks, outcome
 
 
@@ -66,7 +67,10 @@ def _write(folder: Path, prepared: Prepared, result: Result | None, outcome: str
         write_json(summarise_prediction(prepared.scene, prepared.stability, outcome), folder / SUMMARY)
         return
     write_json(summarise(result), folder / SUMMARY)
-    save_figures(draw_all(result, prepared.model), folder)
+    stop_if_interrupted()
+    figures = draw_all(result, prepared.model)
+    stop_if_interrupted()
+    save_figures(figures, folder)
 
 
 def _kept(history: HistoryFile, outcome: str) -> str:

@@ -11,7 +11,7 @@ from drumsqueal.comparison import Comparison, compare
 from drumsqueal.errors import IntegrationError, SteadyStateError
 from drumsqueal.history import COMPLETE, to_dataset
 from drumsqueal.integrate import Chunk, integrate
-from drumsqueal.interrupts import uninterrupted
+from drumsqueal.interrupts import noted_interrupts, stop_if_interrupted
 from drumsqueal.model import Model, build_model, linear_coordinates
 from drumsqueal.modes import Stability, analyse_stability
 from drumsqueal.scene import Scene, SceneError
@@ -42,10 +42,12 @@ def prepare(scene: Scene) -> Prepared:
     Raises SceneError when the scene has no steady sliding to start from.
     """
     linear = build_model(scene, coordinates=linear_coordinates(scene))
+    stop_if_interrupted()
     try:
         stability = analyse_stability(linear)
     except SteadyStateError as error:
         raise SceneError(str(error)) from None
+    stop_if_interrupted()
     return Prepared(scene, build_model(scene), linear, stability)
 
 
@@ -79,9 +81,9 @@ def transient(prepared: Prepared) -> Generator[Chunk]:
 def run(scene: Scene, on_chunk: Callable[[Chunk], None] | None = None) -> Result:
     """Run a scene: `run(load_scene("scenarios/nominal.toml")).history` is its time history.
 
-    `on_chunk` is called with every chunk as it comes; Ctrl-C waits until it returns. Ctrl-C and a failed integration
-    keep what was computed and say so in `outcome`. The whole history is held in memory, some 200 bytes a sample. Raises
-    SceneError for a scene that cannot be run, and IntegrationError when nothing was computed.
+    `on_chunk` is called with every chunk as it comes. Ctrl-C, which waits for the end of a chunk, and a failed
+    integration keep what was computed and say so in `outcome`. The whole history is held in memory, some 200 bytes a
+    sample. Raises SceneError for a scene that cannot be run, and IntegrationError when nothing was computed.
     """
     prepared = prepare(scene)
     check_sample_rate(prepared)
@@ -91,16 +93,16 @@ def run(scene: Scene, on_chunk: Callable[[Chunk], None] | None = None) -> Result
 def collect(prepared: Prepared, on_chunk: Callable[[Chunk], None] | None) -> tuple[list[Chunk], str]:
     """Integrate to the end, to the first failure or to Ctrl-C: the chunks, and the outcome in words.
 
-    The chunks are those that `on_chunk` took: Ctrl-C waits for it, and an IntegrationError that it raises ends the run.
+    The chunks are those that `on_chunk` took: an IntegrationError that it raises ends the run.
     """
     chunks: list[Chunk] = []
     try:
-        with closing(transient(prepared)) as stream:
+        with noted_interrupts(), closing(transient(prepared)) as stream:
             for chunk in stream:
-                with uninterrupted():
-                    if on_chunk is not None:
-                        on_chunk(chunk)
-                    chunks.append(chunk)
+                if on_chunk is not None:
+                    on_chunk(chunk)
+                chunks.append(chunk)
+                stop_if_interrupted()
     except IntegrationError as error:
         return chunks, f"failed: {error}"
     except KeyboardInterrupt:
