@@ -3,6 +3,7 @@
 import hashlib
 import os
 import platform
+import warnings
 from pathlib import Path
 
 import platformdirs
@@ -17,7 +18,11 @@ CACHEABLE = {"EQX_ON_ERROR": "nan"}
 
 
 def prepare_environment() -> None:
-    """Set what JAX and equinox read when they are imported; call this before that. The user's settings go first."""
+    """Set what JAX and equinox read when they are imported; call this before that. The user's settings go first.
+
+    A cache that cannot be read or written costs the time of compiling anew, and is not worth a warning at each program.
+    """
+    warnings.filterwarnings("ignore", "Error (reading|writing) persistent compilation cache entry", UserWarning)
     folder = Path(platformdirs.user_cache_dir("drumsqueal", appauthor=False)) / _processor()
     cache = {
         "JAX_COMPILATION_CACHE_DIR": str(folder),

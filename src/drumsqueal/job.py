@@ -75,7 +75,7 @@ def _write(folder: Path, prepared: Prepared, result: Result | None, outcome: str
 
 def _kept(history: HistoryFile, outcome: str) -> str:
     if not history.exists:
-        return "nothing was computed"
+        return "nothing was kept"
     return f"the {'complete ' if outcome == COMPLETE else ''}history is in {history.path}"
 
 
