@@ -1,12 +1,16 @@
 """Set-up that several test files share."""
 
 import os
+import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import jax
 import pytest
 
 import drumsqueal.precision  # noqa: F401 (switches it on before any test, also where a file runs alone)
+from drumsqueal import cli
+from drumsqueal.interrupts import noted_interrupts
 from drumsqueal.scene import Scene, load_scene
 
 # Error checks that are compiled in would hide behind NaN, or change what is compiled, were this set from outside.
@@ -24,3 +28,22 @@ def _double_precision():
 def nominal() -> Scene:
     """Return the paper's brake (Seo & Kang 2023, Table 1), as it is shipped."""
     return load_scene(Path(__file__).parents[1] / "scenarios" / "nominal.toml")
+
+
+@pytest.fixture(name="drumsqueal")
+def _command_line(monkeypatch, capsys) -> Callable[..., tuple[int, str, str]]:
+    """Run the command line in this process: exit status, standard output, standard error."""
+    monkeypatch.setattr(cli, "prepare_environment", lambda: None)  # JAX is imported already
+
+    def call(*arguments: str) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["drumsqueal", *arguments])
+        status = 0
+        try:
+            with noted_interrupts():
+                cli.main()
+        except SystemExit as stop:
+            status = int(stop.code or 0)
+        captured = capsys.readouterr()
+        return status, captured.out, captured.err
+
+    return call

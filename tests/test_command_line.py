@@ -1,41 +1,20 @@
 """The command line as a user meets it: what it writes, what it says, and with which exit status."""
 
 import json
-import os
-import signal
-import subprocess
-import sys
-import time
+import math
 from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray
 
-from drumsqueal import cli
+from drumsqueal.output_folder import RESULTS
 from drumsqueal.scene import load_scene, scene_from_dict
+from drumsqueal.summary import to_json
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"
 NOMINAL = str(SCENARIOS / "nominal.toml")
 SHORT = ("--set", "simulate.duration=0.002")
-
-
-@pytest.fixture
-def drumsqueal(monkeypatch, capsys):
-    """Run the command line in this process: exit status, standard output, standard error."""
-    monkeypatch.setattr(cli, "prepare_environment", lambda: None)  # JAX is imported already
-
-    def call(*arguments: str) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["drumsqueal", *arguments])
-        status = 0
-        try:
-            cli.main()
-        except SystemExit as stop:
-            status = int(stop.code or 0)
-        captured = capsys.readouterr()
-        return status, captured.out, captured.err
-
-    return call
 
 
 def test_run_leaves_history_summary_and_figures(drumsqueal, tmp_path):
@@ -75,6 +54,56 @@ def test_history_is_not_overwritten_unasked(drumsqueal, tmp_path):
     assert "--overwrite" in errors
     assert (tmp_path / "history.nc").read_bytes() == before
     assert drumsqueal("run", NOMINAL, "-o", str(tmp_path), *SHORT, "--overwrite")[0] == 0
+
+
+@pytest.mark.parametrize("name", RESULTS)
+def test_no_result_is_overwritten_unasked(drumsqueal, tmp_path, name):
+    (tmp_path / name).write_text("of value")
+    status, printed, errors = drumsqueal("run", NOMINAL, "-o", str(tmp_path), *SHORT)
+    assert (status, printed) == (2, "")
+    assert f"{name} exists; add --overwrite" in errors
+    assert [path.read_text() for path in tmp_path.iterdir()] == ["of value"]
+
+
+def test_overwriting_clears_all_results_of_an_earlier_run_and_nothing_else(drumsqueal, tmp_path):
+    for name in (*RESULTS, "notes.txt"):
+        (tmp_path / name).write_text("of value")
+    # 100 samples are too few for a spectrogram.
+    assert drumsqueal("run", NOMINAL, "-o", str(tmp_path), "--overwrite", *SHORT)[0] == 0
+    assert {path.name for path in tmp_path.iterdir()} == {*RESULTS, "notes.txt"} - {"spectrogram.png"}
+    assert [path.name for path in tmp_path.iterdir() if path.read_bytes() == b"of value"] == ["notes.txt"]
+
+
+def test_a_folder_in_the_place_of_a_result_is_refused_before_anything_is_cleared(drumsqueal, tmp_path):
+    (tmp_path / "history.nc").write_text("of value")
+    (tmp_path / "growth.png").mkdir()
+    status, _, errors = drumsqueal("run", NOMINAL, "-o", str(tmp_path), "--overwrite")
+    assert status == 2
+    assert "growth.png is a folder" in errors
+    assert (tmp_path / "history.nc").read_text() == "of value"
+
+
+@pytest.mark.parametrize("name", ["[red]x[/nope]", ":smile:"])
+def test_a_name_is_printed_as_it_is(drumsqueal, tmp_path, name):
+    folder = tmp_path / name
+    status, printed, errors = drumsqueal("run", NOMINAL, "-o", str(folder), *SHORT)
+    assert (status, errors) == (0, "")
+    assert printed.endswith(f"are in {folder}\n")
+    assert str(folder) in drumsqueal("run", NOMINAL, "-o", str(folder), *SHORT)[2]
+
+
+def test_escapes_in_a_name_reach_no_terminal(drumsqueal, tmp_path):
+    folder = tmp_path / "a\x1b[2J\udcffb"
+    status, printed, errors = drumsqueal("run", NOMINAL, "-o", str(folder), *SHORT)
+    assert (status, errors) == (0, "")
+    assert printed.endswith("a?[2J?b\n")
+
+
+def test_a_number_that_is_not_finite_is_null_in_json():
+    assert json.loads(to_json({"a": [math.nan, (math.inf, 1.5)], "b": {"c": -math.inf}})) == {
+        "a": [None, [None, 1.5]],
+        "b": {"c": None},
+    }
 
 
 def test_stability_as_json(drumsqueal, tmp_path):
@@ -136,6 +165,12 @@ def test_wrong_scene_gets_one_line_and_status_2(drumsqueal, tmp_path, case):
         (("fly",), "fly"),
         (("run", NOMINAL, "-o", "/dev/null/out"), "/dev/null"),
         (("run", NOMINAL, "-o", "/proc/out"), "/proc/out"),
+        (("run", NOMINAL, "-o", "x" * 300), "File name too long"),
+        (("run", NOMINAL, "-o", "/tmp/" + "x/" * 4000), "File name too long"),
+        (("run", NOMINAL, "-o", "null\0character"), "null"),
+        (("run", NOMINAL, "-o", f"{__file__}/under"), "test_command_line.py is a file, not a folder"),
+        (("run", f"{SCENARIOS}/[/nope].toml"), "[/nope].toml: there is no such file"),
+        (("run", NOMINAL, "--set", r'title="\u0000"'), "title"),
         (("stability", NOMINAL, "--json", "/dev/null/x"), "/dev/null/x"),
     ],
 )
@@ -146,60 +181,18 @@ def test_wrong_request_gets_one_line_and_status_2(drumsqueal, arguments, told):
     assert told in errors
 
 
+def test_a_folder_at_the_end_of_a_broken_link_gets_one_line_and_status_2(drumsqueal, tmp_path):
+    for name, target in (("loop", "loop"), ("dangling", "nowhere")):
+        (tmp_path / name).symlink_to(tmp_path / target)
+        for folder in (tmp_path / name, tmp_path / name / "under"):
+            status, printed, errors = drumsqueal("run", NOMINAL, "-o", str(folder))
+            assert (status, printed, errors.count("\n")) == (2, "", 1)
+            assert name in errors
+
+
 def test_missing_key_is_named(drumsqueal, tmp_path):
     scene = tmp_path / "scene.toml"
     scene.write_text(Path(NOMINAL).read_text().replace('width = "36.5 mm"', ""))
     status, _, errors = drumsqueal("run", str(scene), "-o", str(tmp_path / "out"))
     assert status == 2
     assert "shoe.width" in errors
-
-
-def test_failed_run_keeps_what_was_computed(drumsqueal, tmp_path):
-    # The lining is about to stick as a whole when the drum comes to rest: the step size collapses, and the run says so.
-    stop = "drum.speed={time=[0,0.03], value=[0.5,0]}"
-    arguments = ("--set", stop, "--set", "simulate.duration=0.04", "--set", "start.displacement={Y=1e-6}")
-    status, _, errors = drumsqueal("run", NOMINAL, "-o", str(tmp_path), *arguments)
-    assert status == 1
-    assert errors.count("\n") == 1
-    assert "step size collapsed" in errors
-    with xarray.open_dataset(tmp_path / "history.nc", engine="h5netcdf") as history:
-        assert history.attrs["outcome"].startswith("failed: the step size collapsed")
-        assert history["time"].values[-1] == pytest.approx(0.03, abs=2e-3)
-        assert np.isfinite(history["displacement"].values).all()
-    assert json.loads((tmp_path / "summary.json").read_text())["outcome"].startswith("failed")
-
-
-def start(cache: Path, *arguments: str) -> subprocess.Popen:
-    # Without what JAX has put into the environment of this process when it was imported.
-    environment = {name: value for name, value in os.environ.items() if not name.startswith(("JAX_", "EQX_", "TF_"))}
-    command = [sys.executable, "-c", "from drumsqueal.cli import main; main()", *arguments]
-    environment["XDG_CACHE_HOME"] = str(cache)
-    return subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-
-
-@pytest.mark.skipif(os.name != "posix", reason="sends a POSIX signal and uses the XDG cache folder")
-def test_second_start_compiles_nothing_and_control_c_keeps_data(tmp_path):
-    cache, first, second = tmp_path / "cache", tmp_path / "first", tmp_path / "second"
-    process = start(cache, "run", NOMINAL, "-o", str(first), *SHORT)
-    _, errors = process.communicate(timeout=300)
-    assert (process.returncode, errors) == (0, "")
-    programs = sorted(path.name for path in cache.rglob("*-cache"))
-    assert programs
-    # Ten seconds of vibration would take a minute to compute.
-    process = start(cache, "run", NOMINAL, "-o", str(second), "--set", "simulate.duration=10")
-    deadline = time.monotonic() + 120
-    while not (second / "history.nc").exists() and time.monotonic() < deadline:
-        time.sleep(0.05)
-    time.sleep(0.5)
-    process.send_signal(signal.SIGINT)
-    _, errors = process.communicate(timeout=300)
-    assert process.returncode == 1
-    assert "interrupted by the user after t =" in errors
-    assert errors.count("\n") == 1
-    with xarray.open_dataset(second / "history.nc", engine="h5netcdf") as history:
-        assert history.attrs["outcome"].startswith("interrupted by the user")
-        assert history["time"].size > 500
-        assert np.isfinite(history["velocity"].values).all()
-    compiled = {path.name.split("-")[0] for path in cache.rglob("*-cache")} - {n.split("-")[0] for n in programs}
-    assert "jit__advance" not in compiled
-    assert "jit__assemble" not in compiled

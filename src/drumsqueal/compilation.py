@@ -1,6 +1,7 @@
 """The persistent compilation cache: a second start of the command line compiles nothing."""
 
 import hashlib
+import logging
 import os
 import platform
 import warnings
@@ -20,9 +21,11 @@ CACHEABLE = {"EQX_ON_ERROR": "nan"}
 def prepare_environment() -> None:
     """Set what JAX and equinox read when they are imported; call this before that. The user's settings go first.
 
-    A cache that cannot be read or written costs the time of compiling anew, and is not worth a warning at each program.
+    A cache that cannot be read or written, of programs or of matplotlib's fonts, costs the time to fill it anew, and is
+    not worth a warning.
     """
     warnings.filterwarnings("ignore", "Error (reading|writing) persistent compilation cache entry", UserWarning)
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)
     folder = Path(platformdirs.user_cache_dir("drumsqueal", appauthor=False)) / _processor()
     cache = {
         "JAX_COMPILATION_CACHE_DIR": str(folder),

@@ -1,0 +1,249 @@
+"""A run that fails, is interrupted or fills the disk: one line, status 1, and what was computed is kept and whole."""
+
+import errno
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+import xarray
+
+from drumsqueal import job, simulation
+from drumsqueal.errors import IntegrationError
+from drumsqueal.interrupts import noted_interrupts, stop_if_interrupted
+from drumsqueal.output_folder import RESULTS
+
+NOMINAL = str(Path(__file__).parents[1] / "scenarios" / "nominal.toml")
+THREE_CHUNKS = ("--set", "simulate.duration=0.03")
+MAIN = "from drumsqueal.__main__ import main; main()"
+posix = pytest.mark.skipif(os.name != "posix", reason="needs POSIX signals and limits, and the XDG cache folder")
+
+
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory) -> Path:
+    """Folder of the compiled programs: only the first process of these tests has to compile them."""
+    return tmp_path_factory.mktemp("cache")
+
+
+def start(cache: Path, *arguments: str, code: str = MAIN) -> subprocess.Popen:
+    """Start the program, or other code in its place, in a process and with a cache of its own."""
+    # Without what JAX has put into the environment of this process when it was imported.
+    environment = {name: value for name, value in os.environ.items() if not name.startswith(("JAX_", "EQX_", "TF_"))}
+    environment["XDG_CACHE_HOME"] = str(cache)
+    command = [sys.executable, "-c", code, *arguments]
+    return subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def wait_for(path: Path) -> None:
+    deadline = time.monotonic() + 120
+    while not path.exists() and time.monotonic() < deadline:
+        time.sleep(0.02)
+
+
+def assert_whole(folder: Path, outcome: str) -> int:
+    """The history is whole and says how the run ended, as does the summary; the number of samples."""
+    with xarray.open_dataset(folder / "history.nc", engine="h5netcdf") as history:
+        assert history.attrs["outcome"].startswith(outcome)
+        np.testing.assert_allclose(history["time"].values, np.arange(history["time"].size) / 50e3, atol=1e-15)
+        assert all(np.isfinite(history[name].values).all() for name in history.data_vars)
+        samples, steps = history["time"].size, int(history.attrs["steps"])
+        stopped = history.attrs["outcome"]
+    if (folder / "summary.json").exists():
+        summary = json.loads((folder / "summary.json").read_text())
+        assert (summary["outcome"], summary["integration"]["steps"]) == (stopped, steps)
+    return samples
+
+
+# --- failed ---------------------------------------------------------------------------------------------------------
+
+
+def test_failed_run_keeps_what_was_computed(drumsqueal, tmp_path):
+    # The lining is about to stick as a whole when the drum comes to rest: the step size collapses, and the run says so.
+    stop = "drum.speed={time=[0,0.03], value=[0.5,0]}"
+    arguments = ("--set", stop, "--set", "simulate.duration=0.04", "--set", "start.displacement={Y=1e-6}")
+    status, _, errors = drumsqueal("run", NOMINAL, "-o", str(tmp_path), *arguments)
+    assert status == 1
+    assert errors.count("\n") == 1
+    assert "step size collapsed" in errors
+    assert assert_whole(tmp_path, "failed: the step size collapsed") == pytest.approx(1500, abs=100)
+
+
+def test_a_run_without_samples_keeps_the_prediction(drumsqueal, tmp_path, monkeypatch):
+    def fail(*arguments, **options):
+        raise IntegrationError("there is no step")
+        yield
+
+    monkeypatch.setattr(simulation, "integrate", fail)
+    status, printed, errors = drumsqueal("run", NOMINAL, "-o", str(tmp_path))
+    assert (status, printed) == (1, "")
+    assert errors == f"drumsqueal: failed: there is no step; what was computed is in {tmp_path}\n"
+    assert [path.name for path in tmp_path.iterdir()] == ["summary.json"]
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["outcome"] == "failed: there is no step"
+    assert len(summary["prediction"]["eigenvalues"]) == 12
+    assert summary["growth"] is summary["verdict"] is summary["accuracy"] is None
+
+
+def test_what_nobody_foresaw_is_told_in_one_line(drumsqueal, tmp_path, monkeypatch):
+    monkeypatch.setattr(job, "draw_all", lambda *_: 1 / 0)
+    status, _, errors = drumsqueal("run", NOMINAL, "-o", str(tmp_path), *THREE_CHUNKS)
+    assert (status, errors) == (1, "drumsqueal: failed unexpectedly, ZeroDivisionError: division by zero\n")
+    assert assert_whole(tmp_path, "complete") == 1501
+
+
+# --- interrupted ----------------------------------------------------------------------------------------------------
+
+
+def press() -> None:
+    signal.raise_signal(signal.SIGINT)
+
+
+@posix
+def test_control_c_while_the_program_loads(tmp_path):
+    # Everything is loaded through the finders on sys.meta_path: this one presses Ctrl-C at the first heavy module.
+    finder = (
+        "type('Finder', (), {'find_spec': lambda self, name, *_: name == 'typer' and signal.raise_signal(2) or None})"
+    )
+    code = f"import signal, sys; sys.meta_path.insert(0, {finder}()); {MAIN}"
+    process = start(tmp_path, "run", NOMINAL, "-o", str(tmp_path / "out"), code=code)
+    printed, errors = process.communicate(timeout=300)
+    assert (process.returncode, printed) == (1, "")
+    assert errors == "drumsqueal: interrupted before anything was written\n"
+    assert not (tmp_path / "out").exists()
+
+
+@posix
+def test_control_c_before_the_first_chunk(cache, tmp_path):
+    folder = tmp_path / "out"
+    process = start(cache, "run", NOMINAL, "-o", str(folder))
+    wait_for(folder)  # it is made just before the integration, which then takes seconds to compile
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=300)
+    outcome = "interrupted by the user after t = 0.01 s"
+    assert (process.returncode, errors) == (1, f"drumsqueal: {outcome}; what was computed is in {folder}\n")
+    assert assert_whole(folder, outcome) == 501
+
+
+@posix
+def test_second_start_compiles_nothing_and_control_c_keeps_data(cache, tmp_path):
+    first, second = tmp_path / "first", tmp_path / "second"
+    process = start(cache, "run", NOMINAL, "-o", str(first), "--set", "simulate.duration=0.002")
+    _, errors = process.communicate(timeout=300)
+    assert (process.returncode, errors) == (0, "")
+    programs = sorted(path.name for path in cache.rglob("*-cache"))
+    assert programs
+    # Ten seconds of vibration would take a minute to compute.
+    process = start(cache, "run", NOMINAL, "-o", str(second), "--set", "simulate.duration=10")
+    wait_for(second / "history.nc")
+    time.sleep(0.5)
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=300)
+    assert process.returncode == 1
+    assert "interrupted by the user after t =" in errors
+    assert errors.count("\n") == 1
+    assert assert_whole(second, "interrupted by the user after t =") > 500
+    compiled = {path.name.split("-")[0] for path in cache.rglob("*-cache")} - {n.split("-")[0] for n in programs}
+    assert "jit__advance" not in compiled
+    assert "jit__assemble" not in compiled
+
+
+def test_control_c_while_a_chunk_is_written(drumsqueal, tmp_path, monkeypatch):
+    resize = h5py.Dataset.resize
+
+    def interrupted(variable, *arguments, **options):
+        resize(variable, *arguments, **options)
+        if len(variable) > 501:
+            press()
+
+    monkeypatch.setattr(h5py.Dataset, "resize", interrupted)
+    status, _, errors = drumsqueal("run", NOMINAL, "-o", str(tmp_path), *THREE_CHUNKS)
+    outcome = "interrupted by the user after t = 0.02 s"
+    assert (status, errors) == (1, f"drumsqueal: {outcome}; what was computed is in {tmp_path}\n")
+    assert assert_whole(tmp_path, outcome) == 1001
+
+
+@pytest.mark.parametrize("step", ["finish", "draw_all"])
+def test_control_c_after_the_integration(drumsqueal, tmp_path, monkeypatch, step):
+    function = getattr(job, step)
+    monkeypatch.setattr(job, step, lambda *arguments: (press(), function(*arguments))[1])
+    status, printed, errors = drumsqueal("run", NOMINAL, "-o", str(tmp_path), *THREE_CHUNKS)
+    history = tmp_path / "history.nc"
+    assert (status, printed) == (1, "")
+    assert errors == f"drumsqueal: interrupted by the user; the complete history is in {history}\n"
+    assert assert_whole(tmp_path, "complete") == 1501
+    assert (tmp_path / "summary.json").exists() == (step == "draw_all")
+
+
+def test_control_c_is_as_it_was_outside_the_block():
+    with noted_interrupts(), noted_interrupts():
+        press()
+        with pytest.raises(KeyboardInterrupt):
+            stop_if_interrupted()
+        stop_if_interrupted()
+    with pytest.raises(KeyboardInterrupt):
+        press()
+    ignored = signal.signal(signal.SIGINT, signal.SIG_IGN)  # as in a job in the background
+    try:
+        with noted_interrupts():
+            press()
+            stop_if_interrupted()
+    finally:
+        signal.signal(signal.SIGINT, ignored)
+
+
+# --- a full disk ----------------------------------------------------------------------------------------------------
+
+LIMITED = f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (@, @)); {MAIN}"  # bytes a file
+
+
+@posix
+@pytest.mark.parametrize(("limit", "samples"), [(500_000, 1501), (100_000, 0)])
+def test_a_full_disk_keeps_what_was_computed(cache, tmp_path, limit, samples):
+    folder = tmp_path / "out"
+    arguments = ("run", NOMINAL, "-o", str(folder), "--set", "simulate.duration=0.1")
+    process = start(cache, *arguments, code=LIMITED.replace("@", str(limit)))
+    _, errors = process.communicate(timeout=300)
+    assert process.returncode == 1
+    assert errors.startswith("drumsqueal: failed: the disk d")
+    assert "File too large" in errors
+    assert errors.count("\n") == 1
+    assert {path.name for path in folder.iterdir()} <= set(RESULTS)
+    if samples:
+        assert assert_whole(folder, "failed: the disk did not take the samples from t = 0.03002 s on") == samples
+        assert (folder / "summary.json").exists()
+    else:
+        assert [path.name for path in folder.iterdir()] == ["summary.json"]
+
+
+@pytest.mark.parametrize("writer", ["write_json", "save_figures"])
+def test_a_disk_without_room_for_the_results_keeps_the_history(drumsqueal, tmp_path, monkeypatch, writer):
+    def fail(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(job, writer, fail)
+    status, printed, errors = drumsqueal("run", NOMINAL, "-o", str(tmp_path), *THREE_CHUNKS)
+    cause = "failed: the disk does not take the results (No space left on device)"
+    assert (status, printed) == (1, "")
+    assert errors == f"drumsqueal: {cause}; the complete history is in {tmp_path / 'history.nc'}\n"
+    assert assert_whole(tmp_path, "complete") == 1501
+
+
+def test_no_chunk_takes_more_room_than_was_taken_beforehand(tmp_path, nominal, monkeypatch):
+    from drumsqueal import history
+
+    prepared = simulation.prepare(nominal.with_values({"simulate.duration": 0.02}))
+    first, second = simulation.transient(prepared)
+    file = history.HistoryFile(tmp_path / "history.nc", prepared.scene, prepared.model.names)
+    file.append(first)
+    sizes = [(tmp_path / "history.nc").stat().st_size]
+    for _ in range(200):
+        file.append(second)
+        sizes.append((tmp_path / "history.nc").stat().st_size)
+    # HDF5's tables grow now and then; on a history of 10⁸ samples they are deeper by a level or two.
+    assert max(sizes[0], *np.diff(sizes)) < 0.6 * history._ROOM
