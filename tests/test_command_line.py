@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 import xarray
 
-from drumsqueal.output_folder import RESULTS
+from drumsqueal.errors import RequestError
+from drumsqueal.output_folder import RESULTS, check_output
 from drumsqueal.scene import load_scene, scene_from_dict
 from drumsqueal.summary import to_json
 
@@ -97,6 +98,7 @@ def test_escapes_in_a_name_reach_no_terminal(drumsqueal, tmp_path):
     status, printed, errors = drumsqueal("run", NOMINAL, "-o", str(folder), *SHORT)
     assert (status, errors) == (0, "")
     assert printed.endswith("a?[2J?b\n")
+    assert "a?[2J?b/history.nc exists" in drumsqueal("run", NOMINAL, "-o", str(folder), *SHORT)[2]
 
 
 def test_a_number_that_is_not_finite_is_null_in_json():
@@ -167,7 +169,6 @@ def test_wrong_scene_gets_one_line_and_status_2(drumsqueal, tmp_path, case):
         (("run", NOMINAL, "-o", "/proc/out"), "/proc/out"),
         (("run", NOMINAL, "-o", "x" * 300), "File name too long"),
         (("run", NOMINAL, "-o", "/tmp/" + "x/" * 4000), "File name too long"),
-        (("run", NOMINAL, "-o", "null\0character"), "null"),
         (("run", NOMINAL, "-o", f"{__file__}/under"), "test_command_line.py is a file, not a folder"),
         (("run", f"{SCENARIOS}/[/nope].toml"), "[/nope].toml: there is no such file"),
         (("run", NOMINAL, "--set", r'title="\u0000"'), "title"),
@@ -188,6 +189,11 @@ def test_a_folder_at_the_end_of_a_broken_link_gets_one_line_and_status_2(drumsqu
             status, printed, errors = drumsqueal("run", NOMINAL, "-o", str(folder))
             assert (status, printed, errors.count("\n")) == (2, "", 1)
             assert name in errors
+
+
+def test_a_null_character_in_a_folder_is_refused():
+    with pytest.raises(RequestError, match="cannot be written"):
+        check_output(Path("null\0character"), overwrite=False)
 
 
 def test_missing_key_is_named(drumsqueal, tmp_path):
