@@ -130,7 +130,6 @@ def test_the_nominal_scene_in_numbers():
     assert scene.damping is None
     assert scene.contact.separation is True
     assert scene.start.displacement == {"Y": 1e-7, "Tz": 1e-6}
-    assert scene.simulate.intervals == 20000
     assert scene.simulate.coordinates == "auto"
 
 

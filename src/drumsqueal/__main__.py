@@ -1,14 +1,20 @@
 """The program `drumsqueal`, or `python -m drumsqueal`: it loads the command line and runs it."""
 
+import signal
+
 from drumsqueal.interrupts import note_interrupts
 
 
 def main() -> None:
-    """Run the command line, with Ctrl-C noted from the loading of it until Python has shut down."""
+    """Run the command line, with Ctrl-C noted from the loading of it to its end."""
     note_interrupts()
-    from drumsqueal.cli import main as run
+    try:
+        from drumsqueal.cli import main as run
 
-    run()
+        run()
+    finally:
+        # Nothing is left to be stopped: while Python shuts down, Ctrl-C would only take the place of the exit status.
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 if __name__ == "__main__":

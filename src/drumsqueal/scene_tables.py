@@ -249,11 +249,6 @@ class Simulate(Table):
     tolerance: Annotated[float, Quantity("", least=1e-13, most=1e-1)] = 1e-6
     coordinates: Annotated[Literal["auto"] | tuple[str, ...], BeforeValidator(_coordinates)] = "auto"
 
-    @property
-    def intervals(self) -> int:
-        """The number of sample intervals; the history has one sample more, for it holds both ends."""
-        return round(self.duration * self.sample_rate)
-
     @model_validator(mode="after")
     def _holds_whole_intervals(self) -> "Simulate":
         count = self.duration * self.sample_rate
