@@ -124,7 +124,7 @@ def test_stability_as_json(drumsqueal, tmp_path):
 def test_stability_on_the_terminal(drumsqueal):
     status, printed, _ = drumsqueal("stability", NOMINAL, "--set", "steady.state=self-consistent")
     assert status == 0
-    assert "Steady sliding at X = -3.055e-07, Y = 7.591e-06, Tz = 1.161e-05" in printed
+    assert "Steady sliding at X = -3.055e-07 m, Y = 7.591e-06 m, Tz = 1.161e-05 rad" in printed
 
 
 BAD_SCENES = {

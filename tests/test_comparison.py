@@ -162,7 +162,8 @@ def test_an_effect_that_is_not_there_has_no_edge(nominal, table, value):
         assert run(scene).comparison.edge_reached_s is None
     else:
         result = run(scene.with_values({"start.displacement": {"Y": 2e-5}}))
-        assert result.history["contact_fraction"].values.min() < 1
+        assert result.history["smallest_pressure"].values.min() < 0
+        assert result.history["contact_fraction"].values.min() == pytest.approx(1, abs=1e-12)
         # 20 µm at 1424 Hz are 0.18 m/s, short of the drum's 0.5.
         assert result.comparison.edge_reached_s is None
 
@@ -220,6 +221,13 @@ def test_divergence_without_oscillation_is_named(nominal):
     result = run(nominal.with_values({"support": None, "simulate.duration": 0.002}))
     assert result.stability.divergence == pytest.approx(258.2, abs=0.1)
     assert "divergence without oscillation at +258.2 1/s" in result.comparison.verdict
+
+
+def test_a_shoe_that_runs_away_beyond_small_rotations_is_told(nominal):
+    result = run(nominal.with_values({"support": None, "simulate.duration": 0.06, "start.displacement": {"Tz": 1e-2}}))
+    turned = np.abs(result.history["displacement"].sel(coordinate="Tz").values).max()
+    assert turned > 0.1
+    assert f"the shoe turns by {turned:.2g} rad, where small rotations" in result.comparison.verdict
 
 
 def test_modes_of_one_name_are_told_apart(nominal):

@@ -6,7 +6,6 @@ import numpy as np
 import xarray
 
 from drumsqueal.departure import FEWEST_SAMPLES, Departure, edge_share, first_edge
-from drumsqueal.effects.schedule import Profile
 from drumsqueal.history import COMPLETE
 from drumsqueal.model import Model
 from drumsqueal.modes import Mode, Stability
@@ -62,12 +61,14 @@ class Comparison(NamedTuple):
     """End of the growth phase (s), first edge (s), each mode, the saturated motion and a verdict in one sentence.
 
     `edge_reached_s` and `saturation` are None where the motion reached no edge; `motion_ratio` is the largest motion
-    (root of the vibration energy) in the last tenth of the record over that in the first tenth, None without a start.
+    (root of the vibration energy) in the last tenth of the record over that in the first tenth, None without a start;
+    `changing` tells that drum speed or load change, so that the prediction is for t = 0 only.
     """
 
     growth_end_s: float
     edge_reached_s: float | None
     motion_ratio: float | None
+    changing: bool
     modes: tuple[ModeComparison, ...]
     saturation: Saturation | None
     verdict: str
@@ -84,7 +85,7 @@ def compare(history: xarray.Dataset, stability: Stability, model: Model) -> Comp
     nonlinear = np.flatnonzero(share >= LINEAR_SHARE)
     growing = slice(0, int(nonlinear[0]) if nonlinear.size else time.size)
     modes = tuple(_compare_mode(mode, stability, departure, growing) for mode in stability.modes)
-    edge = first_edge(history, share, stability, model)
+    edge = first_edge(history, stability, model)
     saturation = None if edge is None else describe_saturation(history, departure, stability, model, edge)
     ratio = _motion_ratio(departure, stability, model)
     outcome = history.attrs["outcome"]
@@ -92,24 +93,21 @@ def compare(history: xarray.Dataset, stability: Stability, model: Model) -> Comp
         growth_end_s=float(time[max(growing.stop - 1, 0)]),
         edge_reached_s=edge,
         motion_ratio=ratio,
+        changing=model.changing,
         modes=modes,
         saturation=saturation,
         verdict=state_verdict(
             stability,
-            changing=_changing(model),
+            changing=model.changing,
             excited=tuple(m for m, found in zip(stability.modes, modes, strict=True) if found.note != NOT_EXCITED),
             motion_ratio=ratio,
             edge=edge,
             saturation=saturation,
             duration=float(time[-1]),
+            rotation=float(np.abs(departure.displacement[:, departure.rotations]).max(initial=0.0)),
             cut_off=None if outcome == COMPLETE else outcome,
         ),
     )
-
-
-def _changing(model: Model) -> bool:
-    """Whether drum speed or load change over time."""
-    return any(isinstance(schedule, Profile) for schedule in (model.contact.drum_speed, model.contact.preload))
 
 
 def _motion_ratio(departure: Departure, stability: Stability, model: Model) -> float | None:
@@ -135,7 +133,7 @@ def _compare_mode(mode: Mode, stability: Stability, departure: Departure, growin
     signal = departure.modal(mode)[growing]
     size = np.abs(signal)
     main = stability.coordinates.index(mode.name)
-    if size.max() <= UNEXCITED_SHARE * np.abs(displacement).max():
+    if not displacement[:, main].any() or size.max() <= UNEXCITED_SHARE * np.abs(displacement).max():
         return result._replace(note=NOT_EXCITED)
     clean = (size > 0) & (size >= CLEAN_SHARE * np.maximum.accumulate(np.abs(displacement[:, main])))
     last = time.size if clean.all() else int(np.argmin(clean))

@@ -14,6 +14,7 @@ from drumsqueal.signals import Spectrum, amplitude_spectrum, modal_amplitudes
 
 ROTATIONS = ("Tx", "Ty", "Tz")
 FEWEST_SAMPLES = 16  # for a spectrum
+LIFTED_SHARE = 0.1  # of the lining
 FRACTION_ROUND_OFF = 1e-12  # of a share of the lining, which is a sum over some hundred nodes
 
 
@@ -32,6 +33,11 @@ class Departure:
     def sample_rate(self) -> float:
         """Samples per second (Hz)."""
         return (self.time.size - 1) / float(self.time[-1] - self.time[0])
+
+    @property
+    def rotations(self) -> list[int]:
+        """Columns of the coordinates that are rotations."""
+        return [k for k, name in enumerate(self.coordinates) if name in ROTATIONS]
 
     @property
     def started(self) -> bool:
@@ -81,16 +87,18 @@ def edge_share(departure: Departure, model: Model) -> NDArray[np.float64]:
     return share
 
 
-def first_edge(history: xarray.Dataset, share: NDArray[np.float64], stability: Stability, model: Model) -> float | None:
+def first_edge(history: xarray.Dataset, stability: Stability, model: Model) -> float | None:
     """Time (s) of the first sample at which part of the lining has left the drum or slips backwards; None if never.
 
     Read off what was recorded. Where part of the lining is off the drum in steady sliding already, so that its edge
-    moves with every motion, a `share` of 1 (from `edge_share`) counts in its place.
+    moves with every motion, another tenth of the lining must leave or touch it.
     """
-    reached = np.zeros(share.size, dtype=bool)
+    touching = history["contact_fraction"].values
+    reached = np.zeros(touching.size, dtype=bool)
     if isinstance(model.contact.law, Unilateral):
-        whole = stability.pressure_range[0] > 0
-        reached |= history["contact_fraction"].values < 1 - FRACTION_ROUND_OFF if whole else share >= 1
+        steady = stability.contact_fraction
+        most = FRACTION_ROUND_OFF if steady > 1 - FRACTION_ROUND_OFF else LIFTED_SHARE
+        reached |= np.abs(touching - steady) > most
     if model.contact.friction is not None:
         reached |= history["slip_reversed_fraction"].values > FRACTION_ROUND_OFF
     return float(history["time"].values[np.argmax(reached)]) if reached.any() else None

@@ -14,7 +14,15 @@ import xarray
 from drumsqueal.integrate import CHUNK_SAMPLES, Chunk
 from drumsqueal.scene import COORDINATES, Scene
 
-MIXED_UNITS = {"displacement": "m (X, Y, Z), rad (Tx, Ty, Tz)", "velocity": "m/s (X, Y, Z), rad/s (Tx, Ty, Tz)"}
+# name: (units, what it is), of each coordinate
+MOTION = {
+    "displacement": ("m (X, Y, Z), rad (Tx, Ty, Tz)", "displacement and rotation of the shoe at its centre of gravity"),
+    "velocity": ("m/s (X, Y, Z), rad/s (Tx, Ty, Tz)", "rates of displacement and rotation"),
+}
+AXES = (
+    "x from the drum's axis through the middle of the lining, y at right angles to it the way the lining's middle sees "
+    "the drum move at positive speed, z along the drum's axis; Tx, Ty, Tz are small rotations about x, y, z"
+)
 # name: (units, what it is)
 SIGNALS = {
     "brake_torque": ("N m", "torque of friction that brakes the drum, R times the integral of its tangential traction"),
@@ -48,13 +56,13 @@ def to_dataset(chunks: Sequence[Chunk], scene: Scene, kept: Sequence[str], outco
     columns = [_columns(chunk, kept) for chunk in chunks]
     joined = {name: np.concatenate([part[name] for part in columns]) for name in columns[0]}
     data: dict[str, tuple[tuple[str, ...], np.ndarray, dict[str, str]]] = {}
-    for name, units in MIXED_UNITS.items():
-        data[name] = (("time", "coordinate"), joined[name], {"units": units})
+    for name, (units, meaning) in MOTION.items():
+        data[name] = (("time", "coordinate"), joined[name], {"units": units, "long_name": meaning})
     for name, (units, meaning) in SIGNALS.items():
         data[name] = (("time",), joined[name], {"units": units, "long_name": meaning})
     coordinates = {
         "time": ("time", joined["time"], {"units": "s", "axis": "T"}),
-        "coordinate": ("coordinate", list(COORDINATES)),
+        "coordinate": ("coordinate", list(COORDINATES), {"long_name": AXES}),
     }
     attributes = {
         "title": scene.title,
@@ -123,7 +131,7 @@ class HistoryFile:
 def _columns(chunk: Chunk, kept: Sequence[str]) -> dict[str, np.ndarray]:
     """What every variable of the history gets from a chunk."""
     recorded = chunk.observation._asdict() | chunk._asdict()
-    columns = {name: _widen(recorded[name], kept) for name in MIXED_UNITS}
+    columns = {name: _widen(recorded[name], kept) for name in MOTION}
     return columns | {name: recorded[name] for name in ("time", *SIGNALS)}
 
 

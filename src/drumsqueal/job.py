@@ -1,20 +1,18 @@
 """One run into one folder: the history grows on disk while the bar moves, then summary and figures."""
 
+import importlib
+import threading
 from pathlib import Path
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from drumsqueal.errors import IntegrationError
-from drumsqueal.figures import draw_all, save_figures
 from drumsqueal.history import COMPLETE, HistoryFile
 from drumsqueal.integrate import Chunk
 from drumsqueal.interrupts import stop_if_interrupted
-from drumsqueal.output_folder import HISTORY, SUMMARY
-from drumsqueal.quantities import printable
-from drumsqueal.report import print_result
-from drumsqueal.simulation import Prepared, Result, collect, finish
-from drumsqueal.summary import summarise, summarise_prediction, write_json
+from drumsqueal.output_folder import HISTORY
+from drumsqueal.simulation import Prepared, collect, finish
 
 
 def run_into(folder: Path, prepared: Prepared, console: Console) -> None:
@@ -24,20 +22,25 @@ def run_into(folder: Path, prepared: Prepared, console: Console) -> None:
     computed; the message says why and what is where.
     """
     history, outcome = HistoryFile(folder / HISTORY, prepared.scene, prepared.model.names), ""
+    # What compares and draws is loaded while the first chunks are integrated: a second that nobody waits for.
+    threading.Thread(target=importlib.import_module, args=("drumsqueal.results",)).start()
     try:
         chunks, outcome = _integrate(history, prepared, console)
+        from drumsqueal.results import print_results, write_prediction, write_results
+
         stop_if_interrupted()
-        result = finish(prepared, chunks, outcome) if chunks else None
+        if not chunks:
+            write_prediction(folder, prepared, outcome)
+            raise IntegrationError(f"{outcome}; what was computed is in {folder}")
+        result = finish(prepared, chunks, outcome)
         stop_if_interrupted()
-        _write(folder, prepared, result, outcome)
+        write_results(folder, prepared, result)
     except KeyboardInterrupt:
         raise IntegrationError(f"interrupted by the user; {_kept(history, outcome)}") from None
     except OSError as error:
         cause = f"failed: the disk does not take the results ({error.strerror or error})"
         raise IntegrationError(f"{cause}; {_kept(history, outcome)}") from None
-    if result is not None:
-        print_result(console, result)
-        console.print(printable(f"History, summary and figures are in {folder}"), soft_wrap=True)
+    print_results(folder, result, console)
     if outcome != COMPLETE:
         raise IntegrationError(f"{outcome}; what was computed is in {folder}")
 
@@ -59,18 +62,6 @@ def _integrate(history: HistoryFile, prepared: Prepared, console: Console) -> tu
         chunks, outcome = collect(prepared, keep)
         history.end(outcome)
     return chunks, outcome
-
-
-def _write(folder: Path, prepared: Prepared, result: Result | None, outcome: str) -> None:
-    """Summary and figures; of a run without samples the prediction alone."""
-    if result is None:
-        write_json(summarise_prediction(prepared.scene, prepared.stability, outcome), folder / SUMMARY)
-        return
-    write_json(summarise(result), folder / SUMMARY)
-    stop_if_interrupted()
-    figures = draw_all(result, prepared.model)
-    stop_if_interrupted()
-    save_figures(figures, folder)
 
 
 def _kept(history: HistoryFile, outcome: str) -> str:

@@ -52,6 +52,11 @@ class Model(eqx.Module):
         return (self.contact, *self.others)
 
     @property
+    def changing(self) -> bool:
+        """Whether drum speed or load change over time."""
+        return any(isinstance(schedule, Profile) for schedule in (self.contact.drum_speed, self.contact.preload))
+
+    @property
     def names(self) -> tuple[str, ...]:
         """Names of the kept coordinates."""
         return tuple(COORDINATES[i] for i in self.coordinates)
@@ -60,13 +65,21 @@ class Model(eqx.Module):
         """Six scalars from the kept coordinates (n,): literal zeros elsewhere, which cost nothing when compiled."""
         return tuple(kept[self.coordinates.index(i)] if i in self.coordinates else 0.0 for i in range(6))
 
+    @property
+    def middle_contact(self) -> Contact:
+        """The contact as motion in the plane has it: the same on every line across, so that one line serves."""
+        return dataclasses.replace(self.contact, surface=ArcSurface(NODES_LONG_ARC))
+
     def in_plane(self) -> "Model":
         """The same model with its out-of-plane coordinates held at zero: a line integral instead of an area."""
         kept = [k for k, i in enumerate(self.coordinates) if i in IN_PLANE]
-        contact = dataclasses.replace(self.contact, surface=ArcSurface(NODES_LONG_ARC))
         stiffness = self.stiffness[np.ix_(kept, kept)]
         return Model(
-            contact, self.others, self.mass[np.asarray(kept)], stiffness, tuple(self.coordinates[k] for k in kept)
+            self.middle_contact,
+            self.others,
+            self.mass[np.asarray(kept)],
+            stiffness,
+            tuple(self.coordinates[k] for k in kept),
         )
 
     def act(self, time: ArrayLike, q: Array, v: Array) -> tuple[Array, Array]:

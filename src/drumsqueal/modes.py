@@ -10,6 +10,7 @@ import scipy.linalg
 from jax import Array
 from numpy.typing import NDArray
 
+from drumsqueal.effects.action import ZERO
 from drumsqueal.errors import SteadyStateError
 from drumsqueal.model import Model
 from drumsqueal.steady import linearise, steady_sliding
@@ -58,7 +59,8 @@ class Mode(NamedTuple):
 class Stability(NamedTuple):
     """Steady sliding and its eigenvalues: q* (n,), all eigenvalues (2n,), oscillating modes by rising frequency.
 
-    `mass` is the diagonal of the mass matrix (n,), `pressure_range` the smallest and largest steady pressure (Pa).
+    `mass` is the diagonal of the mass matrix (n,), `pressure_range` the smallest and largest steady pressure (Pa),
+    `contact_fraction` the share of the lining that touches the drum in steady sliding.
     """
 
     coordinates: tuple[str, ...]
@@ -67,6 +69,7 @@ class Stability(NamedTuple):
     eigenvalues: NDArray[np.complex128]
     modes: tuple[Mode, ...]
     pressure_range: tuple[float, float]
+    contact_fraction: float
 
     @property
     def unstable(self) -> tuple[Mode, ...]:
@@ -94,7 +97,7 @@ def analyse_stability(model: Model) -> Stability:
     numbers out of all proportion leave nothing finite.
     """
     require_sliding(model)
-    steady, matrix, (low, high) = _linear_problem(model)
+    steady, matrix, (low, high), touching = _linear_problem(model)
     if not bool(jnp.all(jnp.isfinite(steady))):
         raise SteadyStateError(
             "no self-consistent steady sliding was found: the shoe may jam or leave the drum at this load and speed"
@@ -108,16 +111,24 @@ def analyse_stability(model: Model) -> Stability:
     modes = _modes(model, eigenvalues, left, right)
     order = np.lexsort((eigenvalues.imag, np.abs(eigenvalues.imag)))
     return Stability(
-        model.names, np.asarray(model.mass), np.asarray(steady), eigenvalues[order], modes, (float(low), float(high))
+        coordinates=model.names,
+        mass=np.asarray(model.mass),
+        steady_state=np.asarray(steady),
+        eigenvalues=eigenvalues[order],
+        modes=modes,
+        pressure_range=(float(low), float(high)),
+        contact_fraction=float(touching),
     )
 
 
 @jax.jit
-def _linear_problem(model: Model) -> tuple[Array, Array, tuple[Array, Array]]:
-    """Steady sliding q*, the state matrix there and the range of pressure, as one compiled program."""
+def _linear_problem(model: Model) -> tuple[Array, Array, tuple[Array, Array], Array]:
+    """Steady sliding q*, the state matrix there, range of pressure and share in contact, as one compiled program."""
     steady = steady_sliding(model)
-    pressure_range = model.contact.pressure_range(0.0, model.widen(steady))
-    return steady, linearise(model, steady).state_matrix(), pressure_range
+    wide = model.widen(steady)
+    pressure_range = model.contact.pressure_range(0.0, wide)
+    touching = model.middle_contact.observe(0.0, wide, ZERO).contact_fraction
+    return steady, linearise(model, steady).state_matrix(), pressure_range, touching
 
 
 def require_sliding(model: Model) -> None:

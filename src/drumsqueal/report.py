@@ -5,6 +5,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from drumsqueal.departure import ROTATIONS
 from drumsqueal.modes import Stability
 from drumsqueal.simulation import Result
 from drumsqueal.summary import energy_balance
@@ -30,7 +31,7 @@ def print_stability(console: Console, stability: Stability) -> None:
         console.print("Without oscillation: " + ", ".join(f"{_rounded(value, largest):.3f} 1/s" for value in real))
     moved = {n: q for n, q in zip(stability.coordinates, stability.steady_state, strict=True) if q != 0}
     if moved:
-        console.print("Steady sliding at " + ", ".join(f"{name} = {value:.4g}" for name, value in moved.items()))
+        console.print("Steady sliding at " + ", ".join(f"{n} = {q:.4g} {_unit(n)}" for n, q in moved.items()))
     low, high = stability.pressure_range
     console.print(f"Steady pressure from {low / 1e3:.2f} to {high / 1e3:.2f} kPa along the lining")
 
@@ -58,23 +59,41 @@ def print_result(console: Console, result: Result) -> None:
         if mode.note:
             notes.setdefault(mode.note, []).append(mode.label)
     console.print(table)
-    resolution = {mode.frequency_resolution_Hz for mode in result.comparison.modes if mode.frequency_resolution_Hz}
+    resolution = [mode.frequency_resolution_Hz for mode in result.comparison.modes if mode.frequency_resolution_Hz]
     if resolution:
         console.print(
-            f"Measured from 0 to {result.comparison.growth_end_s:.4g} s; spectral resolution {max(resolution):.3g} Hz, "
-            "peaks interpolated"
+            f"Measured from 0 to {result.comparison.growth_end_s:.4g} s; spectral resolution "
+            f"{_range(resolution)} Hz, peaks interpolated"
         )
+    if result.comparison.changing:
+        console.print("Predicted for t = 0: drum speed or load change, and the motion's frequency and growth with them")
     for note, labels in notes.items():
         console.print(f"{', '.join(labels)}: {note}", style="dim")
     saturation = result.comparison.saturation
     if saturation is not None:
         console.print(f"After growth, from {saturation.start_s:.4g} s: {saturation.regime.reason}")
-    balance = energy_balance(result)
-    console.print(
-        f"Energy balance closes to {balance['energy_balance_error_over_kinetic_energy']:.1e} of the largest kinetic "
-        f"energy, {balance['energy_balance_error_over_friction_work']:.1e} of the work of friction"
-    )
+    _print_balance(console, result)
     console.print(result.comparison.verdict, style="bold")
+
+
+def _print_balance(console: Console, result: Result) -> None:
+    balance = energy_balance(result)
+    of_motion = balance["energy_balance_error_over_kinetic_energy"]
+    of_friction = balance["energy_balance_error_over_friction_work"]
+    parts = [f"{of_motion:.1e} of the largest kinetic energy"] if of_motion < 1 else []  # or there is next to no motion
+    parts += [f"{of_friction:.1e} of the work of friction"] if of_friction > 0 else []
+    if parts:
+        console.print(f"Energy balance closes to {', '.join(parts)}")
+
+
+def _range(values: list[float]) -> str:
+    """Smallest to largest, or the one value that both are."""
+    low, high = f"{min(values):.3g}", f"{max(values):.3g}"
+    return low if low == high else f"{low} to {high}"
+
+
+def _unit(coordinate: str) -> str:
+    return "rad" if coordinate in ROTATIONS else "m"
 
 
 def _shown(value: float | None, form: str) -> str:

@@ -61,6 +61,8 @@ def describe_saturation(
     # Half the lowest onset frequency leaves room for the drop that contact loss brings.
     lowest = min(mode.frequency_Hz for mode in modes) / 2
     regime = classify(motion, departure.sample_rate, scale=_scale(departure, stability, model), lowest_frequency=lowest)
+    if model.changing and regime.kind == "unknown":
+        regime = regime._replace(reason="Drum speed or load change, and the motion with them.")
     lines = () if regime.kind == "steady" else _lines(departure, part)
     main = _main_line(lines, stability)
     mode = None if main is None else _nearest(main, modes)

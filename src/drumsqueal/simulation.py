@@ -1,13 +1,17 @@
-"""The main job: a scene in, the linear prediction, the nonlinear transient and their comparison out."""
+"""The main job: a scene in, the linear prediction, the nonlinear transient and their comparison out.
+
+What compares is imported when it is needed: it brings half a second of SciPy that eigenvalues do without.
+"""
+
+from __future__ import annotations
 
 from collections.abc import Callable, Generator
 from contextlib import closing
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import xarray
 
-from drumsqueal.comparison import Comparison, compare
 from drumsqueal.errors import IntegrationError, SteadyStateError
 from drumsqueal.history import COMPLETE, to_dataset
 from drumsqueal.integrate import Chunk, integrate
@@ -15,6 +19,9 @@ from drumsqueal.interrupts import noted_interrupts, stop_if_interrupted
 from drumsqueal.model import Model, build_model, linear_coordinates
 from drumsqueal.modes import Stability, analyse_stability
 from drumsqueal.scene import Scene, SceneError
+
+if TYPE_CHECKING:
+    from drumsqueal.comparison import Comparison
 
 
 class Prepared(NamedTuple):
@@ -113,6 +120,8 @@ def collect(prepared: Prepared, on_chunk: Callable[[Chunk], None] | None) -> tup
 
 def finish(prepared: Prepared, chunks: list[Chunk], outcome: str) -> Result:
     """Put the chunks into one history and compare it with the prediction."""
+    from drumsqueal.comparison import compare
+
     if not chunks:
         raise IntegrationError(outcome)
     history = to_dataset(chunks, prepared.scene, prepared.model.names, outcome)

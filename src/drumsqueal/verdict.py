@@ -7,6 +7,7 @@ from drumsqueal.saturation import Saturation
 
 GROWN = 1.1  # times the start: what the motion must reach by the end to have grown
 CLEAR_GROWTH = 10  # times: a predicted growth that shows even of a mode that starts as a tenth of the motion
+SMALL_ROTATION = 0.1  # rad; the cosine that the model takes for 1 is off by half a per cent there
 _SETTLED = {
     "steady": "settles to steady sliding",
     "periodic": "settles to a periodic motion",
@@ -24,13 +25,14 @@ def state_verdict(
     edge: float | None,
     saturation: Saturation | None,
     duration: float,
+    rotation: float,
     cut_off: str | None,
 ) -> str:
     """Return prediction and outcome in one sentence.
 
     `changing` tells that drum speed or load change, `excited` are the modes that the start holds, `motion_ratio` is the
     motion at the end over that at the start (None without a start), `edge` the time of the first edge (s), `duration`
-    that of the record (s), and `cut_off` says why it ends early.
+    that of the record (s), `rotation` the largest rotation of the shoe (rad), and `cut_off` says why it ends early.
     """
     predicted = f"The linear model predicts {_prediction(stability)}{' at t = 0' if changing else ''}"
     if edge is None:
@@ -39,8 +41,11 @@ def state_verdict(
         done = f"the motion reaches an edge at {edge:.4g} s, too late to tell what it settles to"
     else:
         done = f"the transient reaches an edge at {edge:.4g} s and {_settled(saturation, stability)}"
-    ending = f" (the run {cut_off})" if cut_off else ""
-    return f"{predicted}; {done}{ending}."
+    if rotation > SMALL_ROTATION:
+        done += f"; the shoe turns by {rotation:.2g} rad, where small rotations, and so the model, no longer hold"
+    if cut_off:
+        done += f" (the run {'was ' if cut_off.startswith('interrupted') else ''}{cut_off})"
+    return f"{predicted}; {done}."
 
 
 def _prediction(stability: Stability) -> str:
@@ -77,10 +82,10 @@ def _settled(saturation: Saturation, stability: Stability) -> str:
     if saturation.main is None or saturation.frequency_shift is None:
         return what
     shift = saturation.frequency_shift
-    side = "below" if shift < 0 else "above"
+    side = "at" if abs(shift) < 5e-4 else f"{abs(shift):.1%} {'below' if shift < 0 else 'above'}"
     of = "the onset frequency of" if stability.unstable else "the frequency of mode"
     return (
-        f"{what}, strongest at {saturation.main.frequency_Hz:.0f} Hz, {abs(shift):.1%} {side} {of} "
+        f"{what}, with most kinetic energy at {saturation.main.frequency_Hz:.0f} Hz, {side} {of} "
         f"{saturation.nearest_mode}, with {saturation.contact_fraction:.0%} of the lining in contact and the slip "
         f"reversed on {saturation.slip_reversed_fraction:.1%} of it on average"
     )

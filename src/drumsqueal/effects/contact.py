@@ -33,6 +33,10 @@ class Bonded(eqx.Module):
         """N (Pa) from the level p0 + k_c u_r (Pa)."""
         return level
 
+    def touches(self, level: Array) -> Array:
+        """Whether the lining is in contact, from the level p0 + k_c u_r (Pa): always."""
+        return jnp.full_like(level, True, dtype=bool)
+
     def compression(self, preload: Array, radial: Array) -> Array:
         """Radial displacement that the lining follows (m)."""
         del preload
@@ -51,6 +55,10 @@ class Unilateral(eqx.Module):
     def pressure(self, level: Array) -> Array:
         """N (Pa) from the level p0 + k_c u_r (Pa); where that is just zero, the slope is that of contact."""
         return jnp.where(level < 0, 0.0, level)
+
+    def touches(self, level: Array) -> Array:
+        """Whether the lining is in contact, from the level p0 + k_c u_r (Pa)."""
+        return level > 0
 
     def compression(self, preload: Array, radial: Array) -> Array:
         """Radial displacement that the lining follows (m): u_r, or −p0/k_c where the lining has left the drum."""
@@ -135,7 +143,7 @@ class Contact(eqx.Module):
         """Integrals and extremes that describe the contact at one instant."""
         field = self.field(time, q, v)
         weight, area = field.nodes.weight, self.shoe.area
-        touching = field.level > 0
+        touching = self.law.touches(field.level)
         zero = jnp.zeros(())
         torque, heat = (zero, zero) if field.along is None else self._torque_and_heat(field)
         reversed_fraction = zero

@@ -104,7 +104,7 @@ def _mark_phases(view: View, axes: Axes) -> list[Artist]:
         span = axes.axvspan(
             view.time[0] * factor, comparison.growth_end_s * factor, color=style.PALE, zorder=0, linewidth=0
         )
-        span.set_label("growth phase, below 10 % of an edge")
+        span.set_label("growth phase")
         marks.append(span)
     if comparison.edge_reached_s is not None:
         edge = comparison.edge_reached_s * factor

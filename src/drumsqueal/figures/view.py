@@ -15,6 +15,7 @@ from drumsqueal.saturation import Saturation
 from drumsqueal.simulation import Result
 
 MICRO = 1e6
+REST = 1e-15  # m or rad; what moves less is round-off
 
 
 class View:
@@ -40,7 +41,7 @@ class View:
     @cached_property
     def readable(self) -> bool:
         """Whether there are samples enough, and motion, to draw a history."""
-        return self.time.size >= FEWEST_SAMPLES and bool(np.any(np.ptp(self.departure.displacement, axis=0) > 0))
+        return self.time.size >= FEWEST_SAMPLES and bool(np.any(np.ptp(self.departure.displacement, axis=0) > REST))
 
     @property
     def growing(self) -> slice:
