@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 import xarray
 
-from drumsqueal import job, simulation
+from drumsqueal import job, results, simulation
 from drumsqueal.errors import IntegrationError
 from drumsqueal.interrupts import noted_interrupts, stop_if_interrupted
 from drumsqueal.output_folder import RESULTS
@@ -91,7 +91,7 @@ def test_a_run_without_samples_keeps_the_prediction(drumsqueal, tmp_path, monkey
 
 
 def test_what_nobody_foresaw_is_told_in_one_line(drumsqueal, tmp_path, monkeypatch):
-    monkeypatch.setattr(job, "draw_all", lambda *_: 1 / 0)
+    monkeypatch.setattr(results, "draw_all", lambda *_: 1 / 0)
     status, _, errors = drumsqueal("run", NOMINAL, "-o", str(tmp_path), *THREE_CHUNKS)
     assert (status, errors) == (1, "drumsqueal: failed unexpectedly, ZeroDivisionError: division by zero\n")
     assert assert_whole(tmp_path, "complete") == 1501
@@ -169,10 +169,10 @@ def test_control_c_while_a_chunk_is_written(drumsqueal, tmp_path, monkeypatch):
     assert assert_whole(tmp_path, outcome) == 1001
 
 
-@pytest.mark.parametrize("step", ["finish", "draw_all"])
-def test_control_c_after_the_integration(drumsqueal, tmp_path, monkeypatch, step):
-    function = getattr(job, step)
-    monkeypatch.setattr(job, step, lambda *arguments: (press(), function(*arguments))[1])
+@pytest.mark.parametrize(("module", "step"), [(job, "finish"), (results, "draw_all")])
+def test_control_c_after_the_integration(drumsqueal, tmp_path, monkeypatch, module, step):
+    function = getattr(module, step)
+    monkeypatch.setattr(module, step, lambda *arguments: (press(), function(*arguments))[1])
     status, printed, errors = drumsqueal("run", NOMINAL, "-o", str(tmp_path), *THREE_CHUNKS)
     history = tmp_path / "history.nc"
     assert (status, printed) == (1, "")
@@ -227,7 +227,7 @@ def test_a_disk_without_room_for_the_results_keeps_the_history(drumsqueal, tmp_p
     def fail(*_):
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(job, writer, fail)
+    monkeypatch.setattr(results, writer, fail)
     status, printed, errors = drumsqueal("run", NOMINAL, "-o", str(tmp_path), *THREE_CHUNKS)
     cause = "failed: the disk does not take the results (No space left on device)"
     assert (status, printed) == (1, "")

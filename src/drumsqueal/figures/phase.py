@@ -49,7 +49,7 @@ def draw_phase(view: View) -> Figure | None:
     )
     legend = axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, borderaxespad=0.2)
     for line in legend.get_lines():
-        line.set(linewidth=1.0, alpha=1.0)
+        line.set_linewidth(1.0)
     return figure
 
 
