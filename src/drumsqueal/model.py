@@ -3,7 +3,6 @@
 import dataclasses
 from collections.abc import Mapping
 from functools import partial
-from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -13,6 +12,7 @@ from jax import Array
 from jax.typing import ArrayLike
 
 from drumsqueal.bodies.rigid_shoe import IN_PLANE, RigidShoe
+from drumsqueal.composition import Composition, compose
 from drumsqueal.effects.action import Effect, Six
 from drumsqueal.effects.assembly import Balance, Preload
 from drumsqueal.effects.contact import Bonded, Contact, Observation, Unilateral
@@ -21,7 +21,7 @@ from drumsqueal.effects.friction import ConstantLaw, ExponentialLaw, Friction, T
 from drumsqueal.effects.schedule import Constant, Profile, Schedule
 from drumsqueal.effects.support import Support
 from drumsqueal.precision import real
-from drumsqueal.quadrature.arc import LONG_ARC, NODES, NODES_LONG_ARC, ArcSurface
+from drumsqueal.quadrature.arc import NODES, NODES_LONG_ARC, ArcSurface
 from drumsqueal.quadrature.area import AreaSurface
 from drumsqueal.scene import COORDINATES, Scene
 
@@ -100,19 +100,6 @@ class Model(eqx.Module):
         return self.contact.observe(time, self.widen(q), self.widen(v))
 
 
-class Composition(NamedTuple):
-    """What a scene calls for, without its numbers: it decides what is in the compiled program."""
-
-    coordinates: tuple[int, ...]
-    long_arc: bool
-    separation: bool
-    friction_law: str | None
-    friction_direction: str | None
-    steady_state: str
-    support: bool
-    damping: bool
-
-
 def build_model(scene: Scene, numbers: Numbers | None = None, coordinates: tuple[int, ...] | None = None) -> Model:
     """Build the model that a scene calls for, over its kept coordinates unless others are asked for.
 
@@ -129,21 +116,6 @@ def build_model(scene: Scene, numbers: Numbers | None = None, coordinates: tuple
     if coordinates is not None:
         composition = composition._replace(coordinates=coordinates)
     return _assemble(composition, value)
-
-
-def compose(scene: Scene) -> Composition:
-    """Read off a scene which effects and coordinates its transient calls for."""
-    friction = scene.friction
-    return Composition(
-        coordinates=kept_coordinates(scene),
-        long_arc=scene.shoe.arc_angle > LONG_ARC,
-        separation=scene.contact.separation,
-        friction_law=None if friction is None else friction.law,
-        friction_direction=None if friction is None else friction.direction,
-        steady_state=scene.steady.state,
-        support=scene.support is not None,
-        damping=scene.damping is not None,
-    )
 
 
 @partial(jax.jit, static_argnums=0)  # one small program instead of a hundred separate operations
@@ -167,24 +139,6 @@ def _assemble(composition: Composition, value: Mapping[str, Array]) -> Model:
     if composition.damping:
         others.append(Damping.from_ratio(value["damping.ratio"], mass, stiffness, composition.coordinates))
     return Model(contact, tuple(others), mass, stiffness, composition.coordinates)
-
-
-def kept_coordinates(scene: Scene) -> tuple[int, ...]:
-    """Coordinates that can move: those listed, or for "auto" the plane's three unless something starts out of it."""
-    if scene.simulate.coordinates != "auto":
-        return tuple(sorted(COORDINATES.index(name) for name in scene.simulate.coordinates))
-    started = {
-        COORDINATES.index(name)
-        for start in (scene.start.displacement, scene.start.velocity)
-        for name, value in start.items()
-        if value != 0
-    }
-    return IN_PLANE if started <= set(IN_PLANE) else tuple(range(6))
-
-
-def linear_coordinates(scene: Scene) -> tuple[int, ...]:
-    """Coordinates of the eigenvalue problem: those listed, or all six: a mode is unstable whether started or not."""
-    return tuple(range(6)) if scene.simulate.coordinates == "auto" else kept_coordinates(scene)
 
 
 def _contact(composition: Composition, value: Mapping[str, Array], shoe: RigidShoe) -> Contact:

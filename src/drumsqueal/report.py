@@ -5,6 +5,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from drumsqueal.composition import take_inventory
 from drumsqueal.departure import ROTATIONS
 from drumsqueal.modes import Stability
 from drumsqueal.simulation import Result
@@ -37,7 +38,10 @@ def print_stability(console: Console, stability: Stability) -> None:
 
 
 def print_result(console: Console, result: Result) -> None:
-    """Print the comparison of prediction and transient."""
+    """Print what the model holds, and the comparison of prediction and transient."""
+    inventory = take_inventory(result.scene)
+    console.print(f"Includes: {'; '.join(inventory.includes)}", style="dim")
+    console.print(f"Leaves out: {'; '.join(inventory.leaves_out) or 'nothing'}", style="dim")
     table = Table(title="Onset: eigenvalues against the transient", box=box.SIMPLE_HEAD)
     table.add_column("mode")
     for quantity, unit in (("frequency", "Hz"), ("growth", "1/s")):

@@ -12,11 +12,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import xarray
 
+from drumsqueal.composition import linear_coordinates
 from drumsqueal.errors import IntegrationError, SteadyStateError
 from drumsqueal.history import COMPLETE, to_dataset
 from drumsqueal.integrate import Chunk, integrate
 from drumsqueal.interrupts import noted_interrupts, stop_if_interrupted
-from drumsqueal.model import Model, build_model, linear_coordinates
+from drumsqueal.model import Model, build_model
 from drumsqueal.modes import Stability, analyse_stability
 from drumsqueal.scene import Scene, SceneError
 

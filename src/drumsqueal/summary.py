@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from drumsqueal.comparison import Comparison
+from drumsqueal.composition import take_inventory
 from drumsqueal.history import versions
 from drumsqueal.modes import Stability
 from drumsqueal.output_folder import write_whole
@@ -58,9 +59,16 @@ def summarise_prediction(scene: Scene, stability: Stability, outcome: str) -> di
         "saturation": None,
         "accuracy": None,
         "integration": None,
+        "model": describe_model(scene),
         "scene": scene.model_dump(mode="json"),
         "versions": versions(),
     }
+
+
+def describe_model(scene: Scene) -> dict[str, Any]:
+    """What the scene's transient includes and what it leaves out, in words."""
+    inventory = take_inventory(scene)
+    return {"includes": list(inventory.includes), "leaves_out": list(inventory.leaves_out)}
 
 
 def energy_balance(result: Result) -> dict[str, float]:
