@@ -16,11 +16,12 @@ def blocks(language: str) -> list[str]:
     return re.findall(rf"```{language}\n(.*?)```", text, flags=re.DOTALL)
 
 
-def test_the_scene_loads_and_is_the_nominal_one_with_damping(tmp_path, nominal):
+def test_the_scene_loads_and_is_the_nominal_one_with_damping_and_a_force(tmp_path, nominal):
     (block,) = blocks("toml")
     file = tmp_path / "scene.toml"
     file.write_text(block, encoding="utf-8")
-    assert load_scene(file) == nominal.with_values({"damping": {"ratio": 0.005}})
+    more = {"damping": {"ratio": 0.005}, "forcing": {"amplitude": {"Y": 0.1}, "frequency": 1000.0}}
+    assert load_scene(file) == nominal.with_values(more)
 
 
 def test_the_python_lines_run_and_the_gradient_is_right(monkeypatch, capsys):

@@ -383,6 +383,10 @@ def test_what_is_no_mapping_of_tables_is_refused(data):
         (['friction={law="constant", coefficient=0.4}'], {"friction": {"law": "constant", "coefficient": 0.4}}),
         (["contact.separation=false"], {"contact.separation": False}),
         (['simulate.coordinates=["Tz", "Y"]'], {"simulate.coordinates": ["Y", "Tz"]}),
+        (
+            ['forcing={amplitude={Y="10 N", Tz="0.5 N*m"}, frequency="1 kHz"}'],
+            {"forcing": {"amplitude": {"Y": 10, "Tz": 0.5}, "frequency": 1e3}},
+        ),
         (["title=a = b"], {"title": "a = b"}),
         (["title=1\nshoe = 2"], {"title": "1\nshoe = 2"}),
         (["title="], {"title": ""}),
@@ -405,7 +409,7 @@ def test_an_optional_table_left_out_is_no_effect_and_no_number():
 
 def test_only_optional_tables_can_be_left_out():
     for key in ("drum", "drum.speed", "friction.law"):
-        with pytest.raises(SceneError, match="only the tables support, friction, damping can be left out"):
+        with pytest.raises(SceneError, match="only the tables support, friction, damping, forcing can be left out"):
             nominal().with_values({key: None})
 
 
@@ -512,3 +516,32 @@ def test_any_bytes_are_a_scene_or_refused(content):
         path.write_bytes(content)
         with pytest.raises(SceneError):
             load_scene(path)
+
+
+def test_a_harmonic_force_is_numbers_by_coordinate():
+    scene = nominal('forcing={amplitude={Y="10 N"}, frequency="1 kHz", phase="90 deg"}')
+    numbers = {key: value for key, value in scene.numbers().items() if key.startswith("forcing")}
+    assert numbers == {
+        "forcing.amplitude.Y": 10.0,
+        "forcing.frequency": 1000.0,
+        "forcing.phase": pytest.approx(math.pi / 2, rel=1e-15),
+    }
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ('forcing={amplitude={}, frequency="1 kHz"}', "forcing.amplitude: no coordinate has a force"),
+        ('forcing={amplitude={Y="10 m"}, frequency="1 kHz"}', "write a force such as"),
+        ('forcing={amplitude={Tz="10 N"}, frequency="1 kHz"}', "write a moment such as"),
+        ('forcing={amplitude={Y=1}, frequency="0 Hz"}', "the value must be above 0 Hz"),
+        ("forcing={amplitude={Y=1}}", "forcing.frequency: the key is missing"),
+    ],
+)
+def test_a_wrong_force_is_refused(change, told):
+    assert told in refusal(change)
+
+
+def test_a_forced_coordinate_must_be_listed():
+    told = refusal("forcing={amplitude={Z=1}, frequency=10}", 'simulate.coordinates=["X", "Y", "Tz"]')
+    assert "forcing.amplitude.Z = 1.0: Z is forced but not among simulate.coordinates" in told

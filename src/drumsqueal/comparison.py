@@ -22,6 +22,7 @@ CLEAN_SHARE = 3e-2
 UNEXCITED_SHARE = 1e-12  # of the largest displacement: a mode below it is not there
 FEWEST_PERIODS = 5  # of a mode, for its frequency and growth to be measured
 NOT_EXCITED = "not excited by this start"
+DRIVEN = "driven by the harmonic force"
 NEUTRAL_SHARE = 1e-9  # of the frequency: a growth rate below it is none, and has no relative error
 
 
@@ -84,7 +85,10 @@ def compare(history: xarray.Dataset, stability: Stability, model: Model) -> Comp
     share = edge_share(departure, model)
     nonlinear = np.flatnonzero(share >= LINEAR_SHARE)
     growing = slice(0, int(nonlinear[0]) if nonlinear.size else time.size)
-    modes = tuple(_compare_mode(mode, stability, departure, growing) for mode in stability.modes)
+    if model.forced:  # its growth and frequency would be those of the response
+        modes = tuple(_unmeasured(mode)._replace(note=DRIVEN) for mode in stability.modes)
+    else:
+        modes = tuple(_compare_mode(mode, stability, departure, growing) for mode in stability.modes)
     edge = first_edge(history, stability, model)
     saturation = None if edge is None else describe_saturation(history, departure, stability, model, edge)
     ratio = _motion_ratio(departure, stability, model)
@@ -99,6 +103,7 @@ def compare(history: xarray.Dataset, stability: Stability, model: Model) -> Comp
         verdict=state_verdict(
             stability,
             changing=model.changing,
+            forced=model.forced,
             excited=tuple(m for m, found in zip(stability.modes, modes, strict=True) if found.note != NOT_EXCITED),
             motion_ratio=ratio,
             edge=edge,
@@ -120,10 +125,14 @@ def _motion_ratio(departure: Departure, stability: Stability, model: Model) -> f
     return float(size[-tenth:].max() / size[:tenth].max())
 
 
-def _compare_mode(mode: Mode, stability: Stability, departure: Departure, growing: slice) -> ModeComparison:
-    result = ModeComparison(
+def _unmeasured(mode: Mode) -> ModeComparison:
+    return ModeComparison(
         mode.name, mode.label, mode.unstable, mode.frequency_Hz, mode.growth_rate, None, None, None, None, ""
     )
+
+
+def _compare_mode(mode: Mode, stability: Stability, departure: Departure, growing: slice) -> ModeComparison:
+    result = _unmeasured(mode)
     time, displacement = departure.time[growing], departure.displacement[growing]
     if not departure.started:
         return result._replace(note="nothing was started")

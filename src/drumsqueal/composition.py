@@ -20,6 +20,7 @@ class Composition(NamedTuple):
     steady_state: str
     support: bool
     damping: bool
+    forced: tuple[int, ...]
 
 
 class Inventory(NamedTuple):
@@ -41,6 +42,7 @@ def compose(scene: Scene) -> Composition:
         steady_state=scene.steady.state,
         support=scene.support is not None,
         damping=scene.damping is not None,
+        forced=tuple(sorted(forced_coordinates(scene))),
     )
 
 
@@ -52,9 +54,16 @@ def kept_coordinates(scene: Scene) -> tuple[int, ...]:
 
 
 def moved_coordinates(scene: Scene) -> set[int]:
-    """Coordinates that the start sets in motion by itself."""
+    """Coordinates that the start or a force sets in motion by itself."""
     tables = (scene.start.displacement, scene.start.velocity)
-    return {COORDINATES.index(name) for table in tables for name, value in table.items() if value != 0}
+    started = {COORDINATES.index(name) for table in tables for name, value in table.items() if value != 0}
+    return started | forced_coordinates(scene)
+
+
+def forced_coordinates(scene: Scene) -> set[int]:
+    """Coordinates that a harmonic force acts on."""
+    amplitude = {} if scene.forcing is None else scene.forcing.amplitude
+    return {COORDINATES.index(name) for name, value in amplitude.items() if value != 0}
 
 
 def linear_coordinates(scene: Scene) -> tuple[int, ...]:
@@ -69,7 +78,7 @@ def take_inventory(scene: Scene) -> Inventory:
     includes = [f"coordinates {', '.join(kept)}"]
     leaves_out = []
     if len(kept) < len(COORDINATES):
-        why = "nothing starts them" if scene.simulate.coordinates == "auto" else "not listed"
+        why = "nothing moves them" if scene.simulate.coordinates == "auto" else "not listed"
         leaves_out.append(f"coordinates {', '.join(name for name in COORDINATES if name not in kept)} ({why})")
 
     def place(there: bool, name: str, otherwise: str) -> None:
@@ -89,6 +98,7 @@ def take_inventory(scene: Scene) -> Inventory:
         )
     place(composition.support, "support springs", "support springs")
     place(composition.damping, "structural damping", "structural damping")
+    place(bool(composition.forced), "harmonic force", "harmonic force")
     place(
         composition.steady_state == "self-consistent",
         "drag of friction on the steady state",

@@ -17,6 +17,7 @@ from drumsqueal.effects.action import Effect, Six
 from drumsqueal.effects.assembly import Balance, Preload
 from drumsqueal.effects.contact import Bonded, Contact, Observation, Unilateral
 from drumsqueal.effects.damping import Damping
+from drumsqueal.effects.forcing import Forcing
 from drumsqueal.effects.friction import ConstantLaw, ExponentialLaw, Friction, Tangential, UnitVelocity
 from drumsqueal.effects.schedule import Constant, Profile, Schedule
 from drumsqueal.effects.support import Support
@@ -52,6 +53,11 @@ class Model(eqx.Module):
         return (self.contact, *self.others)
 
     @property
+    def forced(self) -> bool:
+        """Whether a harmonic force acts."""
+        return any(isinstance(effect, Forcing) for effect in self.others)
+
+    @property
     def changing(self) -> bool:
         """Whether drum speed or load change over time."""
         return any(isinstance(schedule, Profile) for schedule in (self.contact.drum_speed, self.contact.preload))
@@ -69,6 +75,11 @@ class Model(eqx.Module):
     def middle_contact(self) -> Contact:
         """The contact as motion in the plane has it: the same on every line across, so that one line serves."""
         return dataclasses.replace(self.contact, surface=ArcSurface(NODES_LONG_ARC))
+
+    def undisturbed(self) -> "Model":
+        """The same model without its harmonic force: what steady sliding is the equilibrium of."""
+        others = tuple(effect for effect in self.others if not isinstance(effect, Forcing))
+        return dataclasses.replace(self, others=others)
 
     def in_plane(self) -> "Model":
         """The same model with its out-of-plane coordinates held at zero: a line integral instead of an area."""
@@ -138,6 +149,11 @@ def _assemble(composition: Composition, value: Mapping[str, Array]) -> Model:
     mass, stiffness = shoe.mass[kept], stiffness[np.ix_(kept, kept)]
     if composition.damping:
         others.append(Damping.from_ratio(value["damping.ratio"], mass, stiffness, composition.coordinates))
+    if composition.forced:
+        amplitude = [value[f"forcing.amplitude.{COORDINATES[i]}"] for i in composition.forced]
+        others.append(
+            Forcing(jnp.stack(amplitude), value["forcing.frequency"], value["forcing.phase"], composition.forced)
+        )
     return Model(contact, tuple(others), mass, stiffness, composition.coordinates)
 
 

@@ -20,6 +20,7 @@ _EXPECTED = {
     "rad/s": ("an angular speed", "48 rpm"),
     "kg/m^3": ("a density", "7820 kg/m^3"),
     "N": ("a force", "2000 N"),
+    "N*m": ("a moment", "1 N*m"),
     "N/m": ("a stiffness", "1e8 N/m"),
     "N/m^3": ("a stiffness per area", "0.35e11 N/m^3"),
     "s/m": ("a decay per slip speed", "1 s/m"),

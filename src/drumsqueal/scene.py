@@ -17,6 +17,7 @@ from drumsqueal.scene_tables import (
     Damping,
     Drum,
     ExponentialFriction,
+    Forcing,
     Profile,
     Schedule,
     Shoe,
@@ -35,6 +36,7 @@ __all__ = [
     "Damping",
     "Drum",
     "ExponentialFriction",
+    "Forcing",
     "Profile",
     "Scene",
     "SceneError",
@@ -48,13 +50,13 @@ __all__ = [
     "scene_from_dict",
 ]
 
-_PHYSICAL_TABLES = ("shoe", "support", "contact", "friction", "drum", "damping")
+_PHYSICAL_TABLES = ("shoe", "support", "contact", "friction", "drum", "damping", "forcing")
 
 
 class Scene(Table):
     """One scene, checked, in SI: what brake, what acts on it, how it starts and how long it runs.
 
-    A table that is None (support, friction, damping) is an effect the scene does not call for.
+    A table that is None (support, friction, damping, forcing) is an effect the scene does not call for.
     """
 
     title: Title = ""
@@ -64,6 +66,7 @@ class Scene(Table):
     friction: Annotated[ExponentialFriction | ConstantFriction, Field(discriminator="law")] | None = None
     drum: Drum
     damping: Damping | None = None
+    forcing: Forcing | None = None
     steady: Steady = Field(default_factory=Steady)
     start: Start = Field(default_factory=Start)
     simulate: Simulate
@@ -71,18 +74,22 @@ class Scene(Table):
     @model_validator(mode="after")
     def _starts_what_moves(self) -> "Scene":
         moving = self.simulate.coordinates
-        for table in ("displacement", "velocity"):
-            for name, value in getattr(self.start, table).items():
+        tables = {("start", table): getattr(self.start, table) for table in ("displacement", "velocity")}
+        if self.forcing is not None:
+            tables["forcing", "amplitude"] = self.forcing.amplitude
+        for path, table in tables.items():
+            for name, value in table.items():
                 if moving != "auto" and name not in moving:
-                    reason = f"{name} is started but not among simulate.coordinates; add it there, or remove it here"
-                    raise SceneError(reason, ("start", table, name), value)
+                    done = "started" if path[0] == "start" else "forced"
+                    reason = f"{name} is {done} but not among simulate.coordinates; add it there, or remove it here"
+                    raise SceneError(reason, (*path, name), value)
         return self
 
     def with_values(self, values: Mapping[str, Any]) -> "Scene":
         """Return the scene with values put in by dotted key: `scene.with_values({"drum.speed": "3 rad/s"})`.
 
         The values are as in a file: numbers in SI, strings with a unit, whole tables as mappings; None leaves out one
-        of the tables support, friction and damping. Raises SceneError.
+        of the tables support, friction, damping and forcing. Raises SceneError.
         """
         tables = self._tables()
         for key, value in values.items():
@@ -100,6 +107,8 @@ class Scene(Table):
                 if isinstance(value, Profile):
                     numbers[f"{name}.{key}.time"] = value.time
                     numbers[f"{name}.{key}.value"] = value.value
+                elif isinstance(value, Mapping):
+                    numbers |= {f"{name}.{key}.{coordinate}": number for coordinate, number in value.items()}
                 elif isinstance(value, float):
                     numbers[f"{name}.{key}"] = value
         return numbers
@@ -142,6 +151,7 @@ _MODELS: dict[str, type[BaseModel]] = {
     "friction": ExponentialFriction,
     "drum": Drum,
     "damping": Damping,
+    "forcing": Forcing,
     "steady": Steady,
     "start": Start,
     "simulate": Simulate,

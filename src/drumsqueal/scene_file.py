@@ -8,7 +8,7 @@ from typing import Any
 
 from drumsqueal.quantities import SceneError
 
-OPTIONAL_TABLES = ("support", "friction", "damping")
+OPTIONAL_TABLES = ("support", "friction", "damping", "forcing")
 """The tables that a scene may leave out; `--set friction=none` leaves one out."""
 
 _DEEPEST = 10  # parts of a dotted key
@@ -58,7 +58,7 @@ def apply_setting(tables: Mapping[str, Any], setting: str) -> dict[str, Any]:
     """Return the tables with one "KEY=VALUE" of `--set` put in; raises SceneError.
 
     KEY is the dotted path in the file. VALUE is read as a TOML value and, if it is none, as a string. It replaces
-    whatever was there; `none` leaves out one of the optional tables (support, friction, damping).
+    whatever was there; `none` leaves out one of the optional tables (support, friction, damping, forcing).
     """
     key, equals, text = setting.partition("=")
     if not equals:

@@ -228,6 +228,20 @@ class Damping(Table):
     ratio: Coefficient
 
 
+class Forcing(Table):
+    """A harmonic force, amplitude sin(2 pi frequency t + phase), coordinate by coordinate: N, and N m for rotations."""
+
+    amplitude: Annotated[dict[str, float], PerCoordinate("N", "N*m")]
+    frequency: Annotated[float, Quantity("Hz", above=0)]
+    phase: Annotated[float, Quantity("rad")] = 0.0
+
+    @model_validator(mode="after")
+    def _acts_on_something(self) -> "Forcing":
+        if not any(self.amplitude.values()):
+            raise SceneError('no coordinate has a force; write one such as { Y = "10 N" }', ("amplitude",))
+        return self
+
+
 class Steady(Table):
     """Which state counts as steady sliding."""
 

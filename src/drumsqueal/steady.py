@@ -43,7 +43,7 @@ def steady_sliding(model: Model) -> Array:
     moving = np.asarray([k for k, i in enumerate(model.coordinates) if i in IN_PLANE], dtype=int)
     if moving.size == 0 or any(isinstance(effect, Balance) for effect in model.others):
         return jnp.zeros(n)
-    plane = model.in_plane()
+    plane = model.undisturbed().in_plane()
     preload = plane.contact.preload.at(0.0)
     # Forces of the order p0 times the area, and the displacements that they cause.
     force_scale = jnp.where(preload > 0, preload, 1.0) * plane.shoe.area

@@ -20,6 +20,7 @@ def state_verdict(
     stability: Stability,
     *,
     changing: bool,
+    forced: bool,
     excited: tuple[Mode, ...],
     motion_ratio: float | None,
     edge: float | None,
@@ -30,12 +31,15 @@ def state_verdict(
 ) -> str:
     """Return prediction and outcome in one sentence.
 
-    `changing` tells that drum speed or load change, `excited` are the modes that the start holds, `motion_ratio` is the
-    motion at the end over that at the start (None without a start), `edge` the time of the first edge (s), `duration`
-    that of the record (s), `rotation` the largest rotation of the shoe (rad), and `cut_off` says why it ends early.
+    `changing` tells that drum speed or load change, `forced` that a harmonic force acts, `excited` are the modes that
+    the start holds, `motion_ratio` is the motion at the end over that at the start (None without a start), `edge` the
+    time of the first edge (s), `duration` that of the record (s), `rotation` the largest rotation of the shoe (rad),
+    and `cut_off` says why it ends early.
     """
     predicted = f"The linear model predicts {_prediction(stability)}{' at t = 0' if changing else ''}"
-    if edge is None:
+    if edge is None and forced:
+        done = f"under the harmonic force the transient reaches no edge in {duration:g} s"
+    elif edge is None:
         done = _below_the_edges(stability, excited, motion_ratio, duration)
     elif saturation is None:
         done = f"the motion reaches an edge at {edge:.4g} s, too late to tell what it settles to"
