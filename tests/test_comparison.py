@@ -3,6 +3,9 @@
 import numpy as np
 import pytest
 
+from drumsqueal.comparison import compare
+from drumsqueal.model import build_model
+from drumsqueal.modes import analyse_stability
 from drumsqueal.simulation import Result, run
 
 # From an independent program: Re λ (1/s) and Im λ (rad/s) of the nominal brake.
@@ -83,6 +86,9 @@ def test_saturated_squeal_lies_well_below_its_onset_frequency(saturated):
     # slightly different lines.
     assert saturation.main.frequency_Hz == pytest.approx(1076, rel=0.05)
     assert -0.30 < saturation.frequency_shift < -0.18
+    assert saturation.regime.kind == "neither"
+    told = f"settles to no periodic motion, with most kinetic energy at {saturation.main.frequency_Hz:.0f} Hz, 2"
+    assert told in saturated.comparison.verdict
     # Why: the lining leaves the drum for a good part of the time, and the shoe is held more softly.
     assert 0.4 < saturation.contact_fraction < 0.85
     assert 0 < saturation.slip_reversed_fraction < 0.1
@@ -255,4 +261,70 @@ def test_a_load_that_rises_from_zero_is_simulated(nominal):
     # The frequencies of the frictionless shoe; friction at 2000 N changes them by less than 1e-3.
     assert touching["Y"] == pytest.approx(ONSET["Y"][1] / (2 * np.pi), rel=3e-2)
     assert result.outcome == "complete"
+    # 0.1 µm lifts part of it off within the first samples; a shoe at rest stays in contact while the load rises.
+    assert result.comparison.edge_reached_s is not None
+    assert result.comparison.edge_reached_s < 1e-4
+    resting = run(scene.with_values({"start.displacement": {}}))
+    assert resting.comparison.edge_reached_s is None
+    assert "nothing was started, and the transient reaches no edge" in resting.comparison.verdict
+
+
+def test_a_small_cycle_is_not_rest(nominal):
+    # A brake a thousandth as loaded lifts off at 6.9 nm, and squeals with some ten nanometres: no steady sliding.
+    scene = nominal.with_values(
+        {
+            "contact.normal_load": 2.0,
+            "friction.static": 0.9,
+            "drum.speed": 1e-3,
+            "friction.decay": 1e3,
+            "start.displacement": {"Y": 1e-8},
+            "simulate.duration": 0.1,
+        }
+    )
+    saturation = run(scene).comparison.saturation
+    assert saturation is not None
+    assert max(saturation.amplitude.values()) < 1e-6
+    assert saturation.regime.kind != "steady"
+
+
+def test_a_profile_that_does_not_change_within_the_record_is_no_change(nominal):
+    late = {"drum.speed": {"time": [1, 2], "value": [5, 3]}, "simulate.duration": 0.02}
+    result = run(nominal.with_values(late | {"start.displacement": {"Y": 1e-5}}))
+    assert not result.comparison.changing
+    assert "predicts squeal in Y, X, Tz; " in result.comparison.verdict
+    assert result.comparison.saturation is not None
+    assert "record at least" in result.comparison.saturation.regime.reason
+
+
+def test_a_stop_names_the_change_as_the_reason_of_its_drift(nominal):
+    stop = {"drum.speed": {"time": [0, 0.1], "value": [5, 2]}, "simulate.duration": 0.1}
+    result = run(nominal.with_values(stop | {"start.displacement": {"Y": 1e-5}}))
+    assert result.comparison.changing
+    assert result.comparison.saturation is not None
+    assert result.comparison.saturation.regime.reason == "Drum speed or load change, and the motion with them."
+
+
+def test_overdamped_motion_comes_to_rest(nominal):
+    values = {"damping": {"ratio": 2.0}, "start.displacement": {"Y": 1e-5}, "simulate.duration": 0.02}
+    result = run(nominal.with_values(values))
     assert result.comparison.edge_reached_s == 0
+    assert "settles to steady sliding" in result.comparison.verdict
+
+
+def test_a_displaced_free_coordinate_stays(nominal):
+    values = {"simulate.coordinates": ["Z"], "start.displacement": {"Z": 1e-6}, "simulate.duration": 0.002}
+    result = run(nominal.with_values(values))
+    assert result.comparison.motion_ratio == 1.0
+    np.testing.assert_allclose(result.history["displacement"].sel(coordinate="Z").values, 1e-6, rtol=1e-12)
+
+
+def test_a_run_that_was_cut_off_says_why(nominal):
+    history = run(nominal.with_values({"simulate.duration": 0.02})).history
+    stability = analyse_stability(build_model(nominal, coordinates=tuple(range(6))))
+    for outcome, told in (
+        ("failed: the step size collapsed", "(the run failed: the step size collapsed)."),
+        ("interrupted by the user after t = 0.02 s", "(the run was interrupted by the user after t = 0.02 s)."),
+    ):
+        cut = history.assign_attrs(outcome=outcome)
+        found = compare(cut, stability, build_model(nominal, coordinates=tuple(range(6))))
+        assert found.verdict.endswith(told)

@@ -18,6 +18,7 @@ from drumsqueal import job, results, simulation
 from drumsqueal.errors import IntegrationError
 from drumsqueal.interrupts import noted_interrupts, stop_if_interrupted
 from drumsqueal.output_folder import RESULTS
+from drumsqueal.simulation import run
 
 NOMINAL = str(Path(__file__).parents[1] / "scenarios" / "nominal.toml")
 THREE_CHUNKS = ("--set", "simulate.duration=0.03")
@@ -71,6 +72,7 @@ def test_failed_run_keeps_what_was_computed(drumsqueal, tmp_path):
     assert status == 1
     assert errors.count("\n") == 1
     assert "step size collapsed" in errors
+    assert "where the lining all but sticks to the drum as a whole" in errors
     assert assert_whole(tmp_path, "failed: the step size collapsed") == pytest.approx(1500, abs=100)
 
 
@@ -248,3 +250,18 @@ def test_no_chunk_takes_more_room_than_was_taken_beforehand(tmp_path, nominal, m
         sizes.append((tmp_path / "history.nc").stat().st_size)
     # HDF5's tables grow now and then; on a history of 10⁸ samples they are deeper by a level or two.
     assert max(sizes[0], *np.diff(sizes)) < 0.6 * history._ROOM
+
+
+def test_a_press_that_was_not_granted_ends_nothing_later(nominal, monkeypatch):
+    short = nominal.with_values({"simulate.duration": 0.002})
+
+    def pressed_and_failed(*_, **__):
+        signal.raise_signal(signal.SIGINT)
+        raise IntegrationError("failed at once")
+        yield
+
+    with monkeypatch.context() as patch:
+        patch.setattr(simulation, "integrate", pressed_and_failed)
+        with pytest.raises(IntegrationError, match="failed at once"):
+            run(short)
+    assert run(short).outcome == "complete"

@@ -1,6 +1,7 @@
 """The program `drumsqueal`, or `python -m drumsqueal`: it loads the command line and runs it."""
 
 import signal
+import threading
 
 from drumsqueal.interrupts import note_interrupts
 
@@ -14,7 +15,8 @@ def main() -> None:
         run()
     finally:
         # Nothing is left to be stopped: while Python shuts down, Ctrl-C would only take the place of the exit status.
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        if threading.current_thread() is threading.main_thread():
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 if __name__ == "__main__":

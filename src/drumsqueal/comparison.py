@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 import xarray
 
-from drumsqueal.departure import FEWEST_SAMPLES, Departure, edge_share, first_edge
+from drumsqueal.departure import FEWEST_FOR_SPECTRUM, Departure, changes, edge_share, first_edge
 from drumsqueal.history import COMPLETE
 from drumsqueal.model import Model
 from drumsqueal.modes import Mode, Stability
@@ -92,17 +92,18 @@ def compare(history: xarray.Dataset, stability: Stability, model: Model) -> Comp
     edge = first_edge(history, stability, model)
     saturation = None if edge is None else describe_saturation(history, departure, stability, model, edge)
     ratio = _motion_ratio(departure, stability, model)
+    changing = changes(model, time)
     outcome = history.attrs["outcome"]
     return Comparison(
         growth_end_s=float(time[max(growing.stop - 1, 0)]),
         edge_reached_s=edge,
         motion_ratio=ratio,
-        changing=model.changing,
+        changing=changing,
         modes=modes,
         saturation=saturation,
         verdict=state_verdict(
             stability,
-            changing=model.changing,
+            changing=changing,
             forced=model.forced,
             excited=tuple(m for m, found in zip(stability.modes, modes, strict=True) if found.note != NOT_EXCITED),
             motion_ratio=ratio,
@@ -122,7 +123,8 @@ def _motion_ratio(departure: Departure, stability: Stability, model: Model) -> f
     elastic = np.einsum("ti,ij,tj->t", departure.displacement, np.asarray(model.stiffness), departure.displacement)
     size = np.sqrt(departure.velocity**2 @ stability.mass + elastic)
     tenth = max(1, size.size // 10)
-    return float(size[-tenth:].max() / size[:tenth].max())
+    first = size[:tenth].max()
+    return float(size[-tenth:].max() / first) if first > 0 else 1.0  # a free coordinate displaced: no energy in it
 
 
 def _unmeasured(mode: Mode) -> ModeComparison:
@@ -136,7 +138,7 @@ def _compare_mode(mode: Mode, stability: Stability, departure: Departure, growin
     time, displacement = departure.time[growing], departure.displacement[growing]
     if not departure.started:
         return result._replace(note="nothing was started")
-    if time.size < FEWEST_SAMPLES:
+    if time.size < FEWEST_FOR_SPECTRUM:
         whole = departure.time.size == time.size
         return result._replace(note="the record is too short" if whole else "nonlinear from the start, or nearly so")
     signal = departure.modal(mode)[growing]
@@ -146,7 +148,7 @@ def _compare_mode(mode: Mode, stability: Stability, departure: Departure, growin
         return result._replace(note=NOT_EXCITED)
     clean = (size > 0) & (size >= CLEAN_SHARE * np.maximum.accumulate(np.abs(displacement[:, main])))
     last = time.size if clean.all() else int(np.argmin(clean))
-    if last < FEWEST_SAMPLES or (time[last - 1] - time[0]) * mode.frequency_Hz < FEWEST_PERIODS:
+    if last < FEWEST_FOR_SPECTRUM or (time[last - 1] - time[0]) * mode.frequency_Hz < FEWEST_PERIODS:
         return result._replace(note=_too_few(last, time.size, departure.time.size))
     spectrum = amplitude_spectrum(displacement[:last, main], departure.sample_rate)
     peak = peak_near(spectrum, mode.frequency_Hz, half_width=_reach(mode, stability))

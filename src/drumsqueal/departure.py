@@ -13,7 +13,7 @@ from drumsqueal.scene import COORDINATES
 from drumsqueal.signals import Spectrum, amplitude_spectrum, modal_amplitudes
 
 ROTATIONS = ("Tx", "Ty", "Tz")
-FEWEST_SAMPLES = 16  # for a spectrum
+FEWEST_FOR_SPECTRUM = 16  # samples
 LIFTED_SHARE = 0.1  # of the lining
 FRACTION_ROUND_OFF = 1e-12  # of a share of the lining, which is a sum over some hundred nodes
 
@@ -59,10 +59,16 @@ class Departure:
     def spectra(self, part: slice) -> dict[str, Spectrum]:
         """Displacement spectra of the coordinates that move in a part of the record (none if it is too short)."""
         displacement = self.displacement[part]
-        if len(displacement) < FEWEST_SAMPLES:
+        if len(displacement) < FEWEST_FOR_SPECTRUM:
             return {}
         moving = [k for k in range(len(self.coordinates)) if np.ptp(displacement[:, k]) > 0]
         return {self.coordinates[k]: amplitude_spectrum(displacement[:, k], self.sample_rate) for k in moving}
+
+
+def changes(model: Model, time: NDArray[np.float64]) -> bool:
+    """Whether drum speed or load change within these times (s)."""
+    schedules = (model.contact.drum_speed, model.contact.preload)
+    return any(np.ptp(np.asarray(jax.vmap(schedule.at)(time))) > 0 for schedule in schedules)
 
 
 def edge_share(departure: Departure, model: Model) -> NDArray[np.float64]:

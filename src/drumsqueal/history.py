@@ -111,11 +111,15 @@ class HistoryFile:
                 file.attrs.modify("outcome", _padded(outcome))
 
     def _create(self, dataset: xarray.Dataset) -> None:
-        _make_room(self.path, _ROOM + len(json.dumps(dataset.attrs)))
+        _make_room(self.path, _ROOM + len(json.dumps(dataset.attrs)))  # found rather than kept: the file is made anew
         outcome = dataset.attrs.pop("outcome")
-        dataset.to_netcdf(self.path, engine="h5netcdf", unlimited_dims=["time"])
-        with self._opened() as file:
-            file.attrs.create("outcome", _padded(outcome), dtype=h5py.string_dtype(length=_LONGEST))
+        try:
+            dataset.to_netcdf(self.path, engine="h5netcdf", unlimited_dims=["time"])
+            with self._opened() as file:
+                file.attrs.create("outcome", _padded(outcome), dtype=h5py.string_dtype(length=_LONGEST))
+        except OSError:
+            self.path.unlink(missing_ok=True)
+            raise
         self.exists = True
 
     @contextmanager

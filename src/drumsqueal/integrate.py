@@ -22,7 +22,9 @@ from drumsqueal.model import Model
 from drumsqueal.precision import real
 
 CHUNK_SAMPLES = 500  # samples a chunk: some 50 ms of computing in the plane, so that Ctrl-C and the bar respond
-STEP_BUDGET = 500_000  # steps a chunk: a run that exceeds it is stuck, and says so
+# Steps a chunk: a run that exceeds it is stuck, and says so. Samples hold two to a period at least, so 500 of them take
+# some thousand steps; a tolerance of 1e-13 takes ten times as many, and so do edges.
+STEP_BUDGET = 100_000
 # Share of the scene's tolerance that one step may err. Errors add up over some thousand steps.
 LOCAL_SHARE = 0.1
 # A coordinate is resolved at least to this share of what it would do if all vibration energy were in each mode.

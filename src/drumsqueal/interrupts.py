@@ -1,8 +1,8 @@
 """Ctrl-C as a wish that is granted between two steps, not an exception wherever the program happens to be.
 
 As an exception it tears what is being written, and where it falls into a callback (JAX has one in every collection of
-garbage) Python prints a traceback and goes on as if nothing had been pressed. A step lasts some seconds; only a chunk
-whose step size collapses lasts longer.
+garbage) Python prints a traceback and goes on as if nothing had been pressed. A step lasts some seconds; a chunk whose
+step size collapses may last longer, in space some minutes.
 """
 
 import signal
@@ -23,14 +23,18 @@ def note_interrupts() -> None:
 
 @contextmanager
 def noted_interrupts() -> Iterator[None]:
-    """Note Ctrl-C within a block, and leave it as it was after that."""
+    """Note Ctrl-C within a block, and leave it as it was after that; raises KeyboardInterrupt for one not granted."""
     handler = signal.getsignal(signal.SIGINT)
     note_interrupts()
+    if signal.getsignal(signal.SIGINT) is handler:  # noted, or ignored, by somebody outside: theirs to grant
+        yield
+        return
     try:
         yield
+        stop_if_interrupted()
     finally:
-        if signal.getsignal(signal.SIGINT) is not handler:
-            signal.signal(signal.SIGINT, handler)
+        _pressed.clear()
+        signal.signal(signal.SIGINT, handler)
 
 
 def stop_if_interrupted() -> None:

@@ -58,11 +58,6 @@ class Model(eqx.Module):
         return any(isinstance(effect, Forcing) for effect in self.others)
 
     @property
-    def changing(self) -> bool:
-        """Whether drum speed or load change over time."""
-        return any(isinstance(schedule, Profile) for schedule in (self.contact.drum_speed, self.contact.preload))
-
-    @property
     def names(self) -> tuple[str, ...]:
         """Names of the kept coordinates."""
         return tuple(COORDINATES[i] for i in self.coordinates)
@@ -115,8 +110,9 @@ def build_model(scene: Scene, numbers: Numbers | None = None, coordinates: tuple
     """Build the model that a scene calls for, over its kept coordinates unless others are asked for.
 
     `numbers` replaces the scene's physical values (keys as in `scene.numbers()`, SI units) and may hold traced values:
-    that is how a growth rate is differentiated with respect to a parameter of the scene. Raises KeyError for a key
-    that the scene does not have.
+    that is how a growth rate is differentiated with respect to a parameter of the scene. The number of quadrature nodes
+    is that of the scene's own arc angle: from 130° to 360° by `numbers` alone, forces are off by up to 2e-5. Raises
+    KeyError for a key that the scene does not have.
     """
     own = scene.numbers()
     unknown = sorted(set(numbers or {}) - set(own))

@@ -7,7 +7,7 @@ from rich.text import Text
 
 from drumsqueal.composition import take_inventory
 from drumsqueal.departure import ROTATIONS
-from drumsqueal.modes import Stability
+from drumsqueal.modes import OSCILLATING_SHARE, UNDAMPED_SHARE, Stability
 from drumsqueal.simulation import Result
 from drumsqueal.summary import energy_balance
 
@@ -27,7 +27,7 @@ def print_stability(console: Console, stability: Stability) -> None:
         )
     console.print(table)
     largest = max(abs(stability.eigenvalues), default=0.0)
-    real = [value.real for value in stability.eigenvalues if abs(value.imag) <= 1e-9 * largest]
+    real = [value.real for value in stability.eigenvalues if abs(value.imag) <= OSCILLATING_SHARE * largest]
     if real:
         console.print("Without oscillation: " + ", ".join(f"{_rounded(value, largest):.3f} 1/s" for value in real))
     moved = {n: q for n, q in zip(stability.coordinates, stability.steady_state, strict=True) if q != 0}
@@ -106,4 +106,4 @@ def _shown(value: float | None, form: str) -> str:
 
 def _rounded(value: float, largest: float) -> float:
     """Zero for what is round-off beside the largest eigenvalue."""
-    return 0.0 if abs(value) < 1e-12 * largest else value
+    return 0.0 if abs(value) < UNDAMPED_SHARE * largest else value

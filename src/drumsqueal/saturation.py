@@ -6,13 +6,13 @@ import numpy as np
 import xarray
 from numpy.typing import NDArray
 
-from drumsqueal.departure import ROTATIONS, Departure
+from drumsqueal.departure import ROTATIONS, Departure, changes
 from drumsqueal.model import Model
 from drumsqueal.modes import Mode, Stability
-from drumsqueal.signals import Regime, classify, spectral_peaks
+from drumsqueal.signals import PERIODS_NEEDED, Regime, classify, spectral_peaks
 
 SATURATED_SHARE = 0.6  # last part of what follows the first edge that is called saturated
-FEWEST_SAMPLES = 64
+FEWEST_SAMPLES = 64  # of the saturated part
 PEAKS, PEAK_FLOOR = 8, 1e-2  # lines a coordinate at most, and their smallest amplitude over the strongest
 
 
@@ -55,17 +55,20 @@ def describe_saturation(
     part = saturated_part(departure.time, edge)
     modes = _taking_part(departure, stability)
     motion = departure.displacement[part]
-    if len(motion) < FEWEST_SAMPLES or not modes:
+    if len(motion) < FEWEST_SAMPLES:
         return None
     amplitude = np.ptp(motion, axis=0) / 2
-    # Half the lowest onset frequency leaves room for the drop that contact loss brings.
-    lowest = min(mode.frequency_Hz for mode in modes) / 2
+    # Half the lowest onset frequency leaves room for the drop that contact loss brings. Where nothing oscillates, rest
+    # can be told all the same.
+    duration = len(motion) / departure.sample_rate
+    lowest = min((mode.frequency_Hz for mode in modes), default=2 * PERIODS_NEEDED / duration) / 2
     regime = classify(motion, departure.sample_rate, scale=_scale(departure, stability, model), lowest_frequency=lowest)
-    if model.changing and regime.kind == "unknown":
+    drifts = regime.kind == "unknown" and regime.amplitude_drift is not None
+    if drifts and changes(model, departure.time[part]):
         regime = regime._replace(reason="Drum speed or load change, and the motion with them.")
     lines = () if regime.kind == "steady" else _lines(departure, part)
     main = _main_line(lines, stability)
-    mode = None if main is None else _nearest(main, modes)
+    mode = _nearest(main, modes) if main is not None and modes else None
     return Saturation(
         start_s=float(departure.time[part][0]),
         regime=regime,

@@ -57,8 +57,8 @@ class Unilateral(eqx.Module):
         return jnp.where(level < 0, 0.0, level)
 
     def touches(self, level: Array) -> Array:
-        """Whether the lining is in contact, from the level p0 + k_c u_r (Pa)."""
-        return level > 0
+        """Whether the lining is in contact, from the level p0 + k_c u_r (Pa); at zero it just touches."""
+        return level >= 0
 
     def compression(self, preload: Array, radial: Array) -> Array:
         """Radial displacement that the lining follows (m): u_r, or −p0/k_c where the lining has left the drum."""

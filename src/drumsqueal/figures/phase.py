@@ -61,7 +61,9 @@ def _path(view: View, part: slice) -> NDArray[np.float64]:
 def _growth_path(view: View) -> NDArray[np.float64] | None:
     """The end of the spiral that leads to the first edge, if the motion got there."""
     edge = view.result.comparison.edge_reached_s
-    if edge is None or view.saturation is None or view.model.changing:  # the limit drawn is that of the last part
+    if (
+        edge is None or view.saturation is None or view.result.comparison.changing
+    ):  # the limit drawn is that of the last part
         return None
     part = slice(*np.searchsorted(view.time, [edge - BEFORE_S, edge]).tolist())
     return _path(view, part) if view.time[part].size >= 8 else None

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from drumsqueal.bodies.rigid_shoe import TZ, Y
 from drumsqueal.comparison import NEUTRAL_SHARE, UNEXCITED_SHARE, ModeComparison
-from drumsqueal.departure import FEWEST_SAMPLES, ROTATIONS, Departure
+from drumsqueal.departure import FEWEST_FOR_SPECTRUM, ROTATIONS, Departure
 from drumsqueal.history import COMPLETE
 from drumsqueal.model import Model
 from drumsqueal.modes import Mode
@@ -41,7 +41,9 @@ class View:
     @cached_property
     def readable(self) -> bool:
         """Whether there are samples enough, and motion, to draw a history."""
-        return self.time.size >= FEWEST_SAMPLES and bool(np.any(np.ptp(self.departure.displacement, axis=0) > REST))
+        return self.time.size >= FEWEST_FOR_SPECTRUM and bool(
+            np.any(np.ptp(self.departure.displacement, axis=0) > REST)
+        )
 
     @property
     def growing(self) -> slice:
