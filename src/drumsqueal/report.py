@@ -42,6 +42,8 @@ def print_result(console: Console, result: Result) -> None:
     inventory = take_inventory(result.scene)
     console.print(f"Includes: {'; '.join(inventory.includes)}", style="dim")
     console.print(f"Leaves out: {'; '.join(inventory.leaves_out) or 'nothing'}", style="dim")
+    if result.held:
+        console.print(f"Held though the others would move them: {', '.join(result.held)}", style="bold")
     table = Table(title="Onset: eigenvalues against the transient", box=box.SIMPLE_HEAD)
     table.add_column("mode")
     for quantity, unit in (("frequency", "Hz"), ("growth", "1/s")):

@@ -12,36 +12,45 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import xarray
 
-from drumsqueal.composition import linear_coordinates
+from drumsqueal.composition import ALL, kept_coordinates, linear_coordinates, moved_coordinates
 from drumsqueal.errors import IntegrationError, SteadyStateError
 from drumsqueal.history import COMPLETE, to_dataset
 from drumsqueal.integrate import Chunk, integrate
 from drumsqueal.interrupts import noted_interrupts, stop_if_interrupted
 from drumsqueal.model import Model, build_model
 from drumsqueal.modes import Stability, analyse_stability
-from drumsqueal.scene import Scene, SceneError
+from drumsqueal.scene import COORDINATES, Scene, SceneError
+from drumsqueal.steady import coupling
 
 if TYPE_CHECKING:
     from drumsqueal.comparison import Comparison
 
 
 class Prepared(NamedTuple):
-    """A scene with its models: `model` over the coordinates that move, `linear` over those of the eigenvalues."""
+    """A scene with its models: `model` over the coordinates that move, `linear` over those of the eigenvalues.
+
+    `held` names the coordinates that the scene leaves out though they would move.
+    """
 
     scene: Scene
     model: Model
     linear: Model
     stability: Stability
+    held: tuple[str, ...]
 
 
 class Result(NamedTuple):
-    """What a run leaves: the linear prediction, the history (xarray), the comparison, and how the run ended."""
+    """What a run leaves: the linear prediction, the history (xarray), the comparison, and how the run ended.
+
+    `held` names the coordinates that the scene left out though they would have moved.
+    """
 
     scene: Scene
     stability: Stability
     history: xarray.Dataset
     comparison: Comparison
     outcome: str
+    held: tuple[str, ...] = ()
 
 
 def prepare(scene: Scene) -> Prepared:
@@ -56,7 +65,22 @@ def prepare(scene: Scene) -> Prepared:
     except SteadyStateError as error:
         raise SceneError(str(error)) from None
     stop_if_interrupted()
-    return Prepared(scene, build_model(scene), linear, stability)
+    return Prepared(scene, build_model(scene), linear, stability, held_coordinates(scene))
+
+
+def held_coordinates(scene: Scene) -> tuple[str, ...]:
+    """Coordinates that a scene's list leaves out though what starts or forces the others would move them, too.
+
+    Followed through the linear model of all six about their own steady sliding, from one coordinate to the next.
+    """
+    if scene.simulate.coordinates == "auto":
+        return ()
+    pushes = np.asarray(coupling(build_model(scene, coordinates=ALL)))
+    moving = np.isin(ALL, list(moved_coordinates(scene)))
+    for _ in ALL:
+        moving = moving | (pushes @ moving)
+    kept = kept_coordinates(scene)
+    return tuple(COORDINATES[i] for i in ALL if moving[i] and i not in kept)
 
 
 def check_sample_rate(prepared: Prepared) -> None:
@@ -127,4 +151,4 @@ def finish(prepared: Prepared, chunks: list[Chunk], outcome: str) -> Result:
         raise IntegrationError(outcome)
     history = to_dataset(chunks, prepared.scene, prepared.model.names, outcome)
     comparison = compare(history, prepared.stability, prepared.linear)
-    return Result(prepared.scene, prepared.stability, history, comparison, outcome)
+    return Result(prepared.scene, prepared.stability, history, comparison, outcome, prepared.held)

@@ -15,6 +15,7 @@ from drumsqueal.model import Model
 # Newton's steps on the scaled equilibrium end when the displacement is settled to this share of p0/k_c.
 STEADY_TOLERANCE = 1e-13
 STEADY_STEPS = 100
+COUPLED_SHARE = 1e-10  # of the largest coupling: below it is round-off
 
 
 class Linear(NamedTuple):
@@ -57,6 +58,15 @@ def steady_sliding(model: Model) -> Array:
     solution = optimistix.root_find(residual, solver, start, args=plane, max_steps=STEADY_STEPS, throw=False)
     found = solution.result == optimistix.RESULTS.successful
     return jnp.zeros(n).at[moving].set(jnp.where(found, solution.value * size, jnp.nan))
+
+
+@jax.jit
+def coupling(model: Model) -> Array:
+    """Which coordinate moves which (n, n) at steady sliding: entry i, j tells whether q_j or q̇_j pushes q_i."""
+    mass, damping, stiffness = linearise(model, steady_sliding(model))
+    # In coordinates scaled by √M all entries of one matrix are in one unit.
+    scaled = (jnp.abs(each) / jnp.sqrt(mass[:, None] * mass) for each in (damping, stiffness))
+    return sum(((each > COUPLED_SHARE * jnp.max(each)) for each in scaled), start=jnp.zeros((len(mass),) * 2)) > 0
 
 
 def linearise(model: Model, steady: Array) -> Linear:

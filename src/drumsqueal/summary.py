@@ -44,6 +44,7 @@ def summarise(result: Result) -> dict[str, Any]:
         "growth": _growth(result.comparison),
         "saturation": None if saturation is None else _saturation(saturation),
         "accuracy": energy_balance(result),
+        "held_though_they_would_move": list(result.held),
         "integration": {key: int(result.history.attrs[key]) for key in ("steps", "rejected_steps")},
     }
 
@@ -59,6 +60,7 @@ def summarise_prediction(scene: Scene, stability: Stability, outcome: str) -> di
         "saturation": None,
         "accuracy": None,
         "integration": None,
+        "held_though_they_would_move": None,
         "model": describe_model(scene),
         "scene": scene.model_dump(mode="json"),
         "versions": versions(),
