@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from drumsqueal.comparison import Comparison, compare
+    from drumsqueal.effects.custom_friction import FrictionLaw, TabulatedLaw
     from drumsqueal.errors import IntegrationError, SceneError, SteadyStateError
     from drumsqueal.model import Model, build_model
     from drumsqueal.modes import Mode, Stability, analyse_stability, growth_rate
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "comparison": ("Comparison", "compare"),
+    "effects.custom_friction": ("FrictionLaw", "TabulatedLaw"),
     "errors": ("IntegrationError", "SceneError", "SteadyStateError"),
     "model": ("Model", "build_model"),
     "modes": ("Mode", "Stability", "analyse_stability", "growth_rate"),
@@ -27,6 +29,7 @@ _HOME = {name: module for module, names in _HOMES.items() for name in names}
 
 __all__ = [
     "Comparison",
+    "FrictionLaw",
     "IntegrationError",
     "Mode",
     "Model",
@@ -35,6 +38,7 @@ __all__ = [
     "SceneError",
     "Stability",
     "SteadyStateError",
+    "TabulatedLaw",
     "analyse_stability",
     "build_model",
     "compare",

@@ -7,6 +7,7 @@ from drumsqueal.quadrature.arc import LONG_ARC
 from drumsqueal.scene import COORDINATES, Profile, Scene
 
 ALL = tuple(range(6))
+GIVEN = "given in Python"  # in place of the name of a friction law
 
 
 class Composition(NamedTuple):

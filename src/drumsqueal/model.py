@@ -1,21 +1,20 @@
 """Body and effects as one vector field: the steady state, the eigenvalues, the transient and the gradients share it."""
 
 import dataclasses
-from collections.abc import Mapping
-from functools import partial
+from collections.abc import Callable, Mapping
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
 from drumsqueal.bodies.rigid_shoe import IN_PLANE, RigidShoe
-from drumsqueal.composition import Composition, compose
+from drumsqueal.composition import GIVEN, Composition, compose
 from drumsqueal.effects.action import Effect, Six
 from drumsqueal.effects.assembly import Balance, Preload
 from drumsqueal.effects.contact import Bonded, Contact, Observation, Unilateral
+from drumsqueal.effects.custom_friction import FrictionLaw, as_law
 from drumsqueal.effects.damping import Damping
 from drumsqueal.effects.forcing import Forcing
 from drumsqueal.effects.friction import ConstantLaw, ExponentialLaw, Friction, Tangential, UnitVelocity
@@ -106,13 +105,20 @@ class Model(eqx.Module):
         return self.contact.observe(time, self.widen(q), self.widen(v))
 
 
-def build_model(scene: Scene, numbers: Numbers | None = None, coordinates: tuple[int, ...] | None = None) -> Model:
+def build_model(
+    scene: Scene,
+    numbers: Numbers | None = None,
+    coordinates: tuple[int, ...] | None = None,
+    friction_law: FrictionLaw | Callable[[Array], Array] | None = None,
+) -> Model:
     """Build the model that a scene calls for, over its kept coordinates unless others are asked for.
 
     `numbers` replaces the scene's physical values (keys as in `scene.numbers()`, SI units) and may hold traced values:
     that is how a growth rate is differentiated with respect to a parameter of the scene. The number of quadrature nodes
-    is that of the scene's own arc angle: from 130° to 360° by `numbers` alone, forces are off by up to 2e-5. Raises
-    KeyError for a key that the scene does not have.
+    is that of the scene's own arc angle: from 130° to 360° by `numbers` alone, forces are off by up to 2e-5.
+    `friction_law`, a function of the slip speed or a law with the method `coefficient`, takes the place of the scene's.
+    Raises KeyError for a key that the scene does not have, TypeError for a law that JAX cannot trace, and ValueError
+    for a law where the scene has no friction.
     """
     own = scene.numbers()
     unknown = sorted(set(numbers or {}) - set(own))
@@ -122,11 +128,15 @@ def build_model(scene: Scene, numbers: Numbers | None = None, coordinates: tuple
     composition = compose(scene)
     if coordinates is not None:
         composition = composition._replace(coordinates=coordinates)
-    return _assemble(composition, value)
+    if friction_law is None:
+        return _assemble(composition, value)
+    if scene.friction is None:
+        raise ValueError("this scene has no friction for the friction law; add the table friction, for its direction")
+    return _assemble(composition._replace(friction_law=GIVEN), value, as_law(friction_law))
 
 
-@partial(jax.jit, static_argnums=0)  # one small program instead of a hundred separate operations
-def _assemble(composition: Composition, value: Mapping[str, Array]) -> Model:
+@eqx.filter_jit  # one small program instead of a hundred separate operations
+def _assemble(composition: Composition, value: Mapping[str, Array], law: FrictionLaw | None = None) -> Model:
     shoe = RigidShoe(
         outer_radius=value["shoe.outer_radius"],
         thickness=value["shoe.thickness"],
@@ -134,7 +144,7 @@ def _assemble(composition: Composition, value: Mapping[str, Array]) -> Model:
         arc_angle=value["shoe.arc_angle"],
         density=value["shoe.density"],
     )
-    contact = _contact(composition, value, shoe)
+    contact = _contact(composition, value, shoe, law)
     others: list[Effect] = [_assembly(composition, contact)]
     stiffness = contact.law.stiffness * shoe.radial_stiffness()
     if composition.support:
@@ -153,24 +163,30 @@ def _assemble(composition: Composition, value: Mapping[str, Array]) -> Model:
     return Model(contact, tuple(others), mass, stiffness, composition.coordinates)
 
 
-def _contact(composition: Composition, value: Mapping[str, Array], shoe: RigidShoe) -> Contact:
+def _contact(
+    composition: Composition, value: Mapping[str, Array], shoe: RigidShoe, friction_law: FrictionLaw | None
+) -> Contact:
     law = Unilateral if composition.separation else Bonded
     # The load is spread evenly, p0 = load / (R β b): our reading of the paper's "uniformly distributed".
     preload = _schedule("contact.normal_load", value, 1 / shoe.area)
     speed = _schedule("drum.speed", value, jnp.ones(()))
     in_plane = set(composition.coordinates) <= set(IN_PLANE)
     surface = ArcSurface(NODES_LONG_ARC if composition.long_arc else NODES) if in_plane else AreaSurface()
-    return Contact(shoe, law(value["contact.stiffness"]), _friction(composition, value), preload, speed, surface)
+    friction = _friction(composition, value, friction_law)
+    return Contact(shoe, law(value["contact.stiffness"]), friction, preload, speed, surface)
 
 
-def _friction(composition: Composition, value: Mapping[str, Array]) -> Friction | None:
+def _friction(composition: Composition, value: Mapping[str, Array], law: FrictionLaw | None) -> Friction | None:
     if composition.friction_law is None:
         return None
+    direction = UnitVelocity() if composition.friction_direction == "unit-velocity" else Tangential()
+    return Friction(_scene_law(composition, value) if law is None else law, direction)
+
+
+def _scene_law(composition: Composition, value: Mapping[str, Array]) -> FrictionLaw:
     if composition.friction_law == "exponential":
-        law = ExponentialLaw(value["friction.static"], value["friction.kinetic"], value["friction.decay"])
-    else:
-        law = ConstantLaw(value["friction.coefficient"])
-    return Friction(law, UnitVelocity() if composition.friction_direction == "unit-velocity" else Tangential())
+        return ExponentialLaw(value["friction.static"], value["friction.kinetic"], value["friction.decay"])
+    return ConstantLaw(value["friction.coefficient"])
 
 
 def _assembly(composition: Composition, contact: Contact) -> Effect:

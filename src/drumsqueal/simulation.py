@@ -11,8 +11,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import xarray
+from jax import Array
 
-from drumsqueal.composition import ALL, kept_coordinates, linear_coordinates, moved_coordinates
+from drumsqueal.composition import ALL, GIVEN, kept_coordinates, linear_coordinates, moved_coordinates
+from drumsqueal.effects.custom_friction import FrictionLaw
 from drumsqueal.errors import IntegrationError, SteadyStateError
 from drumsqueal.history import COMPLETE, to_dataset
 from drumsqueal.integrate import Chunk, integrate
@@ -53,19 +55,20 @@ class Result(NamedTuple):
     held: tuple[str, ...] = ()
 
 
-def prepare(scene: Scene) -> Prepared:
-    """Build the models of a scene, find steady sliding and the eigenvalues.
+def prepare(scene: Scene, friction_law: FrictionLaw | Callable[[Array], Array] | None = None) -> Prepared:
+    """Build the models of a scene, find steady sliding and the eigenvalues; a `friction_law` replaces the scene's.
 
     Raises SceneError when the scene has no steady sliding to start from.
     """
-    linear = build_model(scene, coordinates=linear_coordinates(scene))
+    linear = build_model(scene, coordinates=linear_coordinates(scene), friction_law=friction_law)
     stop_if_interrupted()
     try:
         stability = analyse_stability(linear)
     except SteadyStateError as error:
         raise SceneError(str(error)) from None
     stop_if_interrupted()
-    return Prepared(scene, build_model(scene), linear, stability, held_coordinates(scene))
+    model = build_model(scene, friction_law=friction_law)
+    return Prepared(scene, model, linear, stability, held_coordinates(scene))
 
 
 def held_coordinates(scene: Scene) -> tuple[str, ...]:
@@ -110,16 +113,26 @@ def transient(prepared: Prepared) -> Generator[Chunk]:
     )
 
 
-def run(scene: Scene, on_chunk: Callable[[Chunk], None] | None = None) -> Result:
+def run(
+    scene: Scene,
+    on_chunk: Callable[[Chunk], None] | None = None,
+    *,
+    friction_law: FrictionLaw | Callable[[Array], Array] | None = None,
+) -> Result:
     """Run a scene: `run(load_scene("scenarios/nominal.toml")).history` is its time history.
 
-    `on_chunk` is called with every chunk as it comes. Ctrl-C, which waits for the end of a chunk, and a failed
-    integration keep what was computed and say so in `outcome`. The whole history is held in memory, some 200 bytes a
-    sample. Raises SceneError for a scene that cannot be run, and IntegrationError when nothing was computed.
+    `friction_law`, a function of the slip speed or a law with the method `coefficient`, replaces the scene's; the
+    history then says so in its attributes. `on_chunk` is called with every chunk as it comes. Ctrl-C, which waits for
+    the end of a chunk, and a failed integration keep what was computed and say so in `outcome`. The whole history is
+    held in memory, some 200 bytes a sample. Raises SceneError for a scene that cannot be run, TypeError for a law that
+    JAX cannot trace, and IntegrationError when nothing was computed.
     """
-    prepared = prepare(scene)
+    prepared = prepare(scene, friction_law)
     check_sample_rate(prepared)
-    return finish(prepared, *collect(prepared, on_chunk))
+    result = finish(prepared, *collect(prepared, on_chunk))
+    if friction_law is not None:
+        result.history.attrs["friction_law"] = f"{GIVEN}: {getattr(friction_law, '__name__', repr(friction_law))}"
+    return result
 
 
 def collect(prepared: Prepared, on_chunk: Callable[[Chunk], None] | None) -> tuple[list[Chunk], str]:

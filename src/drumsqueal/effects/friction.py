@@ -7,6 +7,7 @@ import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
+from drumsqueal.effects.custom_friction import FrictionLaw
 from drumsqueal.precision import real
 
 
@@ -60,7 +61,7 @@ class UnitVelocity(eqx.Module):
         return share * slip, share * axial
 
 
-Law = ExponentialLaw | ConstantLaw
+Law = ExponentialLaw | ConstantLaw | FrictionLaw
 Direction = UnitVelocity | Tangential
 
 
