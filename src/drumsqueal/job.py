@@ -22,8 +22,6 @@ def run_into(folder: Path, prepared: Prepared, console: Console) -> None:
     computed; the message says why and what is where.
     """
     history, outcome = HistoryFile(folder / HISTORY, prepared.scene, prepared.model.names), ""
-    # What compares and draws is loaded while the first chunks are integrated: a second that nobody waits for.
-    threading.Thread(target=importlib.import_module, args=("drumsqueal.results",)).start()
     try:
         chunks, outcome = _integrate(history, prepared, console)
         from drumsqueal.results import print_results, write_prediction, write_results
@@ -51,6 +49,9 @@ def _integrate(history: HistoryFile, prepared: Prepared, console: Console) -> tu
         task = progress.add_task("compiling", total=prepared.scene.simulate.duration, reached="")
 
         def keep(chunk: Chunk) -> None:
+            if not history.exists:
+                # What compares and draws is loaded while compiled code runs: a second that nobody waits for.
+                threading.Thread(target=importlib.import_module, args=("drumsqueal.results",)).start()
             try:
                 history.append(chunk)
             except OSError as error:

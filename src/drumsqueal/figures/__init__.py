@@ -21,6 +21,7 @@ from drumsqueal.simulation import Result
 __all__ = ["DOTS_PER_INCH", "draw_all", "save_figures"]
 
 DOTS_PER_INCH = 200
+COMPRESSION = 3  # of 9; files 2 % larger than with the usual 6, in four fifths of the time
 
 _DRAWINGS = {
     output_folder.GROWTH: draw_growth,
@@ -48,7 +49,7 @@ def save_figures(figures: Mapping[str, Figure], folder: Path) -> list[Path]:
     with styled():
         for name, figure in figures.items():
             content = BytesIO()
-            figure.savefig(content, dpi=DOTS_PER_INCH)
+            figure.savefig(content, dpi=DOTS_PER_INCH, pil_kwargs={"compress_level": COMPRESSION})
             paths.append(folder / output_folder.figure_file(name))
             output_folder.write_whole(paths[-1], content.getvalue())
     return paths
