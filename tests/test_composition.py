@@ -1,9 +1,16 @@
 """What a scene calls for, what it leaves out, and whether it says so."""
 
+import re
+from collections import Counter
+
+import jax
+import jax.extend
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from drumsqueal.composition import take_inventory
+from drumsqueal.model import Model, build_model
 from drumsqueal.simulation import held_coordinates, run
 
 
@@ -70,3 +77,130 @@ def test_every_effect_is_either_included_or_left_out(nominal):
     assert take_inventory(everything).leaves_out == ()
     least = nominal.with_values({"support": None, "friction": None, "contact.separation": False})
     assert take_inventory(least).includes == ("coordinates X, Y, Tz", "bonded contact")
+
+
+# --- what is in the program ------------------------------------------------------------------------------------------
+
+BARE = {"support": None, "friction": None, "contact.separation": False}
+CONSTANT = {"law": "constant", "coefficient": 0.4}
+# name: (what the scene names beyond a bare bonded shoe, operations that come with it as traced, and as compiled)
+EFFECTS = {
+    "separation": ({"contact.separation": True}, {"atan2": 1, "sqrt": 1}, {"atan2", "sqrt"}),  # edges of contact
+    "friction": ({"friction": CONSTANT}, {"sign": 2}, {"sign", "atan2"}),  # the shoe's and the balance's
+    "falling friction": (
+        {"friction": {"law": "exponential", "static": 0.5, "kinetic": 0.3, "decay": 1.0}},
+        {"exp": 2},
+        {"exponential"},
+    ),
+    "support": ({"support": {"upper_stiffness": 1e8, "lower_stiffness": 6e8}}, {"cos": 1}, {"cosine"}),
+    "force": ({"forcing": {"amplitude": {"Y": 1.0}, "frequency": 100.0}}, {"sin": 1}, set()),
+    "damping": ({"damping": {"ratio": 0.01}}, {"neg": 3}, set()),  # one a coordinate
+    "load profile": ({"contact.normal_load": {"time": [0, 1], "value": [2000, 2000]}}, {"scan": 5}, {"dynamic-slice"}),
+}
+
+
+def force_of(model: Model, time, q, v):
+    return model.act(time, q, v)[0]
+
+
+def at_rest(model: Model):
+    return model, jnp.zeros(()), jnp.zeros(len(model.names)), jnp.zeros(len(model.names))
+
+
+def traced(model: Model) -> Counter[str]:
+    """How often each operation stands in the force as JAX traces it, inner programs included."""
+    found: Counter[str] = Counter()
+
+    def count(jaxpr) -> None:
+        for equation in jaxpr.eqns:
+            found[equation.primitive.name] += 1
+            for inner in equation.params.values():
+                if isinstance(inner, jax.extend.core.ClosedJaxpr):
+                    count(inner.jaxpr)
+
+    count(jax.make_jaxpr(force_of)(*at_rest(model)).jaxpr)
+    return found
+
+
+def compiled(model: Model) -> set[str]:
+    """Names of the operations in the force as XLA compiles it."""
+    text = jax.jit(force_of).lower(*at_rest(model)).compile().as_text()
+    return set(re.findall(r"= \S+ ([a-z][a-z0-9-]*)\(", text or ""))
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_what_a_scene_does_not_name_is_not_in_the_program(nominal, name):
+    values, operations, machine_operations = EFFECTS[name]
+    without, under = (build_model(nominal.with_values(BARE | more)) for more in ({}, values))
+    before, after = traced(without), traced(under)
+    for operation, count in operations.items():
+        assert after[operation] - before[operation] == count
+    assert after.total() > before.total()
+    assert machine_operations <= compiled(under)
+    assert not machine_operations & compiled(without)
+
+
+def test_in_the_plane_there_is_no_area(nominal):
+    # 40 nodes of the arc against 5 × 6 lines of 5 × 2 × 16 nodes.
+    plane = jax.make_jaxpr(force_of)(*at_rest(build_model(nominal)))
+    space = jax.make_jaxpr(force_of)(*at_rest(build_model(nominal, coordinates=tuple(range(6)))))
+    sizes = [max(out.aval.size for equation in each.jaxpr.eqns for out in equation.outvars) for each in (plane, space)]
+    assert sizes[0] == 40
+    assert sizes[1] > 4000
+
+
+NEUTRAL = {
+    # name: (scene with the effect at its neutral value, scene without it, u_r up to this many p0/k_c)
+    "damping": ({"damping": {"ratio": 0.0}}, {}, 3.0),
+    "support": ({"support": {"upper_stiffness": 0, "lower_stiffness": 0}}, {"support": None}, 3.0),
+    "falling friction": (
+        {"friction": {"law": "exponential", "static": 0.4, "kinetic": 0.4, "decay": 1.0}},
+        {"friction": CONSTANT},
+        3.0,
+    ),
+    "friction": ({"friction": {"law": "constant", "coefficient": 0.0}}, {"friction": None}, 3.0),
+    "separation": ({}, {"contact.separation": False}, 0.3),  # where the lining is pressed everywhere
+    "unit velocity": ({}, {"friction.direction": "tangential"}, 3.0),  # in the plane
+    "speed profile": ({"drum.speed": {"time": [0, 1], "value": [5, 5]}}, {}, 3.0),
+    "load profile": ({"contact.normal_load": {"time": [0, 1], "value": [2000, 2000]}}, {}, 3.0),
+}
+
+
+@pytest.mark.parametrize("name", NEUTRAL)
+def test_an_effect_at_its_neutral_value_is_as_good_as_left_out(nominal, name):
+    neutral, without, reach = NEUTRAL[name]
+    generator = np.random.default_rng(7)
+    q = generator.uniform(-1, 1, (50, 3)) * reach * 6.9e-6 / 3 * [1, 1, 10]
+    v = generator.uniform(-1, 1, (50, 3)) * [0.5, 0.5, 5.0]  # slip reverses on part of the lining in most of them
+    force = jax.jit(jax.vmap(lambda model, q, v: model.act(0.3, q, v)[0], in_axes=(None, 0, 0)))
+    forces = [force(build_model(nominal.with_values(more)), q, v) for more in (neutral, without)]
+    # Round-off of some 2000 N, also of the quadrature where an effect less splits the arc less; 2e-11 N was found.
+    assert np.max(np.abs(forces[0] - forces[1])) < 1e-10
+
+
+def test_a_force_of_nothing_is_no_force(nominal):
+    forced = nominal.with_values({"forcing": {"amplitude": {"Y": 1.0}, "frequency": 100.0}})
+    q, v = jnp.asarray([1e-6, 2e-5, 1e-4]), jnp.asarray([0.1, -0.2, 1.0])
+    none = build_model(forced, {"forcing.amplitude.Y": 0.0}).act(0.3, q, v)
+    without = build_model(nominal).act(0.3, q, v)
+    np.testing.assert_array_equal(none[0], without[0])
+
+
+def test_other_numbers_trace_nothing_again(nominal, monkeypatch):
+    traces = []
+    act = Model.act
+
+    def counted(self, *arguments):
+        traces.append(1)
+        return act(self, *arguments)
+
+    monkeypatch.setattr(Model, "act", counted)
+    counts = []
+    for speed, load, ratio in ((5.0, 2000.0, 0.01), (4.0, 1900.0, 0.02), (3.0, 2100.0, 0.0)):
+        values = {"drum.speed": speed, "contact.normal_load": load, "damping": {"ratio": ratio}}
+        values |= {"friction.direction": "tangential", "simulate.coordinates": ["Y", "Tz"]}  # as in no other test
+        run(nominal.with_values(values | {"simulate.duration": 0.002, "simulate.tolerance": 1e-6 * speed}))
+        counts.append(len(traces))
+    # The first run traces the model for its eigenvalues and its steps; a sweep adds nothing.
+    assert counts[0] > 0
+    assert counts == [counts[0]] * 3
