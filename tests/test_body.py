@@ -108,18 +108,18 @@ def test_resultants_and_radial_stiffness_are_the_integrals_over_the_lining(geome
 def test_nominal_shoe_has_the_derived_values(nominal):
     # Computed from Table 1 of Seo & Kang (2023) by another program; nine digits are given.
     model = build_model(nominal, coordinates=tuple(range(6)))
-    slip = model.shoe.outer_radius * model.contact.drum_speed.at(0.0)
+    slip = model.shoe.outer_radius * model.operation.at(0.0).drum_speed
     friction = model.contact.friction
     assert friction is not None
     assert model.shoe.mass[0] == pytest.approx(1.16571623, rel=5e-9)
     assert model.shoe.centroid == pytest.approx(72.1956531e-3, rel=5e-9)
-    assert model.contact.preload.at(0.0) == pytest.approx(241499.598, rel=5e-9)
+    assert model.operation.at(0.0).preload == pytest.approx(241499.598, rel=5e-9)
     assert friction.law.coefficient(slip) == pytest.approx(0.42130613, rel=2e-8)
     assert -jax.grad(lambda s: friction.law.coefficient(s))(slip) == pytest.approx(0.12130613, rel=5e-8)
     # The same program's full mass matrix and load pressure, to all digits.
     moments = [0.0032952030811029555, 0.0004465470727836047, 0.0034829125796615023]
     np.testing.assert_allclose(model.mass, [1.1657162284483753] * 3 + moments, rtol=1e-13)
-    assert model.contact.preload.at(0.0) == pytest.approx(241499.59752616365, rel=1e-15)
+    assert model.operation.at(0.0).preload == pytest.approx(241499.59752616365, rel=1e-15)
 
 
 def test_thin_short_shoe_is_a_plate():

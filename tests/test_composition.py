@@ -95,7 +95,13 @@ EFFECTS = {
     "support": ({"support": {"upper_stiffness": 1e8, "lower_stiffness": 6e8}}, {"cos": 1}, {"cosine"}),
     "force": ({"forcing": {"amplitude": {"Y": 1.0}, "frequency": 100.0}}, {"sin": 1}, set()),
     "damping": ({"damping": {"ratio": 0.01}}, {"neg": 3}, set()),  # one a coordinate
-    "load profile": ({"contact.normal_load": {"time": [0, 1], "value": [2000, 2000]}}, {"scan": 5}, {"dynamic-slice"}),
+    # One search each, whoever asks for drum speed or load.
+    "load profile": ({"contact.normal_load": {"time": [0, 1], "value": [2000, 2000]}}, {"scan": 1}, {"dynamic-slice"}),
+    "speed profile": (
+        {"friction": CONSTANT, "drum.speed": {"time": [0, 1], "value": [5, 5]}},
+        {"scan": 1},
+        {"dynamic-slice"},
+    ),
 }
 
 

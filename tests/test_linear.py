@@ -427,13 +427,14 @@ def test_supports_are_the_slope_of_their_potential(nominal):
     # ½(k1 + k2) q1² + ½(k1 + k2) R² sin² q6, at rotations where the sine shows.
     model = build_model(nominal)
     support = next(effect for effect in model.others if isinstance(effect, Support))
+    moment = model.operation.at(0.0)
     for x, turn in ((1e-3, 0.4), (-2e-3, -1.2), (0.0, 2.0)):
         q = (x, 0.3, 0.2, 0.1, -0.1, turn)
-        force = support.act(0.0, q, (0.0,) * 6).force
+        force = support.act(moment, q, (0.0,) * 6).force
         wanted = [-7e8 * x, 0, 0, 0, 0, -7e8 * 0.01 * np.sin(2 * turn) / 2]
         np.testing.assert_allclose(np.array(force, dtype=float), wanted, rtol=1e-13)
         energy = 3.5e8 * (x**2 + 0.01 * np.sin(turn) ** 2)
-        np.testing.assert_allclose(support.potential_energy(0.0, q), energy, rtol=1e-13)
+        np.testing.assert_allclose(support.potential_energy(moment, q), energy, rtol=1e-13)
 
 
 def test_self_consistent_without_friction_is_not_displaced(nominal):

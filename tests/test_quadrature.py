@@ -15,7 +15,7 @@ from scipy.optimize import brentq
 from drumsqueal.bodies.rigid_shoe import RigidShoe
 from drumsqueal.effects.contact import Bonded, Contact, Unilateral
 from drumsqueal.effects.friction import ExponentialLaw, Friction, Tangential, UnitVelocity
-from drumsqueal.effects.schedule import Constant
+from drumsqueal.effects.operation import Moment
 from drumsqueal.quadrature.arc import LONG_ARC, NODES, NODES_LONG_ARC, ArcSurface
 from drumsqueal.quadrature.area import AreaSurface
 from drumsqueal.quadrature.levels import Level, complex_roots, line_crossings, real_roots, sine_cosine
@@ -142,21 +142,25 @@ def contact_of(brake: Brake, *, area: bool, separation: bool = True, direction: 
         UnitVelocity() if direction == "unit-velocity" else Tangential(),
     )
     surface = AreaSurface() if area else ArcSurface(NODES_LONG_ARC if brake.arc > LONG_ARC else NODES)
-    return Contact(shoe, law, friction, Constant(brake.pressure), Constant(brake.drum), surface)
+    return Contact(shoe, law, friction, surface)
+
+
+def moment_of(brake: Brake) -> Moment:
+    return Moment(0.0, jnp.asarray(brake.drum), jnp.asarray(brake.pressure), None)
 
 
 @eqx.filter_jit
-def force_of(contact: Contact, q, v):
+def force_of(contact: Contact, moment: Moment, q, v):
     # In the plane the three other coordinates are literal zeros, as the model passes them.
     if isinstance(contact.surface, ArcSurface):
         q, v = ((x[0], x[1], 0.0, 0.0, 0.0, x[5]) for x in (q, v))
-    return jnp.stack([jnp.asarray(f) for f in contact.act(0.0, tuple(q), tuple(v)).force])
+    return jnp.stack([jnp.asarray(f) for f in contact.act(moment, tuple(q), tuple(v)).force])
 
 
 def relative_error(brake: Brake, q, v, *, area: bool, separation: bool = True, direction: str = "unit-velocity"):
     """Largest error of the package's force over p0 × area (moments: times R)."""
     contact = contact_of(brake, area=area, separation=separation, direction=direction)
-    found = np.asarray(force_of(contact, jnp.asarray(q, dtype=float), jnp.asarray(v, dtype=float)))
+    found = np.asarray(force_of(contact, moment_of(brake), jnp.asarray(q, dtype=float), jnp.asarray(v, dtype=float)))
     wanted = brute_force(brake, q, v, separation=separation, direction=direction)
     scale = brake.pressure * brake.radius * brake.arc * brake.width
     return np.max(np.abs(found - wanted) / np.array([1, 1, 1, brake.radius, brake.radius, brake.radius])) / scale
@@ -407,7 +411,7 @@ def test_space_forces_with_nearly_tangent_edges(beyond, axial, tolerance):
 def test_area_and_line_agree_in_the_plane(displacement, velocity):
     brake = Brake()
     q, v = (jnp.asarray(x) for x in scaled_state(brake, displacement + velocity, press=2.0, slide=2.0))
-    line, area = (np.asarray(force_of(contact_of(brake, area=kind), q, v)) for kind in (False, True))
+    line, area = (np.asarray(force_of(contact_of(brake, area=kind), moment_of(brake), q, v)) for kind in (False, True))
     assert np.max(np.abs(area - line)) < 2e-7 * brake.pressure * brake.radius * brake.arc * brake.width
 
 
@@ -415,8 +419,8 @@ def test_area_and_line_agree_in_the_plane(displacement, velocity):
 
 
 @eqx.filter_jit
-def observation_of(contact: Contact, q, v):
-    return contact.observe(0.0, tuple(q), tuple(v)), contact.act(0.0, tuple(q), tuple(v)).power
+def observation_of(contact: Contact, moment: Moment, q, v):
+    return contact.observe(moment, tuple(q), tuple(v)), contact.act(moment, tuple(q), tuple(v)).power
 
 
 def test_observations_are_the_integrals_they_say():
@@ -425,7 +429,7 @@ def test_observations_are_the_integrals_they_say():
     scale = brake.pressure * brake.radius * brake.arc * brake.width
     lines = np.linspace(-0.5, 0.5, 401)[:-1] + 1 / 800
     for q, v in random_states(5, 4, brake, press=1.5, slide=1.5, tilt=1.0, axial=0.3):
-        seen, power = observation_of(contact_of(brake, area=True), jnp.asarray(q), jnp.asarray(v))
+        seen, power = observation_of(contact_of(brake, area=True), moment_of(brake), jnp.asarray(q), jnp.asarray(v))
         force, press = brute_force(brake, q, v), brute_force(smooth, q, v)
         # R∫F_θ dA is the moment about the drum's axis; −∫F·V dA follows from the generalised force and that moment.
         torque = force[5] + brake.centroid * force[1]
@@ -452,7 +456,8 @@ def test_observations_are_the_integrals_they_say():
 def test_pressure_is_the_slope_of_the_stored_energy(separation, tolerance):
     brake = Brake(static=0.0, kinetic=0.0)
     contact = contact_of(brake, area=True, separation=separation)
-    slope = eqx.filter_jit(jax.grad(lambda q: contact.potential_energy(0.0, tuple(q))))
+    moment = moment_of(brake)
+    slope = eqx.filter_jit(jax.grad(lambda q: contact.potential_energy(moment, tuple(q))))
     scale = brake.pressure * brake.radius * brake.arc * brake.width
     for q, v in random_states(6, 6, brake, press=1.5, slide=0.0, tilt=1.0):
         wanted = brute_force(brake, q, v * 0, separation=separation)

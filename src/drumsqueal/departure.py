@@ -67,8 +67,8 @@ class Departure:
 
 def changes(model: Model, time: NDArray[np.float64]) -> bool:
     """Whether drum speed or load change within these times (s)."""
-    schedules = (model.contact.drum_speed, model.contact.preload)
-    return any(np.ptp(np.asarray(jax.vmap(schedule.at)(time))) > 0 for schedule in schedules)
+    moments = jax.vmap(model.operation.at)(time)
+    return any(np.ptp(np.asarray(value)) > 0 for value in (moments.drum_speed, moments.preload))
 
 
 def edge_share(departure: Departure, model: Model) -> NDArray[np.float64]:
@@ -82,14 +82,13 @@ def edge_share(departure: Departure, model: Model) -> NDArray[np.float64]:
     half_width, radius = float(shoe.width) / 2, float(shoe.outer_radius)
     q, v = departure.wide()
     share = np.zeros(departure.time.size)
+    moments = jax.vmap(model.operation.at)(departure.time)
     if isinstance(model.contact.law, Unilateral):
         radial = np.hypot(q[X], q[Y] - c * q[TZ]) + half_width * np.hypot(q[TX], q[TY])
-        pressure = np.asarray(jax.vmap(model.contact.preload.at)(departure.time))
-        share = _over(float(model.contact.law.stiffness) * radial, pressure)
+        share = _over(float(model.contact.law.stiffness) * radial, np.asarray(moments.preload))
     if model.contact.friction is not None:
         tangential = np.abs(radius * v[TZ]) + np.hypot(v[X], v[Y] - c * v[TZ]) + half_width * np.hypot(v[TX], v[TY])
-        speed = np.asarray(jax.vmap(model.contact.drum_speed.at)(departure.time))
-        share = np.maximum(share, _over(tangential, radius * np.abs(speed)))
+        share = np.maximum(share, _over(tangential, radius * np.abs(np.asarray(moments.drum_speed))))
     return share
 
 

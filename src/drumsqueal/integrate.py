@@ -195,7 +195,7 @@ def _first_step(model: Model) -> Array:
 def _quiet(model: Model, time: Array, local: Array) -> Array:
     """Amplitude (m) below which motion counts as rest: where round-off of the load's forces exceeds the tolerance."""
     stiffness = model.contact.law.stiffness
-    follows = jnp.where(stiffness > 0, model.contact.preload.at(time) / jnp.where(stiffness > 0, stiffness, 1.0), 0.0)
+    follows = jnp.where(stiffness > 0, model.operation.at(time).preload / jnp.where(stiffness > 0, stiffness, 1.0), 0.0)
     return jnp.maximum(QUIET, ROUND_OFF * follows / local)
 
 

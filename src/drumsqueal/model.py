@@ -18,6 +18,7 @@ from drumsqueal.effects.custom_friction import FrictionLaw, as_law
 from drumsqueal.effects.damping import Damping
 from drumsqueal.effects.forcing import Forcing
 from drumsqueal.effects.friction import ConstantLaw, ExponentialLaw, Friction, Tangential, UnitVelocity
+from drumsqueal.effects.operation import Operation
 from drumsqueal.effects.schedule import Constant, Profile, Schedule
 from drumsqueal.effects.support import Support
 from drumsqueal.precision import real
@@ -35,6 +36,7 @@ class Model(eqx.Module):
     `stiffness` the frictionless stiffness in full contact (n, n).
     """
 
+    operation: Operation
     contact: Contact
     others: tuple[Effect, ...]
     mass: Array = eqx.field(converter=real)
@@ -79,30 +81,31 @@ class Model(eqx.Module):
         """The same model with its out-of-plane coordinates held at zero: a line integral instead of an area."""
         kept = [k for k, i in enumerate(self.coordinates) if i in IN_PLANE]
         stiffness = self.stiffness[np.ix_(kept, kept)]
-        return Model(
-            self.middle_contact,
-            self.others,
-            self.mass[np.asarray(kept)],
-            stiffness,
-            tuple(self.coordinates[k] for k in kept),
+        return dataclasses.replace(
+            self,
+            contact=self.middle_contact,
+            mass=self.mass[np.asarray(kept)],
+            stiffness=stiffness,
+            coordinates=tuple(self.coordinates[k] for k in kept),
         )
 
     def act(self, time: ArrayLike, q: Array, v: Array) -> tuple[Array, Array]:
         """Generalised force (n,) and power beyond the stored energy (W), at displacement q (n,) and velocity v (n,)."""
         wide_q, wide_v = self.widen(q), self.widen(v)
-        actions = [effect.act(time, wide_q, wide_v) for effect in self.effects]
+        moment = self.operation.at(time)
+        actions = [effect.act(moment, wide_q, wide_v) for effect in self.effects]
         force = [sum(action.force[i] for action in actions) + jnp.zeros(()) for i in self.coordinates]
         return jnp.stack(force), jnp.asarray(sum(action.power for action in actions) + jnp.zeros(()))
 
     def energy(self, time: ArrayLike, q: Array, v: Array) -> tuple[Array, Array]:
         """Kinetic energy ½ vᵀ M v and potential energy Σ U (J)."""
-        wide = self.widen(q)
-        potential = sum(effect.potential_energy(time, wide) for effect in self.effects)
+        moment, wide = self.operation.at(time), self.widen(q)
+        potential = sum(effect.potential_energy(moment, wide) for effect in self.effects)
         return jnp.sum(self.mass * v * v) / 2, jnp.asarray(potential + jnp.zeros(()))
 
     def observe(self, time: ArrayLike, q: Array, v: Array) -> Observation:
         """Torque, forces and extent of the contact at one instant."""
-        return self.contact.observe(time, self.widen(q), self.widen(v))
+        return self.contact.observe(self.operation.at(time), self.widen(q), self.widen(v))
 
 
 def build_model(
@@ -144,6 +147,9 @@ def _assemble(composition: Composition, value: Mapping[str, Array], law: Frictio
         arc_angle=value["shoe.arc_angle"],
         density=value["shoe.density"],
     )
+    # The load is spread evenly, p0 = load / (R β b): our reading of the paper's "uniformly distributed".
+    preload = _schedule("contact.normal_load", value, 1 / shoe.area)
+    operation = Operation(_schedule("drum.speed", value, jnp.ones(())), preload)
     contact = _contact(composition, value, shoe, law)
     others: list[Effect] = [_assembly(composition, contact)]
     stiffness = contact.law.stiffness * shoe.radial_stiffness()
@@ -160,20 +166,17 @@ def _assemble(composition: Composition, value: Mapping[str, Array], law: Frictio
         others.append(
             Forcing(jnp.stack(amplitude), value["forcing.frequency"], value["forcing.phase"], composition.forced)
         )
-    return Model(contact, tuple(others), mass, stiffness, composition.coordinates)
+    return Model(operation, contact, tuple(others), mass, stiffness, composition.coordinates)
 
 
 def _contact(
     composition: Composition, value: Mapping[str, Array], shoe: RigidShoe, friction_law: FrictionLaw | None
 ) -> Contact:
     law = Unilateral if composition.separation else Bonded
-    # The load is spread evenly, p0 = load / (R β b): our reading of the paper's "uniformly distributed".
-    preload = _schedule("contact.normal_load", value, 1 / shoe.area)
-    speed = _schedule("drum.speed", value, jnp.ones(()))
     in_plane = set(composition.coordinates) <= set(IN_PLANE)
     surface = ArcSurface(NODES_LONG_ARC if composition.long_arc else NODES) if in_plane else AreaSurface()
     friction = _friction(composition, value, friction_law)
-    return Contact(shoe, law(value["contact.stiffness"]), friction, preload, speed, surface)
+    return Contact(shoe, law(value["contact.stiffness"]), friction, surface)
 
 
 def _friction(composition: Composition, value: Mapping[str, Array], law: FrictionLaw | None) -> Friction | None:
@@ -190,10 +193,10 @@ def _scene_law(composition: Composition, value: Mapping[str, Array]) -> Friction
 
 
 def _assembly(composition: Composition, contact: Contact) -> Effect:
-    preload = Preload(contact.shoe, contact.preload)
+    preload = Preload(contact.shoe)
     if composition.steady_state == "self-consistent":
         return preload
-    return Balance(preload, contact.drum_speed, contact.friction)
+    return Balance(preload, contact.friction)
 
 
 def _schedule(key: str, value: Mapping[str, Array], scale: Array) -> Schedule:

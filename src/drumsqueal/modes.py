@@ -125,15 +125,15 @@ def analyse_stability(model: Model) -> Stability:
 def _linear_problem(model: Model) -> tuple[Array, Array, tuple[Array, Array], Array]:
     """Steady sliding q*, the state matrix there, range of pressure and share in contact, as one compiled program."""
     steady = steady_sliding(model)
-    wide = model.widen(steady)
-    pressure_range = model.contact.pressure_range(0.0, wide)
-    touching = model.middle_contact.observe(0.0, wide, ZERO).contact_fraction
+    moment, wide = model.operation.at(0.0), model.widen(steady)
+    pressure_range = model.contact.pressure_range(moment, wide)
+    touching = model.middle_contact.observe(moment, wide, ZERO).contact_fraction
     return steady, linearise(model, steady).state_matrix(), pressure_range, touching
 
 
 def require_sliding(model: Model) -> None:
     """Raise SteadyStateError where friction has no direction: the drum stands still at t = 0."""
-    if model.contact.friction is not None and float(model.contact.drum_speed.at(0.0)) == 0:
+    if model.contact.friction is not None and float(model.operation.at(0.0).drum_speed) == 0:
         raise SteadyStateError(
             "drum.speed is 0 at t = 0: there is no steady sliding to start from; give the drum a speed at the start"
         )

@@ -45,7 +45,7 @@ def steady_sliding(model: Model) -> Array:
     if moving.size == 0 or any(isinstance(effect, Balance) for effect in model.others):
         return jnp.zeros(n)
     plane = model.undisturbed().in_plane()
-    preload = plane.contact.preload.at(0.0)
+    preload = plane.operation.at(0.0).preload
     # Forces of the order p0 times the area, and the displacements that they cause.
     force_scale = jnp.where(preload > 0, preload, 1.0) * plane.shoe.area
     size = force_scale / jnp.max(jnp.diag(plane.stiffness))

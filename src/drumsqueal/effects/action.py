@@ -3,7 +3,8 @@
 from typing import NamedTuple, Protocol
 
 from jax import Array
-from jax.typing import ArrayLike
+
+from drumsqueal.effects.operation import Moment
 
 Scalar = Array | float
 Six = tuple[Scalar, ...]  # one for each of X, Y, Z, Tx, Ty, Tz
@@ -20,10 +21,10 @@ class Action(NamedTuple):
 class Effect(Protocol):
     """What a model asks of an effect."""
 
-    def act(self, time: ArrayLike, q: Six, v: Six) -> Action:
-        """Generalised force and power at a time (s), displacement q (m, rad) and velocity v (m/s, rad/s)."""
+    def act(self, moment: Moment, q: Six, v: Six) -> Action:
+        """Generalised force and power at a moment, displacement q (m, rad) and velocity v (m/s, rad/s)."""
         ...
 
-    def potential_energy(self, time: ArrayLike, q: Six) -> Scalar:
+    def potential_energy(self, moment: Moment, q: Six) -> Scalar:
         """Energy stored (J); zero for an effect that stores none."""
         ...

@@ -3,12 +3,11 @@
 import equinox as eqx
 import jax.numpy as jnp
 from jax import Array
-from jax.typing import ArrayLike
 
 from drumsqueal.bodies.rigid_shoe import RigidShoe
 from drumsqueal.effects.action import Action, Six
 from drumsqueal.effects.friction import Friction
-from drumsqueal.effects.schedule import Profile, Schedule
+from drumsqueal.effects.operation import Moment
 
 
 class Preload(eqx.Module):
@@ -19,22 +18,18 @@ class Preload(eqx.Module):
     """
 
     shoe: RigidShoe
-    pressure: Schedule
 
-    def act(self, time: ArrayLike, q: Six, v: Six) -> Action:
+    def act(self, moment: Moment, q: Six, v: Six) -> Action:
         """Force p0(t) ∫φ^r dA, and the power −ṗ0 q·∫φ^r dA where the load changes."""
         del v
         resultant = self.shoe.radial_resultant()
-        pressure = self.pressure.at(time)
-        force = tuple(pressure * resultant[i] for i in range(6))
-        power = 0.0
-        if isinstance(self.pressure, Profile):
-            power = -self.pressure.rate(time) * dot(resultant, q)
+        force = tuple(moment.preload * resultant[i] for i in range(6))
+        power = 0.0 if moment.preload_rate is None else -moment.preload_rate * dot(resultant, q)
         return Action(force, power)
 
-    def potential_energy(self, time: ArrayLike, q: Six) -> Array:
+    def potential_energy(self, moment: Moment, q: Six) -> Array:
         """U (J)."""
-        return -self.pressure.at(time) * dot(self.shoe.radial_resultant(), q)
+        return -moment.preload * dot(self.shoe.radial_resultant(), q)
 
 
 class Balance(eqx.Module):
@@ -45,22 +40,21 @@ class Balance(eqx.Module):
     """
 
     preload: Preload
-    drum_speed: Schedule
     friction: Friction | None
 
-    def act(self, time: ArrayLike, q: Six, v: Six) -> Action:
+    def act(self, moment: Moment, q: Six, v: Six) -> Action:
         """Force −Q(0, 0) and the power of its part against the drag."""
-        force, power = self.preload.act(time, q, v)
+        force, power = self.preload.act(moment, q, v)
         if self.friction is None:
             return Action(force, power)
         shoe = self.preload.shoe
-        friction = self.friction.steady_coefficient(shoe.outer_radius * self.drum_speed.at(time))
-        drag = -friction * self.preload.pressure.at(time) * shoe.tangential_resultant()
+        friction = self.friction.steady_coefficient(shoe.outer_radius * moment.drum_speed)
+        drag = -friction * moment.preload * shoe.tangential_resultant()
         return Action(tuple(f + drag[i] for i, f in enumerate(force)), power + dot(drag, v))
 
-    def potential_energy(self, time: ArrayLike, q: Six) -> Array:
+    def potential_energy(self, moment: Moment, q: Six) -> Array:
         """U of the preload (J)."""
-        return self.preload.potential_energy(time, q)
+        return self.preload.potential_energy(moment, q)
 
 
 def dot(force: Array, motion: Six) -> Array:

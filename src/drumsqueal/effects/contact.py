@@ -8,12 +8,11 @@ from typing import NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 from jax import Array
-from jax.typing import ArrayLike
 
 from drumsqueal.bodies.rigid_shoe import TX, TY, TZ, RigidShoe, X, Y, Z
 from drumsqueal.effects.action import Action, Six
 from drumsqueal.effects.friction import Friction
-from drumsqueal.effects.schedule import Profile, Schedule
+from drumsqueal.effects.operation import Moment
 from drumsqueal.precision import real
 from drumsqueal.quadrature.arc import ArcSurface, Nodes
 from drumsqueal.quadrature.area import AreaSurface
@@ -98,17 +97,15 @@ class Contact(eqx.Module):
     shoe: RigidShoe
     law: PressureLaw
     friction: Friction | None
-    preload: Schedule
-    drum_speed: Schedule
     surface: ArcSurface | AreaSurface
 
-    def field(self, time: ArrayLike, q: Six, v: Six) -> ContactField:
+    def field(self, moment: Moment, q: Six, v: Six) -> ContactField:
         """Evaluate the contact at the quadrature nodes of the present state."""
-        level = self._pressure_level(time, q)
+        level = self._pressure_level(moment, q)
         spatial = isinstance(self.surface, AreaSurface)
         slip = axial = None
         if self.friction is not None:
-            slip = self._slip_level(time, v)
+            slip = self._slip_level(moment, v)
             axial = self._axial_level(v) if spatial and self.friction.direction.knows_axial else None
         nodes = self.surface.nodes(self.shoe, self.law.edges(level), slip, axial)
         value = level.at(nodes.cosine, nodes.sine, nodes.z)
@@ -120,64 +117,64 @@ class Contact(eqx.Module):
         along, across = self.friction.traction(pressure, tangential, lateral)
         return ContactField(nodes, value, pressure, tangential, lateral, along, across)
 
-    def act(self, time: ArrayLike, q: Six, v: Six) -> Action:
+    def act(self, moment: Moment, q: Six, v: Six) -> Action:
         """Q_i = ∫(−N φ_i^r + F_θ φ_i^θ + F_z φ_i^z) dA, equation (20), and the power beyond the stored energy."""
-        field = self.field(time, q, v)
+        field = self.field(moment, q, v)
         force = self._resultant(field)
         power = 0.0
         if field.along is not None:
             torque, heat = self._torque_and_heat(field)
-            power = torque * self.drum_speed.at(time) - heat
-        if isinstance(self.preload, Profile):
-            power = power + self.preload.rate(time) * self._stored(time, q, field)[1]
+            power = torque * moment.drum_speed - heat
+        if moment.preload_rate is not None:
+            power = power + moment.preload_rate * self._stored(moment, q, field)[1]
         return Action(force, power)
 
-    def potential_energy(self, time: ArrayLike, q: Six) -> Array:
+    def potential_energy(self, moment: Moment, q: Six) -> Array:
         """U = ∫(p0 e + ½ k_c e²) dA with e the compression: its force is −∫ N φ^r dA (J)."""
-        level = self._pressure_level(time, q)
+        level = self._pressure_level(moment, q)
         nodes = self.surface.nodes(self.shoe, self.law.edges(level), None, None)
         value = level.at(nodes.cosine, nodes.sine, nodes.z)
-        return self._stored(time, q, ContactField(nodes, value, value, None, None, None, None))[0]
+        return self._stored(moment, q, ContactField(nodes, value, value, None, None, None, None))[0]
 
-    def observe(self, time: ArrayLike, q: Six, v: Six) -> Observation:
+    def observe(self, moment: Moment, q: Six, v: Six) -> Observation:
         """Integrals and extremes that describe the contact at one instant."""
-        field = self.field(time, q, v)
+        field = self.field(moment, q, v)
         weight, area = field.nodes.weight, self.shoe.area
         touching = self.law.touches(field.level)
         zero = jnp.zeros(())
         torque, heat = (zero, zero) if field.along is None else self._torque_and_heat(field)
         reversed_fraction = zero
         if field.slip is not None:
-            forward = touching & (field.slip * jnp.sign(self.drum_speed.at(time)) > 0)
+            forward = touching & (field.slip * jnp.sign(moment.drum_speed) > 0)
             reversed_fraction = jnp.sum(jnp.where(forward, weight, 0.0)) / area
         return Observation(
             brake_torque=torque,
             normal_force=jnp.sum(field.pressure * weight),
             contact_fraction=jnp.sum(jnp.where(touching, weight, 0.0)) / area,
             slip_reversed_fraction=reversed_fraction,
-            smallest_pressure=self.law.pressure(self._pressure_range(time, q)[0]),
+            smallest_pressure=self.law.pressure(self._pressure_range(moment, q)[0]),
             friction_power=heat,
         )
 
-    def pressure_range(self, time: ArrayLike, q: Six) -> tuple[Array, Array]:
+    def pressure_range(self, moment: Moment, q: Six) -> tuple[Array, Array]:
         """Smallest and largest pressure on the lining (Pa)."""
-        low, high = self._pressure_range(time, q)
+        low, high = self._pressure_range(moment, q)
         return self.law.pressure(low), self.law.pressure(high)
 
-    def along_arc(self, time: ArrayLike, q: Six, v: Six, theta: Array) -> tuple[Array, Array]:
+    def along_arc(self, moment: Moment, q: Six, v: Six, theta: Array) -> tuple[Array, Array]:
         """Pressure N (Pa) and slip velocity V_θ (m/s) at angles θ (rad) of the middle line z = 0."""
         cosine, sine = jnp.cos(theta), jnp.sin(theta)
-        pressure = self.law.pressure(self._pressure_level(time, q).at(cosine, sine, None))
-        return pressure, self._slip_level(time, v).at(cosine, sine, None)
+        pressure = self.law.pressure(self._pressure_level(moment, q).at(cosine, sine, None))
+        return pressure, self._slip_level(moment, v).at(cosine, sine, None)
 
-    def _pressure_level(self, time: ArrayLike, q: Six) -> Level:
+    def _pressure_level(self, moment: Moment, q: Six) -> Level:
         """p0 + k_c u_r, u_r = (q1 + z q5) cos θ + (q2 − z q4 − c q6) sin θ."""
         k = self.law.stiffness
-        return Level(self.preload.at(time), k * q[X], k * (q[Y] - self.shoe.centroid * q[TZ]), k * q[TY], -k * q[TX])
+        return Level(moment.preload, k * q[X], k * (q[Y] - self.shoe.centroid * q[TZ]), k * q[TY], -k * q[TX])
 
-    def _slip_level(self, time: ArrayLike, v: Six) -> Level:
+    def _slip_level(self, moment: Moment, v: Six) -> Level:
         """V_θ = R (q̇6 − Ω) − (q̇1 + z q̇5) sin θ + (q̇2 − z q̇4 − c q̇6) cos θ, equations (9) and (13)."""
-        constant = self.shoe.outer_radius * (v[TZ] - self.drum_speed.at(time))
+        constant = self.shoe.outer_radius * (v[TZ] - moment.drum_speed)
         return Level(constant, v[Y] - self.shoe.centroid * v[TZ], -1.0 * v[X], -1.0 * v[TX], -1.0 * v[TY])
 
     def _axial_level(self, v: Six) -> Level:
@@ -217,11 +214,11 @@ class Contact(eqx.Module):
             density = density + field.across * field.axial
         return self.shoe.outer_radius * jnp.sum(field.along * weight), -jnp.sum(density * weight)
 
-    def _stored(self, time: ArrayLike, q: Six, field: ContactField) -> tuple[Array, Array]:
+    def _stored(self, moment: Moment, q: Six, field: ContactField) -> tuple[Array, Array]:
         """Stored energy (J) and its derivative with respect to p0, ∫ e dA (m³)."""
         nodes = field.nodes
         radial = self._radial_level(q).at(nodes.cosine, nodes.sine, nodes.z)
-        preload = self.preload.at(time)
+        preload = moment.preload
         compression = self.law.compression(preload, radial)
         energy = compression * (preload + self.law.stiffness * compression / 2)
         return jnp.sum(energy * nodes.weight), jnp.sum(compression * nodes.weight)
@@ -230,10 +227,10 @@ class Contact(eqx.Module):
         """u_r, equation (10)."""
         return Level(0.0, 1.0 * q[X], q[Y] - self.shoe.centroid * q[TZ], 1.0 * q[TY], -1.0 * q[TX])
 
-    def _pressure_range(self, time: ArrayLike, q: Six) -> tuple[Array, Array]:
+    def _pressure_range(self, moment: Moment, q: Six) -> tuple[Array, Array]:
         """Extremes of p0 + k_c u_r: at an end of the arc or where cos and sin line up, on an edge line z = ±b/2."""
         z = self.shoe.width / 2 * jnp.asarray([-1.0, 1.0])
-        a, b, c = (jnp.asarray(x) for x in self._pressure_level(time, q).on_line(z)[:3])
+        a, b, c = (jnp.asarray(x) for x in self._pressure_level(moment, q).on_line(z)[:3])
         squared = b * b + c * c
         swing = jnp.where(squared > 0, jnp.sqrt(jnp.where(squared > 0, squared, 1.0)), 0.0)
         peak = jnp.arctan2(c, jnp.where((b == 0) & (c == 0), 1.0, b))

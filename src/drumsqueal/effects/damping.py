@@ -6,6 +6,7 @@ from jax import Array
 from jax.typing import ArrayLike
 
 from drumsqueal.effects.action import ZERO, Action, Six
+from drumsqueal.effects.operation import Moment
 from drumsqueal.precision import real
 
 # A mode below this share of the highest squared frequency has no stiffness (the free Z motion) and stays undamped.
@@ -37,9 +38,9 @@ class Damping(eqx.Module):
         shaped = mass[:, None] * modes
         return Damping((shaped * (2 * ratio * omega)) @ shaped.T, coordinates)
 
-    def act(self, time: ArrayLike, q: Six, v: Six) -> Action:
+    def act(self, moment: Moment, q: Six, v: Six) -> Action:
         """Force −C v and its power −vᵀ C v."""
-        del time, q
+        del moment, q
         force = list(ZERO)
         power = 0.0
         for row, i in enumerate(self.coordinates):
@@ -47,7 +48,7 @@ class Damping(eqx.Module):
             power = power + force[i] * v[i]
         return Action(tuple(force), power)
 
-    def potential_energy(self, time: ArrayLike, q: Six) -> float:
+    def potential_energy(self, moment: Moment, q: Six) -> float:
         """None is stored."""
-        del time, q
+        del moment, q
         return 0.0

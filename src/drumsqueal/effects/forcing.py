@@ -3,9 +3,9 @@
 import equinox as eqx
 import jax.numpy as jnp
 from jax import Array
-from jax.typing import ArrayLike
 
 from drumsqueal.effects.action import ZERO, Action, Six
+from drumsqueal.effects.operation import Moment
 from drumsqueal.precision import real
 
 
@@ -20,10 +20,10 @@ class Forcing(eqx.Module):
     phase: Array = eqx.field(converter=real)
     coordinates: tuple[int, ...] = eqx.field(static=True)
 
-    def act(self, time: ArrayLike, q: Six, v: Six) -> Action:
-        """Force at a time (s) and its power F·v."""
+    def act(self, moment: Moment, q: Six, v: Six) -> Action:
+        """Force at a moment and its power F·v."""
         del q
-        swing = jnp.sin(2 * jnp.pi * self.frequency * time + self.phase)
+        swing = jnp.sin(2 * jnp.pi * self.frequency * moment.time + self.phase)
         force = list(ZERO)
         power = 0.0
         for k, i in enumerate(self.coordinates):
@@ -31,7 +31,7 @@ class Forcing(eqx.Module):
             power = power + force[i] * v[i]
         return Action(tuple(force), power)
 
-    def potential_energy(self, time: ArrayLike, q: Six) -> float:
+    def potential_energy(self, moment: Moment, q: Six) -> float:
         """None is stored: what the force feeds in is counted as power."""
-        del time, q
+        del moment, q
         return 0.0

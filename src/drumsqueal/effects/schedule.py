@@ -1,4 +1,4 @@
-"""A quantity that is constant or prescribed over time: drum speed, preload."""
+"""A quantity that is constant or prescribed over time."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -13,27 +13,26 @@ class Constant(eqx.Module):
 
     value: Array = eqx.field(converter=real)
 
-    def at(self, time: ArrayLike) -> Array:
-        """Value at a time (s)."""
+    def at(self, time: ArrayLike) -> tuple[Array, None]:
+        """Value at a time (s); it has no rate."""
         del time
-        return self.value
+        return self.value, None
 
 
 class Profile(eqx.Module):
-    """Piecewise linear between given points, held before the first and after the last."""
+    """Piecewise linear between two given points or more, held before the first and after the last."""
 
     time: Array = eqx.field(converter=real)
     value: Array = eqx.field(converter=real)
 
-    def at(self, time: ArrayLike) -> Array:
-        """Value at a time (s)."""
-        return jnp.interp(time, self.time, self.value)
-
-    def rate(self, time: ArrayLike) -> Array:
-        """Time derivative (per s), from the right at a corner."""
-        slope = jnp.diff(self.value) / jnp.diff(self.time)
-        padded = jnp.concatenate([jnp.zeros(1), slope, jnp.zeros(1)])
-        return padded[jnp.searchsorted(self.time, time, side="right")]
+    def at(self, time: ArrayLike) -> tuple[Array, Array]:
+        """Value at a time (s) and its time derivative (per s), from the right at a corner; one search for both."""
+        points = self.time.size
+        after = jnp.searchsorted(self.time, time, side="right")
+        piece, last = jnp.clip(after - 1, 0, points - 2), jnp.clip(after - 1, 0, points - 1)
+        slope = (self.value[piece + 1] - self.value[piece]) / (self.time[piece + 1] - self.time[piece])
+        rate = jnp.where((after > 0) & (after < points), slope, 0.0)
+        return self.value[last] + rate * (time - self.time[last]), rate
 
 
 Schedule = Constant | Profile

@@ -3,10 +3,10 @@
 import equinox as eqx
 import jax.numpy as jnp
 from jax import Array
-from jax.typing import ArrayLike
 
 from drumsqueal.bodies.rigid_shoe import TZ, X
 from drumsqueal.effects.action import Action, Six
+from drumsqueal.effects.operation import Moment
 from drumsqueal.precision import real
 
 
@@ -17,16 +17,16 @@ class Support(eqx.Module):
     lower_stiffness: Array = eqx.field(converter=real)
     radius: Array = eqx.field(converter=real)
 
-    def act(self, time: ArrayLike, q: Six, v: Six) -> Action:
+    def act(self, moment: Moment, q: Six, v: Six) -> Action:
         """Force −∂U/∂q; all of it comes from the potential."""
-        del time, v
+        del moment, v
         k = self.upper_stiffness + self.lower_stiffness
         force = (-k * q[X], 0.0, 0.0, 0.0, 0.0, -k * self.radius**2 * jnp.sin(q[TZ]) * jnp.cos(q[TZ]))
         return Action(force, 0.0)
 
-    def potential_energy(self, time: ArrayLike, q: Six) -> Array:
+    def potential_energy(self, moment: Moment, q: Six) -> Array:
         """U (J)."""
-        del time
+        del moment
         k = self.upper_stiffness + self.lower_stiffness
         return k / 2 * (jnp.square(q[X]) + (self.radius * jnp.sin(q[TZ])) ** 2)
 

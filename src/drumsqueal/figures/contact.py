@@ -100,9 +100,10 @@ def _along_arc(model: Model, time: Array, motion: Array, angles: Array) -> tuple
     # A bonded lining's pressure is the level itself, also where it is negative.
     contact, n = dataclasses.replace(model.contact, law=Bonded(model.contact.law.stiffness)), len(model.names)
 
-    def at(moment: Array, state: Array) -> tuple[Array, Array, Array]:
+    def at(time: Array, state: Array) -> tuple[Array, Array, Array]:
+        moment = model.operation.at(time)
         level, slip = contact.along_arc(moment, model.widen(state[:n]), model.widen(state[n:]), angles)
-        return level, slip * jnp.sign(contact.drum_speed.at(moment)), contact.preload.at(moment)
+        return level, slip * jnp.sign(moment.drum_speed), moment.preload
 
     return jax.vmap(at)(time, motion)
 

@@ -75,7 +75,7 @@ def _length_unit(largest: float) -> tuple[str, float]:
 
 def _draw_limit(view: View, axes: Axes, part: slice, largest: float) -> None:
     """Draw the surface speed RΩ of the drum, a band where it changes; left out where the motion stays far below it."""
-    speed = view.radius * np.array([float(view.model.contact.drum_speed.at(t)) for t in view.time[part][[0, -1]]])
+    speed = view.radius * np.array([float(view.model.operation.at(t).drum_speed) for t in view.time[part][[0, -1]]])
     if np.abs(speed).min() * NEAR > largest:
         axes.plot([], [], linestyle="", label=f"slip limit RΩ = {speed[-1]:.3g} m/s, outside the frame")
         return
