@@ -3,9 +3,11 @@
 Source: Seo & Kang 2023, equations (8) to (14) and (20); separation and the exact edges are ours.
 """
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import NamedTuple, TypeVar
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jax import Array
 
@@ -17,6 +19,7 @@ from drumsqueal.precision import real
 from drumsqueal.quadrature.arc import ArcSurface, Nodes
 from drumsqueal.quadrature.area import AreaSurface
 from drumsqueal.quadrature.levels import Level
+from drumsqueal.quadrature.smooth import is_smooth, smooth_nodes
 
 
 class Bonded(eqx.Module):
@@ -66,6 +69,15 @@ class Unilateral(eqx.Module):
 
 
 PressureLaw = Bonded | Unilateral
+Integral = TypeVar("Integral")
+
+
+class Levels(NamedTuple):
+    """What makes the edges: p0 + k_c u_r (Pa), V_θ and V_z (m/s; None where they are not called for)."""
+
+    pressure: Level
+    slip: Level | None
+    axial: Level | None
 
 
 class ContactField(NamedTuple):
@@ -99,15 +111,34 @@ class Contact(eqx.Module):
     friction: Friction | None
     surface: ArcSurface | AreaSurface
 
-    def field(self, moment: Moment, q: Six, v: Six) -> ContactField:
-        """Evaluate the contact at the quadrature nodes of the present state."""
+    def levels(self, moment: Moment, q: Six, v: Six) -> Levels:
+        """What makes the edges, at the present state."""
         level = self._pressure_level(moment, q)
-        spatial = isinstance(self.surface, AreaSurface)
-        slip = axial = None
-        if self.friction is not None:
-            slip = self._slip_level(moment, v)
-            axial = self._axial_level(v) if spatial and self.friction.direction.knows_axial else None
-        nodes = self.surface.nodes(self.shoe, self.law.edges(level), slip, axial)
+        if self.friction is None:
+            return Levels(level, None, None)
+        knows_axial = isinstance(self.surface, AreaSurface) and self.friction.direction.knows_axial
+        return Levels(level, self._slip_level(moment, v), self._axial_level(v) if knows_axial else None)
+
+    def _integrated(self, levels: Levels, integral: Callable[[Nodes], Integral]) -> Integral:
+        """The integral over nodes that are split at the edges; in space, where there are none, over a seventieth of them.
+
+        Below the edges that makes an evaluation in space a hundred times faster (2.3 µs instead of 240). In the plane
+        it would spare 0.3 µs of 0.7 there and cost 0.1 µs beyond the edges: on the whole nothing, so it is not done.
+        A law of which nothing is known may have corners of its own, and is always split.
+        """
+
+        def split() -> Integral:
+            return integral(self.surface.nodes(self.shoe, self.law.edges(levels.pressure), levels.slip, levels.axial))
+
+        steepness = 0.0 if self.friction is None else self.friction.steepness
+        if isinstance(self.surface, ArcSurface) or steepness is None:
+            return split()
+        smooth = is_smooth(self.shoe, self.law.edges(levels.pressure), levels.slip, levels.axial, steepness)
+        return jax.lax.cond(smooth, lambda: integral(smooth_nodes(self.shoe)), split)
+
+    def _field(self, levels: Levels, nodes: Nodes) -> ContactField:
+        """Evaluate the contact at quadrature nodes."""
+        level, slip, axial = levels
         value = level.at(nodes.cosine, nodes.sine, nodes.z)
         pressure = self.law.pressure(value)
         if self.friction is None or slip is None:
@@ -119,42 +150,50 @@ class Contact(eqx.Module):
 
     def act(self, moment: Moment, q: Six, v: Six) -> Action:
         """Q_i = ∫(−N φ_i^r + F_θ φ_i^θ + F_z φ_i^z) dA, equation (20), and the power beyond the stored energy."""
-        field = self.field(moment, q, v)
-        force = self._resultant(field)
-        power = 0.0
-        if field.along is not None:
-            torque, heat = self._torque_and_heat(field)
-            power = torque * moment.drum_speed - heat
-        if moment.preload_rate is not None:
-            power = power + moment.preload_rate * self._stored(moment, q, field)[1]
-        return Action(force, power)
+        levels = self.levels(moment, q, v)
+
+        def integral(nodes: Nodes) -> Action:
+            field = self._field(levels, nodes)
+            power = jnp.zeros(())
+            if field.along is not None:
+                torque, heat = self._torque_and_heat(field)
+                power = torque * moment.drum_speed - heat
+            if moment.preload_rate is not None:
+                power = power + moment.preload_rate * self._stored(moment, q, nodes)[1]
+            return Action(self._resultant(field), power)
+
+        return self._integrated(levels, integral)
 
     def potential_energy(self, moment: Moment, q: Six) -> Array:
         """U = ∫(p0 e + ½ k_c e²) dA with e the compression: its force is −∫ N φ^r dA (J)."""
-        level = self._pressure_level(moment, q)
-        nodes = self.surface.nodes(self.shoe, self.law.edges(level), None, None)
-        value = level.at(nodes.cosine, nodes.sine, nodes.z)
-        return self._stored(moment, q, ContactField(nodes, value, value, None, None, None, None))[0]
+        levels = Levels(self._pressure_level(moment, q), None, None)
+        return self._integrated(levels, lambda nodes: self._stored(moment, q, nodes)[0])
 
     def observe(self, moment: Moment, q: Six, v: Six) -> Observation:
         """Integrals and extremes that describe the contact at one instant."""
-        field = self.field(moment, q, v)
-        weight, area = field.nodes.weight, self.shoe.area
-        touching = self.law.touches(field.level)
-        zero = jnp.zeros(())
-        torque, heat = (zero, zero) if field.along is None else self._torque_and_heat(field)
-        reversed_fraction = zero
-        if field.slip is not None:
-            forward = touching & (field.slip * jnp.sign(moment.drum_speed) > 0)
-            reversed_fraction = jnp.sum(jnp.where(forward, weight, 0.0)) / area
-        return Observation(
-            brake_torque=torque,
-            normal_force=jnp.sum(field.pressure * weight),
-            contact_fraction=jnp.sum(jnp.where(touching, weight, 0.0)) / area,
-            slip_reversed_fraction=reversed_fraction,
-            smallest_pressure=self.law.pressure(self._pressure_range(moment, q)[0]),
-            friction_power=heat,
-        )
+        levels = self.levels(moment, q, v)
+        smallest = self.law.pressure(self._pressure_range(moment, q)[0])
+
+        def integral(nodes: Nodes) -> Observation:
+            field = self._field(levels, nodes)
+            weight, area = nodes.weight, self.shoe.area
+            touching = self.law.touches(field.level)
+            zero = jnp.zeros(())
+            torque, heat = (zero, zero) if field.along is None else self._torque_and_heat(field)
+            reversed_fraction = zero
+            if field.slip is not None:
+                forward = touching & (field.slip * jnp.sign(moment.drum_speed) > 0)
+                reversed_fraction = jnp.sum(jnp.where(forward, weight, 0.0)) / area
+            return Observation(
+                brake_torque=torque,
+                normal_force=jnp.sum(field.pressure * weight),
+                contact_fraction=jnp.sum(jnp.where(touching, weight, 0.0)) / area,
+                slip_reversed_fraction=reversed_fraction,
+                smallest_pressure=smallest,
+                friction_power=heat,
+            )
+
+        return self._integrated(levels, integral)
 
     def pressure_range(self, moment: Moment, q: Six) -> tuple[Array, Array]:
         """Smallest and largest pressure on the lining (Pa)."""
@@ -214,9 +253,8 @@ class Contact(eqx.Module):
             density = density + field.across * field.axial
         return self.shoe.outer_radius * jnp.sum(field.along * weight), -jnp.sum(density * weight)
 
-    def _stored(self, moment: Moment, q: Six, field: ContactField) -> tuple[Array, Array]:
+    def _stored(self, moment: Moment, q: Six, nodes: Nodes) -> tuple[Array, Array]:
         """Stored energy (J) and its derivative with respect to p0, ∫ e dA (m³)."""
-        nodes = field.nodes
         radial = self._radial_level(q).at(nodes.cosine, nodes.sine, nodes.z)
         preload = moment.preload
         compression = self.law.compression(preload, radial)

@@ -75,6 +75,13 @@ class Friction(eqx.Module):
         """Tractions on the lining along θ and z (Pa); the latter None where it is not called for."""
         return self.direction.traction(self.law, pressure, slip, axial)
 
+    @property
+    def steepness(self) -> Array | float | None:
+        """Largest α (s/m) of the e^(−α s) that the law is made of; None where that is not known."""
+        if isinstance(self.law, ExponentialLaw):
+            return self.law.decay
+        return 0.0 if isinstance(self.law, ConstantLaw) else None
+
     def steady_coefficient(self, speed: ArrayLike) -> Array:
         """Signed μ at steady sliding with drum surface speed RΩ (m/s): positive drags the shoe along +θ."""
         return self.law.coefficient(jnp.abs(speed)) * jnp.sign(speed)
