@@ -9,7 +9,7 @@ import pytest
 import xarray
 
 from drumsqueal.errors import RequestError
-from drumsqueal.output_folder import RESULTS, check_output
+from drumsqueal.output_folder import RUN_FILES, check_output
 from drumsqueal.scene import load_scene, scene_from_dict
 from drumsqueal.summary import to_json
 
@@ -57,7 +57,7 @@ def test_history_is_not_overwritten_unasked(drumsqueal, tmp_path):
     assert drumsqueal("run", NOMINAL, "-o", str(tmp_path), *SHORT, "--overwrite")[0] == 0
 
 
-@pytest.mark.parametrize("name", RESULTS)
+@pytest.mark.parametrize("name", RUN_FILES)
 def test_no_result_is_overwritten_unasked(drumsqueal, tmp_path, name):
     (tmp_path / name).write_text("of value")
     status, printed, errors = drumsqueal("run", NOMINAL, "-o", str(tmp_path), *SHORT)
@@ -67,11 +67,11 @@ def test_no_result_is_overwritten_unasked(drumsqueal, tmp_path, name):
 
 
 def test_overwriting_clears_all_results_of_an_earlier_run_and_nothing_else(drumsqueal, tmp_path):
-    for name in (*RESULTS, "notes.txt"):
+    for name in (*RUN_FILES, "notes.txt"):
         (tmp_path / name).write_text("of value")
     # 100 samples are too few for a spectrogram.
     assert drumsqueal("run", NOMINAL, "-o", str(tmp_path), "--overwrite", *SHORT)[0] == 0
-    assert {path.name for path in tmp_path.iterdir()} == {*RESULTS, "notes.txt"} - {"spectrogram.png"}
+    assert {path.name for path in tmp_path.iterdir()} == {*RUN_FILES, "notes.txt"} - {"spectrogram.png"}
     assert [path.name for path in tmp_path.iterdir() if path.read_bytes() == b"of value"] == ["notes.txt"]
 
 
@@ -193,7 +193,7 @@ def test_a_folder_at_the_end_of_a_broken_link_gets_one_line_and_status_2(drumsqu
 
 def test_a_null_character_in_a_folder_is_refused():
     with pytest.raises(RequestError, match="cannot be written"):
-        check_output(Path("null\0character"), overwrite=False)
+        check_output(Path("null\0character"), RUN_FILES, overwrite=False)
 
 
 def test_missing_key_is_named(drumsqueal, tmp_path):

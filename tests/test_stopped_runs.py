@@ -17,7 +17,7 @@ import xarray
 from drumsqueal import job, results, simulation
 from drumsqueal.errors import IntegrationError
 from drumsqueal.interrupts import noted_interrupts, stop_if_interrupted
-from drumsqueal.output_folder import RESULTS
+from drumsqueal.output_folder import RUN_FILES
 from drumsqueal.simulation import run
 
 NOMINAL = str(Path(__file__).parents[1] / "scenarios" / "nominal.toml")
@@ -216,7 +216,7 @@ def test_a_full_disk_keeps_what_was_computed(cache, tmp_path, limit, samples):
     assert errors.startswith("drumsqueal: failed: the disk d")
     assert "File too large" in errors
     assert errors.count("\n") == 1
-    assert {path.name for path in folder.iterdir()} <= set(RESULTS)
+    assert {path.name for path in folder.iterdir()} <= set(RUN_FILES)
     if samples:
         assert assert_whole(folder, "failed: the disk did not take the samples from t = 0.03002 s on") == samples
         assert (folder / "summary.json").exists()

@@ -1,4 +1,4 @@
-"""The command line: `drumsqueal run SCENE -o DIR`, `drumsqueal stability SCENE`.
+"""The command line: `drumsqueal run SCENE -o DIR`, and so `stability` and `effects`.
 
 What computes is imported inside the commands, once the scene has been read: JAX must find its environment prepared,
 and a mistake in a scene is told at once.
@@ -14,8 +14,8 @@ from rich.console import Console
 from drumsqueal.compilation import prepare_environment
 from drumsqueal.errors import IntegrationError, RequestError
 from drumsqueal.interrupts import stop_if_interrupted
-from drumsqueal.output_folder import check_output, claim_output
-from drumsqueal.quantities import printable
+from drumsqueal.output_folder import EFFECT_FILES, RUN_FILES, check_output, claim_output
+from drumsqueal.quantities import parse_quantity, printable
 from drumsqueal.scene import SceneError, load_scene
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, rich_markup_mode="rich", pretty_exceptions_enable=False)
@@ -48,7 +48,7 @@ def run_command(
     """
     loaded = load_scene(scene, settings or ())
     folder = output if output is not None else Path("out") / scene.stem
-    check_output(folder, overwrite=overwrite)
+    check_output(folder, RUN_FILES, overwrite=overwrite)
     stop_if_interrupted()
     from drumsqueal.job import run_into
     from drumsqueal.simulation import check_sample_rate, prepare
@@ -57,7 +57,7 @@ def run_command(
     prepared = prepare(loaded)
     check_sample_rate(prepared)
     stop_if_interrupted()
-    claim_output(folder)
+    claim_output(folder, RUN_FILES)
     run_into(folder, prepared, _console())
 
 
@@ -92,6 +92,51 @@ def stability_command(
         Path(json_file).write_text(text, encoding="utf-8")
     except OSError as error:
         raise RequestError(f"--json {json_file}: cannot be written ({error.strerror or error})") from None
+
+
+@app.command(name="effects")
+def effects_command(
+    scene: SceneFile,
+    percent: Annotated[str | None, typer.Argument(hidden=True)] = None,
+    output: Annotated[Path | None, typer.Option("-o", "--output", metavar="DIR", help="Folder of the results.")] = None,
+    within: Annotated[
+        str, typer.Option("--within", metavar="SHARE", help="Accuracy that decides what is needed, such as 1 %.")
+    ] = "1 %",
+    settings: Settings = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace results that are there already.")] = False,
+) -> None:
+    """Leave out each effect of a scene: what does it cost, what does it change, which are needed?
+
+    Writes DIR/effects.csv, DIR/effects.png and DIR/reduced.toml, the scene with what it needs (DIR is
+    out/SCENE-effects by default).
+
+    Example: drumsqueal effects scenarios/nominal.toml -o out/effects --within "1 %"
+    """
+    if percent is not None and percent != "%":  # what the shell makes of --within 1 %
+        raise UsageError(f"Got unexpected extra argument ({percent})")
+    loaded = load_scene(scene, settings or ())
+    accuracy = _share(f"{within} {percent or ''}".strip(), "--within")
+    folder = output if output is not None else Path("out") / f"{scene.stem}-effects"
+    check_output(folder, EFFECT_FILES, overwrite=overwrite)
+    stop_if_interrupted()
+    from drumsqueal.effects_job import study_into
+    from drumsqueal.simulation import check_sample_rate, prepare
+
+    stop_if_interrupted()
+    check_sample_rate(prepare(loaded))
+    claim_output(folder, EFFECT_FILES)
+    study_into(folder, loaded, accuracy, _console())
+
+
+def _share(text: str, option: str) -> float:
+    """A share between 0 and 1 from "1 %" or "0.01"."""
+    try:
+        share = parse_quantity(float(text) if text.replace(".", "", 1).isdigit() else text, "")
+    except SceneError:
+        share = 0.0
+    if not 0 < share < 1:
+        raise RequestError(f'{option} {text}: write a share between 0 and 100 %, such as "1 %" or 0.01')
+    return share
 
 
 def _console(*, stderr: bool = False) -> Console:

@@ -21,6 +21,7 @@ from drumsqueal.errors import IntegrationError
 from drumsqueal.model import Model
 from drumsqueal.precision import real
 
+SOLVER = diffrax.Dopri8()
 CHUNK_SAMPLES = 500  # samples a chunk: some 50 ms of computing in the plane, so that Ctrl-C and the bar respond
 # Steps a chunk: a run that exceeds it is stuck, and says so. Samples hold two to a period at least, so 500 of them take
 # some thousand steps; a tolerance of 1e-13 takes ten times as many, and so do edges.
@@ -50,6 +51,7 @@ class Chunk(NamedTuple):
     energy_balance_error: np.ndarray
     steps: int
     rejected_steps: int
+    evaluations: int
 
 
 class _State(NamedTuple):
@@ -147,7 +149,7 @@ def _advance(
 
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(vector_field),
-        diffrax.Dopri8(),
+        SOLVER,
         time[0],
         time[-1],
         step,
@@ -251,6 +253,8 @@ def _to_chunk(
         energy_balance_error=kinetic + potential - first_energy - states.work,
         steps=int(segment.steps),
         rejected_steps=int(segment.steps - segment.accepted),
+        # The last stage of a step is the first of the next: one more at the start of the chunk.
+        evaluations=int(segment.steps) * (SOLVER.tableau.num_stages - 1) + 1,
     )
 
 

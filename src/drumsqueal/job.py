@@ -45,7 +45,7 @@ def run_into(folder: Path, prepared: Prepared, console: Console) -> None:
 
 def _integrate(history: HistoryFile, prepared: Prepared, console: Console) -> tuple[list[Chunk], str]:
     """The chunks, which are in the history, too, and the outcome."""
-    with _progress(console) as progress:
+    with progress_bar(console) as progress:
         task = progress.add_task("compiling", total=prepared.scene.simulate.duration, reached="")
 
         def keep(chunk: Chunk) -> None:
@@ -71,7 +71,8 @@ def _kept(history: HistoryFile, outcome: str) -> str:
     return f"the {'complete ' if outcome == COMPLETE else ''}history is in {history.path}"
 
 
-def _progress(console: Console) -> Progress:
+def progress_bar(console: Console) -> Progress:
+    """A bar with how far the simulated time has come; nothing where the output is no terminal."""
     return Progress(
         TextColumn("{task.description}"),
         BarColumn(),

@@ -1,6 +1,7 @@
-"""The folder of a run: what a run writes into it, and that nothing there is overwritten unasked."""
+"""The folder of results: what is written into it, and that nothing there is overwritten unasked."""
 
 import tempfile
+from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 
@@ -17,15 +18,18 @@ def figure_file(name: str) -> str:
     return f"{name}.png"
 
 
-RESULTS = (HISTORY, SUMMARY, *map(figure_file, FIGURES))
+RUN_FILES = (HISTORY, SUMMARY, *map(figure_file, FIGURES))
 """The names of all files that a run writes."""
+EFFECTS_TABLE, REDUCED_SCENE, EFFECTS = "effects.csv", "reduced.toml", "effects"
+EFFECT_FILES = (EFFECTS_TABLE, REDUCED_SCENE, figure_file(EFFECTS))
+"""The names of all files that a study of effects writes."""
 
 
-def check_output(folder: Path, *, overwrite: bool) -> None:
-    """Raise RequestError where results lie already, or where the folder's place is taken by something else."""
+def check_output(folder: Path, files: Iterable[str], *, overwrite: bool) -> None:
+    """Raise RequestError where files of these names lie already, or where something else is in the folder's place."""
     try:
         _check_place(folder)
-        taken = [folder / name for name in RESULTS if _is_there(folder / name)]
+        taken = [folder / name for name in files if _is_there(folder / name)]
         folders = [path for path in taken if path.is_dir()]
     except OSError as error:  # a name that is too long, a loop of links, a parent that may not be searched
         raise _unusable(folder, error) from None
@@ -35,8 +39,8 @@ def check_output(folder: Path, *, overwrite: bool) -> None:
         raise RequestError(f"{taken[0]} exists; add --overwrite to replace it, or choose another folder with -o")
 
 
-def claim_output(folder: Path) -> None:
-    """Create the folder, prove that it can be written and clear it of all results of an earlier run."""
+def claim_output(folder: Path, files: Iterable[str]) -> None:
+    """Create the folder, prove that it can be written and clear it of earlier files of these names."""
     made: list[Path] = []
     try:
         for part in reversed((folder, *folder.parents)):
@@ -45,7 +49,7 @@ def claim_output(folder: Path) -> None:
                 made.append(part)
         with tempfile.TemporaryFile(dir=folder):
             pass
-        for name in RESULTS:
+        for name in files:
             (folder / name).unlink(missing_ok=True)
     except OSError as error:
         with suppress(OSError):  # should somebody else have put something into them

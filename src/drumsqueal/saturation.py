@@ -24,6 +24,17 @@ class Line(NamedTuple):
     amplitude: float
 
 
+class Motion(NamedTuple):
+    """What a part of the record holds: its lines, half its peak-to-peak values (m, rad) and its main line.
+
+    `main` is the line that holds most kinetic energy; None where no coordinate moves.
+    """
+
+    lines: tuple[Line, ...]
+    amplitude: dict[str, float]
+    main: Line | None
+
+
 class Saturation(NamedTuple):
     """The motion after growth: from when (s), of which kind, its lines and half its peak-to-peak values (m, rad).
 
@@ -54,32 +65,42 @@ def describe_saturation(
     """Describe the motion after the first edge at `edge` (s); None where too little was recorded to look at."""
     part = saturated_part(departure.time, edge)
     modes = _taking_part(departure, stability)
-    motion = departure.displacement[part]
-    if len(motion) < FEWEST_SAMPLES:
+    samples = departure.displacement[part]
+    if len(samples) < FEWEST_SAMPLES:
         return None
-    amplitude = np.ptp(motion, axis=0) / 2
     # Half the lowest onset frequency leaves room for the drop that contact loss brings. Where nothing oscillates, rest
     # can be told all the same.
-    duration = len(motion) / departure.sample_rate
+    duration = len(samples) / departure.sample_rate
     lowest = min((mode.frequency_Hz for mode in modes), default=2 * PERIODS_NEEDED / duration) / 2
-    regime = classify(motion, departure.sample_rate, scale=_scale(departure, stability, model), lowest_frequency=lowest)
+    scale = _scale(departure, stability, model)
+    regime = classify(samples, departure.sample_rate, scale=scale, lowest_frequency=lowest)
     drifts = regime.kind == "unknown" and regime.amplitude_drift is not None
     if drifts and changes(model, departure.time[part]):
         regime = regime._replace(reason="Drum speed or load change, and the motion with them.")
-    lines = () if regime.kind == "steady" else _lines(departure, part)
-    main = _main_line(lines, stability)
+    motion = describe_motion(departure, part, stability)
+    if regime.kind == "steady":
+        motion = motion._replace(lines=(), main=None)
+    main = motion.main
     mode = _nearest(main, modes) if main is not None and modes else None
     return Saturation(
         start_s=float(departure.time[part][0]),
         regime=regime,
-        lines=lines,
-        amplitude={name: float(a) for name, a in zip(stability.coordinates, amplitude, strict=True)},
+        lines=motion.lines,
+        amplitude=motion.amplitude,
         main=main,
         nearest_mode=None if mode is None else mode.label,
         frequency_shift=None if mode is None or main is None else main.frequency_Hz / mode.frequency_Hz - 1,
         contact_fraction=float(history["contact_fraction"].values[part].mean()),
         slip_reversed_fraction=float(history["slip_reversed_fraction"].values[part].mean()),
     )
+
+
+def describe_motion(departure: Departure, part: slice, stability: Stability) -> Motion:
+    """Describe the motion in a part of the record, whatever its kind."""
+    amplitude = np.ptp(departure.displacement[part], axis=0) / 2
+    lines = _lines(departure, part)
+    named = {name: float(size) for name, size in zip(stability.coordinates, amplitude, strict=True)}
+    return Motion(lines, named, _main_line(lines, stability))
 
 
 def _lines(departure: Departure, part: slice) -> tuple[Line, ...]:

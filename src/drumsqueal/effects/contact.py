@@ -120,7 +120,7 @@ class Contact(eqx.Module):
         return Levels(level, self._slip_level(moment, v), self._axial_level(v) if knows_axial else None)
 
     def _integrated(self, levels: Levels, integral: Callable[[Nodes], Integral]) -> Integral:
-        """The integral over nodes that are split at the edges; in space, where there are none, over a seventieth of them.
+        """The integral over nodes that are split at the edges; in space and without edges, over a seventieth of them.
 
         Below the edges that makes an evaluation in space a hundred times faster (2.3 µs instead of 240). In the plane
         it would spare 0.3 µs of 0.7 there and cost 0.1 µs beyond the edges: on the whole nothing, so it is not done.

@@ -1,0 +1,62 @@
+"""A study of effects into one folder: the table grows on disk run by run, then the figure and the reduced scene."""
+
+from pathlib import Path
+
+from rich.console import Console
+
+from drumsqueal.effects_table import print_study, to_csv
+from drumsqueal.errors import IntegrationError
+from drumsqueal.figures import save_figures
+from drumsqueal.figures.effects import draw_effects
+from drumsqueal.job import progress_bar
+from drumsqueal.output_folder import EFFECTS, EFFECTS_TABLE, REDUCED_SCENE, write_whole
+from drumsqueal.quantities import printable
+from drumsqueal.scene import Scene
+from drumsqueal.studies.effects import EffectStudy, study_effects, verdict
+from drumsqueal.studies.variants import Variant
+
+
+def study_into(folder: Path, scene: Scene, within: float, console: Console) -> None:
+    """Study the effects of a scene, write table, figure and reduced scene into the folder and print the comparison.
+
+    Raises IntegrationError for a study that failed or was interrupted; the runs made until then are in the table.
+    """
+    ran: list[Variant] = []
+    try:
+        study = _study(folder, scene, within, console, ran)
+        write_whole(folder / EFFECTS_TABLE, to_csv(study.variants).encode())
+        write_whole(folder / REDUCED_SCENE, reduced_scene(study).encode())
+        save_figures({EFFECTS: draw_effects(study)}, folder)
+    except KeyboardInterrupt:
+        raise IntegrationError(f"interrupted by the user; {_kept(folder, ran)}") from None
+    except IntegrationError as error:
+        raise IntegrationError(f"{error}; {_kept(folder, ran)}") from None
+    except OSError as error:
+        raise IntegrationError(f"failed: the disk does not take the results ({error.strerror or error})") from None
+    print_study(console, study)
+    console.print(printable(f"Table, figure and the reduced scene are in {folder}"), soft_wrap=True)
+
+
+def reduced_scene(study: EffectStudy) -> str:
+    """The scene with what it needs, as a file that says what was left out."""
+    return f"# {verdict(study)}\n{study.reduced.to_toml()}"
+
+
+def _study(folder: Path, scene: Scene, within: float, console: Console, ran: list[Variant]) -> EffectStudy:
+    with progress_bar(console) as progress:
+        task = progress.add_task("compiling", total=scene.simulate.duration, reached="")
+
+        def keep(variant: Variant) -> None:
+            ran.append(variant)
+            write_whole(folder / EFFECTS_TABLE, to_csv(ran).encode())
+
+        def show(label: str, reached: float) -> None:
+            progress.update(task, description=label, completed=reached, reached=f"{reached:.4f} s")
+
+        return study_effects(scene, within, on_variant=keep, on_progress=show)
+
+
+def _kept(folder: Path, ran: list[Variant]) -> str:
+    if not ran:
+        return "nothing was kept"
+    return f"the runs made until then are in {folder / EFFECTS_TABLE}"

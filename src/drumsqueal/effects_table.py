@@ -1,0 +1,118 @@
+"""A study of effects as a table: on the terminal and as CSV."""
+
+import csv
+import io
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from drumsqueal.departure import ROTATIONS
+from drumsqueal.studies.effects import MANY, ROUND_OFF, EffectStudy, agrees, percent, reservations, verdict
+from drumsqueal.studies.variants import Variant
+
+UNSHOWN = 1e-6  # a relative change below it has no digits on the terminal
+_TERMINAL = {
+    "growth_rate": "growth\nrates\n%",
+    "onset_frequency": "onset\nfreq.\n%",
+    "amplitude": "end\nampl.\n%",
+    "main_frequency": "end\nfreq.\n%",
+}
+"""Headings of the changes."""
+
+
+def print_study(console: Console, study: EffectStudy) -> None:
+    """Print every run with its cost and its changes, and what follows from them."""
+    table = Table(title="What each effect costs and changes", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    table.add_column("left out or reduced", no_wrap=True)
+    table.add_column("time\n\nms/ms", justify="right")
+    table.add_column("eval.\n\nper ms", justify="right")
+    for heading in _TERMINAL.values():
+        table.add_column(heading, justify="right")
+    for variant in study.variants:
+        whole = not variant.reductions
+        style = "" if whole or agrees(variant.change, study.noise, study.within) else "bold"
+        table.add_row(Text(variant.label, style=style), *_costs(variant), *_changes(variant))
+    console.print(table)
+    console.print(
+        "Time and evaluations for a simulated millisecond. Changes from the whole scene: the largest over its modes"
+        f"{_at_the_end(study)}; bold where beyond {percent(study.within)}",
+        style="dim",
+    )
+    for reservation in reservations(study):
+        console.print(reservation, style="dim")
+    console.print(verdict(study), style="bold")
+
+
+def to_csv(variants: Sequence[Variant]) -> str:
+    """One row a run: cost, eigenvalues, the motion at the end, and relative changes from the whole scene."""
+    rows = [_row(variant, variants[0]) for variant in variants]
+    columns = dict.fromkeys(column for row in rows for column in row)
+    text = io.StringIO()
+    writer = csv.DictWriter(text, columns, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()
+
+
+def _row(variant: Variant, whole: Variant) -> dict[str, Any]:
+    row: dict[str, Any] = {
+        "run": variant.label,
+        "left_out": "; ".join(map(str, variant.reductions)),
+        "outcome": variant.outcome,
+        "computing_ms_per_simulated_ms": _number(variant.time_per_ms),
+        "evaluations_per_simulated_ms": _number(variant.evaluations_per_ms),
+    }
+    answer = variant.answer
+    if answer is not None and whole.answer is not None:
+        for label, mode in answer.modes.items():
+            row[f"frequency_{label}_Hz"] = mode.frequency_Hz
+            row[f"growth_rate_{label}_1_per_s"] = mode.growth_rate
+        main = whole.answer.main
+        if main is not None:
+            unit = "rad" if main.coordinate in ROTATIONS else "m"
+            row[f"end_amplitude_{main.coordinate}_{unit}"] = answer.amplitude.get(main.coordinate, 0.0)
+        row["end_frequency_Hz"] = None if answer.main is None else answer.main.frequency_Hz
+    if variant.change is not None:
+        row |= {f"change_of_{field}": _number(value) for field, value in variant.change._asdict().items()}
+    return row
+
+
+def _number(value: float | None) -> float | None:
+    """An empty cell for what is not known; an infinite change, of what one of two runs lacks, is written inf."""
+    return None if value is None or math.isnan(value) else value
+
+
+def _costs(variant: Variant) -> tuple[str, str]:
+    if math.isnan(variant.time_per_ms):
+        return "-", "-"
+    return f"{variant.time_per_ms:.3g}", f"{variant.evaluations_per_ms:.0f}"
+
+
+def _changes(variant: Variant) -> list[str]:
+    if variant.answer is None:
+        return ["failed", *[""] * (len(_TERMINAL) - 1)]
+    if variant.change is None:
+        return [""] * len(_TERMINAL)
+    return [_change(getattr(variant.change, field)) for field in _TERMINAL]
+
+
+def _change(value: float | None) -> str:
+    if value is None:
+        return "-"
+    if math.isinf(value):
+        return "lost"
+    if value >= MANY:
+        return f"×{1 + value:.2g}"
+    return "<0.0001" if ROUND_OFF < abs(value) < UNSHOWN else percent(value, "+").removesuffix(" %")
+
+
+def _at_the_end(study: EffectStudy) -> str:
+    answer = study.variants[0].answer
+    if answer is None or answer.main is None:
+        return ""
+    return f", and of the amplitude of {answer.main.coordinate} and of the main line at the end"
