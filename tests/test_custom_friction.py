@@ -8,6 +8,7 @@ import pytest
 
 from drumsqueal import TabulatedLaw, build_model, growth_rate, run
 from drumsqueal.modes import analyse_stability
+from drumsqueal.summary import summarise
 
 
 def exponential(slip_speed):
@@ -75,9 +76,12 @@ def test_parameters_of_a_law_are_swept_and_differentiated_without_another_trace(
     assert slope == pytest.approx((float(rate(np.float64(1e-5))) - float(rate(np.float64(-1e-5)))) / 2e-5, rel=1e-5)
 
 
-def test_the_history_says_that_a_law_was_given(nominal):
-    history = run(nominal.with_values(SHORT), friction_law=exponential).history
-    assert history.attrs["friction_law"] == "given in Python: exponential"
+def test_history_and_inventory_say_that_a_law_was_given(nominal):
+    result = run(nominal.with_values(SHORT), friction_law=exponential)
+    assert result.history.attrs["friction_law"] == "exponential, given in Python"
+    assert "friction: law exponential, given in Python" in result.inventory.includes
+    assert "friction: law exponential, given in Python" in summarise(result)["model"]["includes"]
+    assert "friction_law" not in run(nominal.with_values(SHORT)).history.attrs
 
 
 @pytest.mark.parametrize(

@@ -12,15 +12,22 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 from matplotlib.text import Text
 
 import drumsqueal as ds
+from drumsqueal.composition import take_inventory
 from drumsqueal.departure import Departure, edge_share
 from drumsqueal.figures import draw_all, save_figures
+from drumsqueal.figures.effects import draw_effects
 from drumsqueal.figures.placement import spread
 from drumsqueal.history import COMPLETE, SIGNALS
 from drumsqueal.output_folder import FIGURES, figure_file
 from drumsqueal.scene import COORDINATES
+from drumsqueal.studies.answers import Answer, Change
+from drumsqueal.studies.effects import EffectStudy
+from drumsqueal.studies.reductions import reductions_of
+from drumsqueal.studies.variants import Variant
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"
 ALL = {"growth", "spectrogram", "spectra", "phase", "contact", "eigenvalues"}
@@ -66,7 +73,7 @@ def made_up(name: str, samples: int, outcome: str, title: str | None = None, sca
     history["contact_fraction"].values[:] = np.where(beyond, 0.6, 1.0)
     history["slip_reversed_fraction"].values[:] = np.where(beyond, 0.02, 0.0)
     comparison = ds.compare(history, stability, linear)
-    return ds.Result(scene, stability, history, comparison, outcome), model
+    return ds.Result(scene, stability, history, comparison, outcome, take_inventory(scene), ()), model
 
 
 @cache
@@ -113,6 +120,47 @@ def outside(figure: Figure) -> list[str]:
 def named(figure: Figure, gid: str) -> list[np.ndarray]:
     """Data (2, points) of the lines of that name."""
     return [np.array(line.get_data()) for axes in figure.axes for line in axes.lines if line.get_gid() == gid]
+
+
+# --- the effects of a scene -----------------------------------------------------------------------------------------
+
+
+def made_up_study(title: str, times: list[float]) -> EffectStudy:
+    """All reductions there are, with changes from nothing to the loss of a mode, one run failed."""
+    scene = basis("out_of_plane")[0].with_values({"title": title, "damping": {"ratio": 0.01}, **PROFILES})
+    reductions = reductions_of(scene)
+    changes = [None, *(Change(0.0, 10.0**power, -(10.0 ** (power - 2)), np.inf) for power in np.linspace(-9, 3, 9))]
+    labels = ["whole scene", "tolerance / 10", *map(str, reductions)]
+    answer = Answer({}, None, {})
+    rows = [
+        Variant(label, () if k < 2 else (reductions[k - 2],), scene, "complete", time, 1.0, answer, change)
+        for k, (label, time, change) in enumerate(zip(labels, times, changes, strict=True))
+    ]
+    rows[-1] = rows[-1]._replace(answer=None, change=None, outcome="failed: no steady sliding", time_per_ms=np.nan)
+    return EffectStudy(scene, 0.01, rows[1].change, tuple(rows), reductions, (), scene)
+
+
+PROFILES = {
+    "drum.speed": {"time": [0, 1], "value": [5, 4]},
+    "contact.normal_load": {"time": [0, 1], "value": [2000, 2100]},
+}
+
+
+@pytest.mark.parametrize("title", ["Squeal", "A title that is rather long for a figure of this width " * 3])
+@pytest.mark.parametrize("slowest", [5e-3, 3.0, 12345.0])
+def test_effects_are_drawn_without_overlap(title, slowest):
+    study = made_up_study(title, [slowest, *np.geomspace(slowest, slowest / 1e4, 9)])
+    figure = draw_effects(study)
+    assert overlapping(figure) == []
+    assert outside(figure) == []
+    bars, changes = figure.axes
+    lengths = [bar.get_width() for bar in bars.patches if isinstance(bar, Rectangle)]
+    np.testing.assert_allclose(lengths, [0.0 if np.isnan(v.time_per_ms) else v.time_per_ms for v in study.variants])
+    assert bars.get_xlim()[0] == 0  # a bar begins at nothing
+    # Every change stands at its size, or at the end of the axis beyond it.
+    frequency = next(line for line in changes.lines if line.get_label() == "onset frequencies")
+    wanted = np.array([v.change.onset_frequency for v in study.variants if v.change is not None], dtype=float)
+    np.testing.assert_allclose(np.asarray(frequency.get_xdata()), np.clip(wanted, 1e-6, 1e2))
 
 
 # --- what is drawn --------------------------------------------------------------------------------------------------

@@ -72,8 +72,8 @@ def linear_coordinates(scene: Scene) -> tuple[int, ...]:
     return ALL if scene.simulate.coordinates == "auto" else kept_coordinates(scene)
 
 
-def take_inventory(scene: Scene) -> Inventory:
-    """Say what a scene's transient includes and what it leaves out."""
+def take_inventory(scene: Scene, given_law: str = "") -> Inventory:
+    """Say what a scene's transient includes and leaves out; `given_law` names a friction law given in Python."""
     composition, friction = compose(scene), scene.friction
     kept = [COORDINATES[i] for i in composition.coordinates]
     includes = [f"coordinates {', '.join(kept)}"]
@@ -91,7 +91,7 @@ def take_inventory(scene: Scene) -> Inventory:
     if friction is None:
         leaves_out.append("friction")
     else:
-        includes.append(f"friction: {friction.law} law")
+        includes.append(f"friction: law {given_law}, {GIVEN}" if given_law else f"friction: {friction.law} law")
         place(
             friction.direction == "unit-velocity",
             "friction along the unit slip velocity",

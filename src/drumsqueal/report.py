@@ -5,7 +5,6 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from drumsqueal.composition import take_inventory
 from drumsqueal.departure import ROTATIONS
 from drumsqueal.modes import OSCILLATING_SHARE, UNDAMPED_SHARE, Stability
 from drumsqueal.simulation import Result
@@ -39,7 +38,7 @@ def print_stability(console: Console, stability: Stability) -> None:
 
 def print_result(console: Console, result: Result) -> None:
     """Print what the model holds, and the comparison of prediction and transient."""
-    inventory = take_inventory(result.scene)
+    inventory = result.inventory
     console.print(f"Includes: {'; '.join(inventory.includes)}", style="dim")
     console.print(f"Leaves out: {'; '.join(inventory.leaves_out) or 'nothing'}", style="dim")
     if result.held:

@@ -24,7 +24,7 @@ def write_results(folder: Path, prepared: Prepared, result: Result) -> None:
 
 def write_prediction(folder: Path, prepared: Prepared, outcome: str) -> None:
     """Write the summary of a run that left no samples: the prediction alone. Raises OSError."""
-    write_json(summarise_prediction(prepared.scene, prepared.stability, outcome), folder / SUMMARY)
+    write_json(summarise_prediction(prepared, outcome), folder / SUMMARY)
 
 
 def print_results(folder: Path, result: Result, console: Console) -> None:

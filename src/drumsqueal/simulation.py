@@ -13,7 +13,14 @@ import numpy as np
 import xarray
 from jax import Array
 
-from drumsqueal.composition import ALL, GIVEN, kept_coordinates, linear_coordinates, moved_coordinates
+from drumsqueal.composition import (
+    ALL,
+    Inventory,
+    kept_coordinates,
+    linear_coordinates,
+    moved_coordinates,
+    take_inventory,
+)
 from drumsqueal.effects.custom_friction import FrictionLaw
 from drumsqueal.errors import IntegrationError, SteadyStateError
 from drumsqueal.history import COMPLETE, to_dataset
@@ -31,20 +38,24 @@ if TYPE_CHECKING:
 class Prepared(NamedTuple):
     """A scene with its models: `model` over the coordinates that move, `linear` over those of the eigenvalues.
 
-    `held` names the coordinates that the scene leaves out though they would move.
+    `inventory` says what the transient includes and leaves out, `held` names the coordinates that the scene leaves out
+    though they would move, and `given_law` a friction law that was given in Python.
     """
 
     scene: Scene
     model: Model
     linear: Model
     stability: Stability
+    inventory: Inventory
     held: tuple[str, ...]
+    given_law: str
 
 
 class Result(NamedTuple):
     """What a run leaves: the linear prediction, the history (xarray), the comparison, and how the run ended.
 
-    `held` names the coordinates that the scene left out though they would have moved.
+    `inventory` says what the transient included and left out, `held` names the coordinates that the scene left out
+    though they would have moved.
     """
 
     scene: Scene
@@ -52,7 +63,8 @@ class Result(NamedTuple):
     history: xarray.Dataset
     comparison: Comparison
     outcome: str
-    held: tuple[str, ...] = ()
+    inventory: Inventory
+    held: tuple[str, ...]
 
 
 def prepare(scene: Scene, friction_law: FrictionLaw | Callable[[Array], Array] | None = None) -> Prepared:
@@ -68,7 +80,10 @@ def prepare(scene: Scene, friction_law: FrictionLaw | Callable[[Array], Array] |
         raise SceneError(str(error)) from None
     stop_if_interrupted()
     model = build_model(scene, friction_law=friction_law)
-    return Prepared(scene, model, linear, stability, held_coordinates(scene))
+    given_law = "" if friction_law is None else getattr(friction_law, "__name__", type(friction_law).__name__)
+    return Prepared(
+        scene, model, linear, stability, take_inventory(scene, given_law), held_coordinates(scene), given_law
+    )
 
 
 def held_coordinates(scene: Scene) -> tuple[str, ...]:
@@ -121,18 +136,15 @@ def run(
 ) -> Result:
     """Run a scene: `run(load_scene("scenarios/nominal.toml")).history` is its time history.
 
-    `friction_law`, a function of the slip speed or a law with the method `coefficient`, replaces the scene's; the
-    history then says so in its attributes. `on_chunk` is called with every chunk as it comes. Ctrl-C, which waits for
-    the end of a chunk, and a failed integration keep what was computed and say so in `outcome`. The whole history is
-    held in memory, some 200 bytes a sample. Raises SceneError for a scene that cannot be run, TypeError for a law that
-    JAX cannot trace, and IntegrationError when nothing was computed.
+    `friction_law`, a function of the slip speed or a law with the method `coefficient`, replaces the scene's;
+    the history's attributes and the inventory say so. `on_chunk` is called with every chunk as it comes. Ctrl-C, which
+    waits for the end of a chunk, and a failed integration keep what was computed and say so in `outcome`. The whole
+    history is held in memory, some 200 bytes a sample. Raises SceneError for a scene that cannot be run, TypeError for
+    a law that JAX cannot trace, and IntegrationError when nothing was computed.
     """
     prepared = prepare(scene, friction_law)
     check_sample_rate(prepared)
-    result = finish(prepared, *collect(prepared, on_chunk))
-    if friction_law is not None:
-        result.history.attrs["friction_law"] = f"{GIVEN}: {getattr(friction_law, '__name__', repr(friction_law))}"
-    return result
+    return finish(prepared, *collect(prepared, on_chunk))
 
 
 def collect(prepared: Prepared, on_chunk: Callable[[Chunk], None] | None) -> tuple[list[Chunk], str]:
@@ -163,5 +175,7 @@ def finish(prepared: Prepared, chunks: list[Chunk], outcome: str) -> Result:
     if not chunks:
         raise IntegrationError(outcome)
     history = to_dataset(chunks, prepared.scene, prepared.model.names, outcome)
+    if prepared.given_law:
+        history.attrs["friction_law"] = f"{prepared.given_law}, given in Python"
     comparison = compare(history, prepared.stability, prepared.linear)
-    return Result(prepared.scene, prepared.stability, history, comparison, outcome, prepared.held)
+    return Result(prepared.scene, prepared.stability, history, comparison, outcome, prepared.inventory, prepared.held)

@@ -8,13 +8,11 @@ from typing import Any
 import numpy as np
 
 from drumsqueal.comparison import Comparison
-from drumsqueal.composition import take_inventory
 from drumsqueal.history import versions
 from drumsqueal.modes import Stability
 from drumsqueal.output_folder import write_whole
 from drumsqueal.saturation import Saturation
-from drumsqueal.scene import Scene
-from drumsqueal.simulation import Result
+from drumsqueal.simulation import Prepared, Result
 
 
 def describe_stability(stability: Stability) -> dict[str, Any]:
@@ -39,7 +37,7 @@ def describe_stability(stability: Stability) -> dict[str, Any]:
 def summarise(result: Result) -> dict[str, Any]:
     """Everything a run found, in numbers and words; None where something could not be told."""
     saturation = result.comparison.saturation
-    return summarise_prediction(result.scene, result.stability, result.outcome) | {
+    return summarise_prediction(result, result.outcome) | {
         "verdict": result.comparison.verdict,
         "growth": _growth(result.comparison),
         "saturation": None if saturation is None else _saturation(saturation),
@@ -49,28 +47,22 @@ def summarise(result: Result) -> dict[str, Any]:
     }
 
 
-def summarise_prediction(scene: Scene, stability: Stability, outcome: str) -> dict[str, Any]:
+def summarise_prediction(source: Prepared | Result, outcome: str) -> dict[str, Any]:
     """The same of a run that has computed no samples: None for all but the prediction."""
     return {
-        "title": scene.title,
+        "title": source.scene.title,
         "outcome": outcome,
         "verdict": None,
-        "prediction": describe_stability(stability),
+        "prediction": describe_stability(source.stability),
         "growth": None,
         "saturation": None,
         "accuracy": None,
         "integration": None,
         "held_though_they_would_move": None,
-        "model": describe_model(scene),
-        "scene": scene.model_dump(mode="json"),
+        "model": {key: list(words) for key, words in source.inventory._asdict().items()},
+        "scene": source.scene.model_dump(mode="json"),
         "versions": versions(),
     }
-
-
-def describe_model(scene: Scene) -> dict[str, Any]:
-    """What the scene's transient includes and what it leaves out, in words."""
-    inventory = take_inventory(scene)
-    return {"includes": list(inventory.includes), "leaves_out": list(inventory.leaves_out)}
 
 
 def energy_balance(result: Result) -> dict[str, float]:

@@ -38,7 +38,7 @@ def draw_effects(study: EffectStudy) -> Figure:
     for axes in (left, right):
         axes.tick_params(axis="y", length=0)
         for row in range(1, len(rows)):
-            axes.axhline(row - 0.5, color=style.FAINT, linewidth=0.4, zorder=0)
+            axes.axhline(row - 0.5, color=style.FAINT, linewidth=0.4, zorder=0.5)
     left.set_ylim(len(rows) - 0.5, -0.5)
     return figure
 
@@ -59,7 +59,7 @@ def _draw_times(axes: Axes, rows: tuple[Variant, ...]) -> None:
 def _draw_changes(axes: Axes, study: EffectStudy) -> None:
     axes.set_xscale("log")
     axes.set_xlim(SMALLEST / 2, LARGEST * 2)
-    axes.axvspan(SMALLEST / 2, study.within, color=style.PALE, linewidth=0)
+    axes.axvspan(SMALLEST / 2, study.within, color=style.PALE, linewidth=0, zorder=0)
     axes.axvline(study.within, color=style.DARK, linewidth=0.6)
     for place, (field, (marker, colour)) in enumerate(MARKERS.items()):
         shift = 0.17 * (place - (len(MARKERS) - 1) / 2)

@@ -1,0 +1,361 @@
+"""What each effect of a scene costs and changes: which reductions there are, what they change, which are needed."""
+
+import csv
+import itertools
+import math
+import signal
+
+import jax
+import numpy as np
+import pytest
+
+from drumsqueal.errors import IntegrationError
+from drumsqueal.model import Model, build_model
+from drumsqueal.modes import analyse_stability
+from drumsqueal.saturation import Line
+from drumsqueal.scene import load_scene
+from drumsqueal.simulation import prepare, run, transient
+from drumsqueal.studies import effects, variants
+from drumsqueal.studies.answers import Answer, Change, ModeAnswer, change_of
+from drumsqueal.studies.effects import TOGETHER, agrees, percent, reservations, study_effects, verdict
+from drumsqueal.studies.reductions import Reduction, reduce, reductions_of
+from drumsqueal.studies.variants import Variant
+
+EVERYTHING = {
+    "damping": {"ratio": 0.01},
+    "forcing": {"amplitude": {"Y": 1.0, "Z": 2.0}, "frequency": 100.0},
+    "steady.state": "self-consistent",
+    "drum.speed": {"time": [-1, 1], "value": [6, 4]},
+    "contact.normal_load": {"time": [0.5, 1], "value": [2000, 2100]},
+    "start.displacement": {"Y": 1e-7, "Tx": 1e-6},
+    "start.velocity": {"Z": 1e-3},
+}
+
+
+@pytest.fixture(scope="module")
+def quick(nominal):
+    """A scene of one chunk that passes both edges at once, without the direction and with damping that does nothing."""
+    values = {
+        "friction.direction": "tangential",
+        "damping": {"ratio": 0.0},
+        "start.displacement": {"Y": 2e-5},
+        "simulate.duration": 0.01,
+        "simulate.coordinates": ["X", "Y", "Tz"],
+    }
+    return nominal.with_values(values)
+
+
+@pytest.fixture(scope="module")
+def study(quick):
+    return study_effects(quick)
+
+
+# --- reductions ------------------------------------------------------------------------------------------------------
+
+
+def test_every_effect_of_a_scene_can_be_reduced(nominal):
+    assert [str(reduction) for reduction in reductions_of(nominal.with_values(EVERYTHING))] == [
+        "space → plane",
+        "separation → bonded",
+        "exponential law → constant",
+        "unit velocity → tangential",
+        "support springs → none",
+        "damping → none",
+        "harmonic force → none",
+        "steady drag → balanced",
+        "speed profile → constant",
+        "load profile → constant",
+    ]
+    assert {str(reduction) for reduction in reductions_of(nominal)} == {
+        "separation → bonded",
+        "exponential law → constant",
+        "unit velocity → tangential",
+        "support springs → none",
+    }
+
+
+def test_what_is_reduced_to_is_the_scene_one_would_write(nominal):
+    everything = nominal.with_values(EVERYTHING)
+    constant = {"law": "constant", "coefficient": 0.3 + 0.2 * math.exp(-0.5), "direction": "tangential"}
+    reduced = reduce(everything, reductions_of(everything))
+    plain = {"support": None, "friction": constant, "contact.separation": False, "start.displacement": {"Y": 1e-7}}
+    # The drum turns at 5 rad/s at t = 0, between the points of its profile; the load is held before its first point.
+    wanted = nominal.with_values(plain | {"drum.speed": 5.0, "contact.normal_load": 2000.0})
+    assert reduced.numbers() == pytest.approx(wanted.numbers(), rel=1e-15)
+    assert reduced.model_copy(update={"friction": wanted.friction}) == wanted
+    assert [str(reduction) for reduction in reductions_of(reduced)] == ["friction → none"]
+
+
+@pytest.mark.parametrize("friction", [{}, {"friction": {"law": "constant", "coefficient": 0.4}}, {"friction": None}])
+@pytest.mark.parametrize("kept", ["auto", ["X", "Y", "Z", "Tx"]])
+def test_reductions_can_be_put_together_in_any_choice(nominal, friction, kept):
+    scene = nominal.with_values(EVERYTHING | friction | {"simulate.coordinates": kept})
+    reductions = reductions_of(scene)
+    for count in range(len(reductions) + 1):
+        for chosen in itertools.combinations(reductions, count):
+            left = {reduction.effect for reduction in reductions_of(reduce(scene, chosen))}
+            assert not left & {reduction.effect for reduction in chosen}
+
+
+# --- what changes ----------------------------------------------------------------------------------------------------
+
+
+def answer(growth: float, frequency: float, amplitude: float | None, main: float = 1000.0) -> Answer:
+    line = None if amplitude is None else Line("Y", main, amplitude)
+    modes = {"Y": ModeAnswer(frequency, growth), "X": ModeAnswer(4000.0, -20.0)}
+    return Answer(modes, line, {"Y": amplitude or 0.0, "X": 1.0})
+
+
+@pytest.mark.parametrize(
+    ("whole", "other", "wanted"),
+    [
+        ((50, 1000, 2e-5), (55, 990, 1.5e-5, 1100), (0.1, -0.01, -0.25, 0.1)),
+        ((-50, 1000, 2e-5), (50, 1000, 2e-5), (2.0, 0.0, 0.0, 0.0)),  # from decay to growth is upwards
+        ((0, 1000, None), (1e-9, 1000, None), (0.0, 0.0, None, None)),  # no growth but round-off; nothing moves
+        ((0, 1000, 2e-5), (3, 1000, None), (math.inf, 0.0, -1.0, math.inf)),
+        ((50, 1000, None), (50, 1000, 1e-5), (0.0, 0.0, math.inf, math.inf)),  # rest against motion
+    ],
+)
+def test_changes_are_relative_and_signed(whole, other, wanted):
+    found = change_of(answer(*whole), answer(*other))
+    assert tuple(found) == tuple(x and pytest.approx(x) for x in wanted)
+
+
+def test_a_mode_that_is_lost_is_an_infinite_change():
+    whole, other = answer(50, 1000, 1e-5), answer(50, 1000, 1e-5)
+    del other.modes["X"]
+    assert change_of(whole, other)[:2] == (math.inf, math.inf)
+
+
+def test_noise_above_the_accuracy_counts_instead_of_it():
+    change = Change(0.0, 0.005, 0.03, None)
+    assert not agrees(change, Change(0.0, 0.0, 0.001, None), 0.01)
+    assert agrees(change, Change(0.0, 0.0, -0.04, None), 0.01)
+    assert not agrees(change, None, 0.01)
+    assert not agrees(None, None, 0.01)
+
+
+# --- the study -------------------------------------------------------------------------------------------------------
+
+
+def test_what_does_nothing_can_be_spared_and_what_counts_cannot(study, quick):
+    assert [reduction.effect for reduction in study.spared] == ["damping"]
+    assert [reduction.effect for reduction in study.needed] == ["separation", "exponential law", "support springs"]
+    assert study.reduced == quick.with_values({"damping": None})
+    assert "can do without: damping → none. That changes nothing" in verdict(study)
+
+
+def test_the_changes_are_those_of_the_scenes_run_by_themselves(study, quick):
+    by_label = {variant.label: variant for variant in study.variants}
+    separate, bonded = run(quick).comparison.saturation, run(quick.with_values({"contact.separation": False}))
+    assert separate is not None
+    assert separate.main is not None
+    # Bonded, the motion reaches no edge: the last 60 % of the record count.
+    name = separate.main.coordinate
+    motion = bonded.history["displacement"].sel(coordinate=name).values[200:]
+    change = by_label["separation → bonded"].change
+    assert change.amplitude == pytest.approx(np.ptp(motion) / 2 / separate.amplitude[name] - 1, rel=1e-12)
+    # The linear model knows nothing of separation; compiled differently, it differs by round-off.
+    assert abs(change.growth_rate) < 1e-12
+    assert abs(change.onset_frequency) < 1e-14
+    constant = {"law": "constant", "coefficient": 0.3 + 0.2 * math.exp(-0.5), "direction": "tangential"}
+    stability = analyse_stability(build_model(quick.with_values({"friction": constant})))
+    before = {mode.label: mode.growth_rate for mode in analyse_stability(build_model(quick)).modes}
+    wanted = max(abs(mode.growth_rate / before[mode.label] - 1) for mode in stability.modes)
+    assert abs(by_label["exponential law → constant"].change.growth_rate) == pytest.approx(wanted, rel=1e-9)
+
+
+def test_costs_are_those_of_the_run(study, quick):
+    whole = study.variants[0]
+    chunks = list(transient(prepare(quick)))
+    assert whole.evaluations_per_ms == sum(chunk.evaluations for chunk in chunks) / 10
+    # Damping of nothing costs its operations, not a step.
+    undamped = next(variant for variant in study.variants if variant.label == "damping → none")
+    assert undamped.evaluations_per_ms == whole.evaluations_per_ms
+    assert all(0 < variant.time_per_ms < 1e4 for variant in study.variants)
+
+
+def test_evaluations_are_counted_as_they_are_made(nominal, monkeypatch):
+    made = []
+    act = Model.act
+
+    def counted(self, *arguments):
+        jax.debug.callback(lambda: made.append(1))
+        return act(self, *arguments)
+
+    # A model as in no other test, so that it is traced here: with what counts in it.
+    values = {"simulate.coordinates": ["X", "Z"], "simulate.duration": 0.03, "friction.direction": "tangential"}
+    prepared = prepare(nominal.with_values(values | {"start.displacement": {"X": 1e-6}}))
+    monkeypatch.setattr(Model, "act", counted)
+    chunks = list(transient(prepared))
+    jax.effects_barrier()
+    assert len(chunks) == 3
+    assert len(made) == sum(chunk.evaluations for chunk in chunks)
+
+
+MADE_UP = [Reduction(name, "none", {}) for name in ("light", "middling", "heavy", "needed")]
+ALONE = {"light": 0.003, "middling": 0.006, "heavy": 0.008, "needed": 0.5}
+
+
+@pytest.mark.parametrize(
+    ("within", "spared"),
+    # Changes add up: 1.7 % together, so that the heavy one comes back, and then 0.9 %.
+    [(0.01, "light middling"), (0.02, "light middling heavy"), (0.004, "light"), (0.001, ""), (0.9, "all")],
+)
+def test_what_is_too_much_together_comes_back(nominal, monkeypatch, within, spared):
+    class MadeUp:
+        def __init__(self, *arguments):
+            self.noise, self.ran = None, [self.run("whole scene")]
+
+        def run(self, label, reductions=()):
+            change = Change(0.0, 0.0, sum(ALONE[reduction.effect] for reduction in reductions), None)
+            variant = Variant(label, tuple(reductions), nominal, "complete", 2.0 - len(reductions) / 2, 1, None, change)
+            self.ran = [*getattr(self, "ran", []), variant]
+            return variant
+
+        def timed_again(self):
+            return tuple(self.ran)
+
+    monkeypatch.setattr(effects, "Bench", MadeUp)
+    monkeypatch.setattr(effects, "reductions_of", lambda scene: tuple(MADE_UP))
+    found = study_effects(nominal, within)
+    wanted = list(ALONE) if spared == "all" else spared.split()
+    assert [reduction.effect for reduction in found.spared] == wanted
+    assert [reduction.effect for reduction in found.needed] == [name for name in ALONE if name not in wanted]
+    if len(wanted) > 1:  # what is claimed has been run
+        assert found.variants[-1].label == TOGETHER
+        assert [reduction.effect for reduction in found.variants[-1].reductions] == wanted
+    text = verdict(found)
+    assert ("needs all of its effects" in text) == (not wanted)
+    assert ("needs none of its effects" in text) == (len(wanted) == len(ALONE))
+
+
+@pytest.mark.parametrize(
+    ("share", "text"),
+    [(0.01, "1 %"), (1.3e-5, "0.0013 %"), (1e-12, "0 %"), (1.0, "100 %"), (5.88, "588 %"), (35.2, "35 times")],
+)
+def test_shares_are_told_in_two_digits(share, text):
+    assert percent(share) == text
+
+
+def test_a_reduced_scene_that_fails_is_needed_and_told(quick, monkeypatch):
+    stream = variants.transient
+
+    def failing(prepared):
+        yield from itertools.islice(stream(prepared), 1)
+        if prepared.scene.support is None:
+            raise IntegrationError("the shoe is gone")
+
+    monkeypatch.setattr(variants, "transient", failing)
+    found = study_effects(quick)
+    assert "support springs" in [reduction.effect for reduction in found.needed]
+    assert reservations(found) == ("support springs → none: failed: the shoe is gone",)
+
+
+def only(effect: str):
+    return lambda scene: tuple(reduction for reduction in reductions_of(scene) if reduction.effect == effect)
+
+
+def test_a_reduced_scene_that_cannot_be_run_is_needed_and_told(quick, monkeypatch):
+    monkeypatch.setattr(effects, "reductions_of", only("support springs"))
+    found = study_effects(quick.with_values({"steady.state": "self-consistent"}))
+    (told,) = reservations(found)
+    assert told.startswith("support springs → none: cannot be run: no self-consistent steady sliding was found")
+    assert "support springs" in [reduction.effect for reduction in found.needed]
+
+
+def test_a_reduced_scene_that_takes_for_ever_is_stopped(quick, monkeypatch):
+    monkeypatch.setattr(effects, "reductions_of", only("separation"))
+    monkeypatch.setattr(variants, "PATIENCE", 0.0)
+    monkeypatch.setattr(variants, "SLOWEST", 1e-6)
+    found = study_effects(quick)
+    assert found.spared == ()
+    assert all("it takes more than 1e-06 times as long" in variant.outcome for variant in found.variants[1:])
+
+
+# --- the command -----------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def quick_file(quick, tmp_path):
+    file = tmp_path / "quick.toml"
+    file.write_text(quick.to_toml(), encoding="utf-8")
+    return file
+
+
+def test_the_command_writes_table_figure_and_reduced_scene(drumsqueal, quick_file, quick, tmp_path):
+    folder = tmp_path / "out"
+    status, printed, errors = drumsqueal("effects", str(quick_file), "-o", str(folder), "--within", "1", "%")
+    assert (status, errors) == (0, "")
+    assert {path.name for path in folder.iterdir()} == {"effects.csv", "effects.png", "reduced.toml"}
+    assert "can do without: damping → none" in " ".join(printed.split())
+    assert load_scene(folder / "reduced.toml") == quick.with_values({"damping": None})
+    rows = list(csv.DictReader((folder / "effects.csv").read_text(encoding="utf-8").splitlines()))
+    assert [row["run"] for row in rows][:3] == ["whole scene", "tolerance / 10", "separation → bonded"]
+    whole = rows[0]
+    modes = {mode.label: mode for mode in analyse_stability(build_model(quick)).modes}
+    for label, mode in modes.items():
+        assert float(whole[f"frequency_{label}_Hz"]) == mode.frequency_Hz
+        assert float(whole[f"growth_rate_{label}_1_per_s"]) == mode.growth_rate
+    amplitude = next(key for key in whole if key.startswith("end_amplitude_"))
+    for row in rows[1:]:
+        change = float(row[amplitude]) / float(whole[amplitude]) - 1
+        assert float(row["change_of_amplitude"]) == pytest.approx(change, rel=1e-9, abs=1e-12)
+
+
+@pytest.mark.parametrize("within", ["1", "0", "-1 %", "100 %", "much", "1 m", "nan"])
+def test_an_accuracy_that_is_none_is_refused(drumsqueal, quick_file, tmp_path, within):
+    status, _, errors = drumsqueal("effects", str(quick_file), "-o", str(tmp_path / "out"), "--within", within)
+    assert status == 2
+    assert errors == f'drumsqueal: --within {within}: write a share between 0 and 100 %, such as "1 %" or 0.01\n'
+    assert not (tmp_path / "out").exists()
+
+
+def test_earlier_results_are_kept_unless_told(drumsqueal, quick_file, tmp_path):
+    (tmp_path / "reduced.toml").write_text("mine")
+    status, _, errors = drumsqueal("effects", str(quick_file), "-o", str(tmp_path))
+    assert status == 2
+    assert "reduced.toml exists; add --overwrite" in errors
+    assert (tmp_path / "reduced.toml").read_text() == "mine"
+
+
+def test_an_argument_too_many_is_refused(drumsqueal, quick_file, tmp_path):
+    status, _, errors = drumsqueal("effects", str(quick_file), "stray", "-o", str(tmp_path / "out"))
+    assert (status, errors) == (2, "drumsqueal: Got unexpected extra argument (stray) (see drumsqueal --help)\n")
+
+
+@pytest.mark.parametrize("fails", ["whole", "interrupted", "disk"])
+def test_a_study_that_is_cut_off_keeps_the_runs_made(drumsqueal, quick_file, tmp_path, monkeypatch, fails):
+    stream, folder = variants.transient, tmp_path / "out"
+    calls = []
+
+    def cut_off(prepared):
+        calls.append(1)
+        if fails == "whole":
+            raise IntegrationError("the step size collapsed")
+        if fails == "interrupted" and len(calls) == 5:  # the third run, once compiled
+            signal.raise_signal(signal.SIGINT)
+        yield from stream(prepared)
+
+    monkeypatch.setattr(variants, "transient", cut_off)
+    if fails == "disk":
+        monkeypatch.setattr(variants.Bench, "timed_again", lambda self: (_ for _ in ()).throw(OSError(28, "No space")))
+    status, _, errors = drumsqueal("effects", str(quick_file), "-o", str(folder))
+    assert status == 1
+    assert errors.count("\n") == 1
+    rows = list(csv.DictReader((folder / "effects.csv").read_text(encoding="utf-8").splitlines()))
+    if fails == "whole":
+        assert "the whole scene failed: the step size collapsed; the runs made until then are in" in errors
+        assert [row["outcome"] for row in rows] == ["failed: the step size collapsed"]
+    elif fails == "interrupted":
+        assert "interrupted by the user; the runs made until then are in" in errors
+        assert [row["run"] for row in rows] == ["whole scene", "tolerance / 10"]
+    else:
+        assert "the disk does not take the results (No space)" in errors
+        assert len(rows) > 4
+    assert not (folder / "reduced.toml").exists()
+
+
+def test_numbers_of_the_table_are_finite_or_empty(study):
+    for variant in study.variants:
+        assert variant.change is None or not any(x is not None and np.isnan(x) for x in variant.change)
