@@ -14,9 +14,12 @@ from scipy.integrate import quad_vec
 from scipy.optimize import brentq
 
 from drumsqueal.bodies.rigid_shoe import RigidShoe
-from drumsqueal.effects.contact import Bonded, Contact, Unilateral
-from drumsqueal.effects.friction import ExponentialLaw, Friction, Tangential, UnitVelocity
+from drumsqueal.effects.contact import Contact
+from drumsqueal.effects.friction import Friction
+from drumsqueal.effects.friction_direction import Tangential, UnitVelocity
+from drumsqueal.effects.friction_law import ExponentialLaw
 from drumsqueal.effects.operation import Moment
+from drumsqueal.effects.pressure import Bonded, Unilateral
 from drumsqueal.quadrature.arc import LONG_ARC, NODES, NODES_LONG_ARC, ArcSurface
 from drumsqueal.quadrature.area import AreaSurface
 from drumsqueal.quadrature.levels import Level, complex_roots, line_crossings, real_roots, sine_cosine

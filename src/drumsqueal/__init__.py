@@ -9,26 +9,31 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from drumsqueal.comparison import Comparison, compare
-    from drumsqueal.effects.custom_friction import FrictionLaw, TabulatedLaw
+    from drumsqueal.effects.custom_friction import TabulatedLaw
+    from drumsqueal.effects.friction_law import FrictionLaw
     from drumsqueal.errors import IntegrationError, SceneError, SteadyStateError
     from drumsqueal.model import Model, build_model
     from drumsqueal.modes import Mode, Stability, analyse_stability, growth_rate
     from drumsqueal.scene import Scene, load_scene, scene_from_dict
     from drumsqueal.simulation import Result, run
+    from drumsqueal.studies.effects import EffectStudy, study_effects
 
 _HOMES = {
     "comparison": ("Comparison", "compare"),
-    "effects.custom_friction": ("FrictionLaw", "TabulatedLaw"),
+    "effects.custom_friction": ("TabulatedLaw",),
+    "effects.friction_law": ("FrictionLaw",),
     "errors": ("IntegrationError", "SceneError", "SteadyStateError"),
     "model": ("Model", "build_model"),
     "modes": ("Mode", "Stability", "analyse_stability", "growth_rate"),
     "scene": ("Scene", "load_scene", "scene_from_dict"),
     "simulation": ("Result", "run"),
+    "studies.effects": ("EffectStudy", "study_effects"),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
 
 __all__ = [
     "Comparison",
+    "EffectStudy",
     "FrictionLaw",
     "IntegrationError",
     "Mode",
@@ -46,6 +51,7 @@ __all__ = [
     "load_scene",
     "run",
     "scene_from_dict",
+    "study_effects",
 ]
 
 

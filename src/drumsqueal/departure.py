@@ -6,7 +6,7 @@ import xarray
 from numpy.typing import NDArray
 
 from drumsqueal.bodies.rigid_shoe import TX, TY, TZ, X, Y
-from drumsqueal.effects.contact import Unilateral
+from drumsqueal.effects.pressure import Unilateral
 from drumsqueal.model import Model
 from drumsqueal.modes import Mode, Stability
 from drumsqueal.scene import COORDINATES

@@ -13,12 +13,15 @@ from drumsqueal.bodies.rigid_shoe import IN_PLANE, RigidShoe
 from drumsqueal.composition import GIVEN, Composition, compose
 from drumsqueal.effects.action import Effect, Six
 from drumsqueal.effects.assembly import Balance, Preload
-from drumsqueal.effects.contact import Bonded, Contact, Observation, Unilateral
-from drumsqueal.effects.custom_friction import FrictionLaw, as_law
+from drumsqueal.effects.contact import Contact, Observation
+from drumsqueal.effects.custom_friction import as_law
 from drumsqueal.effects.damping import Damping
 from drumsqueal.effects.forcing import Forcing
-from drumsqueal.effects.friction import ConstantLaw, ExponentialLaw, Friction, Tangential, UnitVelocity
+from drumsqueal.effects.friction import Friction
+from drumsqueal.effects.friction_direction import Tangential, UnitVelocity
+from drumsqueal.effects.friction_law import ConstantLaw, ExponentialLaw, FrictionLaw
 from drumsqueal.effects.operation import Operation
+from drumsqueal.effects.pressure import Bonded, Unilateral
 from drumsqueal.effects.schedule import Constant, Profile, Schedule
 from drumsqueal.effects.support import Support
 from drumsqueal.precision import real

@@ -21,7 +21,7 @@ from drumsqueal.composition import (
     moved_coordinates,
     take_inventory,
 )
-from drumsqueal.effects.custom_friction import FrictionLaw
+from drumsqueal.effects.friction_law import FrictionLaw
 from drumsqueal.errors import IntegrationError, SteadyStateError
 from drumsqueal.history import COMPLETE, to_dataset
 from drumsqueal.integrate import Chunk, integrate

@@ -23,7 +23,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from drumsqueal.effects.friction import Law
+from drumsqueal.effects.friction_law import FrictionLaw
 from drumsqueal.model import Model, build_model
 from drumsqueal.quadrature.arc import ArcSurface
 from drumsqueal.quadrature.area import AreaSurface
@@ -41,7 +41,7 @@ SIZES = {"below the edges": 0.02, "beyond them": 1.0}
 class AnyLaw(eqx.Module):
     """A friction law of which nothing is known: the lining is split at its edges, whether there are any or not."""
 
-    law: Law
+    law: FrictionLaw
 
     def coefficient(self, slip_speed: Array) -> Array:
         """That of the law."""

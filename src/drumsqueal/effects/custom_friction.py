@@ -1,7 +1,6 @@
 """A user's own friction law: a function of the slip speed, written for JAX or tabulated."""
 
 from collections.abc import Callable
-from typing import Protocol, runtime_checkable
 
 import equinox as eqx
 import jax
@@ -10,16 +9,8 @@ import numpy as np
 import scipy.interpolate
 from jax import Array
 
+from drumsqueal.effects.friction_law import FrictionLaw
 from drumsqueal.precision import real
-
-
-@runtime_checkable
-class FrictionLaw(Protocol):
-    """What friction asks of a law; one with parameters of its own is an `equinox.Module` with this method."""
-
-    def coefficient(self, slip_speed: Array) -> Array:
-        """μ at slip speeds s ≥ 0 (m/s), of any shape."""
-        ...
 
 
 class FunctionLaw(eqx.Module):

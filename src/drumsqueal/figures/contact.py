@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from drumsqueal.effects.contact import Bonded, Unilateral
+from drumsqueal.effects.pressure import Bonded, Unilateral
 from drumsqueal.figures import style
 from drumsqueal.figures.placement import finer
 from drumsqueal.figures.view import View

@@ -8,7 +8,7 @@ import numpy as np
 
 from drumsqueal.bodies.rigid_shoe import IN_PLANE
 from drumsqueal.composition import forced_coordinates, kept_coordinates
-from drumsqueal.effects.friction import ExponentialLaw
+from drumsqueal.effects.friction_law import ExponentialLaw
 from drumsqueal.scene import COORDINATES, ConstantFriction, ExponentialFriction, Profile, Scene, Schedule
 
 PLANE = tuple(COORDINATES[i] for i in IN_PLANE)
