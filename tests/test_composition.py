@@ -1,5 +1,6 @@
 """What a scene calls for, what it leaves out, and whether it says so."""
 
+import itertools
 import re
 from collections import Counter
 
@@ -147,6 +148,34 @@ def test_what_a_scene_does_not_name_is_not_in_the_program(nominal, name):
     assert after.total() > before.total()
     assert machine_operations <= compiled(under)
     assert not machine_operations & compiled(without)
+
+
+def test_tangential_friction_knows_nothing_of_the_velocity_across(nominal):
+    # In space: |V| is a root, at the nodes with edges and at those without, and V_z at each of them a sum.
+    unit, tangential = (
+        traced(build_model(nominal.with_values({"friction.direction": direction}), coordinates=tuple(range(6))))
+        for direction in ("unit-velocity", "tangential")
+    )
+    assert unit["sqrt"] - tangential["sqrt"] == 2
+    assert unit.total() > tangential.total()
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_a_sweep_of_an_effect_traces_its_program_once(nominal, name):
+    scene = nominal.with_values(BARE | EFFECTS[name][0])
+    traces, forces = [], []
+
+    @jax.jit
+    def force(model, time, q, v):
+        traces.append(1)
+        return force_of(model, time, q, v)
+
+    state = (0.002, jnp.asarray([1e-6, 3e-6, 1e-5]), jnp.asarray([0.1, -0.2, 1.0]))
+    for factor in (1.0, 0.9, 1.1):
+        numbers = {key: factor * np.asarray(value) for key, value in scene.numbers().items() if ".time" not in key}
+        forces.append(np.asarray(force(build_model(scene, numbers), *state)))
+    assert traces == [1]
+    assert all(np.any(one != other) for one, other in itertools.combinations(forces, 2))
 
 
 def test_in_the_plane_there_is_no_area(nominal):

@@ -13,8 +13,8 @@ from drumsqueal.precision import real
 class FrictionLaw(Protocol):
     """What friction asks of a law; one with parameters of its own is an `equinox.Module` with this method.
 
-    A law that is smooth, made of e^(−α s) and the like, may tell its largest α (s/m) as `steepness`: in space the lining
-    is then not searched for edges where there are none.
+    A law that is smooth, made of e^(−α s) and the like, may tell its largest α (s/m) as `steepness`: in space the
+    lining is then not searched for edges where there are none.
     """
 
     def coefficient(self, slip_speed: Array) -> Array:
