@@ -8,8 +8,8 @@ from drumsqueal.effects_table import print_study, to_csv
 from drumsqueal.errors import IntegrationError
 from drumsqueal.figures import save_figures
 from drumsqueal.figures.effects import draw_effects
-from drumsqueal.job import progress_bar
 from drumsqueal.output_folder import EFFECTS, EFFECTS_TABLE, REDUCED_SCENE, write_whole
+from drumsqueal.progress import progress_bar
 from drumsqueal.quantities import printable
 from drumsqueal.scene import Scene
 from drumsqueal.studies.effects import EffectStudy, study_effects, verdict

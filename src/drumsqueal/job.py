@@ -5,13 +5,13 @@ import threading
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from drumsqueal.errors import IntegrationError
 from drumsqueal.history import COMPLETE, HistoryFile
 from drumsqueal.integrate import Chunk
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.output_folder import HISTORY
+from drumsqueal.progress import progress_bar
 from drumsqueal.simulation import Prepared, collect, finish
 
 
@@ -69,16 +69,3 @@ def _kept(history: HistoryFile, outcome: str) -> str:
     if not history.exists:
         return "nothing was kept"
     return f"the {'complete ' if outcome == COMPLETE else ''}history is in {history.path}"
-
-
-def progress_bar(console: Console) -> Progress:
-    """A bar with how far the simulated time has come; nothing where the output is no terminal."""
-    return Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("simulated {task.fields[reached]}"),
-        TimeRemainingColumn(),
-        console=console,
-        transient=True,
-        disable=not console.is_terminal,
-    )
