@@ -4,6 +4,7 @@ import csv
 import itertools
 import math
 import signal
+from pathlib import Path
 
 import jax
 import numpy as np
@@ -17,7 +18,7 @@ from drumsqueal.scene import load_scene
 from drumsqueal.simulation import prepare, run, transient
 from drumsqueal.studies import effects, variants
 from drumsqueal.studies.answers import Answer, Change, ModeAnswer, change_of
-from drumsqueal.studies.effects import TOGETHER, agrees, percent, reservations, study_effects, verdict
+from drumsqueal.studies.effects import TOGETHER, excess_of, percent, reservations, study_effects, verdict
 from drumsqueal.studies.reductions import Reduction, reduce, reductions_of
 from drumsqueal.studies.variants import Variant
 
@@ -103,7 +104,7 @@ def test_reductions_can_be_put_together_in_any_choice(nominal, friction, kept):
 def answer(growth: float, frequency: float, amplitude: float | None, main: float = 1000.0) -> Answer:
     line = None if amplitude is None else Line("Y", main, amplitude)
     modes = {"Y": ModeAnswer(frequency, growth), "X": ModeAnswer(4000.0, -20.0)}
-    return Answer(modes, line, {"Y": amplitude or 0.0, "X": 1.0})
+    return Answer(modes, {"Y": amplitude or 0.0, "X": 1.0}, ("Y",) if line else (), line)
 
 
 @pytest.mark.parametrize(
@@ -129,10 +130,18 @@ def test_a_mode_that_is_lost_is_an_infinite_change():
 
 def test_noise_above_the_accuracy_counts_instead_of_it():
     change = Change(0.0, 0.005, 0.03, None)
-    assert not agrees(change, Change(0.0, 0.0, 0.001, None), 0.01)
-    assert agrees(change, Change(0.0, 0.0, -0.04, None), 0.01)
-    assert not agrees(change, None, 0.01)
-    assert not agrees(None, None, 0.01)
+    assert excess_of(change, Change(0.0, 0.0, 0.001, None), 0.01) == pytest.approx(3.0)
+    assert excess_of(change, Change(0.0, 0.0, -0.04, None), 0.01) == pytest.approx(0.75)
+    assert excess_of(change, Change(0.0, 0.0, math.inf, None), 0.01) == pytest.approx(0.5)
+    assert excess_of(change, None, 0.01) == pytest.approx(3.0)
+    assert excess_of(None, None, 0.01) == math.inf
+
+
+def test_the_amplitudes_of_all_that_carry_the_motion_count():
+    whole, other = answer(50, 1000, 1e-5), answer(50, 1000, 1e-5)
+    other.amplitude["X"] = 0.5
+    assert change_of(whole, other).amplitude == 0.0
+    assert change_of(whole._replace(carriers=("Y", "X")), other).amplitude == -0.5
 
 
 # --- the study -------------------------------------------------------------------------------------------------------
@@ -154,7 +163,9 @@ def test_the_changes_are_those_of_the_scenes_run_by_themselves(study, quick):
     name = separate.main.coordinate
     motion = bonded.history["displacement"].sel(coordinate=name).values[200:]
     change = by_label["separation → bonded"].change
-    assert change.amplitude == pytest.approx(np.ptp(motion) / 2 / separate.amplitude[name] - 1, rel=1e-12)
+    answers = [by_label[label].answer.amplitude[name] for label in ("whole scene", "separation → bonded")]
+    assert answers == pytest.approx([separate.amplitude[name], np.ptp(motion) / 2], rel=1e-12)
+    assert abs(change.amplitude) >= abs(answers[1] / answers[0] - 1)  # it is the largest over the carriers
     # The linear model knows nothing of separation; compiled differently, it differs by round-off.
     assert abs(change.growth_rate) < 1e-12
     assert abs(change.onset_frequency) < 1e-14
@@ -223,7 +234,8 @@ def test_what_is_too_much_together_comes_back(nominal, monkeypatch, within, spar
     assert [reduction.effect for reduction in found.spared] == wanted
     assert [reduction.effect for reduction in found.needed] == [name for name in ALONE if name not in wanted]
     if len(wanted) > 1:  # what is claimed has been run
-        assert found.variants[-1].label == TOGETHER
+        labels = [variant.label for variant in found.variants[len(ALONE) + 1 :]]
+        assert labels == ([TOGETHER] if wanted[-1] != "middling" else [TOGETHER, "less heavy"])
         assert [reduction.effect for reduction in found.variants[-1].reductions] == wanted
     text = verdict(found)
     assert ("needs all of its effects" in text) == (not wanted)
@@ -232,7 +244,15 @@ def test_what_is_too_much_together_comes_back(nominal, monkeypatch, within, spar
 
 @pytest.mark.parametrize(
     ("share", "text"),
-    [(0.01, "1 %"), (1.3e-5, "0.0013 %"), (1e-12, "0 %"), (1.0, "100 %"), (5.88, "588 %"), (35.2, "35 times")],
+    [
+        (0.01, "1 %"),
+        (1.3e-5, "0.0013 %"),
+        (1e-12, "0 %"),
+        (1.0, "100 %"),
+        (5.88, "588 %"),
+        (35.2, "3520 %"),
+        (-85170.0, "-8.5e+06 %"),
+    ],
 )
 def test_shares_are_told_in_two_digits(share, text):
     assert percent(share) == text
@@ -273,6 +293,47 @@ def test_a_reduced_scene_that_takes_for_ever_is_stopped(quick, monkeypatch):
     assert all("it takes more than 1e-06 times as long" in variant.outcome for variant in found.variants[1:])
 
 
+def test_a_scene_at_rest_has_eigenvalues_alone_to_compare(quick, monkeypatch):
+    monkeypatch.setattr(effects, "reductions_of", only("separation"))
+    found = study_effects(quick.with_values({"start.displacement": {}}))
+    assert [reduction.effect for reduction in found.spared] == ["separation"]
+    assert "That changes nothing in growth rates, onset frequencies and takes" in verdict(found)
+    assert reservations(found) == ("The whole scene is at rest at the end: eigenvalues alone are compared.",)
+
+
+def test_a_record_too_short_for_a_line_has_its_amplitude_compared(quick, monkeypatch):
+    monkeypatch.setattr(effects, "reductions_of", only("separation"))
+    found = study_effects(quick.with_values({"simulate.duration": 0.0003}))
+    assert [reduction.effect for reduction in found.needed] == ["separation"]
+    change = found.variants[-1].change
+    assert change is not None
+    assert change.main_frequency is None
+    assert abs(change.amplitude or 0.0) > 0.01
+    assert reservations(found)[0].startswith("The record is too short, or the motion has no line")
+
+
+def test_without_a_tenth_of_the_tolerance_the_noise_is_not_known(quick, monkeypatch):
+    monkeypatch.setattr(effects, "reductions_of", only("damping"))
+    found = study_effects(quick.with_values({"simulate.tolerance": 5e-13, "simulate.duration": 0.001}))
+    assert found.noise is None
+    assert [variant.label for variant in found.variants] == ["whole scene", "damping → none"]
+    assert "What the tolerance is worth is not known" in reservations(found)[0]
+
+
+def test_six_coordinates_by_name_are_spared_where_the_plane_will_do(nominal, monkeypatch):
+    monkeypatch.setattr(effects, "reductions_of", only("space"))
+    values = {"simulate.duration": 0.001, "simulate.coordinates": ["X", "Y", "Z", "Tx", "Ty", "Tz"]}
+    found = study_effects(nominal.with_values(values))
+    assert found.reduced.simulate.coordinates == "auto"
+    assert [reduction.effect for reduction in found.spared] == ["space"]
+
+
+@pytest.mark.parametrize("within", [0.0, 1.0, math.nan, -0.1])
+def test_an_accuracy_out_of_range_is_refused_from_python(quick, within):
+    with pytest.raises(ValueError, match="between 0 and 1"):
+        study_effects(quick, within)
+
+
 # --- the command -----------------------------------------------------------------------------------------------------
 
 
@@ -297,13 +358,13 @@ def test_the_command_writes_table_figure_and_reduced_scene(drumsqueal, quick_fil
     for label, mode in modes.items():
         assert float(whole[f"frequency_{label}_Hz"]) == mode.frequency_Hz
         assert float(whole[f"growth_rate_{label}_1_per_s"]) == mode.growth_rate
-    amplitude = next(key for key in whole if key.startswith("end_amplitude_"))
+    amplitudes = [f"end_amplitude_{name}" for name in ("X_m", "Y_m", "Tz_rad")]  # all carry a part of the motion
     for row in rows[1:]:
-        change = float(row[amplitude]) / float(whole[amplitude]) - 1
+        change = max((float(row[key]) / float(whole[key]) - 1 for key in amplitudes), key=abs)
         assert float(row["change_of_amplitude"]) == pytest.approx(change, rel=1e-9, abs=1e-12)
 
 
-@pytest.mark.parametrize("within", ["1", "0", "-1 %", "100 %", "much", "1 m", "nan"])
+@pytest.mark.parametrize("within", ["1", "0", "-1 %", "100 %", "much", "1 m", "nan", "²", "1 % %", ""])
 def test_an_accuracy_that_is_none_is_refused(drumsqueal, quick_file, tmp_path, within):
     status, _, errors = drumsqueal("effects", str(quick_file), "-o", str(tmp_path / "out"), "--within", within)
     assert status == 2
@@ -354,6 +415,25 @@ def test_a_study_that_is_cut_off_keeps_the_runs_made(drumsqueal, quick_file, tmp
         assert "the disk does not take the results (No space)" in errors
         assert len(rows) > 4
     assert not (folder / "reduced.toml").exists()
+
+
+def test_a_full_disk_leaves_the_runs_that_were_written(drumsqueal, quick_file, tmp_path, monkeypatch):
+    folder, written = tmp_path / "out", []
+    write = Path.write_bytes
+
+    def fill(path, content):
+        written.append(path)
+        write(path, content[: len(content) // 2] if len(written) == 4 else content)
+        if len(written) == 4:
+            raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_bytes", fill)
+    status, _, errors = drumsqueal("effects", str(quick_file), "-o", str(folder))
+    assert (status, errors.count("\n")) == (1, 1)
+    assert "the disk does not take the results (No space left on device); the runs made until then are in" in errors
+    rows = list(csv.DictReader((folder / "effects.csv").read_text(encoding="utf-8").splitlines()))
+    assert len(rows) == 3
+    assert [path.name for path in folder.iterdir()] == ["effects.csv"]
 
 
 def test_numbers_of_the_table_are_finite_or_empty(study):

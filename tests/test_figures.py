@@ -131,13 +131,14 @@ def made_up_study(title: str, times: list[float]) -> EffectStudy:
     reductions = reductions_of(scene)
     changes = [None, *(Change(0.0, 10.0**power, -(10.0 ** (power - 2)), np.inf) for power in np.linspace(-9, 3, 9))]
     labels = ["whole scene", "tolerance / 10", *map(str, reductions)]
-    answer = Answer({}, None, {})
+    answer = Answer({}, {}, (), None)
     rows = [
         Variant(label, () if k < 2 else (reductions[k - 2],), scene, "complete", time, 1.0, answer, change)
         for k, (label, time, change) in enumerate(zip(labels, times, changes, strict=True))
     ]
     rows[-1] = rows[-1]._replace(answer=None, change=None, outcome="failed: no steady sliding", time_per_ms=np.nan)
-    return EffectStudy(scene, 0.01, rows[1].change, tuple(rows), reductions, (), scene)
+    rows.append(rows[0]._replace(label="together", reductions=reductions[:3], change=rows[1].change))
+    return EffectStudy(scene, 0.01, rows[1].change, tuple(rows), reductions[2:], reductions[:2], scene)
 
 
 PROFILES = {
@@ -157,6 +158,8 @@ def test_effects_are_drawn_without_overlap(title, slowest):
     lengths = [bar.get_width() for bar in bars.patches if isinstance(bar, Rectangle)]
     np.testing.assert_allclose(lengths, [0.0 if np.isnan(v.time_per_ms) else v.time_per_ms for v in study.variants])
     assert bars.get_xlim()[0] == 0  # a bar begins at nothing
+    bold = [text.get_text() for text in bars.get_yticklabels() if text.get_fontweight() == "bold"]
+    assert bold == [str(reduction) for reduction in study.needed]
     # Every change stands at its size, or at the end of the axis beyond it.
     frequency = next(line for line in changes.lines if line.get_label() == "onset frequencies")
     wanted = np.array([v.change.onset_frequency for v in study.variants if v.change is not None], dtype=float)

@@ -97,7 +97,7 @@ def stability_command(
 @app.command(name="effects")
 def effects_command(
     scene: SceneFile,
-    percent: Annotated[str | None, typer.Argument(hidden=True)] = None,
+    percent: Annotated[str | None, typer.Argument(hidden=True, metavar="")] = None,
     output: Annotated[Path | None, typer.Option("-o", "--output", metavar="DIR", help="Folder of the results.")] = None,
     within: Annotated[
         str, typer.Option("--within", metavar="SHARE", help="Accuracy that decides what is needed, such as 1 %.")
@@ -112,7 +112,7 @@ def effects_command(
 
     Example: drumsqueal effects scenarios/nominal.toml -o out/effects --within "1 %"
     """
-    if percent is not None and percent != "%":  # what the shell makes of --within 1 %
+    if percent is not None and (percent != "%" or "%" in within):  # it is what the shell makes of --within 1 %
         raise UsageError(f"Got unexpected extra argument ({percent})")
     loaded = load_scene(scene, settings or ())
     accuracy = _share(f"{within} {percent or ''}".strip(), "--within")
@@ -131,8 +131,8 @@ def effects_command(
 def _share(text: str, option: str) -> float:
     """A share between 0 and 1 from "1 %" or "0.01"."""
     try:
-        share = parse_quantity(float(text) if text.replace(".", "", 1).isdigit() else text, "")
-    except SceneError:
+        share = parse_quantity(text if "%" in text else float(text), "")
+    except ValueError:  # of which SceneError is one
         share = 0.0
     if not 0 < share < 1:
         raise RequestError(f'{option} {text}: write a share between 0 and 100 %, such as "1 %" or 0.01')

@@ -8,11 +8,12 @@ from drumsqueal.effects_table import print_study, to_csv
 from drumsqueal.errors import IntegrationError
 from drumsqueal.figures import save_figures
 from drumsqueal.figures.effects import draw_effects
+from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.output_folder import EFFECTS, EFFECTS_TABLE, REDUCED_SCENE, write_whole
 from drumsqueal.progress import progress_bar
 from drumsqueal.quantities import printable
 from drumsqueal.scene import Scene
-from drumsqueal.studies.effects import EffectStudy, study_effects, verdict
+from drumsqueal.studies.effects import EffectStudy, reservations, study_effects, verdict
 from drumsqueal.studies.variants import Variant
 
 
@@ -26,20 +27,24 @@ def study_into(folder: Path, scene: Scene, within: float, console: Console) -> N
         study = _study(folder, scene, within, console, ran)
         write_whole(folder / EFFECTS_TABLE, to_csv(study.variants).encode())
         write_whole(folder / REDUCED_SCENE, reduced_scene(study).encode())
+        stop_if_interrupted()
         save_figures({EFFECTS: draw_effects(study)}, folder)
+        stop_if_interrupted()
     except KeyboardInterrupt:
-        raise IntegrationError(f"interrupted by the user; {_kept(folder, ran)}") from None
+        raise IntegrationError(f"interrupted by the user; {_kept(folder)}") from None
     except IntegrationError as error:
-        raise IntegrationError(f"{error}; {_kept(folder, ran)}") from None
+        raise IntegrationError(f"{error}; {_kept(folder)}") from None
     except OSError as error:
-        raise IntegrationError(f"failed: the disk does not take the results ({error.strerror or error})") from None
+        cause = f"failed: the disk does not take the results ({error.strerror or error})"
+        raise IntegrationError(f"{cause}; {_kept(folder)}") from None
     print_study(console, study)
     console.print(printable(f"Table, figure and the reduced scene are in {folder}"), soft_wrap=True)
 
 
 def reduced_scene(study: EffectStudy) -> str:
     """The scene with what it needs, as a file that says what was left out."""
-    return f"# {verdict(study)}\n{study.reduced.to_toml()}"
+    remarks = "".join(f"# {printable(remark)}\n" for remark in (verdict(study), *reservations(study)))
+    return f"{remarks}{study.reduced.to_toml()}"
 
 
 def _study(folder: Path, scene: Scene, within: float, console: Console, ran: list[Variant]) -> EffectStudy:
@@ -56,7 +61,6 @@ def _study(folder: Path, scene: Scene, within: float, console: Console, ran: lis
         return study_effects(scene, within, on_variant=keep, on_progress=show)
 
 
-def _kept(folder: Path, ran: list[Variant]) -> str:
-    if not ran:
-        return "nothing was kept"
-    return f"the runs made until then are in {folder / EFFECTS_TABLE}"
+def _kept(folder: Path) -> str:
+    table = folder / EFFECTS_TABLE
+    return f"the runs made until then are in {table}" if table.exists() else "nothing was kept"

@@ -12,7 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from drumsqueal.departure import ROTATIONS
-from drumsqueal.studies.effects import MANY, ROUND_OFF, EffectStudy, agrees, percent, reservations, verdict
+from drumsqueal.studies.effects import ROUND_OFF, EffectStudy, percent, reservations, verdict
 from drumsqueal.studies.variants import Variant
 
 UNSHOWN = 1e-6  # a relative change below it has no digits on the terminal
@@ -34,13 +34,12 @@ def print_study(console: Console, study: EffectStudy) -> None:
     for heading in _TERMINAL.values():
         table.add_column(heading, justify="right")
     for variant in study.variants:
-        whole = not variant.reductions
-        style = "" if whole or agrees(variant.change, study.noise, study.within) else "bold"
+        style = "bold" if len(variant.reductions) == 1 and variant.reductions[0] in study.needed else ""
         table.add_row(Text(variant.label, style=style), *_costs(variant), *_changes(variant))
     console.print(table)
     console.print(
         "Time and evaluations for a simulated millisecond. Changes from the whole scene: the largest over its modes"
-        f"{_at_the_end(study)}; bold where beyond {percent(study.within)}",
+        f"{_at_the_end(study)}; bold: needed within {percent(study.within)}",
         style="dim",
     )
     for reservation in reservations(study):
@@ -72,10 +71,8 @@ def _row(variant: Variant, whole: Variant) -> dict[str, Any]:
         for label, mode in answer.modes.items():
             row[f"frequency_{label}_Hz"] = mode.frequency_Hz
             row[f"growth_rate_{label}_1_per_s"] = mode.growth_rate
-        main = whole.answer.main
-        if main is not None:
-            unit = "rad" if main.coordinate in ROTATIONS else "m"
-            row[f"end_amplitude_{main.coordinate}_{unit}"] = answer.amplitude.get(main.coordinate, 0.0)
+        for name in whole.answer.amplitude:
+            row[f"end_amplitude_{name}_{'rad' if name in ROTATIONS else 'm'}"] = answer.amplitude.get(name, 0.0)
         row["end_frequency_Hz"] = None if answer.main is None else answer.main.frequency_Hz
     if variant.change is not None:
         row |= {f"change_of_{field}": _number(value) for field, value in variant.change._asdict().items()}
@@ -106,13 +103,11 @@ def _change(value: float | None) -> str:
         return "-"
     if math.isinf(value):
         return "lost"
-    if value >= MANY:
-        return f"×{1 + value:.2g}"
     return "<0.0001" if ROUND_OFF < abs(value) < UNSHOWN else percent(value, "+").removesuffix(" %")
 
 
 def _at_the_end(study: EffectStudy) -> str:
     answer = study.variants[0].answer
-    if answer is None or answer.main is None:
+    if answer is None or not answer.carriers:
         return ""
-    return f", and of the amplitude of {answer.main.coordinate} and of the main line at the end"
+    return f", the largest over the amplitudes of {', '.join(answer.carriers)} at the end, and of the main line there"

@@ -59,11 +59,13 @@ def claim_output(folder: Path, files: Iterable[str]) -> None:
 
 
 def write_whole(path: Path, content: bytes) -> None:
-    """Write a file whole or, where the disk or Ctrl-C stops it, leave none. Raises OSError."""
+    """Write a file whole or, where the disk or Ctrl-C stops it, leave what was there before. Raises OSError."""
+    part = path.with_name(f"{path.name}.part")
     try:
-        path.write_bytes(content)
+        part.write_bytes(content)
+        part.replace(path)
     except BaseException:
-        path.unlink(missing_ok=True)
+        part.unlink(missing_ok=True)
         raise
 
 

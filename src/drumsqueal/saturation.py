@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from drumsqueal.departure import ROTATIONS, Departure, changes
 from drumsqueal.model import Model
 from drumsqueal.modes import Mode, Stability
-from drumsqueal.signals import PERIODS_NEEDED, Regime, classify, spectral_peaks
+from drumsqueal.signals import PERIODS_NEEDED, STEADY, Regime, classify, spectral_peaks
 
 SATURATED_SHARE = 0.6  # last part of what follows the first edge that is called saturated
 FEWEST_SAMPLES = 64  # of the saturated part
@@ -25,13 +25,15 @@ class Line(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """What a part of the record holds: its lines, half its peak-to-peak values (m, rad) and its main line.
+    """What a part of the record holds: half its peak-to-peak values (m, rad), its lines and its main line.
 
-    `main` is the line that holds most kinetic energy; None where no coordinate moves.
+    `kinetic_share` is each coordinate's share of the mean kinetic energy, empty at rest. `main` is the line that holds
+    most of it; None at rest, and where the part is too short for a spectrum or the motion has no line in it.
     """
 
-    lines: tuple[Line, ...]
     amplitude: dict[str, float]
+    kinetic_share: dict[str, float]
+    lines: tuple[Line, ...]
     main: Line | None
 
 
@@ -77,9 +79,7 @@ def describe_saturation(
     drifts = regime.kind == "unknown" and regime.amplitude_drift is not None
     if drifts and changes(model, departure.time[part]):
         regime = regime._replace(reason="Drum speed or load change, and the motion with them.")
-    motion = describe_motion(departure, part, stability)
-    if regime.kind == "steady":
-        motion = motion._replace(lines=(), main=None)
+    motion = describe_motion(departure, part, stability, model)
     main = motion.main
     mode = _nearest(main, modes) if main is not None and modes else None
     return Saturation(
@@ -95,12 +95,16 @@ def describe_saturation(
     )
 
 
-def describe_motion(departure: Departure, part: slice, stability: Stability) -> Motion:
+def describe_motion(departure: Departure, part: slice, stability: Stability, model: Model) -> Motion:
     """Describe the motion in a part of the record, whatever its kind."""
     amplitude = np.ptp(departure.displacement[part], axis=0) / 2
-    lines = _lines(departure, part)
     named = {name: float(size) for name, size in zip(stability.coordinates, amplitude, strict=True)}
-    return Motion(lines, named, _main_line(lines, stability))
+    if np.all(amplitude < STEADY * _scale(departure, stability, model)):
+        return Motion(named, {}, (), None)
+    energy = stability.mass * np.mean(departure.velocity[part] ** 2, axis=0)
+    shares = {name: float(e / energy.sum()) for name, e in zip(stability.coordinates, energy, strict=True)}
+    lines = _lines(departure, part)
+    return Motion(named, shares, lines, _main_line(lines, stability))
 
 
 def _lines(departure: Departure, part: slice) -> tuple[Line, ...]:

@@ -74,15 +74,16 @@ class Contact(eqx.Module):
     def _integrated(self, levels: Levels, integral: Callable[[Nodes], Integral]) -> Integral:
         """The integral over nodes that are split at the edges; in space and without edges, over a seventieth of them.
 
-        Below the edges that makes an evaluation in space a hundred times faster (2.3 µs instead of 240). In the plane
-        it would spare 0.3 µs of 0.7 there and cost 0.1 µs beyond the edges: on the whole nothing, so it is not done.
+        Below the edges that makes an evaluation in space some seventy times faster (tests/benchmarks/evaluation.py).
+        In the plane it would spare 0.3 µs of 0.7 there and cost 0.1 µs beyond the edges, in a step of some 20 µs: on
+        the whole nothing, so it is not done.
         A law of which nothing is known may have corners of its own, and is always split.
         """
 
         def split() -> Integral:
             return integral(self.surface.nodes(self.shoe, self.law.edges(levels.pressure), levels.slip, levels.axial))
 
-        steepness = 0.0 if self.friction is None else self.friction.steepness
+        steepness = 0.0 if self.friction is None or levels.slip is None else self.friction.steepness
         if isinstance(self.surface, ArcSurface) or steepness is None:
             return split()
         smooth = is_smooth(self.shoe, self.law.edges(levels.pressure), levels.slip, levels.axial, steepness)

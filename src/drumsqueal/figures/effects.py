@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from drumsqueal.figures import style
 from drumsqueal.figures.style import frame, new_figure, styled
 from drumsqueal.studies.answers import QUANTITIES
-from drumsqueal.studies.effects import EffectStudy, agrees, percent
+from drumsqueal.studies.effects import EffectStudy, percent
 from drumsqueal.studies.variants import Variant
 
 SMALLEST, LARGEST = 1e-6, 1e2  # relative changes; what is outside is drawn at the end of the axis
@@ -33,7 +33,7 @@ def draw_effects(study: EffectStudy) -> Figure:
     _draw_changes(right, study)
     left.set_yticks(range(len(rows)), [variant.label for variant in rows])
     for text, variant in zip(left.get_yticklabels(), rows, strict=True):
-        needed = variant.reductions and not agrees(variant.change, study.noise, study.within)
+        needed = len(variant.reductions) == 1 and variant.reductions[0] in study.needed
         text.set_fontweight("bold" if needed else "normal")
     for axes in (left, right):
         axes.tick_params(axis="y", length=0)
@@ -76,7 +76,7 @@ def _draw_changes(axes: Axes, study: EffectStudy) -> None:
         if variant.answer is None:
             axes.text(study.within * 1.2, row, "failed", va="center", fontsize=style.SMALL_SIZE)
     ticks = [10.0**power for power in range(-6, 3, 2)]
-    axes.set_xticks(ticks, ["≤ 1e−4 %", *(percent(tick) for tick in ticks[1:-1]), "≥ 100 times"])
+    axes.set_xticks(ticks, ["≤ 1e−4 %", *(percent(tick) for tick in ticks[1:-1]), "≥ 1e4 %"])
     axes.minorticks_off()
     frame(axes, "relative change from the whole scene", None)
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.2, columnspacing=1.0)

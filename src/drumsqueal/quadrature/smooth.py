@@ -35,7 +35,7 @@ def smooth_nodes(shoe: RigidShoe) -> Nodes:
 def is_smooth(
     shoe: RigidShoe, pressure: Level | None, slip: Level | None, axial: Level | None, steepness: Array | float
 ) -> Array:
-    """Whether the lining has no edge: pressed everywhere, and every branch point of |V| far enough from it.
+    """Whether the lining has no edge, pressed and slipping one way everywhere, nor a branch point of |V| near it.
 
     With V_θ + i V_z = a + (p e^{iθ} + m e^{−iθ})/2 there is none with |Im θ| < y as long as max(|p|, |m|) cosh y < |a|.
     `steepness` is the largest α (s/m) of the friction law. Sufficient, not necessary: bounds over the whole circle.
@@ -44,6 +44,7 @@ def is_smooth(
     if pressure is not None:
         smooth &= pressure.constant >= _swing(pressure, shoe.width / 2)
     if slip is not None:
+        smooth &= jnp.abs(slip.constant) >= _swing(slip, shoe.width / 2)
         turn = slip if axial is None else Level(*(u + 1j * w for u, w in zip(slip, axial, strict=True)))
         swing, mean = _swing(turn, shoe.width / 2), jnp.abs(turn.constant)
         share = jnp.minimum(LARGEST_SWING, 1 / jnp.cosh(CLEARANCE * shoe.half_angle))

@@ -1,7 +1,7 @@
 """What a recorded motion says: spectra, growth rates and the regime; arrays in, arrays out."""
 
 from drumsqueal.signals.growth import Growth, fit_growth, modal_amplitudes, modal_frequency
-from drumsqueal.signals.regime import PERIODS_NEEDED, Regime, classify
+from drumsqueal.signals.regime import PERIODS_NEEDED, STEADY, Regime, classify
 from drumsqueal.signals.spectra import (
     Peak,
     Peaks,
@@ -15,6 +15,7 @@ from drumsqueal.signals.spectra import (
 
 __all__ = [
     "PERIODS_NEEDED",
+    "STEADY",
     "Growth",
     "Peak",
     "Peaks",

@@ -5,10 +5,12 @@ from typing import NamedTuple
 
 from drumsqueal.comparison import NEUTRAL_SHARE
 from drumsqueal.departure import Departure
-from drumsqueal.saturation import SATURATED_SHARE, Line, Motion, describe_motion
+from drumsqueal.model import Model
+from drumsqueal.saturation import Line, describe_motion, saturated_part
 from drumsqueal.simulation import Result
 
 LOST = math.inf  # the change of what one of two runs lacks
+CARRIED = 0.01  # share of the kinetic energy from which the amplitude of a coordinate is compared
 
 
 class ModeAnswer(NamedTuple):
@@ -19,18 +21,20 @@ class ModeAnswer(NamedTuple):
 
 
 class Answer(NamedTuple):
-    """Modes by label, and the motion at the end: its main line and half its peak-to-peak values (m, rad).
+    """Modes by label, and the motion at the end: half its peak-to-peak values (m, rad) and its main line.
 
-    The end is the saturated part or, where no edge was reached, the last 60 % of the record.
+    The end is the saturated part or, where that cannot be told, the last 60 % of the record. `carriers` are the
+    coordinates that hold a hundredth or more of the kinetic energy there; none at rest.
     """
 
     modes: dict[str, ModeAnswer]
-    main: Line | None
     amplitude: dict[str, float]
+    carriers: tuple[str, ...]
+    main: Line | None
 
 
 class Change(NamedTuple):
-    """Relative changes: of growth rates and onset frequencies the largest over the modes, amplitude and main frequency.
+    """Relative changes, each the largest: over the modes, over the carriers of the motion at the end, of its main line.
 
     None where neither run has the quantity, infinite where one of them lacks it.
     """
@@ -50,36 +54,26 @@ QUANTITIES = {
 """The fields of a change in words."""
 
 
-def answer_of(result: Result) -> Answer:
-    """Read the answer off a run."""
+def answer_of(result: Result, model: Model) -> Answer:
+    """Read the answer off a run; `model` is the one over the coordinates of its eigenvalues."""
     modes = {mode.label: ModeAnswer(mode.frequency_Hz, mode.growth_rate) for mode in result.stability.modes}
-    saturation = result.comparison.saturation
-    if saturation is None:
-        departure = Departure(result.history, result.stability)
-        samples = departure.time.size
-        motion = describe_motion(departure, slice(round((1 - SATURATED_SHARE) * samples), samples), result.stability)
-    else:
-        motion = Motion(saturation.lines, saturation.amplitude, saturation.main)
-    return Answer(modes, motion.main, motion.amplitude)
+    departure, comparison = Departure(result.history, result.stability), result.comparison
+    edge = comparison.edge_reached_s if comparison.saturation is not None else None
+    part = saturated_part(departure.time, 0.0 if edge is None else edge)
+    motion = describe_motion(departure, part, result.stability, model)
+    carriers = tuple(name for name, share in motion.kinetic_share.items() if share >= CARRIED)
+    return Answer(modes, motion.amplitude, carriers, motion.main)
 
 
 def change_of(whole: Answer, other: Answer) -> Change:
-    """Change from the whole scene's answer to another one's, over the whole scene's modes, whether started or not."""
-    growth, frequency = [], []
-    for label, before in whole.modes.items():
-        after = other.modes.get(label)
-        if after is None:
-            growth.append(LOST)
-            frequency.append(LOST)
-            continue
-        frequency.append(after.frequency_Hz / before.frequency_Hz - 1)
-        growth.append(_growth_change(before, after))
-    return Change(
-        _largest(growth),
-        _largest(frequency),
-        _amplitude_change(whole, other),
-        _frequency_change(whole.main, other.main),
-    )
+    """Change from the whole scene's answer to another one's, over the whole scene's modes and carriers."""
+    pairs = [(before, other.modes.get(label)) for label, before in whole.modes.items()]
+    frequency = [LOST if after is None else after.frequency_Hz / before.frequency_Hz - 1 for before, after in pairs]
+    growth = [LOST if after is None else _growth_change(before, after) for before, after in pairs]
+    amplitude = [other.amplitude.get(name, 0.0) / whole.amplitude[name] - 1 for name in whole.carriers]
+    if not whole.carriers and other.carriers:
+        amplitude = [LOST]  # rest against motion
+    return Change(_largest(growth), _largest(frequency), _largest(amplitude), _frequency_change(whole.main, other.main))
 
 
 def _growth_change(before: ModeAnswer, after: ModeAnswer) -> float:
@@ -88,13 +82,6 @@ def _growth_change(before: ModeAnswer, after: ModeAnswer) -> float:
     if abs(before.growth_rate) < neutral:
         return 0.0 if abs(after.growth_rate) < neutral else LOST
     return (after.growth_rate - before.growth_rate) / abs(before.growth_rate)
-
-
-def _amplitude_change(whole: Answer, other: Answer) -> float | None:
-    """Of the coordinate that holds most kinetic energy in the whole scene."""
-    if whole.main is None:
-        return None if other.main is None else LOST
-    return other.amplitude.get(whole.main.coordinate, 0.0) / whole.amplitude[whole.main.coordinate] - 1
 
 
 def _frequency_change(whole: Line | None, other: Line | None) -> float | None:

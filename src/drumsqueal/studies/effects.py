@@ -16,15 +16,15 @@ from drumsqueal.studies.variants import Bench, OnProgress, OnVariant, Variant
 WITHIN = 0.01
 TOGETHER = "together"
 ROUND_OFF = 1e-9  # a relative change below it is told as none
-MANY = 10.0  # a share from which it is told in times instead of per cent
-WORTH_WHILE = 0.9  # share of the time; more is within what times scatter
+MANY = 100.0  # a share above which it is told by its power of ten
+SCATTER = 0.9  # share of the time; what is nearer to one is within what times scatter
 
 
 class EffectStudy(NamedTuple):
     """All runs, the effects the scene needs `within` a relative accuracy, those it can do without, and what is left.
 
-    `noise` is what a tenth of the tolerance changes, None if that run failed. The first of the variants is the whole
-    scene, the second the one for the noise.
+    `noise` is what a tenth of the tolerance changes, an estimate from one run, and None where there is none. The first
+    of the variants is the whole scene.
     """
 
     scene: Scene
@@ -41,34 +41,40 @@ def study_effects(
 ) -> EffectStudy:
     """Leave out or reduce each effect of a scene and see what it costs and changes: `study_effects(scene).reduced`.
 
-    Then all that the scene can do without `within` that relative accuracy is left out together; where that goes too
-    far, the effect that counts most comes back until it does not. `on_variant` is called with each run as it ends,
-    `on_progress` with its label and the time (s) it has reached. Raises SceneError for a scene that cannot be run,
-    IntegrationError when the whole scene fails, and KeyboardInterrupt between two chunks.
+    Then all that the scene can do without `within` that relative accuracy (0 to 1) is left out together; where that
+    goes too far, the effect that counts most comes back until it does not. `on_variant` is called with each run as it
+    ends, `on_progress` with its label and the time (s) it has reached. Raises ValueError for another accuracy,
+    SceneError for a scene that cannot be run, IntegrationError when the whole scene fails, and KeyboardInterrupt
+    between two chunks.
     """
+    if not 0 < within < 1:
+        raise ValueError(f"the accuracy must be between 0 and 1, got {within}")
     with noted_interrupts():
         bench = Bench(scene, on_variant or (lambda _: None), on_progress or (lambda *_: None))
         reductions = reductions_of(scene)
-        alone = [(reduction, bench.run(str(reduction), (reduction,))) for reduction in reductions]
-        spared = [(reduction, run) for reduction, run in alone if agrees(run.change, bench.noise, within)]
-        while len(spared) > 1:
-            together = bench.run(TOGETHER, tuple(reduction for reduction, _ in spared))
-            if agrees(together.change, bench.noise, within):
-                break
-            spared.remove(max(spared, key=lambda pair: pair[1].largest_change))
+        alone = {reduction.effect: bench.run(str(reduction), (reduction,)) for reduction in reductions}
+        excess = {effect: excess_of(variant.change, bench.noise, within) for effect, variant in alone.items()}
+        spared = [reduction for reduction in reductions if excess[reduction.effect] <= 1]
+        label = TOGETHER
+        while len(spared) > 1 and excess_of(bench.run(label, tuple(spared)).change, bench.noise, within) > 1:
+            heaviest = max(spared, key=lambda reduction: excess[reduction.effect])
+            spared.remove(heaviest)
+            label = f"less {heaviest.effect}"
         variants = bench.timed_again()
-    left_out = tuple(reduction for reduction, _ in spared)
-    needed = tuple(reduction for reduction in reductions if reduction not in left_out)
-    reduced = reduce(scene, left_out)
-    return EffectStudy(scene, within, bench.noise, variants, needed, left_out, reduced)
+    needed = tuple(reduction for reduction in reductions if reduction not in spared)
+    return EffectStudy(scene, within, bench.noise, variants, needed, tuple(spared), reduce(scene, spared))
 
 
-def agrees(change: Change | None, noise: Change | None, within: float) -> bool:
-    """Whether no quantity changes by more than `within` or, where that is more, by the noise; a failed run does not."""
+def excess_of(change: Change | None, noise: Change | None, within: float) -> float:
+    """The largest change of any quantity over its limit, `within` or the noise where that is more; infinite if failed.
+
+    A quantity that the noise takes away altogether has no limit.
+    """
     if change is None:
-        return False
+        return math.inf
     limits = [max(within, abs(least or 0.0)) for least in noise or (None,) * len(change)]
-    return all(abs(value or 0.0) <= limit for value, limit in zip(change, limits, strict=True))
+    pairs = zip(change, limits, strict=True)
+    return max((abs(value or 0.0) / limit for value, limit in pairs if math.isfinite(limit)), default=0.0)
 
 
 def verdict(study: EffectStudy) -> str:
@@ -79,38 +85,51 @@ def verdict(study: EffectStudy) -> str:
     needed = ", ".join(reduction.effect for reduction in study.needed)
     if not study.spared:
         return f"{within} this scene needs all of its effects: {needed}."
-    whole = study.variants[0]
     final = next(variant for variant in reversed(study.variants) if variant.reductions == study.spared)
-    largest, share = final.largest_change, final.time_per_ms / whole.time_per_ms
-    changes = "nothing" if largest < ROUND_OFF else f"the answer by {percent(largest)} at most"
-    saves = f"takes {percent(share)} of the time" if share < WORTH_WHILE else "saves no time worth mentioning"
     return (
         f"{within} this scene needs {needed or 'none of its effects'} and can do without: "
-        f"{', '.join(map(str, study.spared))}. That changes {changes} and {saves}."
+        f"{', '.join(map(str, study.spared))}. {_what_changes(final.change)} and takes "
+        f"{_time(final.time_per_ms / study.variants[0].time_per_ms)}."
     )
 
 
+def _what_changes(change: Change | None) -> str:
+    """What is compared, by name: what neither run has is not."""
+    values = {} if change is None else change._asdict()
+    compared = {QUANTITIES[field]: abs(value) for field, value in values.items() if value is not None}
+    largest = max((value for value in compared.values() if math.isfinite(value)), default=0.0)
+    if largest < ROUND_OFF:
+        return f"That changes nothing in {', '.join(compared) or 'what could be compared'}"
+    return f"That changes {', '.join(compared)} by {percent(largest)} at most"
+
+
+def _time(share: float) -> str:
+    return "as long" if SCATTER < share < 1 / SCATTER else f"{percent(share)} of the time"
+
+
 def reservations(study: EffectStudy) -> tuple[str, ...]:
-    """Say what limits the verdict: noise above the accuracy asked for, runs that failed."""
+    """Say what limits the verdict: what could not be compared, noise above the accuracy asked for, runs that failed."""
     found = []
+    whole = study.variants[0].answer
+    if whole is not None and not whole.carriers:
+        found.append("The whole scene is at rest at the end: eigenvalues alone are compared.")
+    elif whole is not None and whole.main is None:
+        found.append("The record is too short, or the motion has no line: the frequency at the end is not compared.")
+    if study.noise is None:
+        found.append("What the tolerance is worth is not known: there is no run at a tenth of it.")
     for field, words in QUANTITIES.items():
         least = None if study.noise is None else getattr(study.noise, field)
-        if least is not None and abs(least) > study.within:
-            known = "not known at all" if math.isinf(least) else f"known to {percent(abs(least))} only"
-            found.append(
-                f"{words}: {known}, for a tenth of the tolerance changes so much; smaller changes do not count"
-            )
+        if least is not None and math.isinf(least):
+            found.append(f"A tenth of the tolerance changes the {words} altogether: not compared.")
+        elif least is not None and abs(least) > study.within:
+            found.append(f"A tenth of the tolerance changes the {words} by {percent(abs(least))}: less does not count.")
     found += [f"{variant.label}: {variant.outcome}" for variant in study.variants if variant.answer is None]
     return tuple(found)
 
 
 def percent(share: float, sign: str = "") -> str:
-    """A share in words of two digits, with a sign if `sign` is "+": 1 %, +32 %, 0.0013 %, 35 times."""
+    """A share in per cent, of two digits where it is small, with a sign if `sign` is "+": 1 %, +32 %, 0.0013 %."""
     if abs(share) < ROUND_OFF:
         return "0 %"
-    if math.isinf(share):
-        return "something that is lost altogether"
-    if abs(share) >= MANY:
-        return f"{share:{sign}.2g} times"
-    digits = ".2g" if abs(share) < 0.0995 else ".0f"  # no exponent for hundreds
+    digits = ".2g" if abs(share) < 0.0995 or abs(share) > MANY else ".0f"  # no exponent for hundreds
     return f"{100 * share:{sign}{digits}} %"

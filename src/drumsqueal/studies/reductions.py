@@ -84,7 +84,9 @@ def _plane(scene: Scene) -> dict[str, Any]:
     if scene.forcing is not None:
         amplitude = _in_plane(scene.forcing.amplitude)
         values |= {"forcing.amplitude": amplitude} if any(amplitude.values()) else {"forcing": None}
-    if scene.simulate.coordinates != "auto":
+    if scene.simulate.coordinates == COORDINATES:
+        values["simulate.coordinates"] = "auto"  # which keeps the eigenvalues of all six
+    elif scene.simulate.coordinates != "auto":
         values["simulate.coordinates"] = [name for name in scene.simulate.coordinates if name in PLANE]
     return values
 

@@ -16,7 +16,7 @@ from drumsqueal.simulation import Prepared, check_sample_rate, finish, prepare, 
 from drumsqueal.studies.answers import Answer, Change, answer_of, change_of
 from drumsqueal.studies.reductions import Reduction, reduce
 
-TIGHTER, TIGHTEST = 0.1, 1e-13  # share of the tolerance for the noise, and the least that a scene may ask
+TIGHTER, TIGHTEST = 0.1, 1e-13  # share of the tolerance for the noise, and the least that the integrator reaches
 # A reduced scene that takes this many times the time of the whole one is stopped: without separation or supports a
 # motion may run away. Never before so many seconds.
 SLOWEST, PATIENCE = 20.0, 10.0
@@ -40,13 +40,6 @@ class Variant(NamedTuple):
     answer: Answer | None
     change: Change | None
 
-    @property
-    def largest_change(self) -> float:
-        """The largest change of any quantity, infinite for a run that failed."""
-        if self.change is None:
-            return np.inf
-        return max((abs(change) for change in self.change if change is not None), default=0.0)
-
 
 class _Run(NamedTuple):
     variant: Variant
@@ -61,7 +54,8 @@ OnProgress = Callable[[str, float], None]
 class Bench:
     """Runs variants of one scene and compares them with the whole, which is run first, and again for the noise.
 
-    `noise` is what a tenth of the tolerance changes, None if that run fails. `on_variant` is called with each run as
+    `noise` is what a tenth of the tolerance changes: an estimate, from one run. None if that run fails, or if no tenth
+    is left. `on_variant` is called with each run as
     it ends, `on_progress` with its label and the time (s) it has reached. Raises SceneError for a scene that cannot be
     run and IntegrationError when it fails; both, once the first run is over, are outcomes of a variant.
     """
@@ -75,7 +69,8 @@ class Bench:
         if whole.answer is None:
             raise IntegrationError(f"the whole scene {whole.outcome}")
         self._whole, self._limit = whole.answer, max(SLOWEST * sum(self._runs[0].seconds), PATIENCE)
-        self.noise = self.run(NOISE, tolerance=max(TIGHTER * scene.simulate.tolerance, TIGHTEST)).change
+        tighter = TIGHTER * scene.simulate.tolerance
+        self.noise = self.run(NOISE, tolerance=tighter).change if tighter >= TIGHTEST else None
 
     def run(self, label: str, reductions: tuple[Reduction, ...] = (), tolerance: float | None = None) -> Variant:
         """Run the scene with reductions, or at another tolerance."""
@@ -94,7 +89,7 @@ class Bench:
             outcome = f"cannot be run: {error}"
         variant = Variant(label, reductions, scene, outcome, *_cost(chunks, seconds), None, None)
         if prepared is not None and outcome == COMPLETE:
-            answer = answer_of(finish(prepared, chunks, outcome))
+            answer = answer_of(finish(prepared, chunks, outcome), prepared.linear)
             change = None if self._whole is None else change_of(self._whole, answer)
             variant = variant._replace(answer=answer, change=change)
         self._runs.append(_Run(variant, prepared, seconds))
@@ -106,9 +101,10 @@ class Bench:
         variants = []
         for variant, prepared, seconds in self._runs:
             if prepared is not None and variant.answer is not None and sum(seconds) < LONG:
-                _, again, _ = self._timed(f"{variant.label}, timed again", prepared)
-                faster = sum(min(pair) for pair in zip(seconds, again, strict=False))
-                variant = variant._replace(time_per_ms=faster / variant.scene.simulate.duration)
+                _, again, outcome = self._timed(f"{variant.label}, timed again", prepared)
+                if outcome == COMPLETE:
+                    faster = sum(min(pair) for pair in zip(seconds, again, strict=True))
+                    variant = variant._replace(time_per_ms=faster / variant.scene.simulate.duration)
             variants.append(variant)
         return tuple(variants)
 
