@@ -10,6 +10,7 @@ import jax
 import numpy as np
 import pytest
 
+from drumsqueal import effects_job
 from drumsqueal.errors import IntegrationError
 from drumsqueal.model import Model, build_model
 from drumsqueal.modes import analyse_stability
@@ -18,7 +19,7 @@ from drumsqueal.scene import load_scene
 from drumsqueal.simulation import prepare, run, transient
 from drumsqueal.studies import effects, variants
 from drumsqueal.studies.answers import Answer, Change, ModeAnswer, change_of
-from drumsqueal.studies.effects import TOGETHER, excess_of, percent, reservations, study_effects, verdict
+from drumsqueal.studies.effects import TOGETHER, excess_of, percent, remarks, reservations, study_effects, verdict
 from drumsqueal.studies.reductions import Reduction, reduce, reductions_of
 from drumsqueal.studies.variants import Variant
 
@@ -58,18 +59,18 @@ def test_every_effect_of_a_scene_can_be_reduced(nominal):
     assert [str(reduction) for reduction in reductions_of(nominal.with_values(EVERYTHING))] == [
         "space → plane",
         "separation → bonded",
-        "exponential law → constant",
+        "exponential law → μ 0.4213",
         "unit velocity → tangential",
         "support springs → none",
         "damping → none",
         "harmonic force → none",
         "steady drag → balanced",
-        "speed profile → constant",
-        "load profile → constant",
+        "speed profile → 5 rad/s",
+        "load profile → 2000 N",
     ]
     assert {str(reduction) for reduction in reductions_of(nominal)} == {
         "separation → bonded",
-        "exponential law → constant",
+        "exponential law → μ 0.4213",
         "unit velocity → tangential",
         "support springs → none",
     }
@@ -104,7 +105,8 @@ def test_reductions_can_be_put_together_in_any_choice(nominal, friction, kept):
 def answer(growth: float, frequency: float, amplitude: float | None, main: float = 1000.0) -> Answer:
     line = None if amplitude is None else Line("Y", main, amplitude)
     modes = {"Y": ModeAnswer(frequency, growth), "X": ModeAnswer(4000.0, -20.0)}
-    return Answer(modes, {"Y": amplitude or 0.0, "X": 1.0}, ("Y",) if line else (), line)
+    unstable = ("Y",) if growth > 0 else ()
+    return Answer(modes, unstable, {"Y": amplitude or 0.0, "X": 1.0}, ("Y",) if line else (), line, 0.0)
 
 
 @pytest.mark.parametrize(
@@ -112,8 +114,9 @@ def answer(growth: float, frequency: float, amplitude: float | None, main: float
     [
         ((50, 1000, 2e-5), (55, 990, 1.5e-5, 1100), (0.1, -0.01, -0.25, 0.1)),
         ((-50, 1000, 2e-5), (50, 1000, 2e-5), (2.0, 0.0, 0.0, 0.0)),  # from decay to growth is upwards
-        ((0, 1000, None), (1e-9, 1000, None), (0.0, 0.0, None, None)),  # no growth but round-off; nothing moves
-        ((0, 1000, 2e-5), (3, 1000, None), (math.inf, 0.0, -1.0, math.inf)),
+        # A growth rate below a damping ratio of 1e-6, 2π 1e-3 1/s here, is none to speak of; nothing moves.
+        ((0, 1000, None), (1e-9, 1000, None), (1e-6 / (2 * math.pi), 0.0, None, None)),
+        ((0, 1000, 2e-5), (3, 1000, None), (3e3 / (2 * math.pi), 0.0, -1.0, math.inf)),
         ((50, 1000, None), (50, 1000, 1e-5), (0.0, 0.0, math.inf, math.inf)),  # rest against motion
     ],
 )
@@ -151,7 +154,7 @@ def test_what_does_nothing_can_be_spared_and_what_counts_cannot(study, quick):
     assert [reduction.effect for reduction in study.spared] == ["damping"]
     assert [reduction.effect for reduction in study.needed] == ["separation", "exponential law", "support springs"]
     assert study.reduced == quick.with_values({"damping": None})
-    assert "can do without: damping → none. That changes nothing" in verdict(study)
+    assert "can do without damping. That changes nothing" in verdict(study)
 
 
 def test_the_changes_are_those_of_the_scenes_run_by_themselves(study, quick):
@@ -173,7 +176,23 @@ def test_the_changes_are_those_of_the_scenes_run_by_themselves(study, quick):
     stability = analyse_stability(build_model(quick.with_values({"friction": constant})))
     before = {mode.label: mode.growth_rate for mode in analyse_stability(build_model(quick)).modes}
     wanted = max(abs(mode.growth_rate / before[mode.label] - 1) for mode in stability.modes)
-    assert abs(by_label["exponential law → constant"].change.growth_rate) == pytest.approx(wanted, rel=1e-9)
+    assert abs(by_label["exponential law → μ 0.4213"].change.growth_rate) == pytest.approx(wanted, rel=1e-9)
+
+
+def test_a_run_tells_of_other_squeal_and_of_large_rotations(study):
+    told = remarks(study)
+    assert "exponential law → μ 0.4213: no squeal instead of squeal in Y, X, Tz" in told
+    assert any(text.startswith("support springs → none: squeal in X, Tz instead of") for text in told)
+    turned = study.variants[0].answer._replace(rotation=0.2)
+    assert "whole scene: the shoe turns by 0.2 rad, where the model no longer holds" in remarks(
+        study._replace(variants=(study.variants[0]._replace(answer=turned),))
+    )
+
+
+def test_profiles_are_told_to_be_compared_at_the_start(nominal, study):
+    changing = nominal.with_values({"drum.speed": {"time": [0, 1], "value": [5, 4]}})
+    assert reservations(study) == ()
+    assert "at t = 0" in reservations(study._replace(scene=changing))[0]
 
 
 def test_costs_are_those_of_the_run(study, quick):
@@ -269,7 +288,7 @@ def test_a_reduced_scene_that_fails_is_needed_and_told(quick, monkeypatch):
     monkeypatch.setattr(variants, "transient", failing)
     found = study_effects(quick)
     assert "support springs" in [reduction.effect for reduction in found.needed]
-    assert reservations(found) == ("support springs → none: failed: the shoe is gone",)
+    assert "support springs → none: failed: the shoe is gone" in remarks(found)
 
 
 def only(effect: str):
@@ -279,7 +298,7 @@ def only(effect: str):
 def test_a_reduced_scene_that_cannot_be_run_is_needed_and_told(quick, monkeypatch):
     monkeypatch.setattr(effects, "reductions_of", only("support springs"))
     found = study_effects(quick.with_values({"steady.state": "self-consistent"}))
-    (told,) = reservations(found)
+    (told,) = remarks(found)
     assert told.startswith("support springs → none: cannot be run: no self-consistent steady sliding was found")
     assert "support springs" in [reduction.effect for reduction in found.needed]
 
@@ -349,11 +368,13 @@ def test_the_command_writes_table_figure_and_reduced_scene(drumsqueal, quick_fil
     status, printed, errors = drumsqueal("effects", str(quick_file), "-o", str(folder), "--within", "1", "%")
     assert (status, errors) == (0, "")
     assert {path.name for path in folder.iterdir()} == {"effects.csv", "effects.png", "reduced.toml"}
-    assert "can do without: damping → none" in " ".join(printed.split())
+    assert "can do without damping" in " ".join(printed.split())
     assert load_scene(folder / "reduced.toml") == quick.with_values({"damping": None})
     rows = list(csv.DictReader((folder / "effects.csv").read_text(encoding="utf-8").splitlines()))
     assert [row["run"] for row in rows][:3] == ["whole scene", "tolerance / 10", "separation → bonded"]
     whole = rows[0]
+    assert [row["run"] for row in rows if row["needed"] == "no"] == ["damping → none"]
+    assert "separation → bonded *" in printed
     modes = {mode.label: mode for mode in analyse_stability(build_model(quick)).modes}
     for label, mode in modes.items():
         assert float(whole[f"frequency_{label}_Hz"]) == mode.frequency_Hz
@@ -364,7 +385,15 @@ def test_the_command_writes_table_figure_and_reduced_scene(drumsqueal, quick_fil
         assert float(row["change_of_amplitude"]) == pytest.approx(change, rel=1e-9, abs=1e-12)
 
 
-@pytest.mark.parametrize("within", ["1", "0", "-1 %", "100 %", "much", "1 m", "nan", "²", "1 % %", ""])
+@pytest.mark.parametrize(("within", "share"), [(("1e-2",), 0.01), (("1", "%"), 0.01), (("2.5%",), 0.025)])
+def test_an_accuracy_is_read_as_a_share_or_in_per_cent(drumsqueal, quick_file, tmp_path, monkeypatch, within, share):
+    asked = []
+    monkeypatch.setattr(effects_job, "study_into", lambda folder, scene, within, console: asked.append(within))
+    assert drumsqueal("effects", str(quick_file), "-o", str(tmp_path / "out"), "--within", *within)[0] == 0
+    assert asked == [pytest.approx(share)]
+
+
+@pytest.mark.parametrize("within", ["1", "0", "-1 %", "100 %", "much", "1 m", "nan", "²", "1 % %"])
 def test_an_accuracy_that_is_none_is_refused(drumsqueal, quick_file, tmp_path, within):
     status, _, errors = drumsqueal("effects", str(quick_file), "-o", str(tmp_path / "out"), "--within", within)
     assert status == 2

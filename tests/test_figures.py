@@ -131,7 +131,7 @@ def made_up_study(title: str, times: list[float]) -> EffectStudy:
     reductions = reductions_of(scene)
     changes = [None, *(Change(0.0, 10.0**power, -(10.0 ** (power - 2)), np.inf) for power in np.linspace(-9, 3, 9))]
     labels = ["whole scene", "tolerance / 10", *map(str, reductions)]
-    answer = Answer({}, {}, (), None)
+    answer = Answer({}, (), {}, (), None, 0.0)
     rows = [
         Variant(label, () if k < 2 else (reductions[k - 2],), scene, "complete", time, 1.0, answer, change)
         for k, (label, time, change) in enumerate(zip(labels, times, changes, strict=True))

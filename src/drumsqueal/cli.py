@@ -94,11 +94,14 @@ def stability_command(
         raise RequestError(f"--json {json_file}: cannot be written ({error.strerror or error})") from None
 
 
-@app.command(name="effects")
+@app.command(name="effects", context_settings={"allow_extra_args": True})
 def effects_command(
+    context: typer.Context,
     scene: SceneFile,
-    percent: Annotated[str | None, typer.Argument(hidden=True, metavar="")] = None,
-    output: Annotated[Path | None, typer.Option("-o", "--output", metavar="DIR", help="Folder of the results.")] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", metavar="DIR", help="Folder of the results (default: out/SCENE-effects)."),
+    ] = None,
     within: Annotated[
         str, typer.Option("--within", metavar="SHARE", help="Accuracy that decides what is needed, such as 1 %.")
     ] = "1 %",
@@ -107,15 +110,16 @@ def effects_command(
 ) -> None:
     """Leave out each effect of a scene: what does it cost, what does it change, which are needed?
 
-    Writes DIR/effects.csv, DIR/effects.png and DIR/reduced.toml, the scene with what it needs (DIR is
-    out/SCENE-effects by default).
+    Writes effects.csv, effects.png and reduced.toml, the scene with what it needs, into DIR.
 
-    Example: drumsqueal effects scenarios/nominal.toml -o out/effects --within "1 %"
+    Example: drumsqueal effects scenarios/nominal.toml -o out/effects --within 2%
     """
-    if percent is not None and (percent != "%" or "%" in within):  # it is what the shell makes of --within 1 %
-        raise UsageError(f"Got unexpected extra argument ({percent})")
+    if context.args == ["%"] and "%" not in within:  # what the shell makes of --within 1 %
+        within = f"{within} %"
+    elif context.args:
+        raise UsageError(f"Got unexpected extra argument ({context.args[0]})")
     loaded = load_scene(scene, settings or ())
-    accuracy = _share(f"{within} {percent or ''}".strip(), "--within")
+    accuracy = _share(within, "--within")
     folder = output if output is not None else Path("out") / f"{scene.stem}-effects"
     check_output(folder, EFFECT_FILES, overwrite=overwrite)
     stop_if_interrupted()

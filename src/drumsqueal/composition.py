@@ -100,11 +100,12 @@ def take_inventory(scene: Scene, given_law: str = "") -> Inventory:
     place(composition.support, "support springs", "support springs")
     place(composition.damping, "structural damping", "structural damping")
     place(bool(composition.forced), "harmonic force", "harmonic force")
-    place(
-        composition.steady_state == "self-consistent",
-        "drag of friction on the steady state",
-        "drag of friction on the steady state (the assembly balances it)",
-    )
+    if friction is not None:
+        place(
+            composition.steady_state == "self-consistent",
+            "drag of friction on the steady state",
+            "drag of friction on the steady state (the assembly balances it)",
+        )
     place(isinstance(scene.drum.speed, Profile), "changing drum speed", "changes of the drum speed")
     place(isinstance(scene.contact.normal_load, Profile), "changing load", "changes of the load")
     return Inventory(tuple(includes), tuple(leaves_out))

@@ -14,6 +14,7 @@ from drumsqueal.progress import progress_bar
 from drumsqueal.quantities import printable
 from drumsqueal.scene import Scene
 from drumsqueal.studies.effects import EffectStudy, reservations, study_effects, verdict
+from drumsqueal.studies.reductions import reductions_of
 from drumsqueal.studies.variants import Variant
 
 
@@ -25,7 +26,7 @@ def study_into(folder: Path, scene: Scene, within: float, console: Console) -> N
     ran: list[Variant] = []
     try:
         study = _study(folder, scene, within, console, ran)
-        write_whole(folder / EFFECTS_TABLE, to_csv(study.variants).encode())
+        write_whole(folder / EFFECTS_TABLE, to_csv(study.variants, study.needed).encode())
         write_whole(folder / REDUCED_SCENE, reduced_scene(study).encode())
         stop_if_interrupted()
         save_figures({EFFECTS: draw_effects(study)}, folder)
@@ -50,13 +51,15 @@ def reduced_scene(study: EffectStudy) -> str:
 def _study(folder: Path, scene: Scene, within: float, console: Console, ran: list[Variant]) -> EffectStudy:
     with progress_bar(console) as progress:
         task = progress.add_task("compiling", total=scene.simulate.duration, reached="")
+        runs = 2 + len(reductions_of(scene))  # and then some of them together
 
         def keep(variant: Variant) -> None:
             ran.append(variant)
             write_whole(folder / EFFECTS_TABLE, to_csv(ran).encode())
 
         def show(label: str, reached: float) -> None:
-            progress.update(task, description=label, completed=reached, reached=f"{reached:.4f} s")
+            counted = f"{len(ran) + 1} of {runs}: " if len(ran) < runs else ""
+            progress.update(task, description=f"{counted}{label}", completed=reached, reached=f"{reached:.4f} s")
 
         return study_effects(scene, within, on_variant=keep, on_progress=show)
 

@@ -3,7 +3,7 @@
 import csv
 import io
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 from rich import box
@@ -12,10 +12,11 @@ from rich.table import Table
 from rich.text import Text
 
 from drumsqueal.departure import ROTATIONS
-from drumsqueal.studies.effects import ROUND_OFF, EffectStudy, percent, reservations, verdict
+from drumsqueal.studies.effects import ROUND_OFF, EffectStudy, percent, remarks, reservations, verdict
+from drumsqueal.studies.reductions import Reduction
 from drumsqueal.studies.variants import Variant
 
-UNSHOWN = 1e-6  # a relative change below it has no digits on the terminal
+UNSHOWN = 1e-4  # a relative change below it has no digits on the terminal
 _TERMINAL = {
     "growth_rate": "growth\nrates\n%",
     "onset_frequency": "onset\nfreq.\n%",
@@ -34,22 +35,25 @@ def print_study(console: Console, study: EffectStudy) -> None:
     for heading in _TERMINAL.values():
         table.add_column(heading, justify="right")
     for variant in study.variants:
-        style = "bold" if len(variant.reductions) == 1 and variant.reductions[0] in study.needed else ""
-        table.add_row(Text(variant.label, style=style), *_costs(variant), *_changes(variant))
+        needed = len(variant.reductions) == 1 and variant.reductions[0] in study.needed
+        name = Text(f"{variant.label} *" if needed else variant.label, style="bold" if needed else "")
+        table.add_row(name, *_costs(variant), *_changes(variant))
     console.print(table)
-    console.print(
-        "Time and evaluations for a simulated millisecond. Changes from the whole scene: the largest over its modes"
-        f"{_at_the_end(study)}; bold: needed within {percent(study.within)}",
-        style="dim",
-    )
-    for reservation in reservations(study):
-        console.print(reservation, style="dim")
+    footnote = f"{_explained(study)} * needed within {percent(study.within)}."
+    for line in (footnote, *remarks(study), *reservations(study)):
+        console.print(line, style="dim")
     console.print(verdict(study), style="bold")
 
 
-def to_csv(variants: Sequence[Variant]) -> str:
-    """One row a run: cost, eigenvalues, the motion at the end, and relative changes from the whole scene."""
+def to_csv(variants: Sequence[Variant], needed: Collection[Reduction] | None = None) -> str:
+    """One row a run: cost, eigenvalues, the motion at the end, and relative changes from the whole scene.
+
+    `needed` are the effects that the scene needs, None while that is not known.
+    """
     rows = [_row(variant, variants[0]) for variant in variants]
+    for row, variant in zip(rows, variants, strict=True):
+        if needed is not None and len(variant.reductions) == 1:
+            row["needed"] = "yes" if variant.reductions[0] in needed else "no"
     columns = dict.fromkeys(column for row in rows for column in row)
     text = io.StringIO()
     writer = csv.DictWriter(text, columns, lineterminator="\n")
@@ -103,11 +107,18 @@ def _change(value: float | None) -> str:
         return "-"
     if math.isinf(value):
         return "lost"
-    return "<0.0001" if ROUND_OFF < abs(value) < UNSHOWN else percent(value, "+").removesuffix(" %")
+    return "<0.01" if ROUND_OFF < abs(value) < UNSHOWN else percent(value, "+").removesuffix(" %")
 
 
-def _at_the_end(study: EffectStudy) -> str:
+def _explained(study: EffectStudy) -> str:
     answer = study.variants[0].answer
+    text = (
+        "Time and evaluations for a simulated millisecond. Changes from the whole scene: of growth rates and onset "
+        "frequencies the largest over the modes"
+    )
     if answer is None or not answer.carriers:
-        return ""
-    return f", the largest over the amplitudes of {', '.join(answer.carriers)} at the end, and of the main line there"
+        return f"{text}."
+    return (
+        f"{text}; at the end, of the amplitude (half peak to peak) the largest over {', '.join(answer.carriers)}, and "
+        "of the frequency of the strongest line, which may be another one."
+    )

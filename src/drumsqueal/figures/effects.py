@@ -12,7 +12,7 @@ from drumsqueal.studies.answers import QUANTITIES
 from drumsqueal.studies.effects import EffectStudy, percent
 from drumsqueal.studies.variants import Variant
 
-SMALLEST, LARGEST = 1e-6, 1e2  # relative changes; what is outside is drawn at the end of the axis
+SMALLEST, LARGEST = 1e-6, 1e2  # relative changes; what is outside is drawn at the end of the axis, or as lost
 MARKERS = {
     "growth_rate": ("o", "X"),
     "onset_frequency": ("s", "Y"),
@@ -25,8 +25,7 @@ BAR = 0.55  # of a row
 @styled()
 def draw_effects(study: EffectStudy) -> Figure:
     """Draw a row for each run: computing time on the left, relative changes and the accuracy asked for on the right."""
-    subject = f"what each effect costs and changes (bold: needed within {percent(study.within)})"
-    figure = new_figure(study.scene.title, subject)
+    figure = new_figure(study.scene.title, "what each effect costs and changes")
     left, right = figure.subplots(1, 2, sharey=True, width_ratios=[1, 1.5])
     rows = study.variants
     _draw_times(left, rows)
@@ -48,12 +47,12 @@ def _draw_times(axes: Axes, rows: tuple[Variant, ...]) -> None:
     known = [0.0 if math.isnan(value) else value for value in times]
     axes.barh(range(len(rows)), known, height=BAR, color=[style.DARK, *[style.SEPARATED] * (len(rows) - 1)])
     for row, variant in enumerate(rows):
-        text = "not run" if math.isnan(variant.time_per_ms) else f"{variant.time_per_ms:.2g}"
+        text = "not run" if math.isnan(variant.time_per_ms) else f"{variant.time_per_ms:.3g}"
         axes.annotate(
             text, (known[row], row), xytext=(3, 0), textcoords="offset points", va="center", fontsize=style.SMALL_SIZE
         )
-    axes.set_xlim(0, 1.2 * max([*known, 1e-9]))
-    frame(axes, "time per simulated millisecond (ms)", None)
+    axes.set_xlim(0, 1.25 * max([*known, 1e-9]))
+    frame(axes, "ms per simulated ms", None)
 
 
 def _draw_changes(axes: Axes, study: EffectStudy) -> None:
@@ -76,7 +75,7 @@ def _draw_changes(axes: Axes, study: EffectStudy) -> None:
         if variant.answer is None:
             axes.text(study.within * 1.2, row, "failed", va="center", fontsize=style.SMALL_SIZE)
     ticks = [10.0**power for power in range(-6, 3, 2)]
-    axes.set_xticks(ticks, ["≤ 1e−4 %", *(percent(tick) for tick in ticks[1:-1]), "≥ 1e4 %"])
+    axes.set_xticks(ticks, ["≤ 1e−4 %", *(percent(tick) for tick in ticks[1:-1]), "≥ 1e4 %\nor lost"])
     axes.minorticks_off()
-    frame(axes, "relative change from the whole scene", None)
+    frame(axes, f"relative change; grey: within {percent(study.within)}, bold: needed", None)
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.2, columnspacing=1.0)

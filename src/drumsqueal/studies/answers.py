@@ -3,13 +3,15 @@
 import math
 from typing import NamedTuple
 
-from drumsqueal.comparison import NEUTRAL_SHARE
+import numpy as np
+
 from drumsqueal.departure import Departure
 from drumsqueal.model import Model
 from drumsqueal.saturation import Line, describe_motion, saturated_part
 from drumsqueal.simulation import Result
 
 LOST = math.inf  # the change of what one of two runs lacks
+NEGLIGIBLE_RATIO = 1e-6  # damping ratio below which growth or decay is none to speak of
 CARRIED = 0.01  # share of the kinetic energy from which the amplitude of a coordinate is compared
 
 
@@ -24,13 +26,16 @@ class Answer(NamedTuple):
     """Modes by label, and the motion at the end: half its peak-to-peak values (m, rad) and its main line.
 
     The end is the saturated part or, where that cannot be told, the last 60 % of the record. `carriers` are the
-    coordinates that hold a hundredth or more of the kinetic energy there; none at rest.
+    coordinates that hold a hundredth or more of the kinetic energy there; none at rest. `unstable` are the labels of
+    the unstable modes, `rotation` (rad) is the shoe's largest.
     """
 
     modes: dict[str, ModeAnswer]
+    unstable: tuple[str, ...]
     amplitude: dict[str, float]
     carriers: tuple[str, ...]
     main: Line | None
+    rotation: float
 
 
 class Change(NamedTuple):
@@ -62,7 +67,9 @@ def answer_of(result: Result, model: Model) -> Answer:
     part = saturated_part(departure.time, 0.0 if edge is None else edge)
     motion = describe_motion(departure, part, result.stability, model)
     carriers = tuple(name for name, share in motion.kinetic_share.items() if share >= CARRIED)
-    return Answer(modes, motion.amplitude, carriers, motion.main)
+    unstable = tuple(mode.label for mode in result.stability.unstable)
+    rotation = float(np.abs(departure.displacement[:, departure.rotations]).max(initial=0.0))
+    return Answer(modes, unstable, motion.amplitude, carriers, motion.main, rotation)
 
 
 def change_of(whole: Answer, other: Answer) -> Change:
@@ -77,11 +84,9 @@ def change_of(whole: Answer, other: Answer) -> Change:
 
 
 def _growth_change(before: ModeAnswer, after: ModeAnswer) -> float:
-    """Relative; from a mode that neither grows nor decays to one that does is infinitely far."""
-    neutral = NEUTRAL_SHARE * before.frequency_Hz
-    if abs(before.growth_rate) < neutral:
-        return 0.0 if abs(after.growth_rate) < neutral else LOST
-    return (after.growth_rate - before.growth_rate) / abs(before.growth_rate)
+    """Relative to the growth rate, or to a negligible one where it is smaller."""
+    negligible = NEGLIGIBLE_RATIO * 2 * math.pi * before.frequency_Hz
+    return (after.growth_rate - before.growth_rate) / max(abs(before.growth_rate), negligible)
 
 
 def _frequency_change(whole: Line | None, other: Line | None) -> float | None:

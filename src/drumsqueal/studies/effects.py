@@ -8,10 +8,11 @@ import math
 from typing import NamedTuple
 
 from drumsqueal.interrupts import noted_interrupts
-from drumsqueal.scene import Scene
-from drumsqueal.studies.answers import QUANTITIES, Change
-from drumsqueal.studies.reductions import Reduction, reduce, reductions_of
+from drumsqueal.scene import Profile, Scene
+from drumsqueal.studies.answers import QUANTITIES, Answer, Change
+from drumsqueal.studies.reductions import NOTHING, Reduction, reduce, reductions_of
 from drumsqueal.studies.variants import Bench, OnProgress, OnVariant, Variant
+from drumsqueal.verdict import SMALL_ROTATION
 
 WITHIN = 0.01
 TOGETHER = "together"
@@ -85,11 +86,13 @@ def verdict(study: EffectStudy) -> str:
     needed = ", ".join(reduction.effect for reduction in study.needed)
     if not study.spared:
         return f"{within} this scene needs all of its effects: {needed}."
+    spared = ", ".join(
+        each.effect if each.becomes == NOTHING else f"{each.effect} ({each.becomes} will do)" for each in study.spared
+    )
     final = next(variant for variant in reversed(study.variants) if variant.reductions == study.spared)
     return (
-        f"{within} this scene needs {needed or 'none of its effects'} and can do without: "
-        f"{', '.join(map(str, study.spared))}. {_what_changes(final.change)} and takes "
-        f"{_time(final.time_per_ms / study.variants[0].time_per_ms)}."
+        f"{within} this scene needs {needed or 'none of its effects'} and can do without {spared}. "
+        f"{_what_changes(final.change)} and takes {_time(final.time_per_ms / study.variants[0].time_per_ms)}."
     )
 
 
@@ -104,11 +107,12 @@ def _what_changes(change: Change | None) -> str:
 
 
 def _time(share: float) -> str:
-    return "as long" if SCATTER < share < 1 / SCATTER else f"{percent(share)} of the time"
+    """In one digit: times scatter."""
+    return "as long" if SCATTER < share < 1 / SCATTER else f"about {percent(float(f'{share:.1g}'))} of the time"
 
 
 def reservations(study: EffectStudy) -> tuple[str, ...]:
-    """Say what limits the verdict: what could not be compared, noise above the accuracy asked for, runs that failed."""
+    """Say what limits the verdict: what could not be compared, noise above the accuracy asked for, profiles."""
     found = []
     whole = study.variants[0].answer
     if whole is not None and not whole.carriers:
@@ -123,8 +127,30 @@ def reservations(study: EffectStudy) -> tuple[str, ...]:
             found.append(f"A tenth of the tolerance changes the {words} altogether: not compared.")
         elif least is not None and abs(least) > study.within:
             found.append(f"A tenth of the tolerance changes the {words} by {percent(abs(least))}: less does not count.")
-    found += [f"{variant.label}: {variant.outcome}" for variant in study.variants if variant.answer is None]
+    schedules = (study.scene.drum.speed, study.scene.contact.normal_load)
+    if any(isinstance(schedule, Profile) for schedule in schedules):
+        found.append("Growth rates and onset frequencies are those at t = 0: drum speed or load change.")
     return tuple(found)
+
+
+def remarks(study: EffectStudy) -> tuple[str, ...]:
+    """Say what the changes of a run do not tell: why it failed, what else is unstable, that the model does not hold."""
+    found, whole = [], study.variants[0].answer
+    for variant in study.variants:
+        answer = variant.answer
+        if answer is None or whole is None:
+            found.append(f"{variant.label}: {variant.outcome}")
+            continue
+        if set(answer.unstable) != set(whole.unstable):
+            found.append(f"{variant.label}: {_squeal(answer)} instead of {_squeal(whole)}")
+        if answer.rotation > SMALL_ROTATION:
+            turn = f"the shoe turns by {answer.rotation:.2g} rad, where the model no longer holds"
+            found.append(f"{variant.label}: {turn}")
+    return tuple(found)
+
+
+def _squeal(answer: Answer) -> str:
+    return f"squeal in {', '.join(answer.unstable)}" if answer.unstable else "no squeal"
 
 
 def percent(share: float, sign: str = "") -> str:

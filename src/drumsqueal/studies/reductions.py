@@ -11,6 +11,7 @@ from drumsqueal.composition import forced_coordinates, kept_coordinates
 from drumsqueal.effects.friction_law import ExponentialLaw
 from drumsqueal.scene import COORDINATES, ConstantFriction, ExponentialFriction, Profile, Scene, Schedule
 
+NOTHING = "none"  # what becomes of an effect that is left out
 PLANE = tuple(COORDINATES[i] for i in IN_PLANE)
 
 
@@ -48,17 +49,18 @@ def _reductions(scene: Scene) -> Iterator[Reduction]:
     yield from _friction(scene)
     for table, effect in (("support", "support springs"), ("damping", "damping")):
         if getattr(scene, table) is not None:
-            yield Reduction(effect, "none", {table: None})
+            yield Reduction(effect, NOTHING, {table: None})
     if forced_coordinates(scene):
-        yield Reduction("harmonic force", "none", {"forcing": None})
+        yield Reduction("harmonic force", NOTHING, {"forcing": None})
     if scene.steady.state == "self-consistent" and scene.friction is not None:
         yield Reduction("steady drag", "balanced", {"steady.state": "uniform-pressure"})
-    for key, effect, schedule in (
-        ("drum.speed", "speed profile", scene.drum.speed),
-        ("contact.normal_load", "load profile", scene.contact.normal_load),
+    for key, effect, schedule, unit in (
+        ("drum.speed", "speed profile", scene.drum.speed, "rad/s"),
+        ("contact.normal_load", "load profile", scene.contact.normal_load, "N"),
     ):
         if isinstance(schedule, Profile):
-            yield Reduction(effect, "constant", {key: _at_start(schedule)})
+            start = _at_start(schedule)
+            yield Reduction(effect, f"{start:.4g} {unit}", {key: start})
 
 
 def _friction(scene: Scene) -> Iterator[Reduction]:
@@ -70,11 +72,11 @@ def _friction(scene: Scene) -> Iterator[Reduction]:
         slip_speed = jnp.asarray(scene.shoe.outer_radius * abs(_at_start(scene.drum.speed)))
         sliding = float(law.coefficient(slip_speed))
         constant = {"law": "constant", "coefficient": sliding, "direction": friction.direction}
-        yield Reduction("exponential law", "constant", {"friction": constant})
+        yield Reduction("exponential law", f"μ {sliding:.4g}", {"friction": constant})
     if friction is not None and friction.direction == "unit-velocity":
         yield Reduction("unit velocity", "tangential", {"friction.direction": "tangential"})
     if isinstance(friction, ConstantFriction):
-        yield Reduction("friction", "none", {"friction": None})
+        yield Reduction("friction", NOTHING, {"friction": None})
 
 
 def _plane(scene: Scene) -> dict[str, Any]:
