@@ -194,6 +194,14 @@ def test_a_sweep_of_an_effect_traces_its_program_once(nominal, name):
     assert all(np.any(one != other) for one, other in itertools.combinations(forces, 2))
 
 
+def test_a_law_of_which_nothing_is_known_is_always_split(nominal):
+    def law(speed):
+        return 0.3 + 0.2 * jnp.exp(-speed)
+
+    space = tuple(range(6))
+    assert traced(build_model(nominal, coordinates=space, friction_law=law))["cond"] == 0
+
+
 def test_in_the_plane_there_is_no_area(nominal):
     # 40 nodes of the arc against 9 × 6 lines of 5 × 2 × 16 nodes.
     in_plane, in_space = build_model(nominal), build_model(nominal, coordinates=tuple(range(6)))

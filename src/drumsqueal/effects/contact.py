@@ -83,10 +83,10 @@ class Contact(eqx.Module):
         def split() -> Integral:
             return integral(self.surface.nodes(self.shoe, self.law.edges(levels.pressure), levels.slip, levels.axial))
 
-        steepness = 0.0 if self.friction is None or levels.slip is None else self.friction.steepness
-        if isinstance(self.surface, ArcSurface) or steepness is None:
+        known = self.friction is None or levels.slip is None or self.friction.smooth
+        if isinstance(self.surface, ArcSurface) or not known:
             return split()
-        smooth = is_smooth(self.shoe, self.law.edges(levels.pressure), levels.slip, levels.axial, steepness)
+        smooth = is_smooth(self.shoe, self.law.edges(levels.pressure), levels.slip, levels.axial)
         return jax.lax.cond(smooth, lambda: integral(smooth_nodes(self.shoe)), split)
 
     def _field(self, levels: Levels, nodes: Nodes) -> ContactField:

@@ -20,9 +20,9 @@ class Friction(eqx.Module):
         return self.direction.traction(self.law, pressure, slip, axial)
 
     @property
-    def steepness(self) -> Array | float | None:
-        """Largest α (s/m) of the e^(−α s) that the law is made of; None where the law does not tell."""
-        return getattr(self.law, "steepness", None)
+    def smooth(self) -> bool:
+        """Whether the law is known to have no corners or turns of its own."""
+        return getattr(self.law, "smooth", False)
 
     def steady_coefficient(self, speed: ArrayLike) -> Array:
         """Signed μ at steady sliding with drum surface speed RΩ (m/s): positive drags the shoe along +θ."""
