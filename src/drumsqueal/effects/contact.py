@@ -75,8 +75,8 @@ class Contact(eqx.Module):
         """The integral over nodes that are split at the edges; in space and without edges, over a seventieth of them.
 
         Below the edges that makes an evaluation in space some seventy times faster (tests/benchmarks/evaluation.py).
-        In the plane it would spare 0.3 µs of 0.7 there and cost 0.1 µs beyond the edges, in a step of some 20 µs: on
-        the whole nothing, so it is not done.
+        In the plane it would spare a quarter there, cost 6 % beyond the edges and a fifth under vmap, which takes both
+        ways; a scene that squeals spends most of its time beyond them (tests/benchmarks/regimes.py).
         A law of which nothing is known may have corners of its own, and is always split.
         """
 
