@@ -75,7 +75,7 @@ class Contact(eqx.Module):
         """The integral over nodes that are split at the edges; in space and without edges, over a seventieth of them.
 
         Below the edges that makes an evaluation in space some seventy times faster (tests/benchmarks/evaluation.py).
-        In the plane it would spare a quarter there, cost 6 % beyond the edges and a fifth under vmap, which takes both
+        In the plane it would spare a quarter there and cost 6 % beyond the edges and under vmap, which takes both
         ways; a scene that squeals spends most of its time beyond them (tests/benchmarks/regimes.py).
         A law of which nothing is known may have corners of its own, and is always split.
         """
