@@ -127,7 +127,7 @@ def effects_command(
     from drumsqueal.simulation import check_sample_rate, prepare
 
     stop_if_interrupted()
-    check_sample_rate(prepare(loaded))
+    check_sample_rate(prepare(loaded))  # a scene that cannot be run is told before there is a folder
     claim_output(folder, EFFECT_FILES)
     study_into(folder, loaded, accuracy, _console())
 

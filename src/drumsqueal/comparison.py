@@ -110,7 +110,7 @@ def compare(history: xarray.Dataset, stability: Stability, model: Model) -> Comp
             edge=edge,
             saturation=saturation,
             duration=float(time[-1]),
-            rotation=float(np.abs(departure.displacement[:, departure.rotations]).max(initial=0.0)),
+            rotation=departure.largest_rotation,
             cut_off=None if outcome == COMPLETE else outcome,
         ),
     )

@@ -35,9 +35,10 @@ class Departure:
         return (self.time.size - 1) / float(self.time[-1] - self.time[0])
 
     @property
-    def rotations(self) -> list[int]:
-        """Columns of the coordinates that are rotations."""
-        return [k for k, name in enumerate(self.coordinates) if name in ROTATIONS]
+    def largest_rotation(self) -> float:
+        """Largest rotation of the record (rad)."""
+        columns = [k for k, name in enumerate(self.coordinates) if name in ROTATIONS]
+        return float(np.abs(self.displacement[:, columns]).max(initial=0.0))
 
     @property
     def started(self) -> bool:

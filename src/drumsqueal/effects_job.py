@@ -26,7 +26,7 @@ def study_into(folder: Path, scene: Scene, within: float, console: Console) -> N
     ran: list[Variant] = []
     try:
         study = _study(folder, scene, within, console, ran)
-        write_whole(folder / EFFECTS_TABLE, to_csv(study.variants, study.needed).encode())
+        write_whole(folder / EFFECTS_TABLE, to_csv(study.variants, study).encode())
         write_whole(folder / REDUCED_SCENE, reduced_scene(study).encode())
         stop_if_interrupted()
         save_figures({EFFECTS: draw_effects(study)}, folder)

@@ -3,7 +3,7 @@
 import csv
 import io
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from rich import box
@@ -13,17 +13,11 @@ from rich.text import Text
 
 from drumsqueal.departure import ROTATIONS
 from drumsqueal.studies.effects import ROUND_OFF, EffectStudy, percent, remarks, reservations, verdict
-from drumsqueal.studies.reductions import Reduction
 from drumsqueal.studies.variants import Variant
 
 UNSHOWN = 1e-4  # a relative change below it has no digits on the terminal
-_TERMINAL = {
-    "growth_rate": "growth\nrates\n%",
-    "onset_frequency": "onset\nfreq.\n%",
-    "amplitude": "end\nampl.\n%",
-    "main_frequency": "end\nfreq.\n%",
-}
-"""Headings of the changes."""
+# Of the fields of a change, in their order.
+HEADINGS = ("growth\nrates\n%", "onset\nfreq.\n%", "end\nampl.\n%", "end\nfreq.\n%")
 
 
 def print_study(console: Console, study: EffectStudy) -> None:
@@ -32,10 +26,10 @@ def print_study(console: Console, study: EffectStudy) -> None:
     table.add_column("left out or reduced", no_wrap=True)
     table.add_column("time\n\nms/ms", justify="right")
     table.add_column("eval.\n\nper ms", justify="right")
-    for heading in _TERMINAL.values():
+    for heading in HEADINGS:
         table.add_column(heading, justify="right")
     for variant in study.variants:
-        needed = len(variant.reductions) == 1 and variant.reductions[0] in study.needed
+        needed = study.needs(variant)
         name = Text(f"{variant.label} *" if needed else variant.label, style="bold" if needed else "")
         table.add_row(name, *_costs(variant), *_changes(variant))
     console.print(table)
@@ -45,15 +39,15 @@ def print_study(console: Console, study: EffectStudy) -> None:
     console.print(verdict(study), style="bold")
 
 
-def to_csv(variants: Sequence[Variant], needed: Collection[Reduction] | None = None) -> str:
+def to_csv(variants: Sequence[Variant], study: EffectStudy | None = None) -> str:
     """One row a run: cost, eigenvalues, the motion at the end, and relative changes from the whole scene.
 
-    `needed` are the effects that the scene needs, None while that is not known.
+    Which effects the scene needs is in it once the study is over.
     """
     rows = [_row(variant, variants[0]) for variant in variants]
     for row, variant in zip(rows, variants, strict=True):
-        if needed is not None and len(variant.reductions) == 1:
-            row["needed"] = "yes" if variant.reductions[0] in needed else "no"
+        if study is not None and len(variant.reductions) == 1:
+            row["needed"] = "yes" if study.needs(variant) else "no"
     columns = dict.fromkeys(column for row in rows for column in row)
     text = io.StringIO()
     writer = csv.DictWriter(text, columns, lineterminator="\n")
@@ -96,10 +90,10 @@ def _costs(variant: Variant) -> tuple[str, str]:
 
 def _changes(variant: Variant) -> list[str]:
     if variant.answer is None:
-        return ["failed", *[""] * (len(_TERMINAL) - 1)]
+        return ["failed", *[""] * (len(HEADINGS) - 1)]
     if variant.change is None:
-        return [""] * len(_TERMINAL)
-    return [_change(getattr(variant.change, field)) for field in _TERMINAL]
+        return [""] * len(HEADINGS)
+    return [_change(value) for value in variant.change]
 
 
 def _change(value: float | None) -> str:

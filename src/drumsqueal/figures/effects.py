@@ -32,8 +32,7 @@ def draw_effects(study: EffectStudy) -> Figure:
     _draw_changes(right, study)
     left.set_yticks(range(len(rows)), [variant.label for variant in rows])
     for text, variant in zip(left.get_yticklabels(), rows, strict=True):
-        needed = len(variant.reductions) == 1 and variant.reductions[0] in study.needed
-        text.set_fontweight("bold" if needed else "normal")
+        text.set_fontweight("bold" if study.needs(variant) else "normal")
     for axes in (left, right):
         axes.tick_params(axis="y", length=0)
         for row in range(1, len(rows)):

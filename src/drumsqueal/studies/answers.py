@@ -3,8 +3,6 @@
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from drumsqueal.departure import Departure
 from drumsqueal.model import Model
 from drumsqueal.saturation import Line, describe_motion, saturated_part
@@ -68,8 +66,7 @@ def answer_of(result: Result, model: Model) -> Answer:
     motion = describe_motion(departure, part, result.stability, model)
     carriers = tuple(name for name, share in motion.kinetic_share.items() if share >= CARRIED)
     unstable = tuple(mode.label for mode in result.stability.unstable)
-    rotation = float(np.abs(departure.displacement[:, departure.rotations]).max(initial=0.0))
-    return Answer(modes, unstable, motion.amplitude, carriers, motion.main, rotation)
+    return Answer(modes, unstable, motion.amplitude, carriers, motion.main, departure.largest_rotation)
 
 
 def change_of(whole: Answer, other: Answer) -> Change:

@@ -36,6 +36,10 @@ class EffectStudy(NamedTuple):
     spared: tuple[Reduction, ...]
     reduced: Scene
 
+    def needs(self, variant: Variant) -> bool:
+        """Whether the variant leaves out a single effect, which the scene needs."""
+        return len(variant.reductions) == 1 and variant.reductions[0] in self.needed
+
 
 def study_effects(
     scene: Scene, within: float = WITHIN, *, on_variant: OnVariant | None = None, on_progress: OnProgress | None = None
