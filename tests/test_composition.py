@@ -102,8 +102,8 @@ BARE = {"support": None, "friction": None, "contact.separation": False}
 CONSTANT = {"law": "constant", "coefficient": 0.4}
 # name: (what the scene names beyond a bare bonded shoe, operations that come with it as traced, and as compiled)
 EFFECTS = {
-    "separation": ({"contact.separation": True}, {"atan2": 1, "sqrt": 1}, {"atan2", "sqrt"}),  # edges of contact
-    "friction": ({"friction": CONSTANT}, {"sign": 2}, {"sign", "atan2"}),  # the shoe's and the balance's
+    "separation": ({"contact.separation": True}, {"sqrt": 3}, {"sqrt"}),  # edges of contact
+    "friction": ({"friction": CONSTANT}, {"sign": 2}, {"sign", "sqrt"}),  # the shoe's and the balance's
     "falling friction": (
         {"friction": {"law": "exponential", "static": 0.5, "kinetic": 0.3, "decay": 1.0}},
         {"exp": 2},

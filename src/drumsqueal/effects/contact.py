@@ -20,6 +20,7 @@ from drumsqueal.quadrature.arc import ArcSurface, Nodes
 from drumsqueal.quadrature.area import AreaSurface
 from drumsqueal.quadrature.levels import Level
 from drumsqueal.quadrature.smooth import is_smooth, smooth_nodes
+from drumsqueal.quadrature.sums import Densities, sum_together
 
 Integral = TypeVar("Integral")
 
@@ -107,20 +108,23 @@ class Contact(eqx.Module):
 
         def integral(nodes: Nodes) -> Action:
             field = self._field(levels, nodes)
-            power = jnp.zeros(())
-            if field.along is not None:
-                torque, heat = self._torque_and_heat(field)
-                power = torque * moment.drum_speed - heat
+            densities = {**self._force_densities(field), **self._drag_densities(field)}
             if moment.preload_rate is not None:
-                power = power + moment.preload_rate * self._stored(moment, q, nodes)[1]
-            return Action(self._resultant(field), power)
+                densities["compression"] = self._stored(moment, q, nodes)[1] * nodes.weight
+            total = sum_together(densities)
+            power = jnp.zeros(())
+            if "drag" in total:
+                power = self.shoe.outer_radius * total["drag"] * moment.drum_speed - total["heat"]
+            if moment.preload_rate is not None:
+                power = power + moment.preload_rate * total["compression"]
+            return Action(self._resultant(total), power)
 
         return self._integrated(levels, integral)
 
     def potential_energy(self, moment: Moment, q: Six) -> Array:
         """U = ∫(p0 e + ½ k_c e²) dA with e the compression: its force is −∫ N φ^r dA (J)."""
         levels = Levels(self._pressure_level(moment, q), None, None)
-        return self._integrated(levels, lambda nodes: self._stored(moment, q, nodes)[0])
+        return self._integrated(levels, lambda nodes: jnp.sum(self._stored(moment, q, nodes)[0] * nodes.weight))
 
     def observe(self, moment: Moment, q: Six, v: Six) -> Observation:
         """Integrals and extremes that describe the contact at one instant."""
@@ -131,19 +135,19 @@ class Contact(eqx.Module):
             field = self._field(levels, nodes)
             weight, area = nodes.weight, self.shoe.area
             touching = self.law.touches(field.level)
-            zero = jnp.zeros(())
-            torque, heat = (zero, zero) if field.along is None else self._torque_and_heat(field)
-            reversed_fraction = zero
+            densities = {"normal": field.pressure * weight, "touching": jnp.where(touching, weight, 0.0)}
             if field.slip is not None:
                 forward = touching & (field.slip * jnp.sign(moment.drum_speed) > 0)
-                reversed_fraction = jnp.sum(jnp.where(forward, weight, 0.0)) / area
+                densities |= {"reversed": jnp.where(forward, weight, 0.0), **self._drag_densities(field)}
+            total = sum_together(densities)
+            zero = jnp.zeros(())
             return Observation(
-                brake_torque=torque,
-                normal_force=jnp.sum(field.pressure * weight),
-                contact_fraction=jnp.sum(jnp.where(touching, weight, 0.0)) / area,
-                slip_reversed_fraction=reversed_fraction,
+                brake_torque=self.shoe.outer_radius * total.get("drag", zero),
+                normal_force=total["normal"],
+                contact_fraction=total["touching"] / area,
+                slip_reversed_fraction=total.get("reversed", zero) / area,
                 smallest_pressure=smallest,
-                friction_power=heat,
+                friction_power=total.get("heat", zero),
             )
 
         return self._integrated(levels, integral)
@@ -174,45 +178,48 @@ class Contact(eqx.Module):
         R = self.shoe.outer_radius
         return Level(v[Z] + self.shoe.centroid * v[TY], -R * v[TY], R * v[TX])
 
-    def _resultant(self, field: ContactField) -> Six:
-        """Generalised force; per unit area the in-plane force on the lining is (x, y) = −N e_r + F_θ e_θ."""
+    def _force_densities(self, field: ContactField) -> Densities:
+        """Forces on the lining (N) and moments without Tz's (N m) at the nodes.
+
+        Per unit area the force in the plane is (x, y) = −N e_r + F_θ e_θ.
+        """
         R, c = self.shoe.outer_radius, self.shoe.centroid
         cosine, sine, z, weight = field.nodes
         load = field.pressure * weight
         x, y = -load * cosine, -load * sine
-        spin = 0.0
         if field.along is not None:
             drag = field.along * weight
             x, y = x - drag * sine, y + drag * cosine
-            spin = R * jnp.sum(drag)
-        force_x, force_y = jnp.sum(x), jnp.sum(y)
-        moment_z = spin - c * force_y
         if z is None:
-            return force_x, force_y, 0.0, 0.0, 0.0, moment_z
-        moment_x, moment_y, force_z = -z * y, z * x, 0.0
-        if field.across is not None:
-            lateral = field.across * weight
-            moment_x, moment_y = moment_x + R * sine * lateral, moment_y - (R * cosine - c) * lateral
-            force_z = jnp.sum(lateral)
-        return force_x, force_y, force_z, jnp.sum(moment_x), jnp.sum(moment_y), moment_z
+            return {"x": x, "y": y}
+        if field.across is None:
+            return {"x": x, "y": y, "moment_x": -z * y, "moment_y": z * x}
+        lateral = field.across * weight
+        moment_x, moment_y = -z * y + R * sine * lateral, z * x - (R * cosine - c) * lateral
+        return {"x": x, "y": y, "z": lateral, "moment_x": moment_x, "moment_y": moment_y}
 
-    def _torque_and_heat(self, field: ContactField) -> tuple[Array, Array]:
-        """Brake torque R ∫F_θ dA (N m) and friction heat −∫F·V dA (W)."""
-        assert field.along is not None  # both for the type checker
-        assert field.slip is not None
-        weight = field.nodes.weight
-        density = field.along * field.slip
+    def _drag_densities(self, field: ContactField) -> Densities:
+        """Drag of friction F_θ (N) and its heat −F·V (W) at the nodes; nothing without friction."""
+        if field.along is None or field.slip is None:
+            return {}
+        heat = field.along * field.slip
         if field.across is not None and field.axial is not None:
-            density = density + field.across * field.axial
-        return self.shoe.outer_radius * jnp.sum(field.along * weight), -jnp.sum(density * weight)
+            heat = heat + field.across * field.axial
+        return {"drag": field.along * field.nodes.weight, "heat": -heat * field.nodes.weight}
+
+    def _resultant(self, total: Densities) -> Six:
+        """Generalised force from the sums of the densities; that of Tz is R ∫F_θ dA − c ∫y dA."""
+        spin = self.shoe.outer_radius * total["drag"] if "drag" in total else 0.0
+        moment_z = spin - self.shoe.centroid * total["y"]
+        lateral, moment_x, moment_y = (total.get(key, 0.0) for key in ("z", "moment_x", "moment_y"))
+        return total["x"], total["y"], lateral, moment_x, moment_y, moment_z
 
     def _stored(self, moment: Moment, q: Six, nodes: Nodes) -> tuple[Array, Array]:
-        """Stored energy (J) and its derivative with respect to p0, ∫ e dA (m³)."""
+        """Stored energy per unit area (J/m²) and its derivative with respect to p0, the compression e (m)."""
         radial = self._radial_level(q).at(nodes.cosine, nodes.sine, nodes.z)
         preload = moment.preload
         compression = self.law.compression(preload, radial)
-        energy = compression * (preload + self.law.stiffness * compression / 2)
-        return jnp.sum(energy * nodes.weight), jnp.sum(compression * nodes.weight)
+        return compression * (preload + self.law.stiffness * compression / 2), compression
 
     def _radial_level(self, q: Six) -> Level:
         """u_r, equation (10)."""

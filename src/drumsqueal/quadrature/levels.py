@@ -52,21 +52,32 @@ class Level(NamedTuple):
         return jnp.asarray(line.constant + line.cosine * cosine + line.sine * sine)
 
 
-def real_roots(level: Level, half_angle: Array) -> tuple[Array, Array]:
-    """Roots θ of a + b cos θ + c sin θ inside the arc: whether there (2, ...), and where (2, ...) in rad.
+def quarter_tangents(level: Level) -> list[tuple[Array, Array]]:
+    """Roots θ of a + b cos θ + c sin θ in [−π, π] as tan(θ/4): two pairs of whether there, and where; shape of a.
 
-    θ = atan2(−a c ± b s, −a b ∓ c s) with s² = b² + c² − a². Roots that are not there have the value 0 and no gradient.
+    tan(θ/2) solves (a − b) t² + 2c t + (a + b) = 0; with q = −(c ± s), s² = b² + c² − a² and the sign that does not
+    cancel, it is q/(a − b) and (a + b)/q. tan(θ/4) = sin(θ/2)/(1 + cos(θ/2)) is finite also where that is not, and
+    needs no function that XLA calls a library for. Roots that are not there have some finite value and no gradient.
     """
     a, b, c = (jnp.asarray(x) for x in (level.constant, level.cosine, level.sine))
     discriminant = b * b + c * c - a * a
     real_pair = discriminant > 0
     # The inner `where` keeps gradients finite where there is no root.
     s = jnp.sqrt(jnp.where(real_pair, discriminant, 1.0))
-    sign = jnp.asarray([1.0, -1.0]).reshape((2,) + (1,) * s.ndim)
-    y = jnp.where(real_pair, -a * c + sign * b * s, 0.0)
-    x = jnp.where(real_pair, -a * b - sign * c * s, 1.0)
-    angle = jnp.arctan2(y, x)
-    return real_pair & (jnp.abs(angle) < half_angle), angle
+    q = jnp.where(c < 0, s - c, -s - c)
+    return [(real_pair, _quarter_tangent(y, x)) for y, x in ((q, a - b), (a + b, q))]
+
+
+def _quarter_tangent(y: Array, x: Array) -> Array:
+    """tan(θ/4) of the θ in [−π, π] for which tan(θ/2) = y/x."""
+    return jnp.where(x < 0, -y, y) / (jnp.sqrt(x * x + y * y) + jnp.abs(x))
+
+
+def real_roots(level: Level, half_angle: Array) -> tuple[Array, Array]:
+    """Roots θ of a + b cos θ + c sin θ inside the arc: whether there (2, ...), and where (2, ...) in rad."""
+    pairs = quarter_tangents(level)
+    angle = 4 * jnp.arctan(jnp.stack([tangent for _, tangent in pairs]))
+    return jnp.stack([there for there, _ in pairs]) & (jnp.abs(angle) < half_angle), angle
 
 
 def complex_roots(level: Level) -> tuple[Array, Array, Array]:
