@@ -291,12 +291,12 @@ def scaled_state(brake: Brake, shares, *, press: float, slide: float, tilt: floa
     return q, v
 
 
-# Five pieces of 8 Gauss nodes up to 130° and of 24 above; three of twice as many where contact is never lost. Where all
-# edges crowd at one side of the arc, one piece is nearly all of it. Largest errors of 300 random states, unilateral
-# and bonded: 130° 5e-13, 3e-15; 360° 2e-15, 8e-15. The tolerances leave a factor 10 for states that the sample missed.
+# Up to six pieces of 8 Gauss nodes up to 130° and of 24 above; where all edges crowd at one side of the arc, one piece
+# is nearly half of it. Largest errors of 300 random states, unilateral and bonded: 130° 8e-13, 1e-12; 360° 4e-15,
+# 8e-15. The tolerances leave a factor 10 for states that the sample missed.
 @pytest.mark.parametrize(
     ("separation", "widest", "tolerance"),
-    [(True, 130.0, 5e-12), (True, 360.0, 1e-13), (False, 130.0, 1e-13), (False, 360.0, 1e-13)],
+    [(True, 130.0, 1e-11), (True, 360.0, 1e-13), (False, 130.0, 1e-11), (False, 360.0, 1e-13)],
 )
 def test_plane_forces_over_random_states(separation, widest, tolerance):
     @given(six_shares, six_shares, st.floats(0.1, 1.0), st.sampled_from([5.0, -5.0]))

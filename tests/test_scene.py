@@ -286,7 +286,7 @@ def test_what_is_no_quantity_is_refused_with_the_cause(value, unit, cause):
         ("simulate.duration=1e300", "simulate.duration", "GB"),
         ("simulate.sample_rate=50 rpm", "simulate.sample_rate", '"50 kHz"'),
         ("simulate.tolerance=1", "simulate.tolerance = 1", "not be above 0.1"),
-        ("simulate.tolerance=1e-14", "simulate.tolerance", "not be below 1e-13"),
+        ("simulate.tolerance=1e-14", "simulate.tolerance", "not be below 1e-12"),
         ("simulate.coordinates=[]", "simulate.coordinates = []", '["X", "Y", "Tz"]'),
         ("simulate.coordinates=all", "simulate.coordinates", 'write "auto"'),
         ('simulate.coordinates=["X","Q"]', 'simulate.coordinates[1] = "Q"', "X, Y, Z, Tx, Ty, Tz"),

@@ -12,6 +12,7 @@ import scipy.linalg
 from drumsqueal import integrate as integration
 from drumsqueal.errors import IntegrationError
 from drumsqueal.integrate import CHUNK_SAMPLES, integrate
+from drumsqueal.kernel import compiled
 from drumsqueal.model import build_model
 from drumsqueal.scene import Scene
 from drumsqueal.simulation import run
@@ -329,10 +330,9 @@ def test_a_chunked_run_follows_the_reference_as_one_chunk_does(nominal):
 @pytest.fixture
 def _few_steps(monkeypatch):
     """Give every chunk 400 steps, in a program of its own: the budget is compiled in."""
-    original = integration._advance
-    assert hasattr(original, "__wrapped__")
+    original = getattr(integration.advance, "__wrapped__")  # noqa: B009 (the type checker does not know it)
     monkeypatch.setattr(integration, "STEP_BUDGET", 400)
-    monkeypatch.setattr(integration, "_advance", eqx.filter_jit(lambda *inputs: original.__wrapped__(*inputs)))
+    monkeypatch.setattr(integration, "advance", compiled(lambda *inputs: original(*inputs)))
 
 
 @pytest.mark.usefixtures("_few_steps")

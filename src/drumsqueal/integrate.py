@@ -1,4 +1,4 @@
-"""The transient: diffrax in equal chunks, each one compiled call, handed out as they come.
+"""The transient: diffrax's methods in equal chunks, each one compiled call, handed out as they come.
 
 A Python loop over chunks keeps memory flat, lets an interrupted run keep its data, and holds host callbacks out of the
 compiled program, which would bar it from the persistent compilation cache.
@@ -7,8 +7,6 @@ compiled program, which would bar it from the persistent compilation cache.
 from collections.abc import Generator
 from typing import NamedTuple
 
-import diffrax
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -18,20 +16,21 @@ from jax.typing import ArrayLike
 from drumsqueal.effects.contact import Observation
 from drumsqueal.effects.damping import frictionless_modes
 from drumsqueal.errors import IntegrationError
+from drumsqueal.kernel import compiled, one_kernel
 from drumsqueal.model import Model
 from drumsqueal.precision import real
+from drumsqueal.runge_kutta import DEFAULT, STAGES, is_explicit, make_solver
+from drumsqueal.stepping import Stepped, step_through
 
-SOLVER = diffrax.Dopri8()
 CHUNK_SAMPLES = 500  # samples a chunk: some 50 ms of computing in the plane, so that Ctrl-C and the bar respond
 # Steps a chunk: a run that exceeds it is stuck, and says so. Samples hold two to a period at least, so 500 of them take
 # some thousand steps; a tolerance of 1e-13 takes ten times as many, and so do edges.
 STEP_BUDGET = 100_000
-# Share of the scene's tolerance that one step may err. Errors add up over some thousand steps.
-LOCAL_SHARE = 0.1
+# Share of the scene's tolerance that one step may err, and the least that is no round-off. Errors add up over some
+# thousand steps: over the shipped scenes the trajectory then is off by 0.1 to 3 times the tolerance.
+LOCAL_SHARE, LEAST_LOCAL = 0.01, 1e-14
 # A coordinate is resolved at least to this share of what it would do if all vibration energy were in each mode.
 COUPLING_SHARE = 1e-3
-# A proportional part in the step-size control halves the rejected steps where edges make kinks.
-PROPORTIONAL, INTEGRAL = 0.3, 0.4
 QUIET = 1e-12  # m; motion below a picometre counts as rest, and is resolved as if it were that large
 # Round-offs of the load's forces that a step gathers: a motion is not resolved finer than they let it be.
 ROUND_OFF = 16 * np.finfo(np.float64).eps
@@ -51,10 +50,10 @@ class Chunk(NamedTuple):
     energy_balance_error: np.ndarray
     steps: int
     rejected_steps: int
-    evaluations: int
+    evaluations: float  # NaN: not counted, for an implicit method
 
 
-class _State(NamedTuple):
+class State(NamedTuple):
     """Displacement from steady sliding (n,), velocity (n,) and energy fed in so far beyond the stored one (J).
 
     The solver sees it as one flat array, which takes less than half the time of a tree of three.
@@ -69,23 +68,32 @@ class _State(NamedTuple):
         return jnp.concatenate([self.departure, self.velocity, self.work[None]])
 
     @staticmethod
-    def split(flat: Array) -> "_State":
+    def split(flat: Array) -> "State":
         """From an array (..., 2n + 1)."""
         n = flat.shape[-1] // 2
-        return _State(flat[..., :n], flat[..., n : 2 * n], flat[..., 2 * n])
+        return State(flat[..., :n], flat[..., n : 2 * n], flat[..., 2 * n])
 
 
-class _Segment(NamedTuple):
-    time: Array
-    states: _State
+class Span(NamedTuple):
+    """One chunk in time: its start (s), the interval between samples (s), and how many there are after the first."""
+
+    start: ArrayLike
+    interval: ArrayLike
+    samples: ArrayLike
+
+
+class Segment(NamedTuple):
+    """What one compiled call leaves: samples, their observations and energies, the last state, and the next step."""
+
+    states: State
     observation: Observation
     kinetic: Array
     potential: Array
-    final: _State
+    final: State
+    step: Array
     steps: Array
-    accepted: Array
-    succeeded: Array
-    result: diffrax.RESULTS
+    kept: Array
+    reached: Array
 
 
 def integrate(
@@ -97,98 +105,101 @@ def integrate(
     duration: float,
     sample_rate: float,
     tolerance: float,
+    solver: str = DEFAULT,
 ) -> Generator[Chunk]:
     """Integrate M q̈ = Σ Q from a departure (n,) from steady sliding q* (n,) and yield the samples chunk by chunk.
 
-    Adaptive Dormand-Prince of order 8 (diffrax), its error per step measured against the amplitude that the vibration
-    energy gives each coordinate. Samples lie at k / sample_rate from 0 to the duration, both included. Raises
-    IntegrationError when a chunk fails; all good samples have been yielded by then.
+    An adaptive Runge-Kutta method, its error per step measured against the amplitude that the vibration energy gives
+    each coordinate. Samples lie at k / sample_rate from 0 to the duration, both included. Raises IntegrationError when
+    a chunk fails; all good samples have been yielded by then.
     """
     samples = round(duration * sample_rate)
     steady = real(steady)
-    state = _State(real(displacement), real(velocity), jnp.zeros(()))
+    state = State(real(displacement), real(velocity), jnp.zeros(()))
     first_energy = sum(float(e) for e in _energy(model, steady, state))
-    step = _first_step(model)
+    step = first_step(model)
     for first in range(0, samples, CHUNK_SAMPLES):
         count = min(CHUNK_SAMPLES, samples - first)
-        segment = _advance(
-            model, steady, state, real(first), real(first + count), real(1 / sample_rate), real(tolerance), step
-        )
-        chunk = _to_chunk(segment, first_energy, sample_rate, first, count, np.asarray(steady))
+        # NumPy's numbers go into a compiled call at a tenth of what it takes to make arrays of them.
+        span = Span(np.float64(first / sample_rate), np.float64(1 / sample_rate), np.int64(count))
+        segment = advance(model, steady, state, span, np.float64(tolerance), step, solver)
+        chunk = _to_chunk(segment, first_energy, sample_rate, first, count, np.asarray(steady), solver)
         good = np.isfinite(chunk.displacement).all(axis=1) & np.isfinite(chunk.velocity).all(axis=1)
         kept = count + 1 if good.all() else int(np.argmin(good))
         fresh = slice(0 if first == 0 else 1, kept)  # a chunk begins with the last sample of the one before
         if fresh.stop > fresh.start:
             yield _rows(chunk, fresh)
-        if kept <= count or not bool(segment.succeeded):
+        if kept <= count or not bool(segment.reached):
             raise IntegrationError(_why(segment, chunk, max(kept - 1, 0)))
-        state, step = segment.final, real(count / sample_rate) / segment.accepted
+        state, step = segment.final, segment.step
 
 
-@eqx.filter_jit
-def _advance(
-    model: Model,
-    steady: Array,
-    state: _State,
-    first: Array,
-    last: Array,
-    interval: Array,
-    tolerance: Array,
-    step: Array,
-) -> _Segment:
-    """One chunk from sample number `first` to `last`; samples past the last repeat it, to keep the shapes."""
-    local = tolerance * LOCAL_SHARE
-    time = jnp.minimum(first + jnp.arange(CHUNK_SAMPLES + 1), last) * interval
-    scale = motion_scale(model, state, _quiet(model, time[0], local)).flat()
+@compiled
+def advance(
+    model: Model, steady: Array, state: State, span: Span, tolerance: ArrayLike, step: Array, solver: str = DEFAULT
+) -> Segment:
+    """One chunk; samples past the span's last repeat it, to keep the shapes. `step` (s) is the first to be tried."""
+    local = local_tolerance(tolerance)
+    scale = resolution(model, state, span, local)
+    arguments = (model, steady, state, span, local, step, scale, solver)
+    # What is implicit solves equations with a library, which a kernel cannot call.
+    return one_kernel(advance_scaled, *arguments) if is_explicit(solver) else advance_scaled(*arguments)
 
-    def vector_field(t: ArrayLike, scaled: Array, args: None) -> Array:
-        del args
-        now = _State.split(scaled * scale)
-        force, power = model.act(t, steady + now.departure, now.velocity)
-        return _State(now.velocity, force / model.mass, power).flat() / scale
 
-    solution = diffrax.diffeqsolve(
-        diffrax.ODETerm(vector_field),
-        SOLVER,
-        time[0],
-        time[-1],
+def local_tolerance(tolerance: ArrayLike) -> Array:
+    """What one step may err, over the amplitude of the motion."""
+    return jnp.maximum(tolerance * LOCAL_SHARE, LEAST_LOCAL)
+
+
+def resolution(model: Model, state: State, span: Span, local: Array) -> Array:
+    """Amplitudes (2n + 1,) that errors are measured against in a chunk; needs eigenvalues, so it is no kernel."""
+    return motion_scale(model, state, _quiet(model, jnp.asarray(span.start), local)).flat()
+
+
+def advance_scaled(
+    model: Model, steady: Array, state: State, span: Span, local: Array, step: Array, scale: Array, solver: str
+) -> Segment:
+    """One chunk, with errors measured against `scale` (2n + 1,)."""
+    inverse = 1 / scale
+    # Time is counted from the start of the chunk: a step is then known to more digits.
+    time = jnp.minimum(jnp.arange(CHUNK_SAMPLES + 1), span.samples) * jnp.asarray(span.interval)
+
+    def vector_field(t: Array, scaled: Array) -> Array:
+        now = State.split(scaled * scale)
+        force, power = model.act(span.start + t, steady + now.departure, now.velocity)
+        return State(now.velocity, force / model.mass, power).flat() * inverse
+
+    stepped = step_through(
+        make_solver(solver, local),
+        vector_field,
+        time,
+        state._replace(work=jnp.zeros(())).flat() * inverse,
         step,
-        state._replace(work=jnp.zeros(())).flat() / scale,
-        saveat=diffrax.SaveAt(subs=[diffrax.SubSaveAt(ts=time), diffrax.SubSaveAt(t1=True)]),
-        stepsize_controller=diffrax.PIDController(
-            rtol=local, atol=local, norm=_largest, pcoeff=PROPORTIONAL, icoeff=INTEGRAL
-        ),
-        adjoint=diffrax.ForwardMode(),
-        max_steps=STEP_BUDGET,
-        throw=False,
+        tolerance=local,
+        norm=_largest,
+        budget=STEP_BUDGET,
     )
-    assert solution.ys is not None  # for the type checker
-    states, final = (_State.split(ys * scale) for ys in (solution.ys[0], solution.ys[1][0]))
-    states, final = (s._replace(work=s.work + state.work) for s in (states, final))
+    return _observed(model, steady, state.work, jnp.asarray(span.start) + time, scale, stepped)
 
-    def observe(sample: tuple[Array, _State]) -> tuple[Observation, Array, Array]:
+
+def _observed(model: Model, steady: Array, work: Array, time: Array, scale: Array, stepped: Stepped) -> Segment:
+    """The samples in their units, the work from the start of the transient on, and what each of them looks like."""
+    states, final = (State.split(ys * scale) for ys in (stepped.samples, stepped.last))
+    states, final = (s._replace(work=s.work + work) for s in (states, final))
+
+    def observe(sample: tuple[Array, State]) -> tuple[Observation, Array, Array]:
         t, now = sample
         q = steady + now.departure
         return model.observe(t, q, now.velocity), *model.energy(t, q, now.velocity)
 
     observation, kinetic, potential = jax.lax.map(observe, (time, states))
-    succeeded = solution.result == diffrax.RESULTS.successful
-    return _Segment(
-        time,
-        states,
-        observation,
-        kinetic,
-        potential,
-        final,
-        solution.stats["num_steps"],
-        solution.stats["num_accepted_steps"],
-        succeeded,
-        solution.result,
+    return Segment(
+        states, observation, kinetic, potential, final, stepped.step, stepped.steps, stepped.kept, stepped.reached
     )
 
 
 @jax.jit
-def _first_step(model: Model) -> Array:
+def first_step(model: Model) -> Array:
     """A step (s) that resolves the highest frictionless frequency; without any stiffness, one of a microsecond."""
     highest = frictionless_modes(model.mass, model.stiffness)[0][-1]
     return jnp.where(highest > 0, FIRST_STEP_SHARE / jnp.where(highest > 0, highest, 1.0), 1e-6)
@@ -201,7 +212,7 @@ def _quiet(model: Model, time: Array, local: Array) -> Array:
     return jnp.maximum(QUIET, ROUND_OFF * follows / local)
 
 
-def motion_scale(model: Model, state: _State, quiet: ArrayLike = QUIET) -> _State:
+def motion_scale(model: Model, state: State, quiet: ArrayLike = QUIET) -> State:
     """Amplitudes that the present vibration energy gives to displacement, velocity (n,) and work, at least `quiet` (m).
 
     In the mass-normalised modes (ω_j, Φ) of the frictionless shoe, s_j = √((ω_j p_j)² + ṗ_j²) is the amplitude of ṗ_j;
@@ -220,7 +231,7 @@ def motion_scale(model: Model, state: _State, quiet: ArrayLike = QUIET) -> _Stat
     # A mode without stiffness drifts; it is given the slowest of the other frequencies.
     slowest = jnp.min(jnp.where(omega > 0, omega, highest))
     size = jnp.abs(modes)
-    return _State(size @ (amplitude / jnp.where(omega > 0, omega, slowest)), size @ amplitude, total**2 / 2)
+    return State(size @ (amplitude / jnp.where(omega > 0, omega, slowest)), size @ amplitude, total**2 / 2)
 
 
 def _largest(scaled_error: Array) -> Array:
@@ -233,12 +244,12 @@ def _largest(scaled_error: Array) -> Array:
 
 
 @jax.jit
-def _energy(model: Model, steady: Array, state: _State) -> tuple[Array, Array]:
+def _energy(model: Model, steady: Array, state: State) -> tuple[Array, Array]:
     return model.energy(0.0, steady + state.departure, state.velocity)
 
 
 def _to_chunk(
-    segment: _Segment, first_energy: float, sample_rate: float, first: int, count: int, steady: np.ndarray
+    segment: Segment, first_energy: float, sample_rate: float, first: int, count: int, steady: np.ndarray, solver: str
 ) -> Chunk:
     states = jax.tree.map(lambda x: np.asarray(x)[: count + 1], segment.states)
     observation = jax.tree.map(lambda x: np.asarray(x)[: count + 1], segment.observation)
@@ -252,9 +263,9 @@ def _to_chunk(
         potential_energy=potential,
         energy_balance_error=kinetic + potential - first_energy - states.work,
         steps=int(segment.steps),
-        rejected_steps=int(segment.steps - segment.accepted),
+        rejected_steps=int(segment.steps - segment.kept),
         # The last stage of a step is the first of the next: one more at the start of the chunk.
-        evaluations=int(segment.steps) * (SOLVER.tableau.num_stages - 1) + 1,
+        evaluations=int(segment.steps) * STAGES[solver] + 1 if is_explicit(solver) else np.nan,
     )
 
 
@@ -263,13 +274,11 @@ def _rows(chunk: Chunk, rows: slice) -> Chunk:
     return jax.tree.map(lambda x: x[rows] if isinstance(x, np.ndarray) else x, chunk)
 
 
-def _why(segment: _Segment, chunk: Chunk, last: int) -> str:
+def _why(segment: Segment, chunk: Chunk, last: int) -> str:
     """What stopped the integration after the good sample number `last` of the chunk."""
     time = chunk.time[last]
-    if bool(segment.succeeded):
+    if bool(segment.reached):
         return f"the motion became infinite or undefined after t = {time:.6g} s"
-    if not bool(segment.result == diffrax.RESULTS.max_steps_reached):
-        return f"the solver stopped after t = {time:.6g} s: {diffrax.RESULTS[segment.result]}"
     collapsed = f"the step size collapsed: {STEP_BUDGET:,} steps were not enough to get past t = {time:.6g} s"
     heat, load = chunk.observation.friction_power[last], chunk.observation.normal_force[last]
     if 0 < heat < STICKING * load:

@@ -256,11 +256,12 @@ class Start(Table):
 
 
 class Simulate(Table):
-    """The transient: duration in s, sample rate in Hz, relative tolerance, and the coordinates that move."""
+    """The transient: duration in s, sample rate in Hz, relative tolerance, method, and the coordinates that move."""
 
     duration: Annotated[float, Quantity("s", above=0)]
     sample_rate: Annotated[float, Quantity("Hz", above=0)]
-    tolerance: Annotated[float, Quantity("", least=1e-13, most=1e-1)] = 1e-6
+    tolerance: Annotated[float, Quantity("", least=1e-12, most=1e-1)] = 1e-6
+    solver: Literal["tsit5", "dopri5", "dopri8", "kvaerno5"] = "dopri8"
     coordinates: Annotated[Literal["auto"] | tuple[str, ...], BeforeValidator(_coordinates)] = "auto"
 
     @model_validator(mode="after")

@@ -125,6 +125,7 @@ def transient(prepared: Prepared) -> Generator[Chunk]:
         duration=scene.simulate.duration,
         sample_rate=scene.simulate.sample_rate,
         tolerance=scene.simulate.tolerance,
+        solver=scene.simulate.solver,
     )
 
 

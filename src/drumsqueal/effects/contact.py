@@ -4,10 +4,9 @@ Source: Seo & Kang 2023, equations (8) to (14) and (20); separation and the exac
 """
 
 from collections.abc import Callable
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 from jax import Array
 
@@ -16,13 +15,10 @@ from drumsqueal.effects.action import Action, Six
 from drumsqueal.effects.friction import Friction
 from drumsqueal.effects.operation import Moment
 from drumsqueal.effects.pressure import PressureLaw
-from drumsqueal.quadrature.arc import ArcSurface, Nodes
+from drumsqueal.quadrature.arc import ArcSurface, Edges, Nodes
 from drumsqueal.quadrature.area import AreaSurface
 from drumsqueal.quadrature.levels import Level
-from drumsqueal.quadrature.smooth import is_smooth, smooth_nodes
-from drumsqueal.quadrature.sums import Densities, sum_together
-
-Integral = TypeVar("Integral")
+from drumsqueal.quadrature.sums import Densities
 
 
 class Levels(NamedTuple):
@@ -72,23 +68,14 @@ class Contact(eqx.Module):
         knows_axial = isinstance(self.surface, AreaSurface) and self.friction.direction.knows_axial
         return Levels(level, self._slip_level(moment, v), self._axial_level(v) if knows_axial else None)
 
-    def _integrated(self, levels: Levels, integral: Callable[[Nodes], Integral]) -> Integral:
-        """The integral over nodes that are split at the edges; in space and without edges, over a seventieth of them.
+    def _integrated(self, levels: Levels, densities: Callable[[Nodes], Densities]) -> Densities:
+        """The integrals of densities over the lining, exact between its edges.
 
-        Below the edges that makes an evaluation in space some seventy times faster (tests/benchmarks/evaluation.py).
-        In the plane it would spare a quarter there and cost 6 % beyond the edges and under vmap, which takes both
-        ways; a scene that squeals spends most of its time beyond them (tests/benchmarks/regimes.py).
-        A law of which nothing is known may have corners of its own, and is always split.
+        A law of which nothing is known may have corners of its own: the lining is then always split.
         """
-
-        def split() -> Integral:
-            return integral(self.surface.nodes(self.shoe, self.law.edges(levels.pressure), levels.slip, levels.axial))
-
         known = self.friction is None or levels.slip is None or self.friction.smooth
-        if isinstance(self.surface, ArcSurface) or not known:
-            return split()
-        smooth = is_smooth(self.shoe, self.law.edges(levels.pressure), levels.slip, levels.axial)
-        return jax.lax.cond(smooth, lambda: integral(smooth_nodes(self.shoe)), split)
+        edges = Edges(self.law.edges(levels.pressure), levels.slip, levels.axial)
+        return self.surface.integrate(self.shoe, edges, densities, smooth=known)
 
     def _field(self, levels: Levels, nodes: Nodes) -> ContactField:
         """Evaluate the contact at quadrature nodes."""
@@ -106,51 +93,52 @@ class Contact(eqx.Module):
         """Q_i = ∫(−N φ_i^r + F_θ φ_i^θ + F_z φ_i^z) dA, equation (20), and the power beyond the stored energy."""
         levels = self.levels(moment, q, v)
 
-        def integral(nodes: Nodes) -> Action:
+        def densities(nodes: Nodes) -> Densities:
             field = self._field(levels, nodes)
-            densities = {**self._force_densities(field), **self._drag_densities(field)}
+            found = {**self._force_densities(field), **self._drag_densities(field)}
             if moment.preload_rate is not None:
-                densities["compression"] = self._stored(moment, q, nodes)[1] * nodes.weight
-            total = sum_together(densities)
-            power = jnp.zeros(())
-            if "drag" in total:
-                power = self.shoe.outer_radius * total["drag"] * moment.drum_speed - total["heat"]
-            if moment.preload_rate is not None:
-                power = power + moment.preload_rate * total["compression"]
-            return Action(self._resultant(total), power)
+                found["compression"] = self._stored(moment, q, nodes)[1] * nodes.weight
+            return found
 
-        return self._integrated(levels, integral)
+        total = self._integrated(levels, densities)
+        power = jnp.zeros(())
+        if "drag" in total:
+            power = self.shoe.outer_radius * total["drag"] * moment.drum_speed - total["heat"]
+        if moment.preload_rate is not None:
+            power = power + moment.preload_rate * total["compression"]
+        return Action(self._resultant(total), power)
 
     def potential_energy(self, moment: Moment, q: Six) -> Array:
         """U = ∫(p0 e + ½ k_c e²) dA with e the compression: its force is −∫ N φ^r dA (J)."""
         levels = Levels(self._pressure_level(moment, q), None, None)
-        return self._integrated(levels, lambda nodes: jnp.sum(self._stored(moment, q, nodes)[0] * nodes.weight))
+        return self._integrated(levels, lambda nodes: {"energy": self._stored(moment, q, nodes)[0] * nodes.weight})[
+            "energy"
+        ]
 
     def observe(self, moment: Moment, q: Six, v: Six) -> Observation:
         """Integrals and extremes that describe the contact at one instant."""
         levels = self.levels(moment, q, v)
         smallest = self.law.pressure(self._pressure_range(moment, q)[0])
 
-        def integral(nodes: Nodes) -> Observation:
-            field = self._field(levels, nodes)
-            weight, area = nodes.weight, self.shoe.area
+        def densities(nodes: Nodes) -> Densities:
+            field, weight = self._field(levels, nodes), nodes.weight
             touching = self.law.touches(field.level)
-            densities = {"normal": field.pressure * weight, "touching": jnp.where(touching, weight, 0.0)}
+            found = {"normal": field.pressure * weight, "touching": jnp.where(touching, weight, 0.0)}
             if field.slip is not None:
                 forward = touching & (field.slip * jnp.sign(moment.drum_speed) > 0)
-                densities |= {"reversed": jnp.where(forward, weight, 0.0), **self._drag_densities(field)}
-            total = sum_together(densities)
-            zero = jnp.zeros(())
-            return Observation(
-                brake_torque=self.shoe.outer_radius * total.get("drag", zero),
-                normal_force=total["normal"],
-                contact_fraction=total["touching"] / area,
-                slip_reversed_fraction=total.get("reversed", zero) / area,
-                smallest_pressure=smallest,
-                friction_power=total.get("heat", zero),
-            )
+                found |= {"reversed": jnp.where(forward, weight, 0.0), **self._drag_densities(field)}
+            return found
 
-        return self._integrated(levels, integral)
+        total = self._integrated(levels, densities)
+        zero, area = jnp.zeros(()), self.shoe.area
+        return Observation(
+            brake_torque=self.shoe.outer_radius * total.get("drag", zero),
+            normal_force=total["normal"],
+            contact_fraction=total["touching"] / area,
+            slip_reversed_fraction=total.get("reversed", zero) / area,
+            smallest_pressure=smallest,
+            friction_power=total.get("heat", zero),
+        )
 
     def pressure_range(self, moment: Moment, q: Six) -> tuple[Array, Array]:
         """Smallest and largest pressure on the lining (Pa)."""

@@ -5,14 +5,19 @@ Where V_z is small the direction V/|V| turns within a narrow angle about a rever
 Johnston & Elliott, Int. J. Numer. Meth. Engng 62 (2005) 564) and their number stays fixed.
 """
 
+from collections.abc import Callable
+
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
 from drumsqueal.bodies.rigid_shoe import RigidShoe
-from drumsqueal.quadrature.arc import Nodes, spread_evenly
+from drumsqueal.quadrature.arc import Edges, Nodes, sort_network, spread_evenly
 from drumsqueal.quadrature.levels import Level, complex_roots, line_crossings, real_roots, sine_cosine
+from drumsqueal.quadrature.smooth import is_smooth, smooth_nodes
+from drumsqueal.quadrature.sums import Densities, sum_together
 
 # Nodes across the lining a piece, after the map z = (3ξ − ξ³)/2 which takes the square roots out of both ends (an
 # edge pair is born like √(z − z0)) and keeps polynomials exact.
@@ -32,13 +37,23 @@ class AreaSurface(eqx.Module):
     lines_per_piece: int = eqx.field(static=True, default=LINES)
     nodes_per_piece: int = eqx.field(static=True, default=NODES)
 
-    def nodes(self, shoe: RigidShoe, pressure: Level | None, slip: Level | None, axial: Level | None) -> Nodes:
-        """Nodes (lines, pieces, 2, nodes per piece) split at the edges of the given levels (None: no such edges).
+    def integrate(
+        self, shoe: RigidShoe, edges: Edges, densities: Callable[[Nodes], Densities], *, smooth: bool
+    ) -> Densities:
+        """Sums over nodes that are split at the edges; where what is `smooth` has none, over a seventieth of them."""
 
-        `slip` is V_θ and `axial` V_z (None for the tangential direction, which does not know it).
-        """
+        def split() -> Densities:
+            return sum_together([densities(self._nodes(shoe, edges))])
+
+        if not smooth:
+            return split()
+        return jax.lax.cond(is_smooth(shoe, *edges), lambda: sum_together([densities(smooth_nodes(shoe))]), split)
+
+    def _nodes(self, shoe: RigidShoe, edges: Edges) -> Nodes:
+        """Nodes (lines, pieces, 2, nodes per piece) split at the edges; the tangential direction does not know V_z."""
         half_angle, half_width = shoe.half_angle, shoe.width / 2
-        turn = None if slip is None else _turn(slip, axial)
+        pressure = edges.pressure
+        turn = None if edges.slip is None else _turn(edges.slip, edges.axial)
         z, z_weight = self._lines(half_angle, half_width, pressure, turn)
         angle, distance = _line_splits(half_angle, z, pressure, turn)
         theta, theta_weight = self._graded(half_angle, angle, distance)
@@ -62,7 +77,7 @@ class AreaSurface(eqx.Module):
             there, z = (jnp.concatenate(parts) for parts in zip(*candidates, strict=True))
             inside = there & (jnp.abs(z) < half_width)
             z = jnp.where(inside, z, spread_evenly(z.size) * half_width)
-            bounds = jnp.concatenate([bounds[:1], jnp.sort(z), bounds[1:]])
+            bounds = jnp.stack([-half_width, *sort_network(list(z)), half_width])
         middle, half = (bounds[1:] + bounds[:-1]) / 2, (bounds[1:] - bounds[:-1]) / 2
         point, weight = np.polynomial.legendre.leggauss(self.lines_per_piece)
         mapped, mapped_weight = (3 * point - point**3) / 2, weight * 1.5 * (1 - point**2)

@@ -1,19 +1,30 @@
 """Several sums over the same nodes in one pass."""
 
+from collections.abc import Sequence
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
 Densities = dict[str, Array]
+"""What is summed, by name: its value times the weight at each node."""
+
+
+def sum_together(parts: Sequence[Densities]) -> Densities:
+    """Sum of each density over all nodes of all parts; within one density all parts have one shape.
+
+    The parts are added node by node first: that fills the lanes of a processor, where a running sum waits for each of
+    its terms.
+    """
+    return _reduce(jax.tree.map(lambda *part: sum(part[1:], start=part[0]), *parts))
 
 
 @jax.custom_jvp
-def sum_together(densities: Densities) -> Densities:
-    """Sum of each of the densities, all of one shape.
+def _reduce(densities: Densities) -> Densities:
+    """One reduction with several operands is one loop in the compiled program.
 
-    One reduction with several operands is one loop in the compiled program; separate sums are one loop each, and XLA
-    computes what they share, an exponential excepted, once for every one of them.
+    Separate sums are one loop each, and XLA computes what they share, an exponential excepted, once for each of them.
     """
     shape = next(iter(densities.values())).shape
     zeros = jax.tree.map(lambda density: np.zeros((), density.dtype), densities)
@@ -24,6 +35,6 @@ def _add(one: Densities, other: Densities) -> Densities:
     return jax.tree.map(jnp.add, one, other)
 
 
-@sum_together.defjvp
+@_reduce.defjvp
 def _(densities: tuple[Densities], tangents: tuple[Densities]) -> tuple[Densities, Densities]:
-    return sum_together(*densities), jax.tree.map(jnp.sum, *tangents)
+    return _reduce(*densities), jax.tree.map(jnp.sum, *tangents)

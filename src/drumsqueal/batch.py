@@ -1,0 +1,117 @@
+"""Many transients of one composition: the same compiled program, with other numbers in it.
+
+They are integrated one after the other within the program, one share of them a thread. Side by side (`jax.vmap`) all
+would make as many steps as the one that needs most, and take every way of the contact integral at each of them.
+"""
+
+import os
+from collections.abc import Generator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.typing import ArrayLike
+
+from drumsqueal.integrate import (
+    CHUNK_SAMPLES,
+    Span,
+    State,
+    advance_scaled,
+    first_step,
+    local_tolerance,
+    resolution,
+)
+from drumsqueal.kernel import compiled, one_kernel
+from drumsqueal.model import Model
+from drumsqueal.runge_kutta import DEFAULT, STAGES
+
+
+class Batch(NamedTuple):
+    """A chunk of m transients: time (k,), departure from steady sliding and velocity (m, k, n), and evaluations (m,).
+
+    Where `reached` (m,) is False a transient has failed: its samples are NaN from there on.
+    """
+
+    time: np.ndarray
+    departure: np.ndarray
+    velocity: np.ndarray
+    evaluations: np.ndarray
+    reached: np.ndarray
+
+
+class _Share(NamedTuple):
+    """What one thread works on: models, steady states, states and next steps, each with a leading axis."""
+
+    models: Model
+    steady: Array
+    states: State
+    steps: Array
+
+
+def integrate_many(
+    models: Sequence[Model],
+    steady: ArrayLike,
+    displacement: ArrayLike,
+    velocity: ArrayLike,
+    *,
+    duration: float,
+    sample_rate: float,
+    tolerance: float,
+    solver: str = DEFAULT,
+    threads: int | None = None,
+) -> Generator[Batch]:
+    """Integrate m models of one composition from departures (m, n) from their steady states (m, n), chunk by chunk.
+
+    The method is one of the explicit ones; there is a thread for each processor unless told otherwise. A transient that
+    fails does not stop the others. Raises ValueError where the models are not of one composition.
+    """
+    if len({jax.tree.structure(model) for model in models}) != 1:
+        raise ValueError("the models must be of one composition: the same coordinates and effects, with other numbers")
+    samples = round(duration * sample_rate)
+    steady, displacement, velocity = (np.asarray(x, dtype=np.float64) for x in (steady, displacement, velocity))
+    parts = np.array_split(np.arange(len(models)), min(threads or os.cpu_count() or 1, len(models)))
+    shares = []
+    for part in parts:
+        stacked: Model = jax.tree.map(lambda *leaves: np.stack(leaves), *(models[i] for i in part))
+        state = State(jnp.asarray(displacement[part]), jnp.asarray(velocity[part]), jnp.zeros(len(part)))
+        shares.append(_Share(stacked, jnp.asarray(steady[part]), state, jax.vmap(first_step)(stacked)))
+    with ThreadPoolExecutor(len(shares)) as pool:
+        for first in range(0, samples, CHUNK_SAMPLES):
+            count = min(CHUNK_SAMPLES, samples - first)
+            span = Span(np.float64(first / sample_rate), np.float64(1 / sample_rate), np.int64(count))
+            done = list(pool.map(lambda share, span=span: _advance(share, span, np.float64(tolerance), solver), shares))
+            shares = [share for share, _, _, _ in done]
+            fresh = slice(0 if first == 0 else 1, count + 1)
+            yield Batch(
+                np.arange(first, first + count + 1)[fresh] / sample_rate,
+                _joined([states.departure for _, states, _, _ in done])[:, fresh],
+                _joined([states.velocity for _, states, _, _ in done])[:, fresh],
+                _joined([steps for _, _, steps, _ in done]) * STAGES[solver] + 1,
+                _joined([reached for _, _, _, reached in done]),
+            )
+
+
+@compiled
+def _advance(share: _Share, span: Span, tolerance: ArrayLike, solver: str) -> tuple[_Share, State, Array, Array]:
+    """One chunk of a share: what comes next, samples (m, k, n), steps made (m,) and whether the end was reached."""
+    local = local_tolerance(tolerance)
+    scale = jax.vmap(lambda model, state: resolution(model, state, span, local))(share.models, share.states)
+
+    final, step, states, steps, reached = one_kernel(_one_after_the_other, share, scale, span, local, solver)
+    return share._replace(states=final, steps=step), states, steps, reached
+
+
+def _one_after_the_other(share: _Share, scale: Array, span: Span, local: Array, solver: str) -> tuple:
+    def one(item: tuple[_Share, Array]) -> tuple[State, Array, State, Array, Array]:
+        each, scale = item
+        segment = advance_scaled(each.models, each.steady, each.states, span, local, each.steps, scale, solver)
+        return segment.final, segment.step, segment.states, segment.steps, segment.reached
+
+    return jax.lax.map(one, (share, scale))
+
+
+def _joined(parts: Sequence[Array]) -> np.ndarray:
+    return np.concatenate([np.asarray(part) for part in parts])

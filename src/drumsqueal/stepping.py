@@ -1,0 +1,125 @@
+"""Adaptive steps from sample to sample, put together from diffrax's parts: solvers, step-size control, interpolation.
+
+diffrax's own loop checks its inputs by calling back to Python, which bars a program from the persistent compilation
+cache and from being one kernel. Here the inputs are ours.
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import diffrax
+import jax
+import jax.numpy as jnp
+from jax import Array
+
+# A proportional part in the step-size control halves the rejected steps where edges make kinks.
+PROPORTIONAL, INTEGRAL = 0.3, 0.4
+NEARLY = 1e-10  # of the span: a step that ends so close to the end goes there
+Norm = Callable[[Array], Array]
+
+
+class Stepped(NamedTuple):
+    """Samples (k, n), NaN where not reached; the last state (n,); the next step; how many were made and kept.
+
+    `reached` tells whether the end was reached within the budget of steps.
+    """
+
+    samples: Array
+    last: Array
+    step: Array
+    steps: Array
+    kept: Array
+    reached: Array
+
+
+class _Now(NamedTuple):
+    time: Array
+    step: Array
+    state: Array
+    solver: Any
+    controller: Any
+    sampled: Array
+    samples: Array
+    steps: Array
+    kept: Array
+
+
+def step_through(
+    solver: Any,
+    vector_field: Callable[[Array, Array], Array],
+    times: Array,
+    start: Array,
+    step: Array,
+    *,
+    tolerance: Array,
+    norm: Norm,
+    budget: int,
+) -> Stepped:
+    """Integrate ẏ = f(t, y) from a start (n,) at times[0] and sample it at the times (k,), which do not decrease.
+
+    `solver` is an adaptive method of diffrax.
+    A step is kept when the norm of its estimated error, over tolerance · (1 + |y|), is below one. `step` is the first
+    one; the budget is in steps, kept or not.
+    """
+    terms: Any = diffrax.ODETerm(lambda t, y, _: vector_field(jnp.asarray(t), y))
+    controller = diffrax.PIDController(rtol=tolerance, atol=tolerance, norm=norm, pcoeff=PROPORTIONAL, icoeff=INTEGRAL)
+    order = solver.error_order(terms)
+    end = times[-1]
+    nearly = end - NEARLY * (end - times[0])
+
+    def unfinished(now: _Now) -> Array:
+        return (now.time < end) & (now.steps < budget)
+
+    def advance(now: _Now) -> _Now:
+        there = now.time + now.step
+        there = jnp.where(there > nearly, end, there)
+        state, error, dense, solver_state, result = solver.step(
+            terms, now.time, there, now.state, None, now.solver, False
+        )
+        # A failed solve, or a state beyond the numbers, is an error without bound: the step is tried smaller.
+        sound = jnp.isfinite(error).all() & (result == diffrax.RESULTS.successful)
+        error = jnp.where(sound, error, jnp.inf)
+        keep, time, following, _, controller_state, _ = controller.adapt_step_size(
+            now.time, there, now.state, state, None, error, order, now.controller
+        )
+        # A step that was cut short at the end says little about the next one.
+        next_step = jnp.where(keep & (there == end), jnp.maximum(following - time, now.step), following - time)
+        interpolation = solver.interpolation_cls(t0=now.time, t1=there, **dense)
+        sampled, samples = _sample(times, interpolation, there, keep, now.sampled, now.samples)
+        state, solver_state = jax.tree.map(
+            lambda new, old: jnp.where(keep, new, old), (state, solver_state), (now.state, now.solver)
+        )
+        return _Now(
+            jnp.asarray(time), next_step, state, solver_state, controller_state, sampled, samples, now.steps + 1,
+            now.kept + jnp.where(keep, 1, 0),
+        )  # fmt: skip
+
+    none = jnp.zeros((), int)
+    samples = jnp.full((len(times), start.size), jnp.nan).at[0].set(start)
+    solver_state = solver.init(terms, times[0], end, start, None)
+    _, controller_state = controller.init(terms, times[0], end, start, step, None, solver.func, order)
+    controller_state = jax.tree.map(jnp.asarray, controller_state)
+    now = _Now(times[0], step, start, solver_state, controller_state, none + 1, samples, none, none)
+    now = jax.lax.while_loop(unfinished, advance, now)
+    return Stepped(now.samples, now.state, now.step, now.steps, now.kept, now.time >= end)
+
+
+def _sample(
+    times: Array,
+    interpolation: diffrax.AbstractLocalInterpolation,
+    there: Array,
+    keep: Any,
+    sampled: Array,
+    samples: Array,
+) -> tuple[Array, Array]:
+    """Write the samples up to the end of a step that is kept; `sampled` says how many there are."""
+
+    def due(progress: tuple[Array, Array]) -> Array:
+        index = progress[0]
+        return keep & (index < len(times)) & (times[index] <= there)
+
+    def write(progress: tuple[Array, Array]) -> tuple[Array, Array]:
+        index, samples = progress
+        return index + 1, samples.at[index].set(interpolation.evaluate(times[index]))
+
+    return jax.lax.while_loop(due, write, (sampled, samples))
