@@ -1,4 +1,4 @@
-"""The command line: `drumsqueal run SCENE -o DIR`, and so `stability` and `effects`.
+"""The command line: `drumsqueal run SCENE -o DIR`, and so `stability`, `effects` and `accuracy`.
 
 What computes is imported inside the commands, once the scene has been read: JAX must find its environment prepared,
 and a mistake in a scene is told at once.
@@ -14,7 +14,7 @@ from rich.console import Console
 from drumsqueal.compilation import prepare_environment
 from drumsqueal.errors import IntegrationError, RequestError
 from drumsqueal.interrupts import stop_if_interrupted
-from drumsqueal.output_folder import EFFECT_FILES, RUN_FILES, check_output, claim_output
+from drumsqueal.output_folder import ACCURACY_FILES, EFFECT_FILES, RUN_FILES, check_output, claim_output
 from drumsqueal.quantities import parse_quantity, printable
 from drumsqueal.scene import SceneError, load_scene
 
@@ -130,6 +130,40 @@ def effects_command(
     check_sample_rate(prepare(loaded))  # a scene that cannot be run is told before there is a folder
     claim_output(folder, EFFECT_FILES)
     study_into(folder, loaded, accuracy, _console())
+
+
+@app.command(name="accuracy")
+def accuracy_command(
+    scene: SceneFile,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", metavar="DIR", help="Folder of the results (default: out/SCENE-accuracy)."),
+    ] = None,
+    target: Annotated[
+        str, typer.Option("--target", metavar="SHARE", help="Relative accuracy that is asked for, such as 1e-4.")
+    ] = "1e-4",
+    settings: Settings = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace results that are there already.")] = False,
+) -> None:
+    """How wrong is a scene's transient, and what would ten times better cost?
+
+    Runs methods, tolerances and quadratures against an independent reference. Writes accuracy.csv, three figures and
+    simulate.toml, the cheapest settings that meet the target, into DIR.
+
+    Example: drumsqueal accuracy scenarios/nominal.toml -o out/accuracy --target 1e-5
+    """
+    loaded = load_scene(scene, settings or ())
+    wanted = _share(target, "--target")
+    folder = output if output is not None else Path("out") / f"{scene.stem}-accuracy"
+    check_output(folder, ACCURACY_FILES, overwrite=overwrite)
+    stop_if_interrupted()
+    from drumsqueal.accuracy_job import study_into
+    from drumsqueal.simulation import check_sample_rate, prepare
+
+    stop_if_interrupted()
+    check_sample_rate(prepare(loaded))
+    claim_output(folder, ACCURACY_FILES)
+    study_into(folder, loaded, wanted, _console())
 
 
 def _share(text: str, option: str) -> float:

@@ -21,6 +21,11 @@ def figure_file(name: str) -> str:
 RUN_FILES = (HISTORY, SUMMARY, *map(figure_file, FIGURES))
 """The names of all files that a run writes."""
 EFFECTS_TABLE, REDUCED_SCENE, EFFECTS = "effects.csv", "reduced.toml", "effects"
+ACCURACY_TABLE, BLOCK = "accuracy.csv", "simulate.toml"
+WORK, EVALUATIONS, CAUSES = "accuracy_time", "accuracy_evaluations", "accuracy_causes"
+ACCURACY_FIGURES = (WORK, EVALUATIONS, CAUSES)
+ACCURACY_FILES = (ACCURACY_TABLE, BLOCK, *map(figure_file, ACCURACY_FIGURES))
+"""The names of all files that a study of accuracy writes."""
 EFFECT_FILES = (EFFECTS_TABLE, REDUCED_SCENE, figure_file(EFFECTS))
 """The names of all files that a study of effects writes."""
 

@@ -15,10 +15,9 @@ from drumsqueal.effects.action import Action, Six
 from drumsqueal.effects.friction import Friction
 from drumsqueal.effects.operation import Moment
 from drumsqueal.effects.pressure import PressureLaw
-from drumsqueal.quadrature.arc import ArcSurface, Edges, Nodes
-from drumsqueal.quadrature.area import AreaSurface
 from drumsqueal.quadrature.levels import Level
 from drumsqueal.quadrature.sums import Densities
+from drumsqueal.quadrature.surface import Edges, Nodes, Surface
 
 
 class Levels(NamedTuple):
@@ -58,14 +57,14 @@ class Contact(eqx.Module):
     shoe: RigidShoe
     law: PressureLaw
     friction: Friction | None
-    surface: ArcSurface | AreaSurface
+    surface: Surface
 
     def levels(self, moment: Moment, q: Six, v: Six) -> Levels:
         """What makes the edges, at the present state."""
         level = self._pressure_level(moment, q)
         if self.friction is None:
             return Levels(level, None, None)
-        knows_axial = isinstance(self.surface, AreaSurface) and self.friction.direction.knows_axial
+        knows_axial = self.surface.spatial and self.friction.direction.knows_axial
         return Levels(level, self._slip_level(moment, v), self._axial_level(v) if knows_axial else None)
 
     def _integrated(self, levels: Levels, densities: Callable[[Nodes], Densities]) -> Densities:

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from itertools import pairwise
-from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -13,6 +12,7 @@ from jax import Array
 from drumsqueal.bodies.rigid_shoe import RigidShoe
 from drumsqueal.quadrature.levels import Level, crosses_zero, quarter_tangents
 from drumsqueal.quadrature.sums import Densities, sum_together
+from drumsqueal.quadrature.surface import Edges, Nodes
 
 # Gauss nodes a piece. The arc is split at its middle and twice for each level that may have edges; the longest piece is
 # half of it. Errors of the contact force, largest of 300 random states with edges, over p0 times the area, unilateral
@@ -22,27 +22,15 @@ NODES, NODES_LONG_ARC = 8, 24
 LONG_ARC = 2.27  # rad; 130° and a little
 
 
-class Nodes(NamedTuple):
-    """Quadrature nodes on the lining: cos θ, sin θ, z (m, None on the line z = 0) and weight (m²)."""
-
-    cosine: Array
-    sine: Array
-    z: Array | None
-    weight: Array
-
-
-class Edges(NamedTuple):
-    """The levels whose roots are edges: p0 + k_c u_r, V_θ, and V_z beside it (None: no edges of that kind)."""
-
-    pressure: Level | None
-    slip: Level | None
-    axial: Level | None
-
-
 class ArcSurface(eqx.Module):
     """The lining as a line of width b: what in-plane motion needs."""
 
     nodes_per_piece: int = eqx.field(static=True, default=NODES)
+
+    @property
+    def spatial(self) -> bool:
+        """Whether the nodes differ across the lining."""
+        return False
 
     def integrate(
         self, shoe: RigidShoe, edges: Edges, densities: Callable[[Nodes], Densities], *, smooth: bool

@@ -14,10 +14,11 @@ import numpy as np
 from jax import Array
 
 from drumsqueal.bodies.rigid_shoe import RigidShoe
-from drumsqueal.quadrature.arc import Edges, Nodes, sort_network, spread_evenly
+from drumsqueal.quadrature.arc import sort_network, spread_evenly
 from drumsqueal.quadrature.levels import Level, complex_roots, line_crossings, real_roots, sine_cosine
 from drumsqueal.quadrature.smooth import is_smooth, smooth_nodes
 from drumsqueal.quadrature.sums import Densities, sum_together
+from drumsqueal.quadrature.surface import Edges, Nodes
 
 # Nodes across the lining a piece, after the map z = (3ξ − ξ³)/2 which takes the square roots out of both ends (an
 # edge pair is born like √(z − z0)) and keeps polynomials exact.
@@ -36,6 +37,11 @@ class AreaSurface(eqx.Module):
 
     lines_per_piece: int = eqx.field(static=True, default=LINES)
     nodes_per_piece: int = eqx.field(static=True, default=NODES)
+
+    @property
+    def spatial(self) -> bool:
+        """Whether the nodes differ across the lining."""
+        return True
 
     def integrate(
         self, shoe: RigidShoe, edges: Edges, densities: Callable[[Nodes], Densities], *, smooth: bool

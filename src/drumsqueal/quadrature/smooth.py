@@ -9,8 +9,8 @@ import numpy as np
 from jax import Array
 
 from drumsqueal.bodies.rigid_shoe import RigidShoe
-from drumsqueal.quadrature.arc import Nodes
 from drumsqueal.quadrature.levels import Level, sine_cosine
+from drumsqueal.quadrature.surface import Nodes
 
 ALONG, ACROSS = 16, 8  # nodes along the arc and across the lining
 # How far off the branch points of |V| must be. Along the arc, at least this many half arcs from the real axis: Gauss

@@ -16,7 +16,7 @@ from drumsqueal.simulation import Prepared, check_sample_rate, finish, prepare, 
 from drumsqueal.studies.answers import Answer, Change, answer_of, change_of
 from drumsqueal.studies.reductions import Reduction, reduce
 
-TIGHTER, TIGHTEST = 0.1, 1e-13  # share of the tolerance for the noise, and the least that the integrator reaches
+TIGHTER, TIGHTEST = 0.1, 1e-12  # share of the tolerance for the noise, and the least that the integrator reaches
 # A reduced scene that takes this many times the time of the whole one is stopped: without separation or supports a
 # motion may run away. Never before so many seconds.
 SLOWEST, PATIENCE = 20.0, 10.0

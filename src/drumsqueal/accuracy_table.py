@@ -1,0 +1,159 @@
+"""A study of accuracy as text: a table on the terminal, the raw figures as CSV, a sentence and a `[simulate]` block."""
+
+import csv
+import io
+import math
+import os
+import platform
+from collections.abc import Sequence
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from drumsqueal.history import versions
+from drumsqueal.studies.accuracy import AccuracyStudy, Measurement
+
+HEADINGS = ("time", "evaluations", "trajectory", "beyond", "growth", "onset", "end", "end", "energy")
+UNITS = ("ms", "", "", "edges", "rate", "freq.", "ampl.", "freq.", "balance")
+
+
+def print_study(console: Console, study: AccuracyStudy) -> None:
+    """Print every measurement, what the reference is worth, and what meets the target."""
+    table = Table(box=box.SIMPLE_HEAD, title="What accuracy costs in time", title_justify="center", pad_edge=False)
+    table.add_column("run", no_wrap=True, vertical="bottom")
+    for heading, unit in zip(HEADINGS, UNITS, strict=True):
+        table.add_column(f"{heading}\n{unit}".strip(), justify="right")
+    for _, line in groupby(study.measurements, key=lambda each: each.contender.line):
+        for measurement in line:
+            table.add_row(measurement.contender.name, *_cells(measurement))
+        table.add_section()
+    console.print(table)
+    for remark in remarks(study):
+        console.print(remark, style="dim")
+    console.print(verdict(study), style="bold")
+    console.print(simulate_block(study))
+
+
+def remarks(study: AccuracyStudy) -> list[str]:
+    """What the columns mean, what the reference is worth, and what was not measured, in sentences."""
+    reference, end = study.reference, study.growth_end
+    reached = min(end, float(reference.time[-1]))
+    found = [
+        "Relative errors. Trajectory: largest of any state over its largest value, up to "
+        f"{reached * 1e3:.4g} ms, the growth phase; beyond edges: up to {reference.time[-1] * 1e3:.4g} ms. Growth rate "
+        "to end freq.: measured features against the tightest run's. Time: median, compilation apart.",
+        f"The reference is SciPy's DOP853 at 1e-13 on tanh-sinh quadrature. At 1e-12 on Clenshaw-Curtis quadrature it "
+        f"differs by {reference.uncertainty(reached):.1e} (drawn as the floor), LSODA by "
+        f"{reference.confirmed(reached):.1e}.",
+    ]
+    if study.separation is None:
+        found.append("Nearby trajectories stay together over the whole record.")
+    else:
+        found.append(
+            f"From {study.separation * 1e3:.4g} ms on nearby trajectories have come apart a hundredfold: beyond, "
+            "compare features, not points."
+        )
+    failed = [f"{m.contender.name}: {m.outcome}" for m in study.measurements if m.errors is None and m.seconds == ()]
+    return [*found, *_without_repeats(failed)]
+
+
+def verdict(study: AccuracyStudy) -> str:
+    """The cheapest choice that meets the target, and what ten times better would cost, in a sentence."""
+    best = study.cheapest
+    if best is None:
+        return f"Nothing that was tried meets {study.target:g} in all of trajectory, features and energy."
+    text = (
+        f"Within {study.target:g} in trajectory, features and energy, the cheapest is {best.contender.solver} at "
+        f"tolerance {best.contender.tolerance:g}: {best.median * 1e3:.3g} ms for {study.scene.simulate.duration:g} s."
+    )
+    better = study.ten_times_better
+    if better is None:
+        return f"{text} Nothing that was tried is ten times better."
+    return (
+        f"{text} Ten times better costs {better.median / best.median:.2g} times as much ({better.contender.solver} at "
+        f"{better.contender.tolerance:g})."
+    )
+
+
+def simulate_block(study: AccuracyStudy) -> str:
+    """The `[simulate]` table that meets the target, or a comment that none does."""
+    if study.cheapest is None:
+        return f"# nothing that was tried meets {study.target:g}\n"
+    chosen = study.cheapest.contender
+    simulate = study.scene.simulate
+    coordinates = simulate.coordinates
+    table = {
+        "duration": simulate.duration,
+        "sample_rate": simulate.sample_rate,
+        "tolerance": chosen.tolerance,
+        "solver": chosen.solver,
+        "coordinates": coordinates if isinstance(coordinates, str) else list(coordinates),
+    }
+    return tomli_w.dumps({"simulate": table})
+
+
+def to_csv(measurements: Sequence[Measurement]) -> str:
+    """One row a run, with every repeat's time, and the versions and the machine beside it."""
+    machine = {"machine": platform.machine(), "processor": _processor(), "cores": os.cpu_count(), **versions()}
+    rows = [_row(measurement) | machine for measurement in measurements]
+    columns = dict.fromkeys(column for row in rows for column in row)
+    text = io.StringIO()
+    writer = csv.DictWriter(text, columns, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()
+
+
+def _row(measurement: Measurement) -> dict[str, Any]:
+    contender, errors = measurement.contender, measurement.errors
+    row: dict[str, Any] = {
+        "cause": contender.cause,
+        "line": contender.line,
+        "setting": contender.setting,
+        "solver": contender.solver,
+        "tolerance": contender.tolerance,
+        "outcome": measurement.outcome,
+        "seconds_median": _known(measurement.median),
+        "seconds": " ".join(f"{each:.6g}" for each in measurement.seconds),
+        "compile_seconds": _known(measurement.compile_seconds),
+        "evaluations": _known(measurement.evaluations),
+    }
+    if errors is not None:
+        row |= {"error_trajectory": errors.trajectory, "error_beyond_edges": errors.beyond}
+        row |= {f"error_{name}": value for name, value in errors.features._asdict().items()}
+        row["error_energy_balance"] = errors.energy
+    return row
+
+
+def _processor() -> str:
+    information = Path("/proc/cpuinfo")
+    lines = information.read_text(encoding="utf-8", errors="replace").splitlines() if information.exists() else []
+    named = (line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
+    return next(named, platform.processor())
+
+
+def _cells(measurement: Measurement) -> list[str]:
+    errors = measurement.errors
+    if errors is None:
+        return ["not run" if math.isnan(measurement.compile_seconds) else "failed"]
+    found = (errors.trajectory, errors.beyond, *errors.features, errors.energy)
+    evaluations = "-" if math.isnan(measurement.evaluations) else f"{measurement.evaluations:.0f}"
+    return [f"{measurement.median * 1e3:.3g}", evaluations, *("-" if e is None else f"{e:.0e}" for e in found)]
+
+
+def _known(value: float) -> float | None:
+    return None if math.isnan(value) else value
+
+
+def _without_repeats(sentences: list[str]) -> list[str]:
+    """One sentence for runs that were left out for the same reason."""
+    grouped: dict[str, list[str]] = {}
+    for sentence in sentences:
+        name, reason = sentence.split(": ", 1)
+        grouped.setdefault(reason, []).append(name)
+    return [f"{'; '.join(names)}: {reason}." for reason, names in grouped.items()]

@@ -1,0 +1,262 @@
+"""How wrong is a scene's transient, and what would it cost to be ten times better?
+
+Every method and tolerance, and every way to integrate the contact, runs the whole scene, is timed, and is compared: its
+trajectory with an independent reference, what users quote with the tightest run, its energy with conservation.
+"""
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from contextlib import closing
+from typing import NamedTuple
+
+import numpy as np
+
+from drumsqueal.errors import IntegrationError
+from drumsqueal.history import COMPLETE
+from drumsqueal.integrate import Chunk
+from drumsqueal.interrupts import noted_interrupts, stop_if_interrupted
+from drumsqueal.scene import Scene
+from drumsqueal.simulation import Prepared, check_sample_rate, finish, prepare, transient
+from drumsqueal.studies.contenders import STEPPING, Contender, contenders_of
+from drumsqueal.studies.features import Features, feature_errors, features_of
+from drumsqueal.studies.reference import Reference, find_reference, trajectory_error
+
+TARGET = 1e-4
+TIGHTEST, TIGHTER = 1e-12, 1e-11  # tolerances of the runs that features are compared with
+NUDGE = 1e-9  # relative change of the start of the nearby trajectory
+SEPARATED = 100.0  # growth of a relative difference beyond which pointwise errors tell of the motion, not of the method
+BEYOND = 1.25  # the reference goes on to this multiple of the time of the first edge
+REPEATS, SHORT = 3, 2.0  # a run is timed so often, if it takes less than that many seconds; the median counts
+PATIENCE = 10.0  # s; once a run takes longer, the dearer ones of its line are not made
+
+
+class Errors(NamedTuple):
+    """Relative errors of one run; None where it cannot be told.
+
+    Of the trajectory over the growth phase, and beyond its first edge; the largest of the features; and of the energy
+    balance, over the largest kinetic energy.
+    """
+
+    trajectory: float | None
+    beyond: float | None
+    features: Features
+    energy: float
+
+    @property
+    def largest_feature(self) -> float | None:
+        """The largest error of what users quote."""
+        return max((abs(e) for e in self.features if e is not None), default=None)
+
+
+class Measurement(NamedTuple):
+    """One contender: outcome in words, seconds of each repeat, of compilation, evaluations (NaN: not counted)."""
+
+    contender: Contender
+    outcome: str
+    seconds: tuple[float, ...]
+    compile_seconds: float
+    evaluations: float
+    errors: Errors | None
+
+    @property
+    def median(self) -> float:
+        """Median time of a run (s), compilation apart; NaN where none was made."""
+        return float(np.median(self.seconds)) if self.seconds else math.nan
+
+
+class AccuracyStudy(NamedTuple):
+    """All measurements, the reference, the ends of the growth phase and of the comparison (s), and what was found.
+
+    `separation` is when nearby trajectories have come apart (None: not within the record), `scatter` what a tenth of
+    the smallest tolerance changes in the features, `cheapest` the fastest choice of method and tolerance that meets the
+    target, and `ten_times_better` the fastest that meets a tenth of it; None where there is none.
+    """
+
+    scene: Scene
+    target: float
+    reference: Reference
+    growth_end: float
+    separation: float | None
+    scatter: Features
+    measurements: tuple[Measurement, ...]
+    cheapest: Measurement | None
+    ten_times_better: Measurement | None
+
+
+OnMeasurement = Callable[[Measurement], None]
+OnProgress = Callable[[str], None]
+
+
+class _Bench:
+    """What all contenders are measured against."""
+
+    def __init__(self, scene: Scene, on_progress: OnProgress) -> None:
+        self.prepared = prepare(scene)
+        check_sample_rate(self.prepared)
+        on_progress("the tightest runs")
+        chunks, best = self._features(TIGHTEST)
+        self.best = best
+        self.scatter = feature_errors(best, self._features(TIGHTER)[1])
+        self.time, states = _states(chunks)
+        self.steady = self._steady_state()
+        departure = states - np.concatenate([self.steady, np.zeros_like(self.steady)])
+        comparison = finish(self.prepared, chunks, COMPLETE).comparison
+        edge, end = comparison.edge_reached_s, float(self.time[-1])
+        self.growth_end = end if edge is None else edge
+        on_progress("a nearby trajectory")
+        self.separation = self._separation(departure)
+        last = min(BEYOND * self.growth_end, end, math.inf if self.separation is None else self.separation)
+        on_progress("the reference")
+        n = len(self.steady)
+        self.reference = find_reference(
+            self.prepared.model, self.steady, departure[0, :n], departure[0, n:], self.time[self.time <= last]
+        )
+
+    def measure(self, contender: Contender) -> Measurement:
+        """Run a contender: first to compile it, then as often as it is short."""
+        values = {"simulate.solver": contender.solver, "simulate.tolerance": contender.tolerance}
+        scene = self.prepared.scene.with_values(values)
+        prepared = self.prepared._replace(scene=scene, model=contender.model)
+        seconds, chunks, compiling = [], [], math.nan
+        try:
+            before = time.perf_counter()
+            _first_chunk(prepared)
+            compiling = time.perf_counter() - before
+            before = time.perf_counter()
+            _first_chunk(prepared)
+            compiling -= time.perf_counter() - before
+            while len(seconds) < (REPEATS if sum(seconds) < SHORT else 1):
+                before = time.perf_counter()
+                chunks = _run(prepared)
+                seconds.append(time.perf_counter() - before)
+        except IntegrationError as error:
+            return Measurement(contender, f"failed: {error}", (), compiling, math.nan, None)
+        evaluations = sum(chunk.evaluations for chunk in chunks)
+        return Measurement(contender, COMPLETE, tuple(seconds), compiling, evaluations, self._errors(prepared, chunks))
+
+    def cheapest(self, measurements: Sequence[Measurement], target: float) -> Measurement | None:
+        """The fastest choice of method and tolerance that meets a target."""
+        floor = self.reference.uncertainty(self.growth_end)
+        enough = [each for each in measurements if meets(each, target, floor, self.scatter)]
+        return min(enough, key=lambda each: each.median, default=None)
+
+    def _errors(self, prepared: Prepared, chunks: list[Chunk]) -> Errors:
+        states = _states(chunks)[1] - np.concatenate([self.steady, np.zeros_like(self.steady)])
+        reference = self.reference
+        growing = reference.time <= self.growth_end
+        states = states[: len(reference.time)]
+        beyond = None
+        if not growing.all():
+            beyond = trajectory_error(states, reference.states)
+        energy = max(np.abs(chunk.energy_balance_error).max() for chunk in chunks)
+        kinetic = max(chunk.kinetic_energy.max() for chunk in chunks)
+        return Errors(
+            trajectory_error(states[growing], reference.states[growing]),
+            beyond,
+            feature_errors(self.best, features_of(finish(prepared, chunks, COMPLETE), self.prepared.linear)),
+            float(energy / kinetic) if kinetic > 0 else 0.0,
+        )
+
+    def _features(self, tolerance: float) -> tuple[list[Chunk], dict[str, float]]:
+        scene = self.prepared.scene.with_values({"simulate.tolerance": tolerance, "simulate.solver": "dopri8"})
+        prepared = self.prepared._replace(scene=scene)
+        chunks = _run(prepared)
+        return chunks, features_of(finish(prepared, chunks, COMPLETE), self.prepared.linear)
+
+    def _steady_state(self) -> np.ndarray:
+        stability = self.prepared.stability
+        return np.array([stability.steady_state[stability.coordinates.index(n)] for n in self.prepared.model.names])
+
+    def _separation(self, departure: np.ndarray) -> float | None:
+        """When a trajectory from a start that is off by a share of 1e-9 is off by a hundred times as much."""
+        scene = self.prepared.scene
+        start = {
+            f"start.{kind}": {name: value * (1 + NUDGE * k) for k, (name, value) in enumerate(table.items(), start=1)}
+            for kind, table in (("displacement", scene.start.displacement), ("velocity", scene.start.velocity))
+        }
+        nudged = scene.with_values({**start, "simulate.tolerance": TIGHTEST, "simulate.solver": "dopri8"})
+        nearby = _states(_run(self.prepared._replace(scene=nudged)))[1]
+        apart = np.abs(nearby - np.concatenate([self.steady, np.zeros_like(self.steady)]) - departure)
+        largest = np.maximum.accumulate(np.abs(departure), axis=0)
+        share = np.divide(apart, largest, out=np.zeros_like(apart), where=largest > 0).max(axis=1)
+        beyond = np.flatnonzero(share > SEPARATED * NUDGE * max(1, len(scene.start.displacement)))
+        return float(self.time[beyond[0]]) if beyond.size else None
+
+
+def study_accuracy(
+    scene: Scene,
+    target: float = TARGET,
+    *,
+    on_measurement: OnMeasurement | None = None,
+    on_progress: OnProgress | None = None,
+) -> AccuracyStudy:
+    """Measure what accuracy costs in time for a scene: `study_accuracy(scene).cheapest` meets the target.
+
+    `on_measurement` is called with each measurement as it comes, `on_progress` with the name of what is under way.
+    Raises ValueError for a target outside 0 to 1, SceneError for a scene that cannot be run, IntegrationError when the
+    tightest run fails, and KeyboardInterrupt between two chunks.
+    """
+    if not 0 < target < 1:
+        raise ValueError(f"the target must be between 0 and 1, got {target}")
+    on_measurement, on_progress = on_measurement or (lambda _: None), on_progress or (lambda _: None)
+    measurements: list[Measurement] = []
+    with noted_interrupts():
+        bench = _Bench(scene, on_progress)
+        for line in contenders_of(bench.prepared.model):
+            slowest = 0.0
+            for contender in line:
+                on_progress(contender.name)
+                if slowest > PATIENCE:
+                    found = Measurement(contender, _TOO_SLOW, (), math.nan, math.nan, None)
+                else:
+                    found = bench.measure(contender)
+                    slowest = max([slowest, *found.seconds])
+                measurements.append(found)
+                on_measurement(found)
+    return AccuracyStudy(
+        scene,
+        target,
+        bench.reference,
+        bench.growth_end,
+        bench.separation,
+        bench.scatter,
+        tuple(measurements),
+        bench.cheapest(measurements, target),
+        bench.cheapest(measurements, target / 10),
+    )
+
+
+_TOO_SLOW = f"not made: the run before it took more than {PATIENCE:g} s"
+
+
+def meets(found: Measurement, target: float, floor: float, scatter: Features) -> bool:
+    """Whether a choice of method and tolerance meets the target, as far as the reference and the scatter tell."""
+    errors = found.errors
+    if found.contender.cause != STEPPING or errors is None or errors.trajectory is None:
+        return False
+    features = all(
+        error is None or abs(error) <= max(target, 2 * abs(least or 0.0))
+        for error, least in zip(errors.features, scatter, strict=True)
+    )
+    return features and errors.trajectory <= max(target, floor) and errors.energy <= target
+
+
+def _run(prepared: Prepared) -> list[Chunk]:
+    chunks = []
+    with closing(transient(prepared)) as stream:
+        for chunk in stream:
+            chunks.append(chunk)
+            stop_if_interrupted()
+    return chunks
+
+
+def _first_chunk(prepared: Prepared) -> None:
+    with closing(transient(prepared)) as stream:
+        next(stream, None)
+    stop_if_interrupted()
+
+
+def _states(chunks: list[Chunk]) -> tuple[np.ndarray, np.ndarray]:
+    states = np.concatenate([np.hstack([chunk.displacement, chunk.velocity]) for chunk in chunks])
+    return np.concatenate([chunk.time for chunk in chunks]), states

@@ -1,0 +1,119 @@
+"""A trajectory to measure errors against: another solver, from another library, on another quadrature, and a second."""
+
+import dataclasses
+import time
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from scipy.integrate import DOP853, LSODA
+
+from drumsqueal.bodies.rigid_shoe import IN_PLANE
+from drumsqueal.integrate import State, motion_scale
+from drumsqueal.interrupts import stop_if_interrupted
+from drumsqueal.kernel import one_kernel
+from drumsqueal.model import Model
+from drumsqueal.quadrature.independent import CLENSHAW_CURTIS, TANH_SINH, IndependentSurface
+
+# The reference, the run that says how good it is, and another method that confirms it, each with its tolerance.
+FIRST, SECOND, THIRD = 1e-13, 1e-12, 1e-12
+PATIENCE = 40.0  # s of computing for each of the three; a reference that takes longer ends where it has come to
+
+
+class Reference(NamedTuple):
+    """States (k, 2n), departure and velocity, at times (k,), and those of the two runs that tell how good they are.
+
+    `other` is from ten times the tolerance and another quadrature, `confirming` from another method on top.
+    """
+
+    time: np.ndarray
+    states: np.ndarray
+    other: np.ndarray
+    confirming: np.ndarray
+    evaluations: int
+    seconds: float
+
+    def uncertainty(self, until: float) -> float:
+        """Largest difference to `other` up to a time (s), relative to each state's largest value."""
+        upto = self.time <= until
+        return trajectory_error(self.other[upto], self.states[upto])
+
+    def confirmed(self, until: float) -> float:
+        """Largest difference to `confirming` up to a time (s), relative to each state's largest value."""
+        upto = self.time <= until
+        return trajectory_error(self.confirming[upto], self.states[upto])
+
+
+def find_reference(
+    model: Model, steady: np.ndarray, displacement: np.ndarray, velocity: np.ndarray, times: np.ndarray
+) -> Reference:
+    """Integrate a departure from steady sliding (n,) with SciPy: DOP853 at 1e-13 and 1e-12, and LSODA at 1e-12.
+
+    Their right-hand sides take the model's effects and, for the contact, tanh-sinh or Clenshaw-Curtis quadrature. The
+    reference ends early where one of them runs out of patience.
+    """
+    start = np.concatenate([displacement, velocity])
+    first_state = State(jnp.asarray(displacement), jnp.asarray(velocity), jnp.zeros(()))
+    scale = np.asarray(motion_scale(model, first_state).flat())[:-1]
+    before = time.perf_counter()
+    first, evaluations = _solve(DOP853, FIRST, _with(model, TANH_SINH), steady, start / scale, scale, times)
+    seconds = time.perf_counter() - before
+    other = _with(model, CLENSHAW_CURTIS)
+    second, _ = _solve(DOP853, SECOND, other, steady, start / scale, scale, times[: len(first)])
+    third, _ = _solve(LSODA, THIRD, other, steady, start / scale, scale, times[: len(second)])
+    common = len(third)
+    states, other, confirming = (found[:common] * scale for found in (first, second, third))
+    return Reference(times[:common], states, other, confirming, evaluations, seconds)
+
+
+def trajectory_error(states: np.ndarray, wanted: np.ndarray) -> float:
+    """Largest error (k, 2n) of any state over its largest value; a state that never moves counts for nothing."""
+    largest = np.abs(wanted).max(axis=0)
+    error = np.abs(states - wanted).max(axis=0)
+    return float(np.divide(error, largest, out=np.zeros_like(largest), where=largest > 0).max())
+
+
+def _with(model: Model, rule: str) -> Model:
+    surface = IndependentSurface(rule, spatial=not set(model.coordinates) <= set(IN_PLANE))
+    return dataclasses.replace(model, contact=dataclasses.replace(model.contact, surface=surface))
+
+
+def _solve(
+    method: Callable[..., Any],
+    tolerance: float,
+    model: Model,
+    steady: np.ndarray,
+    start: np.ndarray,
+    scale: np.ndarray,
+    times: np.ndarray,
+) -> tuple[np.ndarray, int]:
+    """Scaled states at the times that were reached, and evaluations."""
+
+    # The model is compiled in: to hand it over takes longer than to evaluate it.
+    compiled = jax.jit(lambda t, y: one_kernel(_slope, model, jnp.asarray(steady), jnp.asarray(scale), t, y))
+
+    def slope(t: float, y: np.ndarray) -> np.ndarray:
+        return np.asarray(compiled(t, y))
+
+    slope(0.0, start)  # compiles
+    patience = time.perf_counter() + PATIENCE
+    solver = method(slope, 0.0, start, times[-1], rtol=tolerance, atol=tolerance)
+    states = [start]
+    while solver.status == "running" and time.perf_counter() < patience:
+        stop_if_interrupted()
+        solver.step()
+        if solver.status == "failed":
+            break
+        upto = int(np.searchsorted(times, solver.t, side="right"))
+        if upto > len(states):
+            states.extend(solver.dense_output()(times[len(states) : upto]).T)
+    return np.array(states), solver.nfev
+
+
+def _slope(model: Model, steady: Array, scale: Array, t: Array, y: Array) -> Array:
+    departure, velocity = jnp.split(y * scale, 2)
+    force, _ = model.act(t, steady + departure, velocity)
+    return jnp.concatenate([velocity, force / model.mass]) / scale
