@@ -18,19 +18,19 @@ from rich.table import Table
 from drumsqueal.history import versions
 from drumsqueal.studies.accuracy import AccuracyStudy, Measurement
 
-HEADINGS = ("time", "evaluations", "trajectory", "beyond", "growth", "onset", "end", "end", "energy")
-UNITS = ("ms", "", "", "edges", "rate", "freq.", "ampl.", "freq.", "balance")
+HEADINGS = ("time\nms/ms", "eval.\nper ms", "growth\nphase", "with\nedges", "features", "energy")
 
 
 def print_study(console: Console, study: AccuracyStudy) -> None:
     """Print every measurement, what the reference is worth, and what meets the target."""
     table = Table(box=box.SIMPLE_HEAD, title="What accuracy costs in time", title_justify="center", pad_edge=False)
     table.add_column("run", no_wrap=True, vertical="bottom")
-    for heading, unit in zip(HEADINGS, UNITS, strict=True):
-        table.add_column(f"{heading}\n{unit}".strip(), justify="right")
+    for heading in HEADINGS:
+        table.add_column(heading, justify="right", no_wrap=True, vertical="bottom")
     for _, line in groupby(study.measurements, key=lambda each: each.contender.line):
         for measurement in line:
-            table.add_row(measurement.contender.name, *_cells(measurement))
+            if not math.isnan(measurement.compile_seconds):  # it was tried
+                table.add_row(measurement.contender.name, *_cells(measurement))
         table.add_section()
     console.print(table)
     for remark in remarks(study):
@@ -44,12 +44,13 @@ def remarks(study: AccuracyStudy) -> list[str]:
     reference, end = study.reference, study.growth_end
     reached = min(end, float(reference.time[-1]))
     found = [
-        "Relative errors. Trajectory: largest of any state over its largest value, up to "
-        f"{reached * 1e3:.4g} ms, the growth phase; beyond edges: up to {reference.time[-1] * 1e3:.4g} ms. Growth rate "
-        "to end freq.: measured features against the tightest run's. Time: median, compilation apart.",
-        f"The reference is SciPy's DOP853 at 1e-13 on tanh-sinh quadrature. At 1e-12 on Clenshaw-Curtis quadrature it "
-        f"differs by {reference.uncertainty(reached):.1e} (drawn as the floor), LSODA by "
-        f"{reference.confirmed(reached):.1e}.",
+        "Time and evaluations for a simulated millisecond: median, compilation apart. Relative errors: of the "
+        f"trajectory, the largest of any state over its largest value, until {reached * 1e3:.4g} ms, the growth phase, "
+        f"and until {reference.time[-1] * 1e3:.4g} ms; of the features (growth rates, onset frequencies, amplitude and "
+        "frequency at the end) the largest, against the tightest run's; of the energy balance over the kinetic energy.",
+        "The reference is SciPy's DOP853 at 1e-13 on tanh-sinh quadrature. At 1e-12 on Clenshaw-Curtis quadrature it "
+        f"differs by {reference.uncertainty(reached):.0e} (drawn as the floor), LSODA at 1e-12 by "
+        f"{reference.confirmed(reached):.0e}.",
     ]
     if study.separation is None:
         found.append("Nearby trajectories stay together over the whole record.")
@@ -66,24 +67,25 @@ def verdict(study: AccuracyStudy) -> str:
     """The cheapest choice that meets the target, and what ten times better would cost, in a sentence."""
     best = study.cheapest
     if best is None:
-        return f"Nothing that was tried meets {study.target:g} in all of trajectory, features and energy."
+        return f"Nothing that was tried meets {study.target:.0e} in all of trajectory, features and energy."
     text = (
-        f"Within {study.target:g} in trajectory, features and energy, the cheapest is {best.contender.solver} at "
-        f"tolerance {best.contender.tolerance:g}: {best.median * 1e3:.3g} ms for {study.scene.simulate.duration:g} s."
+        f"Within {study.target:.0e} in trajectory, features and energy, the cheapest is {best.contender.solver} at "
+        f"tolerance {best.contender.tolerance:g}: {1e3 * best.time_per_ms * study.scene.simulate.duration:.3g} ms for "
+        f"{study.scene.simulate.duration:g} s."
     )
     better = study.ten_times_better
     if better is None:
         return f"{text} Nothing that was tried is ten times better."
-    return (
-        f"{text} Ten times better costs {better.median / best.median:.2g} times as much ({better.contender.solver} at "
-        f"{better.contender.tolerance:g})."
-    )
+    if better is best:
+        return f"{text} It is ten times better than that."
+    ratio, chosen = better.time_per_ms / best.time_per_ms, better.contender
+    return f"{text} Ten times better takes {ratio:.2g} times as long ({chosen.solver} at {chosen.tolerance:g})."
 
 
 def simulate_block(study: AccuracyStudy) -> str:
     """The `[simulate]` table that meets the target, or a comment that none does."""
     if study.cheapest is None:
-        return f"# nothing that was tried meets {study.target:g}\n"
+        return f"# nothing that was tried meets {study.target:.0e}\n"
     chosen = study.cheapest.contender
     simulate = study.scene.simulate
     coordinates = simulate.coordinates
@@ -118,7 +120,8 @@ def _row(measurement: Measurement) -> dict[str, Any]:
         "solver": contender.solver,
         "tolerance": contender.tolerance,
         "outcome": measurement.outcome,
-        "seconds_median": _known(measurement.median),
+        "simulated_ms": _known(measurement.simulated * 1e3),
+        "time_per_simulated_ms": _known(measurement.time_per_ms),
         "seconds": " ".join(f"{each:.6g}" for each in measurement.seconds),
         "compile_seconds": _known(measurement.compile_seconds),
         "evaluations": _known(measurement.evaluations),
@@ -140,10 +143,11 @@ def _processor() -> str:
 def _cells(measurement: Measurement) -> list[str]:
     errors = measurement.errors
     if errors is None:
-        return ["not run" if math.isnan(measurement.compile_seconds) else "failed"]
-    found = (errors.trajectory, errors.beyond, *errors.features, errors.energy)
-    evaluations = "-" if math.isnan(measurement.evaluations) else f"{measurement.evaluations:.0f}"
-    return [f"{measurement.median * 1e3:.3g}", evaluations, *("-" if e is None else f"{e:.0e}" for e in found)]
+        return ["failed"]
+    found = (errors.trajectory, errors.beyond, errors.largest_feature, errors.energy)
+    evaluations = measurement.evaluations_per_ms
+    counted = "-" if math.isnan(evaluations) else f"{evaluations:.0f}"
+    return [f"{measurement.time_per_ms:.2g}", counted, *("-" if e is None else f"{e:.0e}" for e in found)]
 
 
 def _known(value: float) -> float | None:

@@ -97,7 +97,7 @@ def integrate_many(
 @compiled
 def _advance(share: _Share, span: Span, tolerance: ArrayLike, solver: str) -> tuple[_Share, State, Array, Array]:
     """One chunk of a share: what comes next, samples (m, k, n), steps made (m,) and whether the end was reached."""
-    local = local_tolerance(tolerance)
+    local = local_tolerance(tolerance, solver)
     scale = jax.vmap(lambda model, state: resolution(model, state, span, local))(share.models, share.states)
 
     final, step, states, steps, reached = one_kernel(_one_after_the_other, share, scale, span, local, solver)

@@ -19,16 +19,14 @@ from drumsqueal.errors import IntegrationError
 from drumsqueal.kernel import compiled, one_kernel
 from drumsqueal.model import Model
 from drumsqueal.precision import real
-from drumsqueal.runge_kutta import DEFAULT, STAGES, is_explicit, make_solver
+from drumsqueal.runge_kutta import DEFAULT, LOCAL_SHARE, STAGES, is_explicit, make_solver
 from drumsqueal.stepping import Stepped, step_through
 
 CHUNK_SAMPLES = 500  # samples a chunk: some 50 ms of computing in the plane, so that Ctrl-C and the bar respond
 # Steps a chunk: a run that exceeds it is stuck, and says so. Samples hold two to a period at least, so 500 of them take
 # some thousand steps; a tolerance of 1e-13 takes ten times as many, and so do edges.
 STEP_BUDGET = 100_000
-# Share of the scene's tolerance that one step may err, and the least that is no round-off. Errors add up over some
-# thousand steps: over the shipped scenes the trajectory then is off by 0.1 to 3 times the tolerance.
-LOCAL_SHARE, LEAST_LOCAL = 0.01, 1e-14
+LEAST_LOCAL = 1e-14  # of the motion, that one step may err; less would be round-off
 # A coordinate is resolved at least to this share of what it would do if all vibration energy were in each mode.
 COUPLING_SHARE = 1e-3
 QUIET = 1e-12  # m; motion below a picometre counts as rest, and is resolved as if it were that large
@@ -139,16 +137,16 @@ def advance(
     model: Model, steady: Array, state: State, span: Span, tolerance: ArrayLike, step: Array, solver: str = DEFAULT
 ) -> Segment:
     """One chunk; samples past the span's last repeat it, to keep the shapes. `step` (s) is the first to be tried."""
-    local = local_tolerance(tolerance)
+    local = local_tolerance(tolerance, solver)
     scale = resolution(model, state, span, local)
     arguments = (model, steady, state, span, local, step, scale, solver)
     # What is implicit solves equations with a library, which a kernel cannot call.
     return one_kernel(advance_scaled, *arguments) if is_explicit(solver) else advance_scaled(*arguments)
 
 
-def local_tolerance(tolerance: ArrayLike) -> Array:
-    """What one step may err, over the amplitude of the motion."""
-    return jnp.maximum(tolerance * LOCAL_SHARE, LEAST_LOCAL)
+def local_tolerance(tolerance: ArrayLike, solver: str) -> Array:
+    """What one step of a method may err, over the amplitude of the motion."""
+    return jnp.maximum(tolerance * LOCAL_SHARE[solver], LEAST_LOCAL)
 
 
 def resolution(model: Model, state: State, span: Span, local: Array) -> Array:

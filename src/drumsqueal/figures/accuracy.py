@@ -29,8 +29,8 @@ def draw_work(study: AccuracyStudy, *, against: Literal["time", "evaluations"]) 
         "features, the largest": lambda m: None if m.errors is None else m.errors.largest_feature,
         "energy balance": lambda m: None if m.errors is None else m.errors.energy,
     }
-    cost: Value = (lambda m: m.median * 1e3) if against == "time" else (lambda m: m.evaluations)
-    label = "time, ms" if against == "time" else "evaluations of the forces"
+    cost: Value = (lambda m: m.time_per_ms) if against == "time" else (lambda m: m.evaluations_per_ms)
+    label = "ms per simulated ms" if against == "time" else "evaluations per simulated ms"
     for axes, (title, error) in zip(panels, kinds.items(), strict=True):
         _draw_lines(axes, study, STEPPING, cost, error)
         axes.set_title(title)
@@ -55,9 +55,9 @@ def draw_causes(study: AccuracyStudy) -> Figure:
     asked.invert_xaxis()
     asked.set_title("tolerance, within a factor of ten")
     frame(asked, "tolerance asked for", "relative error of the trajectory")
-    _draw_lines(quadrature, study, QUADRATURE, lambda m: m.median * 1e3, _farthest, labelled=True)
+    _draw_lines(quadrature, study, QUADRATURE, lambda m: m.time_per_ms, _farthest, labelled=True)
     quadrature.set_title(_title("nodes", study, QUADRATURE))
-    frame(quadrature, "time, ms", None)
+    frame(quadrature, "ms per simulated ms", None)
     _draw_lines(smoothing, study, SMOOTHING, lambda m: m.contender.setting, _farthest)
     smoothing.invert_xaxis()
     smoothing.set_title(_title("width", study, SMOOTHING))
@@ -114,7 +114,7 @@ def _why(line: Sequence[Measurement]) -> str:
 def _draw_target(axes: Axes, study: AccuracyStudy) -> None:
     axes.axhline(study.target, color=style.DARK, linewidth=0.6, linestyle="--")
     axes.annotate(
-        f"target {study.target:g}",
+        f"target {study.target:.0e}",
         (0.98, study.target),
         xycoords=("axes fraction", "data"),
         xytext=(0, 2),

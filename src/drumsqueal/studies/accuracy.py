@@ -18,8 +18,8 @@ from drumsqueal.integrate import Chunk
 from drumsqueal.interrupts import noted_interrupts, stop_if_interrupted
 from drumsqueal.scene import Scene
 from drumsqueal.simulation import Prepared, check_sample_rate, finish, prepare, transient
-from drumsqueal.studies.contenders import STEPPING, Contender, contenders_of
-from drumsqueal.studies.features import Features, feature_errors, features_of
+from drumsqueal.studies.contenders import Contender, contenders_of
+from drumsqueal.studies.features import NONE, Features, feature_errors, features_of
 from drumsqueal.studies.reference import Reference, find_reference, trajectory_error
 
 TARGET = 1e-4
@@ -50,19 +50,28 @@ class Errors(NamedTuple):
 
 
 class Measurement(NamedTuple):
-    """One contender: outcome in words, seconds of each repeat, of compilation, evaluations (NaN: not counted)."""
+    """One contender: outcome in words, seconds of each repeat and of compilation, evaluations (NaN: not counted).
+
+    `simulated` is how long a motion it ran (s).
+    """
 
     contender: Contender
     outcome: str
     seconds: tuple[float, ...]
     compile_seconds: float
     evaluations: float
+    simulated: float
     errors: Errors | None
 
     @property
-    def median(self) -> float:
-        """Median time of a run (s), compilation apart; NaN where none was made."""
-        return float(np.median(self.seconds)) if self.seconds else math.nan
+    def time_per_ms(self) -> float:
+        """Median computing time (ms) for a simulated millisecond, compilation apart; NaN where no run was made."""
+        return float(np.median(self.seconds)) / self.simulated if self.seconds else math.nan
+
+    @property
+    def evaluations_per_ms(self) -> float:
+        """Evaluations of the forces for a simulated millisecond; NaN where they were not counted."""
+        return self.evaluations / self.simulated / 1e3
 
 
 class AccuracyStudy(NamedTuple):
@@ -116,7 +125,8 @@ class _Bench:
     def measure(self, contender: Contender) -> Measurement:
         """Run a contender: first to compile it, then as often as it is short."""
         values = {"simulate.solver": contender.solver, "simulate.tolerance": contender.tolerance}
-        scene = self.prepared.scene.with_values(values)
+        simulated = float(self.time[-1] if contender.whole else self.reference.time[-1])
+        scene = self.prepared.scene.with_values({**values, "simulate.duration": simulated})
         prepared = self.prepared._replace(scene=scene, model=contender.model)
         seconds, chunks, compiling = [], [], math.nan
         try:
@@ -131,17 +141,18 @@ class _Bench:
                 chunks = _run(prepared)
                 seconds.append(time.perf_counter() - before)
         except IntegrationError as error:
-            return Measurement(contender, f"failed: {error}", (), compiling, math.nan, None)
+            return Measurement(contender, f"failed: {error}", (), compiling, math.nan, simulated, None)
         evaluations = sum(chunk.evaluations for chunk in chunks)
-        return Measurement(contender, COMPLETE, tuple(seconds), compiling, evaluations, self._errors(prepared, chunks))
+        errors = self._errors(prepared, chunks, contender.whole)
+        return Measurement(contender, COMPLETE, tuple(seconds), compiling, evaluations, simulated, errors)
 
     def cheapest(self, measurements: Sequence[Measurement], target: float) -> Measurement | None:
         """The fastest choice of method and tolerance that meets a target."""
         floor = self.reference.uncertainty(self.growth_end)
         enough = [each for each in measurements if meets(each, target, floor, self.scatter)]
-        return min(enough, key=lambda each: each.median, default=None)
+        return min(enough, key=lambda each: each.time_per_ms, default=None)
 
-    def _errors(self, prepared: Prepared, chunks: list[Chunk]) -> Errors:
+    def _errors(self, prepared: Prepared, chunks: list[Chunk], whole: bool) -> Errors:
         states = _states(chunks)[1] - np.concatenate([self.steady, np.zeros_like(self.steady)])
         reference = self.reference
         growing = reference.time <= self.growth_end
@@ -151,10 +162,14 @@ class _Bench:
             beyond = trajectory_error(states, reference.states)
         energy = max(np.abs(chunk.energy_balance_error).max() for chunk in chunks)
         kinetic = max(chunk.kinetic_energy.max() for chunk in chunks)
+        features = NONE
+        if whole:
+            found = features_of(finish(prepared, chunks, COMPLETE), self.prepared.linear)
+            features = feature_errors(self.best, found)
         return Errors(
             trajectory_error(states[growing], reference.states[growing]),
             beyond,
-            feature_errors(self.best, features_of(finish(prepared, chunks, COMPLETE), self.prepared.linear)),
+            features,
             float(energy / kinetic) if kinetic > 0 else 0.0,
         )
 
@@ -208,7 +223,7 @@ def study_accuracy(
             for contender in line:
                 on_progress(contender.name)
                 if slowest > PATIENCE:
-                    found = Measurement(contender, _TOO_SLOW, (), math.nan, math.nan, None)
+                    found = Measurement(contender, _TOO_SLOW, (), math.nan, math.nan, math.nan, None)
                 else:
                     found = bench.measure(contender)
                     slowest = max([slowest, *found.seconds])
@@ -233,7 +248,7 @@ _TOO_SLOW = f"not made: the run before it took more than {PATIENCE:g} s"
 def meets(found: Measurement, target: float, floor: float, scatter: Features) -> bool:
     """Whether a choice of method and tolerance meets the target, as far as the reference and the scatter tell."""
     errors = found.errors
-    if found.contender.cause != STEPPING or errors is None or errors.trajectory is None:
+    if not found.contender.whole or errors is None or errors.trajectory is None:
         return False
     features = all(
         error is None or abs(error) <= max(target, 2 * abs(least or 0.0))

@@ -16,7 +16,7 @@ from drumsqueal.quadrature.arc import ArcSurface
 from drumsqueal.quadrature.area import AreaSurface
 from drumsqueal.quadrature.independent import FixedGrid
 from drumsqueal.quadrature.surface import Surface
-from drumsqueal.runge_kutta import DEFAULT, SOLVERS
+from drumsqueal.runge_kutta import DEFAULT, SOLVERS, is_explicit
 
 STEPPING, QUADRATURE, SMOOTHING = "time stepping", "contact quadrature", "smoothed friction"
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
@@ -24,7 +24,7 @@ NODES = (2, 4, 6, 8, 12, 16)  # along each piece of the arc, split at the edges
 GRID = (20, 40, 80, 160, 320, 640)  # nodes of a grid that does not know the edges
 WIDTHS = (1e-1, 1e-2, 1e-3, 1e-4)  # of the smoothing, over the speed of the drum's surface
 OTHERS = 1e-6  # tolerance of those that are not about time stepping; at less a fixed grid does not get through
-SPLIT, FIXED, SMOOTHED = "split at the edges", "fixed grid", "smoothed"
+SPLIT, FIXED, SMOOTHED = "split at edges", "fixed grid", "smoothed"
 
 
 class SmoothedDirection(eqx.Module):
@@ -55,10 +55,15 @@ class Contender(NamedTuple):
     model: Model
 
     @property
+    def whole(self) -> bool:
+        """Whether it runs the whole record, for its features; others run as far as the reference goes."""
+        return self.cause == STEPPING and is_explicit(self.solver)
+
+    @property
     def name(self) -> str:
         """What it is, in a word or two."""
-        unit = {STEPPING: "tolerance", QUADRATURE: "nodes", SMOOTHING: "width"}[self.cause]
-        return f"{self.line}, {unit} {self.setting:g}"
+        unit = {STEPPING: "", QUADRATURE: " nodes", SMOOTHING: " of RΩ"}[self.cause]
+        return f"{self.line}, {self.setting:g}{unit}"
 
 
 def contenders_of(model: Model) -> Iterator[list[Contender]]:

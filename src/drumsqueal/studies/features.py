@@ -20,6 +20,9 @@ class Features(NamedTuple):
     main_frequency: float | None
 
 
+NONE = Features(None, None, None, None)
+
+
 def features_of(result: Result, model: Model) -> dict[str, float]:
     """Measured features by name; `model` is the one over the coordinates of the eigenvalues."""
     found = {}

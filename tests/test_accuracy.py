@@ -1,0 +1,242 @@
+"""What accuracy costs: the independent quadratures and reference, the word that `tolerance` keeps, and the study."""
+
+import csv
+import dataclasses
+import io
+import tomllib
+from itertools import pairwise
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from drumsqueal.accuracy_table import remarks, simulate_block, to_csv, verdict
+from drumsqueal.history import COMPLETE
+from drumsqueal.model import Model, build_model
+from drumsqueal.output_folder import ACCURACY_FILES
+from drumsqueal.quadrature.independent import CLENSHAW_CURTIS, TANH_SINH, FixedGrid, IndependentSurface, rule_of
+from drumsqueal.quadrature.surface import Surface
+from drumsqueal.scene import Scene, load_scene
+from drumsqueal.simulation import prepare, transient
+from drumsqueal.studies import contenders
+from drumsqueal.studies.accuracy import AccuracyStudy, study_accuracy
+from drumsqueal.studies.features import feature_errors
+from drumsqueal.studies.reference import find_reference, trajectory_error
+
+SCENARIOS = Path(__file__).parents[1] / "scenarios"
+REFERENCE = Path(__file__).parent / "reference"
+SIZE_Q, SIZE_V = np.array([7e-6, 7e-6, 7e-5]), np.array([0.3, 0.3, 3.0])  # beyond the edges of the nominal scene
+
+
+act = jax.jit(lambda model, q, v: model.act(0.0, q, v))
+
+
+def on(model: Model, surface: Surface) -> Model:
+    """The model with another quadrature."""
+    return dataclasses.replace(model, contact=dataclasses.replace(model.contact, surface=surface))
+
+
+def states_of(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+    """Times and states (k, 2n) of a scene's transient."""
+    chunks = list(transient(prepare(scene)))
+    states = np.concatenate([np.hstack([chunk.displacement, chunk.velocity]) for chunk in chunks])
+    return np.concatenate([chunk.time for chunk in chunks]), states
+
+
+# --- quadratures that share nothing with the engine's ----------------------------------------------------------------
+
+
+@pytest.mark.parametrize("rule", [TANH_SINH, CLENSHAW_CURTIS])
+def test_rules_integrate_what_is_known(rule):
+    point, weight = rule_of(rule)
+    assert_allclose(np.sum(weight), 2, rtol=1e-14)
+    assert_allclose(np.sum(weight * np.exp(point)), np.e - 1 / np.e, rtol=1e-14)
+    assert_allclose(np.sum(weight / (2 + point)), np.log(3), rtol=1e-13)
+
+
+@pytest.mark.parametrize("rule", [TANH_SINH, CLENSHAW_CURTIS])
+@pytest.mark.parametrize("spatial", [False, True])
+def test_independent_quadratures_agree_with_the_engine_in_the_plane(nominal, rule, spatial):
+    # Both find the edges in closed form, each in its own, and are exact between them: 4e-13 of the load was found.
+    model = build_model(nominal)
+    generator = np.random.default_rng(5)
+    for _ in range(40):
+        q, v = (jnp.asarray(generator.uniform(-1, 1, 3) * size) for size in (SIZE_Q, SIZE_V))
+        engine, power = act(model, q, v)
+        other, other_power = act(on(model, IndependentSurface(rule, spatial)), q, v)
+        assert np.max(np.abs(engine - other) / np.array([1, 1, 0.1])) < 1e-11 * 2000
+        assert abs(power - other_power) < 1e-11 * 2000
+
+
+def test_independent_quadrature_agrees_with_the_engine_in_space(nominal):
+    # Below the edges, where both are exact; beyond them the fixed lines are not.
+    model = build_model(nominal, coordinates=tuple(range(6)))
+    generator = np.random.default_rng(6)
+    q = jnp.asarray(generator.uniform(-1, 1, 6) * 1e-7 * np.array([1, 1, 1, 10, 10, 10]))
+    v = jnp.asarray(generator.uniform(-1, 1, 6) * 1e-2 * np.array([1, 1, 1, 10, 10, 10]))
+    engine, other = act(model, q, v)[0], act(on(model, IndependentSurface(TANH_SINH, True)), q, v)[0]
+    assert np.max(np.abs(engine - other)) < 1e-11 * 2000
+
+
+def test_a_fixed_grid_comes_closer_with_its_square_where_edges_cross_it(nominal):
+    # The midpoint rule is of second order, and no better with kinks: ten times the nodes, some hundredth of the error.
+    model = build_model(nominal)
+    generator = np.random.default_rng(7)
+    errors = dict.fromkeys((40, 400), 0.0)
+    for _ in range(20):
+        q, v = (jnp.asarray(generator.uniform(-1, 1, 3) * size) for size in (SIZE_Q, 0 * SIZE_V))
+        exact = act(model, q, v)[0]
+        for nodes in errors:
+            found = act(on(model, FixedGrid(nodes, False)), q, v)[0]
+            errors[nodes] = max(errors[nodes], float(np.max(np.abs(found - exact))))
+    assert 50 < errors[40] / errors[400] < 200
+
+
+# --- the reference ---------------------------------------------------------------------------------------------------
+
+
+def test_the_reference_is_that_of_an_independent_code(nominal):
+    # 2 ms of the reference trajectory in the plane with contact loss and slip reversal, good to 1e-8 over its 20 ms.
+    wanted = np.loadtxt(REFERENCE / "transient_inplane_large.csv", delimiter=",", skiprows=1)
+    upto = wanted[:, 0] <= 0.002 + 1e-9
+    model, start = build_model(nominal), wanted[0, 1:]
+    found = find_reference(model, np.zeros(3), start[:3], start[3:], wanted[upto, 0])
+    assert trajectory_error(found.states, wanted[upto, 1:]) < 1e-8
+    assert 0 < found.uncertainty(0.002) < 1e-8
+    assert 0 < found.confirmed(0.002) < 1e-6
+    assert trajectory_error(found.other, wanted[upto, 1:]) < 1e-8
+
+
+# --- tolerance keeps its word ----------------------------------------------------------------------------------------
+
+# Until the first edge of each, or as long as the scene takes to run in a test.
+UNTIL = {
+    "nominal": 0.05,
+    "constant_friction": 0.05,
+    "damped": 0.05,
+    "self_consistent": 0.03,
+    "out_of_plane": 0.02,
+    "stop": 0.05,
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "solver"), [*((name, "dopri8") for name in UNTIL), ("nominal", "tsit5"), ("nominal", "dopri5")]
+)
+def test_what_is_got_is_what_tolerance_asks_for(name, solver):
+    # The largest error of any state over its largest value. A factor of ten either way is the promise; 0.06 to 6 was
+    # found over these scenes, methods and tolerances.
+    scene = load_scene(SCENARIOS / f"{name}.toml").with_values({"simulate.duration": UNTIL[name]})
+    rest = np.asarray(prepare(scene).stability.steady_state)
+    _, wanted = states_of(scene.with_values({"simulate.tolerance": 1e-12}))
+    n = wanted.shape[1] // 2
+    at_rest = np.concatenate([rest if n == 6 else rest[[0, 1, 5]], np.zeros(n)])
+    for tolerance in (1e-3, 1e-5, 1e-7, 1e-9):
+        values = {"simulate.tolerance": tolerance, "simulate.solver": solver}
+        got = trajectory_error(states_of(scene.with_values(values))[1] - at_rest, wanted - at_rest)
+        assert got < 10 * tolerance
+        assert got > tolerance / 50  # nor is time wasted on more
+
+
+# --- the study -------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def study() -> AccuracyStudy:
+    """A short, small study: 6 ms of the nominal scene from a start that reaches edges after some of them."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(contenders, "TOLERANCES", (1e-2, 1e-4, 1e-6))
+        patch.setattr(contenders, "NODES", (2, 8))
+        patch.setattr(contenders, "GRID", (40, 160))
+        patch.setattr(contenders, "WIDTHS", (1e-1, 1e-3))
+        scene = load_scene(SCENARIOS / "nominal.toml").with_values(
+            {"simulate.duration": 0.006, "start.displacement": {"Y": 6e-6}}
+        )
+        return study_accuracy(scene, 1e-3)
+
+
+def test_every_line_of_the_study_gets_better(study):
+    lines: dict[str, list[float]] = {}
+    for each in study.measurements:
+        assert each.outcome == COMPLETE
+        assert each.errors is not None
+        lines.setdefault(each.contender.line, []).append(each.errors.beyond or each.errors.trajectory or 0.0)
+        assert each.time_per_ms > 0
+    assert set(lines) == {"tsit5", "dopri5", "dopri8", "kvaerno5", "split at edges", "fixed grid", "smoothed"}
+    for errors in lines.values():
+        assert all(later < earlier / 5 for earlier, later in pairwise(errors))
+
+
+def test_the_cheapest_meets_the_target_and_nothing_that_does_is_cheaper(study):
+    best = study.cheapest
+    assert best is not None
+    assert best.errors is not None
+    assert best.errors.trajectory is not None
+    assert best.errors.trajectory <= 1e-3
+    assert best.errors.energy <= 1e-3
+    enough = [
+        each.time_per_ms
+        for each in study.measurements
+        if each.contender.whole
+        and each.errors is not None
+        and (each.errors.trajectory or 0) <= 1e-3
+        and (each.errors.largest_feature or 0) <= 1e-3
+        and each.errors.energy <= 1e-3
+    ]
+    assert best.time_per_ms == min(enough)
+    values = {f"simulate.{key}": value for key, value in tomllib.loads(simulate_block(study))["simulate"].items()}
+    simulate = study.scene.with_values(values).simulate
+    assert (simulate.solver, simulate.tolerance) == (best.contender.solver, best.contender.tolerance)
+    assert best.contender.solver in verdict(study)
+
+
+def test_the_reference_is_better_than_what_it_judges(study):
+    finest = min(each.errors.trajectory for each in study.measurements if each.errors and each.errors.trajectory)
+    assert study.reference.uncertainty(study.growth_end) < finest
+    assert any("uncertain" in remark or "differs by" in remark for remark in remarks(study))
+
+
+def test_the_table_has_every_run_with_versions_and_machine(study):
+    rows = list(csv.DictReader(io.StringIO(to_csv(study.measurements))))
+    assert len(rows) == len(study.measurements)
+    assert all(row["processor"] and row["jax"] and row["cores"] for row in rows)
+    assert [float(row["setting"]) for row in rows[:3]] == [1e-2, 1e-4, 1e-6]
+    assert {row["evaluations"] for row in rows if row["line"] == "kvaerno5"} == {""}
+
+
+def test_a_lost_feature_is_infinitely_wrong():
+    best = {"growth_rate Y": 76.0, "onset_frequency Y": 1424.0, "main_frequency": 1076.0}
+    errors = feature_errors(best, {"growth_rate Y": 76.076, "main_frequency": 1076.0})
+    assert errors.growth_rate == pytest.approx(1e-3)
+    assert errors.onset_frequency == np.inf
+    assert (errors.main_frequency, errors.amplitude) == (0.0, None)
+
+
+@pytest.mark.parametrize("target", ["0", "2", "many"])
+def test_a_wrong_target_is_refused_and_nothing_written(drumsqueal, tmp_path, target):
+    out = tmp_path / "out"
+    status, printed, error = drumsqueal("accuracy", str(SCENARIOS / "nominal.toml"), "-o", str(out), "--target", target)
+    assert (status, printed) == (2, "")
+    assert f"--target {target}" in error
+    assert error.count("\n") == 1
+    assert not out.exists()
+
+
+def test_the_command_writes_its_files_and_says_what_to_set(drumsqueal, tmp_path, monkeypatch):
+    monkeypatch.setattr(contenders, "SOLVERS", ("dopri8",))
+    for name, few in {"TOLERANCES": (1e-2, 1e-4), "NODES": (8,), "GRID": (40,), "WIDTHS": (1e-2,)}.items():
+        monkeypatch.setattr(contenders, name, few)
+    settings = ["--set", "simulate.duration=0.004", "--set", "start.displacement={Y = 6e-6}"]
+    out = tmp_path / "out"
+    status, printed, error = drumsqueal(
+        "accuracy", str(SCENARIOS / "nominal.toml"), "-o", str(out), "--target", "1e-2", *settings
+    )
+    assert (status, error) == (0, "")
+    assert {path.name for path in out.iterdir()} == set(ACCURACY_FILES)
+    assert "the cheapest is dopri8" in " ".join(printed.split())
+    assert tomllib.loads((out / "simulate.toml").read_text())["simulate"]["solver"] == "dopri8"
+    assert max(map(len, printed.splitlines()[:-1])) <= 80  # the last ends in a path
+    assert "…" not in printed

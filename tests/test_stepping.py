@@ -1,0 +1,146 @@
+"""Stepping, the loop over stages, the one kernel and many transients at once."""
+
+from typing import Any, get_args
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from drumsqueal import integrate as integration
+from drumsqueal.batch import integrate_many
+from drumsqueal.integrate import Span, State, first_step, integrate
+from drumsqueal.kernel import compiled, one_kernel
+from drumsqueal.model import build_model
+from drumsqueal.runge_kutta import _EXPLICIT, LOCAL_SHARE, SOLVERS, STAGES, Explicit, make_solver
+from drumsqueal.scene_tables import Simulate
+from drumsqueal.stepping import step_through
+
+ORDER = {"tsit5": 5, "dopri5": 5, "dopri8": 8, "kvaerno5": 5}
+
+
+def turn(t, y):
+    """A circle driven in time, with solution (sin t + t, cos t)."""
+    return jnp.stack([y[1] + 1, t - y[0]])
+
+
+def exact(t):
+    return jnp.stack([jnp.sin(t) + t, jnp.cos(t)], axis=-1)
+
+
+def stepped(solver, tolerance, times, budget=10_000):
+    return step_through(
+        make_solver(solver, jnp.asarray(tolerance)),
+        turn,
+        jnp.asarray(times),
+        exact(jnp.asarray(times[0])),
+        jnp.asarray(0.01),
+        tolerance=jnp.asarray(tolerance),
+        norm=lambda error: jnp.max(jnp.abs(error)),
+        budget=budget,
+    )
+
+
+@pytest.mark.parametrize("name", sorted(_EXPLICIT))
+def test_the_loop_over_stages_makes_the_steps_of_diffrax(name):
+    # The same tableau: to the round-off of sums in another order.
+    terms, y = diffrax.ODETerm(lambda t, y, _: turn(t, y)), jnp.asarray([0.3, -1.2])
+    ours, theirs = Explicit(_EXPLICIT[name]), _EXPLICIT[name]
+    solvers: list[Any] = [ours, theirs]
+    steps = [s.step(terms, 0.4, 0.7, y, None, s.init(terms, 0.4, 1.0, y, None), False) for s in solvers]
+    np.testing.assert_allclose(steps[0][0], steps[1][0], rtol=0, atol=1e-15)
+    np.testing.assert_allclose(steps[0][1], steps[1][1], rtol=0, atol=1e-15)
+    inside = [
+        solver.interpolation_cls(t0=0.4, t1=0.7, **step[2]).evaluate(0.55)
+        for solver, step in zip(solvers, steps, strict=True)
+    ]
+    np.testing.assert_allclose(inside[0], inside[1], rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_samples_are_as_good_as_the_tolerance(solver):
+    # Ten periods, errors that add up: a hundredth of the tolerance a step, as the transient takes, leaves a tenth.
+    times = np.linspace(0, 20 * np.pi, 777)
+    for tolerance in (1e-4, 1e-7):
+        found = jax.jit(lambda tolerance=tolerance: stepped(solver, tolerance / 100, times))()
+        assert bool(found.reached)
+        assert np.max(np.abs(found.samples - exact(jnp.asarray(times)))) < 10 * tolerance
+        assert found.kept <= found.steps
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_steps_follow_the_order_of_the_method(solver):
+    # The number of steps grows like the −1/(order) power of the tolerance: the slope of the error estimate.
+    times = np.linspace(0, 20 * np.pi, 5)
+    few, many = (int(jax.jit(lambda t=t: stepped(solver, t, times))().steps) for t in (1e-5, 1e-9))
+    assert np.log(many / few) / np.log(1e4) == pytest.approx(1 / ORDER[solver], rel=0.25)
+
+
+def test_samples_at_one_time_are_one_sample_and_the_end_is_met():
+    times = np.array([0.0, 0.5, 1.0, 1.0, 1.0])
+    found = jax.jit(lambda: stepped("dopri8", 1e-10, times))()
+    np.testing.assert_allclose(found.samples, exact(jnp.asarray(times)), atol=1e-9)
+    np.testing.assert_array_equal(found.samples[2], found.samples[4])
+    np.testing.assert_allclose(found.last, exact(jnp.asarray(1.0)), atol=1e-9)
+
+
+def test_a_spent_budget_leaves_what_was_reached():
+    times = np.linspace(0, 100, 101)
+    found = jax.jit(lambda: stepped("dopri8", 1e-10, times, budget=20))()
+    assert not bool(found.reached)
+    assert int(found.steps) == 20
+    reached = np.isfinite(np.asarray(found.samples)).all(axis=1)
+    assert 1 < reached.sum() < 101
+    np.testing.assert_allclose(found.samples[reached], exact(jnp.asarray(times))[reached], atol=1e-8)
+
+
+def test_methods_are_those_that_a_scene_may_name():
+    assert set(get_args(Simulate.model_fields["solver"].annotation)) == set(SOLVERS) == set(LOCAL_SHARE)
+    methods: dict[str, Any] = dict(_EXPLICIT)
+    assert {name: method.tableau.num_stages - 1 for name, method in methods.items()} == STAGES
+
+
+def test_one_kernel_computes_what_the_function_does():
+    def sums(x, count, sign):
+        return {"sum": jax.lax.fori_loop(0, count, lambda _, s: s + sign * jnp.sum(x), jnp.zeros(()))}
+
+    x = jnp.arange(5.0)
+    inside = compiled(lambda x, count: one_kernel(sums, x, count, -1.0))
+    assert float(inside(x, jnp.asarray(3))["sum"]) == float(sums(x, 3, -1.0)["sum"]) == -30.0
+
+
+@pytest.mark.parametrize("coordinates", [None, tuple(range(6))], ids=["plane", "space"])
+def test_the_transient_is_one_kernel(nominal, coordinates):
+    # Without it a step takes five times as long, and nothing but a benchmark would tell.
+    model = build_model(nominal, coordinates=coordinates)
+    n = len(model.names)
+    state = State(jnp.zeros(n), jnp.zeros(n), jnp.zeros(()))
+    span = Span(np.float64(0), np.float64(2e-5), np.int64(500))
+    text = integration.advance.lower(model, jnp.zeros(n), state, span, np.float64(1e-6), first_step(model)).as_text()
+    assert text.count("xla_cpu_small_call") >= 1
+    assert "callback" not in text
+
+
+def test_many_transients_are_those_run_one_by_one(nominal):
+    speeds = [3.0, 5.0, 7.0]
+    models = [build_model(nominal, {"drum.speed": speed}) for speed in speeds]
+    displacement = np.array([[0, 2e-5, 0], [1e-6, 3e-5, 1e-4], [0, 1e-6, 0]])  # the first two reach edges
+    none = np.zeros((3, 3))
+    how: Any = {"duration": 0.012, "sample_rate": 5e4, "tolerance": 1e-9}  # more than one chunk
+    batches = list(integrate_many(models, none, displacement, none, threads=2, **how))
+    together = np.concatenate([batch.departure for batch in batches], axis=1)
+    assert len(batches) == 2
+    assert all(batch.reached.all() for batch in batches)
+    for model, start, found in zip(models, displacement, together, strict=True):
+        chunks = list(integrate(model, none[0], start, none[0], **how))
+        alone = np.concatenate([chunk.displacement for chunk in chunks])
+        # The same steps in another program: round-off, grown where edges are.
+        assert np.max(np.abs(found - alone) / np.abs(alone).max(axis=0)) < 1e-8
+        assert np.concatenate([chunk.time for chunk in chunks]).size == together.shape[1]
+
+
+def test_many_transients_must_be_of_one_composition(nominal):
+    models = [build_model(nominal), build_model(nominal.with_values({"support": None}))]
+    with pytest.raises(ValueError, match="one composition"):
+        next(integrate_many(models, *[np.zeros((2, 3))] * 3, duration=0.01, sample_rate=5e4, tolerance=1e-6))
