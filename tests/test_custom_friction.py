@@ -36,9 +36,10 @@ def test_the_same_law_gives_the_same_eigenvalues_and_motion(nominal):
     own = analyse_stability(build_model(nominal, coordinates=ALL))
     given = analyse_stability(build_model(nominal, coordinates=ALL, friction_law=exponential))
     np.testing.assert_allclose(given.eigenvalues, own.eigenvalues, rtol=0, atol=1e-11 * 5e4)
-    scene = nominal.with_values(SHORT)
+    scene = nominal.with_values(SHORT | {"simulate.tolerance": 1e-10})
     difference = run(scene, friction_law=exponential).history["displacement"] - run(scene).history["displacement"]
-    assert np.abs(difference).max() < 1e-12 * 2e-5  # the same operations
+    # A law of which nothing is known has the lining always split: other nodes, and so the tolerance and no less.
+    assert np.abs(difference).max() < 1e-9 * 2e-5
 
 
 def test_a_table_of_a_python_function_is_as_good_as_its_step(nominal):

@@ -1,0 +1,118 @@
+"""What the benchmark keeps: every raw figure, the targets with what was reached, and the machine it ran on."""
+
+import csv
+import os
+import platform
+from collections.abc import Iterable
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import NamedTuple
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+PACKAGES = ("drumsqueal", "jax", "jaxlib", "diffrax", "numpy", "scipy", "numba", "numbalsoda", "scikit-sundae")
+
+
+class Figure(NamedTuple):
+    """One number: what of whom, at which setting, in which repeat."""
+
+    part: str
+    contender: str
+    setting: str
+    quantity: str
+    unit: str
+    repeat: int
+    value: float | str
+
+
+class Target(NamedTuple):
+    """What was to be reached, what was, and whether that is enough (None: nobody can tell, or asked)."""
+
+    part: str
+    wanted: str
+    reached: str
+    met: bool | None
+    remark: str = ""
+
+    @property
+    def verdict(self) -> str:
+        """In words."""
+        if self.met is None:
+            return self.remark or "not measured"
+        return "met" if self.met else f"missed {self.remark}".rstrip()
+
+
+class Record:
+    """Figures and targets, gathered over the parts."""
+
+    def __init__(self, console: Console) -> None:
+        """Nothing yet."""
+        self.console = console
+        self.figures: list[Figure] = []
+        self.targets: list[Target] = []
+
+    def keep(
+        self, part: str, contender: str, quantity: str, unit: str, values: float | Iterable[float], setting: str = ""
+    ) -> None:
+        """Note a number, or one for each repeat."""
+        several = [values] if isinstance(values, int | float) else list(values)
+        for repeat, value in enumerate(several, start=1):
+            self.figures.append(Figure(part, contender, setting, quantity, unit, repeat, float(value)))
+
+    def aim(self, part: str, wanted: str, reached: str, met: bool | None, remark: str = "") -> None:
+        """Note a target, what was reached, and by how much it is missed if it is."""
+        self.targets.append(Target(part, wanted, reached, met, remark))
+
+    def say(self, text: str) -> None:
+        """Print a line as it is."""
+        self.console.print(text, markup=False, highlight=False)
+
+    def show(self, title: str, headings: Iterable[str], rows: Iterable[Iterable[str]]) -> None:
+        """Print a table whose first column is text."""
+        table = Table(title=title, box=box.SIMPLE_HEAD)
+        for number, heading in enumerate(headings):
+            table.add_column(heading, justify="right" if number else "left")
+        for row in rows:
+            table.add_row(*row)
+        self.console.print(table)
+
+    def show_targets(self) -> None:
+        """Print the table that says what was reached."""
+        table = Table(title="Targets", box=box.SIMPLE_HEAD)
+        for heading in ("part", "target", "reached", "verdict"):
+            table.add_column(heading)
+        for each in self.targets:
+            table.add_row(each.part, each.wanted, each.reached, each.verdict)
+        self.console.print(table)
+
+    def write(self, file: Path) -> None:
+        """All of it as CSV: the machine first, then the figures, then the targets."""
+        machine = [Figure("machine", "", "", name, "", 1, value) for name, value in describe_machine().items()]
+        ends = [Figure(t.part, "", t.wanted, "target", "", 1, f"{t.reached}: {t.verdict}") for t in self.targets]
+        with file.open("w", newline="", encoding="utf-8") as stream:
+            writer = csv.writer(stream)
+            writer.writerow(Figure._fields)
+            writer.writerows([*machine, *self.figures, *ends])
+
+
+def describe_machine() -> dict[str, str]:
+    """Versions, processor and date."""
+    found = {"date": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"), "python": platform.python_version()}
+    for package in PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = "not installed"
+    return found | {"processor": _processor(), "cores": str(os.cpu_count())}
+
+
+def _processor() -> str:
+    information = Path("/proc/cpuinfo")
+    if information.exists():
+        for line in information.read_text(encoding="utf-8", errors="replace").splitlines():
+            if line.startswith("model name"):
+                return line.split(":", 1)[1].strip()
+    return platform.processor() or platform.machine()

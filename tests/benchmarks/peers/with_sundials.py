@@ -1,0 +1,18 @@
+"""SUNDIALS' CVODE through scikit-sundae, with the right-hand side compiled by numba."""
+
+import numpy as np
+from sksundae.cvode import CVODE  # pyright: ignore[reportMissingImports]
+
+from .contender import MOST_STEPS, Contender
+from .right_hand_side import right_hand_side
+
+
+def _adams(parameters: np.ndarray, start: np.ndarray, times: np.ndarray, tolerance: float) -> np.ndarray:
+    def function(time, state, rate):
+        right_hand_side(state, parameters, rate)
+
+    options = {"rtol": tolerance, "atol": tolerance, "max_num_steps": MOST_STEPS}
+    return CVODE(function, method="Adams", **options).solve(times, start).y
+
+
+CONTENDERS = (Contender("CVODE Adams, numba", _adams),)

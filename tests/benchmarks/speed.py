@@ -1,0 +1,55 @@
+"""How fast drumsqueal is: beside its peers, a step taken apart, long runs, starts, and how time grows.
+
+Run it with `python tests/benchmarks/speed.py -o DIR`, or one part of it with `--only`; all of it takes some ten minutes
+on two cores. The peers need `pip install --group benchmark`; what is missing is named and left out. DIR then holds
+speed.csv, with every raw figure, and pictures. Whoever is compared takes turns, so that a noisy machine slows them
+alike: ratios are worth more than times.
+"""
+
+import argparse
+import sys
+import time
+from importlib import import_module
+from pathlib import Path
+
+from rich.console import Console
+
+from parts.record import Record, describe_machine
+
+PARTS = ("one", "many", "step", "long", "start", "growth")
+
+
+def main() -> None:
+    """Measure the parts asked for, and write what they found after each of them."""
+    arguments = argparse.ArgumentParser(description="How fast drumsqueal is")
+    arguments.add_argument("-o", "--output", metavar="DIR", type=Path, required=True, help="folder of the results")
+    arguments.add_argument("--only", choices=PARTS, help="one part instead of all")
+    chosen = arguments.parse_args()
+    chosen.output.mkdir(parents=True, exist_ok=True)
+    record = Record(Console(width=None if sys.stdout.isatty() else 160))
+    record.say(", ".join(f"{name} {value}" for name, value in describe_machine().items()))
+    for name in PARTS if chosen.only is None else (chosen.only,):
+        before = time.perf_counter()
+        measure(name, record, chosen.output)
+        record.say(f"{name}: {time.perf_counter() - before:.0f} s")
+        record.write(chosen.output / "speed.csv")
+    if record.targets:
+        record.show_targets()
+    record.say(f"Every figure is in {chosen.output / 'speed.csv'}")
+
+
+def measure(name: str, record: Record, folder: Path) -> None:
+    """One part; without numba, with which the peers' forces are written, there are none."""
+    try:
+        part = import_module(f"parts.{name}")
+    except ModuleNotFoundError as error:
+        if error.name != "numba":
+            raise
+        record.say(f"{name}: left out, for numba is not installed")
+        record.aim(name, "as fast as its peers", "numba is not installed", None)
+        return
+    part.measure(record, folder)
+
+
+if __name__ == "__main__":
+    main()
