@@ -19,11 +19,12 @@ from drumsqueal.history import versions
 from drumsqueal.studies.accuracy import AccuracyStudy, Measurement
 
 HEADINGS = ("time\nms/ms", "eval.\nper ms", "growth\nphase", "with\nedges", "features", "energy")
+MANY = 99.5  # ms, from which on a time is told without an exponent
 
 
 def print_study(console: Console, study: AccuracyStudy) -> None:
     """Print every measurement, what the reference is worth, and what meets the target."""
-    table = Table(box=box.SIMPLE_HEAD, title="What accuracy costs in time", title_justify="center", pad_edge=False)
+    table = Table(box=box.SIMPLE_HEAD, title="What accuracy costs in time", pad_edge=False, padding=(0, 1, 0, 0))
     table.add_column("run", no_wrap=True, vertical="bottom")
     for heading in HEADINGS:
         table.add_column(heading, justify="right", no_wrap=True, vertical="bottom")
@@ -77,7 +78,7 @@ def verdict(study: AccuracyStudy) -> str:
     if better is None:
         return f"{text} Nothing that was tried is ten times better."
     if better is best:
-        return f"{text} It is ten times better than that."
+        return f"{text} It even is ten times better."
     ratio, chosen = better.time_per_ms / best.time_per_ms, better.contender
     return f"{text} Ten times better takes {ratio:.2g} times as long ({chosen.solver} at {chosen.tolerance:g})."
 
@@ -147,7 +148,12 @@ def _cells(measurement: Measurement) -> list[str]:
     found = (errors.trajectory, errors.beyond, errors.largest_feature, errors.energy)
     evaluations = measurement.evaluations_per_ms
     counted = "-" if math.isnan(evaluations) else f"{evaluations:.0f}"
-    return [f"{measurement.time_per_ms:.2g}", counted, *("-" if e is None else f"{e:.0e}" for e in found)]
+    time = measurement.time_per_ms
+    return [
+        f"{time:.2g}" if time < MANY else f"{time:.0f}",
+        counted,
+        *("-" if e is None else f"{e:.0e}" for e in found),
+    ]
 
 
 def _known(value: float) -> float | None:

@@ -100,9 +100,25 @@ def _draw_lines(
             color=style.COLOUR[COLOUR[name]],
             label=name if known else f"{name} ({_why(line)})",
         )
-        for x, y, m in known if labelled else ():
-            place = {"xytext": (3, 3), "textcoords": "offset points", "fontsize": style.SMALL_SIZE}
-            axes.annotate(f"{m.contender.setting:g}", (x, y), **place)
+        if labelled:
+            _label_settings(axes, known)
+
+
+def _label_settings(axes: Axes, points: Sequence[tuple[float, float, Measurement]]) -> None:
+    """Write each setting beside its point: on the left where the line comes from the right."""
+    before = 0.0
+    for x, y, measurement in points:
+        left = x < before
+        axes.annotate(
+            f"{measurement.contender.setting:g}",
+            (x, y),
+            (-4, -4) if left else (4, 3),
+            textcoords="offset points",
+            ha="right" if left else "left",
+            va="top" if left else "bottom",
+            fontsize=style.SMALL_SIZE,
+        )
+        before = x
 
 
 def _why(line: Sequence[Measurement]) -> str:

@@ -37,8 +37,8 @@ class ArcSurface(eqx.Module):
     ) -> Densities:
         """Sums over nodes that are split at the edges; what is `smooth` elsewhere needs no splits where it has none.
 
-        That makes an evaluation below all edges more than twice as fast. Many motions at once are better run one after the
-        other (`batch.py`): under `jax.vmap` each of them takes all ways.
+        That makes an evaluation below all edges more than twice as fast. Many motions at once are better run one after
+        the other (`batch.py`): under `jax.vmap` each of them takes all ways.
         """
         levels = [level for level in (edges.pressure, edges.slip) if level is not None]
 

@@ -90,7 +90,7 @@ def draw_many(panels: Mapping[str, Sequence[Curve]], count: int, file: Path) -> 
 
 @styled()
 def draw_growth(counts: Mapping[int, float], motions: Mapping[str, float], threads: int, file: Path) -> None:
-    """Time per trajectory over their number, and bars of the plane against space."""
+    """Time per trajectory over their number, and the plane against space."""
     figure = new_figure(TITLE, "time of one trajectory and one simulated millisecond")
     left, right = figure.subplots(1, 2, width_ratios=[1, 1.2])
     left.plot(list(counts), [1e6 * each for each in counts.values()], "o-", color=style.COLOUR["Y"], markersize=3)
@@ -101,13 +101,13 @@ def draw_growth(counts: Mapping[int, float], motions: Mapping[str, float], threa
     frame(left, f"trajectories, in {threads} threads", "µs, in the plane beyond the edges")
     names, values = list(motions), [1e6 * each for each in motions.values()]
     colours = [style.COLOUR["Y"] if name.startswith("3") else style.COLOUR["X"] for name in names]
-    right.barh(range(len(names)), values, height=0.55, color=colours)
+    right.scatter(values, range(len(names)), color=colours)  # no bars: on a log axis their lengths mean nothing
     for row, value in enumerate(values):
         right.annotate(
-            f"{value:,.0f}", (value, row), (3, 0), textcoords="offset points", va="center", fontsize=style.SMALL_SIZE
+            f"{value:,.0f}", (value, row), (6, 0), textcoords="offset points", va="center", fontsize=style.SMALL_SIZE
         )
     right.set_yticks(range(len(names)), [name.replace(", ", ",\n") for name in names])
-    right.invert_yaxis()
+    right.set_ylim(len(names) - 0.5, -0.5)
     right.set_xscale("log")
     right.set_xlim(0.5 * min(values), 6 * max(values))
     frame(right, "µs, one thread", None)
