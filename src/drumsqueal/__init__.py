@@ -8,6 +8,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from drumsqueal.batch import integrate_many
     from drumsqueal.comparison import Comparison, compare
     from drumsqueal.effects.custom_friction import TabulatedLaw
     from drumsqueal.effects.friction_law import FrictionLaw
@@ -16,9 +17,11 @@ if TYPE_CHECKING:
     from drumsqueal.modes import Mode, Stability, analyse_stability, growth_rate
     from drumsqueal.scene import Scene, load_scene, scene_from_dict
     from drumsqueal.simulation import Result, run
+    from drumsqueal.studies.accuracy import AccuracyStudy, study_accuracy
     from drumsqueal.studies.effects import EffectStudy, study_effects
 
 _HOMES = {
+    "batch": ("integrate_many",),
     "comparison": ("Comparison", "compare"),
     "effects.custom_friction": ("TabulatedLaw",),
     "effects.friction_law": ("FrictionLaw",),
@@ -27,11 +30,13 @@ _HOMES = {
     "modes": ("Mode", "Stability", "analyse_stability", "growth_rate"),
     "scene": ("Scene", "load_scene", "scene_from_dict"),
     "simulation": ("Result", "run"),
+    "studies.accuracy": ("AccuracyStudy", "study_accuracy"),
     "studies.effects": ("EffectStudy", "study_effects"),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
 
 __all__ = [
+    "AccuracyStudy",
     "Comparison",
     "EffectStudy",
     "FrictionLaw",
@@ -48,9 +53,11 @@ __all__ = [
     "build_model",
     "compare",
     "growth_rate",
+    "integrate_many",
     "load_scene",
     "run",
     "scene_from_dict",
+    "study_accuracy",
     "study_effects",
 ]
 
