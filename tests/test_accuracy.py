@@ -24,7 +24,7 @@ from drumsqueal.simulation import prepare, transient
 from drumsqueal.studies import contenders
 from drumsqueal.studies.accuracy import AccuracyStudy, study_accuracy
 from drumsqueal.studies.features import feature_errors
-from drumsqueal.studies.reference import find_reference, trajectory_error
+from drumsqueal.studies.reference import find_reference, sizes_of, trajectory_error
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"
 REFERENCE = Path(__file__).parent / "reference"
@@ -104,10 +104,12 @@ def test_the_reference_is_that_of_an_independent_code(nominal):
     upto = wanted[:, 0] <= 0.002 + 1e-9
     model, start = build_model(nominal), wanted[0, 1:]
     found = find_reference(model, np.zeros(3), start[:3], start[3:], wanted[upto, 0])
-    assert trajectory_error(found.states, wanted[upto, 1:]) < 1e-8
+    sizes = np.abs(wanted[upto, 1:]).max(axis=0)
+    assert trajectory_error(found.states, wanted[upto, 1:], sizes) < 1e-8
     assert 0 < found.uncertainty(0.002) < 1e-8
     assert 0 < found.confirmed(0.002) < 1e-6
-    assert trajectory_error(found.other, wanted[upto, 1:]) < 1e-8
+    assert trajectory_error(found.other, wanted[upto, 1:], sizes) < 1e-8
+    np.testing.assert_allclose(found.sizes, sizes, rtol=1e-7)
 
 
 # --- tolerance keeps its word ----------------------------------------------------------------------------------------
@@ -136,7 +138,8 @@ def test_what_is_got_is_what_tolerance_asks_for(name, solver):
     at_rest = np.concatenate([rest if n == 6 else rest[[0, 1, 5]], np.zeros(n)])
     for tolerance in (1e-3, 1e-5, 1e-7, 1e-9):
         values = {"simulate.tolerance": tolerance, "simulate.solver": solver}
-        got = trajectory_error(states_of(scene.with_values(values))[1] - at_rest, wanted - at_rest)
+        departure = states_of(scene.with_values(values))[1] - at_rest
+        got = trajectory_error(departure, wanted - at_rest, sizes_of(wanted - at_rest, prepare(scene).model))
         assert got < 10 * tolerance
         assert got > tolerance / 50  # nor is time wasted on more
 
@@ -207,9 +210,34 @@ def test_the_table_has_every_run_with_versions_and_machine(study):
     assert {row["evaluations"] for row in rows if row["line"] == "kvaerno5"} == {""}
 
 
+def test_the_growth_rate_of_a_neutral_mode_is_measured_against_the_record():
+    errors = feature_errors({"growth_rate X": 1e-9}, {"growth_rate X": 3e-5}, duration=0.1)
+    assert errors.growth_rate == pytest.approx(3e-6, rel=1e-3)
+
+
+def test_what_only_round_off_moves_is_not_measured_against_itself(nominal):
+    # Without friction nothing but round-off moves X when Y is started.
+    scene = nominal.with_values({"friction": None, "simulate.duration": 0.002})
+    model, (_, states) = prepare(scene).model, states_of(scene)
+    sizes = sizes_of(states, model)
+    assert np.abs(states[:, 0]).max() < 1e-12 * np.abs(states[:, 1]).max()
+    assert sizes[0] > 1e-7 * sizes[1]
+    np.testing.assert_array_equal(sizes[[1, 4]], np.abs(states).max(axis=0)[[1, 4]])
+
+
+def test_a_scene_at_rest_is_refused_and_nothing_written(drumsqueal, tmp_path):
+    out = tmp_path / "out"
+    settings = ["--set", "start.displacement={}"]
+    status, _, error = drumsqueal("accuracy", str(SCENARIOS / "nominal.toml"), "-o", str(out), *settings)
+    assert status == 2
+    assert "nothing moves" in error
+    assert error.count("\n") == 1
+    assert not out.exists()
+
+
 def test_a_lost_feature_is_infinitely_wrong():
     best = {"growth_rate Y": 76.0, "onset_frequency Y": 1424.0, "main_frequency": 1076.0}
-    errors = feature_errors(best, {"growth_rate Y": 76.076, "main_frequency": 1076.0})
+    errors = feature_errors(best, {"growth_rate Y": 76.076, "main_frequency": 1076.0}, 0.4)
     assert errors.growth_rate == pytest.approx(1e-3)
     assert errors.onset_frequency == np.inf
     assert (errors.main_frequency, errors.amplitude) == (0.0, None)

@@ -46,7 +46,7 @@ def remarks(study: AccuracyStudy) -> list[str]:
     reached = min(end, float(reference.time[-1]))
     found = [
         "Time and evaluations for a simulated millisecond: median, compilation apart. Relative errors: of the "
-        f"trajectory, the largest of any state over its largest value, until {reached * 1e3:.4g} ms, the growth phase, "
+        f"trajectory, the largest of any state over its largest value, until {reached * 1e3:.4g} ms, {_phase(study)}, "
         f"and until {reference.time[-1] * 1e3:.4g} ms; of the features (growth rates, onset frequencies, amplitude and "
         "frequency at the end) the largest, against the tightest run's; of the energy balance over the kinetic energy.",
         "The reference is SciPy's DOP853 at 1e-13 on tanh-sinh quadrature. At 1e-12 on Clenshaw-Curtis quadrature it "
@@ -64,13 +64,27 @@ def remarks(study: AccuracyStudy) -> list[str]:
     return [*found, *_without_repeats(failed)]
 
 
+def _phase(study: AccuracyStudy) -> str:
+    """Which part of the motion the first error of a trajectory is of."""
+    end = float(study.reference.time[-1])
+    return "the growth phase" if end >= study.growth_end else "as far as the reference got in its time"
+
+
 def verdict(study: AccuracyStudy) -> str:
     """The cheapest choice that meets the target, and what ten times better would cost, in a sentence."""
     best = study.cheapest
+    floor = study.reference.uncertainty(study.growth_end)
     if best is None:
-        return f"Nothing that was tried meets {study.target:.0e} in all of trajectory, features and energy."
+        limit = f" The reference itself is good to {floor:.0e}." if floor > study.target else ""
+        return f"Nothing that was tried meets {study.target:.0e} in all of trajectory, features and energy.{limit}"
+    judged = "trajectory and energy (so short a record has no features)"
+    if best.errors is not None and best.errors.largest_feature is not None:
+        judged = "trajectory, features and energy"
+        scatter = max((each or 0.0 for each in study.scatter), default=0.0)
+        if 2 * scatter > study.target:
+            judged += f" (of features, as far as their scatter of {scatter:.0e} lets it be told)"
     text = (
-        f"Within {study.target:.0e} in trajectory, features and energy, the cheapest is {best.contender.solver} at "
+        f"Within {study.target:.0e} in {judged}, the cheapest is {best.contender.solver} at "
         f"tolerance {best.contender.tolerance:g}: {1e3 * best.time_per_ms * study.scene.simulate.duration:.3g} ms for "
         f"{study.scene.simulate.duration:g} s."
     )
@@ -124,7 +138,7 @@ def _row(measurement: Measurement) -> dict[str, Any]:
         "simulated_ms": _known(measurement.simulated * 1e3),
         "time_per_simulated_ms": _known(measurement.time_per_ms),
         "seconds": " ".join(f"{each:.6g}" for each in measurement.seconds),
-        "compile_seconds": _known(measurement.compile_seconds),
+        "first_call_extra_seconds": _known(measurement.compile_seconds),
         "evaluations": _known(measurement.evaluations),
     }
     if errors is not None:

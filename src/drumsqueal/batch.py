@@ -17,6 +17,7 @@ from jax.typing import ArrayLike
 
 from drumsqueal.integrate import (
     CHUNK_SAMPLES,
+    STEP_BUDGET,
     Span,
     State,
     advance_scaled,
@@ -26,7 +27,7 @@ from drumsqueal.integrate import (
 )
 from drumsqueal.kernel import compiled, one_kernel
 from drumsqueal.model import Model
-from drumsqueal.runge_kutta import DEFAULT, STAGES
+from drumsqueal.runge_kutta import DEFAULT, STAGES, is_explicit
 
 
 class Batch(NamedTuple):
@@ -65,9 +66,14 @@ def integrate_many(
 ) -> Generator[Batch]:
     """Integrate m models of one composition from departures (m, n) from their steady states (m, n), chunk by chunk.
 
-    The method is one of the explicit ones; there is a thread for each processor unless told otherwise. A transient that
-    fails does not stop the others. Raises ValueError where the models are not of one composition.
+    There is a thread for each processor unless told otherwise. A transient that
+    fails does not stop the others. Raises ValueError where there are no
+    models, where they are not of one composition, and for an implicit method.
     """
+    if not models:
+        raise ValueError("there are no models to integrate")
+    if not is_explicit(solver):
+        raise ValueError(f"many transients take an explicit method, one of {', '.join(STAGES)}; got {solver}")
     if len({jax.tree.structure(model) for model in models}) != 1:
         raise ValueError("the models must be of one composition: the same coordinates and effects, with other numbers")
     samples = round(duration * sample_rate)
@@ -107,8 +113,11 @@ def _advance(share: _Share, span: Span, tolerance: ArrayLike, solver: str) -> tu
 def _one_after_the_other(share: _Share, scale: Array, span: Span, local: Array, solver: str) -> tuple:
     def one(item: tuple[_Share, Array]) -> tuple[State, Array, State, Array, Array]:
         each, scale = item
-        segment = advance_scaled(each.models, each.steady, each.states, span, local, each.steps, scale, solver)
-        return segment.final, segment.step, segment.states, segment.steps, segment.reached
+        sound = jnp.isfinite(each.states.flat()).all()
+        budget = jnp.where(sound, STEP_BUDGET, 0)  # what has failed is not tried again
+        segment = advance_scaled(each.models, each.steady, each.states, span, local, each.steps, scale, solver, budget)
+        final = jax.tree.map(lambda x: jnp.where(segment.reached, x, jnp.nan), segment.final)
+        return final, segment.step, segment.states, segment.steps, segment.reached
 
     return jax.lax.map(one, (share, scale))
 

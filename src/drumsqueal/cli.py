@@ -159,8 +159,10 @@ def accuracy_command(
     stop_if_interrupted()
     from drumsqueal.accuracy_job import study_into
     from drumsqueal.simulation import check_sample_rate, prepare
+    from drumsqueal.studies.accuracy import check_motion
 
     stop_if_interrupted()
+    check_motion(loaded)
     check_sample_rate(prepare(loaded))
     claim_output(folder, ACCURACY_FILES)
     study_into(folder, loaded, wanted, _console())

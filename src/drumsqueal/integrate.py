@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from jax.errors import JaxRuntimeError
 from jax.typing import ArrayLike
 
 from drumsqueal.effects.contact import Observation
@@ -115,12 +116,20 @@ def integrate(
     steady = real(steady)
     state = State(real(displacement), real(velocity), jnp.zeros(()))
     first_energy = sum(float(e) for e in _energy(model, steady, state))
-    step = first_step(model)
+    step, in_kernel = first_step(model), True
     for first in range(0, samples, CHUNK_SAMPLES):
         count = min(CHUNK_SAMPLES, samples - first)
         # NumPy's numbers go into a compiled call at a tenth of what it takes to make arrays of them.
         span = Span(np.float64(first / sample_rate), np.float64(1 / sample_rate), np.int64(count))
-        segment = advance(model, steady, state, span, np.float64(tolerance), step, solver)
+        arguments = (model, steady, state, span, np.float64(tolerance), step, solver)
+        try:
+            segment = advance(*arguments, in_kernel)
+        except JaxRuntimeError:
+            # A law of the user's own may call what no kernel can: a matrix product, a sort, a solver of equations.
+            if not in_kernel:
+                raise
+            in_kernel = False
+            segment = advance(*arguments, in_kernel)
         chunk = _to_chunk(segment, first_energy, sample_rate, first, count, np.asarray(steady), solver)
         good = np.isfinite(chunk.displacement).all(axis=1) & np.isfinite(chunk.velocity).all(axis=1)
         kept = count + 1 if good.all() else int(np.argmin(good))
@@ -134,14 +143,22 @@ def integrate(
 
 @compiled
 def advance(
-    model: Model, steady: Array, state: State, span: Span, tolerance: ArrayLike, step: Array, solver: str = DEFAULT
+    model: Model,
+    steady: Array,
+    state: State,
+    span: Span,
+    tolerance: ArrayLike,
+    step: Array,
+    solver: str = DEFAULT,
+    in_kernel: bool = True,
 ) -> Segment:
     """One chunk; samples past the span's last repeat it, to keep the shapes. `step` (s) is the first to be tried."""
     local = local_tolerance(tolerance, solver)
     scale = resolution(model, state, span, local)
-    arguments = (model, steady, state, span, local, step, scale, solver)
+    arguments = (model, steady, state, span, local, step, scale, solver, jnp.asarray(STEP_BUDGET))
     # What is implicit solves equations with a library, which a kernel cannot call.
-    return one_kernel(advance_scaled, *arguments) if is_explicit(solver) else advance_scaled(*arguments)
+    in_kernel = in_kernel and is_explicit(solver)
+    return one_kernel(advance_scaled, *arguments) if in_kernel else advance_scaled(*arguments)
 
 
 def local_tolerance(tolerance: ArrayLike, solver: str) -> Array:
@@ -155,9 +172,17 @@ def resolution(model: Model, state: State, span: Span, local: Array) -> Array:
 
 
 def advance_scaled(
-    model: Model, steady: Array, state: State, span: Span, local: Array, step: Array, scale: Array, solver: str
+    model: Model,
+    steady: Array,
+    state: State,
+    span: Span,
+    local: Array,
+    step: Array,
+    scale: Array,
+    solver: str,
+    budget: Array,
 ) -> Segment:
-    """One chunk, with errors measured against `scale` (2n + 1,)."""
+    """One chunk, with errors measured against `scale` (2n + 1,), in `budget` steps at most."""
     inverse = 1 / scale
     # Time is counted from the start of the chunk: a step is then known to more digits.
     time = jnp.minimum(jnp.arange(CHUNK_SAMPLES + 1), span.samples) * jnp.asarray(span.interval)
@@ -168,14 +193,14 @@ def advance_scaled(
         return State(now.velocity, force / model.mass, power).flat() * inverse
 
     stepped = step_through(
-        make_solver(solver, local),
+        make_solver(solver, local, _largest),
         vector_field,
         time,
         state._replace(work=jnp.zeros(())).flat() * inverse,
         step,
         tolerance=local,
         norm=_largest,
-        budget=STEP_BUDGET,
+        budget=budget,
     )
     return _observed(model, steady, state.work, jnp.asarray(span.start) + time, scale, stepped)
 

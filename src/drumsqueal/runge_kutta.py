@@ -99,8 +99,8 @@ def is_explicit(name: str) -> bool:
     return name in _EXPLICIT
 
 
-def make_solver(name: str, tolerance: Array) -> diffrax.AbstractAdaptiveSolver:
-    """The method of that name; an implicit one solves its equations to the tolerance of a step."""
+def make_solver(name: str, tolerance: Array, norm: Callable[[Array], Array]) -> diffrax.AbstractAdaptiveSolver:
+    """The method of that name; an implicit one solves its equations to the tolerance of a step, in the same norm."""
     if is_explicit(name):
         return Explicit(_EXPLICIT[name])
-    return diffrax.Kvaerno5(root_finder=diffrax.VeryChord(rtol=tolerance, atol=tolerance))  # pyright: ignore
+    return diffrax.Kvaerno5(root_finder=diffrax.VeryChord(rtol=tolerance, atol=tolerance, norm=norm))  # pyright: ignore

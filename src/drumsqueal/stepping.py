@@ -53,7 +53,7 @@ def step_through(
     *,
     tolerance: Array,
     norm: Norm,
-    budget: int,
+    budget: Array,
 ) -> Stepped:
     """Integrate ẏ = f(t, y) from a start (n,) at times[0] and sample it at the times (k,), which do not decrease.
 

@@ -34,6 +34,8 @@ def draw_work(study: AccuracyStudy, *, against: Literal["time", "evaluations"]) 
     for axes, (title, error) in zip(panels, kinds.items(), strict=True):
         _draw_lines(axes, study, STEPPING, cost, error)
         axes.set_title(title)
+        if not any(error(m) for m in study.measurements):
+            _say(axes, "none in so short a record")
         _draw_target(axes, study)
         frame(axes, label, "relative error" if axes is panels[0] else None)
     floor = study.reference.uncertainty(study.growth_end)
@@ -63,7 +65,10 @@ def draw_causes(study: AccuracyStudy) -> Figure:
     smoothing.set_title(_title("width", study, SMOOTHING))
     frame(smoothing, "width of the smoothing over RΩ", None)
     for axes in (asked, quadrature, smoothing):
-        axes.legend(loc="best")
+        if axes.get_legend_handles_labels()[0]:
+            axes.legend(loc="best")
+        else:
+            _say(axes, "this scene has no friction")
     return figure
 
 
@@ -125,6 +130,11 @@ def _why(line: Sequence[Measurement]) -> str:
     if all(m.errors is None for m in line):
         return "no run got through"
     return "not counted"
+
+
+def _say(axes: Axes, why: str) -> None:
+    """Tell why a panel is empty."""
+    axes.text(0.5, 0.6, why, transform=axes.transAxes, ha="center", fontsize=style.SMALL_SIZE)
 
 
 def _draw_target(axes: Axes, study: AccuracyStudy) -> None:

@@ -12,22 +12,24 @@ from typing import NamedTuple
 
 import numpy as np
 
+from drumsqueal.composition import moved_coordinates
 from drumsqueal.errors import IntegrationError
 from drumsqueal.history import COMPLETE
 from drumsqueal.integrate import Chunk
 from drumsqueal.interrupts import noted_interrupts, stop_if_interrupted
-from drumsqueal.scene import Scene
+from drumsqueal.scene import Profile, Scene, SceneError
 from drumsqueal.simulation import Prepared, check_sample_rate, finish, prepare, transient
 from drumsqueal.studies.contenders import Contender, contenders_of
 from drumsqueal.studies.features import NONE, Features, feature_errors, features_of
-from drumsqueal.studies.reference import Reference, find_reference, trajectory_error
+from drumsqueal.studies.reference import UNMOVED, Reference, find_reference, sizes_of, trajectory_error
 
 TARGET = 1e-4
-TIGHTEST, TIGHTER = 1e-12, 1e-11  # tolerances of the runs that features are compared with
+TIGHTEST, LOOSER = 1e-12, 1e-11  # tolerances of the runs that features are compared with
 NUDGE = 1e-9  # relative change of the start of the nearby trajectory
 SEPARATED = 100.0  # growth of a relative difference beyond which pointwise errors tell of the motion, not of the method
 BEYOND = 1.25  # the reference goes on to this multiple of the time of the first edge
-REPEATS, SHORT = 3, 2.0  # a run is timed so often, if it takes less than that many seconds; the median counts
+FEWEST = 16  # samples of the reference at least
+REPEATS, SHORT = 3, 2.0  # a run is timed so often, as long as that takes less than so many seconds; the median counts
 PATIENCE = 10.0  # s; once a run takes longer, the dearer ones of its line are not made
 
 
@@ -77,8 +79,8 @@ class Measurement(NamedTuple):
 class AccuracyStudy(NamedTuple):
     """All measurements, the reference, the ends of the growth phase and of the comparison (s), and what was found.
 
-    `separation` is when nearby trajectories have come apart (None: not within the record), `scatter` what a tenth of
-    the smallest tolerance changes in the features, `cheapest` the fastest choice of method and tolerance that meets the
+    `separation` is when nearby trajectories have come apart (None: not within the record), `scatter` what ten times the
+    tightest tolerance changes in the features, `cheapest` the fastest choice of method and tolerance that meets the
     target, and `ten_times_better` the fastest that meets a tenth of it; None where there is none.
     """
 
@@ -97,16 +99,24 @@ OnMeasurement = Callable[[Measurement], None]
 OnProgress = Callable[[str], None]
 
 
+def check_motion(scene: Scene) -> None:
+    """Raise SceneError for a scene in which nothing moves: there is nothing to measure an error of."""
+    profiles = any(isinstance(value, Profile) for value in (scene.drum.speed, scene.contact.normal_load))
+    if not moved_coordinates(scene) and not profiles:
+        raise SceneError("nothing moves; give a start, such as displacement = { Y = 1e-7 }, or a force", ("start",))
+
+
 class _Bench:
     """What all contenders are measured against."""
 
     def __init__(self, scene: Scene, on_progress: OnProgress) -> None:
         self.prepared = prepare(scene)
         check_sample_rate(self.prepared)
+        check_motion(scene)
         on_progress("the tightest runs")
         chunks, best = self._features(TIGHTEST)
         self.best = best
-        self.scatter = feature_errors(best, self._features(TIGHTER)[1])
+        self.scatter = feature_errors(best, self._features(LOOSER)[1], self.prepared.scene.simulate.duration)
         self.time, states = _states(chunks)
         self.steady = self._steady_state()
         departure = states - np.concatenate([self.steady, np.zeros_like(self.steady)])
@@ -116,6 +126,7 @@ class _Bench:
         on_progress("a nearby trajectory")
         self.separation = self._separation(departure)
         last = min(BEYOND * self.growth_end, end, math.inf if self.separation is None else self.separation)
+        last = max(last, float(self.time[min(FEWEST, len(self.time) - 1)]))
         on_progress("the reference")
         n = len(self.steady)
         self.reference = find_reference(
@@ -135,7 +146,7 @@ class _Bench:
             compiling = time.perf_counter() - before
             before = time.perf_counter()
             _first_chunk(prepared)
-            compiling -= time.perf_counter() - before
+            compiling = max(0.0, compiling - (time.perf_counter() - before))
             while len(seconds) < (REPEATS if sum(seconds) < SHORT else 1):
                 before = time.perf_counter()
                 chunks = _run(prepared)
@@ -159,15 +170,15 @@ class _Bench:
         states = states[: len(reference.time)]
         beyond = None
         if not growing.all():
-            beyond = trajectory_error(states, reference.states)
+            beyond = trajectory_error(states, reference.states, reference.sizes)
         energy = max(np.abs(chunk.energy_balance_error).max() for chunk in chunks)
         kinetic = max(chunk.kinetic_energy.max() for chunk in chunks)
         features = NONE
         if whole:
             found = features_of(finish(prepared, chunks, COMPLETE), self.prepared.linear)
-            features = feature_errors(self.best, found)
+            features = feature_errors(self.best, found, float(self.time[-1]))
         return Errors(
-            trajectory_error(states[growing], reference.states[growing]),
+            trajectory_error(states[growing], reference.states[growing], reference.sizes),
             beyond,
             features,
             float(energy / kinetic) if kinetic > 0 else 0.0,
@@ -185,7 +196,7 @@ class _Bench:
 
     def _separation(self, departure: np.ndarray) -> float | None:
         """When a trajectory from a start that is off by a share of 1e-9 is off by a hundred times as much."""
-        scene = self.prepared.scene
+        scene, model = self.prepared.scene, self.prepared.model
         start = {
             f"start.{kind}": {name: value * (1 + NUDGE * k) for k, (name, value) in enumerate(table.items(), start=1)}
             for kind, table in (("displacement", scene.start.displacement), ("velocity", scene.start.velocity))
@@ -193,9 +204,10 @@ class _Bench:
         nudged = scene.with_values({**start, "simulate.tolerance": TIGHTEST, "simulate.solver": "dopri8"})
         nearby = _states(_run(self.prepared._replace(scene=nudged)))[1]
         apart = np.abs(nearby - np.concatenate([self.steady, np.zeros_like(self.steady)]) - departure)
-        largest = np.maximum.accumulate(np.abs(departure), axis=0)
-        share = np.divide(apart, largest, out=np.zeros_like(apart), where=largest > 0).max(axis=1)
-        beyond = np.flatnonzero(share > SEPARATED * NUDGE * max(1, len(scene.start.displacement)))
+        largest = np.maximum(np.maximum.accumulate(np.abs(departure), axis=0), UNMOVED * sizes_of(departure, model))
+        share = (apart / largest).max(axis=1)
+        most = max(1, len(scene.start.displacement), len(scene.start.velocity))
+        beyond = np.flatnonzero(share > SEPARATED * NUDGE * most)
         return float(self.time[beyond[0]]) if beyond.size else None
 
 
@@ -246,15 +258,15 @@ _TOO_SLOW = f"not made: the run before it took more than {PATIENCE:g} s"
 
 
 def meets(found: Measurement, target: float, floor: float, scatter: Features) -> bool:
-    """Whether a choice of method and tolerance meets the target, as far as the reference and the scatter tell."""
+    """Whether a choice of method and tolerance meets the target, features as far as their scatter lets it be told."""
     errors = found.errors
     if not found.contender.whole or errors is None or errors.trajectory is None:
         return False
     features = all(
-        error is None or abs(error) <= max(target, 2 * abs(least or 0.0))
+        error is None or error <= max(target, 2 * (least or 0.0)) < math.inf
         for error, least in zip(errors.features, scatter, strict=True)
     )
-    return features and errors.trajectory <= max(target, floor) and errors.energy <= target
+    return features and max(errors.trajectory, floor, errors.energy) <= target
 
 
 def _run(prepared: Prepared) -> list[Chunk]:

@@ -11,7 +11,7 @@ from drumsqueal.studies.answers import answer_of
 class Features(NamedTuple):
     """Relative errors, each the largest over the modes, or over the coordinates that carry the motion at the end.
 
-    None where neither run has the quantity, infinite where one of them lacks it.
+    None where the tightest run lacks the quantity, infinite where only the other does.
     """
 
     growth_rate: float | None
@@ -20,6 +20,7 @@ class Features(NamedTuple):
     main_frequency: float | None
 
 
+SMALLEST = 1e-300  # keeps zero off the denominator
 NONE = Features(None, None, None, None)
 
 
@@ -38,11 +39,16 @@ def features_of(result: Result, model: Model) -> dict[str, float]:
     return found
 
 
-def feature_errors(best: dict[str, float], found: dict[str, float]) -> Features:
-    """Errors of features against the best ones."""
+def feature_errors(best: dict[str, float], found: dict[str, float], duration: float) -> Features:
+    """Errors of features against the best ones, of a record of that duration (s).
+
+    A growth rate is measured against itself or, where that is more, against one e-fold over the record: the rate of a
+    mode that neither grows nor decays has no relative error.
+    """
     errors: dict[str, list[float]] = {}
     for name, value in best.items():
         there = found.get(name)
-        error = math.inf if there is None else abs(there - value) / abs(value) if value else abs(there)
+        least = 1 / duration if name.startswith("growth_rate") else SMALLEST
+        error = math.inf if there is None else abs(there - value) / max(abs(value), least)
         errors.setdefault(name.split()[0], []).append(error)
     return Features(*(max(errors[field], default=None) if field in errors else None for field in Features._fields))
