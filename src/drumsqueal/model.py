@@ -73,7 +73,7 @@ class Model(eqx.Module):
     @property
     def middle_contact(self) -> Contact:
         """The contact as motion in the plane has it: the same on every line across, so that one line serves."""
-        return dataclasses.replace(self.contact, surface=ArcSurface(NODES_LONG_ARC))
+        return dataclasses.replace(self.contact, surface=ArcSurface(NODES_LONG_ARC, compact=True))
 
     def undisturbed(self) -> "Model":
         """The same model without its harmonic force: what steady sliding is the equilibrium of."""

@@ -23,9 +23,14 @@ LONG_ARC = 2.27  # rad; 130° and a little
 
 
 class ArcSurface(eqx.Module):
-    """The lining as a line of width b: what in-plane motion needs."""
+    """The lining as a line of width b: what in-plane motion needs.
+
+    What is evaluated a few times only is `compact`: always split, all pieces in one expression. It takes twice as long
+    to run and a fraction of the time to compile, the more so with derivatives.
+    """
 
     nodes_per_piece: int = eqx.field(static=True, default=NODES)
+    compact: bool = eqx.field(static=True, default=False)
 
     @property
     def spatial(self) -> bool:
@@ -43,9 +48,12 @@ class ArcSurface(eqx.Module):
         levels = [level for level in (edges.pressure, edges.slip) if level is not None]
 
         def over(kept: Sequence[Level]) -> Densities:
-            return sum_together([densities(nodes) for nodes in self._pieces(shoe, kept)])
+            pieces = self._pieces(shoe, kept)
+            if self.compact:
+                pieces = [jax.tree.map(lambda *piece: jnp.stack(piece), *pieces)]
+            return sum_together([densities(nodes) for nodes in pieces])
 
-        if not (smooth and levels):
+        if self.compact or not (smooth and levels):
             return over(levels)
         ways = [[level for i, level in enumerate(levels) if way >> i & 1] for way in range(2 ** len(levels))]
         way = sum(jnp.where(crosses_zero(level), 1 << i, 0) for i, level in enumerate(levels))
