@@ -5,7 +5,6 @@ from pathlib import Path
 from rich.console import Console
 
 from drumsqueal.accuracy_table import print_study, simulate_block, to_csv, verdict
-from drumsqueal.errors import IntegrationError
 from drumsqueal.figures import save_figures
 from drumsqueal.figures.accuracy import draw_causes, draw_work
 from drumsqueal.interrupts import stop_if_interrupted
@@ -13,6 +12,7 @@ from drumsqueal.output_folder import ACCURACY_TABLE, BLOCK, CAUSES, EVALUATIONS,
 from drumsqueal.quantities import printable
 from drumsqueal.scene import Scene
 from drumsqueal.studies.accuracy import AccuracyStudy, Measurement, study_accuracy
+from drumsqueal.study_job import told_what_is_kept
 
 
 def study_into(folder: Path, scene: Scene, target: float, console: Console) -> None:
@@ -20,7 +20,7 @@ def study_into(folder: Path, scene: Scene, target: float, console: Console) -> N
 
     Raises IntegrationError for a study that failed or was interrupted; the runs made until then are in the table.
     """
-    try:
+    with told_what_is_kept(folder / ACCURACY_TABLE):
         study = _study(folder, scene, target, console)
         write_whole(folder / BLOCK, f"# {printable(verdict(study))}\n{simulate_block(study)}".encode())
         stop_if_interrupted()
@@ -31,13 +31,6 @@ def study_into(folder: Path, scene: Scene, target: float, console: Console) -> N
         }
         save_figures(figures, folder)
         stop_if_interrupted()
-    except KeyboardInterrupt:
-        raise IntegrationError(f"interrupted by the user; {_kept(folder)}") from None
-    except IntegrationError as error:
-        raise IntegrationError(f"{error}; {_kept(folder)}") from None
-    except OSError as error:
-        cause = f"failed: the disk does not take the results ({error.strerror or error})"
-        raise IntegrationError(f"{cause}; {_kept(folder)}") from None
     print_study(console, study)
     console.print(printable(f"Table, figures and these settings are in {folder}"), soft_wrap=True)
 
@@ -51,8 +44,3 @@ def _study(folder: Path, scene: Scene, target: float, console: Console) -> Accur
             write_whole(folder / ACCURACY_TABLE, to_csv(made).encode())
 
         return study_accuracy(scene, target, on_measurement=keep, on_progress=lambda name: status.update(name))
-
-
-def _kept(folder: Path) -> str:
-    table = folder / ACCURACY_TABLE
-    return f"the runs made until then are in {table}" if table.exists() else "nothing was kept"

@@ -1,7 +1,5 @@
 """A study of accuracy as text: a table on the terminal, the raw figures as CSV, a sentence and a `[simulate]` block."""
 
-import csv
-import io
 import math
 import os
 import platform
@@ -17,6 +15,7 @@ from rich.table import Table
 
 from drumsqueal.history import versions
 from drumsqueal.studies.accuracy import AccuracyStudy, Measurement
+from drumsqueal.study_job import rows_to_csv
 
 HEADINGS = ("time\nms/ms", "eval.\nper ms", "growth\nphase", "with\nedges", "features", "energy")
 MANY = 99.5  # ms, from which on a time is told without an exponent
@@ -118,12 +117,7 @@ def to_csv(measurements: Sequence[Measurement]) -> str:
     """One row a run, with every repeat's time, and the versions and the machine beside it."""
     machine = {"machine": platform.machine(), "processor": _processor(), "cores": os.cpu_count(), **versions()}
     rows = [_row(measurement) | machine for measurement in measurements]
-    columns = dict.fromkeys(column for row in rows for column in row)
-    text = io.StringIO()
-    writer = csv.DictWriter(text, columns, lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    return text.getvalue()
+    return rows_to_csv(rows)
 
 
 def _row(measurement: Measurement) -> dict[str, Any]:

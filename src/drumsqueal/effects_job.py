@@ -5,7 +5,6 @@ from pathlib import Path
 from rich.console import Console
 
 from drumsqueal.effects_table import print_study, to_csv
-from drumsqueal.errors import IntegrationError
 from drumsqueal.figures import save_figures
 from drumsqueal.figures.effects import draw_effects
 from drumsqueal.interrupts import stop_if_interrupted
@@ -16,6 +15,7 @@ from drumsqueal.scene import Scene
 from drumsqueal.studies.effects import EffectStudy, reservations, study_effects, verdict
 from drumsqueal.studies.reductions import reductions_of
 from drumsqueal.studies.variants import Variant
+from drumsqueal.study_job import told_what_is_kept
 
 
 def study_into(folder: Path, scene: Scene, within: float, console: Console) -> None:
@@ -24,20 +24,13 @@ def study_into(folder: Path, scene: Scene, within: float, console: Console) -> N
     Raises IntegrationError for a study that failed or was interrupted; the runs made until then are in the table.
     """
     ran: list[Variant] = []
-    try:
+    with told_what_is_kept(folder / EFFECTS_TABLE):
         study = _study(folder, scene, within, console, ran)
         write_whole(folder / EFFECTS_TABLE, to_csv(study.variants, study).encode())
         write_whole(folder / REDUCED_SCENE, reduced_scene(study).encode())
         stop_if_interrupted()
         save_figures({EFFECTS: draw_effects(study)}, folder)
         stop_if_interrupted()
-    except KeyboardInterrupt:
-        raise IntegrationError(f"interrupted by the user; {_kept(folder)}") from None
-    except IntegrationError as error:
-        raise IntegrationError(f"{error}; {_kept(folder)}") from None
-    except OSError as error:
-        cause = f"failed: the disk does not take the results ({error.strerror or error})"
-        raise IntegrationError(f"{cause}; {_kept(folder)}") from None
     print_study(console, study)
     console.print(printable(f"Table, figure and the reduced scene are in {folder}"), soft_wrap=True)
 
@@ -62,8 +55,3 @@ def _study(folder: Path, scene: Scene, within: float, console: Console, ran: lis
             progress.update(task, description=f"{counted}{label}", completed=reached, reached=f"{reached:.4f} s")
 
         return study_effects(scene, within, on_variant=keep, on_progress=show)
-
-
-def _kept(folder: Path) -> str:
-    table = folder / EFFECTS_TABLE
-    return f"the runs made until then are in {table}" if table.exists() else "nothing was kept"

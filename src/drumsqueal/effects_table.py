@@ -1,7 +1,5 @@
 """A study of effects as a table: on the terminal and as CSV."""
 
-import csv
-import io
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -14,6 +12,7 @@ from rich.text import Text
 from drumsqueal.departure import ROTATIONS
 from drumsqueal.studies.effects import ROUND_OFF, EffectStudy, percent, remarks, reservations, verdict
 from drumsqueal.studies.variants import Variant
+from drumsqueal.study_job import rows_to_csv
 
 UNSHOWN = 1e-4  # a relative change below it has no digits on the terminal
 # Of the fields of a change, in their order.
@@ -48,12 +47,7 @@ def to_csv(variants: Sequence[Variant], study: EffectStudy | None = None) -> str
     for row, variant in zip(rows, variants, strict=True):
         if study is not None and len(variant.reductions) == 1:
             row["needed"] = "yes" if study.needs(variant) else "no"
-    columns = dict.fromkeys(column for row in rows for column in row)
-    text = io.StringIO()
-    writer = csv.DictWriter(text, columns, lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    return text.getvalue()
+    return rows_to_csv(rows)
 
 
 def _row(variant: Variant, whole: Variant) -> dict[str, Any]:

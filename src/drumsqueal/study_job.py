@@ -1,0 +1,37 @@
+"""What the studies' jobs share: what is kept where one is cut off, and rows as CSV."""
+
+import csv
+import io
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from drumsqueal.errors import IntegrationError
+
+
+@contextmanager
+def told_what_is_kept(table: Path) -> Iterator[None]:
+    """Turn Ctrl-C, a failure and a full disk into an IntegrationError that says where the runs made until then are."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise IntegrationError(f"interrupted by the user; {_kept(table)}") from None
+    except IntegrationError as error:
+        raise IntegrationError(f"{error}; {_kept(table)}") from None
+    except OSError as error:
+        cause = f"failed: the disk does not take the results ({error.strerror or error})"
+        raise IntegrationError(f"{cause}; {_kept(table)}") from None
+
+
+def rows_to_csv(rows: Sequence[dict[str, Any]]) -> str:
+    """CSV with a column for every key of any row, in the order in which they come."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, dict.fromkeys(column for row in rows for column in row), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()
+
+
+def _kept(table: Path) -> str:
+    return f"the runs made until then are in {table}" if table.exists() else "nothing was kept"
