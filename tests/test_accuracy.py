@@ -109,7 +109,7 @@ def test_the_reference_is_that_of_an_independent_code(nominal):
     assert 0 < found.uncertainty(0.002) < 1e-8
     assert 0 < found.confirmed(0.002) < 1e-6
     assert trajectory_error(found.other, wanted[upto, 1:], sizes) < 1e-8
-    np.testing.assert_allclose(found.sizes, sizes, rtol=1e-7)
+    np.testing.assert_allclose(sizes_of(found.states, model), sizes, rtol=1e-7)
 
 
 # --- tolerance keeps its word ----------------------------------------------------------------------------------------

@@ -21,7 +21,7 @@ from drumsqueal.scene import Profile, Scene, SceneError
 from drumsqueal.simulation import Prepared, check_sample_rate, finish, prepare, transient
 from drumsqueal.studies.contenders import Contender, contenders_of
 from drumsqueal.studies.features import NONE, Features, feature_errors, features_of
-from drumsqueal.studies.reference import UNMOVED, Reference, find_reference, sizes_of, trajectory_error
+from drumsqueal.studies.reference import UNMOVED, Reference, find_reference, sizes_of
 
 TARGET = 1e-4
 TIGHTEST, LOOSER = 1e-12, 1e-11  # tolerances of the runs that features are compared with
@@ -165,12 +165,7 @@ class _Bench:
 
     def _errors(self, prepared: Prepared, chunks: list[Chunk], whole: bool) -> Errors:
         states = _states(chunks)[1] - np.concatenate([self.steady, np.zeros_like(self.steady)])
-        reference = self.reference
-        growing = reference.time <= self.growth_end
-        states = states[: len(reference.time)]
-        beyond = None
-        if not growing.all():
-            beyond = trajectory_error(states, reference.states, reference.sizes)
+        reference, end = self.reference, float(self.reference.time[-1])
         energy = max(np.abs(chunk.energy_balance_error).max() for chunk in chunks)
         kinetic = max(chunk.kinetic_energy.max() for chunk in chunks)
         features = NONE
@@ -178,8 +173,8 @@ class _Bench:
             found = features_of(finish(prepared, chunks, COMPLETE), self.prepared.linear)
             features = feature_errors(self.best, found, float(self.time[-1]))
         return Errors(
-            trajectory_error(states[growing], reference.states[growing], reference.sizes),
-            beyond,
+            reference.error(states, self.growth_end),
+            reference.error(states, end) if end > self.growth_end else None,
             features,
             float(energy / kinetic) if kinetic > 0 else 0.0,
         )

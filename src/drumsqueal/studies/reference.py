@@ -27,25 +27,31 @@ PATIENCE = 40.0  # s of computing for each of the three; a reference that takes 
 class Reference(NamedTuple):
     """States (k, 2n), departure and velocity, at times (k,), and those of the two runs that tell how good they are.
 
-    `other` is from ten times the tolerance and another quadrature, `confirming` from another method on top; `sizes`
-    (2n,) are what their differences are measured against.
+    `other` is from ten times the tolerance and another quadrature, `confirming` from another method on top.
     """
 
     time: np.ndarray
     states: np.ndarray
     other: np.ndarray
     confirming: np.ndarray
-    sizes: np.ndarray
+    model: Model
+
+    def error(self, states: np.ndarray, until: float) -> float:
+        """Largest error of other states (k, 2n) at the same times up to one (s), relative to each state's size so far.
+
+        The states may go on for longer than the reference.
+        """
+        upto = self.time <= until
+        wanted = self.states[upto]
+        return trajectory_error(states[: len(self.time)][upto], wanted, sizes_of(wanted, self.model))
 
     def uncertainty(self, until: float) -> float:
-        """Largest difference to `other` up to a time (s), relative to each state's size."""
-        upto = self.time <= until
-        return trajectory_error(self.other[upto], self.states[upto], self.sizes)
+        """Error of `other` up to a time (s)."""
+        return self.error(self.other, until)
 
     def confirmed(self, until: float) -> float:
-        """Largest difference to `confirming` up to a time (s), relative to each state's size."""
-        upto = self.time <= until
-        return trajectory_error(self.confirming[upto], self.states[upto], self.sizes)
+        """Error of `confirming` up to a time (s)."""
+        return self.error(self.confirming, until)
 
 
 def find_reference(
@@ -65,7 +71,7 @@ def find_reference(
     third = _solve(LSODA, THIRD, other, steady, start / scale, scale, times[: len(second)])
     common = len(third)
     states, other, confirming = (found[:common] * scale for found in (first, second, third))
-    return Reference(times[:common], states, other, confirming, sizes_of(states, model))
+    return Reference(times[:common], states, other, confirming, model)
 
 
 def sizes_of(states: np.ndarray, model: Model) -> np.ndarray:
