@@ -16,6 +16,7 @@ from drumsqueal.studies.contenders import FIXED, QUADRATURE, SMOOTHED, SMOOTHING
 COLOUR = {"tsit5": "X", "dopri5": "Tx", "dopri8": "Y", "kvaerno5": "Tz", SPLIT: "Y", FIXED: "X", SMOOTHED: "Ty"}
 MARKER = {"tsit5": "o", "dopri5": "s", "dopri8": "D", "kvaerno5": "^", SPLIT: "D", FIXED: "o", SMOOTHED: "s"}
 WORD = 10.0  # tolerance keeps its word within this factor
+NEAR = 2.0  # points whose coordinates differ by less than this factor share a label
 Value = Callable[[Measurement], float | None]
 
 
@@ -23,7 +24,7 @@ Value = Callable[[Measurement], float | None]
 def draw_work(study: AccuracyStudy, *, against: Literal["time", "evaluations"]) -> Figure:
     """Draw the three kinds of error of every method and tolerance against what they cost."""
     figure = new_figure(study.scene.title, f"error of methods and tolerances against {against}")
-    panels = figure.subplots(1, 3, sharey=True)
+    panels = figure.subplots(1, 3, sharex=True, sharey=True)
     kinds: dict[str, Value] = {
         "trajectory, growth phase": lambda m: None if m.errors is None else m.errors.trajectory,
         "features, the largest": lambda m: None if m.errors is None else m.errors.largest_feature,
@@ -36,8 +37,10 @@ def draw_work(study: AccuracyStudy, *, against: Literal["time", "evaluations"]) 
         axes.set_title(title)
         if not any(error(m) for m in study.measurements):
             _say(axes, "none in so short a record")
-        _draw_target(axes, study)
+        axes.axhline(study.target, color=style.DARK, linewidth=0.6, linestyle="--")
         frame(axes, label, "relative error" if axes is panels[0] else None)
+    _whole_decades(panels[0])
+    _name_target(panels[1], study.target)
     floor = study.reference.uncertainty(study.growth_end)
     _draw_floor(panels[0], floor)
     handles, labels = panels[0].get_legend_handles_labels()
@@ -58,6 +61,7 @@ def draw_causes(study: AccuracyStudy) -> Figure:
     asked.set_title("tolerance, within a factor of ten")
     frame(asked, "tolerance asked for", "relative error of the trajectory")
     _draw_lines(quadrature, study, QUADRATURE, lambda m: m.time_per_ms, _farthest, labelled=True)
+    _whole_decades(quadrature)
     quadrature.set_title(_title("nodes", study, QUADRATURE))
     frame(quadrature, "ms per simulated ms", None)
     _draw_lines(smoothing, study, SMOOTHING, lambda m: m.contender.setting, _farthest)
@@ -66,7 +70,7 @@ def draw_causes(study: AccuracyStudy) -> Figure:
     frame(smoothing, "width of the smoothing over RΩ", None)
     for axes in (asked, quadrature, smoothing):
         if axes.get_legend_handles_labels()[0]:
-            axes.legend(loc="best")
+            axes.legend(loc="upper right")  # all lines come from the upper left
         else:
             _say(axes, "this scene has no friction")
     return figure
@@ -110,20 +114,20 @@ def _draw_lines(
 
 
 def _label_settings(axes: Axes, points: Sequence[tuple[float, float, Measurement]]) -> None:
-    """Write each setting beside its point: on the left where the line comes from the right."""
-    before = 0.0
-    for x, y, measurement in points:
-        left = x < before
+    """Write each setting beside its point; those that lie on top of each other have one label."""
+    groups: list[list[tuple[float, float, Measurement]]] = []
+    for point in points:
+        near = groups and all(max(a / b, b / a) < NEAR for a, b in zip(point[:2], groups[-1][-1][:2], strict=True))
+        groups[-1].append(point) if near else groups.append([point])
+    for group in groups:
+        settings = [f"{measurement.contender.setting:g}" for _, _, measurement in group]
         axes.annotate(
-            f"{measurement.contender.setting:g}",
-            (x, y),
-            (-4, -4) if left else (4, 3),
+            settings[0] if len(group) == 1 else f"{settings[0]} to {settings[-1]}",
+            (max(x for x, _, _ in group), group[-1][1]),
+            (5, 2),
             textcoords="offset points",
-            ha="right" if left else "left",
-            va="top" if left else "bottom",
             fontsize=style.SMALL_SIZE,
         )
-        before = x
 
 
 def _why(line: Sequence[Measurement]) -> str:
@@ -137,11 +141,18 @@ def _say(axes: Axes, why: str) -> None:
     axes.text(0.5, 0.6, why, transform=axes.transAxes, ha="center", fontsize=style.SMALL_SIZE)
 
 
-def _draw_target(axes: Axes, study: AccuracyStudy) -> None:
-    axes.axhline(study.target, color=style.DARK, linewidth=0.6, linestyle="--")
+def _whole_decades(axes: Axes) -> None:
+    """Let time begin and end at powers of ten: they alone have labels then, and there are two of them at least."""
+    low, high = axes.dataLim.intervalx
+    if math.isfinite(low) and 0 < low <= high:
+        axes.set_xlim(10.0 ** math.floor(math.log10(low)), 10.0 ** (math.floor(math.log10(high)) + 1))
+
+
+def _name_target(axes: Axes, target: float) -> None:
+    """Name the line of the target, once: at the right end of the features, which the dear implicit method has not."""
     axes.annotate(
-        f"target {study.target:.0e}",
-        (0.98, study.target),
+        f"target {target:.0e}",
+        (0.98, target),
         xycoords=("axes fraction", "data"),
         xytext=(0, 2),
         textcoords="offset points",
@@ -153,14 +164,14 @@ def _draw_target(axes: Axes, study: AccuracyStudy) -> None:
 def _draw_floor(axes: Axes, floor: float) -> None:
     """What lies in the grey is not known: the reference is no better."""
     if floor > 0:
-        low = axes.get_ylim()[0]
-        axes.axhspan(min(low, floor / 10), floor, color=style.PALE, linewidth=0, zorder=0)
+        low = min(axes.get_ylim()[0], floor / 10)
+        axes.axhspan(low, floor, color=style.PALE, linewidth=0, zorder=0)
         axes.annotate(
             "uncertainty of the reference",
-            (0.02, floor),
+            (0.98, low),
             xycoords=("axes fraction", "data"),
-            xytext=(0, -2),
+            xytext=(0, 2),
             textcoords="offset points",
-            va="top",
+            ha="right",
             fontsize=style.SMALL_SIZE,
         )

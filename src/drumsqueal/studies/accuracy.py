@@ -29,7 +29,7 @@ NUDGE = 1e-9  # relative change of the start of the nearby trajectory
 SEPARATED = 100.0  # growth of a relative difference beyond which pointwise errors tell of the motion, not of the method
 BEYOND = 1.25  # the reference goes on to this multiple of the time of the first edge
 FEWEST = 16  # samples of the reference at least
-REPEATS, SHORT = 3, 2.0  # a run is timed so often, as long as that takes less than so many seconds; the median counts
+REPEATS, SHORT = 7, 2.0  # a run is timed so often, as long as that takes less than so many seconds; the median counts
 PATIENCE = 10.0  # s; once a run takes longer, the dearer ones of its line are not made
 
 
