@@ -40,4 +40,6 @@ def test_the_python_lines_run_and_the_gradient_is_right(monkeypatch, capsys):
     assert math.isfinite(gradient["contact.normal_load"])
     assert names["squeal"].outcome == "complete"
     assert "friction_law" in names["squeal"].history.attrs
+    assert names["largest"].shape == (8,)
+    assert (names["largest"] > 1e-6).all()
     assert {line.split()[0] for line in printed[-3:]} == {"X", "Y", "Tz"}

@@ -161,19 +161,26 @@ def test_a_failed_transient_stops_none_of_the_others_and_stays_failed(nominal, m
     assert all(np.isnan(each.departure[1]).all() for each in found[1:])
 
 
-@pytest.mark.parametrize(("solver", "count", "why"), [("kvaerno5", 1, "explicit"), ("dopri8", 0, "no models")])
-def test_what_a_batch_cannot_do_is_told(nominal, solver, count, why):
+@pytest.mark.parametrize(
+    ("wrong", "why"),
+    [
+        ({"solver": "kvaerno5"}, "explicit"),
+        ({"models": []}, "no models"),
+        ({"displacement": np.zeros((3, 3))}, r"displacement must be of shape \(2, 3\), .* got \(3, 3\)"),
+        ({"velocity": np.zeros((2, 6))}, "velocity must be of shape"),
+        ({"tolerance": 1e-13}, "tolerance must be from 1e-12 to 0.1"),
+        ({"tolerance": np.nan}, "tolerance must be"),
+        ({"duration": -1.0}, "duration and sample_rate must be positive"),
+        ({"sample_rate": 0.0}, "duration and sample_rate must be positive"),
+        ({"threads": 0}, "a thread at least"),
+    ],
+)
+def test_what_a_batch_cannot_do_is_told(nominal, wrong, why):
+    none = np.zeros((2, 3))
+    right: dict[str, Any] = {"models": [build_model(nominal)] * 2, "steady": none, "displacement": none}
+    right |= {"velocity": none, "duration": 0.01, "sample_rate": 5e4, "tolerance": 1e-6}
     with pytest.raises(ValueError, match=why):
-        next(
-            integrate_many(
-                [build_model(nominal)] * count,
-                *[np.zeros((count, 3))] * 3,
-                duration=0.01,
-                sample_rate=5e4,
-                tolerance=1e-6,
-                solver=solver,
-            )
-        )
+        next(integrate_many(**(right | wrong)))
 
 
 def test_the_implicit_method_solves_its_equations(nominal):

@@ -1,5 +1,9 @@
 """drumsqueal: friction-induced vibration of a drum-brake shoe in time, beside the eigenvalues that predict it.
 
+A scene is read by `load_scene`, run by `run`, and asked what its accuracy or its effects cost by `study_accuracy` and
+`study_effects`. `build_model`, `analyse_stability` and `growth_rate` are the linear side of it, for any numbers;
+`integrate_many` takes many models at once. `help(drumsqueal.run)` and so on tell more.
+
 The names below are imported when they are first used: reading a scene does not load JAX, and the command line can
 prepare its environment first.
 """

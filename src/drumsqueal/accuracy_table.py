@@ -43,11 +43,15 @@ def remarks(study: AccuracyStudy) -> list[str]:
     """What the columns mean, what the reference is worth, and what was not measured, in sentences."""
     reference, end = study.reference, study.growth_end
     reached = min(end, float(reference.time[-1]))
+    end = float(reference.time[-1])
+    edges = f", and, with the edges, until {end * 1e3:.4g} ms" if end > study.growth_end else ""
     found = [
         "Time and evaluations for a simulated millisecond: median, compilation apart. Relative errors: of the "
-        f"trajectory, the largest of any state over its largest value, until {reached * 1e3:.4g} ms, {_phase(study)}, "
-        f"and until {reference.time[-1] * 1e3:.4g} ms; of the features (growth rates, onset frequencies, amplitude and "
-        "frequency at the end) the largest, against the tightest run's; of the energy balance over the kinetic energy.",
+        f"trajectory, the largest of any state over its largest value, until {reached * 1e3:.4g} ms, {_phase(study)}"
+        f"{edges}; of the features (growth rates, onset frequencies, amplitude and frequency at the end) the largest, "
+        "against the tightest run's; of the energy balance over the kinetic energy. A dash: not counted, or not "
+        "reached; kvaerno5, quadratures and smoothing run only as far as the reference, which is too short for "
+        "features.",
         "The reference is SciPy's DOP853 at 1e-13 on tanh-sinh quadrature. At 1e-12 on Clenshaw-Curtis quadrature it "
         f"differs by {reference.uncertainty(reached):.0e} (drawn as the floor), LSODA at 1e-12 by "
         f"{reference.confirmed(reached):.0e}.",
@@ -84,16 +88,16 @@ def verdict(study: AccuracyStudy) -> str:
             judged += f" (of features, as far as their scatter of {scatter:.0e} lets it be told)"
     text = (
         f"Within {study.target:.0e} in {judged}, the cheapest is {best.contender.solver} at "
-        f"tolerance {best.contender.tolerance:g}: {1e3 * best.time_per_ms * study.scene.simulate.duration:.3g} ms for "
-        f"{study.scene.simulate.duration:g} s."
+        f"tolerance {best.contender.tolerance:g}: {best.evaluations:.3g} evaluations, "
+        f"{1e3 * best.time_per_ms * study.scene.simulate.duration:.3g} ms for {study.scene.simulate.duration:g} s."
     )
     better = study.ten_times_better
     if better is None:
         return f"{text} Nothing that was tried is ten times better."
     if better is best:
-        return f"{text} It even is ten times better."
-    ratio, chosen = better.time_per_ms / best.time_per_ms, better.contender
-    return f"{text} Ten times better takes {ratio:.2g} times as long ({chosen.solver} at {chosen.tolerance:g})."
+        return f"{text} It is even ten times better."
+    ratio, chosen = better.evaluations / best.evaluations, better.contender
+    return f"{text} Ten times better takes {ratio:.2g} times as many ({chosen.solver} at {chosen.tolerance:g})."
 
 
 def simulate_block(study: AccuracyStudy) -> str:

@@ -4,8 +4,9 @@ They are integrated one after the other within the program, one share of them a 
 would make as many steps as the one that needs most, and take every way of the contact integral at each of them.
 """
 
+import math
 import os
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
@@ -28,6 +29,7 @@ from drumsqueal.integrate import (
 from drumsqueal.kernel import compiled, one_kernel
 from drumsqueal.model import Model
 from drumsqueal.runge_kutta import DEFAULT, STAGES, is_explicit
+from drumsqueal.scene_tables import LEAST_TOLERANCE, MOST_TOLERANCE
 
 
 class Batch(NamedTuple):
@@ -66,16 +68,18 @@ def integrate_many(
 ) -> Generator[Batch]:
     """Integrate m models of one composition from departures (m, n) from their steady states (m, n), chunk by chunk.
 
-    There is a thread for each processor unless told otherwise. A transient that
-    fails does not stop the others. Raises ValueError where there are no
-    models, where they are not of one composition, and for an implicit method.
+    Displacements (m, rad) and velocities (m/s, rad/s) are in the order of `model.names`; a steady state is
+    `analyse_stability(model).steady_state`, zero for the steady state "uniform-pressure". Samples lie at
+    k / sample_rate (Hz) from 0 to the duration (s), both included; `tolerance` and `solver` are those of a scene. There
+    is a thread for each processor unless told otherwise. A transient that fails does not stop the others. Raises
+    ValueError where there are no models, where they are not of one composition, for an implicit method, and for numbers
+    or shapes that make no sense.
     """
-    if not models:
-        raise ValueError("there are no models to integrate")
-    if not is_explicit(solver):
-        raise ValueError(f"many transients take an explicit method, one of {', '.join(STAGES)}; got {solver}")
-    if len({jax.tree.structure(model) for model in models}) != 1:
-        raise ValueError("the models must be of one composition: the same coordinates and effects, with other numbers")
+    _check(models, solver, {"steady": steady, "displacement": displacement, "velocity": velocity}, threads)
+    if not (math.isfinite(duration) and math.isfinite(sample_rate) and min(duration, sample_rate) > 0):
+        raise ValueError(f"duration and sample_rate must be positive, got {duration} s and {sample_rate} Hz")
+    if not LEAST_TOLERANCE <= tolerance <= MOST_TOLERANCE:
+        raise ValueError(f"tolerance must be from {LEAST_TOLERANCE:g} to {MOST_TOLERANCE:g}, got {tolerance}")
     samples = round(duration * sample_rate)
     steady, displacement, velocity = (np.asarray(x, dtype=np.float64) for x in (steady, displacement, velocity))
     parts = np.array_split(np.arange(len(models)), min(threads or os.cpu_count() or 1, len(models)))
@@ -98,6 +102,21 @@ def integrate_many(
                 _joined([steps for _, _, steps, _ in done]) * STAGES[solver] + 1,
                 _joined([reached for _, _, _, reached in done]),
             )
+
+
+def _check(models: Sequence[Model], solver: str, states: Mapping[str, ArrayLike], threads: int | None) -> None:
+    if not models:
+        raise ValueError("there are no models to integrate")
+    if not is_explicit(solver):
+        raise ValueError(f"many transients take an explicit method, one of {', '.join(STAGES)}; got {solver}")
+    if len({jax.tree.structure(model) for model in models}) != 1:
+        raise ValueError("the models must be of one composition: the same coordinates and effects, with other numbers")
+    wanted = (len(models), len(models[0].names))
+    for name, value in states.items():
+        if np.shape(value) != wanted:
+            raise ValueError(f"{name} must be of shape {wanted}, models by coordinates, got {np.shape(value)}")
+    if threads is not None and threads < 1:
+        raise ValueError(f"there must be a thread at least, got {threads}")
 
 
 @compiled

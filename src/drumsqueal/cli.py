@@ -23,6 +23,13 @@ FAILED, WRONG = 1, 2  # exit status
 INTERRUPTED = "interrupted before anything was written"
 UsageError: type[typer.BadParameter] = typer.BadParameter.__mro__[1]  # any misuse; it has no public name of its own
 
+
+def _folder(text: str) -> Path:
+    if not text:  # which would be the folder one is in
+        raise typer.BadParameter("the name of the folder is empty")
+    return Path(text)
+
+
 SceneFile = Annotated[Path, typer.Argument(metavar="SCENE", help="Scene file (TOML).", show_default=False)]
 Settings = Annotated[
     list[str] | None,
@@ -38,7 +45,9 @@ def _main() -> None:
 @app.command(name="run")
 def run_command(
     scene: SceneFile,
-    output: Annotated[Path | None, typer.Option("-o", "--output", metavar="DIR", help="Folder of the results.")] = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="DIR", parser=_folder, help="Folder of the results.")
+    ] = None,
     settings: Settings = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace results that are there already.")] = False,
 ) -> None:
@@ -100,7 +109,9 @@ def effects_command(
     scene: SceneFile,
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", metavar="DIR", help="Folder of the results (default: out/SCENE-effects)."),
+        typer.Option(
+            "-o", "--output", metavar="DIR", parser=_folder, help="Folder of the results (default: out/SCENE-effects)."
+        ),
     ] = None,
     within: Annotated[
         str, typer.Option("--within", metavar="SHARE", help="Accuracy that decides what is needed, such as 1 %.")
@@ -137,10 +148,13 @@ def accuracy_command(
     scene: SceneFile,
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", metavar="DIR", help="Folder of the results (default: out/SCENE-accuracy)."),
+        typer.Option(
+            "-o", "--output", metavar="DIR", parser=_folder, help="Folder of the results (default: out/SCENE-accuracy)."
+        ),
     ] = None,
     target: Annotated[
-        str, typer.Option("--target", metavar="SHARE", help="Relative accuracy that is asked for, such as 1e-4.")
+        str,
+        typer.Option("--target", metavar="SHARE", help='Relative accuracy that is asked for, such as 1e-4 or "1 %".'),
     ] = "1e-4",
     settings: Settings = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace results that are there already.")] = False,

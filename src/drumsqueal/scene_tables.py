@@ -149,6 +149,7 @@ def _without_controls(title: str) -> str:
 
 Title = Annotated[str, Field(strict=True, max_length=1000), AfterValidator(_without_controls)]
 Length = Annotated[float, Quantity("m", above=0)]
+LEAST_TOLERANCE, MOST_TOLERANCE = 1e-12, 1e-1  # less is round-off
 Stiffness = Annotated[float, Quantity("N/m", least=0)]
 Coefficient = Annotated[float, Quantity("", least=0)]
 
@@ -260,7 +261,7 @@ class Simulate(Table):
 
     duration: Annotated[float, Quantity("s", above=0)]
     sample_rate: Annotated[float, Quantity("Hz", above=0)]
-    tolerance: Annotated[float, Quantity("", least=1e-12, most=1e-1)] = 1e-6
+    tolerance: Annotated[float, Quantity("", least=LEAST_TOLERANCE, most=MOST_TOLERANCE)] = 1e-6
     solver: Literal["tsit5", "dopri5", "dopri8", "kvaerno5"] = "dopri8"
     coordinates: Annotated[Literal["auto"] | tuple[str, ...], BeforeValidator(_coordinates)] = "auto"
 

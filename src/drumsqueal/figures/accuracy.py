@@ -16,7 +16,6 @@ from drumsqueal.studies.contenders import FIXED, QUADRATURE, SMOOTHED, SMOOTHING
 COLOUR = {"tsit5": "X", "dopri5": "Tx", "dopri8": "Y", "kvaerno5": "Tz", SPLIT: "Y", FIXED: "X", SMOOTHED: "Ty"}
 MARKER = {"tsit5": "o", "dopri5": "s", "dopri8": "D", "kvaerno5": "^", SPLIT: "D", FIXED: "o", SMOOTHED: "s"}
 WORD = 10.0  # tolerance keeps its word within this factor
-NEAR = 2.0  # points whose coordinates differ by less than this factor share a label
 Value = Callable[[Measurement], float | None]
 
 
@@ -55,22 +54,24 @@ def draw_causes(study: AccuracyStudy) -> Figure:
     asked, quadrature, smoothing = figure.subplots(1, 3)
     _draw_lines(asked, study, STEPPING, lambda m: m.contender.tolerance, _trajectory)
     ends = np.array([1e-11, 1e-1])
-    asked.fill_between(ends, ends / WORD, ends * WORD, color=style.PALE, linewidth=0, zorder=0)
+    band = f"within {WORD:g} times"
+    asked.fill_between(ends, ends / WORD, ends * WORD, color=style.PALE, linewidth=0, zorder=0, label=band)
     asked.plot(ends, ends, color=style.DARK, linewidth=0.6)
     asked.invert_xaxis()
-    asked.set_title("tolerance, within a factor of ten")
+    asked.set_title("tolerance: asked and got")
     frame(asked, "tolerance asked for", "relative error of the trajectory")
-    _draw_lines(quadrature, study, QUADRATURE, lambda m: m.time_per_ms, _farthest, labelled=True)
+    _draw_lines(quadrature, study, QUADRATURE, lambda m: m.contender.setting, _farthest, timed=True)
     _whole_decades(quadrature)
     quadrature.set_title(_title("nodes", study, QUADRATURE))
-    frame(quadrature, "ms per simulated ms", None)
+    frame(quadrature, "nodes of a piece, or of the grid", None)
     _draw_lines(smoothing, study, SMOOTHING, lambda m: m.contender.setting, _farthest)
     smoothing.invert_xaxis()
     smoothing.set_title(_title("width", study, SMOOTHING))
     frame(smoothing, "width of the smoothing over RΩ", None)
     for axes in (asked, quadrature, smoothing):
         if axes.get_legend_handles_labels()[0]:
-            axes.legend(loc="upper right")  # all lines come from the upper left
+            # All lines fall from the upper left; those of the nodes leave the lower right free.
+            axes.legend(loc="lower right" if axes is quadrature else "upper right")
         else:
             _say(axes, "this scene has no friction")
     return figure
@@ -92,7 +93,7 @@ def _farthest(measurement: Measurement) -> float | None:
 
 
 def _draw_lines(
-    axes: Axes, study: AccuracyStudy, cause: str, cost: Value, error: Value, *, labelled: bool = False
+    axes: Axes, study: AccuracyStudy, cause: str, cost: Value, error: Value, *, timed: bool = False
 ) -> None:
     axes.set_xscale("log")
     axes.set_yscale("log")
@@ -109,25 +110,23 @@ def _draw_lines(
             color=style.COLOUR[COLOUR[name]],
             label=name if known else f"{name} ({_why(line)})",
         )
-        if labelled:
-            _label_settings(axes, known)
+        if timed and known:
+            _label_time(axes, known[-1])
 
 
-def _label_settings(axes: Axes, points: Sequence[tuple[float, float, Measurement]]) -> None:
-    """Write each setting beside its point; those that lie on top of each other have one label."""
-    groups: list[list[tuple[float, float, Measurement]]] = []
-    for point in points:
-        near = groups and all(max(a / b, b / a) < NEAR for a, b in zip(point[:2], groups[-1][-1][:2], strict=True))
-        groups[-1].append(point) if near else groups.append([point])
-    for group in groups:
-        settings = [f"{measurement.contender.setting:g}" for _, _, measurement in group]
-        axes.annotate(
-            settings[0] if len(group) == 1 else f"{settings[0]} to {settings[-1]}",
-            (max(x for x, _, _ in group), group[-1][1]),
-            (5, 2),
-            textcoords="offset points",
-            fontsize=style.SMALL_SIZE,
-        )
+def _label_time(axes: Axes, point: tuple[float, float, Measurement]) -> None:
+    """Write the time of the last of a line beside it: on the left where it may be the last of the panel."""
+    x, y, measurement = point
+    left = measurement.contender.line == FIXED
+    axes.annotate(
+        f"{measurement.time_per_ms:.2g} ms/ms",
+        (x, y),
+        (-6, -2) if left else (6, 2),
+        textcoords="offset points",
+        ha="right" if left else "left",
+        va="top" if left else "bottom",
+        fontsize=style.SMALL_SIZE,
+    )
 
 
 def _why(line: Sequence[Measurement]) -> str:
@@ -142,7 +141,7 @@ def _say(axes: Axes, why: str) -> None:
 
 
 def _whole_decades(axes: Axes) -> None:
-    """Let time begin and end at powers of ten: they alone have labels then, and there are two of them at least."""
+    """Let the axis begin and end at powers of ten: they alone have labels then, and there are two of them at least."""
     low, high = axes.dataLim.intervalx
     if math.isfinite(low) and 0 < low <= high:
         axes.set_xlim(10.0 ** math.floor(math.log10(low)), 10.0 ** (math.floor(math.log10(high)) + 1))

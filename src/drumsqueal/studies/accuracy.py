@@ -18,13 +18,14 @@ from drumsqueal.history import COMPLETE
 from drumsqueal.integrate import Chunk
 from drumsqueal.interrupts import noted_interrupts, stop_if_interrupted
 from drumsqueal.scene import Profile, Scene, SceneError
+from drumsqueal.scene_tables import LEAST_TOLERANCE
 from drumsqueal.simulation import Prepared, check_sample_rate, finish, prepare, transient
 from drumsqueal.studies.contenders import Contender, contenders_of
 from drumsqueal.studies.features import NONE, Features, feature_errors, features_of
 from drumsqueal.studies.reference import UNMOVED, Reference, find_reference, sizes_of
 
 TARGET = 1e-4
-TIGHTEST, LOOSER = 1e-12, 1e-11  # tolerances of the runs that features are compared with
+TIGHTEST, LOOSER = LEAST_TOLERANCE, 10 * LEAST_TOLERANCE  # tolerances of the runs that features are compared with
 NUDGE = 1e-9  # relative change of the start of the nearby trajectory
 SEPARATED = 100.0  # growth of a relative difference beyond which pointwise errors tell of the motion, not of the method
 BEYOND = 1.25  # the reference goes on to this multiple of the time of the first edge
@@ -80,8 +81,8 @@ class AccuracyStudy(NamedTuple):
     """All measurements, the reference, the ends of the growth phase and of the comparison (s), and what was found.
 
     `separation` is when nearby trajectories have come apart (None: not within the record), `scatter` what ten times the
-    tightest tolerance changes in the features, `cheapest` the fastest choice of method and tolerance that meets the
-    target, and `ten_times_better` the fastest that meets a tenth of it; None where there is none.
+    tightest tolerance changes in the features, `cheapest` the choice of method and tolerance that meets the
+    target in the fewest evaluations, and `ten_times_better` the one that meets a tenth of it; None where there is none.
     """
 
     scene: Scene
@@ -158,10 +159,13 @@ class _Bench:
         return Measurement(contender, COMPLETE, tuple(seconds), compiling, evaluations, simulated, errors)
 
     def cheapest(self, measurements: Sequence[Measurement], target: float) -> Measurement | None:
-        """The fastest choice of method and tolerance that meets a target."""
+        """The choice of method and tolerance that meets a target in the fewest evaluations.
+
+        Nearly all time goes into them, and unlike time they can be counted.
+        """
         floor = self.reference.uncertainty(self.growth_end)
         enough = [each for each in measurements if meets(each, target, floor, self.scatter)]
-        return min(enough, key=lambda each: each.time_per_ms, default=None)
+        return min(enough, key=lambda each: each.evaluations, default=None)
 
     def _errors(self, prepared: Prepared, chunks: list[Chunk], whole: bool) -> Errors:
         states = _states(chunks)[1] - np.concatenate([self.steady, np.zeros_like(self.steady)])

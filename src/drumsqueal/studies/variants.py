@@ -12,11 +12,12 @@ from drumsqueal.history import COMPLETE
 from drumsqueal.integrate import Chunk
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import Scene
+from drumsqueal.scene_tables import LEAST_TOLERANCE
 from drumsqueal.simulation import Prepared, check_sample_rate, finish, prepare, transient
 from drumsqueal.studies.answers import Answer, Change, answer_of, change_of
 from drumsqueal.studies.reductions import Reduction, reduce
 
-TIGHTER, TIGHTEST = 0.1, 1e-12  # share of the tolerance for the noise, and the least that the integrator reaches
+TIGHTER = 0.1  # share of the tolerance for the noise
 # A reduced scene that takes this many times the time of the whole one is stopped: without separation or supports a
 # motion may run away. Never before so many seconds.
 SLOWEST, PATIENCE = 20.0, 10.0
@@ -70,7 +71,7 @@ class Bench:
             raise IntegrationError(f"the whole scene {whole.outcome}")
         self._whole, self._limit = whole.answer, max(SLOWEST * sum(self._runs[0].seconds), PATIENCE)
         tighter = TIGHTER * scene.simulate.tolerance
-        self.noise = self.run(NOISE, tolerance=tighter).change if tighter >= TIGHTEST else None
+        self.noise = self.run(NOISE, tolerance=tighter).change if tighter >= LEAST_TOLERANCE else None
 
     def run(self, label: str, reductions: tuple[Reduction, ...] = (), tolerance: float | None = None) -> Variant:
         """Run the scene with reductions, or at another tolerance."""
