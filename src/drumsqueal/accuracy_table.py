@@ -97,7 +97,7 @@ def verdict(study: AccuracyStudy) -> str:
     if better is best:
         return f"{text} It is even ten times better."
     ratio, chosen = better.evaluations / best.evaluations, better.contender
-    return f"{text} Ten times better takes {ratio:.2g} times as many ({chosen.solver} at {chosen.tolerance:g})."
+    return f"{text} Ten times better takes {ratio:.3g} times as many ({chosen.solver} at {chosen.tolerance:g})."
 
 
 def simulate_block(study: AccuracyStudy) -> str:

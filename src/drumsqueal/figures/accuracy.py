@@ -70,8 +70,11 @@ def draw_causes(study: AccuracyStudy) -> Figure:
     frame(smoothing, "width of the smoothing over RΩ", None)
     for axes in (asked, quadrature, smoothing):
         if axes.get_legend_handles_labels()[0]:
-            # All lines fall from the upper left; those of the nodes leave the lower right free.
-            axes.legend(loc="lower right" if axes is quadrature else "upper right")
+            # All lines fall from the upper left; the two of the nodes leave the right free, a little above the bottom.
+            if axes is quadrature:
+                axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.15))
+            else:
+                axes.legend(loc="upper right")
         else:
             _say(axes, "this scene has no friction")
     return figure
@@ -119,7 +122,7 @@ def _label_time(axes: Axes, point: tuple[float, float, Measurement]) -> None:
     x, y, measurement = point
     left = measurement.contender.line == FIXED
     axes.annotate(
-        f"{measurement.time_per_ms:.2g} ms/ms",
+        f"{measurement.time_per_ms:.3g} ms/ms",
         (x, y),
         (-6, -2) if left else (6, 2),
         textcoords="offset points",
