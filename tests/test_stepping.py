@@ -146,6 +146,24 @@ def test_many_transients_are_those_run_one_by_one(nominal):
         assert np.concatenate([chunk.time for chunk in chunks]).size == together.shape[1]
 
 
+def test_what_runs_at_once_calls_no_library(nominal):
+    # Two programs that each found eigenvalues of a batch waited for each other for ever, one time in three.
+    models = [build_model(nominal, {"drum.speed": speed}) for speed in (3.0, 5.0)]
+    none = np.zeros((2, 3))
+    programs = []
+
+    def seen(*arguments):
+        programs.append(advance.lower(*arguments).as_text())
+        return advance(*arguments)
+
+    advance = batch._advance
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(batch, "_advance", seen)
+        list(integrate_many(models, none, none + 1e-7, none, duration=1e-3, sample_rate=5e4, tolerance=1e-6))
+    assert programs
+    assert all("xla_cpu_small_call" in program and "custom_call" not in program for program in programs)
+
+
 def test_a_failed_transient_stops_none_of_the_others_and_stays_failed(nominal, monkeypatch):
     # The lining of the slow drum sticks as a whole where it moves so much; few steps are enough for the other one.
     monkeypatch.setattr(batch, "STEP_BUDGET", 2000)

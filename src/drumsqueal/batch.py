@@ -87,12 +87,16 @@ def integrate_many(
     for part in parts:
         stacked: Model = jax.tree.map(lambda *leaves: np.stack(leaves), *(models[i] for i in part))
         state = State(jnp.asarray(displacement[part]), jnp.asarray(velocity[part]), jnp.zeros(len(part)))
-        shares.append(_Share(stacked, jnp.asarray(steady[part]), state, jax.vmap(first_step)(stacked)))
+        shares.append(_Share(stacked, jnp.asarray(steady[part]), state, jax.block_until_ready(_first_steps(stacked))))
     with ThreadPoolExecutor(len(shares)) as pool:
         for first in range(0, samples, CHUNK_SAMPLES):
             count = min(CHUNK_SAMPLES, samples - first)
             span = Span(np.float64(first / sample_rate), np.float64(1 / sample_rate), np.int64(count))
-            done = list(pool.map(lambda share, span=span: _advance(share, span, np.float64(tolerance), solver), shares))
+            local = local_tolerance(np.float64(tolerance), solver)
+            # Eigenvalues of a batch wait for the threads they run in: two programs at once would wait for each other.
+            scales = [jax.block_until_ready(_resolutions(share, span, local)) for share in shares]
+            jobs = [(share, scale, span, local, solver) for share, scale in zip(shares, scales, strict=True)]
+            done = list(pool.map(lambda job: _advance(*job), jobs))
             shares = [share for share, _, _, _ in done]
             fresh = slice(0 if first == 0 else 1, count + 1)
             yield Batch(
@@ -120,11 +124,19 @@ def _check(models: Sequence[Model], solver: str, states: Mapping[str, ArrayLike]
 
 
 @compiled
-def _advance(share: _Share, span: Span, tolerance: ArrayLike, solver: str) -> tuple[_Share, State, Array, Array]:
-    """One chunk of a share: what comes next, samples (m, k, n), steps made (m,) and whether the end was reached."""
-    local = local_tolerance(tolerance, solver)
-    scale = jax.vmap(lambda model, state: resolution(model, state, span, local))(share.models, share.states)
+def _first_steps(models: Model) -> Array:
+    return jax.vmap(first_step)(models)
 
+
+@compiled
+def _resolutions(share: _Share, span: Span, local: Array) -> Array:
+    """What errors are measured against in a chunk, (m, 2n + 1)."""
+    return jax.vmap(lambda model, state: resolution(model, state, span, local))(share.models, share.states)
+
+
+@compiled
+def _advance(share: _Share, scale: Array, span: Span, local: Array, solver: str) -> tuple[_Share, State, Array, Array]:
+    """One chunk of a share: what comes next, samples (m, k, n), steps made (m,) and whether the end was reached."""
     final, step, states, steps, reached = one_kernel(_one_after_the_other, share, scale, span, local, solver)
     return share._replace(states=final, steps=step), states, steps, reached
 
