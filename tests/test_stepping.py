@@ -147,7 +147,7 @@ def test_many_transients_are_those_run_one_by_one(nominal):
 
 
 def test_what_runs_at_once_calls_no_library(nominal):
-    # Two programs that each found eigenvalues of a batch waited for each other for ever, one time in three.
+    # Two programs that each look for eigenvalues of a batch can wait for each other for ever, on two processors.
     models = [build_model(nominal, {"drum.speed": speed}) for speed in (3.0, 5.0)]
     none = np.zeros((2, 3))
     programs = []

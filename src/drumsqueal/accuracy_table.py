@@ -41,9 +41,8 @@ def print_study(console: Console, study: AccuracyStudy) -> None:
 
 def remarks(study: AccuracyStudy) -> list[str]:
     """What the columns mean, what the reference is worth, and what was not measured, in sentences."""
-    reference, end = study.reference, study.growth_end
-    reached = min(end, float(reference.time[-1]))
-    end = float(reference.time[-1])
+    reference, end = study.reference, float(study.reference.time[-1])
+    reached = min(end, study.growth_end)
     edges = f", and, with the edges, until {end * 1e3:.4g} ms" if end > study.growth_end else ""
     found = [
         "Time and evaluations for a simulated millisecond: median, compilation apart. Relative errors: of the "

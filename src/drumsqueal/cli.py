@@ -6,7 +6,7 @@ and a mistake in a scene is told at once.
 
 import sys
 from pathlib import Path
-from typing import Annotated, NoReturn
+from typing import Annotated, Any, NoReturn
 
 import typer
 from rich.console import Console
@@ -30,11 +30,18 @@ def _folder(text: str) -> Path:
     return Path(text)
 
 
+def _output(default: str) -> Any:
+    """The option -o of a command whose results go to out/`default` without it."""
+    told = f"Folder of the results (default: out/{default})."
+    return typer.Option("-o", "--output", metavar="DIR", parser=_folder, help=told)
+
+
 SceneFile = Annotated[Path, typer.Argument(metavar="SCENE", help="Scene file (TOML).", show_default=False)]
 Settings = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Replace a value of the scene, e.g. drum.speed=3. Repeatable."),
 ]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace results that are there already.")]
 
 
 @app.callback()
@@ -45,11 +52,9 @@ def _main() -> None:
 @app.command(name="run")
 def run_command(
     scene: SceneFile,
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="DIR", parser=_folder, help="Folder of the results.")
-    ] = None,
+    output: Annotated[Path | None, _output("SCENE")] = None,
     settings: Settings = None,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace results that are there already.")] = False,
+    overwrite: Overwrite = False,
 ) -> None:
     """Predict, integrate, compare: writes DIR/history.nc, DIR/summary.json and figures (DIR is out/SCENE by default).
 
@@ -107,17 +112,12 @@ def stability_command(
 def effects_command(
     context: typer.Context,
     scene: SceneFile,
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "-o", "--output", metavar="DIR", parser=_folder, help="Folder of the results (default: out/SCENE-effects)."
-        ),
-    ] = None,
+    output: Annotated[Path | None, _output("SCENE-effects")] = None,
     within: Annotated[
         str, typer.Option("--within", metavar="SHARE", help="Accuracy that decides what is needed, such as 1 %.")
     ] = "1 %",
     settings: Settings = None,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace results that are there already.")] = False,
+    overwrite: Overwrite = False,
 ) -> None:
     """Leave out each effect of a scene: what does it cost, what does it change, which are needed?
 
@@ -146,18 +146,13 @@ def effects_command(
 @app.command(name="accuracy")
 def accuracy_command(
     scene: SceneFile,
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "-o", "--output", metavar="DIR", parser=_folder, help="Folder of the results (default: out/SCENE-accuracy)."
-        ),
-    ] = None,
+    output: Annotated[Path | None, _output("SCENE-accuracy")] = None,
     target: Annotated[
         str,
         typer.Option("--target", metavar="SHARE", help='Relative accuracy that is asked for, such as 1e-4 or "1 %".'),
     ] = "1e-4",
     settings: Settings = None,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace results that are there already.")] = False,
+    overwrite: Overwrite = False,
 ) -> None:
     """How wrong is a scene's transient, and what would ten times better cost?
 
