@@ -167,6 +167,7 @@ def test_wrong_scene_gets_one_line_and_status_2(drumsqueal, tmp_path, case):
         (("fly",), "fly"),
         (("run", NOMINAL, "-o", "/dev/null/out"), "/dev/null"),
         (("run", NOMINAL, "-o", "/proc/out"), "/proc/out"),
+        (("run", NOMINAL, "-o", ""), "the name of the folder is empty"),
         (("run", NOMINAL, "-o", "x" * 300), "File name too long"),
         (("run", NOMINAL, "-o", "/tmp/" + "x/" * 4000), "File name too long"),
         (("run", NOMINAL, "-o", f"{__file__}/under"), "test_command_line.py is a file, not a folder"),
