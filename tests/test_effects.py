@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from drumsqueal import effects_job
-from drumsqueal import integrate as integration
+from drumsqueal import segment as integration
 from drumsqueal.errors import IntegrationError
 from drumsqueal.model import Model, build_model
 from drumsqueal.modes import analyse_stability

@@ -9,17 +9,18 @@ import numpy as np
 import pytest
 
 from drumsqueal import batch
-from drumsqueal import integrate as integration
+from drumsqueal import segment as integration
 from drumsqueal.batch import integrate_many
-from drumsqueal.integrate import Span, State, first_step, integrate
+from drumsqueal.integrate import integrate
 from drumsqueal.kernel import compiled, one_kernel
 from drumsqueal.model import build_model
 from drumsqueal.runge_kutta import _EXPLICIT, LOCAL_SHARE, SOLVERS, STAGES, Explicit, make_solver
 from drumsqueal.scene_tables import Simulate
+from drumsqueal.segment import Span, State, first_step
 from drumsqueal.simulation import prepare, run, transient
 from drumsqueal.stepping import step_through
 
-ORDER = {"tsit5": 5, "dopri5": 5, "dopri8": 8, "kvaerno5": 5}
+ORDER = {"tsit5": 5, "dopri5": 5, "dopri8": 8, "rodas4": 4, "kvaerno5": 5}
 
 
 def turn(t, y):

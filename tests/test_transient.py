@@ -11,10 +11,11 @@ import scipy.linalg
 
 from drumsqueal import integrate as integration
 from drumsqueal.errors import IntegrationError
-from drumsqueal.integrate import CHUNK_SAMPLES, integrate
+from drumsqueal.integrate import integrate
 from drumsqueal.kernel import compiled
 from drumsqueal.model import build_model
 from drumsqueal.scene import Scene
+from drumsqueal.segment import CHUNK_SAMPLES
 from drumsqueal.simulation import run
 from drumsqueal.steady import linearise, steady_sliding
 

@@ -49,7 +49,7 @@ def remarks(study: AccuracyStudy) -> list[str]:
         f"trajectory, the largest of any state over its largest value, until {reached * 1e3:.4g} ms, {_phase(study)}"
         f"{edges}; of the features (growth rates, onset frequencies, amplitude and frequency at the end) the largest, "
         "against the tightest run's; of the energy balance over the kinetic energy. A dash: not counted, or not "
-        "reached; kvaerno5, quadratures and smoothing run only as far as the reference, which is too short for "
+        "reached; implicit methods, quadratures and smoothing run only as far as the reference, which is too short for "
         "features.",
         "The reference is SciPy's DOP853 at 1e-13 on tanh-sinh quadrature. At 1e-12 on Clenshaw-Curtis quadrature it "
         f"differs by {reference.uncertainty(reached):.0e} (drawn as the floor), LSODA at 1e-12 by "

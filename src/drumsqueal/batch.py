@@ -16,7 +16,11 @@ import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
-from drumsqueal.integrate import (
+from drumsqueal.kernel import compiled, one_kernel
+from drumsqueal.model import Model
+from drumsqueal.runge_kutta import DEFAULT, STAGES, is_explicit
+from drumsqueal.scene_tables import LEAST_TOLERANCE, MOST_TOLERANCE
+from drumsqueal.segment import (
     CHUNK_SAMPLES,
     STEP_BUDGET,
     Span,
@@ -26,10 +30,6 @@ from drumsqueal.integrate import (
     local_tolerance,
     resolution,
 )
-from drumsqueal.kernel import compiled, one_kernel
-from drumsqueal.model import Model
-from drumsqueal.runge_kutta import DEFAULT, STAGES, is_explicit
-from drumsqueal.scene_tables import LEAST_TOLERANCE, MOST_TOLERANCE
 
 
 class Batch(NamedTuple):

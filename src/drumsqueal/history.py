@@ -11,8 +11,9 @@ import h5py
 import numpy as np
 import xarray
 
-from drumsqueal.integrate import CHUNK_SAMPLES, Chunk
+from drumsqueal.integrate import Chunk
 from drumsqueal.scene import COORDINATES, Scene
+from drumsqueal.segment import CHUNK_SAMPLES
 
 # name: (units, what it is), of each coordinate
 MOTION = {

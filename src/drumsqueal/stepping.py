@@ -19,17 +19,19 @@ Norm = Callable[[Array], Array]
 
 
 class Stepped(NamedTuple):
-    """Samples (k, n), NaN where not reached; the last state (n,); the next step; how many were made and kept.
+    """Samples (k, n), NaN where not reached; the last state (n,) and its time; the next step; how many made and kept.
 
-    `reached` tells whether the end was reached within the budget of steps.
+    `reached` tells whether the end was reached within the budget of steps, `halted` whether it was told to stop before.
     """
 
     samples: Array
     last: Array
+    time: Array
     step: Array
     steps: Array
     kept: Array
     reached: Array
+    halted: Array
 
 
 class _Now(NamedTuple):
@@ -42,6 +44,7 @@ class _Now(NamedTuple):
     samples: Array
     steps: Array
     kept: Array
+    halted: Array
 
 
 def step_through(
@@ -54,12 +57,13 @@ def step_through(
     tolerance: Array,
     norm: Norm,
     budget: Array,
+    halts: Callable[[Array, Array], Array] | None = None,
 ) -> Stepped:
     """Integrate ẏ = f(t, y) from a start (n,) at times[0] and sample it at the times (k,), which do not decrease.
 
     `solver` is an adaptive method of diffrax.
     A step is kept when the norm of its estimated error, over tolerance · (1 + |y|), is below one. `step` is the first
-    one; the budget is in steps, kept or not.
+    one; the budget is in steps, kept or not. It ends early after a step whose time and state make `halts` true.
     """
     terms: Any = diffrax.ODETerm(lambda t, y, _: vector_field(jnp.asarray(t), y))
     controller = diffrax.PIDController(rtol=tolerance, atol=tolerance, norm=norm, pcoeff=PROPORTIONAL, icoeff=INTEGRAL)
@@ -68,7 +72,7 @@ def step_through(
     nearly = end - NEARLY * (end - times[0])
 
     def unfinished(now: _Now) -> Array:
-        return (now.time < end) & (now.steps < budget)
+        return (now.time < end) & (now.steps < budget) & ~now.halted
 
     def advance(now: _Now) -> _Now:
         there = now.time + now.step
@@ -92,6 +96,7 @@ def step_through(
         return _Now(
             jnp.asarray(time), next_step, state, solver_state, controller_state, sampled, samples, now.steps + 1,
             now.kept + jnp.where(keep, 1, 0),
+            jnp.zeros((), bool) if halts is None else jnp.asarray(keep) & halts(jnp.asarray(time), state),
         )  # fmt: skip
 
     none = jnp.zeros((), int)
@@ -99,9 +104,11 @@ def step_through(
     solver_state = solver.init(terms, times[0], end, start, None)
     _, controller_state = controller.init(terms, times[0], end, start, step, None, solver.func, order)
     controller_state = jax.tree.map(jnp.asarray, controller_state)
-    now = _Now(times[0], step, start, solver_state, controller_state, none + 1, samples, none, none)
+    going = jnp.zeros((), bool)
+    now = _Now(times[0], step, start, solver_state, controller_state, none + 1, samples, none, none, going)
     now = jax.lax.while_loop(unfinished, advance, now)
-    return Stepped(now.samples, now.state, now.step, now.steps, now.kept, now.time >= end)
+    reached = now.time >= end
+    return Stepped(now.samples, now.state, now.time, now.step, now.steps, now.kept, reached, now.halted & ~reached)
 
 
 def _sample(

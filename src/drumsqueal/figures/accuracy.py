@@ -13,8 +13,26 @@ from drumsqueal.figures.style import frame, new_figure, styled
 from drumsqueal.studies.accuracy import AccuracyStudy, Measurement
 from drumsqueal.studies.contenders import FIXED, QUADRATURE, SMOOTHED, SMOOTHING, SPLIT, STEPPING
 
-COLOUR = {"tsit5": "X", "dopri5": "Tx", "dopri8": "Y", "kvaerno5": "Tz", SPLIT: "Y", FIXED: "X", SMOOTHED: "Ty"}
-MARKER = {"tsit5": "o", "dopri5": "s", "dopri8": "D", "kvaerno5": "^", SPLIT: "D", FIXED: "o", SMOOTHED: "s"}
+COLOUR = {
+    "tsit5": "X",
+    "dopri5": "Tx",
+    "dopri8": "Y",
+    "rodas4": "Ty",
+    "kvaerno5": "Tz",
+    SPLIT: "Y",
+    FIXED: "X",
+    SMOOTHED: "Ty",
+}
+MARKER = {
+    "tsit5": "o",
+    "dopri5": "s",
+    "dopri8": "D",
+    "rodas4": "v",
+    "kvaerno5": "^",
+    SPLIT: "D",
+    FIXED: "o",
+    SMOOTHED: "s",
+}
 WORD = 10.0  # tolerance keeps its word within this factor
 Value = Callable[[Measurement], float | None]
 

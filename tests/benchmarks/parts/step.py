@@ -26,10 +26,10 @@ import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
-from drumsqueal.integrate import CHUNK_SAMPLES, Segment, Span, State, advance, first_step
 from drumsqueal.kernel import compiled, one_kernel
 from drumsqueal.model import Model, build_model
 from drumsqueal.runge_kutta import DEFAULT, STAGES
+from drumsqueal.segment import CHUNK_SAMPLES, Segment, Span, State, advance, first_step
 from drumsqueal.simulation import prepare, transient
 
 from .record import Record

@@ -1,0 +1,239 @@
+"""One chunk of a transient as one compiled call: its state, what its errors are measured against, and its samples."""
+
+import dataclasses
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.typing import ArrayLike
+
+from drumsqueal.effects.contact import Observation
+from drumsqueal.effects.damping import frictionless_modes
+from drumsqueal.effects.schedule import Constant
+from drumsqueal.kernel import compiled, one_kernel
+from drumsqueal.model import Model
+from drumsqueal.runge_kutta import DEFAULT, LOCAL_SHARE, is_self_contained, make_solver
+from drumsqueal.stepping import Stepped, step_through
+from drumsqueal.sticking import slip
+
+CHUNK_SAMPLES = 500  # samples a chunk: some 50 ms of computing in the plane, so that Ctrl-C and the bar respond
+# Steps a chunk: a run that exceeds it is stuck, and says so. Samples hold two to a period at least, so 500 of them take
+# some thousand steps; a tolerance of 1e-13 takes ten times as many, and so do edges.
+STEP_BUDGET = 100_000
+LEAST_LOCAL = 1e-14  # of the motion, that one step may err; less would be round-off
+# A coordinate is resolved at least to this share of what it would do if all vibration energy were in each mode.
+COUPLING_SHARE = 1e-3
+QUIET = 1e-12  # m; motion below a picometre counts as rest, and is resolved as if it were that large
+# Round-offs of the load's forces that a step gathers: a motion is not resolved finer than they let it be.
+ROUND_OFF = 16 * np.finfo(np.float64).eps
+# Slip below this many errors of a step counts as none: there the lining sticks, or slips on from what sticking leaves.
+SLIP_SHARE = 1.0
+FIRST_STEP_SHARE = 0.01  # first step over the period of the highest frictionless mode, divided by 2π
+
+
+class State(NamedTuple):
+    """Displacement from steady sliding (n,), velocity (n,) and energy fed in so far beyond the stored one (J).
+
+    The solver sees it as one flat array, which takes less than half the time of a tree of three.
+    """
+
+    departure: Array
+    velocity: Array
+    work: Array
+
+    def flat(self) -> Array:
+        """One array (2n + 1,)."""
+        return jnp.concatenate([self.departure, self.velocity, self.work[None]])
+
+    @staticmethod
+    def split(flat: Array) -> "State":
+        """From an array (..., 2n + 1)."""
+        n = flat.shape[-1] // 2
+        return State(flat[..., :n], flat[..., n : 2 * n], flat[..., 2 * n])
+
+
+class Span(NamedTuple):
+    """One chunk in time: its start (s), the interval between samples (s), and how many there are after the first.
+
+    It is entered `offset` (s) after its start.
+    """
+
+    start: Any  # numbers outside a compiled call, arrays within
+    interval: Any
+    samples: Any
+    offset: Any = np.float64(0)
+
+
+class Segment(NamedTuple):
+    """What one compiled call leaves: samples, their observations and energies, the last state, and the next step.
+
+    `time` (s) is that of the last state after the start of the chunk, `halted` whether slip all but vanished there.
+    """
+
+    states: State
+    observation: Observation
+    kinetic: Array
+    potential: Array
+    final: State
+    time: Array
+    step: Array
+    steps: Array
+    kept: Array
+    reached: Array
+    halted: Array
+
+
+@compiled
+def advance(
+    model: Model,
+    steady: Array,
+    state: State,
+    span: Span,
+    tolerance: ArrayLike,
+    step: Array,
+    solver: str = DEFAULT,
+    in_kernel: bool = True,
+    sticks: bool = False,
+) -> Segment:
+    """One chunk; samples past the span's last repeat it, to keep the shapes. `step` (s) is the first to be tried.
+
+    Where the lining `sticks`, in that it could, it ends early where hardly any of it slips.
+    """
+    local = local_tolerance(tolerance, solver)
+    scale = resolution(model, state, span, local)
+    least_slip = _least_slip(model, span, jnp.asarray(tolerance), scale) if sticks else None
+    arguments = (model, steady, state, span, local, step, scale, solver, jnp.asarray(STEP_BUDGET), least_slip)
+    # What is implicit solves equations with a library, which a kernel cannot call.
+    in_kernel = in_kernel and is_self_contained(solver)
+    return one_kernel(advance_scaled, *arguments) if in_kernel else advance_scaled(*arguments)
+
+
+@compiled
+def least_slip(model: Model, state: State, span: Span, tolerance: ArrayLike, solver: str) -> Array:
+    """Slip speed (m/s) below which nothing counts as slipping in this chunk."""
+    local = local_tolerance(tolerance, solver)
+    return _least_slip(model, span, jnp.asarray(tolerance), resolution(model, state, span, local))
+
+
+def _least_slip(model: Model, span: Span, local: Array, scale: Array) -> Array:
+    """Slip speed (m/s) that errors of a step could make: some tens of them, of the vibration's own velocities."""
+    at_rest = dataclasses.replace(model, operation=dataclasses.replace(model.operation, drum_speed=Constant(0.0)))
+    return SLIP_SHARE * local * slip(at_rest, jnp.asarray(span.start), State.split(scale).velocity)
+
+
+def local_tolerance(tolerance: ArrayLike, solver: str) -> Array:
+    """What one step of a method may err, over the amplitude of the motion."""
+    return jnp.maximum(tolerance * LOCAL_SHARE[solver], LEAST_LOCAL)
+
+
+def resolution(model: Model, state: State, span: Span, local: Array) -> Array:
+    """Amplitudes (2n + 1,) that errors are measured against in a chunk; needs eigenvalues, so it is no kernel."""
+    return motion_scale(model, state, _quiet(model, jnp.asarray(span.start), local)).flat()
+
+
+def advance_scaled(
+    model: Model,
+    steady: Array,
+    state: State,
+    span: Span,
+    local: Array,
+    step: Array,
+    scale: Array,
+    solver: str,
+    budget: Array,
+    least_slip: Array | None = None,
+) -> Segment:
+    """One chunk, with errors measured against `scale` (2n + 1,), in `budget` steps at most.
+
+    It ends early where no part of the lining slips faster than `least_slip` (m/s).
+    """
+    inverse = 1 / scale
+    # Time is counted from the start of the chunk: a step is then known to more digits.
+    time = jnp.minimum(jnp.arange(CHUNK_SAMPLES + 1), span.samples) * jnp.asarray(span.interval)
+    time = jnp.maximum(time, span.offset)
+
+    def vector_field(t: Array, scaled: Array) -> Array:
+        now = State.split(scaled * scale)
+        force, power = model.act(span.start + t, steady + now.departure, now.velocity)
+        return State(now.velocity, force / model.mass, power).flat() * inverse
+
+    def halts(t: Array, scaled: Array) -> Array:
+        assert least_slip is not None
+        return slip(model, span.start + t, State.split(scaled * scale).velocity) < least_slip
+
+    stepped = step_through(
+        make_solver(solver, local, _largest),
+        vector_field,
+        time,
+        state._replace(work=jnp.zeros(())).flat() * inverse,
+        step,
+        tolerance=local,
+        norm=_largest,
+        budget=budget,
+        halts=None if least_slip is None else halts,
+    )
+    return _observed(model, steady, state.work, jnp.asarray(span.start) + time, scale, stepped)
+
+
+def _observed(model: Model, steady: Array, work: Array, time: Array, scale: Array, stepped: Stepped) -> Segment:
+    """The samples in their units, the work from the start of the transient on, and what each of them looks like."""
+    states, final = (State.split(ys * scale) for ys in (stepped.samples, stepped.last))
+    states, final = (s._replace(work=s.work + work) for s in (states, final))
+
+    def observe(sample: tuple[Array, State]) -> tuple[Observation, Array, Array]:
+        t, now = sample
+        q = steady + now.departure
+        return model.observe(t, q, now.velocity), *model.energy(t, q, now.velocity)
+
+    observation, kinetic, potential = jax.lax.map(observe, (time, states))
+    return Segment(
+        states, observation, kinetic, potential, final, stepped.time, stepped.step, stepped.steps, stepped.kept,
+        stepped.reached, stepped.halted,
+    )  # fmt: skip
+
+
+@jax.jit
+def first_step(model: Model) -> Array:
+    """A step (s) that resolves the highest frictionless frequency; without any stiffness, one of a microsecond."""
+    highest = frictionless_modes(model.mass, model.stiffness)[0][-1]
+    return jnp.where(highest > 0, FIRST_STEP_SHARE / jnp.where(highest > 0, highest, 1.0), 1e-6)
+
+
+def _quiet(model: Model, time: Array, local: Array) -> Array:
+    """Amplitude (m) below which motion counts as rest: where round-off of the load's forces exceeds the tolerance."""
+    stiffness = model.contact.law.stiffness
+    follows = jnp.where(stiffness > 0, model.operation.at(time).preload / jnp.where(stiffness > 0, stiffness, 1.0), 0.0)
+    return jnp.maximum(QUIET, ROUND_OFF * follows / local)
+
+
+def motion_scale(model: Model, state: State, quiet: ArrayLike = QUIET) -> State:
+    """Amplitudes that the present vibration energy gives to displacement, velocity (n,) and work, at least `quiet` (m).
+
+    In the mass-normalised modes (ω_j, Φ) of the frictionless shoe, s_j = √((ω_j p_j)² + ṗ_j²) is the amplitude of ṗ_j;
+    coordinate i has velocity amplitude Σ |Φ_ij| s_j and displacement amplitude Σ |Φ_ij| s_j/ω_j. Unlike the present
+    values they do not pass through zero, so an error relative to them is a fair measure at any phase.
+    """
+    omega, modes = frictionless_modes(model.mass, model.stiffness)
+    highest = jnp.max(omega)
+    highest = jnp.where(highest > 0, highest, 1.0)
+    shaped = model.mass[:, None] * modes
+    position, speed = state.departure @ shaped, state.velocity @ shaped
+    amplitude = jnp.sqrt((omega * position) ** 2 + speed**2)
+    least = quiet * highest * jnp.sqrt(jnp.max(model.mass))
+    total = jnp.sqrt(jnp.sum(amplitude**2) + least**2)
+    amplitude = jnp.maximum(amplitude, COUPLING_SHARE * total)
+    # A mode without stiffness drifts; it is given the slowest of the other frequencies.
+    slowest = jnp.min(jnp.where(omega > 0, omega, highest))
+    size = jnp.abs(modes)
+    return State(size @ (amplitude / jnp.where(omega > 0, omega, slowest)), size @ amplitude, total**2 / 2)
+
+
+def _largest(scaled_error: Array) -> Array:
+    """Largest error of any coordinate relative to its tolerance.
+
+    The work, the last entry, has no say: it follows from the motion, and beside the drum's power of hundreds of watts
+    its round-off would drown a small motion.
+    """
+    return jnp.max(jnp.abs(scaled_error[:-1]))
