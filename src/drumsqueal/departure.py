@@ -84,9 +84,9 @@ def edge_share(departure: Departure, model: Model) -> NDArray[np.float64]:
     q, v = departure.wide()
     share = np.zeros(departure.time.size)
     moments = jax.vmap(model.operation.at)(departure.time)
-    if isinstance(model.contact.law, Unilateral):
+    if isinstance(model.lining.law, Unilateral):
         radial = np.hypot(q[X], q[Y] - c * q[TZ]) + half_width * np.hypot(q[TX], q[TY])
-        share = _over(float(model.contact.law.stiffness) * radial, np.asarray(moments.preload))
+        share = _over(float(model.lining.law.stiffness) * radial, np.asarray(moments.preload))
     if model.contact.friction is not None:
         tangential = np.abs(radius * v[TZ]) + np.hypot(v[X], v[Y] - c * v[TZ]) + half_width * np.hypot(v[TX], v[TY])
         share = np.maximum(share, _over(tangential, radius * np.abs(np.asarray(moments.drum_speed))))
@@ -101,7 +101,7 @@ def first_edge(history: xarray.Dataset, stability: Stability, model: Model) -> f
     """
     touching = history["contact_fraction"].values
     reached = np.zeros(touching.size, dtype=bool)
-    if isinstance(model.contact.law, Unilateral):
+    if isinstance(model.lining.law, Unilateral):
         steady = stability.contact_fraction
         most = FRACTION_ROUND_OFF if steady > 1 - FRACTION_ROUND_OFF else LIFTED_SHARE
         reached |= np.abs(touching - steady) > most

@@ -13,11 +13,11 @@ import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
-from drumsqueal.effects.contact import Observation
+from drumsqueal.effects.touching import Observation
 from drumsqueal.errors import IntegrationError
 from drumsqueal.model import Model
 from drumsqueal.precision import real
-from drumsqueal.runge_kutta import DEFAULT, STAGES, is_explicit
+from drumsqueal.runge_kutta import AUTO, STAGES, is_explicit
 from drumsqueal.segment import CHUNK_SAMPLES, STEP_BUDGET, Segment, Span, State, first_step
 from drumsqueal.stick_slip import StickSlip
 
@@ -37,6 +37,7 @@ class Chunk(NamedTuple):
     steps: int
     rejected_steps: int
     evaluations: float  # NaN: not counted, for an implicit method
+    solvers: tuple[str, ...]  # methods that made it; none where the lining stuck
 
 
 def integrate(
@@ -48,7 +49,7 @@ def integrate(
     duration: float,
     sample_rate: float,
     tolerance: float,
-    solver: str = DEFAULT,
+    solver: str = AUTO,
 ) -> Generator[Chunk]:
     """Integrate M q̈ = Σ Q from a departure (n,) from steady sliding q* (n,) and yield the samples chunk by chunk.
 
@@ -68,7 +69,7 @@ def integrate(
         span = Span(np.float64(first / sample_rate), np.float64(1 / sample_rate), np.int64(count))
         segment = run.through(state, span, step)
         chunk = _to_chunk(segment, first_energy, sample_rate, first, count, np.asarray(steady))
-        chunk = chunk._replace(evaluations=_evaluations(segment, solver) if not run.stiff else np.nan)
+        chunk = chunk._replace(evaluations=_evaluations(segment, run.solvers), solvers=tuple(sorted(run.solvers)))
         good = np.isfinite(chunk.displacement).all(axis=1) & np.isfinite(chunk.velocity).all(axis=1)
         kept = count + 1 if good.all() else int(np.argmin(good))
         fresh = slice(0 if first == 0 else 1, kept)  # a chunk begins with the last sample of the one before
@@ -101,12 +102,14 @@ def _to_chunk(
         steps=int(segment.steps),
         rejected_steps=int(segment.steps - segment.kept),
         evaluations=np.nan,
+        solvers=(),
     )
 
 
-def _evaluations(segment: Segment, solver: str) -> float:
+def _evaluations(segment: Segment, solvers: set[str]) -> float:
     """The last stage of a step is the first of the next: one more at the start of the chunk."""
-    return float(segment.steps) * STAGES[solver] + 1 if is_explicit(solver) else np.nan
+    stages = {STAGES[solver] if is_explicit(solver) else np.nan for solver in solvers}
+    return float(segment.steps) * max(stages, default=np.nan) + 1 if len(stages) < 2 else np.nan
 
 
 def _rows(chunk: Chunk, rows: slice) -> Chunk:

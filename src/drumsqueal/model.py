@@ -13,7 +13,7 @@ from drumsqueal.bodies.rigid_shoe import IN_PLANE, RigidShoe
 from drumsqueal.composition import GIVEN, Composition, compose
 from drumsqueal.effects.action import Effect, Six
 from drumsqueal.effects.assembly import Balance, Preload
-from drumsqueal.effects.contact import Contact, Observation
+from drumsqueal.effects.contact import Contact
 from drumsqueal.effects.custom_friction import as_law
 from drumsqueal.effects.damping import Damping
 from drumsqueal.effects.forcing import Forcing
@@ -24,6 +24,7 @@ from drumsqueal.effects.operation import Operation
 from drumsqueal.effects.pressure import Bonded, Unilateral
 from drumsqueal.effects.schedule import Constant, Profile, Schedule
 from drumsqueal.effects.support import Support
+from drumsqueal.effects.touching import Observation, Touching
 from drumsqueal.precision import real
 from drumsqueal.quadrature.arc import NODES, NODES_LONG_ARC, ArcSurface
 from drumsqueal.quadrature.area import AreaSurface
@@ -40,16 +41,22 @@ class Model(eqx.Module):
     """
 
     operation: Operation
-    contact: Contact
+    contact: Touching
     others: tuple[Effect, ...]
     mass: Array = eqx.field(converter=real)
     stiffness: Array = eqx.field(converter=real)
     coordinates: tuple[int, ...] = eqx.field(static=True)
 
     @property
+    def lining(self) -> Contact:
+        """The contact of a shoe, as what asks for its shape wants it."""
+        assert isinstance(self.contact, Contact)
+        return self.contact
+
+    @property
     def shoe(self) -> RigidShoe:
         """The body."""
-        return self.contact.shoe
+        return self.lining.shoe
 
     @property
     def effects(self) -> tuple[Effect, ...]:
@@ -73,7 +80,7 @@ class Model(eqx.Module):
     @property
     def middle_contact(self) -> Contact:
         """The contact as motion in the plane has it: the same on every line across, so that one line serves."""
-        return dataclasses.replace(self.contact, surface=ArcSurface(NODES_LONG_ARC, compact=True))
+        return dataclasses.replace(self.lining, surface=ArcSurface(NODES_LONG_ARC, compact=True))
 
     def undisturbed(self) -> "Model":
         """The same model without its harmonic force: what steady sliding is the equilibrium of."""

@@ -126,7 +126,7 @@ def _linear_problem(model: Model) -> tuple[Array, Array, tuple[Array, Array], Ar
     """Steady sliding q*, the state matrix there, range of pressure and share in contact, as one compiled program."""
     steady = steady_sliding(model)
     moment, wide = model.operation.at(0.0), model.widen(steady)
-    pressure_range = model.contact.pressure_range(moment, wide)
+    pressure_range = model.lining.pressure_range(moment, wide)
     touching = model.middle_contact.observe(moment, wide, ZERO).contact_fraction
     return steady, linearise(model, steady).state_matrix(), pressure_range, touching
 

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from drumsqueal.rosenbrock import Rodas4
+from drumsqueal.sdirk import Sdirk4, Stages
 
 
 class Explicit(diffrax.AbstractAdaptiveSolver):
@@ -80,16 +80,16 @@ _EXPLICIT: Mapping[str, diffrax.AbstractERK] = {
     "dopri5": diffrax.Dopri5(),
     "dopri8": diffrax.Dopri8(),
 }
-_IMPLICIT = "kvaerno5"
 DEFAULT = "dopri8"
-LINEARLY_IMPLICIT = "rodas4"
-SOLVERS = (*_EXPLICIT, LINEARLY_IMPLICIT, _IMPLICIT)
-"""What `simulate.solver` can be."""
+IMPLICIT = "sdirk4"
+AUTO = "auto"  # one of these two, as it comes
+SOLVERS = (*_EXPLICIT, IMPLICIT)
+"""What `simulate.solver` can be, beside "auto"."""
 STAGES: Mapping[str, int] = {"tsit5": 6, "dopri5": 6, "dopri8": 13}
 """Evaluations of the vector field a step, of the explicit methods."""
 
 
-LOCAL_SHARE: Mapping[str, float] = {"tsit5": 0.005, "dopri5": 0.002, "dopri8": 0.01, "rodas4": 0.001, "kvaerno5": 0.001}
+LOCAL_SHARE: Mapping[str, float] = {"tsit5": 0.005, "dopri5": 0.002, "dopri8": 0.01, "sdirk4": 0.01}
 """Share of a scene's tolerance that one step may err: errors add up over some thousand steps.
 
 Over the growth phase of the shipped scenes the trajectory is then off by no more than ten times the tolerance, and
@@ -102,15 +102,6 @@ def is_explicit(name: str) -> bool:
     return name in _EXPLICIT
 
 
-def is_self_contained(name: str) -> bool:
-    """Whether a method calls no library, such as one for linear equations."""
-    return name != _IMPLICIT
-
-
-def make_solver(name: str, tolerance: Array, norm: Callable[[Array], Array]) -> diffrax.AbstractAdaptiveSolver:
-    """The method of that name; an implicit one solves its equations to the tolerance of a step, in the same norm."""
-    if is_explicit(name):
-        return Explicit(_EXPLICIT[name])
-    if name == LINEARLY_IMPLICIT:
-        return Rodas4()
-    return diffrax.Kvaerno5(root_finder=diffrax.VeryChord(rtol=tolerance, atol=tolerance, norm=norm))  # pyright: ignore
+def make_solver(name: str, stages: Stages) -> Any:
+    """The method of that name; `stages` is what an implicit one asks for."""
+    return Explicit(_EXPLICIT[name]) if is_explicit(name) else Sdirk4(stages)

@@ -121,7 +121,7 @@ def _scale(departure: Departure, stability: Stability, model: Model) -> NDArray[
     Without pressure or without contact stiffness it is the largest departure of the record.
     """
     largest = np.abs(departure.displacement).max(axis=0)
-    stiffness, radius = float(model.contact.law.stiffness), float(model.shoe.outer_radius)
+    stiffness, radius = float(model.lining.law.stiffness), float(model.shoe.outer_radius)
     lost = stability.pressure_range[1] / stiffness if stiffness > 0 else 0.0
     lever = np.array([radius if name in ROTATIONS else 1.0 for name in departure.coordinates])
     return lost / lever if lost > 0 else np.maximum(largest, np.finfo(np.float64).tiny)

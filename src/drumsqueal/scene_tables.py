@@ -262,7 +262,7 @@ class Simulate(Table):
     duration: Annotated[float, Quantity("s", above=0)]
     sample_rate: Annotated[float, Quantity("Hz", above=0)]
     tolerance: Annotated[float, Quantity("", least=LEAST_TOLERANCE, most=MOST_TOLERANCE)] = 1e-6
-    solver: Literal["tsit5", "dopri5", "dopri8", "rodas4", "kvaerno5"] = "dopri8"
+    solver: Literal["auto", "tsit5", "dopri5", "dopri8", "sdirk4"] = "auto"
     coordinates: Annotated[Literal["auto"] | tuple[str, ...], BeforeValidator(_coordinates)] = "auto"
 
     @model_validator(mode="after")

@@ -1,6 +1,5 @@
 """One chunk of a transient as one compiled call: its state, what its errors are measured against, and its samples."""
 
-import dataclasses
 from typing import Any, NamedTuple
 
 import jax
@@ -9,12 +8,12 @@ import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
-from drumsqueal.effects.contact import Observation
 from drumsqueal.effects.damping import frictionless_modes
-from drumsqueal.effects.schedule import Constant
+from drumsqueal.effects.touching import Observation
 from drumsqueal.kernel import compiled, one_kernel
 from drumsqueal.model import Model
-from drumsqueal.runge_kutta import DEFAULT, LOCAL_SHARE, is_self_contained, make_solver
+from drumsqueal.runge_kutta import DEFAULT, LOCAL_SHARE, make_solver
+from drumsqueal.sdirk import Stages
 from drumsqueal.stepping import Stepped, step_through
 from drumsqueal.sticking import slip
 
@@ -28,7 +27,7 @@ COUPLING_SHARE = 1e-3
 QUIET = 1e-12  # m; motion below a picometre counts as rest, and is resolved as if it were that large
 # Round-offs of the load's forces that a step gathers: a motion is not resolved finer than they let it be.
 ROUND_OFF = 16 * np.finfo(np.float64).eps
-# Slip below this many errors of a step counts as none: there the lining sticks, or slips on from what sticking leaves.
+# Slip below this many tolerances of the vibration's own counts as none: there the lining sticks, or it slips on.
 SLIP_SHARE = 1.0
 FIRST_STEP_SHARE = 0.01  # first step over the period of the highest frictionless mode, divided by 2π
 
@@ -57,13 +56,31 @@ class State(NamedTuple):
 class Span(NamedTuple):
     """One chunk in time: its start (s), the interval between samples (s), and how many there are after the first.
 
-    It is entered `offset` (s) after its start.
+    It is entered `offset` and left `until` (s) after its start, if that is before its end. What is prescribed over time
+    is taken from within `after` and `before` (s of the transient): where it jumps, from this side of the jump.
     """
 
     start: Any  # numbers outside a compiled call, arrays within
     interval: Any
     samples: Any
     offset: Any = np.float64(0)
+    until: Any = np.float64(np.inf)
+    after: Any = np.float64(-np.inf)
+    before: Any = np.float64(np.inf)
+
+    @property
+    def length(self) -> Any:
+        """From its start to its end (s)."""
+        return self.samples * self.interval
+
+    @property
+    def now(self) -> Any:
+        """Where it is entered, as a time at which to ask for what is prescribed (s of the transient)."""
+        return self.inside(self.start + self.offset)
+
+    def inside(self, time: Any) -> Any:
+        """A time (s of the transient) at which to ask for what is prescribed."""
+        return jnp.clip(time, self.after, self.before)
 
 
 class Segment(NamedTuple):
@@ -96,31 +113,42 @@ def advance(
     solver: str = DEFAULT,
     in_kernel: bool = True,
     sticks: bool = False,
+    budget: Any = None,
 ) -> Segment:
     """One chunk; samples past the span's last repeat it, to keep the shapes. `step` (s) is the first to be tried.
 
-    Where the lining `sticks`, in that it could, it ends early where hardly any of it slips.
+    It makes STEP_BUDGET steps at most unless given another `budget`. Where the lining `sticks`, in that it could, it
+    ends early where hardly any of it slips.
     """
     local = local_tolerance(tolerance, solver)
     scale = resolution(model, state, span, local)
     least_slip = _least_slip(model, span, jnp.asarray(tolerance), scale) if sticks else None
-    arguments = (model, steady, state, span, local, step, scale, solver, jnp.asarray(STEP_BUDGET), least_slip)
-    # What is implicit solves equations with a library, which a kernel cannot call.
-    in_kernel = in_kernel and is_self_contained(solver)
+    arguments = (
+        model,
+        steady,
+        state,
+        span,
+        local,
+        step,
+        scale,
+        solver,
+        jnp.asarray(STEP_BUDGET if budget is None else budget),
+        least_slip,
+    )
     return one_kernel(advance_scaled, *arguments) if in_kernel else advance_scaled(*arguments)
 
 
 @compiled
-def least_slip(model: Model, state: State, span: Span, tolerance: ArrayLike, solver: str) -> Array:
+def least_slip(model: Model, state: State, span: Span, tolerance: ArrayLike) -> Array:
     """Slip speed (m/s) below which nothing counts as slipping in this chunk."""
-    local = local_tolerance(tolerance, solver)
+    local = local_tolerance(tolerance, DEFAULT)
     return _least_slip(model, span, jnp.asarray(tolerance), resolution(model, state, span, local))
 
 
-def _least_slip(model: Model, span: Span, local: Array, scale: Array) -> Array:
-    """Slip speed (m/s) that errors of a step could make: some tens of them, of the vibration's own velocities."""
-    at_rest = dataclasses.replace(model, operation=dataclasses.replace(model.operation, drum_speed=Constant(0.0)))
-    return SLIP_SHARE * local * slip(at_rest, jnp.asarray(span.start), State.split(scale).velocity)
+def _least_slip(model: Model, span: Span, tolerance: Array, scale: Array) -> Array:
+    """Slip speed (m/s) that errors of the trajectory could make: the tolerance times that of the vibration."""
+    moment = model.operation.at(jnp.asarray(span.start))._replace(drum_speed=jnp.zeros(()))
+    return SLIP_SHARE * tolerance * model.contact.fastest_slip(moment, model.widen(State.split(scale).velocity))
 
 
 def local_tolerance(tolerance: ArrayLike, solver: str) -> Array:
@@ -152,19 +180,28 @@ def advance_scaled(
     inverse = 1 / scale
     # Time is counted from the start of the chunk: a step is then known to more digits.
     time = jnp.minimum(jnp.arange(CHUNK_SAMPLES + 1), span.samples) * jnp.asarray(span.interval)
-    time = jnp.maximum(time, span.offset)
+    time = jnp.clip(time, span.offset, jnp.minimum(span.until, span.length))
 
     def vector_field(t: Array, scaled: Array) -> Array:
         now = State.split(scaled * scale)
-        force, power = model.act(span.start + t, steady + now.departure, now.velocity)
+        force, power = model.act(span.inside(span.start + t), steady + now.departure, now.velocity)
         return State(now.velocity, force / model.mass, power).flat() * inverse
+
+    size = State.split(scale)
+
+    def rates(t: Array, q: Array, v: Array) -> tuple[Array, Array]:
+        velocity = v * size.velocity
+        force, power = model.act(span.inside(span.start + t), steady + q * size.departure, velocity)
+        return force / model.mass / size.velocity, power / size.work
+
+    stages = Stages(rates, size.velocity / size.departure, model.mass * size.velocity**2, local)
 
     def halts(t: Array, scaled: Array) -> Array:
         assert least_slip is not None
-        return slip(model, span.start + t, State.split(scaled * scale).velocity) < least_slip
+        return slip(model, span.inside(span.start + t), State.split(scaled * scale).velocity) < least_slip
 
     stepped = step_through(
-        make_solver(solver, local, _largest),
+        make_solver(solver, stages),
         vector_field,
         time,
         state._replace(work=jnp.zeros(())).flat() * inverse,
@@ -174,7 +211,7 @@ def advance_scaled(
         budget=budget,
         halts=None if least_slip is None else halts,
     )
-    return _observed(model, steady, state.work, jnp.asarray(span.start) + time, scale, stepped)
+    return _observed(model, steady, state.work, span.inside(span.start + time), scale, stepped)
 
 
 def _observed(model: Model, steady: Array, work: Array, time: Array, scale: Array, stepped: Stepped) -> Segment:
@@ -203,9 +240,7 @@ def first_step(model: Model) -> Array:
 
 def _quiet(model: Model, time: Array, local: Array) -> Array:
     """Amplitude (m) below which motion counts as rest: where round-off of the load's forces exceeds the tolerance."""
-    stiffness = model.contact.law.stiffness
-    follows = jnp.where(stiffness > 0, model.operation.at(time).preload / jnp.where(stiffness > 0, stiffness, 1.0), 0.0)
-    return jnp.maximum(QUIET, ROUND_OFF * follows / local)
+    return jnp.maximum(QUIET, ROUND_OFF * model.contact.yielding(model.operation.at(time)) / local)
 
 
 def motion_scale(model: Model, state: State, quiet: ArrayLike = QUIET) -> State:

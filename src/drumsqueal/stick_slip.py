@@ -1,4 +1,4 @@
-"""A chunk of a transient through all changes between slipping and sticking of the lining as a whole."""
+"""A chunk of a transient through all that changes in it: slip and stick, the method, the drum's direction."""
 
 from typing import Any
 
@@ -9,125 +9,148 @@ from jax import Array
 from jax.errors import JaxRuntimeError
 from scipy.optimize import brentq
 
+from drumsqueal.choice import Choice
+from drumsqueal.effects.schedule import Constant
 from drumsqueal.model import Model
-from drumsqueal.runge_kutta import LINEARLY_IMPLICIT, is_explicit
 from drumsqueal.segment import CHUNK_SAMPLES, Segment, Span, State, advance, least_slip
-from drumsqueal.sticking import can_stick, drum_motion, drum_motions, held, hold, holds_surely, slip
+from drumsqueal.sticking import can_stick, drum_motion, drum_motions, held, hold, hold_surely, slip
 
 AWAY = 2.0  # times the slip that counts as none: what a lining that cannot stick goes on with
-MOST_CHANGES = 1000  # between slip and stick in one chunk, that is a hundred a period: more is a mistake, not a motion
+MOST_CHANGES = 1000  # in one chunk, that is a hundred a period: more is a mistake, not a motion
 TIMING = 1e-12  # of a chunk: how well the end of sticking is found
+BESIDE = 1e-12  # of the drum's schedule: its jumps are looked at from so far, beyond round-off
 
 
 class StickSlip:
     """Takes a model through time chunk by chunk, from slipping to sticking and back."""
 
     def __init__(self, model: Model, steady: Array, tolerance: np.float64, solver: str) -> None:
-        """Start slipping; what cannot stick never does."""
-        self._model, self._steady, self._tolerance, self._solver = model, steady, tolerance, solver
-        self._sticks, self._in_kernel = can_stick(model), True
+        """Begin at the start of the transient."""
+        self._model, self._steady, self._tolerance = model, steady, tolerance
+        self._in_kernel = True
         self._held: Model | None = None  # the model that sticks, while it does
-        self.stiff = False  # whether the last chunk took the implicit method
+        self._jumps, self._margin = _jumps(model)
+        self._choice = Choice(solver)
+        self.solvers: set[str] = set()  # that made the last chunk
 
     def through(self, state: State, span: Span, step: Array) -> Segment:
         """One chunk."""
-        if self._sticks and self._held is None and float(span.start) == 0:
-            least = least_slip(self._model, state, span, self._tolerance, self._solver)
-            if float(slip(self._model, span.start, state.velocity)) < float(least):
-                state = self._changed(state, 0.0, float(least))
-        whole, self.stiff = None, False
+        whole, self.solvers = None, set()
+        self._choice.begin()
         for _ in range(MOST_CHANGES):
-            sticking = self._held is not None
-            segment = self._stick(state, span, step) if sticking else self._slip(state, span, step)
-            whole = segment if whole is None else _joined(whole, segment, float(span.offset), span)
-            if not bool(segment.halted):
-                break
-            step = segment.step
+            span, fresh = self._between_jumps(span)
+            if fresh:
+                state = self._settled(state, span)
+            stuck = self._held is not None
+            segment = self._stick(state, span, step) if stuck else self._slip(state, span, step)
+            whole = segment if whole is None else _joined(whole, segment, span)
+            if float(whole.time) >= float(span.length):
+                return whole._replace(reached=jnp.asarray(True))
+            state, step = segment.final, segment.step
             span = span._replace(offset=np.float64(segment.time))
-            least = least_slip(self._model, segment.final, span, self._tolerance, self._solver)
-            state = self._changed(segment.final, float(span.start + segment.time), float(least), ends=sticking)
+            if bool(segment.halted):
+                state = self._changed(state, span, self._least_slip(state, span), ends=stuck)
+            elif not bool(segment.reached) and not self._choice.switch():
+                break
         assert whole is not None
-        return whole
+        return whole._replace(reached=jnp.asarray(False))
+
+    def _between_jumps(self, span: Span) -> tuple[Span, bool]:
+        """The span up to the next jump, seen from between the two about it, and whether it begins at one."""
+        now, end = float(span.start + span.offset), float(span.start + span.length)
+        passed = self._jumps[self._jumps <= now + self._margin]
+        coming = self._jumps[self._jumps > now + self._margin]
+        after, before = passed[-1], coming[0] if coming.size else np.inf
+        until = before - float(span.start) if before < end - self._margin else np.inf
+        inside = span._replace(
+            until=np.float64(until), after=np.float64(after + self._margin), before=np.float64(before - self._margin)
+        )
+        return inside, bool(now - after <= self._margin)
+
+    def _may_stick(self, span: Span) -> bool:
+        speed = float(self._model.operation.at(span.after).drum_speed)
+        return can_stick(self._model, at_rest=speed == 0)
+
+    def _least_slip(self, state: State, span: Span) -> float:
+        return float(least_slip(self._model, state, span, self._tolerance))
+
+    def _settled(self, state: State, span: Span) -> State:
+        """The state to go on with from the start or a jump, where it is not known whether the lining sticks."""
+        self._held = None
+        if not self._may_stick(span):
+            return state
+        least = self._least_slip(state, span)
+        if float(slip(self._model, span.now, state.velocity)) >= least:
+            return state
+        return self._changed(state, span, least)
 
     def _slip(self, state: State, span: Span, step: Array) -> Segment:
-        """Slip to the end of the chunk or until hardly anything slips, implicitly where that takes too many steps."""
-        segment = self._advanced(state, span, step, self._solver)
-        if bool(segment.reached) or bool(segment.halted) or not is_explicit(self._solver):
-            return segment
-        stiff = self._advanced(state, span, step, LINEARLY_IMPLICIT)
-        if float(stiff.time) <= float(segment.time):
-            return segment
-        self.stiff = True
-        return stiff
-
-    def _advanced(self, state: State, span: Span, step: Array, solver: str) -> Segment:
-        arguments = (self._model, self._steady, state, span, self._tolerance, step, solver)
+        """Slip to the end of the span, until hardly anything slips, or as far as the method gets."""
+        self.solvers.add(self._choice.solver)
+        arguments = (self._model, self._steady, state, span, self._tolerance, step, self._choice.solver)
+        sticks, budget = self._may_stick(span), np.int64(self._choice.budget)
         try:
-            return advance(*arguments, self._in_kernel, self._sticks)
+            return advance(*arguments, self._in_kernel, sticks, budget)
         except JaxRuntimeError:
             # A law of the user's own may call what no kernel can: a matrix product, a sort, a solver of equations.
             if not self._in_kernel:
                 raise
             self._in_kernel = False
-            return advance(*arguments, self._in_kernel, self._sticks)
+            return advance(*arguments, self._in_kernel, sticks, budget)
 
     def _stick(self, state: State, span: Span, step: Array) -> Segment:
-        """Move with the drum to the end of the chunk, or until friction no longer holds."""
+        """Move with the drum to the end of the span, or until friction no longer holds."""
         segment = self._moved(state, span, step)
-        times = np.maximum(np.arange(1, int(span.samples) + 1) * float(span.interval), float(span.offset))
-        before, states = float(span.offset), jax.tree.map(np.asarray, segment.states)
-        for sample, time in enumerate(times, start=1):
-            if time == before:
-                continue
-            now = jax.tree.map(lambda x, sample=sample: x[sample], states)
-            if not self._holds(now, float(span.start) + time):
-                return self._released(segment, state, span, step, before, float(time))
-            before = float(time)
+        times = _sample_times(span)
+        displacement = self._steady + segment.states.departure
+        surely = hold_surely(self._model, span.inside(times), displacement, segment.states.velocity)
+        before = float(span.offset)
+        for sample in np.flatnonzero(np.diff(times, prepend=before) > 0):
+            now = jax.tree.map(lambda x, sample=sample: x[sample], segment.states)
+            if not surely[sample] and self._reserve(now, span, times[sample]) < 1:
+                return self._released(segment, state, span, step, before, float(times[sample]))
+            before = float(times[sample])
         return segment
 
     def _moved(self, state: State, span: Span, step: Array) -> Segment:
         """Move with the drum: at its own speed, which the integral of its rate has but to the tolerance."""
         assert self._held is not None
-        segment = advance(self._held, self._steady, state, span, self._tolerance, step, self._solver)
-        times = np.minimum(np.arange(CHUNK_SAMPLES + 1), int(span.samples)) * float(span.interval)
-        times = float(span.start) + np.maximum(times, float(span.offset))
-        velocity = drum_motions(self._model, times, segment.states.velocity)
-        final = drum_motion(self._model, float(span.start) + float(segment.time), segment.final.velocity)
+        segment = advance(self._held, self._steady, state, span, self._tolerance, step, self._choice.explicit)
+        velocity = drum_motions(self._model, span.inside(_sample_times(span)), segment.states.velocity)
+        final = drum_motion(self._model, span.inside(span.start + segment.time), segment.final.velocity)
         return segment._replace(
             states=segment.states._replace(velocity=velocity), final=segment.final._replace(velocity=final)
         )
 
-    def _holds(self, state: State, time: float) -> bool:
-        q = self._steady + state.departure
-        return holds_surely(self._model, time, q, state.velocity) or self._reserve(state, time) >= 1
-
-    def _reserve(self, state: State, time: float) -> float:
-        return hold(self._model, time, self._steady + state.departure, state.velocity).reserve
+    def _reserve(self, state: State, span: Span, time: float) -> float:
+        return hold(self._model, span.inside(time), self._steady + state.departure, state.velocity).reserve
 
     def _released(
         self, segment: Segment, state: State, span: Span, step: Array, before: float, after: float
     ) -> Segment:
-        """The segment up to the time (s after the chunk's start) at which friction ceases to hold."""
+        """The segment up to the time (s of the transient) at which friction ceases to hold."""
 
         def at(time: float) -> State:
-            if time <= float(span.offset):
+            if time <= float(span.start + span.offset):
                 return state
-            return self._moved(state, span._replace(interval=np.float64(time), samples=np.int64(1)), step).final
+            until = np.float64(time - float(span.start))
+            return self._moved(state, span._replace(until=until), step).final
 
         def excess(time: float) -> float:
-            return self._reserve(at(time), float(span.start) + time) - 1
+            return self._reserve(at(time), span, time) - 1
 
         time = before
         if excess(before) > 0:
-            time = brentq(excess, before, after, xtol=TIMING * after)
+            time = brentq(excess, before, after, xtol=TIMING * float(span.length))
         assert isinstance(time, float)
         yes, no = jnp.asarray(True), jnp.asarray(False)
-        return segment._replace(final=at(time), time=jnp.asarray(time), step=step, reached=no, halted=yes)
+        passed = jnp.asarray(time - float(span.start))
+        return segment._replace(final=at(time), time=passed, step=step, reached=no, halted=yes)
 
-    def _changed(self, state: State, time: float, least: float, *, ends: bool = False) -> State:
+    def _changed(self, state: State, span: Span, least: float, *, ends: bool = False) -> State:
         """The state to go on with where hardly anything slips: at rest on the drum, or slipping off it."""
-        found = hold(self._model, time, self._steady + state.departure, state.velocity, ends=ends)
-        velocity = drum_motion(self._model, time, state.velocity)
+        found = hold(self._model, span.now, self._steady + state.departure, state.velocity, ends=ends)
+        velocity = drum_motion(self._model, span.now, state.velocity)
         if found.reserve >= 1 and not ends:
             self._held = held(self._model)
             return state._replace(velocity=velocity)
@@ -135,9 +158,29 @@ class StickSlip:
         return state._replace(velocity=velocity + AWAY * least * jnp.asarray(found.direction))
 
 
-def _joined(whole: Segment, segment: Segment, offset: float, span: Span) -> Segment:
-    """Samples up to the offset from the one, later ones from the other."""
-    earlier = np.arange(len(whole.kinetic)) * float(span.interval) <= offset
+def _jumps(model: Model) -> tuple[np.ndarray, float]:
+    """Times (s) from 0 on at which the drum stops, starts or turns round: friction jumps; and how near is there."""
+    speed = model.operation.drum_speed
+    if isinstance(speed, Constant) or model.contact.friction is None:
+        return np.zeros(1), 0.0
+    time, value = np.asarray(speed.time), np.asarray(speed.value)
+    turns = np.flatnonzero(value[:-1] * value[1:] < 0)
+    crossed = time[turns] + np.diff(time)[turns] * value[turns] / (value[turns] - value[turns + 1])
+    padded = np.pad(value, 1, mode="edge")
+    rests = time[(value == 0) & ((padded[:-2] != 0) | (padded[2:] != 0))]
+    jumps = np.sort(np.concatenate([crossed, rests]))
+    return np.concatenate([[0.0], jumps[jumps > 0]]), BESIDE * float(np.max(np.abs(time)))
+
+
+def _sample_times(span: Span) -> np.ndarray:
+    """Times (s of the transient) of a segment's samples."""
+    times = np.minimum(np.arange(CHUNK_SAMPLES + 1), int(span.samples)) * float(span.interval)
+    return float(span.start) + np.clip(times, float(span.offset), min(float(span.until), float(span.length)))
+
+
+def _joined(whole: Segment, segment: Segment, span: Span) -> Segment:
+    """Samples up to where the segment begins from the one, later ones from the other."""
+    earlier = np.arange(len(whole.kinetic)) * float(span.interval) <= float(span.offset)
 
     def join(old: Any, new: Any) -> Any:
         after = earlier.reshape(-1, *[1] * (np.ndim(new) - 1))

@@ -17,13 +17,12 @@ from jax import Array
 from jax.typing import ArrayLike
 from scipy.optimize import minimize, nnls
 
-from drumsqueal.bodies.rigid_shoe import TZ, Y, Z
-from drumsqueal.effects.contact import Contact, Observation
+from drumsqueal.bodies.rigid_shoe import TZ, Y
+from drumsqueal.effects.contact import Contact
 from drumsqueal.effects.friction import Friction
 from drumsqueal.effects.friction_law import ConstantLaw
 from drumsqueal.effects.operation import Moment
-from drumsqueal.effects.schedule import Constant
-from drumsqueal.kernel import compiled
+from drumsqueal.effects.touching import Observation
 from drumsqueal.model import Model
 
 ENOUGH = 16  # directions a coordinate, of a polytope within the limit surface: most of what is held lies in it
@@ -32,12 +31,17 @@ INSIDE = 1e-9  # of the farthest point: how near to the polytope counts as in it
 JUST = 1e-6  # of the reserve: so little beyond it, the lining slips the way that is resisted least
 
 
-def can_stick(model: Model) -> bool:
-    """Whether the lining can move as one with the drum: with friction, and Y and Tz to follow it or a drum at rest."""
-    friction, speed = model.contact.friction, model.operation.drum_speed
-    follows = {Y, TZ} <= set(model.coordinates)
-    at_rest = isinstance(speed, Constant) and float(speed.value) == 0
-    return friction is not None and (follows or at_rest)
+def can_stick(model: Model, *, at_rest: bool) -> bool:
+    """Whether the lining can move as one with the drum: with friction, and the coordinates to follow it unless at rest.
+
+    A shoe follows a drum that turns in Y and Tz.
+    """
+    follows = all(isinstance(d, float) and d == 0 for i, d in enumerate(model.contact.following) if _left_out(model, i))
+    return model.contact.friction is not None and (follows or at_rest)
+
+
+def _left_out(model: Model, coordinate: int) -> bool:
+    return coordinate not in model.coordinates
 
 
 class Held(Model):
@@ -57,11 +61,13 @@ class Held(Model):
     def observe(self, time: ArrayLike, q: Array, v: Array) -> Observation:
         """Torque, forces and extent of the contact at one instant; nothing slips, nothing is turned into heat."""
         moment = self.operation.at(time)
-        held = _grip(self, moment, _without_friction(self, moment, q, v)[0])
-        wide = self.widen(held)
+        observation = self.contact.with_friction(None).observe(moment, self.widen(q), self.widen(v))
+        if not isinstance(self.contact, Contact):
+            return observation
+        wide = self.widen(_grip(self, moment, _without_friction(self, moment, q, v)[0]))
         # Of R ∫F_θ dA − c ∫F_θ cos θ dA, the force on Tz, and ∫F_θ cos θ dA, that on Y.
         torque = jnp.asarray(wide[TZ] + self.shoe.centroid * wide[Y] + jnp.zeros(()))
-        return _frictionless(self).observe(moment, self.widen(q), self.widen(v))._replace(brake_torque=torque)
+        return observation._replace(brake_torque=torque)
 
 
 def held(model: Model) -> Held:
@@ -69,26 +75,16 @@ def held(model: Model) -> Held:
     return Held(**{field.name: getattr(model, field.name) for field in dataclasses.fields(model)})
 
 
+@jax.jit
 def slip(model: Model, time: ArrayLike, v: Array) -> Array:
     """A bound on the slip speed (m/s) anywhere on the lining at velocities v (n,), reached up to a small factor."""
-    moment = model.operation.at(time)
-    levels = model.contact.levels(moment, (0.0,) * 6, model.widen(v))
-    half_width = model.shoe.width / 2
-    return sum(
-        (
-            abs(level.constant) + abs(level.cosine) + abs(level.sine)
-            + half_width * (abs(level.cosine_slope) + abs(level.sine_slope))
-            for level in (levels.slip, levels.axial)
-            if level is not None
-        ),
-        start=jnp.zeros(()),
-    )  # fmt: skip
+    return model.contact.fastest_slip(model.operation.at(time), model.widen(v))
 
 
 @jax.jit
 def drum_motion(model: Model, time: ArrayLike, v: Array) -> Array:
     """Velocity (n,) of a shoe whose lining moves with the drum; coordinates that do not slip keep theirs."""
-    return jnp.where(_slips(model), _turn(model) * model.operation.at(time).drum_speed, v)
+    return jnp.where(_slips(model), _following(model) * model.operation.at(time).drum_speed, v)
 
 
 @jax.jit
@@ -104,7 +100,7 @@ class Grip(NamedTuple):
     farthest: Array
 
 
-@compiled
+@jax.jit
 def grip(model: Model, time: ArrayLike, q: Array, v: Array, directions: Array) -> Grip:
     """The force needed at a displacement q (n,), and the farthest points of the limit surface; v tells what is free."""
     moment = model.operation.at(time)
@@ -112,45 +108,39 @@ def grip(model: Model, time: ArrayLike, q: Array, v: Array, directions: Array) -
     friction = model.contact.friction
     assert friction is not None
     static = Friction(ConstantLaw(friction.law.coefficient(jnp.zeros(()))), friction.direction)
-    contact, still = dataclasses.replace(model.contact, friction=static), moment._replace(drum_speed=jnp.zeros(()))
+    sliding, smooth = model.contact.with_friction(static), model.contact.with_friction(None)
+    still = moment._replace(drum_speed=jnp.zeros(()))
 
-    def force(touching: Contact, direction: Array) -> Array:
-        action = touching.act(still, model.widen(q), model.widen(direction))
-        return jnp.stack([jnp.asarray(action.force[i] + jnp.zeros(())) for i in model.coordinates])
+    def farthest(direction: Array) -> Array:
+        with_friction = sliding.act(still, model.widen(q), model.widen(-direction)).force
+        without = smooth.act(still, model.widen(q), model.widen(jnp.zeros_like(q))).force
+        return jnp.stack([jnp.asarray(with_friction[i] - without[i] + jnp.zeros(())) for i in model.coordinates])
 
-    pressure = force(_frictionless(model), jnp.zeros_like(q))
-    return Grip(needed, jax.lax.map(lambda direction: force(contact, -direction) - pressure, directions))
+    return Grip(needed, jax.lax.map(farthest, directions))
 
 
 def _without_friction(model: Model, moment: Moment, q: Array, v: Array) -> tuple[Array, Array]:
     wide_q, wide_v = model.widen(q), model.widen(v)
-    actions = [effect.act(moment, wide_q, wide_v) for effect in (_frictionless(model), *model.others)]
+    actions = [effect.act(moment, wide_q, wide_v) for effect in (model.contact.with_friction(None), *model.others)]
     force = [sum(action.force[i] for action in actions) + jnp.zeros(()) for i in model.coordinates]
     return jnp.stack(force), jnp.asarray(sum(action.power for action in actions) + jnp.zeros(()))
-
-
-def _frictionless(model: Model) -> Contact:
-    return dataclasses.replace(model.contact, friction=None)
 
 
 def _grip(model: Model, moment: Moment, free: Array) -> Array:
     """M d Ω̇ − Q: what friction adds to the other forces Q (n,) so that the shoe turns with the drum."""
     rate = model.operation.drum_speed.at(moment.time)[1]
-    following = _turn(model) * model.mass * (0.0 if rate is None else rate)
-    return jnp.where(_slips(model), following - free, 0.0)
+    turning = _following(model) * model.mass * (0.0 if rate is None else rate)
+    return jnp.where(_slips(model), turning - free, 0.0)
 
 
-def _turn(model: Model) -> Array:
+def _following(model: Model) -> Array:
     """Velocities d of a shoe that turns with the drum at 1 rad/s."""
-    turning = {Y: model.shoe.centroid, TZ: jnp.ones(())}
-    return jnp.stack([turning.get(i, jnp.zeros(())) for i in model.coordinates])
+    return jnp.stack([jnp.asarray(model.contact.following[i]) for i in model.coordinates])
 
 
 def _slips(model: Model) -> np.ndarray:
     """Which coordinates have a slip velocity of their own (n,)."""
-    friction = model.contact.friction
-    axial = friction is not None and friction.direction.knows_axial
-    return np.array([axial or i != Z for i in model.coordinates])
+    return np.array([model.contact.slipping[i] for i in model.coordinates])
 
 
 class Hold(NamedTuple):
@@ -163,24 +153,37 @@ class Hold(NamedTuple):
     direction: np.ndarray
 
 
-def holds_surely(model: Model, time: float, q: ArrayLike, v: ArrayLike) -> bool:
-    """Whether what is needed lies among some points of the limit surface: a quick answer, if it is yes."""
-    count = len(model.coordinates)
-    root = np.sqrt(np.asarray(model.mass))
+def hold_surely(model: Model, times: ArrayLike, q: Array, v: Array) -> np.ndarray:
+    """Whether what is needed lies among some points of the limit surface: a quick answer, where it is yes (k,).
+
+    For many times (k,) with displacements and velocities (k, n).
+    """
+    count, root = len(model.coordinates), np.sqrt(np.asarray(model.mass))
     directions = np.random.default_rng(SEED).standard_normal((ENOUGH * count, count)) * _slips(model) / root
-    needed, farthest = grip(model, time, jnp.asarray(q), jnp.asarray(v), jnp.asarray(directions))
-    points = np.asarray(farthest).T / root[:, None]
+    needed, farthest = (np.asarray(x) / root for x in _grips(model, jnp.asarray(times), q, v, jnp.asarray(directions)))
+    answers: list[bool] = []
+    for k in range(len(needed)):
+        same = k > 0 and np.array_equal(needed[k], needed[k - 1]) and np.array_equal(farthest[k], farthest[k - 1])
+        answers.append(answers[-1] if same else _lies_among(needed[k], farthest[k]))
+    return np.array(answers)
+
+
+@jax.jit
+def _grips(model: Model, times: Array, q: Array, v: Array, directions: Array) -> Grip:
+    return jax.lax.map(lambda now: grip(model, *now, directions), (times, q, v))
+
+
+def _lies_among(wanted: np.ndarray, points: np.ndarray) -> bool:
+    """Whether a point (n,) is in the hull of points (k, n) and their opposites."""
     size = np.abs(points).max()
     if size == 0:
         return False
-    points = np.hstack([points, -points]) / size
-    wanted = np.asarray(needed) / root / size
-    table = np.vstack([points, np.ones(points.shape[1])])
+    table = np.vstack([np.hstack([points.T, -points.T]) / size, np.ones(2 * len(points))])
     table = np.hstack([table, np.eye(len(table))[:, -1:]])  # the shares add up to one or less
-    return nnls(table, np.append(wanted, 1.0))[1] < INSIDE
+    return nnls(table, np.append(wanted / size, 1.0))[1] < INSIDE
 
 
-def hold(model: Model, time: float, q: ArrayLike, v: ArrayLike, *, ends: bool = False) -> Hold:
+def hold(model: Model, time: ArrayLike, q: ArrayLike, v: ArrayLike, *, ends: bool = False) -> Hold:
     """Decide whether the lining sticks at a displacement q (n,), moving with the drum.
 
     The reserve is min h(u) over the motions u with Q·u = 1, Q the force that is needed: at least one where it lies in
@@ -189,7 +192,8 @@ def hold(model: Model, time: float, q: ArrayLike, v: ArrayLike, *, ends: bool = 
     """
     moving = _slips(model)
     count = len(moving)
-    q, v = jnp.asarray(q), jnp.asarray(v)
+    # Arrays, for plain numbers would be compiled into the program.
+    time, q, v = jnp.asarray(time), jnp.asarray(q), jnp.asarray(v)
 
     def farthest(direction: np.ndarray) -> np.ndarray:
         return np.asarray(grip(model, time, q, v, jnp.asarray(direction[None])).farthest[0])

@@ -3,6 +3,7 @@
 Source: Seo & Kang 2023, equations (8) to (14) and (20); separation and the exact edges are ours.
 """
 
+import dataclasses
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -15,6 +16,7 @@ from drumsqueal.effects.action import Action, Six
 from drumsqueal.effects.friction import Friction
 from drumsqueal.effects.operation import Moment
 from drumsqueal.effects.pressure import PressureLaw
+from drumsqueal.effects.touching import Observation
 from drumsqueal.quadrature.levels import Level
 from drumsqueal.quadrature.sums import Densities
 from drumsqueal.quadrature.surface import Edges, Nodes, Surface
@@ -40,17 +42,6 @@ class ContactField(NamedTuple):
     across: Array | None
 
 
-class Observation(NamedTuple):
-    """What a transient records of the contact; units in the attributes of the history."""
-
-    brake_torque: Array
-    normal_force: Array
-    contact_fraction: Array
-    slip_reversed_fraction: Array
-    smallest_pressure: Array
-    friction_power: Array
-
-
 class Contact(eqx.Module):
     """Pressure and friction over the lining, integrated exactly between its edges."""
 
@@ -58,6 +49,36 @@ class Contact(eqx.Module):
     law: PressureLaw
     friction: Friction | None
     surface: Surface
+
+    @property
+    def slipping(self) -> tuple[bool, ...]:
+        """Which coordinates slip: all but Z, where friction knows the sliding direction only."""
+        axial = self.friction is not None and self.friction.direction.knows_axial
+        return tuple(axial or i != Z for i in range(6))
+
+    @property
+    def following(self) -> Six:
+        """Velocities of a shoe that turns with a drum of 1 rad/s: q̇6 = 1 about the drum's axis, q̇2 = c."""
+        return tuple(self.shoe.centroid if i == Y else float(i == TZ) for i in range(6))
+
+    def with_friction(self, friction: Friction | None) -> "Contact":
+        """The same contact with other friction."""
+        return dataclasses.replace(self, friction=friction)
+
+    def fastest_slip(self, moment: Moment, v: Six) -> Array:
+        """A bound on the slip speed (m/s): |constant| + |cosine| + |sine| of V_θ and V_z, at the edges of the width."""
+        axial = self._axial_level(v) if self.slipping[Z] else None
+        half_width, bound = self.shoe.width / 2, jnp.zeros(())
+        for level in (self._slip_level(moment, v), axial):
+            if level is not None:
+                slopes = abs(level.cosine_slope) + abs(level.sine_slope)
+                bound = bound + abs(level.constant) + abs(level.cosine) + abs(level.sine) + half_width * slopes
+        return bound
+
+    def yielding(self, moment: Moment) -> Array:
+        """How far the lining yields under its load (m): p0/k_c."""
+        stiffness = self.law.stiffness
+        return jnp.where(stiffness > 0, moment.preload / jnp.where(stiffness > 0, stiffness, 1.0), 0.0)
 
     def levels(self, moment: Moment, q: Six, v: Six) -> Levels:
         """What makes the edges, at the present state."""

@@ -98,7 +98,7 @@ def _evaluate(view: View) -> _Field | None:
 def _along_arc(model: Model, time: Array, motion: Array, angles: Array) -> tuple[Array, Array, Array]:
     """Level p0 + k_c u_r (Pa), slip speed in the drum's sense (m/s) and preload (Pa) at all times and angles."""
     # A bonded lining's pressure is the level itself, also where it is negative.
-    contact, n = dataclasses.replace(model.contact, law=Bonded(model.contact.law.stiffness)), len(model.names)
+    contact, n = dataclasses.replace(model.lining, law=Bonded(model.lining.law.stiffness)), len(model.names)
 
     def at(time: Array, state: Array) -> tuple[Array, Array, Array]:
         moment = model.operation.at(time)
@@ -113,7 +113,7 @@ def _power_of_ten(power: int) -> str:
 
 
 def _can_lift(view: View) -> bool:
-    return isinstance(view.model.contact.law, Unilateral)
+    return isinstance(view.model.lining.law, Unilateral)
 
 
 def _mark_states(view: View, axes: Axes, field: _Field, factor: float) -> None:

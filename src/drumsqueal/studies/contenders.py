@@ -80,12 +80,12 @@ def contenders_of(model: Model) -> Iterator[list[Contender]]:
         smoothed = []
         for width in WIDTHS:
             direction = SmoothedDirection(width * surface_speed, friction.direction.knows_axial)
-            contact = dataclasses.replace(model.contact, friction=dataclasses.replace(friction, direction=direction))
+            contact = dataclasses.replace(model.lining, friction=dataclasses.replace(friction, direction=direction))
             changed = dataclasses.replace(model, contact=contact)
             smoothed.append(Contender(SMOOTHING, SMOOTHED, width, "dopri8", OTHERS, changed))
         yield smoothed
 
 
 def _quadrature(line: str, nodes: int, model: Model, surface: Surface) -> Contender:
-    contact = dataclasses.replace(model.contact, surface=surface)
+    contact = dataclasses.replace(model.lining, surface=surface)
     return Contender(QUADRATURE, line, nodes, DEFAULT, OTHERS, dataclasses.replace(model, contact=contact))

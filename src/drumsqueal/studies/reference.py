@@ -94,7 +94,7 @@ def trajectory_error(states: np.ndarray, wanted: np.ndarray, sizes: np.ndarray) 
 
 def _with(model: Model, rule: str) -> Model:
     surface = IndependentSurface(rule, spatial=not set(model.coordinates) <= set(IN_PLANE))
-    return dataclasses.replace(model, contact=dataclasses.replace(model.contact, surface=surface))
+    return dataclasses.replace(model, contact=dataclasses.replace(model.lining, surface=surface))
 
 
 def _solve(

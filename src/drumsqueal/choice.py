@@ -1,0 +1,51 @@
+"""Which method goes on: the one that a scene names or, for "auto", the one that gets on."""
+
+from drumsqueal.runge_kutta import AUTO, DEFAULT, IMPLICIT, is_explicit
+from drumsqueal.segment import STEP_BUDGET
+
+# Steps a chunk that the explicit method gets where another may take over: some five times what the shipped scenes take.
+EXPLICIT_BUDGET = 10_000
+MOST_PATIENCE = 64  # chunks
+
+
+class Choice:
+    """The method of a transient, chunk by chunk.
+
+    "auto" is explicit until that takes too many steps, as it does where friction is stiff: a slow drum damps what moves
+    across it, and a lining that all but sticks pivots about a point. After a chunk of the implicit method, then after
+    two, four and so on, the explicit one is tried again.
+    """
+
+    def __init__(self, solver: str) -> None:
+        """Begin with a method of the scene's names."""
+        self._automatic = solver == AUTO
+        self.solver = DEFAULT if self._automatic else solver
+        self._patience, self._waited = 1, 0
+
+    @property
+    def explicit(self) -> str:
+        """A method for what is not stiff."""
+        return self.solver if is_explicit(self.solver) else DEFAULT
+
+    @property
+    def budget(self) -> int:
+        """Steps that the method gets."""
+        return EXPLICIT_BUDGET if self._automatic and self.solver == DEFAULT else STEP_BUDGET
+
+    def begin(self) -> None:
+        """A chunk begins."""
+        if not self._automatic:
+            return
+        if self.solver == DEFAULT:  # which got through the last one
+            self._patience = 1
+        elif self._waited < self._patience:
+            self._waited += 1
+        else:
+            self.solver, self._patience = DEFAULT, min(2 * self._patience, MOST_PATIENCE)
+
+    def switch(self) -> bool:
+        """The method has made all its steps; says whether another goes on from there."""
+        if not self._automatic or self.solver == IMPLICIT:
+            return False
+        self.solver, self._waited = IMPLICIT, 1
+        return True
