@@ -22,12 +22,19 @@ TIMING = 1e-12  # of a chunk: how well the end of sticking is found
 class StickSlip:
     """Takes a model through time chunk by chunk, from slipping to sticking and back."""
 
-    def __init__(self, model: Model, steady: Array, tolerance: np.float64, solver: str) -> None:
-        """Start slipping; what cannot stick never does."""
+    def __init__(
+        self, model: Model, steady: Array, tolerance: np.float64, solver: str, *, sticks: bool = False
+    ) -> None:
+        """Start slipping unless it `sticks` already; what cannot stick never does."""
         self._model, self._steady, self._tolerance, self._solver = model, steady, tolerance, solver
         self._sticks, self._in_kernel = can_stick(model), True
-        self._held: Model | None = None  # the model that sticks, while it does
+        self._held: Model | None = held(model) if sticks else None  # the model that sticks, while it does
         self.stiff = False  # whether the last chunk took the implicit method
+
+    @property
+    def sticks(self) -> bool:
+        """Whether the lining sticks at the end of the last chunk."""
+        return self._held is not None
 
     def through(self, state: State, span: Span, step: Array) -> Segment:
         """One chunk."""
