@@ -84,6 +84,14 @@ def test_a_folder_in_the_place_of_a_result_is_refused_before_anything_is_cleared
     assert (tmp_path / "history.nc").read_text() == "of value"
 
 
+def test_no_name_of_a_scene_leads_out_of_the_folder_of_results(drumsqueal, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "...toml").write_text(Path(NOMINAL).read_text().replace("Nominal squeal", "../../elsewhere"))
+    assert drumsqueal("run", "...toml", *SHORT)[0] == 0
+    assert {path.name for path in tmp_path.iterdir()} == {"...toml", "out"}
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["scene"]
+
+
 @pytest.mark.parametrize("name", ["[red]x[/nope]", ":smile:"])
 def test_a_name_is_printed_as_it_is(drumsqueal, tmp_path, name):
     folder = tmp_path / name

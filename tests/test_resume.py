@@ -243,6 +243,7 @@ def test_the_point_is_written_now_and_then_and_exactly(nominal, tmp_path, monkey
     file, reached = ResumeFile(tmp_path / "resume.json", scene), history_file.Reached()
     for number, chunk in enumerate(simulation.transient(simulation.prepare(scene))):
         reached = history_file.Reached(reached.samples + len(chunk.time), reached.steps + chunk.steps, 0)
+        assert chunk.end is not None
         point = resumption.Point(reached, chunk.end)
         file.note(point)
         samples = json.loads((tmp_path / "resume.json").read_text())["samples"]

@@ -73,7 +73,8 @@ def run_command(
     if resume and overwrite:
         raise UsageError("--resume goes on with what is there, --overwrite replaces it; leave one of them out")
     loaded = load_scene(scene, settings or ())
-    folder = output if output is not None else Path("out") / scene.stem
+    # A file "...toml" is called "..", which would lead out of the folder out.
+    folder = output if output is not None else Path("out") / (scene.stem if scene.stem.strip(".") else "scene")
     check_output(folder, RUN_FILES, overwrite=overwrite or resume)
     stop_if_interrupted()
     from drumsqueal.job import run_into
