@@ -30,6 +30,12 @@ def nominal() -> Scene:
     return load_scene(Path(__file__).parents[1] / "scenarios" / "nominal.toml")
 
 
+@pytest.fixture(scope="session")
+def cache(tmp_path_factory) -> Path:
+    """Folder of compiled programs: only the first process that a test starts has to compile them."""
+    return tmp_path_factory.mktemp("cache")
+
+
 @pytest.fixture(name="drumsqueal")
 def _command_line(monkeypatch, capsys) -> Callable[..., tuple[int, str, str]]:
     """Run the command line in this process: exit status, standard output, standard error."""

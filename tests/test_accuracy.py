@@ -36,7 +36,7 @@ act = jax.jit(lambda model, q, v: model.act(0.0, q, v))
 
 def on(model: Model, surface: Surface) -> Model:
     """The model with another quadrature."""
-    return dataclasses.replace(model, contact=dataclasses.replace(model.contact, surface=surface))
+    return dataclasses.replace(model, contact=dataclasses.replace(model.lining, surface=surface))
 
 
 def states_of(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
@@ -168,7 +168,7 @@ def test_every_line_of_the_study_gets_better(study):
         assert each.errors is not None
         lines.setdefault(each.contender.line, []).append(each.errors.beyond or each.errors.trajectory or 0.0)
         assert each.time_per_ms > 0
-    assert set(lines) == {"tsit5", "dopri5", "dopri8", "rodas4", "kvaerno5", "split at edges", "fixed grid", "smoothed"}
+    assert set(lines) == {"tsit5", "dopri5", "dopri8", "sdirk4", "split at edges", "fixed grid", "smoothed"}
     for errors in lines.values():
         assert all(later < earlier / 5 for earlier, later in pairwise(errors))
 
@@ -207,7 +207,7 @@ def test_the_table_has_every_run_with_versions_and_machine(study):
     assert len(rows) == len(study.measurements)
     assert all(row["processor"] and row["jax"] and row["cores"] for row in rows)
     assert [float(row["setting"]) for row in rows[:3]] == [1e-2, 1e-4, 1e-6]
-    assert {row["evaluations"] for row in rows if row["line"] == "kvaerno5"} == {""}
+    assert {row["evaluations"] for row in rows if row["line"] == "sdirk4"} == {""}
 
 
 def test_the_growth_rate_of_a_neutral_mode_is_measured_against_the_record():

@@ -69,9 +69,9 @@ def test_no_result_is_overwritten_unasked(drumsqueal, tmp_path, name):
 def test_overwriting_clears_all_results_of_an_earlier_run_and_nothing_else(drumsqueal, tmp_path):
     for name in (*RUN_FILES, "notes.txt"):
         (tmp_path / name).write_text("of value")
-    # 100 samples are too few for a spectrogram.
+    # 100 samples are too few for a spectrogram, and a run that is complete leaves nothing to resume.
     assert drumsqueal("run", NOMINAL, "-o", str(tmp_path), "--overwrite", *SHORT)[0] == 0
-    assert {path.name for path in tmp_path.iterdir()} == {*RUN_FILES, "notes.txt"} - {"spectrogram.png"}
+    assert {path.name for path in tmp_path.iterdir()} == {*RUN_FILES, "notes.txt"} - {"spectrogram.png", "resume.json"}
     assert [path.name for path in tmp_path.iterdir() if path.read_bytes() == b"of value"] == ["notes.txt"]
 
 
@@ -82,6 +82,14 @@ def test_a_folder_in_the_place_of_a_result_is_refused_before_anything_is_cleared
     assert status == 2
     assert "growth.png is a folder" in errors
     assert (tmp_path / "history.nc").read_text() == "of value"
+
+
+def test_no_name_of_a_scene_leads_out_of_the_folder_of_results(drumsqueal, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "...toml").write_text(Path(NOMINAL).read_text().replace("Nominal squeal", "../../elsewhere"))
+    assert drumsqueal("run", "...toml", *SHORT)[0] == 0
+    assert {path.name for path in tmp_path.iterdir()} == {"...toml", "out"}
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["scene"]
 
 
 @pytest.mark.parametrize("name", ["[red]x[/nope]", ":smile:"])

@@ -334,7 +334,7 @@ def test_contact_image_is_the_pressure_along_the_arc(case):
     kept = list(model.coordinates)
     q, v = (model.widen(jnp.asarray(last[key].values[kept])) for key in ("displacement", "velocity"))
     angles = np.deg2rad(np.linspace(-65, 65, len(image)))
-    pressure, _ = model.contact.along_arc(model.operation.at(float(last["time"])), q, v, jnp.asarray(angles))
+    pressure, _ = model.lining.along_arc(model.operation.at(float(last["time"])), q, v, jnp.asarray(angles))
     p0 = 2000 / (0.1 * np.deg2rad(130) * 0.0365)
     touching = np.asarray(pressure) > 0
     shown = image[:, -1] if case == "growing" else 1 + image[:, -1]

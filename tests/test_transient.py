@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 import scipy.linalg
 
+from drumsqueal import choice
 from drumsqueal import integrate as integration
 from drumsqueal.errors import IntegrationError
 from drumsqueal.integrate import integrate
-from drumsqueal.kernel import compiled
 from drumsqueal.model import build_model
 from drumsqueal.scene import Scene
 from drumsqueal.segment import CHUNK_SAMPLES
@@ -330,10 +330,10 @@ def test_a_chunked_run_follows_the_reference_as_one_chunk_does(nominal):
 
 @pytest.fixture
 def _few_steps(monkeypatch):
-    """Give every chunk 400 steps, in a program of its own: the budget is compiled in."""
-    original = getattr(integration.advance, "__wrapped__")  # noqa: B009 (the type checker does not know it)
-    monkeypatch.setattr(integration, "STEP_BUDGET", 400)
-    monkeypatch.setattr(integration, "advance", compiled(lambda *inputs: original(*inputs)))
+    """Give every chunk 400 steps of either method."""
+    monkeypatch.setattr(choice, "EXPLICIT_BUDGET", 400)
+    for module in (choice, integration):
+        monkeypatch.setattr(module, "STEP_BUDGET", 400)
 
 
 @pytest.mark.usefixtures("_few_steps")

@@ -1,11 +1,21 @@
 """Which method goes on: the one that a scene names or, for "auto", the one that gets on."""
 
+from typing import NamedTuple
+
 from drumsqueal.runge_kutta import AUTO, DEFAULT, IMPLICIT, is_explicit
 from drumsqueal.segment import STEP_BUDGET
 
 # Steps a chunk that the explicit method gets where another may take over: some five times what the shipped scenes take.
 EXPLICIT_BUDGET = 10_000
 MOST_PATIENCE = 64  # chunks
+
+
+class Method(NamedTuple):
+    """A method, how many chunks an implicit one goes on for, and how many of them it has made."""
+
+    name: str
+    patience: int = 1
+    waited: int = 0
 
 
 class Choice:
@@ -16,11 +26,15 @@ class Choice:
     two, four and so on, the explicit one is tried again.
     """
 
-    def __init__(self, solver: str) -> None:
-        """Begin with a method of the scene's names."""
+    def __init__(self, solver: str, method: Method | None = None) -> None:
+        """Begin with a method of the scene's names, or go on with the one at hand."""
         self._automatic = solver == AUTO
-        self.solver = DEFAULT if self._automatic else solver
-        self._patience, self._waited = 1, 0
+        self.method = method or Method(DEFAULT if self._automatic else solver)
+
+    @property
+    def solver(self) -> str:
+        """Name of the method."""
+        return self.method.name
 
     @property
     def explicit(self) -> str:
@@ -37,15 +51,15 @@ class Choice:
         if not self._automatic:
             return
         if self.solver == DEFAULT:  # which got through the last one
-            self._patience = 1
-        elif self._waited < self._patience:
-            self._waited += 1
+            self.method = Method(DEFAULT)
+        elif self.method.waited < self.method.patience:
+            self.method = self.method._replace(waited=self.method.waited + 1)
         else:
-            self.solver, self._patience = DEFAULT, min(2 * self._patience, MOST_PATIENCE)
+            self.method = Method(DEFAULT, min(2 * self.method.patience, MOST_PATIENCE))
 
     def switch(self) -> bool:
         """The method has made all its steps; says whether another goes on from there."""
         if not self._automatic or self.solver == IMPLICIT:
             return False
-        self.solver, self._waited = IMPLICIT, 1
+        self.method = Method(IMPLICIT, self.method.patience, 1)
         return True

@@ -14,7 +14,15 @@ from rich.console import Console
 from drumsqueal.compilation import prepare_environment
 from drumsqueal.errors import IntegrationError, RequestError
 from drumsqueal.interrupts import stop_if_interrupted
-from drumsqueal.output_folder import ACCURACY_FILES, EFFECT_FILES, RUN_FILES, check_output, claim_output
+from drumsqueal.output_folder import (
+    ACCURACY_FILES,
+    EFFECT_FILES,
+    HISTORY,
+    RESUME,
+    RUN_FILES,
+    check_output,
+    claim_output,
+)
 from drumsqueal.quantities import parse_quantity, printable
 from drumsqueal.scene import SceneError, load_scene
 
@@ -42,6 +50,7 @@ Settings = Annotated[
     typer.Option("--set", metavar="KEY=VALUE", help="Replace a value of the scene, e.g. drum.speed=3. Repeatable."),
 ]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace results that are there already.")]
+Resume = Annotated[bool, typer.Option("--resume", help="Go on with a run that was cut off.")]
 
 
 @app.callback()
@@ -55,24 +64,30 @@ def run_command(
     output: Annotated[Path | None, _output("SCENE")] = None,
     settings: Settings = None,
     overwrite: Overwrite = False,
+    resume: Resume = False,
 ) -> None:
     """Predict, integrate, compare: writes DIR/history.nc, DIR/summary.json and figures (DIR is out/SCENE by default).
 
     Example: drumsqueal run scenarios/nominal.toml -o out/nominal --set drum.speed="48 rpm"
     """
+    if resume and overwrite:
+        raise UsageError("--resume goes on with what is there, --overwrite replaces it; leave one of them out")
     loaded = load_scene(scene, settings or ())
-    folder = output if output is not None else Path("out") / scene.stem
-    check_output(folder, RUN_FILES, overwrite=overwrite)
+    # A file "...toml" is called "..", which would lead out of the folder out.
+    folder = output if output is not None else Path("out") / (scene.stem if scene.stem.strip(".") else "scene")
+    check_output(folder, RUN_FILES, overwrite=overwrite or resume)
     stop_if_interrupted()
     from drumsqueal.job import run_into
+    from drumsqueal.resumption import find_point
     from drumsqueal.simulation import check_sample_rate, prepare
 
     stop_if_interrupted()
+    since = find_point(folder, loaded) if resume else None
     prepared = prepare(loaded)
     check_sample_rate(prepared)
     stop_if_interrupted()
-    claim_output(folder, RUN_FILES)
-    run_into(folder, prepared, _console())
+    claim_output(folder, RUN_FILES, but=(HISTORY, RESUME) if resume else ())
+    run_into(folder, prepared, _console(), since)
 
 
 @app.command(name="stability")

@@ -13,6 +13,7 @@ import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
+from drumsqueal.choice import Method
 from drumsqueal.effects.touching import Observation
 from drumsqueal.errors import IntegrationError
 from drumsqueal.model import Model
@@ -24,8 +25,22 @@ from drumsqueal.stick_slip import StickSlip
 STICKING = 1e-3  # m/s; friction power over normal force below which a collapsed step means a sticking lining
 
 
+class Checkpoint(NamedTuple):
+    """Where a transient can be taken up again, exactly: after how many intervals, and all that goes on from there."""
+
+    intervals: int
+    state: State
+    step: Array
+    first_energy: float
+    sticks: bool
+    method: Method | None
+
+
 class Chunk(NamedTuple):
-    """Samples of one chunk: time (k,), displacement and velocity (k, n), observations and energies (k,)."""
+    """Samples of one chunk: time (k,), displacement and velocity (k, n), observations and energies (k,).
+
+    `end` is where to go on from; None where the transient fails.
+    """
 
     time: np.ndarray
     displacement: np.ndarray
@@ -38,6 +53,7 @@ class Chunk(NamedTuple):
     rejected_steps: int
     evaluations: float  # NaN: not counted, for an implicit method
     solvers: tuple[str, ...]  # methods that made it; none where the lining stuck
+    end: Checkpoint | None
 
 
 def integrate(
@@ -50,20 +66,24 @@ def integrate(
     sample_rate: float,
     tolerance: float,
     solver: str = AUTO,
+    since: Checkpoint | None = None,
 ) -> Generator[Chunk]:
     """Integrate M q̈ = Σ Q from a departure (n,) from steady sliding q* (n,) and yield the samples chunk by chunk.
 
     An adaptive Runge-Kutta method, its error per step measured against the amplitude that the vibration energy gives
-    each coordinate. Samples lie at k / sample_rate from 0 to the duration, both included. Raises IntegrationError when
-    a chunk fails; all good samples have been yielded by then.
+    each coordinate. Samples lie at k / sample_rate from 0 to the duration, both included; `since` the end of an earlier
+    chunk they are those after that, the same as without a break. Raises IntegrationError when a chunk fails; all good
+    samples have been yielded by then.
     """
     samples = round(duration * sample_rate)
     steady = real(steady)
-    state = State(real(displacement), real(velocity), jnp.zeros(()))
-    first_energy = sum(float(e) for e in _energy(model, steady, state))
-    step = first_step(model)
-    run = StickSlip(model, steady, np.float64(tolerance), solver)
-    for first in range(0, samples, CHUNK_SAMPLES):
+    if since is None:
+        state = State(real(displacement), real(velocity), jnp.zeros(()))
+        first_energy = sum(float(e) for e in _energy(model, steady, state))
+        since = Checkpoint(0, state, first_step(model), first_energy, sticks=False, method=None)
+    state, step, first_energy = since.state, since.step, since.first_energy
+    run = StickSlip(model, steady, np.float64(tolerance), solver, sticks=since.sticks, method=since.method)
+    for first in range(since.intervals, samples, CHUNK_SAMPLES):
         count = min(CHUNK_SAMPLES, samples - first)
         # NumPy's numbers go into a compiled call at a tenth of what it takes to make arrays of them.
         span = Span(np.float64(first / sample_rate), np.float64(1 / sample_rate), np.int64(count))
@@ -73,9 +93,11 @@ def integrate(
         good = np.isfinite(chunk.displacement).all(axis=1) & np.isfinite(chunk.velocity).all(axis=1)
         kept = count + 1 if good.all() else int(np.argmin(good))
         fresh = slice(0 if first == 0 else 1, kept)  # a chunk begins with the last sample of the one before
+        whole = kept > count and bool(segment.reached)
+        end = Checkpoint(first + count, segment.final, segment.step, first_energy, run.sticks, run.method)
         if fresh.stop > fresh.start:
-            yield _rows(chunk, fresh)
-        if kept <= count or not bool(segment.reached):
+            yield _rows(chunk, fresh)._replace(end=end if whole else None)
+        if not whole:
             raise IntegrationError(_why(segment, chunk, max(kept - 1, 0)))
         state, step = segment.final, segment.step
 
@@ -103,6 +125,7 @@ def _to_chunk(
         rejected_steps=int(segment.steps - segment.kept),
         evaluations=np.nan,
         solvers=(),
+        end=None,
     )
 
 

@@ -7,32 +7,39 @@ from pathlib import Path
 from rich.console import Console
 
 from drumsqueal.errors import IntegrationError
-from drumsqueal.history import COMPLETE, HistoryFile
+from drumsqueal.history import COMPLETE
+from drumsqueal.history_file import HistoryFile, Reached
 from drumsqueal.integrate import Chunk
 from drumsqueal.interrupts import stop_if_interrupted
-from drumsqueal.output_folder import HISTORY
+from drumsqueal.output_folder import HISTORY, RESUME
 from drumsqueal.progress import progress_bar
-from drumsqueal.simulation import Prepared, collect, finish
+from drumsqueal.resumption import Point, ResumeFile
+from drumsqueal.simulation import Prepared, collect, compared
 
 
-def run_into(folder: Path, prepared: Prepared, console: Console) -> None:
+def run_into(folder: Path, prepared: Prepared, console: Console, since: Point | None = None) -> None:
     """Run a prepared scene, write history, summary and figures into the folder and print the comparison.
 
-    Raises IntegrationError for a run that failed, was interrupted or did not fit on the disk, after writing what was
-    computed; the message says why and what is where.
+    `since` a point that an earlier run in this folder has reached, it goes on from there. Raises IntegrationError for a
+    run that failed, was interrupted or did not fit on the disk, after writing what was computed; the message says why
+    and what is where.
     """
-    history, outcome = HistoryFile(folder / HISTORY, prepared.scene, prepared.model.names), ""
+    reached = Reached() if since is None else since.reached
+    history = HistoryFile(folder / HISTORY, prepared.scene, prepared.model.names, reached)
+    resume, outcome = ResumeFile(folder / RESUME, prepared.scene), ""
     try:
-        chunks, outcome = _integrate(history, prepared, console)
+        outcome = _integrate(history, resume, prepared, console, since)
         from drumsqueal.results import print_results, write_prediction, write_results
 
         stop_if_interrupted()
-        if not chunks:
+        if not history.exists:
             write_prediction(folder, prepared, outcome)
             raise IntegrationError(f"{outcome}; what was computed is in {folder}")
-        result = finish(prepared, chunks, outcome)
+        result = compared(prepared, history.read())
         stop_if_interrupted()
         write_results(folder, prepared, result)
+        if outcome == COMPLETE:
+            resume.remove()
     except KeyboardInterrupt:
         raise IntegrationError(f"interrupted by the user; {_kept(history, outcome)}") from None
     except OSError as error:
@@ -40,29 +47,43 @@ def run_into(folder: Path, prepared: Prepared, console: Console) -> None:
         raise IntegrationError(f"{cause}; {_kept(history, outcome)}") from None
     print_results(folder, result, console)
     if outcome != COMPLETE:
-        raise IntegrationError(f"{outcome}; what was computed is in {folder}")
+        again = "; --resume goes on from there" if resume.exists else ""
+        raise IntegrationError(f"{outcome}; what was computed is in {folder}{again}")
 
 
-def _integrate(history: HistoryFile, prepared: Prepared, console: Console) -> tuple[list[Chunk], str]:
-    """The chunks, which are in the history, too, and the outcome."""
+def _integrate(
+    history: HistoryFile, resume: ResumeFile, prepared: Prepared, console: Console, since: Point | None
+) -> str:
+    """Integrate into the history, and return the outcome."""
+    # What compares and draws is loaded while compiled code runs: a second that nobody waits for.
+    loading = threading.Thread(target=importlib.import_module, args=("drumsqueal.results",))
+    if since is not None:
+        history.take_up()
     with progress_bar(console) as progress:
         task = progress.add_task("compiling", total=prepared.scene.simulate.duration, reached="")
 
         def keep(chunk: Chunk) -> None:
-            if not history.exists:
-                # What compares and draws is loaded while compiled code runs: a second that nobody waits for.
-                threading.Thread(target=importlib.import_module, args=("drumsqueal.results",)).start()
-            try:
-                history.append(chunk)
-            except OSError as error:
-                cause = f"the disk did not take the samples from t = {chunk.time[0]:.6g} s on"
-                raise IntegrationError(f"{cause} ({error.strerror or error})") from None
+            if loading.ident is None:
+                loading.start()
+            history.append(chunk)
+            if chunk.end is not None:
+                resume.note(Point(history.reached, chunk.end))
             reached = float(chunk.time[-1])
             progress.update(task, description="integrating", completed=reached, reached=f"{reached:.4f} s")
 
-        chunks, outcome = collect(prepared, keep)
+        fails = False
+        try:
+            outcome = collect(prepared, keep, since and since.checkpoint)
+            fails = outcome.startswith("failed")
+        except OSError as error:
+            first = history.reached.samples / prepared.scene.simulate.sample_rate
+            cause = f"the disk did not take the samples from t = {first:.6g} s on"
+            outcome = f"failed: {cause} ({error.strerror or error})"
+        resume.write()
         history.end(outcome)
-    return chunks, outcome
+        if fails:  # and would fail again
+            resume.remove()
+    return outcome
 
 
 def _kept(history: HistoryFile, outcome: str) -> str:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from drumsqueal.errors import RequestError
 
-HISTORY, SUMMARY = "history.nc", "summary.json"
+HISTORY, SUMMARY, RESUME = "history.nc", "summary.json", "resume.json"
 GROWTH, SPECTROGRAM, SPECTRA = "growth", "spectrogram", "spectra"
 PHASE, CONTACT, EIGENVALUES = "phase", "contact", "eigenvalues"
 FIGURES = (GROWTH, SPECTROGRAM, SPECTRA, PHASE, CONTACT, EIGENVALUES)
@@ -18,7 +18,7 @@ def figure_file(name: str) -> str:
     return f"{name}.png"
 
 
-RUN_FILES = (HISTORY, SUMMARY, *map(figure_file, FIGURES))
+RUN_FILES = (HISTORY, SUMMARY, RESUME, *map(figure_file, FIGURES))
 """The names of all files that a run writes."""
 EFFECTS_TABLE, REDUCED_SCENE, EFFECTS = "effects.csv", "reduced.toml", "effects"
 ACCURACY_TABLE, BLOCK = "accuracy.csv", "simulate.toml"
@@ -44,8 +44,11 @@ def check_output(folder: Path, files: Iterable[str], *, overwrite: bool) -> None
         raise RequestError(f"{taken[0]} exists; add --overwrite to replace it, or choose another folder with -o")
 
 
-def claim_output(folder: Path, files: Iterable[str]) -> None:
-    """Create the folder, prove that it can be written and clear it of earlier files of these names."""
+def claim_output(folder: Path, files: Iterable[str], *, but: Iterable[str] = ()) -> None:
+    """Create the folder, prove that it can be written and clear it of earlier files of these names, `but` for some.
+
+    What a program that was killed left half written is cleared, too.
+    """
     made: list[Path] = []
     try:
         for part in reversed((folder, *folder.parents)):
@@ -55,7 +58,9 @@ def claim_output(folder: Path, files: Iterable[str]) -> None:
         with tempfile.TemporaryFile(dir=folder):
             pass
         for name in files:
-            (folder / name).unlink(missing_ok=True)
+            part_of(folder / name).unlink(missing_ok=True)
+            if name not in but:
+                (folder / name).unlink(missing_ok=True)
     except OSError as error:
         with suppress(OSError):  # should somebody else have put something into them
             for part in reversed(made):
@@ -63,10 +68,16 @@ def claim_output(folder: Path, files: Iterable[str]) -> None:
         raise _unusable(folder, error) from None
 
 
+def part_of(path: Path) -> Path:
+    """Where a file is written before it takes its place."""
+    return path.with_name(f"{path.name}.part")
+
+
 def write_whole(path: Path, content: bytes) -> None:
     """Write a file whole or, where the disk or Ctrl-C stops it, leave what was there before. Raises OSError."""
-    part = path.with_name(f"{path.name}.part")
+    part = part_of(path)
     try:
+        part.unlink(missing_ok=True)  # a link would be followed
         part.write_bytes(content)
         part.replace(path)
     except BaseException:

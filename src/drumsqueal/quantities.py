@@ -28,6 +28,7 @@ _EXPECTED = {
     "Hz": ("a frequency", "50 kHz"),
 }
 _LONGEST = 64  # characters in a value
+_LONGEST_PART = 300  # characters of a path that are shown
 
 # The unit expression is held to names, "*", "/" and one-digit powers: pint evaluates arithmetic, and a tower of powers
 # (9**9**9) would keep it busy for ever.
@@ -66,7 +67,8 @@ def printable(text: str) -> str:
 
 def dotted(path: KeyPath) -> str:
     """Write a path as users do: drum.speed.value[2]."""
-    return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in path).removeprefix(".")
+    parts = (f"[{part}]" if isinstance(part, int) else f".{_shortened(part, _LONGEST_PART)}" for part in path)
+    return "".join(parts).removeprefix(".")
 
 
 def show(value: Any) -> str:
@@ -75,7 +77,11 @@ def show(value: Any) -> str:
         text = json.dumps(value, ensure_ascii=False)
     except (TypeError, ValueError, RecursionError):  # no TOML value, or an integer too long to print
         text = f"<{type(value).__name__}>"
-    return text if len(text) <= 60 else f"{text[:50]}...{text[-7:]}"
+    return _shortened(text, 60)
+
+
+def _shortened(text: str, most: int) -> str:
+    return text if len(text) <= most else f"{text[: most - 10]}...{text[-7:]}"
 
 
 def parse_quantity(value: Any, unit: str) -> float:

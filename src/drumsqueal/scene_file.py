@@ -1,6 +1,7 @@
 """A scene file and the settings of the command line as plain nested tables, not yet checked."""
 
 import os
+import re
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -16,6 +17,14 @@ _DEEPEST = 10  # parts of a dotted key
 # A scene with two profiles of full length, as `to_toml` writes it, stays below this.
 _MOST_BYTES = 16 * 2**20
 
+# The time and memory that tomllib takes for a key grow with the square of its parts: a megabyte of them would take all
+# there is. Such a key is found before, in one pass: strings and comments are passed over, as are quotes left open.
+_PART = r"""(?:[\w-]++|"(?:[^"\\\n]|\\.)*+"?+|'[^'\n]*+'?+)"""
+_WORDS = re.compile(
+    r""""{3}(?:[^"\\]|(?s:\\.)|"{1,2}+(?!"))*+"*+|'{3}(?:[^']|'{1,2}+(?!'))*+'*+|\#[^\n]*+"""
+    + rf"|(?P<long>{_PART}(?:[ \t]*+\.[ \t]*+{_PART}){{{_DEEPEST},}}+)|{_PART}"
+)
+
 
 def read_tables(path: str | os.PathLike[str]) -> dict[str, Any]:
     """Read a TOML file; raises SceneError, naming the file, if it is none or cannot be read."""
@@ -27,8 +36,11 @@ def read_tables(path: str | os.PathLike[str]) -> dict[str, Any]:
             raise SceneError("there is no such file; check the path")
         if not path.is_file():
             raise SceneError("this is no ordinary file; name a scene file, such as nominal.toml")
+        if (size := path.stat().st_size) > _MOST_BYTES:
+            told = f"the file of {size / 2**20:.0f} MB is larger than {_MOST_BYTES // 2**20} MB"
+            raise SceneError(f"{told}, so it is hardly a scene; name a scene file")
         with path.open("rb") as file:
-            content = file.read(_MOST_BYTES + 1)
+            content = file.read(_MOST_BYTES)
     except (OSError, ValueError) as error:  # ValueError: a null character in the path
         if isinstance(error, SceneError):
             raise error.under((str(path),)) from None
@@ -40,11 +52,8 @@ def read_tables(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 
 def _parsed(content: bytes, name: str) -> dict[str, Any]:
-    if len(content) > _MOST_BYTES:
-        limit = f"{_MOST_BYTES // 2**20} MB"
-        raise SceneError(f"the file is larger than {limit}, so it is hardly a scene; name a scene file", (name,))
     try:
-        return tomllib.loads(content.decode())
+        return _loads(content.decode())
     except UnicodeDecodeError as error:
         reason = f"the file is not UTF-8 text (byte {error.start}); save it as UTF-8"
     except RecursionError:
@@ -52,6 +61,13 @@ def _parsed(content: bytes, name: str) -> dict[str, Any]:
     except ValueError as error:  # TOMLDecodeError, and an integer of more digits than Python reads
         reason = f"the file is not TOML: {error}; see the example scenes"
     raise SceneError(reason, (name,))
+
+
+def _loads(text: str) -> dict[str, Any]:
+    """Read TOML; raises ValueError and RecursionError."""
+    if any(word["long"] for word in _WORDS.finditer(text)):
+        raise ValueError(f"a key has more than {_DEEPEST} parts")
+    return tomllib.loads(text)
 
 
 def apply_setting(tables: Mapping[str, Any], setting: str) -> dict[str, Any]:
@@ -71,7 +87,7 @@ def apply_setting(tables: Mapping[str, Any], setting: str) -> dict[str, Any]:
 
 def _toml_value(text: str) -> Any:
     try:
-        read = tomllib.loads(f"value = {text}")
+        read = _loads(f"value = {text}")
     except (ValueError, RecursionError):
         return text
     # A line break in the text could have brought in keys of its own.

@@ -15,6 +15,7 @@ COORDINATES = ("X", "Y", "Z", "Tx", "Ty", "Tz")
 """The six coordinates of the shoe at its centre of gravity: displacements in m, rotations in rad."""
 
 _MOST_POINTS = 100_000  # of a profile
+_BYTES_PER_POINT = 56  # in every file that holds the scene: two numbers with all their digits, each in a line
 _MOST_SAMPLES = 10**8
 _BYTES_PER_SAMPLE = 200  # of the history: six displacements, six velocities and a dozen signals
 
@@ -61,7 +62,7 @@ class Profile:
         object.__setattr__(self, "value", _numbers(self.value, Quantity(""), "value"))
         if len(self.time) != len(self.value):
             raise SceneError(f"{len(self.time)} times but {len(self.value)} values; write one value for every time")
-        if not 2 <= len(self.time) <= _MOST_POINTS:
+        if len(self.time) < 2:
             raise SceneError(f"{len(self.time)} points; write 2 to {_MOST_POINTS}, or a plain value if it is constant")
         for index in range(1, len(self.time)):
             before, after = self.time[index - 1], self.time[index]
@@ -75,6 +76,9 @@ Schedule = float | Profile
 def _numbers(values: Any, quantity: Quantity, key: str) -> tuple[float, ...]:
     if not isinstance(values, list | tuple):
         raise SceneError("this must be a list of values, one for every point", (key,), values)
+    if len(values) > _MOST_POINTS:
+        size = f"{len(values)} points would take about {len(values) * _BYTES_PER_POINT / 1e6:.3g} MB"
+        raise SceneError(f"{size} in every file that holds the scene; write at most {_MOST_POINTS}", (key,))
     numbers = []
     for index, value in enumerate(values):
         try:

@@ -24,7 +24,7 @@ from drumsqueal.composition import (
 from drumsqueal.effects.friction_law import FrictionLaw
 from drumsqueal.errors import IntegrationError, SteadyStateError
 from drumsqueal.history import COMPLETE, to_dataset
-from drumsqueal.integrate import Chunk, integrate
+from drumsqueal.integrate import Checkpoint, Chunk, integrate
 from drumsqueal.interrupts import noted_interrupts, stop_if_interrupted
 from drumsqueal.model import Model, build_model
 from drumsqueal.modes import Stability, analyse_stability
@@ -113,8 +113,11 @@ def check_sample_rate(prepared: Prepared) -> None:
         )
 
 
-def transient(prepared: Prepared) -> Generator[Chunk]:
-    """Integrate the scene's start and yield the samples chunk by chunk; raises IntegrationError where it fails."""
+def transient(prepared: Prepared, since: Checkpoint | None = None) -> Generator[Chunk]:
+    """Integrate the scene's start, or `since` the end of a chunk of it, and yield the samples chunk by chunk.
+
+    Raises IntegrationError where it fails.
+    """
     scene, model, stability = prepared.scene, prepared.model, prepared.stability
     steady = np.array([stability.steady_state[stability.coordinates.index(name)] for name in model.names])
     return integrate(
@@ -126,6 +129,7 @@ def transient(prepared: Prepared) -> Generator[Chunk]:
         sample_rate=scene.simulate.sample_rate,
         tolerance=scene.simulate.tolerance,
         solver=scene.simulate.solver,
+        since=since,
     )
 
 
@@ -145,38 +149,50 @@ def run(
     """
     prepared = prepare(scene, friction_law)
     check_sample_rate(prepared)
-    return finish(prepared, *collect(prepared, on_chunk))
-
-
-def collect(prepared: Prepared, on_chunk: Callable[[Chunk], None] | None) -> tuple[list[Chunk], str]:
-    """Integrate to the end, to the first failure or to Ctrl-C: the chunks, and the outcome in words.
-
-    The chunks are those that `on_chunk` took: an IntegrationError that it raises ends the run.
-    """
     chunks: list[Chunk] = []
+
+    def keep(chunk: Chunk) -> None:
+        if on_chunk is not None:
+            on_chunk(chunk)
+        chunks.append(chunk)
+
+    outcome = collect(prepared, keep)
+    return finish(prepared, chunks, outcome)
+
+
+def collect(prepared: Prepared, keep: Callable[[Chunk], None], since: Checkpoint | None = None) -> str:
+    """Integrate to the end, to the first failure or to Ctrl-C, and return the outcome in words.
+
+    `keep` takes each chunk.
+    """
+    reached = None if since is None else since.intervals / prepared.scene.simulate.sample_rate
     try:
-        with noted_interrupts(), closing(transient(prepared)) as stream:
+        with noted_interrupts(), closing(transient(prepared, since)) as stream:
             for chunk in stream:
-                if on_chunk is not None:
-                    on_chunk(chunk)
-                chunks.append(chunk)
+                keep(chunk)
+                reached = float(chunk.time[-1])
                 stop_if_interrupted()
     except IntegrationError as error:
-        return chunks, f"failed: {error}"
+        return f"failed: {error}"
     except KeyboardInterrupt:
-        reached = f"after t = {chunks[-1].time[-1]:.6g} s" if chunks else "before the first samples were computed"
-        return chunks, f"interrupted by the user {reached}"
-    return chunks, COMPLETE
+        told = "before the first samples were computed" if reached is None else f"after t = {reached:.6g} s"
+        return f"interrupted by the user {told}"
+    return COMPLETE
 
 
 def finish(prepared: Prepared, chunks: list[Chunk], outcome: str) -> Result:
     """Put the chunks into one history and compare it with the prediction."""
-    from drumsqueal.comparison import compare
-
     if not chunks:
         raise IntegrationError(outcome)
     history = to_dataset(chunks, prepared.scene, prepared.model.names, outcome)
     if prepared.given_law:
         history.attrs["friction_law"] = f"{prepared.given_law}, given in Python"
-    comparison = compare(history, prepared.stability, prepared.linear)
+    return compared(prepared, history)
+
+
+def compared(prepared: Prepared, history: xarray.Dataset) -> Result:
+    """Compare a history with the prediction."""
+    from drumsqueal.comparison import compare
+
+    comparison, outcome = compare(history, prepared.stability, prepared.linear), history.attrs["outcome"]
     return Result(prepared.scene, prepared.stability, history, comparison, outcome, prepared.inventory, prepared.held)

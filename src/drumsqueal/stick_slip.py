@@ -9,7 +9,7 @@ from jax import Array
 from jax.errors import JaxRuntimeError
 from scipy.optimize import brentq
 
-from drumsqueal.choice import Choice
+from drumsqueal.choice import Choice, Method
 from drumsqueal.effects.schedule import Constant
 from drumsqueal.model import Model
 from drumsqueal.segment import CHUNK_SAMPLES, Segment, Span, State, advance, least_slip
@@ -24,14 +24,33 @@ BESIDE = 1e-12  # of the drum's schedule: its jumps are looked at from so far, b
 class StickSlip:
     """Takes a model through time chunk by chunk, from slipping to sticking and back."""
 
-    def __init__(self, model: Model, steady: Array, tolerance: np.float64, solver: str) -> None:
-        """Begin at the start of the transient."""
+    def __init__(
+        self,
+        model: Model,
+        steady: Array,
+        tolerance: np.float64,
+        solver: str,
+        *,
+        sticks: bool = False,
+        method: Method | None = None,
+    ) -> None:
+        """Begin at the start of the transient, or go on with a lining that sticks or not and the method at hand."""
         self._model, self._steady, self._tolerance = model, steady, tolerance
         self._in_kernel = True
-        self._held: Model | None = None  # the model that sticks, while it does
+        self._held: Model | None = held(model) if sticks else None  # the model that sticks, while it does
         self._jumps, self._margin = _jumps(model)
-        self._choice = Choice(solver)
+        self._choice = Choice(solver, method)
         self.solvers: set[str] = set()  # that made the last chunk
+
+    @property
+    def sticks(self) -> bool:
+        """Whether the lining sticks at the end of the last chunk."""
+        return self._held is not None
+
+    @property
+    def method(self) -> Method:
+        """The method at hand."""
+        return self._choice.method
 
     def through(self, state: State, span: Span, step: Array) -> Segment:
         """One chunk."""
