@@ -7,6 +7,7 @@ from pathlib import Path
 
 import jax
 import pytest
+from jax.experimental.compilation_cache import compilation_cache
 
 import drumsqueal.precision  # noqa: F401 (switches it on before any test, also where a file runs alone)
 from drumsqueal import cli
@@ -15,6 +16,21 @@ from drumsqueal.scene import Scene, load_scene
 
 # Error checks that are compiled in would hide behind NaN, or change what is compiled, were this set from outside.
 assert "EQX_ON_ERROR" not in os.environ, "unset EQX_ON_ERROR to run the tests"
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _compiled_once(tmp_path_factory):
+    """What takes long to compile is compiled once in a session, also where several processes share it.
+
+    The folder is new in every session, so that nothing hangs on what an earlier one left.
+    """
+    folder = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        folder = folder.parent  # that of one process lies in that of all
+    jax.config.update("jax_compilation_cache_dir", str(folder / "compiled"))
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
+    jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+    compilation_cache.reset_cache()  # what was compiled before settled that there is none
 
 
 @pytest.fixture(autouse=True)

@@ -14,6 +14,8 @@ ONSET = {
     "X": (34.18940196882704, 27593.653337500094),
     "Tz": (61.65840439620365, 46487.49497673186),
 }
+# Damping that does nothing, but makes of a scene with a profile the program of the stop that is shipped.
+UNDAMPED = {"damping": {"ratio": 0.0}}
 
 
 @pytest.fixture(scope="module")
@@ -245,9 +247,8 @@ def test_modes_of_one_name_are_told_apart(nominal):
 
 
 def test_a_profile_is_predicted_for_its_start(nominal):
-    scene = nominal.with_values(
-        {"drum.speed": {"time": [0, 0.01], "value": [5, 3]}, "simulate.duration": 0.01, "start.displacement": {}}
-    )
+    stop = {**UNDAMPED, "drum.speed": {"time": [0, 0.01], "value": [5, 3]}}
+    scene = nominal.with_values({**stop, "simulate.duration": 0.01, "start.displacement": {}})
     assert run(scene).comparison.verdict.startswith("The linear model predicts squeal in Y, X, Tz at t = 0; ")
 
 
@@ -288,7 +289,7 @@ def test_a_small_cycle_is_not_rest(nominal):
 
 
 def test_a_profile_that_does_not_change_within_the_record_is_no_change(nominal):
-    late = {"drum.speed": {"time": [1, 2], "value": [5, 3]}, "simulate.duration": 0.02}
+    late = {**UNDAMPED, "drum.speed": {"time": [1, 2], "value": [5, 3]}, "simulate.duration": 0.02}
     result = run(nominal.with_values(late | {"start.displacement": {"Y": 1e-5}}))
     assert not result.comparison.changing
     assert "predicts squeal in Y, X, Tz; " in result.comparison.verdict
@@ -297,7 +298,7 @@ def test_a_profile_that_does_not_change_within_the_record_is_no_change(nominal):
 
 
 def test_a_stop_names_the_change_as_the_reason_of_its_drift(nominal):
-    stop = {"drum.speed": {"time": [0, 0.1], "value": [5, 2]}, "simulate.duration": 0.1}
+    stop = {**UNDAMPED, "drum.speed": {"time": [0, 0.1], "value": [5, 2]}, "simulate.duration": 0.1}
     result = run(nominal.with_values(stop | {"start.displacement": {"Y": 1e-5}}))
     assert result.comparison.changing
     assert result.comparison.saturation is not None

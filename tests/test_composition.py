@@ -100,6 +100,7 @@ def test_forces_of_the_plane_are_those_of_all_six_coordinates(nominal, size, tol
 
 BARE = {"support": None, "friction": None, "contact.separation": False}
 CONSTANT = {"law": "constant", "coefficient": 0.4}
+FORCE = {"amplitude": {"Y": 1.0}, "frequency": 100.0}
 # name: (what the scene names beyond a bare bonded shoe, operations that come with it as traced, and as compiled)
 EFFECTS = {
     "separation": ({"contact.separation": True}, {"sqrt": 3}, {"sqrt"}),  # edges of contact
@@ -110,7 +111,7 @@ EFFECTS = {
         {"exponential"},
     ),
     "support": ({"support": {"upper_stiffness": 1e8, "lower_stiffness": 6e8}}, {"cos": 1}, {"cosine"}),
-    "force": ({"forcing": {"amplitude": {"Y": 1.0}, "frequency": 100.0}}, {"sin": 1}, set()),
+    "force": ({"forcing": FORCE}, {"sin": 1}, set()),
     "damping": ({"damping": {"ratio": 0.01}}, {"neg": 3}, set()),  # one a coordinate
     # One search each, whoever asks for drum speed or load.
     "load profile": ({"contact.normal_load": {"time": [0, 1], "value": [2000, 2000]}}, {"scan": 1}, {"dynamic-slice"}),
@@ -240,7 +241,7 @@ def test_an_effect_at_its_neutral_value_is_as_good_as_left_out(nominal, name):
 
 
 def test_a_force_of_nothing_is_no_force(nominal):
-    forced = nominal.with_values({"forcing": {"amplitude": {"Y": 1.0}, "frequency": 100.0}})
+    forced = nominal.with_values({"forcing": FORCE})
     q, v = jnp.asarray([1e-6, 2e-5, 1e-4]), jnp.asarray([0.1, -0.2, 1.0])
     none = build_model(forced, {"forcing.amplitude.Y": 0.0}).act(0.3, q, v)
     without = build_model(nominal).act(0.3, q, v)
@@ -259,7 +260,8 @@ def test_other_numbers_trace_nothing_again(nominal, monkeypatch):
     counts = []
     for speed, load, ratio in ((5.0, 2000.0, 0.01), (4.0, 1900.0, 0.02), (3.0, 2100.0, 0.0)):
         values = {"drum.speed": speed, "contact.normal_load": load, "damping": {"ratio": ratio}}
-        values |= {"friction.direction": "tangential", "simulate.coordinates": ["Y", "Tz"]}  # as in no other test
+        # As in no other test, and with one program for the eigenvalues.
+        values |= {"friction": CONSTANT | {"direction": "tangential"}, "forcing": FORCE}
         run(nominal.with_values(values | {"simulate.duration": 0.002, "simulate.tolerance": 1e-6 * speed}))
         counts.append(len(traces))
     # The first run traces the model for its eigenvalues and its steps; a sweep adds nothing.

@@ -53,8 +53,8 @@ def test_a_table_of_a_python_function_is_as_good_as_its_step(nominal):
     assert 10 < errors[0] / errors[1] < 20
     law = TabulatedLaw.from_function(exponential_in_numpy, largest_speed=2.0)
     assert float(law.coefficient(jnp.asarray(5.0))) == pytest.approx(exponential_in_numpy(2.0), rel=1e-12)
-    own = analyse_stability(build_model(nominal))
-    tabulated = analyse_stability(build_model(nominal, friction_law=law))
+    own = analyse_stability(build_model(nominal, coordinates=ALL))
+    tabulated = analyse_stability(build_model(nominal, coordinates=ALL, friction_law=law))
     # Growth takes the slope of the law: third order in the step of 1e-3 m/s.
     np.testing.assert_allclose(tabulated.eigenvalues, own.eigenvalues, rtol=0, atol=1e-9 * 5e4)
 

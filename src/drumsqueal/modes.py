@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from drumsqueal.effects.action import ZERO
 from drumsqueal.errors import SteadyStateError
 from drumsqueal.model import Model
-from drumsqueal.steady import linearise, steady_sliding
+from drumsqueal.steady import Linear, linear_model, linearise, steady_sliding
 
 # An eigenvalue oscillates when its imaginary part exceeds this share of the largest modulus: a real one, and the zero
 # of the free Z motion, come out of the solver with an imaginary part of round-off size.
@@ -97,7 +97,8 @@ def analyse_stability(model: Model) -> Stability:
     numbers out of all proportion leave nothing finite.
     """
     require_sliding(model)
-    steady, matrix, (low, high), touching = _linear_problem(model)
+    steady, linear = linear_model(model)
+    matrix, (low, high), touching = _about_steady(model, steady, linear)
     if not bool(jnp.all(jnp.isfinite(steady))):
         raise SteadyStateError(
             "no self-consistent steady sliding was found: the shoe may jam or leave the drum at this load and speed"
@@ -122,13 +123,12 @@ def analyse_stability(model: Model) -> Stability:
 
 
 @jax.jit
-def _linear_problem(model: Model) -> tuple[Array, Array, tuple[Array, Array], Array]:
-    """Steady sliding q*, the state matrix there, range of pressure and share in contact, as one compiled program."""
-    steady = steady_sliding(model)
+def _about_steady(model: Model, steady: Array, linear: Linear) -> tuple[Array, tuple[Array, Array], Array]:
+    """The state matrix, the range of pressure and the share in contact at steady sliding q* (n,)."""
     moment, wide = model.operation.at(0.0), model.widen(steady)
     pressure_range = model.lining.pressure_range(moment, wide)
     touching = model.middle_contact.observe(moment, wide, ZERO).contact_fraction
-    return steady, linearise(model, steady).state_matrix(), pressure_range, touching
+    return linear.state_matrix(), pressure_range, touching
 
 
 def require_sliding(model: Model) -> None:

@@ -93,7 +93,7 @@ def held_coordinates(scene: Scene) -> tuple[str, ...]:
     """
     if scene.simulate.coordinates == "auto":
         return ()
-    pushes = np.asarray(coupling(build_model(scene, coordinates=ALL)))
+    pushes = coupling(build_model(scene, coordinates=ALL))
     moving = np.isin(ALL, list(moved_coordinates(scene)))
     for _ in ALL:
         moving = moving | (pushes @ moving)

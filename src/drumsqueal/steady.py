@@ -61,12 +61,18 @@ def steady_sliding(model: Model) -> Array:
 
 
 @jax.jit
-def coupling(model: Model) -> Array:
+def linear_model(model: Model) -> tuple[Array, Linear]:
+    """Steady sliding q* (n,) and the linear model there, as one program: by far the longest to compile."""
+    steady = steady_sliding(model)
+    return steady, linearise(model, steady)
+
+
+def coupling(model: Model) -> np.ndarray:
     """Which coordinate moves which (n, n) at steady sliding: entry i, j tells whether q_j or q̇_j pushes q_i."""
-    mass, damping, stiffness = linearise(model, steady_sliding(model))
+    mass, damping, stiffness = (np.asarray(part) for part in linear_model(model)[1])
     # In coordinates scaled by √M all entries of one matrix are in one unit.
-    scaled = (jnp.abs(each) / jnp.sqrt(mass[:, None] * mass) for each in (damping, stiffness))
-    return sum(((each > COUPLED_SHARE * jnp.max(each)) for each in scaled), start=jnp.zeros((len(mass),) * 2)) > 0
+    scaled = (np.abs(each) / np.sqrt(np.outer(mass, mass)) for each in (damping, stiffness))
+    return np.logical_or.reduce([each > COUPLED_SHARE * np.max(each) for each in scaled])
 
 
 def linearise(model: Model, steady: Array) -> Linear:
