@@ -39,7 +39,7 @@ class StickSlip:
         self._in_kernel = True
         self._held: Model | None = held(model) if sticks else None  # the model that sticks, while it does
         self._jumps, self._margin = _jumps(model)
-        self._choice = Choice(solver, method)
+        self._choice = Choice(solver, float(tolerance), method)
         self.solvers: set[str] = set()  # that made the last chunk
 
     @property
@@ -99,9 +99,8 @@ class StickSlip:
         if not self._may_stick(span):
             return state
         least = self._least_slip(state, span)
-        if float(slip(self._model, span.now, state.velocity)) >= least:
-            return state
-        return self._changed(state, span, least)
+        slow = float(slip(self._model, span.now, state.velocity)) < least  # not so where it is undefined
+        return self._changed(state, span, least) if slow else state
 
     def _slip(self, state: State, span: Span, step: Array) -> Segment:
         """Slip to the end of the span, until hardly anything slips, or as far as the method gets."""

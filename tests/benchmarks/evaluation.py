@@ -105,10 +105,10 @@ def contenders() -> list[Contender]:
 def error_of(contender: Contender) -> float:
     """Largest error of the contact force over the states, against the model's own rule made finer."""
     model = contender.model
-    finer = ArcSurface(24) if isinstance(model.contact.surface, ArcSurface) else AreaSurface(18, 48)
+    finer = ArcSurface(24) if isinstance(model.lining.surface, ArcSurface) else AreaSurface(18, 48)
     assert model.contact.friction is not None
     friction = dataclasses.replace(model.contact.friction, law=AnyLaw(model.contact.friction.law))
-    sharp = dataclasses.replace(model, contact=dataclasses.replace(model.contact, surface=finer, friction=friction))
+    sharp = dataclasses.replace(model, contact=dataclasses.replace(model.lining, surface=finer, friction=friction))
     difference = forces(contender.model, contender.q, contender.v) - forces(sharp, contender.q, contender.v)
     scale = float(model.operation.at(0.0).preload * model.shoe.area) * np.array([1.0] * 3 + [0.1] * 3)
     return float(np.max(np.abs(np.asarray(difference)) / scale))
