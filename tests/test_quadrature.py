@@ -22,7 +22,8 @@ from drumsqueal.effects.operation import Moment
 from drumsqueal.effects.pressure import Bonded, Unilateral
 from drumsqueal.quadrature.arc import LONG_ARC, NODES, NODES_LONG_ARC, ArcSurface
 from drumsqueal.quadrature.area import AreaSurface
-from drumsqueal.quadrature.levels import Level, complex_roots, line_crossings, real_roots, sine_cosine
+from drumsqueal.quadrature.levels import Level, complex_roots, real_roots, sine_cosine
+from drumsqueal.quadrature.quartic import quartic_roots
 from drumsqueal.quadrature.smooth import is_smooth
 
 # --- brute force -----------------------------------------------------------------------------------------------------
@@ -247,31 +248,21 @@ def test_no_complex_roots_where_there_is_nothing_to_solve():
     assert np.all(np.isfinite(distance))
 
 
-@given(level_coefficients, st.tuples(coefficient, coefficient), half_angles)
-@settings(derandomize=True, max_examples=100, deadline=None)
-def test_line_crossings_are_where_the_number_of_roots_changes(coefficients, slopes, half):
-    level = Level(*coefficients, *slopes)
-    there, z = (np.array(x) for x in line_crossings(level, jnp.asarray(half)))
-    crossings = np.sort(np.real(z[there & (np.abs(np.imag(z)) < 1e-9)]))
-    # Root counts on lines, from the monotone stretches between the ends and the extremes.
-    lines = np.linspace(-1.5, 1.5, 301)
-    a, b, c, b1, c1 = (np.asarray(x) for x in level)
-    peak = np.arctan2(c + c1 * lines, b + b1 * lines)
-    angles = np.stack([np.clip(peak + k * np.pi, -half, half) for k in (-2, -1, 0, 1, 2)])
-    angles = np.sort(np.concatenate([angles, np.full((1, lines.size), -half), np.full((1, lines.size), half)]), axis=0)
-    value = a + (b + b1 * lines) * np.cos(angles) + (c + c1 * lines) * np.sin(angles)
-    if np.min(np.abs(value)) < 1e-9:
-        return  # a line of the sample lies on a crossing: round-off decides the count
-    count = np.sum(np.diff(np.sign(value), axis=0) != 0, axis=0)
-    for k in np.flatnonzero(np.diff(count)):
-        inside = (crossings >= lines[k] - 1e-9) & (crossings <= lines[k + 1] + 1e-9)
-        assert np.any(inside), f"the number of roots changes between z = {lines[k]} and {lines[k + 1]}"
-    # And every crossing is one: an end or an extreme of the line is zero there, to round-off times the size of z.
-    for at in crossings[np.abs(crossings) < 1e3]:
-        ends = a + (b + b1 * at) * np.cos(half) + np.array([1, -1]) * (c + c1 * at) * np.sin(half)
-        tangent = np.abs(a) - np.hypot(b + b1 * at, c + c1 * at)
-        # A double root of the quadratic in z is good to the square root of round-off.
-        assert np.min(np.abs([*ends, tangent])) < 1e-7 * (1 + abs(at)) or abs(at) > 1e2
+# Aberth's iteration: simple roots to round-off; where roots nearly coincide they move by that over their distance.
+@pytest.mark.parametrize("on_circle", [True, False])
+def test_quartic_roots_are_those_of_the_companion_matrix(on_circle):
+    generator = np.random.default_rng(12)
+    solve = jax.jit(quartic_roots)
+    for _ in range(200):
+        if on_circle:
+            wanted = np.exp(1j * generator.uniform(-np.pi, np.pi, 4))
+            coefficients = np.polynomial.polynomial.polyfromroots(wanted)
+        else:
+            coefficients = generator.normal(size=5) + 1j * generator.normal(size=5)
+            wanted = np.polynomial.polynomial.polyroots(coefficients)
+        found = np.asarray(solve(jnp.asarray(coefficients)))
+        apart = np.min(np.abs(wanted[:, None] - wanted + 9 * np.eye(4)))
+        assert np.max(np.min(np.abs(found - wanted[:, None]), axis=1)) < 1e-12 / min(apart, 1.0) ** 3
 
 
 # --- contact integrals in the plane ----------------------------------------------------------------------------------
@@ -341,58 +332,72 @@ def test_space_forces_below_the_edges(separation, drum):
 
 
 # With edges, errors relative to p0 × area over states where V_z is up to the given size (m/s) and both edges cross the
-# lining. Most states come out far better than the worst. The worst of the unilateral ones are those where an edge of
-# contact crosses a line of reversal: the lines z are not split there, and the integral along them has a corner. Where
-# V_z is small beside RΩ = 0.5 m/s, the turn of V/|V| at a reversal takes a share V_z/RΩ of the arc, and the graded
-# nodes must serve both the turn and the rest of the piece. Largest and middling error over 60 and 100 states each:
-#   V_z up to     1e-1             1e-2             1e-4             1e-6             1e-8
-#   unilateral    4e-7, 2e-10      2e-6, 3e-10      2e-6, 3e-10      2e-6, 4e-10      2e-6, 1e-9
-#   bonded        1e-6, 4e-13      3e-10, 6e-15     4e-8, 1e-15      7e-8, 2e-15      8e-8, 1e-15
-SPACE = [
-    (True, 1e-1, 5e-9, 4e-6),
-    (True, 1e-2, 5e-9, 2e-5),
-    (True, 1e-4, 5e-9, 2e-5),
-    (True, 1e-6, 1e-8, 2e-5),
-    (True, 1e-8, 1e-8, 2e-5),
-    (False, 1e-1, 1e-10, 1e-5),
-    (False, 1e-4, 1e-12, 4e-7),
-    (False, 1e-8, 1e-12, 8e-7),
-]
+# lining: 1e-8 is what is asked of the rule; adaptive quadrature itself is asked for 1e-10.
+SPACE = [(separation, axial) for separation in (True, False) for axial in (1e-1, 1e-2, 1e-4, 1e-6, 1e-8)]
 
 
-@pytest.mark.parametrize(("separation", "axial", "middling", "worst"), SPACE)
-def test_space_forces_over_random_states(separation, axial, middling, worst):
+@pytest.mark.parametrize(("separation", "axial"), SPACE)
+def test_space_forces_over_random_states(separation, axial):
     brake = Brake()
     errors = [
         relative_error(brake, q, v, area=True, separation=separation)
-        for q, v in random_states(2, 14 if separation else 30, brake, press=1.5, slide=1.5, tilt=1.0, axial=axial)
+        for q, v in random_states(2, 14, brake, press=1.5, slide=1.5, tilt=1.0, axial=axial)
     ]
-    assert np.median(errors) < middling
-    assert np.max(errors) < worst
+    assert np.median(errors) < 1e-9
+    assert np.max(errors) < 1e-8
 
 
-# The reduced direction knows no V_z; what is left is again where the two edges cross. Largest found over 40 states
-# 5e-7, middling 3e-10.
 def test_space_forces_of_the_tangential_direction():
     brake = Brake()
     errors = [
         relative_error(brake, q, v, area=True, direction="tangential")
         for q, v in random_states(3, 14, brake, press=1.5, slide=1.5, tilt=1.0, axial=0.1)
     ]
-    assert np.median(errors) < 1e-8
-    assert np.max(errors) < 5e-6
+    assert np.max(errors) < 1e-8
 
 
-# Largest of 30 states: 30° 7e-8, 270° 3e-7, 360° 2.2e-6 (long pieces, as in the plane); middling 2e-9 at most.
-@pytest.mark.parametrize(("arc", "worst"), [(30.0, 1e-6), (270.0, 3e-6), (360.0, 2e-5)])
-def test_space_forces_on_other_arcs(arc, worst):
+@pytest.mark.parametrize("arc", [10.0, 30.0, 270.0, 360.0])
+def test_space_forces_on_other_arcs(arc):
     brake = Brake(arc=np.radians(arc))
     errors = [
         relative_error(brake, q, v, area=True)
-        for q, v in random_states(4, 10, brake, press=1.5, slide=1.5, tilt=1.0, axial=0.1)
+        for q, v in random_states(4, 8, brake, press=1.5, slide=1.5, tilt=1.0, axial=0.1)
     ]
-    assert np.median(errors) < 2e-8
-    assert np.max(errors) < worst
+    assert np.max(errors) < 1e-8
+
+
+# The worst state, bonded, that random search and climbing from there led to for a rule with 18 nodes along: 1.8e-7. The
+# present one was found to have 2e-9 there.
+@pytest.mark.parametrize("separation", [True, False])
+def test_space_forces_at_the_worst_state_found(separation):
+    q = np.array([-2.948963e-06, 1.9505801e-06, 4.3372864e-06, 2.4822765e-04, 2.1699465e-04, -5.1739282e-06])
+    v = np.array([0.54621962, 0.43074453, -1.0932008e-03, -9.8314283e-05, 2.406286e-03, 3.2986052])
+    assert relative_error(Brake(), q, v, area=True, separation=separation) < 2e-8
+
+
+# Small V_z across a reversal, with edges that cross it and V_z zero on the lining: where a rule that splits neither
+# there nor where edges meet loses 1e-5 and more. A steep law varies on a scale of its own: with 1000 s/m the largest
+# found with 18 nodes along were 3e-6.
+@pytest.mark.parametrize("axial", [1.0, 1e-2, 1e-4, 1e-6, 1e-9, 1e-12])  # of RΩ
+@pytest.mark.parametrize(("decay", "worst"), [(1.0, 1e-8), (1000.0, 1e-5)])
+def test_space_forces_where_edges_cross_and_velocity_vanishes(axial, decay, worst):
+    brake = Brake(decay=decay)
+    u, R, s = brake.pressure / brake.stiffness, brake.radius, brake.radius * brake.drum
+    generator = np.random.default_rng(13)
+    for _ in range(4):
+        at, lean, tilt = generator.uniform(-0.8, 0.8), *generator.uniform(0.5, 2.0, 2)
+        q, v = np.zeros(6), np.zeros(6)
+        # Both levels vanish at (at, 0), each with a slope along the arc and across.
+        q[:2] = -u * np.array([np.cos(at), np.sin(at)]) + u * generator.uniform(0.5, 2) * np.array(
+            [-np.sin(at), np.cos(at)]
+        )
+        q[3:5] = lean * u / brake.width * np.array([np.sin(at), np.cos(at)])
+        v[:2] = s * np.array([-np.sin(at), np.cos(at)]) + s * generator.uniform(0.5, 2) * np.array(
+            [np.cos(at), np.sin(at)]
+        )
+        v[3:5] = axial * s / R * tilt * np.array([np.cos(at), np.sin(at)])
+        v[2] = -(R * v[3] * np.sin(at) - (R * np.cos(at) - brake.centroid) * v[4])
+        assert relative_error(brake, q, v, area=True) < worst
 
 
 # Edges that are about to be born or have just been. Found: V_z 0.1 and 1e-4 m/s 2e-11, 1e-8 m/s 2e-9.

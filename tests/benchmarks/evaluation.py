@@ -105,7 +105,7 @@ def contenders() -> list[Contender]:
 def error_of(contender: Contender) -> float:
     """Largest error of the contact force over the states, against the model's own rule made finer."""
     model = contender.model
-    finer = ArcSurface(24) if isinstance(model.lining.surface, ArcSurface) else AreaSurface(18, 48)
+    finer = ArcSurface(24) if isinstance(model.lining.surface, ArcSurface) else AreaSurface(48, 36)
     assert model.contact.friction is not None
     friction = dataclasses.replace(model.contact.friction, law=AnyLaw(model.contact.friction.law))
     sharp = dataclasses.replace(model, contact=dataclasses.replace(model.lining, surface=finer, friction=friction))

@@ -1,8 +1,8 @@
 """Quadrature over the whole lining, split along and across at the edges of contact and of slip reversal.
 
-Where V_z is small the direction V/|V| turns within a narrow angle about a reversal of V_θ. The branch points of
-|V| = √((V_θ + iV_z)(V_θ − iV_z)) are known in closed form, so the nodes are graded towards them (sinh transformation;
-Johnston & Elliott, Int. J. Numer. Meth. Engng 62 (2005) 564) and their number stays fixed.
+Lines θ = const run across the lining. On each the levels are linear in z, so that it has one stretch in contact at
+most, and one point about which the direction V/|V| turns. The arc is split wherever the integral across is singular
+(`breaks.py`). Both ways the nodes are graded towards the singularities, real or complex, and their number is bounded.
 """
 
 from collections.abc import Callable
@@ -14,29 +14,31 @@ import numpy as np
 from jax import Array
 
 from drumsqueal.bodies.rigid_shoe import RigidShoe
-from drumsqueal.quadrature.arc import sort_network, spread_evenly
-from drumsqueal.quadrature.levels import Level, complex_roots, line_crossings, real_roots, sine_cosine
+from drumsqueal.quadrature.breaks import distances, find_breaks
+from drumsqueal.quadrature.grading import graded
+from drumsqueal.quadrature.levels import Level, sine_cosine
 from drumsqueal.quadrature.smooth import is_smooth, smooth_nodes
 from drumsqueal.quadrature.sums import Densities, sum_together
 from drumsqueal.quadrature.surface import Edges, Nodes
 
-# Nodes across the lining a piece, after the map z = (3ξ − ξ³)/2 which takes the square roots out of both ends (an
-# edge pair is born like √(z − z0)) and keeps polynomials exact.
-LINES = 6
-# Nodes along each half piece of the arc. Over 9 ms of the hard spatial start of the tests, in which V_z passes through
-# zero across slip reversals, 8 nodes lose 1e-3 of the trajectory, 12 lose 3e-6, 16 and 20 less than 3e-8.
-NODES = 16
-# Bounds of the grading, in lengths of the half piece. A narrower turn is as good as a jump, at the end of a piece.
-NARROWEST, WIDEST = 1.0 / np.sinh(12.0), 10.0
-SMOOTH = 1e3  # rad; a split without a narrow turn (finite, so that gradients stay so)
-SMALLEST = 1e-30  # rad; keeps the length of an empty piece off zero
+# Nodes on each half piece of the arc, and on each of the two stretches of a line beside the turn of V/|V|; and sections
+# that the arc is split into in any case. At the worst state found for a rule with two sections the error over p0 times
+# the area is 2e-7 with 18 nodes along, 1e-8 with 24, and 2e-9 with three sections. Across, 40 nodes do no better.
+ALONG, ACROSS, SECTIONS = 24, 12, 3
+# A singularity closer to an end than so many lengths of the half piece counts as being so far off. With 1e-5 along
+# instead, up to 2e-7 is lost, with 2e-6 5e-8.
+NARROWEST_ALONG, NARROWEST_ACROSS = 8e-8, 2e-7
+LIFTED, FRICTIONLESS = 2, 3  # Gauss nodes where what is summed is a line and a square in z
+SMALLEST = 1e-30  # m/s; keeps what a length of zero is divided by off zero
 
 
 class AreaSurface(eqx.Module):
     """The lining as an area: what spatial motion needs."""
 
-    lines_per_piece: int = eqx.field(static=True, default=LINES)
-    nodes_per_piece: int = eqx.field(static=True, default=NODES)
+    along: int = eqx.field(static=True, default=ALONG)
+    across: int = eqx.field(static=True, default=ACROSS)
+    sections: int = eqx.field(static=True, default=SECTIONS)
+    narrowest: tuple[float, float] = eqx.field(static=True, default=(NARROWEST_ALONG, NARROWEST_ACROSS))
 
     @property
     def spatial(self) -> bool:
@@ -46,107 +48,117 @@ class AreaSurface(eqx.Module):
     def integrate(
         self, shoe: RigidShoe, edges: Edges, densities: Callable[[Nodes], Densities], *, smooth: bool
     ) -> Densities:
-        """Sums over nodes that are split at the edges; where what is `smooth` has none, over a seventieth of them."""
+        """Sums over nodes that are split at the edges; where what is `smooth` has none, over far fewer of them."""
 
         def split() -> Densities:
-            return sum_together([densities(self._nodes(shoe, edges))])
+            return self._over_pieces(shoe, edges, densities)
 
         if not smooth:
             return split()
         return jax.lax.cond(is_smooth(shoe, *edges), lambda: sum_together([densities(smooth_nodes(shoe))]), split)
 
-    def _nodes(self, shoe: RigidShoe, edges: Edges) -> Nodes:
-        """Nodes (lines, pieces, 2, nodes per piece) split at the edges; the tangential direction does not know V_z."""
-        half_angle, half_width = shoe.half_angle, shoe.width / 2
-        pressure = edges.pressure
-        turn = None if edges.slip is None else _turn(edges.slip, edges.axial)
-        z, z_weight = self._lines(half_angle, half_width, pressure, turn)
-        angle, distance = _line_splits(half_angle, z, pressure, turn)
-        theta, theta_weight = self._graded(half_angle, angle, distance)
+    def _over_pieces(self, shoe: RigidShoe, edges: Edges, densities: Callable[[Nodes], Densities]) -> Densities:
+        """Sum over the pieces of the arc, one after the other, for most of those there may be are empty."""
+        bounds, distance = self._bounds(shoe, edges)
+
+        def piece(low: Array, high: Array, gap: Array) -> Densities:
+            groups = self._parts(shoe, edges, low, high, gap)
+            sums = [sum_together([densities(nodes) for nodes in group]) for group in groups]
+            return jax.tree.map(lambda *parts: sum(parts[1:], start=parts[0]), *sums)
+
+        def add(total: Densities, bound: tuple[Array, Array, Array]) -> tuple[Densities, None]:
+            def with_piece() -> Densities:
+                return jax.tree.map(jnp.add, total, piece(*bound))
+
+            return jax.lax.cond(bound[1] > bound[0], with_piece, lambda: total), None
+
+        each = bounds[:-1], bounds[1:], jnp.stack([distance[:-1], distance[1:]], axis=1)
+        nothing = jax.tree.map(
+            lambda x: jnp.zeros(x.shape, x.dtype), jax.eval_shape(lambda: piece(*(part[0] for part in each)))
+        )
+        return jax.lax.scan(add, nothing, each)[0]
+
+    def _bounds(self, shoe: RigidShoe, edges: Edges) -> tuple[Array, Array]:
+        """Sorted bounds of the pieces, the empty ones last, and how far each is from a singularity (rad)."""
+        half_angle = shoe.half_angle
+        found = find_breaks(shoe, edges)
+        even = half_angle * np.linspace(-1, 1, self.sections + 1)
+        bounds = _sorted(jnp.concatenate([even, jnp.where(found.split, found.angle, half_angle)]))
+        return bounds, distances(found, bounds)
+
+    def _parts(self, shoe: RigidShoe, edges: Edges, low: Array, high: Array, gap: Array) -> list[list[Nodes]]:
+        """Nodes of a piece of the arc, whose halves are graded towards its ends, in groups of one shape.
+
+        They are (2, lines, nodes a line); the parts are not joined, for a joint would be a branch at each node.
+        """
+        half = (high - low) / 2
+        share, share_weight = graded(gap / jax.lax.stop_gradient(half), self.along, self.narrowest[0])
+        theta = jnp.stack([low, high])[:, None] + half * np.array([[1.0], [-1.0]]) * share
         sine, cosine = sine_cosine(theta)
-        weight = shoe.outer_radius * theta_weight * z_weight[:, None, None, None]
-        return Nodes(cosine, sine, z[:, None, None, None], weight)
+        line = shoe.outer_radius * half * share_weight
+        groups = self._across(shoe.width / 2, edges, cosine, sine)
 
-    def _lines(
-        self, half_angle: Array, half_width: Array, pressure: Level | None, turn: Level | None
-    ) -> tuple[Array, Array]:
-        """Lines z (lines,) and their weights (m)."""
-        candidates = []
-        if pressure is not None:
-            there, z = line_crossings(pressure, half_angle)
-            candidates.append((there & (z.imag == 0), z.real))
-        if turn is not None:
-            there, z = line_crossings(turn, half_angle)
-            candidates.append((there, z.real))
-        bounds = jnp.stack([-half_width, half_width])
-        if candidates:
-            there, z = (jnp.concatenate(parts) for parts in zip(*candidates, strict=True))
-            inside = there & (jnp.abs(z) < half_width)
-            z = jnp.where(inside, z, spread_evenly(z.size) * half_width)
-            bounds = jnp.stack([-half_width, *sort_network(list(z)), half_width])
-        middle, half = (bounds[1:] + bounds[:-1]) / 2, (bounds[1:] - bounds[:-1]) / 2
-        point, weight = np.polynomial.legendre.leggauss(self.lines_per_piece)
-        mapped, mapped_weight = (3 * point - point**3) / 2, weight * 1.5 * (1 - point**2)
-        return (middle[:, None] + half[:, None] * mapped).ravel(), (half[:, None] * mapped_weight).ravel()
+        def nodes(z: Array, weight: Array) -> Nodes:
+            return Nodes(cosine[..., None], sine[..., None], z, line[..., None] * weight)
 
-    def _graded(self, half_angle: Array, angle: list[Array], distance: list[Array]) -> tuple[Array, Array]:
-        """Angles and weights (lines, pieces, 2, nodes): half pieces, each graded towards the split at its outer end."""
-        smooth = jnp.full_like(distance[0], SMOOTH) if distance else jnp.full_like(half_angle, SMOOTH)[None]
-        ends = jnp.broadcast_to(half_angle, smooth.shape)
-        bounds = jnp.stack([-ends, *angle, ends], axis=-1)
-        gaps = jnp.stack([smooth, *distance, smooth], axis=-1)
-        start = jnp.stack([bounds[:, :-1], bounds[:, 1:]], axis=-1)
-        gap = jnp.stack([gaps[:, :-1], gaps[:, 1:]], axis=-1)
-        length = (bounds[:, 1:] - bounds[:, :-1])[..., None] / 2 * np.array([1.0, -1.0])
-        size = jnp.maximum(jnp.abs(length), SMALLEST)
-        scale = jnp.clip(gap / size, NARROWEST, WIDEST)[..., None]
-        stretch = jnp.arcsinh(1 / scale)
-        point, weight = np.polynomial.legendre.leggauss(self.nodes_per_piece)
-        growth = jnp.exp(stretch * (point + 1) / 2)
-        shape = scale * (growth - 1 / growth) / 2
-        slope = scale * stretch * (growth + 1 / growth) / 4
-        return start[..., None] + length[..., None] * shape, jnp.abs(length)[..., None] * slope * weight
+        return [[nodes(*part) for part in group] for group in groups]
+
+    def _across(self, half_width: Array, edges: Edges, cosine: Array, sine: Array) -> list[list[tuple[Array, Array]]]:
+        """Nodes z on each line and their weights: what has lifted off, if anything can, and what is pressed."""
+        low, high = jnp.full_like(cosine, -half_width), jnp.full_like(cosine, half_width)
+        groups = []
+        if edges.pressure is not None:
+            low, high = _pressed(*_across_line(edges.pressure, cosine, sine), half_width)
+            start = jnp.where(low > -half_width, -half_width, high)
+            groups.append([_gauss(start, 2 * half_width - (high - low), LIFTED)])
+        if edges.slip is None:
+            return [*groups, [_gauss(low, high - low, FRICTIONLESS)]]
+        slip, slope = _across_line(edges.slip, cosine, sine)
+        centre, speed = _turning(slip, slope, low, high)
+        if edges.axial is not None:
+            speed = speed + jnp.abs(_across_line(edges.axial, cosine, sine)[0])
+        parts = []
+        for end in (low, high):
+            length = end - centre
+            reach = jnp.maximum(jnp.abs(slope * length), SMALLEST)
+            share, weight = graded(jax.lax.stop_gradient(speed / reach), self.across, self.narrowest[1])
+            parts.append((centre[..., None] + length[..., None] * share, jnp.abs(length)[..., None] * weight))
+        return [*groups, parts]
 
 
-def _turn(slip: Level, axial: Level | None) -> Level:
-    """V_θ + i V_z as one complex level, whose roots are the branch points of |V|."""
-    if axial is None:
-        return slip
-    return Level(*(along + 1j * across for along, across in zip(slip, axial, strict=True)))
+def _sorted(values: Array) -> Array:
+    """Sort by counting those below each (a sort is a slow call inside a compiled step)."""
+    index = np.arange(values.size)
+    tied = (values == values[:, None]) & (index < index[:, None])
+    rank = jnp.sum((values < values[:, None]) | tied, axis=1)
+    return jnp.sum(jnp.where(rank[:, None] == index, values[:, None], 0.0), axis=0)
 
 
-def _line_splits(
-    half_angle: Array, z: Array, pressure: Level | None, turn: Level | None
-) -> tuple[list[Array], list[Array]]:
-    """Sorted split angles on each line, and the angle within which the integrand turns there (SMOOTH: it does not)."""
-    angle, distance = [], []
-    count = 2 * sum(level is not None for level in (pressure, turn))
-    spread = spread_evenly(count)
-    if pressure is not None:
-        there, root = real_roots(pressure.on_line(z), half_angle)
-        for j in range(2):
-            angle.append(jnp.where(there[j], root[j], spread[j] * half_angle))
-            distance.append(jnp.full_like(z, SMOOTH))
-    if turn is not None:
-        there, root, imaginary = complex_roots(turn.on_line(z))
-        for j in range(2):
-            inside = jnp.clip(root[j], -half_angle, half_angle)
-            near = jnp.abs(root[j] - inside) + imaginary[j]
-            close = there[j] & (near < half_angle / 2)
-            angle.append(jnp.where(close, inside, spread[count - 2 + j] * half_angle))
-            distance.append(jnp.where(close, near, SMOOTH))
-    return _sort_with(angle, distance)
+def _across_line(level: Level, cosine: Array, sine: Array) -> tuple[Array, Array]:
+    """Value at z = 0 and slope of the level on the lines θ = const."""
+    value = level.constant + level.cosine * cosine + level.sine * sine
+    return value, level.cosine_slope * cosine + level.sine_slope * sine + jnp.zeros_like(value)
 
 
-def _sort_with(keys: list[Array], values: list[Array]) -> tuple[list[Array], list[Array]]:
-    """Sort the keys elementwise with exchanges and carry the values along."""
-    keys, values = list(keys), list(values)
-    for last in range(len(keys) - 1, 0, -1):
-        for i in range(last):
-            swap = keys[i] > keys[i + 1]
-            keys[i], keys[i + 1] = jnp.where(swap, keys[i + 1], keys[i]), jnp.where(swap, keys[i], keys[i + 1])
-            values[i], values[i + 1] = (
-                jnp.where(swap, values[i + 1], values[i]),
-                jnp.where(swap, values[i], values[i + 1]),
-            )
-    return keys, values
+def _pressed(value: Array, slope: Array, half_width: Array) -> tuple[Array, Array]:
+    """Ends of the stretch on which value + slope z is positive; of an empty one, both at one side."""
+    crossing = jnp.abs(value) < jnp.abs(slope) * half_width
+    edge = -value / jnp.where(crossing, slope, 1.0)
+    low = jnp.where(crossing & (slope > 0), edge, -half_width)
+    high = jnp.where(crossing & (slope < 0), edge, jnp.where(crossing | (value >= 0), half_width, -half_width))
+    return low, high
+
+
+def _turning(value: Array, slope: Array, low: Array, high: Array) -> tuple[Array, Array]:
+    """Where in [low, high] value + slope z is closest to zero, and its size there."""
+    first, last = value + slope * low, value + slope * high
+    inside = first * last < 0
+    root = jnp.clip(-value / jnp.where(inside, slope, 1.0), low, high)
+    nearest = jnp.where(jnp.abs(first) < jnp.abs(last), low, high)
+    return jnp.where(inside, root, nearest), jnp.where(inside, 0.0, jnp.minimum(jnp.abs(first), jnp.abs(last)))
+
+
+def _gauss(start: Array, length: Array, count: int) -> tuple[Array, Array]:
+    """Gauss nodes and weights (..., count) on stretches of given start and length."""
+    point, weight = np.polynomial.legendre.leggauss(count)
+    return start[..., None] + length[..., None] * (point + 1) / 2, length[..., None] * weight / 2

@@ -102,22 +102,6 @@ def complex_roots(level: Level) -> tuple[Array, Array, Array]:
     return there, jnp.arctan2(zeta.imag, zeta.real), jnp.abs(jnp.log(jnp.abs(zeta)))
 
 
-def line_crossings(level: Level, half_angle: Array) -> tuple[Array, Array]:
-    """Values of z at which a root of the level enters or leaves the arc: whether there (4,), and z (4,), complex.
-
-    Two at the ends θ = ±β/2, where the level is linear in z, and two where a pair of roots is born inside the arc:
-    a² = (b + b′z)² + (c + c′z)².
-    """
-    a, b, c, b1, c1 = (jnp.asarray(x, dtype=complex) for x in level)
-    sine, cosine = jnp.sin(half_angle), jnp.cos(half_angle)
-    sign = jnp.asarray([1.0, -1.0])
-    value, slope = a + b * cosine + sign * c * sine, b1 * cosine + sign * c1 * sine
-    sloped = slope != 0
-    ends = -value / jnp.where(sloped, slope, 1.0)
-    first, second, found = _quadratic(b1 * b1 + c1 * c1, b * b1 + c * c1, b * b + c * c - a * a)
-    return jnp.concatenate([sloped, found]), jnp.concatenate([ends, jnp.stack([first, second])])
-
-
 def _quadratic(p: Array, r: Array, s: Array) -> tuple[Array, Array, Array]:
     """Roots of p x² + 2 r x + s = 0 over the complex numbers without cancellation, and whether each exists (2, ...)."""
     discriminant = r * r - p * s

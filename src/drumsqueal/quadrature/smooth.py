@@ -1,7 +1,7 @@
 """Quadrature over the whole lining where nothing has an edge: pressed everywhere, and slip far from its reversal.
 
 What then is integrated is smooth all over the lining, and a fixed product of Gauss rules is exact to round-off with a
-seventieth of the nodes that edges take.
+tenth of the nodes that a single piece of the arc takes where there are edges.
 """
 
 import jax.numpy as jnp

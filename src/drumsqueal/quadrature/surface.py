@@ -20,7 +20,10 @@ class Nodes(NamedTuple):
 
 
 class Edges(NamedTuple):
-    """The levels whose roots are edges: p0 + k_c u_r, V_θ, and V_z beside it (None: no edges of that kind)."""
+    """The levels whose roots are edges: p0 + k_c u_r, V_θ, and V_z beside it (None: no edges of that kind).
+
+    Where the pressure's level is negative the lining does not press; V_z is the same all across the lining.
+    """
 
     pressure: Level | None
     slip: Level | None

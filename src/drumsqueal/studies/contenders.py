@@ -20,7 +20,7 @@ from drumsqueal.runge_kutta import DEFAULT, SOLVERS, is_explicit
 
 STEPPING, QUADRATURE, SMOOTHING = "time stepping", "contact quadrature", "smoothed friction"
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
-NODES = (2, 4, 6, 8, 12, 16)  # along each piece of the arc, split at the edges
+NODES = (2, 4, 6, 8, 12, 16)  # along each piece of the arc, or each half of it in space, split at the edges
 GRID = (20, 40, 80, 160, 320, 640)  # nodes of a grid that does not know the edges
 WIDTHS = (1e-1, 1e-2, 1e-3, 1e-4)  # of the smoothing, over the speed of the drum's surface
 OTHERS = 1e-6  # tolerance of those that are not about time stepping; at less a fixed grid does not get through
@@ -71,7 +71,7 @@ def contenders_of(model: Model) -> Iterator[list[Contender]]:
     for solver in SOLVERS:
         yield [Contender(STEPPING, solver, tolerance, solver, tolerance, model) for tolerance in TOLERANCES]
     spatial = not set(model.coordinates) <= set(IN_PLANE)
-    split: list[Surface] = [AreaSurface(max(2, n // 2), n) if spatial else ArcSurface(n) for n in NODES]
+    split: list[Surface] = [AreaSurface(n, max(2, n // 2)) if spatial else ArcSurface(n) for n in NODES]
     yield [_quadrature(SPLIT, n, model, surface) for n, surface in zip(NODES, split, strict=True)]
     yield [_quadrature(FIXED, n, model, FixedGrid(n, spatial)) for n in GRID]
     friction = model.contact.friction
