@@ -63,7 +63,7 @@ class Comparison(NamedTuple):
 
     `edge_reached_s` and `saturation` are None where the motion reached no edge; `motion_ratio` is the largest motion
     (root of the vibration energy) in the last tenth of the record over that in the first tenth, None without a start;
-    `changing` tells that drum speed or load change, so that the prediction is for t = 0 only.
+    `changing` tells that drum speed or load change, so that the prediction is for one time only.
     """
 
     growth_end_s: float
@@ -111,6 +111,7 @@ def compare(history: xarray.Dataset, stability: Stability, model: Model) -> Comp
             saturation=saturation,
             duration=float(time[-1]),
             rotation=departure.largest_rotation,
+            sticking=_sticking(history),
             cut_off=None if outcome == COMPLETE else outcome,
         ),
     )
@@ -125,6 +126,17 @@ def _motion_ratio(departure: Departure, stability: Stability, model: Model) -> f
     tenth = max(1, size.size // 10)
     first = size[:tenth].max()
     return float(size[-tenth:].max() / first) if first > 0 else 1.0  # a free coordinate displaced: no energy in it
+
+
+def _sticking(history: xarray.Dataset) -> str:
+    """When the whole lining sticks, in words; nothing where it never does."""
+    sticks = history["sticking"].values > 0
+    if not sticks.any():
+        return ""
+    if sticks[-1]:
+        first = sticks.size - int(np.argmin(sticks[::-1])) if not sticks.all() else 0
+        return f"the lining sticks to the drum as a whole from {float(history['time'][first]):.4g} s on"
+    return f"the lining sticks to the drum as a whole for {sticks.mean():.2g} of the time"
 
 
 def _unmeasured(mode: Mode) -> ModeComparison:

@@ -28,6 +28,8 @@ SIGNALS = {
     "slip_reversed_fraction": ("1", "share of the lining that touches the drum and moves faster than it"),
     "smallest_pressure": ("Pa", "smallest contact pressure on the lining"),
     "friction_power": ("W", "power that friction turns into heat"),
+    "sticking": ("1", "1 while the whole lining moves with the drum, held by friction, 0 while it slips"),
+    "implicit": ("1", "1 where the implicit method was called for, 0 elsewhere; it is so for 500 samples at a time"),
     "kinetic_energy": ("J", "kinetic energy of the shoe"),
     "potential_energy": ("J", "energy stored in lining, supports and preload, relative to q = 0"),
     "energy_balance_error": ("J", "change of stored energy less the work that friction, damping and loads fed in"),

@@ -18,7 +18,7 @@ from drumsqueal.effects.touching import Observation
 from drumsqueal.errors import IntegrationError
 from drumsqueal.model import Model
 from drumsqueal.precision import real
-from drumsqueal.runge_kutta import AUTO, STAGES, is_explicit
+from drumsqueal.runge_kutta import AUTO, IMPLICIT, STAGES, is_explicit
 from drumsqueal.segment import CHUNK_SAMPLES, STEP_BUDGET, Segment, Span, State, first_step
 from drumsqueal.stick_slip import StickSlip
 
@@ -39,7 +39,7 @@ class Checkpoint(NamedTuple):
 class Chunk(NamedTuple):
     """Samples of one chunk: time (k,), displacement and velocity (k, n), observations and energies (k,).
 
-    `end` is where to go on from; None where the transient fails.
+    `implicit` (k,) is 1 in chunks that took the implicit method, and `end` where to go on from; None where it fails.
     """
 
     time: np.ndarray
@@ -52,7 +52,7 @@ class Chunk(NamedTuple):
     steps: int
     rejected_steps: int
     evaluations: float  # NaN: not counted, for an implicit method
-    solvers: tuple[str, ...]  # methods that made it; none where the lining stuck
+    implicit: np.ndarray
     end: Checkpoint | None
 
 
@@ -89,7 +89,8 @@ def integrate(
         span = Span(np.float64(first / sample_rate), np.float64(1 / sample_rate), np.int64(count))
         segment = run.through(state, span, step)
         chunk = _to_chunk(segment, first_energy, sample_rate, first, count, np.asarray(steady))
-        chunk = chunk._replace(evaluations=_evaluations(segment, run.solvers), solvers=tuple(sorted(run.solvers)))
+        chunk = chunk._replace(evaluations=_evaluations(segment, run.solvers))
+        chunk.implicit[:] = IMPLICIT in run.solvers
         good = np.isfinite(chunk.displacement).all(axis=1) & np.isfinite(chunk.velocity).all(axis=1)
         kept = count + 1 if good.all() else int(np.argmin(good))
         fresh = slice(0 if first == 0 else 1, kept)  # a chunk begins with the last sample of the one before
@@ -124,7 +125,7 @@ def _to_chunk(
         steps=int(segment.steps),
         rejected_steps=int(segment.steps - segment.kept),
         evaluations=np.nan,
-        solvers=(),
+        implicit=np.zeros(count + 1),
         end=None,
     )
 

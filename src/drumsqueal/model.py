@@ -87,6 +87,12 @@ class Model(eqx.Module):
         others = tuple(effect for effect in self.others if not isinstance(effect, Forcing))
         return dataclasses.replace(self, others=others)
 
+    def frozen(self, time: float) -> "Model":
+        """The same model with the drum speed and the load that it has at a time (s), at all times."""
+        moment = self.operation.at(time)
+        operation = Operation(Constant(moment.drum_speed), Constant(moment.preload))
+        return dataclasses.replace(self, operation=operation)
+
     def in_plane(self) -> "Model":
         """The same model with its out-of-plane coordinates held at zero: a line integral instead of an area."""
         kept = [k for k, i in enumerate(self.coordinates) if i in IN_PLANE]

@@ -11,6 +11,7 @@ from jax import Array
 from numpy.typing import NDArray
 
 from drumsqueal.effects.action import ZERO
+from drumsqueal.effects.schedule import Profile
 from drumsqueal.errors import SteadyStateError
 from drumsqueal.model import Model
 from drumsqueal.steady import Linear, linear_model, linearise, steady_sliding
@@ -60,7 +61,8 @@ class Stability(NamedTuple):
     """Steady sliding and its eigenvalues: q* (n,), all eigenvalues (2n,), oscillating modes by rising frequency.
 
     `mass` is the diagonal of the mass matrix (n,), `pressure_range` the smallest and largest steady pressure (Pa),
-    `contact_fraction` the share of the lining that touches the drum in steady sliding.
+    `contact_fraction` the share of the lining that touches the drum in steady sliding. All of it is for the drum speed
+    and the load at `time` (s): 0, or later where the drum is at rest then.
     """
 
     coordinates: tuple[str, ...]
@@ -70,6 +72,7 @@ class Stability(NamedTuple):
     modes: tuple[Mode, ...]
     pressure_range: tuple[float, float]
     contact_fraction: float
+    time: float
 
     @property
     def unstable(self) -> tuple[Mode, ...]:
@@ -96,7 +99,7 @@ def analyse_stability(model: Model) -> Stability:
     Raises SteadyStateError when there is no steady sliding: the drum stands still, the equilibrium was not found, or
     numbers out of all proportion leave nothing finite.
     """
-    require_sliding(model)
+    model, time = while_sliding(model)
     steady, linear = linear_model(model)
     matrix, (low, high), touching = _about_steady(model, steady, linear)
     if not bool(jnp.all(jnp.isfinite(steady))):
@@ -119,6 +122,7 @@ def analyse_stability(model: Model) -> Stability:
         modes=modes,
         pressure_range=(float(low), float(high)),
         contact_fraction=float(touching),
+        time=time,
     )
 
 
@@ -131,12 +135,19 @@ def _about_steady(model: Model, steady: Array, linear: Linear) -> tuple[Array, t
     return linear.state_matrix(), pressure_range, touching
 
 
-def require_sliding(model: Model) -> None:
-    """Raise SteadyStateError where friction has no direction: the drum stands still at t = 0."""
-    if model.contact.friction is not None and float(model.operation.at(0.0).drum_speed) == 0:
-        raise SteadyStateError(
-            "drum.speed is 0 at t = 0: there is no steady sliding to start from; give the drum a speed at the start"
-        )
+def while_sliding(model: Model) -> tuple[Model, float]:
+    """The model at t = 0 or, where the drum stands still then, as it is at the first corner of its schedule that turns.
+
+    Returns that time (s), too. Raises SteadyStateError where friction never has a direction.
+    """
+    speed = model.operation.drum_speed
+    if model.contact.friction is None or float(speed.at(0.0)[0]) != 0:
+        return model, 0.0
+    if isinstance(speed, Profile):
+        time = np.asarray(speed.time)[(np.asarray(speed.value) != 0) & (np.asarray(speed.time) > 0)]
+        if time.size:
+            return model.frozen(float(time[0])), float(time[0])
+    raise SteadyStateError("drum.speed is 0 all the time: there is no steady sliding; give the drum a speed")
 
 
 @partial(jax.jit, static_argnames="mode")

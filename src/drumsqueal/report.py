@@ -7,6 +7,7 @@ from rich.text import Text
 
 from drumsqueal.departure import ROTATIONS
 from drumsqueal.modes import OSCILLATING_SHARE, UNDAMPED_SHARE, Stability
+from drumsqueal.runge_kutta import AUTO, IMPLICIT
 from drumsqueal.simulation import Result
 from drumsqueal.summary import energy_balance
 
@@ -32,6 +33,8 @@ def print_stability(console: Console, stability: Stability) -> None:
     moved = {n: q for n, q in zip(stability.coordinates, stability.steady_state, strict=True) if q != 0}
     if moved:
         console.print("Steady sliding at " + ", ".join(f"{n} = {q:.4g} {_unit(n)}" for n, q in moved.items()))
+    if stability.time > 0:
+        console.print(f"This is for the drum's speed at t = {stability.time:g} s: at t = 0 it is at rest")
     low, high = stability.pressure_range
     console.print(f"Steady pressure from {low / 1e3:.2f} to {high / 1e3:.2f} kPa along the lining")
 
@@ -71,12 +74,18 @@ def print_result(console: Console, result: Result) -> None:
             f"{_range(resolution)} Hz, peaks interpolated"
         )
     if result.comparison.changing:
-        console.print("Predicted for t = 0: drum speed or load change, and the motion's frequency and growth with them")
+        time = f"t = {result.stability.time:g} s"
+        console.print(
+            f"Predicted for {time}: drum speed or load change, and the motion's frequency and growth with them"
+        )
     for note, labels in notes.items():
         console.print(f"{', '.join(labels)}: {note}", style="dim")
     saturation = result.comparison.saturation
     if saturation is not None:
         console.print(f"After growth, from {saturation.start_s:.4g} s: {saturation.regime.reason}")
+    implicit = float(result.history["implicit"].mean())
+    if implicit > 0 and result.scene.simulate.solver == AUTO:
+        console.print(f"Friction is stiff: the implicit method {IMPLICIT} was called for in {implicit:.2g} of the time")
     _print_balance(console, result)
     console.print(result.comparison.verdict, style="bold")
 

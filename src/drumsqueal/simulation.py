@@ -27,7 +27,7 @@ from drumsqueal.history import COMPLETE, to_dataset
 from drumsqueal.integrate import Checkpoint, Chunk, integrate
 from drumsqueal.interrupts import noted_interrupts, stop_if_interrupted
 from drumsqueal.model import Model, build_model
-from drumsqueal.modes import Stability, analyse_stability
+from drumsqueal.modes import Stability, analyse_stability, while_sliding
 from drumsqueal.scene import COORDINATES, Scene, SceneError
 from drumsqueal.steady import coupling
 
@@ -93,7 +93,7 @@ def held_coordinates(scene: Scene) -> tuple[str, ...]:
     """
     if scene.simulate.coordinates == "auto":
         return ()
-    pushes = coupling(build_model(scene, coordinates=ALL))
+    pushes = coupling(while_sliding(build_model(scene, coordinates=ALL))[0])
     moving = np.isin(ALL, list(moved_coordinates(scene)))
     for _ in ALL:
         moving = moving | (pushes @ moving)
@@ -120,6 +120,8 @@ def transient(prepared: Prepared, since: Checkpoint | None = None) -> Generator[
     """
     scene, model, stability = prepared.scene, prepared.model, prepared.stability
     steady = np.array([stability.steady_state[stability.coordinates.index(name)] for name in model.names])
+    if stability.time > 0:  # the drum is at rest, and drags nothing
+        steady = np.zeros_like(steady)
     return integrate(
         model,
         steady,

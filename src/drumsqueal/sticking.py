@@ -62,6 +62,7 @@ class Held(Model):
         """Torque, forces and extent of the contact at one instant; nothing slips, nothing is turned into heat."""
         moment = self.operation.at(time)
         observation = self.contact.with_friction(None).observe(moment, self.widen(q), self.widen(v))
+        observation = observation._replace(sticking=jnp.ones(()))
         if not isinstance(self.contact, Contact):
             return observation
         wide = self.widen(_grip(self, moment, _without_friction(self, moment, q, v)[0]))

@@ -43,7 +43,10 @@ def summarise(result: Result) -> dict[str, Any]:
         "saturation": None if saturation is None else _saturation(saturation),
         "accuracy": energy_balance(result),
         "held_though_they_would_move": list(result.held),
-        "integration": {key: int(result.history.attrs[key]) for key in ("steps", "rejected_steps")},
+        "integration": {
+            **{key: int(result.history.attrs[key]) for key in ("steps", "rejected_steps")},
+            "implicit_share": float(result.history["implicit"].mean()),
+        },
     }
 
 

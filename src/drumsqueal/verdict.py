@@ -27,6 +27,7 @@ def state_verdict(
     saturation: Saturation | None,
     duration: float,
     rotation: float,
+    sticking: str,
     cut_off: str | None,
 ) -> str:
     """Return prediction and outcome in one sentence.
@@ -34,9 +35,11 @@ def state_verdict(
     `changing` tells that drum speed or load change, `forced` that a harmonic force acts, `excited` are the modes that
     the start holds, `motion_ratio` is the motion at the end over that at the start (None without a start), `edge` the
     time of the first edge (s), `duration` that of the record (s), `rotation` the largest rotation of the shoe (rad),
-    and `cut_off` says why it ends early.
+    `sticking` says when the lining sticks, and `cut_off` says why it ends early.
     """
-    predicted = f"The linear model predicts {_prediction(stability)}{' at t = 0' if changing else ''}"
+    predicted = (
+        f"The linear model predicts {_prediction(stability)}{f' at t = {stability.time:g} s' if changing else ''}"
+    )
     if edge is None and forced:
         done = f"under the harmonic force the transient reaches no edge in {duration:g} s"
     elif edge is None:
@@ -45,6 +48,7 @@ def state_verdict(
         done = f"the motion reaches an edge at {edge:.4g} s, too late to tell what it settles to"
     else:
         done = f"the transient reaches an edge at {edge:.4g} s and {_settled(saturation, stability)}"
+    done += f", {sticking}" if sticking else ""
     if rotation > SMALL_ROTATION:
         done += f"; the shoe turns by {rotation:.2g} rad, where small rotations, and so the model, no longer hold"
     if cut_off:

@@ -158,6 +158,7 @@ class Contact(eqx.Module):
             slip_reversed_fraction=total.get("reversed", zero) / area,
             smallest_pressure=smallest,
             friction_power=total.get("heat", zero),
+            sticking=zero,
         )
 
     def pressure_range(self, moment: Moment, q: Six) -> tuple[Array, Array]:

@@ -18,6 +18,7 @@ class Observation(NamedTuple):
     slip_reversed_fraction: Array
     smallest_pressure: Array
     friction_power: Array
+    sticking: Array
 
 
 class Touching(Protocol):
