@@ -74,9 +74,9 @@ def print_result(console: Console, result: Result) -> None:
             f"{_range(resolution)} Hz, peaks interpolated"
         )
     if result.comparison.changing:
-        time = f"t = {result.stability.time:g} s"
         console.print(
-            f"Predicted for {time}: drum speed or load change, and the motion's frequency and growth with them"
+            f"Predicted for t = {result.stability.time:g} s: drum speed or load change, and the motion's frequency and "
+            "growth with them"
         )
     for note, labels in notes.items():
         console.print(f"{', '.join(labels)}: {note}", style="dim")

@@ -37,9 +37,8 @@ def state_verdict(
     time of the first edge (s), `duration` that of the record (s), `rotation` the largest rotation of the shoe (rad),
     `sticking` says when the lining sticks, and `cut_off` says why it ends early.
     """
-    predicted = (
-        f"The linear model predicts {_prediction(stability)}{f' at t = {stability.time:g} s' if changing else ''}"
-    )
+    time = f" at t = {stability.time:g} s" if changing else ""
+    predicted = f"The linear model predicts {_prediction(stability)}{time}"
     if edge is None and forced:
         done = f"under the harmonic force the transient reaches no edge in {duration:g} s"
     elif edge is None:
