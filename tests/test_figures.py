@@ -65,7 +65,7 @@ def made_up(name: str, samples: int, outcome: str, title: str | None = None, sca
         key: (("time", "coordinate"), scale * part)
         for key, part in (("displacement", state[:, :6]), ("velocity", state[:, 6:]))
     }
-    signals = {key: ("time", np.full(samples, 0.5)) for key in SIGNALS}
+    signals = {key: ("time", np.full(samples, 0.0 if key in ("sticking", "implicit") else 0.5)) for key in SIGNALS}
     coordinates = {"time": time, "coordinate": list(COORDINATES)}
     history = xarray.Dataset(data | signals, coordinates, {"outcome": outcome})
     linear = ds.build_model(scene, coordinates=tuple(range(6)))

@@ -129,7 +129,9 @@ def _mark_states(view: View, axes: Axes, field: _Field, factor: float) -> None:
             handles.append(Patch(color=colour, label=name))
     shown = bool(handles)
     if not shown:
-        handles.append(Patch(visible=False, label="the whole lining touches and none of it slips backwards"))
+        recorded = view.result.history["sticking"].sel(time=slice(field.time[0], field.time[-1]))
+        state = "touches and none of it slips backwards" if not recorded.all() else "sticks to the drum"
+        handles.append(Patch(visible=False, label=f"the whole lining {state}"))
     axes.legend(
         handles=handles,
         loc="lower left",
