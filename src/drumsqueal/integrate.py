@@ -38,6 +38,7 @@ class Chunk(NamedTuple):
     rejected_steps: int
     evaluations: float  # NaN: not counted, for an implicit method
     solvers: tuple[str, ...]  # methods that made it; none where the lining stuck
+    changes: tuple[tuple[float, bool], ...] = ()  # when the lining changed (s), and whether it stuck from then on
 
 
 def integrate(
@@ -70,6 +71,7 @@ def integrate(
         segment = run.through(state, span, step)
         chunk = _to_chunk(segment, first_energy, sample_rate, first, count, np.asarray(steady))
         chunk = chunk._replace(evaluations=_evaluations(segment, run.solvers), solvers=tuple(sorted(run.solvers)))
+        chunk = chunk._replace(changes=tuple(run.changes))
         good = np.isfinite(chunk.displacement).all(axis=1) & np.isfinite(chunk.velocity).all(axis=1)
         kept = count + 1 if good.all() else int(np.argmin(good))
         fresh = slice(0 if first == 0 else 1, kept)  # a chunk begins with the last sample of the one before

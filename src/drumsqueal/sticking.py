@@ -20,7 +20,7 @@ from scipy.optimize import minimize, nnls
 from drumsqueal.bodies.rigid_shoe import TZ, Y
 from drumsqueal.effects.contact import Contact
 from drumsqueal.effects.friction import Friction
-from drumsqueal.effects.friction_law import ConstantLaw
+from drumsqueal.effects.friction_law import ConstantLaw, static_coefficient
 from drumsqueal.effects.operation import Moment
 from drumsqueal.effects.touching import Observation
 from drumsqueal.model import Model
@@ -107,7 +107,7 @@ def grip(model: Model, time: ArrayLike, q: Array, v: Array, directions: Array) -
     needed = _grip(model, moment, _without_friction(model, moment, q, v)[0])
     friction = model.contact.friction
     assert friction is not None
-    static = Friction(ConstantLaw(friction.law.coefficient(jnp.zeros(()))), friction.direction)
+    static = Friction(ConstantLaw(static_coefficient(friction.law)), friction.direction)
     sliding, smooth = model.contact.with_friction(static), model.contact.with_friction(None)
     still = moment._replace(drum_speed=jnp.zeros(()))
 
