@@ -1,15 +1,15 @@
 """Models of bodies simpler than the shoe, with known solutions: the same equations, methods and events as the shoe's."""
 
 import jax.numpy as jnp
-import numpy as np
 from jax.typing import ArrayLike
 
+from drumsqueal.bodies.disc import Disc
 from drumsqueal.bodies.rigid_shoe import TZ, X, Y
-from drumsqueal.effects.action import Effect
 from drumsqueal.effects.damping import Damping
+from drumsqueal.effects.disc_contact import DiscContact
 from drumsqueal.effects.friction import Friction
-from drumsqueal.effects.friction_direction import Direction, Tangential
-from drumsqueal.effects.friction_law import FrictionLaw
+from drumsqueal.effects.friction_direction import Direction, Tangential, UnitVelocity
+from drumsqueal.effects.friction_law import ConstantLaw, FrictionLaw
 from drumsqueal.effects.operation import Operation
 from drumsqueal.effects.point_contact import PointContact
 from drumsqueal.effects.pressure import Bonded
@@ -57,3 +57,22 @@ def sprung_block_on_belt(
     operation = Operation(Constant(belt_speed), Constant(load))
     stiffness = real(springs) + jnp.diag(jnp.stack([jnp.zeros(()), real(contact_stiffness)]))
     return Model(operation, contact, (Springs(springs, both),), real(mass), stiffness, both)
+
+
+def disc_on_plate(
+    law: FrictionLaw,
+    *,
+    radius: ArrayLike = 1.0,
+    mass: ArrayLike = 1.0,
+    load: ArrayLike = 1.0,
+    plate_speed: ArrayLike = 0.0,
+) -> Model:
+    """A uniform disc under an even load (N), on a plate that moves along X (m/s); radius in m, mass in kg.
+
+    Source: Farkas et al., Physical Review Letters 90 (2003) 248302.
+    """
+    disc = Disc(radius, mass)
+    points = 2 if isinstance(law, ConstantLaw) else 8
+    contact = DiscContact(disc, Friction(law, UnitVelocity()), points)
+    operation = Operation(Constant(plate_speed), Constant(load / disc.area))
+    return Model(operation, contact, (), disc.mass, jnp.zeros((3, 3)), (X, Y, TZ))
