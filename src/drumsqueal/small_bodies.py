@@ -1,4 +1,4 @@
-"""Models of bodies simpler than the shoe, with known solutions: the same equations, methods and events as the shoe's."""
+"""Models of bodies simpler than the shoe, with known solutions: its equations, methods and events."""
 
 import jax.numpy as jnp
 from jax.typing import ArrayLike

@@ -3,9 +3,9 @@
 from typing import NamedTuple
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
 from drumsqueal.effects.friction_law import ExponentialLaw
@@ -63,7 +63,7 @@ def state_matrix(model: Model) -> Array:
     return linearise(model, steady_sliding(model)).state_matrix()
 
 
-def eigenvalues(model: Model) -> np.ndarray:
+def eigenvalues(model: Model) -> NDArray[np.complex128]:
     """All of them (2n,), the fastest growing first."""
-    values = np.linalg.eigvals(np.asarray(jnp.asarray(state_matrix(model))))
+    values = np.linalg.eigvals(np.asarray(state_matrix(model)))
     return values[np.argsort(-values.real)]

@@ -6,9 +6,9 @@ each bound, which leaves room for another machine's rounding.
 
 import numpy as np
 import pytest
-from bodies import HyperbolicLaw, eigenvalues, falling_friction, run
 from scipy.optimize import brentq
 
+from bodies import HyperbolicLaw, eigenvalues, falling_friction, run
 from drumsqueal.effects.friction_law import ConstantLaw, StepLaw
 from drumsqueal.modes import growth_rate
 from drumsqueal.small_bodies import block_on_belt, sprung_block_on_belt

@@ -18,7 +18,10 @@ from drumsqueal.effects.operation import Moment
 from drumsqueal.effects.touching import Observation
 from drumsqueal.quadrature.disc import disc_nodes
 
-LEAST = 1e-150  # m/s, whose square is still a number: slower than that is standing still
+LEAST = 1e-280  # m²/s²: slower than its root is standing still
+# Of the square of one of the two speeds, added to that of the other: 1e-12 of the forces at most, and where the other
+# is zero they keep their derivatives.
+BESIDE = 1e-12
 
 
 class DiscContact(eqx.Module):
@@ -49,7 +52,10 @@ class DiscContact(eqx.Module):
 
     def fastest_slip(self, moment: Moment, v: Six) -> Array:
         """|u| + R |ω| (m/s), reached on the rim."""
-        return self._motion(moment, v)[2] + self.disc.radius * jnp.abs(v[TZ])
+        ux, uy, rim = self._motion(moment, v)
+        squared = ux * ux + uy * uy
+        sliding = jnp.where(squared > 0, jnp.sqrt(jnp.where(squared > 0, squared, 1.0)), 0.0)
+        return sliding + jnp.abs(rim)
 
     def yielding(self, moment: Moment) -> float:
         """How far the contact yields under its load (m): not at all."""
@@ -71,6 +77,7 @@ class DiscContact(eqx.Module):
 
     def observe(self, moment: Moment, q: Six, v: Six) -> Observation:
         """Forces at one instant; in place of a brake torque the force that holds the plate back (N)."""
+        del q
         along, across, torque = self._friction(moment, v)
         ux, uy, _ = self._motion(moment, v)
         heat = -(along * ux + across * uy + torque * v[TZ])
@@ -78,26 +85,26 @@ class DiscContact(eqx.Module):
         return Observation(along, load, none + 1, none, moment.preload, heat)
 
     def _motion(self, moment: Moment, v: Six) -> tuple[Array, Array, Array]:
-        """Slip velocity of the centre along X and Y, and its size (m/s)."""
-        ux, uy = v[X] - moment.drum_speed, v[Y] + jnp.zeros(())
-        squared = ux * ux + uy * uy
-        return ux, uy, jnp.where(squared > 0, jnp.sqrt(jnp.where(squared > 0, squared, 1.0)), 0.0)
+        """Slip velocity of the centre along X and Y, and that of the rim from the spin, Rω (m/s)."""
+        zero = jnp.zeros(())
+        return v[X] - moment.drum_speed + zero, v[Y] + zero, self.disc.radius * v[TZ] + zero
 
     def _friction(self, moment: Moment, v: Six) -> tuple[Array, Array, Array]:
         """Force along X and Y (N) and torque (N m) on the disc."""
         if self.friction is None:
             return jnp.zeros(()), jnp.zeros(()), jnp.zeros(())
-        ux, uy, sliding = self._motion(moment, v)
-        spinning = self.disc.radius * jnp.abs(v[TZ])
-        moves = jnp.maximum(sliding, spinning) > LEAST
-        nodes = disc_nodes(self.disc.radius, sliding, jnp.where(moves, spinning, 1.0), self.points)
-        traction, other = self.friction.traction(
-            jnp.broadcast_to(moment.preload, nodes.speed.shape), nodes.speed * nodes.cosine, nodes.speed * nodes.sine
-        )
+        ux, uy, rim = self._motion(moment, v)
+        slid, spun = ux * ux + uy * uy, rim * rim
+        moves = slid + spun > LEAST
+        slid, spun = (jnp.where(moves, each, 1.0) for each in (slid + BESIDE * spun, spun + BESIDE * slid))
+        sliding, spinning = jnp.sqrt(slid), jnp.sqrt(spun)
+        nodes = disc_nodes(self.disc.radius, sliding, spinning, self.points)
+        pressure = jnp.broadcast_to(moment.preload, nodes.speed.shape)
+        traction, other = self.friction.traction(pressure, nodes.speed * nodes.cosine, nodes.speed * nodes.sine)
         assert other is not None
-        drag = jnp.where(moves, jnp.sum(traction * nodes.weight), 0.0)
-        # Tractions are at right angles to their line, so that the place on it is the lever's arm.
-        normal = traction * nodes.cosine + other * nodes.sine
-        torque = jnp.where(moves, jnp.sum(normal * nodes.place * nodes.weight), 0.0)
-        share = drag / jnp.where(sliding > LEAST, sliding, 1.0)
-        return share * ux, share * uy, torque * jnp.sign(v[TZ])
+        # The other half of the disc takes away what is at right angles to the sliding. Tractions are at right angles
+        # to their line, so that the place on it is the lever's arm.
+        drag = jnp.sum(traction * nodes.weight) / sliding
+        turn = jnp.sum((traction * nodes.cosine + other * nodes.sine) * nodes.place * nodes.weight) / spinning
+        drag, turn = jnp.where(moves, drag, 0.0), jnp.where(moves, turn, 0.0)
+        return drag * ux, drag * uy, turn * rim

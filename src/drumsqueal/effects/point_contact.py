@@ -1,8 +1,8 @@
 """A block that rubs on a moving belt at one point: the contact of most small models of friction-induced vibration.
 
 X is along the belt and Y into it. The drum's speed of the operation is the belt's V along X (m/s), its preload the load
-(N) at q = 0. Sources of the models: Leine et al., Nonlinear Dynamics 16 (1998) 41; Hoffmann et al., Journal of Sound and
-Vibration 257 (2002) 1.
+(N) at q = 0. Sources of the models: Leine et al., Nonlinear Dynamics 16 (1998) 41; Hoffmann et al., Journal of Sound
+and Vibration 257 (2002) 1.
 """
 
 import dataclasses
