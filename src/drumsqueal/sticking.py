@@ -81,6 +81,12 @@ def slip(model: Model, time: ArrayLike, v: Array) -> Array:
     return model.contact.fastest_slip(model.operation.at(time), model.widen(v))
 
 
+def slip_motion(model: Model, time: ArrayLike, v: Array, *, still: bool = False) -> Array:
+    """Velocity (n,) relative to the drum's motion, or to rest; zero in coordinates that do not slip."""
+    speed = 0.0 if still else model.operation.at(time).drum_speed
+    return jnp.where(_slips(model), v - _following(model) * speed, 0.0)
+
+
 @jax.jit
 def drum_motion(model: Model, time: ArrayLike, v: Array) -> Array:
     """Velocity (n,) of a shoe whose lining moves with the drum; coordinates that do not slip keep theirs."""
