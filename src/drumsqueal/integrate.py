@@ -54,6 +54,7 @@ class Chunk(NamedTuple):
     evaluations: float  # NaN: not counted, for an implicit method
     implicit: np.ndarray
     end: Checkpoint | None
+    changes: tuple[tuple[float, bool], ...] = ()  # when the lining changed (s), and whether it stuck from then on
 
 
 def integrate(
@@ -89,7 +90,7 @@ def integrate(
         span = Span(np.float64(first / sample_rate), np.float64(1 / sample_rate), np.int64(count))
         segment = run.through(state, span, step)
         chunk = _to_chunk(segment, first_energy, sample_rate, first, count, np.asarray(steady))
-        chunk = chunk._replace(evaluations=_evaluations(segment, run.solvers))
+        chunk = chunk._replace(evaluations=_evaluations(segment, run.solvers), changes=tuple(run.changes))
         chunk.implicit[:] = IMPLICIT in run.solvers
         good = np.isfinite(chunk.displacement).all(axis=1) & np.isfinite(chunk.velocity).all(axis=1)
         kept = count + 1 if good.all() else int(np.argmin(good))

@@ -99,7 +99,7 @@ class Model(eqx.Module):
         stiffness = self.stiffness[np.ix_(kept, kept)]
         return dataclasses.replace(
             self,
-            contact=self.middle_contact,
+            contact=self.middle_contact if isinstance(self.contact, Contact) else self.contact,
             mass=self.mass[np.asarray(kept)],
             stiffness=stiffness,
             coordinates=tuple(self.coordinates[k] for k in kept),

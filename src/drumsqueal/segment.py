@@ -12,10 +12,11 @@ from drumsqueal.effects.damping import frictionless_modes
 from drumsqueal.effects.touching import Observation
 from drumsqueal.kernel import compiled, one_kernel
 from drumsqueal.model import Model
+from drumsqueal.passing import Step, share_to_rest
 from drumsqueal.runge_kutta import DEFAULT, LOCAL_SHARE, make_solver
 from drumsqueal.sdirk import Stages
-from drumsqueal.stepping import Stepped, step_through
-from drumsqueal.sticking import slip
+from drumsqueal.stepping import Attempt, Stepped, step_through
+from drumsqueal.sticking import slip, slip_motion
 
 CHUNK_SAMPLES = 500  # samples a chunk: some 50 ms of computing in the plane, so that Ctrl-C and the bar respond
 # Steps a chunk: a run that exceeds it is stuck, and says so. Samples hold two to a period at least, so 500 of them take
@@ -200,6 +201,26 @@ def advance_scaled(
         assert least_slip is not None
         return slip(model, span.inside(span.start + t), State.split(scaled * scale).velocity) < least_slip
 
+    def passes(attempt: Attempt) -> Array:
+        assert least_slip is not None
+
+        def motion(t: Array, scaled: Array) -> Array:
+            return slip_motion(model, span.inside(span.start + t), State.split(scaled * scale).velocity) / size.velocity
+
+        def inside(share: Array) -> Array:
+            t = attempt.start + share * (attempt.end - attempt.start)
+            return motion(t, attempt.inside(t))
+
+        still = model.operation.at(jnp.asarray(span.start))._replace(drum_speed=jnp.zeros(()))
+        changes = (
+            slip_motion(model, span.start, (attempt.end - attempt.start) * State.split(slope).velocity, still=True)
+            for slope in (attempt.slope_before, attempt.slope_after)
+        )
+        step = Step(motion(attempt.start, attempt.before), motion(attempt.end, attempt.after), *changes)
+        return share_to_rest(
+            step, inside, lambda x: model.contact.fastest_slip(still, model.widen(x * size.velocity)), least_slip
+        )
+
     stepped = step_through(
         make_solver(solver, stages),
         vector_field,
@@ -210,6 +231,7 @@ def advance_scaled(
         norm=_largest,
         budget=budget,
         halts=None if least_slip is None else halts,
+        passes=None if least_slip is None else passes,
     )
     return _observed(model, steady, state.work, span.inside(span.start + time), scale, stepped)
 

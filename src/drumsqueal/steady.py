@@ -47,7 +47,7 @@ def steady_sliding(model: Model) -> Array:
     plane = model.undisturbed().in_plane()
     preload = plane.operation.at(0.0).preload
     # Forces of the order p0 times the area, and the displacements that they cause.
-    force_scale = jnp.where(preload > 0, preload, 1.0) * plane.shoe.area
+    force_scale = jnp.where(preload > 0, preload, 1.0) * plane.contact.area
     size = force_scale / jnp.max(jnp.diag(plane.stiffness))
 
     def residual(x: Array, args: Model) -> Array:

@@ -18,6 +18,18 @@ NEARLY = 1e-10  # of the span: a step that ends so close to the end goes there
 Norm = Callable[[Array], Array]
 
 
+class Attempt(NamedTuple):
+    """A step: its ends in time, the states (n,) and slopes (n,) there, and the state at any time between them."""
+
+    start: Array
+    end: Array
+    before: Array
+    after: Array
+    slope_before: Array
+    slope_after: Array
+    inside: Callable[[Array], Array]
+
+
 class Stepped(NamedTuple):
     """Samples (k, n), NaN where not reached; the last state (n,) and its time; the next step; how many made and kept.
 
@@ -58,12 +70,14 @@ def step_through(
     norm: Norm,
     budget: Array,
     halts: Callable[[Array, Array], Array] | None = None,
+    passes: Callable[[Attempt], Array] | None = None,
 ) -> Stepped:
     """Integrate ẏ = f(t, y) from a start (n,) at times[0] and sample it at the times (k,), which do not decrease.
 
     `solver` is an adaptive method of diffrax.
     A step is kept when the norm of its estimated error, over tolerance · (1 + |y|), is below one. `step` is the first
-    one; the budget is in steps, kept or not. It ends early after a step whose time and state make `halts` true.
+    one; the budget is in steps, kept or not. It ends early after a step whose time and state make `halts` true. Of a
+    step `passes` gives the share after which that would have been so, or 1: it is then made again so far only.
     """
     terms: Any = diffrax.ODETerm(lambda t, y, _: vector_field(jnp.asarray(t), y))
     controller = diffrax.PIDController(rtol=tolerance, atol=tolerance, norm=norm, pcoeff=PROPORTIONAL, icoeff=INTEGRAL)
@@ -89,6 +103,18 @@ def step_through(
         # A step that was cut short at the end says little about the next one.
         next_step = jnp.where(keep & (there == end), jnp.maximum(following - time, now.step), following - time)
         interpolation = solver.interpolation_cls(t0=now.time, t1=there, **dense)
+        if passes is not None:
+            # What a method keeps from step to step is its last slope.
+            attempt = Attempt(
+                now.time, there, now.state, state, now.solver, solver_state, lambda t: interpolation.evaluate(t)
+            )
+            share = passes(attempt)
+            again = jnp.asarray(keep) & (share < 1)
+            keep, time = keep & ~again, jnp.where(again, now.time, jnp.asarray(time))
+            next_step = jnp.where(again, share * (there - now.time), next_step)
+            controller_state = jax.tree.map(
+                lambda new, old: jnp.where(again, old, new), controller_state, now.controller
+            )
         sampled, samples = _sample(times, interpolation, there, keep, now.sampled, now.samples)
         state, solver_state = jax.tree.map(
             lambda new, old: jnp.where(keep, new, old), (state, solver_state), (now.state, now.solver)

@@ -38,9 +38,11 @@ class StickSlip:
         self._model, self._steady, self._tolerance = model, steady, tolerance
         self._in_kernel = True
         self._held: Model | None = held(model) if sticks else None  # the model that sticks, while it does
+        self._stuck = sticks  # whether it did when that was noted last
         self._jumps, self._margin = _jumps(model)
         self._choice = Choice(solver, float(tolerance), method)
         self.solvers: set[str] = set()  # that made the last chunk
+        self.changes: list[tuple[float, bool]] = []  # in the last chunk: when (s), and whether it sticks from then on
 
     @property
     def sticks(self) -> bool:
@@ -54,12 +56,13 @@ class StickSlip:
 
     def through(self, state: State, span: Span, step: Array) -> Segment:
         """One chunk."""
-        whole, self.solvers = None, set()
+        whole, self.solvers, self.changes = None, set(), []
         self._choice.begin()
         for _ in range(MOST_CHANGES):
             span, fresh = self._between_jumps(span)
             if fresh:
                 state = self._settled(state, span)
+            self._note(span)
             stuck = self._held is not None
             segment = self._stick(state, span, step) if stuck else self._slip(state, span, step)
             whole = segment if whole is None else _joined(whole, segment, span)
@@ -73,6 +76,13 @@ class StickSlip:
                 break
         assert whole is not None
         return whole._replace(reached=jnp.asarray(False))
+
+    def _note(self, span: Span) -> None:
+        """Keep when the lining begins to stick or to slip."""
+        sticks = self._held is not None
+        if sticks != self._stuck:
+            self._stuck = sticks
+            self.changes.append((float(span.start + span.offset), sticks))
 
     def _between_jumps(self, span: Span) -> tuple[Span, bool]:
         """The span up to the next jump, seen from between the two about it, and whether it begins at one."""

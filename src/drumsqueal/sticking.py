@@ -20,7 +20,7 @@ from scipy.optimize import minimize, nnls
 from drumsqueal.bodies.rigid_shoe import TZ, Y
 from drumsqueal.effects.contact import Contact
 from drumsqueal.effects.friction import Friction
-from drumsqueal.effects.friction_law import ConstantLaw
+from drumsqueal.effects.friction_law import ConstantLaw, static_coefficient
 from drumsqueal.effects.operation import Moment
 from drumsqueal.effects.touching import Observation
 from drumsqueal.model import Model
@@ -82,6 +82,12 @@ def slip(model: Model, time: ArrayLike, v: Array) -> Array:
     return model.contact.fastest_slip(model.operation.at(time), model.widen(v))
 
 
+def slip_motion(model: Model, time: ArrayLike, v: Array, *, still: bool = False) -> Array:
+    """Velocity (n,) relative to the drum's motion, or to rest; zero in coordinates that do not slip."""
+    speed = 0.0 if still else model.operation.at(time).drum_speed
+    return jnp.where(_slips(model), v - _following(model) * speed, 0.0)
+
+
 @jax.jit
 def drum_motion(model: Model, time: ArrayLike, v: Array) -> Array:
     """Velocity (n,) of a shoe whose lining moves with the drum; coordinates that do not slip keep theirs."""
@@ -108,7 +114,7 @@ def grip(model: Model, time: ArrayLike, q: Array, v: Array, directions: Array) -
     needed = _grip(model, moment, _without_friction(model, moment, q, v)[0])
     friction = model.contact.friction
     assert friction is not None
-    static = Friction(ConstantLaw(friction.law.coefficient(jnp.zeros(()))), friction.direction)
+    static = Friction(ConstantLaw(static_coefficient(friction.law)), friction.direction)
     sliding, smooth = model.contact.with_friction(static), model.contact.with_friction(None)
     still = moment._replace(drum_speed=jnp.zeros(()))
 

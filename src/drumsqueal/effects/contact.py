@@ -61,6 +61,11 @@ class Contact(eqx.Module):
         """Velocities of a shoe that turns with a drum of 1 rad/s: q̇6 = 1 about the drum's axis, q̇2 = c."""
         return tuple(self.shoe.centroid if i == Y else float(i == TZ) for i in range(6))
 
+    @property
+    def area(self) -> Array:
+        """Area of the lining (m²)."""
+        return self.shoe.area
+
     def with_friction(self, friction: Friction | None) -> "Contact":
         """The same contact with other friction."""
         return dataclasses.replace(self, friction=friction)

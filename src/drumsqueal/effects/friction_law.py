@@ -14,12 +14,18 @@ class FrictionLaw(Protocol):
     """What friction asks of a law; one with parameters of its own is an `equinox.Module` with this method.
 
     A law as smooth as an exponential may say so by a class variable `smooth = True`: in space the lining is then not
-    searched for edges where there are none.
+    searched for edges where there are none. A law that holds what rests with more than it drags what slides has an
+    attribute `static`, the largest μ at rest; without one that is μ(0).
     """
 
     def coefficient(self, slip_speed: Array) -> Array:
-        """μ at slip speeds s ≥ 0 (m/s), of any shape."""
+        """μ at slip speeds s ≥ 0 (m/s), of any shape; at 0 its limit at slow slip."""
         ...
+
+
+def static_coefficient(law: FrictionLaw) -> Array:
+    """Largest μ where nothing slips: the law's own, or what its μ(s) goes to at slow slip."""
+    return getattr(law, "static", law.coefficient(jnp.zeros(())))
 
 
 class ExponentialLaw(eqx.Module):
@@ -45,3 +51,16 @@ class ConstantLaw(eqx.Module):
         """μ at slip speeds s ≥ 0 (m/s)."""
         del slip_speed
         return self.value
+
+
+class StepLaw(eqx.Module):
+    """The same μ_k at every slip speed, and up to μ_s ≥ μ_k at rest: Coulomb's law with its step at zero."""
+
+    smooth: ClassVar[bool] = True
+    static: Array = eqx.field(converter=real)
+    kinetic: Array = eqx.field(converter=real)
+
+    def coefficient(self, slip_speed: Array) -> Array:
+        """μ at slip speeds s ≥ 0 (m/s)."""
+        del slip_speed
+        return self.kinetic

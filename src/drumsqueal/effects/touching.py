@@ -39,6 +39,11 @@ class Touching(Protocol):
         """Velocities of a body that moves with a drum of 1 rad/s, or with a belt of 1 m/s."""
         ...
 
+    @property
+    def area(self) -> Scalar:
+        """What the preload acts on (m²): its force over the preload."""
+        ...
+
     def with_friction(self, friction: Friction | None) -> "Touching":
         """The same contact with other friction."""
         ...

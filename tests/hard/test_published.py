@@ -1,0 +1,129 @@
+"""Small bodies with exact or published solutions, through the model, the methods and the events that the shoe has.
+
+Everything is in SI units of order one. A tolerance of 1e-10 leaves errors of some 1e-9: what was found is said beside
+each bound, which leaves room for another machine's rounding.
+"""
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from bodies import HyperbolicLaw, eigenvalues, falling_friction, run
+from drumsqueal.effects.friction_law import ConstantLaw, StepLaw
+from drumsqueal.modes import growth_rate
+from drumsqueal.small_bodies import block_on_belt, sprung_block_on_belt
+
+BELT = 0.2  # m/s
+HOW = {"sample_rate": 50.0, "tolerance": 1e-10}
+
+
+def phases(found) -> tuple[np.ndarray, np.ndarray]:
+    """How long it stuck and slipped each time after the first, in turn (s)."""
+    assert [sticks for _, sticks in found.changes[:3]] == [True, False, True]
+    times = np.array([time for time, _ in found.changes])
+    lasted = np.diff(times)[1:]
+    return lasted[1::2], lasted[::2]
+
+
+# --- stick and slip --------------------------------------------------------------------------------------------------
+
+
+def test_a_block_whose_friction_drops_when_it_slips():
+    # Elementary: with Δ = (F_s − F_k)/k it sticks for 2Δ/V and slips for (2/ω)(π − arctan(Δω/V)) about F_k/k.
+    found = run(block_on_belt(StepLaw(1.0, 0.5), belt_speed=BELT), [0.0], [BELT], duration=50.0, **HOW)
+    sticks, slips = phases(found)
+    assert len(sticks) == 5
+    # Found: 6e-11, 1.3e-10 and, of the amplitude, 5e-10. Changing over takes place at a slip of 1e-10 of the speed.
+    np.testing.assert_allclose(sticks, 5.0, rtol=1e-8)
+    np.testing.assert_allclose(slips, 2 * (np.pi - np.arctan(2.5)), rtol=1e-8)
+    places = found.turns()[1]
+    np.testing.assert_allclose(np.abs(places - 0.5), np.sqrt(0.25 + BELT**2), rtol=1e-8)
+    # While it sticks it moves with the belt, to the last digit.
+    sticking = (found.time > found.changes[0][0]) & (found.time < found.changes[1][0])
+    np.testing.assert_array_equal(found.velocity[sticking], BELT)
+    # The motion is resolved to 1e-10 a step of its energy, of order one.
+    assert np.max(np.abs(found.balance_error)) < 1e-8
+
+
+def test_leines_block():
+    # Leine et al., Nonlinear Dynamics 16 (1998) 41: figures recomputed at tight tolerance, to all digits given.
+    found = run(block_on_belt(HyperbolicLaw(), belt_speed=BELT), [0.0], [BELT], duration=50.0, **HOW)
+    sticks, slips = phases(found)
+    np.testing.assert_allclose(slips, 4.2959995, rtol=2e-8)  # half of the last digit is 1.2e-8
+    np.testing.assert_allclose(sticks + slips[:-1][: len(sticks)], 12.0010313, rtol=2e-8)
+    places = found.turns()[1]
+    assert places.max() == pytest.approx(1.13394468, rel=2e-8)
+    assert places.min() == pytest.approx(-0.55543269, rel=1e-7)
+
+
+def test_a_block_comes_to_rest_under_coulombs_friction():
+    # Elementary: half a period of π/ω between turning points that are 2F/k nearer each; it stops within F_s/k.
+    model = block_on_belt(StepLaw(0.15, 0.1), mass=0.5, stiffness=2.0, load=2.0)
+    found = run(model, [1.03], [0.0], duration=20.0, **HOW)
+    half, share = np.pi / 2, 0.1  # s, m: π/ω and F/k
+    swing = np.minimum(np.floor(found.time / half), 4)  # the fifth ends within F_s/k = 0.15 m
+    amplitude, phase = 1.03 - 2 * share * swing, np.minimum(2 * found.time - np.pi * swing, np.pi)
+    wanted = (-1.0) ** swing * ((amplitude - share) * np.cos(phase) + share)
+    assert abs(wanted[-1]) < 0.15 < amplitude[-1]
+    # Found: 4e-10 and 1e-10.
+    np.testing.assert_allclose(found.displacement[:, 0], wanted, rtol=0, atol=1e-8)
+    assert found.changes == ((pytest.approx(5 * half, rel=1e-8), True),)
+    # It does not creep at all: not by a bit.
+    resting = found.time > found.changes[-1][0]
+    assert resting.sum() > 100
+    np.testing.assert_array_equal(found.velocity[resting], 0.0)
+    assert np.ptp(found.displacement[resting]) == 0
+
+
+# --- onset -----------------------------------------------------------------------------------------------------------
+
+
+def follower(friction: float):
+    """Hoffmann et al., Journal of Sound and Vibration 257 (2002) 1: M = 1, K = [[2, 1 − 4μ/3], [1, 2]]."""
+    springs = [[2.0, 1.0], [1.0, 2.0 - 4 / 3]]
+    return sprung_block_on_belt(ConstantLaw(friction), mass=[1.0, 1.0], springs=springs, contact_stiffness=4 / 3)
+
+
+def test_friction_that_follows_the_load_makes_two_modes_merge():
+    # μ_c = k12/k3 + (k11 − k22)²/(4 k12 k3). The growth rises like a root, so 1e-6 of it is at 1e-12 above.
+    critical = brentq(lambda mu: eigenvalues(follower(mu))[0].real - 1e-6, 0.7, 0.8, xtol=1e-15)
+    assert critical == pytest.approx(0.75, rel=1e-11)
+    # At the merging itself round-off splits the two by its root.
+    assert np.abs(eigenvalues(follower(0.75)).imag) == pytest.approx(np.sqrt(2), rel=1e-7)
+    found = eigenvalues(follower(1.0))
+    wanted = np.sqrt(-2 + 1j / np.sqrt(3))  # λ² = −2 ± √(k12 (k12 − μ k3))
+    assert np.max(np.abs(np.abs(found.real) - wanted.real)) < 1e-13
+    assert np.max(np.abs(np.abs(found.imag) - wanted.imag)) < 1e-13
+    assert wanted.real == pytest.approx(0.2020718, abs=5e-8)
+    assert wanted.imag == pytest.approx(1.4285773, abs=5e-8)
+
+
+def test_falling_friction_loses_stability_where_it_should():
+    # Hopf at v_d = v0 ln(Δμ/(2 ξ v0)); below it λ² + (2ξ + μ′) λ + 1 = 0.
+    hopf = brentq(lambda speed: float(growth_rate(falling_friction(speed), "X")), 0.8, 1.5, xtol=1e-14)
+    assert hopf == pytest.approx(0.5 * np.log(10), rel=1e-12)
+    assert hopf == pytest.approx(1.1512925, abs=5e-8)
+    found = eigenvalues(falling_friction(0.8))[0]
+    assert found.real == pytest.approx(0.0509483, abs=5e-8)
+    assert abs(found.imag) == pytest.approx(0.9987013, abs=5e-8)
+
+
+def test_falling_friction_grows_at_its_rate_and_keeps_oscillating_where_it_is_stable():
+    # v_d = 0.8: from 1e-6, 16 periods of growth; the amplitude √(p² + ((ṗ − σp)/ω)²) of the linear motion.
+    model, value = falling_friction(0.8), eigenvalues(falling_friction(0.8))[0]
+    steady = np.array([1.0 - 0.5 * (1 - np.exp(-1.6))])
+    found = run(model, [1e-6], [0.0], steady=steady, duration=100.0, sample_rate=20.0, tolerance=1e-10)
+    p, speed = found.displacement[:, 0] - steady[0], found.velocity[:, 0]
+    amplitude = np.hypot(p, (speed - value.real * p) / value.imag)
+    rate = np.log(amplitude[-1] / amplitude[0]) / found.time[-1]
+    # The motion ends at 1.6e-4, where what is left of second order in it is some 1e-8 over a growth of five.
+    assert rate == pytest.approx(value.real, rel=1e-5)
+    # Just above the onset a small motion dies out and a large one goes on by slip and stick: it is subcritical.
+    model = falling_friction(1.16)
+    steady = np.array([0.5 + 0.5 * np.exp(-2.32)])
+    how = {"steady": steady, "duration": 100.0, "sample_rate": 20.0, "tolerance": 1e-6}
+    small, large = run(model, [1e-3], [0.0], **how), run(model, [1.5], [0.0], **how)
+    assert not small.changes
+    assert np.max(np.abs(small.displacement[-200:] - steady)) < 0.93e-3
+    assert len(large.changes) > 20
+    assert np.max(np.abs(large.displacement[-200:] - steady)) > 1.3
