@@ -79,8 +79,10 @@ def never(*_: object, **__: object) -> bool:
 
 def main() -> None:
     """Print the table."""
-    print("| friction | sharpness, s/m | error of x_max | period, s | its error | steps a period | time, s |")
-    print("|---|---|---|---|---|---|---|")
+    sys.stdout.write(
+        "| friction | sharpness, s/m | error of x_max | period, s | its error | steps a period | time, s |\n"
+    )
+    sys.stdout.write("|---|---|---|---|---|---|---|\n")
     cases: list[Smoothed | None] = [None]
     cases += [Smoothed(name, jnp.asarray(10.0**power)) for name in STEPS for power in (2, 3, 4, 5)]
     can_stick = stick_slip.can_stick
@@ -90,7 +92,7 @@ def main() -> None:
         label = "located" if case is None else f"{case.name} | {float(case.sharpness):.0e}"
         label = label if case else f"{label} | –"
         errors = f"{abs(largest / LARGEST - 1):.1e} | {period:.4f} | {abs(period / PERIOD - 1):.1e}"
-        print(f"| {label} | {errors} | {steps} | {took:.2f} |", flush=True)
+        sys.stdout.write(f"| {label} | {errors} | {steps} | {took:.2f} |\n")
 
 
 if __name__ == "__main__":
