@@ -98,11 +98,13 @@ def errors_against(scene: Scene, name: str, every: int) -> np.ndarray:
 # --- references ------------------------------------------------------------------------------------------------------
 
 
-# 7.5e-9, 6.5e-9 and, in space, 1.8e-8 were found: the references' own errors, and what the tolerance adds over some
-# hundred periods. The bounds leave a factor 5 for another machine's rounding.
+# 7.5e-9 and, in space, 1.8e-8 were found: the references' own errors, and what the tolerance adds over some hundred
+# periods; those bounds leave a factor 5 for another machine's rounding. Beyond edges (large) rounding alone moves the
+# end of the record: 6.5e-9 to 6.3e-8 were found of the same steps in programs compiled differently, and 4e-8 to 7e-8
+# at a third and a tenth of this tolerance.
 @pytest.mark.parametrize(
     ("name", "start", "bound"),
-    [("transient_inplane_small", SMALL, 4e-8), ("transient_inplane_large", LARGE, 4e-8)],
+    [("transient_inplane_small", SMALL, 4e-8), ("transient_inplane_large", LARGE, 1.5e-7)],
     ids=["small", "large"],
 )
 def test_plane_references(nominal, name, start, bound):

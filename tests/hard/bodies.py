@@ -65,5 +65,5 @@ def state_matrix(model: Model) -> Array:
 
 def eigenvalues(model: Model) -> NDArray[np.complex128]:
     """All of them (2n,), the fastest growing first."""
-    values = np.linalg.eigvals(np.asarray(state_matrix(model)))
+    values = np.linalg.eigvals(np.asarray(state_matrix(model))).astype(np.complex128)
     return values[np.argsort(-values.real)]

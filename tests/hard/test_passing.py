@@ -55,7 +55,9 @@ def test_a_block_that_just_touches_rest(tolerance):
     # A belt that is hardly slower than the block's fastest motion: slip goes to nought and back within a step.
     model = block_on_belt(StepLaw(0.1, 0.1), belt_speed=1.0 - 1e-5)
     chunks = list(
-        integration.integrate(model, [0.1], [1.0], [0.0], duration=20.0, sample_rate=50.0, tolerance=tolerance)
+        integration.integrate(
+            model, np.array([0.1]), np.array([1.0]), np.zeros(1), duration=20.0, sample_rate=50.0, tolerance=tolerance
+        )
     )
     changes = [change for chunk in chunks for change in chunk.changes]
     # It sticks from where it is as fast as the belt to where the spring holds it back with all of friction.

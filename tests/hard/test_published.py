@@ -80,8 +80,8 @@ def test_a_block_comes_to_rest_under_coulombs_friction():
 
 def follower(friction: float):
     """Hoffmann et al., Journal of Sound and Vibration 257 (2002) 1: M = 1, K = [[2, 1 − 4μ/3], [1, 2]]."""
-    springs = [[2.0, 1.0], [1.0, 2.0 - 4 / 3]]
-    return sprung_block_on_belt(ConstantLaw(friction), mass=[1.0, 1.0], springs=springs, contact_stiffness=4 / 3)
+    springs = np.array([[2.0, 1.0], [1.0, 2.0 - 4 / 3]])
+    return sprung_block_on_belt(ConstantLaw(friction), mass=np.ones(2), springs=springs, contact_stiffness=4 / 3)
 
 
 def test_friction_that_follows_the_load_makes_two_modes_merge():
