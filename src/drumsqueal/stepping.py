@@ -33,7 +33,7 @@ class Attempt(NamedTuple):
 class Stepped(NamedTuple):
     """Samples (k, n), NaN where not reached; the last state (n,) and its time; the next step; how many made and kept.
 
-    `reached` tells whether the end was reached within the budget of steps, `halted` whether it was told to stop before.
+    `reached` tells whether the end was reached within the budget of steps, `halted` whether it was told to stop.
     """
 
     samples: Array
@@ -134,7 +134,7 @@ def step_through(
     now = _Now(times[0], step, start, solver_state, controller_state, none + 1, samples, none, none, going)
     now = jax.lax.while_loop(unfinished, advance, now)
     reached = now.time >= end
-    return Stepped(now.samples, now.state, now.time, now.step, now.steps, now.kept, reached, now.halted & ~reached)
+    return Stepped(now.samples, now.state, now.time, now.step, now.steps, now.kept, reached, now.halted)
 
 
 def _sample(

@@ -66,13 +66,13 @@ class StickSlip:
             stuck = self._held is not None
             segment = self._stick(state, span, step) if stuck else self._slip(state, span, step)
             whole = segment if whole is None else _joined(whole, segment, span)
-            if float(whole.time) >= float(span.length):
-                return whole._replace(reached=jnp.asarray(True))
             state, step = segment.final, segment.step
             span = span._replace(offset=np.float64(segment.time))
             if bool(segment.halted):
                 state = self._changed(state, span, self._least_slip(state, span), ends=stuck)
-            elif not bool(segment.reached) and not self._choice.switch():
+            if float(whole.time) >= float(span.length):
+                return whole._replace(final=state, reached=jnp.asarray(True))
+            if not (bool(segment.halted) or bool(segment.reached) or self._choice.switch()):
                 break
         assert whole is not None
         return whole._replace(reached=jnp.asarray(False))
