@@ -158,9 +158,10 @@ def rests(motion: Motion, since: float, static: float) -> float:
     return float(motion.time[first])
 
 
+@pytest.mark.slow
 def test_a_stop_ends_at_rest(stopping):
     # Even after a start of a nanometre vibration makes part of the lining slip backwards in the last millisecond.
-    # Found: balance 3.3e-7, moved 3.7e-7, 14121 steps, at rest 0.05 ms after the drum.
+    # Found: balance 3.8e-7, moved 6.1e-7, 13793 steps, at rest 0.05 ms after the drum.
     start = {"Y": 1e-9, "Tz": 1e-8}
     motion = checked(stopping, start, duration=0.035, rate=1e5, unbalanced=5e-6, moved=1e-5, steps=40_000)
     rests(motion, 0.0301, 0.5)
@@ -197,7 +198,7 @@ def test_a_stop_with_one_coefficient_of_friction_ends_at_rest(stopping):
 def test_a_start_at_the_drums_speed_sticks_until_friction_gives_way(nominal):
     c = float(build_model(nominal).shoe.centroid)
     start, drum = {"Y": 5 * c, "Tz": 5.0}, [0, 5 * c, 5.0]
-    # It then slips off with jerks of 10 rad/s. Found at 2 ms: balance 2.0e-7, moved 9.2e-7, 1297 steps.
+    # It then slips off, by up to 10 rad/s. Found: balance 2.5e-7, moved 1.1e-6, 806 steps.
     motion = checked(nominal, {}, start, duration=1e-4, rate=2e7, unbalanced=1e-5, moved=1e-4, steps=8000)
     # The supports hold back the more the farther the drum takes the shoe: friction gives way after 0.1 µs at most.
     together = np.all(motion.velocity == drum, axis=1)
@@ -244,8 +245,8 @@ def test_a_slow_drum_has_the_growth_of_its_eigenvalues(nominal, speed):
 
 @pytest.mark.parametrize(("speed", "method"), [(0.1, "dopri8"), (0.001, "sdirk4")])
 def test_a_slow_drum_squeals_in_stick_and_slip(nominal, speed, method):
-    # Ten and a thousand times the drum's speed. Found: balance 7.1e-8 and 4.7e-8, moved 7.6e-8 and 8.4e-7, 9590 and
-    # 12101 steps: at the slower drum the explicit method makes its 10000 and the implicit one goes on.
+    # Slip reversal from the start. Found: balance 8.4e-8 and 5.0e-8, moved 6.7e-8 and 8.4e-7, 9647 and
+    # 12112 steps: at the slower drum the explicit method makes its 10000 and the implicit one goes on.
     start = {"Y": 1e-6, "Tz": 1e-5}
     motion = checked(nominal, start, duration=0.005, drum__speed=speed, unbalanced=1e-6, moved=1e-5, steps=20_000)
     assert motion.seen.slip_reversed_fraction.max() > 0.15  # 0.21 and 0.31 were found
@@ -551,7 +552,7 @@ def test_a_very_slow_drum_in_space(nominal):
         nominal, start, {"Z": 1e-6}, duration=0.002, rate=5e4, drum__speed=1e-3, unbalanced=1e-5, moved=1e-5,
         steps=20_000,
     )  # fmt: skip
-    assert from_linear(motion) < 1e-2
+    assert abs(motion.velocity[-1, motion.model.names.index("Z")]) < 1e-4 * 1e-6  # 7.5e-12 was found
 
 
 @pytest.mark.slow
