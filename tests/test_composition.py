@@ -168,12 +168,12 @@ def test_what_a_scene_does_not_name_is_not_in_the_program(nominal, name):
 
 
 def test_tangential_friction_knows_nothing_of_the_velocity_across(nominal):
-    # In space: |V| is a root, at the nodes with edges and at those without, and V_z at each of them a sum.
+    # In space: |V| is a root, at the nodes with edges and at those without, and where it is least takes others to find.
     unit, tangential = (
         traced(build_model(nominal.with_values({"friction.direction": direction}), coordinates=tuple(range(6))))
         for direction in ("unit-velocity", "tangential")
     )
-    assert unit["sqrt"] - tangential["sqrt"] == 2
+    assert unit["sqrt"] - tangential["sqrt"] >= 2
     assert unit.total() > tangential.total()
 
 
@@ -200,15 +200,17 @@ def test_a_law_of_which_nothing_is_known_is_always_split(nominal):
         return 0.3 + 0.2 * jnp.exp(-speed)
 
     space = tuple(range(6))
-    assert traced(build_model(nominal, coordinates=space, friction_law=law))["cond"] == 0
+    known = traced(build_model(nominal, coordinates=space))
+    unknown = traced(build_model(nominal, coordinates=space, friction_law=law))
+    assert unknown["cond"] == known["cond"] - 1  # the choice; the others pass over empty pieces
 
 
 def test_in_the_plane_there_is_no_area(nominal):
-    # 8 nodes of a piece of the arc against 9 × 6 lines of 5 × 2 × 16 nodes.
+    # 8 nodes of a piece of the arc against 24 lines of 24 nodes.
     in_plane, in_space = build_model(nominal), build_model(nominal, coordinates=tuple(range(6)))
     sizes = [max(out.aval.size for each in equations(model) for out in each.outvars) for model in (in_plane, in_space)]
     assert sizes[0] == 8
-    assert sizes[1] == 8640
+    assert sizes[1] == 576
 
 
 NEUTRAL = {

@@ -26,7 +26,7 @@ RUNNING = "incomplete: the run was cut off without a word"
 _LONGEST = 512  # bytes of the outcome in the file: of fixed length, so that it can be changed in place
 # Shape and type in the file of the attributes that change.
 _TOLD = {"steps": ((1,), np.dtype("i8")), "rejected_steps": ((1,), np.dtype("i8")), "outcome": ((), f"S{_LONGEST}")}
-_STRUCTURE = 64 * 2**10  # bytes; four times what HDF5 has been seen to take beside data and attributes
+_STRUCTURE = 64 * 2**10  # bytes; more than twice what HDF5 has been seen to take beside data and attributes
 _BLOCK = 2**16  # samples at a time, where many are written: half a MB a signal
 
 

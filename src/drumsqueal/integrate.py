@@ -51,7 +51,7 @@ class Chunk(NamedTuple):
     energy_balance_error: np.ndarray
     steps: int
     rejected_steps: int
-    evaluations: float  # NaN: not counted, for an implicit method
+    evaluations: float  # NaN: not counted, for an implicit method and where the lining sticks
     implicit: np.ndarray
     end: Checkpoint | None
     changes: tuple[tuple[float, bool], ...] = ()  # when the lining changed (s), and whether it stuck from then on
@@ -93,6 +93,7 @@ def integrate(
         chunk = chunk._replace(evaluations=_evaluations(segment, run.solvers), changes=tuple(run.changes))
         chunk.implicit[:] = IMPLICIT in run.solvers
         good = np.isfinite(chunk.displacement).all(axis=1) & np.isfinite(chunk.velocity).all(axis=1)
+        good &= np.isfinite(chunk.energy_balance_error)
         kept = count + 1 if good.all() else int(np.argmin(good))
         fresh = slice(0 if first == 0 else 1, kept)  # a chunk begins with the last sample of the one before
         whole = kept > count and bool(segment.reached)

@@ -16,7 +16,7 @@ import h5py
 import numpy as np
 import xarray
 
-from drumsqueal.choice import Method
+from drumsqueal.choice import MOST_PATIENCE, Method
 from drumsqueal.composition import kept_coordinates
 from drumsqueal.errors import RequestError
 from drumsqueal.history import COMPLETE, MOTION, SIGNALS, empty_dataset, versions
@@ -25,7 +25,7 @@ from drumsqueal.integrate import Checkpoint
 from drumsqueal.output_folder import HISTORY, RESUME, write_whole
 from drumsqueal.precision import real
 from drumsqueal.quantities import show
-from drumsqueal.runge_kutta import SOLVERS
+from drumsqueal.runge_kutta import AUTO, DEFAULT, IMPLICIT
 from drumsqueal.scene import Scene, scene_from_dict
 from drumsqueal.segment import CHUNK_SAMPLES, State
 
@@ -197,8 +197,10 @@ def _from_plain(data: dict[str, Any], scene: Scene) -> Point:
     ):
         raise ValueError("this is no point of the run")
     name, patience, waited = data["method"]
-    if name not in SOLVERS:
-        raise ValueError("this is no method")
+    solver, sticks = scene.simulate.solver, data["sticks"]
+    fits = name in ((DEFAULT, IMPLICIT) if solver == AUTO else (solver,)) and 0 <= waited <= patience <= MOST_PATIENCE
+    if not fits or not isinstance(sticks, bool) or (sticks and scene.friction is None):
+        raise ValueError("this is no point of the run")
     method = Method(name, operator.index(patience), operator.index(waited))
     state = State(departure, velocity, real(work))
-    return Point(reached, Checkpoint(intervals, state, real(step), first_energy, bool(data["sticks"]), method))
+    return Point(reached, Checkpoint(intervals, state, real(step), first_energy, sticks, method))

@@ -87,7 +87,8 @@ class Span(NamedTuple):
 class Segment(NamedTuple):
     """What one compiled call leaves: samples, their observations and energies, the last state, and the next step.
 
-    `time` (s) is that of the last state after the start of the chunk, `halted` whether slip all but vanished there.
+    `time` (s) is that of the last state after the start of the chunk, `halted` whether slip all but vanished
+    there or, of a lining that sticks, friction gave way.
     """
 
     states: State

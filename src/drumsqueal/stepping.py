@@ -109,7 +109,8 @@ def step_through(
                 now.time, there, now.state, state, now.solver, solver_state, lambda t: interpolation.evaluate(t)
             )
             share = passes(attempt)
-            again = jnp.asarray(keep) & (share < 1)
+            # Cut so little short it would go to the end all the same.
+            again = jnp.asarray(keep) & (share < 1) & (now.time + share * (there - now.time) <= nearly)
             keep, time = keep & ~again, jnp.where(again, now.time, jnp.asarray(time))
             next_step = jnp.where(again, share * (there - now.time), next_step)
             controller_state = jax.tree.map(

@@ -16,7 +16,7 @@ from drumsqueal.segment import CHUNK_SAMPLES, Segment, Span, State, advance, lea
 from drumsqueal.sticking import can_stick, drum_motion, drum_motions, held, hold, hold_surely, slip
 
 AWAY = 2.0  # times the slip that counts as none: what a lining that cannot stick goes on with
-MOST_CHANGES = 1000  # in one chunk, that is a hundred a period: more is a mistake, not a motion
+MOST_CHANGES = 1000  # in one chunk, two a sample: more is a mistake, not a motion
 TIMING = 1e-12  # of a chunk: how well the end of sticking is found
 BESIDE = 1e-12  # of the drum's schedule: its jumps are looked at from so far, beyond round-off
 
@@ -71,11 +71,12 @@ class StickSlip:
             if bool(segment.halted):
                 state = self._changed(state, span, self._least_slip(state, span), ends=stuck)
             if float(whole.time) >= float(span.length):
+                self._note(span)
                 return whole._replace(final=state, reached=jnp.asarray(True))
             if not (bool(segment.halted) or bool(segment.reached) or self._choice.switch()):
                 break
         assert whole is not None
-        return whole._replace(reached=jnp.asarray(False))
+        return _only_reached(whole, span)
 
     def _note(self, span: Span) -> None:
         """Keep when the lining begins to stick or to slip."""
@@ -132,7 +133,7 @@ class StickSlip:
         times = _sample_times(span)
         displacement = self._steady + segment.states.departure
         surely = hold_surely(self._model, span.inside(times), displacement, segment.states.velocity)
-        before = float(span.offset)
+        before = float(span.start + span.offset)
         for sample in np.flatnonzero(np.diff(times, prepend=before) > 0):
             now = jax.tree.map(lambda x, sample=sample: x[sample], segment.states)
             if not surely[sample] and self._reserve(now, span, times[sample]) < 1:
@@ -204,6 +205,13 @@ def _sample_times(span: Span) -> np.ndarray:
     """Times (s of the transient) of a segment's samples."""
     times = np.minimum(np.arange(CHUNK_SAMPLES + 1), int(span.samples)) * float(span.interval)
     return float(span.start) + np.clip(times, float(span.offset), min(float(span.until), float(span.length)))
+
+
+def _only_reached(whole: Segment, span: Span) -> Segment:
+    """A chunk that ends early: without samples of what did not come to pass."""
+    there = np.arange(len(whole.kinetic)) * float(span.interval) <= float(whole.time)
+    state = whole.states._replace(departure=jnp.where(there[:, None], whole.states.departure, jnp.nan))
+    return whole._replace(states=state, reached=jnp.asarray(False))
 
 
 def _joined(whole: Segment, segment: Segment, span: Span) -> Segment:

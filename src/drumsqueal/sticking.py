@@ -3,7 +3,7 @@
 Where the slip velocity vanishes all over the lining, friction is set-valued: it can be any force of the limit surface
 K = {Q : Q·w ≤ h(w) for all w}, h(w) = ∫ μ_s N |V_w| dA, with V_w the slip velocity of a motion w relative to the drum
 (Goyal, Ruina & Papadopoulos, Wear 143 (1991) 307). The lining sticks as long as what is needed to move with the drum
-lies in it. Everything here but the held motion is asked for a few times a run, and from outside the compiled steps.
+lies in it. That is asked for from outside the compiled steps, at the samples of a lining that sticks.
 """
 
 import dataclasses
@@ -183,7 +183,7 @@ def _grips(model: Model, times: Array, q: Array, v: Array, directions: Array) ->
 def _lies_among(wanted: np.ndarray, points: np.ndarray) -> bool:
     """Whether a point (n,) is in the hull of points (k, n) and their opposites."""
     size = np.abs(points).max()
-    if size == 0:
+    if size == 0 or not np.isfinite([size, *wanted]).all():
         return False
     table = np.vstack([np.hstack([points.T, -points.T]) / size, np.ones(2 * len(points))])
     table = np.hstack([table, np.eye(len(table))[:, -1:]])  # the shares add up to one or less

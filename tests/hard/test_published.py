@@ -4,12 +4,18 @@ Everything is in SI units of order one. A tolerance of 1e-10 leaves errors of so
 each bound, which leaves room for another machine's rounding.
 """
 
+import dataclasses
+
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.optimize import brentq
 
 from bodies import HyperbolicLaw, eigenvalues, falling_friction, run
 from drumsqueal.effects.friction_law import ConstantLaw, StepLaw
+from drumsqueal.effects.operation import Operation
+from drumsqueal.effects.schedule import Constant, Profile
+from drumsqueal.integrate import integrate
 from drumsqueal.modes import growth_rate
 from drumsqueal.small_bodies import block_on_belt, sprung_block_on_belt
 
@@ -127,3 +133,20 @@ def test_falling_friction_grows_at_its_rate_and_keeps_oscillating_where_it_is_st
     assert np.max(np.abs(small.displacement[-200:] - steady)) < 0.93e-3
     assert len(large.changes) > 20
     assert np.max(np.abs(large.displacement[-200:] - steady)) > 1.3
+
+
+def test_a_belt_that_pulls_away_at_the_boundary_of_two_chunks():
+    # The belt's corner lies on a boundary whose time is rounded to either side of it; the block must not be let go
+    # before. From there on it slips, and is pulled by kinetic friction alone.
+    rate, corner = 2e4, 1.05
+    model = block_on_belt(StepLaw(1.0, 0.5), stiffness=0.01)
+    speed = Profile(jnp.array([0.0, 0.05, corner, corner + 1]), jnp.array([0.2, 0.45, 0.45, 5.45]))
+    model = dataclasses.replace(model, operation=Operation(speed, Constant(1.0)))
+    start = np.zeros(1), np.zeros(1), np.array([0.2])
+    chunks = list(integrate(model, *start, duration=corner + 0.02, sample_rate=rate, tolerance=1e-8))
+    changes = [change for chunk in chunks for change in chunk.changes]
+    assert [sticks for _, sticks in changes] == [True, False]
+    assert changes[1][0] == pytest.approx(corner, abs=1e-9)
+    spring = 0.01 * chunks[-1].displacement[:, 0].mean()
+    # m v̇ = F_k − k x, over 20 ms in which the spring's force changes by 1e-4 of itself.
+    assert chunks[-1].velocity[-1, 0] == pytest.approx(0.45 + (0.5 - spring) * 0.02, abs=1e-6)
