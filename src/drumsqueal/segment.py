@@ -16,7 +16,7 @@ from drumsqueal.passing import Step, share_to_rest
 from drumsqueal.runge_kutta import DEFAULT, LOCAL_SHARE, make_solver
 from drumsqueal.sdirk import Stages
 from drumsqueal.stepping import Attempt, Stepped, step_through
-from drumsqueal.sticking import slip, slip_motion
+from drumsqueal.sticking import slip, slip_acceleration, slip_motion
 
 CHUNK_SAMPLES = 500  # samples a chunk: some 50 ms of computing in the plane, so that Ctrl-C and the bar respond
 # Steps a chunk: a run that exceeds it is stuck, and says so. Samples hold two to a period at least, so 500 of them take
@@ -213,8 +213,9 @@ def advance_scaled(
             return motion(t, attempt.inside(t))
 
         still = model.operation.at(jnp.asarray(span.start))._replace(drum_speed=jnp.zeros(()))
+        h, now = attempt.end - attempt.start, span.inside(span.start + (attempt.start + attempt.end) / 2)
         changes = (
-            slip_motion(model, span.start, (attempt.end - attempt.start) * State.split(slope).velocity, still=True)
+            h * slip_acceleration(model, now, State.split(slope).velocity * size.velocity) / size.velocity
             for slope in (attempt.slope_before, attempt.slope_after)
         )
         step = Step(motion(attempt.start, attempt.before), motion(attempt.end, attempt.after), *changes)

@@ -82,10 +82,15 @@ def slip(model: Model, time: ArrayLike, v: Array) -> Array:
     return model.contact.fastest_slip(model.operation.at(time), model.widen(v))
 
 
-def slip_motion(model: Model, time: ArrayLike, v: Array, *, still: bool = False) -> Array:
-    """Velocity (n,) relative to the drum's motion, or to rest; zero in coordinates that do not slip."""
-    speed = 0.0 if still else model.operation.at(time).drum_speed
-    return jnp.where(_slips(model), v - _following(model) * speed, 0.0)
+def slip_motion(model: Model, time: ArrayLike, v: Array) -> Array:
+    """Velocity (n,) relative to the drum's motion; zero in coordinates that do not slip."""
+    return jnp.where(_slips(model), v - _following(model) * model.operation.at(time).drum_speed, 0.0)
+
+
+def slip_acceleration(model: Model, time: ArrayLike, a: Array) -> Array:
+    """Acceleration (n,) relative to the drum's motion; zero in coordinates that do not slip."""
+    rate = model.operation.drum_speed.at(time)[1]
+    return jnp.where(_slips(model), a - _following(model) * (0.0 if rate is None else rate), 0.0)
 
 
 @jax.jit
@@ -160,19 +165,28 @@ class Hold(NamedTuple):
     direction: np.ndarray
 
 
-def hold_surely(model: Model, times: ArrayLike, q: Array, v: Array) -> np.ndarray:
+def hold_surely(model: Model, times: Array, q: Array, v: Array) -> np.ndarray:
     """Whether what is needed lies among some points of the limit surface: a quick answer, where it is yes (k,).
 
     For many times (k,) with displacements and velocities (k, n).
     """
+    if len(times) > 1 and not model.forced and _rests(model, times, q, v):
+        return np.repeat(hold_surely(model, times[:1], q[:1], v[:1]), len(times))
     count, root = len(model.coordinates), np.sqrt(np.asarray(model.mass))
     directions = np.random.default_rng(SEED).standard_normal((ENOUGH * count, count)) * _slips(model) / root
-    needed, farthest = (np.asarray(x) / root for x in _grips(model, jnp.asarray(times), q, v, jnp.asarray(directions)))
+    needed, farthest = (np.asarray(x) / root for x in _grips(model, times, q, v, jnp.asarray(directions)))
     answers: list[bool] = []
     for k in range(len(needed)):
         same = k > 0 and np.array_equal(needed[k], needed[k - 1]) and np.array_equal(farthest[k], farthest[k - 1])
         answers.append(answers[-1] if same else _lies_among(needed[k], farthest[k]))
     return np.array(answers)
+
+
+def _rests(model: Model, times: Array, q: Array, v: Array) -> bool:
+    """Whether neither the motion nor what is prescribed changes, as where a drum rests: one sample tells all."""
+    speed, rate = jax.vmap(model.operation.drum_speed.at)(times)
+    prescribed = (speed, jax.vmap(model.operation.preload.at)(times)[0], *(() if rate is None else (rate,)))
+    return all(not np.ptp(np.asarray(x), axis=0).any() for x in (q, v, *prescribed))
 
 
 @jax.jit
