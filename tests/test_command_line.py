@@ -9,9 +9,9 @@ import pytest
 import xarray
 
 from drumsqueal.errors import RequestError
-from drumsqueal.output_folder import RUN_FILES, check_output
+from drumsqueal.files.output_folder import RUN_FILES, check_output
+from drumsqueal.files.summary import to_json
 from drumsqueal.scene import load_scene, scene_from_dict
-from drumsqueal.summary import to_json
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"
 NOMINAL = str(SCENARIOS / "nominal.toml")

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from drumsqueal.comparison import compare
+from drumsqueal.comparison.compare import compare
+from drumsqueal.linear.modes import analyse_stability
 from drumsqueal.model import build_model
-from drumsqueal.modes import analyse_stability
 from drumsqueal.simulation import Result, run
 
 # From an independent program: Re λ (1/s) and Im λ (rad/s) of the nominal brake.

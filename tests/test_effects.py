@@ -10,13 +10,12 @@ import jax
 import numpy as np
 import pytest
 
-from drumsqueal import effects_job
-from drumsqueal import segment as integration
+from drumsqueal.comparison.saturation import Line
 from drumsqueal.composition import ALL
 from drumsqueal.errors import IntegrationError
+from drumsqueal.jobs import effects as effects_job
+from drumsqueal.linear.modes import analyse_stability
 from drumsqueal.model import Model, build_model
-from drumsqueal.modes import analyse_stability
-from drumsqueal.saturation import Line
 from drumsqueal.scene import load_scene
 from drumsqueal.simulation import prepare, run, transient
 from drumsqueal.studies import effects, variants
@@ -24,6 +23,7 @@ from drumsqueal.studies.answers import Answer, Change, ModeAnswer, change_of
 from drumsqueal.studies.effects import TOGETHER, excess_of, percent, remarks, reservations, study_effects, verdict
 from drumsqueal.studies.reductions import Reduction, reduce, reductions_of
 from drumsqueal.studies.variants import Variant
+from drumsqueal.transient import segment as integration
 
 EVERYTHING = {
     "damping": {"ratio": 0.01},

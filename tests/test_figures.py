@@ -16,13 +16,13 @@ from matplotlib.patches import Rectangle
 from matplotlib.text import Text
 
 import drumsqueal as ds
+from drumsqueal.comparison.departure import Departure, edge_share
 from drumsqueal.composition import take_inventory
-from drumsqueal.departure import Departure, edge_share
 from drumsqueal.figures import draw_all, save_figures
 from drumsqueal.figures.effects import draw_effects
 from drumsqueal.figures.placement import spread
-from drumsqueal.history import COMPLETE, SIGNALS
-from drumsqueal.output_folder import FIGURES, figure_file
+from drumsqueal.files.history import COMPLETE, SIGNALS
+from drumsqueal.files.output_folder import FIGURES, figure_file
 from drumsqueal.scene import COORDINATES
 from drumsqueal.studies.answers import Answer, Change
 from drumsqueal.studies.effects import EffectStudy

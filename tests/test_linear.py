@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 
 from drumsqueal.effects.support import Support
 from drumsqueal.errors import SteadyStateError
+from drumsqueal.linear.modes import analyse_stability, growth_rate
+from drumsqueal.linear.steady import linear_model
 from drumsqueal.model import build_model
-from drumsqueal.modes import analyse_stability, growth_rate
-from drumsqueal.steady import linear_model
 
 ALL = tuple(range(6))
 PLANE = (0, 1, 5)

@@ -15,9 +15,11 @@ import numpy as np
 import pytest
 import xarray
 
-from drumsqueal import history_file, output_folder, results, resumption, simulation
+from drumsqueal import simulation
 from drumsqueal.errors import IntegrationError
-from drumsqueal.resumption import ResumeFile, find_point
+from drumsqueal.files import history_file, output_folder, resumption
+from drumsqueal.files.resumption import ResumeFile, find_point
+from drumsqueal.jobs import run_results as results
 from drumsqueal.scene import Scene, load_scene
 from processes import MAIN, posix, start, wait_for
 
@@ -69,7 +71,7 @@ def test_killed_at_any_moment_again_and_again_a_run_ends_as_if_it_had_not_been(c
     # Fifty chunks of some 12 ms; every one is a point to go on from, so that each start comes further.
     folder, moments = tmp_path / "out", random.Random(SEED)
     arguments = ("run", NOMINAL, "-o", str(folder), "--set", "simulate.duration=0.5")
-    often = f"from drumsqueal import resumption; resumption.EVERY = 0; {MAIN}"
+    often = f"from drumsqueal.files import resumption; resumption.EVERY = 0; {MAIN}"
     reached = 0
     for _ in range(3):
         process = start(cache, *arguments, *(["--resume"] if reached else []), code=often)
@@ -130,7 +132,8 @@ def assert_readable(folder: Path) -> int:
 )
 def test_killed_before_there_is_a_point_to_go_on_from(cache, drumsqueal, tmp_path, step, left, told):
     folder = tmp_path / "out"
-    killed = f"import os; from drumsqueal import output_folder, resumption; {step} = lambda *_: os.kill(os.getpid(), 9)"
+    modules = "import os; from drumsqueal.files import output_folder, resumption"
+    killed = f"{modules}; {step} = lambda *_: os.kill(os.getpid(), 9)"
     process = start(cache, "run", NOMINAL, "-o", str(folder), *SHORT, code=f"{killed}; {MAIN}")
     process.communicate(timeout=300)
     assert process.returncode == -signal.SIGKILL

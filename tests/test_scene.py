@@ -13,8 +13,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drumsqueal.quantities import parse_quantity
 from drumsqueal.scene import COORDINATES, Profile, Scene, SceneError, Shoe, load_scene, scene_from_dict
+from drumsqueal.scene.quantities import parse_quantity
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"
 NOMINAL = SCENARIOS / "nominal.toml"

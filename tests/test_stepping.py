@@ -8,18 +8,18 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from drumsqueal import batch
-from drumsqueal import segment as integration
-from drumsqueal.batch import integrate_many
-from drumsqueal.integrate import integrate
 from drumsqueal.kernel import compiled, one_kernel
 from drumsqueal.model import build_model
-from drumsqueal.runge_kutta import _EXPLICIT, AUTO, LOCAL_SHARE, SOLVERS, STAGES, Explicit, make_solver
-from drumsqueal.scene_tables import Simulate
-from drumsqueal.sdirk import Stages
-from drumsqueal.segment import Span, State, first_step
+from drumsqueal.scene.tables import Simulate
 from drumsqueal.simulation import prepare, run, transient
-from drumsqueal.stepping import step_through
+from drumsqueal.transient import batch
+from drumsqueal.transient import segment as integration
+from drumsqueal.transient.batch import integrate_many
+from drumsqueal.transient.integrate import integrate
+from drumsqueal.transient.runge_kutta import _EXPLICIT, AUTO, LOCAL_SHARE, SOLVERS, STAGES, Explicit, make_solver
+from drumsqueal.transient.sdirk import Stages
+from drumsqueal.transient.segment import Span, State, first_step
+from drumsqueal.transient.stepping import step_through
 
 ORDER = {"tsit5": 5, "dopri5": 5, "dopri8": 8, "sdirk4": 4}
 

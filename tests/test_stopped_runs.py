@@ -10,10 +10,13 @@ import numpy as np
 import pytest
 import xarray
 
-from drumsqueal import history_file, job, results, simulation
+from drumsqueal import simulation
 from drumsqueal.errors import IntegrationError
+from drumsqueal.files import history_file
+from drumsqueal.files.output_folder import RUN_FILES
 from drumsqueal.interrupts import noted_interrupts, stop_if_interrupted
-from drumsqueal.output_folder import RUN_FILES
+from drumsqueal.jobs import run as job
+from drumsqueal.jobs import run_results as results
 from drumsqueal.simulation import run
 from processes import MAIN, posix, start, wait_for
 

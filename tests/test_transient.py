@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from drumsqueal import choice
-from drumsqueal import integrate as integration
 from drumsqueal.errors import IntegrationError
-from drumsqueal.integrate import integrate
+from drumsqueal.linear.steady import linearise, steady_sliding
 from drumsqueal.model import build_model
 from drumsqueal.scene import Scene
-from drumsqueal.segment import CHUNK_SAMPLES
 from drumsqueal.simulation import run
-from drumsqueal.steady import linearise, steady_sliding
+from drumsqueal.transient import choice
+from drumsqueal.transient import integrate as integration
+from drumsqueal.transient.integrate import integrate
+from drumsqueal.transient.segment import CHUNK_SAMPLES
 
 ALL = tuple(range(6))
 REFERENCE = Path(__file__).parent / "reference"

@@ -12,26 +12,26 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from drumsqueal.batch import integrate_many
-    from drumsqueal.comparison import Comparison, compare
+    from drumsqueal.comparison.compare import Comparison, compare
     from drumsqueal.effects.custom_friction import TabulatedLaw
     from drumsqueal.effects.friction_law import FrictionLaw
     from drumsqueal.errors import IntegrationError, SceneError, SteadyStateError
+    from drumsqueal.linear.modes import Mode, Stability, analyse_stability, growth_rate
     from drumsqueal.model import Model, build_model
-    from drumsqueal.modes import Mode, Stability, analyse_stability, growth_rate
     from drumsqueal.scene import Scene, load_scene, scene_from_dict
     from drumsqueal.simulation import Result, run
     from drumsqueal.studies.accuracy import AccuracyStudy, study_accuracy
     from drumsqueal.studies.effects import EffectStudy, study_effects
+    from drumsqueal.transient.batch import integrate_many
 
 _HOMES = {
-    "batch": ("integrate_many",),
-    "comparison": ("Comparison", "compare"),
+    "transient.batch": ("integrate_many",),
+    "comparison.compare": ("Comparison", "compare"),
     "effects.custom_friction": ("TabulatedLaw",),
     "effects.friction_law": ("FrictionLaw",),
     "errors": ("IntegrationError", "SceneError", "SteadyStateError"),
     "model": ("Model", "build_model"),
-    "modes": ("Mode", "Stability", "analyse_stability", "growth_rate"),
+    "linear.modes": ("Mode", "Stability", "analyse_stability", "growth_rate"),
     "scene": ("Scene", "load_scene", "scene_from_dict"),
     "simulation": ("Result", "run"),
     "studies.accuracy": ("AccuracyStudy", "study_accuracy"),

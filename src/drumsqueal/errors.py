@@ -1,6 +1,6 @@
 """What can go wrong, by whose fault: the request's (exit status 2) or the run's (exit status 1)."""
 
-from drumsqueal.quantities import SceneError
+from drumsqueal.scene.quantities import SceneError
 
 __all__ = ["IntegrationError", "RequestError", "SceneError", "SteadyStateError"]
 

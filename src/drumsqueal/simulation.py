@@ -23,16 +23,16 @@ from drumsqueal.composition import (
 )
 from drumsqueal.effects.friction_law import FrictionLaw
 from drumsqueal.errors import IntegrationError, SteadyStateError
-from drumsqueal.history import COMPLETE, to_dataset
-from drumsqueal.integrate import Checkpoint, Chunk, integrate
+from drumsqueal.files.history import COMPLETE, to_dataset
 from drumsqueal.interrupts import noted_interrupts, stop_if_interrupted
+from drumsqueal.linear.modes import Stability, analyse_stability, while_sliding
+from drumsqueal.linear.steady import coupling
 from drumsqueal.model import Model, build_model
-from drumsqueal.modes import Stability, analyse_stability, while_sliding
 from drumsqueal.scene import COORDINATES, Scene, SceneError
-from drumsqueal.steady import coupling
+from drumsqueal.transient.integrate import Checkpoint, Chunk, integrate
 
 if TYPE_CHECKING:
-    from drumsqueal.comparison import Comparison
+    from drumsqueal.comparison.compare import Comparison
 
 
 class Prepared(NamedTuple):
@@ -194,7 +194,7 @@ def finish(prepared: Prepared, chunks: list[Chunk], outcome: str) -> Result:
 
 def compared(prepared: Prepared, history: xarray.Dataset) -> Result:
     """Compare a history with the prediction."""
-    from drumsqueal.comparison import compare
+    from drumsqueal.comparison.compare import compare
 
     comparison, outcome = compare(history, prepared.stability, prepared.linear), history.attrs["outcome"]
     return Result(prepared.scene, prepared.stability, history, comparison, outcome, prepared.inventory, prepared.held)

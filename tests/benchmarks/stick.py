@@ -16,10 +16,10 @@ from jax import Array
 from scipy.interpolate import CubicHermiteSpline
 
 import drumsqueal.precision  # noqa: F401 (switches it on)
-from drumsqueal import stick_slip
 from drumsqueal.effects.friction_law import FrictionLaw
-from drumsqueal.integrate import integrate
 from drumsqueal.small_bodies import block_on_belt
+from drumsqueal.transient import stick_slip
+from drumsqueal.transient.integrate import integrate
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "hard"))
 from bodies import HyperbolicLaw

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
 from drumsqueal.effects.friction_law import ExponentialLaw
-from drumsqueal.integrate import integrate
+from drumsqueal.linear.steady import linearise, steady_sliding
 from drumsqueal.model import Model
 from drumsqueal.small_bodies import block_on_belt
-from drumsqueal.steady import linearise, steady_sliding
+from drumsqueal.transient.integrate import integrate
 
 
 class Run(NamedTuple):

@@ -19,11 +19,11 @@ from numpy.typing import NDArray
 
 from drumsqueal.composition import ALL
 from drumsqueal.effects.touching import Observation
-from drumsqueal.integrate import integrate
+from drumsqueal.linear.steady import linear_model, steady_sliding
 from drumsqueal.model import Model, build_model
 from drumsqueal.scene import Scene
-from drumsqueal.steady import linear_model, steady_sliding
-from drumsqueal.sticking import hold
+from drumsqueal.transient.integrate import integrate
+from drumsqueal.transient.sticking import hold
 
 P0_OVER_KC = 2000.0 / (0.1 * math.radians(130) * 0.0365) / 0.35e11  # m, 6.9e-6: what the lining yields under its load
 

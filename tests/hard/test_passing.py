@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from bodies import HyperbolicLaw
-from drumsqueal import integrate as integration
 from drumsqueal.effects.friction_law import ExponentialLaw, StepLaw
 from drumsqueal.small_bodies import block_on_belt
-from drumsqueal.stick_slip import StickSlip
+from drumsqueal.transient import integrate as integration
+from drumsqueal.transient.stick_slip import StickSlip
 
 SEED = 0  # of which one among the first twelve would go past
 

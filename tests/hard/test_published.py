@@ -15,9 +15,9 @@ from bodies import HyperbolicLaw, eigenvalues, falling_friction, run
 from drumsqueal.effects.friction_law import ConstantLaw, StepLaw
 from drumsqueal.effects.operation import Operation
 from drumsqueal.effects.schedule import Constant, Profile
-from drumsqueal.integrate import integrate
-from drumsqueal.modes import growth_rate
+from drumsqueal.linear.modes import growth_rate
 from drumsqueal.small_bodies import block_on_belt, sprung_block_on_belt
+from drumsqueal.transient.integrate import integrate
 
 BELT = 0.2  # m/s
 HOW = {"sample_rate": 50.0, "tolerance": 1e-10}

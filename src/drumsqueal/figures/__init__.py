@@ -6,7 +6,6 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from drumsqueal import output_folder
 from drumsqueal.figures.contact import draw_contact
 from drumsqueal.figures.eigenvalues import draw_eigenvalues
 from drumsqueal.figures.growth import draw_growth
@@ -15,6 +14,7 @@ from drumsqueal.figures.spectra import draw_spectra
 from drumsqueal.figures.spectrogram import draw_spectrogram
 from drumsqueal.figures.style import styled
 from drumsqueal.figures.view import View
+from drumsqueal.files import output_folder
 from drumsqueal.model import Model
 from drumsqueal.simulation import Result
 

@@ -8,7 +8,7 @@ from matplotlib.ticker import MaxNLocator
 from drumsqueal.figures import style
 from drumsqueal.figures.placement import label_points
 from drumsqueal.figures.view import View, rate_text
-from drumsqueal.modes import Mode
+from drumsqueal.linear.modes import Mode
 
 NEAR_AXIS = 0.3  # modes whose |Re λ| is below this share of the largest are shown enlarged
 LEAST_WIDTH = 1.0  # of the enlarged panel (1/s)

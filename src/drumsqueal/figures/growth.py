@@ -10,11 +10,11 @@ from matplotlib.ticker import NullFormatter
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from drumsqueal.comparison import ModeComparison
+from drumsqueal.comparison.compare import ModeComparison
 from drumsqueal.figures import style
 from drumsqueal.figures.placement import COLUMNS, label_right_edge
 from drumsqueal.figures.view import View, rate_text
-from drumsqueal.modes import Mode
+from drumsqueal.linear.modes import Mode
 
 PERIODS = 3  # of the main frequency, over which fast oscillation is averaged
 BAND = (5, 95)  # percentiles within them that bound the band drawn

@@ -6,12 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.bodies.rigid_shoe import TZ, Y
-from drumsqueal.comparison import NEUTRAL_SHARE, UNEXCITED_SHARE, ModeComparison
-from drumsqueal.departure import FEWEST_FOR_SPECTRUM, ROTATIONS, Departure
-from drumsqueal.history import COMPLETE
+from drumsqueal.comparison.compare import NEUTRAL_SHARE, UNEXCITED_SHARE, ModeComparison
+from drumsqueal.comparison.departure import FEWEST_FOR_SPECTRUM, ROTATIONS, Departure
+from drumsqueal.comparison.saturation import Saturation
+from drumsqueal.files.history import COMPLETE
+from drumsqueal.linear.modes import Mode
 from drumsqueal.model import Model
-from drumsqueal.modes import Mode
-from drumsqueal.saturation import Saturation
 from drumsqueal.simulation import Result
 
 MICRO = 1e6

@@ -14,15 +14,15 @@ import numpy as np
 
 from drumsqueal.composition import moved_coordinates
 from drumsqueal.errors import IntegrationError
-from drumsqueal.history import COMPLETE
-from drumsqueal.integrate import Chunk
+from drumsqueal.files.history import COMPLETE
 from drumsqueal.interrupts import noted_interrupts, stop_if_interrupted
 from drumsqueal.scene import Profile, Scene, SceneError
-from drumsqueal.scene_tables import LEAST_TOLERANCE
+from drumsqueal.scene.tables import LEAST_TOLERANCE
 from drumsqueal.simulation import Prepared, check_sample_rate, finish, prepare, transient
 from drumsqueal.studies.contenders import Contender, contenders_of
 from drumsqueal.studies.features import NONE, Features, feature_errors, features_of
 from drumsqueal.studies.reference import UNMOVED, Reference, find_reference, sizes_of
+from drumsqueal.transient.integrate import Chunk
 
 TARGET = 1e-4
 TIGHTEST, LOOSER = LEAST_TOLERANCE, 10 * LEAST_TOLERANCE  # tolerances of the runs that features are compared with

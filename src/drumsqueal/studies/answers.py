@@ -3,9 +3,9 @@
 import math
 from typing import NamedTuple
 
-from drumsqueal.departure import Departure
+from drumsqueal.comparison.departure import Departure
+from drumsqueal.comparison.saturation import Line, describe_motion, saturated_part
 from drumsqueal.model import Model
-from drumsqueal.saturation import Line, describe_motion, saturated_part
 from drumsqueal.simulation import Result
 
 LOST = math.inf  # the change of what one of two runs lacks

@@ -16,7 +16,7 @@ from drumsqueal.quadrature.arc import ArcSurface
 from drumsqueal.quadrature.area import AreaSurface
 from drumsqueal.quadrature.independent import FixedGrid
 from drumsqueal.quadrature.surface import Surface
-from drumsqueal.runge_kutta import DEFAULT, SOLVERS, is_explicit
+from drumsqueal.transient.runge_kutta import DEFAULT, SOLVERS, is_explicit
 
 STEPPING, QUADRATURE, SMOOTHING = "time stepping", "contact quadrature", "smoothed friction"
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)

@@ -7,12 +7,12 @@ is the least that counts.
 import math
 from typing import NamedTuple
 
+from drumsqueal.comparison.verdict import SMALL_ROTATION
 from drumsqueal.interrupts import noted_interrupts
 from drumsqueal.scene import Profile, Scene
 from drumsqueal.studies.answers import QUANTITIES, Answer, Change
 from drumsqueal.studies.reductions import NOTHING, Reduction, reduce, reductions_of
 from drumsqueal.studies.variants import Bench, OnProgress, OnVariant, Variant
-from drumsqueal.verdict import SMALL_ROTATION
 
 WITHIN = 0.01
 TOGETHER = "together"

@@ -8,14 +8,14 @@ from typing import NamedTuple
 import numpy as np
 
 from drumsqueal.errors import IntegrationError, SceneError
-from drumsqueal.history import COMPLETE
-from drumsqueal.integrate import Chunk
+from drumsqueal.files.history import COMPLETE
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import Scene
-from drumsqueal.scene_tables import LEAST_TOLERANCE
+from drumsqueal.scene.tables import LEAST_TOLERANCE
 from drumsqueal.simulation import Prepared, check_sample_rate, finish, prepare, transient
 from drumsqueal.studies.answers import Answer, Change, answer_of, change_of
 from drumsqueal.studies.reductions import Reduction, reduce
+from drumsqueal.transient.integrate import Chunk
 
 TIGHTER = 0.1  # share of the tolerance for the noise
 # A reduced scene that takes this many times the time of the whole one is stopped: without separation or supports a

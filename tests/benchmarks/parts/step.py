@@ -28,9 +28,9 @@ from jax.typing import ArrayLike
 
 from drumsqueal.kernel import compiled, one_kernel
 from drumsqueal.model import Model, build_model
-from drumsqueal.runge_kutta import DEFAULT, STAGES
-from drumsqueal.segment import CHUNK_SAMPLES, Segment, Span, State, advance, first_step
 from drumsqueal.simulation import prepare, transient
+from drumsqueal.transient.runge_kutta import DEFAULT, STAGES
+from drumsqueal.transient.segment import CHUNK_SAMPLES, Segment, Span, State, advance, first_step
 
 from .record import Record
 from .scenes import DURATION, SAMPLE_RATE, growing_scene

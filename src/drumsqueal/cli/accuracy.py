@@ -1,0 +1,44 @@
+"""`drumsqueal accuracy SCENE -o DIR`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from drumsqueal.cli.options import Overwrite, SceneFile, Settings, make_console, output_option, read_share
+from drumsqueal.files.output_folder import ACCURACY_FILES, check_output, claim_output
+from drumsqueal.interrupts import stop_if_interrupted
+from drumsqueal.scene import load_scene
+
+
+def accuracy_command(
+    scene: SceneFile,
+    output: Annotated[Path | None, output_option("SCENE-accuracy")] = None,
+    target: Annotated[
+        str,
+        typer.Option("--target", metavar="SHARE", help='Relative accuracy that is asked for, such as 1e-4 or "1 %".'),
+    ] = "1e-4",
+    settings: Settings = None,
+    overwrite: Overwrite = False,
+) -> None:
+    """How wrong is a scene's transient, and what would ten times better cost?
+
+    Runs methods, tolerances and quadratures against an independent reference. Writes accuracy.csv, three figures and
+    simulate.toml, the cheapest settings that meet the target, into DIR.
+
+    Example: drumsqueal accuracy scenarios/nominal.toml -o out/accuracy --target 1e-5
+    """
+    loaded = load_scene(scene, settings or ())
+    wanted = read_share(target, "--target")
+    folder = output if output is not None else Path("out") / f"{scene.stem}-accuracy"
+    check_output(folder, ACCURACY_FILES, overwrite=overwrite)
+    stop_if_interrupted()
+    from drumsqueal.jobs.accuracy import study_into
+    from drumsqueal.simulation import check_sample_rate, prepare
+    from drumsqueal.studies.accuracy import check_motion
+
+    stop_if_interrupted()
+    check_motion(loaded)
+    check_sample_rate(prepare(loaded))
+    claim_output(folder, ACCURACY_FILES)
+    study_into(folder, loaded, wanted, make_console())

@@ -1,0 +1,40 @@
+"""`drumsqueal run SCENE -o DIR`."""
+
+from pathlib import Path
+from typing import Annotated
+
+from drumsqueal.cli.options import Overwrite, Resume, SceneFile, Settings, UsageError, make_console, output_option
+from drumsqueal.files.output_folder import HISTORY, RESUME, RUN_FILES, check_output, claim_output
+from drumsqueal.interrupts import stop_if_interrupted
+from drumsqueal.scene import load_scene
+
+
+def run_command(
+    scene: SceneFile,
+    output: Annotated[Path | None, output_option("SCENE")] = None,
+    settings: Settings = None,
+    overwrite: Overwrite = False,
+    resume: Resume = False,
+) -> None:
+    """Predict, integrate, compare: writes DIR/history.nc, DIR/summary.json and figures (DIR is out/SCENE by default).
+
+    Example: drumsqueal run scenarios/nominal.toml -o out/nominal --set drum.speed="48 rpm"
+    """
+    if resume and overwrite:
+        raise UsageError("--resume goes on with what is there, --overwrite replaces it; leave one of them out")
+    loaded = load_scene(scene, settings or ())
+    # A file "...toml" is called "..", which would lead out of the folder out.
+    folder = output if output is not None else Path("out") / (scene.stem if scene.stem.strip(".") else "scene")
+    check_output(folder, RUN_FILES, overwrite=overwrite or resume)
+    stop_if_interrupted()
+    from drumsqueal.files.resumption import find_point
+    from drumsqueal.jobs.run import run_into
+    from drumsqueal.simulation import check_sample_rate, prepare
+
+    stop_if_interrupted()
+    since = find_point(folder, loaded) if resume else None
+    prepared = prepare(loaded)
+    check_sample_rate(prepared)
+    stop_if_interrupted()
+    claim_output(folder, RUN_FILES, but=(HISTORY, RESUME) if resume else ())
+    run_into(folder, prepared, make_console(), since)

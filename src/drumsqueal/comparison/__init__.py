@@ -1,0 +1,1 @@
+"""Prediction against transient: growth, frequency, saturation, the verdict in words."""

@@ -1,0 +1,188 @@
+"""The linear prediction against what the transient does: onset frequency, growth, saturated motion."""
+
+from typing import NamedTuple
+
+import numpy as np
+import xarray
+
+from drumsqueal.comparison.departure import FEWEST_FOR_SPECTRUM, Departure, changes, edge_share, first_edge
+from drumsqueal.comparison.saturation import Saturation, describe_saturation
+from drumsqueal.comparison.verdict import state_verdict
+from drumsqueal.files.history import COMPLETE
+from drumsqueal.linear.modes import Mode, Stability
+from drumsqueal.model import Model
+from drumsqueal.signals import Growth, amplitude_spectrum, fit_growth, modal_frequency, peak_near
+
+# The motion counts as linear while it stays below this share of the edges, contact loss at the mean pressure and slip
+# reversal.
+LINEAR_SHARE = 0.1
+# A mode is followed while it makes up at least this share of what its own coordinate has done so far: a weaker one
+# drowns in what the others feed into it at second order of their size.
+CLEAN_SHARE = 3e-2
+UNEXCITED_SHARE = 1e-12  # of the largest displacement: a mode below it is not there
+FEWEST_PERIODS = 5  # of a mode, for its frequency and growth to be measured
+NOT_EXCITED = "not excited by this start"
+DRIVEN = "driven by the harmonic force"
+NEUTRAL_SHARE = 1e-9  # of the frequency: a growth rate below it is none, and has no relative error
+
+
+class ModeComparison(NamedTuple):
+    """One mode: what the eigenvalue says and what the transient did; None where that cannot be told, and why."""
+
+    name: str
+    label: str
+    unstable: bool
+    predicted_frequency_Hz: float
+    predicted_growth_rate: float
+    measured_frequency_Hz: float | None
+    frequency_resolution_Hz: float | None
+    phase_frequency_Hz: float | None
+    measured_growth: Growth | None
+    note: str
+
+    @property
+    def frequency_error(self) -> float | None:
+        """Measured over predicted frequency, less 1."""
+        if self.measured_frequency_Hz is None:
+            return None
+        return self.measured_frequency_Hz / self.predicted_frequency_Hz - 1
+
+    @property
+    def growth_error(self) -> float | None:
+        """Measured over predicted growth rate, less 1; None for a mode that neither grows nor decays."""
+        if (
+            self.measured_growth is None
+            or abs(self.predicted_growth_rate) < NEUTRAL_SHARE * self.predicted_frequency_Hz
+        ):
+            return None
+        return self.measured_growth.rate_1_per_s / self.predicted_growth_rate - 1
+
+
+class Comparison(NamedTuple):
+    """End of the growth phase (s), first edge (s), each mode, the saturated motion and a verdict in one sentence.
+
+    `edge_reached_s` and `saturation` are None where the motion reached no edge; `motion_ratio` is the largest motion
+    (root of the vibration energy) in the last tenth of the record over that in the first tenth, None without a start;
+    `changing` tells that drum speed or load change, so that the prediction is for one time only.
+    """
+
+    growth_end_s: float
+    edge_reached_s: float | None
+    motion_ratio: float | None
+    changing: bool
+    modes: tuple[ModeComparison, ...]
+    saturation: Saturation | None
+    verdict: str
+
+
+def compare(history: xarray.Dataset, stability: Stability, model: Model) -> Comparison:
+    """Compare a history with the eigenvalues of its steady state.
+
+    `stability` may hold more coordinates than moved. The growth phase lasts until the motion comes to 10 % of an edge.
+    """
+    departure = Departure(history, stability)
+    time = departure.time
+    share = edge_share(departure, model)
+    nonlinear = np.flatnonzero(share >= LINEAR_SHARE)
+    growing = slice(0, int(nonlinear[0]) if nonlinear.size else time.size)
+    if model.forced:  # its growth and frequency would be those of the response
+        modes = tuple(_unmeasured(mode)._replace(note=DRIVEN) for mode in stability.modes)
+    else:
+        modes = tuple(_compare_mode(mode, stability, departure, growing) for mode in stability.modes)
+    edge = first_edge(history, stability, model)
+    saturation = None if edge is None else describe_saturation(history, departure, stability, model, edge)
+    ratio = _motion_ratio(departure, stability, model)
+    changing = changes(model, time)
+    outcome = history.attrs["outcome"]
+    return Comparison(
+        growth_end_s=float(time[max(growing.stop - 1, 0)]),
+        edge_reached_s=edge,
+        motion_ratio=ratio,
+        changing=changing,
+        modes=modes,
+        saturation=saturation,
+        verdict=state_verdict(
+            stability,
+            changing=changing,
+            forced=model.forced,
+            excited=tuple(m for m, found in zip(stability.modes, modes, strict=True) if found.note != NOT_EXCITED),
+            motion_ratio=ratio,
+            edge=edge,
+            saturation=saturation,
+            duration=float(time[-1]),
+            rotation=departure.largest_rotation,
+            sticking=_sticking(history),
+            cut_off=None if outcome == COMPLETE else outcome,
+        ),
+    )
+
+
+def _motion_ratio(departure: Departure, stability: Stability, model: Model) -> float | None:
+    """Largest motion in the last tenth of the record over that in the first tenth; None where nothing was started."""
+    if not departure.started:
+        return None
+    elastic = np.einsum("ti,ij,tj->t", departure.displacement, np.asarray(model.stiffness), departure.displacement)
+    size = np.sqrt(departure.velocity**2 @ stability.mass + elastic)
+    tenth = max(1, size.size // 10)
+    first = size[:tenth].max()
+    return float(size[-tenth:].max() / first) if first > 0 else 1.0  # a free coordinate displaced: no energy in it
+
+
+def _sticking(history: xarray.Dataset) -> str:
+    """When the whole lining sticks, in words; nothing where it never does."""
+    sticks = history["sticking"].values > 0
+    if not sticks.any():
+        return ""
+    if sticks[-1]:
+        first = sticks.size - int(np.argmin(sticks[::-1])) if not sticks.all() else 0
+        return f"the lining sticks to the drum as a whole from {float(history['time'][first]):.4g} s on"
+    return f"the lining sticks to the drum as a whole for {sticks.mean():.2g} of the time"
+
+
+def _unmeasured(mode: Mode) -> ModeComparison:
+    return ModeComparison(
+        mode.name, mode.label, mode.unstable, mode.frequency_Hz, mode.growth_rate, None, None, None, None, ""
+    )
+
+
+def _compare_mode(mode: Mode, stability: Stability, departure: Departure, growing: slice) -> ModeComparison:
+    result = _unmeasured(mode)
+    time, displacement = departure.time[growing], departure.displacement[growing]
+    if not departure.started:
+        return result._replace(note="nothing was started")
+    if time.size < FEWEST_FOR_SPECTRUM:
+        whole = departure.time.size == time.size
+        return result._replace(note="the record is too short" if whole else "nonlinear from the start, or nearly so")
+    signal = departure.modal(mode)[growing]
+    size = np.abs(signal)
+    main = stability.coordinates.index(mode.name)
+    if not displacement[:, main].any() or size.max() <= UNEXCITED_SHARE * np.abs(displacement).max():
+        return result._replace(note=NOT_EXCITED)
+    clean = (size > 0) & (size >= CLEAN_SHARE * np.maximum.accumulate(np.abs(displacement[:, main])))
+    last = time.size if clean.all() else int(np.argmin(clean))
+    if last < FEWEST_FOR_SPECTRUM or (time[last - 1] - time[0]) * mode.frequency_Hz < FEWEST_PERIODS:
+        return result._replace(note=_too_few(last, time.size, departure.time.size))
+    spectrum = amplitude_spectrum(displacement[:last, main], departure.sample_rate)
+    peak = peak_near(spectrum, mode.frequency_Hz, half_width=_reach(mode, stability))
+    return result._replace(
+        measured_frequency_Hz=None if peak is None else peak.frequency_Hz,
+        frequency_resolution_Hz=spectrum.resolution_Hz,
+        phase_frequency_Hz=modal_frequency(time[:last], signal[:last]),
+        measured_growth=fit_growth(time[:last], size[:last]),
+        note="" if peak is not None else "no line of its own in the spectrum",
+    )
+
+
+def _too_few(clean: int, growing: int, recorded: int) -> str:
+    """Why a mode has too few periods: samples in which it is clean, of the growth phase, of the record."""
+    if clean < growing:
+        return f"hidden by the other modes after fewer than {FEWEST_PERIODS} periods"
+    if growing < recorded:
+        return f"nonlinear after fewer than {FEWEST_PERIODS} periods"
+    return f"the record holds fewer than {FEWEST_PERIODS} periods"
+
+
+def _reach(mode: Mode, stability: Stability) -> float:
+    """Half the distance to the next mode's frequency (Hz), at most a quarter of the mode's own."""
+    apart = [abs(other.frequency_Hz - mode.frequency_Hz) / 2 for other in stability.modes if other is not mode]
+    return min([mode.frequency_Hz / 4, *(distance for distance in apart if distance > 0)])

@@ -1,0 +1,116 @@
+"""The departure from steady sliding, and how far it has come towards the edges."""
+
+import jax
+import numpy as np
+import xarray
+from numpy.typing import NDArray
+
+from drumsqueal.bodies.rigid_shoe import TX, TY, TZ, X, Y
+from drumsqueal.effects.pressure import Unilateral
+from drumsqueal.linear.modes import Mode, Stability
+from drumsqueal.model import Model
+from drumsqueal.scene import COORDINATES
+from drumsqueal.signals import Spectrum, amplitude_spectrum, modal_amplitudes
+
+ROTATIONS = ("Tx", "Ty", "Tz")
+FEWEST_FOR_SPECTRUM = 16  # samples
+LIFTED_SHARE = 0.1  # of the lining
+FRACTION_ROUND_OFF = 1e-12  # of a share of the lining, which is a sum over some hundred nodes
+
+
+class Departure:
+    """A history seen from steady sliding: displacement and velocity (time, n) over the stability's coordinates."""
+
+    def __init__(self, history: xarray.Dataset, stability: Stability) -> None:
+        """Subtract the steady state."""
+        index = [COORDINATES.index(name) for name in stability.coordinates]
+        self.coordinates = stability.coordinates
+        self.time: NDArray[np.float64] = history["time"].values
+        self.displacement: NDArray[np.float64] = history["displacement"].values[:, index] - stability.steady_state
+        self.velocity: NDArray[np.float64] = history["velocity"].values[:, index]
+
+    @property
+    def sample_rate(self) -> float:
+        """Samples per second (Hz)."""
+        return (self.time.size - 1) / float(self.time[-1] - self.time[0])
+
+    @property
+    def largest_rotation(self) -> float:
+        """Largest rotation of the record (rad)."""
+        columns = [k for k, name in enumerate(self.coordinates) if name in ROTATIONS]
+        return float(np.abs(self.displacement[:, columns]).max(initial=0.0))
+
+    @property
+    def started(self) -> bool:
+        """Whether the record begins away from steady sliding."""
+        return bool(np.any(self.displacement[0] != 0) or np.any(self.velocity[0] != 0))
+
+    def modal(self, mode: Mode) -> NDArray[np.complex128]:
+        """Complex amplitude 2 leftᴴ y of a mode (time,); its modulus is that of the named coordinate, in m or rad."""
+        states = np.hstack([self.displacement, self.velocity])
+        return 2 * modal_amplitudes(mode.left[:, None], states)[:, 0]
+
+    def wide(self) -> tuple[list[NDArray[np.float64]], list[NDArray[np.float64]]]:
+        """Displacement and velocity of all six coordinates, zero where left out: six arrays (time,) each."""
+        zero = np.zeros(self.time.size)
+        found = {name: k for k, name in enumerate(self.coordinates)}
+        displacement = [self.displacement[:, found[n]] if n in found else zero for n in COORDINATES]
+        return displacement, [self.velocity[:, found[n]] if n in found else zero for n in COORDINATES]
+
+    def spectra(self, part: slice) -> dict[str, Spectrum]:
+        """Displacement spectra of the coordinates that move in a part of the record (none if it is too short)."""
+        displacement = self.displacement[part]
+        if len(displacement) < FEWEST_FOR_SPECTRUM:
+            return {}
+        moving = [k for k in range(len(self.coordinates)) if np.ptp(displacement[:, k]) > 0]
+        return {self.coordinates[k]: amplitude_spectrum(displacement[:, k], self.sample_rate) for k in moving}
+
+
+def changes(model: Model, time: NDArray[np.float64]) -> bool:
+    """Whether drum speed or load change within these times (s)."""
+    moments = jax.vmap(model.operation.at)(time)
+    return any(np.ptp(np.asarray(value)) > 0 for value in (moments.drum_speed, moments.preload))
+
+
+def edge_share(departure: Departure, model: Model) -> NDArray[np.float64]:
+    """How far the motion has come towards contact loss or slip reversal (time,).
+
+    The larger of k_c max|u_r − u_r*| over the mean pressure p0 and max|u̇_θ| over R|Ω|; both maxima are bounds over the
+    whole circle, so where the steady pressure is uniform neither has happened below 1. Without separation, or without
+    friction, there is no such edge.
+    """
+    shoe, c = model.shoe, float(model.shoe.centroid)
+    half_width, radius = float(shoe.width) / 2, float(shoe.outer_radius)
+    q, v = departure.wide()
+    share = np.zeros(departure.time.size)
+    moments = jax.vmap(model.operation.at)(departure.time)
+    if isinstance(model.lining.law, Unilateral):
+        radial = np.hypot(q[X], q[Y] - c * q[TZ]) + half_width * np.hypot(q[TX], q[TY])
+        share = _over(float(model.lining.law.stiffness) * radial, np.asarray(moments.preload))
+    if model.contact.friction is not None:
+        tangential = np.abs(radius * v[TZ]) + np.hypot(v[X], v[Y] - c * v[TZ]) + half_width * np.hypot(v[TX], v[TY])
+        share = np.maximum(share, _over(tangential, radius * np.abs(np.asarray(moments.drum_speed))))
+    return share
+
+
+def first_edge(history: xarray.Dataset, stability: Stability, model: Model) -> float | None:
+    """Time (s) of the first sample at which part of the lining has left the drum or slips backwards; None if never.
+
+    Read off what was recorded. Where part of the lining is off the drum in steady sliding already, so that its edge
+    moves with every motion, another tenth of the lining must leave or touch it.
+    """
+    touching = history["contact_fraction"].values
+    reached = np.zeros(touching.size, dtype=bool)
+    if isinstance(model.lining.law, Unilateral):
+        steady = stability.contact_fraction
+        most = FRACTION_ROUND_OFF if steady > 1 - FRACTION_ROUND_OFF else LIFTED_SHARE
+        reached |= np.abs(touching - steady) > most
+    if model.contact.friction is not None:
+        reached |= history["slip_reversed_fraction"].values > FRACTION_ROUND_OFF
+    return float(history["time"].values[np.argmax(reached)]) if reached.any() else None
+
+
+def _over(size: NDArray[np.float64], limit: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Size over limit; any motion at all is infinitely far beyond a limit of zero."""
+    beyond = np.where(size > 0, np.inf, 0.0)
+    return np.divide(size, limit, out=beyond, where=limit > 0)

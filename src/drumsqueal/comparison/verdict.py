@@ -1,0 +1,98 @@
+"""What a run says in one sentence: the prediction, and what the transient did with it."""
+
+import math
+
+from drumsqueal.comparison.saturation import Saturation
+from drumsqueal.linear.modes import Mode, Stability
+
+GROWN = 1.1  # times the start: what the motion must reach by the end to have grown
+CLEAR_GROWTH = 10  # times: a predicted growth that shows even of a mode that starts as a tenth of the motion
+SMALL_ROTATION = 0.1  # rad; the cosine that the model takes for 1 is off by half a per cent there
+_SETTLED = {
+    "steady": "settles to steady sliding",
+    "periodic": "settles to a periodic motion",
+    "neither": "settles to no periodic motion",
+    "unknown": "has not settled by the end of the record",
+}
+
+
+def state_verdict(
+    stability: Stability,
+    *,
+    changing: bool,
+    forced: bool,
+    excited: tuple[Mode, ...],
+    motion_ratio: float | None,
+    edge: float | None,
+    saturation: Saturation | None,
+    duration: float,
+    rotation: float,
+    sticking: str,
+    cut_off: str | None,
+) -> str:
+    """Return prediction and outcome in one sentence.
+
+    `changing` tells that drum speed or load change, `forced` that a harmonic force acts, `excited` are the modes that
+    the start holds, `motion_ratio` is the motion at the end over that at the start (None without a start), `edge` the
+    time of the first edge (s), `duration` that of the record (s), `rotation` the largest rotation of the shoe (rad),
+    `sticking` says when the lining sticks, and `cut_off` says why it ends early.
+    """
+    time = f" at t = {stability.time:g} s" if changing else ""
+    predicted = f"The linear model predicts {_prediction(stability)}{time}"
+    if edge is None and forced:
+        done = f"under the harmonic force the transient reaches no edge in {duration:g} s"
+    elif edge is None:
+        done = _below_the_edges(stability, excited, motion_ratio, duration)
+    elif saturation is None:
+        done = f"the motion reaches an edge at {edge:.4g} s, too late to tell what it settles to"
+    else:
+        done = f"the transient reaches an edge at {edge:.4g} s and {_settled(saturation, stability)}"
+    done += f", {sticking}" if sticking else ""
+    if rotation > SMALL_ROTATION:
+        done += f"; the shoe turns by {rotation:.2g} rad, where small rotations, and so the model, no longer hold"
+    if cut_off:
+        done += f" (the run {'was ' if cut_off.startswith('interrupted') else ''}{cut_off})"
+    return f"{predicted}; {done}."
+
+
+def _prediction(stability: Stability) -> str:
+    names = ", ".join(mode.label for mode in stability.unstable)
+    drift = "" if stability.divergence is None else f"divergence without oscillation at {stability.divergence:+.4g} 1/s"
+    if names:
+        return f"squeal in {names}" + (f" and {drift}" if drift else "")
+    return f"no squeal but {drift}" if drift else "no squeal"
+
+
+def _below_the_edges(
+    stability: Stability, excited: tuple[Mode, ...], motion_ratio: float | None, duration: float
+) -> str:
+    if motion_ratio is None:
+        return "nothing was started, and the transient reaches no edge"
+    if motion_ratio > GROWN:
+        return (
+            f"the motion grows {motion_ratio:.3g} times but reaches no edge in {duration:g} s, too short to tell more"
+        )
+    growing = [mode.growth_rate for mode in excited if mode.unstable]
+    if not stability.unstable and stability.divergence is None:
+        return f"the transient agrees: nothing grows within {duration:g} s"
+    if stability.unstable and not growing:
+        return f"the start excites none of the unstable modes, and the transient does not grow within {duration:g} s"
+    rate = max([*growing, stability.divergence or 0.0])
+    if rate * duration < math.log(CLEAR_GROWTH):
+        reach = math.exp(rate * duration)
+        return f"{duration:g} s are too short to tell: the fastest growth would reach {reach:.3g} times"
+    return f"the transient does not grow within {duration:g} s"
+
+
+def _settled(saturation: Saturation, stability: Stability) -> str:
+    what = _SETTLED[saturation.regime.kind]
+    if saturation.main is None or saturation.frequency_shift is None:
+        return what
+    shift = saturation.frequency_shift
+    side = "at" if abs(shift) < 5e-4 else f"{abs(shift):.1%} {'below' if shift < 0 else 'above'}"
+    of = "the onset frequency of" if stability.unstable else "the frequency of mode"
+    return (
+        f"{what}, with most kinetic energy at {saturation.main.frequency_Hz:.0f} Hz, {side} {of} "
+        f"{saturation.nearest_mode}, with {saturation.contact_fraction:.0%} of the lining in contact and the slip "
+        f"reversed on {saturation.slip_reversed_fraction:.1%} of it on average"
+    )

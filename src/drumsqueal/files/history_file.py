@@ -1,0 +1,208 @@
+"""A history on disk that is filled in place: from its first chunk on it has its full size, and is readable always.
+
+Where nothing has been computed yet it is NaN, and the outcome says so. A disk that is too small is found at the start.
+What follows changes neither the size of the file nor where anything lies in it, and of its structure only the outcome,
+two counts and their checksum, a thousand bytes that HDF5 writes in one piece: a program may be killed at any moment.
+"""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, nullcontext, suppress
+from pathlib import Path
+from typing import NamedTuple
+
+import h5netcdf
+import h5py
+import numpy as np
+import xarray
+
+from drumsqueal.files.history import columns, empty_dataset
+from drumsqueal.files.output_folder import part_of
+from drumsqueal.interrupts import stop_if_interrupted
+from drumsqueal.scene import Scene
+from drumsqueal.transient.integrate import Chunk
+
+RUNNING = "incomplete: the run was cut off without a word"
+_LONGEST = 512  # bytes of the outcome in the file: of fixed length, so that it can be changed in place
+# Shape and type in the file of the attributes that change.
+_TOLD = {"steps": ((1,), np.dtype("i8")), "rejected_steps": ((1,), np.dtype("i8")), "outcome": ((), f"S{_LONGEST}")}
+_STRUCTURE = 64 * 2**10  # bytes; more than twice what HDF5 has been seen to take beside data and attributes
+_BLOCK = 2**16  # samples at a time, where many are written: half a MB a signal
+
+
+class Reached(NamedTuple):
+    """How far a run has come: the samples in its history, and the steps that they took."""
+
+    samples: int = 0
+    steps: int = 0
+    rejected_steps: int = 0
+
+
+_NOWHERE = Reached()
+
+
+class HistoryFile:
+    """The history of one run; closed, whole and readable between two chunks, and wherever the program ends."""
+
+    def __init__(self, path: Path, scene: Scene, kept: Sequence[str], reached: Reached = _NOWHERE) -> None:
+        """Name the file; it is created with the first chunk unless a run that got there has left one."""
+        self.path, self.reached = path, reached
+        self._scene, self._kept = scene, kept
+        self._rows = round(scene.simulate.duration * scene.simulate.sample_rate) + 1
+        self._places: dict[str, int] = {}
+
+    @property
+    def exists(self) -> bool:
+        """Whether there are samples in the file, and so a file."""
+        return self.reached.samples > 0
+
+    def take_up(self) -> None:
+        """Make ready the file that an earlier run has left. Raises OSError, and keeps the file as it was."""
+        with opened(self.path, "r") as file:
+            self._places = _find_places(file)
+            whole = len(variable(file, "time")) == self._rows
+        if not whole:  # of a run that was stopped in good order
+            self._rewrite(self._rows, self._so_far(self.reached))
+
+    def append(self, chunk: Chunk) -> None:
+        """Write the samples of one chunk. Raises OSError, and keeps what was there, when the disk fails."""
+        before = self.reached
+        after = Reached(
+            before.samples + len(chunk.time), before.steps + chunk.steps, before.rejected_steps + chunk.rejected_steps
+        )
+        with nullcontext((self.path, self._places)) if self.exists else self._anew(self._rows) as (path, places):
+            _write(path, places, before.samples, columns(chunk, self._kept))
+            _tell(path, after, self._so_far(after))
+        self.reached = after
+
+    def end(self, outcome: str) -> None:
+        """Write how the run ended, and cut off what it has not computed; nothing where there is no file."""
+        if not self.exists:
+            return
+        if self.reached.samples < self._rows:
+            with suppress(OSError):  # without the room for a shorter copy it stays as long as it is
+                self._rewrite(self.reached.samples, outcome)
+                return
+        _tell(self.path, self.reached, outcome)
+
+    def read(self) -> xarray.Dataset:
+        """The samples computed, in memory."""
+        return xarray.load_dataset(self.path, engine="h5netcdf").isel(time=slice(self.reached.samples))
+
+    def _so_far(self, reached: Reached) -> str:
+        """The outcome of a run that is killed before it has any."""
+        last = (reached.samples - 1) / self._scene.simulate.sample_rate
+        samples = f"{reached.samples} of {self._rows} samples were computed, the others are NaN"
+        return f"{RUNNING} after t = {last:.6g} s; {samples}"
+
+    def _rewrite(self, rows: int, outcome: str) -> None:
+        """Put a file of so many rows, with the samples computed, in the place of this one."""
+        with self._anew(rows) as (part, places), opened(self.path, "r") as source:
+            for first, stop in _blocks(self.reached.samples):
+                _write(part, places, first, {name: variable(source, name)[first:stop] for name in places})
+            _tell(part, self.reached, outcome)
+
+    @contextmanager
+    def _anew(self, rows: int) -> Iterator[tuple[Path, dict[str, int]]]:
+        """A file of so many rows, all NaN, that is put in the place of this one after the block, or is no more."""
+        part = part_of(self.path)
+        try:
+            places = _lay_out(part, rows, self._scene)
+            yield part, places
+            part.replace(self.path)
+        except BaseException:
+            part.unlink(missing_ok=True)
+            raise
+        self._places = places
+
+
+def _lay_out(path: Path, rows: int, scene: Scene) -> dict[str, int]:
+    """Create a history of NaN that takes all its room on the disk; where in it the variables begin.
+
+    Raises OSError, with the size that the file would have.
+    """
+    template = empty_dataset(scene)
+    shapes = {str(name): values.shape[1:] for name, values in template.variables.items() if "time" in values.dims}
+    structure = _STRUCTURE + sum(len(str(text)) for text in template.attrs.values())
+    size = structure + sum(8 * rows * math.prod(shape) for shape in shapes.values())
+    try:
+        path.unlink(missing_ok=True)  # a link would be followed
+        # HDF5 itself does not survive a disk that is full: there is room for what it writes before it writes.
+        with path.open("wb") as file:
+            file.write(bytes(structure))
+            file.truncate(size)
+        places = _create(path, rows, template)
+        for first, stop in _blocks(rows):
+            values = {name: np.full((stop - first, *shape), np.nan) for name, shape in shapes.items()}
+            _write(path, places, first, values | {"time": np.arange(first, stop) / scene.simulate.sample_rate})
+            if stop < rows:  # gigabytes
+                stop_if_interrupted()
+    except OSError as error:
+        told = f"{error.strerror or error}; the whole history takes {size / 1e6:.3g} MB"
+        raise OSError(error.errno or 0, told) from None
+    return places
+
+
+def _create(path: Path, rows: int, template: xarray.Dataset) -> dict[str, int]:
+    """Create the structure of a file like the template; each variable has its place, but nothing in it."""
+    placed = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    placed.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
+    placed.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
+    with h5netcdf.File(path, "w") as file:
+        file.dimensions = dict(template.sizes) | {"time": rows}
+        for name, values in template.variables.items():
+            if "time" in values.dims:
+                made = file.create_variable(name, values.dims, values.dtype, fillvalue=np.nan, dcpl=placed)
+            else:  # the names of the coordinates
+                made = file.create_variable(name, values.dims, h5py.string_dtype(), data=values.values.astype("O"))
+            made.attrs.update(values.attrs)
+        file.attrs.update({name: value for name, value in template.attrs.items() if name not in _TOLD})
+    with opened(path) as file:
+        # What will be changed lies together at the end, beyond the texts.
+        for name, (shape, kind) in _TOLD.items():
+            file.attrs.create(name, np.zeros(shape, kind), dtype=kind)
+        return _find_places(file)
+
+
+def _find_places(file: h5py.File) -> dict[str, int]:
+    """Where in the file (bytes) each variable begins."""
+    return {str(name): variable(file, str(name)).id.get_offset() for name in file if name != "coordinate"}
+
+
+def _write(path: Path, places: Mapping[str, int], first: int, values: Mapping[str, np.ndarray]) -> None:
+    """Write samples from the row `first` on: past HDF5, in a fiftieth of the time, and errors of the disk are told."""
+    with path.open("r+b") as file:
+        for name, column in values.items():
+            file.seek(places[name] + first * column[:1].nbytes)
+            file.write(column.tobytes())
+
+
+def _tell(path: Path, reached: Reached, outcome: str) -> None:
+    """Write how far the run has come, and how it ended should that be all."""
+    with opened(path) as file:
+        file.attrs.modify("steps", np.int64(reached.steps))
+        file.attrs.modify("rejected_steps", np.int64(reached.rejected_steps))
+        file.attrs.modify("outcome", outcome.encode()[:_LONGEST].decode(errors="ignore").encode())
+
+
+def _blocks(rows: int) -> Iterator[tuple[int, int]]:
+    """The first row, and the one after the last, of blocks that are small in memory."""
+    return ((first, min(first + _BLOCK, rows)) for first in range(0, rows, _BLOCK))
+
+
+@contextmanager
+def opened(path: Path, mode: str = "r+") -> Iterator[h5py.File]:
+    """The file as HDF5 sees it; raises OSError."""
+    try:
+        # Without a lock, so that a look at the file from elsewhere does not stop the run.
+        with h5py.File(path, mode, locking=False) as file:
+            yield file
+    except RuntimeError as error:  # what h5py raises when a disk fails while a file is closed
+        raise OSError(str(error)) from None
+
+
+def variable(file: h5py.File, name: str) -> h5py.Dataset:
+    """One of its variables."""
+    found = file[name]
+    assert isinstance(found, h5py.Dataset)  # for the type checker
+    return found

@@ -1,0 +1,206 @@
+"""What it takes to go on with a run that was cut off: a small file beside its history, and the checks before that.
+
+Both files may have come from a stranger: they are read as data, and what does not fit is refused in one line.
+"""
+
+import hashlib
+import json
+import operator
+import time
+import tomllib
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import h5py
+import numpy as np
+import xarray
+
+from drumsqueal.composition import kept_coordinates
+from drumsqueal.errors import RequestError
+from drumsqueal.files.history import COMPLETE, MOTION, SIGNALS, empty_dataset, versions
+from drumsqueal.files.history_file import Reached, opened, variable
+from drumsqueal.files.output_folder import HISTORY, RESUME, write_whole
+from drumsqueal.precision import real
+from drumsqueal.scene import Scene, scene_from_dict
+from drumsqueal.scene.quantities import show
+from drumsqueal.transient.choice import MOST_PATIENCE, Method
+from drumsqueal.transient.integrate import Checkpoint
+from drumsqueal.transient.runge_kutta import AUTO, DEFAULT, IMPLICIT
+from drumsqueal.transient.segment import CHUNK_SAMPLES, State
+
+FORMAT = 1
+EVERY = 0.2  # s of computing that may have to be repeated; to write the file takes some 3 ms
+_MOST_BYTES = 2**16  # of the file; ten times what it has with six coordinates
+_ANEW = "add --overwrite instead of --resume to run it anew"
+
+
+class Point(NamedTuple):
+    """How far a run had come, and all that goes on from there."""
+
+    reached: Reached
+    checkpoint: Checkpoint
+
+
+class ResumeFile:
+    """The point from which a run can go on, on disk; it may be behind the history, never ahead of it."""
+
+    def __init__(self, path: Path, scene: Scene) -> None:
+        """Name the file; it is created with the first point."""
+        self._path, self._scene = path, _digest(scene)
+        self._unwritten: Point | None = None
+        self._written_at = -np.inf
+
+    @property
+    def exists(self) -> bool:
+        """Whether there is a point to go on from."""
+        return self._path.exists()
+
+    def note(self, point: Point) -> None:
+        """Note a point that is in the history already; the first one is written at once, later ones now and then."""
+        self._unwritten = point
+        if time.monotonic() - self._written_at >= EVERY:
+            self.write()
+
+    def write(self) -> None:
+        """Write the last point; on a disk that is full the one before is kept."""
+        if self._unwritten is None:
+            return
+        with suppress(OSError):
+            write_whole(self._path, json.dumps(_to_plain(self._unwritten, self._scene), allow_nan=False).encode())
+            self._unwritten = None
+        self._written_at = time.monotonic()
+
+    def remove(self) -> None:
+        """There is nothing to go on with. Raises OSError."""
+        self._unwritten = None
+        self._path.unlink(missing_ok=True)
+
+
+def find_point(folder: Path, scene: Scene) -> Point:
+    """The point from which the run in a folder can go on. Raises RequestError where there is none for this scene."""
+    history, file = folder / HISTORY, folder / RESUME
+    for path in (history, file):
+        if path.is_symlink() or (path.exists() and not path.is_file()):
+            raise RequestError(f"{path} is no ordinary file; put the file itself there to resume the run")
+    if not history.exists():
+        raise RequestError(f"{folder}: there is no run to resume; leave --resume out")
+    try:
+        rows, attributes = _read_history(history, empty_dataset(scene))
+        there = scene_from_dict(tomllib.loads(attributes["scene"]))
+    except Exception:  # h5py raises nearly all there is on a file that is damaged
+        raise RequestError(f"{history} is cut short or damaged, so the run cannot be resumed; {_ANEW}") from None
+    if not file.exists():
+        raise RequestError(f"{folder}: {_why_not(attributes['outcome'])}")
+    if there != scene:
+        raise RequestError(f"{folder}: {_difference(there, scene)}; resume with the scene as it was run, or {_ANEW}")
+    if attributes["versions"] != json.dumps(versions()):
+        raise RequestError(f"{folder}: {_changed_versions(attributes['versions'])}; go back to those, or {_ANEW}")
+    try:
+        point = _from_plain(_read_plain(file), scene)
+        if not point.reached.samples <= rows or not _is_computed(history, point.reached.samples - 1):
+            raise ValueError("ahead of the history")
+    except (OSError, ValueError, KeyError, TypeError, OverflowError, RecursionError):
+        told = f"{file} is damaged, of another run or of another version of drumsqueal"
+        raise RequestError(f"{told}, so the run cannot be resumed; {_ANEW}") from None
+    return point
+
+
+def _read_history(path: Path, template: xarray.Dataset) -> tuple[int, dict[str, str]]:
+    """Number of rows and the texts of a history, after a look at whether all of it is there, and in this very file."""
+    with opened(path, "r") as file:
+        rows = len(variable(file, "time"))
+        for name, values in template.variables.items():
+            found = variable(file, str(name))
+            shape = tuple(rows if dimension == "time" else template.sizes[dimension] for dimension in values.dims)
+            # What is a link, or stored elsewhere, could lead what is written out of the folder.
+            own = isinstance(file.get(str(name), getlink=True), h5py.HardLink) and found.id.get_offset() is not None
+            if not own or found.shape != shape:
+                raise ValueError(name)
+        texts = {name: file.attrs[name] for name in ("scene", "versions", "outcome")}
+    return rows, {name: text.decode() if isinstance(text, bytes) else str(text) for name, text in texts.items()}
+
+
+def _is_computed(path: Path, row: int) -> bool:
+    with opened(path, "r") as file:
+        return all(np.isfinite(variable(file, name)[row]).all() for name in (*MOTION, *SIGNALS))
+
+
+def _why_not(outcome: str) -> str:
+    if outcome == COMPLETE:
+        return "the run is complete, there is nothing to resume"
+    if outcome.startswith("failed"):
+        return f"the run {outcome}, and would fail there again; change the scene, or {_ANEW}"
+    return f"there is no {RESUME}, without which the run cannot be resumed; {_ANEW}"
+
+
+def _difference(there: Scene, here: Scene) -> str:
+    """The first value in which two scenes differ, and how many others do."""
+    old, new = (_leaves(scene.model_dump(mode="json", exclude_none=True)) for scene in (there, here))
+    keys = [key for key in old | new if old.get(key) != new.get(key)]
+    of_run, given = (show(values[keys[0]]) if keys[0] in values else "left out" for values in (old, new))
+    more = f" (and {len(keys) - 1} more differ)" if len(keys) > 1 else ""
+    return f"{keys[0]} was {of_run} in the run and is {given} here{more}"
+
+
+def _leaves(tables: dict[str, Any], path: str = "") -> dict[str, Any]:
+    leaves = {}
+    for name, value in tables.items():
+        leaves |= _leaves(value, f"{path}{name}.") if isinstance(value, dict) else {f"{path}{name}": value}
+    return leaves
+
+
+def _changed_versions(text: str) -> str:
+    here = versions()
+    there = dict.fromkeys(here) | json.loads(text)
+    changed = [name for name, version in there.items() if version != here.get(name)]
+    told = ", ".join(f"{name} {there[name]}, here {here.get(name)}" for name in changed)
+    return f"the run was made with other versions ({told})"
+
+
+def _digest(scene: Scene) -> str:
+    return hashlib.sha256(scene.to_toml().encode()).hexdigest()
+
+
+def _to_plain(point: Point, scene: str) -> dict[str, Any]:
+    """What JSON can hold; it writes each number with all its digits."""
+    checkpoint = point.checkpoint
+    return point.reached._asdict() | {
+        "format": FORMAT,
+        "scene": scene,
+        **{name: np.asarray(value).tolist() for name, value in checkpoint.state._asdict().items()},
+        "step": float(checkpoint.step),
+        "first_energy": checkpoint.first_energy,
+        "sticks": checkpoint.sticks,
+        "method": checkpoint.method,
+    }
+
+
+def _read_plain(path: Path) -> dict[str, Any]:
+    with path.open("rb") as file:
+        return json.loads(file.read(_MOST_BYTES))
+
+
+def _from_plain(data: dict[str, Any], scene: Scene) -> Point:
+    """Raises ValueError, KeyError, TypeError or OverflowError for what `_to_plain` has not written for this scene."""
+    reached = Reached(**{name: operator.index(data[name]) for name in Reached._fields})
+    departure, velocity = (real(np.array(data[name], dtype=float)) for name in ("departure", "velocity"))
+    work, step, first_energy = (float(data[name]) for name in ("work", "step", "first_energy"))
+    numbers = [*departure.tolist(), *velocity.tolist(), work, step, first_energy]
+    intervals, whole = reached.samples - 1, round(scene.simulate.duration * scene.simulate.sample_rate)
+    if not (
+        (data["format"], data["scene"]) == (FORMAT, _digest(scene))
+        and len(departure) == len(velocity) == len(kept_coordinates(scene))
+        and np.isfinite(numbers).all()
+        and step > 0
+        and (intervals == whole or (0 < intervals < whole and intervals % CHUNK_SAMPLES == 0))
+    ):
+        raise ValueError("this is no point of the run")
+    name, patience, waited = data["method"]
+    solver, sticks = scene.simulate.solver, data["sticks"]
+    fits = name in ((DEFAULT, IMPLICIT) if solver == AUTO else (solver,)) and 0 <= waited <= patience <= MOST_PATIENCE
+    if not fits or not isinstance(sticks, bool) or (sticks and scene.friction is None):
+        raise ValueError("this is no point of the run")
+    method = Method(name, operator.index(patience), operator.index(waited))
+    state = State(departure, velocity, real(work))
+    return Point(reached, Checkpoint(intervals, state, real(step), first_energy, sticks, method))

@@ -1,0 +1,57 @@
+"""A study of effects into one folder: the table grows on disk run by run, then the figure and the reduced scene."""
+
+from pathlib import Path
+
+from rich.console import Console
+
+from drumsqueal.figures import save_figures
+from drumsqueal.figures.effects import draw_effects
+from drumsqueal.files.output_folder import EFFECTS, EFFECTS_TABLE, REDUCED_SCENE, write_whole
+from drumsqueal.interrupts import stop_if_interrupted
+from drumsqueal.jobs.effects_table import print_study, to_csv
+from drumsqueal.jobs.progress import progress_bar
+from drumsqueal.jobs.study import told_what_is_kept
+from drumsqueal.scene import Scene
+from drumsqueal.scene.quantities import printable
+from drumsqueal.studies.effects import EffectStudy, reservations, study_effects, verdict
+from drumsqueal.studies.reductions import reductions_of
+from drumsqueal.studies.variants import Variant
+
+
+def study_into(folder: Path, scene: Scene, within: float, console: Console) -> None:
+    """Study the effects of a scene, write table, figure and reduced scene into the folder and print the comparison.
+
+    Raises IntegrationError for a study that failed or was interrupted; the runs made until then are in the table.
+    """
+    ran: list[Variant] = []
+    with told_what_is_kept(folder / EFFECTS_TABLE):
+        study = _study(folder, scene, within, console, ran)
+        write_whole(folder / EFFECTS_TABLE, to_csv(study.variants, study).encode())
+        write_whole(folder / REDUCED_SCENE, reduced_scene(study).encode())
+        stop_if_interrupted()
+        save_figures({EFFECTS: draw_effects(study)}, folder)
+        stop_if_interrupted()
+    print_study(console, study)
+    console.print(printable(f"Table, figure and the reduced scene are in {folder}"), soft_wrap=True)
+
+
+def reduced_scene(study: EffectStudy) -> str:
+    """The scene with what it needs, as a file that says what was left out."""
+    remarks = "".join(f"# {printable(remark)}\n" for remark in (verdict(study), *reservations(study)))
+    return f"{remarks}{study.reduced.to_toml()}"
+
+
+def _study(folder: Path, scene: Scene, within: float, console: Console, ran: list[Variant]) -> EffectStudy:
+    with progress_bar(console) as progress:
+        task = progress.add_task("compiling", total=scene.simulate.duration, reached="")
+        runs = 2 + len(reductions_of(scene))  # and then some of them together
+
+        def keep(variant: Variant) -> None:
+            ran.append(variant)
+            write_whole(folder / EFFECTS_TABLE, to_csv(ran).encode())
+
+        def show(label: str, reached: float) -> None:
+            counted = f"{len(ran) + 1} of {runs}: " if len(ran) < runs else ""
+            progress.update(task, description=f"{counted}{label}", completed=reached, reached=f"{reached:.4f} s")
+
+        return study_effects(scene, within, on_variant=keep, on_progress=show)

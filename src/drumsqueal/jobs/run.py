@@ -1,0 +1,92 @@
+"""One run into one folder: the history grows on disk while the bar moves, then summary and figures."""
+
+import importlib
+import threading
+from pathlib import Path
+
+from rich.console import Console
+
+from drumsqueal.errors import IntegrationError
+from drumsqueal.files.history import COMPLETE
+from drumsqueal.files.history_file import HistoryFile, Reached
+from drumsqueal.files.output_folder import HISTORY, RESUME
+from drumsqueal.files.resumption import Point, ResumeFile
+from drumsqueal.interrupts import stop_if_interrupted
+from drumsqueal.jobs.progress import progress_bar
+from drumsqueal.simulation import Prepared, collect, compared
+from drumsqueal.transient.integrate import Chunk
+
+
+def run_into(folder: Path, prepared: Prepared, console: Console, since: Point | None = None) -> None:
+    """Run a prepared scene, write history, summary and figures into the folder and print the comparison.
+
+    `since` a point that an earlier run in this folder has reached, it goes on from there. Raises IntegrationError for a
+    run that failed, was interrupted or did not fit on the disk, after writing what was computed; the message says why
+    and what is where.
+    """
+    reached = Reached() if since is None else since.reached
+    history = HistoryFile(folder / HISTORY, prepared.scene, prepared.model.names, reached)
+    resume, outcome = ResumeFile(folder / RESUME, prepared.scene), ""
+    try:
+        outcome = _integrate(history, resume, prepared, console, since)
+        from drumsqueal.jobs.run_results import print_results, write_prediction, write_results
+
+        stop_if_interrupted()
+        if not history.exists:
+            write_prediction(folder, prepared, outcome)
+            raise IntegrationError(f"{outcome}; what was computed is in {folder}")
+        result = compared(prepared, history.read())
+        stop_if_interrupted()
+        write_results(folder, prepared, result)
+        if outcome == COMPLETE:
+            resume.remove()
+    except KeyboardInterrupt:
+        raise IntegrationError(f"interrupted by the user; {_kept(history, outcome)}") from None
+    except OSError as error:
+        cause = f"failed: the disk does not take the results ({error.strerror or error})"
+        raise IntegrationError(f"{cause}; {_kept(history, outcome)}") from None
+    print_results(folder, result, console)
+    if outcome != COMPLETE:
+        again = "; --resume goes on from there" if resume.exists else ""
+        raise IntegrationError(f"{outcome}; what was computed is in {folder}{again}")
+
+
+def _integrate(
+    history: HistoryFile, resume: ResumeFile, prepared: Prepared, console: Console, since: Point | None
+) -> str:
+    """Integrate into the history, and return the outcome."""
+    # What compares and draws is loaded while compiled code runs: a second that nobody waits for.
+    loading = threading.Thread(target=importlib.import_module, args=("drumsqueal.jobs.run_results",))
+    if since is not None:
+        history.take_up()
+    with progress_bar(console) as progress:
+        task = progress.add_task("compiling", total=prepared.scene.simulate.duration, reached="")
+
+        def keep(chunk: Chunk) -> None:
+            if loading.ident is None:
+                loading.start()
+            history.append(chunk)
+            if chunk.end is not None:
+                resume.note(Point(history.reached, chunk.end))
+            reached = float(chunk.time[-1])
+            progress.update(task, description="integrating", completed=reached, reached=f"{reached:.4f} s")
+
+        fails = False
+        try:
+            outcome = collect(prepared, keep, since and since.checkpoint)
+            fails = outcome.startswith("failed")
+        except OSError as error:
+            first = history.reached.samples / prepared.scene.simulate.sample_rate
+            cause = f"the disk did not take the samples from t = {first:.6g} s on"
+            outcome = f"failed: {cause} ({error.strerror or error})"
+        resume.write()
+        history.end(outcome)
+        if fails:  # and would fail again
+            resume.remove()
+    return outcome
+
+
+def _kept(history: HistoryFile, outcome: str) -> str:
+    if not history.exists:
+        return "nothing was kept"
+    return f"the {'complete ' if outcome == COMPLETE else ''}history is in {history.path}"

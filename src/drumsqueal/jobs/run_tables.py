@@ -1,0 +1,119 @@
+"""What a run or an eigenvalue problem prints on the terminal, on a console that takes no markup: text is text."""
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from drumsqueal.comparison.departure import ROTATIONS
+from drumsqueal.files.summary import energy_balance
+from drumsqueal.linear.modes import OSCILLATING_SHARE, UNDAMPED_SHARE, Stability
+from drumsqueal.simulation import Result
+from drumsqueal.transient.runge_kutta import AUTO, IMPLICIT
+
+
+def print_stability(console: Console, stability: Stability) -> None:
+    """Print the modes, the other eigenvalues and the steady state."""
+    table = Table(title="Modes of steady sliding", box=box.SIMPLE_HEAD)
+    for heading in ("mode", "frequency", "growth rate", "damping ratio", ""):
+        table.add_column(heading, justify="left" if heading in ("mode", "") else "right")
+    for mode in stability.modes:
+        table.add_row(
+            mode.label,
+            f"{mode.frequency_Hz:.2f} Hz",
+            f"{mode.growth_rate:+.3f} 1/s",
+            f"{mode.damping_ratio:+.3%}",
+            Text("unstable", style="bold red") if mode.unstable else "stable",
+        )
+    console.print(table)
+    largest = max(abs(stability.eigenvalues), default=0.0)
+    real = [value.real for value in stability.eigenvalues if abs(value.imag) <= OSCILLATING_SHARE * largest]
+    if real:
+        console.print("Without oscillation: " + ", ".join(f"{_rounded(value, largest):.3f} 1/s" for value in real))
+    moved = {n: q for n, q in zip(stability.coordinates, stability.steady_state, strict=True) if q != 0}
+    if moved:
+        console.print("Steady sliding at " + ", ".join(f"{n} = {q:.4g} {_unit(n)}" for n, q in moved.items()))
+    if stability.time > 0:
+        console.print(f"This is for the drum's speed at t = {stability.time:g} s: at t = 0 it is at rest")
+    low, high = stability.pressure_range
+    console.print(f"Steady pressure from {low / 1e3:.2f} to {high / 1e3:.2f} kPa along the lining")
+
+
+def print_result(console: Console, result: Result) -> None:
+    """Print what the model holds, and the comparison of prediction and transient."""
+    inventory = result.inventory
+    console.print(f"Includes: {'; '.join(inventory.includes)}", style="dim")
+    console.print(f"Leaves out: {'; '.join(inventory.leaves_out) or 'nothing'}", style="dim")
+    if result.held:
+        console.print(f"Held though the others would move them: {', '.join(result.held)}", style="bold")
+    table = Table(title="Onset: eigenvalues against the transient", box=box.SIMPLE_HEAD)
+    table.add_column("mode")
+    for quantity, unit in (("frequency", "Hz"), ("growth", "1/s")):
+        table.add_column(f"{quantity}\npredicted\n{unit}", justify="right")
+        table.add_column(f"{quantity}\nmeasured\n{unit}", justify="right")
+        table.add_column("error", justify="right")
+    notes: dict[str, list[str]] = {}
+    for mode in result.comparison.modes:
+        growth = mode.measured_growth
+        table.add_row(
+            mode.label,
+            f"{mode.predicted_frequency_Hz:.2f}",
+            _shown(mode.measured_frequency_Hz, "{:.2f}"),
+            _shown(mode.frequency_error, "{:+.1e}"),
+            f"{mode.predicted_growth_rate:+.3f}",
+            _shown(growth and growth.rate_1_per_s, "{:+.3f}"),
+            _shown(mode.growth_error, "{:+.1e}"),
+        )
+        if mode.note:
+            notes.setdefault(mode.note, []).append(mode.label)
+    console.print(table)
+    resolution = [mode.frequency_resolution_Hz for mode in result.comparison.modes if mode.frequency_resolution_Hz]
+    if resolution:
+        console.print(
+            f"Measured from 0 to {result.comparison.growth_end_s:.4g} s; spectral resolution "
+            f"{_range(resolution)} Hz, peaks interpolated"
+        )
+    if result.comparison.changing:
+        console.print(
+            f"Predicted for t = {result.stability.time:g} s: drum speed or load change, and the motion's frequency and "
+            "growth with them"
+        )
+    for note, labels in notes.items():
+        console.print(f"{', '.join(labels)}: {note}", style="dim")
+    saturation = result.comparison.saturation
+    if saturation is not None:
+        console.print(f"After growth, from {saturation.start_s:.4g} s: {saturation.regime.reason}")
+    implicit = float(result.history["implicit"].mean())
+    if implicit > 0 and result.scene.simulate.solver == AUTO:
+        console.print(f"Friction is stiff: the implicit method {IMPLICIT} was called for in {implicit:.2g} of the time")
+    _print_balance(console, result)
+    console.print(result.comparison.verdict, style="bold")
+
+
+def _print_balance(console: Console, result: Result) -> None:
+    balance = energy_balance(result)
+    of_motion = balance["energy_balance_error_over_kinetic_energy"]
+    of_friction = balance["energy_balance_error_over_friction_work"]
+    parts = [f"{of_motion:.1e} of the largest kinetic energy"] if of_motion < 1 else []  # or there is next to no motion
+    parts += [f"{of_friction:.1e} of the work of friction"] if of_friction > 0 else []
+    if parts:
+        console.print(f"Energy balance closes to {', '.join(parts)}")
+
+
+def _range(values: list[float]) -> str:
+    """Smallest to largest, or the one value that both are."""
+    low, high = f"{min(values):.3g}", f"{max(values):.3g}"
+    return low if low == high else f"{low} to {high}"
+
+
+def _unit(coordinate: str) -> str:
+    return "rad" if coordinate in ROTATIONS else "m"
+
+
+def _shown(value: float | None, form: str) -> str:
+    return "-" if value is None else form.format(value)
+
+
+def _rounded(value: float, largest: float) -> float:
+    """Zero for what is round-off beside the largest eigenvalue."""
+    return 0.0 if abs(value) < UNDAMPED_SHARE * largest else value

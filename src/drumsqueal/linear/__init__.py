@@ -1,0 +1,1 @@
+"""The linear model about steady sliding: equilibrium, Jacobian, eigenvalues."""

@@ -1,0 +1,158 @@
+"""A scene as data: a TOML file or a mapping, checked and turned to SI. Start with `load_scene`."""
+
+import os
+from collections.abc import Iterable, Mapping
+from typing import Annotated, Any
+
+import tomli_w
+from pydantic import BaseModel, Field, ValidationError, model_validator
+
+from drumsqueal.scene.file import apply_setting, read_tables, replace_value
+from drumsqueal.scene.mistakes import explain
+from drumsqueal.scene.quantities import SceneError
+from drumsqueal.scene.tables import (
+    COORDINATES,
+    ConstantFriction,
+    Contact,
+    Damping,
+    Drum,
+    ExponentialFriction,
+    Forcing,
+    Profile,
+    Schedule,
+    Shoe,
+    Simulate,
+    Start,
+    Steady,
+    Support,
+    Table,
+    Title,
+)
+
+__all__ = [
+    "COORDINATES",
+    "ConstantFriction",
+    "Contact",
+    "Damping",
+    "Drum",
+    "ExponentialFriction",
+    "Forcing",
+    "Profile",
+    "Scene",
+    "SceneError",
+    "Schedule",
+    "Shoe",
+    "Simulate",
+    "Start",
+    "Steady",
+    "Support",
+    "load_scene",
+    "scene_from_dict",
+]
+
+_PHYSICAL_TABLES = ("shoe", "support", "contact", "friction", "drum", "damping", "forcing")
+
+
+class Scene(Table):
+    """One scene, checked, in SI: what brake, what acts on it, how it starts and how long it runs.
+
+    A table that is None (support, friction, damping, forcing) is an effect the scene does not call for.
+    """
+
+    title: Title = ""
+    shoe: Shoe
+    support: Support | None = None
+    contact: Contact
+    friction: Annotated[ExponentialFriction | ConstantFriction, Field(discriminator="law")] | None = None
+    drum: Drum
+    damping: Damping | None = None
+    forcing: Forcing | None = None
+    steady: Steady = Field(default_factory=Steady)
+    start: Start = Field(default_factory=Start)
+    simulate: Simulate
+
+    @model_validator(mode="after")
+    def _starts_what_moves(self) -> "Scene":
+        moving = self.simulate.coordinates
+        tables = {("start", table): getattr(self.start, table) for table in ("displacement", "velocity")}
+        if self.forcing is not None:
+            tables["forcing", "amplitude"] = self.forcing.amplitude
+        for path, table in tables.items():
+            for name, value in table.items():
+                if moving != "auto" and name not in moving:
+                    done = "started" if path[0] == "start" else "forced"
+                    reason = f"{name} is {done} but not among simulate.coordinates; add it there, or remove it here"
+                    raise SceneError(reason, (*path, name), value)
+        return self
+
+    def with_values(self, values: Mapping[str, Any]) -> "Scene":
+        """Return the scene with values put in by dotted key: `scene.with_values({"drum.speed": "3 rad/s"})`.
+
+        The values are as in a file: numbers in SI, strings with a unit, whole tables as mappings; None leaves out one
+        of the tables support, friction, damping and forcing. Raises SceneError.
+        """
+        tables = self._tables()
+        for key, value in values.items():
+            tables = replace_value(tables, key, value)
+        return scene_from_dict(tables)
+
+    def numbers(self) -> dict[str, float | tuple[float, ...]]:
+        """Return every physical number in SI by dotted key; a profile gives drum.speed.time and drum.speed.value.
+
+        Only tables that are there count, and only those of the brake: not start, not simulate.
+        """
+        numbers: dict[str, float | tuple[float, ...]] = {}
+        for name in _PHYSICAL_TABLES:
+            for key, value in getattr(self, name) or ():
+                if isinstance(value, Profile):
+                    numbers[f"{name}.{key}.time"] = value.time
+                    numbers[f"{name}.{key}.value"] = value.value
+                elif isinstance(value, Mapping):
+                    numbers |= {f"{name}.{key}.{coordinate}": number for coordinate, number in value.items()}
+                elif isinstance(value, float):
+                    numbers[f"{name}.{key}"] = value
+        return numbers
+
+    def to_toml(self) -> str:
+        """Return the scene as run, in bare SI numbers: a file of this text loads to an equal scene."""
+        return tomli_w.dumps(self._tables())
+
+    def _tables(self) -> dict[str, Any]:
+        return self.model_dump(exclude_none=True)
+
+
+def load_scene(path: str | os.PathLike[str], settings: Iterable[str] = ()) -> Scene:
+    """Read a scene from a TOML file, with `settings` ("KEY=VALUE", as of `--set`) put in one after the other.
+
+    VALUE is read as a TOML value and, if it is none, as a string; it replaces whatever was at KEY.
+    `friction=none` leaves the table friction out; so for support and damping. Raises SceneError.
+    """
+    tables = read_tables(path)
+    for setting in settings:
+        tables = apply_setting(tables, setting)
+    return scene_from_dict(tables, source=os.fspath(path))
+
+
+def scene_from_dict(data: Mapping[str, Any], source: str = "scene") -> Scene:
+    """Check the nested tables of a scene; `source` names them in the SceneError this raises if they are wrong."""
+    if not isinstance(data, Mapping):
+        raise SceneError("a scene is a mapping of tables", (source,))
+    try:
+        return Scene.model_validate(dict(data))
+    except ValidationError as error:
+        raise explain(error, _MODELS, source) from None
+
+
+_MODELS: dict[str, type[BaseModel]] = {
+    "": Scene,
+    "shoe": Shoe,
+    "support": Support,
+    "contact": Contact,
+    "friction": ExponentialFriction,
+    "drum": Drum,
+    "damping": Damping,
+    "forcing": Forcing,
+    "steady": Steady,
+    "start": Start,
+    "simulate": Simulate,
+}

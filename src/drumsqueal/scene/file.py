@@ -1,0 +1,120 @@
+"""A scene file and the settings of the command line as plain nested tables, not yet checked."""
+
+import os
+import re
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from drumsqueal.scene.quantities import SceneError
+
+OPTIONAL_TABLES = ("support", "friction", "damping", "forcing")
+"""The tables that a scene may leave out; `--set friction=none` leaves one out."""
+
+_DEEPEST = 10  # parts of a dotted key
+
+# A scene with two profiles of full length, as `to_toml` writes it, stays below this.
+_MOST_BYTES = 16 * 2**20
+
+# The time and memory that tomllib takes for a key grow with the square of its parts: a megabyte of them would take all
+# there is. Such a key is found before, in one pass: strings and comments are passed over, as are quotes left open.
+_PART = r"""(?:[\w-]++|"(?:[^"\\\n]|\\.)*+"?+|'[^'\n]*+'?+)"""
+_WORDS = re.compile(
+    r""""{3}(?:[^"\\]|(?s:\\.)|"{1,2}+(?!"))*+"*+|'{3}(?:[^']|'{1,2}+(?!'))*+'*+|\#[^\n]*+"""
+    + rf"|(?P<long>{_PART}(?:[ \t]*+\.[ \t]*+{_PART}){{{_DEEPEST},}}+)|{_PART}"
+)
+
+
+def read_tables(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """Read a TOML file; raises SceneError, naming the file, if it is none or cannot be read."""
+    path = Path(path)
+    try:
+        if path.is_dir():
+            raise SceneError("this is a directory; name a scene file, such as nominal.toml")
+        if not path.exists():
+            raise SceneError("there is no such file; check the path")
+        if not path.is_file():
+            raise SceneError("this is no ordinary file; name a scene file, such as nominal.toml")
+        if (size := path.stat().st_size) > _MOST_BYTES:
+            told = f"the file of {size / 2**20:.0f} MB is larger than {_MOST_BYTES // 2**20} MB"
+            raise SceneError(f"{told}, so it is hardly a scene; name a scene file")
+        with path.open("rb") as file:
+            content = file.read(_MOST_BYTES)
+    except (OSError, ValueError) as error:  # ValueError: a null character in the path
+        if isinstance(error, SceneError):
+            raise error.under((str(path),)) from None
+        cause = getattr(error, "strerror", None) or str(error)
+        raise SceneError(
+            f"the file cannot be read ({cause}); check the path and its permissions", (str(path),)
+        ) from None
+    return _parsed(content, str(path))
+
+
+def _parsed(content: bytes, name: str) -> dict[str, Any]:
+    try:
+        return _loads(content.decode())
+    except UnicodeDecodeError as error:
+        reason = f"the file is not UTF-8 text (byte {error.start}); save it as UTF-8"
+    except RecursionError:
+        reason = "the tables are nested too deeply; a scene has two levels"
+    except ValueError as error:  # TOMLDecodeError, and an integer of more digits than Python reads
+        reason = f"the file is not TOML: {error}; see the example scenes"
+    raise SceneError(reason, (name,))
+
+
+def _loads(text: str) -> dict[str, Any]:
+    """Read TOML; raises ValueError and RecursionError."""
+    if any(word["long"] for word in _WORDS.finditer(text)):
+        raise ValueError(f"a key has more than {_DEEPEST} parts")
+    return tomllib.loads(text)
+
+
+def apply_setting(tables: Mapping[str, Any], setting: str) -> dict[str, Any]:
+    """Return the tables with one "KEY=VALUE" of `--set` put in; raises SceneError.
+
+    KEY is the dotted path in the file. VALUE is read as a TOML value and, if it is none, as a string. It replaces
+    whatever was there; `none` leaves out one of the optional tables (support, friction, damping, forcing).
+    """
+    key, equals, text = setting.partition("=")
+    if not equals:
+        raise SceneError("write KEY=VALUE, such as drum.speed=3", (f"--set {setting}",))
+    value = _toml_value(text.strip())
+    if key.strip() in OPTIONAL_TABLES and value == "none":
+        value = None
+    return replace_value(tables, key, value)
+
+
+def _toml_value(text: str) -> Any:
+    try:
+        read = _loads(f"value = {text}")
+    except (ValueError, RecursionError):
+        return text
+    # A line break in the text could have brought in keys of its own.
+    return read["value"] if len(read) == 1 else text
+
+
+def replace_value(tables: Mapping[str, Any], key: str, value: Any) -> dict[str, Any]:
+    """Return the tables with the value put in at the dotted key, or the optional table left out if it is None.
+
+    Tables on the way are made as needed. Raises SceneError for a key that is none, or that leads through a value.
+    """
+    parts = [part.strip() for part in key.split(".")]
+    if not all(parts) or len(parts) > _DEEPEST:
+        raise SceneError('this is no key; write a dotted path such as "drum.speed"', (f'"{key}"',))
+    if value is None and key.strip() not in OPTIONAL_TABLES:
+        raise SceneError(f"only the tables {', '.join(OPTIONAL_TABLES)} can be left out; give a value", tuple(parts))
+    if value is None:
+        return {name: table for name, table in tables.items() if name != parts[0]}
+    return _replaced(tables, parts, value)
+
+
+def _replaced(tables: Mapping[str, Any], parts: list[str], value: Any, done: int = 0) -> dict[str, Any]:
+    name = parts[done]
+    if done + 1 < len(parts):
+        inner = tables.get(name, {})
+        if not isinstance(inner, Mapping):
+            where = ".".join(parts[: done + 1])
+            raise SceneError(f"{where} is a value, not a table, so it has no key {parts[done + 1]}", tuple(parts))
+        value = _replaced(inner, parts, value, done + 1)
+    return {**tables, name: value}

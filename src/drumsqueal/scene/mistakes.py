@@ -1,0 +1,82 @@
+"""What pydantic found wrong with a scene, in one line a user can act on."""
+
+from collections.abc import Mapping
+from difflib import get_close_matches
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+
+from drumsqueal.scene.quantities import KeyPath, SceneError, dotted, example
+from drumsqueal.scene.tables import FRICTION_LAWS, Quantity
+
+Models = Mapping[str, type[BaseModel]]
+
+
+def explain(error: ValidationError, models: Models, source: str) -> SceneError:
+    """Return the first mistake as a SceneError, with the number of the others.
+
+    `models` has the model of each table by its name, and under "" the one of the whole scene.
+    """
+    # Unknown keys first: a key that is missing is often one that is misspelt.
+    found = sorted(error.errors(include_url=False), key=lambda each: each["type"] != "extra_forbidden")
+    more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
+    return SceneError(f"{_mistake(found[0], models)}{more}", (source,))
+
+
+def _mistake(found: Any, models: Models) -> SceneError:
+    loc, kind, value, context = list(found["loc"]), found["type"], found["input"], found.get("ctx", {})
+    table = str(loc[0]) if len(loc) > 1 else ""
+    model = models.get(table, models[""])
+    if table == "friction":
+        model = FRICTION_LAWS[loc.pop(1)]  # pydantic puts the law between table and key
+    path: KeyPath = tuple(loc)
+    if isinstance(context.get("error"), SceneError):
+        return context["error"].under(path, value)
+    if kind == "extra_forbidden":
+        return SceneError(_unknown(path, model, models), path)
+    if kind == "missing":
+        return SceneError(_missing(path, model), path)
+    if kind in ("union_tag_not_found", "union_tag_invalid"):
+        choice = _choice(FRICTION_LAWS)
+        if isinstance(value, Mapping) and "law" in value:
+            return SceneError(f"write {choice}", (*path, "law"), value["law"])
+        return SceneError(f"the key is missing; write law = {choice}", (*path, "law"))
+    return SceneError(_wrong_type(kind, path, model), path, value)
+
+
+def _unknown(path: KeyPath, model: type[BaseModel], models: Models) -> str:
+    key = str(path[-1])
+    if model in FRICTION_LAWS.values():
+        for law, other in FRICTION_LAWS.items():
+            if key in other.model_fields:
+                anew = '{ law = "constant", coefficient = 0.4 }'
+                return f'this key belongs to law "{law}" only; remove it, or replace all of friction, as by {anew}'
+    elsewhere = [f"{table}.{key}" for table, other in models.items() if table and key in other.model_fields]
+    near = [dotted((*path[:-1], name)) for name in get_close_matches(key, model.model_fields, n=1)]
+    for guess in elsewhere + near:
+        return f"unknown key; did you mean {guess}?"
+    return f"unknown key; the keys here are {', '.join(model.model_fields)}"
+
+
+def _missing(path: KeyPath, model: type[BaseModel]) -> str:
+    if len(path) == 1:
+        return f"the table is missing; add [{path[0]}] with its keys"
+    quantities = [each for each in model.model_fields[str(path[-1])].metadata if isinstance(each, Quantity)]
+    value = example(quantities[0].unit) if quantities else "..."
+    return f"the key is missing; add it to [{path[0]}], such as {path[-1]} = {value}"
+
+
+def _wrong_type(kind: str, path: KeyPath, model: type[BaseModel]) -> str:
+    if kind == "literal_error":
+        return f"write {_choice(model.model_fields[str(path[-1])].annotation.__args__)}"  # pyright: ignore
+    return {
+        "bool_type": "write true or false",
+        "string_type": "write a text in quotes",
+        "string_too_long": "write a shorter text, of at most 1000 characters",
+        "string_unicode": "write a text that is valid Unicode",
+        "invalid_key": "a key must be a text",
+    }.get(kind, f"this must be a table; write it as [{dotted(path)}] with its keys")
+
+
+def _choice(names: Any) -> str:
+    return " or ".join(f'"{name}"' for name in names)

@@ -1,0 +1,286 @@
+"""The tables of a scene as frozen, checked models: every value an SI float once it is in."""
+
+import math
+import unicodedata
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, StrictBool, model_validator
+from pydantic_core import core_schema
+
+from drumsqueal.scene.quantities import KeyPath, SceneError, parse_quantity
+
+COORDINATES = ("X", "Y", "Z", "Tx", "Ty", "Tz")
+"""The six coordinates of the shoe at its centre of gravity: displacements in m, rotations in rad."""
+
+_MOST_POINTS = 100_000  # of a profile
+_BYTES_PER_POINT = 56  # in every file that holds the scene: two numbers with all their digits, each in a line
+_MOST_SAMPLES = 10**8
+_BYTES_PER_SAMPLE = 200  # of the history: six displacements, six velocities and a dozen signals
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A number with a unit, as pydantic metadata: reads strings with a unit and holds the value to its limits."""
+
+    unit: str
+    above: float | None = None
+    least: float | None = None
+    most: float | None = None
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        """Let pydantic read the field by `read`."""
+        return core_schema.no_info_plain_validator_function(self.read)
+
+    def read(self, value: Any) -> float:
+        """Read one value to an SI float; raises SceneError."""
+        number = parse_quantity(value, self.unit)
+        unit = f" {self.unit}" if self.unit else ""
+        if self.above is not None and not number > self.above:
+            raise SceneError(f"the value must be above {self.above:g}{unit}")
+        if self.least is not None and number < self.least:
+            raise SceneError(f"the value must not be below {self.least:g}{unit}")
+        if self.most is not None and number > self.most:
+            raise SceneError(f"the value must not be above {self.most:g}{unit}")
+        return number
+
+
+@dataclass(frozen=True)
+class Profile:
+    """A value prescribed over time: linear between its points, constant before the first and after the last.
+
+    `time` in s, strictly increasing, and `value` in SI have the same length, 2 to 100000 points. Raises SceneError.
+    """
+
+    time: tuple[float, ...]
+    value: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        """Check the points."""
+        object.__setattr__(self, "time", _numbers(self.time, Quantity("s"), "time"))
+        object.__setattr__(self, "value", _numbers(self.value, Quantity(""), "value"))
+        if len(self.time) != len(self.value):
+            raise SceneError(f"{len(self.time)} times but {len(self.value)} values; write one value for every time")
+        if len(self.time) < 2:
+            raise SceneError(f"{len(self.time)} points; write 2 to {_MOST_POINTS}, or a plain value if it is constant")
+        for index in range(1, len(self.time)):
+            before, after = self.time[index - 1], self.time[index]
+            if not after > before:
+                raise SceneError(f"the times must increase; write one after {before!r} s", ("time", index), after)
+
+
+Schedule = float | Profile
+
+
+def _numbers(values: Any, quantity: Quantity, key: str) -> tuple[float, ...]:
+    if not isinstance(values, list | tuple):
+        raise SceneError("this must be a list of values, one for every point", (key,), values)
+    if len(values) > _MOST_POINTS:
+        size = f"{len(values)} points would take about {len(values) * _BYTES_PER_POINT / 1e6:.3g} MB"
+        raise SceneError(f"{size} in every file that holds the scene; write at most {_MOST_POINTS}", (key,))
+    numbers = []
+    for index, value in enumerate(values):
+        try:
+            numbers.append(quantity.read(value))
+        except SceneError as error:
+            raise error.under((key, index), value) from None
+    return tuple(numbers)
+
+
+@dataclass(frozen=True)
+class Scheduled(Quantity):
+    """A quantity that may also be a profile, written as { time = [...], value = [...] }."""
+
+    def read(self, value: Any) -> Any:
+        """Read one value to an SI float or to a Profile in SI; raises SceneError."""
+        if isinstance(value, Profile):
+            value = {"time": value.time, "value": value.value}
+        if not isinstance(value, Mapping):
+            return super().read(value)
+        if set(value) != {"time", "value"}:
+            raise SceneError("a profile has the keys time and value, and only these: { time = [...], value = [...] }")
+        return Profile(value["time"], _numbers(value["value"], Quantity(self.unit, least=self.least), "value"))
+
+
+@dataclass(frozen=True)
+class PerCoordinate:
+    """A table of coordinate names, in `length_unit` or, for the rotations, in `angle_unit`; as pydantic metadata."""
+
+    length_unit: str
+    angle_unit: str
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        """Let pydantic read the field by `read`."""
+        return core_schema.no_info_plain_validator_function(self.read)
+
+    def read(self, table: Any) -> dict[str, float]:
+        """Read a table to SI floats; raises SceneError."""
+        if not isinstance(table, Mapping):
+            raise SceneError(f'this must be a table of coordinates such as {{ Y = "1e-5 {self.length_unit}" }}')
+        numbers = {}
+        for name, value in table.items():
+            if name not in COORDINATES:
+                raise SceneError(f"unknown coordinate; the coordinates are {', '.join(COORDINATES)}", (str(name),))
+            try:
+                numbers[name] = parse_quantity(value, self.angle_unit if name.startswith("T") else self.length_unit)
+            except SceneError as error:
+                raise error.under((name,), value) from None
+        return numbers
+
+
+def _coordinates(value: Any) -> Any:
+    # Kept in the order of COORDINATES, so that two ways to write one choice are one scene.
+    if isinstance(value, str) and value == "auto":
+        return value
+    if not isinstance(value, list | tuple) or not value:
+        raise SceneError('write "auto", or a list of coordinates such as ["X", "Y", "Tz"]')
+    for index, name in enumerate(value):
+        if name not in COORDINATES:
+            raise SceneError(f"unknown coordinate; the coordinates are {', '.join(COORDINATES)}", (index,), name)
+        if name in value[:index]:
+            raise SceneError("this coordinate is named twice; leave one out", (index,), name)
+    return tuple(name for name in COORDINATES if name in value)
+
+
+def _without_controls(title: str) -> str:
+    # No NetCDF attribute takes a null character, and the other control characters act on whatever shows them.
+    for place, letter in enumerate(title, start=1):
+        if unicodedata.category(letter) == "Cc" and letter not in "\t\n\r":
+            raise SceneError(f"letter {place} is the control character U+{ord(letter):04X}; leave it out")
+    return title
+
+
+Title = Annotated[str, Field(strict=True, max_length=1000), AfterValidator(_without_controls)]
+Length = Annotated[float, Quantity("m", above=0)]
+LEAST_TOLERANCE, MOST_TOLERANCE = 1e-12, 1e-1  # less is round-off
+Stiffness = Annotated[float, Quantity("N/m", least=0)]
+Coefficient = Annotated[float, Quantity("", least=0)]
+
+
+class Table(BaseModel):
+    """A table of a scene: frozen, and without room for unknown keys."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", revalidate_instances="always")
+
+
+class Shoe(Table):
+    """The shoe, an annular sector: lengths in m, arc angle in rad, density in kg/m^3."""
+
+    outer_radius: Length
+    thickness: Length
+    width: Length
+    arc_angle: Annotated[float, Quantity("rad", above=0)]
+    density: Annotated[float, Quantity("kg/m^3", above=0)]
+
+    @model_validator(mode="after")
+    def _is_a_sector(self) -> "Shoe":
+        if self.thickness >= self.outer_radius:
+            limit = f"shoe.outer_radius, {self.outer_radius!r} m"
+            raise SceneError(f"the thickness must be smaller than {limit}", ("thickness",), self.thickness)
+        if self.arc_angle > math.tau:
+            raise SceneError("the arc angle must not be above 360 deg", ("arc_angle",), self.arc_angle)
+        return self
+
+
+class Support(Table):
+    """The support springs, in N/m."""
+
+    upper_stiffness: Stiffness
+    lower_stiffness: Stiffness
+
+
+class Contact(Table):
+    """The lining: stiffness in N/m^3, normal load in N; without separation the contact also pulls."""
+
+    stiffness: Annotated[float, Quantity("N/m^3", least=0)]
+    normal_load: Annotated[Schedule, Scheduled("N", least=0)]
+    separation: StrictBool = True
+
+
+class _Friction(Table):
+    direction: Literal["unit-velocity", "tangential"] = "unit-velocity"
+
+
+class ExponentialFriction(_Friction):
+    """Friction that falls with the slip speed: kinetic + (static - kinetic) exp(-decay s), decay in s/m."""
+
+    law: Literal["exponential"]
+    static: Coefficient
+    kinetic: Coefficient
+    decay: Annotated[float, Quantity("s/m", least=0)]
+
+
+class ConstantFriction(_Friction):
+    """Friction with one coefficient at every slip speed."""
+
+    law: Literal["constant"]
+    coefficient: Coefficient
+
+
+FRICTION_LAWS = {"exponential": ExponentialFriction, "constant": ConstantFriction}
+
+
+class Drum(Table):
+    """The drum's speed in rad/s; its sign is the sense of rotation."""
+
+    speed: Annotated[Schedule, Scheduled("rad/s")]
+
+
+class Damping(Table):
+    """Structural damping: the fraction of critical damping of every mode."""
+
+    ratio: Coefficient
+
+
+class Forcing(Table):
+    """A harmonic force, amplitude sin(2 pi frequency t + phase), coordinate by coordinate: N, and N m for rotations."""
+
+    amplitude: Annotated[dict[str, float], PerCoordinate("N", "N*m")]
+    frequency: Annotated[float, Quantity("Hz", above=0)]
+    phase: Annotated[float, Quantity("rad")] = 0.0
+
+    @model_validator(mode="after")
+    def _acts_on_something(self) -> "Forcing":
+        if not any(self.amplitude.values()):
+            raise SceneError('no coordinate has a force; write one such as { Y = "10 N" }', ("amplitude",))
+        return self
+
+
+class Steady(Table):
+    """Which state counts as steady sliding."""
+
+    state: Literal["uniform-pressure", "self-consistent"] = "uniform-pressure"
+
+
+class Start(Table):
+    """The departure from steady sliding at time 0, coordinate by coordinate: m and rad, m/s and rad/s."""
+
+    displacement: Annotated[dict[str, float], PerCoordinate("m", "rad")] = Field(default_factory=dict)
+    velocity: Annotated[dict[str, float], PerCoordinate("m/s", "rad/s")] = Field(default_factory=dict)
+
+
+class Simulate(Table):
+    """The transient: duration in s, sample rate in Hz, relative tolerance, method, and the coordinates that move."""
+
+    duration: Annotated[float, Quantity("s", above=0)]
+    sample_rate: Annotated[float, Quantity("Hz", above=0)]
+    tolerance: Annotated[float, Quantity("", least=LEAST_TOLERANCE, most=MOST_TOLERANCE)] = 1e-6
+    solver: Literal["auto", "tsit5", "dopri5", "dopri8", "sdirk4"] = "auto"
+    coordinates: Annotated[Literal["auto"] | tuple[str, ...], BeforeValidator(_coordinates)] = "auto"
+
+    @model_validator(mode="after")
+    def _holds_whole_intervals(self) -> "Simulate":
+        count = self.duration * self.sample_rate
+        place: KeyPath = ("duration",)
+        if count > _MOST_SAMPLES:
+            size = f"{count:.3g} samples would make a history of about {count * _BYTES_PER_SAMPLE / 1e9:.3g} GB"
+            cure = f"shorten the duration or lower the sample rate to at most {_MOST_SAMPLES:.0e} samples"
+            raise SceneError(f"{size}; {cure}", place, self.duration)
+        # Relative for short runs, and never so much that a real fraction of a sample passes in a long one.
+        if abs(count - round(count)) > min(1e-6 * count, 1e-3):
+            nearest = max(1, round(count)) / self.sample_rate
+            rate = f"the sample rate of {self.sample_rate!r} Hz"
+            fits = f"the nearest duration that fits is {nearest:.12g} s"
+            raise SceneError(f"this is no whole number of samples at {rate}; {fits}", place, self.duration)
+        return self

@@ -1,0 +1,1 @@
+"""Time integration: steps, samples, sticking, chunks, many at once."""

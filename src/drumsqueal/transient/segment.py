@@ -1,0 +1,298 @@
+"""One chunk of a transient as one compiled call: its state, what its errors are measured against, and its samples."""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.typing import ArrayLike
+
+from drumsqueal.effects.damping import frictionless_modes
+from drumsqueal.effects.touching import Observation
+from drumsqueal.kernel import compiled, one_kernel
+from drumsqueal.model import Model
+from drumsqueal.transient.passing import Step, share_to_rest
+from drumsqueal.transient.runge_kutta import DEFAULT, LOCAL_SHARE, make_solver
+from drumsqueal.transient.sdirk import Stages
+from drumsqueal.transient.stepping import Attempt, Stepped, step_through
+from drumsqueal.transient.sticking import slip, slip_acceleration, slip_motion
+
+CHUNK_SAMPLES = 500  # samples a chunk: some 50 ms of computing in the plane, so that Ctrl-C and the bar respond
+# Steps a chunk: a run that exceeds it is stuck, and says so. Samples hold two to a period at least, so 500 of them take
+# some thousand steps; a tolerance of 1e-13 takes ten times as many, and so do edges.
+STEP_BUDGET = 100_000
+LEAST_LOCAL = 1e-14  # of the motion, that one step may err; less would be round-off
+# A coordinate is resolved at least to this share of what it would do if all vibration energy were in each mode.
+COUPLING_SHARE = 1e-3
+QUIET = 1e-12  # m; motion below a picometre counts as rest, and is resolved as if it were that large
+# Round-offs of the load's forces that a step gathers: a motion is not resolved finer than they let it be.
+ROUND_OFF = 16 * np.finfo(np.float64).eps
+# Slip below this many tolerances of the vibration's own counts as none: there the lining sticks, or it slips on.
+SLIP_SHARE = 1.0
+FIRST_STEP_SHARE = 0.01  # first step over the period of the highest frictionless mode, divided by 2π
+
+
+class State(NamedTuple):
+    """Displacement from steady sliding (n,), velocity (n,) and energy fed in so far beyond the stored one (J).
+
+    The solver sees it as one flat array, which takes less than half the time of a tree of three.
+    """
+
+    departure: Array
+    velocity: Array
+    work: Array
+
+    def flat(self) -> Array:
+        """One array (2n + 1,)."""
+        return jnp.concatenate([self.departure, self.velocity, self.work[None]])
+
+    @staticmethod
+    def split(flat: Array) -> "State":
+        """From an array (..., 2n + 1)."""
+        n = flat.shape[-1] // 2
+        return State(flat[..., :n], flat[..., n : 2 * n], flat[..., 2 * n])
+
+
+class Span(NamedTuple):
+    """One chunk in time: its start (s), the interval between samples (s), and how many there are after the first.
+
+    It is entered `offset` and left `until` (s) after its start, if that is before its end. What is prescribed over time
+    is taken from within `after` and `before` (s of the transient): where it jumps, from this side of the jump.
+    """
+
+    start: Any  # numbers outside a compiled call, arrays within
+    interval: Any
+    samples: Any
+    offset: Any = np.float64(0)
+    until: Any = np.float64(np.inf)
+    after: Any = np.float64(-np.inf)
+    before: Any = np.float64(np.inf)
+
+    @property
+    def length(self) -> Any:
+        """From its start to its end (s)."""
+        return self.samples * self.interval
+
+    @property
+    def now(self) -> Any:
+        """Where it is entered, as a time at which to ask for what is prescribed (s of the transient)."""
+        return self.inside(self.start + self.offset)
+
+    def inside(self, time: Any) -> Any:
+        """A time (s of the transient) at which to ask for what is prescribed."""
+        return jnp.clip(time, self.after, self.before)
+
+
+class Segment(NamedTuple):
+    """What one compiled call leaves: samples, their observations and energies, the last state, and the next step.
+
+    `time` (s) is that of the last state after the start of the chunk, `halted` whether slip all but vanished
+    there or, of a lining that sticks, friction gave way.
+    """
+
+    states: State
+    observation: Observation
+    kinetic: Array
+    potential: Array
+    final: State
+    time: Array
+    step: Array
+    steps: Array
+    kept: Array
+    reached: Array
+    halted: Array
+
+
+@compiled
+def advance(
+    model: Model,
+    steady: Array,
+    state: State,
+    span: Span,
+    tolerance: ArrayLike,
+    step: Array,
+    solver: str = DEFAULT,
+    in_kernel: bool = True,
+    sticks: bool = False,
+    budget: Any = None,
+) -> Segment:
+    """One chunk; samples past the span's last repeat it, to keep the shapes. `step` (s) is the first to be tried.
+
+    It makes STEP_BUDGET steps at most unless given another `budget`. Where the lining `sticks`, in that it could, it
+    ends early where hardly any of it slips.
+    """
+    local = local_tolerance(tolerance, solver)
+    scale = resolution(model, state, span, local)
+    least_slip = _least_slip(model, span, jnp.asarray(tolerance), scale) if sticks else None
+    arguments = (
+        model,
+        steady,
+        state,
+        span,
+        local,
+        step,
+        scale,
+        solver,
+        jnp.asarray(STEP_BUDGET if budget is None else budget),
+        least_slip,
+    )
+    return one_kernel(advance_scaled, *arguments) if in_kernel else advance_scaled(*arguments)
+
+
+@compiled
+def least_slip(model: Model, state: State, span: Span, tolerance: ArrayLike) -> Array:
+    """Slip speed (m/s) below which nothing counts as slipping in this chunk."""
+    local = local_tolerance(tolerance, DEFAULT)
+    return _least_slip(model, span, jnp.asarray(tolerance), resolution(model, state, span, local))
+
+
+def _least_slip(model: Model, span: Span, tolerance: Array, scale: Array) -> Array:
+    """Slip speed (m/s) that errors of the trajectory could make: the tolerance times that of the vibration."""
+    moment = model.operation.at(jnp.asarray(span.start))._replace(drum_speed=jnp.zeros(()))
+    return SLIP_SHARE * tolerance * model.contact.fastest_slip(moment, model.widen(State.split(scale).velocity))
+
+
+def local_tolerance(tolerance: ArrayLike, solver: str) -> Array:
+    """What one step of a method may err, over the amplitude of the motion."""
+    return jnp.maximum(tolerance * LOCAL_SHARE[solver], LEAST_LOCAL)
+
+
+def resolution(model: Model, state: State, span: Span, local: Array) -> Array:
+    """Amplitudes (2n + 1,) that errors are measured against in a chunk; needs eigenvalues, so it is no kernel."""
+    return motion_scale(model, state, _quiet(model, jnp.asarray(span.start), local)).flat()
+
+
+def advance_scaled(
+    model: Model,
+    steady: Array,
+    state: State,
+    span: Span,
+    local: Array,
+    step: Array,
+    scale: Array,
+    solver: str,
+    budget: Array,
+    least_slip: Array | None = None,
+) -> Segment:
+    """One chunk, with errors measured against `scale` (2n + 1,), in `budget` steps at most.
+
+    It ends early where no part of the lining slips faster than `least_slip` (m/s).
+    """
+    inverse = 1 / scale
+    # Time is counted from the start of the chunk: a step is then known to more digits.
+    time = jnp.minimum(jnp.arange(CHUNK_SAMPLES + 1), span.samples) * jnp.asarray(span.interval)
+    time = jnp.clip(time, span.offset, jnp.minimum(span.until, span.length))
+
+    def vector_field(t: Array, scaled: Array) -> Array:
+        now = State.split(scaled * scale)
+        force, power = model.act(span.inside(span.start + t), steady + now.departure, now.velocity)
+        return State(now.velocity, force / model.mass, power).flat() * inverse
+
+    size = State.split(scale)
+
+    def rates(t: Array, q: Array, v: Array) -> tuple[Array, Array]:
+        velocity = v * size.velocity
+        force, power = model.act(span.inside(span.start + t), steady + q * size.departure, velocity)
+        return force / model.mass / size.velocity, power / size.work
+
+    stages = Stages(rates, size.velocity / size.departure, model.mass * size.velocity**2, local)
+
+    def halts(t: Array, scaled: Array) -> Array:
+        assert least_slip is not None
+        return slip(model, span.inside(span.start + t), State.split(scaled * scale).velocity) < least_slip
+
+    def passes(attempt: Attempt) -> Array:
+        assert least_slip is not None
+
+        def motion(t: Array, scaled: Array) -> Array:
+            return slip_motion(model, span.inside(span.start + t), State.split(scaled * scale).velocity) / size.velocity
+
+        def inside(share: Array) -> Array:
+            t = attempt.start + share * (attempt.end - attempt.start)
+            return motion(t, attempt.inside(t))
+
+        still = model.operation.at(jnp.asarray(span.start))._replace(drum_speed=jnp.zeros(()))
+        h, now = attempt.end - attempt.start, span.inside(span.start + (attempt.start + attempt.end) / 2)
+        changes = (
+            h * slip_acceleration(model, now, State.split(slope).velocity * size.velocity) / size.velocity
+            for slope in (attempt.slope_before, attempt.slope_after)
+        )
+        step = Step(motion(attempt.start, attempt.before), motion(attempt.end, attempt.after), *changes)
+        return share_to_rest(
+            step, inside, lambda x: model.contact.fastest_slip(still, model.widen(x * size.velocity)), least_slip
+        )
+
+    stepped = step_through(
+        make_solver(solver, stages),
+        vector_field,
+        time,
+        state._replace(work=jnp.zeros(())).flat() * inverse,
+        step,
+        tolerance=local,
+        norm=_largest,
+        budget=budget,
+        halts=None if least_slip is None else halts,
+        passes=None if least_slip is None else passes,
+    )
+    return _observed(model, steady, state.work, span.inside(span.start + time), scale, stepped)
+
+
+def _observed(model: Model, steady: Array, work: Array, time: Array, scale: Array, stepped: Stepped) -> Segment:
+    """The samples in their units, the work from the start of the transient on, and what each of them looks like."""
+    states, final = (State.split(ys * scale) for ys in (stepped.samples, stepped.last))
+    states, final = (s._replace(work=s.work + work) for s in (states, final))
+
+    def observe(sample: tuple[Array, State]) -> tuple[Observation, Array, Array]:
+        t, now = sample
+        q = steady + now.departure
+        return model.observe(t, q, now.velocity), *model.energy(t, q, now.velocity)
+
+    observation, kinetic, potential = jax.lax.map(observe, (time, states))
+    return Segment(
+        states, observation, kinetic, potential, final, stepped.time, stepped.step, stepped.steps, stepped.kept,
+        stepped.reached, stepped.halted,
+    )  # fmt: skip
+
+
+@jax.jit
+def first_step(model: Model) -> Array:
+    """A step (s) that resolves the highest frictionless frequency; without any stiffness, one of a microsecond."""
+    highest = frictionless_modes(model.mass, model.stiffness)[0][-1]
+    return jnp.where(highest > 0, FIRST_STEP_SHARE / jnp.where(highest > 0, highest, 1.0), 1e-6)
+
+
+def _quiet(model: Model, time: Array, local: Array) -> Array:
+    """Amplitude (m) below which motion counts as rest: where round-off of the load's forces exceeds the tolerance."""
+    return jnp.maximum(QUIET, ROUND_OFF * model.contact.yielding(model.operation.at(time)) / local)
+
+
+def motion_scale(model: Model, state: State, quiet: ArrayLike = QUIET) -> State:
+    """Amplitudes that the present vibration energy gives to displacement, velocity (n,) and work, at least `quiet` (m).
+
+    In the mass-normalised modes (ω_j, Φ) of the frictionless shoe, s_j = √((ω_j p_j)² + ṗ_j²) is the amplitude of ṗ_j;
+    coordinate i has velocity amplitude Σ |Φ_ij| s_j and displacement amplitude Σ |Φ_ij| s_j/ω_j. Unlike the present
+    values they do not pass through zero, so an error relative to them is a fair measure at any phase.
+    """
+    omega, modes = frictionless_modes(model.mass, model.stiffness)
+    highest = jnp.max(omega)
+    highest = jnp.where(highest > 0, highest, 1.0)
+    shaped = model.mass[:, None] * modes
+    position, speed = state.departure @ shaped, state.velocity @ shaped
+    amplitude = jnp.sqrt((omega * position) ** 2 + speed**2)
+    least = quiet * highest * jnp.sqrt(jnp.max(model.mass))
+    total = jnp.sqrt(jnp.sum(amplitude**2) + least**2)
+    amplitude = jnp.maximum(amplitude, COUPLING_SHARE * total)
+    # A mode without stiffness drifts; it is given the slowest of the other frequencies.
+    slowest = jnp.min(jnp.where(omega > 0, omega, highest))
+    size = jnp.abs(modes)
+    return State(size @ (amplitude / jnp.where(omega > 0, omega, slowest)), size @ amplitude, total**2 / 2)
+
+
+def _largest(scaled_error: Array) -> Array:
+    """Largest error of any coordinate relative to its tolerance.
+
+    The work, the last entry, has no say: it follows from the motion, and beside the drum's power of hundreds of watts
+    its round-off would drown a small motion.
+    """
+    return jnp.max(jnp.abs(scaled_error[:-1]))
