@@ -46,6 +46,7 @@ class Saturated(NamedTuple):
     edge_shares: tuple[float, float]
     frequency_Hz: float | None
     line: str | None
+    kinetic_energy: float
     rate: float
     seconds: float
     departure: NDArray[np.float64]
@@ -70,6 +71,11 @@ class Saturated(NamedTuple):
         if not np.any(self.amplitude):
             return "at rest"
         return "settled" if abs(self.drift) <= DRIFT else "grows" if self.drift > 0 else "decays"
+
+
+def at_once(threads: int | None = None) -> int:
+    """How many transients run together, as full as it gets: more only follow one another."""
+    return (threads or os.cpu_count() or 1) * SLOTS
 
 
 def saturated_motions(
@@ -98,8 +104,8 @@ def saturated_motions(
     samples = round(duration * sample_rate)
     how = {"duration": duration, "sample_rate": sample_rate, "tolerance": tolerance}
     told = on_progress or (lambda *_: None)
-    for first in range(0, len(models), threads * SLOTS):
-        batch = range(first, min(first + threads * SLOTS, len(models)))
+    for first in range(0, len(models), at_once(threads)):
+        batch = range(first, min(first + at_once(threads), len(models)))
         parts = {i: _Part(displacement[i], velocity[i], samples - round(samples * last)) for i in batch}
         if solver == AUTO or is_explicit(solver):
             explicit = DEFAULT if solver == AUTO else solver
@@ -181,7 +187,7 @@ def _looked_at(part: _Part, model: Model, sample_rate: float) -> Saturated:
     n = len(model.names)
     if part.outcome != COMPLETE:
         lost = np.full(n, np.nan)
-        return Saturated(lost, lost, (np.nan, np.nan), None, None, np.nan, 0.0, lost, lost, part.outcome)
+        return Saturated(lost, lost, (np.nan, np.nan), None, None, np.nan, np.nan, 0.0, lost, lost, part.outcome)
     departure, velocity = part.samples()
     seconds, half = (len(departure) - 1) / sample_rate, len(departure) // 2
     mass = np.asarray(model.mass)
@@ -194,6 +200,7 @@ def _looked_at(part: _Part, model: Model, sample_rate: float) -> Saturated:
         edge_shares=edge_shares(model, departure, velocity),
         frequency_Hz=frequency,
         line=line,
+        kinetic_energy=(before + after) / 4,
         rate=float(rate),
         seconds=seconds,
         departure=part.departure,
