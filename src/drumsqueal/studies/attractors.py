@@ -18,7 +18,7 @@ from drumsqueal.studies.saturated import DRIFT, Saturated, at_once, saturated_mo
 from drumsqueal.transient.runge_kutta import AUTO
 
 SMALL = 0.1  # of the nearer edge: a small departure, where the motion is nearly linear
-KICK = 1.5  # of the farther edge: a large departure, contact is lost and slip reversed
+KICK = 3.0  # of the farther edge: a large departure, contact is lost and slip reversed
 BEYOND = 0.9  # of an edge, above which the linear model is no guide; a block that sticks just reaches it
 ROUND_PERIODS = 100  # of the slowest mode that oscillates freely
 FREE = 0.5  # damping ratio below which a mode does
