@@ -57,6 +57,11 @@ class Ending(NamedTuple):
         """Whether motion is left, or still grows."""
         return self.kind in (SQUEALS, GROWS)
 
+    @property
+    def settled(self) -> bool:
+        """Whether motion is left that neither grows nor decays."""
+        return self.kind == SQUEALS
+
     def like(self, other: "Ending") -> bool:
         """Whether two motions, at one value or at neighbouring ones, are alike in size and frequency."""
         mine, others = self.motion, other.motion
@@ -92,31 +97,33 @@ class _Job:
 
 
 class Family:
-    """Models along a parameter: `model_at` a value, over the coordinates that move, and `names` of the linear model."""
+    """Models of one composition along a parameter: `model_at` a value, over the coordinates that move (`moving`).
 
-    def __init__(self, model_at: ModelAt, names: tuple[str, ...]) -> None:
-        """Take the models; they are of one composition."""
-        self.model_at, self.names = model_at, names
+    `names` are the coordinates of the linear model, which may be more.
+    """
 
-    def free_modes(self, point: Point, moving: tuple[str, ...]) -> list[Mode]:
+    def __init__(self, model_at: ModelAt, moving: tuple[str, ...], names: tuple[str, ...]) -> None:
+        """Take the models and the names of their coordinates."""
+        self.model_at, self.moving, self.names = model_at, moving, names
+
+    def modes(self, point: Point) -> list[Mode]:
         """Modes of a point that the coordinates that move can show."""
-        return [mode for mode in point.modes if mode.name in moving]
+        return [mode for mode in point.modes if mode.name in self.moving]
 
-    def shown(self, vector: NDArray, moving: tuple[str, ...]) -> NDArray:
+    def shown(self, vector: NDArray) -> NDArray:
         """The entries (n,) of the coordinates that move, of one over those of the linear model."""
-        return np.array([vector[self.names.index(name)] for name in moving])
+        return np.array([vector[self.names.index(name)] for name in self.moving])
 
     def small_start(self, point: Point, model: Model) -> Start:
         """All modes at once, within `SMALL` of the nearer edge."""
-        modes = self.free_modes(point, model.names)
+        modes = self.modes(point)
         parts = [self._scaled(mode, model, SMALL / len(modes), max) for mode in modes]
-        n = len(model.names)
-        total = np.sum(parts, axis=0) if parts else np.zeros((2, n))
+        total = np.sum(parts, axis=0) if parts else np.zeros((2, len(self.moving)))
         return Start("small", total[0], total[1])
 
     def kicks(self, point: Point, model: Model) -> list[Start]:
         """Each mode by itself, `KICK` times beyond the farther edge."""
-        modes = self.free_modes(point, model.names)
+        modes = self.modes(point)
         return [Start(f"kick {mode.label}", *self._scaled(mode, model, KICK, min)) for mode in modes]
 
     def _scaled(
@@ -124,7 +131,7 @@ class Family:
     ) -> NDArray[np.float64]:
         """Departure and velocity (2, n) of a mode, at a size at which one of the edges is reached to that share."""
         half = len(self.names)
-        shape = np.array([self.shown(part, model.names) for part in (mode.right[:half], mode.right[half:])])
+        shape = np.array([self.shown(part) for part in (mode.right[:half], mode.right[half:])])
         turns = np.exp(2j * np.pi * np.arange(32) / 32)
         departure, velocity = ((turns[:, None] * part).real for part in shape)
         reached = [each for each in edge_shares(model, departure, velocity) if each > 0]
@@ -151,7 +158,7 @@ def find_endings(
     pending = []
     for point, start in tasks:
         model = family.model_at(point.value)
-        pending.append(_Job(point, model, family.shown(point.steady, model.names), start))
+        pending.append(_Job(point, model, family.shown(point.steady), start))
     many = at_once(how.threads)
     while pending:
         jobs, pending = pending[:many], pending[many:]
@@ -183,7 +190,7 @@ def _judge(job: _Job, motion: Saturated, family: Family, rounds: int) -> str | N
     if motion.failed:
         return FAILED
     share = max(motion.edge_shares)
-    rates = [mode.growth_rate for mode in family.free_modes(job.point, job.model.names)]
+    rates = [mode.growth_rate for mode in family.modes(job.point)]
     linear = max(rates, default=0.0)
     stable = linear <= 0
     if stable and (share == 0 or (share < SMALL and motion.rate < 0)):

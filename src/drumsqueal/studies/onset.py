@@ -62,16 +62,16 @@ class Row(NamedTuple):
 
     @property
     def attractors(self) -> tuple[Ending, ...]:
-        """The lasting motions that differ, the one with most kinetic energy first."""
+        """The settled motions that differ, the one with most kinetic energy first."""
         found: list[Ending] = []
         for ending in self.endings:
-            if ending.lasts and not any(ending.like(other) for other in found):
+            if ending.settled and not any(ending.like(other) for other in found):
                 found.append(ending)
         return tuple(sorted(found, key=lambda ending: -ending.motion.kinetic_energy))
 
     @property
     def strongest(self) -> Ending | None:
-        """The lasting motion with most kinetic energy."""
+        """The settled motion with most kinetic energy."""
         return next(iter(self.attractors), None)
 
 
@@ -99,6 +99,15 @@ class OnsetStudy(NamedTuple):
     rows: tuple[Row, ...]
     ranges: tuple[Range, ...]
     within: float
+
+    @property
+    def coordinate(self) -> str:
+        """The coordinate that holds most kinetic energy in most of the motions found: whose amplitude is shown."""
+        lines = [each.motion.line for row in self.rows for each in row.attractors if each.motion.line is not None]
+        shown = [branch.label.split()[0] for branch in self.linear.branches]
+        critical = [each.label.split()[0] for each in self.linear.critical]
+        candidates = [name for name in (*lines, *critical[:1], *shown) if name in self.names]
+        return max(candidates, key=lines.count, default=self.names[0])
 
 
 class Prediction(NamedTuple):
@@ -164,7 +173,7 @@ def predict(scene: Scene, variation: Variation) -> Prediction:
         reason = f"this is below twice the highest frequency, {highest:.5g} Hz, which would fold; take at least"
         raise SceneError(f"{reason} {2 * highest:.5g} Hz", ("simulate", "sample_rate"), rate)
     moving = model_at(largest).names
-    family = Family(model_at, linear_at(largest).names)
+    family = Family(model_at, moving, linear_at(largest).names)
     # Whole chunks of samples need no program of their own, but any number will do.
     how = How(rate, scene.simulate.tolerance, round_seconds(sound, moving), scene.simulate.solver)
     return Prediction(scene, variation, family, linear_at, linear, how)
@@ -188,9 +197,9 @@ def compare(predicted: Prediction, within: float, on_row: OnRow, on_progress: On
     search.from_both_sizes()
     search.from_neighbours()
     search.at_boundaries(within)
-    names = predicted.family.model_at(predicted.variation.last).names
     ranges = find_ranges(search.rows, predicted.linear.critical)
-    return OnsetStudy(predicted.scene, predicted.variation, names, predicted.linear, tuple(search.rows), ranges, within)
+    scene, variation, linear = predicted.scene, predicted.variation, predicted.linear
+    return OnsetStudy(scene, variation, predicted.family.moving, linear, tuple(search.rows), ranges, within)
 
 
 class _Search:
@@ -245,8 +254,7 @@ class _Search:
             if {a.kind, b.kind} == {SQUEALS, STABLE}:
                 self._beside(a, b, precision)
         pairs = [(a, b) for a, b in pairwise(self.rows) if {a.kind, b.kind} == {KICKED, STABLE}]
-        for k, (a, b) in enumerate(pairs):
-            self._on_progress("boundaries", k, len(pairs))
+        for a, b in pairs:
             self._close_in(*((a, b) if a.kind == KICKED else (b, a)), precision)
 
     def _beside(self, a: Row, b: Row, precision: float) -> None:
@@ -259,13 +267,14 @@ class _Search:
         side = np.sign(stable.value - squeals.value)
         value = (max if side > 0 else min)(between) + side * precision
         if side * (stable.value - value) > 0:
-            self._try([value], source.again())
+            self._try([float(value)], source.again())
 
     def _close_in(self, lasting: Row, dying: Row, precision: float) -> None:
         a, b = lasting, dying
         while abs(b.value - a.value) > precision and a.strongest is not None:
             shares = np.arange(1, SECTIONS + 1) / (SECTIONS + 1)
-            tried = self._try([a.value + share * (b.value - a.value) for share in shares], a.strongest.again())
+            values = [float(a.value + share * (b.value - a.value)) for share in shares]
+            tried = self._try(values, a.strongest.again())
             b = next((row for row in tried if row.kind != KICKED), b)
             lasts = [row for row in tried if row.kind == KICKED and abs(row.value - a.value) < abs(b.value - a.value)]
             a = lasts[-1] if lasts else a
@@ -283,6 +292,7 @@ class _Search:
         left = {point.value: 0 for point, _ in tasks}
         for point, _ in tasks:
             left[point.value] += 1
+        self._on_progress(what, 0, len(tasks))
         for done, ending in enumerate(find_endings(self._family, tasks, self._how, rounds=rounds), start=1):
             stop_if_interrupted()
             row = self._rows[ending.value]
