@@ -41,8 +41,7 @@ def modal_starts(model: Model, stability: Stability) -> Iterator[Start]:
         if mode.name not in model.names:
             continue
         shape = mode.right[np.asarray(places)]
-        reach = float(_reach(model, jnp.asarray(shape * 1j * mode.eigenvalue.imag)))
-        amplitudes = reach * np.geomspace(LEAST, MOST, AMPLITUDES)
+        amplitudes = reach(model, mode, shape) * np.geomspace(LEAST, MOST, AMPLITUDES)
         work = np.asarray(_work(model, jnp.asarray(steady), jnp.asarray(shape), mode.eigenvalue.imag, amplitudes))
         # Without damping nothing is gained or lost but round-off: all amplitudes would do, and none is a cycle.
         least = ROUND_OFF * amplitudes**2 * _energy(model, shape) * mode.eigenvalue.imag**3
@@ -52,14 +51,20 @@ def modal_starts(model: Model, stability: Stability) -> Iterator[Start]:
         for k in reversed(np.flatnonzero(changes)):
             share = work[k] / (work[k] - work[k + 1])
             amplitude = float(amplitudes[k] * (amplitudes[k + 1] / amplitudes[k]) ** share)
-            yield modal_start(model, steady, mode, shape, amplitude)
+            yield modal_start(steady, mode, shape, amplitude)
 
 
-def modal_start(model: Model, steady: Vector, mode: Mode, shape: Vector, amplitude: float) -> Start:
+def modal_start(steady: Vector, mode: Mode, shape: Vector, amplitude: float) -> Start:
     """The motion along a mode whose displacements (n,) have the complex `shape`, of an amplitude (m, rad)."""
     frequency = mode.eigenvalue.imag
     state = np.concatenate([steady + amplitude * shape.real, amplitude * (1j * frequency * shape).real])
     return Start(state, 2 * np.pi / frequency, f"along mode {mode.label}, {amplitude:.3g} of {mode.name}")
+
+
+def reach(model: Model, mode: Mode, shape: Vector | None = None) -> float:
+    """Amplitude (m, rad) of a mode at which the fastest point of the contact is as fast as the drum."""
+    shape = mode.right[: len(model.names)] if shape is None else shape
+    return float(_reach(model, jnp.asarray(shape * 1j * mode.eigenvalue.imag)))
 
 
 def _energy(model: Model, shape: Vector) -> float:

@@ -37,7 +37,8 @@ class Scales(NamedTuple):
 class Closed(NamedTuple):
     """A scaled state (2n,), period and parameter, (2n + 2,) in all, and the flow from there over a period.
 
-    `residual` is the largest scaled difference between the state and itself a period later, `steps` how many Newton took.
+    `residual` is the largest scaled difference between the state and itself a period later, `steps` how many Newton
+    made.
     """
 
     unknowns: Vector
