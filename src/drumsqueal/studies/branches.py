@@ -1,4 +1,4 @@
-"""Cycles along a parameter: the branches that leave steady sliding at its Hopf points, and that of the scene's cycle."""
+"""Cycles along a parameter: branches that leave steady sliding at its Hopf points, and that of the scene's cycle."""
 
 from collections.abc import Callable
 from functools import partial
@@ -12,7 +12,8 @@ from drumsqueal.errors import CycleError
 from drumsqueal.linear.branches import Branches, Critical, follow_modes, point_at
 from drumsqueal.linear.modes import Mode
 from drumsqueal.model import Model, build_model
-from drumsqueal.scene import Scene
+from drumsqueal.scene import Scene, SceneError
+from drumsqueal.scene.variation import Variation, read_variation
 from drumsqueal.studies.continuation import HOPF, Branch, Track
 from drumsqueal.studies.cycle import checked, find_cycle, scales_of
 from drumsqueal.studies.cycle_starts import Start, modal_start, reach
@@ -49,16 +50,27 @@ def follow_cycle(scene: Scene, key: str, low: float, high: float, on_cycle: OnCy
     `find_cycle` finds at the scene's own value. All is over the coordinates that the scene moves. Raises SceneError for
     a scene or a key that cannot be followed.
     """
-    low, high = sorted((low, high))
-    own = checked(scene).numbers().get(key)
-    for value in (low, high):
-        checked(scene.with_values({key: value}))
+    variation = read_variation(f"{key}={low!r}..{high!r}", scene, option="along", points=None)
+    checked_range(scene, variation)
+    low, high = sorted(variation.values)
+    own = scene.numbers()[key]
     assert isinstance(own, float)
-    models = jax.jit(lambda value: jax.jvp(lambda number: build_model(scene, {key: number}), (value,), (1.0,)))
+    # Structure hangs on the larger end: a long arc has more nodes.
+    whole = scene.with_values({key: max(variation.values, key=abs)})
+    models = jax.jit(lambda value: jax.jvp(lambda number: build_model(whole, {key: number}), (value,), (1.0,)))
     diagram = follow_models(models, low, high, VALUES, on_cycle)
     if low <= own <= high:
         diagram = _with_own(diagram, scene, models, own, on_cycle)
     return diagram._replace(key=key, scene=scene)
+
+
+def checked_range(scene: Scene, variation: Variation) -> None:
+    """Raise SceneError where cycles cannot be followed over a range of a scene's number."""
+    checked(scene)
+    if variation.key == "drum.speed" and min(variation.values) <= 0 <= max(variation.values):
+        raise SceneError("a range of cycles may not reach or cross a drum at rest", ("drum", "speed"))
+    for value in variation.values:
+        checked(scene.with_values({variation.key: value}))
 
 
 def follow_models(

@@ -1,9 +1,9 @@
 """A branch of cycles along a parameter, by pseudo-arclength through its folds, and what happens on it.
 
 Unknowns are the state, the period and the parameter, scaled to order one. From a cycle and the tangent there the next
-one is predicted, and corrected at right angles to the tangent: at a fold the parameter turns round, the branch does not.
-Source of the method: H. B. Keller, "Numerical solution of bifurcation and nonlinear eigenvalue problems", in
-Applications of Bifurcation Theory, Academic Press 1977; Y. A. Kuznetsov, Elements of Applied Bifurcation Theory.
+one is predicted, and corrected at right angles to the tangent. At a fold the parameter turns round; the branch does not.
+Source of the method: H. B. Keller, "Numerical solution of bifurcation and nonlinear eigenvalue problems", Applications
+of Bifurcation Theory, Academic Press 1977; of the names: Y. A. Kuznetsov, Elements of Applied Bifurcation Theory.
 """
 
 from collections.abc import Callable
@@ -20,11 +20,14 @@ FIRST_STEP, LEAST_STEP, LONGEST_STEP = 0.02, 1e-5, 0.15  # of arclength, in the 
 FASTER, SLOWER = 1.6, 0.5
 EASY, HARD = 3, 6  # steps of Newton
 TURN = 0.9  # cosine of the angle between two neighbouring tangents, at least
+CORNER_STEPS = (1e-3, 4e-3, 1.6e-2, 6.4e-2)
+BACKWARDS = -0.97  # cosine of the angle to the branch below which one is on it again, on the way back
 LOCATED = 1e-5  # of a step: how well an instability, or the turn of a fold, is found along the branch
 BENT = 1e-3  # |Im μ| above which two multipliers that leave the circle are a pair
 MOST_POINTS = 400
 CLOSE_TO_REST = 2e-3  # scaled amplitude at which a branch ends at the steady sliding that it came from
 FOLD, NEIMARK_SACKER, DOUBLING, BRANCHING = "fold", "Neimark-Sacker", "period doubling", "branch point"
+CORNER = "corner"  # where slip just comes to reverse
 HOPF, BOUND = "Hopf", "end of the range"
 
 
@@ -85,7 +88,11 @@ class Track:
             following = None
             while following is None:
                 if step < LEAST_STEP:
-                    return self._why
+                    following, step = self._around(place), CORNER_STEPS[0]
+                    if following is None:
+                        return self._why
+                    self.special.append(Special(CORNER, place.cycle.parameter, place.cycle))
+                    break
                 following = self._advance(place, step)
                 if isinstance(following, str):
                     return following
@@ -139,6 +146,29 @@ class Track:
             # As near to where it cannot go on as the smallest step brings it.
             self._why = str(error)
             return None if step > 100 * LEAST_STEP else str(error)
+
+    def _around(self, place: _Place) -> _Place | None:
+        """A place behind a corner of the branch, if there is one.
+
+        Where slip just comes to reverse on the lining the flow map has two derivatives, one for either side, and the
+        branch two directions. The derivative a little ahead is that of the other side.
+        """
+        old = place.closed
+        for step in CORNER_STEPS:
+            ahead = self._shooting.flow(old.unknowns + step * place.tangent)
+            direction = self._tangent(old._replace(flow=ahead), place.tangent)
+            for sign in (1.0, -1.0):
+                closed = self._shooting.close(old.unknowns + sign * step * direction, direction, old.flow.rate)
+                if closed is None:
+                    continue
+                way = closed.unknowns - old.unknowns
+                length = float(np.linalg.norm(way))
+                if step / 3 < length < 3 * step and way @ place.tangent > BACKWARDS * length:
+                    try:
+                        return _Place(closed, self._tangent(closed, way / length), describe(self._shooting, closed))
+                    except CycleError:
+                        continue
+        return None
 
     def _corrected(self, place: _Place, step: float) -> Closed | None:
         guess = place.closed.unknowns + step * place.tangent

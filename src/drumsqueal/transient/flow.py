@@ -92,7 +92,7 @@ def _followed(
     def along(step: Attempt, tangents: Array) -> Array:
         return _pushed(step, tangents, derivatives, local, longest)
 
-    unused: Any = Stages(lambda t, q, v: (q, v), jnp.ones(1), jnp.ones(1), local)  # the method is explicit
+    unused: Any = Stages(lambda _, q, v: (q, v), jnp.ones(1), jnp.ones(1), local)  # the method is explicit
     stepped = step_through(
         make_solver(DEFAULT, unused),
         lambda _, y: rate(model, y),

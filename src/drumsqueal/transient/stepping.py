@@ -86,9 +86,10 @@ def step_through(
 
     `solver` is an adaptive method of diffrax.
     A step is kept when the norm of its estimated error, over tolerance · (1 + |y|), is below one. `step` is the first
-    one; the budget is in steps, kept or not. It ends early after a step whose time and state make `halts` true. Of a
-    step `passes` gives the share after which that would have been so, or 1: it is then made again so far only.
-    No step but the first is longer than `longest`. With every step that is kept `along` takes `beside`, a tree of arrays, from its start to its end.
+    one, and no other is longer than `longest`; the budget is in steps, kept or not. It ends early after a step whose
+    time and state make `halts` true. Of a step `passes` gives the share after which that would have been so, or 1: it
+    is then made again so far only. With every step that is kept `along` takes `beside`, a tree of arrays, from its
+    start to its end.
     """
     terms: Any = diffrax.ODETerm(lambda t, y, _: vector_field(jnp.asarray(t), y))
     controller = diffrax.PIDController(rtol=tolerance, atol=tolerance, norm=norm, pcoeff=PROPORTIONAL, icoeff=INTEGRAL)
