@@ -20,6 +20,7 @@ MICRO = 1e6
 MARKERS = {FOLD: "s", NEIMARK_SACKER: "^", DOUBLING: "v", BRANCHING: "P", CORNER: "x"}
 DASHES = (0, (3, 2))
 ROOM = 1.08  # above the largest amplitude
+WIDE = 30  # ratio of amplitudes from which on the axis is logarithmic, with steady sliding at its lower end
 
 
 @styled()
@@ -35,21 +36,30 @@ def draw_branch(diagram: Diagram, variation: Variation) -> Figure:
         _shade(axes, diagram)
     _draw(amplitude, diagram, colour, lambda cycle: MICRO * cycle.amplitude[name])
     _draw(frequency, diagram, colour, lambda cycle: cycle.frequency_Hz)
-    for low, high in steady_sliding(diagram, stable=True):
-        amplitude.plot([low, high], [0, 0], color=style.DARK, linewidth=1.4, clip_on=False, zorder=3)
-    for low, high in steady_sliding(diagram, stable=False):
-        amplitude.plot([low, high], [0, 0], color=style.DARK, linewidth=1.4, linestyle=DASHES, clip_on=False, zorder=3)
+    rest = _limits(amplitude, [cycle.amplitude[name] for branch in diagram.branches for cycle in branch.cycles])
+    for stable, line in ((True, "-"), (False, DASHES)):
+        for span in steady_sliding(diagram, stable=stable):
+            amplitude.plot(span, [rest, rest], color=style.DARK, linewidth=1.6, linestyle=line, clip_on=False, zorder=3)
     for critical in diagram.linear.critical:
-        for axes, value in ((amplitude, 0.0), (frequency, critical.frequency_Hz)):
+        for axes, value in ((amplitude, rest), (frequency, critical.frequency_Hz)):
             axes.plot(critical.value, value, "D", color=style.DARK, markersize=4, clip_on=False, zorder=5)
-    largest = max(cycle.amplitude[name] for branch in diagram.branches for cycle in branch.cycles)
-    amplitude.set_ylim(0, ROOM * MICRO * largest)
     unit = f" ({variation.unit})" if variation.unit else ""
     frame(amplitude, None, f"{name}, half peak to peak ({'µrad' if name in ROTATIONS else 'µm'})")
     frame(frequency, f"{variation.key}{unit}", "Frequency (Hz)")
     figure.align_ylabels([amplitude, frequency])
     figure.legend(handles=_legend(diagram, colour), loc="outside lower center", ncols=4)
     return figure
+
+
+def _limits(axes: Axes, amplitudes: list[float]) -> float:
+    """Set the limits, of a log axis where amplitudes lie far apart; returns where the amplitude zero is drawn (µm)."""
+    smallest, largest = MICRO * min(amplitudes), MICRO * max(amplitudes)
+    if largest < WIDE * smallest:
+        axes.set_ylim(0, ROOM * largest)
+        return 0.0
+    axes.set_yscale("log")
+    axes.set_ylim(smallest / 2, ROOM * ROOM * largest)
+    return smallest / 2
 
 
 def main_coordinate(diagram: Diagram) -> str:
@@ -102,6 +112,7 @@ def _legend(diagram: Diagram, colour: str) -> list[Line2D | Patch]:
     for kind in kinds:
         look = {"marker": MARKERS[kind], "markerfacecolor": "white", "markersize": 4, "linestyle": ""}
         handles.append(Line2D([], [], color=style.DARK, label=kind, **look))
-    present = {STABLE: steady_sliding(diagram, stable=True), KICKED: kicked(diagram)}
+    quiet = steady_sliding(diagram, stable=True)
+    present = {STABLE: [] if quiet == kicked(diagram) else quiet, KICKED: kicked(diagram)}
     present[SQUEALS] = steady_sliding(diagram, stable=False)
     return handles + [Patch(color=SHADES[kind], label=kind) for kind, spans in present.items() if spans]

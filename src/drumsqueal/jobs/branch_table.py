@@ -23,26 +23,25 @@ def print_diagram(console: Console, diagram: Diagram, variation: Variation) -> N
     unit = f"\n{variation.unit}" if variation.unit else ""
     names = diagram.branches[0].cycles[0].names
     table = Table(title=f"Cycles along {variation.key}", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    table.add_column("branch", justify="right")
+    table.add_column("", justify="right")
     table.add_column("", no_wrap=True)
-    table.add_column(f"{variation.key}{unit}", justify="right")
-    table.add_column("frequency\nHz", justify="right")
+    table.add_column(f"value{unit}", justify="right", no_wrap=True)
+    table.add_column("freq.\nHz", justify="right", no_wrap=True)
     for name in names:
         table.add_column(f"{name}\n{'µrad' if name in ROTATIONS else 'µm'}", justify="right")
-    table.add_column("largest\nmultiplier", justify="right")
+    table.add_column("largest\n|μ|", justify="right")
     for number, branch in enumerate(diagram.branches, start=1):
         for what, cycle in _milestones(branch):
-            amplitudes = (f"{1e6 * cycle.amplitude[name]:.4g}" for name in names)
+            amplitudes = (f"{1e6 * cycle.amplitude[name]:.3g}" for name in names)
             largest = "" if what == "Hopf" else f"{cycle.largest:.4f}"
             table.add_row(
-                str(number), what, f"{cycle.parameter:.8g}", f"{cycle.frequency_Hz:.2f}", *amplitudes, largest
+                str(number), what, f"{cycle.parameter:.7g}", f"{cycle.frequency_Hz:.1f}", *amplitudes, largest
             )
     console.print(table)
     for critical in diagram.linear.critical:
         becomes = "unstable" if critical.destabilises else "stable"
-        console.print(
-            f"Steady sliding: {critical.label} becomes {becomes} as {_at(variation, critical.value)} is passed"
-        )
+        where = _at(variation, critical.value)
+        console.print(f"Steady sliding becomes {becomes} in {critical.label} as it rises past {where}")
     for number, branch in enumerate(diagram.branches, start=1):
         for end in (branch.start, branch.end):
             if len(end) > len("end of the range"):
@@ -78,11 +77,7 @@ def verdict(diagram: Diagram, variation: Variation) -> str:
     lives = f"stable cycles live {_ranges(cycles)}" if cycles else "no cycle that was found is stable"
     turns = folds(diagram)
     folded = f" (folds at {', '.join(f'{value:.6g}' for value in turns)})" if turns else ""
-    kicks = (
-        f"; {_ranges(both)} it squeals only when kicked"
-        if both
-        else "; no range was found that squeals only when kicked"
-    )
+    kicks = f"; {_ranges(both)} it squeals only when kicked" if both else "; nowhere does it take a kick to squeal"
     return f"Steady sliding {sliding}; {lives}{folded}{kicks}."
 
 

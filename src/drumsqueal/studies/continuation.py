@@ -1,7 +1,7 @@
 """A branch of cycles along a parameter, by pseudo-arclength through its folds, and what happens on it.
 
 Unknowns are the state, the period and the parameter, scaled to order one. From a cycle and the tangent there the next
-one is predicted, and corrected at right angles to the tangent. At a fold the parameter turns round; the branch does not.
+one is predicted, and corrected at right angles to it. At a fold the parameter turns round, and the branch goes on.
 Source of the method: H. B. Keller, "Numerical solution of bifurcation and nonlinear eigenvalue problems", Applications
 of Bifurcation Theory, Academic Press 1977; of the names: Y. A. Kuznetsov, Elements of Applied Bifurcation Theory.
 """

@@ -15,7 +15,7 @@ from drumsqueal.scene import Scene, SceneError
 from drumsqueal.signals import Regime, classify
 from drumsqueal.simulation import Prepared, check_sample_rate, prepare, transient
 from drumsqueal.studies.cycle_starts import Start, modal_starts, returns
-from drumsqueal.studies.orbit import Cycle, describe
+from drumsqueal.studies.orbit import NEUTRAL, Cycle, describe
 from drumsqueal.studies.shooting import CLOSED, Closed, Scales, Shooting, Vector
 from drumsqueal.transient.flow import state_size
 
@@ -92,7 +92,10 @@ def cycle_from(model: Model, start: Start, steady: Vector) -> Cycle:
         raise CycleError("Newton's method finds none")
     if amplitude_of(shooting, closed, steady) < SMALLEST:
         raise CycleError("Newton's method ends at steady sliding")
-    return describe(shooting, shortest(shooting, closed, condition))
+    cycle = describe(shooting, shortest(shooting, closed, condition))
+    if np.any(np.abs(cycle.multipliers - 1) < NEUTRAL):
+        raise CycleError("it is one of many that lie side by side, as where nothing feeds or brakes the motion")
+    return cycle
 
 
 def scales_of(model: Model, start: Start, steady: Vector, parameter: float = 1.0) -> Scales:
