@@ -84,13 +84,17 @@ def _followed(
         q, v = y[: unknowns // 2], y[unknowns // 2 :]
         return jnp.concatenate([v, model.act(0.0, q, v)[0] / model.mass]) / size
 
-    def derivatives(state: Array) -> tuple[Array, Array]:
-        """Jacobian (2n, 2n), column by column as rows, and derivative with respect to the parameter (2n,)."""
-        columns = jax.vmap(lambda unit: jax.jvp(lambda y: rate(model, y), (state,), (unit,))[1])(jnp.eye(unknowns))
-        return columns, jax.jvp(lambda m: rate(m, state), (model,), (change,))[1]
+    def derivatives(state: Array) -> Array:
+        """∂ẏ/∂(y, p), direction by direction as rows (2n + 1, 2n)."""
 
-    def along(step: Attempt, tangents: Array) -> Array:
-        return _pushed(step, tangents, derivatives, local, longest)
+        def along(unit: Array) -> Array:
+            changed = jax.tree.map(lambda x: x * unit[-1], change)
+            return jax.jvp(rate, (model, state), (changed, unit[:-1]))[1]
+
+        return jax.vmap(along)(jnp.eye(unknowns + 1))
+
+    def along(step: Attempt, beside: tuple[Array, Array]) -> tuple[Array, Array]:
+        return _pushed(step, beside[0], derivatives, local, longest), step.slope_after
 
     unused: Any = Stages(lambda _, q, v: (q, v), jnp.ones(1), jnp.ones(1), local)  # the method is explicit
     stepped = step_through(
@@ -104,32 +108,31 @@ def _followed(
         budget=jnp.asarray(BUDGET),
         longest=longest,
         along=along,
-        beside=jnp.eye(unknowns + 1, unknowns),
+        beside=(jnp.eye(unknowns + 1, unknowns), state),
     )
     # Tangents come as rows, one for each direction; a derivative has them as columns.
-    tangents = stepped.beside
-    rates = rate(model, stepped.last)
+    tangents, rates = stepped.beside
     return Flow(stepped.last, rates, tangents[:unknowns].T, tangents[-1], stepped.steps, stepped.reached)
 
 
 def _pushed(
     step: Attempt,
     tangents: Array,
-    derivatives: Callable[[Array], tuple[Array, Array]],
+    derivatives: Callable[[Array], Array],
     local: Array,
     longest: Array,
 ) -> Array:
     """Tangents (2n + 1, 2n), the last one of the parameter, at the end of a step of the same method."""
-    h, slopes = step.end - step.start, step.dense["k"]
+    h, slopes, n = step.end - step.start, step.dense["k"], step.before.size
     weights = stage_weights(DEFAULT)
     states = [step.before + sum(a * slope for a, slope in zip(row, slopes, strict=True) if a != 0) for row in weights]
-    columns, direct = jax.lax.map(derivatives, jnp.stack(states))
+    rows = jax.lax.map(derivatives, jnp.stack(states))
 
-    def growth(i: int | Array, tangents: Array) -> Array:
-        pushed = sum(tangents[:, j, None] * columns[i, j] for j in range(tangents.shape[1]))
-        return pushed.at[-1].add(direct[i])
+    def growth(i: Any, tangents: Array) -> Array:
+        pushed = jnp.sum(tangents[:, :, None] * rows[i, None, :n], axis=1)
+        return pushed.at[-1].add(rows[i, n])
 
-    of_rate = sum(step.slope_before[j] * (columns[-1, j] - columns[0, j]) for j in range(step.before.size))
+    of_rate = jnp.sum(step.slope_before[:, None] * (rows[-1, :n] - rows[0, :n]), axis=0)
     shift = _time_shift(step, growth(-1, tangents) - growth(0, tangents), of_rate, local, longest)
     start = tangents - shift * step.slope_before
     matrix = jnp.asarray(weights)
