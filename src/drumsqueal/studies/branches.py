@@ -123,7 +123,8 @@ def _from_hopf(
 def _small(model: Model, steady: Vector, mode: Mode) -> tuple[Start, Start]:
     """A small motion along a mode, and one in which the lining gets as fast as the drum."""
     amplitude = reach(model, mode)
-    return tuple(modal_start(steady, mode, mode.right[: len(steady)], share * amplitude) for share in (SMALL, 1.0))
+    shape = mode.right[: len(steady)]
+    return modal_start(steady, mode, shape, SMALL * amplitude), modal_start(steady, mode, shape, amplitude)
 
 
 def _scale(bounds: tuple[float, float]) -> float:

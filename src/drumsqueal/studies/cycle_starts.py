@@ -11,11 +11,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from numpy.typing import NDArray
 
 from drumsqueal.kernel import compiled
 from drumsqueal.linear.modes import Mode, Stability
 from drumsqueal.model import Model
 from drumsqueal.studies.shooting import Vector
+
+Shape = NDArray[np.complex128]  # of a mode, over the coordinates that move
 
 PHASES = 64  # of a period, at which the work is summed
 LEAST, MOST, AMPLITUDES = 1e-3, 4.0, 80  # of the amplitude at which the fastest point is as fast as the drum
@@ -54,20 +57,20 @@ def modal_starts(model: Model, stability: Stability) -> Iterator[Start]:
             yield modal_start(steady, mode, shape, amplitude)
 
 
-def modal_start(steady: Vector, mode: Mode, shape: Vector, amplitude: float) -> Start:
+def modal_start(steady: Vector, mode: Mode, shape: Shape, amplitude: float) -> Start:
     """The motion along a mode whose displacements (n,) have the complex `shape`, of an amplitude (m, rad)."""
     frequency = mode.eigenvalue.imag
-    state = np.concatenate([steady + amplitude * shape.real, amplitude * (1j * frequency * shape).real])
+    state: Vector = np.concatenate([steady + amplitude * shape.real, -amplitude * frequency * shape.imag])
     return Start(state, 2 * np.pi / frequency, f"along mode {mode.label}, {amplitude:.3g} of {mode.name}")
 
 
-def reach(model: Model, mode: Mode, shape: Vector | None = None) -> float:
+def reach(model: Model, mode: Mode, shape: Shape | None = None) -> float:
     """Amplitude (m, rad) of a mode at which the fastest point of the contact is as fast as the drum."""
-    shape = mode.right[: len(model.names)] if shape is None else shape
-    return float(_reach(model, jnp.asarray(shape * 1j * mode.eigenvalue.imag)))
+    moving = mode.right[: len(model.names)] if shape is None else shape
+    return float(_reach(model, jnp.asarray(moving * 1j * mode.eigenvalue.imag)))
 
 
-def _energy(model: Model, shape: Vector) -> float:
+def _energy(model: Model, shape: Shape) -> float:
     """Kinetic energy (J) of a mode over the squares of amplitude and angular frequency."""
     return float(np.sum(np.asarray(model.mass) * np.abs(shape) ** 2) / 2)
 

@@ -84,9 +84,9 @@ class Shooting:
         rate there. Steps are cut where the residual would not fall.
         """
         unknowns, found = guess, self.flow(guess)
-        phase = found.rate if phase is None else phase
+        across = found.rate if phase is None else phase
         border = np.zeros((2, guess.size))
-        border[0, :-2], border[1] = phase / np.linalg.norm(phase), condition / np.linalg.norm(condition)
+        border[0, :-2], border[1] = across / np.linalg.norm(across), condition / np.linalg.norm(condition)
         first = size = _size(found, unknowns)
         for count in range(NEWTON_STEPS):
             if not np.isfinite(size) or (count >= PATIENCE and size > PROGRESS * first):

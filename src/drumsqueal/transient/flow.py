@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from jax.typing import ArrayLike
 
 from drumsqueal.kernel import compiled, one_kernel
 from drumsqueal.model import Model
@@ -32,18 +33,18 @@ class Flow(NamedTuple):
     how many were made, `reached` whether the end was.
     """
 
-    end: Array
-    rate: Array
-    transition: Array
-    sensitivity: Array
-    steps: Array
-    reached: Array
+    end: Any  # arrays of JAX, or of NumPy once they are in its hands
+    rate: Any
+    transition: Any
+    sensitivity: Any
+    steps: Any
+    reached: Any
 
 
 def flow(
     model: Model,
-    size: Array,
-    state: Array,
+    size: ArrayLike,
+    state: ArrayLike,
     duration: Any,
     tolerance: Any,
     change: Model | None = None,

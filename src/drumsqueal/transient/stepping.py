@@ -133,7 +133,8 @@ def step_through(
             next_step = jnp.minimum(next_step, longest)
         beside = now.beside
         if along is not None:
-            beside = jax.lax.cond(keep, lambda: along(attempt, now.beside), lambda: now.beside)
+            taken = along
+            beside = jax.lax.cond(keep, lambda: taken(attempt, now.beside), lambda: now.beside)
         sampled, samples = _sample(times, interpolation, there, keep, now.sampled, now.samples)
         state, solver_state = jax.tree.map(
             lambda new, old: jnp.where(keep, new, old), (state, solver_state), (now.state, now.solver)
