@@ -14,7 +14,7 @@ from drumsqueal.linear.modes import Mode
 from drumsqueal.model import Model, build_model
 from drumsqueal.scene import Scene, SceneError
 from drumsqueal.scene.variation import Variation, read_variation
-from drumsqueal.studies.continuation import HOPF, Branch, Track
+from drumsqueal.studies.continuation import HOPF, LOOP, Branch, Track, is_between
 from drumsqueal.studies.cycle import checked, find_cycle, scales_of
 from drumsqueal.studies.cycle_starts import Start, modal_start, reach
 from drumsqueal.studies.orbit import Cycle
@@ -23,7 +23,6 @@ from drumsqueal.studies.shooting import Models, Shooting, Vector
 VALUES = 60  # of the parameter, at which the eigenvalues are looked at first
 SMALL = 0.02  # amplitude of the first cycle near a Hopf point, over that at which the drum's speed is reached
 NEAR_HOPF = 0.02  # of the range: a branch that ends there so near to a Hopf point ends at it
-FOUND_AGAIN = 0.02  # relative difference in period and amplitudes of what is taken for the same branch
 
 OnCycle = Callable[[int, Cycle], None]  # the number of the branch, and its next cycle
 
@@ -154,7 +153,8 @@ def _with_own(diagram: Diagram, scene: Scene, models: Models, own: float, on_cyc
         return diagram._replace(notes=(*diagram.notes, f"at the scene's own value: {error}"))
     branches = list(diagram.branches)
     for cycle in (search.cycle, *search.others):
-        if any(_passes(branch, cycle, own) for branch in branches):
+        here = cycle._replace(parameter=own)
+        if any(is_between(a, b, here) for branch in branches for a, b in pairwise(branch.cycles)):
             continue
         track = partial(on_cycle or _nothing, len(branches))
         branches.append(_both_ways(models, cycle, own, (diagram.low, diagram.high), track))
@@ -179,22 +179,8 @@ def _both_ways(
         track = Track(shooting, bounds, steady_at, on_cycle)
         ends.append(track.follow(closed, sign * along))
         parts.append(track)
+        if ends[0] == LOOP:
+            return Branch(tuple(track.cycles), tuple(track.special), LOOP, LOOP)
     down, up = parts
     cycles = (*reversed(down.cycles), *up.cycles[1:])
     return Branch(cycles, (*reversed(down.special), *up.special), *ends)
-
-
-def _passes(branch: Branch, cycle: Cycle, value: float) -> bool:
-    """Whether a branch goes through a cycle at a value of the parameter."""
-    for a, b in pairwise(branch.cycles):
-        if (a.parameter - value) * (b.parameter - value) <= 0 and a.parameter != b.parameter:
-            share = (value - a.parameter) / (b.parameter - a.parameter)
-            numbers = [_numbers(each) for each in (a, b, cycle)]
-            between = (1 - share) * numbers[0] + share * numbers[1]
-            if np.all(np.abs(between - numbers[2]) < FOUND_AGAIN * np.max(np.abs(numbers), axis=0)):
-                return True
-    return False
-
-
-def _numbers(cycle: Cycle) -> Vector:
-    return np.array([cycle.period_s, *cycle.amplitude.values()])

@@ -25,10 +25,12 @@ BACKWARDS = -0.97  # cosine of the angle to the branch below which one is on it 
 LOCATED = 1e-5  # of a step: how well an instability, or the turn of a fold, is found along the branch
 BENT = 1e-3  # |Im μ| above which two multipliers that leave the circle are a pair
 MOST_POINTS = 400
+FEWEST = 4  # points of a closed loop
+SAME = 0.02  # relative difference in period and amplitudes of what is taken for the same cycle
 CLOSE_TO_REST = 2e-3  # scaled amplitude at which a branch ends at the steady sliding that it came from
 FOLD, NEIMARK_SACKER, DOUBLING, BRANCHING = "fold", "Neimark-Sacker", "period doubling", "branch point"
 CORNER = "corner"  # where slip just comes to reverse
-HOPF, BOUND = "Hopf", "end of the range"
+HOPF, BOUND, LOOP = "Hopf", "end of the range", "closed loop"
 
 
 class Special(NamedTuple):
@@ -42,7 +44,7 @@ class Special(NamedTuple):
 class Branch(NamedTuple):
     """Cycles in the order in which they follow one another, what happens between them, and why it ends on either side.
 
-    `start` and `end` are `HOPF`, `BOUND` or a reason in words.
+    `start` and `end` are `HOPF`, `BOUND`, `LOOP` or a reason in words.
     """
 
     cycles: tuple[Cycle, ...]
@@ -103,10 +105,11 @@ class Track:
                 return self._to_bound(place, following, outside)
             if self._at_rest(place, following):
                 return HOPF
+            if self._is_back(start, place, following):
+                self._keep(start.cycle)
+                return LOOP
             self._look_between(place, following, step)
             self._keep(following.cycle)
-            if self._is_back(start, following, step):
-                return "the branch comes back to where it began"
             step = min(step * (FASTER if following.closed.steps <= EASY else 1.0), LONGEST_STEP)
             step = step * SLOWER if following.closed.steps >= HARD else step
             place = following
@@ -203,9 +206,10 @@ class Track:
         before, after = self._departure(place), self._departure(following)
         return bool(before @ after < 0 or np.max(np.abs(after)) < CLOSE_TO_REST)
 
-    def _is_back(self, start: _Place, place: _Place, step: float) -> bool:
-        away = np.linalg.norm(place.closed.unknowns - start.closed.unknowns)
-        return len(self.cycles) > 4 and bool(away < step) and bool(place.tangent @ start.tangent > TURN)
+    def _is_back(self, start: _Place, place: _Place, following: _Place) -> bool:
+        """Whether the step to a place leads through the cycle of the start, the same way: maybe at another phase."""
+        same_way = start.tangent[-1] * following.tangent[-1] > 0
+        return same_way and len(self.cycles) > FEWEST and is_between(place.cycle, following.cycle, start.cycle)
 
     def _look_between(self, a: _Place, b: _Place, step: float) -> None:
         """Find a fold, and where multipliers cross the unit circle, on the way from one place to the next."""
@@ -239,6 +243,17 @@ class Track:
             return  # the branch itself goes on, without the name of what happened
         self._keep(cycle)
         self.special.append(Special(kind or _kind(cycle), cycle.parameter, cycle))
+
+
+def is_between(a: Cycle, b: Cycle, cycle: Cycle) -> bool:
+    """Whether a cycle lies on the way from one to another, by parameter, period and amplitudes."""
+    width = b.parameter - a.parameter
+    if width == 0 or (a.parameter - cycle.parameter) * (b.parameter - cycle.parameter) > 0:
+        return False
+    share = (cycle.parameter - a.parameter) / width
+    first, last, wanted = (np.array([each.period_s, *each.amplitude.values()]) for each in (a, b, cycle))
+    between = (1 - share) * first + share * last
+    return bool(np.all(np.abs(between - wanted) < SAME * np.maximum(between, wanted)))
 
 
 def _modulus(closed: Closed, rank: int) -> float:
