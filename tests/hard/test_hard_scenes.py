@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import scipy.linalg
-from hypothesis import Phase, given, settings
+from hypothesis import Phase, example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -451,17 +451,35 @@ def scene_from(nominal: Scene, values: dict, thickness: float, direction, size: 
     return scene_of(nominal, start, velocity, duration=0.002, rate=1e5).with_values(own)
 
 
-@settings(derandomize=True, deadline=None, max_examples=25, database=None, phases=[Phase.generate])
+# Slips and sticks eight times in 2 ms, and pivots about an end of the arc before it sticks: 3600 explicit steps each.
+PIVOTS = {
+    "shoe.outer_radius": 0.05,
+    "shoe.width": 0.068152,
+    "shoe.arc_angle": 2.0516,
+    "shoe.density": 1681.53,
+    "support.upper_stiffness": 1.13477e8,
+    "support.lower_stiffness": 1.76947e6,
+    "contact.stiffness": 1.06863e9,
+    "contact.normal_load": 4227.68,
+    "friction.static": 0.9,
+    "friction.kinetic": 0.052522,
+    "friction.decay": 4.48564,
+    "drum.speed": -17.0578,
+}
+
+
+@settings(derandomize=True, deadline=None, max_examples=25, database=None, phases=[Phase.explicit, Phase.generate])
 @given(values=VALID, thickness=THICKNESS, direction=DIRECTION, size=_powers(-12, -4))
+@example(values=PIVOTS, thickness=0.05, direction=(0.0, 0.0, 0.95), size=1e-4)
 def test_random_scenes_finish_and_balance(nominal, values, thickness, direction, size):
     motion = follow(scene_from(nominal, values, thickness, direction, size))
     # 4e-7 of the kinetic energy was found, or 3e-17 of the drum's work where a motion is so tiny that the round-off of
-    # that is more. At most 661 steps.
+    # that is more. 14,548 steps for the example above, of which 10,000 before the method changes; else 661 at most.
     work = np.sum(np.abs(motion.seen.friction_power)) * 1e-5
     turned = abs(np.sum(motion.seen.brake_torque) * 1e-5 * values["drum.speed"]) + work
     largest = float(np.max(np.abs(motion.balance_error)))
     assert largest < 5e-6 * motion.kinetic.max() + 1e-14 * turned
-    assert motion.steps < 10_000
+    assert motion.steps < 20_000
 
 
 @settings(derandomize=True, deadline=None, max_examples=25, database=None, phases=[Phase.generate])
