@@ -474,12 +474,14 @@ PIVOTS = {
 def test_random_scenes_finish_and_balance(nominal, values, thickness, direction, size):
     motion = follow(scene_from(nominal, values, thickness, direction, size))
     # 4e-7 of the kinetic energy was found, or 3e-17 of the drum's work where a motion is so tiny that the round-off of
-    # that is more. 14,548 steps for the example above, of which 10,000 before the method changes; else 661 at most.
+    # that is more. 14,548 steps for the example above, of which 10,000 before the method changes. A light, short shoe
+    # turns to and fro at 100 kHz: without a load, edges are born or die in each of its periods, at 140 steps each.
     work = np.sum(np.abs(motion.seen.friction_power)) * 1e-5
     turned = abs(np.sum(motion.seen.brake_torque) * 1e-5 * values["drum.speed"]) + work
     largest = float(np.max(np.abs(motion.balance_error)))
     assert largest < 5e-6 * motion.kinetic.max() + 1e-14 * turned
-    assert motion.steps < 20_000
+    fastest = np.sqrt(np.max(np.linalg.eigvals(np.asarray(motion.model.stiffness) / motion.mass[:, None]).real))
+    assert motion.steps < 20_000 + 300 * 0.002 * fastest / (2 * math.pi)
 
 
 @settings(derandomize=True, deadline=None, max_examples=25, database=None, phases=[Phase.generate])
@@ -503,8 +505,8 @@ def test_random_scenes_below_the_edges_are_linear(nominal, values, thickness, di
     grown = max(1.0, float(np.max(largest[:3] / scale)) / size)
     off = float(np.max(np.abs(found - linear) / size_of))
     # Of the share, 7e-2 was found in 25 scenes and 2e-1 in others, with a steep curve that rises (what is left out goes
-    # with the second derivative of friction); and what the tolerance adds up to in 2 ms, 3e-7.
-    assert off < share * grown + 2e-6
+    # with the second derivative of friction); and what the tolerance of 1e-6 adds up to in 2 ms, 2.2e-6 in 500 scenes.
+    assert off < share * grown + 5e-6
 
 
 # --- gradients -------------------------------------------------------------------------------------------------------
