@@ -23,6 +23,7 @@ from drumsqueal.linear.steady import linear_model, steady_sliding
 from drumsqueal.model import Model, build_model
 from drumsqueal.scene import Scene
 from drumsqueal.transient.integrate import integrate
+from drumsqueal.transient.segment import QUIET
 from drumsqueal.transient.sticking import hold
 
 P0_OVER_KC = 2000.0 / (0.1 * math.radians(130) * 0.0365) / 0.35e11  # m, 6.9e-6: what the lining yields under its load
@@ -480,7 +481,8 @@ def test_random_scenes_finish_and_balance(nominal, values, thickness, direction,
     turned = abs(np.sum(motion.seen.brake_torque) * 1e-5 * values["drum.speed"]) + work
     largest = float(np.max(np.abs(motion.balance_error)))
     assert largest < 5e-6 * motion.kinetic.max() + 1e-14 * turned
-    fastest = np.sqrt(np.max(np.linalg.eigvals(np.asarray(motion.model.stiffness) / motion.mass[:, None]).real))
+    mass, stiffness = np.diag(np.asarray(motion.model.mass)), np.asarray(motion.model.stiffness)
+    fastest = math.sqrt(scipy.linalg.eigh(stiffness, mass, eigvals_only=True)[-1])
     assert motion.steps < 20_000 + 300 * 0.002 * fastest / (2 * math.pi)
 
 
@@ -506,7 +508,8 @@ def test_random_scenes_below_the_edges_are_linear(nominal, values, thickness, di
     off = float(np.max(np.abs(found - linear) / size_of))
     # Of the share, 7e-2 was found in 25 scenes and 2e-1 in others, with a steep curve that rises (what is left out goes
     # with the second derivative of friction); and what the tolerance of 1e-6 adds up to in 2 ms, 2.2e-6 in 500 scenes.
-    assert off < share * grown + 5e-6
+    # Motion below a picometre is resolved as if it were that large.
+    assert off < share * grown + 5e-6 * max(1.0, QUIET / size)
 
 
 # --- gradients -------------------------------------------------------------------------------------------------------
