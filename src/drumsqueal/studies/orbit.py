@@ -11,7 +11,7 @@ from drumsqueal.errors import CycleError, IntegrationError
 from drumsqueal.model import Model
 from drumsqueal.studies.shooting import TOLERANCE, Closed, Shooting, Vector
 from drumsqueal.transient.integrate import Chunk, integrate
-from drumsqueal.transient.segment import CHUNK_SAMPLES
+from drumsqueal.transient.state import CHUNK_SAMPLES
 
 SAMPLES = CHUNK_SAMPLES  # of a period
 NEUTRAL = 1e-6  # a multiplier that is this near to the unit circle is on it, for all that can be told

@@ -17,7 +17,8 @@ from drumsqueal.kernel import compiled, one_kernel
 from drumsqueal.model import Model
 from drumsqueal.transient.runge_kutta import DEFAULT, make_solver, stage_weights
 from drumsqueal.transient.sdirk import Stages
-from drumsqueal.transient.segment import State, first_step, local_tolerance, motion_scale
+from drumsqueal.transient.segment import first_step, local_tolerance, motion_scale
+from drumsqueal.transient.state import State
 from drumsqueal.transient.stepping import Attempt, step_through
 
 BUDGET = 20_000  # steps; a period takes some hundred
