@@ -5,6 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.ticker import ScalarFormatter
 
 from drumsqueal.comparison.departure import ROTATIONS
 from drumsqueal.figures import style
@@ -58,6 +59,7 @@ def _limits(axes: Axes, amplitudes: list[float]) -> float:
         axes.set_ylim(0, ROOM * largest)
         return 0.0
     axes.set_yscale("log")
+    axes.yaxis.set_major_formatter(ScalarFormatter())
     axes.set_ylim(smallest / 2, ROOM * ROOM * largest)
     return smallest / 2
 
