@@ -88,10 +88,11 @@ def write_whole(path: Path, content: bytes) -> None:
 def _check_place(folder: Path) -> None:
     """Raise RequestError where the innermost part of the path that is there is no folder."""
     there = next(part for part in (folder, *folder.parents) if _is_there(part))
+    place = there if there == folder else f"{folder}: {there}"
     if not there.exists():
-        raise RequestError(f"{folder}: {there} is a link that leads nowhere; choose another folder with -o")
+        raise RequestError(f"{place} is a link that leads nowhere; choose another folder with -o")
     if not there.is_dir():
-        raise RequestError(f"{folder}: {there} is a file, not a folder; choose another with -o")
+        raise RequestError(f"{place} is a file, not a folder; choose another with -o")
 
 
 def _is_there(path: Path) -> bool:
