@@ -72,9 +72,10 @@ class Ending(NamedTuple):
             return near
         return near and abs(np.log(mine.frequency_Hz / others.frequency_Hz)) < ALIKE_FREQUENCY
 
-    def again(self) -> Start:
-        """The state at its end, as a start at another value."""
-        return Start(f"from {self.value:.6g}", self.motion.departure, self.motion.velocity)
+    def again(self, size: float = 1.0) -> Start:
+        """The state at its end, or a multiple of it, as a start at another value."""
+        name = f"from {self.value:.6g}" if size == 1 else f"{size:g} times from {self.value:.6g}"
+        return Start(name, size * self.motion.departure, size * self.motion.velocity)
 
 
 class How(NamedTuple):
@@ -96,6 +97,7 @@ class _Job:
         self.energies: list[float] = []  # mean kinetic energy of each round (J) since it last changed much
         self.history: list[float] = []  # and of all rounds
         self.rounds = 0
+        self.by_itself = False  # whether it has stuck, so that it cannot run together with the others
 
 
 class Family:
@@ -156,7 +158,8 @@ def find_endings(
     edges, by less than a tenth of what the linear growth rate would make of it. A motion within a tenth of the edges
     that falls where the linear model is stable has decayed, as has one below the edges that falls as fast as half the
     linear rate. One that comes and goes beyond the edges has settled when its mean energy over ten rounds is that over
-    the ten before, to a fifth. After `MOST_ROUNDS` rounds one beyond the edges counts as squeal, too. Raises KeyboardInterrupt.
+    the ten before, to a fifth. After `MOST_ROUNDS` rounds one beyond the edges counts as squeal, too. Raises
+    KeyboardInterrupt.
     """
     pending = []
     for point, start in tasks:
@@ -175,11 +178,12 @@ def find_endings(
             tolerance=how.tolerance,
             solver=how.solver,
             threads=how.threads,
+            by_themselves=[job.by_itself for job in jobs],
         )
         left = []
         for job, motion in zip(jobs, motions, strict=True):
             job.rounds += 1
-            job.departure, job.velocity = motion.departure, motion.velocity
+            job.departure, job.velocity, job.by_itself = motion.departure, motion.velocity, motion.by_itself
             kind = _judge(job, motion, family, rounds)
             if kind is None:
                 left.append(job)
