@@ -1,8 +1,9 @@
 """drumsqueal: friction-induced vibration of a drum-brake shoe in time, beside the eigenvalues that predict it.
 
-A scene is read by `load_scene`, run by `run`, and asked what its accuracy or its effects cost by `study_accuracy` and
-`study_effects`. `build_model`, `analyse_stability` and `growth_rate` are the linear side of it, for any numbers;
-`integrate_many` takes many models at once. `help(drumsqueal.run)` and so on tell more.
+A scene is read by `load_scene`, run by `run`, asked what its accuracy or its effects cost by `study_accuracy` and
+`study_effects`, and where along a parameter it squeals by `study_onset`. `build_model`, `analyse_stability` and
+`growth_rate` are the linear side of it, for any numbers; `integrate_many` takes many models at once.
+`help(drumsqueal.run)` and so on tell more.
 
 The names below are imported when they are first used: reading a scene does not load JAX, and the command line can
 prepare its environment first.
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from drumsqueal.simulation import Result, run
     from drumsqueal.studies.accuracy import AccuracyStudy, study_accuracy
     from drumsqueal.studies.effects import EffectStudy, study_effects
+    from drumsqueal.studies.onset import OnsetStudy, study_onset
     from drumsqueal.transient.batch import integrate_many
 
 _HOMES = {
@@ -36,6 +38,7 @@ _HOMES = {
     "simulation": ("Result", "run"),
     "studies.accuracy": ("AccuracyStudy", "study_accuracy"),
     "studies.effects": ("EffectStudy", "study_effects"),
+    "studies.onset": ("OnsetStudy", "study_onset"),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
 
@@ -47,6 +50,7 @@ __all__ = [
     "IntegrationError",
     "Mode",
     "Model",
+    "OnsetStudy",
     "Result",
     "Scene",
     "SceneError",
@@ -63,6 +67,7 @@ __all__ = [
     "scene_from_dict",
     "study_accuracy",
     "study_effects",
+    "study_onset",
 ]
 
 

@@ -11,6 +11,7 @@ import typer
 
 from drumsqueal.cli.accuracy import accuracy_command
 from drumsqueal.cli.effects import effects_command
+from drumsqueal.cli.onset import onset_command
 from drumsqueal.cli.options import UsageError, make_console
 from drumsqueal.cli.run import run_command
 from drumsqueal.cli.stability import stability_command
@@ -26,6 +27,7 @@ app.command(name="run")(run_command)
 app.command(name="stability")(stability_command)
 app.command(name="effects", context_settings={"allow_extra_args": True})(effects_command)
 app.command(name="accuracy")(accuracy_command)
+app.command(name="onset")(onset_command)
 
 
 @app.callback()

@@ -26,6 +26,9 @@ WORK, EVALUATIONS, CAUSES = "accuracy_time", "accuracy_evaluations", "accuracy_c
 ACCURACY_FIGURES = (WORK, EVALUATIONS, CAUSES)
 ACCURACY_FILES = (ACCURACY_TABLE, BLOCK, *map(figure_file, ACCURACY_FIGURES))
 """The names of all files that a study of accuracy writes."""
+ONSET_TABLE, ONSET_SUMMARY, ONSET = "onset.csv", "onset.json", "onset"
+ONSET_FILES = (ONSET_TABLE, ONSET_SUMMARY, figure_file(ONSET))
+"""The names of all files that a study of the onset writes."""
 EFFECT_FILES = (EFFECTS_TABLE, REDUCED_SCENE, figure_file(EFFECTS))
 """The names of all files that a study of effects writes."""
 
