@@ -19,9 +19,11 @@ if TYPE_CHECKING:
     from drumsqueal.linear.modes import Mode, Stability, analyse_stability, growth_rate
     from drumsqueal.model import Model, build_model
     from drumsqueal.scene import Scene, load_scene, scene_from_dict
+    from drumsqueal.scene.seo_kang import seo_kang_brake
     from drumsqueal.simulation import Result, run
     from drumsqueal.studies.accuracy import AccuracyStudy, study_accuracy
     from drumsqueal.studies.effects import EffectStudy, study_effects
+    from drumsqueal.studies.paper import PaperStudy, study_paper
     from drumsqueal.transient.batch import integrate_many
 
 _HOMES = {
@@ -36,6 +38,8 @@ _HOMES = {
     "simulation": ("Result", "run"),
     "studies.accuracy": ("AccuracyStudy", "study_accuracy"),
     "studies.effects": ("EffectStudy", "study_effects"),
+    "studies.paper": ("PaperStudy", "study_paper"),
+    "scene.seo_kang": ("seo_kang_brake",),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
 
@@ -47,6 +51,7 @@ __all__ = [
     "IntegrationError",
     "Mode",
     "Model",
+    "PaperStudy",
     "Result",
     "Scene",
     "SceneError",
@@ -61,8 +66,10 @@ __all__ = [
     "load_scene",
     "run",
     "scene_from_dict",
+    "seo_kang_brake",
     "study_accuracy",
     "study_effects",
+    "study_paper",
 ]
 
 

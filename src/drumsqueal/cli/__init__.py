@@ -12,6 +12,7 @@ import typer
 from drumsqueal.cli.accuracy import accuracy_command
 from drumsqueal.cli.effects import effects_command
 from drumsqueal.cli.options import UsageError, make_console
+from drumsqueal.cli.paper import paper_command
 from drumsqueal.cli.run import run_command
 from drumsqueal.cli.stability import stability_command
 from drumsqueal.compilation import prepare_environment
@@ -26,6 +27,7 @@ app.command(name="run")(run_command)
 app.command(name="stability")(stability_command)
 app.command(name="effects", context_settings={"allow_extra_args": True})(effects_command)
 app.command(name="accuracy")(accuracy_command)
+app.command(name="paper")(paper_command)
 
 
 @app.callback()
