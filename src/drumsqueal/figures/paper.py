@@ -1,6 +1,7 @@
 """Figures 4 to 11 of Seo & Kang (2023), recomputed: eigenvalues as lines, what the transients did as marks on them."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -18,7 +19,7 @@ from drumsqueal.studies.statement import QUIET, SQUEALING
 MEASURED, GROWN_INTO = "D", "x"
 LEGEND = 8  # entries in one row
 GROWING_EVERY = 10  # points of a line between two rings on what grows
-RING = {"marker": "o", "markersize": 5, "fillstyle": "none", "linestyle": "", "markeredgewidth": 0.7}
+RING: dict[str, Any] = {"marker": "o", "markersize": 5, "fillstyle": "none", "linestyle": "", "markeredgewidth": 0.7}
 
 
 def draw_paper(study: PaperStudy) -> dict[str, Figure]:
@@ -97,7 +98,7 @@ def _draw_rates_at_the_end(axes: Axes, study: PaperStudy, curve: Curve, last: Po
             place = mode.measured_frequency_Hz / 1e3, mode.measured_growth.rate_1_per_s
             axes.plot(*place, MEASURED, color=style.COLOUR[mode.name], fillstyle="none", markersize=7)
     decays = ", ".join(f"{name} {curve.rate(name)[-1]:.0f}".replace("-", "−") for name in QUIET)
-    told = f"{decays} 1/s: they decay, no transient"
+    told = f"{decays} 1/s: no transient"
     axes.text(0.02, 0.02, told, transform=axes.transAxes, fontsize=style.SMALL_SIZE)
     if not last.comparison or last.comparison.edge_reached_s is None:
         axes.text(0.02, 0.9, "none grows, so none saturates", transform=axes.transAxes, fontsize=style.SMALL_SIZE)
@@ -182,17 +183,12 @@ def _legend(figure: Figure, names: Sequence[str], *, rings: bool = False, satura
     handles = [Line2D([], [], color=style.COLOUR[name], label=name) for name in names]
     if rings:
         handles.append(Line2D([], [], **RING, color=style.DARK, label="grows"))
-    blank = {"linestyle": "", "color": style.DARK}
+    blank: dict[str, Any] = {"linestyle": "", "color": style.DARK}
     handles.append(
         Line2D([], [], **blank, marker=MEASURED, fillstyle="none", markersize=5, label="measured in transients")
     )
     if saturated:
         told = "strongest line of the motion it grows into"
         handles.append(Line2D([], [], **blank, marker=GROWN_INTO, markersize=6, label=told))
-    figure.legend(
-        handles=handles,
-        loc="outside lower center",
-        ncols=len(handles) if len(handles) <= LEGEND else -(-len(handles) // 2),
-        columnspacing=1.0,
-        handletextpad=0.5,
-    )
+    columns = len(handles) if len(handles) <= LEGEND else -(-len(handles) // 2)
+    figure.legend(handles=handles, loc="outside lower center", ncols=columns, columnspacing=1.0, handletextpad=0.5)

@@ -32,8 +32,9 @@ def print_statements(console: Console, statements: Sequence[Statement]) -> None:
     console.print(table)
     for each in statements:
         if not each.holds:
-            why = f"{each.measure}" + (f"; {each.detail}" if each.detail else "")
-            console.print(f"{each.says}: {VERDICT[each.holds]}. The number is the {why}.", style="dim")
+            why = each.measure + (f" ({each.detail})" if each.detail else "")
+            number = "not known" if each.value is None else f"{each.value:.3g} {each.unit}".rstrip()
+            console.print(f"{each.says}? The {why} is {number}.", style="dim")
     counts = {holds: sum(each.holds is holds for each in statements) for holds in VERDICT}
     undecided = f", {counts[None]} could not be decided" if counts[None] else ""
     console.print(

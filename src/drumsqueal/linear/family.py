@@ -23,8 +23,9 @@ Complex = NDArray[np.complex128]
 class Spectrum(NamedTuple):
     """Eigenvalues over m sets of numbers, and which of them belong to which coordinate.
 
-    `mass` (m, n) is the diagonal of M, `damping` (m, n, n) is C, `eigenvalues` (m, 2n) and the `right` eigenvectors (m, 2n, 2n) as columns. `own` (m, n) is the eigenvalue of each
-    coordinate: the upper one of a pair that oscillates, the least stable one of two that do not, a free drift apart.
+    `mass` (m, n) is the diagonal of M, `damping` (m, n, n) is C; `eigenvalues` (m, 2n) in 1/s, and `right` (m, 2n, 2n)
+    their eigenvectors as columns. `own` (m, n) is the eigenvalue of each coordinate: the upper one of a pair that
+    oscillates, the least stable one of two that do not, a free drift apart.
     """
 
     names: tuple[str, ...]

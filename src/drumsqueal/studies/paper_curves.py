@@ -48,7 +48,7 @@ AXES = (
     Axis("6", "contact.stiffness", 0.0, 1.0, "Contact stiffness", "%", 0, (0.25, 0.5, 1.0)),
     Axis("7", "drum.speed", 0.1, 3.0, "Drum speed", "rad/s", 1, (0.3, 0.6, 1.0, 2.0, 3.0)),
     Axis("8", "contact.normal_load", 0.025, 2.0, "Normal load", "N", 1, (0.5, 1.0, 1.5, 2.0)),
-    Axis("9", "shoe.arc_angle", 0.7, 1.3, "Contact arc angle", "°", 180 / math.pi, (0.75, 0.875, 1.0, 1.125, 1.25)),
+    Axis("9", "shoe.arc_angle", 0.7, 1.3, "Contact arc angle", "deg", 180 / math.pi, (0.75, 0.875, 1.0, 1.125, 1.25)),
     Axis("10", "shoe.outer_radius", 0.7, 1.3, "Outer radius", "mm", 1e3, (0.75, 0.875, 1.0, 1.125, 1.25)),
     Axis("11", "shoe.width", 0.5, 1.5, "Shoe width", "%", 0, (0.6, 0.8, 1.0, 1.2, 1.4)),
 )
@@ -142,4 +142,6 @@ def friction_curve(scene: Scene) -> FrictionCurve:
 
 
 def _part(whole: Spectrum, rows: slice) -> Spectrum:
-    return Spectrum(whole.names, *(array[rows] for array in whole[1:]))
+    arrays = (whole.mass, whole.damping, whole.eigenvalues, whole.right, whole.own)
+    mass, damping, eigenvalues, right, own = (array[rows] for array in arrays)
+    return Spectrum(whole.names, mass, damping, eigenvalues, right, own)  # pyright: ignore[reportArgumentType]

@@ -64,7 +64,7 @@ def falls(curve: Curve, says: str) -> Statement:
         float(steps[rising].max()),
         "<",
         0.0,
-        f"{shown[0]:.3g} to {shown[-1]:.3g} {curve.axis.unit}: "
+        f"from {shown[0]:.3g} to {shown[-1]:.3g} {curve.axis.unit}: "
         + ", ".join(f"{name} {low:.1f} to {high:.1f}" for name, (low, high) in ends.items()),
     )
 
