@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from drumsqueal.studies.accuracy import AccuracyStudy, study_accuracy
     from drumsqueal.studies.effects import EffectStudy, study_effects
     from drumsqueal.studies.paper import PaperStudy, study_paper
+    from drumsqueal.studies.quieting import Quieting, quieten
+    from drumsqueal.studies.sensitivity import SensitivityStudy, study_sensitivity
     from drumsqueal.transient.batch import integrate_many
 
 _HOMES = {
@@ -39,6 +41,8 @@ _HOMES = {
     "studies.accuracy": ("AccuracyStudy", "study_accuracy"),
     "studies.effects": ("EffectStudy", "study_effects"),
     "studies.paper": ("PaperStudy", "study_paper"),
+    "studies.quieting": ("Quieting", "quieten"),
+    "studies.sensitivity": ("SensitivityStudy", "study_sensitivity"),
     "scene.seo_kang": ("seo_kang_brake",),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
@@ -52,9 +56,11 @@ __all__ = [
     "Mode",
     "Model",
     "PaperStudy",
+    "Quieting",
     "Result",
     "Scene",
     "SceneError",
+    "SensitivityStudy",
     "Stability",
     "SteadyStateError",
     "TabulatedLaw",
@@ -64,12 +70,14 @@ __all__ = [
     "growth_rate",
     "integrate_many",
     "load_scene",
+    "quieten",
     "run",
     "scene_from_dict",
     "seo_kang_brake",
     "study_accuracy",
     "study_effects",
     "study_paper",
+    "study_sensitivity",
 ]
 
 

@@ -48,6 +48,11 @@ PAPER_TABLE, STATEMENTS_TABLE, STATEMENTS = "paper.csv", "statements.csv", "stat
 PAPER_FILES = (PAPER_TABLE, STATEMENTS_TABLE, STATEMENTS, *map(figure_file, PAPER_FIGURES.values()))
 """The names of all files of the paper's figures."""
 
+SENSITIVITY_TABLE, SENSITIVITY_SUMMARY, QUIET_SCENE = "sensitivity.csv", "sensitivity.json", "quiet.toml"
+SENSITIVITY = "sensitivity"
+SENSITIVITY_FILES = (SENSITIVITY_TABLE, SENSITIVITY_SUMMARY, QUIET_SCENE, figure_file(SENSITIVITY))
+"""The names of all files of a study of sensitivity."""
+
 
 def check_output(folder: Path, files: Iterable[str], *, overwrite: bool) -> None:
     """Raise RequestError where files of these names lie already, or where something else is in the folder's place."""

@@ -1,6 +1,6 @@
 """Transients at some points of the paper's figures: growth measured below the edges, and the motion it grows into."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import closing
 from typing import NamedTuple
 
@@ -10,9 +10,8 @@ from drumsqueal.files.history import COMPLETE
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import Scene
 from drumsqueal.simulation import check_sample_rate, finish, prepare, transient
+from drumsqueal.studies.decay import KICK, kicked
 from drumsqueal.studies.paper_curves import AXES, constant_friction
-
-KICK = 3.0  # times the displacement p0/k_c at which the pressure is lost
 
 OnPoint = Callable[[str, int, int], None]
 
@@ -47,22 +46,14 @@ def paper_transients(scene: Scene, on_point: OnPoint) -> tuple[dict[str, tuple[P
                 changes |= constant_friction(scene)
             wanted.append((axis, value, scene.with_values(changes)))
     runs: dict[str, tuple[Comparison | None, str]] = {}
-    kicked = _kicked(scene)
-    scenes = {each.to_toml(): each for each in (*(each for *_, each in wanted), kicked)}
+    kick = kicked(scene.with_values(constant_friction(scene)))
+    scenes = {each.to_toml(): each for each in (*(each for *_, each in wanted), kick)}
     for number, (text, each) in enumerate(scenes.items()):
         on_point(f"transient {number + 1} of {len(scenes)}", number, len(scenes))
         runs[text] = _run(each)
     points = [Point(axis.figure, axis.key, value, each, *runs[each.to_toml()]) for axis, value, each in wanted]
     by_figure = {axis.figure: tuple(point for point in points if point.figure == axis.figure) for axis in AXES}
-    return by_figure, Point("6", "start", KICK, kicked, *runs[kicked.to_toml()])
-
-
-def _kicked(scene: Scene) -> Scene:
-    shoe = scene.shoe
-    pressure = float(scene.numbers()["contact.normal_load"]) / (shoe.outer_radius * shoe.arc_angle * shoe.width)  # pyright: ignore
-    size = KICK * pressure / scene.contact.stiffness
-    start: Mapping = {"displacement": {"Y": size, "Tz": size / shoe.outer_radius}, "velocity": {}}
-    return scene.with_values({**constant_friction(scene), "start": start})
+    return by_figure, Point("6", "start", KICK, kick, *runs[kick.to_toml()])
 
 
 def _run(scene: Scene) -> tuple[Comparison | None, str]:
