@@ -20,10 +20,14 @@ if TYPE_CHECKING:
     from drumsqueal.linear.modes import Mode, Stability, analyse_stability, growth_rate
     from drumsqueal.model import Model, build_model
     from drumsqueal.scene import Scene, load_scene, scene_from_dict
+    from drumsqueal.scene.seo_kang import seo_kang_brake
     from drumsqueal.simulation import Result, run
     from drumsqueal.studies.accuracy import AccuracyStudy, study_accuracy
     from drumsqueal.studies.effects import EffectStudy, study_effects
     from drumsqueal.studies.onset import OnsetStudy, study_onset
+    from drumsqueal.studies.paper import PaperStudy, study_paper
+    from drumsqueal.studies.quieting import Quieting, quieten
+    from drumsqueal.studies.sensitivity import SensitivityStudy, study_sensitivity
     from drumsqueal.transient.batch import integrate_many
 
 _HOMES = {
@@ -39,6 +43,10 @@ _HOMES = {
     "studies.accuracy": ("AccuracyStudy", "study_accuracy"),
     "studies.effects": ("EffectStudy", "study_effects"),
     "studies.onset": ("OnsetStudy", "study_onset"),
+    "studies.paper": ("PaperStudy", "study_paper"),
+    "studies.quieting": ("Quieting", "quieten"),
+    "studies.sensitivity": ("SensitivityStudy", "study_sensitivity"),
+    "scene.seo_kang": ("seo_kang_brake",),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
 
@@ -51,9 +59,12 @@ __all__ = [
     "Mode",
     "Model",
     "OnsetStudy",
+    "PaperStudy",
+    "Quieting",
     "Result",
     "Scene",
     "SceneError",
+    "SensitivityStudy",
     "Stability",
     "SteadyStateError",
     "TabulatedLaw",
@@ -63,11 +74,15 @@ __all__ = [
     "growth_rate",
     "integrate_many",
     "load_scene",
+    "quieten",
     "run",
     "scene_from_dict",
+    "seo_kang_brake",
     "study_accuracy",
     "study_effects",
     "study_onset",
+    "study_paper",
+    "study_sensitivity",
 ]
 
 
