@@ -90,10 +90,7 @@ class Stability(NamedTuple):
     @property
     def divergence(self) -> float | None:
         """Largest real eigenvalue that grows without oscillation (1/s), None where there is none."""
-        largest = np.max(np.abs(self.eigenvalues))
-        real = self.eigenvalues[np.abs(self.eigenvalues.imag) <= OSCILLATING_SHARE * largest].real
-        growing = real[real > DRIFT_SHARE * largest]
-        return float(growing.max()) if growing.size else None
+        return growing_without_oscillation(self.eigenvalues)
 
     @property
     def highest_frequency_Hz(self) -> float:
@@ -143,14 +140,13 @@ def stability_of(names: tuple[str, ...], found: AboutSteady, time: float = 0.0) 
         raise SteadyStateError(NOT_FOUND)
     if not (np.all(np.isfinite(matrix)) and np.isfinite(low) and np.isfinite(high)):
         raise SteadyStateError(NOT_FINITE)
-    eigenvalues, left, right = _eigen(matrix)
-    order = np.lexsort((eigenvalues.imag, np.abs(eigenvalues.imag)))
+    eigenvalues, modes = _solve(names, mass, matrix)
     return Stability(
         coordinates=names,
         mass=mass,
         steady_state=steady,
-        eigenvalues=eigenvalues[order],
-        modes=_modes(names, mass, eigenvalues, left, right),
+        eigenvalues=eigenvalues,
+        modes=modes,
         pressure_range=(low, high),
         contact_fraction=float(found.contact_fraction),
         time=time,
@@ -170,6 +166,19 @@ def while_sliding(model: Model) -> tuple[Model, float]:
         if time.size:
             return model.frozen(float(time[0])), float(time[0])
     raise SteadyStateError(AT_REST)
+
+
+def growing_without_oscillation(eigenvalues: NDArray[np.complex128]) -> float | None:
+    """The largest real eigenvalue above zero (1/s), None where there is none."""
+    largest = np.max(np.abs(eigenvalues))
+    real = eigenvalues[np.abs(eigenvalues.imag) <= OSCILLATING_SHARE * largest].real
+    growing = real[real > DRIFT_SHARE * largest]
+    return float(growing.max()) if growing.size else None
+
+
+def solve_modes(model: Model, matrix: NDArray[np.float64]) -> tuple[NDArray[np.complex128], tuple[Mode, ...]]:
+    """Eigenvalues (2n,), the slowest first, and oscillating modes by rising frequency, of a state matrix (2n, 2n)."""
+    return _solve(model.names, np.asarray(model.mass), matrix)
 
 
 @partial(jax.jit, static_argnames="mode")
@@ -200,6 +209,14 @@ def _eigen(matrix: NDArray[np.float64]) -> tuple[Complex, Complex, Complex]:
     """Eigenvalues (2n,), left and right eigenvectors as columns (2n, 2n)."""
     values, left, right = cast("tuple[Complex, ...]", scipy.linalg.eig(matrix, left=True, right=True))
     return values, left, right
+
+
+def _solve(
+    names: tuple[str, ...], mass: NDArray[np.float64], matrix: NDArray[np.float64]
+) -> tuple[Complex, tuple[Mode, ...]]:
+    eigenvalues, left, right = _eigen(matrix)
+    order = np.lexsort((eigenvalues.imag, np.abs(eigenvalues.imag)))
+    return eigenvalues[order], _modes(names, mass, eigenvalues, left, right)
 
 
 def _modes(
