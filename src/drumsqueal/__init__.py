@@ -2,7 +2,7 @@
 
 A scene is read by `load_scene`, run by `run`, and asked what its accuracy or its effects cost by `study_accuracy` and
 `study_effects`. `build_model`, `analyse_stability` and `growth_rate` are the linear side of it, for any numbers;
-`integrate_many` takes many models at once. `help(drumsqueal.run)` and so on tell more.
+`integrate_many` takes many models at once, `sweep_parameters` many scenes. `help(drumsqueal.run)` and so on tell more.
 
 The names below are imported when they are first used: reading a scene does not load JAX, and the command line can
 prepare its environment first.
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from drumsqueal.simulation import Result, run
     from drumsqueal.studies.accuracy import AccuracyStudy, study_accuracy
     from drumsqueal.studies.effects import EffectStudy, study_effects
+    from drumsqueal.studies.sweep import sweep_parameters
     from drumsqueal.transient.batch import integrate_many
 
 _HOMES = {
@@ -36,6 +37,7 @@ _HOMES = {
     "simulation": ("Result", "run"),
     "studies.accuracy": ("AccuracyStudy", "study_accuracy"),
     "studies.effects": ("EffectStudy", "study_effects"),
+    "studies.sweep": ("sweep_parameters",),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
 
@@ -63,6 +65,7 @@ __all__ = [
     "scene_from_dict",
     "study_accuracy",
     "study_effects",
+    "sweep_parameters",
 ]
 
 

@@ -14,6 +14,7 @@ from drumsqueal.cli.effects import effects_command
 from drumsqueal.cli.options import UsageError, make_console
 from drumsqueal.cli.run import run_command
 from drumsqueal.cli.stability import stability_command
+from drumsqueal.cli.sweep import sweep_command
 from drumsqueal.compilation import prepare_environment
 from drumsqueal.errors import IntegrationError, RequestError
 from drumsqueal.scene.quantities import SceneError, printable
@@ -26,6 +27,7 @@ app.command(name="run")(run_command)
 app.command(name="stability")(stability_command)
 app.command(name="effects", context_settings={"allow_extra_args": True})(effects_command)
 app.command(name="accuracy")(accuracy_command)
+app.command(name="sweep")(sweep_command)
 
 
 @app.callback()

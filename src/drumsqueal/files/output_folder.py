@@ -29,6 +29,11 @@ ACCURACY_FILES = (ACCURACY_TABLE, BLOCK, *map(figure_file, ACCURACY_FIGURES))
 EFFECT_FILES = (EFFECTS_TABLE, REDUCED_SCENE, figure_file(EFFECTS))
 """The names of all files that a study of effects writes."""
 
+SWEEP, SWEEP_SUMMARY = "sweep.nc", "sweep.json"
+STABILITY, AMPLITUDE, CHANCE = "stability", "amplitude", "chance"
+SWEEP_FILES = (SWEEP, SWEEP_SUMMARY, *map(figure_file, (STABILITY, AMPLITUDE, CHANCE)))
+"""The names of all files that a sweep writes."""
+
 
 def check_output(folder: Path, files: Iterable[str], *, overwrite: bool) -> None:
     """Raise RequestError where files of these names lie already, or where something else is in the folder's place."""
