@@ -54,9 +54,9 @@ def sweep_command(
     folder = output if output is not None else Path("out") / f"{scene.stem}-sweep"
     check_output(folder, SWEEP_FILES, overwrite=overwrite or resume)
     stop_if_interrupted()
+    from drumsqueal.files.sweep_file import find_sweep
     from drumsqueal.jobs.cluster import check_cluster, connected
     from drumsqueal.jobs.sweep import here, sweep_into
-    from drumsqueal.files.sweep_file import find_sweep
     from drumsqueal.studies.sweep import check_plan
 
     check_plan(plan)
@@ -72,15 +72,12 @@ def sweep_command(
 
 
 def _plan(scene: Scene, vary: list[str], random: int | None, seed: int | None, transient: bool) -> Plan:
-    if random is None:
-        if seed is not None:
-            raise RequestError(f"--seed {seed} decides the draws of --random, which is not there; add it, or leave both out")
-        if not vary and scene.uncertain:
-            raise RequestError("there is nothing to sweep; add --random 1000 to draw from what is uncertain, or --vary")
-        return grid(scene, [_read(text, scene) for text in vary], transient=transient)
-    ranges = [read_variation(text, scene, option="--vary", points=None) for text in vary]
-    return sample(scene, ranges, random, seed=seed or 0, transient=transient)
-
-
-def _read(text: str, scene: Scene):
-    return read_variation(text, scene, option="--vary")
+    if random is not None:
+        ranges = [read_variation(text, scene, option="--vary", points=None) for text in vary]
+        return sample(scene, ranges, random, seed=seed or 0, transient=transient)
+    if seed is not None:
+        raise RequestError(f"--seed {seed} decides the draws of --random; add --random, or leave --seed out")
+    if not vary and scene.uncertain:
+        told = "add --random 1000 to draw from what is uncertain, or --vary drum.speed=1..40x20"
+        raise RequestError(f"there is nothing to sweep; {told}")
+    return grid(scene, [read_variation(text, scene, option="--vary") for text in vary], transient=transient)

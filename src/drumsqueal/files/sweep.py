@@ -54,9 +54,7 @@ class Variable(NamedTuple):
 _NAMES = ((NONE, "none"), *enumerate(COORDINATES))
 OUTCOME = "outcome"
 LINEAR = {
-    OUTCOME: Variable(
-        (), "i1", "1", "what became of the point, and why numbers of it are NaN", tuple(OUTCOMES.items())
-    ),
+    OUTCOME: Variable((), "i1", "1", "what became of the point, and why its numbers are NaN", tuple(OUTCOMES.items())),
     "growth_rate": Variable(("mode",), "f8", "1/s", "real part of the eigenvalue of each oscillating mode"),
     "frequency": Variable(("mode",), "f8", "Hz", "imaginary part of the eigenvalue over 2 pi"),
     "unstable": Variable(("mode",), "i1", "1", "1 where the mode grows, 0 where not, -1 where there is no such mode"),
@@ -74,11 +72,9 @@ TRANSIENT = {
         ("coordinate",),
         "f8",
         "m (X, Y, Z), rad (Tx, Ty, Tz)",
-        "half the peak-to-peak value in the last half of the run",
+        "half the peak-to-peak value in the last half of it",
     ),
-    "main_frequency": Variable(
-        (), "f8", "Hz", "of the line with most kinetic energy there; NaN where main_coordinate is none"
-    ),
+    "main_frequency": Variable((), "f8", "Hz", "of the line with most kinetic energy there; NaN: none"),
     "main_coordinate": Variable((), "i1", "1", "the coordinate that has this line", _NAMES),
     "trend": Variable((), "i1", "1", "what the motion does there", _KINDS),
     "separation_share": Variable((), "f8", "1", "largest motion over the one at which the lining begins to lift off"),

@@ -106,9 +106,7 @@ def find_sweep(folder: Path, plan: Plan) -> None:
     if told["outcome"] == COMPLETE:
         raise RequestError(f"{folder}: the sweep is complete, there is nothing to resume")
     if there != plan.scene:
-        raise RequestError(
-            f"{folder}: {difference(there, plan.scene)}; resume with the scene as it was run, or {_ANEW}"
-        )
+        raise RequestError(f"{folder}: {difference(there, plan.scene)}; resume with that, or {_ANEW}")
     if swept != plan.describe():
         raise RequestError(f"{folder}: {_other(swept, plan.describe())}; resume with the same sweep, or {_ANEW}")
     if told["versions"] != json.dumps(versions()):
@@ -138,10 +136,11 @@ def _lay_out(path: Path, plan: Plan) -> None:
         for name, (dimensions, values, told) in axes(plan).items():
             kind = h5py.string_dtype() if values.dtype == object else values.dtype
             file.create_variable(name, dimensions, kind, data=values).attrs.update(told)
+        drawn = {"coordinates": " ".join(plan.keys)} if plan.draws else {}  # by the CF conventions
         for name, each in variables_of(plan).items():
             lost = {"fillvalue": np.nan} if each.kind == "f8" else {}
             made = file.create_variable(name, (*plan.dimensions, *each.dimensions), each.kind, dcpl=placed, **lost)
-            made.attrs.update(each.attributes())
+            made.attrs.update(each.attributes() | drawn)
         file.attrs.update(attributes(plan))
     with opened(path) as file:
         file.attrs.create("outcome", RUNNING.encode(), dtype=f"S{_LONGEST}")

@@ -117,7 +117,9 @@ def connected(name: str) -> Iterator[Cluster]:
         try:
             client = stack.enter_context(distributed.Client(address, timeout=PATIENCE, set_as_default=False))
         except (OSError, TimeoutError, ValueError, CommClosedError):
-            raise RequestError(f"--cluster {name}: no scheduler answers there; start one with: dask scheduler") from None
+            raise RequestError(
+                f"--cluster {name}: no scheduler answers there; start one with: dask scheduler"
+            ) from None
         since = time.monotonic()
         while not client.nthreads():
             stop_if_interrupted()

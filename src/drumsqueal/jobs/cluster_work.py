@@ -20,7 +20,9 @@ def work(plan: Any, first: int, stop: int, versions: dict[str, str]) -> Any:
         from drumsqueal.studies.sweep import compute
 
         here = versions_here()
-        other = [f"{name} {here[name]} instead of {versions[name]}" for name in versions if here[name] != versions[name]]
+        other = [
+            f"{name} {here[name]} instead of {versions[name]}" for name in versions if here[name] != versions[name]
+        ]
         if other:
             raise RequestError(f"its versions are others ({', '.join(other)}); install the same")
         return compute(plan, first, stop, threads=get_worker().state.nthreads)

@@ -65,7 +65,9 @@ def study_chance(sweep: xarray.Dataset) -> ChanceStudy | None:
     keys = [str(name) for name, each in sweep.coords.items() if each.dims == ("sample",)]
     correlations = {key: rank_correlation(sweep[key].values[known], growth) for key in keys}
     noise = _NORMAL / np.sqrt(max(total - 1, 1))
-    return ChanceStudy(chance(int(squeal.sum()), total), modes, correlations, float(min(noise, 1.0)), len(known) - total)
+    return ChanceStudy(
+        chance(int(squeal.sum()), total), modes, correlations, float(min(noise, 1.0)), len(known) - total
+    )
 
 
 def rank_correlation(first: ArrayLike, second: ArrayLike) -> float | None:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import xarray
 
-from drumsqueal.composition import compose
+from drumsqueal.composition import compose, moved_coordinates
 from drumsqueal.errors import SteadyStateError
 from drumsqueal.files.history import COMPLETE
 from drumsqueal.files.sweep import (
@@ -97,17 +97,15 @@ def batches(plan: Plan) -> list[tuple[int, int]]:
 
 def check_plan(plan: Plan) -> None:
     """Raise SceneError where no transient would tell anything."""
-    moved = any(
-        value for table in (plan.scene.start.displacement, plan.scene.start.velocity) for value in table.values()
-    )
-    if plan.transient and not moved and plan.scene.forcing is None:
-        raise SceneError(
-            "nothing moves in the transients; start something, such as displacement = { Y = 1e-7 }", ("start",)
-        )
-    if plan.transient and isinstance(plan.scene.drum.speed, Profile) and plan.scene.drum.speed.value[0] == 0:
-        raise SceneError(
-            "transients of a sweep start from steady sliding; give the drum a speed at t = 0", ("drum", "speed")
-        )
+    if not plan.transient:
+        return
+    if not moved_coordinates(plan.scene):
+        cure = "start something, such as displacement = { Y = 1e-7 }"
+        raise SceneError(f"nothing moves in the transients; {cure}", ("start",))
+    speed = plan.scene.drum.speed
+    if isinstance(speed, Profile) and speed.value[0] == 0:
+        told = "the transients of a sweep start from steady sliding; give the drum a speed at t = 0"
+        raise SceneError(told, ("drum", "speed"))
 
 
 def compute(plan: Plan, first: int, stop: int, threads: int | None = None) -> Columns:
