@@ -1,4 +1,4 @@
-"""A grid of any number of dimensions as panels of two: the first number along x, the second along y, slices of others."""
+"""A grid of any number of dimensions as panels of two: the first along x, the second along y, slices of the others."""
 
 import itertools
 from collections.abc import Iterator

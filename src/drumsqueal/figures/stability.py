@@ -69,9 +69,7 @@ def _draw_panel(axes: Axes, part: xarray.Dataset, plan: Plan, norm: CenteredNorm
         of_mode = of_coordinate(part, "growth_rate", index)
         if _changes_sign(of_mode):
             axes.contour(x, y, of_mode, [0.0], colors=style.COLOUR[name], linewidths=OF_A_MODE)
-            seen[name] = Line2D(
-                [], [], color=style.COLOUR[name], linewidth=OF_A_MODE, label=f"mode {name} turns unstable"
-            )
+            seen[name] = Line2D([], [], color=style.COLOUR[name], linewidth=OF_A_MODE, label=f"mode {name} begins")
     own = scene_at(plan)[:2]
     if None not in own:
         axes.plot(*own, "+", color=style.DARK, markersize=7, markeredgewidth=1.2)
