@@ -44,4 +44,5 @@ def test_the_python_lines_run_and_the_gradient_is_right(monkeypatch, capsys):
     assert "friction_law" in names["squeal"].history.attrs
     assert names["largest"].shape == (8,)
     assert (names["largest"] > 1e-6).all()
+    assert (names["boundary"].values[:2] > 0).all()  # below the critical speed of 10.6 rad/s
     assert {line.split()[0] for line in printed[-3:]} == {"X", "Y", "Tz"}

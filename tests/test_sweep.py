@@ -121,10 +121,13 @@ def test_the_transients_of_a_sweep_are_those_of_a_run(damped):
     scene = damped.with_values({"simulate.duration": 0.1, "contact.normal_load": 4000.0})
     found = ds.sweep_parameters(scene, {"drum.speed": [3.0]}, transient=True).isel({"drum.speed": 0})
     run = ds.run(scene.with_values({"drum.speed": 3.0}))
+    assert run.comparison.saturation is not None
+    main = run.comparison.saturation.main
+    assert main is not None
     late = run.history["displacement"].values[len(run.history["time"]) // 2 :]
     # The methods are the same, the local tolerance 1e-6; at saturation neighbours do not come apart here.
     np.testing.assert_allclose(found["amplitude"].values, np.ptp(late, axis=0) / 2, rtol=1e-3)
-    assert found["main_frequency"].item() == pytest.approx(run.comparison.saturation.main.frequency_Hz, rel=0.01)
+    assert found["main_frequency"].item() == pytest.approx(main.frequency_Hz, rel=0.01)
 
 
 def test_points_without_a_transient_say_why(damped):
@@ -332,7 +335,7 @@ def test_figures_of_a_sweep_with_transients(drumsqueal, tmp_path, vary):
 REFUSED = [
     ((), "there is nothing to sweep"),
     (("--vary", "drum.sped=1..4"), "did you mean drum.speed?"),
-    (("--vary", "drum.speed=1..4", "--vary", "drum.speed=2..3"), "drum.speed is varied twice"),
+    (("--vary", "drum.speed=1..4", "--vary", "drum.speed=2..3"), "drum.speed: this is varied twice"),
     (("--random", "10"), "nothing in this scene is uncertain"),
     (("--random", "0", "--vary", "drum.speed=1..4"), "write a number of draws"),
     (("--seed", "1", "--vary", "drum.speed=1..4"), "decides the draws of --random"),

@@ -88,7 +88,7 @@ def test_a_worker_that_is_killed_costs_nothing(cache, drumsqueal, tmp_path):
         while not address.exists():
             time.sleep(0.05)
         with Client(scheduler_file=str(address), set_as_default=False) as client:
-            place = client.scheduler.address
+            place = str(client.scheduler_info()["address"])
             # Without a nanny, so that the process which is killed is not started again.
             workers = [dask("worker", place, "--nthreads", "1", "--no-nanny", "--no-dashboard") for _ in range(2)]
             client.wait_for_workers(2, timeout=60)
@@ -100,7 +100,7 @@ def test_a_worker_that_is_killed_costs_nothing(cache, drumsqueal, tmp_path):
             assert share(cut) < 0.9
             _, errors = process.communicate(timeout=300)
             assert (process.returncode, errors) == (0, "")
-            assert len(client.nthreads()) == 1
+            assert len(client.scheduler_info()["workers"]) == 1
         assert (cut / "sweep.nc").read_bytes() == (whole / "sweep.nc").read_bytes()
     finally:
         for each in (*workers, scheduler):

@@ -5,12 +5,15 @@ from typing import NamedTuple
 import numpy as np
 import xarray
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from drumsqueal.comparison.departure import ROTATIONS
 from drumsqueal.figures import style
-from drumsqueal.figures.slices import fixed_in_words, label_of, panels, thinned
+from drumsqueal.figures.slices import Panel, fixed_in_words, label_of, panels, thinned
 from drumsqueal.figures.style import frame, new_figure, styled
+from drumsqueal.files.sweep import TRENDS
 from drumsqueal.scene import COORDINATES
 from drumsqueal.studies.sweep_plan import Plan
 
@@ -52,29 +55,34 @@ def _quantities(sweep: xarray.Dataset) -> list[Quantity]:
 
 
 def _draw_maps(sweep: xarray.Dataset, plan: Plan, shown: list[Quantity]) -> Figure:
-    figure = new_figure(plan.scene.title, f"the end of the transients{fixed_in_words(sweep, plan)}")
+    grows = sweep["trend"].values == TRENDS.index("grows")
+    told = "; dots: it still grows" if grows.any() else ""
+    figure = new_figure(plan.scene.title, f"the end of the transients{fixed_in_words(sweep, plan)}{told}")
     rows = panels(figure, sweep, plan, rows=len(shown))
     share = len(rows) // len(shown)
     for k, quantity in enumerate(shown):
-        mine = rows[k * share : (k + 1) * share]
+        mine = [panel for row in rows[k * share : (k + 1) * share] for panel in row]
         known = quantity.values.values[np.isfinite(quantity.values.values)]
-        low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
-        image = None
-        for row in mine:
-            for axes, select in row:
-                part = thinned(quantity.values.to_dataset(name="shown"), plan, select)
-                x, y = (part[key].values for key in plan.keys[:2])
-                axes.set_facecolor(style.FAINT)
-                image = axes.pcolormesh(
-                    x, y, part["shown"].values, cmap=COLOURS, vmin=low, vmax=high, shading="nearest", rasterized=True
-                )
-                axes.tick_params(which="both", labelsize=style.SMALL_SIZE)
+        scale = Normalize(float(known.min()), float(known.max())) if known.size else Normalize()
+        for panel in mine:
+            _draw_panel(panel, quantity, sweep["trend"], plan, scale)
+        for row in rows[k * share : (k + 1) * share]:
             frame(row[0].axes, None, label_of(sweep, plan.keys[1]))
-        assert image is not None
-        bar = figure.colorbar(image, ax=[panel.axes for row in mine for panel in row], pad=0.02)
+        bar = figure.colorbar(ScalarMappable(scale, COLOURS), ax=[panel.axes for panel in mine], pad=0.02)
         bar.set_label(quantity.label)
         bar.ax.tick_params(labelsize=style.SMALL_SIZE)
     return figure
+
+
+def _draw_panel(panel: Panel, quantity: Quantity, trend: xarray.DataArray, plan: Plan, scale: Normalize) -> None:
+    axes, select = panel
+    part = thinned(xarray.Dataset({"shown": quantity.values, "trend": trend}), plan, select)
+    x, y = (part[key].values for key in plan.keys[:2])
+    axes.set_facecolor(style.FAINT)
+    axes.pcolormesh(x, y, part["shown"].values, cmap=COLOURS, norm=scale, shading="nearest", rasterized=True)
+    row, column = np.nonzero(part["trend"].values == TRENDS.index("grows"))
+    axes.plot(x[column], y[row], ".", color="white", markersize=2, markeredgewidth=0)
+    axes.tick_params(which="both", labelsize=style.SMALL_SIZE)
 
 
 def _draw_curves(sweep: xarray.Dataset, plan: Plan, shown: list[Quantity]) -> Figure:

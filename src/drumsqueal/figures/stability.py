@@ -47,7 +47,9 @@ def _draw_map(sweep: xarray.Dataset, plan: Plan) -> Figure:
             image = _draw_panel(axes, thinned(sweep, plan, select), plan, norm, seen)
         frame(row[0].axes, None, label_of(sweep, plan.keys[1]))
     assert image is not None
-    bar = figure.colorbar(image, ax=[panel.axes for row in rows for panel in row], extend="min", pad=0.02)
+    lowest = np.nanmin(sweep["largest_growth_rate"].values, initial=0.0)
+    beyond = "min" if lowest < -norm.halfrange else "neither"
+    bar = figure.colorbar(image, ax=[panel.axes for row in rows for panel in row], extend=beyond, pad=0.02)
     bar.set_label(GROWTH)
     bar.ax.tick_params(labelsize=style.SMALL_SIZE)
     if seen:

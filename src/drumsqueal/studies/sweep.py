@@ -1,7 +1,7 @@
 """Many scenes: the stability of each and, where it is asked for, how its transient ends."""
 
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -43,7 +43,7 @@ OnBatch = Callable[[int], None]  # how many points are computed
 
 def sweep_parameters(
     scene: Scene,
-    vary: Mapping[str, Sequence[Any]] | None = None,
+    vary: Mapping[str, Iterable[Any]] | None = None,
     *,
     random: int = 0,
     seed: int = 0,

@@ -113,7 +113,7 @@ def _certain(scene: Scene) -> Scene:
 def _checked(plan: Plan, given: list[str]) -> Plan:
     twice = [key for key in given if given.count(key) > 1]
     if twice:
-        raise RequestError(f"{twice[0]} is varied twice; leave one of the two out")
+        raise RequestError(f"--vary {twice[0]}: this is varied twice; leave one of the two out")
     points = plan.points
     if points > MOST_POINTS:
         size = points * (BYTES_PER_POINT + plan.transient * MORE_WITH_TRANSIENT)
