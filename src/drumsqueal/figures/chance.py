@@ -24,7 +24,7 @@ def draw_chance(sweep: xarray.Dataset, plan: Plan, chances: ChanceStudy) -> Figu
     interval = f"{100 * squeal.low:.1f} to {100 * squeal.high:.1f} %"
     told = f"chance of squeal {100 * squeal.share:.1f} % ({interval} at 95 %), {squeal.total} draws"
     figure = new_figure(plan.scene.title, told)
-    left, right = figure.subfigures(1, 2, width_ratios=[1.25, 1])
+    left, right = figure.subfigures(1, 2, squeeze=False, width_ratios=[1.25, 1])[0]
     upper, lower = left.subplots(2, 1)
     _draw_growth(upper, sweep)
     _draw_frequencies(lower, sweep)
@@ -56,7 +56,7 @@ def _draw_frequencies(axes: Axes, sweep: xarray.Dataset) -> None:
     unstable, which = sweep["unstable"].values == 1, sweep["mode_coordinate"].values
     frequency, draws = sweep["frequency"].values, sweep.sizes["sample"]
     if unstable.any():
-        edges = np.histogram_bin_edges(frequency[unstable], 2 * BINS)
+        edges = np.histogram_bin_edges(frequency[unstable], 2 * BINS).tolist()
         for index, name in enumerate(COORDINATES):
             mine = frequency[unstable & (which == index)]
             if mine.size:

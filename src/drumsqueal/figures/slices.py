@@ -1,7 +1,6 @@
 """A grid of any number of dimensions as panels of two: the first along x, the second along y, slices of the others."""
 
 import itertools
-from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -94,7 +93,7 @@ def of_coordinate(part: xarray.Dataset, name: str, index: int) -> np.ndarray:
     return np.where(mine.any(axis=-1), values, np.nan)
 
 
-def _slices(plan: Plan, place: int) -> Iterator[int] | list[int]:
+def _slices(plan: Plan, place: int) -> list[int]:
     """The places of the slices along a number; one where there is no such number."""
     if place >= len(plan.shape):
         return [0]

@@ -72,9 +72,9 @@ def _draw_panel(axes: Axes, part: xarray.Dataset, plan: Plan, norm: CenteredNorm
         if _changes_sign(of_mode):
             axes.contour(x, y, of_mode, [0.0], colors=style.COLOUR[name], linewidths=OF_A_MODE)
             seen[name] = Line2D([], [], color=style.COLOUR[name], linewidth=OF_A_MODE, label=f"mode {name} begins")
-    own = scene_at(plan)[:2]
-    if None not in own:
-        axes.plot(*own, "+", color=style.DARK, markersize=7, markeredgewidth=1.2)
+    across, up = scene_at(plan)[:2]
+    if across is not None and up is not None:
+        axes.plot(across, up, "+", color=style.DARK, markersize=7, markeredgewidth=1.2)
         label = "the scene itself"
         seen["own"] = Line2D([], [], color=style.DARK, marker="+", linestyle="none", markersize=7, label=label)
     axes.tick_params(which="both", labelsize=style.SMALL_SIZE)
