@@ -27,7 +27,7 @@ from drumsqueal.scene.quantities import show
 from drumsqueal.transient.choice import MOST_PATIENCE, Method
 from drumsqueal.transient.integrate import Checkpoint
 from drumsqueal.transient.runge_kutta import AUTO, DEFAULT, IMPLICIT
-from drumsqueal.transient.segment import CHUNK_SAMPLES, State
+from drumsqueal.transient.state import CHUNK_SAMPLES, State
 
 FORMAT = 1
 EVERY = 0.2  # s of computing that may have to be repeated; to write the file takes some 3 ms
