@@ -4,6 +4,9 @@ A scene is read by `load_scene`, run by `run`, asked what its accuracy or its ef
 `study_effects`, and where along a parameter it squeals by `study_onset`. `build_model`, `analyse_stability` and
 `growth_rate` are the linear side of it, for any numbers; `integrate_many` takes many models at once.
 `help(drumsqueal.run)` and so on tell more.
+A scene is read by `load_scene`, run by `run`, and asked what its accuracy or its effects cost by `study_accuracy` and
+`study_effects`. `build_model`, `analyse_stability` and `growth_rate` are the linear side of it, for any numbers;
+`integrate_many` takes many models at once, `sweep_parameters` many scenes. `help(drumsqueal.run)` and so on tell more.
 
 The names below are imported when they are first used: reading a scene does not load JAX, and the command line can
 prepare its environment first.
@@ -28,6 +31,7 @@ if TYPE_CHECKING:
     from drumsqueal.studies.paper import PaperStudy, study_paper
     from drumsqueal.studies.quieting import Quieting, quieten
     from drumsqueal.studies.sensitivity import SensitivityStudy, study_sensitivity
+    from drumsqueal.studies.sweep import sweep_parameters
     from drumsqueal.transient.batch import integrate_many
 
 _HOMES = {
@@ -47,6 +51,7 @@ _HOMES = {
     "studies.quieting": ("Quieting", "quieten"),
     "studies.sensitivity": ("SensitivityStudy", "study_sensitivity"),
     "scene.seo_kang": ("seo_kang_brake",),
+    "studies.sweep": ("sweep_parameters",),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
 
@@ -83,6 +88,7 @@ __all__ = [
     "study_onset",
     "study_paper",
     "study_sensitivity",
+    "sweep_parameters",
 ]
 
 

@@ -17,6 +17,7 @@ from drumsqueal.cli.paper import paper_command
 from drumsqueal.cli.run import run_command
 from drumsqueal.cli.sensitivity import sensitivity_command
 from drumsqueal.cli.stability import stability_command
+from drumsqueal.cli.sweep import sweep_command
 from drumsqueal.compilation import prepare_environment
 from drumsqueal.errors import IntegrationError, RequestError
 from drumsqueal.scene.quantities import SceneError, printable
@@ -32,6 +33,7 @@ app.command(name="accuracy")(accuracy_command)
 app.command(name="onset")(onset_command)
 app.command(name="sensitivity")(sensitivity_command)
 app.command(name="paper")(paper_command)
+app.command(name="sweep")(sweep_command)
 
 
 @app.callback()

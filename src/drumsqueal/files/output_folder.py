@@ -32,6 +32,11 @@ ONSET_FILES = (ONSET_TABLE, ONSET_SUMMARY, figure_file(ONSET))
 EFFECT_FILES = (EFFECTS_TABLE, REDUCED_SCENE, figure_file(EFFECTS))
 """The names of all files that a study of effects writes."""
 
+SWEEP, SWEEP_SUMMARY = "sweep.nc", "sweep.json"
+STABILITY, AMPLITUDE, CHANCE = "stability", "amplitude", "chance"
+SWEEP_FILES = (SWEEP, SWEEP_SUMMARY, *map(figure_file, (STABILITY, AMPLITUDE, CHANCE)))
+"""The names of all files that a sweep writes."""
+
 
 PAPER_FRICTION, PAPER_STIFFNESS, PAPER_CONSTANT = "fig04_friction", "fig05_stiffness", "fig06_constant_friction"
 PAPER_SPEED, PAPER_LOAD, PAPER_ANGLE = "fig07_speed", "fig08_load", "fig09_arc_angle"

@@ -9,7 +9,7 @@ from typing import Any
 
 from drumsqueal.scene.quantities import SceneError
 
-OPTIONAL_TABLES = ("support", "friction", "damping", "forcing")
+OPTIONAL_TABLES = ("support", "friction", "damping", "forcing", "uncertain")
 """The tables that a scene may leave out; `--set friction=none` leaves one out."""
 
 _DEEPEST = 10  # parts of a dotted key
@@ -81,7 +81,7 @@ def apply_setting(tables: Mapping[str, Any], setting: str) -> dict[str, Any]:
     """Return the tables with one "KEY=VALUE" of `--set` put in; raises SceneError.
 
     KEY is the dotted path in the file. VALUE is read as a TOML value and, if it is none, as a string. It replaces
-    whatever was there; `none` leaves out one of the optional tables (support, friction, damping, forcing).
+    whatever was there; `none` leaves out one of the optional tables (support, friction, damping, forcing, uncertain).
     """
     key, equals, text = setting.partition("=")
     if not equals:
@@ -117,7 +117,10 @@ def replace_value(tables: Mapping[str, Any], key: str, value: Any) -> dict[str, 
 
 
 def _replaced(tables: Mapping[str, Any], parts: list[str], value: Any, done: int = 0) -> dict[str, Any]:
-    name = parts[done]
+    # A quoted key of the file, such as "drum.speed" in the table uncertain, holds dots of its own.
+    quoted = (key for key in tables if "." in key and f"{'.'.join(parts[done:])}.".startswith(f"{key}."))
+    name = next(quoted, parts[done])
+    done += name.count(".")
     if done + 1 < len(parts):
         inner = tables.get(name, {})
         if not isinstance(inner, Mapping):
