@@ -17,13 +17,12 @@ def progress_bar(console: Console) -> Progress:
     )
 
 
-def points_bar(console: Console) -> Progress:
-    """A bar whose tasks count points; nothing where there is no terminal."""
+def counting_bar(console: Console) -> Progress:
+    """A bar of things done, such as points or steps; nothing where there is no terminal."""
     return Progress(
         TextColumn("{task.description}"),
         BarColumn(),
         MofNCompleteColumn(),
-        TextColumn("points"),
         TimeRemainingColumn(),
         console=console,
         transient=True,

@@ -12,7 +12,7 @@ from drumsqueal.files.output_folder import SWEEP
 from drumsqueal.files.sweep import Columns
 from drumsqueal.files.sweep_file import SweepFile
 from drumsqueal.interrupts import stop_if_interrupted
-from drumsqueal.jobs.progress import points_bar
+from drumsqueal.jobs.progress import counting_bar
 from drumsqueal.jobs.sweep_results import print_sweep, write_results
 from drumsqueal.scene.quantities import printable
 from drumsqueal.studies.sweep import batches, compute
@@ -75,7 +75,7 @@ def _fill(file: SweepFile, plan: Plan, console: Console, source: Source) -> None
     computed = file.computed()
     left = {first: stop for first, stop in batches(plan) if not computed[first:stop].all()}
     done = plan.points - sum(stop - first for first, stop in left.items())
-    with points_bar(console) as progress, closing(source(plan, list(left.items()))) as stream:  # pyright: ignore
+    with counting_bar(console) as progress, closing(source(plan, list(left.items()))) as stream:  # pyright: ignore
         task = progress.add_task("sweeping", total=plan.points, completed=done)
         stop_if_interrupted()
         for first, columns in stream:

@@ -243,7 +243,7 @@ def _root(model_at: ModelAt, a: Point, b: Point, rank: int, precision: float) ->
     )
     point = point_at(model_at, value)
     marginal = min(point.modes, key=lambda mode: abs(mode.growth_rate))
-    uncertainty = max(precision, noise[1] / (abs(after - before) / (b.value - a.value)))
+    uncertainty = max(precision, float(noise[1] / (abs(after - before) / (b.value - a.value))))
     return Critical(float(value), uncertainty, "", marginal.frequency_Hz, after > before)
 
 

@@ -58,8 +58,10 @@ def _parsed(content: bytes, name: str) -> dict[str, Any]:
         reason = f"the file is not UTF-8 text (byte {error.start}); save it as UTF-8"
     except RecursionError:
         reason = "the tables are nested too deeply; a scene has two levels"
-    except ValueError as error:  # TOMLDecodeError, and an integer of more digits than Python reads
+    except tomllib.TOMLDecodeError as error:
         reason = f"the file is not TOML: {error}; see the example scenes"
+    except ValueError as error:
+        reason = f"the file is no scene: {error}"
     raise SceneError(reason, (name,))
 
 
@@ -67,7 +69,12 @@ def _loads(text: str) -> dict[str, Any]:
     """Read TOML; raises ValueError and RecursionError."""
     if any(word["long"] for word in _WORDS.finditer(text)):
         raise ValueError(f"a key has more than {_DEEPEST} parts")
-    return tomllib.loads(text)
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError:
+        raise
+    except ValueError:  # which Python words for programmers
+        raise ValueError("an integer has more digits than can be read; write it as 1e30") from None
 
 
 def apply_setting(tables: Mapping[str, Any], setting: str) -> dict[str, Any]:
