@@ -1,8 +1,12 @@
 """drumsqueal: friction-induced vibration of a drum-brake shoe in time, beside the eigenvalues that predict it.
 
+A scene is read by `load_scene`, run by `run`, asked what its accuracy or its effects cost by `study_accuracy` and
+`study_effects`, and where along a parameter it squeals by `study_onset`. `build_model`, `analyse_stability` and
+`growth_rate` are the linear side of it, for any numbers; `integrate_many` takes many models at once.
+`help(drumsqueal.run)` and so on tell more.
 A scene is read by `load_scene`, run by `run`, and asked what its accuracy or its effects cost by `study_accuracy` and
 `study_effects`. `build_model`, `analyse_stability` and `growth_rate` are the linear side of it, for any numbers;
-`integrate_many` takes many models at once. `help(drumsqueal.run)` and so on tell more.
+`integrate_many` takes many models at once, `sweep_parameters` many scenes. `help(drumsqueal.run)` and so on tell more.
 
 The names below are imported when they are first used: reading a scene does not load JAX, and the command line can
 prepare its environment first.
@@ -15,17 +19,21 @@ if TYPE_CHECKING:
     from drumsqueal.comparison.compare import Comparison, compare
     from drumsqueal.effects.custom_friction import TabulatedLaw
     from drumsqueal.effects.friction_law import FrictionLaw
-    from drumsqueal.errors import IntegrationError, SceneError, SteadyStateError
+    from drumsqueal.errors import CycleError, IntegrationError, SceneError, SteadyStateError
     from drumsqueal.linear.modes import Mode, Stability, analyse_stability, growth_rate
     from drumsqueal.model import Model, build_model
     from drumsqueal.scene import Scene, load_scene, scene_from_dict
     from drumsqueal.scene.seo_kang import seo_kang_brake
     from drumsqueal.simulation import Result, run
     from drumsqueal.studies.accuracy import AccuracyStudy, study_accuracy
+    from drumsqueal.studies.branches import Diagram, follow_cycle
+    from drumsqueal.studies.cycle import Search, find_cycle
     from drumsqueal.studies.effects import EffectStudy, study_effects
+    from drumsqueal.studies.onset import OnsetStudy, study_onset
     from drumsqueal.studies.paper import PaperStudy, study_paper
     from drumsqueal.studies.quieting import Quieting, quieten
     from drumsqueal.studies.sensitivity import SensitivityStudy, study_sensitivity
+    from drumsqueal.studies.sweep import sweep_parameters
     from drumsqueal.transient.batch import integrate_many
 
 _HOMES = {
@@ -33,33 +41,41 @@ _HOMES = {
     "comparison.compare": ("Comparison", "compare"),
     "effects.custom_friction": ("TabulatedLaw",),
     "effects.friction_law": ("FrictionLaw",),
-    "errors": ("IntegrationError", "SceneError", "SteadyStateError"),
+    "errors": ("CycleError", "IntegrationError", "SceneError", "SteadyStateError"),
     "model": ("Model", "build_model"),
     "linear.modes": ("Mode", "Stability", "analyse_stability", "growth_rate"),
     "scene": ("Scene", "load_scene", "scene_from_dict"),
     "simulation": ("Result", "run"),
     "studies.accuracy": ("AccuracyStudy", "study_accuracy"),
+    "studies.branches": ("Diagram", "follow_cycle"),
+    "studies.cycle": ("Search", "find_cycle"),
     "studies.effects": ("EffectStudy", "study_effects"),
+    "studies.onset": ("OnsetStudy", "study_onset"),
     "studies.paper": ("PaperStudy", "study_paper"),
     "studies.quieting": ("Quieting", "quieten"),
     "studies.sensitivity": ("SensitivityStudy", "study_sensitivity"),
     "scene.seo_kang": ("seo_kang_brake",),
+    "studies.sweep": ("sweep_parameters",),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
 
 __all__ = [
     "AccuracyStudy",
     "Comparison",
+    "CycleError",
+    "Diagram",
     "EffectStudy",
     "FrictionLaw",
     "IntegrationError",
     "Mode",
     "Model",
+    "OnsetStudy",
     "PaperStudy",
     "Quieting",
     "Result",
     "Scene",
     "SceneError",
+    "Search",
     "SensitivityStudy",
     "Stability",
     "SteadyStateError",
@@ -67,6 +83,8 @@ __all__ = [
     "analyse_stability",
     "build_model",
     "compare",
+    "find_cycle",
+    "follow_cycle",
     "growth_rate",
     "integrate_many",
     "load_scene",
@@ -76,8 +94,10 @@ __all__ = [
     "seo_kang_brake",
     "study_accuracy",
     "study_effects",
+    "study_onset",
     "study_paper",
     "study_sensitivity",
+    "sweep_parameters",
 ]
 
 

@@ -26,8 +26,22 @@ WORK, EVALUATIONS, CAUSES = "accuracy_time", "accuracy_evaluations", "accuracy_c
 ACCURACY_FIGURES = (WORK, EVALUATIONS, CAUSES)
 ACCURACY_FILES = (ACCURACY_TABLE, BLOCK, *map(figure_file, ACCURACY_FIGURES))
 """The names of all files that a study of accuracy writes."""
+ONSET_TABLE, ONSET_SUMMARY, ONSET = "onset.csv", "onset.json", "onset"
+ONSET_FILES = (ONSET_TABLE, ONSET_SUMMARY, figure_file(ONSET))
+"""The names of all files that a study of the onset writes."""
+CYCLE_SUMMARY, CYCLE_HISTORY, CYCLE = "cycle.json", "cycle.nc", "cycle"
+CYCLE_FILES = (CYCLE_SUMMARY, CYCLE_HISTORY, figure_file(CYCLE))
+"""The names of all files that the search for a cycle writes."""
+BRANCH_TABLE, BRANCH_SUMMARY, BRANCH = "branch.csv", "branch.json", "branch"
+BRANCH_FILES = (BRANCH_TABLE, BRANCH_SUMMARY, figure_file(BRANCH))
+"""The names of all files that cycles along a parameter write."""
 EFFECT_FILES = (EFFECTS_TABLE, REDUCED_SCENE, figure_file(EFFECTS))
 """The names of all files that a study of effects writes."""
+
+SWEEP, SWEEP_SUMMARY = "sweep.nc", "sweep.json"
+STABILITY, AMPLITUDE, CHANCE = "stability", "amplitude", "chance"
+SWEEP_FILES = (SWEEP, SWEEP_SUMMARY, *map(figure_file, (STABILITY, AMPLITUDE, CHANCE)))
+"""The names of all files that a sweep writes."""
 
 
 PAPER_FRICTION, PAPER_STIFFNESS, PAPER_CONSTANT = "fig04_friction", "fig05_stiffness", "fig06_constant_friction"
@@ -112,10 +126,11 @@ def write_whole(path: Path, content: bytes) -> None:
 def _check_place(folder: Path) -> None:
     """Raise RequestError where the innermost part of the path that is there is no folder."""
     there = next(part for part in (folder, *folder.parents) if _is_there(part))
+    place = there if there == folder else f"{folder}: {there}"
     if not there.exists():
-        raise RequestError(f"{folder}: {there} is a link that leads nowhere; choose another folder with -o")
+        raise RequestError(f"{place} is a link that leads nowhere; choose another folder with -o")
     if not there.is_dir():
-        raise RequestError(f"{folder}: {there} is a file, not a folder; choose another with -o")
+        raise RequestError(f"{place} is a file, not a folder; choose another with -o")
 
 
 def _is_there(path: Path) -> bool:

@@ -1,7 +1,7 @@
-"""The bar that shows how far the simulated time has come."""
+"""The bars that show how far the simulated time, or the number of points, has come."""
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 
 def progress_bar(console: Console) -> Progress:
@@ -18,10 +18,12 @@ def progress_bar(console: Console) -> Progress:
 
 
 def counting_bar(console: Console) -> Progress:
-    """A bar of steps done, under a description of the one at hand; nothing where there is no terminal."""
+    """A bar of things done, such as points or steps; nothing where there is no terminal."""
     return Progress(
         TextColumn("{task.description}"),
         BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
         console=console,
         transient=True,
         disable=not console.is_terminal,
