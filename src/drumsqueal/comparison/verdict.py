@@ -4,14 +4,17 @@ import math
 
 from drumsqueal.comparison.saturation import Saturation
 from drumsqueal.linear.modes import Mode, Stability
+from drumsqueal.signals import told_frequencies
 
 GROWN = 1.1  # times the start: what the motion must reach by the end to have grown
 CLEAR_GROWTH = 10  # times: a predicted growth that shows even of a mode that starts as a tenth of the motion
 SMALL_ROTATION = 0.1  # rad; the cosine that the model takes for 1 is off by half a per cent there
+DIGITS = 4  # of a frequency
 _SETTLED = {
     "steady": "settles to steady sliding",
     "periodic": "settles to a periodic motion",
-    "neither": "settles to no periodic motion",
+    "quasi-periodic": "settles to a quasi-periodic motion",
+    "irregular": "settles to an irregular motion",
     "unknown": "has not settled by the end of the record",
 }
 
@@ -85,7 +88,10 @@ def _below_the_edges(
 
 
 def _settled(saturation: Saturation, stability: Stability) -> str:
-    what = _SETTLED[saturation.regime.kind]
+    regime = saturation.regime
+    what = _SETTLED[regime.kind]
+    if regime.kind == "quasi-periodic":
+        what += f" of {told_frequencies(regime.base_frequencies_Hz, regime.base_uncertainties_Hz, DIGITS)}"
     if saturation.main is None or saturation.frequency_shift is None:
         return what
     shift = saturation.frequency_shift
