@@ -52,9 +52,8 @@ def find_lines(signals: ArrayLike, sample_rate: float, *, count: int = 40, floor
     sample rate (Hz) than the main lobe of the window, 2/T.
 
     The uncertainty of a frequency is 0.6/T times what is left beside the line (largest amplitude within four bins)
-    over the line's own amplitude: how far a line hidden there would pull it. That is an estimate, to a factor of two
-    for what hides a third of a bin to a bin away; what is nearer than that is the same line, and what is further is taken
-    for a line of its own at two bins, and takes the uncertainty with it.
+    over the line's own amplitude: how far a line hidden there would pull it. That is an estimate, to a factor of three
+    for a neighbour a bin away; what is nearer than that is the same line.
 
     Raises ValueError for NaN, fewer than 16 samples, signals at rest, and for arguments of wrong sign.
 
