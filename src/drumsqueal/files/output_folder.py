@@ -9,8 +9,8 @@ from drumsqueal.errors import RequestError
 
 HISTORY, SUMMARY, RESUME = "history.nc", "summary.json", "resume.json"
 GROWTH, SPECTROGRAM, SPECTRA = "growth", "spectrogram", "spectra"
-PHASE, CONTACT, EIGENVALUES = "phase", "contact", "eigenvalues"
-FIGURES = (GROWTH, SPECTROGRAM, SPECTRA, PHASE, CONTACT, EIGENVALUES)
+PHASE, CONTACT, EIGENVALUES, FREQUENCY = "phase", "contact", "eigenvalues", "frequency"
+FIGURES = (GROWTH, SPECTROGRAM, SPECTRA, PHASE, CONTACT, EIGENVALUES, FREQUENCY)
 
 
 def figure_file(name: str) -> str:

@@ -4,6 +4,7 @@ from drumsqueal.signals.bases import Bases, find_bases
 from drumsqueal.signals.growth import Growth, fit_growth, modal_amplitudes, modal_frequency
 from drumsqueal.signals.lines import Lines, find_lines
 from drumsqueal.signals.regime import PERIODS_NEEDED, STEADY, Regime, classify, told_frequencies
+from drumsqueal.signals.ridge import Ridge, follow_line
 from drumsqueal.signals.spectra import (
     Peak,
     Peaks,
@@ -24,6 +25,7 @@ __all__ = [
     "Peak",
     "Peaks",
     "Regime",
+    "Ridge",
     "Spectrogram",
     "Spectrum",
     "amplitude_spectrum",
@@ -31,6 +33,7 @@ __all__ = [
     "find_bases",
     "find_lines",
     "fit_growth",
+    "follow_line",
     "modal_amplitudes",
     "modal_frequency",
     "peak_near",
