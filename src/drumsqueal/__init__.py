@@ -1,8 +1,9 @@
 """drumsqueal: friction-induced vibration of a drum-brake shoe in time, beside the eigenvalues that predict it.
 
-A scene is read by `load_scene`, run by `run`, and asked what its accuracy or its effects cost by `study_accuracy` and
-`study_effects`. `build_model`, `analyse_stability` and `growth_rate` are the linear side of it, for any numbers;
-`integrate_many` takes many models at once. `help(drumsqueal.run)` and so on tell more.
+A scene is read by `load_scene`, run by `run`, asked what its accuracy or its effects cost by `study_accuracy` and
+`study_effects`, and where along a parameter it squeals by `study_onset`. `build_model`, `analyse_stability` and
+`growth_rate` are the linear side of it, for any numbers; `integrate_many` takes many models at once.
+`help(drumsqueal.run)` and so on tell more.
 
 The names below are imported when they are first used: reading a scene does not load JAX, and the command line can
 prepare its environment first.
@@ -15,13 +16,16 @@ if TYPE_CHECKING:
     from drumsqueal.comparison.compare import Comparison, compare
     from drumsqueal.effects.custom_friction import TabulatedLaw
     from drumsqueal.effects.friction_law import FrictionLaw
-    from drumsqueal.errors import IntegrationError, SceneError, SteadyStateError
+    from drumsqueal.errors import CycleError, IntegrationError, SceneError, SteadyStateError
     from drumsqueal.linear.modes import Mode, Stability, analyse_stability, growth_rate
     from drumsqueal.model import Model, build_model
     from drumsqueal.scene import Scene, load_scene, scene_from_dict
     from drumsqueal.simulation import Result, run
     from drumsqueal.studies.accuracy import AccuracyStudy, study_accuracy
+    from drumsqueal.studies.branches import Diagram, follow_cycle
+    from drumsqueal.studies.cycle import Search, find_cycle
     from drumsqueal.studies.effects import EffectStudy, study_effects
+    from drumsqueal.studies.onset import OnsetStudy, study_onset
     from drumsqueal.transient.batch import integrate_many
 
 _HOMES = {
@@ -29,33 +33,42 @@ _HOMES = {
     "comparison.compare": ("Comparison", "compare"),
     "effects.custom_friction": ("TabulatedLaw",),
     "effects.friction_law": ("FrictionLaw",),
-    "errors": ("IntegrationError", "SceneError", "SteadyStateError"),
+    "errors": ("CycleError", "IntegrationError", "SceneError", "SteadyStateError"),
     "model": ("Model", "build_model"),
     "linear.modes": ("Mode", "Stability", "analyse_stability", "growth_rate"),
     "scene": ("Scene", "load_scene", "scene_from_dict"),
     "simulation": ("Result", "run"),
     "studies.accuracy": ("AccuracyStudy", "study_accuracy"),
+    "studies.branches": ("Diagram", "follow_cycle"),
+    "studies.cycle": ("Search", "find_cycle"),
     "studies.effects": ("EffectStudy", "study_effects"),
+    "studies.onset": ("OnsetStudy", "study_onset"),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
 
 __all__ = [
     "AccuracyStudy",
     "Comparison",
+    "CycleError",
+    "Diagram",
     "EffectStudy",
     "FrictionLaw",
     "IntegrationError",
     "Mode",
     "Model",
+    "OnsetStudy",
     "Result",
     "Scene",
     "SceneError",
+    "Search",
     "Stability",
     "SteadyStateError",
     "TabulatedLaw",
     "analyse_stability",
     "build_model",
     "compare",
+    "find_cycle",
+    "follow_cycle",
     "growth_rate",
     "integrate_many",
     "load_scene",
@@ -63,6 +76,7 @@ __all__ = [
     "scene_from_dict",
     "study_accuracy",
     "study_effects",
+    "study_onset",
 ]
 
 

@@ -10,7 +10,9 @@ from typing import NoReturn
 import typer
 
 from drumsqueal.cli.accuracy import accuracy_command
+from drumsqueal.cli.cycle import cycle_command
 from drumsqueal.cli.effects import effects_command
+from drumsqueal.cli.onset import onset_command
 from drumsqueal.cli.options import UsageError, make_console
 from drumsqueal.cli.run import run_command
 from drumsqueal.cli.stability import stability_command
@@ -25,7 +27,9 @@ INTERRUPTED = "interrupted before anything was written"
 app.command(name="run")(run_command)
 app.command(name="stability")(stability_command)
 app.command(name="effects", context_settings={"allow_extra_args": True})(effects_command)
+app.command(name="cycle")(cycle_command)
 app.command(name="accuracy")(accuracy_command)
+app.command(name="onset")(onset_command)
 
 
 @app.callback()

@@ -5,7 +5,7 @@ import numpy as np
 import xarray
 from numpy.typing import NDArray
 
-from drumsqueal.bodies.rigid_shoe import TX, TY, TZ, X, Y
+from drumsqueal.comparison.edges import pressure_share, slip_share
 from drumsqueal.effects.pressure import Unilateral
 from drumsqueal.linear.modes import Mode, Stability
 from drumsqueal.model import Model
@@ -79,18 +79,9 @@ def edge_share(departure: Departure, model: Model) -> NDArray[np.float64]:
     whole circle, so where the steady pressure is uniform neither has happened below 1. Without separation, or without
     friction, there is no such edge.
     """
-    shoe, c = model.shoe, float(model.shoe.centroid)
-    half_width, radius = float(shoe.width) / 2, float(shoe.outer_radius)
     q, v = departure.wide()
-    share = np.zeros(departure.time.size)
     moments = jax.vmap(model.operation.at)(departure.time)
-    if isinstance(model.lining.law, Unilateral):
-        radial = np.hypot(q[X], q[Y] - c * q[TZ]) + half_width * np.hypot(q[TX], q[TY])
-        share = _over(float(model.lining.law.stiffness) * radial, np.asarray(moments.preload))
-    if model.contact.friction is not None:
-        tangential = np.abs(radius * v[TZ]) + np.hypot(v[X], v[Y] - c * v[TZ]) + half_width * np.hypot(v[TX], v[TY])
-        share = np.maximum(share, _over(tangential, radius * np.abs(np.asarray(moments.drum_speed))))
-    return share
+    return np.maximum(pressure_share(model, q, moments.preload), slip_share(model, v, moments.drum_speed))
 
 
 def first_edge(history: xarray.Dataset, stability: Stability, model: Model) -> float | None:
@@ -108,9 +99,3 @@ def first_edge(history: xarray.Dataset, stability: Stability, model: Model) -> f
     if model.contact.friction is not None:
         reached |= history["slip_reversed_fraction"].values > FRACTION_ROUND_OFF
     return float(history["time"].values[np.argmax(reached)]) if reached.any() else None
-
-
-def _over(size: NDArray[np.float64], limit: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Size over limit; any motion at all is infinitely far beyond a limit of zero."""
-    beyond = np.where(size > 0, np.inf, 0.0)
-    return np.divide(size, limit, out=beyond, where=limit > 0)

@@ -26,6 +26,15 @@ WORK, EVALUATIONS, CAUSES = "accuracy_time", "accuracy_evaluations", "accuracy_c
 ACCURACY_FIGURES = (WORK, EVALUATIONS, CAUSES)
 ACCURACY_FILES = (ACCURACY_TABLE, BLOCK, *map(figure_file, ACCURACY_FIGURES))
 """The names of all files that a study of accuracy writes."""
+ONSET_TABLE, ONSET_SUMMARY, ONSET = "onset.csv", "onset.json", "onset"
+ONSET_FILES = (ONSET_TABLE, ONSET_SUMMARY, figure_file(ONSET))
+"""The names of all files that a study of the onset writes."""
+CYCLE_SUMMARY, CYCLE_HISTORY, CYCLE = "cycle.json", "cycle.nc", "cycle"
+CYCLE_FILES = (CYCLE_SUMMARY, CYCLE_HISTORY, figure_file(CYCLE))
+"""The names of all files that the search for a cycle writes."""
+BRANCH_TABLE, BRANCH_SUMMARY, BRANCH = "branch.csv", "branch.json", "branch"
+BRANCH_FILES = (BRANCH_TABLE, BRANCH_SUMMARY, figure_file(BRANCH))
+"""The names of all files that cycles along a parameter write."""
 EFFECT_FILES = (EFFECTS_TABLE, REDUCED_SCENE, figure_file(EFFECTS))
 """The names of all files that a study of effects writes."""
 

@@ -82,10 +82,7 @@ class Stability(NamedTuple):
     @property
     def divergence(self) -> float | None:
         """Largest real eigenvalue that grows without oscillation (1/s), None where there is none."""
-        largest = np.max(np.abs(self.eigenvalues))
-        real = self.eigenvalues[np.abs(self.eigenvalues.imag) <= OSCILLATING_SHARE * largest].real
-        growing = real[real > DRIFT_SHARE * largest]
-        return float(growing.max()) if growing.size else None
+        return growing_without_oscillation(self.eigenvalues)
 
     @property
     def highest_frequency_Hz(self) -> float:
@@ -111,14 +108,12 @@ def analyse_stability(model: Model) -> Stability:
             "the linear model is not finite: a number is out of all proportion; check the shoe's lengths and density, "
             "the stiffnesses, contact.normal_load, friction, drum.speed and damping.ratio"
         )
-    eigenvalues, left, right = _eigen(np.asarray(matrix))
-    modes = _modes(model, eigenvalues, left, right)
-    order = np.lexsort((eigenvalues.imag, np.abs(eigenvalues.imag)))
+    eigenvalues, modes = solve_modes(model, np.asarray(matrix))
     return Stability(
         coordinates=model.names,
         mass=np.asarray(model.mass),
         steady_state=np.asarray(steady),
-        eigenvalues=eigenvalues[order],
+        eigenvalues=eigenvalues,
         modes=modes,
         pressure_range=(float(low), float(high)),
         contact_fraction=float(touching),
@@ -148,6 +143,21 @@ def while_sliding(model: Model) -> tuple[Model, float]:
         if time.size:
             return model.frozen(float(time[0])), float(time[0])
     raise SteadyStateError("drum.speed is 0 all the time: there is no steady sliding; give the drum a speed")
+
+
+def growing_without_oscillation(eigenvalues: NDArray[np.complex128]) -> float | None:
+    """The largest real eigenvalue above zero (1/s), None where there is none."""
+    largest = np.max(np.abs(eigenvalues))
+    real = eigenvalues[np.abs(eigenvalues.imag) <= OSCILLATING_SHARE * largest].real
+    growing = real[real > DRIFT_SHARE * largest]
+    return float(growing.max()) if growing.size else None
+
+
+def solve_modes(model: Model, matrix: NDArray[np.float64]) -> tuple[NDArray[np.complex128], tuple[Mode, ...]]:
+    """Eigenvalues (2n,), the slowest first, and oscillating modes by rising frequency, of a state matrix (2n, 2n)."""
+    eigenvalues, left, right = _eigen(matrix)
+    order = np.lexsort((eigenvalues.imag, np.abs(eigenvalues.imag)))
+    return eigenvalues[order], _modes(model, eigenvalues, left, right)
 
 
 @partial(jax.jit, static_argnames="mode")

@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 from drumsqueal.effects.schedule import Constant
 from drumsqueal.model import Model
 from drumsqueal.transient.choice import Choice, Method
-from drumsqueal.transient.segment import STEP_BUDGET, Segment, advance, least_slip
+from drumsqueal.transient.segment import Segment, advance, least_slip
 from drumsqueal.transient.state import Span, State
 from drumsqueal.transient.sticking import can_stick, drum_motion, drum_motions, held, hold, hold_surely, slip
 
@@ -41,7 +41,7 @@ class StickSlip:
         self._held: Model | None = held(model) if sticks else None  # the model that sticks, while it does
         self._stuck = sticks  # whether it did when that was noted last
         self._jumps, self._margin = _jumps(model)
-        self._left = STEP_BUDGET  # of the chunk at hand
+        self._made = 0  # steps in the chunk at hand, or since its method was taken
         self._choice = Choice(solver, float(tolerance), method)
         self.solvers: set[str] = set()  # that made the last chunk
         self.changes: list[tuple[float, bool]] = []  # in the last chunk: when (s), and whether it sticks from then on
@@ -58,7 +58,7 @@ class StickSlip:
 
     def through(self, state: State, span: Span, step: Array) -> Segment:
         """One chunk."""
-        whole, self.solvers, self.changes, self._left = None, set(), [], STEP_BUDGET
+        whole, self.solvers, self.changes, self._made = None, set(), [], 0
         self._choice.begin()
         for _ in range(MOST_CHANGES):
             span, fresh = self._between_jumps(span)
@@ -68,7 +68,7 @@ class StickSlip:
             stuck = self._held is not None
             segment = self._stick(state, span, step) if stuck else self._slip(state, span, step)
             whole = segment if whole is None else _joined(whole, segment, span)
-            self._left = max(self._left - int(segment.steps), 0)
+            self._made += int(segment.steps)
             state, step = segment.final, segment.step
             span = span._replace(offset=np.float64(segment.time))
             if bool(segment.halted):
@@ -76,8 +76,11 @@ class StickSlip:
             if float(whole.time) >= float(span.length):
                 self._note(span)
                 return whole._replace(final=state, reached=jnp.asarray(True))
-            if not (bool(segment.halted) or bool(segment.reached) or self._choice.switch()):
+            if bool(segment.halted) or bool(segment.reached):
+                continue
+            if not self._choice.switch():
                 break
+            self._made = 0
         assert whole is not None
         return _only_reached(whole, span)
 
@@ -120,7 +123,7 @@ class StickSlip:
         """Slip to the end of the span, until hardly anything slips, or as far as the method gets."""
         self.solvers.add(self._choice.solver)
         arguments = (self._model, self._steady, state, span, self._tolerance, step, self._choice.solver)
-        sticks, budget = self._may_stick(span), np.int64(min(self._choice.budget, self._left))
+        sticks, budget = self._may_stick(span), np.int64(max(self._choice.budget - self._made, 0))
         try:
             return advance(*arguments, self._in_kernel, sticks, budget)
         except JaxRuntimeError:

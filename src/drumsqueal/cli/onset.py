@@ -1,0 +1,52 @@
+"""`drumsqueal onset SCENE -o DIR --along KEY=FROM..TO`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from drumsqueal.cli.options import Overwrite, SceneFile, Settings, make_console, output_option, read_share
+from drumsqueal.files.output_folder import ONSET_FILES, check_output, claim_output
+from drumsqueal.interrupts import stop_if_interrupted
+from drumsqueal.scene import load_scene
+from drumsqueal.scene.variation import POINTS, SYNTAX, read_variation
+
+ALONG = (
+    f"The number of the scene that is varied and its range, in SI or with units; N values, {POINTS} without xN. "
+    'Put a range with spaces in quotes: --along "drum.speed=10 rpm..400 rpm x20".'
+)
+
+
+def onset_command(
+    scene: SceneFile,
+    along: Annotated[str, typer.Option("--along", metavar=SYNTAX, help=ALONG, show_default=False)],
+    output: Annotated[Path | None, output_option("SCENE-onset")] = None,
+    within: Annotated[
+        str,
+        typer.Option(
+            "--within", metavar="SHARE", help="Share of the range within which ends of the kicked range are sought."
+        ),
+    ] = "0.1 %",
+    settings: Settings = None,
+    overwrite: Overwrite = False,
+) -> None:
+    """Compare linear with nonlinear onset along a parameter: where is it stable, where does it squeal, where if kicked?
+
+    Finds the critical values of the eigenvalues, runs transients from small and large departures at each value, and
+    follows what lasts to the neighbouring ones. Writes onset.csv, onset.json and onset.png into DIR.
+
+    Example: drumsqueal onset scenarios/damped.toml -o out/onset --along drum.speed=1..60
+    """
+    loaded = load_scene(scene, settings or ())
+    variation = read_variation(along, loaded)
+    share = read_share(within, "--within")
+    folder = output if output is not None else Path("out") / f"{scene.stem}-onset"
+    check_output(folder, ONSET_FILES, overwrite=overwrite)
+    stop_if_interrupted()
+    from drumsqueal.jobs.onset import study_into
+    from drumsqueal.studies.onset import predict
+
+    stop_if_interrupted()
+    predicted = predict(loaded, variation)  # what cannot be studied is told before there is a folder
+    claim_output(folder, ONSET_FILES)
+    study_into(folder, predicted, share, make_console())

@@ -1,0 +1,151 @@
+"""Linear against nonlinear onset along a parameter: motions that last, their frequencies, and the growth rates."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from numpy.typing import NDArray
+
+from drumsqueal.comparison.departure import ROTATIONS
+from drumsqueal.figures import style
+from drumsqueal.figures.eigenvalues import STABLE as STABLE_COLOUR
+from drumsqueal.figures.eigenvalues import UNSTABLE as UNSTABLE_COLOUR
+from drumsqueal.figures.placement import label_top_edge
+from drumsqueal.figures.style import frame, new_figure, styled
+from drumsqueal.studies.attractors import DECAYS, Ending
+from drumsqueal.studies.onset import KICKED, SQUEALS, STABLE, OnsetStudy, Row
+
+# Told apart in print by lightness, too.
+SHADES = {STABLE: STABLE_COLOUR, KICKED: "#F2E6CC", SQUEALS: UNSTABLE_COLOUR}
+OTHER = style.PALE
+MARKER = {"marker": "o", "markersize": 3.2, "linestyle": "", "markeredgewidth": 0.7}
+ROOM = 1.25  # above the largest amplitude, for the names of the ranges
+NARROW = 0.14  # share of the width below which a range has no name of its own
+MARGIN = 0.012  # of the width, for a marker at either end
+MICRO = 1e6
+
+
+@styled()
+def draw_onset(study: OnsetStudy) -> Figure:
+    """Draw amplitudes, frequencies and growth rates over the parameter, the three ranges behind them.
+
+    A filled marker is a motion that a small departure leads to, an empty one takes a kick or a neighbour's motion.
+    """
+    figure = new_figure(study.scene.title, f"onset along {study.variation.key}")
+    panels = figure.subplots(3, 1, sharex=True, height_ratios=[1.5, 1, 1])
+    values = [row.value for row in study.rows]
+    margin = MARGIN * (max(values) - min(values))
+    panels[0].set_xlim(min(values) - margin, max(values) + margin)
+    for axes in panels:
+        _shade(axes, study)
+    draw_amplitudes(panels[0], study)
+    _draw_frequencies(panels[1], study)
+    _draw_growth(panels[2], study)
+    unit = f" ({study.variation.unit})" if study.variation.unit else ""
+    panels[2].set_xlabel(f"{study.variation.key}{unit}")
+    figure.align_ylabels(panels)
+    figure.legend(handles=_legend(study), loc="outside lower center", ncols=4)
+    label_top_edge(panels[0], [(at, text, style.DARK) for at, text in _ends(study)], reach=4.0)
+    return figure
+
+
+def draw_amplitudes(axes: Axes, study: OnsetStudy) -> None:
+    """Half the peak-to-peak value of `study.coordinate` (µm, µrad) of each motion, and zero where sliding is stable."""
+    column, colour = study.names.index(study.coordinate), style.COLOUR[study.coordinate]
+    largest = 0.0
+    for row in study.rows:
+        for ending in row.attractors:
+            amplitude = MICRO * ending.motion.amplitude[column]
+            largest = max(largest, amplitude)
+            axes.plot(row.value, amplitude, color=colour, markerfacecolor=_face(row, ending, colour), **MARKER)
+    quiet = [row.value for row in study.rows if row.small is not None and row.small.kind == DECAYS]
+    axes.plot(quiet, np.zeros(len(quiet)), color=colour, clip_on=False, zorder=3, **MARKER)
+    top = ROOM * largest if largest > 0 else 1.0
+    axes.set_ylim(0, top)
+    low, high = axes.get_xlim()
+    for each in study.ranges:
+        if each.last - each.first > NARROW * (high - low):
+            middle = (each.first + each.last) / 2
+            axes.text(middle, 0.96 * top, each.kind, ha="center", va="top", fontsize=style.SMALL_SIZE)
+    frame(axes, None, f"{study.coordinate}, half peak\nto peak ({'µrad' if study.coordinate in ROTATIONS else 'µm'})")
+
+
+def _face(row: Row, ending: Ending, colour: str) -> str:
+    small = row.small
+    return colour if small is not None and small.settled and ending.like(small) else "white"
+
+
+def _draw_frequencies(axes: Axes, study: OnsetStudy) -> None:
+    """The lines that hold most kinetic energy, before the modes that are near them."""
+    heard = [(r.value, e.motion.frequency_Hz, r, e) for r in study.rows for e in r.attractors if e.motion.frequency_Hz]
+    axes.set_ylim(*_frequency_limits(study))
+    for branch in study.linear.branches:
+        frequency = branch.eigenvalues.imag / (2 * np.pi) / 1e3
+        axes.plot(branch.values, frequency, color=style.COLOUR[branch.label.split()[0]])
+    for value, frequency, row, ending in heard:
+        colour = style.COLOUR[ending.motion.line or study.coordinate]
+        axes.plot(value, frequency / 1e3, color=colour, markerfacecolor=_face(row, ending, colour), **MARKER)
+    frame(axes, None, "Frequency\n(kHz)")
+
+
+def _draw_growth(axes: Axes, study: OnsetStudy) -> None:
+    """Re λ of the modes, as far down as the least stable one goes."""
+    axes.set_ylim(*_growth_limits(study))
+    axes.axhline(0, color=style.DARK, linewidth=0.6)
+    for branch in study.linear.branches:
+        axes.plot(branch.values, branch.eigenvalues.real, color=style.COLOUR[branch.label.split()[0]])
+    for critical in study.linear.critical:
+        axes.plot(critical.value, 0, marker="D", markersize=3.5, color=style.DARK, linestyle="", zorder=4)
+    frame(axes, None, "Growth rate\n(1/s)")
+
+
+def _shade(axes: Axes, study: OnsetStudy) -> None:
+    left, right = axes.get_xlim()
+    for each in study.ranges:
+        low = left if each.first_uncertainty is None else each.first
+        high = right if each.last_uncertainty is None else each.last
+        axes.axvspan(low, high, color=SHADES.get(each.kind, OTHER), linewidth=0, zorder=0)
+    for end, _ in _ends(study):
+        axes.axvline(end, color=style.DARK, linewidth=0.5, linestyle=(0, (4, 3)), zorder=1)
+
+
+def _ends(study: OnsetStudy) -> list[tuple[float, str]]:
+    """Where one range goes over into the next."""
+    return [(each.first, f"{each.first:.4g}") for each in study.ranges if each.first_uncertainty is not None]
+
+
+def _legend(study: OnsetStudy) -> list[Line2D | Patch]:
+    colour = style.COLOUR[study.coordinate]
+    shown = []
+    for branch in study.linear.branches:
+        frequency, rate = branch.eigenvalues.imag / (2 * np.pi) / 1e3, branch.eigenvalues.real
+        if _any_within(frequency, _frequency_limits(study)) or _any_within(rate, _growth_limits(study)):
+            shown.append(branch.label.split()[0])
+    handles: list[Line2D | Patch] = [
+        Line2D([], [], color=colour, label="after a small departure", **MARKER),
+        Line2D([], [], color=colour, markerfacecolor="white", label="after a kick or from beside", **MARKER),
+        Line2D([], [], marker="D", markersize=3.5, color=style.DARK, linestyle="", label="critical value"),
+    ]
+    handles += [Line2D([], [], color=style.COLOUR[name], label=f"mode {name}") for name in dict.fromkeys(shown)]
+    kinds = dict.fromkeys(each.kind for each in study.ranges)
+    return handles + [Patch(color=SHADES.get(kind, OTHER), label=kind) for kind in kinds]
+
+
+def _growth_limits(study: OnsetStudy) -> tuple[float, float]:
+    rates = [row.point.growth_rate for row in study.rows if not row.point.reason]
+    size = max(max(rates, default=1.0), -min(rates, default=-1.0), 1e-12)
+    return min([*rates, 0.0]) - 0.35 * size, max([*rates, 0.0]) + 0.2 * size
+
+
+def _frequency_limits(study: OnsetStudy) -> tuple[float, float]:
+    """Of all lines heard and of the modes that become critical (kHz); of all modes where there are none."""
+    near = [each.motion.frequency_Hz for row in study.rows for each in row.attractors if each.motion.frequency_Hz]
+    near += [each.frequency_Hz for each in study.linear.critical if each.frequency_Hz > 0]
+    if not near:
+        near = [mode.frequency_Hz for row in study.rows for mode in row.point.modes]
+    return 0.8 * min(near, default=0.5) / 1e3, 1.15 * max(near, default=1.0) / 1e3
+
+
+def _any_within(values: NDArray[np.float64], limits: tuple[float, float]) -> bool:
+    return bool(np.any((values > limits[0]) & (values < limits[1])))

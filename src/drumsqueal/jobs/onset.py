@@ -1,0 +1,49 @@
+"""A study of the onset into one folder: the table grows on disk value by value, then the summary and the figure."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from drumsqueal.figures import save_figures
+from drumsqueal.figures.onset import draw_onset
+from drumsqueal.files.output_folder import ONSET, ONSET_SUMMARY, ONSET_TABLE, write_whole
+from drumsqueal.files.summary import write_json
+from drumsqueal.interrupts import stop_if_interrupted
+from drumsqueal.jobs.onset_table import print_study, to_csv, to_data
+from drumsqueal.jobs.study import told_what_is_kept
+from drumsqueal.scene.quantities import printable
+from drumsqueal.studies.onset import OnsetStudy, Prediction, Row, compare
+
+
+def study_into(folder: Path, predicted: Prediction, within: float, console: Console) -> None:
+    """Compare a prediction with transients, write table, summary and figure into the folder and print what was found.
+
+    Raises IntegrationError for a study that was interrupted; the values done until then are in the table.
+    """
+    with told_what_is_kept(folder / ONSET_TABLE):
+        study = _study(folder, predicted, within, console)
+        write_json(to_data(study), folder / ONSET_SUMMARY)
+        stop_if_interrupted()
+        save_figures({ONSET: draw_onset(study)}, folder)
+        stop_if_interrupted()
+    print_study(console, study)
+    console.print(printable(f"Table, summary and figure are in {folder}"), soft_wrap=True)
+
+
+def _study(folder: Path, predicted: Prediction, within: float, console: Console) -> OnsetStudy:
+    names = predicted.family.moving
+
+    def keep(rows: Sequence[Row]) -> None:
+        table = to_csv(rows, predicted.variation, predicted.linear, names)
+        write_whole(folder / ONSET_TABLE, table.encode())
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+        task = progress.add_task("compiling")
+
+        def show(what: str, done: int, total: int) -> None:
+            progress.update(task, description=what, completed=done, total=total)
+
+        return compare(predicted, within, keep, show)

@@ -1,0 +1,164 @@
+"""A study of the onset as a table on the terminal, as CSV and as plain data."""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from drumsqueal.comparison.departure import ROTATIONS
+from drumsqueal.files.history import versions
+from drumsqueal.jobs.study import rows_to_csv
+from drumsqueal.linear.branches import Branches, Critical
+from drumsqueal.scene.variation import Variation
+from drumsqueal.studies.attractors import Ending
+from drumsqueal.studies.onset import KICKED, SQUEALS, OnsetStudy, Row
+from drumsqueal.studies.onset_verdict import reservations, verdict, with_uncertainty
+
+STYLES = {SQUEALS: "bold red", KICKED: "bold"}
+
+
+def print_study(console: Console, study: OnsetStudy) -> None:
+    """Print a row for each value that was asked for, the critical values, and what follows from them."""
+    name, (factor, unit) = study.coordinate, amplitude_unit(study.coordinate)
+    title = f"Onset along {study.variation.key}"
+    table = Table(title=title, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    table.add_column(f"\n\n{study.variation.unit}", justify="right")
+    table.add_column("")
+    table.add_column("growth\nlinear\n1/s", justify="right")
+    for start in ("small", "large"):
+        table.add_column(f"{name} after\n{start} start\n{unit}", justify="right")
+        table.add_column("line\n\nHz", justify="right")
+    for row in study.rows:
+        if row.asked:
+            kind = Text(row.kind, style=STYLES.get(row.kind, ""))
+            small, large = _shown(row.small, study, factor), _shown(row.strongest, study, factor, large=True)
+            growth = "-" if row.point.reason else f"{row.point.growth_rate:+.2f}"
+            table.add_row(f"{row.value:.6g}", kind, growth, *small, *large)
+    console.print(table)
+    for critical in study.linear.critical:
+        console.print(_told(critical, study.variation))
+    for line in reservations(study):
+        console.print(line, style="dim")
+    console.print(verdict(study), style="bold")
+
+
+def amplitude_unit(coordinate: str) -> tuple[float, str]:
+    """Factor from SI and the unit in which an amplitude reads well."""
+    return (1e6, "µrad") if coordinate in ROTATIONS else (1e6, "µm")
+
+
+def _shown(ending: Ending | None, study: OnsetStudy, factor: float, *, large: bool = False) -> tuple[str, str]:
+    """Amplitude and line of a motion that has settled, or where the start led instead."""
+    if ending is None:
+        return ("-", "") if large else ("", "")
+    if not ending.settled:
+        return ending.kind, ""
+    amplitude = factor * ending.motion.amplitude[study.names.index(study.coordinate)]
+    line = ending.motion.frequency_Hz
+    return f"{amplitude:.4g}", "" if line is None else f"{line:.1f}"
+
+
+def _told(critical: Critical, variation: Variation) -> str:
+    unit = f" {variation.unit}" if variation.unit else ""
+    becomes = "loses stability" if critical.destabilises else "gains stability"
+    where = f"{variation.key} = {with_uncertainty(critical.value, critical.uncertainty)}{unit}"
+    line = f" at {critical.frequency_Hz:.2f} Hz" if critical.frequency_Hz > 0 else ""
+    return f"{critical.label} {becomes}{line} as the value rises past {where}"
+
+
+def to_csv(rows: Sequence[Row], variation: Variation, linear: Branches, names: tuple[str, ...]) -> str:
+    """One row a value: its kind, the modes, where the small departure led, and the largest motion that was found."""
+    at = {
+        branch.label: dict(zip(branch.values.tolist(), branch.eigenvalues, strict=True)) for branch in linear.branches
+    }
+    unit = variation.unit.replace("/", "_per_").replace("^", "")
+    table = []
+    for row in rows:
+        cells: dict[str, Any] = {
+            f"{variation.key}_{unit}" if unit else variation.key: row.value,
+            "kind": row.kind,
+            "asked": "yes" if row.asked else "no",
+            "largest_growth_rate_1_per_s": None if row.point.reason else row.point.growth_rate,
+        }
+        for label, values in at.items():
+            value = values.get(row.value)
+            cells[f"frequency_{label}_Hz"] = None if value is None else value.imag / math.tau
+            cells[f"growth_rate_{label}_1_per_s"] = None if value is None else value.real
+        cells |= _cells("small", row.small, names) | _cells("large", row.strongest, names)
+        cells["motions"] = len(row.attractors)
+        cells["note"] = row.point.reason or "; ".join(
+            f"{each.start}: {each.motion.outcome}" for each in row.endings if each.motion.failed
+        )
+        table.append(cells)
+    return rows_to_csv(table)
+
+
+def _cells(which: str, ending: Ending | None, names: tuple[str, ...]) -> dict[str, Any]:
+    cells: dict[str, Any] = {f"{which}_start": "" if ending is None else ending.start}
+    cells[f"{which}_start_leads_to"] = "" if ending is None else ending.kind
+    settled = ending if ending is not None and ending.settled else None
+    for k, name in enumerate(names):
+        unit = "rad" if name in ROTATIONS else "m"
+        cells[f"{which}_amplitude_{name}_{unit}"] = None if settled is None else settled.motion.amplitude[k]
+    cells[f"{which}_frequency_Hz"] = None if settled is None else settled.motion.frequency_Hz
+    cells[f"{which}_simulated_s"] = None if ending is None else ending.seconds
+    return cells
+
+
+def to_data(study: OnsetStudy) -> dict[str, Any]:
+    """Critical values, ranges, all modes and all motions, in SI."""
+    return {
+        "title": study.scene.title,
+        "verdict": verdict(study),
+        "reservations": list(reservations(study)),
+        "parameter": study.variation._asdict(),
+        "critical_values": [each._asdict() for each in study.linear.critical],
+        "ranges": [each._asdict() for each in study.ranges],
+        "kicked_range_sought_within": study.within,
+        "modes": [
+            {
+                "label": branch.label,
+                "values": branch.values.tolist(),
+                "frequency_Hz": (branch.eigenvalues.imag / math.tau).tolist(),
+                "growth_rate_1_per_s": branch.eigenvalues.real.tolist(),
+            }
+            for branch in study.linear.branches
+        ],
+        "coordinates": list(study.names),
+        "values": [_value(row, study.names) for row in study.rows],
+        "scene": study.scene.model_dump(mode="json"),
+        "versions": versions(),
+    }
+
+
+def _value(row: Row, names: tuple[str, ...]) -> dict[str, Any]:
+    return {
+        "value": row.value,
+        "kind": row.kind,
+        "asked": row.asked,
+        "no_steady_sliding": row.point.reason or None,
+        "starts": [
+            {"start": each.start, "leads_to": each.kind, "simulated_s": each.seconds, "outcome": each.motion.outcome}
+            for each in row.endings
+        ],
+        "motions": [_motion(each, names) for each in row.attractors],
+    }
+
+
+def _motion(ending: Ending, names: tuple[str, ...]) -> dict[str, Any]:
+    motion = ending.motion
+    return {
+        "start": ending.start,
+        "amplitude": dict(zip(names, motion.amplitude.tolist(), strict=True)),
+        "rms": dict(zip(names, motion.rms.tolist(), strict=True)),
+        "frequency_Hz": motion.frequency_Hz,
+        "line_of": motion.line,
+        "kinetic_energy_J": motion.kinetic_energy,
+        "share_of_contact_loss": motion.edge_shares[0],
+        "share_of_slip_reversal": motion.edge_shares[1],
+        "drift": motion.drift,
+    }

@@ -1,0 +1,133 @@
+"""A number of a scene over a range of values, as the command line has it: "drum.speed=1..40", "drum.speed=1..40x20"."""
+
+import re
+from difflib import get_close_matches
+from typing import Any, NamedTuple
+
+from drumsqueal.scene import Profile, Scene, SceneError
+from drumsqueal.scene.file import OPTIONAL_TABLES
+from drumsqueal.scene.quantities import parse_quantity
+from drumsqueal.scene.tables import PerCoordinate, Quantity
+
+POINTS, MOST_POINTS = 40, 10_000
+SYNTAX = "KEY=FROM..TO[xN]"
+EXAMPLE = 'drum.speed=1..40x20 or drum.speed="10 rpm..400 rpm"'
+
+_COUNT = re.compile(r"(?P<range>.*?)\s*[x×]\s*(?P<count>[0-9]+)")
+_PLAIN = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
+_LONGEST_COUNT = 9  # digits
+
+
+class Variation(NamedTuple):
+    """A number of a scene by its dotted key, its SI unit, and the values (in SI, evenly spaced, in order) it takes."""
+
+    key: str
+    unit: str
+    values: tuple[float, ...]
+
+    @property
+    def first(self) -> float:
+        """Where the range begins."""
+        return self.values[0]
+
+    @property
+    def last(self) -> float:
+        """Where it ends."""
+        return self.values[-1]
+
+
+def read_variation(text: str, scene: Scene, *, option: str = "--along", points: int | None = POINTS) -> Variation:
+    """Read "KEY=FROM..TO" or "KEY=FROM..TOxN": N values (`points` without it) from FROM to TO, both included.
+
+    KEY is the dotted path of a number of the scene's brake (`scene.numbers()`). FROM and TO are numbers in SI or with
+    a unit, as in a scene; a unit after TO alone holds for both. `points` None takes a range only, without N, and gives
+    its two ends. Raises SceneError, headed by `option`, for a key that is no number of this scene, for one that is a
+    profile, for values that the scene does not take, for a range without length, and for too many values.
+    """
+    try:
+        key, equals, written = (part.strip() for part in text.partition("="))
+        if not equals:
+            raise SceneError(f"write {SYNTAX if points else 'KEY=FROM..TO'}, such as {EXAMPLE if points else _RANGE}")
+        unit = _unit(key, scene)
+        counted = _COUNT.fullmatch(written)
+        if counted and points is None:
+            raise SceneError(f"a range takes no number of values; leave out x{counted['count']}")
+        first, last = _ends(counted["range"] if counted else written, unit)
+        count = _count(counted["count"]) if counted else points or 2
+        for value in (first, last):
+            scene.with_values({key: value})
+    except SceneError as error:
+        raise _headed(f"{option} {text}", error) from None
+    # Written so that both ends are met exactly.
+    values = (first * (1 - k / (count - 1)) + last * (k / (count - 1)) for k in range(count))
+    return Variation(key, unit, tuple(values))
+
+
+_RANGE = "drum.speed=1..40"
+
+
+def _headed(place: str, error: SceneError) -> SceneError:
+    """The error as one of an option; what with_values says of a value keeps the reason, and loses the scene's place."""
+    return SceneError(error.reason if not error.path or error.path == ("scene",) else str(error), (place,))
+
+
+def _unit(key: str, scene: Scene) -> str:
+    numbers = scene.numbers()
+    if key in numbers:
+        return _unit_of(key, scene)
+    if isinstance(_found(scene, key), Profile):
+        raise SceneError(f"{key} is a profile over time in this scene; give it one value, as by --set {key}=...")
+    table, _, name = key.partition(".")
+    if table in OPTIONAL_TABLES and getattr(scene, table) is None:
+        raise SceneError(f"this scene has no table {table}; add it first, as by --set {key}=...")
+    plain = [each for each in numbers if not isinstance(numbers[each], tuple)]
+    same_name = [each for each in plain if each.split(".", 1)[1] in (key, name)]
+    near = same_name or get_close_matches(key, plain, n=1)
+    told = f"did you mean {near[0]}?" if near else f"its numbers are {', '.join(plain)}"
+    raise SceneError(f"{key or 'nothing'} is no number of this scene's brake; {told}")
+
+
+def _found(scene: Scene, key: str) -> Any:
+    table, _, name = key.partition(".")
+    return getattr(getattr(scene, table, None), name, None)
+
+
+def _unit_of(key: str, scene: Scene) -> str:
+    table, name, *coordinate = key.split(".")
+    for each in type(getattr(scene, table)).model_fields[name].metadata:
+        if isinstance(each, Quantity):
+            return each.unit
+        if isinstance(each, PerCoordinate) and coordinate:
+            return each.angle_unit if coordinate[0].startswith("T") else each.length_unit
+    # A profile's own lists of times and values, of which `numbers` has the keys.
+    raise SceneError(f"{table}.{name} is a profile over time in this scene; give it one value, as by --set")
+
+
+def _ends(written: str, unit: str) -> tuple[float, float]:
+    texts = [part.strip() for part in written.split("..")]
+    if len(texts) != 2 or not all(texts) or "..." in written:
+        raise SceneError(f"{written or 'nothing'} is no range; write FROM..TO, such as {EXAMPLE}")
+    first, last = texts
+    if _PLAIN.fullmatch(first) and not _PLAIN.fullmatch(last):  # 10..400 rpm
+        number = _PLAIN.match(last)
+        first += last[number.end() :] if number else ""
+    elif _PLAIN.fullmatch(last) and not _PLAIN.fullmatch(first):
+        raise SceneError(f"the unit of {last} is missing; write it after the second value, too")
+    ends = _value(first, unit), _value(last, unit)
+    if ends[0] == ends[1]:
+        raise SceneError("the range begins where it ends; give it two values")
+    return ends
+
+
+def _value(text: str, unit: str) -> float:
+    try:
+        return parse_quantity(float(text) if _PLAIN.fullmatch(text) else text, unit)
+    except SceneError as error:
+        raise SceneError(f"{text}: {error.reason}") from None
+
+
+def _count(digits: str) -> int:
+    count = int(digits) if len(digits) <= _LONGEST_COUNT else MOST_POINTS + 1
+    if not 2 <= count <= MOST_POINTS:
+        raise SceneError(f"x{digits} is not from 2 to {MOST_POINTS} values")
+    return count

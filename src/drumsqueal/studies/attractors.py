@@ -1,0 +1,218 @@
+"""Where a brake's motion ends, along a parameter: transients from many starts, each run until it is plain where to.
+
+A round lasts a hundred periods of the slowest mode; after it a transient has decayed, has settled, or goes on. All that
+are at hand run together.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drumsqueal.comparison.edges import edge_shares
+from drumsqueal.linear.branches import ModelAt, Point
+from drumsqueal.linear.modes import Mode
+from drumsqueal.model import Model
+from drumsqueal.studies.saturated import DRIFT, Saturated, at_once, saturated_motions
+from drumsqueal.transient.runge_kutta import AUTO
+
+SMALL = 0.1  # of the nearer edge: a small departure, where the motion is nearly linear
+KICK = 3.0  # of the farther edge: a large departure, contact is lost and slip reversed
+BEYOND = 0.9  # of an edge, above which the linear model is no guide; a block that sticks just reaches it
+ROUND_PERIODS = 100  # of the slowest mode that oscillates freely
+FREE = 0.5  # damping ratio below which a mode does
+MOST_ROUNDS = 60
+PERSISTENT, LASTING = 3, 10  # rounds a motion must last to count as settled, on the grid and at a boundary
+NEARLY_LINEAR, STILL = (
+    0.5,
+    0.1,
+)  # shares of the linear rate: a motion that decays so fast is linear, one so slow settled
+AT_ONCE = 32  # transients
+# Two motions are alike where the logarithms of their kinetic energy and of their frequency differ by less.
+ALIKE_ENERGY, ALIKE_FREQUENCY = 0.5, 0.05
+
+DECAYS, SQUEALS, GROWS, UNDECIDED, FAILED = "decays", "squeals", "grows", "undecided", "failed"
+
+
+class Start(NamedTuple):
+    """A departure (n,) from steady sliding and a velocity (n,), and what to call them."""
+
+    name: str
+    departure: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+
+
+class Ending(NamedTuple):
+    """Where a start led at a value: decays, squeals, grows (still, at the end), undecided or failed, after how long."""
+
+    value: float
+    start: str
+    kind: str
+    motion: Saturated
+    seconds: float
+
+    @property
+    def lasts(self) -> bool:
+        """Whether motion is left, or still grows."""
+        return self.kind in (SQUEALS, GROWS)
+
+    @property
+    def settled(self) -> bool:
+        """Whether motion is left that neither grows nor decays."""
+        return self.kind == SQUEALS
+
+    def like(self, other: "Ending") -> bool:
+        """Whether two motions, at one value or at neighbouring ones, are alike in size and frequency."""
+        mine, others = self.motion, other.motion
+        sizes = [max(each.kinetic_energy, 1e-300) for each in (mine, others)]
+        near = abs(np.log(sizes[0] / sizes[1])) < ALIKE_ENERGY
+        if mine.frequency_Hz is None or others.frequency_Hz is None:
+            return near
+        return near and abs(np.log(mine.frequency_Hz / others.frequency_Hz)) < ALIKE_FREQUENCY
+
+    def again(self) -> Start:
+        """The state at its end, as a start at another value."""
+        return Start(f"from {self.value:.6g}", self.motion.departure, self.motion.velocity)
+
+
+class How(NamedTuple):
+    """How transients are integrated, as in a scene, and how long a round is (s)."""
+
+    sample_rate: float
+    tolerance: float
+    round_seconds: float
+    solver: str = AUTO
+    threads: int | None = None
+
+
+class _Job:
+    """A transient on its way."""
+
+    def __init__(self, point: Point, model: Model, steady: NDArray[np.float64], start: Start) -> None:
+        self.point, self.model, self.steady, self.start = point, model, steady, start
+        self.departure, self.velocity = start.departure, start.velocity
+        self.energies: list[float] = []  # mean kinetic energy of each round (J) since it last changed much
+        self.rounds = 0
+
+
+class Family:
+    """Models of one composition along a parameter: `model_at` a value, over the coordinates that move (`moving`).
+
+    `names` are the coordinates of the linear model, which may be more.
+    """
+
+    def __init__(self, model_at: ModelAt, moving: tuple[str, ...], names: tuple[str, ...]) -> None:
+        """Take the models and the names of their coordinates."""
+        self.model_at, self.moving, self.names = model_at, moving, names
+
+    def modes(self, point: Point) -> list[Mode]:
+        """Modes of a point that the coordinates that move can show."""
+        return [mode for mode in point.modes if mode.name in self.moving]
+
+    def shown(self, vector: NDArray) -> NDArray:
+        """The entries (n,) of the coordinates that move, of one over those of the linear model."""
+        return np.array([vector[self.names.index(name)] for name in self.moving])
+
+    def small_start(self, point: Point, model: Model) -> Start:
+        """All modes at once, within `SMALL` of the nearer edge."""
+        modes = self.modes(point)
+        parts = [self._scaled(mode, model, SMALL / len(modes), max) for mode in modes]
+        total = np.sum(parts, axis=0) if parts else np.zeros((2, len(self.moving)))
+        return Start("small", total[0], total[1])
+
+    def kicks(self, point: Point, model: Model) -> list[Start]:
+        """Each mode by itself, `KICK` times beyond the farther edge."""
+        modes = self.modes(point)
+        return [Start(f"kick {mode.label}", *self._scaled(mode, model, KICK, min)) for mode in modes]
+
+    def _scaled(
+        self, mode: Mode, model: Model, share: float, which: Callable[[Iterable[float]], float]
+    ) -> NDArray[np.float64]:
+        """Departure and velocity (2, n) of a mode, at a size at which one of the edges is reached to that share."""
+        half = len(self.names)
+        shape = np.array([self.shown(part) for part in (mode.right[:half], mode.right[half:])])
+        turns = np.exp(2j * np.pi * np.arange(32) / 32)
+        departure, velocity = ((turns[:, None] * part).real for part in shape)
+        reached = [each for each in edge_shares(model, departure, velocity) if each > 0]
+        return shape.real * (share / which(reached) if reached else 0.0)
+
+
+def round_seconds(points: Iterable[Point], moving: tuple[str, ...]) -> float:
+    """How long a round is (s): a hundred periods of the slowest mode that oscillates freely, at any of the points."""
+    modes = [mode for point in points for mode in point.modes if mode.name in moving]
+    free = [mode.frequency_Hz for mode in modes if abs(mode.damping_ratio) < FREE]
+    return ROUND_PERIODS / min(free or [mode.frequency_Hz for mode in modes], default=ROUND_PERIODS)
+
+
+def find_endings(
+    family: Family, tasks: Sequence[tuple[Point, Start]], how: How, *, rounds: int = PERSISTENT
+) -> Iterator[Ending]:
+    """Run each start at its point until it is plain where it leads, and yield the endings as they come.
+
+    A motion has settled when for `rounds` rounds its rms velocity has changed by less than a tenth and, below the
+    edges, by less than a tenth of what the linear growth rate would make of it. A motion within a tenth of the edges
+    that falls where the linear model is stable has decayed, as has one below the edges that falls as fast as half the
+    linear rate. After `MOST_ROUNDS` rounds one beyond the edges counts as squeal, too. Raises KeyboardInterrupt.
+    """
+    pending = []
+    for point, start in tasks:
+        model = family.model_at(point.value)
+        pending.append(_Job(point, model, family.shown(point.steady), start))
+    many = at_once(how.threads)
+    while pending:
+        jobs, pending = pending[:many], pending[many:]
+        motions = saturated_motions(
+            [job.model for job in jobs],
+            [job.steady for job in jobs],
+            [job.departure for job in jobs],
+            [job.velocity for job in jobs],
+            duration=how.round_seconds,
+            sample_rate=how.sample_rate,
+            tolerance=how.tolerance,
+            solver=how.solver,
+            threads=how.threads,
+        )
+        left = []
+        for job, motion in zip(jobs, motions, strict=True):
+            job.rounds += 1
+            job.departure, job.velocity = motion.departure, motion.velocity
+            kind = _judge(job, motion, family, rounds)
+            if kind is None:
+                left.append(job)
+            else:
+                yield Ending(job.point.value, job.start.name, kind, motion, job.rounds * how.round_seconds)
+        pending = left + pending
+
+
+def _judge(job: _Job, motion: Saturated, family: Family, rounds: int) -> str | None:
+    """Where a transient leads, None while that is not plain."""
+    if motion.failed:
+        return FAILED
+    share = max(motion.edge_shares)
+    rates = [mode.growth_rate for mode in family.modes(job.point)]
+    linear = max(rates, default=0.0)
+    stable = linear <= 0
+    if stable and (share == 0 or (share < SMALL and motion.rate < 0)):
+        return DECAYS
+    if stable and share < BEYOND and motion.rate < NEARLY_LINEAR * linear:
+        return DECAYS
+    if abs(motion.drift) > DRIFT:
+        job.energies.clear()
+    job.energies.append(motion.kinetic_energy)
+    rate, changed = _over_rounds(job.energies, rounds, motion)
+    if len(job.energies) >= rounds and changed < DRIFT and (share >= BEYOND or abs(rate) < STILL * abs(linear)):
+        return SQUEALS
+    if job.rounds < MOST_ROUNDS:
+        return None
+    return SQUEALS if share >= BEYOND else GROWS if not stable else UNDECIDED
+
+
+def _over_rounds(energies: list[float], rounds: int, motion: Saturated) -> tuple[float, float]:
+    """Mean growth rate (1/s) of the rms velocity over the last rounds, and its relative change."""
+    last = energies[-rounds:]
+    if len(last) < 2 or min(last) <= 0:
+        return motion.rate, abs(motion.drift)
+    logarithm = np.log(last[-1] / last[0]) / 2
+    lasted = (len(last) - 1) * motion.seconds * 2  # a round is twice what is looked at of it
+    return float(logarithm / lasted), float(abs(np.expm1(logarithm)))

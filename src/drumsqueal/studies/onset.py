@@ -1,0 +1,325 @@
+"""Linear against nonlinear onset along a parameter: where eigenvalues say squeal, and where a kick is enough for it."""
+
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from drumsqueal.composition import linear_coordinates
+from drumsqueal.errors import RequestError, SceneError
+from drumsqueal.interrupts import noted_interrupts, stop_if_interrupted
+from drumsqueal.linear.branches import Branches, Critical, ModelAt, Point, follow_modes, point_at
+from drumsqueal.model import build_model
+from drumsqueal.scene import Profile, Scene
+from drumsqueal.scene.variation import Variation, read_variation
+from drumsqueal.studies.attractors import (
+    FAILED,
+    LASTING,
+    PERSISTENT,
+    UNDECIDED,
+    Ending,
+    Family,
+    How,
+    Start,
+    find_endings,
+    round_seconds,
+)
+
+STABLE, KICKED, SQUEALS = "stable", "squeals when kicked", "squeals"
+UNKNOWN, NOWHERE = "undecided", "no steady sliding"
+WITHIN = 1e-3  # of the range: how well the boundaries of the kicked range are found
+SECTIONS = 2  # values tried at once between two
+
+
+class Row(NamedTuple):
+    """One value: the linear point, where each start led, and whether it was asked for or lies at a boundary."""
+
+    point: Point
+    endings: tuple[Ending, ...]
+    asked: bool
+
+    @property
+    def value(self) -> float:
+        """The parameter."""
+        return self.point.value
+
+    @property
+    def kind(self) -> str:
+        """Stable, squeals when kicked, squeals (steady sliding is unstable), undecided, or no steady sliding."""
+        if self.point.reason:
+            return NOWHERE
+        if self.point.unstable:
+            return SQUEALS
+        if self.strongest is not None:
+            return KICKED
+        return UNKNOWN if any(ending.kind in (UNDECIDED, FAILED) for ending in self.endings) else STABLE
+
+    @property
+    def small(self) -> Ending | None:
+        """Where the small departure led."""
+        return next((ending for ending in self.endings if ending.start == "small"), None)
+
+    @property
+    def attractors(self) -> tuple[Ending, ...]:
+        """The settled motions that differ, the one with most kinetic energy first."""
+        found: list[Ending] = []
+        for ending in self.endings:
+            if ending.settled and not any(ending.like(other) for other in found):
+                found.append(ending)
+        return tuple(sorted(found, key=lambda ending: -ending.motion.kinetic_energy))
+
+    @property
+    def strongest(self) -> Ending | None:
+        """The settled motion with most kinetic energy."""
+        return next(iter(self.attractors), None)
+
+
+class Range(NamedTuple):
+    """A range of one kind; each end with its uncertainty, None where it is an end of what was asked for."""
+
+    kind: str
+    first: float
+    last: float
+    first_uncertainty: float | None
+    last_uncertainty: float | None
+
+
+class OnsetStudy(NamedTuple):
+    """Modes and critical values along a parameter, a row for each value, and the ranges that follow from them.
+
+    `names` are the coordinates of the transients; `within` the share of the range to which ends of the kicked range
+    were sought.
+    """
+
+    scene: Scene
+    variation: Variation
+    names: tuple[str, ...]
+    linear: Branches
+    rows: tuple[Row, ...]
+    ranges: tuple[Range, ...]
+    within: float
+
+    @property
+    def coordinate(self) -> str:
+        """The coordinate that holds most kinetic energy in most of the motions found: whose amplitude is shown."""
+        lines = [each.motion.line for row in self.rows for each in row.attractors if each.motion.line is not None]
+        shown = [branch.label.split()[0] for branch in self.linear.branches]
+        critical = [each.label.split()[0] for each in self.linear.critical]
+        candidates = [name for name in (*lines, *critical[:1], *shown) if name in self.names]
+        return max(candidates, key=lines.count, default=self.names[0])
+
+
+class Prediction(NamedTuple):
+    """The linear half of a study: what transients are then compared with."""
+
+    scene: Scene
+    variation: Variation
+    family: Family
+    linear_at: ModelAt
+    linear: Branches
+    how: How
+
+
+OnRow = Callable[[Sequence[Row]], None]  # all rows so far, by rising value
+OnProgress = Callable[[str, int, int], None]  # what is done, how much of it, of how much
+
+
+def study_onset(
+    scene: Scene,
+    along: str | Variation,
+    *,
+    within: float = WITHIN,
+    on_row: OnRow | None = None,
+    on_progress: OnProgress | None = None,
+) -> OnsetStudy:
+    """Compare linear with nonlinear onset along a parameter: `study_onset(scene, "drum.speed=1..40").ranges`.
+
+    `along` is "KEY=FROM..TOxN" or a `Variation`. Critical values are roots of Re λ. At each value transients start from
+    a small departure and from a large one along each mode; where none of them lasts though a neighbour's does, it goes
+    on from the neighbour's state, upwards and downwards. Ends of the kicked range are then sought `within` that share
+    of the whole range. `on_row` is called with the rows as they come. Raises SceneError and RequestError for what
+    cannot be studied, ValueError for a share that is none, and KeyboardInterrupt between two chunks.
+    """
+    if not 0 < within < 1:
+        raise ValueError(f"the share must be between 0 and 1, got {within}")
+    variation = read_variation(along, scene, option="along") if isinstance(along, str) else along
+    with noted_interrupts():
+        predicted = predict(scene, variation)
+        return compare(predicted, within, on_row or (lambda _: None), on_progress or (lambda *_: None))
+
+
+def predict(scene: Scene, variation: Variation) -> Prediction:
+    """Follow the modes and find the critical values. Raises SceneError and RequestError for what cannot be studied."""
+    _check(scene, variation)
+    # Structure hangs on the larger end: a long arc has more nodes, a force that vanishes is none.
+    largest = max(variation.values, key=abs)
+    whole = scene.with_values({variation.key: largest})
+    coordinates = linear_coordinates(whole)
+
+    def linear_at(value: float):
+        return build_model(whole, {variation.key: value}, coordinates)
+
+    def model_at(value: float):
+        return build_model(whole, {variation.key: value})
+
+    linear = follow_modes(linear_at, variation.values)
+    sound = [point for point in linear.points if not point.reason]
+    if not sound:
+        raise SceneError(f"nowhere in the range is there steady sliding: {linear.points[0].reason}", (variation.key,))
+    highest = max((mode.frequency_Hz for point in sound for mode in point.modes), default=0.0)
+    rate = scene.simulate.sample_rate
+    if rate < 2 * highest:
+        reason = f"this is below twice the highest frequency, {highest:.5g} Hz, which would fold; take at least"
+        raise SceneError(f"{reason} {2 * highest:.5g} Hz", ("simulate", "sample_rate"), rate)
+    moving = model_at(largest).names
+    family = Family(model_at, moving, linear_at(largest).names)
+    # Whole chunks of samples need no program of their own, but any number will do.
+    how = How(rate, scene.simulate.tolerance, round_seconds(sound, moving), scene.simulate.solver)
+    return Prediction(scene, variation, family, linear_at, linear, how)
+
+
+def _check(scene: Scene, variation: Variation) -> None:
+    if scene.friction is None:
+        raise RequestError("friction: this scene has none, so nothing in it can squeal; add the table")
+    if scene.forcing is not None:
+        raise RequestError("forcing: a harmonic force leaves no steady sliding to lose; add --set forcing=none")
+    for key, value in (("drum.speed", scene.drum.speed), ("contact.normal_load", scene.contact.normal_load)):
+        if isinstance(value, Profile):
+            raise RequestError(f"{key}: it changes over time here; give it one value, as by --set {key}=...")
+    if len(set(variation.values)) < 2:
+        raise RequestError(f"{variation.key}: give it a range of two values at least")
+
+
+def compare(predicted: Prediction, within: float, on_row: OnRow, on_progress: OnProgress) -> OnsetStudy:
+    """Run the transients that the prediction is compared with."""
+    search = _Search(predicted, on_row, on_progress)
+    search.from_both_sizes()
+    search.from_neighbours()
+    search.at_boundaries(within)
+    ranges = find_ranges(search.rows, predicted.linear.critical)
+    scene, variation, linear = predicted.scene, predicted.variation, predicted.linear
+    return OnsetStudy(scene, variation, predicted.family.moving, linear, tuple(search.rows), ranges, within)
+
+
+class _Search:
+    """Rows by rising value, and the runs that fill them."""
+
+    def __init__(self, predicted: Prediction, on_row: OnRow, on_progress: OnProgress) -> None:
+        asked = set(predicted.variation.values)
+        self._predicted, self._family, self._how = predicted, predicted.family, predicted.how
+        self._on_row, self._on_progress = on_row, on_progress
+        self._started = {point.value: point for point in predicted.linear.points if point.value in asked}
+        self._rows = {v: Row(point, (), asked=True) for v, point in self._started.items()}
+        self._complete: set[float] = set()
+
+    @property
+    def rows(self) -> list[Row]:
+        """All whose starts have ended, by rising value."""
+        return [self._rows[value] for value in sorted(self._complete)]
+
+    def from_both_sizes(self) -> None:
+        """A small departure, and a large one along each mode, at every value."""
+        tasks = []
+        for value, point in self._started.items():
+            if point.reason:
+                self._complete.add(value)
+                continue
+            model = self._family.model_at(value)
+            starts = [self._family.small_start(point, model), *self._family.kicks(point, model)]
+            tasks += [(point, start) for start in starts]
+        self._run("transients", tasks, PERSISTENT)
+
+    def from_neighbours(self) -> None:
+        """Carry every motion that a neighbouring value lacks over to it, upwards and downwards as far as it lasts."""
+        tried: set[tuple[float, float, int]] = set()
+        while True:
+            tasks = []
+            for a, b in pairwise(self.rows):
+                for there, here in ((a, b), (b, a)):
+                    for k, source in enumerate(there.attractors):
+                        known = (there.value, here.value, k)
+                        if here.kind == NOWHERE or known in tried or any(source.like(e) for e in here.attractors):
+                            continue
+                        tried.add(known)
+                        tasks.append((here.point, source.again()))
+            if not tasks:
+                return
+            self._run("from neighbours", tasks, PERSISTENT)
+
+    def at_boundaries(self, within: float) -> None:
+        """Close in on where motion ceases to last without the eigenvalues saying so."""
+        precision = within * (self.rows[-1].value - self.rows[0].value)
+        for a, b in list(pairwise(self.rows)):
+            if {a.kind, b.kind} == {SQUEALS, STABLE}:
+                self._beside(a, b, precision)
+        pairs = [(a, b) for a, b in pairwise(self.rows) if {a.kind, b.kind} == {KICKED, STABLE}]
+        for a, b in pairs:
+            self._close_in(*((a, b) if a.kind == KICKED else (b, a)), precision)
+
+    def _beside(self, a: Row, b: Row, precision: float) -> None:
+        """Look right beside a critical value whether squeal goes on into the stable side."""
+        squeals, stable = (a, b) if a.kind == SQUEALS else (b, a)
+        source = squeals.strongest
+        between = [each.value for each in self._predicted.linear.critical if a.value <= each.value <= b.value]
+        if source is None or not between:
+            return
+        side = np.sign(stable.value - squeals.value)
+        value = (max if side > 0 else min)(between) + side * precision
+        if side * (stable.value - value) > 0:
+            self._try([float(value)], source.again())
+
+    def _close_in(self, lasting: Row, dying: Row, precision: float) -> None:
+        a, b = lasting, dying
+        while abs(b.value - a.value) > precision and a.strongest is not None:
+            shares = np.arange(1, SECTIONS + 1) / (SECTIONS + 1)
+            values = [float(a.value + share * (b.value - a.value)) for share in shares]
+            tried = self._try(values, a.strongest.again())
+            b = next((row for row in tried if row.kind != KICKED), b)
+            lasts = [row for row in tried if row.kind == KICKED and abs(row.value - a.value) < abs(b.value - a.value)]
+            a = lasts[-1] if lasts else a
+
+    def _try(self, values: Sequence[float], start: Start) -> list[Row]:
+        tasks = []
+        for value in values:
+            point = point_at(self._predicted.linear_at, value)
+            self._rows.setdefault(value, Row(point, (), asked=False))
+            tasks.append((point, start))
+        self._run("boundaries", tasks, LASTING)
+        return [self._rows[value] for value in values]
+
+    def _run(self, what: str, tasks: list[tuple[Point, Start]], rounds: int) -> None:
+        left = {point.value: 0 for point, _ in tasks}
+        for point, _ in tasks:
+            left[point.value] += 1
+        self._on_progress(what, 0, len(tasks))
+        for done, ending in enumerate(find_endings(self._family, tasks, self._how, rounds=rounds), start=1):
+            stop_if_interrupted()
+            row = self._rows[ending.value]
+            self._rows[ending.value] = row._replace(endings=(*row.endings, ending))
+            left[ending.value] -= 1
+            if left[ending.value] == 0:
+                self._complete.add(ending.value)
+                self._on_row(self.rows)
+            self._on_progress(what, done, len(tasks))
+
+
+def find_ranges(rows: Sequence[Row], critical: Sequence[Critical]) -> tuple[Range, ...]:
+    """Join rows of one kind; they part at critical values where stability changes, and halfway between rows elsewhere.
+
+    The uncertainty of an end is that of the critical value, or half the distance of the two rows.
+    """
+    ranges = [Range(rows[0].kind, rows[0].value, rows[0].value, None, None)]
+    for a, b in pairwise(rows):
+        if a.kind == b.kind:
+            ranges[-1] = ranges[-1]._replace(last=b.value)
+            continue
+        between = [each for each in critical if a.value <= each.value <= b.value]
+        changes = (a.kind == SQUEALS) != (b.kind == SQUEALS)
+        if changes and between:
+            at, uncertainty = (between[-1] if a.kind == SQUEALS else between[0])[:2]
+        else:
+            at, uncertainty = (a.value + b.value) / 2, (b.value - a.value) / 2
+        ranges[-1] = ranges[-1]._replace(last=at, last_uncertainty=uncertainty)
+        ranges.append(Range(b.kind, at, b.value, uncertainty, None))
+    return tuple(ranges)

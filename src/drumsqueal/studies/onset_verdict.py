@@ -1,0 +1,115 @@
+"""What a study of the onset found, in plain words, and what limits it."""
+
+import math
+from collections.abc import Sequence
+
+from drumsqueal.linear.branches import DIVERGENCE, Critical
+from drumsqueal.studies.attractors import FAILED, UNDECIDED
+from drumsqueal.studies.onset import KICKED, NOWHERE, SQUEALS, STABLE, OnsetStudy, Range
+
+EXACT = 1e-6  # relative uncertainty that is not worth telling
+
+
+def verdict(study: OnsetStudy) -> str:
+    """Say where the eigenvalues predict squeal, where a kick is enough for it, and at which frequency it is then."""
+    key, unit = study.variation.key, study.variation.unit
+    ends = " to ".join(f"{value:.6g}" for value in sorted((study.variation.first, study.variation.last)))
+    return f"Along {key} from {ends}{f' {unit}' if unit else ''} {_linear(study)}; {_kicked(study)}."
+
+
+def _linear(study: OnsetStudy) -> str:
+    unstable = [each for each in study.ranges if each.kind == SQUEALS]
+    if not unstable:
+        return "the eigenvalues predict no squeal"
+    if len(study.ranges) == 1:
+        return "the eigenvalues predict squeal everywhere"
+    return f"the eigenvalues predict squeal {_joined([_place(study, each) for each in unstable])}"
+
+
+def _place(study: OnsetStudy, found: Range) -> str:
+    """Where a range is: below, above or from one value to another, and whose critical values they are."""
+    below, above = (_value(found.last, found.last_uncertainty), _value(found.first, found.first_uncertainty))
+    if found.first_uncertainty is None and found.last_uncertainty is None:
+        return "all along"
+    ends = [found.first] * (found.first_uncertainty is not None) + [found.last] * (found.last_uncertainty is not None)
+    modes = [_mode(each) for each in study.linear.critical if each.value in ends]
+    told = f" ({', '.join(modes)})" if modes and found.kind == SQUEALS else ""
+    if found.first_uncertainty is None:
+        return f"below {below}{told}"
+    if found.last_uncertainty is None:
+        return f"above {above}{told}"
+    return f"from {above} to {below}{told}"
+
+
+def _mode(critical: Critical) -> str:
+    return critical.label if critical.label == DIVERGENCE else f"{critical.label}, {critical.frequency_Hz:.0f} Hz"
+
+
+def _kicked(study: OnsetStudy) -> str:
+    kicked = [each for each in study.ranges if each.kind == KICKED]
+    if not kicked:
+        stable = any(each.kind == STABLE for each in study.ranges)
+        return "where they do not, no start that was tried squeals" if stable else "there is nothing else to find"
+    text = f"but a kick is enough for it {_joined([_place(study, each) for each in kicked])}"
+    rows = [row for row in study.rows if row.kind == KICKED and row.strongest is not None]
+    found = [row.strongest.motion.frequency_Hz for row in rows if row.strongest is not None]
+    lines = [frequency for frequency in found if frequency is not None]
+    if not lines:
+        return text
+    low, high = min(lines), max(lines)
+    heard = f"{low:.0f} Hz" if high - low < 1 else f"{low:.0f} to {high:.0f} Hz"
+    ends = {end for each in kicked for end in (each.first, each.last)}
+    onset = next((each.frequency_Hz for each in study.linear.critical if each.value in ends), 0.0)
+    compared = f", where {onset:.0f} Hz is the onset's" if onset > 0 else ""
+    return f"{text}, and it then squeals at {heard}{compared}"
+
+
+def _value(value: float, uncertainty: float | None) -> str:
+    return (
+        f"{value:.6g}" if not uncertainty or uncertainty < EXACT * abs(value) else with_uncertainty(value, uncertainty)
+    )
+
+
+def with_uncertainty(value: float, uncertainty: float) -> str:
+    """A value in as many digits as its uncertainty leaves it, in one: 47.94 ± 0.02."""
+    digits = -math.floor(math.log10(uncertainty))
+    return f"{value:.{max(0, digits)}f} ± {uncertainty:.1g}"
+
+
+def _joined(texts: Sequence[str]) -> str:
+    return texts[0] if len(texts) == 1 else f"{', '.join(texts[:-1])} and {texts[-1]}"
+
+
+def reservations(study: OnsetStudy) -> tuple[str, ...]:
+    """Say what limits the verdict: modes that cannot be started, transients that gave no answer, ends not found."""
+    found = []
+    unseen = {mode.name for row in study.rows for mode in row.point.modes if mode.unstable} - set(study.names)
+    if unseen:
+        told = f"{', '.join(sorted(unseen))} becomes unstable, but the transients hold {', '.join(study.names)} only"
+        found.append(f"{told}: start those coordinates, too.")
+    asked = [row for row in study.rows if row.asked]
+    quiet = [row.value for row in asked if row.kind == SQUEALS and not any(each.lasts for each in row.endings)]
+    if quiet:
+        found.append(f"Unstable by its eigenvalues, but no transient squealed: {_values(quiet)}.")
+    for kind, told in ((UNDECIDED, "was still falling or rising at its end"), (FAILED, "failed")):
+        values = [row.value for row in study.rows if any(ending.kind == kind for ending in row.endings)]
+        if values:
+            found.append(f"A transient {told} at {_values(values)}; see the table.")
+    nowhere = [row.value for row in asked if row.kind == NOWHERE]
+    if nowhere:
+        found.append(f"No steady sliding at {_values(nowhere)}.")
+    open_ends = [
+        f"{each.first if each.first_uncertainty is None else each.last:.6g}"
+        for each in study.ranges
+        if each.kind == KICKED and None in (each.first_uncertainty, each.last_uncertainty)
+    ]
+    if open_ends:
+        found.append(f"Squeal after a kick goes on beyond {_joined(open_ends)}, where the range ends.")
+    if any(each.kind == KICKED for each in study.ranges):
+        found.append("Kicks that were not tried may squeal elsewhere, too: a range called stable was not proved so.")
+    return tuple(found)
+
+
+def _values(values: Sequence[float]) -> str:
+    shown = [f"{value:.6g}" for value in values[:3]]
+    return _joined(shown) if len(values) <= 3 else f"{', '.join(shown)} and {len(values) - 3} more"
