@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from drumsqueal.studies.branches import Diagram, follow_cycle
     from drumsqueal.studies.cycle import Search, find_cycle
     from drumsqueal.studies.effects import EffectStudy, study_effects
+    from drumsqueal.studies.motion import MotionStudy, study_motion
     from drumsqueal.studies.onset import OnsetStudy, study_onset
     from drumsqueal.transient.batch import integrate_many
 
@@ -42,6 +43,7 @@ _HOMES = {
     "studies.branches": ("Diagram", "follow_cycle"),
     "studies.cycle": ("Search", "find_cycle"),
     "studies.effects": ("EffectStudy", "study_effects"),
+    "studies.motion": ("MotionStudy", "study_motion"),
     "studies.onset": ("OnsetStudy", "study_onset"),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
@@ -56,6 +58,7 @@ __all__ = [
     "IntegrationError",
     "Mode",
     "Model",
+    "MotionStudy",
     "OnsetStudy",
     "Result",
     "Scene",
@@ -76,6 +79,7 @@ __all__ = [
     "scene_from_dict",
     "study_accuracy",
     "study_effects",
+    "study_motion",
     "study_onset",
 ]
 
