@@ -86,9 +86,9 @@ def draw_convergence(study: MotionStudy) -> Figure | None:
     for k, colour in zip(range(exponents.exponent_1_per_s.size), COLOURS, strict=False):
         axes.plot(exponents.time_s, exponents.running_1_per_s[:, k], color=style.COLOUR[colour])
         value, error = exponents.exponent_1_per_s[k], exponents.standard_error_1_per_s[k]
-        labels.append((float(value), f"{value:+.3g} ± {error:.1g}", style.COLOUR[colour]))
+        labels.append((float(value), f"{value:+.3g} ± {error:.1g}".replace("-", "−"), style.COLOUR[colour]))
     axes.axhline(0, color=style.DARK, linewidth=0.6)
-    late = exponents.running_1_per_s[len(exponents.time_s) // 20 :]
+    late = exponents.running_1_per_s[len(exponents.time_s) // 5 :]
     room = 0.1 * float(np.ptp(late)) + 0.5
     axes.set_ylim(min(float(late.min()), 0.0) - room, max(float(late.max()), 0.0) + room)
     label_right_edge(axes, labels, reach=6.0)

@@ -35,7 +35,7 @@ class Exponents(NamedTuple):
 
 
 def tangents_forward(transition: ArrayLike, tangents: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray]:
-    """Take orthonormal tangents (n, k) through a transition matrix (n, n); return them, orthonormal, and log growths (k,).
+    """Take orthonormal tangents (n, k) through a transition matrix (n, n): orthonormal again, and log growths (k,).
 
     Source: G. Benettin, L. Galgani, A. Giorgilli and J.-M. Strelcyn, "Lyapunov characteristic exponents for smooth
     dynamical systems and for Hamiltonian systems", Meccanica 15, 1980.
