@@ -45,6 +45,7 @@ def test_the_python_lines_run_and_the_gradient_is_right(monkeypatch, capsys):
     assert "friction_law" in names["squeal"].history.attrs
     assert names["largest"].shape == (8,)
     assert (names["largest"] > 1e-6).all()
+    assert (names["boundary"].values[:2] > 0).all()  # below the critical speed of 10.6 rad/s
     assert {line.split()[0] for line in printed[-4:-1]} == {"X", "Y", "Tz"}
     times, sticks = zip(*ast.literal_eval(printed[-1]), strict=True)
     assert sticks[:4] == (True, False, True, False)

@@ -19,7 +19,10 @@ def draw_shares(view: View, axes: Axes, shown: slice) -> None:
     for name, text, colour in (
         ("contact_fraction", "in contact", style.TOUCHING),
         ("slip_reversed_fraction", "slip reversed", style.REVERSED),
+        ("sticking", "sticks", style.STUCK),
     ):
+        if name == "sticking" and not view.result.history[name].any():
+            continue
         time, low, mean, high = running(view, 100 * view.result.history[name].values, shown)
         axes.fill_between(time * factor, low, high, color=colour, alpha=0.25, linewidth=0)
         axes.plot(time * factor, mean, color=colour)

@@ -48,7 +48,7 @@ def read_variation(text: str, scene: Scene, *, option: str = "--along", points: 
         key, equals, written = (part.strip() for part in text.partition("="))
         if not equals:
             raise SceneError(f"write {SYNTAX if points else 'KEY=FROM..TO'}, such as {EXAMPLE if points else _RANGE}")
-        unit = _unit(key, scene)
+        unit = unit_of(key, scene)
         counted = _COUNT.fullmatch(written)
         if counted and points is None:
             raise SceneError(f"a range takes no number of values; leave out x{counted['count']}")
@@ -58,9 +58,8 @@ def read_variation(text: str, scene: Scene, *, option: str = "--along", points: 
             scene.with_values({key: value})
     except SceneError as error:
         raise _headed(f"{option} {text}", error) from None
-    # Written so that both ends are met exactly.
-    values = (first * (1 - k / (count - 1)) + last * (k / (count - 1)) for k in range(count))
-    return Variation(key, unit, tuple(values))
+    inner = (first + k * (last - first) / (count - 1) for k in range(1, count - 1))
+    return Variation(key, unit, (first, *inner, last))
 
 
 _RANGE = "drum.speed=1..40"
@@ -71,12 +70,14 @@ def _headed(place: str, error: SceneError) -> SceneError:
     return SceneError(error.reason if not error.path or error.path == ("scene",) else str(error), (place,))
 
 
-def _unit(key: str, scene: Scene) -> str:
+def unit_of(key: str, scene: Scene) -> str:
+    """The SI unit of a number of a scene's brake; raises SceneError for a key that is none, or that is a profile."""
     numbers = scene.numbers()
+    if isinstance(_found(scene, key), Profile):
+        key = ".".join(key.split(".")[:2])  # without time or value
+        raise SceneError(f"{key} is a profile over time in this scene; give it one value, as by --set {key}=...")
     if key in numbers:
         return _unit_of(key, scene)
-    if isinstance(_found(scene, key), Profile):
-        raise SceneError(f"{key} is a profile over time in this scene; give it one value, as by --set {key}=...")
     table, _, name = key.partition(".")
     if table in OPTIONAL_TABLES and getattr(scene, table) is None:
         raise SceneError(f"this scene has no table {table}; add it first, as by --set {key}=...")
@@ -88,7 +89,7 @@ def _unit(key: str, scene: Scene) -> str:
 
 
 def _found(scene: Scene, key: str) -> Any:
-    table, _, name = key.partition(".")
+    table, name, *_ = [*key.split("."), ""]
     return getattr(getattr(scene, table, None), name, None)
 
 
@@ -99,8 +100,7 @@ def _unit_of(key: str, scene: Scene) -> str:
             return each.unit
         if isinstance(each, PerCoordinate) and coordinate:
             return each.angle_unit if coordinate[0].startswith("T") else each.length_unit
-    # A profile's own lists of times and values, of which `numbers` has the keys.
-    raise SceneError(f"{table}.{name} is a profile over time in this scene; give it one value, as by --set")
+    raise AssertionError(f"{key} is a number without a unit of its own")
 
 
 def _ends(written: str, unit: str) -> tuple[float, float]:

@@ -24,6 +24,7 @@ ROUND_PERIODS = 100  # of the slowest mode that oscillates freely
 FREE = 0.5  # damping ratio below which a mode does
 MOST_ROUNDS = 60
 PERSISTENT, LASTING = 3, 10  # rounds a motion must last to count as settled, on the grid and at a boundary
+IRREGULAR = 20  # rounds over which one whose rms comes and goes must go on as it was
 NEARLY_LINEAR, STILL = (
     0.5,
     0.1,
@@ -71,9 +72,10 @@ class Ending(NamedTuple):
             return near
         return near and abs(np.log(mine.frequency_Hz / others.frequency_Hz)) < ALIKE_FREQUENCY
 
-    def again(self) -> Start:
-        """The state at its end, as a start at another value."""
-        return Start(f"from {self.value:.6g}", self.motion.departure, self.motion.velocity)
+    def again(self, size: float = 1.0) -> Start:
+        """The state at its end, or a multiple of it, as a start at another value."""
+        name = f"from {self.value:.6g}" if size == 1 else f"{size:g} times from {self.value:.6g}"
+        return Start(name, size * self.motion.departure, size * self.motion.velocity)
 
 
 class How(NamedTuple):
@@ -93,7 +95,9 @@ class _Job:
         self.point, self.model, self.steady, self.start = point, model, steady, start
         self.departure, self.velocity = start.departure, start.velocity
         self.energies: list[float] = []  # mean kinetic energy of each round (J) since it last changed much
+        self.history: list[float] = []  # and of all rounds
         self.rounds = 0
+        self.by_itself = False  # whether it has stuck, so that it cannot run together with the others
 
 
 class Family:
@@ -153,7 +157,9 @@ def find_endings(
     A motion has settled when for `rounds` rounds its rms velocity has changed by less than a tenth and, below the
     edges, by less than a tenth of what the linear growth rate would make of it. A motion within a tenth of the edges
     that falls where the linear model is stable has decayed, as has one below the edges that falls as fast as half the
-    linear rate. After `MOST_ROUNDS` rounds one beyond the edges counts as squeal, too. Raises KeyboardInterrupt.
+    linear rate. One that comes and goes beyond the edges has settled when its mean energy over ten rounds is that over
+    the ten before, to a fifth. After `MOST_ROUNDS` rounds one beyond the edges counts as squeal, too. Raises
+    KeyboardInterrupt.
     """
     pending = []
     for point, start in tasks:
@@ -172,11 +178,12 @@ def find_endings(
             tolerance=how.tolerance,
             solver=how.solver,
             threads=how.threads,
+            by_themselves=[job.by_itself for job in jobs],
         )
         left = []
         for job, motion in zip(jobs, motions, strict=True):
             job.rounds += 1
-            job.departure, job.velocity = motion.departure, motion.velocity
+            job.departure, job.velocity, job.by_itself = motion.departure, motion.velocity, motion.by_itself
             kind = _judge(job, motion, family, rounds)
             if kind is None:
                 left.append(job)
@@ -200,12 +207,21 @@ def _judge(job: _Job, motion: Saturated, family: Family, rounds: int) -> str | N
     if abs(motion.drift) > DRIFT:
         job.energies.clear()
     job.energies.append(motion.kinetic_energy)
+    job.history.append(motion.kinetic_energy)
     rate, changed = _over_rounds(job.energies, rounds, motion)
     if len(job.energies) >= rounds and changed < DRIFT and (share >= BEYOND or abs(rate) < STILL * abs(linear)):
+        return SQUEALS
+    if share >= BEYOND and _stationary(job.history):
         return SQUEALS
     if job.rounds < MOST_ROUNDS:
         return None
     return SQUEALS if share >= BEYOND else GROWS if not stable else UNDECIDED
+
+
+def _stationary(energies: list[float]) -> bool:
+    """Whether an irregular motion goes on as it was, by its mean energy over both halves of many rounds."""
+    earlier, later = energies[-IRREGULAR : -IRREGULAR // 2], energies[-IRREGULAR // 2 :]
+    return len(energies) >= IRREGULAR and bool(abs(np.log(np.mean(later) / np.mean(earlier))) / 2 < DRIFT)
 
 
 def _over_rounds(energies: list[float], rounds: int, motion: Saturated) -> tuple[float, float]:

@@ -30,6 +30,8 @@ STABLE, KICKED, SQUEALS = "stable", "squeals when kicked", "squeals"
 UNKNOWN, NOWHERE = "undecided", "no steady sliding"
 WITHIN = 1e-3  # of the range: how well the boundaries of the kicked range are found
 SECTIONS = 2  # values tried at once between two
+# Multiples of a neighbour's motion: where motion that is too small dies away the lasting one may be larger there.
+SIZES = (1.0, 1.2, 1.5)
 
 
 class Row(NamedTuple):
@@ -232,17 +234,19 @@ class _Search:
 
     def from_neighbours(self) -> None:
         """Carry every motion that a neighbouring value lacks over to it, upwards and downwards as far as it lasts."""
-        tried: set[tuple[float, float, int]] = set()
+        tried: set[tuple[float, float, int, float]] = set()
         while True:
             tasks = []
             for a, b in pairwise(self.rows):
                 for there, here in ((a, b), (b, a)):
+                    sizes = SIZES if here.kind in (STABLE, UNKNOWN) else SIZES[:1]
                     for k, source in enumerate(there.attractors):
-                        known = (there.value, here.value, k)
-                        if here.kind == NOWHERE or known in tried or any(source.like(e) for e in here.attractors):
+                        if here.kind == NOWHERE or any(source.like(known) for known in here.attractors):
                             continue
-                        tried.add(known)
-                        tasks.append((here.point, source.again()))
+                        untried = [size for size in sizes if (there.value, here.value, k, size) not in tried]
+                        for size in untried[:1]:
+                            tried.add((there.value, here.value, k, size))
+                            tasks.append((here.point, source.again(size)))
             if not tasks:
                 return
             self._run("from neighbours", tasks, PERSISTENT)
@@ -267,25 +271,26 @@ class _Search:
         side = np.sign(stable.value - squeals.value)
         value = (max if side > 0 else min)(between) + side * precision
         if side * (stable.value - value) > 0:
-            self._try([float(value)], source.again())
+            self._try([float(value)], source)
 
     def _close_in(self, lasting: Row, dying: Row, precision: float) -> None:
         a, b = lasting, dying
         while abs(b.value - a.value) > precision and a.strongest is not None:
             shares = np.arange(1, SECTIONS + 1) / (SECTIONS + 1)
             values = [float(a.value + share * (b.value - a.value)) for share in shares]
-            tried = self._try(values, a.strongest.again())
+            tried = self._try(values, a.strongest)
             b = next((row for row in tried if row.kind != KICKED), b)
             lasts = [row for row in tried if row.kind == KICKED and abs(row.value - a.value) < abs(b.value - a.value)]
             a = lasts[-1] if lasts else a
 
-    def _try(self, values: Sequence[float], start: Start) -> list[Row]:
-        tasks = []
-        for value in values:
-            point = point_at(self._predicted.linear_at, value)
-            self._rows.setdefault(value, Row(point, (), asked=False))
-            tasks.append((point, start))
-        self._run("boundaries", tasks, LASTING)
+    def _try(self, values: Sequence[float], source: Ending) -> list[Row]:
+        """Look whether a motion lasts at other values, in several sizes until one does."""
+        points = [point_at(self._predicted.linear_at, value) for value in values]
+        for point in points:
+            self._rows.setdefault(point.value, Row(point, (), asked=False))
+        for size in SIZES:
+            left = [point for point in points if self._rows[point.value].strongest is None]
+            self._run("boundaries", [(point, source.again(size)) for point in left], LASTING)
         return [self._rows[value] for value in values]
 
     def _run(self, what: str, tasks: list[tuple[Point, Start]], rounds: int) -> None:

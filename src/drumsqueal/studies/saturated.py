@@ -37,9 +37,10 @@ class Saturated(NamedTuple):
     `amplitude` (n,) is half the peak-to-peak value of each coordinate and `rms` (n,) its rms about the mean;
     `edge_shares` how far the motion comes towards contact loss and towards slip reversal, which have not happened
     below 1 where the steady pressure is uniform. `frequency_Hz` is that of the line with most kinetic energy, of the
-    coordinate `line`; None where nothing moves. `rate` (1/s) is the mean growth rate of the rms velocity, weighted by
-    mass, from the first half of the part to the second. `departure` and `velocity` (n,) are where it ended: another
-    transient can go on from there. One that failed has NaN for all numbers, and says why in `outcome`.
+    coordinate `line`; None where nothing moves. `kinetic_energy` (J) is the mean, `rate` (1/s) the mean growth rate of
+    the rms velocity, weighted by mass, from the first half of the part to the second. `departure` and `velocity` (n,)
+    are where it ended: another transient can go on from there. `by_itself` tells one that was not run together with
+    others. One that failed has NaN for all numbers, and says why in `outcome`.
     """
 
     amplitude: NDArray[np.float64]
@@ -53,6 +54,7 @@ class Saturated(NamedTuple):
     departure: NDArray[np.float64]
     velocity: NDArray[np.float64]
     outcome: str
+    by_itself: bool
 
     @property
     def failed(self) -> bool:
@@ -91,13 +93,15 @@ def saturated_motions(
     solver: str = AUTO,
     last: float = LAST_SHARE,
     threads: int | None = None,
+    by_themselves: Sequence[bool] | None = None,
     on_progress: OnProgress | None = None,
 ) -> Iterator[Saturated]:
     """Integrate m models of one composition from departures (m, n) and yield how each ended, in order.
 
     Arguments as of `integrate_many`, which takes them some at a time, so that memory does not grow with m; `last` is
     the share of the duration that is looked at. A transient that those methods give up (its lining would stick) or
-    that asks for an implicit one goes on by itself, from the last chunk of samples that was whole. Raises ValueError as
+    that asks for an implicit one goes on by itself, from the last chunk of samples that was whole; one that is known to
+    (`by_themselves`, (m,)) does so from its start. Raises ValueError as
     `integrate_many` does, and KeyboardInterrupt between two chunks.
     """
     steady, displacement, velocity = (np.asarray(x, dtype=np.float64) for x in (steady, displacement, velocity))
@@ -110,9 +114,11 @@ def saturated_motions(
         parts = {i: _Part(displacement[i], velocity[i], samples - round(samples * last)) for i in batch}
         if solver == AUTO or is_explicit(solver):
             explicit = DEFAULT if solver == AUTO else solver
-            _together(parts, models, steady, threads, lambda t, done=first: told(done, t), how | {"solver": explicit})
+            several = {i: part for i, part in parts.items() if by_themselves is None or not by_themselves[i]}
+            _together(several, models, steady, threads, lambda t, done=first: told(done, t), how | {"solver": explicit})
         for i in batch:
             if parts[i].intervals < samples:
+                parts[i].by_itself = True
                 _alone(parts[i], models[i], steady[i], how | {"solver": solver})
             yield _looked_at(parts[i], models[i], sample_rate)
 
@@ -122,7 +128,7 @@ class _Part:
 
     def __init__(self, departure: NDArray[np.float64], velocity: NDArray[np.float64], start: int) -> None:
         self.departure, self.velocity, self.start = departure, velocity, start
-        self.intervals, self.stopped, self.outcome = 0, False, COMPLETE
+        self.intervals, self.stopped, self.outcome, self.by_itself = 0, False, COMPLETE, False
         self._kept: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []
 
     def add(self, departure: NDArray[np.float64], velocity: NDArray[np.float64]) -> None:
@@ -149,6 +155,8 @@ def _together(
     how: dict,
 ) -> None:
     """Fill the parts; one that is given up is left at its last whole chunk."""
+    if not parts:
+        return
     # A thread takes a run of neighbours: the transients are dealt out among the runs in turn.
     slots = {i: k % threads * SLOTS + k // threads for k, i in enumerate(parts)}
     some = next(iter(parts))
@@ -188,7 +196,9 @@ def _looked_at(part: _Part, model: Model, sample_rate: float) -> Saturated:
     n = len(model.names)
     if part.outcome != COMPLETE:
         lost = np.full(n, np.nan)
-        return Saturated(lost, lost, (np.nan, np.nan), None, None, np.nan, np.nan, 0.0, lost, lost, part.outcome)
+        return Saturated(
+            lost, lost, (np.nan, np.nan), None, None, np.nan, np.nan, 0.0, lost, lost, part.outcome, part.by_itself
+        )
     departure, velocity = part.samples()
     seconds, half = (len(departure) - 1) / sample_rate, len(departure) // 2
     mass = np.asarray(model.mass)
@@ -207,6 +217,7 @@ def _looked_at(part: _Part, model: Model, sample_rate: float) -> Saturated:
         departure=part.departure,
         velocity=part.velocity,
         outcome=part.outcome,
+        by_itself=part.by_itself,
     )
 
 

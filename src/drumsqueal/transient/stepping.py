@@ -15,6 +15,7 @@ from jax import Array
 # A proportional part in the step-size control halves the rejected steps where edges make kinks.
 PROPORTIONAL, INTEGRAL = 0.3, 0.4
 NEARLY = 1e-10  # of the span: a step that ends so close to the end goes there
+JUST_SHORT = 1 - 1e-9  # of a step: one that ends so little after rest ends at rest, for again it would be no shorter
 Norm = Callable[[Array], Array]
 
 
@@ -120,10 +121,13 @@ def step_through(
             now.time, there, now.state, state, now.solver, solver_state, lambda t: interpolation.evaluate(t),
             dense,
         )  # fmt: skip
+        rests = jnp.zeros((), bool)
         if passes is not None:
             share = passes(attempt)
             # Cut so little short it would go to the end all the same.
-            again = jnp.asarray(keep) & (share < 1) & (now.time + share * (there - now.time) <= nearly)
+            short = share < JUST_SHORT
+            rests = jnp.asarray(keep) & (share < 1) & ~short
+            again = jnp.asarray(keep) & short & (now.time + share * (there - now.time) <= nearly)
             keep, time = keep & ~again, jnp.where(again, now.time, jnp.asarray(time))
             next_step = jnp.where(again, share * (there - now.time), next_step)
             controller_state = jax.tree.map(
@@ -142,7 +146,7 @@ def step_through(
         return _Now(
             jnp.asarray(time), next_step, state, solver_state, controller_state, sampled, samples, now.steps + 1,
             now.kept + jnp.where(keep, 1, 0),
-            jnp.zeros((), bool) if halts is None else jnp.asarray(keep) & halts(jnp.asarray(time), state),
+            rests if halts is None else rests | (jnp.asarray(keep) & halts(jnp.asarray(time), state)),
             beside,
         )  # fmt: skip
 

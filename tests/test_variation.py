@@ -1,0 +1,128 @@
+"""A number over a range, as the command line has it."""
+
+import math
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drumsqueal.errors import SceneError
+from drumsqueal.scene import Scene, load_scene
+from drumsqueal.scene.variation import MOST_POINTS, POINTS, Variation, read_variation
+
+
+@pytest.mark.parametrize(
+    ("text", "key", "unit", "values"),
+    [
+        ("drum.speed=1..4x4", "drum.speed", "rad/s", (1, 2, 3, 4)),
+        (" drum.speed = 1 .. 3 x 2 ", "drum.speed", "rad/s", (1, 3)),
+        ("drum.speed=30 rpm..60 rpmx3", "drum.speed", "rad/s", (math.pi, 1.5 * math.pi, 2 * math.pi)),
+        ("drum.speed=30..60 rpm", "drum.speed", "rad/s", (math.pi, 2 * math.pi)),
+        ("contact.normal_load=500 N..4 kN x 2", "contact.normal_load", "N", (500, 4000)),
+        ("friction.static=40 %..0.5e0x2", "", "", ()),
+        ("friction.static=40 %..50 %×2", "friction.static", "", (0.4, 0.5)),
+        ("drum.speed=5..-5x3", "drum.speed", "rad/s", (5, 0, -5)),
+        ("shoe.arc_angle=1e1..2.e+1degx2", "shoe.arc_angle", "rad", (math.pi / 18, math.pi / 9)),
+        ("support.upper_stiffness=0..1e8x2", "support.upper_stiffness", "N/m", (0, 1e8)),
+    ],
+)
+def test_ranges(nominal, text, key, unit, values):
+    if not key:
+        with pytest.raises(SceneError, match=r"unit of 0\.5e0 is missing"):
+            read_variation(text, nominal)
+        return
+    found = read_variation(text, nominal)
+    assert (found.key, found.unit) == (key, unit)
+    assert (found.first, found.last) == pytest.approx((values[0], values[-1]), rel=1e-15)
+    assert len(found.values) == (len(values) if "x" in text.rsplit("..")[-1] or "×" in text else POINTS)
+    if len(found.values) == len(values):
+        assert found.values == pytest.approx(values, rel=1e-15, abs=1e-15)
+
+
+def test_a_force_has_the_unit_of_its_coordinate(nominal):
+    forced = nominal.with_values({"forcing": {"amplitude": {"Y": 1.0, "Tz": 2.0}, "frequency": 100.0}})
+    assert read_variation("forcing.amplitude.Y=1 N..2 N", forced).unit == "N"
+    assert read_variation("forcing.amplitude.Tz=1..2", forced).unit == "N*m"
+
+
+def test_a_range_alone(nominal):
+    assert read_variation("drum.speed=1..40", nominal, points=None) == Variation("drum.speed", "rad/s", (1.0, 40.0))
+    with pytest.raises(SceneError, match="takes no number of values; leave out x5"):
+        read_variation("drum.speed=1..40x5", nominal, points=None)
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("drum.speed", r"write KEY=FROM\.\.TO\[xN\]"),
+        ("drum.speed=", "nothing is no range"),
+        ("drum.speed=3", r"3 is no range; write FROM\.\.TO"),
+        ("drum.speed=1..2..3", "is no range"),
+        ("drum.speed=1...2", "is no range"),
+        ("drum.speed=2..2", "begins where it ends"),
+        ("drum.speed=60 rpm..6.283185307179586", "unit of 6.283185307179586 is missing"),
+        ("drum.speed=1..2x1", "from 2 to 10000"),
+        (f"drum.speed=1..2x{MOST_POINTS + 1}", "from 2 to 10000"),
+        ("drum.speed=1..2x" + "9" * 5000, "from 2 to 10000"),
+        ("drum.speed=1 Hz..2 Hz", "no unit of angular speed"),
+        ("drum.speed=1e400..2", "must be finite"),
+        ("friction.static=-1..2", "must not be below 0"),
+        ("shoe.thickness=1 mm..200 mm", "smaller than shoe.outer_radius"),
+        ("drum.sped=1..2", r"did you mean drum\.speed\?"),
+        ("speed=1..2", r"did you mean drum\.speed\?"),
+        ("friction.law=1..2", "no number of this scene"),
+        ("simulate.duration=1..2", r"its numbers are shoe\.outer_radius"),
+        ("damping.ratio=0..1", "has no table damping"),
+        ("=1..2", "nothing is no number"),
+        ("drum.speed=1..2\x1b[2J", r"\?\[2J"),
+    ],
+)
+def test_mistakes(nominal, text, told):
+    with pytest.raises(SceneError, match=told) as caught:
+        read_variation(text, nominal)
+    assert str(caught.value).startswith("--along ")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_profile_has_no_value_to_vary():
+    stop = load_scene(Path(__file__).parents[1] / "scenarios" / "stop.toml")
+    for key in ("drum.speed", "drum.speed.value"):
+        with pytest.raises(SceneError, match="profile over time"):
+            read_variation(f"{key}=1..2", stop)
+
+
+@given(
+    first=st.floats(1e-6, 1e6),
+    last=st.floats(1e-6, 1e6),
+    count=st.none() | st.integers(2, 200),
+    gap=st.sampled_from(["", " "]),
+    unit=st.sampled_from(["", "rad/s", "rpm"]),
+)
+def test_what_is_written_is_read(nominal, first, last, count, gap, unit):
+    written = (
+        f"drum.speed={first!r}{gap}{unit}{gap}..{gap}{last!r}{gap}{unit}{'' if count is None else f'{gap}x{count}'}"
+    )
+    if first == last:
+        with pytest.raises(SceneError, match="begins where it ends"):
+            read_variation(written, nominal)
+        return
+    found = read_variation(written, nominal)
+    factor = math.tau / 60 if unit == "rpm" else 1.0
+    assert len(found.values) == (count or POINTS)
+    # Both ends to the last digits; in between evenly, in order.
+    assert (found.first, found.last) == pytest.approx((factor * first, factor * last), rel=1e-14)
+    steps = [b - a for a, b in zip(found.values, found.values[1:], strict=False)]
+    assert all((step > 0) == (last > first) for step in steps)
+    assert steps == pytest.approx([(found.last - found.first) / len(steps)] * len(steps), rel=1e-6, abs=1e-9)
+
+
+@given(text=st.text(max_size=40))
+def test_any_text_is_read_or_refused(nominal, text):
+    for written in (text, f"drum.speed={text}", f"drum.speed=1..{text}"):
+        try:
+            found = read_variation(written, nominal)
+        except SceneError:
+            continue
+        assert isinstance(nominal.with_values({found.key: found.first}), Scene)
+        assert all(map(math.isfinite, found.values))
