@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from drumsqueal.studies.branches import Diagram, follow_cycle
     from drumsqueal.studies.cycle import Search, find_cycle
     from drumsqueal.studies.effects import EffectStudy, study_effects
+    from drumsqueal.studies.motion import MotionStudy, study_motion
     from drumsqueal.studies.onset import OnsetStudy, study_onset
     from drumsqueal.studies.paper import PaperStudy, study_paper
     from drumsqueal.studies.quieting import Quieting, quieten
@@ -50,6 +51,7 @@ _HOMES = {
     "studies.branches": ("Diagram", "follow_cycle"),
     "studies.cycle": ("Search", "find_cycle"),
     "studies.effects": ("EffectStudy", "study_effects"),
+    "studies.motion": ("MotionStudy", "study_motion"),
     "studies.onset": ("OnsetStudy", "study_onset"),
     "studies.paper": ("PaperStudy", "study_paper"),
     "studies.quieting": ("Quieting", "quieten"),
@@ -69,6 +71,7 @@ __all__ = [
     "IntegrationError",
     "Mode",
     "Model",
+    "MotionStudy",
     "OnsetStudy",
     "PaperStudy",
     "Quieting",
@@ -94,6 +97,7 @@ __all__ = [
     "seo_kang_brake",
     "study_accuracy",
     "study_effects",
+    "study_motion",
     "study_onset",
     "study_paper",
     "study_sensitivity",

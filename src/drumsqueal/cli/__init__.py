@@ -12,6 +12,7 @@ import typer
 from drumsqueal.cli.accuracy import accuracy_command
 from drumsqueal.cli.cycle import cycle_command
 from drumsqueal.cli.effects import effects_command
+from drumsqueal.cli.motion import motion_command
 from drumsqueal.cli.onset import onset_command
 from drumsqueal.cli.options import UsageError, make_console
 from drumsqueal.cli.paper import paper_command
@@ -33,6 +34,7 @@ app.command(name="effects", context_settings={"allow_extra_args": True})(effects
 app.command(name="cycle")(cycle_command)
 app.command(name="accuracy")(accuracy_command)
 app.command(name="onset")(onset_command)
+app.command(name="motion")(motion_command)
 app.command(name="sensitivity")(sensitivity_command)
 app.command(name="paper")(paper_command)
 app.command(name="sweep")(sweep_command)

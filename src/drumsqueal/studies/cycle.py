@@ -182,7 +182,7 @@ def _told(regime: Regime) -> str:
     if regime.kind == "unknown":
         return f"does not tell ({regime.reason.rstrip('.')})"
     words = {"steady": "comes to rest in steady sliding", "periodic": "settles to a periodic motion"}
-    return words.get(regime.kind, "settles to no periodic motion")
+    return words.get(regime.kind, f"settles to no periodic motion (it is {regime.kind})")
 
 
 def _lowest(prepared: Prepared) -> float | None:
