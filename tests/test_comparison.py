@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+import xarray
 
-from drumsqueal.comparison.compare import compare
+from drumsqueal.comparison.compare import HELD, compare
+from drumsqueal.comparison.sticking import find_sticking
 from drumsqueal.linear.modes import analyse_stability
 from drumsqueal.model import build_model
 from drumsqueal.simulation import Result, run
@@ -329,3 +331,28 @@ def test_a_run_that_was_cut_off_says_why(nominal):
         cut = history.assign_attrs(outcome=outcome)
         found = compare(cut, stability, build_model(nominal, coordinates=tuple(range(6))))
         assert found.verdict.endswith(told)
+
+
+@pytest.mark.parametrize(
+    ("sticks", "share", "spells", "to_the_end"),
+    [
+        ("00000", 0.0, (), False),
+        ("01100", 0.25, ((1.0, 2.0),), False),
+        ("10011", 0.25, ((0.0, 0.0), (3.0, 4.0)), True),
+        ("11111", 1.0, ((0.0, 4.0),), True),
+    ],
+)
+def test_spells_of_sticking_are_read_off_the_samples(sticks, share, spells, to_the_end):
+    signal = ("time", np.array([float(each) for each in sticks]))
+    found = find_sticking(xarray.Dataset({"sticking": signal}, {"time": np.arange(5.0)}))
+    assert found == (share, spells, to_the_end)
+
+
+def test_growth_is_not_measured_while_the_lining_sticks_at_the_start(nominal):
+    start = {"displacement": {"Tz": 1e-7}, "velocity": {}}
+    speed = {"time": [0.0, 0.001, 0.004], "value": [0.0, 0.0, 5.0]}
+    values = {"start": start, "drum.speed": speed, "simulate.duration": 0.003, "simulate.sample_rate": 1e5}
+    result = run(nominal.with_values(values | UNDAMPED))
+    assert {mode.note for mode in result.comparison.modes if mode.name in "XYTz"} == {HELD}
+    assert all(mode.measured_growth is None for mode in result.comparison.modes)
+    assert "the whole lining sticks to the drum for 33.3 % of the time" in result.comparison.verdict

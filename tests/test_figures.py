@@ -72,6 +72,8 @@ def made_up(name: str, samples: int, outcome: str, title: str | None = None, sca
     beyond = edge_share(Departure(history, stability), linear) >= 1
     history["contact_fraction"].values[:] = np.where(beyond, 0.6, 1.0)
     history["slip_reversed_fraction"].values[:] = np.where(beyond, 0.02, 0.0)
+    if name == "stop":  # a spell of it, shortly before the end
+        history["sticking"].values[-40:-20] = 1.0
     comparison = ds.compare(history, stability, linear)
     return ds.Result(scene, stability, history, comparison, outcome, take_inventory(scene), ()), model
 
@@ -340,3 +342,10 @@ def test_contact_image_is_the_pressure_along_the_arc(case):
     shown = image[:, -1] if case == "growing" else 1 + image[:, -1]
     np.testing.assert_allclose(shown[touching], np.asarray(pressure)[touching] / p0, rtol=1e-6)
     np.testing.assert_allclose(axes.images[0].get_extent()[2:], [-65, 65])
+
+
+def test_a_lining_that_sticks_is_marked():
+    figures = drawn("stopping")[2]
+    assert any(text == "sticks as a whole" for text, _ in texts(figures["contact"]))
+    assert any(text == "sticks" for text, _ in texts(figures["growth"]))
+    assert not any("sticks" in text for name in ("contact", "growth") for text, _ in texts(drawn("growing")[2][name]))

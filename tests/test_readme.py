@@ -1,5 +1,6 @@
 """What the README shows works as it stands there."""
 
+import ast
 import math
 import re
 from pathlib import Path
@@ -44,4 +45,10 @@ def test_the_python_lines_run_and_the_gradient_is_right(monkeypatch, capsys):
     assert "friction_law" in names["squeal"].history.attrs
     assert names["largest"].shape == (8,)
     assert (names["largest"] > 1e-6).all()
-    assert {line.split()[0] for line in printed[-3:]} == {"X", "Y", "Tz"}
+    assert (names["boundary"].values[:2] > 0).all()  # below the critical speed of 10.6 rad/s
+    assert {line.split()[0] for line in printed[-4:-1]} == {"X", "Y", "Tz"}
+    times, sticks = zip(*ast.literal_eval(printed[-1]), strict=True)
+    assert sticks[:4] == (True, False, True, False)
+    # The exact times of Coulomb's block: 2 Δ/V and 2 (π − arctan(Δ/V)), with Δ = 0.5 and V = 0.2.
+    assert times[2] - times[1] == pytest.approx(2 * (math.pi - math.atan(2.5)), rel=1e-6)
+    assert times[3] - times[2] == pytest.approx(5.0, rel=1e-6)

@@ -327,7 +327,7 @@ def test_several_mistakes_give_the_first_and_the_number_of_the_others():
         (b"title = ", "not TOML"),
         (b"\xff\xfe", "not UTF-8"),
         (b"x = " + b"[" * 100_000, "nested too deeply"),
-        (b"x = " + b"9" * 5000, "not TOML"),
+        (b"x = " + b"9" * 5000, "an integer has more digits than can be read"),
         (b"#" * (17 * 2**20), "the file of 17 MB is larger than 16 MB"),
         (b"", "table is missing"),
         # A key of so many parts would keep tomllib busy for hours, and take all memory.

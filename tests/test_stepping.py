@@ -18,7 +18,8 @@ from drumsqueal.transient.batch import integrate_many
 from drumsqueal.transient.integrate import integrate
 from drumsqueal.transient.runge_kutta import _EXPLICIT, AUTO, LOCAL_SHARE, SOLVERS, STAGES, Explicit, make_solver
 from drumsqueal.transient.sdirk import Stages
-from drumsqueal.transient.segment import Span, State, first_step
+from drumsqueal.transient.segment import first_step
+from drumsqueal.transient.state import Span, State
 from drumsqueal.transient.stepping import step_through
 
 ORDER = {"tsit5": 5, "dopri5": 5, "dopri8": 8, "sdirk4": 4}

@@ -17,7 +17,7 @@ from drumsqueal.simulation import run
 from drumsqueal.transient import choice
 from drumsqueal.transient import integrate as integration
 from drumsqueal.transient.integrate import integrate
-from drumsqueal.transient.segment import CHUNK_SAMPLES
+from drumsqueal.transient.state import CHUNK_SAMPLES
 
 ALL = tuple(range(6))
 REFERENCE = Path(__file__).parent / "reference"

@@ -4,6 +4,9 @@ A scene is read by `load_scene`, run by `run`, asked what its accuracy or its ef
 `study_effects`, and where along a parameter it squeals by `study_onset`. `build_model`, `analyse_stability` and
 `growth_rate` are the linear side of it, for any numbers; `integrate_many` takes many models at once.
 `help(drumsqueal.run)` and so on tell more.
+A scene is read by `load_scene`, run by `run`, and asked what its accuracy or its effects cost by `study_accuracy` and
+`study_effects`. `build_model`, `analyse_stability` and `growth_rate` are the linear side of it, for any numbers;
+`integrate_many` takes many models at once, `sweep_parameters` many scenes. `help(drumsqueal.run)` and so on tell more.
 
 The names below are imported when they are first used: reading a scene does not load JAX, and the command line can
 prepare its environment first.
@@ -20,10 +23,15 @@ if TYPE_CHECKING:
     from drumsqueal.linear.modes import Mode, Stability, analyse_stability, growth_rate
     from drumsqueal.model import Model, build_model
     from drumsqueal.scene import Scene, load_scene, scene_from_dict
+    from drumsqueal.scene.seo_kang import seo_kang_brake
     from drumsqueal.simulation import Result, run
     from drumsqueal.studies.accuracy import AccuracyStudy, study_accuracy
     from drumsqueal.studies.effects import EffectStudy, study_effects
     from drumsqueal.studies.onset import OnsetStudy, study_onset
+    from drumsqueal.studies.paper import PaperStudy, study_paper
+    from drumsqueal.studies.quieting import Quieting, quieten
+    from drumsqueal.studies.sensitivity import SensitivityStudy, study_sensitivity
+    from drumsqueal.studies.sweep import sweep_parameters
     from drumsqueal.transient.batch import integrate_many
 
 _HOMES = {
@@ -39,6 +47,11 @@ _HOMES = {
     "studies.accuracy": ("AccuracyStudy", "study_accuracy"),
     "studies.effects": ("EffectStudy", "study_effects"),
     "studies.onset": ("OnsetStudy", "study_onset"),
+    "studies.paper": ("PaperStudy", "study_paper"),
+    "studies.quieting": ("Quieting", "quieten"),
+    "studies.sensitivity": ("SensitivityStudy", "study_sensitivity"),
+    "scene.seo_kang": ("seo_kang_brake",),
+    "studies.sweep": ("sweep_parameters",),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
 
@@ -51,9 +64,12 @@ __all__ = [
     "Mode",
     "Model",
     "OnsetStudy",
+    "PaperStudy",
+    "Quieting",
     "Result",
     "Scene",
     "SceneError",
+    "SensitivityStudy",
     "Stability",
     "SteadyStateError",
     "TabulatedLaw",
@@ -63,11 +79,16 @@ __all__ = [
     "growth_rate",
     "integrate_many",
     "load_scene",
+    "quieten",
     "run",
     "scene_from_dict",
+    "seo_kang_brake",
     "study_accuracy",
     "study_effects",
     "study_onset",
+    "study_paper",
+    "study_sensitivity",
+    "sweep_parameters",
 ]
 
 

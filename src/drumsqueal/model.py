@@ -148,14 +148,15 @@ def build_model(
     if coordinates is not None:
         composition = composition._replace(coordinates=coordinates)
     if friction_law is None:
-        return _assemble(composition, value)
+        return assemble(composition, value)
     if scene.friction is None:
         raise ValueError("this scene has no friction for the friction law; add the table friction, for its direction")
-    return _assemble(composition._replace(friction_law=GIVEN), value, as_law(friction_law))
+    return assemble(composition._replace(friction_law=GIVEN), value, as_law(friction_law))
 
 
 @eqx.filter_jit  # one small program instead of a hundred separate operations
-def _assemble(composition: Composition, value: Mapping[str, Array], law: FrictionLaw | None = None) -> Model:
+def assemble(composition: Composition, value: Mapping[str, Array], law: FrictionLaw | None = None) -> Model:
+    """Build the model of a composition from its numbers in SI (float64 arrays), traced or not; `build_model` checks."""
     shoe = RigidShoe(
         outer_radius=value["shoe.outer_radius"],
         thickness=value["shoe.thickness"],

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import scipy.linalg
-from hypothesis import Phase, given, settings
+from hypothesis import Phase, example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -23,6 +23,7 @@ from drumsqueal.linear.steady import linear_model, steady_sliding
 from drumsqueal.model import Model, build_model
 from drumsqueal.scene import Scene
 from drumsqueal.transient.integrate import integrate
+from drumsqueal.transient.segment import QUIET
 from drumsqueal.transient.sticking import hold
 
 P0_OVER_KC = 2000.0 / (0.1 * math.radians(130) * 0.0365) / 0.35e11  # m, 6.9e-6: what the lining yields under its load
@@ -451,17 +452,56 @@ def scene_from(nominal: Scene, values: dict, thickness: float, direction, size: 
     return scene_of(nominal, start, velocity, duration=0.002, rate=1e5).with_values(own)
 
 
-@settings(derandomize=True, deadline=None, max_examples=25, database=None, phases=[Phase.generate])
+# Slips and sticks eight times in 2 ms, and pivots about an end of the arc before it sticks: 3600 explicit steps each.
+PIVOTS = {
+    "shoe.outer_radius": 0.05,
+    "shoe.width": 0.068152,
+    "shoe.arc_angle": 2.0516,
+    "shoe.density": 1681.53,
+    "support.upper_stiffness": 1.13477e8,
+    "support.lower_stiffness": 1.76947e6,
+    "contact.stiffness": 1.06863e9,
+    "contact.normal_load": 4227.68,
+    "friction.static": 0.9,
+    "friction.kinetic": 0.052522,
+    "friction.decay": 4.48564,
+    "drum.speed": -17.0578,
+}
+
+# Of a step, the point nearest to rest is its end but for a round-off: such a step was made again and again.
+ENDS_AT_REST = {
+    "shoe.outer_radius": 0.05,
+    "shoe.width": 0.02,
+    "shoe.arc_angle": 0.5,
+    "shoe.density": 3211.7829376735644,
+    "support.upper_stiffness": 24457991.023732092,
+    "support.lower_stiffness": 17055252.62683516,
+    "contact.stiffness": 1e10,
+    "contact.normal_load": 3642.4883336150156,
+    "friction.static": 0.4285078071336431,
+    "friction.kinetic": 6.103515625e-05,
+    "friction.decay": 5.126592111692295,
+    "drum.speed": 1.0001405485169472,
+}
+TOWARDS_REST = (-0.8813913677570158, 0.2199800509983263, 0.7630866107757948)
+
+
+@settings(derandomize=True, deadline=None, max_examples=25, database=None, phases=[Phase.explicit, Phase.generate])
 @given(values=VALID, thickness=THICKNESS, direction=DIRECTION, size=_powers(-12, -4))
+@example(values=PIVOTS, thickness=0.05, direction=(0.0, 0.0, 0.95), size=1e-4)
+@example(values=ENDS_AT_REST, thickness=0.06180154522269207, direction=TOWARDS_REST, size=1e-12)
 def test_random_scenes_finish_and_balance(nominal, values, thickness, direction, size):
     motion = follow(scene_from(nominal, values, thickness, direction, size))
     # 4e-7 of the kinetic energy was found, or 3e-17 of the drum's work where a motion is so tiny that the round-off of
-    # that is more. At most 661 steps.
+    # that is more. 15,145 steps for the examples above, of which 10,000 before the method changes. A light, short shoe
+    # turns to and fro at 100 kHz: without a load, edges are born or die in each of its periods, at 140 steps each.
     work = np.sum(np.abs(motion.seen.friction_power)) * 1e-5
     turned = abs(np.sum(motion.seen.brake_torque) * 1e-5 * values["drum.speed"]) + work
     largest = float(np.max(np.abs(motion.balance_error)))
     assert largest < 5e-6 * motion.kinetic.max() + 1e-14 * turned
-    assert motion.steps < 10_000
+    mass, stiffness = np.diag(np.asarray(motion.model.mass)), np.asarray(motion.model.stiffness)
+    fastest = math.sqrt(scipy.linalg.eigh(stiffness, mass, eigvals_only=True)[-1])
+    assert motion.steps < 20_000 + 300 * 0.002 * fastest / (2 * math.pi)
 
 
 @settings(derandomize=True, deadline=None, max_examples=25, database=None, phases=[Phase.generate])
@@ -484,9 +524,11 @@ def test_random_scenes_below_the_edges_are_linear(nominal, values, thickness, di
     size_of = np.concatenate([scale * np.max(largest[:3] / scale), scale * np.max(largest[3:] / scale)])
     grown = max(1.0, float(np.max(largest[:3] / scale)) / size)
     off = float(np.max(np.abs(found - linear) / size_of))
-    # Of the share, 7e-2 was found in 25 scenes and 2e-1 in others, with a steep curve that rises (what is left out goes
-    # with the second derivative of friction); and what the tolerance adds up to in 2 ms, 3e-7.
-    assert off < share * grown + 2e-6
+    # Of the share, which three coordinates may take each, 7e-2 was found in 25 scenes and 1.1 in others, with a steep
+    # curve (what is left out goes with the second derivative of friction); and what the tolerance of 1e-6 adds up to in
+    # 2 ms, 2.2e-6 in 500 scenes.
+    # Motion below a picometre is resolved as if it were that large.
+    assert off < 2 * share * grown + 5e-6 * max(1.0, QUIET / size)
 
 
 # --- gradients -------------------------------------------------------------------------------------------------------

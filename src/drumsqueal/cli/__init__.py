@@ -13,8 +13,11 @@ from drumsqueal.cli.accuracy import accuracy_command
 from drumsqueal.cli.effects import effects_command
 from drumsqueal.cli.onset import onset_command
 from drumsqueal.cli.options import UsageError, make_console
+from drumsqueal.cli.paper import paper_command
 from drumsqueal.cli.run import run_command
+from drumsqueal.cli.sensitivity import sensitivity_command
 from drumsqueal.cli.stability import stability_command
+from drumsqueal.cli.sweep import sweep_command
 from drumsqueal.compilation import prepare_environment
 from drumsqueal.errors import IntegrationError, RequestError
 from drumsqueal.scene.quantities import SceneError, printable
@@ -28,6 +31,9 @@ app.command(name="stability")(stability_command)
 app.command(name="effects", context_settings={"allow_extra_args": True})(effects_command)
 app.command(name="accuracy")(accuracy_command)
 app.command(name="onset")(onset_command)
+app.command(name="sensitivity")(sensitivity_command)
+app.command(name="paper")(paper_command)
+app.command(name="sweep")(sweep_command)
 
 
 @app.callback()

@@ -7,6 +7,7 @@ import xarray
 
 from drumsqueal.comparison.departure import FEWEST_FOR_SPECTRUM, Departure, changes, edge_share, first_edge
 from drumsqueal.comparison.saturation import Saturation, describe_saturation
+from drumsqueal.comparison.sticking import find_sticking
 from drumsqueal.comparison.verdict import state_verdict
 from drumsqueal.files.history import COMPLETE
 from drumsqueal.linear.modes import Mode, Stability
@@ -22,6 +23,7 @@ CLEAN_SHARE = 3e-2
 UNEXCITED_SHARE = 1e-12  # of the largest displacement: a mode below it is not there
 FEWEST_PERIODS = 5  # of a mode, for its frequency and growth to be measured
 NOT_EXCITED = "not excited by this start"
+HELD = "the lining sticks at the start"
 DRIVEN = "driven by the harmonic force"
 NEUTRAL_SHARE = 1e-9  # of the frequency: a growth rate below it is none, and has no relative error
 
@@ -78,17 +80,21 @@ class Comparison(NamedTuple):
 def compare(history: xarray.Dataset, stability: Stability, model: Model) -> Comparison:
     """Compare a history with the eigenvalues of its steady state.
 
-    `stability` may hold more coordinates than moved. The growth phase lasts until the motion comes to 10 % of an edge.
+    `stability` may hold more coordinates than moved. The growth phase lasts until the motion comes to 10 % of an edge,
+    or the lining sticks.
     """
     departure = Departure(history, stability)
     time = departure.time
     share = edge_share(departure, model)
-    nonlinear = np.flatnonzero(share >= LINEAR_SHARE)
+    sticks = history["sticking"].values > 0
+    nonlinear = np.flatnonzero((share >= LINEAR_SHARE) | sticks)
     growing = slice(0, int(nonlinear[0]) if nonlinear.size else time.size)
     if model.forced:  # its growth and frequency would be those of the response
         modes = tuple(_unmeasured(mode)._replace(note=DRIVEN) for mode in stability.modes)
     else:
         modes = tuple(_compare_mode(mode, stability, departure, growing) for mode in stability.modes)
+        if sticks[0]:
+            modes = tuple(mode if mode.measured_growth else mode._replace(note=HELD) for mode in modes)
     edge = first_edge(history, stability, model)
     saturation = None if edge is None else describe_saturation(history, departure, stability, model, edge)
     ratio = _motion_ratio(departure, stability, model)
@@ -111,7 +117,7 @@ def compare(history: xarray.Dataset, stability: Stability, model: Model) -> Comp
             saturation=saturation,
             duration=float(time[-1]),
             rotation=departure.largest_rotation,
-            sticking=_sticking(history),
+            sticking=find_sticking(history),
             cut_off=None if outcome == COMPLETE else outcome,
         ),
     )
@@ -126,17 +132,6 @@ def _motion_ratio(departure: Departure, stability: Stability, model: Model) -> f
     tenth = max(1, size.size // 10)
     first = size[:tenth].max()
     return float(size[-tenth:].max() / first) if first > 0 else 1.0  # a free coordinate displaced: no energy in it
-
-
-def _sticking(history: xarray.Dataset) -> str:
-    """When the whole lining sticks, in words; nothing where it never does."""
-    sticks = history["sticking"].values > 0
-    if not sticks.any():
-        return ""
-    if sticks[-1]:
-        first = sticks.size - int(np.argmin(sticks[::-1])) if not sticks.all() else 0
-        return f"the lining sticks to the drum as a whole from {float(history['time'][first]):.4g} s on"
-    return f"the lining sticks to the drum as a whole for {sticks.mean():.2g} of the time"
 
 
 def _unmeasured(mode: Mode) -> ModeComparison:

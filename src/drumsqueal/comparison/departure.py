@@ -85,7 +85,13 @@ def edge_share(departure: Departure, model: Model) -> NDArray[np.float64]:
 
 
 def first_edge(history: xarray.Dataset, stability: Stability, model: Model) -> float | None:
-    """Time (s) of the first sample at which part of the lining has left the drum or slips backwards; None if never.
+    """Time (s) of the first sample at which part of the lining has left the drum or slips backwards; None if never."""
+    reached = beyond_edges(history, stability, model)
+    return float(history["time"].values[np.argmax(reached)]) if reached.any() else None
+
+
+def beyond_edges(history: xarray.Dataset, stability: Stability, model: Model) -> NDArray[np.bool_]:
+    """At which samples (time,) part of the lining is off the drum or slips backwards.
 
     Read off what was recorded. Where part of the lining is off the drum in steady sliding already, so that its edge
     moves with every motion, another tenth of the lining must leave or touch it.
@@ -98,4 +104,4 @@ def first_edge(history: xarray.Dataset, stability: Stability, model: Model) -> f
         reached |= np.abs(touching - steady) > most
     if model.contact.friction is not None:
         reached |= history["slip_reversed_fraction"].values > FRACTION_ROUND_OFF
-    return float(history["time"].values[np.argmax(reached)]) if reached.any() else None
+    return reached

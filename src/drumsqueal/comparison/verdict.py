@@ -3,6 +3,7 @@
 import math
 
 from drumsqueal.comparison.saturation import Saturation
+from drumsqueal.comparison.sticking import Sticking
 from drumsqueal.linear.modes import Mode, Stability
 
 GROWN = 1.1  # times the start: what the motion must reach by the end to have grown
@@ -27,7 +28,7 @@ def state_verdict(
     saturation: Saturation | None,
     duration: float,
     rotation: float,
-    sticking: str,
+    sticking: Sticking,
     cut_off: str | None,
 ) -> str:
     """Return prediction and outcome in one sentence.
@@ -35,7 +36,7 @@ def state_verdict(
     `changing` tells that drum speed or load change, `forced` that a harmonic force acts, `excited` are the modes that
     the start holds, `motion_ratio` is the motion at the end over that at the start (None without a start), `edge` the
     time of the first edge (s), `duration` that of the record (s), `rotation` the largest rotation of the shoe (rad),
-    `sticking` says when the lining sticks, and `cut_off` says why it ends early.
+    `sticking` tells when the lining sticks, and `cut_off` says why it ends early.
     """
     time = f" at t = {stability.time:g} s" if changing else ""
     predicted = f"The linear model predicts {_prediction(stability)}{time}"
@@ -46,8 +47,12 @@ def state_verdict(
     elif saturation is None:
         done = f"the motion reaches an edge at {edge:.4g} s, too late to tell what it settles to"
     else:
-        done = f"the transient reaches an edge at {edge:.4g} s and {_settled(saturation, stability)}"
-    done += f", {sticking}" if sticking else ""
+        settled = "comes to stick" if sticking.to_the_end else _settled(saturation, stability)
+        done = f"the transient reaches an edge at {edge:.4g} s and {settled}"
+    if motion_ratio is None and edge is not None and not (changing or forced):
+        done = f"nothing was started, but round-off grows: {done}"
+    if sticking.spells:
+        done += f"; {_sticks(sticking)}"
     if rotation > SMALL_ROTATION:
         done += f"; the shoe turns by {rotation:.2g} rad, where small rotations, and so the model, no longer hold"
     if cut_off:
@@ -82,6 +87,14 @@ def _below_the_edges(
         reach = math.exp(rate * duration)
         return f"{duration:g} s are too short to tell: the fastest growth would reach {reach:.3g} times"
     return f"the transient does not grow within {duration:g} s"
+
+
+def _sticks(sticking: Sticking) -> str:
+    if sticking.to_the_end:
+        return f"from {sticking.spells[-1][0]:.4g} s on the whole lining sticks to the drum"
+    if sticking.share == 0:
+        return "the whole lining sticks to the drum for an instant"
+    return f"the whole lining sticks to the drum for {100 * sticking.share:.3g} % of the time"
 
 
 def _settled(saturation: Saturation, stability: Stability) -> str:

@@ -15,7 +15,7 @@ from drumsqueal.bodies.rigid_shoe import TX, TY, TZ, RigidShoe, X, Y, Z
 from drumsqueal.effects.action import Action, Six
 from drumsqueal.effects.friction import Friction
 from drumsqueal.effects.operation import Moment
-from drumsqueal.effects.pressure import PressureLaw
+from drumsqueal.effects.pressure import PressureLaw, yielding
 from drumsqueal.effects.touching import Observation
 from drumsqueal.quadrature.levels import Level
 from drumsqueal.quadrature.sums import Densities
@@ -82,8 +82,7 @@ class Contact(eqx.Module):
 
     def yielding(self, moment: Moment) -> Array:
         """How far the lining yields under its load (m): p0/k_c."""
-        stiffness = self.law.stiffness
-        return jnp.where(stiffness > 0, moment.preload / jnp.where(stiffness > 0, stiffness, 1.0), 0.0)
+        return yielding(self.law, moment.preload)
 
     def levels(self, moment: Moment, q: Six, v: Six) -> Levels:
         """What makes the edges, at the present state."""

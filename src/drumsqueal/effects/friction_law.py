@@ -14,8 +14,8 @@ class FrictionLaw(Protocol):
     """What friction asks of a law; one with parameters of its own is an `equinox.Module` with this method.
 
     A law as smooth as an exponential may say so by a class variable `smooth = True`: in space the lining is then not
-    searched for edges where there are none. A law that holds what rests with more than it drags what slides has an
-    attribute `static`, the largest μ at rest; without one that is μ(0).
+    searched for edges where there are none. A law that holds what rests with more than it drags what slides has a
+    method `at_rest()`, the largest μ at rest; without one that is μ(0).
     """
 
     def coefficient(self, slip_speed: Array) -> Array:
@@ -25,7 +25,8 @@ class FrictionLaw(Protocol):
 
 def static_coefficient(law: FrictionLaw) -> Array:
     """Largest μ where nothing slips: the law's own, or what its μ(s) goes to at slow slip."""
-    return getattr(law, "static", law.coefficient(jnp.zeros(())))
+    at_rest = getattr(law, "at_rest", None)
+    return law.coefficient(jnp.zeros(())) if at_rest is None else at_rest()
 
 
 class ExponentialLaw(eqx.Module):
@@ -64,3 +65,7 @@ class StepLaw(eqx.Module):
         """μ at slip speeds s ≥ 0 (m/s)."""
         del slip_speed
         return self.kinetic
+
+    def at_rest(self) -> Array:
+        """The largest μ where nothing slips."""
+        return self.static

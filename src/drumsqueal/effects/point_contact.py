@@ -15,7 +15,7 @@ from drumsqueal.bodies.rigid_shoe import X, Y
 from drumsqueal.effects.action import ZERO, Action, Six
 from drumsqueal.effects.friction import Friction
 from drumsqueal.effects.operation import Moment
-from drumsqueal.effects.pressure import PressureLaw
+from drumsqueal.effects.pressure import PressureLaw, yielding
 from drumsqueal.effects.touching import Observation
 
 
@@ -53,8 +53,7 @@ class PointContact(eqx.Module):
 
     def yielding(self, moment: Moment) -> Array:
         """How far the contact spring yields under the load (m): p0/k."""
-        stiffness = self.law.stiffness
-        return jnp.where(stiffness > 0, moment.preload / jnp.where(stiffness > 0, stiffness, 1.0), 0.0)
+        return yielding(self.law, moment.preload)
 
     def act(self, moment: Moment, q: Six, v: Six) -> Action:
         """Friction along X, p0 − N along Y: the load and what answers it; and their power beyond the stored energy."""

@@ -8,6 +8,12 @@ from drumsqueal.precision import real
 from drumsqueal.quadrature.levels import Level
 
 
+def yielding(law: "PressureLaw", preload: Array) -> Array:
+    """How far a contact yields under its load (m): p0/k_c, and 0 where it has no stiffness."""
+    stiff = law.stiffness > 0
+    return jnp.where(stiff, preload / jnp.where(stiff, law.stiffness, 1.0), 0.0)
+
+
 class Bonded(eqx.Module):
     """N = p0 + k_c u_r, also where that is negative; k_c in N/m³."""
 

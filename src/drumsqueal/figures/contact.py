@@ -119,24 +119,32 @@ def _can_lift(view: View) -> bool:
 def _mark_states(view: View, axes: Axes, field: _Field, factor: float) -> None:
     """Cover what has lifted off and what slips backwards with flat colours, named above the axes."""
     handles = []
+    sticks = view.result.history["sticking"].sel(time=field.time, method="nearest").values > 0
     # Where nothing touches the slip has no meaning: the lifted part covers it.
-    states = [(field.slip, style.REVERSED, "slip reversed", view.model.contact.friction is not None)]
+    states = [
+        (np.where(sticks, 0.0, field.slip), style.REVERSED, "slip reversed", view.model.contact.friction is not None)
+    ]
     states.append((-field.level, style.SEPARATED, "lifted off", _can_lift(view)))
     for level, colour, name, possible in states:
         if possible and level.max() > 0:
             extent = (field.time * factor, field.degrees)
             axes.contourf(*extent, level, levels=[0.0, 2 * level.max()], colors=[colour])
             handles.append(Patch(color=colour, label=name))
+    if sticks.any() and not sticks.all():
+        ends = field.degrees[[0, -1]]
+        axes.fill_between(
+            field.time * factor, *ends, where=sticks, facecolor="none", edgecolor=style.DARK, hatch="////", linewidth=0
+        )
+        handles.append(Patch(facecolor="none", edgecolor=style.DARK, hatch="////", label="sticks as a whole"))
     shown = bool(handles)
     if not shown:
-        recorded = view.result.history["sticking"].sel(time=slice(field.time[0], field.time[-1]))
-        state = "touches and none of it slips backwards" if not recorded.all() else "sticks to the drum"
+        state = "sticks to the drum" if sticks.all() else "touches and none of it slips backwards"
         handles.append(Patch(visible=False, label=f"the whole lining {state}"))
     axes.legend(
         handles=handles,
         loc="lower left",
         bbox_to_anchor=(0.0, 1.0),
-        ncols=2,
+        ncols=3,
         borderaxespad=0.2,
         handlelength=2.0 if shown else 0.0,
         handletextpad=0.8 if shown else 0.0,

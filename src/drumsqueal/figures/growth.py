@@ -30,7 +30,8 @@ def draw_growth(view: View) -> Figure | None:
         return None
     figure = style.new_figure(view.title, "growth of the modes")
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
-    end = view.time[-1] if view.saturation is None else min(view.time[-1], BEYOND * view.saturation.start_s)
+    settled = view.saturation is not None and view.saturation.regime.kind != "unknown"
+    end = min(view.time[-1], BEYOND * view.saturation.start_s) if settled and view.saturation else view.time[-1]
     shown = slice(0, int(np.searchsorted(view.time, end, side="right")))
     factor, unit = style.time_unit(view.time[-1])
     _mark_phases(view, upper)
@@ -100,7 +101,7 @@ def _mark_phases(view: View, axes: Axes) -> list[Artist]:
     """Shade the growth phase and mark the first edge; return what to name in the legend."""
     comparison, (factor, unit) = view.result.comparison, style.time_unit(view.time[-1])
     marks: list[Artist] = []
-    if comparison.growth_end_s < view.time[-1]:
+    if 0 < comparison.growth_end_s < view.time[-1]:
         span = axes.axvspan(
             view.time[0] * factor, comparison.growth_end_s * factor, color=style.PALE, zorder=0, linewidth=0
         )
@@ -124,7 +125,10 @@ def _draw_contact(view: View, axes: Axes, shown: slice) -> None:
     for name, text, colour in (
         ("contact_fraction", "in contact", style.TOUCHING),
         ("slip_reversed_fraction", "slip reversed", style.REVERSED),
+        ("sticking", "sticks", style.STUCK),
     ):
+        if name == "sticking" and not view.result.history[name].any():
+            continue
         time, low, mean, high = _running(view, 100 * view.result.history[name].values, shown)
         axes.fill_between(time * factor, low, high, color=colour, alpha=0.25, linewidth=0)
         axes.plot(time * factor, mean, color=colour)

@@ -9,6 +9,7 @@ from drumsqueal.figures.view import View
 from drumsqueal.signals import Spectrum
 
 DECADES = 6  # of amplitude shown
+AT = 5e-4  # a smaller shift is none
 ABOVE = 1.25  # highest frequency shown over that of the highest mode
 
 CAPTION_PAD = 20.0  # points above the upper panel, where the names of the modes stand in between
@@ -19,7 +20,8 @@ def draw_spectra(view: View) -> Figure | None:
     """Draw displacement spectra before and after saturation; None where the record is too short for any."""
     parts = [("Growth phase" if view.result.stability.unstable else "Linear motion", view.growing)]
     if view.saturation is not None:
-        parts.append(("Saturated motion", view.saturated))
+        settled = view.saturation.regime.kind != "unknown"
+        parts.append(("Saturated motion" if settled else "End of the record", view.saturated))
     if not view.readable or not view.modes:
         return None
     spectra = [(name, part, view.departure.spectra(part)) for name, part in parts]
@@ -84,8 +86,9 @@ def _mark_main_line(view: View, axes: Axes) -> None:
         return
     main, text = saturation.main, f"{saturation.main.frequency_Hz:.0f} Hz"
     if saturation.frequency_shift is not None:
-        side = "below" if saturation.frequency_shift < 0 else "above"
-        text += f", {abs(saturation.frequency_shift) * 100:.1f} % {side} the onset of {saturation.nearest_mode}"
+        shift = saturation.frequency_shift
+        side = "at" if abs(shift) < AT else f"{abs(shift) * 100:.1f} % {'below' if shift < 0 else 'above'}"
+        text += f", {side} the onset of {saturation.nearest_mode}"
     height = main.amplitude * view.micrometres(main.coordinate)
     axes.plot(
         [main.frequency_Hz / 1e3],

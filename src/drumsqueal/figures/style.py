@@ -23,7 +23,7 @@ COLOUR: Mapping[str, str] = {
     "Ty": "#E69F00",
     "Tz": "#009E73",
 }
-TOUCHING, SEPARATED, REVERSED = "#444444", "#BDBDBD", "#AA3377"  # states of the contact
+TOUCHING, SEPARATED, REVERSED, STUCK = "#444444", "#BDBDBD", "#AA3377", "#0072B2"  # states of the contact
 PALE, FAINT, DARK = "#EEEEEE", "#CCCCCC", "#333333"
 SHORTEST_IN_SECONDS = 2.0  # a longer time axis is in s, a shorter one in ms
 

@@ -32,6 +32,35 @@ ONSET_FILES = (ONSET_TABLE, ONSET_SUMMARY, figure_file(ONSET))
 EFFECT_FILES = (EFFECTS_TABLE, REDUCED_SCENE, figure_file(EFFECTS))
 """The names of all files that a study of effects writes."""
 
+SWEEP, SWEEP_SUMMARY = "sweep.nc", "sweep.json"
+STABILITY, AMPLITUDE, CHANCE = "stability", "amplitude", "chance"
+SWEEP_FILES = (SWEEP, SWEEP_SUMMARY, *map(figure_file, (STABILITY, AMPLITUDE, CHANCE)))
+"""The names of all files that a sweep writes."""
+
+
+PAPER_FRICTION, PAPER_STIFFNESS, PAPER_CONSTANT = "fig04_friction", "fig05_stiffness", "fig06_constant_friction"
+PAPER_SPEED, PAPER_LOAD, PAPER_ANGLE = "fig07_speed", "fig08_load", "fig09_arc_angle"
+PAPER_RADIUS, PAPER_WIDTH = "fig10_radius", "fig11_width"
+PAPER_FIGURES = {
+    "4": PAPER_FRICTION,
+    "5": PAPER_STIFFNESS,
+    "6": PAPER_CONSTANT,
+    "7": PAPER_SPEED,
+    "8": PAPER_LOAD,
+    "9": PAPER_ANGLE,
+    "10": PAPER_RADIUS,
+    "11": PAPER_WIDTH,
+}
+"""The figures of the paper by their numbers."""
+PAPER_TABLE, STATEMENTS_TABLE, STATEMENTS = "paper.csv", "statements.csv", "statements.json"
+PAPER_FILES = (PAPER_TABLE, STATEMENTS_TABLE, STATEMENTS, *map(figure_file, PAPER_FIGURES.values()))
+"""The names of all files of the paper's figures."""
+
+SENSITIVITY_TABLE, SENSITIVITY_SUMMARY, QUIET_SCENE = "sensitivity.csv", "sensitivity.json", "quiet.toml"
+SENSITIVITY = "sensitivity"
+SENSITIVITY_FILES = (SENSITIVITY_TABLE, SENSITIVITY_SUMMARY, QUIET_SCENE, figure_file(SENSITIVITY))
+"""The names of all files of a study of sensitivity."""
+
 
 def check_output(folder: Path, files: Iterable[str], *, overwrite: bool) -> None:
     """Raise RequestError where files of these names lie already, or where something else is in the folder's place."""
@@ -91,10 +120,11 @@ def write_whole(path: Path, content: bytes) -> None:
 def _check_place(folder: Path) -> None:
     """Raise RequestError where the innermost part of the path that is there is no folder."""
     there = next(part for part in (folder, *folder.parents) if _is_there(part))
+    place = there if there == folder else f"{folder}: {there}"
     if not there.exists():
-        raise RequestError(f"{folder}: {there} is a link that leads nowhere; choose another folder with -o")
+        raise RequestError(f"{place} is a link that leads nowhere; choose another folder with -o")
     if not there.is_dir():
-        raise RequestError(f"{folder}: {there} is a file, not a folder; choose another with -o")
+        raise RequestError(f"{place} is a file, not a folder; choose another with -o")
 
 
 def _is_there(path: Path) -> bool:

@@ -27,7 +27,7 @@ from drumsqueal.scene.quantities import show
 from drumsqueal.transient.choice import MOST_PATIENCE, Method
 from drumsqueal.transient.integrate import Checkpoint
 from drumsqueal.transient.runge_kutta import AUTO, DEFAULT, IMPLICIT
-from drumsqueal.transient.segment import CHUNK_SAMPLES, State
+from drumsqueal.transient.state import CHUNK_SAMPLES, State
 
 FORMAT = 1
 EVERY = 0.2  # s of computing that may have to be repeated; to write the file takes some 3 ms
@@ -93,9 +93,9 @@ def find_point(folder: Path, scene: Scene) -> Point:
     if not file.exists():
         raise RequestError(f"{folder}: {_why_not(attributes['outcome'])}")
     if there != scene:
-        raise RequestError(f"{folder}: {_difference(there, scene)}; resume with the scene as it was run, or {_ANEW}")
+        raise RequestError(f"{folder}: {difference(there, scene)}; resume with the scene as it was run, or {_ANEW}")
     if attributes["versions"] != json.dumps(versions()):
-        raise RequestError(f"{folder}: {_changed_versions(attributes['versions'])}; go back to those, or {_ANEW}")
+        raise RequestError(f"{folder}: {changed_versions(attributes['versions'])}; go back to those, or {_ANEW}")
     try:
         point = _from_plain(_read_plain(file), scene)
         if not point.reached.samples <= rows or not _is_computed(history, point.reached.samples - 1):
@@ -134,7 +134,7 @@ def _why_not(outcome: str) -> str:
     return f"there is no {RESUME}, without which the run cannot be resumed; {_ANEW}"
 
 
-def _difference(there: Scene, here: Scene) -> str:
+def difference(there: Scene, here: Scene) -> str:
     """The first value in which two scenes differ, and how many others do."""
     old, new = (_leaves(scene.model_dump(mode="json", exclude_none=True)) for scene in (there, here))
     keys = [key for key in old | new if old.get(key) != new.get(key)]
@@ -150,7 +150,8 @@ def _leaves(tables: dict[str, Any], path: str = "") -> dict[str, Any]:
     return leaves
 
 
-def _changed_versions(text: str) -> str:
+def changed_versions(text: str) -> str:
+    """Say which versions, of those in the text of an attribute, are others than those here."""
     here = versions()
     there = dict.fromkeys(here) | json.loads(text)
     changed = [name for name, version in there.items() if version != here.get(name)]

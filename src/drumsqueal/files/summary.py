@@ -9,6 +9,7 @@ import numpy as np
 
 from drumsqueal.comparison.compare import Comparison
 from drumsqueal.comparison.saturation import Saturation
+from drumsqueal.comparison.sticking import Sticking, find_sticking
 from drumsqueal.files.history import versions
 from drumsqueal.files.output_folder import write_whole
 from drumsqueal.linear.modes import Stability
@@ -47,6 +48,7 @@ def summarise(result: Result) -> dict[str, Any]:
             **{key: int(result.history.attrs[key]) for key in ("steps", "rejected_steps")},
             "implicit_share": float(result.history["implicit"].mean()),
         },
+        "sticking": _sticking(find_sticking(result.history)),
     }
 
 
@@ -61,10 +63,20 @@ def summarise_prediction(source: Prepared | Result, outcome: str) -> dict[str, A
         "saturation": None,
         "accuracy": None,
         "integration": None,
+        "sticking": None,
         "held_though_they_would_move": None,
         "model": {key: list(words) for key, words in source.inventory._asdict().items()},
         "scene": source.scene.model_dump(mode="json"),
         "versions": versions(),
+    }
+
+
+def _sticking(sticking: Sticking) -> dict[str, Any]:
+    return {
+        "share": sticking.share,
+        "spells": len(sticking.spells),
+        "first_s": sticking.spells[0][0] if sticking.spells else None,
+        "to_the_end_from_s": sticking.spells[-1][0] if sticking.to_the_end else None,
     }
 
 

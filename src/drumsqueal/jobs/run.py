@@ -37,7 +37,7 @@ def run_into(folder: Path, prepared: Prepared, console: Console, since: Point | 
             raise IntegrationError(f"{outcome}; what was computed is in {folder}")
         result = compared(prepared, history.read())
         stop_if_interrupted()
-        write_results(folder, prepared, result)
+        left_out = write_results(folder, prepared, result)
         if outcome == COMPLETE:
             resume.remove()
     except KeyboardInterrupt:
@@ -45,7 +45,7 @@ def run_into(folder: Path, prepared: Prepared, console: Console, since: Point | 
     except OSError as error:
         cause = f"failed: the disk does not take the results ({error.strerror or error})"
         raise IntegrationError(f"{cause}; {_kept(history, outcome)}") from None
-    print_results(folder, result, console)
+    print_results(folder, result, left_out, console)
     if outcome != COMPLETE:
         again = "; --resume goes on from there" if resume.exists else ""
         raise IntegrationError(f"{outcome}; what was computed is in {folder}{again}")

@@ -5,7 +5,7 @@ from pathlib import Path
 from rich.console import Console
 
 from drumsqueal.figures import draw_all, save_figures
-from drumsqueal.files.output_folder import SUMMARY
+from drumsqueal.files.output_folder import FIGURES, SUMMARY, figure_file
 from drumsqueal.files.summary import summarise, summarise_prediction, write_json
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.jobs.run_tables import print_result
@@ -13,13 +13,17 @@ from drumsqueal.scene.quantities import printable
 from drumsqueal.simulation import Prepared, Result
 
 
-def write_results(folder: Path, prepared: Prepared, result: Result) -> None:
-    """Write summary and figures into the folder. Raises OSError, and KeyboardInterrupt between two files."""
+def write_results(folder: Path, prepared: Prepared, result: Result) -> list[str]:
+    """Write summary and figures into the folder, and return the names of figures for which there was too little.
+
+    Raises OSError, and KeyboardInterrupt between two files.
+    """
     write_json(summarise(result), folder / SUMMARY)
     stop_if_interrupted()
     figures = draw_all(result, prepared.model)
     stop_if_interrupted()
     save_figures(figures, folder)
+    return [figure_file(name) for name in FIGURES if name not in figures]
 
 
 def write_prediction(folder: Path, prepared: Prepared, outcome: str) -> None:
@@ -27,7 +31,9 @@ def write_prediction(folder: Path, prepared: Prepared, outcome: str) -> None:
     write_json(summarise_prediction(prepared, outcome), folder / SUMMARY)
 
 
-def print_results(folder: Path, result: Result, console: Console) -> None:
-    """Print the comparison and where the files are."""
+def print_results(folder: Path, result: Result, left_out: list[str], console: Console) -> None:
+    """Print the comparison, where the files are, and the figures that are `left_out`."""
     print_result(console, result)
+    if left_out:
+        console.print(f"Left out, for the record holds too little motion for it: {', '.join(left_out)}", style="dim")
     console.print(printable(f"History, summary and figures are in {folder}"), soft_wrap=True)

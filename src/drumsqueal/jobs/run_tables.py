@@ -85,7 +85,7 @@ def print_result(console: Console, result: Result) -> None:
         console.print(f"After growth, from {saturation.start_s:.4g} s: {saturation.regime.reason}")
     implicit = float(result.history["implicit"].mean())
     if implicit > 0 and result.scene.simulate.solver == AUTO:
-        console.print(f"Friction is stiff: the implicit method {IMPLICIT} was called for in {implicit:.2g} of the time")
+        console.print(f"Friction is stiff: the implicit method {IMPLICIT} took {100 * implicit:.3g} % of the time")
     _print_balance(console, result)
     console.print(result.comparison.verdict, style="bold")
 

@@ -24,6 +24,14 @@ UNDAMPED_SHARE = 1e-12
 # A double zero (a free coordinate without friction) comes out of the solver split by the root of round-off.
 DRIFT_SHARE = 1e-7
 
+# Why there is no steady sliding.
+AT_REST = "drum.speed is 0 all the time: there is no steady sliding; give the drum a speed"
+NOT_FOUND = "no self-consistent steady sliding was found: the shoe may jam or leave the drum at this load and speed"
+NOT_FINITE = (
+    "the linear model is not finite: a number is out of all proportion; check the shoe's lengths and density, "
+    "the stiffnesses, contact.normal_load, friction, drum.speed and damping.ratio"
+)
+
 
 class Mode(NamedTuple):
     """An oscillating mode: eigenvalue λ (1/s), named by its largest mass-weighted coordinate.
@@ -98,36 +106,51 @@ def analyse_stability(model: Model) -> Stability:
     """
     model, time = while_sliding(model)
     steady, linear = linear_model(model)
-    matrix, (low, high), touching = _about_steady(model, steady, linear)
-    if not bool(jnp.all(jnp.isfinite(steady))):
-        raise SteadyStateError(
-            "no self-consistent steady sliding was found: the shoe may jam or leave the drum at this load and speed"
-        )
-    if not np.all(np.isfinite(np.hstack([np.ravel(matrix), low, high]))):
-        raise SteadyStateError(
-            "the linear model is not finite: a number is out of all proportion; check the shoe's lengths and density, "
-            "the stiffnesses, contact.normal_load, friction, drum.speed and damping.ratio"
-        )
-    eigenvalues, modes = solve_modes(model, np.asarray(matrix))
-    return Stability(
-        coordinates=model.names,
-        mass=np.asarray(model.mass),
-        steady_state=np.asarray(steady),
-        eigenvalues=eigenvalues,
-        modes=modes,
-        pressure_range=(float(low), float(high)),
-        contact_fraction=float(touching),
-        time=time,
-    )
+    return stability_of(model.names, about_steady(model, steady, linear), time)
+
+
+class AboutSteady(NamedTuple):
+    """What the eigenvalue problem at steady sliding q* (n,) is made of.
+
+    The diagonal of the mass matrix (n,), the state matrix (2n, 2n), the smallest and largest pressure (Pa) and the
+    share of the lining that touches the drum.
+    """
+
+    steady: Array
+    mass: Array
+    matrix: Array
+    pressure_range: tuple[Array, Array]
+    contact_fraction: Array
 
 
 @jax.jit
-def _about_steady(model: Model, steady: Array, linear: Linear) -> tuple[Array, tuple[Array, Array], Array]:
-    """The state matrix, the range of pressure and the share in contact at steady sliding q* (n,)."""
+def about_steady(model: Model, steady: Array, linear: Linear) -> AboutSteady:
+    """Matrix, pressure and contact at steady sliding q* (n,), not yet looked at."""
     moment, wide = model.operation.at(0.0), model.widen(steady)
     pressure_range = model.lining.pressure_range(moment, wide)
     touching = model.middle_contact.observe(moment, wide, ZERO).contact_fraction
-    return linear.state_matrix(), pressure_range, touching
+    return AboutSteady(steady, model.mass, linear.state_matrix(), pressure_range, touching)
+
+
+def stability_of(names: tuple[str, ...], found: AboutSteady, time: float = 0.0) -> Stability:
+    """Solve the complex eigenvalue problem of the coordinates with these names. Raises SteadyStateError."""
+    steady, mass, matrix = (np.asarray(each) for each in (found.steady, found.mass, found.matrix))
+    low, high = (float(each) for each in found.pressure_range)
+    if not np.all(np.isfinite(steady)):
+        raise SteadyStateError(NOT_FOUND)
+    if not (np.all(np.isfinite(matrix)) and np.isfinite(low) and np.isfinite(high)):
+        raise SteadyStateError(NOT_FINITE)
+    eigenvalues, modes = _solve(names, mass, matrix)
+    return Stability(
+        coordinates=names,
+        mass=mass,
+        steady_state=steady,
+        eigenvalues=eigenvalues,
+        modes=modes,
+        pressure_range=(low, high),
+        contact_fraction=float(found.contact_fraction),
+        time=time,
+    )
 
 
 def while_sliding(model: Model) -> tuple[Model, float]:
@@ -142,7 +165,7 @@ def while_sliding(model: Model) -> tuple[Model, float]:
         time = np.asarray(speed.time)[(np.asarray(speed.value) != 0) & (np.asarray(speed.time) > 0)]
         if time.size:
             return model.frozen(float(time[0])), float(time[0])
-    raise SteadyStateError("drum.speed is 0 all the time: there is no steady sliding; give the drum a speed")
+    raise SteadyStateError(AT_REST)
 
 
 def growing_without_oscillation(eigenvalues: NDArray[np.complex128]) -> float | None:
@@ -155,9 +178,7 @@ def growing_without_oscillation(eigenvalues: NDArray[np.complex128]) -> float | 
 
 def solve_modes(model: Model, matrix: NDArray[np.float64]) -> tuple[NDArray[np.complex128], tuple[Mode, ...]]:
     """Eigenvalues (2n,), the slowest first, and oscillating modes by rising frequency, of a state matrix (2n, 2n)."""
-    eigenvalues, left, right = _eigen(matrix)
-    order = np.lexsort((eigenvalues.imag, np.abs(eigenvalues.imag)))
-    return eigenvalues[order], _modes(model, eigenvalues, left, right)
+    return _solve(model.names, np.asarray(model.mass), matrix)
 
 
 @partial(jax.jit, static_argnames="mode")
@@ -190,9 +211,19 @@ def _eigen(matrix: NDArray[np.float64]) -> tuple[Complex, Complex, Complex]:
     return values, left, right
 
 
-def _modes(model: Model, eigenvalues: Complex, left: Complex, right: Complex) -> tuple[Mode, ...]:
-    n = len(model.coordinates)
-    weight = np.sqrt(np.asarray(model.mass))
+def _solve(
+    names: tuple[str, ...], mass: NDArray[np.float64], matrix: NDArray[np.float64]
+) -> tuple[Complex, tuple[Mode, ...]]:
+    eigenvalues, left, right = _eigen(matrix)
+    order = np.lexsort((eigenvalues.imag, np.abs(eigenvalues.imag)))
+    return eigenvalues[order], _modes(names, mass, eigenvalues, left, right)
+
+
+def _modes(
+    names: tuple[str, ...], mass: NDArray[np.float64], eigenvalues: Complex, left: Complex, right: Complex
+) -> tuple[Mode, ...]:
+    n = len(names)
+    weight = np.sqrt(mass)
     largest = np.max(np.abs(eigenvalues))
     modes = []
     for k in np.argsort(eigenvalues.imag):
@@ -202,7 +233,7 @@ def _modes(model: Model, eigenvalues: Complex, left: Complex, right: Complex) ->
         shape = right[:, k] / right[main, k]
         projection = left[:, k] / np.conj(np.vdot(left[:, k], shape))
         unstable = bool(eigenvalues[k].real > UNDAMPED_SHARE * largest)
-        name = model.names[main]
+        name = names[main]
         earlier = sum(mode.name == name for mode in modes)
         label = f"{name} ({earlier + 1})" if earlier else name
         modes.append(Mode(name, label, complex(eigenvalues[k]), unstable, shape, projection))

@@ -28,6 +28,7 @@ from drumsqueal.scene.tables import (
     Table,
     Title,
 )
+from drumsqueal.scene.uncertain import Distribution, Distributions, reach
 
 __all__ = [
     "COORDINATES",
@@ -56,7 +57,8 @@ _PHYSICAL_TABLES = ("shoe", "support", "contact", "friction", "drum", "damping",
 class Scene(Table):
     """One scene, checked, in SI: what brake, what acts on it, how it starts and how long it runs.
 
-    A table that is None (support, friction, damping, forcing) is an effect the scene does not call for.
+    A table that is None (support, friction, damping, forcing) is an effect the scene does not call for. `uncertain`
+    holds distributions of its numbers, which a random sweep draws from and everything else leaves aside.
     """
 
     title: Title = ""
@@ -70,6 +72,7 @@ class Scene(Table):
     steady: Steady = Field(default_factory=Steady)
     start: Start = Field(default_factory=Start)
     simulate: Simulate
+    uncertain: Annotated[Mapping[str, Distribution] | None, Distributions()] = None
 
     @model_validator(mode="after")
     def _starts_what_moves(self) -> "Scene":
@@ -85,11 +88,28 @@ class Scene(Table):
                     raise SceneError(reason, (*path, name), value)
         return self
 
+    @model_validator(mode="after")
+    def _takes_what_is_uncertain(self) -> "Scene":
+        certain = None if not self.uncertain else self.model_copy(update={"uncertain": None})
+        for key, distribution in (self.uncertain or {}).items():
+            assert certain is not None
+            if not isinstance(self.numbers().get(key), float):
+                reason = "this scene has no such number, or has a profile there; remove it here, or give it one value"
+                raise SceneError(reason, ("uncertain", key))
+            for value in reach(distribution):
+                try:
+                    certain.with_values({key: value})
+                except SceneError as error:
+                    told = error.reason.removeprefix(f"{key} = {value!r}: ")
+                    truncate = f"draws reach {value:.6g}, and {told}; truncate the distribution with low and high"
+                    raise SceneError(truncate, ("uncertain", key)) from None
+        return self
+
     def with_values(self, values: Mapping[str, Any]) -> "Scene":
         """Return the scene with values put in by dotted key: `scene.with_values({"drum.speed": "3 rad/s"})`.
 
         The values are as in a file: numbers in SI, strings with a unit, whole tables as mappings; None leaves out one
-        of the tables support, friction, damping and forcing. Raises SceneError.
+        of the tables support, friction, damping, forcing and uncertain. Raises SceneError.
         """
         tables = self._tables()
         for key, value in values.items():

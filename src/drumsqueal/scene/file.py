@@ -9,7 +9,7 @@ from typing import Any
 
 from drumsqueal.scene.quantities import SceneError
 
-OPTIONAL_TABLES = ("support", "friction", "damping", "forcing")
+OPTIONAL_TABLES = ("support", "friction", "damping", "forcing", "uncertain")
 """The tables that a scene may leave out; `--set friction=none` leaves one out."""
 
 _DEEPEST = 10  # parts of a dotted key
@@ -58,8 +58,10 @@ def _parsed(content: bytes, name: str) -> dict[str, Any]:
         reason = f"the file is not UTF-8 text (byte {error.start}); save it as UTF-8"
     except RecursionError:
         reason = "the tables are nested too deeply; a scene has two levels"
-    except ValueError as error:  # TOMLDecodeError, and an integer of more digits than Python reads
+    except tomllib.TOMLDecodeError as error:
         reason = f"the file is not TOML: {error}; see the example scenes"
+    except ValueError as error:
+        reason = f"the file is no scene: {error}"
     raise SceneError(reason, (name,))
 
 
@@ -67,14 +69,19 @@ def _loads(text: str) -> dict[str, Any]:
     """Read TOML; raises ValueError and RecursionError."""
     if any(word["long"] for word in _WORDS.finditer(text)):
         raise ValueError(f"a key has more than {_DEEPEST} parts")
-    return tomllib.loads(text)
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError:
+        raise
+    except ValueError:  # which Python words for programmers
+        raise ValueError("an integer has more digits than can be read; write it as 1e30") from None
 
 
 def apply_setting(tables: Mapping[str, Any], setting: str) -> dict[str, Any]:
     """Return the tables with one "KEY=VALUE" of `--set` put in; raises SceneError.
 
     KEY is the dotted path in the file. VALUE is read as a TOML value and, if it is none, as a string. It replaces
-    whatever was there; `none` leaves out one of the optional tables (support, friction, damping, forcing).
+    whatever was there; `none` leaves out one of the optional tables (support, friction, damping, forcing, uncertain).
     """
     key, equals, text = setting.partition("=")
     if not equals:
@@ -110,7 +117,10 @@ def replace_value(tables: Mapping[str, Any], key: str, value: Any) -> dict[str, 
 
 
 def _replaced(tables: Mapping[str, Any], parts: list[str], value: Any, done: int = 0) -> dict[str, Any]:
-    name = parts[done]
+    # A quoted key of the file, such as "drum.speed" in the table uncertain, holds dots of its own.
+    quoted = (key for key in tables if "." in key and f"{'.'.join(parts[done:])}.".startswith(f"{key}."))
+    name = next(quoted, parts[done])
+    done += name.count(".")
     if done + 1 < len(parts):
         inner = tables.get(name, {})
         if not isinstance(inner, Mapping):

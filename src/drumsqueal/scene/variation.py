@@ -48,7 +48,7 @@ def read_variation(text: str, scene: Scene, *, option: str = "--along", points: 
         key, equals, written = (part.strip() for part in text.partition("="))
         if not equals:
             raise SceneError(f"write {SYNTAX if points else 'KEY=FROM..TO'}, such as {EXAMPLE if points else _RANGE}")
-        unit = _unit(key, scene)
+        unit = unit_of(key, scene)
         counted = _COUNT.fullmatch(written)
         if counted and points is None:
             raise SceneError(f"a range takes no number of values; leave out x{counted['count']}")
@@ -70,7 +70,8 @@ def _headed(place: str, error: SceneError) -> SceneError:
     return SceneError(error.reason if not error.path or error.path == ("scene",) else str(error), (place,))
 
 
-def _unit(key: str, scene: Scene) -> str:
+def unit_of(key: str, scene: Scene) -> str:
+    """The SI unit of a number of a scene's brake; raises SceneError for a key that is none, or that is a profile."""
     numbers = scene.numbers()
     if isinstance(_found(scene, key), Profile):
         key = ".".join(key.split(".")[:2])  # without time or value

@@ -16,7 +16,8 @@ from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.kernel import one_kernel
 from drumsqueal.model import Model
 from drumsqueal.quadrature.independent import CLENSHAW_CURTIS, TANH_SINH, IndependentSurface
-from drumsqueal.transient.segment import State, motion_scale
+from drumsqueal.transient.segment import motion_scale
+from drumsqueal.transient.state import State
 
 # The reference, the run that says how good it is, and another method that confirms it, each with its tolerance.
 FIRST, SECOND, THIRD = 1e-13, 1e-12, 1e-12

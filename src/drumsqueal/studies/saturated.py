@@ -18,7 +18,8 @@ from drumsqueal.signals import amplitude_spectrum, spectral_peaks
 from drumsqueal.transient.batch import integrate_many
 from drumsqueal.transient.integrate import Checkpoint, integrate
 from drumsqueal.transient.runge_kutta import AUTO, DEFAULT, is_explicit
-from drumsqueal.transient.segment import CHUNK_SAMPLES, State, first_step
+from drumsqueal.transient.segment import first_step
+from drumsqueal.transient.state import CHUNK_SAMPLES, State
 
 # Transients a thread at once. A number that never changes: each takes a program of its own, and what is left over
 # starts at NaN, which costs nothing.

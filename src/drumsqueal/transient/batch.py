@@ -20,16 +20,8 @@ from drumsqueal.kernel import compiled, one_kernel
 from drumsqueal.model import Model
 from drumsqueal.scene.tables import LEAST_TOLERANCE, MOST_TOLERANCE
 from drumsqueal.transient.runge_kutta import DEFAULT, STAGES, is_explicit
-from drumsqueal.transient.segment import (
-    CHUNK_SAMPLES,
-    STEP_BUDGET,
-    Span,
-    State,
-    advance_scaled,
-    first_step,
-    local_tolerance,
-    resolution,
-)
+from drumsqueal.transient.segment import STEP_BUDGET, advance_scaled, first_step, local_tolerance, resolution
+from drumsqueal.transient.state import CHUNK_SAMPLES, Span, State
 
 
 class Batch(NamedTuple):

@@ -19,7 +19,8 @@ from drumsqueal.model import Model
 from drumsqueal.precision import real
 from drumsqueal.transient.choice import Method
 from drumsqueal.transient.runge_kutta import AUTO, IMPLICIT, STAGES, is_explicit
-from drumsqueal.transient.segment import CHUNK_SAMPLES, STEP_BUDGET, Segment, Span, State, first_step
+from drumsqueal.transient.segment import STEP_BUDGET, Segment, first_step
+from drumsqueal.transient.state import CHUNK_SAMPLES, Span, State
 from drumsqueal.transient.stick_slip import StickSlip
 
 STICKING = 1e-3  # m/s; friction power over normal force below which a collapsed step means a sticking lining

@@ -15,10 +15,10 @@ from drumsqueal.model import Model
 from drumsqueal.transient.passing import Step, share_to_rest
 from drumsqueal.transient.runge_kutta import DEFAULT, LOCAL_SHARE, make_solver
 from drumsqueal.transient.sdirk import Stages
+from drumsqueal.transient.state import Span, State
 from drumsqueal.transient.stepping import Attempt, Stepped, step_through
 from drumsqueal.transient.sticking import slip, slip_acceleration, slip_motion
 
-CHUNK_SAMPLES = 500  # samples a chunk: some 50 ms of computing in the plane, so that Ctrl-C and the bar respond
 # Steps a chunk: a run that exceeds it is stuck, and says so. Samples hold two to a period at least, so 500 of them take
 # some thousand steps; a tolerance of 1e-13 takes ten times as many, and so do edges.
 STEP_BUDGET = 100_000
@@ -31,57 +31,6 @@ ROUND_OFF = 16 * np.finfo(np.float64).eps
 # Slip below this many tolerances of the vibration's own counts as none: there the lining sticks, or it slips on.
 SLIP_SHARE = 1.0
 FIRST_STEP_SHARE = 0.01  # first step over the period of the highest frictionless mode, divided by 2π
-
-
-class State(NamedTuple):
-    """Displacement from steady sliding (n,), velocity (n,) and energy fed in so far beyond the stored one (J).
-
-    The solver sees it as one flat array, which takes less than half the time of a tree of three.
-    """
-
-    departure: Array
-    velocity: Array
-    work: Array
-
-    def flat(self) -> Array:
-        """One array (2n + 1,)."""
-        return jnp.concatenate([self.departure, self.velocity, self.work[None]])
-
-    @staticmethod
-    def split(flat: Array) -> "State":
-        """From an array (..., 2n + 1)."""
-        n = flat.shape[-1] // 2
-        return State(flat[..., :n], flat[..., n : 2 * n], flat[..., 2 * n])
-
-
-class Span(NamedTuple):
-    """One chunk in time: its start (s), the interval between samples (s), and how many there are after the first.
-
-    It is entered `offset` and left `until` (s) after its start, if that is before its end. What is prescribed over time
-    is taken from within `after` and `before` (s of the transient): where it jumps, from this side of the jump.
-    """
-
-    start: Any  # numbers outside a compiled call, arrays within
-    interval: Any
-    samples: Any
-    offset: Any = np.float64(0)
-    until: Any = np.float64(np.inf)
-    after: Any = np.float64(-np.inf)
-    before: Any = np.float64(np.inf)
-
-    @property
-    def length(self) -> Any:
-        """From its start to its end (s)."""
-        return self.samples * self.interval
-
-    @property
-    def now(self) -> Any:
-        """Where it is entered, as a time at which to ask for what is prescribed (s of the transient)."""
-        return self.inside(self.start + self.offset)
-
-    def inside(self, time: Any) -> Any:
-        """A time (s of the transient) at which to ask for what is prescribed."""
-        return jnp.clip(time, self.after, self.before)
 
 
 class Segment(NamedTuple):
@@ -181,8 +130,7 @@ def advance_scaled(
     """
     inverse = 1 / scale
     # Time is counted from the start of the chunk: a step is then known to more digits.
-    time = jnp.minimum(jnp.arange(CHUNK_SAMPLES + 1), span.samples) * jnp.asarray(span.interval)
-    time = jnp.clip(time, span.offset, jnp.minimum(span.until, span.length))
+    time = span.grid
 
     def vector_field(t: Array, scaled: Array) -> Array:
         now = State.split(scaled * scale)

@@ -15,6 +15,7 @@ from jax import Array
 # A proportional part in the step-size control halves the rejected steps where edges make kinks.
 PROPORTIONAL, INTEGRAL = 0.3, 0.4
 NEARLY = 1e-10  # of the span: a step that ends so close to the end goes there
+JUST_SHORT = 1 - 1e-9  # of a step: one that ends so little after rest ends at rest, for again it would be no shorter
 Norm = Callable[[Array], Array]
 
 
@@ -103,6 +104,7 @@ def step_through(
         # A step that was cut short at the end says little about the next one.
         next_step = jnp.where(keep & (there == end), jnp.maximum(following - time, now.step), following - time)
         interpolation = solver.interpolation_cls(t0=now.time, t1=there, **dense)
+        rests = jnp.zeros((), bool)
         if passes is not None:
             # What a method keeps from step to step is its last slope.
             attempt = Attempt(
@@ -110,7 +112,9 @@ def step_through(
             )
             share = passes(attempt)
             # Cut so little short it would go to the end all the same.
-            again = jnp.asarray(keep) & (share < 1) & (now.time + share * (there - now.time) <= nearly)
+            short = share < JUST_SHORT
+            rests = jnp.asarray(keep) & (share < 1) & ~short
+            again = jnp.asarray(keep) & short & (now.time + share * (there - now.time) <= nearly)
             keep, time = keep & ~again, jnp.where(again, now.time, jnp.asarray(time))
             next_step = jnp.where(again, share * (there - now.time), next_step)
             controller_state = jax.tree.map(
@@ -123,7 +127,7 @@ def step_through(
         return _Now(
             jnp.asarray(time), next_step, state, solver_state, controller_state, sampled, samples, now.steps + 1,
             now.kept + jnp.where(keep, 1, 0),
-            jnp.zeros((), bool) if halts is None else jnp.asarray(keep) & halts(jnp.asarray(time), state),
+            rests if halts is None else rests | (jnp.asarray(keep) & halts(jnp.asarray(time), state)),
         )  # fmt: skip
 
     none = jnp.zeros((), int)

@@ -12,7 +12,8 @@ from scipy.optimize import brentq
 from drumsqueal.effects.schedule import Constant
 from drumsqueal.model import Model
 from drumsqueal.transient.choice import Choice, Method
-from drumsqueal.transient.segment import CHUNK_SAMPLES, Segment, Span, State, advance, least_slip
+from drumsqueal.transient.segment import Segment, advance, least_slip
+from drumsqueal.transient.state import Span, State
 from drumsqueal.transient.sticking import can_stick, drum_motion, drum_motions, held, hold, hold_surely, slip
 
 AWAY = 2.0  # times the slip that counts as none: what a lining that cannot stick goes on with
@@ -40,6 +41,7 @@ class StickSlip:
         self._held: Model | None = held(model) if sticks else None  # the model that sticks, while it does
         self._stuck = sticks  # whether it did when that was noted last
         self._jumps, self._margin = _jumps(model)
+        self._made = 0  # steps in the chunk at hand, or since its method was taken
         self._choice = Choice(solver, float(tolerance), method)
         self.solvers: set[str] = set()  # that made the last chunk
         self.changes: list[tuple[float, bool]] = []  # in the last chunk: when (s), and whether it sticks from then on
@@ -56,7 +58,7 @@ class StickSlip:
 
     def through(self, state: State, span: Span, step: Array) -> Segment:
         """One chunk."""
-        whole, self.solvers, self.changes = None, set(), []
+        whole, self.solvers, self.changes, self._made = None, set(), [], 0
         self._choice.begin()
         for _ in range(MOST_CHANGES):
             span, fresh = self._between_jumps(span)
@@ -66,6 +68,7 @@ class StickSlip:
             stuck = self._held is not None
             segment = self._stick(state, span, step) if stuck else self._slip(state, span, step)
             whole = segment if whole is None else _joined(whole, segment, span)
+            self._made += int(segment.steps)
             state, step = segment.final, segment.step
             span = span._replace(offset=np.float64(segment.time))
             if bool(segment.halted):
@@ -73,8 +76,11 @@ class StickSlip:
             if float(whole.time) >= float(span.length):
                 self._note(span)
                 return whole._replace(final=state, reached=jnp.asarray(True))
-            if not (bool(segment.halted) or bool(segment.reached) or self._choice.switch()):
+            if bool(segment.halted) or bool(segment.reached):
+                continue
+            if not self._choice.switch():
                 break
+            self._made = 0
         assert whole is not None
         return _only_reached(whole, span)
 
@@ -117,7 +123,7 @@ class StickSlip:
         """Slip to the end of the span, until hardly anything slips, or as far as the method gets."""
         self.solvers.add(self._choice.solver)
         arguments = (self._model, self._steady, state, span, self._tolerance, step, self._choice.solver)
-        sticks, budget = self._may_stick(span), np.int64(self._choice.budget)
+        sticks, budget = self._may_stick(span), np.int64(max(self._choice.budget - self._made, 0))
         try:
             return advance(*arguments, self._in_kernel, sticks, budget)
         except JaxRuntimeError:
@@ -130,7 +136,7 @@ class StickSlip:
     def _stick(self, state: State, span: Span, step: Array) -> Segment:
         """Move with the drum to the end of the span, or until friction no longer holds."""
         segment = self._moved(state, span, step)
-        times = _sample_times(span)
+        times = float(span.start) + np.asarray(span.grid)
         displacement = self._steady + segment.states.departure
         surely = hold_surely(self._model, span.inside(times), displacement, segment.states.velocity)
         before = float(span.start + span.offset)
@@ -145,7 +151,7 @@ class StickSlip:
         """Move with the drum: at its own speed, which the integral of its rate has but to the tolerance."""
         assert self._held is not None
         segment = advance(self._held, self._steady, state, span, self._tolerance, step, self._choice.explicit)
-        velocity = drum_motions(self._model, span.inside(_sample_times(span)), segment.states.velocity)
+        velocity = drum_motions(self._model, span.inside(span.start + span.grid), segment.states.velocity)
         final = drum_motion(self._model, span.inside(span.start + segment.time), segment.final.velocity)
         return segment._replace(
             states=segment.states._replace(velocity=velocity), final=segment.final._replace(velocity=final)
@@ -199,12 +205,6 @@ def _jumps(model: Model) -> tuple[np.ndarray, float]:
     rests = time[(value == 0) & ((padded[:-2] != 0) | (padded[2:] != 0))]
     jumps = np.sort(np.concatenate([crossed, rests]))
     return np.concatenate([[0.0], jumps[jumps > 0]]), BESIDE * float(np.max(np.abs(time)))
-
-
-def _sample_times(span: Span) -> np.ndarray:
-    """Times (s of the transient) of a segment's samples."""
-    times = np.minimum(np.arange(CHUNK_SAMPLES + 1), int(span.samples)) * float(span.interval)
-    return float(span.start) + np.clip(times, float(span.offset), min(float(span.until), float(span.length)))
 
 
 def _only_reached(whole: Segment, span: Span) -> Segment:

@@ -54,7 +54,7 @@ class Held(Model):
     def act(self, time: ArrayLike, q: Array, v: Array) -> tuple[Array, Array]:
         """Force (n,) that makes the motion the drum's, and the power beyond the stored energy (W)."""
         moment = self.operation.at(time)
-        free, power = _without_friction(self, moment, q, v)
+        free, power = _without_friction(self, time, q, v)
         held = _grip(self, moment, free)
         return free + held, power + held @ v
 
@@ -65,7 +65,7 @@ class Held(Model):
         observation = observation._replace(sticking=jnp.ones(()))
         if not isinstance(self.contact, Contact):
             return observation
-        wide = self.widen(_grip(self, moment, _without_friction(self, moment, q, v)[0]))
+        wide = self.widen(_grip(self, moment, _without_friction(self, time, q, v)[0]))
         # Of R ∫F_θ dA − c ∫F_θ cos θ dA, the force on Tz, and ∫F_θ cos θ dA, that on Y.
         torque = jnp.asarray(wide[TZ] + self.shoe.centroid * wide[Y] + jnp.zeros(()))
         return observation._replace(brake_torque=torque)
@@ -116,7 +116,7 @@ class Grip(NamedTuple):
 def grip(model: Model, time: ArrayLike, q: Array, v: Array, directions: Array) -> Grip:
     """The force needed at a displacement q (n,), and the farthest points of the limit surface; v tells what is free."""
     moment = model.operation.at(time)
-    needed = _grip(model, moment, _without_friction(model, moment, q, v)[0])
+    needed = _grip(model, moment, _without_friction(model, time, q, v)[0])
     friction = model.contact.friction
     assert friction is not None
     static = Friction(ConstantLaw(static_coefficient(friction.law)), friction.direction)
@@ -131,11 +131,9 @@ def grip(model: Model, time: ArrayLike, q: Array, v: Array, directions: Array) -
     return Grip(needed, jax.lax.map(farthest, directions))
 
 
-def _without_friction(model: Model, moment: Moment, q: Array, v: Array) -> tuple[Array, Array]:
-    wide_q, wide_v = model.widen(q), model.widen(v)
-    actions = [effect.act(moment, wide_q, wide_v) for effect in (model.contact.with_friction(None), *model.others)]
-    force = [sum(action.force[i] for action in actions) + jnp.zeros(()) for i in model.coordinates]
-    return jnp.stack(force), jnp.asarray(sum(action.power for action in actions) + jnp.zeros(()))
+def _without_friction(model: Model, time: ArrayLike, q: Array, v: Array) -> tuple[Array, Array]:
+    smooth = dataclasses.replace(model, contact=model.contact.with_friction(None))
+    return Model.act(smooth, time, q, v)  # not that of a model held, which asks for this
 
 
 def _grip(model: Model, moment: Moment, free: Array) -> Array:

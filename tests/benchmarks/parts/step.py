@@ -30,7 +30,8 @@ from drumsqueal.kernel import compiled, one_kernel
 from drumsqueal.model import Model, build_model
 from drumsqueal.simulation import prepare, transient
 from drumsqueal.transient.runge_kutta import DEFAULT, STAGES
-from drumsqueal.transient.segment import CHUNK_SAMPLES, Segment, Span, State, advance, first_step
+from drumsqueal.transient.segment import Segment, advance, first_step
+from drumsqueal.transient.state import CHUNK_SAMPLES, Span, State
 
 from .record import Record
 from .scenes import DURATION, SAMPLE_RATE, growing_scene

@@ -1,0 +1,110 @@
+"""How large the motion ends, and at which frequency: maps or curves of a grid, dots of draws."""
+
+from typing import NamedTuple
+
+import numpy as np
+import xarray
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+
+from drumsqueal.comparison.departure import ROTATIONS
+from drumsqueal.figures import style
+from drumsqueal.figures.slices import Panel, fixed_in_words, label_of, panels, thinned
+from drumsqueal.figures.style import frame, new_figure, styled
+from drumsqueal.files.sweep import TRENDS
+from drumsqueal.scene import COORDINATES
+from drumsqueal.studies.sweep_plan import Plan
+
+COLOURS = "viridis"
+
+
+class Quantity(NamedTuple):
+    """What is drawn: values at every point, and what they are."""
+
+    label: str
+    values: xarray.DataArray
+    colour: str
+
+
+@styled()
+def draw_amplitude(sweep: xarray.Dataset, plan: Plan) -> Figure | None:
+    """Draw amplitude of the coordinate that moves most and main frequency; None where no transient came to its end."""
+    shown = _quantities(sweep)
+    if not shown:
+        return None
+    if plan.draws:
+        return _draw_draws(sweep, plan, shown)
+    return _draw_curves(sweep, plan, shown) if len(plan.keys) == 1 else _draw_maps(sweep, plan, shown)
+
+
+def _quantities(sweep: xarray.Dataset) -> list[Quantity]:
+    main = sweep["main_coordinate"].values
+    if not np.any(main >= 0):
+        return []
+    # Of the coordinate that carries the motion at most points.
+    index = int(np.bincount(main[main >= 0].ravel()).argmax())
+    name = COORDINATES[index]
+    scale, unit = (1e3, "mrad") if name in ROTATIONS else (1e6, "µm")
+    amplitude = sweep["amplitude"].isel(coordinate=index) * scale
+    return [
+        Quantity(f"amplitude of {name} ({unit})", amplitude, style.COLOUR[name]),
+        Quantity("main frequency (Hz)", sweep["main_frequency"], style.DARK),
+    ]
+
+
+def _draw_maps(sweep: xarray.Dataset, plan: Plan, shown: list[Quantity]) -> Figure:
+    grows = sweep["trend"].values == TRENDS.index("grows")
+    told = "; dots: it still grows" if grows.any() else ""
+    figure = new_figure(plan.scene.title, f"the end of the transients{fixed_in_words(sweep, plan)}{told}")
+    rows = panels(figure, sweep, plan, rows=len(shown))
+    share = len(rows) // len(shown)
+    for k, quantity in enumerate(shown):
+        mine = [panel for row in rows[k * share : (k + 1) * share] for panel in row]
+        known = quantity.values.values[np.isfinite(quantity.values.values)]
+        scale = Normalize(float(known.min()), float(known.max())) if known.size else Normalize()
+        for panel in mine:
+            _draw_panel(panel, quantity, sweep["trend"], plan, scale)
+        for row in rows[k * share : (k + 1) * share]:
+            frame(row[0].axes, None, label_of(sweep, plan.keys[1]))
+        bar = figure.colorbar(ScalarMappable(scale, COLOURS), ax=[panel.axes for panel in mine], pad=0.02)
+        bar.set_label(quantity.label)
+        bar.ax.tick_params(labelsize=style.SMALL_SIZE)
+    return figure
+
+
+def _draw_panel(panel: Panel, quantity: Quantity, trend: xarray.DataArray, plan: Plan, scale: Normalize) -> None:
+    axes, select = panel
+    part = thinned(xarray.Dataset({"shown": quantity.values, "trend": trend}), plan, select)
+    x, y = (part[key].values for key in plan.keys[:2])
+    axes.set_facecolor(style.FAINT)
+    axes.pcolormesh(x, y, part["shown"].values, cmap=COLOURS, norm=scale, shading="nearest", rasterized=True)
+    row, column = np.nonzero(part["trend"].values == TRENDS.index("grows"))
+    axes.plot(x[column], y[row], ".", color="white", markersize=2, markeredgewidth=0)
+    axes.tick_params(which="both", labelsize=style.SMALL_SIZE)
+
+
+def _draw_curves(sweep: xarray.Dataset, plan: Plan, shown: list[Quantity]) -> Figure:
+    figure = new_figure(plan.scene.title, "the end of the transients")
+    both = figure.subplots(2, 1, sharex=True)
+    for axes, quantity in zip(both, shown, strict=True):
+        axes.plot(sweep[plan.keys[0]].values, quantity.values.values, ".-", color=quantity.colour, markersize=3)
+        frame(axes, None, quantity.label)
+    frame(both[-1], label_of(sweep, plan.keys[0]), None)
+    return figure
+
+
+def _draw_draws(sweep: xarray.Dataset, plan: Plan, shown: list[Quantity]) -> Figure:
+    figure = new_figure(plan.scene.title, f"the end of the transients of {plan.draws} draws")
+    for axes, quantity in zip(figure.subplots(2, 1, sharex=True), shown, strict=True):
+        _draw_dots(axes, sweep, quantity)
+    frame(axes, "largest growth rate predicted (1/s)", None)
+    return figure
+
+
+def _draw_dots(axes: Axes, sweep: xarray.Dataset, quantity: Quantity) -> None:
+    axes.axvline(0, color=style.DARK, linewidth=0.6)
+    growth = sweep["largest_growth_rate"].values
+    axes.plot(growth, quantity.values.values, ".", color=quantity.colour, markersize=3, alpha=0.6, markeredgewidth=0)
+    frame(axes, None, quantity.label)

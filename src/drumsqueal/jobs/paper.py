@@ -1,0 +1,52 @@
+"""The paper's figures into one folder: their data first, then transients over them, the figures and the statements."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from rich.console import Console
+
+from drumsqueal.figures import save_figures
+from drumsqueal.figures.paper import draw_paper
+from drumsqueal.files.history import versions
+from drumsqueal.files.output_folder import PAPER_TABLE, STATEMENTS, STATEMENTS_TABLE, write_whole
+from drumsqueal.files.summary import write_json
+from drumsqueal.interrupts import stop_if_interrupted
+from drumsqueal.jobs.paper_table import curves_to_csv, describe_statements, print_statements, statements_to_csv
+from drumsqueal.jobs.progress import counting_bar
+from drumsqueal.jobs.study import told_what_is_kept
+from drumsqueal.scene import Scene
+from drumsqueal.scene.quantities import printable
+from drumsqueal.studies.paper import PaperStudy, study_paper
+from drumsqueal.studies.paper_curves import Curve, FrictionCurve
+
+
+def study_into(folder: Path, scene: Scene, console: Console) -> None:
+    """Recompute the paper's figures, write them with their data into the folder and print the statements.
+
+    Raises IntegrationError for a study that failed or was interrupted; the curves made until then are in the table.
+    """
+    with told_what_is_kept(folder / PAPER_TABLE):
+        study = _study(folder, scene, console)
+        table = curves_to_csv(study.friction, study.curves, study.points)
+        write_whole(folder / PAPER_TABLE, table.encode())
+        write_whole(folder / STATEMENTS_TABLE, statements_to_csv(study.statements).encode())
+        found = {"scene": scene.model_dump(mode="json"), "statements": describe_statements(study.statements)}
+        write_json(found | {"versions": versions()}, folder / STATEMENTS)
+        stop_if_interrupted()
+        save_figures(draw_paper(study), folder)
+        stop_if_interrupted()
+    print_statements(console, study.statements)
+    console.print(printable(f"Figures, their data and the statements are in {folder}"), soft_wrap=True)
+
+
+def _study(folder: Path, scene: Scene, console: Console) -> PaperStudy:
+    with counting_bar(console) as progress:
+        task = progress.add_task("eigenvalues", total=None)
+
+        def keep(friction: FrictionCurve, curves: Mapping[str, Curve]) -> None:
+            write_whole(folder / PAPER_TABLE, curves_to_csv(friction, curves, {}).encode())
+
+        def show(label: str, number: int, count: int) -> None:
+            progress.update(task, description=label, completed=number, total=count)
+
+        return study_paper(scene, on_curves=keep, on_point=show)

@@ -1,0 +1,145 @@
+"""What a sweep leaves beside its file: summary, figures, and what it found on the terminal."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from drumsqueal.figures import save_figures
+from drumsqueal.figures.amplitude import draw_amplitude
+from drumsqueal.figures.chance import draw_chance
+from drumsqueal.figures.stability import draw_stability
+from drumsqueal.files.history import versions
+from drumsqueal.files.output_folder import AMPLITUDE, CHANCE, STABILITY, SWEEP, SWEEP_SUMMARY
+from drumsqueal.files.summary import write_json
+from drumsqueal.files.sweep import COMPUTED, OUTCOMES, TRENDS
+from drumsqueal.interrupts import stop_if_interrupted
+from drumsqueal.scene import COORDINATES
+from drumsqueal.scene.quantities import printable
+from drumsqueal.studies.chance import ChanceStudy, study_chance
+from drumsqueal.studies.sweep_plan import Plan
+
+Summary = dict[str, Any]
+
+
+def write_results(folder: Path, plan: Plan) -> Summary:
+    """Write summary and figures of a whole sweep. Raises OSError, and KeyboardInterrupt between two files."""
+    with xarray.open_dataset(folder / SWEEP, engine="h5netcdf", mask_and_scale=False) as sweep:
+        chances = study_chance(sweep) if plan.draws else None
+        summary = summarise(sweep, plan, chances)
+        write_json(summary, folder / SWEEP_SUMMARY)
+        stop_if_interrupted()
+        figures = {STABILITY: None if plan.draws else draw_stability(sweep, plan)}
+        figures[CHANCE] = None if chances is None else draw_chance(sweep, plan, chances)
+        figures[AMPLITUDE] = draw_amplitude(sweep, plan) if plan.transient else None
+        stop_if_interrupted()
+        save_figures({name: figure for name, figure in figures.items() if figure is not None}, folder)
+    return summary
+
+
+def summarise(sweep: xarray.Dataset, plan: Plan, chances: ChanceStudy | None) -> Summary:
+    """What the sweep found, as plain data."""
+    outcomes, squeal = sweep["outcome"].values, sweep["squeal"].values
+    unstable, which = sweep["unstable"].values == 1, sweep["mode_coordinate"].values
+    growth, frequency = sweep["growth_rate"].values, sweep["frequency"].values
+    modes = {}
+    for index, name in enumerate(COORDINATES):
+        here = unstable & (which == index)
+        points = int(here.any(axis=-1).sum())
+        if points:
+            place = np.unravel_index(np.argmax(np.where(here, growth, -np.inf)), here.shape)
+            modes[name] = {
+                "unstable_points": points,
+                "largest_growth_rate_1_per_s": float(growth[place]),
+                "frequency_there_Hz": float(frequency[place]),
+                "where": _where(sweep, plan, place[:-1]),
+            }
+    found: Summary = {
+        "title": plan.scene.title,
+        "sweep": plan.describe(),
+        "points": plan.points,
+        "outcomes": {OUTCOMES[code]: int((outcomes == code).sum()) for code in OUTCOMES if np.any(outcomes == code)},
+        "points_with_squeal": int((squeal == 1).sum()),
+        "points_with_divergence": int((sweep["divergence_rate"].values > 0).sum()),
+        "modes": modes,
+        "chance": None if chances is None else _plain(chances),
+        "transients": _transients(sweep) if plan.transient else None,
+        "scene": plan.scene.model_dump(mode="json"),
+        "versions": versions(),
+    }
+    return found
+
+
+def _where(sweep: xarray.Dataset, plan: Plan, place: tuple[Any, ...]) -> dict[str, float]:
+    return {key: float(sweep[key].values[place[0] if plan.draws else place[k]]) for k, key in enumerate(plan.keys)}
+
+
+def _plain(chances: ChanceStudy) -> Summary:
+    told = chances._asdict() | {"squeal": chances.squeal._asdict()}
+    return told | {"modes": {name: each._asdict() for name, each in chances.modes.items()}}
+
+
+def _transients(sweep: xarray.Dataset) -> Summary:
+    trend = sweep["trend"].values
+    counts = {name: int((trend == code).sum()) for code, name in enumerate(TRENDS) if np.any(trend == code)}
+    done = sweep["outcome"].values == COMPUTED
+    largest = np.max(sweep["amplitude"].values[done], axis=0, initial=0.0)
+    return {"trends": counts, "largest_amplitude": dict(zip(COORDINATES, largest.tolist(), strict=True))}
+
+
+def print_sweep(console: Console, plan: Plan, summary: Summary) -> None:
+    """Print how often each mode squeals and, of draws, how likely that is and what it follows."""
+    if plan.draws:
+        console.print(_chance_table(summary))
+        _print_correlations(console, summary["chance"])
+    else:
+        console.print(_grid_table(plan, summary))
+    told = summary["transients"]
+    if told is not None:
+        trends = ", ".join(f"{count} {name}" for name, count in told["trends"].items())
+        console.print(f"Transients at their end: {trends or 'none'}")
+    if summary["points_with_divergence"]:
+        console.print(f"Diverges without oscillation at {summary['points_with_divergence']} points")
+    for name, count in summary["outcomes"].items():
+        if name != OUTCOMES[COMPUTED]:
+            console.print(f"{count} of {plan.points} points: {name.replace('_', ' ')}")
+
+
+def _grid_table(plan: Plan, summary: Summary) -> Table:
+    title = f"Squeal at {summary['points_with_squeal']} of {plan.points} points"
+    table = Table(title=title, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    for heading in ("mode", "points", "most 1/s", "Hz there", "where"):
+        table.add_column(heading, justify="left" if heading in ("mode", "where") else "right")
+    for name, mode in summary["modes"].items():
+        where = ", ".join(f"{key} {value:.4g}" for key, value in mode["where"].items())
+        growth, frequency = mode["largest_growth_rate_1_per_s"], mode["frequency_there_Hz"]
+        table.add_row(name, str(mode["unstable_points"]), f"{growth:+.3f}", f"{frequency:.2f}", where)
+    return table
+
+
+def _chance_table(summary: Summary) -> Table:
+    chances = summary["chance"]
+    table = Table(title=f"Chance of squeal, from {summary['points']} draws", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    for heading in ("mode", "chance", "95 % from", "to", "most 1/s"):
+        table.add_column(heading, justify="left" if heading == "mode" else "right")
+    rows = {} if chances is None else {"any": chances["squeal"]} | chances["modes"]
+    for name, each in rows.items():
+        mode = summary["modes"].get(name)
+        growth = "" if mode is None else f"{mode['largest_growth_rate_1_per_s']:+.3f}"
+        table.add_row(name, *(f"{100 * each[key]:.2f} %" for key in ("share", "low", "high")), growth)
+    return table
+
+
+def _print_correlations(console: Console, chances: Summary | None) -> None:
+    if chances is None:
+        return
+    known = {key: value for key, value in chances["correlations"].items() if value is not None}
+    ordered = sorted(known, key=lambda key: -abs(known[key]))
+    told = ", ".join(f"{key} {known[key]:+.2f}" for key in ordered)
+    if told:
+        noise = f"below {chances['noise']:.2f} is chance"
+        console.print(printable(f"The largest growth rate follows (rank correlation; {noise}): {told}"))

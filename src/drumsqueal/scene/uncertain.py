@@ -1,0 +1,236 @@
+"""Numbers of a scene that are not known exactly: the table `uncertain`, a distribution for each, in SI."""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict, dataclass, fields
+from difflib import get_close_matches
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydantic_core import core_schema
+
+from drumsqueal.scene.quantities import SceneError, parse_quantity
+from drumsqueal.scene.tables import FRICTION_LAWS, Contact, Damping, Drum, PerCoordinate, Quantity, Shoe, Support
+
+# What is drawn is a quantile at one of 2³² places, each in the middle of its share: so no draw lies farther out than
+# 6.4 deviations, and whether a distribution can reach a value that the scene does not take is a plain question.
+PLACES = 2**32
+OUTERMOST = 0.5 / PLACES
+LEAST_LEFT = 1e-6  # share of a distribution that a truncation must leave: of less, the quantiles are rounded off
+
+_MODELS = {
+    "shoe": (Shoe,),
+    "support": (Support,),
+    "contact": (Contact,),
+    "friction": tuple(FRICTION_LAWS.values()),
+    "drum": (Drum,),
+    "damping": (Damping,),
+}
+
+
+@dataclass(frozen=True)
+class Uniform:
+    """Every value from `low` to `high` equally likely."""
+
+    low: float
+    high: float
+
+    def quantile(self, share: ArrayLike) -> NDArray[np.float64]:
+        """The value below which a share (0 to 1) of all values lies."""
+        return self.low + np.asarray(share) * (self.high - self.low)
+
+
+@dataclass(frozen=True)
+class Normal:
+    """Normal with a mean and a standard deviation, truncated to what lies from `low` to `high` where these are given.
+
+    Density φ((x − mean)/deviation)/deviation, divided by what the truncation leaves.
+    """
+
+    mean: float
+    deviation: float
+    low: float | None = None
+    high: float | None = None
+
+    def quantile(self, share: ArrayLike) -> NDArray[np.float64]:
+        """The value below which a share (0 to 1) of all values lies."""
+        from scipy.special import ndtri  # a quarter of a second, which reading a scene does not need
+
+        below, left = self.kept()
+        values = self.mean + self.deviation * ndtri(below + np.asarray(share) * left)
+        # Rounding alone could lead out of the limits.
+        return np.clip(values, self.low, self.high) if (self.low, self.high) != (None, None) else values
+
+    def kept(self) -> tuple[float, float]:
+        """The share of the whole distribution that lies below `low`, and the one from `low` to `high`."""
+        from scipy.special import ndtr
+
+        below = 0.0 if self.low is None else float(ndtr((self.low - self.mean) / self.deviation))
+        above = 1.0 if self.high is None else float(ndtr((self.high - self.mean) / self.deviation))
+        return below, above - below
+
+
+@dataclass(frozen=True)
+class LogNormal:
+    """The logarithm is normal: two thirds lie from median/geometric_deviation to median × geometric_deviation.
+
+    Truncated to what lies from `low` to `high` where these are given.
+    """
+
+    median: float
+    geometric_deviation: float
+    low: float | None = None
+    high: float | None = None
+
+    def quantile(self, share: ArrayLike) -> NDArray[np.float64]:
+        """The value below which a share (0 to 1) of all values lies."""
+        with np.errstate(over="ignore"):  # what reaches infinity is refused where it is read
+            values = np.exp(self._logarithm().quantile(share))
+        return np.clip(values, self.low, self.high) if (self.low, self.high) != (None, None) else values
+
+    def kept(self) -> tuple[float, float]:
+        """The share of the whole distribution that lies below `low`, and the one from `low` to `high`."""
+        return self._logarithm().kept()
+
+    def _logarithm(self) -> Normal:
+        low = None if self.low is None or self.low <= 0 else float(np.log(self.low))
+        high = None if self.high is None else float(np.log(self.high))
+        return Normal(float(np.log(self.median)), float(np.log(self.geometric_deviation)), low, high)
+
+
+Distribution = Uniform | Normal | LogNormal
+KINDS: Mapping[str, type[Distribution]] = {"uniform": Uniform, "normal": Normal, "lognormal": LogNormal}
+
+
+def reach(distribution: Distribution) -> tuple[float, float]:
+    """The smallest and the largest value that can be drawn."""
+    low, high = distribution.quantile([OUTERMOST, 1 - OUTERMOST])
+    return float(low), float(high)
+
+
+def describe(distribution: Distribution) -> dict[str, Any]:
+    """The distribution as it would stand in a scene file, in SI."""
+    kind = next(name for name, each in KINDS.items() if isinstance(distribution, each))
+    return {"distribution": kind} | {key: value for key, value in asdict(distribution).items() if value is not None}
+
+
+class Distributions:
+    """The table `uncertain` as pydantic metadata: dotted keys of the scene's numbers, each with its distribution."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        """Let pydantic read the field by `read_distributions`, and write what a file would hold."""
+        return core_schema.no_info_plain_validator_function(
+            read_distributions,
+            serialization=core_schema.plain_serializer_function_ser_schema(
+                lambda table: table and {key: describe(each) for key, each in table.items()}
+            ),
+        )
+
+
+def read_distributions(table: Any) -> dict[str, Distribution] | None:
+    """Read the table `uncertain`; raises SceneError. Keys are quoted ("drum.speed" = ...) or not (drum.speed = ...)."""
+    if table is None:
+        return None
+    if not isinstance(table, Mapping):
+        raise SceneError('this must be a table of distributions; write [uncertain] with keys such as "drum.speed"')
+    units, found = numbers_with_units(), {}
+    for key, written in _flat(table):
+        if key in found:
+            raise SceneError("this key is there twice, with quotes and without; leave one of them out", (key,))
+        if key not in units:
+            raise SceneError(_unknown(key, units), (key,))
+        if isinstance(written, Uniform | Normal | LogNormal):
+            written = describe(written)
+        found[key] = _read(key, written, units[key])
+    return found or None
+
+
+def numbers_with_units() -> dict[str, str]:
+    """The SI unit of every single number that a scene's brake can have, by dotted key."""
+    units = {}
+    for table, models in _MODELS.items():
+        for model in models:
+            for name, field in model.model_fields.items():
+                for each in field.metadata:
+                    if isinstance(each, Quantity):
+                        units[f"{table}.{name}"] = each.unit
+                    assert not isinstance(each, PerCoordinate)
+    return units
+
+
+def _flat(table: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, Any]]:
+    """Dotted keys and what stands there: drum.speed = {...} makes tables in tables, "drum.speed" = {...} does not."""
+    for name, value in table.items():
+        key = f"{path}{name}"
+        inner = isinstance(value, Mapping) and "distribution" not in value and key in _MODELS
+        if inner:
+            yield from _flat(value, f"{key}.")
+        else:
+            yield key, value
+
+
+def _unknown(key: str, units: Mapping[str, str]) -> str:
+    same_name = [each for each in units if each.split(".", 1)[1] == key.rsplit(".", 1)[-1]]
+    near = same_name or get_close_matches(key, units, n=1)
+    return f"unknown key; did you mean {near[0]}?" if near else f"unknown key; the keys here are {', '.join(units)}"
+
+
+def _read(key: str, written: Any, unit: str) -> Distribution:
+    if not isinstance(written, Mapping):
+        example = '{ distribution = "normal", mean = ..., deviation = ... }'
+        raise SceneError(f"this must be a distribution, such as {example}", (key,), written)
+    kinds = " or ".join(f'"{name}"' for name in KINDS)
+    if "distribution" not in written:
+        raise SceneError(f"the key is missing; write distribution = {kinds}", (key, "distribution"))
+    name = written["distribution"]
+    if not isinstance(name, str) or name not in KINDS:
+        raise SceneError(f"write {kinds}", (key, "distribution"), name)
+    kind = KINDS[name]
+    known = [field.name for field in fields(kind)]
+    for given in written:
+        if given != "distribution" and given not in known:
+            near = get_close_matches(str(given), known, n=1)
+            told = f"did you mean {near[0]}?" if near else f"this distribution has {', '.join(known)}"
+            raise SceneError(f"unknown key; {told}", (key, str(given)))
+    numbers = {}
+    for field in fields(kind):
+        if field.name in written:
+            own = "" if field.name == "geometric_deviation" else unit
+            numbers[field.name] = _number(written[field.name], own, (key, field.name))
+        elif field.default is not None:  # low and high of a distribution that may go on for ever are None
+            raise SceneError(f"the key is missing; this distribution has {', '.join(known)}", (key, field.name))
+    distribution = kind(**numbers)
+    _check(key, distribution)
+    return distribution
+
+
+def _number(value: Any, unit: str, path: tuple[str, str]) -> float:
+    try:
+        return parse_quantity(value, unit)
+    except SceneError as error:
+        raise error.under(path, value) from None
+
+
+def _check(key: str, distribution: Distribution) -> None:
+    """Raise SceneError for parameters that make no distribution."""
+    _require(distribution, key, "deviation", lambda value: value > 0, "the deviation must be above 0")
+    _require(distribution, key, "median", lambda value: value > 0, "the median must be above 0")
+    wide = "the geometric deviation is a factor, such as 1.1, and must be above 1"
+    _require(distribution, key, "geometric_deviation", lambda value: value > 1, wide)
+    if distribution.low is not None and distribution.high is not None and not distribution.low < distribution.high:
+        raise SceneError(f"high must be above low, {distribution.low!r}", (key, "high"), distribution.high)
+    if isinstance(distribution, LogNormal) and distribution.high is not None and distribution.high <= 0:
+        raise SceneError(
+            "a lognormal quantity is never below 0; write a larger value", (key, "high"), distribution.high
+        )
+    if not isinstance(distribution, Uniform) and distribution.kept()[1] < LEAST_LEFT:
+        left = f"low and high leave {distribution.kept()[1]:.2g} of the distribution"
+        raise SceneError(f"{left}; they must leave at least {LEAST_LEFT:g}", (key,))
+    if not all(np.isfinite(reach(distribution))):
+        raise SceneError("the distribution reaches beyond all numbers; make it narrower", (key,))
+
+
+def _require(distribution: Distribution, key: str, name: str, holds: Callable[[float], bool], told: str) -> None:
+    value = getattr(distribution, name, None)
+    if value is not None and not holds(value):
+        raise SceneError(told, (key, name), value)

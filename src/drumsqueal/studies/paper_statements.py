@@ -1,0 +1,235 @@
+"""What Seo & Kang (2023) state about their figures, each as a number that decides whether it holds.
+
+Figures 4 to 6 and what the transients say are here; `paper_rotation` has Figure 7, `paper_design` Figures 8 to 11.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from drumsqueal.bodies.rigid_shoe import RigidShoe
+from drumsqueal.linear.modes import DRIFT_SHARE, OSCILLATING_SHARE, UNDAMPED_SHARE
+from drumsqueal.studies.paper_curves import CONSTANT_FRICTION, Curve, FrictionCurve
+from drumsqueal.studies.paper_design import design_statements
+from drumsqueal.studies.paper_rotation import rotation_statements, slope_in_proportion
+from drumsqueal.studies.paper_transients import Point
+from drumsqueal.studies.statement import ALIKE, APART, GROWN, MEASURED, QUIET, SQUEALING, Statement
+
+
+def check_statements(
+    shoe: RigidShoe,
+    friction: FrictionCurve,
+    curves: Mapping[str, Curve],
+    points: Mapping[str, tuple[Point, ...]],
+    kick: Point,
+) -> tuple[Statement, ...]:
+    """Check every statement against curves and transients, in the order of the figures."""
+    return (
+        _friction_falls(friction),
+        *_stiffness(curves["5"]),
+        *_constant(curves["5"], curves["6"]),
+        slope_in_proportion(friction),
+        *rotation_statements(curves["7"], shoe),
+        *design_statements(curves),
+        *_nonlinear(points, kick),
+    )
+
+
+def _friction_falls(curve: FrictionCurve) -> Statement:
+    steepest = f"from {curve.coefficient[0]:.3g} at {curve.speed[0]:.3g} to {curve.coefficient[-1]:.3g} at "
+    return Statement(
+        "4",
+        "The coefficient of friction falls with the speed",
+        "largest slope dμ/ds over the speeds",
+        "s/m",
+        float(curve.slope.max()),
+        "<",
+        0.0,
+        f"{steepest}{curve.speed[-1]:.3g} rad/s",
+    )
+
+
+def _stiffness(curve: Curve) -> tuple[Statement, ...]:
+    at_zero = curve.spectrum.own[0]
+    oscillating = {
+        name
+        for name, value in zip(curve.spectrum.names, at_zero, strict=True)
+        if value.imag > OSCILLATING_SHARE * np.abs(at_zero).max()
+    }
+    steps = {name: np.diff(curve.frequency_Hz(name)) for name in curve.spectrum.names}
+    falling = min(steps, key=lambda name: steps[name].min())
+    where = curve.shown[int(np.argmin(steps[falling]))]
+    last = {name: float(curve.frequency_Hz(name)[-1]) for name in curve.spectrum.names}
+    still = [name for name, value in last.items() if value == 0]
+    rates = {name: curve.rate(name) for name in SQUEALING}
+    nominal = _rates({name: rate[-1] for name, rate in rates.items()})
+    weakest = min(SQUEALING, key=lambda name: rates[name][1:].min())
+    others = {name: float(curve.rate(name)[1:].max()) for name in QUIET}
+    loudest = max(others, key=lambda name: others[name])
+    gap, pair, place = _closest(curve)
+    return (
+        Statement(
+            "5",
+            "Every frequency rises with the contact stiffness",
+            "least change of a frequency from one stiffness to the next",
+            "Hz",
+            float(steps[falling].min()),
+            ">",
+            -1e-6,  # what stays at zero does not fall
+            f"{falling} near {where:.3g} %" if steps[falling].min() < 0 else "",
+        ),
+        Statement(
+            "5",
+            "Without contact stiffness X and Tz oscillate, and no other mode",
+            "modes that differ from this",
+            "",
+            float(len(oscillating ^ {"X", "Tz"})),
+            "<",
+            0.5,
+            ", ".join(f"{name} {_hertz(curve.frequency_Hz(name)[0])}" for name in sorted(oscillating)),
+        ),
+        Statement(
+            "5",
+            "With contact stiffness every mode has a frequency",
+            "lowest frequency at 100 %",
+            "Hz",
+            min(last.values()),
+            ">",
+            0.0,
+            f"{', '.join(still)} has none: no contact stiffness acts on it" if still else "",
+        ),
+        Statement(
+            "5",
+            "With contact stiffness X, Y and Tz are unstable",
+            "least growth rate of the three, above 0 %",
+            "1/s",
+            float(rates[weakest][1:].min()),
+            ">",
+            0.0,
+            f"at 100 %: {nominal}; without it X {rates['X'][0]:+.3g} and Tz {rates['Tz'][0]:+.3g} 1/s",
+        ),
+        Statement(
+            "5",
+            "No other mode is unstable",
+            "largest growth rate of Z, Tx and Ty, above 0 %",
+            "1/s",
+            others[loudest],
+            "<",
+            0.0,
+            loudest,
+        ),
+        Statement(
+            "5",
+            "The unstable modes do not couple: no two frequencies meet",
+            "least distance of two frequencies of X, Y and Tz over the higher",
+            "",
+            gap,
+            ">",
+            APART,
+            f"{pair} at {place:.3g} %",
+        ),
+    )
+
+
+def _constant(falling: Curve, constant: Curve) -> tuple[Statement, ...]:
+    values = constant.spectrum.eigenvalues
+    largest = np.abs(values).max(axis=1, keepdims=True)
+    oscillates = np.abs(values.imag) > OSCILLATING_SHARE * largest
+    growing = values.real > np.where(oscillates, UNDAMPED_SHARE, DRIFT_SHARE) * largest
+    top = max(float(falling.frequency_Hz(name).max()) for name in falling.spectrum.names)
+    apart = {
+        name: float(np.abs(falling.frequency_Hz(name) - constant.frequency_Hz(name)).max()) / top
+        for name in falling.spectrum.names
+    }
+    furthest = max(apart, key=lambda name: apart[name])
+    return (
+        Statement(
+            "6",
+            f"With constant friction (μ = {CONSTANT_FRICTION:g}) no mode is unstable",
+            "eigenvalues that grow, at all stiffnesses",
+            "",
+            float(growing.sum()),
+            "<",
+            0.5,
+            f"largest real part {values.real[oscillates].max():.1g} 1/s where it oscillates, round-off",
+        ),
+        Statement(
+            "6",
+            "The frequencies are much as with falling friction",
+            "largest difference over the highest frequency",
+            "",
+            apart[furthest],
+            "<",
+            ALIKE,
+            furthest,
+        ),
+    )
+
+
+def _nonlinear(points: Mapping[str, tuple[Point, ...]], kick: Point) -> tuple[Statement, ...]:
+    errors = [
+        (abs(mode.growth_error), f"{mode.label}, {point.key} {point.value:.4g}", mode.frequency_error)
+        for each in points.values()
+        for point in each
+        for mode in (point.comparison.modes if point.comparison else ())
+        if mode.unstable and mode.growth_error is not None
+    ]
+    worst = max(errors, default=None)
+    shift = nearest = None
+    nominal = points["5"][-1].comparison
+    if nominal is not None and nominal.saturation is not None and nominal.saturation.main is not None:
+        shift, nearest = nominal.saturation.frequency_shift, nominal.saturation
+    ratio = None if kick.comparison is None else kick.comparison.motion_ratio
+    return (
+        Statement(
+            "5-11",
+            "Near steady sliding the motion grows as its eigenvalue says",
+            "largest relative error of a growth rate measured in a transient",
+            "",
+            None if worst is None else worst[0],
+            "<",
+            MEASURED,
+            "" if worst is None else f"{worst[1]}; {len(errors)} measured",
+        ),
+        Statement(
+            "5",
+            "The squealing frequency may differ from that of the onset",
+            "relative difference of the saturated motion's main frequency",
+            "",
+            None if shift is None else abs(shift),
+            ">",
+            ALIKE,
+            ""
+            if nearest is None or nearest.main is None
+            else f"{nearest.main.frequency_Hz:.0f} Hz, {shift:+.1%} from {nearest.nearest_mode}",
+        ),
+        Statement(
+            "6",
+            "Without linear instability there is no squeal",
+            "motion at the end over that at first, after a kick past the edges",
+            "",
+            ratio,
+            "<",
+            GROWN,
+            f"constant friction, start at {kick.value:g} p0/k_c",
+        ),
+    )
+
+
+def _closest(curve: Curve) -> tuple[float, str, float]:
+    """Least distance of two frequencies of the squealing modes over the higher one, which, and where (per cent)."""
+    found = []
+    for i, first in enumerate(SQUEALING):
+        for second in SQUEALING[i + 1 :]:
+            one, two = curve.frequency_Hz(first), curve.frequency_Hz(second)
+            gap = np.abs(one - two) / np.maximum(np.maximum(one, two), np.finfo(float).tiny)
+            found.append((float(gap.min()), f"{first} and {second}", float(curve.shown[int(np.argmin(gap))])))
+    return min(found)
+
+
+def _rates(rates: Mapping[str, float]) -> str:
+    return ", ".join(f"{name} {rate:+.1f}" for name, rate in rates.items())
+
+
+def _hertz(frequency: float) -> str:
+    return f"{frequency:.0f} Hz"

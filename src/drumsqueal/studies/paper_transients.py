@@ -1,0 +1,70 @@
+"""Transients at some points of the paper's figures: growth measured below the edges, and the motion it grows into."""
+
+from collections.abc import Callable
+from contextlib import closing
+from typing import NamedTuple
+
+from drumsqueal.comparison.compare import Comparison
+from drumsqueal.errors import IntegrationError
+from drumsqueal.files.history import COMPLETE
+from drumsqueal.interrupts import stop_if_interrupted
+from drumsqueal.scene import Scene
+from drumsqueal.simulation import check_sample_rate, finish, prepare, transient
+from drumsqueal.studies.decay import KICK, kicked
+from drumsqueal.studies.paper_curves import AXES, constant_friction
+
+OnPoint = Callable[[str, int, int], None]
+
+
+class Point(NamedTuple):
+    """One transient: the figure it belongs to, the value (SI) of the number varied, and what it did.
+
+    `comparison` is None where the integration failed, and `outcome` then says why.
+    """
+
+    figure: str
+    key: str
+    value: float
+    scene: Scene
+    comparison: Comparison | None
+    outcome: str
+
+
+def paper_transients(scene: Scene, on_point: OnPoint) -> tuple[dict[str, tuple[Point, ...]], Point]:
+    """Transients by figure, and the one that starts beyond the edges of contact with constant friction.
+
+    A scene that several figures share is run once. `on_point` is told what is run, its number and how many there are.
+    Raises SceneError for a value that makes no brake, and KeyboardInterrupt between two chunks.
+    """
+    own = scene.numbers()
+    wanted = []
+    for axis in AXES:
+        for share in axis.transients:
+            value = float(own[axis.key]) * share  # pyright: ignore[reportArgumentType] (checked by check_brake)
+            changes = {axis.key: value} if share != 1 else {}
+            if axis.figure == "6":
+                changes |= constant_friction(scene)
+            wanted.append((axis, value, scene.with_values(changes)))
+    runs: dict[str, tuple[Comparison | None, str]] = {}
+    kick = kicked(scene.with_values(constant_friction(scene)))
+    scenes = {each.to_toml(): each for each in (*(each for *_, each in wanted), kick)}
+    for number, (text, each) in enumerate(scenes.items()):
+        on_point(f"transient {number + 1} of {len(scenes)}", number, len(scenes))
+        runs[text] = _run(each)
+    points = [Point(axis.figure, axis.key, value, each, *runs[each.to_toml()]) for axis, value, each in wanted]
+    by_figure = {axis.figure: tuple(point for point in points if point.figure == axis.figure) for axis in AXES}
+    return by_figure, Point("6", "start", KICK, kick, *runs[kick.to_toml()])
+
+
+def _run(scene: Scene) -> tuple[Comparison | None, str]:
+    prepared = prepare(scene)
+    check_sample_rate(prepared)
+    chunks = []
+    try:
+        with closing(transient(prepared)) as stream:
+            for chunk in stream:
+                chunks.append(chunk)
+                stop_if_interrupted()
+    except IntegrationError as error:
+        return None, f"failed: {error}"
+    return finish(prepared, chunks, COMPLETE).comparison, COMPLETE

@@ -1,0 +1,147 @@
+"""Which points a sweep has: every combination of some values, or draws from what is uncertain. Knows no JAX."""
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drumsqueal.errors import RequestError
+from drumsqueal.scene import Scene, SceneError
+from drumsqueal.scene.uncertain import PLACES, Distribution, Uniform, describe, reach
+from drumsqueal.scene.variation import Variation
+
+MOST_POINTS = 10**7
+BYTES_PER_POINT, MORE_WITH_TRANSIENT = 160, 70  # of the file, about
+POINTS_PER_HOUR = 10**7  # of the linear part, about, on one processor
+_SHIFT = np.uint64(32)  # of the 64 bits that a draw comes with, the upper 32 tell its place
+
+
+class Plan(NamedTuple):
+    """The points of a sweep of a scene: a grid, or for `draws` above 0 as many draws that depend on the seed alone.
+
+    `variations` has the values of each number of a grid; `distributions` what each is drawn from, independently. Points
+    are counted from 0, the last number of a grid running fastest. `transient` asks for the nonlinear motion, too.
+    """
+
+    scene: Scene
+    variations: tuple[Variation, ...]
+    distributions: Mapping[str, Distribution]
+    draws: int
+    seed: int
+    transient: bool
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Dotted keys of what changes."""
+        return tuple(self.distributions) if self.draws else tuple(each.key for each in self.variations)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Number of values of each number of a grid, or the number of draws."""
+        return (self.draws,) if self.draws else tuple(len(each.values) for each in self.variations)
+
+    @property
+    def dimensions(self) -> tuple[str, ...]:
+        """Names of what the results lie along: the keys of a grid, or "sample"."""
+        return ("sample",) if self.draws else self.keys
+
+    @property
+    def points(self) -> int:
+        """How many there are."""
+        return math.prod(self.shape)
+
+    def values(self, first: int, stop: int) -> NDArray[np.float64]:
+        """The numbers (SI) at the points from `first` to `stop`, (stop − first, number of keys).
+
+        A draw is a quantile at a share that the seed and the number of the draw decide, by PCG64.
+        """
+        if not self.draws:
+            places = np.unravel_index(np.arange(first, stop), self.shape)
+            return np.stack([np.array(each.values)[at] for each, at in zip(self.variations, places, strict=True)], 1)
+        bits = np.random.PCG64(self.seed).advance(first * len(self.keys))
+        places = np.asarray(bits.random_raw((stop - first) * len(self.keys))) >> _SHIFT
+        shares = ((places + 0.5) / PLACES).reshape(stop - first, len(self.keys))
+        drawn = [each.quantile(shares[:, k]) for k, each in enumerate(self.distributions.values())]
+        return np.stack(drawn, 1)
+
+    def scene_at(self, values: Sequence[float]) -> Scene:
+        """The scene with these numbers; raises SceneError where it does not take them."""
+        return self.scene.with_values(dict(zip(self.keys, map(float, values), strict=True)))
+
+    def describe(self) -> dict[str, Any]:
+        """What is swept, as plain data: two plans with the same scene and description have the same points."""
+        how: dict[str, Any] = {"transient": self.transient}
+        if self.draws:
+            drawn = {key: describe(each) for key, each in self.distributions.items()}
+            return how | {"random": self.draws, "seed": self.seed, "distributions": drawn}
+        ranges = {each.key: [each.first, each.last, len(each.values)] for each in self.variations}
+        return how | {"vary": ranges}
+
+
+def grid(scene: Scene, variations: Sequence[Variation], *, transient: bool = False) -> Plan:
+    """Every combination of the values. Raises RequestError for none, and for too many points, and SceneError."""
+    if not variations:
+        raise RequestError("there is nothing to sweep; add --vary drum.speed=1..40x20, or --random 1000")
+    plan = Plan(_certain(scene), tuple(variations), {}, 0, 0, transient)
+    return _checked(plan, [each.key for each in variations])
+
+
+def sample(
+    scene: Scene, variations: Sequence[Variation], draws: int, *, seed: int = 0, transient: bool = False
+) -> Plan:
+    """Draws from the scene's table `uncertain` and, uniformly, from the ranges, which go first. Raises as `grid`."""
+    uniform = {each.key: Uniform(min(each.values), max(each.values)) for each in variations}
+    distributions = {**(scene.uncertain or {}), **uniform}
+    if not distributions:
+        told = "nothing in this scene is uncertain; add a table [uncertain] to it, or --vary drum.speed=1..40"
+        raise RequestError(f"--random {draws}: {told}")
+    if draws < 1:
+        raise RequestError(f"--random {draws}: write a number of draws, such as 1000")
+    if not 0 <= seed < 2**63:
+        raise RequestError(f"--seed {seed}: write a whole number from 0 to 2**63 - 1")
+    plan = Plan(_certain(scene), (), distributions, draws, seed, transient)
+    return _checked(plan, [each.key for each in variations])
+
+
+def _certain(scene: Scene) -> Scene:
+    return scene.with_values({"uncertain": None})
+
+
+def _checked(plan: Plan, given: list[str]) -> Plan:
+    twice = [key for key in given if given.count(key) > 1]
+    if twice:
+        raise RequestError(f"--vary {twice[0]}: this is varied twice; leave one of the two out")
+    points = plan.points
+    if points > MOST_POINTS:
+        size = points * (BYTES_PER_POINT + plan.transient * MORE_WITH_TRANSIENT)
+        needs = f"a file of about {_size(size)} and about {_time(points / POINTS_PER_HOUR)} of computing"
+        more = ", transients aside" if plan.transient else ""
+        limit = f"take at most {MOST_POINTS:.0e}".replace("e+0", "e")
+        raise RequestError(f"{points:.3g} points would need {needs}{more}; {limit} points")
+    ends = {each.key: (each.first, each.last) for each in plan.variations}
+    ends |= {key: reach(each) for key, each in plan.distributions.items()}
+    # What the numbers of one table must fulfil together, they fulfil everywhere between if they do at every corner.
+    tables: dict[str, list[str]] = {}
+    for key in plan.keys:
+        tables.setdefault(key.split(".")[0], []).append(key)
+    for keys in tables.values():
+        for corner in itertools.product(*(ends[key] for key in keys)):
+            try:
+                plan.scene.with_values(dict(zip(keys, corner, strict=True)))
+            except SceneError as error:
+                where = ", ".join(f"{key} = {value:.6g}" for key, value in zip(keys, corner, strict=True))
+                raise RequestError(f"the sweep comes to {where}: {error.reason}") from None
+    return plan
+
+
+def _size(size: float) -> str:
+    unit = next((unit for unit in (10**6, 10**9, 10**12) if size < 1000 * unit), 10**15)
+    names = {10**6: "MB", 10**9: "GB", 10**12: "TB", 10**15: "PB"}
+    return f"{size / unit:.3g} {names[unit]}"
+
+
+def _time(hours: float) -> str:
+    return f"{hours / 8766:.3g} years" if hours > 8766 else f"{hours:.3g} hours"

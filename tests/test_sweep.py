@@ -1,0 +1,381 @@
+"""Sweeps: every point as it would be alone, whatever comes with it; chances that are known; what a kill leaves."""
+
+import json
+import signal
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray
+from rich.console import Console
+from scipy.optimize import brentq
+
+import drumsqueal as ds
+from drumsqueal.errors import IntegrationError, RequestError
+from drumsqueal.files.output_folder import SWEEP_FILES
+from drumsqueal.files.sweep import AT_REST, FOLDED, NOT_YET, OUTCOME
+from drumsqueal.files.sweep_file import RUNNING, SweepFile
+from drumsqueal.jobs import sweep as job
+from drumsqueal.scene import COORDINATES, SceneError, load_scene
+from drumsqueal.scene.variation import read_variation
+from drumsqueal.studies import sweep as study
+from drumsqueal.studies.chance import chance, rank_correlation, study_chance
+from drumsqueal.studies.sweep_plan import Plan, grid, sample
+from processes import posix, start, wait_for
+
+SCENARIOS = Path(__file__).parents[1] / "scenarios"
+NOMINAL, UNCERTAIN = str(SCENARIOS / "nominal.toml"), str(SCENARIOS / "uncertain.toml")
+SIX = tuple(range(6))
+
+
+@pytest.fixture(scope="module")
+def damped() -> ds.Scene:
+    return load_scene(SCENARIOS / "damped.toml")
+
+
+def same(first: xarray.Dataset, second: xarray.Dataset) -> bool:
+    """Equal in every bit of every number."""
+    return all(first[name].values.tobytes() == second[name].values.tobytes() for name in first.variables)
+
+
+# --- points ---------------------------------------------------------------------------------------------------------
+
+
+def test_a_grid_is_what_every_point_is_alone(damped):
+    speeds, loads = np.linspace(1, 40, 5), ["0.5 kN", "2 kN", "4 kN"]
+    found = ds.sweep_parameters(damped, {"drum.speed": speeds, "contact.normal_load": loads})
+    assert found["growth_rate"].dims == ("drum.speed", "contact.normal_load", "mode")
+    for speed in speeds:
+        for load in (500.0, 2000.0, 4000.0):
+            point = found.sel({"drum.speed": speed, "contact.normal_load": load})
+            scene = damped.with_values({"drum.speed": float(speed), "contact.normal_load": load})
+            alone = ds.analyse_stability(ds.build_model(scene, coordinates=SIX))
+            count = len(alone.modes)
+            # One program for many and one for one: up to the last bits of the matrix, and what they do to eigenvalues.
+            size = np.abs(alone.eigenvalues).max()
+            growth, frequency = (
+                [getattr(mode, name) for mode in alone.modes] for name in ("growth_rate", "frequency_Hz")
+            )
+            np.testing.assert_allclose(point["growth_rate"].values[:count], growth, rtol=0, atol=1e-13 * size)
+            np.testing.assert_allclose(point["frequency"].values[:count], frequency, rtol=0, atol=1e-13 * size)
+            assert np.isnan(point["growth_rate"].values[count:]).all()
+            names = [COORDINATES[index] for index in point["mode_coordinate"].values[:count]]
+            assert names == [mode.name for mode in alone.modes]
+            assert (point["mode_coordinate"].values[count:] == -1).all()
+            assert point["unstable"].values[:count].tolist() == [mode.unstable for mode in alone.modes]
+            assert point["squeal"].item() == bool(alone.unstable)
+            assert point["largest_pressure"].item() == pytest.approx(alone.pressure_range[1], rel=1e-12)
+    assert {0, 1} == set(found["squeal"].values.ravel())
+
+
+def test_a_drum_at_rest_leaves_a_gap_with_a_reason(damped):
+    found = ds.sweep_parameters(damped, {"drum.speed": [5.0, 0.0]})
+    assert found["outcome"].values.tolist() == [0, AT_REST]
+    assert np.isnan(found["largest_growth_rate"].values).tolist() == [False, True]
+    assert found["squeal"].values.tolist() == [1, -1]
+
+
+@pytest.mark.slow
+def test_scenes_of_several_kinds_go_together(damped):
+    # Arcs beyond 130° have more nodes, and so a program of their own.
+    found = ds.sweep_parameters(damped, {"shoe.arc_angle": ["130 deg", "140 deg"], "drum.speed": [5.0, 6.0]})
+    for k, angle in enumerate(("130 deg", "140 deg")):
+        scene = damped.with_values({"shoe.arc_angle": angle})
+        alone = ds.analyse_stability(ds.build_model(scene, coordinates=SIX))
+        growth = found["growth_rate"].values[k, 0, : len(alone.modes)]
+        np.testing.assert_allclose(growth, [mode.growth_rate for mode in alone.modes], rtol=1e-9)
+
+
+def test_draws_hang_on_the_seed_and_their_number_alone(nominal):
+    ranges = [
+        read_variation("drum.speed=1..40", nominal, points=None),
+        read_variation("friction.static=0.4..0.6", nominal, points=None),
+    ]
+    whole = sample(nominal, ranges, 1000, seed=3).values(0, 1000)
+    assert np.array_equal(sample(nominal, ranges, 100, seed=3).values(17, 100), whole[17:100])
+    assert not np.array_equal(sample(nominal, ranges, 1000, seed=4).values(0, 1000), whole)
+    assert (whole.min(axis=0) > [1, 0.4]).all()
+    assert (whole.max(axis=0) < [40, 0.6]).all()
+    # Independent and uniform: means and correlation within four standard errors.
+    shares = (whole - [1, 0.4]) / [39, 0.2]
+    np.testing.assert_allclose(shares.mean(axis=0), 0.5, atol=4 / np.sqrt(12 * 1000))
+    assert abs(np.asarray(np.corrcoef(shares.T))[0, 1]) < 4 / np.sqrt(1000)
+
+
+def test_what_is_computed_hangs_neither_on_the_batch_nor_on_threads(damped):
+    short = damped.with_values({"simulate.duration": 0.02})
+    speed = read_variation("drum.speed=1..10", short, points=None)
+    plan = sample(short, [speed], 20, transient=True)
+    whole = study.compute(plan, 0, 20, threads=2)
+    part = study.compute(plan, 3, 14, threads=1)
+    for name, values in part.items():
+        assert values.tobytes() == whole[name][3:14].tobytes(), name
+    assert (whole[OUTCOME] == 0).all()
+    assert (whole["main_frequency"] > 0).all()
+
+
+def test_the_transients_of_a_sweep_are_those_of_a_run(damped):
+    scene = damped.with_values({"simulate.duration": 0.1, "contact.normal_load": 4000.0})
+    found = ds.sweep_parameters(scene, {"drum.speed": [3.0]}, transient=True).isel({"drum.speed": 0})
+    run = ds.run(scene.with_values({"drum.speed": 3.0}))
+    assert run.comparison.saturation is not None
+    main = run.comparison.saturation.main
+    assert main is not None
+    late = run.history["displacement"].values[len(run.history["time"]) // 2 :]
+    # The methods are the same, the local tolerance 1e-6; at saturation neighbours do not come apart here.
+    np.testing.assert_allclose(found["amplitude"].values, np.ptp(late, axis=0) / 2, rtol=1e-3)
+    assert found["main_frequency"].item() == pytest.approx(main.frequency_Hz, rel=0.01)
+
+
+def test_points_without_a_transient_say_why(damped):
+    slow = damped.with_values({"simulate.duration": 0.01, "simulate.sample_rate": 10_000.0})
+    found = ds.sweep_parameters(slow, {"drum.speed": [3.0]}, transient=True)
+    assert found["outcome"].item() == FOLDED
+    assert np.isnan(found["amplitude"].values).all()
+    assert found["largest_growth_rate"].item() > 0  # the linear part is there
+
+
+# --- chance ---------------------------------------------------------------------------------------------------------
+
+
+def test_the_chance_of_squeal_is_the_known_one(damped):
+    # Squeal below a critical speed, found as a root; uniform draws fall below it with a chance that is a ratio.
+    def growth(speed: float) -> float:
+        stability = ds.analyse_stability(ds.build_model(damped, {"drum.speed": speed}, coordinates=SIX))
+        return max(mode.growth_rate for mode in stability.modes)
+
+    critical = brentq(growth, 5.0, 15.0, xtol=1e-10)
+    assert isinstance(critical, float)
+    low, high = 5.0, 15.0
+    known = (critical - low) / (high - low)
+    # Of 20 seeds one is expected to miss by more than the interval; this one does not.
+    found = ds.sweep_parameters(damped, {"drum.speed": [low, high]}, random=1000, seed=2)
+    assert np.array_equal(found["squeal"].values == 1, found["drum.speed"].values < critical)
+    chances = study_chance(found)
+    assert chances is not None
+    assert chances.squeal.low < known < chances.squeal.high
+    assert chances.squeal.high - chances.squeal.low < 0.07
+    assert chances.modes["Y"] == chances.squeal
+    # The growth rate only falls with the speed.
+    assert chances.correlations == {"drum.speed": pytest.approx(-1.0)}
+
+
+def test_wilsons_interval():
+    # Its ends are the chances at which the share found lies 1.96 standard errors off: (p − q)² = z² q(1 − q)/n.
+    z = 1.959963984540054
+    for count, total in ((0, 10), (3, 10), (887, 1000), (10, 10)):
+        found, p = chance(count, total), count / total
+        roots = np.roots([1 + z * z / total, -2 * p - z * z / total, p * p])
+        assert sorted(roots.real) == pytest.approx([found.low, found.high], abs=1e-9)
+
+
+def test_wilsons_interval_holds_the_chance_as_often_as_it_says(damped):
+    plan = sample(damped, [read_variation("drum.speed=0..1", damped, points=None)], 200_000, seed=1)
+    hits = plan.values(0, 200_000).reshape(1000, 200) < 0.3
+    inside = [each.low <= 0.3 <= each.high for each in (chance(int(count), 200) for count in hits.sum(axis=1))]
+    # 950 of 1000 are expected, with a standard deviation of 7; discreteness takes Wilson's some 1 % off that.
+    assert np.mean(inside) == pytest.approx(0.95, abs=0.03)
+
+
+def test_rank_correlation():
+    x = np.linspace(1, 2, 20)
+    assert rank_correlation(x, np.exp(x)) == pytest.approx(1)
+    assert rank_correlation(x, -(x**3)) == pytest.approx(-1)
+    assert rank_correlation(x, np.ones(20)) is None
+    assert rank_correlation(x[:3], x[:3]) is None
+
+
+# --- files ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def small(monkeypatch) -> None:
+    monkeypatch.setattr(study, "BATCH", 8)
+
+
+def plan_of(scene: ds.Scene, *ranges: str) -> Plan:
+    return grid(scene, [read_variation(text, scene) for text in ranges])
+
+
+def stopped_after(batches: int, error: BaseException) -> Callable:
+    def source(plan, left):
+        for k, (first, stop) in enumerate(left):
+            if k == batches:
+                raise error
+            yield first, study.compute(plan, first, stop)
+
+    return source
+
+
+@pytest.mark.usefixtures("small")
+def test_a_sweep_that_was_cut_off_goes_on_and_leaves_the_same_file(drumsqueal, damped, tmp_path):
+    vary = ("--vary", "drum.speed=1..40x7", "--vary", "contact.normal_load=500..4000x4")
+    arguments = (str(SCENARIOS / "damped.toml"), *vary)
+    plan = plan_of(damped, "drum.speed=1..40x7", "contact.normal_load=500..4000x4")
+    whole, cut = tmp_path / "whole", tmp_path / "cut"
+    assert drumsqueal("sweep", *arguments, "-o", str(whole))[0] == 0
+    cut.mkdir()
+    with pytest.raises(IntegrationError, match=r"interrupted by the user; 16 of 28 points .* --resume goes on"):
+        job.sweep_into(cut, plan, Console(quiet=True), stopped_after(2, KeyboardInterrupt()))
+    with xarray.open_dataset(cut / "sweep.nc", engine="h5netcdf") as there:
+        assert there.attrs["outcome"] == "interrupted by the user; 16 of 28 points were computed"
+        missing = there["outcome"].values.ravel() == NOT_YET
+        assert missing.tolist() == [False] * 16 + [True] * 12
+        assert (np.isnan(there["largest_growth_rate"].values.ravel()) == missing).all()
+    # Another sweep, and another scene, do not go on with it.
+    status, _, errors = drumsqueal(
+        "sweep", *arguments[:-1], "contact.normal_load=500..4000x5", "-o", str(cut), "--resume"
+    )
+    assert status == 2
+    assert "vary was" in errors
+    status, _, errors = drumsqueal("sweep", *arguments, "--set", "friction.static=0.6", "-o", str(cut), "--resume")
+    assert (status, errors.count("\n")) == (2, 1)
+    assert "friction.static was 0.5 in the run and is 0.6 here" in errors
+    status, printed, errors = drumsqueal("sweep", *arguments, "-o", str(cut), "--resume")
+    assert (status, errors) == (0, "")
+    assert "Squeal at" in printed
+    for name in ("sweep.nc", "sweep.json"):
+        assert (cut / name).read_bytes() == (whole / name).read_bytes()
+    status, _, errors = drumsqueal("sweep", *arguments, "-o", str(cut), "--resume")
+    assert (status, "the sweep is complete, there is nothing to resume" in errors) == (2, True)
+    # From Python it is the same.
+    with xarray.open_dataset(whole / "sweep.nc", engine="h5netcdf") as file:
+        found = ds.sweep_parameters(
+            damped,
+            {"drum.speed": np.array(plan.variations[0].values), "contact.normal_load": plan.variations[1].values},
+        )
+        assert same(found.drop_attrs(), file.load().drop_attrs())
+
+
+@pytest.mark.usefixtures("small")
+def test_killed_between_results_and_their_marks_nothing_is_lost(damped, tmp_path):
+    plan = plan_of(damped, "drum.speed=1..40x20")
+    file = SweepFile(tmp_path / "sweep.nc", plan)
+    file.create()
+    results = study.compute(plan, 8, 16)
+    file._fill(file.path, 8, {name: values for name, values in results.items() if name != OUTCOME})
+    assert not file.computed().any()
+    file.write(8, results)
+    assert file.computed().tolist() == [False] * 8 + [True] * 8 + [False] * 4
+    with xarray.open_dataset(file.path, engine="h5netcdf") as there:
+        assert there.attrs["outcome"] == RUNNING
+        assert np.array_equal(there["largest_growth_rate"].values[8:16], results["largest_growth_rate"])
+
+
+@pytest.mark.usefixtures("small")
+def test_a_failure_keeps_what_was_computed(damped, tmp_path):
+    plan = plan_of(damped, "drum.speed=1..40x20")
+    failing = stopped_after(1, IntegrationError("the scheduler of the cluster was lost"))
+    with pytest.raises(IntegrationError, match=r"failed: the scheduler .* was lost; 8 of 20 points were computed"):
+        job.sweep_into(tmp_path, plan, Console(quiet=True), failing)
+    assert [path.name for path in tmp_path.iterdir()] == ["sweep.nc"]
+
+
+@posix
+@pytest.mark.slow
+def test_killed_at_any_moment_the_file_is_readable_and_the_sweep_goes_on(drumsqueal, cache, tmp_path):
+    arguments = ("sweep", UNCERTAIN, "--random", "6000")
+    whole, cut = tmp_path / "whole", tmp_path / "cut"
+    assert drumsqueal(*arguments, "-o", str(whole))[0] == 0
+    for wait in (0.0, 0.3):
+        process = start(cache, *arguments, "-o", str(cut), *(("--resume",) if wait else ()))
+        wait_for(cut / "sweep.nc")
+        deadline = time.monotonic() + 120
+        while computed(cut) == 0 and time.monotonic() < deadline:
+            time.sleep(0.01)
+        time.sleep(wait)
+        process.send_signal(signal.SIGKILL)
+        process.communicate()
+        assert 0 < computed(cut) < 6000
+    status, _, errors = drumsqueal(*arguments, "-o", str(cut), "--resume")
+    assert (status, errors) == (0, "")
+    assert (cut / "sweep.nc").read_bytes() == (whole / "sweep.nc").read_bytes()
+
+
+def computed(folder: Path) -> int:
+    with xarray.open_dataset(folder / "sweep.nc", engine="h5netcdf") as there:
+        return int((there["outcome"].values != NOT_YET).sum())
+
+
+# --- the command ----------------------------------------------------------------------------------------------------
+
+
+def test_a_random_sweep_tells_the_chance(drumsqueal, tmp_path):
+    status, printed, errors = drumsqueal("sweep", UNCERTAIN, "--random", "64", "--seed", "5", "-o", str(tmp_path))
+    assert (status, errors) == (0, "")
+    assert "Chance of squeal, from 64 draws" in printed
+    assert "rank correlation" in printed
+    assert {path.name for path in tmp_path.iterdir()} == {"sweep.nc", "sweep.json", "chance.png"}
+    summary = json.loads((tmp_path / "sweep.json").read_text())
+    assert summary["chance"]["squeal"]["total"] == 64
+    assert summary["sweep"]["seed"] == 5
+    with xarray.open_dataset(tmp_path / "sweep.nc", engine="h5netcdf") as found:
+        assert found.sizes == {"sample": 64, "mode": 6}
+        assert "drum.speed" in found.coords
+        assert all(found[name].attrs.get("units") for name in found.data_vars)
+        assert int(found["squeal"].sum()) == summary["chance"]["squeal"]["count"]
+    assert drumsqueal("sweep", UNCERTAIN, "--random", "64", "-o", str(tmp_path))[0] == 2
+
+
+@pytest.mark.parametrize(
+    "vary", [("drum.speed=2..20x4",), ("drum.speed=2..20x3", "contact.normal_load=1..4e3x3", "damping.ratio=0..0.01x2")]
+)
+def test_figures_of_a_sweep_with_transients(drumsqueal, tmp_path, vary):
+    options = [word for text in vary for word in ("--vary", text)]
+    arguments = (str(SCENARIOS / "damped.toml"), *options, "--transient", "--set", "simulate.duration=0.01")
+    status, printed, errors = drumsqueal("sweep", *arguments, "-o", str(tmp_path))
+    assert (status, errors) == (0, "")
+    assert "Transients at their end" in printed
+    assert {path.name for path in tmp_path.iterdir()} == {*SWEEP_FILES} - {"chance.png"}
+
+
+REFUSED = [
+    ((), "there is nothing to sweep"),
+    (("--vary", "drum.sped=1..4"), "did you mean drum.speed?"),
+    (("--vary", "drum.speed=1..4", "--vary", "drum.speed=2..3"), "drum.speed: this is varied twice"),
+    (("--random", "10"), "nothing in this scene is uncertain"),
+    (("--random", "0", "--vary", "drum.speed=1..4"), "write a number of draws"),
+    (("--seed", "1", "--vary", "drum.speed=1..4"), "decides the draws of --random"),
+    (("--random", "10", "--vary", "drum.speed=1..4x5"), "leave out x5"),
+    (("--vary", "shoe.thickness=0.01..0.08", "--vary", "shoe.outer_radius=0.05..0.1"), "the thickness must be smaller"),
+    (("--vary", "drum.speed=1..4", "--cluster", "here"), "write local, or the address of a scheduler"),
+    (("--vary", "drum.speed=1..4", "--resume"), "there is no sweep to resume"),
+    (("--vary", "drum.speed=1..4", "--transient", "--set", "start={}"), "nothing moves in the transients"),
+    (
+        tuple(f"--vary={key}=1..2x10000" for key in ("drum.speed", "contact.normal_load", "friction.static")),
+        "1e+12 points would need a file of about 160 TB and about 11.4 years of computing; take at most 1e7 points",
+    ),
+]
+
+
+@pytest.mark.parametrize(("arguments", "told"), REFUSED)
+def test_a_wrong_request_writes_nothing(drumsqueal, tmp_path, arguments, told):
+    status, printed, errors = drumsqueal("sweep", NOMINAL, "-o", str(tmp_path / "out"), *arguments)
+    assert (status, printed, errors.count("\n")) == (2, "", 1)
+    assert told in errors
+    assert not (tmp_path / "out").exists()
+
+
+def test_python_refuses_in_words(nominal):
+    with pytest.raises(SceneError, match=r"did you mean drum\.speed"):
+        ds.sweep_parameters(nominal, {"drum.sped": [1]})
+    with pytest.raises(SceneError, match=r"contact.normal_load = -1"):
+        ds.sweep_parameters(nominal, {"contact.normal_load": [1, -1]})
+    with pytest.raises(RequestError, match="nothing to sweep"):
+        ds.sweep_parameters(nominal)
+
+
+# --- cluster --------------------------------------------------------------------------------------------------------
+
+
+def test_without_the_extra_one_line_says_what_to_install(drumsqueal, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    arguments = ("sweep", NOMINAL, "--vary", "drum.speed=1..4", "--cluster", "local")
+    status, _, errors = drumsqueal(*arguments, "-o", str(tmp_path / "out"))
+    assert (status, errors.count("\n")) == (2, 1)
+    assert 'needs the extra "cluster"' in errors
+    assert "drumsqueal[cluster]" in errors
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,131 @@
+"""A sweep on a cluster of Dask: the same in every bit, also where a worker is killed in the middle of it."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray
+from distributed import Client, LocalCluster
+
+from drumsqueal.errors import IntegrationError
+from drumsqueal.files import history
+from drumsqueal.files.sweep import blank
+from drumsqueal.jobs import cluster_work
+from drumsqueal.jobs.cluster import Cluster
+from drumsqueal.scene import load_scene
+from drumsqueal.scene.variation import read_variation
+from drumsqueal.studies import sweep as study
+from drumsqueal.studies.sweep_plan import Plan, grid
+from processes import posix, start
+
+SCENARIOS = Path(__file__).parents[1] / "scenarios"
+
+
+@pytest.fixture
+def plan(monkeypatch) -> Plan:
+    scene = load_scene(SCENARIOS / "damped.toml")
+    monkeypatch.setattr(study, "BATCH", 4)
+    monkeypatch.setattr(cluster_work, "prepare_environment", lambda: None)  # the workers are threads of this process
+    return grid(scene, [read_variation("drum.speed=1..40x22", scene)])
+
+
+@pytest.fixture
+def cluster():
+    how = {"processes": False, "dashboard_address": None, "threads_per_worker": 2}
+    with LocalCluster(n_workers=2, **how) as local, Client(local, set_as_default=False) as client:
+        yield Cluster(client)
+
+
+def test_a_cluster_computes_every_batch_once_and_the_same(plan, cluster):
+    batches, columns, seen = study.batches(plan), blank(plan, plan.points), []
+    for first, results in cluster.results(plan, batches):
+        seen.append(first)
+        for name, values in results.items():
+            columns[name][first : first + len(values)] = values
+    assert sorted(seen) == [first for first, _ in batches]
+    here = study.compute(plan, 0, plan.points)
+    for name, values in columns.items():
+        assert values.tobytes() == here[name].tobytes(), name
+
+
+def test_a_batch_that_fails_ends_the_sweep_with_the_reason(plan, cluster, monkeypatch):
+    monkeypatch.setattr(study, "compute", lambda *_, **__: 1 / 0)
+    with pytest.raises(IntegrationError, match="a worker of the cluster failed, ZeroDivisionError"):
+        list(cluster.results(plan, study.batches(plan)))
+
+
+def test_a_worker_of_another_version_is_refused(plan, cluster, monkeypatch):
+    from drumsqueal.jobs import cluster as module
+
+    monkeypatch.setattr(module, "versions", lambda: history.versions() | {"scipy": "0.1"})
+    with pytest.raises(IntegrationError, match=r"its versions are others \(scipy .* instead of 0.1\)"):
+        list(cluster.results(plan, study.batches(plan)))
+
+
+@posix
+@pytest.mark.slow
+def test_a_worker_that_is_killed_costs_nothing(cache, drumsqueal, tmp_path):
+    arguments = ("sweep", str(SCENARIOS / "uncertain.toml"), "--random", "20000")
+    whole, cut = tmp_path / "whole", tmp_path / "cut"
+    assert drumsqueal(*arguments, "-o", str(whole))[0] == 0
+    address, environment = tmp_path / "scheduler.json", os.environ | {"XDG_CACHE_HOME": str(cache)}
+    environment = {name: value for name, value in environment.items() if not name.startswith(("JAX_", "EQX_", "TF_"))}
+
+    def dask(*words: str) -> subprocess.Popen:
+        command = [sys.executable, "-m", "dask", *words]
+        return subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+    scheduler = dask(
+        "scheduler", "--port", "0", "--host", "127.0.0.1", "--no-dashboard", "--scheduler-file", str(address)
+    )
+    workers = []
+    try:
+        while not address.exists():
+            time.sleep(0.05)
+        with Client(scheduler_file=str(address), set_as_default=False) as client:
+            place = str(client.scheduler_info()["address"])
+            # Without a nanny, so that the process which is killed is not started again.
+            workers = [dask("worker", place, "--nthreads", "1", "--no-nanny", "--no-dashboard") for _ in range(2)]
+            client.wait_for_workers(2, timeout=60)
+            process = start(cache, *arguments, "-o", str(cut), "--cluster", place)
+            deadline = time.monotonic() + 240
+            while not share(cut) > 0.1 and time.monotonic() < deadline:
+                time.sleep(0.05)
+            workers[0].send_signal(signal.SIGKILL)
+            assert share(cut) < 0.9
+            _, errors = process.communicate(timeout=300)
+            assert (process.returncode, errors) == (0, "")
+            assert len(client.scheduler_info()["workers"]) == 1
+        assert (cut / "sweep.nc").read_bytes() == (whole / "sweep.nc").read_bytes()
+    finally:
+        for each in (*workers, scheduler):
+            each.kill()
+            each.wait()
+
+
+@posix
+@pytest.mark.slow
+def test_control_c_on_a_cluster_keeps_what_is_there(cache, drumsqueal, tmp_path):
+    arguments = ("sweep", str(SCENARIOS / "uncertain.toml"), "--random", "20000")
+    process = start(cache, *arguments, "-o", str(tmp_path), "--cluster", "local")
+    deadline = time.monotonic() + 240
+    while share(tmp_path) == 0 and time.monotonic() < deadline:
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=60)
+    assert (process.returncode, errors.count("\n")) == (1, 1)
+    assert "interrupted by the user" in errors
+    assert 0 < share(tmp_path) < 1
+
+
+def share(folder: Path) -> float:
+    """Of the points that are computed."""
+    if not (folder / "sweep.nc").exists():
+        return 0.0
+    with xarray.open_dataset(folder / "sweep.nc", engine="h5netcdf") as there:
+        return float(np.mean(there["outcome"].values != 1))
