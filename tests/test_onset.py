@@ -14,7 +14,7 @@ from drumsqueal.effects.friction_law import ConstantLaw, ExponentialLaw
 from drumsqueal.errors import RequestError, SceneError
 from drumsqueal.files.history import COMPLETE
 from drumsqueal.linear.branches import follow_modes, point_at
-from drumsqueal.model import build_model
+from drumsqueal.model import Model, build_model
 from drumsqueal.scene.variation import Variation
 from drumsqueal.small_bodies import block_on_belt, sprung_block_on_belt
 from drumsqueal.studies import onset as study_module
@@ -33,13 +33,12 @@ def falling_friction(belt_speed: float):
     return block_on_belt(ExponentialLaw(1.0, 0.5, 2.0), damping=0.1, belt_speed=belt_speed)
 
 
-def predicted(nominal, values, **how) -> Prediction:
+def predicted(nominal, values, round_seconds: float = 120.0) -> Prediction:
     """The block's onset as a study has it; its scene is only carried along."""
     family = Family(falling_friction, ("X",), ("X",))
-    settings = {"sample_rate": 10.0, "tolerance": 1e-6, "round_seconds": 120.0} | how
     linear = follow_modes(falling_friction, values)
     variation = Variation("drum.speed", "m/s", tuple(values))
-    return Prediction(nominal, variation, family, falling_friction, linear, How(**settings))
+    return Prediction(nominal, variation, family, falling_friction, linear, How(10.0, 1e-6, round_seconds))
 
 
 @pytest.fixture(scope="module")
@@ -92,7 +91,7 @@ def test_the_critical_speed_of_a_brake_that_moves_along_x_alone(nominal):
     assert not critical.destabilises
 
 
-def sprung(springs) -> object:
+def sprung(springs) -> Model:
     return sprung_block_on_belt(ConstantLaw(0.0), mass=np.ones(2), springs=springs, contact_stiffness=0.0)
 
 
@@ -233,7 +232,7 @@ def grazing_speed() -> float:
         first = solve_ivp(slip, (0, 1.0), start, rtol=1e-11, atol=1e-12).y[:, -1]
         return solve_ivp(slip, (0, 20), first, events=turns, rtol=1e-11, atol=1e-12).y[1, -1] - belt
 
-    return brentq(crest, 1.16, 2.0, xtol=1e-8)
+    return float(brentq(crest, 1.16, 2.0, xtol=1e-8))  # pyright: ignore[reportArgumentType]
 
 
 @pytest.mark.slow
@@ -250,6 +249,7 @@ def test_the_kicked_range_of_the_block_ends_where_scipy_says(nominal, monkeypatc
     squeals, kicked, stable = study.ranges
     assert squeals.last == kicked.first == pytest.approx(HOPF, rel=1e-10)
     assert kicked.last == stable.first
+    assert kicked.last_uncertainty is not None
     assert kicked.last_uncertainty <= 0.01 * 0.9
     assert abs(kicked.last - end) <= kicked.last_uncertainty
     told = verdict(study)
@@ -287,6 +287,7 @@ def test_a_fold_is_found_by_going_on_from_neighbours(nominal, monkeypatch):
     assert [each.kind for each in study.ranges] == [UNSTABLE, KICKED, STABLE]
     kicked = study.ranges[1]
     assert kicked.first == pytest.approx(HOPF, rel=1e-10)
+    assert kicked.last_uncertainty is not None
     assert abs(kicked.last - 1.6789) <= kicked.last_uncertainty <= 5e-4 * (1 + 1e-9)
     assert rows_seen == sorted(rows_seen)
     assert [row.value for row in study.rows if row.asked] == pytest.approx(np.linspace(1, 2, 11))
@@ -297,7 +298,9 @@ def test_a_kicked_range_narrower_than_the_steps_is_found_beside_the_critical_val
     monkeypatch.setattr(study_module, "find_endings", made_up([], fold=1.17, reach=0.2))
     study = compare(predicted(nominal, [1.0, 1.1, 1.2, 1.3]), 1e-3, lambda _: None, lambda *_: None)
     assert [each.kind for each in study.ranges] == [UNSTABLE, KICKED, STABLE]
-    assert abs(study.ranges[1].last - 1.17) <= study.ranges[1].last_uncertainty < 2e-4
+    uncertainty = study.ranges[1].last_uncertainty
+    assert uncertainty is not None
+    assert abs(study.ranges[1].last - 1.17) <= uncertainty < 2e-4
 
 
 def test_no_hysteresis_leaves_the_critical_value_alone(nominal, monkeypatch):
