@@ -1,5 +1,7 @@
 """Linear against nonlinear onset: critical values in closed form, modes through crossings, kicked ranges."""
 
+import csv
+import json
 import math
 from pathlib import Path
 
@@ -9,16 +11,18 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from drumsqueal.effects.friction_law import ConstantLaw, ExponentialLaw
+from drumsqueal.errors import RequestError, SceneError
 from drumsqueal.files.history import COMPLETE
-from drumsqueal.linear.branches import follow_modes
-from drumsqueal.model import build_model
+from drumsqueal.linear.branches import follow_modes, point_at
+from drumsqueal.model import Model, build_model
 from drumsqueal.scene.variation import Variation
 from drumsqueal.small_bodies import block_on_belt, sprung_block_on_belt
-from drumsqueal.studies.attractors import Family, How
-from drumsqueal.studies.onset import KICKED, STABLE, Prediction, compare
+from drumsqueal.studies import onset as study_module
+from drumsqueal.studies.attractors import DECAYS, GROWS, SQUEALS, Ending, Family, How, find_endings
+from drumsqueal.studies.onset import KICKED, STABLE, Prediction, Row, compare, find_ranges, predict, study_onset
 from drumsqueal.studies.onset import SQUEALS as UNSTABLE
-from drumsqueal.studies.onset_verdict import verdict
-from drumsqueal.studies.saturated import saturated_motions
+from drumsqueal.studies.onset_verdict import reservations, verdict, with_uncertainty
+from drumsqueal.studies.saturated import Saturated, saturated_motions
 
 DAMPED = Path(__file__).parents[1] / "scenarios" / "damped.toml"
 HOPF = 0.5 * math.log(10)  # of the block below
@@ -29,13 +33,19 @@ def falling_friction(belt_speed: float):
     return block_on_belt(ExponentialLaw(1.0, 0.5, 2.0), damping=0.1, belt_speed=belt_speed)
 
 
-def predicted(nominal, values, **how) -> Prediction:
+def predicted(nominal, values, round_seconds: float = 120.0) -> Prediction:
     """The block's onset as a study has it; its scene is only carried along."""
     family = Family(falling_friction, ("X",), ("X",))
-    settings = {"sample_rate": 10.0, "tolerance": 1e-6, "round_seconds": 120.0} | how
     linear = follow_modes(falling_friction, values)
     variation = Variation("drum.speed", "m/s", tuple(values))
-    return Prediction(nominal, variation, family, falling_friction, linear, How(**settings))
+    return Prediction(nominal, variation, family, falling_friction, linear, How(10.0, 1e-6, round_seconds))
+
+
+@pytest.fixture(scope="module")
+def quick(nominal):
+    """A brake that moves along Y alone."""
+    values = {"simulate.coordinates": ["Y"], "start.displacement": {"Y": 1e-7}, "damping": {"ratio": 0.005}}
+    return nominal.with_values(values)
 
 
 # --- critical values -------------------------------------------------------------------------------------------------
@@ -81,7 +91,7 @@ def test_the_critical_speed_of_a_brake_that_moves_along_x_alone(nominal):
     assert not critical.destabilises
 
 
-def sprung(springs) -> object:
+def sprung(springs) -> Model:
     return sprung_block_on_belt(ConstantLaw(0.0), mass=np.ones(2), springs=springs, contact_stiffness=0.0)
 
 
@@ -143,9 +153,8 @@ def test_a_static_instability_is_a_divergence():
     assert (critical.label, critical.frequency_Hz, critical.destabilises) == ("divergence", 0.0, True)
 
 
-def test_a_value_without_steady_sliding_is_named(nominal):
-    scene = nominal.with_values({"simulate.coordinates": ["Y"], "start.displacement": {"Y": 1e-7}})
-    found = follow_modes(lambda speed: build_model(scene, {"drum.speed": speed}), [-2.0, 0.0, 2.0])
+def test_a_value_without_steady_sliding_is_named(quick):
+    found = follow_modes(lambda speed: build_model(quick, {"drum.speed": speed}), [-2.0, 0.0, 2.0])
     assert [bool(point.reason) for point in found.points] == [False, True, False]
     assert not found.points[1].unstable
 
@@ -199,8 +208,8 @@ def test_more_transients_than_run_at_once_come_in_order_and_one_that_sticks_goes
     assert [each.by_itself for each in found] == [k in (5, 17) for k in range(18)]
     assert 1 < found[5].edge_shares[1] < 1.3  # it moves with the belt one way, and faster the other
     # The slower the belt, the faster the growth.
-    rates = np.array([each.rate for each in np.delete(np.array(found, dtype=object), [5, 17], axis=0)[:, 7]])
-    assert (np.diff(rates[1:4]) < 0).all()
+    rates = [each.rate for each in found if not each.by_itself]
+    assert rates == sorted(rates, reverse=True)
 
 
 def grazing_speed() -> float:
@@ -223,14 +232,16 @@ def grazing_speed() -> float:
         first = solve_ivp(slip, (0, 1.0), start, rtol=1e-11, atol=1e-12).y[:, -1]
         return solve_ivp(slip, (0, 20), first, events=turns, rtol=1e-11, atol=1e-12).y[1, -1] - belt
 
-    return brentq(crest, 1.16, 2.0, xtol=1e-8)
+    return float(brentq(crest, 1.16, 2.0, xtol=1e-8))  # pyright: ignore[reportArgumentType]
 
 
-def test_the_kicked_range_of_the_block_ends_where_scipy_says(nominal):
+@pytest.mark.slow
+def test_the_kicked_range_of_the_block_ends_where_scipy_says(nominal, monkeypatch):
     # Subcritical: above the Hopf point squeal by stick and slip goes on once started, until it no longer sticks.
     end = grazing_speed()
     assert HOPF + 0.02 < end < 2
-    # Ten periods a round: the block is on its cycle from the first sticking on.
+    # Ten periods a round, and four rounds: the block is on its cycle from the first sticking on.
+    monkeypatch.setattr(study_module, "LASTING", 4)
     shorter = predicted(nominal, [1.1, 1.3, 2.0], round_seconds=60.0)
     study = compare(shorter, 0.02, lambda _: None, lambda *_: None)
     kinds = [each.kind for each in study.ranges]
@@ -238,8 +249,209 @@ def test_the_kicked_range_of_the_block_ends_where_scipy_says(nominal):
     squeals, kicked, stable = study.ranges
     assert squeals.last == kicked.first == pytest.approx(HOPF, rel=1e-10)
     assert kicked.last == stable.first
+    assert kicked.last_uncertainty is not None
     assert kicked.last_uncertainty <= 0.01 * 0.9
     assert abs(kicked.last - end) <= kicked.last_uncertainty
     told = verdict(study)
     assert "predict squeal below 1.15129 (X, 0 Hz)" in told
     assert "a kick is enough for it from 1.15129 to" in told
+
+
+# --- the search, on made-up endings ----------------------------------------------------------------------------------
+
+
+def ending(value: float, start: str, kind: str, size: float = 1.0) -> Ending:
+    one = np.array([size])
+    motion = Saturated(one, one, (0.0, 1.5), 1.0, "X", size**2, 0.0, 1.0, one, one, COMPLETE, False)
+    return Ending(value, start, kind, motion, 1.0)
+
+
+def made_up(found, fold: float, reach: float):
+    """Endings of a motion that lasts below `fold` if it comes from no farther than `reach`; kicks do nothing."""
+
+    def find(family, tasks, how, *, rounds):
+        for point, start in tasks:
+            found.append((point.value, start.name))
+            near = "from" in start.name and abs(point.value - float(start.name.split()[-1])) < reach
+            lasts = point.value < fold and (point.unstable or near)
+            yield ending(point.value, start.name, SQUEALS if lasts else DECAYS)
+
+    return find
+
+
+def test_a_fold_is_found_by_going_on_from_neighbours(nominal, monkeypatch):
+    found: list = []
+    monkeypatch.setattr(study_module, "find_endings", made_up(found, fold=1.6789, reach=0.12))
+    rows_seen: list = []
+    study = compare(predicted(nominal, np.linspace(1, 2, 11)), 1e-3, lambda rows: rows_seen.append(len(rows)), print)
+    assert [each.kind for each in study.ranges] == [UNSTABLE, KICKED, STABLE]
+    kicked = study.ranges[1]
+    assert kicked.first == pytest.approx(HOPF, rel=1e-10)
+    assert kicked.last_uncertainty is not None
+    assert abs(kicked.last - 1.6789) <= kicked.last_uncertainty <= 5e-4 * (1 + 1e-9)
+    assert rows_seen == sorted(rows_seen)
+    assert [row.value for row in study.rows if row.asked] == pytest.approx(np.linspace(1, 2, 11))
+    assert reservations(study)[-1].startswith("Kicks that were not tried")
+
+
+def test_a_kicked_range_narrower_than_the_steps_is_found_beside_the_critical_value(nominal, monkeypatch):
+    monkeypatch.setattr(study_module, "find_endings", made_up([], fold=1.17, reach=0.2))
+    study = compare(predicted(nominal, [1.0, 1.1, 1.2, 1.3]), 1e-3, lambda _: None, lambda *_: None)
+    assert [each.kind for each in study.ranges] == [UNSTABLE, KICKED, STABLE]
+    uncertainty = study.ranges[1].last_uncertainty
+    assert uncertainty is not None
+    assert abs(study.ranges[1].last - 1.17) <= uncertainty < 2e-4
+
+
+def test_no_hysteresis_leaves_the_critical_value_alone(nominal, monkeypatch):
+    monkeypatch.setattr(study_module, "find_endings", made_up([], fold=HOPF, reach=9.0))
+    study = compare(predicted(nominal, [1.0, 1.1, 1.2, 1.3]), 1e-3, lambda _: None, lambda *_: None)
+    assert [each.kind for each in study.ranges] == [UNSTABLE, STABLE]
+    assert study.ranges[0].last == pytest.approx(HOPF, rel=1e-10)
+    assert verdict(study).endswith("where they do not, no start that was tried squeals.")
+
+
+def test_ranges_of_what_could_not_be_told():
+    point = point_at(falling_friction, 1.5)
+    rows = [Row(point._replace(value=v), (), asked=True) for v in (1.0, 2.0, 3.0)]
+    rows[0] = rows[0]._replace(point=rows[0].point._replace(reason="the drum stands still"))
+    rows[2] = rows[2]._replace(endings=(ending(3.0, "small", "undecided"),))
+    found = find_ranges(rows, ())
+    assert [(each.kind, each.first, each.last) for each in found] == [
+        ("no steady sliding", 1.0, 1.5),
+        (STABLE, 1.5, 2.5),
+        ("undecided", 2.5, 3.0),
+    ]
+    assert found[0].last_uncertainty == 0.5
+
+
+def test_a_motion_that_still_grows_lasts_but_has_no_size():
+    row = Row(point_at(falling_friction, 1.1), (ending(1.1, "small", GROWS),), asked=True)
+    assert row.kind == UNSTABLE
+    assert row.endings[0].lasts
+    assert row.strongest is None
+
+
+@pytest.mark.parametrize(
+    ("value", "uncertainty", "told"),
+    [(47.944, 0.0185, "47.94 ± 0.02"), (10.6122870189, 6e-11, "10.61228701890 ± 6e-11"), (1234.0, 30.0, "1234 ± 30")],
+)
+def test_uncertainty_is_told_in_one_digit(value, uncertainty, told):
+    assert with_uncertainty(value, uncertainty) == told
+
+
+# --- the command -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("settings", "told"),
+    [
+        ({"friction": None}, "friction: this scene has none"),
+        ({"forcing": {"amplitude": {"Y": 1.0}, "frequency": 100.0}}, "--set forcing=none"),
+        ({"contact.normal_load": {"time": [0, 1], "value": [1, 2]}}, "contact.normal_load: it changes over time"),
+    ],
+)
+def test_what_has_no_onset_is_refused(nominal, settings, told):
+    with pytest.raises(RequestError, match=told):
+        study_onset(nominal.with_values(settings), "drum.speed=1..2")
+
+
+def test_folded_samples_are_refused(quick):
+    scene = quick.with_values({"simulate.sample_rate": 1000.0})
+    with pytest.raises(SceneError, match=r"simulate\.sample_rate .* twice the highest frequency"):
+        predict(scene, Variation("drum.speed", "rad/s", (1.0, 2.0)))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        ([], "--along"),
+        (["--along", "drum.speed"], "write KEY=FROM..TO"),
+        (["--along", "drum.sped=1..2"], "did you mean drum.speed?"),
+        (["--along", "drum.speed=1..2", "--within", "2"], "write a share between 0 and 100 %"),
+        (["--along", "drum.speed=1..2", "--set", "friction=none"], "friction: this scene has none"),
+    ],
+)
+def test_wrong_requests_write_nothing(drumsqueal, tmp_path, arguments, told):
+    folder = tmp_path / "out"
+    status, printed, error = drumsqueal("onset", str(DAMPED), "-o", str(folder), *arguments)
+    assert (status, printed) == (2, "")
+    assert error.count("\n") == 1
+    assert told in error
+    assert not folder.exists()
+
+
+QUICK = ["--set", 'simulate.coordinates=["Y"]', "--set", "start.displacement={Y = 1e-7}"]
+
+
+def table(folder: Path) -> list[dict[str, str]]:
+    return list(csv.DictReader((folder / "onset.csv").read_text(encoding="utf-8").splitlines()))
+
+
+def test_the_command_writes_what_it_found(drumsqueal, tmp_path, monkeypatch):
+    monkeypatch.setattr(study_module, "find_endings", made_up_for_y)
+    folder = tmp_path / "out"
+    arguments = ["onset", str(DAMPED), *QUICK, "--along", "drum.speed=1..40x14", "-o", str(folder)]
+    status, printed, error = drumsqueal(*arguments)
+    assert (status, error) == (0, "")
+    assert {file.name for file in folder.iterdir()} == {"onset.csv", "onset.json", "onset.png"}
+    summary = json.loads((folder / "onset.json").read_text())
+    rows = table(folder)
+    (critical,) = summary["critical_values"]
+    assert critical["label"] == "Y"
+    assert [each["kind"] for each in summary["ranges"]] == [UNSTABLE, KICKED, STABLE]
+    assert summary["ranges"][1]["first"] == critical["value"]
+    assert abs(summary["ranges"][1]["last"] - 25.0) <= summary["ranges"][1]["last_uncertainty"]
+    asked = [row for row in rows if row["asked"] == "yes"]
+    assert [float(row["drum.speed_rad_per_s"]) for row in asked] == [1 + 3 * k for k in range(14)]
+    for row in asked:
+        value = float(row["drum.speed_rad_per_s"])
+        assert (float(row["growth_rate_Y_1_per_s"]) > 0) == (row["kind"] == UNSTABLE) == (value < critical["value"])
+        assert (row["large_amplitude_Y_m"] != "") == (value < 25)
+    assert f"{critical['frequency_Hz']:.2f} Hz" in printed.replace("\n", " ")
+    assert summary["verdict"] in " ".join(printed.split())
+    # Once more is refused, unless it may replace them.
+    status, _, error = drumsqueal(*arguments)
+    assert status == 2
+    assert "--overwrite" in error
+
+
+def made_up_for_y(family, tasks, how, *, rounds):
+    for point, start in tasks:
+        lasts = point.value < 25 and (point.unstable or start.name != "small")
+        one = np.array([1e-5])
+        motion = Saturated(one, one, (0.0, 1.5), 1000.0, "Y", 1.0, 0.0, 1.0, one, one, COMPLETE, False)
+        yield Ending(point.value, start.name, SQUEALS if lasts else DECAYS, motion, 0.1)
+
+
+def test_ctrl_c_keeps_the_values_done(drumsqueal, tmp_path, monkeypatch):
+    def interrupted(family, tasks, how, *, rounds):
+        for k, each in enumerate(made_up_for_y(family, tasks, how, rounds=rounds)):
+            if k == 5:  # two starts a value
+                raise KeyboardInterrupt
+            yield each
+
+    monkeypatch.setattr(study_module, "find_endings", interrupted)
+    folder = tmp_path / "out"
+    status, _, error = drumsqueal("onset", str(DAMPED), *QUICK, "--along", "drum.speed=1..40x14", "-o", str(folder))
+    assert status == 1
+    assert "interrupted by the user; the runs made until then are in" in error
+    assert [row["drum.speed_rad_per_s"] for row in table(folder)] == ["1.0", "4.0"]
+    assert not (folder / "onset.png").exists()
+
+
+def test_transients_of_a_brake_lead_where_its_eigenvalues_say(quick):
+    # Y alone, one speed on each side of its critical one.
+    study = study_onset(quick, Variation("drum.speed", "rad/s", (2.0, 60.0)), within=0.3)
+    assert study.rows[0].kind == UNSTABLE
+    assert study.rows[0].small is not None
+    assert study.rows[0].small.settled
+    last = study.rows[-1]
+    assert last.small is not None
+    assert last.small.kind == DECAYS
+    (small,) = find_endings(
+        Family(lambda value: build_model(quick, {"drum.speed": value}), ("Y",), ("Y",)),
+        [(last.point, study.rows[0].small.again(1e-6))],
+        How(5e4, 1e-6, 0.05),
+    )
+    assert small.kind == DECAYS

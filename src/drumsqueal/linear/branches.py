@@ -1,11 +1,11 @@
 """Modes along a parameter: followed by their shapes, not by their order, and the values at which one turns unstable."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq, linear_sum_assignment, minimize_scalar
 
 from drumsqueal.errors import SteadyStateError
@@ -83,7 +83,7 @@ class Branches(NamedTuple):
     critical: tuple[Critical, ...]
 
 
-def follow_modes(model_at: ModelAt, values: Sequence[float]) -> Branches:
+def follow_modes(model_at: ModelAt, values: ArrayLike) -> Branches:
     """Follow all modes over the values and find where Re λ = 0, on the eigenvalue itself.
 
     The models are of one composition. Two modes are the same where √|l_iᴴ r_j · l_jᴴ r_i| is near 1, with left and
@@ -92,7 +92,7 @@ def follow_modes(model_at: ModelAt, values: Sequence[float]) -> Branches:
     goes unseen unless it is the least stable one's.
     """
     points: list[Point] = []
-    for value in sorted(values):
+    for value in np.sort(np.asarray(values, dtype=np.float64)).tolist():
         stop_if_interrupted()
         points.append(point_at(model_at, value))
     width = points[-1].value - points[0].value
@@ -207,8 +207,9 @@ def _with_turns(model_at: ModelAt, points: list[Point]) -> list[Point]:
             return sign * point_at(model_at, value).growth_rate
 
         lowest = minimize_scalar(height, bounds=(a.value, c.value), method="bounded")
-        if lowest.fun < 0:
-            found.append(point_at(model_at, float(lowest.x)))
+        turn = point_at(model_at, float(lowest["x"]))
+        if sign * turn.growth_rate < 0:
+            found.append(turn)
     return sorted(found, key=lambda point: point.value)
 
 

@@ -139,7 +139,7 @@ class Family:
         turns = np.exp(2j * np.pi * np.arange(32) / 32)
         departure, velocity = ((turns[:, None] * part).real for part in shape)
         reached = [each for each in edge_shares(model, departure, velocity) if each > 0]
-        return shape.real * (share / which(reached) if reached else 0.0)
+        return np.real(shape) * (share / which(reached) if reached else 0.0)
 
 
 def round_seconds(points: Iterable[Point], moving: tuple[str, ...]) -> float:

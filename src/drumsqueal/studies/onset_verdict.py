@@ -73,7 +73,7 @@ def _value(value: float, uncertainty: float | None) -> str:
 def with_uncertainty(value: float, uncertainty: float) -> str:
     """A value in as many digits as its uncertainty leaves it, in one: 47.94 ± 0.02."""
     digits = -math.floor(math.log10(uncertainty))
-    return f"{value:.{max(0, digits)}f} ± {uncertainty:.1g}"
+    return f"{value:.{max(0, digits)}f} ± {float(f'{uncertainty:.1g}'):g}"
 
 
 def _joined(texts: Sequence[str]) -> str:
