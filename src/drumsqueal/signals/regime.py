@@ -166,7 +166,8 @@ def _not_periodic(unit: NDArray[np.float64], rate: float, error: float, drift: f
     """Tell a torus, or a long cycle, from irregular motion by the lines of a stationary record."""
     lines = find_lines(unit, rate, floor=FLOOR)
     bases, duration = find_bases(lines), unit.shape[0] / rate
-    found, known = tuple(bases.frequency_Hz.tolist()), tuple(bases.uncertainty_Hz.tolist())
+    found: tuple[float, ...] = tuple(bases.frequency_Hz.tolist())
+    known: tuple[float, ...] = tuple(bases.uncertainty_Hz.tolist())
     if nearly:
         what = f"comes back to within {error:.2g} of its rms once, but not after many turns"
     else:
