@@ -115,7 +115,7 @@ class _Lattice:
         bases = np.linalg.lstsq(matrix, right, rcond=None)[0]
         scatter = float(np.sum((matrix @ bases - right) ** 2)) / max(1, right.size - bases.size)
         covariance = np.linalg.inv(matrix.T @ matrix)
-        return bases, np.sqrt(max(1.0, scatter) * np.diag(covariance))
+        return bases.astype(np.float64), np.sqrt(max(1.0, scatter) * np.diag(covariance))
 
     def _nearest(self, j: int) -> tuple[NDArray[np.int64] | None, bool]:
         """The combination of lowest order within reach of a line, None without one; and whether it is beyond chance."""

@@ -85,7 +85,7 @@ class _Search:
         self.record, self.rest = record, record
         self.window = hann(samples, sym=False) / (samples / 2)
         self.time = (np.arange(samples) - 0.5 * samples) / samples
-        self.length = scipy.fft.next_fast_len(PADDING * samples, real=True)
+        self.length = int(scipy.fft.next_fast_len(PADDING * samples, real=True) or 0)
         self.bins = np.arange(self.length // 2 + 1) * (samples / self.length)
         self.frequency = np.zeros(0)
         self.columns = np.ones((samples, 1))  # a constant, then cosine and sine of each line
@@ -161,7 +161,7 @@ class _Search:
     def _power(self) -> NDArray[np.float64]:
         """P at every bin, of the rest."""
         weighted = self.window[:, None] * self.rest
-        transform = scipy.fft.rfft(weighted, self.length, axis=0)
+        transform = np.asarray(scipy.fft.rfft(weighted, self.length, axis=0))
         return np.sum(np.abs(transform) ** 2, axis=1)
 
     def _waves(self, frequency: float) -> NDArray[np.float64]:

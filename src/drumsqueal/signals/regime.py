@@ -166,7 +166,7 @@ def _not_periodic(unit: NDArray[np.float64], rate: float, error: float, drift: f
     """Tell a torus, or a long cycle, from irregular motion by the lines of a stationary record."""
     lines = find_lines(unit, rate, floor=FLOOR)
     bases, duration = find_bases(lines), unit.shape[0] / rate
-    found, known = tuple(bases.frequency_Hz.tolist()), tuple(bases.uncertainty_Hz.tolist())
+    found, known = bases.frequency_Hz.tolist(), bases.uncertainty_Hz.tolist()
     if nearly:
         what = f"comes back to within {error:.2g} of its rms once, but not after many turns"
     else:
@@ -176,9 +176,9 @@ def _not_periodic(unit: NDArray[np.float64], rate: float, error: float, drift: f
     share, base = f"hold {bases.explained:.2%} of its variance", told_frequencies(found, known, 6)
 
     def told(kind: Kind, reason: str, period: float | None = None) -> Regime:
-        kept = bases.explained >= EXPLAINED
+        kept = slice(None) if bases.explained >= EXPLAINED else slice(0)
         return Regime(
-            kind, period, found if kept else (), error, drift, reason, known if kept else (), bases.explained,
+            kind, period, tuple(found[kept]), error, drift, reason, tuple(known[kept]), bases.explained,
             lines.resolution_Hz,
         )  # fmt: skip
 

@@ -91,7 +91,9 @@ def study_motion(
     """Tell which kind of motion a scene settles to: `study_motion(scene).kind`, `.bases`, `.exponents`.
 
     It runs until the trend of every coordinate's rms over half a second is below 1e-3 or within three standard errors
-    (five seconds at most), then for `duration` (s), then once more from there with tangents. `at_most` bounds the
+    (five seconds at most), then for `duration` (s), of which the later half is
+    asked for lines, then once more from there with tangents. Where tangents grow and lines are sharp all the same the
+    kind is unknown. `at_most` bounds the
     computing time (s) of each of both; what was cut short or not determined is in `limits`. Raises SceneError for a
     scene that cannot be run or whose drum speed or load change, IntegrationError when nothing was computed, and
     KeyboardInterrupt between two chunks.
@@ -111,13 +113,15 @@ def study_motion(
         recorded = departure.time.size / rate
         modes = prepared.stability.unstable or prepared.stability.modes
         lowest = min((mode.frequency_Hz for mode in modes), default=2 * PERIODS_NEEDED / recorded) / 2
-        regime = classify(departure.displacement, rate, scale=scale, lowest_frequency=lowest)
+        # What is left of the start after settling would widen lines; tangents need the whole time.
+        late = slice(departure.time.size // 2, None)
+        regime = classify(departure.displacement[late], rate, scale=scale, lowest_frequency=lowest)
         moving = np.ptp(departure.displacement, axis=0) / 2 >= STEADY * scale
         coordinates = tuple(name for name, moves in zip(departure.coordinates, moving, strict=True) if moves)
         lines = bases = exponents = None
         if coordinates:
             show("lines", recorded)
-            lines = find_lines(departure.displacement[-MOST_FOR_LINES:, moving], rate, floor=FLOOR)
+            lines = find_lines(departure.displacement[late][-MOST_FOR_LINES:, moving], rate, floor=FLOOR)
             bases = find_bases(lines)
             exponents = _exponents(prepared, chunks, duration, at_most, show, limits)
         section, section_of = _section(departure, prepared.stability.mass, coordinates)
@@ -248,6 +252,8 @@ def _told(regime: Regime, bases: Bases | None, exponents: Exponents | None) -> t
         return regime.kind, regime.reason
     largest, error = float(exponents.exponent_1_per_s[0]), float(exponents.standard_error_1_per_s[0])
     told = f"The largest Lyapunov exponent is {largest:+.3g} ± {error:.2g} 1/s"
+    if exponents.chaotic and regime.kind in ("periodic", "quasi-periodic"):
+        return "unknown", f"{told}, and yet its lines are sharp: one of the two is wrong. {regime.reason}"
     if exponents.chaotic:
         return "chaotic", f"{told}: nearby motions separate exponentially. {regime.reason}"
     if regime.kind == "irregular":
