@@ -157,6 +157,10 @@ def test_a_value_without_steady_sliding_is_named(quick):
     found = follow_modes(lambda speed: build_model(quick, {"drum.speed": speed}), [-2.0, 0.0, 2.0])
     assert [bool(point.reason) for point in found.points] == [False, True, False]
     assert not found.points[1].unstable
+    # The mode is one on both sides of the standstill, and is none there.
+    (branch,) = found.branches
+    assert list(np.isnan(branch.eigenvalues)) == [False, True, False]
+    assert branch.eigenvalues[0] == pytest.approx(branch.eigenvalues[2], rel=1e-12)
 
 
 # --- where transients lead -------------------------------------------------------------------------------------------

@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
 from rich import box
 from rich.console import Console
 from rich.table import Table
@@ -27,7 +28,7 @@ def print_study(console: Console, study: OnsetStudy) -> None:
     title = f"Onset along {study.variation.key}"
     table = Table(title=title, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     table.add_column(f"\n\n{study.variation.unit}", justify="right")
-    table.add_column("")
+    table.add_column("", no_wrap=True)
     table.add_column("growth\nlinear\n1/s", justify="right")
     for start in ("small", "large"):
         table.add_column(f"{name} after\n{start} start\n{unit}", justify="right")
@@ -37,7 +38,7 @@ def print_study(console: Console, study: OnsetStudy) -> None:
             kind = Text(row.kind, style=STYLES.get(row.kind, ""))
             small, large = _shown(row.small, study, factor), _shown(row.strongest, study, factor, large=True)
             growth = "-" if row.point.reason else f"{row.point.growth_rate:+.2f}"
-            table.add_row(f"{row.value:.6g}", kind, growth, *small, *large)
+            table.add_row(f"{row.value:.5g}", kind, growth, *small, *large)
     console.print(table)
     for critical in study.linear.critical:
         console.print(_told(critical, study.variation))
@@ -73,7 +74,8 @@ def _told(critical: Critical, variation: Variation) -> str:
 def to_csv(rows: Sequence[Row], variation: Variation, linear: Branches, names: tuple[str, ...]) -> str:
     """One row a value: its kind, the modes, where the small departure led, and the largest motion that was found."""
     at = {
-        branch.label: dict(zip(branch.values.tolist(), branch.eigenvalues, strict=True)) for branch in linear.branches
+        branch.label: {v: e for v, e in zip(branch.values.tolist(), branch.eigenvalues, strict=True) if np.isfinite(e)}
+        for branch in linear.branches
     }
     unit = variation.unit.replace("/", "_per_").replace("^", "")
     table = []

@@ -55,7 +55,10 @@ class Point(NamedTuple):
 
 
 class Branch(NamedTuple):
-    """One mode over the values (k,) at which it oscillates: its eigenvalues (k,) in 1/s, and its name at the first."""
+    """One mode over the values (k,) at which it oscillates: its eigenvalues (k,) in 1/s, and its name at the first.
+
+    NaN where there is no steady sliding in between.
+    """
 
     label: str
     values: NDArray[np.float64]
@@ -164,22 +167,33 @@ def _between(model_at: ModelAt, a: Point, b: Point, halvings: int) -> list[Point
 
 
 def _branches(points: list[Point]) -> tuple[tuple[Branch, ...], list[list[str]]]:
-    """The modes over the points, and the label of each mode of each point."""
+    """The modes over the points, and the label of each mode of each point.
+
+    A mode goes on beyond a value without steady sliding, and is NaN there.
+    """
     names: list[str] = []
     values: dict[int, list[float]] = {}
     eigenvalues: dict[int, list[complex]] = {}
     found: list[list[int]] = []
-    for k, point in enumerate(points):
-        linked = {} if k == 0 else {j: found[-1][i] for i, j in _links(points[k - 1], point)[0].items()}
-        branches = []
+    before: tuple[Point, list[int]] | None = None
+    for point in points:
+        linked: dict[int, int] = {}
+        if before is not None:
+            linked = {j: before[1][i] for i, j in _links(before[0], point)[0].items()}
         for j, mode in enumerate(point.modes):
             if j not in linked:
                 linked[j] = len(names)
                 names.append(mode.name)
-            branches.append(linked[j])
-            values.setdefault(linked[j], []).append(point.value)
-            eigenvalues.setdefault(linked[j], []).append(mode.eigenvalue)
-        found.append(branches)
+        found.append([linked[j] for j in range(len(point.modes))])
+        if point.reason:
+            gaps = [] if before is None else before[1]
+            there = [(i, complex(np.nan, np.nan)) for i in gaps]
+        else:
+            before = point, found[-1]
+            there = [(linked[j], mode.eigenvalue) for j, mode in enumerate(point.modes)]
+        for i, eigenvalue in there:
+            values.setdefault(i, []).append(point.value)
+            eigenvalues.setdefault(i, []).append(eigenvalue)
     earlier = [names[:i].count(name) for i, name in enumerate(names)]
     labels = [f"{name} ({count + 1})" if count else name for name, count in zip(names, earlier, strict=True)]
     branches = tuple(Branch(labels[i], np.array(values[i]), np.array(eigenvalues[i])) for i in range(len(names)))
@@ -275,7 +289,8 @@ def _label(model_at: ModelAt, critical: Critical, points: list[Point], labels: l
     """Whose critical value it is: the branch that has the shape of the mode with the smallest |Re λ| there."""
     if critical.label:
         return critical.label
-    nearest = min(range(len(points)), key=lambda k: abs(points[k].value - critical.value))
+    sound = [k for k, point in enumerate(points) if not point.reason]
+    nearest = min(sound, key=lambda k: abs(points[k].value - critical.value))
     point = point_at(model_at, critical.value)
     marginal = min(range(len(point.modes)), key=lambda k: abs(point.modes[k].growth_rate))
     return labels[nearest][int(np.argmax(_overlap(point, points[nearest])[marginal]))]
