@@ -261,4 +261,11 @@ def _told(regime: Regime, bases: Bases | None, exponents: Exponents | None) -> t
     if regime.kind == "quasi-periodic" and bases is not None and bases.frequency_Hz.size == 1:
         base = told_frequencies(bases.frequency_Hz.tolist(), bases.uncertainty_Hz.tolist(), 8)
         return "periodic", f"{told}. All its lines are multiples of {base}: its frequencies are locked."
-    return regime.kind, f"{told}: no chaos. {regime.reason}"
+    zeros = int(np.count_nonzero(exponents.exponent_1_per_s > -SURE * exponents.standard_error_1_per_s))
+    needed = len(regime.base_frequencies_Hz)
+    if regime.kind == "quasi-periodic" and zeros < min(needed, exponents.exponent_1_per_s.size):
+        told += (
+            f", and {zeros} of the exponents {'is' if zeros == 1 else 'are'} zero where {needed} base frequencies want "
+            f"{needed}: they lock, within what the tolerance of the integration lets show; a longer record or a smaller one may tell"
+        )
+    return regime.kind, f"{told}; no chaos. {regime.reason}"
