@@ -266,7 +266,7 @@ def _told(regime: Regime, bases: Bases | None, exponents: Exponents | None) -> t
     if regime.kind == "quasi-periodic" and zeros < min(needed, exponents.exponent_1_per_s.size):
         told += (
             f", and {zeros} of the exponents {'is' if zeros == 1 else 'are'} zero where {needed} base frequencies want "
-            f"{needed}: they lock, within what the tolerance of the integration lets show; a longer record or a smaller "
-            "tolerance may tell"
+            f"{needed}: they lock, within what the tolerance of the integration lets show; a longer record or a "
+            "smaller tolerance may tell"
         )
     return regime.kind, f"{told}; no chaos. {regime.reason}"
