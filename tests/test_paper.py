@@ -68,7 +68,7 @@ def test_one_program_for_many_numbers_gives_the_eigenvalues_of_each(study):
         )
         for name in SQUEALING:
             (mode,) = (mode for mode in alone.modes if mode.name == name)
-            # Two programs round differently: some epsilons of the largest eigenvalue.
+            # Two programs and two quadratures round differently: some epsilons of the largest eigenvalue.
             assert abs(curve.spectrum.of(name)[k] - mode.eigenvalue) < 1e-13 * np.abs(alone.eigenvalues).max()
 
 

@@ -251,13 +251,24 @@ def test_a_sweep_that_was_cut_off_goes_on_and_leaves_the_same_file(drumsqueal, d
 
 
 @pytest.mark.usefixtures("small")
-def test_killed_between_results_and_their_marks_nothing_is_lost(damped, tmp_path):
+def test_killed_between_results_and_their_marks_nothing_is_lost(damped, tmp_path, monkeypatch):
     plan = plan_of(damped, "drum.speed=1..40x20")
     file = SweepFile(tmp_path / "sweep.nc", plan)
     file.create()
     results = study.compute(plan, 8, 16)
-    file._fill(file.path, 8, {name: values for name, values in results.items() if name != OUTCOME})
+    fill, calls = file._fill, []
+
+    def killed(*arguments):
+        calls.append(arguments)
+        if len(calls) == 2:
+            raise KeyboardInterrupt
+        fill(*arguments)
+
+    monkeypatch.setattr(file, "_fill", killed)
+    with pytest.raises(KeyboardInterrupt):
+        file.write(8, results)
     assert not file.computed().any()
+    monkeypatch.setattr(file, "_fill", fill)
     file.write(8, results)
     assert file.computed().tolist() == [False] * 8 + [True] * 8 + [False] * 4
     with xarray.open_dataset(file.path, engine="h5netcdf") as there:

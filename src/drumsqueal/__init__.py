@@ -19,14 +19,17 @@ if TYPE_CHECKING:
     from drumsqueal.comparison.compare import Comparison, compare
     from drumsqueal.effects.custom_friction import TabulatedLaw
     from drumsqueal.effects.friction_law import FrictionLaw
-    from drumsqueal.errors import IntegrationError, SceneError, SteadyStateError
+    from drumsqueal.errors import CycleError, IntegrationError, SceneError, SteadyStateError
     from drumsqueal.linear.modes import Mode, Stability, analyse_stability, growth_rate
     from drumsqueal.model import Model, build_model
     from drumsqueal.scene import Scene, load_scene, scene_from_dict
     from drumsqueal.scene.seo_kang import seo_kang_brake
     from drumsqueal.simulation import Result, run
     from drumsqueal.studies.accuracy import AccuracyStudy, study_accuracy
+    from drumsqueal.studies.branches import Diagram, follow_cycle
+    from drumsqueal.studies.cycle import Search, find_cycle
     from drumsqueal.studies.effects import EffectStudy, study_effects
+    from drumsqueal.studies.motion import MotionStudy, study_motion
     from drumsqueal.studies.onset import OnsetStudy, study_onset
     from drumsqueal.studies.paper import PaperStudy, study_paper
     from drumsqueal.studies.quieting import Quieting, quieten
@@ -39,13 +42,16 @@ _HOMES = {
     "comparison.compare": ("Comparison", "compare"),
     "effects.custom_friction": ("TabulatedLaw",),
     "effects.friction_law": ("FrictionLaw",),
-    "errors": ("IntegrationError", "SceneError", "SteadyStateError"),
+    "errors": ("CycleError", "IntegrationError", "SceneError", "SteadyStateError"),
     "model": ("Model", "build_model"),
     "linear.modes": ("Mode", "Stability", "analyse_stability", "growth_rate"),
     "scene": ("Scene", "load_scene", "scene_from_dict"),
     "simulation": ("Result", "run"),
     "studies.accuracy": ("AccuracyStudy", "study_accuracy"),
+    "studies.branches": ("Diagram", "follow_cycle"),
+    "studies.cycle": ("Search", "find_cycle"),
     "studies.effects": ("EffectStudy", "study_effects"),
+    "studies.motion": ("MotionStudy", "study_motion"),
     "studies.onset": ("OnsetStudy", "study_onset"),
     "studies.paper": ("PaperStudy", "study_paper"),
     "studies.quieting": ("Quieting", "quieten"),
@@ -58,17 +64,21 @@ _HOME = {name: module for module, names in _HOMES.items() for name in names}
 __all__ = [
     "AccuracyStudy",
     "Comparison",
+    "CycleError",
+    "Diagram",
     "EffectStudy",
     "FrictionLaw",
     "IntegrationError",
     "Mode",
     "Model",
+    "MotionStudy",
     "OnsetStudy",
     "PaperStudy",
     "Quieting",
     "Result",
     "Scene",
     "SceneError",
+    "Search",
     "SensitivityStudy",
     "Stability",
     "SteadyStateError",
@@ -76,6 +86,8 @@ __all__ = [
     "analyse_stability",
     "build_model",
     "compare",
+    "find_cycle",
+    "follow_cycle",
     "growth_rate",
     "integrate_many",
     "load_scene",
@@ -85,6 +97,7 @@ __all__ = [
     "seo_kang_brake",
     "study_accuracy",
     "study_effects",
+    "study_motion",
     "study_onset",
     "study_paper",
     "study_sensitivity",

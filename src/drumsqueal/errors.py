@@ -2,7 +2,7 @@
 
 from drumsqueal.scene.quantities import SceneError
 
-__all__ = ["IntegrationError", "RequestError", "SceneError", "SteadyStateError"]
+__all__ = ["CycleError", "IntegrationError", "RequestError", "SceneError", "SteadyStateError"]
 
 
 class RequestError(ValueError):
@@ -15,3 +15,7 @@ class SteadyStateError(ArithmeticError):
 
 class IntegrationError(ArithmeticError):
     """The integration stopped before its end; the message says when and why."""
+
+
+class CycleError(IntegrationError):
+    """No periodic motion was found, or none that can be followed; the message says why."""

@@ -10,7 +10,9 @@ from typing import NoReturn
 import typer
 
 from drumsqueal.cli.accuracy import accuracy_command
+from drumsqueal.cli.cycle import cycle_command
 from drumsqueal.cli.effects import effects_command
+from drumsqueal.cli.motion import motion_command
 from drumsqueal.cli.onset import onset_command
 from drumsqueal.cli.options import UsageError, make_console
 from drumsqueal.cli.paper import paper_command
@@ -29,8 +31,10 @@ INTERRUPTED = "interrupted before anything was written"
 app.command(name="run")(run_command)
 app.command(name="stability")(stability_command)
 app.command(name="effects", context_settings={"allow_extra_args": True})(effects_command)
+app.command(name="cycle")(cycle_command)
 app.command(name="accuracy")(accuracy_command)
 app.command(name="onset")(onset_command)
+app.command(name="motion")(motion_command)
 app.command(name="sensitivity")(sensitivity_command)
 app.command(name="paper")(paper_command)
 app.command(name="sweep")(sweep_command)

@@ -6,7 +6,8 @@ import numpy as np
 import xarray
 
 from drumsqueal.comparison.departure import FEWEST_FOR_SPECTRUM, Departure, changes, edge_share, first_edge
-from drumsqueal.comparison.saturation import Saturation, describe_saturation
+from drumsqueal.comparison.frequency import FrequencyDrift, follow_frequency
+from drumsqueal.comparison.saturation import Saturation, describe_saturation, saturated_part
 from drumsqueal.comparison.sticking import find_sticking
 from drumsqueal.comparison.verdict import state_verdict
 from drumsqueal.files.history import COMPLETE
@@ -63,7 +64,8 @@ class ModeComparison(NamedTuple):
 class Comparison(NamedTuple):
     """End of the growth phase (s), first edge (s), each mode, the saturated motion and a verdict in one sentence.
 
-    `edge_reached_s` and `saturation` are None where the motion reached no edge; `motion_ratio` is the largest motion
+    `edge_reached_s` and `saturation` are None where the motion reached no edge, `frequency` also where no mode's
+    frequency can be followed from its onset; `motion_ratio` is the largest motion
     (root of the vibration energy) in the last tenth of the record over that in the first tenth, None without a start;
     `changing` tells that drum speed or load change, so that the prediction is for one time only.
     """
@@ -74,6 +76,7 @@ class Comparison(NamedTuple):
     changing: bool
     modes: tuple[ModeComparison, ...]
     saturation: Saturation | None
+    frequency: FrequencyDrift | None
     verdict: str
 
 
@@ -97,6 +100,9 @@ def compare(history: xarray.Dataset, stability: Stability, model: Model) -> Comp
             modes = tuple(mode if mode.measured_growth else mode._replace(note=HELD) for mode in modes)
     edge = first_edge(history, stability, model)
     saturation = None if edge is None else describe_saturation(history, departure, stability, model, edge)
+    drift = None
+    if edge is not None and saturation is not None and not model.forced:
+        drift = follow_frequency(departure, saturated_part(time, edge), stability, model, saturation)
     ratio = _motion_ratio(departure, stability, model)
     changing = changes(model, time)
     outcome = history.attrs["outcome"]
@@ -107,6 +113,7 @@ def compare(history: xarray.Dataset, stability: Stability, model: Model) -> Comp
         changing=changing,
         modes=modes,
         saturation=saturation,
+        frequency=drift,
         verdict=state_verdict(
             stability,
             changing=changing,
@@ -115,6 +122,7 @@ def compare(history: xarray.Dataset, stability: Stability, model: Model) -> Comp
             motion_ratio=ratio,
             edge=edge,
             saturation=saturation,
+            frequency=drift,
             duration=float(time[-1]),
             rotation=departure.largest_rotation,
             sticking=find_sticking(history),

@@ -74,7 +74,7 @@ def describe_saturation(
     # can be told all the same.
     duration = len(samples) / departure.sample_rate
     lowest = min((mode.frequency_Hz for mode in modes), default=2 * PERIODS_NEEDED / duration) / 2
-    scale = _scale(departure, stability, model)
+    scale = size_of_motion(departure, stability, model)
     regime = classify(samples, departure.sample_rate, scale=scale, lowest_frequency=lowest)
     drifts = regime.kind == "unknown" and regime.amplitude_drift is not None
     if drifts and changes(model, departure.time[part]):
@@ -99,7 +99,7 @@ def describe_motion(departure: Departure, part: slice, stability: Stability, mod
     """Describe the motion in a part of the record, whatever its kind."""
     amplitude = np.ptp(departure.displacement[part], axis=0) / 2
     named = {name: float(size) for name, size in zip(stability.coordinates, amplitude, strict=True)}
-    if np.all(amplitude < STEADY * _scale(departure, stability, model)):
+    if np.all(amplitude < STEADY * size_of_motion(departure, stability, model)):
         return Motion(named, {}, (), None)
     energy = stability.mass * np.mean(departure.velocity[part] ** 2, axis=0)
     shares = {name: float(e / energy.sum()) for name, e in zip(stability.coordinates, energy, strict=True)}
@@ -115,7 +115,7 @@ def _lines(departure: Departure, part: slice) -> tuple[Line, ...]:
     )
 
 
-def _scale(departure: Departure, stability: Stability, model: Model) -> NDArray[np.float64]:
+def size_of_motion(departure: Departure, stability: Stability, model: Model) -> NDArray[np.float64]:
     """What counts as motion of each coordinate (m, rad): the departure at which the steady pressure is lost.
 
     Without pressure or without contact stiffness it is the largest departure of the record.

@@ -2,17 +2,22 @@
 
 import math
 
+from drumsqueal.comparison.frequency import FrequencyDrift
 from drumsqueal.comparison.saturation import Saturation
 from drumsqueal.comparison.sticking import Sticking
 from drumsqueal.linear.modes import Mode, Stability
+from drumsqueal.signals import told_frequencies
 
 GROWN = 1.1  # times the start: what the motion must reach by the end to have grown
 CLEAR_GROWTH = 10  # times: a predicted growth that shows even of a mode that starts as a tenth of the motion
 SMALL_ROTATION = 0.1  # rad; the cosine that the model takes for 1 is off by half a per cent there
+SHIFT = 1e-3  # of a frequency: less needs no explanation
+DIGITS = 4  # of a frequency
 _SETTLED = {
     "steady": "settles to steady sliding",
     "periodic": "settles to a periodic motion",
-    "neither": "settles to no periodic motion",
+    "quasi-periodic": "settles to a quasi-periodic motion",
+    "irregular": "settles to an irregular motion",
     "unknown": "has not settled by the end of the record",
 }
 
@@ -26,6 +31,7 @@ def state_verdict(
     motion_ratio: float | None,
     edge: float | None,
     saturation: Saturation | None,
+    frequency: FrequencyDrift | None,
     duration: float,
     rotation: float,
     sticking: Sticking,
@@ -35,8 +41,9 @@ def state_verdict(
 
     `changing` tells that drum speed or load change, `forced` that a harmonic force acts, `excited` are the modes that
     the start holds, `motion_ratio` is the motion at the end over that at the start (None without a start), `edge` the
-    time of the first edge (s), `duration` that of the record (s), `rotation` the largest rotation of the shoe (rad),
-    `sticking` tells when the lining sticks, and `cut_off` says why it ends early.
+    time of the first edge (s), `frequency` how a mode's frequency went from onset to saturation, `duration` that of
+    the record (s), `rotation` the largest rotation of the shoe (rad), `sticking` tells when the lining sticks, and
+    `cut_off` says why it ends early.
     """
     time = f" at t = {stability.time:g} s" if changing else ""
     predicted = f"The linear model predicts {_prediction(stability)}{time}"
@@ -57,7 +64,19 @@ def state_verdict(
         done += f"; the shoe turns by {rotation:.2g} rad, where small rotations, and so the model, no longer hold"
     if cut_off:
         done += f" (the run {'was ' if cut_off.startswith('interrupted') else ''}{cut_off})"
-    return f"{predicted}; {done}."
+    return f"{predicted}; {done}.{_why(frequency)}"
+
+
+def _why(frequency: FrequencyDrift | None) -> str:
+    """Say what explains the frequency, where there is a shift to explain."""
+    if frequency is None or abs(frequency.shift) < SHIFT:
+        return ""
+    predicted = frequency.contact_loss_shift
+    side = "below" if predicted < 0 else "above"
+    return (
+        f" Loss of contact alone, averaged over the motion, puts {frequency.mode} at "
+        f"{frequency.softening.contact_loss_Hz:.0f} Hz, {abs(predicted):.1%} {side}."
+    )
 
 
 def _prediction(stability: Stability) -> str:
@@ -98,7 +117,10 @@ def _sticks(sticking: Sticking) -> str:
 
 
 def _settled(saturation: Saturation, stability: Stability) -> str:
-    what = _SETTLED[saturation.regime.kind]
+    regime = saturation.regime
+    what = _SETTLED[regime.kind]
+    if regime.kind == "quasi-periodic":
+        what += f" of {told_frequencies(regime.base_frequencies_Hz, regime.base_uncertainties_Hz, DIGITS)}"
     if saturation.main is None or saturation.frequency_shift is None:
         return what
     shift = saturation.frequency_shift

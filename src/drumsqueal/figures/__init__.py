@@ -1,4 +1,4 @@
-"""Figures of a run, good enough to print: growth, spectrogram, spectra, phase portrait, contact and eigenvalues."""
+"""Figures of a run, good enough to print: growth, spectra, phase portrait, contact, eigenvalues and frequency."""
 
 from collections.abc import Mapping
 from io import BytesIO
@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 
 from drumsqueal.figures.contact import draw_contact
 from drumsqueal.figures.eigenvalues import draw_eigenvalues
+from drumsqueal.figures.frequency import draw_frequency
 from drumsqueal.figures.growth import draw_growth
 from drumsqueal.figures.phase import draw_phase
 from drumsqueal.figures.spectra import draw_spectra
@@ -30,6 +31,7 @@ _DRAWINGS = {
     output_folder.PHASE: draw_phase,
     output_folder.CONTACT: draw_contact,
     output_folder.EIGENVALUES: draw_eigenvalues,
+    output_folder.FREQUENCY: draw_frequency,
 }
 
 

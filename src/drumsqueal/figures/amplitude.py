@@ -81,7 +81,7 @@ def _draw_panel(panel: Panel, quantity: Quantity, trend: xarray.DataArray, plan:
     axes.set_facecolor(style.FAINT)
     axes.pcolormesh(x, y, part["shown"].values, cmap=COLOURS, norm=scale, shading="nearest", rasterized=True)
     row, column = np.nonzero(part["trend"].values == TRENDS.index("grows"))
-    axes.plot(x[column], y[row], ".", color="white", markersize=2, markeredgewidth=0)
+    axes.plot(x[column], y[row], "o", color=style.DARK, markersize=3, markeredgecolor="white", markeredgewidth=0.5)
     axes.tick_params(which="both", labelsize=style.SMALL_SIZE)
 
 

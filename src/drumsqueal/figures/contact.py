@@ -87,7 +87,7 @@ def _evaluate(view: View) -> _Field | None:
     time, fine = (values[-TIMES:] for values in finer(samples, motion, count))
     half = float(view.model.shoe.half_angle)
     angles = np.linspace(-half, half, ANGLES)
-    level, slip, preload = _along_arc(view.model, *map(jnp.asarray, (time, fine, angles)))
+    level, slip, preload = along_arc(view.model, *map(jnp.asarray, (time, fine, angles)))
     p0 = float(np.max(preload))
     if not p0 > 0:
         return None
@@ -95,7 +95,7 @@ def _evaluate(view: View) -> _Field | None:
 
 
 @eqx.filter_jit
-def _along_arc(model: Model, time: Array, motion: Array, angles: Array) -> tuple[Array, Array, Array]:
+def along_arc(model: Model, time: Array, motion: Array, angles: Array) -> tuple[Array, Array, Array]:
     """Level p0 + k_c u_r (Pa), slip speed in the drum's sense (m/s) and preload (Pa) at all times and angles."""
     # A bonded lining's pressure is the level itself, also where it is negative.
     contact, n = dataclasses.replace(model.lining, law=Bonded(model.lining.law.stiffness)), len(model.names)

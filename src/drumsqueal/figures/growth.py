@@ -7,17 +7,14 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import NullFormatter
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from drumsqueal.comparison.compare import ModeComparison
 from drumsqueal.figures import style
-from drumsqueal.figures.placement import COLUMNS, label_right_edge
+from drumsqueal.figures.shares import BAND, PERIODS, draw_shares, running
 from drumsqueal.figures.view import View, rate_text
 from drumsqueal.linear.modes import Mode
 
-PERIODS = 3  # of the main frequency, over which fast oscillation is averaged
-BAND = (5, 95)  # percentiles within them that bound the band drawn
 DECADES = 7  # shown at most below the largest amplitude
 BEYOND = 1.15  # the record is shown this far past the start of the saturated part
 DASHES = (0, (4, 3))
@@ -51,7 +48,7 @@ def draw_growth(view: View) -> Figure | None:
     upper.add_artist(legend)
     legend.set_clip_on(False)  # or the layout takes it for hidden and leaves it no room
     upper.legend(handles=_explained(marks), loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2)
-    _draw_contact(view, lower, shown)
+    draw_shares(view, lower, shown)
     more = f"; the record goes on to {view.time[-1] * factor:.4g} {unit}" if shown.stop < view.time.size else ""
     style.frame(lower, f"Time ({unit}){more}", "Lining (%)")
     lower.set_xlim(view.time[0] * factor, end * factor)
@@ -62,7 +59,7 @@ def _draw_mode(view: View, axes: Axes, mode: Mode, shown: slice) -> Artist:
     """Draw one mode and return its entry in the legend."""
     factor, colour = style.time_unit(view.time[-1])[0], style.COLOUR[mode.name]
     compared = view.compared(mode)
-    time, low, mean, high = _running(view, view.amplitudes[mode.label], shown)
+    time, low, mean, high = running(view, view.amplitudes[mode.label], shown)
     axes.fill_between(time * factor, low, high, color=colour, alpha=0.2, linewidth=0)
     (line,) = axes.plot(time * factor, mean, color=colour, linewidth=1.3, label=_entry(mode, compared))
     slope_time, slope = _slope(view, mode, compared)
@@ -118,32 +115,3 @@ def _explained(marks: list[Artist]) -> list[Artist]:
     predicted = Line2D([], [], color=style.DARK, linewidth=0.7, linestyle=DASHES, label="predicted growth")
     band = Patch(color=style.FAINT, label=f"{BAND[0]} to {BAND[1]} % of the samples in {PERIODS} periods")
     return [predicted, band, *marks]
-
-
-def _draw_contact(view: View, axes: Axes, shown: slice) -> None:
-    labels, factor = [], style.time_unit(view.time[-1])[0]
-    for name, text, colour in (
-        ("contact_fraction", "in contact", style.TOUCHING),
-        ("slip_reversed_fraction", "slip reversed", style.REVERSED),
-        ("sticking", "sticks", style.STUCK),
-    ):
-        if name == "sticking" and not view.result.history[name].any():
-            continue
-        time, low, mean, high = _running(view, 100 * view.result.history[name].values, shown)
-        axes.fill_between(time * factor, low, high, color=colour, alpha=0.25, linewidth=0)
-        axes.plot(time * factor, mean, color=colour)
-        labels.append((float(mean[-1]), text, colour))
-    axes.set_ylim(-4, 104)
-    axes.set_yticks([0, 50, 100])
-    label_right_edge(axes, labels, reach=6.0)
-
-
-def _running(view: View, values: NDArray[np.float64], shown: slice) -> tuple[NDArray[np.float64], ...]:
-    """Times (s) of the middles of overlapping windows, and lower percentile, mean and upper percentile in them."""
-    frequency = view.main_frequency or view.departure.sample_rate
-    values = values[shown]
-    window = min(max(1, round(PERIODS * view.departure.sample_rate / frequency)), max(1, values.size // 8))
-    step = max(1, window // 4, values.size // COLUMNS)
-    windows = sliding_window_view(values, window)[::step]
-    low, high = np.percentile(windows, BAND, axis=1)
-    return view.time[shown][window // 2 :: step][: len(windows)], low, windows.mean(axis=1), high

@@ -9,8 +9,8 @@ from drumsqueal.errors import RequestError
 
 HISTORY, SUMMARY, RESUME = "history.nc", "summary.json", "resume.json"
 GROWTH, SPECTROGRAM, SPECTRA = "growth", "spectrogram", "spectra"
-PHASE, CONTACT, EIGENVALUES = "phase", "contact", "eigenvalues"
-FIGURES = (GROWTH, SPECTROGRAM, SPECTRA, PHASE, CONTACT, EIGENVALUES)
+PHASE, CONTACT, EIGENVALUES, FREQUENCY = "phase", "contact", "eigenvalues", "frequency"
+FIGURES = (GROWTH, SPECTROGRAM, SPECTRA, PHASE, CONTACT, EIGENVALUES, FREQUENCY)
 
 
 def figure_file(name: str) -> str:
@@ -29,6 +29,16 @@ ACCURACY_FILES = (ACCURACY_TABLE, BLOCK, *map(figure_file, ACCURACY_FIGURES))
 ONSET_TABLE, ONSET_SUMMARY, ONSET = "onset.csv", "onset.json", "onset"
 ONSET_FILES = (ONSET_TABLE, ONSET_SUMMARY, figure_file(ONSET))
 """The names of all files that a study of the onset writes."""
+MOTION_SUMMARY, MOTION_TABLE = "motion.json", "motion.csv"
+LINES, SECTION, CONVERGENCE = "motion_lines", "motion_section", "motion_exponents"
+MOTION_FILES = (MOTION_SUMMARY, MOTION_TABLE, *map(figure_file, (LINES, SECTION, CONVERGENCE)))
+"""The names of all files that a study of a motion writes."""
+CYCLE_SUMMARY, CYCLE_HISTORY, CYCLE = "cycle.json", "cycle.nc", "cycle"
+CYCLE_FILES = (CYCLE_SUMMARY, CYCLE_HISTORY, figure_file(CYCLE))
+"""The names of all files that the search for a cycle writes."""
+BRANCH_TABLE, BRANCH_SUMMARY, BRANCH = "branch.csv", "branch.json", "branch"
+BRANCH_FILES = (BRANCH_TABLE, BRANCH_SUMMARY, figure_file(BRANCH))
+"""The names of all files that cycles along a parameter write."""
 EFFECT_FILES = (EFFECTS_TABLE, REDUCED_SCENE, figure_file(EFFECTS))
 """The names of all files that a study of effects writes."""
 

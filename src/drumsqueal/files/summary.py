@@ -8,12 +8,15 @@ from typing import Any
 import numpy as np
 
 from drumsqueal.comparison.compare import Comparison
+from drumsqueal.comparison.frequency import FrequencyDrift
 from drumsqueal.comparison.saturation import Saturation
 from drumsqueal.comparison.sticking import Sticking, find_sticking
 from drumsqueal.files.history import versions
 from drumsqueal.files.output_folder import write_whole
 from drumsqueal.linear.modes import Stability
 from drumsqueal.simulation import Prepared, Result
+
+MOST_INSTANTS = 100  # of the frequency over time
 
 
 def describe_stability(stability: Stability) -> dict[str, Any]:
@@ -42,6 +45,7 @@ def summarise(result: Result) -> dict[str, Any]:
         "verdict": result.comparison.verdict,
         "growth": _growth(result.comparison),
         "saturation": None if saturation is None else _saturation(saturation),
+        "frequency": None if result.comparison.frequency is None else _frequency(result.comparison.frequency),
         "accuracy": energy_balance(result),
         "held_though_they_would_move": list(result.held),
         "integration": {
@@ -61,6 +65,7 @@ def summarise_prediction(source: Prepared | Result, outcome: str) -> dict[str, A
         "prediction": describe_stability(source.stability),
         "growth": None,
         "saturation": None,
+        "frequency": None,
         "accuracy": None,
         "integration": None,
         "sticking": None,
@@ -143,4 +148,25 @@ def _saturation(saturation: Saturation) -> dict[str, Any]:
         "regime": saturation.regime._asdict(),
         "lines": [line._asdict() for line in saturation.lines],
         "main": saturation.main and saturation.main._asdict(),
+    }
+
+
+def _frequency(drift: FrequencyDrift) -> dict[str, Any]:
+    """The shift, what explains how much of it, and the frequency over time."""
+    every = max(1, -(-drift.ridge.time_s.size // MOST_INSTANTS))
+    return {
+        "mode": drift.mode,
+        "coordinate": drift.coordinate,
+        "onset_Hz": drift.onset_Hz,
+        "saturated_Hz": drift.saturated_Hz,
+        "shift": drift.shift,
+        "predicted_by_contact_loss_Hz": drift.softening.contact_loss_Hz,
+        "predicted_by_contact_loss_shift": drift.contact_loss_shift,
+        "predicted_with_friction_Hz": drift.softening.with_friction_Hz,
+        "predicted_with_friction_shift": drift.predicted_shift,
+        "predicted_by_root_of_contact_share_Hz": drift.softening.by_share_Hz,
+        "over_time": {
+            "time_s": drift.ridge.time_s[::every].tolist(),
+            "frequency_Hz": drift.ridge.frequency_Hz[::every].tolist(),
+        },
     }

@@ -36,9 +36,7 @@ def state_matrix_of(scene: Scene, keys: tuple[str, ...]) -> StateMatrix:
     return evaluate
 
 
-def eigenvalue_gradient(
-    left: NDArray[np.complex128], right: NDArray[np.complex128], derivatives: NDArray[np.float64]
-) -> NDArray[np.complex128]:
+def eigenvalue_gradient(left: NDArray, right: NDArray, derivatives: NDArray[np.float64]) -> NDArray[np.complex128]:
     """∂λ/∂p (k,) = lᴴ (∂A/∂p) r of one simple eigenvalue, with lᴴ r = 1; `derivatives` (k, 2n, 2n).
 
     Source: P. Lancaster, "On eigenvalues of matrices dependent on a parameter", Numerische Mathematik 6, 1964.

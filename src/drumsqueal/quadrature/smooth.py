@@ -4,13 +4,17 @@ What then is integrated is smooth all over the lining, and a fixed product of Ga
 tenth of the nodes that a single piece of the arc takes where there are edges.
 """
 
+from collections.abc import Callable
+
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
 from drumsqueal.bodies.rigid_shoe import RigidShoe
 from drumsqueal.quadrature.levels import Level, sine_cosine
-from drumsqueal.quadrature.surface import Nodes
+from drumsqueal.quadrature.sums import Densities, sum_together
+from drumsqueal.quadrature.surface import Edges, Nodes
 
 ALONG, ACROSS = 16, 8  # nodes along the arc and across the lining
 # How far off the branch points of |V| must be. Along the arc, at least this many half arcs from the real axis: Gauss
@@ -28,6 +32,25 @@ def smooth_nodes(shoe: RigidShoe) -> Nodes:
     sine, cosine = sine_cosine(half_angle * along)
     weight = shoe.outer_radius * half_angle * half_width * across_weight[:, None] * along_weight
     return Nodes(cosine[None], sine[None], (half_width * across)[:, None], weight)
+
+
+class WholeSurface(eqx.Module):
+    """The lining where nothing has an edge: steady sliding under uniform pressure, and motion infinitely near to it.
+
+    Neither looks for edges nor splits anything: a tenth of the program to compile.
+    """
+
+    @property
+    def spatial(self) -> bool:
+        """Whether the nodes differ across the lining."""
+        return True
+
+    def integrate(
+        self, shoe: RigidShoe, edges: Edges, densities: Callable[[Nodes], Densities], *, smooth: bool
+    ) -> Densities:
+        """Sums of the densities."""
+        del edges, smooth
+        return sum_together([densities(smooth_nodes(shoe))])
 
 
 def is_smooth(shoe: RigidShoe, pressure: Level | None, slip: Level | None, axial: Level | None) -> Array:

@@ -1,7 +1,10 @@
-"""What a recorded motion says: spectra, growth rates and the regime; arrays in, arrays out."""
+"""What a recorded motion says: spectra, lines, growth rates and the regime; arrays in, arrays out."""
 
+from drumsqueal.signals.bases import Bases, find_bases
 from drumsqueal.signals.growth import Growth, fit_growth, modal_amplitudes, modal_frequency
-from drumsqueal.signals.regime import PERIODS_NEEDED, STEADY, Regime, classify
+from drumsqueal.signals.lines import Lines, find_lines
+from drumsqueal.signals.regime import PERIODS_NEEDED, STEADY, Regime, classify, told_frequencies
+from drumsqueal.signals.ridge import Ridge, follow_line
 from drumsqueal.signals.spectra import (
     Peak,
     Peaks,
@@ -16,18 +19,25 @@ from drumsqueal.signals.spectra import (
 __all__ = [
     "PERIODS_NEEDED",
     "STEADY",
+    "Bases",
     "Growth",
+    "Lines",
     "Peak",
     "Peaks",
     "Regime",
+    "Ridge",
     "Spectrogram",
     "Spectrum",
     "amplitude_spectrum",
     "classify",
+    "find_bases",
+    "find_lines",
     "fit_growth",
+    "follow_line",
     "modal_amplitudes",
     "modal_frequency",
     "peak_near",
     "spectral_peaks",
     "spectrogram",
+    "told_frequencies",
 ]

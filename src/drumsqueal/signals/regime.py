@@ -1,5 +1,7 @@
-"""Which regime a saturated record shows: steady, periodic, neither, or too little to tell."""
+"""Which regime a saturated record shows: steady, periodic, quasi-periodic, irregular, or too little to tell."""
 
+import math
+from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -7,7 +9,9 @@ import scipy.fft
 import scipy.signal
 from numpy.typing import ArrayLike, NDArray
 
+from drumsqueal.signals.bases import find_bases
 from drumsqueal.signals.checks import below_nyquist, finite_record, positive
+from drumsqueal.signals.lines import find_lines
 from drumsqueal.signals.spectra import amplitude_spectrum, parabola_vertex
 
 # Motion below this fraction of the size that would count as motion is none.
@@ -29,7 +33,12 @@ FINER = 8
 REACH = 16
 KAISER = 8.0
 
-Kind = Literal["steady", "periodic", "neither", "unknown"]
+# A motion that does not come back is quasi-periodic when lines that are combinations of the base frequencies hold this
+# share of its variance; the smallest lines that are looked for hold 1e-4 of what the strongest does.
+EXPLAINED = 0.99
+FLOOR = 1e-2
+
+Kind = Literal["steady", "periodic", "quasi-periodic", "irregular", "unknown"]
 
 
 class Regime(NamedTuple):
@@ -37,15 +46,22 @@ class Regime(NamedTuple):
 
     `recurrence_error` is rms |y(t+T) − y(t)| / rms y at the period found (the larger of those after one period and
     after many), or the smallest at any lag searched when no period was found. `amplitude_drift` is the rms of the
-    second half over that of the first, minus 1, of the signal in which it is farthest from 0.
+    second half over that of the first, minus 1, of the signal in which it is farthest from 0. Base frequencies are one
+    of a periodic motion, two or three of a quasi-periodic one, with uncertainties where they were told by lines;
+    `explained_share` is the share of the variance in lines
+    that are combinations of those that were found, None where lines were not looked for, and `resolution_Hz` the lowest
+    base frequency that the record could have told.
     """
 
     kind: Kind
     period_s: float | None
-    base_frequency_Hz: float | None
+    base_frequencies_Hz: tuple[float, ...]
     recurrence_error: float | None
     amplitude_drift: float | None
     reason: str
+    base_uncertainties_Hz: tuple[float, ...] = ()
+    explained_share: float | None = None
+    resolution_Hz: float | None = None
 
 
 class _Return(NamedTuple):
@@ -57,7 +73,7 @@ class _Return(NamedTuple):
 
 
 def classify(signals: ArrayLike, sample_rate: float, *, scale: ArrayLike, lowest_frequency: float) -> Regime:
-    """Tell the regime of the saturated part of a record: "steady", "periodic", "neither" or "unknown".
+    """Tell the regime of the saturated part of a record, a word for it and what it was told by.
 
     `signals` (time, k), each column in its own unit; `scale` (k,), what would count as motion in each of them;
     `sample_rate` and `lowest_frequency`, the lowest that matters, in Hz. The start-up must have been cut off.
@@ -72,7 +88,13 @@ def classify(signals: ArrayLike, sample_rate: float, *, scale: ArrayLike, lowest
       and this still holds after many periods (2^j T, as far as half the record). That tells a cycle, whose error
       stays, from a torus that nearly closes or a slow beat, whose error grows with every turn. The shortest such T
       is returned, so a subharmonic weaker than half a per cent of the rms is not seen.
-    - neither: a torus, chaos, noise: stationary, but it does not come back.
+    - quasi-periodic: stationary, does not come back, and lines that are integer combinations of two or three base
+      frequencies (`find_lines`, `find_bases`) hold 99 % of its variance.
+    - irregular: stationary and neither: chaos, noise, or a torus of more bases. Chaos so weak that its lines are sharp
+      within this record counts as quasi-periodic; only the largest Lyapunov exponent tells them apart.
+
+    Where the lines have one base frequency alone, the motion is a cycle longer than was looked for: periodic if it was
+    recorded 20 times, or else unknown.
 
     Drift is a change of rms between the halves, or of the mean relative to the rms, by more than 1e-2 in a motion
     that comes back after T (measured over whole periods), by more than 0.1 in one that does not.
@@ -126,7 +148,7 @@ def _moving_regime(unit: NDArray[np.float64], rate: float, longest_period: float
             drift=amplitude_drift,
         )
     if lasting is None or period is None:
-        return _neither(error, amplitude_drift, nearly=first is not None)
+        return _not_periodic(unit, rate, error, amplitude_drift, nearly=first is not None)
     held = unit.shape[0] / rate / period
     if held < PERIODS_NEEDED:
         return _unknown(
@@ -137,15 +159,51 @@ def _moving_regime(unit: NDArray[np.float64], rate: float, longest_period: float
             amplitude_drift,
         )
     reason = f"The motion repeats every {period:.6g} s ({1.0 / period:.6g} Hz) to within {error:.2g} of its rms."
-    return Regime("periodic", period, 1.0 / period, error, amplitude_drift, reason)
+    return Regime("periodic", period, (1.0 / period,), error, amplitude_drift, reason)
 
 
-def _neither(error: float, drift: float, *, nearly: bool) -> Regime:
+def _not_periodic(unit: NDArray[np.float64], rate: float, error: float, drift: float, *, nearly: bool) -> Regime:
+    """Tell a torus, or a long cycle, from irregular motion by the lines of a stationary record."""
+    lines = find_lines(unit, rate, floor=FLOOR)
+    bases, duration = find_bases(lines), unit.shape[0] / rate
+    found, known = bases.frequency_Hz.tolist(), bases.uncertainty_Hz.tolist()
     if nearly:
-        what = f"comes back to within {error:.2g} of its rms once, but not after many turns: a torus that nearly closes"
+        what = f"comes back to within {error:.2g} of its rms once, but not after many turns"
     else:
         what = f"does not come back to itself: at best to within {error:.2g} of its rms, and {RECURRENCE:g} is periodic"
-    return Regime("neither", None, None, error, drift, f"The motion is stationary but {what}.")
+    what = f"The motion is stationary but {what}."
+    slower = f"slower ones than {lines.resolution_Hz:.2g} Hz cannot be told from {duration:.2g} s"
+    share, base = f"hold {bases.explained:.2%} of its variance", told_frequencies(found, known, 6)
+
+    def told(kind: Kind, reason: str, period: float | None = None) -> Regime:
+        kept = slice(None) if bases.explained >= EXPLAINED else slice(0)
+        return Regime(
+            kind, period, tuple(found[kept]), error, drift, reason, tuple(known[kept]), bases.explained,
+            lines.resolution_Hz,
+        )  # fmt: skip
+
+    if bases.explained < EXPLAINED:
+        held = f"its {lines.frequency_Hz.size} strongest lines hold {1.0 - lines.left:.2%} of its variance"
+        which = f"{held}, those that are combinations of three frequencies {bases.explained:.2%}"
+        apart = f"lines closer than {lines.resolution_Hz:.2g} Hz are one in {duration:.2g} s"
+        return told("irregular", f"{what} It is irregular: {which}; {apart}.")
+    if len(found) > 1:
+        return told("quasi-periodic", f"{what} Combinations of the base frequencies {base} {share}; {slower}.")
+    if duration * found[0] < PERIODS_NEEDED:
+        return told(
+            "unknown", f"{what} Multiples of {base} {share}; record for longer to tell what moves it besides them."
+        )
+    return told("periodic", f"Multiples of {base} {share}: it repeats every {1.0 / found[0]:.6g} s.", 1.0 / found[0])
+
+
+def told_frequencies(frequencies: Sequence[float], uncertainties: Sequence[float], most: int) -> str:
+    """Frequencies in words, to the digits that they are known to, `most` significant ones."""
+    told = []
+    for frequency, uncertainty in zip(frequencies, uncertainties, strict=True):
+        known = math.floor(math.log10(frequency)) - math.floor(math.log10(max(uncertainty, 1e-9 * frequency)))
+        digits = max(1, min(most, known + 1))
+        told.append(f"{frequency:.{max(0, digits - 1 - math.floor(math.log10(frequency)))}f}")
+    return f"{', '.join(told[:-1])} and {told[-1]} Hz" if len(told) > 1 else f"{told[0]} Hz" if told else ""
 
 
 def _checked_scale(scale: ArrayLike, columns: int) -> NDArray[np.float64]:
@@ -163,11 +221,11 @@ def _steady(motion: NDArray[np.float64], largest: float) -> Regime:
     reason = f"Nothing moves: the largest amplitude is {largest:.2g} of its scale, and {STEADY:g} would be motion."
     if drift > IRREGULAR_DRIFT:
         reason += " What little there is still grows, so a longer record may show motion."
-    return Regime("steady", None, None, None, drift, reason)
+    return Regime("steady", None, (), None, drift, reason)
 
 
 def _unknown(reason: str, error: float | None = None, drift: float | None = None) -> Regime:
-    return Regime("unknown", None, None, error, drift, reason)
+    return Regime("unknown", None, (), error, drift, reason)
 
 
 def _drifting(amplitude_drift: float, mean_drift: float, error: float | None) -> Regime:

@@ -15,7 +15,11 @@ from drumsqueal.scene import COORDINATES, Profile, Scene
 from drumsqueal.simulation import check_sample_rate, finish, prepare, transient
 
 KICK = 3.0  # times the displacement p0/k_c at which the pressure is lost
-SQUEALS = {"periodic": "with a periodic motion", "neither": "with a motion that never repeats"}
+SQUEALS = {
+    "periodic": "with a periodic motion",
+    "quasi-periodic": "with a quasi-periodic motion",
+    "irregular": "with an irregular motion",
+}
 LAST = 0.1  # of the record, which tells how a motion ends
 
 

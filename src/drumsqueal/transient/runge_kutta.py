@@ -56,10 +56,7 @@ class Explicit(diffrax.AbstractAdaptiveSolver):
         tableau = self.method.tableau
         assert isinstance(tableau, diffrax.ButcherTableau)
         assert tableau.fsal
-        matrix = np.zeros((tableau.num_stages, tableau.num_stages))
-        for row, coefficients in enumerate(tableau.a_lower, start=1):
-            matrix[row, :row] = coefficients
-        weights, shares = jnp.asarray(matrix), jnp.asarray([0.0, *tableau.c])
+        weights, shares = jnp.asarray(_weights(tableau)), jnp.asarray([0.0, *tableau.c])
         h = jnp.asarray(t1) - t0
 
         def stage(i: Array, stages: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
@@ -95,6 +92,20 @@ LOCAL_SHARE: Mapping[str, float] = {"tsit5": 0.005, "dopri5": 0.002, "dopri8": 0
 Over the growth phase of the shipped scenes the trajectory is then off by no more than ten times the tolerance, and
 mostly by about as much (`drumsqueal accuracy` draws it).
 """
+
+
+def stage_weights(name: str) -> np.ndarray:
+    """The matrix a_ij (s, s) of an explicit method, whose last stage lies at the end of the step."""
+    tableau = _EXPLICIT[name].tableau
+    assert isinstance(tableau, diffrax.ButcherTableau)
+    return _weights(tableau)
+
+
+def _weights(tableau: diffrax.ButcherTableau) -> np.ndarray:
+    matrix = np.zeros((tableau.num_stages, tableau.num_stages))
+    for row, coefficients in enumerate(tableau.a_lower, start=1):
+        matrix[row, :row] = coefficients
+    return matrix
 
 
 def is_explicit(name: str) -> bool:

@@ -20,7 +20,10 @@ Norm = Callable[[Array], Array]
 
 
 class Attempt(NamedTuple):
-    """A step: its ends in time, the states (n,) and slopes (n,) there, and the state at any time between them."""
+    """A step: its ends in time, the states (n,) and slopes (n,) there, and the state at any time between them.
+
+    `dense` is what the method interpolates from: of an explicit one "k", h times the slopes of its stages (s, n).
+    """
 
     start: Array
     end: Array
@@ -29,12 +32,14 @@ class Attempt(NamedTuple):
     slope_before: Array
     slope_after: Array
     inside: Callable[[Array], Array]
+    dense: dict[str, Any]
 
 
 class Stepped(NamedTuple):
     """Samples (k, n), NaN where not reached; the last state (n,) and its time; the next step; how many made and kept.
 
-    `reached` tells whether the end was reached within the budget of steps, `halted` whether it was told to stop.
+    `reached` tells whether the end was reached within the budget of steps, `halted` whether it was told to stop;
+    `beside` is what was taken along, in the end.
     """
 
     samples: Array
@@ -45,6 +50,7 @@ class Stepped(NamedTuple):
     kept: Array
     reached: Array
     halted: Array
+    beside: Any
 
 
 class _Now(NamedTuple):
@@ -58,6 +64,7 @@ class _Now(NamedTuple):
     steps: Array
     kept: Array
     halted: Array
+    beside: Any
 
 
 def step_through(
@@ -72,13 +79,18 @@ def step_through(
     budget: Array,
     halts: Callable[[Array, Array], Array] | None = None,
     passes: Callable[[Attempt], Array] | None = None,
+    longest: Array | None = None,
+    along: Callable[[Attempt, Any], Any] | None = None,
+    beside: Any = None,
 ) -> Stepped:
     """Integrate ẏ = f(t, y) from a start (n,) at times[0] and sample it at the times (k,), which do not decrease.
 
     `solver` is an adaptive method of diffrax.
     A step is kept when the norm of its estimated error, over tolerance · (1 + |y|), is below one. `step` is the first
-    one; the budget is in steps, kept or not. It ends early after a step whose time and state make `halts` true. Of a
-    step `passes` gives the share after which that would have been so, or 1: it is then made again so far only.
+    one, and no other is longer than `longest`; the budget is in steps, kept or not. It ends early after a step whose
+    time and state make `halts` true. Of a step `passes` gives the share after which that would have been so, or 1: it
+    is then made again so far only. With every step that is kept `along` takes `beside`, a tree of arrays, from its
+    start to its end.
     """
     terms: Any = diffrax.ODETerm(lambda t, y, _: vector_field(jnp.asarray(t), y))
     controller = diffrax.PIDController(rtol=tolerance, atol=tolerance, norm=norm, pcoeff=PROPORTIONAL, icoeff=INTEGRAL)
@@ -104,12 +116,13 @@ def step_through(
         # A step that was cut short at the end says little about the next one.
         next_step = jnp.where(keep & (there == end), jnp.maximum(following - time, now.step), following - time)
         interpolation = solver.interpolation_cls(t0=now.time, t1=there, **dense)
+        # What a method keeps from step to step is its last slope.
+        attempt = Attempt(
+            now.time, there, now.state, state, now.solver, solver_state, lambda t: interpolation.evaluate(t),
+            dense,
+        )  # fmt: skip
         rests = jnp.zeros((), bool)
         if passes is not None:
-            # What a method keeps from step to step is its last slope.
-            attempt = Attempt(
-                now.time, there, now.state, state, now.solver, solver_state, lambda t: interpolation.evaluate(t)
-            )
             share = passes(attempt)
             # Cut so little short it would go to the end all the same.
             short = share < JUST_SHORT
@@ -120,6 +133,12 @@ def step_through(
             controller_state = jax.tree.map(
                 lambda new, old: jnp.where(again, old, new), controller_state, now.controller
             )
+        if longest is not None:
+            next_step = jnp.minimum(next_step, longest)
+        beside = now.beside
+        if along is not None:
+            taken = along
+            beside = jax.lax.cond(keep, lambda: taken(attempt, now.beside), lambda: now.beside)
         sampled, samples = _sample(times, interpolation, there, keep, now.sampled, now.samples)
         state, solver_state = jax.tree.map(
             lambda new, old: jnp.where(keep, new, old), (state, solver_state), (now.state, now.solver)
@@ -128,6 +147,7 @@ def step_through(
             jnp.asarray(time), next_step, state, solver_state, controller_state, sampled, samples, now.steps + 1,
             now.kept + jnp.where(keep, 1, 0),
             rests if halts is None else rests | (jnp.asarray(keep) & halts(jnp.asarray(time), state)),
+            beside,
         )  # fmt: skip
 
     none = jnp.zeros((), int)
@@ -136,10 +156,10 @@ def step_through(
     _, controller_state = controller.init(terms, times[0], end, start, step, None, solver.func, order)
     controller_state = jax.tree.map(jnp.asarray, controller_state)
     going = jnp.zeros((), bool)
-    now = _Now(times[0], step, start, solver_state, controller_state, none + 1, samples, none, none, going)
+    now = _Now(times[0], step, start, solver_state, controller_state, none + 1, samples, none, none, going, beside)
     now = jax.lax.while_loop(unfinished, advance, now)
     reached = now.time >= end
-    return Stepped(now.samples, now.state, now.time, now.step, now.steps, now.kept, reached, now.halted)
+    return Stepped(now.samples, now.state, now.time, now.step, now.steps, now.kept, reached, now.halted, now.beside)
 
 
 def _sample(

@@ -1,0 +1,53 @@
+"""`drumsqueal cycle SCENE -o DIR [--along KEY=FROM..TO]`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from drumsqueal.cli.options import Overwrite, SceneFile, Settings, make_console, output_option
+from drumsqueal.files.output_folder import BRANCH_FILES, CYCLE_FILES, check_output, claim_output
+from drumsqueal.interrupts import stop_if_interrupted
+from drumsqueal.scene import load_scene
+from drumsqueal.scene.variation import read_variation
+
+ALONG = "Follow the cycles along a number of the scene instead, in SI or with units, as in drum.speed=1..40."
+
+
+def cycle_command(
+    scene: SceneFile,
+    output: Annotated[Path | None, output_option("SCENE-cycle")] = None,
+    along: Annotated[
+        str | None, typer.Option("--along", metavar="KEY=FROM..TO", help=ALONG, show_default=False)
+    ] = None,
+    settings: Settings = None,
+    overwrite: Overwrite = False,
+) -> None:
+    """Find the periodic motion itself, stable or not: period, amplitudes, Floquet multipliers.
+
+    Writes cycle.json, cycle.nc (one period) and cycle.png into DIR; with --along, which follows the cycles along a
+    parameter through folds, branch.csv, branch.json and branch.png.
+
+    Example: drumsqueal cycle scenarios/damped.toml -o out/cycle --along drum.speed=1..40
+    """
+    loaded = load_scene(scene, settings or ())
+    variation = None if along is None else read_variation(along, loaded, points=None)
+    files = CYCLE_FILES if variation is None else BRANCH_FILES
+    folder = output if output is not None else Path("out") / f"{scene.stem}-cycle"
+    check_output(folder, files, overwrite=overwrite)
+    stop_if_interrupted()
+    from drumsqueal.jobs.cycle import find_into, follow_into
+    from drumsqueal.simulation import check_sample_rate, prepare
+    from drumsqueal.studies.branches import checked_range
+    from drumsqueal.studies.cycle import checked
+
+    stop_if_interrupted()
+    # What cannot be done is told before there is a folder.
+    check_sample_rate(prepare(checked(loaded)))
+    if variation is not None:
+        checked_range(loaded, variation)
+    claim_output(folder, files)
+    if variation is None:
+        find_into(folder, loaded, make_console())
+    else:
+        follow_into(folder, loaded, variation, make_console())

@@ -1,0 +1,60 @@
+"""`drumsqueal motion SCENE -o DIR`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from drumsqueal.cli.options import Overwrite, SceneFile, Settings, make_console, output_option
+from drumsqueal.errors import RequestError
+from drumsqueal.files.output_folder import MOTION_FILES, check_output, claim_output
+from drumsqueal.interrupts import stop_if_interrupted
+from drumsqueal.scene import load_scene
+from drumsqueal.scene.quantities import parse_quantity
+
+LONGEST = 1000.0  # s
+
+
+def motion_command(
+    scene: SceneFile,
+    output: Annotated[Path | None, output_option("SCENE-motion")] = None,
+    duration: Annotated[
+        str, typer.Option("--duration", metavar="TIME", help="How long to record once it has settled.")
+    ] = "5 s",
+    at_most: Annotated[
+        str,
+        typer.Option("--at-most", metavar="TIME", help="Computing time to make do with."),
+    ] = "600 s",
+    settings: Settings = None,
+    overwrite: Overwrite = False,
+) -> None:
+    """Tell the kind of motion: steady, periodic, quasi-periodic (with base frequencies) or chaotic, with the evidence.
+
+    Writes motion.json, motion.csv (lines and what they are combinations of) and figures into DIR.
+
+    Example: drumsqueal motion scenarios/nominal.toml -o out/motion --duration "5 s"
+    """
+    loaded = load_scene(scene, settings or ())
+    length, limit = _time(duration, "--duration"), _time(at_most, "--at-most")
+    folder = output if output is not None else Path("out") / f"{scene.stem}-motion"
+    check_output(folder, MOTION_FILES, overwrite=overwrite)
+    stop_if_interrupted()
+    from drumsqueal.jobs.motion import study_into
+    from drumsqueal.simulation import check_sample_rate, prepare
+    from drumsqueal.studies.motion import checked
+
+    stop_if_interrupted()
+    check_sample_rate(prepare(checked(loaded)))  # what cannot be done is told before there is a folder
+    claim_output(folder, MOTION_FILES)
+    study_into(folder, loaded, length, limit, make_console())
+
+
+def _time(text: str, option: str) -> float:
+    """A time (s) from "5 s" or "5"."""
+    try:
+        time = float(parse_quantity(text if text.strip()[-1:].isalpha() else float(text), "s"))
+    except ValueError:  # of which SceneError is one
+        time = 0.0
+    if not 0 < time <= LONGEST:
+        raise RequestError(f'{option} {text}: write a time up to {LONGEST:g} s, such as "5 s"')
+    return time

@@ -1,0 +1,43 @@
+"""Shares of the lining over time, in contact and with the slip reversed: a panel of several figures."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+
+from drumsqueal.figures import style
+from drumsqueal.figures.placement import COLUMNS, label_right_edge
+from drumsqueal.figures.view import View
+
+PERIODS = 3  # of the main frequency, over which fast oscillation is averaged
+BAND = (5, 95)  # percentiles within them that bound the band drawn
+
+
+def draw_shares(view: View, axes: Axes, shown: slice) -> None:
+    """Draw the share of the lining in contact and that with the slip reversed over time, named at the right."""
+    labels, factor = [], style.time_unit(view.time[-1])[0]
+    for name, text, colour in (
+        ("contact_fraction", "in contact", style.TOUCHING),
+        ("slip_reversed_fraction", "slip reversed", style.REVERSED),
+        ("sticking", "sticks", style.STUCK),
+    ):
+        if name == "sticking" and not view.result.history[name].any():
+            continue
+        time, low, mean, high = running(view, 100 * view.result.history[name].values, shown)
+        axes.fill_between(time * factor, low, high, color=colour, alpha=0.25, linewidth=0)
+        axes.plot(time * factor, mean, color=colour)
+        labels.append((float(mean[-1]), text, colour))
+    axes.set_ylim(-4, 104)
+    axes.set_yticks([0, 50, 100])
+    label_right_edge(axes, labels, reach=6.0)
+
+
+def running(view: View, values: NDArray[np.float64], shown: slice) -> tuple[NDArray[np.float64], ...]:
+    """Times (s) of the middles of overlapping windows, and lower percentile, mean and upper percentile in them."""
+    frequency = view.main_frequency or view.departure.sample_rate
+    values = values[shown]
+    window = min(max(1, round(PERIODS * view.departure.sample_rate / frequency)), max(1, values.size // 8))
+    step = max(1, window // 4, values.size // COLUMNS)
+    windows = sliding_window_view(values, window)[::step]
+    low, high = np.percentile(windows, BAND, axis=1)
+    return view.time[shown][window // 2 :: step][: len(windows)], low, windows.mean(axis=1), high

@@ -1,0 +1,138 @@
+"""Cycles along a parameter as a table on the terminal, as CSV, as plain data, and in one sentence."""
+
+from collections.abc import Iterable
+from typing import Any
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from drumsqueal.comparison.departure import ROTATIONS
+from drumsqueal.files.history import versions
+from drumsqueal.jobs.cycle_table import cycle_data
+from drumsqueal.jobs.study import rows_to_csv
+from drumsqueal.scene.variation import Variation
+from drumsqueal.studies.branches import Diagram
+from drumsqueal.studies.continuation import Branch
+from drumsqueal.studies.kicked import Interval, folds, kicked, stable_cycles, steady_sliding
+from drumsqueal.studies.orbit import Cycle
+
+
+def print_diagram(console: Console, diagram: Diagram, variation: Variation) -> None:
+    """Print where branches begin and end and what happens on them, and what follows from that."""
+    unit = f"\n{variation.unit}" if variation.unit else ""
+    names = diagram.branches[0].cycles[0].names
+    table = Table(title=f"Cycles along {variation.key}", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    table.add_column("", justify="right")
+    table.add_column("", no_wrap=True)
+    table.add_column(f"value{unit}", justify="right", no_wrap=True)
+    table.add_column("freq.\nHz", justify="right", no_wrap=True)
+    for name in names:
+        table.add_column(f"{name}\n{'µrad' if name in ROTATIONS else 'µm'}", justify="right")
+    table.add_column("largest\n|μ|", justify="right")
+    for number, branch in enumerate(diagram.branches, start=1):
+        for what, cycle in _milestones(branch):
+            amplitudes = (f"{1e6 * cycle.amplitude[name]:.3g}" for name in names)
+            largest = "" if what == "Hopf" else f"{cycle.largest:.4f}"
+            table.add_row(
+                str(number), what, f"{cycle.parameter:.7g}", f"{cycle.frequency_Hz:.1f}", *amplitudes, largest
+            )
+    console.print(table)
+    for critical in diagram.linear.critical:
+        becomes = "unstable" if critical.destabilises else "stable"
+        where = _at(variation, critical.value)
+        console.print(f"Steady sliding becomes {becomes} in {critical.label} as it rises past {where}")
+    for number, branch in enumerate(diagram.branches, start=1):
+        for end in (branch.start, branch.end):
+            if len(end) > len("end of the range"):
+                console.print(f"Branch {number} ends: {end}", style="dim")
+    for note in diagram.notes:
+        console.print(f"Not found: {note}", style="dim")
+    console.print(verdict(diagram, variation), style="bold")
+
+
+def _milestones(branch: Branch) -> list[tuple[str, Cycle]]:
+    """The ends of a branch and what happens on it, in order."""
+    what = {id(special.cycle): special.kind for special in branch.special}
+    ends = {id(branch.cycles[0]): _end(branch.start), id(branch.cycles[-1]): _end(branch.end)}
+    return [
+        (what.get(id(cycle)) or ends[id(cycle)], cycle)
+        for cycle in branch.cycles
+        if id(cycle) in what or id(cycle) in ends
+    ]
+
+
+def _end(reason: str) -> str:
+    return reason if len(reason) <= len("end of the range") else "end"
+
+
+def _at(variation: Variation, value: float) -> str:
+    return f"{variation.key} = {value:.7g}{f' {variation.unit}' if variation.unit else ''}"
+
+
+def verdict(diagram: Diagram, variation: Variation) -> str:
+    """Where steady sliding is unstable, where stable cycles are, and where it squeals only when kicked."""
+    unstable, cycles, both = steady_sliding(diagram, stable=False), stable_cycles(diagram), kicked(diagram)
+    sliding = f"is unstable for {variation.key} {_ranges(unstable)}" if unstable else "is stable throughout"
+    lives = f"stable cycles live {_ranges(cycles)}" if cycles else "no cycle that was found is stable"
+    turns = folds(diagram)
+    folded = f" (folds at {', '.join(f'{value:.6g}' for value in turns)})" if turns else ""
+    kicks = f"; {_ranges(both)} it squeals only when kicked" if both else "; nowhere does it take a kick to squeal"
+    return f"Steady sliding {sliding}; {lives}{folded}{kicks}."
+
+
+def _ranges(intervals: list[Interval]) -> str:
+    return " and ".join(f"from {low:.6g} to {high:.6g}" for low, high in intervals)
+
+
+def to_csv(variation: Variation, rows: Iterable[tuple[int, Cycle]] | None, diagram: Diagram | None = None) -> str:
+    """One row a cycle, in the order of its branch; what happens there is told once the branches are whole."""
+    what: dict[int, str] = {}
+    if diagram is not None:
+        rows = [(number, cycle) for number, branch in enumerate(diagram.branches) for cycle in branch.cycles]
+        what = {id(special.cycle): special.kind for branch in diagram.branches for special in branch.special}
+    return rows_to_csv([_row(variation, number, cycle, what.get(id(cycle), "")) for number, cycle in rows or ()])
+
+
+def _row(variation: Variation, number: int, cycle: Cycle, what: str) -> dict[str, Any]:
+    unit = variation.unit.replace("/", "_per_").replace("^", "")
+    row: dict[str, Any] = {
+        "branch": number + 1,
+        f"{variation.key}_{unit}" if unit else variation.key: cycle.parameter,
+        "what": what,
+        "frequency_Hz": cycle.frequency_Hz,
+        "stable": "yes" if cycle.stable else "no",
+        "unstable_directions": cycle.unstable_directions,
+    }
+    row |= {f"amplitude_{name}_{'rad' if name in ROTATIONS else 'm'}": a for name, a in cycle.amplitude.items()}
+    row |= {"contact_fraction": cycle.contact_fraction, "slip_reversed_fraction": cycle.slip_reversed_fraction}
+    for k, value in enumerate(cycle.multipliers.tolist(), start=1):
+        row |= {f"multiplier_{k}_re": value.real, f"multiplier_{k}_im": value.imag}
+    return row | {"residual": cycle.residual, "unit_multiplier_error": cycle.unit_error}
+
+
+def diagram_data(diagram: Diagram, variation: Variation) -> dict[str, Any]:
+    """Hopf points, branches with all their cycles, and the ranges that follow from them, in SI."""
+    assert diagram.scene is not None
+    return {
+        "title": diagram.scene.title,
+        "verdict": verdict(diagram, variation),
+        "parameter": {"key": variation.key, "unit": variation.unit, "low": diagram.low, "high": diagram.high},
+        "critical_values": [each._asdict() for each in diagram.linear.critical],
+        "steady_sliding_unstable": steady_sliding(diagram, stable=False),
+        "stable_cycles": stable_cycles(diagram),
+        "squeals_only_when_kicked": kicked(diagram),
+        "branches": [_branch(branch) for branch in diagram.branches],
+        "notes": list(diagram.notes),
+        "scene": diagram.scene.model_dump(mode="json"),
+        "versions": versions(),
+    }
+
+
+def _branch(branch: Branch) -> dict[str, Any]:
+    return {
+        "start": branch.start,
+        "end": branch.end,
+        "special": [{"what": each.kind, "value": each.parameter, **cycle_data(each.cycle)} for each in branch.special],
+        "cycles": [{"value": cycle.parameter, **cycle_data(cycle)} for cycle in branch.cycles],
+    }

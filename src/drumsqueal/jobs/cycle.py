@@ -1,0 +1,102 @@
+"""The search for a cycle, and cycles along a parameter, into one folder."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+from drumsqueal.errors import CycleError
+from drumsqueal.figures import save_figures
+from drumsqueal.figures.branch import draw_branch
+from drumsqueal.figures.cycle import draw_cycle
+from drumsqueal.files.history import COMPLETE, to_dataset
+from drumsqueal.files.output_folder import (
+    BRANCH,
+    BRANCH_SUMMARY,
+    BRANCH_TABLE,
+    CYCLE,
+    CYCLE_HISTORY,
+    CYCLE_SUMMARY,
+    part_of,
+    write_whole,
+)
+from drumsqueal.files.summary import write_json
+from drumsqueal.interrupts import stop_if_interrupted
+from drumsqueal.jobs.branch_table import diagram_data, print_diagram, to_csv
+from drumsqueal.jobs.cycle_table import print_search, search_data
+from drumsqueal.jobs.study import told_what_is_kept
+from drumsqueal.scene import Scene
+from drumsqueal.scene.quantities import printable
+from drumsqueal.scene.variation import Variation
+from drumsqueal.studies.branches import follow_cycle
+from drumsqueal.studies.cycle import Search, find_cycle
+from drumsqueal.studies.orbit import Cycle
+
+
+def find_into(folder: Path, scene: Scene, console: Console) -> None:
+    """Find a cycle of a scene, write summary, samples and figure into the folder and print what was found.
+
+    Raises CycleError where there is none, and IntegrationError for a search that was interrupted.
+    """
+    with told_what_is_kept(folder / CYCLE_SUMMARY):
+        with _shown(console) as show:
+            search = find_cycle(scene, show)
+        write_json(search_data(search), folder / CYCLE_SUMMARY)
+        _write_period(folder / CYCLE_HISTORY, search)
+        stop_if_interrupted()
+        save_figures({CYCLE: draw_cycle(search)}, folder)
+        stop_if_interrupted()
+    print_search(console, search)
+    console.print(printable(f"Summary, one period and figure are in {folder}"), soft_wrap=True)
+
+
+def follow_into(folder: Path, scene: Scene, variation: Variation, console: Console) -> None:
+    """Follow the cycles along a parameter, write table, summary and figure into the folder and print what was found.
+
+    The table grows on disk cycle by cycle. Raises IntegrationError for a study that was interrupted, and CycleError
+    where no cycle was found.
+    """
+    rows: list[tuple[int, Cycle]] = []
+    with told_what_is_kept(folder / BRANCH_TABLE):
+        with _shown(console) as show:
+
+            def keep(branch: int, cycle: Cycle) -> None:
+                rows.append((branch, cycle))
+                write_whole(folder / BRANCH_TABLE, to_csv(variation, rows).encode())
+                show(f"branch {branch + 1}, {len(rows)} cycles, {variation.key} = {cycle.parameter:.4g}")
+
+            show("eigenvalues")
+            diagram = follow_cycle(scene, variation.key, variation.first, variation.last, keep)
+        if not diagram.branches:
+            raise CycleError("; ".join(["no cycle was found in this range", *diagram.notes]))
+        write_whole(folder / BRANCH_TABLE, to_csv(variation, None, diagram).encode())
+        write_json(diagram_data(diagram, variation), folder / BRANCH_SUMMARY)
+        stop_if_interrupted()
+        save_figures({BRANCH: draw_branch(diagram, variation)}, folder)
+        stop_if_interrupted()
+    print_diagram(console, diagram, variation)
+    console.print(printable(f"Table, summary and figure are in {folder}"), soft_wrap=True)
+
+
+def _write_period(path: Path, search: Search) -> None:
+    """One period of samples, with the signals of a history."""
+    cycle = search.cycle
+    period = to_dataset([cycle.samples], search.scene, cycle.names, COMPLETE)
+    period.attrs |= {"period_s": cycle.period_s, "stable": "yes" if cycle.stable else "no"}
+    part = part_of(path)
+    try:
+        period.to_netcdf(part, engine="h5netcdf")
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+@contextmanager
+def _shown(console: Console) -> Iterator[Callable[[str], None]]:
+    """What is being done, on a terminal."""
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+        task = progress.add_task("compiling", total=None)
+        yield lambda words: progress.update(task, description=words)

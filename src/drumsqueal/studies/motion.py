@@ -1,0 +1,271 @@
+"""Which kind of motion does a scene settle to? Steady, periodic, quasi-periodic or chaotic, with all evidence.
+
+The scene is run until it has settled, and on for a while. The recorded part is asked for its recurrence and its lines;
+tangents taken along say how nearby motions separate.
+"""
+
+import time as clock
+from collections.abc import Callable
+from contextlib import closing
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicHermiteSpline
+
+from drumsqueal.bodies.rigid_shoe import IN_PLANE
+from drumsqueal.comparison.departure import Departure
+from drumsqueal.comparison.saturation import size_of_motion
+from drumsqueal.errors import IntegrationError
+from drumsqueal.files.history import COMPLETE, to_dataset
+from drumsqueal.interrupts import noted_interrupts, stop_if_interrupted
+from drumsqueal.scene import Profile, Scene, SceneError
+from drumsqueal.signals import (
+    PERIODS_NEEDED,
+    STEADY,
+    Bases,
+    Lines,
+    Regime,
+    classify,
+    find_bases,
+    find_lines,
+    fit_growth,
+    told_frequencies,
+)
+from drumsqueal.signals.lyapunov import Exponents, lyapunov_exponents, tangents_forward
+from drumsqueal.simulation import Prepared, check_sample_rate, prepare, transient
+from drumsqueal.transient.flow import flow, state_size
+from drumsqueal.transient.integrate import Chunk
+
+DURATION = 5.0  # s
+LONGEST_START = 5.0  # s given to the start, settled or not
+BLOCK, PARTS = 0.25, 10  # s, of which two are compared, each in parts
+SETTLED_CHANGE, SURE = 1e-3, 3.0  # of the rms over two blocks; or in standard errors of its trend
+UNCLEAR = 0.02  # of the rms: a trend less certain than that, as where growth ends, tells nothing
+INTERVAL = 5e-3  # s from one orthonormalisation of the tangents to the next
+TANGENTS = 4
+MOST_FOR_LINES = 150_000  # samples
+FLOOR = 3e-3
+AT_MOST = 600.0  # s of computing
+FEWEST_INTERVALS = 100
+
+OnProgress = Callable[[str, float], None]
+
+
+class MotionStudy(NamedTuple):
+    """The kind of motion and what it was told by.
+
+    `settled_s` is when the record begins, `settled` whether it had settled by then, `duration_s` its length. `lines`
+    and `bases` are None at rest; `exponents` None where they were not determined, and `limits` say what was not, and
+    why. `section` (points, 2) holds displacement of `section_of[1]` and velocity of `section_of[0]` where the latter's
+    displacement goes up through its mean.
+    """
+
+    scene: Scene
+    kind: str
+    reason: str
+    settled_s: float
+    settled: bool
+    duration_s: float
+    regime: Regime
+    coordinates: tuple[str, ...]
+    lines: Lines | None
+    bases: Bases | None
+    exponents: Exponents | None
+    section: NDArray[np.float64]
+    section_of: tuple[str, str]
+    limits: tuple[str, ...]
+
+
+def checked(scene: Scene) -> Scene:
+    """Return the scene, or raise SceneError where its drum speed or load change: its motion is of no one kind."""
+    for keys, value in ((("drum", "speed"), scene.drum.speed), (("contact", "normal_load"), scene.contact.normal_load)):
+        if isinstance(value, Profile):
+            raise SceneError("this changes with time, and the motion with it; give one value to ask for its kind", keys)
+    return scene
+
+
+def study_motion(
+    scene: Scene, duration: float = DURATION, *, at_most: float = AT_MOST, on_progress: OnProgress | None = None
+) -> MotionStudy:
+    """Tell which kind of motion a scene settles to: `study_motion(scene).kind`, `.bases`, `.exponents`.
+
+    It runs until the trend of every coordinate's rms over half a second is below 1e-3 or within three standard errors
+    (five seconds at most), then for `duration` (s), of which the later half is
+    asked for lines, then once more from there with tangents. Where tangents grow and lines are sharp all the same the
+    kind is unknown. `at_most` bounds the
+    computing time (s) of each of both; what was cut short or not determined is in `limits`. Raises SceneError for a
+    scene that cannot be run or whose drum speed or load change, IntegrationError when nothing was computed, and
+    KeyboardInterrupt between two chunks.
+    """
+    if not duration > 0:
+        raise ValueError(f"the duration must be positive, got {duration}")
+    show = on_progress or (lambda *_: None)
+    whole = checked(scene).with_values({"simulate.duration": LONGEST_START + duration})
+    with noted_interrupts():
+        prepared = prepare(whole)
+        check_sample_rate(prepared)
+        limits: list[str] = []
+        settled, start, chunks = _record(prepared, duration, at_most, show, limits)
+        history = to_dataset(chunks, whole, prepared.model.names, COMPLETE)
+        departure = Departure(history, prepared.stability)
+        rate, scale = departure.sample_rate, size_of_motion(departure, prepared.stability, prepared.linear)
+        recorded = departure.time.size / rate
+        modes = prepared.stability.unstable or prepared.stability.modes
+        lowest = min((mode.frequency_Hz for mode in modes), default=2 * PERIODS_NEEDED / recorded) / 2
+        # What is left of the start after settling would widen lines; tangents need the whole time.
+        late = slice(departure.time.size // 2, None)
+        regime = classify(departure.displacement[late], rate, scale=scale, lowest_frequency=lowest)
+        moving = np.ptp(departure.displacement, axis=0) / 2 >= STEADY * scale
+        coordinates = tuple(name for name, moves in zip(departure.coordinates, moving, strict=True) if moves)
+        lines = bases = exponents = None
+        if coordinates:
+            show("lines", recorded)
+            lines = find_lines(departure.displacement[late][-MOST_FOR_LINES:, moving], rate, floor=FLOOR)
+            bases = find_bases(lines)
+            exponents = _exponents(prepared, chunks, duration, at_most, show, limits)
+        section, section_of = _section(departure, prepared.stability.mass, coordinates)
+    if not settled:
+        limits.append(f"the motion had not settled after {start:.3g} s")
+    kind, reason = _told(regime, bases, exponents)
+    return MotionStudy(
+        scene, kind, reason, start, settled, recorded, regime, coordinates, lines, bases, exponents, section,
+        section_of, tuple(limits),
+    )  # fmt: skip
+
+
+def _record(
+    prepared: Prepared, duration: float, at_most: float, show: OnProgress, limits: list[str]
+) -> tuple[bool, float, list[Chunk]]:
+    """Run until settled and on: whether it settled, when the record begins (s), and its chunks."""
+    rate, began = prepared.scene.simulate.sample_rate, clock.monotonic()
+    kept: list[Chunk] = []
+    start: float | None = None
+    settled = False
+    try:
+        with closing(transient(prepared)) as stream:
+            for chunk in stream:
+                stop_if_interrupted()
+                now = float(chunk.time[-1])
+                kept.append(chunk)
+                show("settling" if start is None else "recording", now)
+                if start is None:
+                    kept = [each for each in kept if each.time[-1] > now - 2 * BLOCK - 1e-9]
+                    settled = _settled(kept, rate)
+                    if settled or now >= LONGEST_START - 1e-9:
+                        start, kept = now, [chunk]
+                elif now >= start + duration - 1e-9:
+                    break
+                if clock.monotonic() - began > at_most:
+                    limits.append(f"computing was limited to {at_most:g} s: the record ends at {now:.4g} s")
+                    break
+    except IntegrationError as error:
+        limits.append(f"the integration failed: {error}")
+        if not kept:
+            raise
+    return settled, float(kept[0].time[0]) if start is None else start, kept
+
+
+def _settled(chunks: list[Chunk], rate: float) -> bool:
+    """Whether no coordinate's rms has a trend over the last two blocks."""
+    velocity = np.concatenate([chunk.velocity for chunk in chunks])
+    samples = round(2 * BLOCK * rate)
+    if velocity.shape[0] < samples:
+        return False
+    parts = np.array_split(velocity[-samples:], 2 * PARTS)
+    size = np.array([part.std(axis=0) for part in parts])
+    time = (np.arange(2 * PARTS) + 0.5) * BLOCK / PARTS
+    for column in size.T:
+        if not np.all(column > 0):
+            continue
+        trend = fit_growth(time, column)
+        change, error = (abs(x) * 2 * BLOCK for x in (trend.rate_1_per_s, trend.standard_error))
+        if change > max(SETTLED_CHANGE, SURE * error) or error > UNCLEAR:
+            return False
+    return True
+
+
+def _exponents(
+    prepared: Prepared, chunks: list[Chunk], duration: float, at_most: float, show: OnProgress, limits: list[str]
+) -> Exponents | None:
+    """The largest Lyapunov exponents along the motion from where the record begins; None where they cannot be told."""
+    model = prepared.model
+    why = ""
+    if any(i not in IN_PLANE for i in model.coordinates):
+        why = "the motion is in space, where tangents take too long"
+    elif model.forced:
+        why = "a harmonic force acts, and tangents are taken along steady drives only"
+    elif any(chunk.changes for chunk in chunks):
+        why = "the lining sticks, and there the motion has no derivative"
+    if why:
+        limits.append(f"Lyapunov exponents were not determined: {why}")
+        return None
+    first, tolerance = chunks[0], prepared.scene.simulate.tolerance
+    size = np.asarray(state_size(model, first.displacement[-1], first.velocity[-1]))
+    state = np.concatenate([first.displacement[-1], first.velocity[-1]]) / size
+    tangents = np.linalg.qr(np.random.default_rng(0).normal(size=(size.size, min(TANGENTS, size.size))))[0]
+    logs, began = [], clock.monotonic()
+    for k in range(round(duration / INTERVAL)):
+        stop_if_interrupted()
+        show("tangents", k * INTERVAL)
+        moved = flow(model, size, state, INTERVAL, tolerance)
+        state = np.asarray(moved.end)
+        if not (bool(moved.reached) and np.all(np.isfinite(state)) and np.all(np.isfinite(moved.transition))):
+            limits.append(f"tangents were lost after {k * INTERVAL:.4g} s")
+            break
+        tangents, grown = tangents_forward(moved.transition, tangents)
+        logs.append(grown)
+        if clock.monotonic() - began > at_most:
+            limits.append(f"computing was limited to {at_most:g} s: tangents were followed for {k * INTERVAL:.4g} s")
+            break
+    if len(logs) < FEWEST_INTERVALS:
+        limits.append(f"Lyapunov exponents were not determined: {len(logs) * INTERVAL:.3g} s are too short")
+        return None
+    return lyapunov_exponents(np.array(logs), INTERVAL)
+
+
+def _section(
+    departure: Departure, mass: NDArray[np.float64], coordinates: tuple[str, ...]
+) -> tuple[NDArray[np.float64], tuple[str, str]]:
+    """Points where the coordinate with most kinetic energy goes up through its mean, and the two coordinates' names."""
+    if not coordinates:
+        return np.zeros((0, 2)), ("", "")
+    energy = mass * np.mean(departure.velocity**2, axis=0)
+    ranked = sorted(range(energy.size), key=lambda k: -energy[k])
+    across, other = ranked[0], ranked[min(1, len(ranked) - 1)]
+    time, q, v = departure.time, departure.displacement, departure.velocity
+    level = q[:, across] - q[:, across].mean()
+    up = np.flatnonzero((level[:-1] < 0) & (level[1:] >= 0))
+    if not up.size:
+        return np.zeros((0, 2)), ("", "")
+    path = CubicHermiteSpline(time, np.column_stack([level, q[:, other]]), v[:, [across, other]])
+    at = time[up] - level[up] * (time[up + 1] - time[up]) / (level[up + 1] - level[up])
+    for _ in range(3):  # Newton's method; samples are dense enough for the secant to begin with
+        at = at - path(at)[:, 0] / path(at, 1)[:, 0]
+    points = np.column_stack([path(at)[:, 1], path(at, 1)[:, 0]])
+    return points, (departure.coordinates[across], departure.coordinates[other])
+
+
+def _told(regime: Regime, bases: Bases | None, exponents: Exponents | None) -> tuple[str, str]:
+    """The kind of motion, and why."""
+    if exponents is None:
+        return regime.kind, regime.reason
+    largest, error = float(exponents.exponent_1_per_s[0]), float(exponents.standard_error_1_per_s[0])
+    told = f"The largest Lyapunov exponent is {largest:+.3g} ± {error:.2g} 1/s"
+    if exponents.chaotic and regime.kind in ("periodic", "quasi-periodic"):
+        return "unknown", f"{told}, and yet its lines are sharp: one of the two is wrong. {regime.reason}"
+    if exponents.chaotic:
+        return "chaotic", f"{told}: nearby motions separate exponentially. {regime.reason}"
+    if regime.kind == "irregular":
+        return "irregular", f"{told}, which is not above zero beyond doubt. {regime.reason}"
+    if regime.kind == "quasi-periodic" and bases is not None and bases.frequency_Hz.size == 1:
+        base = told_frequencies(bases.frequency_Hz.tolist(), bases.uncertainty_Hz.tolist(), 8)
+        return "periodic", f"{told}. All its lines are multiples of {base}: its frequencies are locked."
+    zeros = int(np.count_nonzero(exponents.exponent_1_per_s > -SURE * exponents.standard_error_1_per_s))
+    needed = len(regime.base_frequencies_Hz)
+    if regime.kind == "quasi-periodic" and zeros < min(needed, exponents.exponent_1_per_s.size):
+        told += (
+            f", and {zeros} of the exponents {'is' if zeros == 1 else 'are'} zero where {needed} base frequencies want "
+            f"{needed}: they lock, within what the tolerance of the integration lets show; a longer record or a smaller one may tell"
+        )
+    return regime.kind, f"{told}; no chaos. {regime.reason}"

@@ -1,0 +1,409 @@
+"""Limit cycles: the flow map and its derivatives, cycles and multipliers, branches and folds."""
+
+import json
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import scipy.linalg
+import xarray
+from jax import Array
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq, minimize_scalar
+from scipy.special import i1
+
+from drumsqueal.effects.friction_law import ExponentialLaw
+from drumsqueal.errors import CycleError
+from drumsqueal.linear.steady import linear_model
+from drumsqueal.model import build_model
+from drumsqueal.scene import SceneError, load_scene
+from drumsqueal.simulation import run
+from drumsqueal.small_bodies import block_on_belt
+from drumsqueal.studies.branches import follow_cycle, follow_models
+from drumsqueal.studies.continuation import FOLD, HOPF
+from drumsqueal.studies.cycle import find_cycle
+from drumsqueal.studies.kicked import kicked
+from drumsqueal.studies.orbit import floquet
+from drumsqueal.transient.flow import flow
+
+SCENARIOS = Path(__file__).parents[1] / "scenarios"
+SIZE = np.array([1e-5, 2e-5, 2e-4, 0.2, 0.2, 3.0])  # of states of the shoe that go through all edges
+STATE, DURATION = np.array([0.15, 0.45, 0.75, 0.45, 0.05, 0.1]), 1e-3
+
+
+@pytest.fixture(scope="module")
+def damped():
+    return load_scene(SCENARIOS / "damped.toml")
+
+
+@pytest.fixture(scope="module")
+def search(damped):
+    return find_cycle(damped)
+
+
+# The flow map
+
+
+@pytest.mark.parametrize("amplitude", [0.0, 1e-9])
+def test_the_transition_at_steady_sliding_is_the_matrix_exponential(damped, amplitude):
+    model = build_model(damped)
+    exact = scipy.linalg.expm(np.asarray(linear_model(model)[1].state_matrix()) * DURATION) * SIZE / SIZE[:, None]
+    found = flow(model, SIZE, amplitude * STATE, DURATION, 1e-10)
+    # 200 steps with local errors of 1e-12, and the motion's own size beyond linear.
+    np.testing.assert_allclose(found.transition, exact, rtol=0, atol=1e-10 + amplitude)
+
+
+def test_the_derivatives_through_edges_are_those_of_differences(damped):
+    # Slip reverses and contact is lost and found again in this motion: an edge enters at an end of the lining, and
+    # pairs of them are born inside it. Differences of tight flows, of the fourth order.
+    model, step = build_model(damped), 2e-4
+    found = flow(model, SIZE, STATE, DURATION, 1e-12)
+    for k in range(6):
+        unit = step * np.eye(6)[k]
+        ends = {j: np.asarray(flow(model, SIZE, STATE + j * unit, DURATION, 1e-12).end) for j in (-2, -1, 1, 2)}
+        slope = (8 * (ends[1] - ends[-1]) - (ends[2] - ends[-2])) / (12 * step)
+        # Errors of 1e-12 a step, some 1e-11 in all, over the difference's 2e-4: 1e-7.
+        np.testing.assert_allclose(found.transition[:, k], slope, rtol=0, atol=2e-7)
+
+
+def test_the_derivative_with_respect_to_a_number_of_the_scene_is_that_of_differences(damped):
+    def model(speed):
+        return build_model(damped, {"drum.speed": speed})
+
+    change = jax.jit(lambda speed: jax.jvp(model, (speed,), (1.0,)))(5.0)[1]
+    found = flow(model(5.0), SIZE, STATE, DURATION, 1e-12, change)
+    ends = [np.asarray(flow(model(5.0 + sign * 1e-4), SIZE, STATE, DURATION, 1e-12).end) for sign in (1, -1)]
+    np.testing.assert_allclose(found.sensitivity, (ends[0] - ends[1]) / 2e-4, rtol=0, atol=2e-7)
+
+
+# The cycle of the damped brake
+
+
+class Independent:
+    """The damped brake in the plane in NumPy: the equations of the README, edges from arc cosines, 24 nodes a piece."""
+
+    def __init__(self, scene):
+        shoe, half = scene.shoe, scene.shoe.arc_angle / 2
+        R, h = shoe.outer_radius, shoe.thickness
+        self.R, self.half, self.decay = R, half, scene.friction.decay
+        self.line = R * shoe.width
+        self.c = 4 * (h**2 - 3 * h * R + 3 * R**2) / (3 * 2 * half * (2 * R - h)) * np.sin(half)
+        r, weight = np.polynomial.legendre.leggauss(40)
+        radius, ring = R - h / 2 + h / 2 * r, weight * h / 2 * shoe.density * shoe.width
+        angles, wide = half * r, weight * half
+        out, turn = np.meshgrid(radius, angles, indexing="ij")
+        cell = np.outer(ring * radius, wide)
+        inertia = np.sum(cell * ((out * np.cos(turn) - self.c) ** 2 + (out * np.sin(turn)) ** 2))
+        self.mass = np.array([cell.sum(), cell.sum(), inertia])
+        self.p0 = scene.contact.normal_load / (self.line * 2 * half)
+        self.k, self.mu = scene.contact.stiffness, (scene.friction.kinetic, scene.friction.static)
+        self.speed, self.springs = R * scene.drum.speed, scene.support.upper_stiffness + scene.support.lower_stiffness
+        self.nodes, self.weights = np.polynomial.legendre.leggauss(24)
+        self.balance = -self.contact(np.zeros(6))
+        shapes = np.stack([np.cos(angles), np.sin(angles), -self.c * np.sin(angles)])
+        stiffness = self.k * self.line * np.einsum("in,jn,n->ij", shapes, shapes, wide)
+        stiffness += np.diag([self.springs, 0, self.springs * R**2])
+        squared, modes = scipy.linalg.eigh(stiffness, np.diag(self.mass))
+        shaped = self.mass[:, None] * modes
+        self.damping = shaped @ np.diag(2 * scene.damping.ratio * np.sqrt(squared)) @ shaped.T
+
+    def contact(self, state):
+        """Pressure and friction along X, Y and Tz."""
+        (x, y, t), (u, v, w) = state[:3], state[3:]
+        pressure = (self.p0, self.k * x, self.k * (y - self.c * t))
+        slip = (self.R * w - self.speed, v - self.c * w, -u)
+        edges = [-self.half, self.half]
+        for constant, cosine, sine in (pressure, slip):
+            size = np.hypot(cosine, sine)
+            if size > abs(constant):
+                middle, reach = np.arctan2(sine, cosine), np.arccos(-constant / size)
+                edges += [(middle + s * reach + np.pi) % (2 * np.pi) - np.pi for s in (-1, 1)]
+        edges = np.sort([edge for edge in edges if abs(edge) <= self.half])
+        centre, reach = (edges[1:] + edges[:-1]) / 2, (edges[1:] - edges[:-1]) / 2
+        angle = (centre[:, None] + reach[:, None] * self.nodes).ravel()
+        area = (reach[:, None] * self.weights).ravel() * self.line
+        cosine, sine = np.cos(angle), np.sin(angle)
+        normal = np.maximum(0, pressure[0] + pressure[1] * cosine + pressure[2] * sine) * area
+        fast = slip[0] + slip[1] * cosine + slip[2] * sine
+        kinetic, static = self.mu
+        drag = -(kinetic + (static - kinetic) * np.exp(-self.decay * np.abs(fast))) * normal * np.sign(fast)
+        along_x, along_y = -normal * cosine - drag * sine, -normal * sine + drag * cosine
+        return np.array([along_x.sum(), along_y.sum(), self.R * drag.sum() - self.c * along_y.sum()])
+
+    def rate(self, _, state):
+        elastic = np.array([self.springs * state[0], 0, self.springs * self.R**2 * np.sin(2 * state[2]) / 2])
+        force = self.contact(state) + self.balance - elastic - self.damping @ state[3:]
+        return np.concatenate([state[3:], force / self.mass])
+
+    def after(self, state, time):
+        # With longer steps its error estimate does not see where edges are born: it is off by 3e-8 then.
+        how: Any = {"rtol": 1e-12, "atol": 1e-12, "max_step": time / 700}
+        scaled = solve_ivp(lambda t, y: self.rate(t, y * SIZE) / SIZE, (0, time), state / SIZE, "DOP853", **how)
+        return scaled.y[:, -1] * SIZE
+
+
+def test_the_cycle_and_its_multipliers_are_those_of_an_independent_code(damped, search):
+    brake, cycle = Independent(damped), search.cycle
+    # The two codes' forces differ by 1e-12 of the load, and so do their steps.
+    closed = (brake.after(cycle.state, cycle.period_s) - cycle.state) / SIZE
+    assert np.max(np.abs(closed)) < 1e-9
+    columns, step = [], 1e-4
+    for k in range(6):
+        ends = [brake.after(cycle.state + sign * step * SIZE * np.eye(6)[k], cycle.period_s) / SIZE for sign in (1, -1)]
+        columns.append((ends[0] - ends[1]) / (2 * step))
+    multipliers, unit_error = floquet(np.array(columns).T, brake.rate(0, cycle.state) / SIZE)
+    # Central differences: the square of the step, 1e-8, times a curvature of some hundred: 2e-6 in the unit multiplier.
+    assert unit_error < 5e-6
+    np.testing.assert_allclose(multipliers, cycle.multipliers, rtol=0, atol=5e-6)
+    assert cycle.unit_error < 1e-9
+    assert cycle.residual < 1e-10
+    assert cycle.stable
+
+
+def test_a_long_transient_ends_on_the_cycle(damped, search):
+    cycle = search.cycle
+    assert search.transient == "settles to a periodic motion"
+    # Of the largest multiplier, 0.903, twenty periods leave 0.13 of a departure: from 0.4 s on it is round-off.
+    long = damped.with_values({"simulate.duration": 0.8, "simulate.tolerance": 1e-9, "simulate.sample_rate": 2e5})
+    result = run(long)
+    saturation = result.comparison.saturation
+    assert saturation is not None
+    motion = result.history.sel(coordinate=list(cycle.names)).isel(time=slice(-40_000, None))
+    states = np.concatenate([motion["displacement"].values, motion["velocity"].values], axis=1)
+    # Upward passages of Y through zero, between samples by a cubic: the period over 200 turns.
+    curve = scipy.interpolate.CubicHermiteSpline(motion["time"].values, states[:, 1], states[:, 4])
+    up = [root for root in curve.roots(extrapolate=False) if curve(root, 1) > 0]
+    assert (up[-1] - up[0]) / (len(up) - 1) == pytest.approx(cycle.period_s, rel=1e-5)
+    for k, name in enumerate(cycle.names):
+        # Of samples 5 µs apart the largest is off by half the square of ω times half of that: 1e-4 of what is fast.
+        fine = scipy.interpolate.CubicHermiteSpline(motion["time"].values, states[:, k], states[:, k + 3])
+        turns = fine(fine.derivative().roots(extrapolate=False))
+        assert np.ptp(turns) / 2 == pytest.approx(cycle.amplitude[name], rel=1e-5)
+    # The state itself, at the phase at which it comes nearest.
+    period = cycle.samples
+    own = scipy.interpolate.CubicSpline(period.time, np.concatenate([period.displacement, period.velocity], axis=1))
+    last = states[-1] / SIZE
+
+    def away(phase):
+        return np.max(np.abs(own(phase % cycle.period_s) / SIZE - last))
+
+    coarse = min(period.time, key=away)
+    best: Any = minimize_scalar(away, bounds=(coarse - 4e-6, coarse + 4e-6), method="bounded", options={"xatol": 1e-13})
+    assert best.fun < 1e-5
+
+
+def test_one_period_balances_energy(search):
+    samples = search.cycle.samples
+    assert np.abs(samples.energy_balance_error).max() < 1e-8 * samples.kinetic_energy.max()
+
+
+# A block on a belt: Hopf, fold, sticking
+
+
+def falling_friction(belt_speed):
+    """P6: x″ + 0.1 x′ + x = 0.5 (1 + e^(−2 |v|)) sgn(v), v = belt speed − x′."""
+    return block_on_belt(ExponentialLaw(1.0, 0.5, 2.0), damping=0.1, belt_speed=belt_speed)
+
+
+def with_derivative(model):
+    return jax.jit(lambda value: jax.jvp(model, (value,), (1.0,)))
+
+
+@pytest.fixture(scope="module")
+def block():
+    return follow_models(with_derivative(falling_friction), 0.8, 2.4, 12)
+
+
+def test_the_branch_leaves_a_subcritical_hopf_point_as_its_normal_form_says(block):
+    (critical,), (branch,) = block.linear.critical, block.branches
+    assert critical.value == pytest.approx(0.5 * np.log(10.0), abs=1e-11)
+    assert branch.start == HOPF
+    for cycle in branch.cycles[:8]:
+        amplitude = cycle.amplitude["X"]
+        # Averaged: ξ A = Δμ e^(−v_d/v0) I1(A/v0), of which A²/(8 v0) = v_d − v_H is the beginning; to second order in
+        # friction, which is 0.05.
+        averaged = 0.5 * np.log(0.5 * i1(2 * amplitude) / (0.05 * amplitude))
+        assert cycle.parameter - critical.value == pytest.approx(averaged - critical.value, rel=5e-3)
+        assert not cycle.stable
+        assert cycle.unit_error < 1e-9
+    first = branch.cycles[0]
+    assert first.parameter - critical.value == pytest.approx(first.amplitude["X"] ** 2 / 4, rel=1e-3)
+    assert first.frequency_Hz == pytest.approx(critical.frequency_Hz, rel=1e-5)
+    assert not kicked(block)
+
+
+def test_multipliers_and_period_of_the_unstable_cycle_are_those_of_a_return_map(block):
+    cycle = block.branches[0].cycles[6]
+
+    def rate(_, y):
+        v = cycle.parameter - y[1]
+        return [y[1], 0.5 * (1 + np.exp(-2 * abs(v))) * np.sign(v) - 0.1 * y[1] - y[0]]
+
+    def upwards(_, y):
+        return y[1]
+
+    upwards.terminal, upwards.direction = 2, -1
+
+    def returned(amplitude):
+        """From the right-hand turning point to the next one."""
+        found = solve_ivp(rate, (0, 10), [amplitude, 0.0], "DOP853", rtol=1e-12, atol=1e-12, events=upwards)
+        after = [t for t in found.t_events[0] if t > 1]
+        return float(found.sol(after[0])[0]) if found.sol else float(found.y_events[0][-1][0]), after[0]
+
+    top = cycle.samples.displacement[:, 0].max()
+    exact = brentq(lambda x: returned(x)[0] - x, 0.999 * top, 1.001 * top, xtol=1e-13)
+    assert isinstance(exact, float)
+    assert returned(exact)[1] == pytest.approx(cycle.period_s, rel=1e-9)
+    slope = (returned(exact + 1e-4)[0] - returned(exact - 1e-4)[0]) / 2e-4
+    assert cycle.multipliers[0].real == pytest.approx(slope, rel=1e-6)
+
+
+def test_a_branch_ends_where_the_block_would_stick(block):
+    branch = block.branches[0]
+    assert "comes to rest on the drum" in branch.end
+    last = branch.cycles[-1]
+    # There its largest speed is that of the belt.
+    assert last.samples.velocity.max() == pytest.approx(last.parameter, rel=1e-3)
+
+
+class Polynomial(eqx.Module):
+    """μ = 1 − 0.4 (s − 1)³ + 0.5 (s − 1)⁵: on a belt of 1 m/s, x″ + c x′ + x − 0.4 x′³ + 0.5 x′⁵ = 1."""
+
+    def coefficient(self, slip_speed: Array) -> Array:
+        x = slip_speed - 1.0
+        return 1.0 - 0.4 * x**3 + 0.5 * x**5
+
+
+def test_a_fold_is_found_where_an_independent_code_has_it():
+    def model(damping):
+        return block_on_belt(Polynomial(), damping=damping, belt_speed=1.0)
+
+    diagram = follow_models(with_derivative(model), -0.02, 0.12, 12)
+    (branch,) = diagram.branches
+    folds = [special for special in branch.special if special.kind == FOLD]
+    assert len(folds) == 1
+
+    def closing(amplitude):
+        """The damping with which the motion closes at an amplitude."""
+
+        def gain(damping):
+            def rate(_, y):
+                return [y[1], -y[0] - damping * y[1] + 0.4 * y[1] ** 3 - 0.5 * y[1] ** 5]
+
+            def top(_, y):
+                return y[1]
+
+            top.direction = -1
+            found = solve_ivp(rate, (0, 9), [amplitude, 0.0], "DOP853", rtol=1e-12, atol=1e-13, events=top)
+            return next(y[0] for t, y in zip(found.t_events[0], found.y_events[0], strict=True) if t > 1) - amplitude
+
+        damping = brentq(gain, -0.05, 0.2, xtol=1e-13)
+        assert isinstance(damping, float)
+        return damping
+
+    best: Any = minimize_scalar(lambda amplitude: -closing(amplitude), bounds=(0.5, 0.9), method="bounded")
+    assert folds[0].parameter == pytest.approx(-best.fun, rel=1e-6)
+    assert folds[0].cycle.multipliers[0].real == pytest.approx(1.0, abs=1e-4)
+    # Between the Hopf point and the fold it squeals only when it is kicked.
+    ((low, high),) = kicked(diagram)
+    assert low == pytest.approx(0.0, abs=1e-10)
+    assert high == pytest.approx(folds[0].parameter)
+
+
+# What is refused
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "why"),
+    [
+        ("stop", {}, "constant value, not a profile"),
+        ("damped", {"forcing": {"amplitude": {"Y": 1.0}, "frequency": 500.0}}, "leave the force out"),
+    ],
+)
+def test_what_changes_with_time_has_no_cycle(name, values, why):
+    with pytest.raises(SceneError, match=why):
+        find_cycle(load_scene(SCENARIOS / f"{name}.toml").with_values(values))
+
+
+def test_a_range_through_a_drum_at_rest_is_refused(damped):
+    with pytest.raises(SceneError, match="drum at rest"):
+        follow_cycle(damped, "drum.speed", -1.0, 5.0)
+
+
+@pytest.mark.slow
+def test_without_damping_every_amplitude_closes_and_none_is_a_cycle(nominal):
+    linear = nominal.with_values({"friction": None, "contact.separation": False, "simulate.duration": 0.05})
+    with pytest.raises(CycleError, match="no periodic motion was found"):
+        find_cycle(linear)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "why"),
+    [
+        (["scenarios/stop.toml"], "drum.speed"),
+        (["scenarios/damped.toml", "--along", "drum.sped=1..4"], "drum.speed"),
+        (["scenarios/damped.toml", "--along", "drum.speed=-1..4"], "drum at rest"),
+        (["scenarios/damped.toml", "--along", "drum.speed=1..4x10"], "no number of values"),
+    ],
+)
+def test_wrong_requests_are_told_and_write_nothing(drumsqueal, monkeypatch, tmp_path, arguments, why):
+    monkeypatch.chdir(SCENARIOS.parent)
+    status, _, err = drumsqueal("cycle", *arguments, "-o", str(tmp_path / "out"))
+    assert status == 2
+    assert why in err
+    assert err.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_command_writes_the_cycle(drumsqueal, tmp_path, search, monkeypatch):
+    monkeypatch.setattr("drumsqueal.jobs.cycle.find_cycle", lambda scene, show: search)
+    status, out, err = drumsqueal("cycle", str(SCENARIOS / "damped.toml"), "-o", str(tmp_path))
+    assert (status, err) == (0, "")
+    assert "stable cycle at 1028.854 Hz" in " ".join(out.split())
+    data = json.loads((tmp_path / "cycle.json").read_text())
+    assert data["period_s"] == search.cycle.period_s
+    assert data["stable"] is True
+    with xarray.open_dataset(tmp_path / "cycle.nc") as period:
+        assert period["time"][-1] == pytest.approx(search.cycle.period_s)
+        first, last = (period["displacement"].isel(time=k).values for k in (0, -1))
+        assert np.max(np.abs(first - last)) < 1e-9 * np.abs(period["displacement"]).max()
+    assert (tmp_path / "cycle.png").stat().st_size > 10_000
+
+
+@pytest.mark.slow
+def test_the_command_follows_cycles(drumsqueal, tmp_path):
+    # From the Hopf point of the damped brake at 10.6123 rad/s through its first folds, close to it.
+    scene, along = str(SCENARIOS / "damped.toml"), "drum.speed=10.6..10.65"
+    status, out, err = drumsqueal("cycle", scene, "--along", along, "-o", str(tmp_path))
+    assert (status, err) == (0, "")
+    data = json.loads((tmp_path / "branch.json").read_text())
+    (critical,) = data["critical_values"]
+    (branch,) = data["branches"]
+    assert critical["value"] == pytest.approx(10.612287, abs=1e-5)
+    assert branch["start"] == HOPF
+    folds = [each for each in branch["special"] if each["what"] == FOLD]
+    assert folds[0]["value"] == pytest.approx(10.618092, abs=1e-5)
+    rows = (tmp_path / "branch.csv").read_text().splitlines()
+    assert len(rows) == 1 + len(branch["cycles"])
+    assert "fold" in out
+    assert (tmp_path / "branch.png").stat().st_size > 10_000
+
+
+def test_a_search_without_a_cycle_ends_with_its_reason(drumsqueal, tmp_path, monkeypatch):
+    monkeypatch.setattr("drumsqueal.jobs.cycle.find_cycle", partial(_raised, CycleError("no cycle")))
+    status, _, err = drumsqueal("cycle", str(SCENARIOS / "damped.toml"), "-o", str(tmp_path))
+    assert status == 1
+    assert err.startswith("drumsqueal: no cycle")
+    assert not (tmp_path / "cycle.json").exists()
+
+
+def _raised(error, *_):
+    raise error
+
+
+assert jnp  # the module switches to float64 on import
