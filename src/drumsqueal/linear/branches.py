@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -220,8 +220,8 @@ def _with_turns(model_at: ModelAt, points: list[Point]) -> list[Point]:
         def height(value: float, sign: float = sign) -> float:
             return sign * point_at(model_at, value).growth_rate
 
-        lowest = minimize_scalar(height, bounds=(a.value, c.value), method="bounded")
-        turn = point_at(model_at, float(lowest["x"]))
+        lowest: Any = minimize_scalar(height, bounds=(a.value, c.value), method="bounded")
+        turn = point_at(model_at, float(lowest.x))
         if sign * turn.growth_rate < 0:
             found.append(turn)
     return sorted(found, key=lambda point: point.value)
