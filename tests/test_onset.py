@@ -19,8 +19,9 @@ from drumsqueal.scene.variation import Variation
 from drumsqueal.small_bodies import block_on_belt, sprung_block_on_belt
 from drumsqueal.studies import onset as study_module
 from drumsqueal.studies.attractors import DECAYS, GROWS, SQUEALS, Ending, Family, How, find_endings
-from drumsqueal.studies.onset import KICKED, STABLE, Prediction, Row, compare, find_ranges, predict, study_onset
-from drumsqueal.studies.onset import SQUEALS as UNSTABLE
+from drumsqueal.studies.onset import Prediction, compare, predict, study_onset
+from drumsqueal.studies.onset_rows import KICKED, STABLE, Row, find_ranges
+from drumsqueal.studies.onset_rows import SQUEALS as UNSTABLE
 from drumsqueal.studies.onset_verdict import reservations, verdict, with_uncertainty
 from drumsqueal.studies.saturated import Saturated, saturated_motions
 

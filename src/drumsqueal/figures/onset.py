@@ -14,7 +14,8 @@ from drumsqueal.figures.eigenvalues import UNSTABLE as UNSTABLE_COLOUR
 from drumsqueal.figures.placement import label_top_edge
 from drumsqueal.figures.style import frame, new_figure, styled
 from drumsqueal.studies.attractors import DECAYS, Ending
-from drumsqueal.studies.onset import KICKED, SQUEALS, STABLE, OnsetStudy, Row
+from drumsqueal.studies.onset import OnsetStudy
+from drumsqueal.studies.onset_rows import KICKED, SQUEALS, STABLE, Row
 
 # Told apart in print by lightness, too.
 SHADES = {STABLE: STABLE_COLOUR, KICKED: "#F2E6CC", SQUEALS: UNSTABLE_COLOUR}

@@ -16,7 +16,8 @@ from drumsqueal.jobs.study import rows_to_csv
 from drumsqueal.linear.branches import Branches, Critical
 from drumsqueal.scene.variation import Variation
 from drumsqueal.studies.attractors import Ending
-from drumsqueal.studies.onset import KICKED, SQUEALS, OnsetStudy, Row
+from drumsqueal.studies.onset import OnsetStudy
+from drumsqueal.studies.onset_rows import KICKED, SQUEALS, Row
 from drumsqueal.studies.onset_verdict import reservations, verdict, with_uncertainty
 
 STYLES = {SQUEALS: "bold red", KICKED: "bold"}

@@ -9,15 +9,13 @@ import numpy as np
 from drumsqueal.composition import linear_coordinates
 from drumsqueal.errors import RequestError, SceneError
 from drumsqueal.interrupts import noted_interrupts, stop_if_interrupted
-from drumsqueal.linear.branches import Branches, Critical, ModelAt, Point, follow_modes, point_at
+from drumsqueal.linear.branches import Branches, ModelAt, Point, follow_modes, point_at
 from drumsqueal.model import build_model
 from drumsqueal.scene import Profile, Scene
 from drumsqueal.scene.variation import Variation, read_variation
 from drumsqueal.studies.attractors import (
-    FAILED,
     LASTING,
     PERSISTENT,
-    UNDECIDED,
     Ending,
     Family,
     How,
@@ -25,66 +23,12 @@ from drumsqueal.studies.attractors import (
     find_endings,
     round_seconds,
 )
+from drumsqueal.studies.onset_rows import KICKED, NOWHERE, SQUEALS, STABLE, UNKNOWN, Range, Row, find_ranges
 
-STABLE, KICKED, SQUEALS = "stable", "squeals when kicked", "squeals"
-UNKNOWN, NOWHERE = "undecided", "no steady sliding"
 WITHIN = 1e-3  # of the range: how well the boundaries of the kicked range are found
 SECTIONS = 2  # values tried at once between two
 # Multiples of a neighbour's motion: where motion that is too small dies away the lasting one may be larger there.
 SIZES = (1.0, 1.2, 1.5)
-
-
-class Row(NamedTuple):
-    """One value: the linear point, where each start led, and whether it was asked for or lies at a boundary."""
-
-    point: Point
-    endings: tuple[Ending, ...]
-    asked: bool
-
-    @property
-    def value(self) -> float:
-        """The parameter."""
-        return self.point.value
-
-    @property
-    def kind(self) -> str:
-        """Stable, squeals when kicked, squeals (steady sliding is unstable), undecided, or no steady sliding."""
-        if self.point.reason:
-            return NOWHERE
-        if self.point.unstable:
-            return SQUEALS
-        if self.strongest is not None:
-            return KICKED
-        return UNKNOWN if any(ending.kind in (UNDECIDED, FAILED) for ending in self.endings) else STABLE
-
-    @property
-    def small(self) -> Ending | None:
-        """Where the small departure led."""
-        return next((ending for ending in self.endings if ending.start == "small"), None)
-
-    @property
-    def attractors(self) -> tuple[Ending, ...]:
-        """The settled motions that differ, the one with most kinetic energy first."""
-        found: list[Ending] = []
-        for ending in self.endings:
-            if ending.settled and not any(ending.like(other) for other in found):
-                found.append(ending)
-        return tuple(sorted(found, key=lambda ending: -ending.motion.kinetic_energy))
-
-    @property
-    def strongest(self) -> Ending | None:
-        """The settled motion with most kinetic energy."""
-        return next(iter(self.attractors), None)
-
-
-class Range(NamedTuple):
-    """A range of one kind; each end with its uncertainty, None where it is an end of what was asked for."""
-
-    kind: str
-    first: float
-    last: float
-    first_uncertainty: float | None
-    last_uncertainty: float | None
 
 
 class OnsetStudy(NamedTuple):
@@ -307,24 +251,3 @@ class _Search:
                 self._complete.add(ending.value)
                 self._on_row(self.rows)
             self._on_progress(what, done, len(tasks))
-
-
-def find_ranges(rows: Sequence[Row], critical: Sequence[Critical]) -> tuple[Range, ...]:
-    """Join rows of one kind; they part at critical values where stability changes, and halfway between rows elsewhere.
-
-    The uncertainty of an end is that of the critical value, or half the distance of the two rows.
-    """
-    ranges = [Range(rows[0].kind, rows[0].value, rows[0].value, None, None)]
-    for a, b in pairwise(rows):
-        if a.kind == b.kind:
-            ranges[-1] = ranges[-1]._replace(last=b.value)
-            continue
-        between = [each for each in critical if a.value <= each.value <= b.value]
-        changes = (a.kind == SQUEALS) != (b.kind == SQUEALS)
-        if changes and between:
-            at, uncertainty = (between[-1] if a.kind == SQUEALS else between[0])[:2]
-        else:
-            at, uncertainty = (a.value + b.value) / 2, (b.value - a.value) / 2
-        ranges[-1] = ranges[-1]._replace(last=at, last_uncertainty=uncertainty)
-        ranges.append(Range(b.kind, at, b.value, uncertainty, None))
-    return tuple(ranges)

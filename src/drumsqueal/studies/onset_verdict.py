@@ -5,7 +5,8 @@ from collections.abc import Sequence
 
 from drumsqueal.linear.branches import DIVERGENCE, Critical
 from drumsqueal.studies.attractors import FAILED, UNDECIDED
-from drumsqueal.studies.onset import KICKED, NOWHERE, SQUEALS, STABLE, OnsetStudy, Range
+from drumsqueal.studies.onset import OnsetStudy
+from drumsqueal.studies.onset_rows import KICKED, NOWHERE, SQUEALS, STABLE, Range
 
 EXACT = 1e-6  # relative uncertainty that is not worth telling
 
