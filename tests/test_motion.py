@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from drumsqueal.signals.lyapunov import lyapunov_exponents, tangents_forward
+from drumsqueal.signals.lyapunov import lyapunov_exponents, orthonormalised
 
 
 def exponents_of(rate, jacobian, state, interval, count, tangents):
@@ -22,7 +22,7 @@ def exponents_of(rate, jacobian, state, interval, count, tangents):
             both, (k * interval, (k + 1) * interval), np.concatenate([state, np.eye(n).ravel()]), rtol=1e-7, atol=1e-9
         ).y[:, -1]
         state = end[:n]
-        turned, grown = tangents_forward(end[n:].reshape(n, n), turned)
+        turned, grown = orthonormalised(end[n:].reshape(n, n) @ turned)
         logs.append(grown)
     return lyapunov_exponents(np.array(logs), interval)
 

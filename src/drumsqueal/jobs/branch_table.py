@@ -108,7 +108,8 @@ def _row(variation: Variation, number: int, cycle: Cycle, what: str) -> dict[str
     row |= {"contact_fraction": cycle.contact_fraction, "slip_reversed_fraction": cycle.slip_reversed_fraction}
     for k, value in enumerate(cycle.multipliers.tolist(), start=1):
         row |= {f"multiplier_{k}_re": value.real, f"multiplier_{k}_im": value.imag}
-    return row | {"residual": cycle.residual, "unit_multiplier_error": cycle.unit_error}
+    errors = {"unit_multiplier_error": cycle.unit_error, "tangent_error": cycle.tangent_error}
+    return row | {"residual": cycle.residual, **errors}
 
 
 def diagram_data(diagram: Diagram, variation: Variation) -> dict[str, Any]:

@@ -107,6 +107,7 @@ def cycle_data(cycle: Cycle) -> dict[str, Any]:
         "amplitude": dict(cycle.amplitude),
         "multipliers": [[value.real, value.imag] for value in cycle.multipliers.tolist()],
         "unit_multiplier_error": cycle.unit_error,
+        "tangent_error": cycle.tangent_error,
         "residual": cycle.residual,
         "contact_fraction": cycle.contact_fraction,
         "slip_reversed_fraction": cycle.slip_reversed_fraction,

@@ -34,13 +34,13 @@ class Exponents(NamedTuple):
         return largest > SURE * error and largest * float(self.time_s[-1] - self.time_s[0]) > FOLD
 
 
-def tangents_forward(transition: ArrayLike, tangents: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray]:
-    """Take orthonormal tangents (n, k) through a transition matrix (n, n): orthonormal again, and log growths (k,).
+def orthonormalised(tangents: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Make orthonormal what orthonormal tangents (n, k) have become, and return by how much they grew, as logs (k,).
 
     Source: G. Benettin, L. Galgani, A. Giorgilli and J.-M. Strelcyn, "Lyapunov characteristic exponents for smooth
     dynamical systems and for Hamiltonian systems", Meccanica 15, 1980.
     """
-    turned, triangle = np.linalg.qr(np.asarray(transition) @ tangents)
+    turned, triangle = np.linalg.qr(np.asarray(tangents))
     return turned, np.log(np.maximum(np.abs(np.diag(triangle)), np.finfo(np.float64).tiny))
 
 

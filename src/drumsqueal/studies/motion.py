@@ -1,7 +1,7 @@
 """Which kind of motion does a scene settle to? Steady, periodic, quasi-periodic or chaotic, with all evidence.
 
 The scene is run until it has settled, and on for a while. The recorded part is asked for its recurrence and its lines;
-tangents taken along say how nearby motions separate.
+motions beside it say how nearby motions separate.
 """
 
 import time as clock
@@ -32,9 +32,9 @@ from drumsqueal.signals import (
     fit_growth,
     told_frequencies,
 )
-from drumsqueal.signals.lyapunov import Exponents, lyapunov_exponents, tangents_forward
+from drumsqueal.signals.lyapunov import Exponents, lyapunov_exponents, orthonormalised
 from drumsqueal.simulation import Prepared, check_sample_rate, prepare, transient
-from drumsqueal.transient.flow import flow, state_size
+from drumsqueal.transient.flow import neighbours, state_size
 from drumsqueal.transient.integrate import Chunk
 
 DURATION = 5.0  # s
@@ -92,8 +92,8 @@ def study_motion(
 
     It runs until the trend of every coordinate's rms over half a second is below 1e-3 or within three standard errors
     (five seconds at most), then for `duration` (s), of which the later half is
-    asked for lines, then once more from there with tangents. Where tangents grow and lines are sharp all the same the
-    kind is unknown. `at_most` bounds the
+    asked for lines, then once more from there with nearby motions. Where they separate and lines are sharp all the same
+    the kind is unknown. `at_most` bounds the
     computing time (s) of each of both; what was cut short or not determined is in `limits`. Raises SceneError for a
     scene that cannot be run or whose drum speed or load change, IntegrationError when nothing was computed, and
     KeyboardInterrupt between two chunks.
@@ -192,31 +192,32 @@ def _exponents(
     model = prepared.model
     why = ""
     if any(i not in IN_PLANE for i in model.coordinates):
-        why = "the motion is in space, where tangents take too long"
+        why = "the motion is in space, where nearby motions take too long"
     elif model.forced:
-        why = "a harmonic force acts, and tangents are taken along steady drives only"
+        why = "a harmonic force acts, and nearby motions are followed along steady drives only"
     elif any(chunk.changes for chunk in chunks):
         why = "the lining sticks, and there the motion has no derivative"
     if why:
         limits.append(f"Lyapunov exponents were not determined: {why}")
         return None
-    first, tolerance = chunks[0], prepared.scene.simulate.tolerance
+    first = chunks[0]
     size = np.asarray(state_size(model, first.displacement[-1], first.velocity[-1]))
     state = np.concatenate([first.displacement[-1], first.velocity[-1]]) / size
     tangents = np.linalg.qr(np.random.default_rng(0).normal(size=(size.size, min(TANGENTS, size.size))))[0]
     logs, began = [], clock.monotonic()
     for k in range(round(duration / INTERVAL)):
         stop_if_interrupted()
-        show("tangents", k * INTERVAL)
-        moved = flow(model, size, state, INTERVAL, tolerance)
-        state = np.asarray(moved.end)
-        if not (bool(moved.reached) and np.all(np.isfinite(state)) and np.all(np.isfinite(moved.transition))):
-            limits.append(f"tangents were lost after {k * INTERVAL:.4g} s")
+        show("nearby motions", k * INTERVAL)
+        state, moved = (np.asarray(each) for each in neighbours(model, size, state, tangents, INTERVAL))
+        if not (np.all(np.isfinite(state)) and np.all(np.isfinite(moved))):
+            limits.append(f"nearby motions were lost after {k * INTERVAL:.4g} s")
             break
-        tangents, grown = tangents_forward(moved.transition, tangents)
+        tangents, grown = orthonormalised(moved)
         logs.append(grown)
         if clock.monotonic() - began > at_most:
-            limits.append(f"computing was limited to {at_most:g} s: tangents were followed for {k * INTERVAL:.4g} s")
+            limits.append(
+                f"computing was limited to {at_most:g} s: nearby motions were followed for {k * INTERVAL:.4g} s"
+            )
             break
     if len(logs) < FEWEST_INTERVALS:
         limits.append(f"Lyapunov exponents were not determined: {len(logs) * INTERVAL:.3g} s are too short")

@@ -10,10 +10,12 @@ from scipy.interpolate import CubicHermiteSpline
 from drumsqueal.errors import CycleError, IntegrationError
 from drumsqueal.model import Model
 from drumsqueal.studies.shooting import TOLERANCE, Closed, Shooting, Vector
+from drumsqueal.transient.flow import neighbours
 from drumsqueal.transient.integrate import Chunk, integrate
 from drumsqueal.transient.state import CHUNK_SAMPLES
 
 SAMPLES = CHUNK_SAMPLES  # of a period
+ASTRAY = 1e-3  # of what a period does to a disturbance: neighbours are good to 1e-5 of it
 NEUTRAL = 1e-6  # a multiplier that is this near to the unit circle is on it, for all that can be told
 
 
@@ -21,7 +23,9 @@ class Cycle(NamedTuple):
     """A periodic motion of a model: its period (s) and a state on it (2n,), displacement from q = 0 and velocity.
 
     `multipliers` are the Floquet multipliers, the largest first, without the one that belongs to the motion along the
-    cycle. That one must be 1; by how much it is off is `unit_error`. `residual` is how far the state is from closed
+    cycle. That one must be 1; by how much it is off is `unit_error`. `tangent_error` is by how much tangents and
+    neighbouring motions disagree about what a period does to a disturbance, of the largest; the multipliers are the
+    tangents' where that is below 1e-3, and else the neighbours'. `residual` is how far the state is from closed
     after a period, in the scale of the motion. `samples` holds one period; fractions are means over it, `amplitude`
     half the peak-to-peak values (m, rad). `parameter` is where on a branch the cycle lies.
     """
@@ -31,6 +35,7 @@ class Cycle(NamedTuple):
     state: Vector
     multipliers: NDArray[np.complex128]
     unit_error: float
+    tangent_error: float
     residual: float
     amplitude: Mapping[str, float]
     contact_fraction: float
@@ -70,7 +75,12 @@ def describe(shooting: Shooting, closed: Closed) -> Cycle:
     state, period, parameter = shooting.unscaled(closed.unknowns)
     model = shooting.models(parameter)[0]
     samples = sample(model, state, period)
-    multipliers, unit_error = floquet(closed.flow.transition, closed.flow.rate)
+    # Where pairs of edges are born, tangents may be led astray: neighbours are not.
+    transition = closed.flow.transition
+    size, directions = shooting.scales.state, np.eye(len(state))
+    beside = np.asarray(neighbours(model, size, closed.unknowns[:-2], directions, period)[1])
+    tangent_error = float(np.max(np.abs(transition - beside)) / np.max(np.abs(beside)))
+    multipliers, unit_error = floquet(transition if tangent_error < ASTRAY else beside, closed.flow.rate)
     observed = samples.observation
     return Cycle(
         names=model.names,
@@ -78,6 +88,7 @@ def describe(shooting: Shooting, closed: Closed) -> Cycle:
         state=state,
         multipliers=multipliers,
         unit_error=unit_error,
+        tangent_error=tangent_error,
         residual=closed.residual,
         amplitude={name: _amplitude(samples, k) for k, name in enumerate(model.names)},
         # Over one period of even samples the mean leaves out the last, which is the first again.
