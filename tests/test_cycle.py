@@ -81,8 +81,8 @@ def test_neighbours_say_the_same_and_are_not_led_astray():
     beside = neighbours(build_model(brake), SIZE, STATE, np.eye(6), DURATION)[1]
     # 1e-12 of a step over the 1e-6 that they begin apart.
     np.testing.assert_allclose(beside, tangents, rtol=0, atol=1e-5)
-    # Where slip begins to turn back in this scene tangents come out as they please, up to 18 times too long; differences
-    # of the fourth order, ten times as far apart, do not.
+    # Where slip begins to turn back in this scene tangents come out as they please, up to 18 times too long;
+    # differences of the fourth order, ten times as far apart, do not.
     scene = load_scene(SCENARIOS / "self_consistent.toml")
     model = build_model(scene, {"drum.speed": 2.0})
     beside = np.asarray(neighbours(model, GRAZING_SIZE, GRAZING, np.eye(6), 1e-4)[1])

@@ -173,7 +173,8 @@ def test_effects_are_drawn_without_overlap(title, slowest):
 
 @pytest.mark.parametrize("case", ["growing", "stable", "short", "spatial", "stopping"])
 def test_every_figure_is_made(case):
-    assert set(drawn(case)[2]) == ALL
+    # Only where a motion grows and saturates there is a frequency that drifts.
+    assert set(drawn(case)[2]) == ALL | ({"frequency"} if case == "growing" else set())
 
 
 def test_the_growing_history_saturates():
@@ -195,7 +196,7 @@ def test_no_motion_leaves_the_eigenvalues():
 
 
 def test_figures_are_saved_under_their_names(tmp_path):
-    paths = save_figures(drawn("short")[2], tmp_path)
+    paths = save_figures(drawn("growing")[2], tmp_path)
     assert [path.name for path in paths] == [figure_file(name) for name in FIGURES]
     for path in paths:
         assert path.read_bytes().startswith(b"\x89PNG")

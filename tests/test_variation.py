@@ -4,7 +4,7 @@ import math
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from drumsqueal.errors import SceneError
@@ -92,6 +92,11 @@ def test_a_profile_has_no_value_to_vary():
             read_variation(f"{key}=1..2", stop)
 
 
+def test_values_that_do_not_differ_are_refused(nominal):
+    with pytest.raises(SceneError, match="too narrow for 40 values"):
+        read_variation("drum.speed=1..1.0000000000000002", nominal)
+
+
 @given(
     first=st.floats(1e-6, 1e6),
     last=st.floats(1e-6, 1e6),
@@ -103,6 +108,7 @@ def test_what_is_written_is_read(nominal, first, last, count, gap, unit):
     written = (
         f"drum.speed={first!r}{gap}{unit}{gap}..{gap}{last!r}{gap}{unit}{'' if count is None else f'{gap}x{count}'}"
     )
+    assume(first == last or abs(last - first) > 1e-12 * first)  # 200 values must differ
     if first == last:
         with pytest.raises(SceneError, match="begins where it ends"):
             read_variation(written, nominal)

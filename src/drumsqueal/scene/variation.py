@@ -56,10 +56,13 @@ def read_variation(text: str, scene: Scene, *, option: str = "--along", points: 
         count = _count(counted["count"]) if counted else points or 2
         for value in (first, last):
             scene.with_values({key: value})
+        inner = (first + k * (last - first) / (count - 1) for k in range(1, count - 1))
+        values = (first, *inner, last)
+        if len(set(values)) < count:
+            raise SceneError(f"the range is too narrow for {count} values that differ")
     except SceneError as error:
         raise _headed(f"{option} {text}", error) from None
-    inner = (first + k * (last - first) / (count - 1) for k in range(1, count - 1))
-    return Variation(key, unit, (first, *inner, last))
+    return Variation(key, unit, values)
 
 
 _RANGE = "drum.speed=1..40"
