@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from drumsqueal.files.history import COMPLETE
 from drumsqueal.files.output_folder import ACCURACY_FILES
+from drumsqueal.history import COMPLETE
 from drumsqueal.jobs.accuracy_table import remarks, simulate_block, to_csv, verdict
 from drumsqueal.model import Model, build_model
 from drumsqueal.quadrature.independent import CLENSHAW_CURTIS, TANH_SINH, FixedGrid, IndependentSurface, rule_of

@@ -21,8 +21,8 @@ from drumsqueal.composition import take_inventory
 from drumsqueal.figures import draw_all, save_figures
 from drumsqueal.figures.effects import draw_effects
 from drumsqueal.figures.placement import spread
-from drumsqueal.files.history import COMPLETE, SIGNALS
 from drumsqueal.files.output_folder import FIGURES, figure_file
+from drumsqueal.history import COMPLETE, SIGNALS
 from drumsqueal.scene import COORDINATES
 from drumsqueal.studies.answers import Answer, Change
 from drumsqueal.studies.effects import EffectStudy

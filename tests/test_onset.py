@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 
 from drumsqueal.effects.friction_law import ConstantLaw, ExponentialLaw
 from drumsqueal.errors import RequestError, SceneError
-from drumsqueal.files.history import COMPLETE
+from drumsqueal.history import COMPLETE
 from drumsqueal.linear.branches import follow_modes, point_at
 from drumsqueal.model import Model, build_model
 from drumsqueal.scene.variation import Variation

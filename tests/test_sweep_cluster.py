@@ -12,8 +12,8 @@ import pytest
 import xarray
 from distributed import Client, LocalCluster
 
+from drumsqueal import history
 from drumsqueal.errors import IntegrationError
-from drumsqueal.files import history
 from drumsqueal.files.sweep import blank
 from drumsqueal.jobs import cluster_work
 from drumsqueal.jobs.cluster import Cluster

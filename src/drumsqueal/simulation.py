@@ -23,7 +23,7 @@ from drumsqueal.composition import (
 )
 from drumsqueal.effects.friction_law import FrictionLaw
 from drumsqueal.errors import IntegrationError, SteadyStateError
-from drumsqueal.files.history import COMPLETE, to_dataset
+from drumsqueal.history import COMPLETE, to_dataset
 from drumsqueal.interrupts import noted_interrupts, stop_if_interrupted
 from drumsqueal.linear.modes import Stability, analyse_stability, while_sliding
 from drumsqueal.linear.steady import coupling

@@ -10,7 +10,7 @@ from drumsqueal.comparison.frequency import FrequencyDrift, follow_frequency
 from drumsqueal.comparison.saturation import Saturation, describe_saturation, saturated_part
 from drumsqueal.comparison.sticking import find_sticking
 from drumsqueal.comparison.verdict import state_verdict
-from drumsqueal.files.history import COMPLETE
+from drumsqueal.history import COMPLETE
 from drumsqueal.linear.modes import Mode, Stability
 from drumsqueal.model import Model
 from drumsqueal.signals import Growth, amplitude_spectrum, fit_growth, modal_frequency, peak_near

@@ -92,5 +92,5 @@ def draw_convergence(study: MotionStudy) -> Figure | None:
     room = 0.1 * float(np.ptp(late)) + 0.5
     axes.set_ylim(min(float(late.min()), 0.0) - room, max(float(late.max()), 0.0) + room)
     label_right_edge(axes, labels, reach=6.0)
-    style.frame(axes, "Time with tangents (s)", "Mean growth of tangents until then (1/s)")
+    style.frame(axes, "Time followed (s)", "Mean growth of nearby motions until then (1/s)")
     return figure

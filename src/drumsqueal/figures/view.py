@@ -9,7 +9,7 @@ from drumsqueal.bodies.rigid_shoe import TZ, Y
 from drumsqueal.comparison.compare import NEUTRAL_SHARE, UNEXCITED_SHARE, ModeComparison
 from drumsqueal.comparison.departure import FEWEST_FOR_SPECTRUM, ROTATIONS, Departure
 from drumsqueal.comparison.saturation import Saturation
-from drumsqueal.files.history import COMPLETE
+from drumsqueal.history import COMPLETE
 from drumsqueal.linear.modes import Mode
 from drumsqueal.model import Model
 from drumsqueal.simulation import Result

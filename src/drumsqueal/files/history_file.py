@@ -16,8 +16,8 @@ import h5py
 import numpy as np
 import xarray
 
-from drumsqueal.files.history import columns, empty_dataset
 from drumsqueal.files.output_folder import part_of
+from drumsqueal.history import columns, empty_dataset
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import Scene
 from drumsqueal.transient.integrate import Chunk

@@ -18,9 +18,9 @@ import xarray
 
 from drumsqueal.composition import kept_coordinates
 from drumsqueal.errors import RequestError
-from drumsqueal.files.history import COMPLETE, MOTION, SIGNALS, empty_dataset, versions
 from drumsqueal.files.history_file import Reached, opened, variable
 from drumsqueal.files.output_folder import HISTORY, RESUME, write_whole
+from drumsqueal.history import COMPLETE, MOTION, SIGNALS, empty_dataset, versions
 from drumsqueal.precision import real
 from drumsqueal.scene import Scene, scene_from_dict
 from drumsqueal.scene.quantities import show

@@ -11,8 +11,8 @@ from drumsqueal.comparison.compare import Comparison
 from drumsqueal.comparison.frequency import FrequencyDrift
 from drumsqueal.comparison.saturation import Saturation
 from drumsqueal.comparison.sticking import Sticking, find_sticking
-from drumsqueal.files.history import versions
 from drumsqueal.files.output_folder import write_whole
+from drumsqueal.history import versions
 from drumsqueal.linear.modes import Stability
 from drumsqueal.simulation import Prepared, Result
 

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray
 
-from drumsqueal.files.history import versions
+from drumsqueal.history import versions
 from drumsqueal.scene import COORDINATES
 from drumsqueal.scene.variation import unit_of
 from drumsqueal.studies.sweep_plan import Plan

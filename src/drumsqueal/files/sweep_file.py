@@ -15,11 +15,11 @@ import h5py
 import numpy as np
 
 from drumsqueal.errors import RequestError
-from drumsqueal.files.history import COMPLETE, versions
 from drumsqueal.files.history_file import opened, variable
 from drumsqueal.files.output_folder import SWEEP, part_of
 from drumsqueal.files.resumption import changed_versions, difference
 from drumsqueal.files.sweep import NOT_YET, OUTCOME, Columns, attributes, axes, blank, shape_of, variables_of
+from drumsqueal.history import COMPLETE, versions
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import scene_from_dict
 from drumsqueal.studies.sweep_plan import Plan

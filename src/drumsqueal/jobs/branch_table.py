@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.table import Table
 
 from drumsqueal.comparison.departure import ROTATIONS
-from drumsqueal.files.history import versions
+from drumsqueal.history import versions
 from drumsqueal.jobs.cycle_table import cycle_data
 from drumsqueal.jobs.study import rows_to_csv
 from drumsqueal.scene.variation import Variation

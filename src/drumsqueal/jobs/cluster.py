@@ -13,8 +13,8 @@ from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Any
 
 from drumsqueal.errors import IntegrationError, RequestError
-from drumsqueal.files.history import versions
 from drumsqueal.files.sweep import Columns
+from drumsqueal.history import versions
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.jobs.cluster_work import work
 from drumsqueal.studies.sweep_plan import Plan

@@ -16,7 +16,7 @@ def work(plan: Any, first: int, stop: int, versions: dict[str, str]) -> Any:
         prepare_environment()
         from distributed import get_worker
 
-        from drumsqueal.files.history import versions as versions_here
+        from drumsqueal.history import versions as versions_here
         from drumsqueal.studies.sweep import compute
 
         here = versions_here()

@@ -11,7 +11,6 @@ from drumsqueal.errors import CycleError
 from drumsqueal.figures import save_figures
 from drumsqueal.figures.branch import draw_branch
 from drumsqueal.figures.cycle import draw_cycle
-from drumsqueal.files.history import COMPLETE, to_dataset
 from drumsqueal.files.output_folder import (
     BRANCH,
     BRANCH_SUMMARY,
@@ -23,6 +22,7 @@ from drumsqueal.files.output_folder import (
     write_whole,
 )
 from drumsqueal.files.summary import write_json
+from drumsqueal.history import COMPLETE, to_dataset
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.jobs.branch_table import diagram_data, print_diagram, to_csv
 from drumsqueal.jobs.cycle_table import print_search, search_data

@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.table import Table
 
 from drumsqueal.comparison.departure import ROTATIONS
-from drumsqueal.files.history import versions
+from drumsqueal.history import versions
 from drumsqueal.studies.cycle import Search
 from drumsqueal.studies.effects import percent
 from drumsqueal.studies.orbit import Cycle

@@ -11,7 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from drumsqueal.comparison.departure import ROTATIONS
-from drumsqueal.files.history import versions
+from drumsqueal.history import versions
 from drumsqueal.jobs.study import rows_to_csv
 from drumsqueal.linear.branches import Branches, Critical
 from drumsqueal.scene.variation import Variation

@@ -7,10 +7,10 @@ from pathlib import Path
 from rich.console import Console
 
 from drumsqueal.errors import IntegrationError
-from drumsqueal.files.history import COMPLETE
 from drumsqueal.files.history_file import HistoryFile, Reached
 from drumsqueal.files.output_folder import HISTORY, RESUME
 from drumsqueal.files.resumption import Point, ResumeFile
+from drumsqueal.history import COMPLETE
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.jobs.progress import progress_bar
 from drumsqueal.simulation import Prepared, collect, compared

@@ -7,10 +7,10 @@ from pathlib import Path
 from rich.console import Console
 
 from drumsqueal.errors import IntegrationError
-from drumsqueal.files.history import COMPLETE
 from drumsqueal.files.output_folder import SWEEP
 from drumsqueal.files.sweep import Columns
 from drumsqueal.files.sweep_file import SweepFile
+from drumsqueal.history import COMPLETE
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.jobs.progress import counting_bar
 from drumsqueal.jobs.sweep_results import print_sweep, write_results

@@ -14,7 +14,7 @@ import numpy as np
 
 from drumsqueal.composition import moved_coordinates
 from drumsqueal.errors import IntegrationError
-from drumsqueal.files.history import COMPLETE
+from drumsqueal.history import COMPLETE
 from drumsqueal.interrupts import noted_interrupts, stop_if_interrupted
 from drumsqueal.scene import Profile, Scene, SceneError
 from drumsqueal.scene.tables import LEAST_TOLERANCE

@@ -9,7 +9,7 @@ import numpy as np
 from drumsqueal.comparison.departure import Departure, beyond_edges
 from drumsqueal.composition import kept_coordinates
 from drumsqueal.errors import IntegrationError
-from drumsqueal.files.history import COMPLETE
+from drumsqueal.history import COMPLETE
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import COORDINATES, Profile, Scene
 from drumsqueal.simulation import check_sample_rate, finish, prepare, transient

@@ -17,7 +17,7 @@ from drumsqueal.bodies.rigid_shoe import IN_PLANE
 from drumsqueal.comparison.departure import Departure
 from drumsqueal.comparison.saturation import size_of_motion
 from drumsqueal.errors import IntegrationError
-from drumsqueal.files.history import COMPLETE, to_dataset
+from drumsqueal.history import COMPLETE, to_dataset
 from drumsqueal.interrupts import noted_interrupts, stop_if_interrupted
 from drumsqueal.scene import Profile, Scene, SceneError
 from drumsqueal.signals import (

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from drumsqueal.comparison.compare import Comparison
 from drumsqueal.errors import IntegrationError
-from drumsqueal.files.history import COMPLETE
+from drumsqueal.history import COMPLETE
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import Scene
 from drumsqueal.simulation import check_sample_rate, finish, prepare, transient

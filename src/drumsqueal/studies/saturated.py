@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from drumsqueal.comparison.edges import edge_shares
 from drumsqueal.errors import IntegrationError
-from drumsqueal.files.history import COMPLETE
+from drumsqueal.history import COMPLETE
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.model import Model
 from drumsqueal.signals import amplitude_spectrum, spectral_peaks

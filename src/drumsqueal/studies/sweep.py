@@ -9,7 +9,6 @@ import xarray
 
 from drumsqueal.composition import compose, moved_coordinates
 from drumsqueal.errors import SteadyStateError
-from drumsqueal.files.history import COMPLETE
 from drumsqueal.files.sweep import (
     AT_REST,
     COMPUTED,
@@ -24,6 +23,7 @@ from drumsqueal.files.sweep import (
     blank,
     to_dataset,
 )
+from drumsqueal.history import COMPLETE
 from drumsqueal.interrupts import noted_interrupts, stop_if_interrupted
 from drumsqueal.linear import modes
 from drumsqueal.linear.many import BLOCK, analyse_many

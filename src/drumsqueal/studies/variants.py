@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from drumsqueal.errors import IntegrationError, SceneError
-from drumsqueal.files.history import COMPLETE
+from drumsqueal.history import COMPLETE
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import Scene
 from drumsqueal.scene.tables import LEAST_TOLERANCE
