@@ -457,9 +457,9 @@ def test_a_drum_at_rest_has_no_steady_sliding(nominal, state):
 @pytest.mark.parametrize(
     ("state", "mode"),
     [
-        # In the default run the README's own gradient stands for this state.
-        pytest.param("uniform-pressure", "X", marks=pytest.mark.slow),
-        ("self-consistent", "Y"),
+        # The gradient through the equilibrium itself takes 80 s to compile.
+        ("uniform-pressure", "X"),
+        pytest.param("self-consistent", "Y", marks=pytest.mark.slow),
         pytest.param("uniform-pressure", "Tz", marks=pytest.mark.slow),
         pytest.param("self-consistent", "Tz", marks=pytest.mark.slow),
     ],

@@ -1,6 +1,5 @@
 """The linear model as a function of a scene's numbers, and its eigenvalues over many sets of them."""
 
-import dataclasses
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
@@ -16,7 +15,6 @@ from drumsqueal.composition import linear_coordinates
 from drumsqueal.linear.modes import DRIFT_SHARE, OSCILLATING_SHARE
 from drumsqueal.linear.steady import Linear, linearise, steady_sliding
 from drumsqueal.model import Numbers, build_model
-from drumsqueal.quadrature.smooth import WholeSurface
 from drumsqueal.scene import COORDINATES, Scene
 
 Complex = NDArray[np.complex128]
@@ -50,16 +48,12 @@ class Spectrum(NamedTuple):
 def linear_of(scene: Scene) -> Callable[[Numbers], Linear]:
     """The linear model about steady sliding as a function of the scene's numbers, for `jax.jit`, `jax.jvp` and so on.
 
-    Over the coordinates of the scene's eigenvalues, at t = 0. Under uniform pressure the whole lining presses and slips
-    one way, whatever the numbers: its integrals take a quadrature that looks for no edges.
+    Over the coordinates of the scene's eigenvalues, at t = 0.
     """
     coordinates = linear_coordinates(scene)
-    whole = scene.steady.state == "uniform-pressure" and scene.contact.normal_load != 0
 
     def linear(numbers: Numbers) -> Linear:
         model = build_model(scene, numbers, coordinates=coordinates)
-        if whole:
-            model = dataclasses.replace(model, contact=dataclasses.replace(model.lining, surface=WholeSurface()))
         return linearise(model, steady_sliding(model))
 
     return linear

@@ -1,5 +1,6 @@
 """Steady sliding, and the linear model there as the Jacobian of the one vector field."""
 
+import dataclasses
 from typing import NamedTuple
 
 import jax
@@ -10,7 +11,9 @@ from jax import Array
 
 from drumsqueal.bodies.rigid_shoe import IN_PLANE
 from drumsqueal.effects.assembly import Balance
+from drumsqueal.effects.contact import Contact
 from drumsqueal.model import Model
+from drumsqueal.quadrature.smooth import WholeSurface
 
 # Newton's steps on the scaled equilibrium end when the displacement is settled to this share of p0/k_c.
 STEADY_TOLERANCE = 1e-13
@@ -75,9 +78,20 @@ def coupling(model: Model) -> np.ndarray:
     return np.logical_or.reduce([each > COUPLED_SHARE * np.max(each) for each in scaled])
 
 
+def _without_edges(model: Model) -> Model:
+    """The model for motion infinitely near to q = 0, if that is its steady sliding.
+
+    The whole lining then presses and slips one way. What does not look for edges is a tenth of the program to compile.
+    """
+    balanced = any(isinstance(effect, Balance) for effect in model.others)
+    if not (balanced and isinstance(model.contact, Contact) and model.contact.surface.spatial):
+        return model
+    return dataclasses.replace(model, contact=dataclasses.replace(model.contact, surface=WholeSurface()))
+
+
 def linearise(model: Model, steady: Array) -> Linear:
     """Mass, damping −∂Q/∂q̇ and stiffness −∂Q/∂q at steady sliding q* (n,); the paper's equation (29) at q* = 0."""
-    n = steady.size
+    n, model = steady.size, _without_edges(model)
     jacobian = jax.jacfwd(lambda state: model.act(0.0, state[:n], state[n:])[0])(
         jnp.concatenate([steady, jnp.zeros(n)])
     )
