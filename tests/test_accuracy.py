@@ -21,10 +21,10 @@ from drumsqueal.quadrature.independent import CLENSHAW_CURTIS, TANH_SINH, FixedG
 from drumsqueal.quadrature.surface import Surface
 from drumsqueal.scene import Scene, load_scene
 from drumsqueal.simulation import prepare, transient
-from drumsqueal.studies import contenders
-from drumsqueal.studies.accuracy import AccuracyStudy, study_accuracy
-from drumsqueal.studies.features import feature_errors
-from drumsqueal.studies.reference import find_reference, sizes_of, trajectory_error
+from drumsqueal.studies.accuracy import contenders
+from drumsqueal.studies.accuracy.features import feature_errors
+from drumsqueal.studies.accuracy.reference import find_reference, sizes_of, trajectory_error
+from drumsqueal.studies.accuracy.study import AccuracyStudy, study_accuracy
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"
 REFERENCE = Path(__file__).parent / "reference"

@@ -24,11 +24,11 @@ from drumsqueal.model import build_model
 from drumsqueal.scene import SceneError, load_scene
 from drumsqueal.simulation import run
 from drumsqueal.small_bodies import block_on_belt
-from drumsqueal.studies.branches import follow_cycle, follow_models
-from drumsqueal.studies.continuation import FOLD, HOPF
-from drumsqueal.studies.cycle import find_cycle
-from drumsqueal.studies.kicked import kicked
-from drumsqueal.studies.orbit import floquet
+from drumsqueal.studies.cycle.branches import follow_cycle, follow_models
+from drumsqueal.studies.cycle.continuation import FOLD, HOPF
+from drumsqueal.studies.cycle.kicked import kicked
+from drumsqueal.studies.cycle.orbit import floquet
+from drumsqueal.studies.cycle.search import find_cycle
 from drumsqueal.transient.flow import flow, neighbours
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"

@@ -18,11 +18,12 @@ from drumsqueal.linear.modes import analyse_stability
 from drumsqueal.model import Model, build_model
 from drumsqueal.scene import load_scene
 from drumsqueal.simulation import prepare, run, transient
-from drumsqueal.studies import effects, variants
 from drumsqueal.studies.answers import Answer, Change, ModeAnswer, change_of
-from drumsqueal.studies.effects import TOGETHER, excess_of, percent, remarks, reservations, study_effects, verdict
-from drumsqueal.studies.reductions import Reduction, reduce, reductions_of
-from drumsqueal.studies.variants import Variant
+from drumsqueal.studies.effects import study as effects
+from drumsqueal.studies.effects import variants
+from drumsqueal.studies.effects.reductions import Reduction, reduce, reductions_of
+from drumsqueal.studies.effects.study import TOGETHER, excess_of, percent, remarks, reservations, study_effects, verdict
+from drumsqueal.studies.effects.variants import Variant
 from drumsqueal.transient import segment as integration
 
 EVERYTHING = {

@@ -25,9 +25,9 @@ from drumsqueal.files.output_folder import FIGURES, figure_file
 from drumsqueal.history import COMPLETE, SIGNALS
 from drumsqueal.scene import COORDINATES
 from drumsqueal.studies.answers import Answer, Change
-from drumsqueal.studies.effects import EffectStudy
-from drumsqueal.studies.reductions import reductions_of
-from drumsqueal.studies.variants import Variant
+from drumsqueal.studies.effects.reductions import reductions_of
+from drumsqueal.studies.effects.study import EffectStudy
+from drumsqueal.studies.effects.variants import Variant
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"
 ALL = {"growth", "spectrogram", "spectra", "phase", "contact", "eigenvalues"}

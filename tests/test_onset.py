@@ -17,12 +17,12 @@ from drumsqueal.linear.branches import follow_modes, point_at
 from drumsqueal.model import Model, build_model
 from drumsqueal.scene.variation import Variation
 from drumsqueal.small_bodies import block_on_belt, sprung_block_on_belt
-from drumsqueal.studies import onset as study_module
-from drumsqueal.studies.attractors import DECAYS, GROWS, SQUEALS, Ending, Family, How, find_endings
-from drumsqueal.studies.onset import Prediction, compare, predict, study_onset
-from drumsqueal.studies.onset_rows import KICKED, STABLE, Row, find_ranges
-from drumsqueal.studies.onset_rows import SQUEALS as UNSTABLE
-from drumsqueal.studies.onset_verdict import reservations, verdict, with_uncertainty
+from drumsqueal.studies.onset import study as study_module
+from drumsqueal.studies.onset.attractors import DECAYS, GROWS, SQUEALS, Ending, Family, How, find_endings
+from drumsqueal.studies.onset.rows import KICKED, STABLE, Row, find_ranges
+from drumsqueal.studies.onset.rows import SQUEALS as UNSTABLE
+from drumsqueal.studies.onset.study import Prediction, compare, predict, study_onset
+from drumsqueal.studies.onset.verdict import reservations, verdict, with_uncertainty
 from drumsqueal.studies.saturated import Saturated, saturated_motions
 
 DAMPED = Path(__file__).parents[1] / "scenarios" / "damped.toml"

@@ -14,11 +14,12 @@ from drumsqueal.linear.modes import analyse_stability
 from drumsqueal.model import build_model
 from drumsqueal.scene import load_scene
 from drumsqueal.scene.seo_kang import seo_kang_brake
-from drumsqueal.studies import paper_curves, paper_transients
-from drumsqueal.studies.paper import PaperStudy, study_paper
-from drumsqueal.studies.paper_curves import AXIS, check_brake, friction_curve
-from drumsqueal.studies.paper_statements import check_statements
-from drumsqueal.studies.statement import SQUEALING, Statement, off_line
+from drumsqueal.studies.paper import curves as paper_curves
+from drumsqueal.studies.paper import transients as paper_transients
+from drumsqueal.studies.paper.curves import AXIS, check_brake, friction_curve
+from drumsqueal.studies.paper.statement import SQUEALING, Statement, off_line
+from drumsqueal.studies.paper.statements import check_statements
+from drumsqueal.studies.paper.study import PaperStudy, study_paper
 
 BRIEF = {"simulate.duration": 0.1}  # s: growth can be measured, and the fastest saturate
 
@@ -228,7 +229,7 @@ def test_an_interrupted_study_keeps_its_curves(drumsqueal, tmp_path, monkeypatch
 
     from drumsqueal.interrupts import stop_if_interrupted as study_stop
 
-    monkeypatch.setattr("drumsqueal.studies.paper.paper_transients", pressed)
+    monkeypatch.setattr("drumsqueal.studies.paper.study.paper_transients", pressed)
     status, _, error = drumsqueal("paper", "-o", str(tmp_path / "out"))
     assert status == 1
     assert "interrupted by the user" in error

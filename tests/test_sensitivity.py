@@ -14,9 +14,9 @@ from drumsqueal.linear.modes import analyse_stability
 from drumsqueal.model import build_model
 from drumsqueal.scene import load_scene
 from drumsqueal.simulation import run
-from drumsqueal.studies.decay import KICK, kicked, nonlinear_decay
-from drumsqueal.studies.quieting import LEAST, MARGIN, largest_growth, quieten, variable_numbers
-from drumsqueal.studies.sensitivity import SensitivityStudy, at_one_time, study_sensitivity
+from drumsqueal.studies.sensitivity.decay import KICK, kicked, nonlinear_decay
+from drumsqueal.studies.sensitivity.quieting import LEAST, MARGIN, largest_growth, quieten, variable_numbers
+from drumsqueal.studies.sensitivity.study import SensitivityStudy, at_one_time, study_sensitivity
 
 BRIEF = {"simulate.duration": 0.05}
 SQUEALING = ("X", "Y", "Tz")

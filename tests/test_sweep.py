@@ -21,9 +21,9 @@ from drumsqueal.files.sweep_file import RUNNING, SweepFile
 from drumsqueal.jobs import sweep as job
 from drumsqueal.scene import COORDINATES, SceneError, load_scene
 from drumsqueal.scene.variation import read_variation
-from drumsqueal.studies import sweep as study
-from drumsqueal.studies.chance import chance, rank_correlation, study_chance
-from drumsqueal.studies.sweep_plan import Plan, grid, sample
+from drumsqueal.studies.sweep import study
+from drumsqueal.studies.sweep.chance import chance, rank_correlation, study_chance
+from drumsqueal.studies.sweep.plan import Plan, grid, sample
 from processes import posix, start, wait_for
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"

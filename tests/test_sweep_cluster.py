@@ -19,8 +19,8 @@ from drumsqueal.jobs import cluster_work
 from drumsqueal.jobs.cluster import Cluster
 from drumsqueal.scene import load_scene
 from drumsqueal.scene.variation import read_variation
-from drumsqueal.studies import sweep as study
-from drumsqueal.studies.sweep_plan import Plan, grid
+from drumsqueal.studies.sweep import study
+from drumsqueal.studies.sweep.plan import Plan, grid
 from processes import posix, start
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"

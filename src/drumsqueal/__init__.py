@@ -25,16 +25,16 @@ if TYPE_CHECKING:
     from drumsqueal.scene import Scene, load_scene, scene_from_dict
     from drumsqueal.scene.seo_kang import seo_kang_brake
     from drumsqueal.simulation import Result, run
-    from drumsqueal.studies.accuracy import AccuracyStudy, study_accuracy
-    from drumsqueal.studies.branches import Diagram, follow_cycle
-    from drumsqueal.studies.cycle import Search, find_cycle
-    from drumsqueal.studies.effects import EffectStudy, study_effects
+    from drumsqueal.studies.accuracy.study import AccuracyStudy, study_accuracy
+    from drumsqueal.studies.cycle.branches import Diagram, follow_cycle
+    from drumsqueal.studies.cycle.search import Search, find_cycle
+    from drumsqueal.studies.effects.study import EffectStudy, study_effects
     from drumsqueal.studies.motion import MotionStudy, study_motion
-    from drumsqueal.studies.onset import OnsetStudy, study_onset
-    from drumsqueal.studies.paper import PaperStudy, study_paper
-    from drumsqueal.studies.quieting import Quieting, quieten
-    from drumsqueal.studies.sensitivity import SensitivityStudy, study_sensitivity
-    from drumsqueal.studies.sweep import sweep_parameters
+    from drumsqueal.studies.onset.study import OnsetStudy, study_onset
+    from drumsqueal.studies.paper.study import PaperStudy, study_paper
+    from drumsqueal.studies.sensitivity.quieting import Quieting, quieten
+    from drumsqueal.studies.sensitivity.study import SensitivityStudy, study_sensitivity
+    from drumsqueal.studies.sweep.study import sweep_parameters
     from drumsqueal.transient.batch import integrate_many
 
 _HOMES = {

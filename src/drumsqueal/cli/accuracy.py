@@ -35,7 +35,7 @@ def accuracy_command(
     stop_if_interrupted()
     from drumsqueal.jobs.accuracy import study_into
     from drumsqueal.simulation import check_sample_rate, prepare
-    from drumsqueal.studies.accuracy import check_motion
+    from drumsqueal.studies.accuracy.study import check_motion
 
     stop_if_interrupted()
     check_motion(loaded)

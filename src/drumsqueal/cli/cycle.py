@@ -38,8 +38,8 @@ def cycle_command(
     stop_if_interrupted()
     from drumsqueal.jobs.cycle import find_into, follow_into
     from drumsqueal.simulation import check_sample_rate, prepare
-    from drumsqueal.studies.branches import checked_range
-    from drumsqueal.studies.cycle import checked
+    from drumsqueal.studies.cycle.branches import checked_range
+    from drumsqueal.studies.cycle.search import checked
 
     stop_if_interrupted()
     # What cannot be done is told before there is a folder.

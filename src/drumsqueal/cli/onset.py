@@ -44,7 +44,7 @@ def onset_command(
     check_output(folder, ONSET_FILES, overwrite=overwrite)
     stop_if_interrupted()
     from drumsqueal.jobs.onset import study_into
-    from drumsqueal.studies.onset import predict
+    from drumsqueal.studies.onset.study import predict
 
     stop_if_interrupted()
     predicted = predict(loaded, variation)  # what cannot be studied is told before there is a folder

@@ -26,7 +26,7 @@ def paper_command(
     stop_if_interrupted()
     from drumsqueal.jobs.paper import study_into
     from drumsqueal.simulation import check_sample_rate, prepare
-    from drumsqueal.studies.paper_curves import check_brake
+    from drumsqueal.studies.paper.curves import check_brake
 
     stop_if_interrupted()
     check_brake(scene)

@@ -20,7 +20,7 @@ from drumsqueal.files.output_folder import SWEEP, SWEEP_FILES, check_output, cla
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import Scene, load_scene
 from drumsqueal.scene.variation import read_variation
-from drumsqueal.studies.sweep_plan import Plan, grid, sample
+from drumsqueal.studies.sweep.plan import Plan, grid, sample
 
 _VARY = "Take these values, e.g. drum.speed=1..40x20; with --random, any between, e.g. drum.speed=1..40. Repeatable."
 _RANDOM = "Draw so many times from the scene's table [uncertain], and from the ranges of --vary."
@@ -57,7 +57,7 @@ def sweep_command(
     from drumsqueal.files.sweep_file import find_sweep
     from drumsqueal.jobs.cluster import check_cluster, connected
     from drumsqueal.jobs.sweep import here, sweep_into
-    from drumsqueal.studies.sweep import check_plan
+    from drumsqueal.studies.sweep.study import check_plan
 
     check_plan(plan)
     if resume:

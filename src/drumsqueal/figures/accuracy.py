@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 
 from drumsqueal.figures import style
 from drumsqueal.figures.style import frame, new_figure, styled
-from drumsqueal.studies.accuracy import AccuracyStudy, Measurement
-from drumsqueal.studies.contenders import FIXED, QUADRATURE, SMOOTHED, SMOOTHING, SPLIT, STEPPING
+from drumsqueal.studies.accuracy.contenders import FIXED, QUADRATURE, SMOOTHED, SMOOTHING, SPLIT, STEPPING
+from drumsqueal.studies.accuracy.study import AccuracyStudy, Measurement
 
 COLOUR = {
     "tsit5": "X",

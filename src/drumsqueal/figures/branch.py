@@ -12,10 +12,10 @@ from drumsqueal.figures import style
 from drumsqueal.figures.onset import SHADES
 from drumsqueal.figures.style import frame, new_figure, styled
 from drumsqueal.scene.variation import Variation
-from drumsqueal.studies.branches import Diagram
-from drumsqueal.studies.continuation import BRANCHING, CORNER, DOUBLING, FOLD, NEIMARK_SACKER
-from drumsqueal.studies.kicked import kicked, pieces, steady_sliding
-from drumsqueal.studies.onset import KICKED, SQUEALS, STABLE
+from drumsqueal.studies.cycle.branches import Diagram
+from drumsqueal.studies.cycle.continuation import BRANCHING, CORNER, DOUBLING, FOLD, NEIMARK_SACKER
+from drumsqueal.studies.cycle.kicked import kicked, pieces, steady_sliding
+from drumsqueal.studies.onset.study import KICKED, SQUEALS, STABLE
 
 MICRO = 1e6
 MARKERS = {FOLD: "s", NEIMARK_SACKER: "^", DOUBLING: "v", BRANCHING: "P", CORNER: "x"}

@@ -12,8 +12,8 @@ from drumsqueal.effects.pressure import Unilateral
 from drumsqueal.figures import style
 from drumsqueal.figures.contact import along_arc
 from drumsqueal.figures.style import frame, new_figure, styled
-from drumsqueal.studies.cycle import Search
-from drumsqueal.studies.orbit import Cycle
+from drumsqueal.studies.cycle.orbit import Cycle
+from drumsqueal.studies.cycle.search import Search
 
 MICRO = 1e6
 ANGLES = 160  # of the picture of the contact

@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 from drumsqueal.figures import style
 from drumsqueal.figures.style import frame, new_figure, styled
 from drumsqueal.studies.answers import QUANTITIES
-from drumsqueal.studies.effects import EffectStudy, percent
-from drumsqueal.studies.variants import Variant
+from drumsqueal.studies.effects.study import EffectStudy, percent
+from drumsqueal.studies.effects.variants import Variant
 
 SMALLEST, LARGEST = 1e-6, 1e2  # relative changes; what is outside is drawn at the end of the axis, or as lost
 MARKERS = {

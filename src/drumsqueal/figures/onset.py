@@ -13,9 +13,9 @@ from drumsqueal.figures.eigenvalues import STABLE as STABLE_COLOUR
 from drumsqueal.figures.eigenvalues import UNSTABLE as UNSTABLE_COLOUR
 from drumsqueal.figures.placement import label_top_edge
 from drumsqueal.figures.style import frame, new_figure, styled
-from drumsqueal.studies.attractors import DECAYS, Ending
-from drumsqueal.studies.onset import OnsetStudy
-from drumsqueal.studies.onset_rows import KICKED, SQUEALS, STABLE, Row
+from drumsqueal.studies.onset.attractors import DECAYS, Ending
+from drumsqueal.studies.onset.rows import KICKED, SQUEALS, STABLE, Row
+from drumsqueal.studies.onset.study import OnsetStudy
 
 # Told apart in print by lightness, too.
 SHADES = {STABLE: STABLE_COLOUR, KICKED: "#F2E6CC", SQUEALS: UNSTABLE_COLOUR}

@@ -11,10 +11,10 @@ from matplotlib.lines import Line2D
 from drumsqueal.figures import style
 from drumsqueal.figures.style import frame, new_figure, styled
 from drumsqueal.files.output_folder import PAPER_FIGURES
-from drumsqueal.studies.paper import PaperStudy
-from drumsqueal.studies.paper_curves import AXES, CONSTANT_FRICTION, Curve
-from drumsqueal.studies.paper_transients import Point
-from drumsqueal.studies.statement import QUIET, SQUEALING
+from drumsqueal.studies.paper.curves import AXES, CONSTANT_FRICTION, Curve
+from drumsqueal.studies.paper.statement import QUIET, SQUEALING
+from drumsqueal.studies.paper.study import PaperStudy
+from drumsqueal.studies.paper.transients import Point
 
 MEASURED, GROWN_INTO = "D", "x"
 LEGEND = 8  # entries in one row

@@ -5,7 +5,7 @@ from matplotlib.figure import Figure
 
 from drumsqueal.figures import style
 from drumsqueal.figures.style import frame, new_figure, styled
-from drumsqueal.studies.sensitivity import SensitivityStudy
+from drumsqueal.studies.sensitivity.study import SensitivityStudy
 
 ROW = 0.8  # of the distance between two numbers that their bars take up
 HATCHES = ("", "////", "....")  # of a second and a third mode of one name

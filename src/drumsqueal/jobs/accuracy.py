@@ -12,7 +12,7 @@ from drumsqueal.jobs.accuracy_table import print_study, simulate_block, to_csv, 
 from drumsqueal.jobs.study import told_what_is_kept
 from drumsqueal.scene import Scene
 from drumsqueal.scene.quantities import printable
-from drumsqueal.studies.accuracy import AccuracyStudy, Measurement, study_accuracy
+from drumsqueal.studies.accuracy.study import AccuracyStudy, Measurement, study_accuracy
 
 
 def study_into(folder: Path, scene: Scene, target: float, console: Console) -> None:

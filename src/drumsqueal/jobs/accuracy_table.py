@@ -15,7 +15,7 @@ from rich.table import Table
 
 from drumsqueal.history import versions
 from drumsqueal.jobs.study import rows_to_csv
-from drumsqueal.studies.accuracy import AccuracyStudy, Measurement
+from drumsqueal.studies.accuracy.study import AccuracyStudy, Measurement
 
 HEADINGS = ("time\nms/ms", "eval.\nper ms", "growth\nphase", "with\nedges", "features", "energy")
 MANY = 99.5  # ms, from which on a time is told without an exponent

@@ -12,10 +12,10 @@ from drumsqueal.history import versions
 from drumsqueal.jobs.cycle_table import cycle_data
 from drumsqueal.jobs.study import rows_to_csv
 from drumsqueal.scene.variation import Variation
-from drumsqueal.studies.branches import Diagram
-from drumsqueal.studies.continuation import Branch
-from drumsqueal.studies.kicked import Interval, folds, kicked, stable_cycles, steady_sliding
-from drumsqueal.studies.orbit import Cycle
+from drumsqueal.studies.cycle.branches import Diagram
+from drumsqueal.studies.cycle.continuation import Branch
+from drumsqueal.studies.cycle.kicked import Interval, folds, kicked, stable_cycles, steady_sliding
+from drumsqueal.studies.cycle.orbit import Cycle
 
 
 def print_diagram(console: Console, diagram: Diagram, variation: Variation) -> None:

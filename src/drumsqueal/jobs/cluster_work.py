@@ -17,7 +17,7 @@ def work(plan: Any, first: int, stop: int, versions: dict[str, str]) -> Any:
         from distributed import get_worker
 
         from drumsqueal.history import versions as versions_here
-        from drumsqueal.studies.sweep import compute
+        from drumsqueal.studies.sweep.study import compute
 
         here = versions_here()
         other = [

@@ -30,9 +30,9 @@ from drumsqueal.jobs.study import told_what_is_kept
 from drumsqueal.scene import Scene
 from drumsqueal.scene.quantities import printable
 from drumsqueal.scene.variation import Variation
-from drumsqueal.studies.branches import follow_cycle
-from drumsqueal.studies.cycle import Search, find_cycle
-from drumsqueal.studies.orbit import Cycle
+from drumsqueal.studies.cycle.branches import follow_cycle
+from drumsqueal.studies.cycle.orbit import Cycle
+from drumsqueal.studies.cycle.search import Search, find_cycle
 
 
 def find_into(folder: Path, scene: Scene, console: Console) -> None:

@@ -9,9 +9,9 @@ from rich.table import Table
 
 from drumsqueal.comparison.departure import ROTATIONS
 from drumsqueal.history import versions
-from drumsqueal.studies.cycle import Search
-from drumsqueal.studies.effects import percent
-from drumsqueal.studies.orbit import Cycle
+from drumsqueal.studies.cycle.orbit import Cycle
+from drumsqueal.studies.cycle.search import Search
+from drumsqueal.studies.effects.study import percent
 
 
 def print_search(console: Console, search: Search) -> None:

@@ -13,9 +13,9 @@ from drumsqueal.jobs.progress import progress_bar
 from drumsqueal.jobs.study import told_what_is_kept
 from drumsqueal.scene import Scene
 from drumsqueal.scene.quantities import printable
-from drumsqueal.studies.effects import EffectStudy, reservations, study_effects, verdict
-from drumsqueal.studies.reductions import reductions_of
-from drumsqueal.studies.variants import Variant
+from drumsqueal.studies.effects.reductions import reductions_of
+from drumsqueal.studies.effects.study import EffectStudy, reservations, study_effects, verdict
+from drumsqueal.studies.effects.variants import Variant
 
 
 def study_into(folder: Path, scene: Scene, within: float, console: Console) -> None:

@@ -11,8 +11,8 @@ from rich.text import Text
 
 from drumsqueal.comparison.departure import ROTATIONS
 from drumsqueal.jobs.study import rows_to_csv
-from drumsqueal.studies.effects import ROUND_OFF, EffectStudy, percent, remarks, reservations, verdict
-from drumsqueal.studies.variants import Variant
+from drumsqueal.studies.effects.study import ROUND_OFF, EffectStudy, percent, remarks, reservations, verdict
+from drumsqueal.studies.effects.variants import Variant
 
 UNSHOWN = 1e-4  # a relative change below it has no digits on the terminal
 # Of the fields of a change, in their order.

@@ -14,8 +14,8 @@ from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.jobs.onset_table import print_study, to_csv, to_data
 from drumsqueal.jobs.study import told_what_is_kept
 from drumsqueal.scene.quantities import printable
-from drumsqueal.studies.onset import OnsetStudy, Prediction, compare
-from drumsqueal.studies.onset_rows import Row
+from drumsqueal.studies.onset.rows import Row
+from drumsqueal.studies.onset.study import OnsetStudy, Prediction, compare
 
 
 def study_into(folder: Path, predicted: Prediction, within: float, console: Console) -> None:

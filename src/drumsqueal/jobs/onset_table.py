@@ -15,10 +15,10 @@ from drumsqueal.history import versions
 from drumsqueal.jobs.study import rows_to_csv
 from drumsqueal.linear.branches import Branches, Critical
 from drumsqueal.scene.variation import Variation
-from drumsqueal.studies.attractors import Ending
-from drumsqueal.studies.onset import OnsetStudy
-from drumsqueal.studies.onset_rows import KICKED, SQUEALS, Row
-from drumsqueal.studies.onset_verdict import reservations, verdict, with_uncertainty
+from drumsqueal.studies.onset.attractors import Ending
+from drumsqueal.studies.onset.rows import KICKED, SQUEALS, Row
+from drumsqueal.studies.onset.study import OnsetStudy
+from drumsqueal.studies.onset.verdict import reservations, verdict, with_uncertainty
 
 STYLES = {SQUEALS: "bold red", KICKED: "bold"}
 

@@ -16,8 +16,8 @@ from drumsqueal.jobs.progress import counting_bar
 from drumsqueal.jobs.study import told_what_is_kept
 from drumsqueal.scene import Scene
 from drumsqueal.scene.quantities import printable
-from drumsqueal.studies.paper import PaperStudy, study_paper
-from drumsqueal.studies.paper_curves import Curve, FrictionCurve
+from drumsqueal.studies.paper.curves import Curve, FrictionCurve
+from drumsqueal.studies.paper.study import PaperStudy, study_paper
 
 
 def study_into(folder: Path, scene: Scene, console: Console) -> None:

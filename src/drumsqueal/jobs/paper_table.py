@@ -9,9 +9,9 @@ from rich.table import Table
 from rich.text import Text
 
 from drumsqueal.jobs.study import rows_to_csv
-from drumsqueal.studies.paper_curves import Curve, FrictionCurve
-from drumsqueal.studies.paper_transients import Point
-from drumsqueal.studies.statement import Statement
+from drumsqueal.studies.paper.curves import Curve, FrictionCurve
+from drumsqueal.studies.paper.statement import Statement
+from drumsqueal.studies.paper.transients import Point
 
 VERDICT = {True: "holds", False: "does not", None: "open"}
 

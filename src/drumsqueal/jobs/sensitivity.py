@@ -22,9 +22,9 @@ from drumsqueal.jobs.study import told_what_is_kept
 from drumsqueal.scene import Scene
 from drumsqueal.scene.quantities import printable
 from drumsqueal.simulation import check_sample_rate, prepare
-from drumsqueal.studies.decay import Decay, nonlinear_decay
-from drumsqueal.studies.quieting import Quieting, quieten, variable_numbers
-from drumsqueal.studies.sensitivity import SensitivityStudy, study_sensitivity
+from drumsqueal.studies.sensitivity.decay import Decay, nonlinear_decay
+from drumsqueal.studies.sensitivity.quieting import Quieting, quieten, variable_numbers
+from drumsqueal.studies.sensitivity.study import SensitivityStudy, study_sensitivity
 
 
 def check_request(scene: Scene, keys: Sequence[str] | None, *, until_stable: bool) -> None:

@@ -10,9 +10,9 @@ from rich.table import Table
 
 from drumsqueal.jobs.study import rows_to_csv
 from drumsqueal.scene.quantities import printable
-from drumsqueal.studies.decay import Decay
-from drumsqueal.studies.quieting import Quieting
-from drumsqueal.studies.sensitivity import PERCENT, Sensitivity, SensitivityStudy
+from drumsqueal.studies.sensitivity.decay import Decay
+from drumsqueal.studies.sensitivity.quieting import Quieting
+from drumsqueal.studies.sensitivity.study import PERCENT, Sensitivity, SensitivityStudy
 
 NEGLIGIBLE = 1e-4  # relative change that the sentence leaves out
 

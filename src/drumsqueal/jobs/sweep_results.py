@@ -20,8 +20,8 @@ from drumsqueal.history import versions
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import COORDINATES
 from drumsqueal.scene.quantities import printable
-from drumsqueal.studies.chance import ChanceStudy, study_chance
-from drumsqueal.studies.sweep_plan import Plan
+from drumsqueal.studies.sweep.chance import ChanceStudy, study_chance
+from drumsqueal.studies.sweep.plan import Plan
 
 Summary = dict[str, Any]
 

@@ -9,7 +9,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 from drumsqueal.errors import CycleError, IntegrationError
 from drumsqueal.model import Model
-from drumsqueal.studies.shooting import TOLERANCE, Closed, Shooting, Vector
+from drumsqueal.studies.cycle.shooting import TOLERANCE, Closed, Shooting, Vector
 from drumsqueal.transient.flow import neighbours
 from drumsqueal.transient.integrate import Chunk, integrate
 from drumsqueal.transient.state import CHUNK_SAMPLES

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from drumsqueal.studies.paper_curves import Curve
+from drumsqueal.studies.paper.curves import Curve
 
 SQUEALING, QUIET = ("X", "Y", "Tz"), ("Z", "Tx", "Ty")
 STRAIGHT = 0.01  # of the largest value: what is nearer to a straight line is linear

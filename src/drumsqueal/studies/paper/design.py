@@ -4,8 +4,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from drumsqueal.studies.paper_curves import Curve
-from drumsqueal.studies.statement import DRASTIC, MINOR, SQUEALING, STRAIGHT, Statement, falls, off_line
+from drumsqueal.studies.paper.curves import Curve
+from drumsqueal.studies.paper.statement import DRASTIC, MINOR, SQUEALING, STRAIGHT, Statement, falls, off_line
 
 
 def design_statements(curves: Mapping[str, Curve]) -> tuple[Statement, ...]:

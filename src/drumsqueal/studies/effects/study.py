@@ -11,8 +11,8 @@ from drumsqueal.comparison.verdict import SMALL_ROTATION
 from drumsqueal.interrupts import noted_interrupts
 from drumsqueal.scene import Profile, Scene
 from drumsqueal.studies.answers import QUANTITIES, Answer, Change
-from drumsqueal.studies.reductions import NOTHING, Reduction, reduce, reductions_of
-from drumsqueal.studies.variants import Bench, OnProgress, OnVariant, Variant
+from drumsqueal.studies.effects.reductions import NOTHING, Reduction, reduce, reductions_of
+from drumsqueal.studies.effects.variants import Bench, OnProgress, OnVariant, Variant
 
 WITHIN = 0.01
 TOGETHER = "together"

@@ -9,11 +9,11 @@ import numpy as np
 
 from drumsqueal.bodies.rigid_shoe import RigidShoe
 from drumsqueal.linear.modes import DRIFT_SHARE, OSCILLATING_SHARE, UNDAMPED_SHARE
-from drumsqueal.studies.paper_curves import CONSTANT_FRICTION, Curve, FrictionCurve
-from drumsqueal.studies.paper_design import design_statements
-from drumsqueal.studies.paper_rotation import rotation_statements, slope_in_proportion
-from drumsqueal.studies.paper_transients import Point
-from drumsqueal.studies.statement import ALIKE, APART, GROWN, MEASURED, QUIET, SQUEALING, Statement
+from drumsqueal.studies.paper.curves import CONSTANT_FRICTION, Curve, FrictionCurve
+from drumsqueal.studies.paper.design import design_statements
+from drumsqueal.studies.paper.rotation import rotation_statements, slope_in_proportion
+from drumsqueal.studies.paper.statement import ALIKE, APART, GROWN, MEASURED, QUIET, SQUEALING, Statement
+from drumsqueal.studies.paper.transients import Point
 
 
 def check_statements(

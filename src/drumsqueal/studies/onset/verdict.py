@@ -4,9 +4,9 @@ import math
 from collections.abc import Sequence
 
 from drumsqueal.linear.branches import DIVERGENCE, Critical
-from drumsqueal.studies.attractors import FAILED, UNDECIDED
-from drumsqueal.studies.onset import OnsetStudy
-from drumsqueal.studies.onset_rows import KICKED, NOWHERE, SQUEALS, STABLE, Range
+from drumsqueal.studies.onset.attractors import FAILED, UNDECIDED
+from drumsqueal.studies.onset.rows import KICKED, NOWHERE, SQUEALS, STABLE, Range
+from drumsqueal.studies.onset.study import OnsetStudy
 
 EXACT = 1e-6  # relative uncertainty that is not worth telling
 

@@ -5,7 +5,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from drumsqueal.linear.branches import Critical, Point
-from drumsqueal.studies.attractors import FAILED, UNDECIDED, Ending
+from drumsqueal.studies.onset.attractors import FAILED, UNDECIDED, Ending
 
 STABLE, KICKED, SQUEALS = "stable", "squeals when kicked", "squeals"
 UNKNOWN, NOWHERE = "undecided", "no steady sliding"

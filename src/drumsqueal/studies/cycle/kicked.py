@@ -2,9 +2,9 @@
 
 from itertools import pairwise
 
-from drumsqueal.studies.branches import Diagram
-from drumsqueal.studies.continuation import FOLD, Branch
-from drumsqueal.studies.orbit import Cycle
+from drumsqueal.studies.cycle.branches import Diagram
+from drumsqueal.studies.cycle.continuation import FOLD, Branch
+from drumsqueal.studies.cycle.orbit import Cycle
 
 Interval = tuple[float, float]
 

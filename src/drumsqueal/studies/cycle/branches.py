@@ -14,11 +14,11 @@ from drumsqueal.linear.modes import Mode
 from drumsqueal.model import Model, build_model
 from drumsqueal.scene import Scene, SceneError
 from drumsqueal.scene.variation import Variation, read_variation
-from drumsqueal.studies.continuation import HOPF, LOOP, Branch, Track, is_between
-from drumsqueal.studies.cycle import checked, find_cycle, scales_of
-from drumsqueal.studies.cycle_starts import Start, modal_start, reach
-from drumsqueal.studies.orbit import Cycle
-from drumsqueal.studies.shooting import Models, Shooting, Vector
+from drumsqueal.studies.cycle.continuation import HOPF, LOOP, Branch, Track, is_between
+from drumsqueal.studies.cycle.orbit import Cycle
+from drumsqueal.studies.cycle.search import checked, find_cycle, scales_of
+from drumsqueal.studies.cycle.shooting import Models, Shooting, Vector
+from drumsqueal.studies.cycle.starts import Start, modal_start, reach
 
 VALUES = 60  # of the parameter, at which the eigenvalues are looked at first
 SMALL = 0.02  # amplitude of the first cycle near a Hopf point, over that at which the drum's speed is reached

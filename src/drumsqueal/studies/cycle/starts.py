@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from drumsqueal.kernel import compiled
 from drumsqueal.linear.modes import Mode, Stability
 from drumsqueal.model import Model
-from drumsqueal.studies.shooting import Vector
+from drumsqueal.studies.cycle.shooting import Vector
 
 Shape = NDArray[np.complex128]  # of a mode, over the coordinates that move
 

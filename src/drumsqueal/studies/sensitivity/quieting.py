@@ -13,7 +13,7 @@ from drumsqueal.linear.gradients import StateMatrix, eigenvalue_gradient, state_
 from drumsqueal.linear.modes import DRIFT_SHARE, Stability
 from drumsqueal.scene import Scene
 from drumsqueal.simulation import prepare
-from drumsqueal.studies.sensitivity import numbers_of
+from drumsqueal.studies.sensitivity.study import numbers_of
 
 MARGIN = 1.0  # 1/s: every growth rate is to be at most minus this
 SLACK = 1e-3  # of the margin that an optimum on its edge may miss

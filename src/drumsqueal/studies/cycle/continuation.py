@@ -13,8 +13,8 @@ import numpy as np
 from scipy.optimize import brentq
 
 from drumsqueal.errors import CycleError
-from drumsqueal.studies.orbit import Cycle, describe, floquet
-from drumsqueal.studies.shooting import SINGULAR, Closed, Shooting, Vector
+from drumsqueal.studies.cycle.orbit import Cycle, describe, floquet
+from drumsqueal.studies.cycle.shooting import SINGULAR, Closed, Shooting, Vector
 
 FIRST_STEP, LEAST_STEP, LONGEST_STEP = 0.02, 1e-5, 0.15  # of arclength, in the scaled unknowns
 FASTER, SLOWER = 1.6, 0.5

@@ -13,7 +13,7 @@ from drumsqueal.linear.branches import Branches, ModelAt, Point, follow_modes, p
 from drumsqueal.model import build_model
 from drumsqueal.scene import Profile, Scene
 from drumsqueal.scene.variation import Variation, read_variation
-from drumsqueal.studies.attractors import (
+from drumsqueal.studies.onset.attractors import (
     LASTING,
     PERSISTENT,
     Ending,
@@ -23,7 +23,7 @@ from drumsqueal.studies.attractors import (
     find_endings,
     round_seconds,
 )
-from drumsqueal.studies.onset_rows import KICKED, NOWHERE, SQUEALS, STABLE, UNKNOWN, Range, Row, find_ranges
+from drumsqueal.studies.onset.rows import KICKED, NOWHERE, SQUEALS, STABLE, UNKNOWN, Range, Row, find_ranges
 
 WITHIN = 1e-3  # of the range: how well the boundaries of the kicked range are found
 SECTIONS = 2  # values tried at once between two

@@ -33,7 +33,7 @@ from drumsqueal.scene import COORDINATES, Profile, Scene, SceneError
 from drumsqueal.scene.quantities import parse_quantity
 from drumsqueal.scene.variation import Variation, unit_of
 from drumsqueal.studies.saturated import Saturated, saturated_motions
-from drumsqueal.studies.sweep_plan import Plan, grid, sample
+from drumsqueal.studies.sweep.plan import Plan, grid, sample
 
 BATCH, BATCH_OF_TRANSIENTS = 8 * BLOCK, 32  # points
 _REASONS = {modes.AT_REST: AT_REST, modes.NOT_FOUND: NOT_FOUND, modes.NOT_FINITE: NOT_FINITE}

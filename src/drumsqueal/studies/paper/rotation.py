@@ -4,8 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.bodies.rigid_shoe import RigidShoe
-from drumsqueal.studies.paper_curves import Curve, FrictionCurve
-from drumsqueal.studies.statement import (
+from drumsqueal.studies.paper.curves import Curve, FrictionCurve
+from drumsqueal.studies.paper.statement import (
     EXPONENT,
     MAJOR,
     NO_PART,

@@ -7,10 +7,10 @@ from drumsqueal.interrupts import noted_interrupts, stop_if_interrupted
 from drumsqueal.model import build_model
 from drumsqueal.scene import Scene
 from drumsqueal.scene.seo_kang import seo_kang_brake
-from drumsqueal.studies.paper_curves import Curve, FrictionCurve, check_brake, friction_curve, paper_curves
-from drumsqueal.studies.paper_statements import check_statements
-from drumsqueal.studies.paper_transients import OnPoint, Point, paper_transients
-from drumsqueal.studies.statement import Statement
+from drumsqueal.studies.paper.curves import Curve, FrictionCurve, check_brake, friction_curve, paper_curves
+from drumsqueal.studies.paper.statement import Statement
+from drumsqueal.studies.paper.statements import check_statements
+from drumsqueal.studies.paper.transients import OnPoint, Point, paper_transients
 
 OnCurves = Callable[[FrictionCurve, Mapping[str, Curve]], None]
 

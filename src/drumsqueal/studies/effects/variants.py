@@ -14,7 +14,7 @@ from drumsqueal.scene import Scene
 from drumsqueal.scene.tables import LEAST_TOLERANCE
 from drumsqueal.simulation import Prepared, check_sample_rate, finish, prepare, transient
 from drumsqueal.studies.answers import Answer, Change, answer_of, change_of
-from drumsqueal.studies.reductions import Reduction, reduce
+from drumsqueal.studies.effects.reductions import Reduction, reduce
 from drumsqueal.transient.integrate import Chunk
 
 TIGHTER = 0.1  # share of the tolerance for the noise

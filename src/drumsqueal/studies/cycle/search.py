@@ -14,9 +14,9 @@ from drumsqueal.model import Model
 from drumsqueal.scene import Scene, SceneError
 from drumsqueal.signals import Regime, classify
 from drumsqueal.simulation import Prepared, check_sample_rate, prepare, transient
-from drumsqueal.studies.cycle_starts import Start, modal_starts, returns
-from drumsqueal.studies.orbit import NEUTRAL, Cycle, describe
-from drumsqueal.studies.shooting import CLOSED, Closed, Scales, Shooting, Vector
+from drumsqueal.studies.cycle.orbit import NEUTRAL, Cycle, describe
+from drumsqueal.studies.cycle.shooting import CLOSED, Closed, Scales, Shooting, Vector
+from drumsqueal.studies.cycle.starts import Start, modal_starts, returns
 from drumsqueal.transient.flow import state_size
 
 SMALLEST = 1e-4  # of the scale of the start: what has shrunk to less is steady sliding, not a cycle

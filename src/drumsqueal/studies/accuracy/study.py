@@ -19,9 +19,9 @@ from drumsqueal.interrupts import noted_interrupts, stop_if_interrupted
 from drumsqueal.scene import Profile, Scene, SceneError
 from drumsqueal.scene.tables import LEAST_TOLERANCE
 from drumsqueal.simulation import Prepared, check_sample_rate, finish, prepare, transient
-from drumsqueal.studies.contenders import Contender, contenders_of
-from drumsqueal.studies.features import NONE, Features, feature_errors, features_of
-from drumsqueal.studies.reference import UNMOVED, Reference, find_reference, sizes_of
+from drumsqueal.studies.accuracy.contenders import Contender, contenders_of
+from drumsqueal.studies.accuracy.features import NONE, Features, feature_errors, features_of
+from drumsqueal.studies.accuracy.reference import UNMOVED, Reference, find_reference, sizes_of
 from drumsqueal.transient.integrate import Chunk
 
 TARGET = 1e-4

@@ -10,8 +10,8 @@ from drumsqueal.history import COMPLETE
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import Scene
 from drumsqueal.simulation import check_sample_rate, finish, prepare, transient
-from drumsqueal.studies.decay import KICK, kicked
-from drumsqueal.studies.paper_curves import AXES, constant_friction
+from drumsqueal.studies.paper.curves import AXES, constant_friction
+from drumsqueal.studies.sensitivity.decay import KICK, kicked
 
 OnPoint = Callable[[str, int, int], None]
 

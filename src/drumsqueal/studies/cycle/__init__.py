@@ -1,0 +1,1 @@
+"""Periodic motions: found by shooting, and followed along a parameter."""

@@ -1,0 +1,1 @@
+"""Which effects does a scene need, and what does each cost?"""

@@ -1,0 +1,1 @@
+"""Linear against nonlinear onset along a parameter."""

@@ -1,0 +1,1 @@
+"""Does the brake of Seo & Kang (2023) do what the paper says?"""

@@ -1,0 +1,1 @@
+"""What to change to make a brake quiet."""

@@ -1,0 +1,1 @@
+"""Many scenes: stability and amplitude maps, and the chance of squeal."""
