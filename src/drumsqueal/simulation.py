@@ -162,6 +162,21 @@ def run(
     return finish(prepared, chunks, outcome)
 
 
+def run_whole(prepared: Prepared) -> Result:
+    """Run a scene that is one of a study's: all of it or nothing.
+
+    Raises SceneError for a sample rate that folds, IntegrationError where it fails, and KeyboardInterrupt between two
+    chunks.
+    """
+    check_sample_rate(prepared)
+    chunks = []
+    with closing(transient(prepared)) as stream:
+        for chunk in stream:
+            chunks.append(chunk)
+            stop_if_interrupted()
+    return finish(prepared, chunks, COMPLETE)
+
+
 def collect(prepared: Prepared, keep: Callable[[Chunk], None], since: Checkpoint | None = None) -> str:
     """Integrate to the end, to the first failure or to Ctrl-C, and return the outcome in words.
 

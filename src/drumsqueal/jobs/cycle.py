@@ -5,7 +5,6 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from drumsqueal.errors import CycleError
 from drumsqueal.figures import save_figures
@@ -26,6 +25,7 @@ from drumsqueal.history import COMPLETE, to_dataset
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.jobs.branch_table import diagram_data, print_diagram, to_csv
 from drumsqueal.jobs.cycle_table import print_search, search_data
+from drumsqueal.jobs.progress import spinner
 from drumsqueal.jobs.study import told_what_is_kept
 from drumsqueal.scene import Scene
 from drumsqueal.scene.quantities import printable
@@ -96,7 +96,6 @@ def _write_period(path: Path, search: Search) -> None:
 @contextmanager
 def _shown(console: Console) -> Iterator[Callable[[str], None]]:
     """What is being done, on a terminal."""
-    columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+    with spinner(console) as progress:
         task = progress.add_task("compiling", total=None)
         yield lambda words: progress.update(task, description=words)

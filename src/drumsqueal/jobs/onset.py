@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from drumsqueal.figures import save_figures
 from drumsqueal.figures.onset import draw_onset
@@ -12,6 +11,7 @@ from drumsqueal.files.output_folder import ONSET, ONSET_SUMMARY, ONSET_TABLE, wr
 from drumsqueal.files.summary import write_json
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.jobs.onset_table import print_study, to_csv, to_data
+from drumsqueal.jobs.progress import counting_bar
 from drumsqueal.jobs.study import told_what_is_kept
 from drumsqueal.scene.quantities import printable
 from drumsqueal.studies.onset.rows import Row
@@ -40,8 +40,7 @@ def _study(folder: Path, predicted: Prediction, within: float, console: Console)
         table = to_csv(rows, predicted.variation, predicted.linear, names)
         write_whole(folder / ONSET_TABLE, table.encode())
 
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+    with counting_bar(console) as progress:
         task = progress.add_task("compiling")
 
         def show(what: str, done: int, total: int) -> None:

@@ -91,12 +91,11 @@ def study_motion(
     """Tell which kind of motion a scene settles to: `study_motion(scene).kind`, `.bases`, `.exponents`.
 
     It runs until the trend of every coordinate's rms over half a second is below 1e-3 or within three standard errors
-    (five seconds at most), then for `duration` (s), of which the later half is
-    asked for lines, then once more from there with nearby motions. Where they separate and lines are sharp all the same
-    the kind is unknown. `at_most` bounds the
-    computing time (s) of each of both; what was cut short or not determined is in `limits`. Raises SceneError for a
-    scene that cannot be run or whose drum speed or load change, IntegrationError when nothing was computed, and
-    KeyboardInterrupt between two chunks.
+    (five seconds at most), then for `duration` (s), of which the later half is asked for lines, then once more from
+    there with nearby motions. Where they separate and lines are sharp all the same the kind is unknown. `at_most`
+    bounds the computing time (s) of each of both; what was cut short or not determined is in `limits`. Raises
+    SceneError for a scene that cannot be run or whose drum speed or load change, IntegrationError when nothing was
+    computed, and KeyboardInterrupt between two chunks.
     """
     if not duration > 0:
         raise ValueError(f"the duration must be positive, got {duration}")

@@ -1,15 +1,13 @@
 """Transients at some points of the paper's figures: growth measured below the edges, and the motion it grows into."""
 
 from collections.abc import Callable
-from contextlib import closing
 from typing import NamedTuple
 
 from drumsqueal.comparison.compare import Comparison
 from drumsqueal.errors import IntegrationError
 from drumsqueal.history import COMPLETE
-from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import Scene
-from drumsqueal.simulation import check_sample_rate, finish, prepare, transient
+from drumsqueal.simulation import prepare, run_whole
 from drumsqueal.studies.paper.curves import AXES, constant_friction
 from drumsqueal.studies.sensitivity.decay import KICK, kicked
 
@@ -57,14 +55,7 @@ def paper_transients(scene: Scene, on_point: OnPoint) -> tuple[dict[str, tuple[P
 
 
 def _run(scene: Scene) -> tuple[Comparison | None, str]:
-    prepared = prepare(scene)
-    check_sample_rate(prepared)
-    chunks = []
     try:
-        with closing(transient(prepared)) as stream:
-            for chunk in stream:
-                chunks.append(chunk)
-                stop_if_interrupted()
+        return run_whole(prepare(scene)).comparison, COMPLETE
     except IntegrationError as error:
         return None, f"failed: {error}"
-    return finish(prepared, chunks, COMPLETE).comparison, COMPLETE

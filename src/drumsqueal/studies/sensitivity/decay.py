@@ -1,7 +1,6 @@
 """Does a brake whose modes all decay stay quiet in the nonlinear model, too? From its own start, and from a kick."""
 
 from collections.abc import Callable
-from contextlib import closing
 from typing import NamedTuple
 
 import numpy as np
@@ -9,10 +8,8 @@ import numpy as np
 from drumsqueal.comparison.departure import Departure, beyond_edges
 from drumsqueal.composition import kept_coordinates
 from drumsqueal.errors import IntegrationError
-from drumsqueal.history import COMPLETE
-from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import COORDINATES, Profile, Scene
-from drumsqueal.simulation import check_sample_rate, finish, prepare, transient
+from drumsqueal.simulation import prepare, run_whole
 
 KICK = 3.0  # times the displacement p0/k_c at which the pressure is lost
 SQUEALS = {
@@ -63,16 +60,10 @@ def kicked(scene: Scene) -> Scene:
 
 def _run(start: str, scene: Scene) -> Decay:
     prepared = prepare(scene)
-    check_sample_rate(prepared)
-    chunks = []
     try:
-        with closing(transient(prepared)) as stream:
-            for chunk in stream:
-                chunks.append(chunk)
-                stop_if_interrupted()
+        result = run_whole(prepared)
     except IntegrationError as error:
         return Decay(start, None, None, f"failed: {error}")
-    result = finish(prepared, chunks, COMPLETE)
     ratio = result.comparison.motion_ratio
     if ratio is None:
         return Decay(start, None, None, "nothing was started")
