@@ -6,6 +6,7 @@ import pytest
 import xarray
 
 from drumsqueal.errors import RequestError
+from drumsqueal.files.history_file import variable
 from drumsqueal.files.output_folder import check_output_file
 from drumsqueal.files.saved_history import read_history
 from drumsqueal.simulation import run
@@ -43,20 +44,20 @@ def test_what_a_run_leaves_is_read(drumsqueal, tmp_path):
 def test_samples_that_were_not_computed_are_left_away(file):
     with h5py.File(file, "r+") as history:
         for name in ("displacement", "velocity", "normal_force"):
-            history[name][700:] = np.nan
+            variable(history, name)[700:] = np.nan
         history.attrs["outcome"] = "incomplete: the run was cut off without a word"
     saved = read_history(file)
     assert saved.data.sizes["time"] == 700
     assert not saved.complete
     with h5py.File(file, "r+") as history:
-        history["velocity"][1:] = np.nan
+        variable(history, "velocity")[1:] = np.nan
     with pytest.raises(RequestError, match="has 1 computed samples, at least two are needed"):
         read_history(file)
 
 
 def test_uneven_samples_are_refused(file):
     with h5py.File(file, "r+") as history:
-        history["time"][5] += 1e-6
+        variable(history, "time")[5] += 1e-6
     with pytest.raises(RequestError, match="not evenly spaced"):
         read_history(file)
 
