@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from drumsqueal.effects.custom_friction import TabulatedLaw
     from drumsqueal.effects.friction_law import FrictionLaw
     from drumsqueal.errors import CycleError, IntegrationError, SceneError, SteadyStateError
+    from drumsqueal.figures.animation import save_animation
+    from drumsqueal.figures.playback import Playback, play_history, play_mode
     from drumsqueal.linear.modes import Mode, Stability, analyse_stability, growth_rate
     from drumsqueal.model import Model, build_model
     from drumsqueal.scene import Scene, load_scene, scene_from_dict
@@ -40,6 +42,8 @@ _HOMES = {
     "effects.custom_friction": ("TabulatedLaw",),
     "effects.friction_law": ("FrictionLaw",),
     "errors": ("CycleError", "IntegrationError", "SceneError", "SteadyStateError"),
+    "figures.animation": ("save_animation",),
+    "figures.playback": ("Playback", "play_history", "play_mode"),
     "model": ("Model", "build_model"),
     "linear.modes": ("Mode", "Stability", "analyse_stability", "growth_rate"),
     "scene": ("Scene", "load_scene", "scene_from_dict"),
@@ -71,6 +75,7 @@ __all__ = [
     "MotionStudy",
     "OnsetStudy",
     "PaperStudy",
+    "Playback",
     "Quieting",
     "Result",
     "Scene",
@@ -88,8 +93,11 @@ __all__ = [
     "growth_rate",
     "integrate_many",
     "load_scene",
+    "play_history",
+    "play_mode",
     "quieten",
     "run",
+    "save_animation",
     "scene_from_dict",
     "seo_kang_brake",
     "study_accuracy",

@@ -69,7 +69,8 @@ def animate_command(
         raise UsageError("--set changes a scene; a history is of the scene that was run: leave one of them out")
     if source.suffix == ".toml":
         raise RequestError(f"{source} is a scene: name one of its modes with --mode, or give a history that it left")
-    times = [None if text is None else read_time(text, name) for text, name in ((start, "--from"), (end, "--until"))]
+    first = None if start is None else read_time(start, "--from")
+    last = None if end is None else read_time(end, "--until")
     stop_if_interrupted()
     from drumsqueal.files.animation_file import check_animation_name
     from drumsqueal.files.saved_history import read_history
@@ -81,7 +82,7 @@ def animate_command(
     check_output_file(file, overwrite=overwrite)
     check_animation_name(file)
     stop_if_interrupted()
-    animate_history(file, saved, *times, slowness, magnification, make_console())
+    animate_history(file, saved, first, last, slowness, magnification, make_console())
 
 
 def _factor(text: str, option: str) -> float | None:
