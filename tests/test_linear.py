@@ -404,7 +404,7 @@ def test_forces_vanish_in_the_steady_state(nominal, speed, edges):
 
 
 def test_steady_sliding_is_found_at_every_speed(nominal):
-    # Neither does its solver fail where the first steps leave nothing but round-off: without that, at 1 % of the speeds.
+    # Also where the first steps leave nothing but round-off, at 1 % of the speeds, which its solver calls a failure.
     scene = nominal.with_values({"steady.state": "self-consistent"})
     solve = jax.jit(lambda speed: steady_sliding(build_model(scene, {"drum.speed": speed}, PLANE)))
     speeds = np.random.default_rng(0).uniform(1.5, 3.0, 500)

@@ -528,7 +528,7 @@ def test_random_scenes_below_the_edges_are_linear(nominal, values, thickness, di
     # Of the share, which three coordinates may take each, 7e-2 was found in 25 scenes and 1.1 in others, with a steep
     # curve (what is left out goes with the second derivative of friction); and what the tolerance of 1e-6 adds up to in
     # 2 ms, 2.2e-6 in 500 scenes.
-    # A motion below a picometre, or below what round-off of the load's forces makes of a soft contact, is resolved as if
+    # Motion below a picometre, or below what round-off of the load's forces makes of a soft contact, is resolved as if
     # it were that large.
     resolved = max(QUIET, ROUND_OFF * yielding / float(local_tolerance(1e-6, DEFAULT)))
     assert off < 2 * share * grown + 5e-6 * max(1.0, resolved / size)

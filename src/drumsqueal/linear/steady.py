@@ -60,7 +60,7 @@ def steady_sliding(model: Model) -> Array:
     solver = optimistix.Dogleg(rtol=STEADY_TOLERANCE, atol=STEADY_TOLERANCE)
     start = jnp.zeros(moving.size)
     solution = optimistix.root_find(residual, solver, start, args=plane, max_steps=STEADY_STEPS, throw=False)
-    # Where the first steps leave nothing but round-off no further one makes it less, and the solver calls that a failure.
+    # Where the first steps leave nothing but round-off no other makes it less, and the solver calls that a failure.
     balanced = jnp.max(jnp.abs(residual(solution.value, plane))) <= STEADY_TOLERANCE
     found = (solution.result == optimistix.RESULTS.successful) | balanced
     return jnp.zeros(n).at[moving].set(jnp.where(found, solution.value * size, jnp.nan))
