@@ -1,15 +1,18 @@
 """Linear against nonlinear onset: critical values in closed form, modes through crossings, kicked ranges."""
 
 import csv
+import dataclasses
 import json
 import math
 from pathlib import Path
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
+from drumsqueal.effects.damping import Damping
 from drumsqueal.effects.friction_law import ConstantLaw, ExponentialLaw
 from drumsqueal.errors import RequestError, SceneError
 from drumsqueal.history import COMPLETE
@@ -17,6 +20,8 @@ from drumsqueal.linear.branches import follow_modes, point_at
 from drumsqueal.model import Model, build_model
 from drumsqueal.scene.variation import Variation
 from drumsqueal.small_bodies import block_on_belt, sprung_block_on_belt
+from drumsqueal.studies.cycle.branches import Diagram
+from drumsqueal.studies.cycle.kicked import steady_sliding
 from drumsqueal.studies.onset import study as study_module
 from drumsqueal.studies.onset.attractors import DECAYS, GROWS, SQUEALS, Ending, Family, How, find_endings
 from drumsqueal.studies.onset.rows import KICKED, STABLE, Row, find_ranges
@@ -140,6 +145,22 @@ def test_a_short_instability_between_two_values_is_found():
     found = follow_modes(model_at, np.linspace(0, 1, 5))
     assert [each.value for each in found.critical] == pytest.approx([0.51, 0.53], rel=1e-9)
     assert [each.destabilises for each in found.critical] == [True, False]
+
+
+def test_between_two_critical_values_there_is_a_point():
+    # x grows below p = 0.51, y above 0.53, and both changes lie between the values 0.5 and 0.75.
+    def model_at(p):
+        block = sprung(np.array([[1.0, 0.0], [0.0, 2.0]]))
+        dashpots = jnp.diag(0.2 * jnp.array([p - 0.51, 0.53 - p]))
+        return dataclasses.replace(block, others=(*block.others, Damping(dashpots, block.coordinates)))
+
+    found = follow_modes(model_at, np.linspace(0, 1, 5))
+    assert [each.value for each in found.critical] == pytest.approx([0.51, 0.53], rel=1e-9)
+    between = [point for point in found.points if 0.51 < point.value < 0.53]
+    assert between
+    assert not any(point.unstable for point in between)
+    ((low, high),) = steady_sliding(Diagram(found, (), 0.0, 1.0), stable=True)
+    assert (low, high) == pytest.approx((0.51, 0.53), rel=1e-9)
 
 
 def test_a_static_instability_is_a_divergence():
