@@ -21,6 +21,7 @@ from scipy.special import i1
 from drumsqueal.effects.damping import Damping
 from drumsqueal.effects.friction_law import ExponentialLaw
 from drumsqueal.errors import CycleError
+from drumsqueal.linear.branches import point_at
 from drumsqueal.linear.steady import linear_model
 from drumsqueal.model import build_model
 from drumsqueal.scene import SceneError, load_scene
@@ -35,6 +36,7 @@ from drumsqueal.studies.cycle.continuation import (
     DOUBLING,
     FOLD,
     HOPF,
+    LOOP,
     NEIMARK_SACKER,
     Branch,
     Special,
@@ -42,9 +44,9 @@ from drumsqueal.studies.cycle.continuation import (
 )
 from drumsqueal.studies.cycle.kicked import kicked, pieces
 from drumsqueal.studies.cycle.orbit import floquet, floquet_of
-from drumsqueal.studies.cycle.search import cycle_from, find_cycle
+from drumsqueal.studies.cycle.search import cycle_from, find_cycle, is_same
 from drumsqueal.studies.cycle.shooting import Scales, Shooting
-from drumsqueal.studies.cycle.starts import Start
+from drumsqueal.studies.cycle.starts import Start, modal_starts, returns
 from drumsqueal.transient.flow import flow, neighbours
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"
@@ -310,11 +312,17 @@ def test_a_branch_ends_where_the_block_would_stick(block):
 
 
 class Polynomial(eqx.Module):
-    """μ = 1 − 0.4 (s − 1)³ + 0.5 (s − 1)⁵: on a belt of 1 m/s, x″ + c x′ + x − 0.4 x′³ + 0.5 x′⁵ = 1."""
+    """μ = 1 + a (s − 1)³ + b (s − 1)⁵: on a belt of 1 m/s, x″ + c x′ + x + a x′³ + b x′⁵ = 1.
+
+    Averaged, c + 3/4 a A² + 5/8 b A⁴ = 0 for a cycle of amplitude A.
+    """
+
+    cubic: Array = eqx.field(converter=jnp.asarray, default=-0.4)
+    quintic: Array = eqx.field(converter=jnp.asarray, default=0.5)
 
     def coefficient(self, slip_speed: Array) -> Array:
         x = slip_speed - 1.0
-        return 1.0 - 0.4 * x**3 + 0.5 * x**5
+        return 1.0 + self.cubic * x**3 + self.quintic * x**5
 
 
 def test_a_fold_is_found_where_an_independent_code_has_it():
@@ -351,6 +359,76 @@ def test_a_fold_is_found_where_an_independent_code_has_it():
     ((low, high),) = kicked(diagram)
     assert low == pytest.approx(0.0, abs=1e-10)
     assert high == pytest.approx(folds[0].parameter)
+
+
+def test_a_branch_ends_at_the_other_hopf_point():
+    def model(p):  # damping is negative between 0.3 and 0.7
+        return block_on_belt(Polynomial(0.4, 0.0), damping=(p - 0.3) * (p - 0.7), belt_speed=1.0)
+
+    diagram = follow_models(with_derivative(model), 0.0, 1.0, 12)
+    assert [each.value for each in diagram.linear.critical] == pytest.approx([0.3, 0.7], abs=1e-10)
+    (branch,) = diagram.branches
+    assert (branch.start, branch.end) == (HOPF, HOPF)
+    assert not branch.special
+    for cycle in branch.cycles:
+        assert cycle.stable
+        assert 0.3 < cycle.parameter < 0.7
+        # Averaged; to second order in damping and friction, of 0.04.
+        wanted = np.sqrt(-(cycle.parameter - 0.3) * (cycle.parameter - 0.7) / 0.3)
+        assert cycle.amplitude["X"] == pytest.approx(wanted, rel=5e-3)
+
+
+def test_a_branch_that_comes_back_is_a_loop():
+    def model(p):  # at rest it is damped everywhere; a cycle lives where damping is below that of the fold
+        return block_on_belt(Polynomial(), damping=0.06 + p**2, belt_speed=1.0)
+
+    models = with_derivative(model)
+    start = Start(np.array([1.81, 0.0]), 2 * np.pi, "")
+    cycle = cycle_from(models(0.01)[0], start, np.array([1.0]))
+    branch = _both_ways(models, cycle, 0.01, (-1.0, 1.0), lambda _: None)
+    assert (branch.start, branch.end) == (LOOP, LOOP)
+    assert [special.kind for special in branch.special] == [FOLD, FOLD]
+    # Averaged, the fold lies at a damping of 0.072.
+    low, high = sorted(special.parameter for special in branch.special)
+    assert -low == pytest.approx(high, rel=1e-6)
+    assert high == pytest.approx(np.sqrt(0.012), rel=1e-2)
+    assert [stable for _, stable in pieces(branch)] == [True, False, True]
+    assert is_same(branch.cycles[0], branch.cycles[-1])
+
+
+# Where the search begins, and what it takes for a cycle
+
+
+def test_along_a_mode_the_start_has_the_amplitude_that_averaging_gives():
+    model = falling_friction(1.3)
+    point = point_at(falling_friction, 1.3)
+    made_up: Any = SimpleNamespace(coordinates=("X",), steady_state=point.steady, modes=point.modes)
+    *_, start = modal_starts(model, made_up)  # larger ones slip backwards
+    amplitude = brentq(lambda a: 0.5 * np.log(0.5 * i1(2 * a) / (0.05 * a)) - 1.3, 0.1, 2.0)
+    # Between two of eighty amplitudes, 11 % apart, the work is taken for a straight line.
+    assert np.max(np.abs(start.state - [0.5 + 0.5 * np.exp(-2.6), 0.0])) == pytest.approx(amplitude, rel=1e-2)
+    assert start.period == pytest.approx(2 * np.pi, rel=1e-2)
+
+
+def test_a_record_returns_after_its_period():
+    time = np.arange(4000) * 1e-3
+    angle = 2 * np.pi * 5.0 * time
+    motion = np.cos(angle) + 0.3 * np.cos(3 * angle) + 1e-3 * time  # it drifts a little: no return is exact
+    first, *others = returns(time, np.column_stack([motion, np.gradient(motion, time)]), np.array([1.0, 30.0]), 2.0)
+    assert first.period == pytest.approx(0.2, abs=1e-9)
+    assert all(other.period > 0.21 or other.period < 0.19 for other in others)
+
+
+def test_where_every_amplitude_closes_none_is_a_cycle():
+    model = block_on_belt(Polynomial(0.0, 0.0), damping=0.0, belt_speed=1.0)
+    with pytest.raises(CycleError, match="one of many"):
+        cycle_from(model, Start(np.array([1.3, 0.0]), 2 * np.pi, ""), np.ones(1))
+
+
+def test_of_a_period_found_several_times_over_the_shortest_counts():
+    model = block_on_belt(Polynomial(), damping=0.05, belt_speed=1.0)
+    once, thrice = (cycle_from(model, Start(np.array([1.86, 0.0]), 2 * n * np.pi, ""), np.ones(1)) for n in (1, 3))
+    assert is_same(once, thrice)
 
 
 # What happens on a branch, and how stability is told
