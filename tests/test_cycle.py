@@ -458,6 +458,7 @@ def test_a_neimark_sacker_point_is_found_and_named():
         if each is not marginal:
             assert each.unstable_directions == (2 if each.parameter < 0 else 0)
     assert (branch.start, branch.end) == (BOUND, BOUND)
+    assert [branch.cycles[k].parameter for k in (0, -1)] == pytest.approx([-0.05, 0.05], rel=1e-12)
     assert [stable for _, stable in pieces(branch)] == [False, True]
 
 
