@@ -440,7 +440,7 @@ def test_ctrl_c_keeps_the_values_done(drumsqueal, tmp_path, monkeypatch):
     folder = tmp_path / "out"
     status, _, error = drumsqueal("onset", str(DAMPED), *QUICK, "--along", "drum.speed=1..40x14", "-o", str(folder))
     assert status == 1
-    assert "interrupted by the user; the runs made until then are in" in error
+    assert "interrupted by the user; what was done until then is in" in error
     assert [row["drum.speed_rad_per_s"] for row in table(folder)] == ["1.0", "4.0"]
     assert not (folder / "onset.png").exists()
 

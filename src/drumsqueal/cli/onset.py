@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from drumsqueal.cli.options import Overwrite, SceneFile, Settings, make_console, output_option, read_share
-from drumsqueal.files.output_folder import ONSET_FILES, check_output, claim_output
+from drumsqueal.files.output_folder import ONSET_FILES, check_output, claimed
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import load_scene
 from drumsqueal.scene.variation import POINTS, SYNTAX, read_variation
@@ -48,5 +48,5 @@ def onset_command(
 
     stop_if_interrupted()
     predicted = predict(loaded, variation)  # what cannot be studied is told before there is a folder
-    claim_output(folder, ONSET_FILES)
-    study_into(folder, predicted, share, make_console())
+    with claimed(folder, ONSET_FILES):
+        study_into(folder, predicted, share, make_console())
