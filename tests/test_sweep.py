@@ -285,6 +285,24 @@ def test_a_failure_keeps_what_was_computed(damped, tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["sweep.nc"]
 
 
+@pytest.mark.parametrize("stopped", [KeyboardInterrupt, OSError(28, "No space left on device")])
+def test_a_sweep_without_its_figures_is_not_complete(drumsqueal, tmp_path, monkeypatch, stopped):
+    arguments = ("sweep", str(SCENARIOS / "damped.toml"), "--vary", "drum.speed=1..40x4", "-o", str(tmp_path))
+
+    def fail(*_):
+        raise stopped
+
+    with monkeypatch.context() as patch:
+        patch.setattr("drumsqueal.jobs.sweep_results.save_figures", fail)
+        status, printed, errors = drumsqueal(*arguments)
+    assert (status, printed, errors.count("\n")) == (1, "", 1)
+    assert "4 of 4 points were computed" in errors
+    status, _, errors = drumsqueal(*arguments, "--resume")
+    assert (status, errors) == (0, "")
+    assert {path.name for path in tmp_path.iterdir()} == {"sweep.nc", "sweep.json", "stability.png"}
+    assert "nothing to resume" in drumsqueal(*arguments, "--resume")[2]
+
+
 @posix
 @pytest.mark.slow
 def test_killed_at_any_moment_the_file_is_readable_and_the_sweep_goes_on(drumsqueal, cache, tmp_path):
