@@ -293,19 +293,15 @@ def test_a_command_that_is_stopped_at_once_leaves_no_folder(drumsqueal, tmp_path
 
 
 def test_only_folders_that_were_made_and_are_empty_go_again(tmp_path):
-    for name in ("own", "made/filled", "made/empty"):
-        with pytest.raises(ZeroDivisionError), claimed(tmp_path / name, ()):
-            if name == "own":
-                (tmp_path / "own" / "of_value").touch()
-            elif name.endswith("filled"):
-                (tmp_path / name / "kept").touch()
+    def stopped(folder: Path, *left: str) -> None:
+        with claimed(folder, ()):
+            for name in left:
+                (folder / name).touch()
             raise ZeroDivisionError
-    (tmp_path / "own" / "of_value").unlink()
-    with pytest.raises(ZeroDivisionError), claimed(tmp_path / "own", ()):
-        raise ZeroDivisionError
-    assert {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*")} == {
-        "own",
-        "made",
-        "made/filled",
-        "made/filled/kept",
-    }
+
+    (tmp_path / "own").mkdir()
+    for name, left in (("own", ()), ("made/filled", ("kept",)), ("made/empty", ()), ("all/empty", ())):
+        with pytest.raises(ZeroDivisionError):
+            stopped(tmp_path / name, *left)
+    there = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*")}
+    assert there == {"own", "made", "made/filled", "made/filled/kept"}
