@@ -86,6 +86,21 @@ def check_output(folder: Path, files: Iterable[str], *, overwrite: bool) -> None
         raise RequestError(f"{taken[0]} exists; add --overwrite to replace it, or choose another folder with -o")
 
 
+def check_output_file(path: Path, *, overwrite: bool) -> None:
+    """Raise RequestError where a file lies at the path already, or where none can be."""
+    try:
+        _check_place(path.parent)
+        if path.is_dir():
+            raise RequestError(f"{path} is a folder, where a file is to go; name the file with -o")
+        if _is_there(path) and not overwrite:
+            raise RequestError(f"{path} exists; add --overwrite to replace it, or name another file with -o")
+        if not path.parent.exists():
+            raise RequestError(f"{path}: there is no folder {path.parent}; make it, or name another file with -o")
+    except OSError as error:
+        told = f"{path}: this file cannot be written ({error.strerror or error}); name another with -o"
+        raise RequestError(told) from None
+
+
 @contextmanager
 def claimed(folder: Path, files: Iterable[str], *, but: Iterable[str] = ()) -> Iterator[None]:
     """Create the folder, prove that it can be written and clear it of earlier files of these names, `but` for some.

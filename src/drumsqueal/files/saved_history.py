@@ -1,0 +1,114 @@
+"""Reading a history that a run has left, for what works on histories; the file may be anybody's."""
+
+import tomllib
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import xarray
+
+from drumsqueal.errors import RequestError
+from drumsqueal.files.history_file import opened, variable
+from drumsqueal.files.output_folder import HISTORY
+from drumsqueal.history import COMPLETE, MOTION, SIGNALS
+from drumsqueal.scene import COORDINATES, Scene, SceneError, scene_from_dict
+
+UNEVEN = 1e-6  # of a sampling interval, that a sample may lie off its place; round-off is below 1e-9 in an hour
+_OURS = "drumsqueal run SCENE -o DIR writes one, DIR/history.nc"
+
+
+class SavedHistory(NamedTuple):
+    """A history as it was read: where from, the samples that were computed, and the scene as it was run."""
+
+    path: Path
+    data: xarray.Dataset
+    scene: Scene
+
+    @property
+    def sample_rate(self) -> float:
+        """Samples per second (Hz)."""
+        time = self.data["time"].values
+        return (time.size - 1) / float(time[-1] - time[0])
+
+    @property
+    def outcome(self) -> str:
+        """How the run ended, in words; "complete" where it got to its end."""
+        return str(self.data.attrs["outcome"])
+
+    @property
+    def complete(self) -> bool:
+        """Whether the run got to its end."""
+        return self.outcome == COMPLETE
+
+
+def read_history(path: Path) -> SavedHistory:
+    """Read a history, or the one in a folder that a run has left; samples that were not computed are left away.
+
+    Raises RequestError for a file that is not there, that is no history or not a whole one, or that has fewer than two
+    samples.
+    """
+    try:
+        file = path / HISTORY if path.is_dir() else path
+        if not file.is_file():
+            raise RequestError(f"{file}: there is no such file; {_OURS}")
+        with file.open("rb"):  # whether it may be read
+            pass
+    except (OSError, ValueError) as error:
+        if isinstance(error, RequestError):
+            raise
+        raise RequestError(f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})") from None
+    _check_container(file)
+    try:
+        data, scene = _load(file)
+    except SceneError as error:
+        told = f"{file}: the scene in it is not one that this version of drumsqueal takes ({error})"
+        raise RequestError(f"{told}; read it with the version that wrote it") from None
+    except Exception:  # h5py raises nearly all there is on a file that is damaged
+        raise RequestError(f"{file}: this is no history of drumsqueal, or a damaged one; {_OURS}") from None
+    return SavedHistory(file, _computed(file, data), scene)
+
+
+def _check_container(path: Path) -> None:
+    """Raise RequestError for what HDF5 does not open: other files, and those that have lost their end."""
+    try:
+        with opened(path, "r"):
+            pass
+    except OSError as error:
+        if "truncated file" in str(error):
+            raise RequestError(f"{path}: the file is cut short; copy it again, or run the scene anew") from None
+        raise RequestError(f"{path}: this is no history of drumsqueal (not NetCDF-4); {_OURS}") from None
+
+
+def _load(path: Path) -> tuple[xarray.Dataset, Scene]:
+    with opened(path, "r") as file:
+        for name in ("time", *MOTION, *SIGNALS):  # before xarray, which would follow links and decode what it finds
+            variable(file, name)
+    data = xarray.load_dataset(path, engine="h5netcdf", decode_timedelta=False)
+    if list(data["coordinate"].values) != list(COORDINATES):
+        raise ValueError("coordinate")
+    dimensions = dict.fromkeys(SIGNALS, ("time",)) | dict.fromkeys(MOTION, ("time", "coordinate"))
+    if any(data[name].dims != wanted for name, wanted in dimensions.items()):
+        raise ValueError("dimensions")
+    data.attrs["outcome"] = _text(data.attrs["outcome"])
+    return data, scene_from_dict(tomllib.loads(_text(data.attrs["scene"])))
+
+
+def _computed(path: Path, data: xarray.Dataset) -> xarray.Dataset:
+    """The samples up to the first that was not computed."""
+    finite = np.isfinite(data["time"].values)
+    for name in MOTION:
+        finite &= np.isfinite(data[name].values).all(axis=1)
+    rows = finite.size if finite.all() else int(np.argmin(finite))
+    if rows < 2:
+        raise RequestError(
+            f"{path}: the history has {rows} computed samples, at least two are needed; run it for longer"
+        )
+    time = data["time"].values[:rows]
+    places = np.linspace(time[0], time[-1], rows)
+    if not time[-1] > time[0] or np.abs(time - places).max() > UNEVEN * (places[1] - places[0]):
+        raise RequestError(f"{path}: the samples are not evenly spaced in time, as those of a history are; {_OURS}")
+    return data.isel(time=slice(rows))
+
+
+def _text(value: str | bytes) -> str:
+    return value.decode() if isinstance(value, bytes) else str(value)
