@@ -71,11 +71,15 @@ def test_a_grid_is_what_every_point_is_alone(damped):
     assert {0, 1} == set(found["squeal"].values.ravel())
 
 
-def test_a_drum_at_rest_leaves_a_gap_with_a_reason(damped):
+def test_a_drum_at_rest_leaves_a_gap_with_a_reason(damped, drumsqueal, tmp_path):
     found = ds.sweep_parameters(damped, {"drum.speed": [5.0, 0.0]})
     assert found["outcome"].values.tolist() == [0, AT_REST]
     assert np.isnan(found["largest_growth_rate"].values).tolist() == [False, True]
     assert found["squeal"].values.tolist() == [1, -1]
+    flags = found["outcome"].attrs
+    assert len(flags["flag_meanings"].split()) == len(flags["flag_values"])
+    arguments = ("sweep", str(SCENARIOS / "damped.toml"), "-o", str(tmp_path), "--vary", "drum.speed=0..5x2")
+    assert "1 of 2 points: no steady sliding: the drum is at rest" in drumsqueal(*arguments)[1]
 
 
 @pytest.mark.slow

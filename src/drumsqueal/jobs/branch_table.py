@@ -95,10 +95,9 @@ def to_csv(variation: Variation, rows: Iterable[tuple[int, Cycle]] | None, diagr
 
 
 def _row(variation: Variation, number: int, cycle: Cycle, what: str) -> dict[str, Any]:
-    unit = variation.unit.replace("/", "_per_").replace("^", "")
     row: dict[str, Any] = {
         "branch": number + 1,
-        f"{variation.key}_{unit}" if unit else variation.key: cycle.parameter,
+        variation.column: cycle.parameter,
         "what": what,
         "frequency_Hz": cycle.frequency_Hz,
         "stable": "yes" if cycle.stable else "no",

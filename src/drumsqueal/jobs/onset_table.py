@@ -78,11 +78,10 @@ def to_csv(rows: Sequence[Row], variation: Variation, linear: Branches, names: t
         branch.label: {v: e for v, e in zip(branch.values.tolist(), branch.eigenvalues, strict=True) if np.isfinite(e)}
         for branch in linear.branches
     }
-    unit = variation.unit.replace("/", "_per_").replace("^", "")
     table = []
     for row in rows:
         cells: dict[str, Any] = {
-            f"{variation.key}_{unit}" if unit else variation.key: row.value,
+            variation.column: row.value,
             "kind": row.kind,
             "asked": "yes" if row.asked else "no",
             "largest_growth_rate_1_per_s": None if row.point.reason else row.point.growth_rate,
