@@ -1,5 +1,6 @@
 """How growth rates go with a scene's numbers, and the smallest change that makes a brake stable."""
 
+import csv
 import json
 from pathlib import Path
 
@@ -209,6 +210,15 @@ def test_the_command_writes_a_quiet_scene_that_is_one(drumsqueal, tmp_path):
     assert not analyse_stability(build_model(quiet, coordinates=ALL)).unstable
     found = json.loads((out / "sensitivity.json").read_text())
     assert found["quiet"]["transients"][0]["start"] == "its own start"
+    assert "…" not in printed  # no number is cut off
+    with (out / SENSITIVITY_TABLE).open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    for row in rows:  # the same numbers under the same names
+        (number,) = (each for each in found["numbers"] if each["key"] == row["number"])
+        k = [mode["label"] for mode in found["modes"]].index(row["mode"])
+        for name in number.keys() - {"key", "value_SI"}:
+            assert number[name][k] == (float(row[name]) if row[name] else None), name
+    assert len(rows) == len(found["numbers"]) * len(found["modes"])
     status, printed, _ = drumsqueal(
         "sensitivity", str(out / QUIET_SCENE), "-o", str(tmp_path / "b"), "--until", "stable"
     )
