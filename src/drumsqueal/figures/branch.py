@@ -7,7 +7,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import ScalarFormatter
 
-from drumsqueal.comparison.departure import ROTATIONS
+from drumsqueal.comparison.departure import unit_of
 from drumsqueal.figures import style
 from drumsqueal.figures.onset import SHADES
 from drumsqueal.figures.style import frame, new_figure, styled
@@ -45,7 +45,7 @@ def draw_branch(diagram: Diagram, variation: Variation) -> Figure:
         for axes, value in ((amplitude, rest), (frequency, critical.frequency_Hz)):
             axes.plot(critical.value, value, "D", color=style.DARK, markersize=4, clip_on=False, zorder=5)
     unit = f" ({variation.unit})" if variation.unit else ""
-    frame(amplitude, None, f"{name}, half peak to peak ({'µrad' if name in ROTATIONS else 'µm'})")
+    frame(amplitude, None, f"{name}, half peak to peak ({unit_of(name, 'µ')})")
     frame(frequency, f"{variation.key}{unit}", "Frequency (Hz)")
     figure.align_ylabels([amplitude, frequency])
     figure.legend(handles=_legend(diagram, colour), loc="outside lower center", ncols=4)

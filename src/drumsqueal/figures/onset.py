@@ -7,7 +7,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from drumsqueal.comparison.departure import ROTATIONS
+from drumsqueal.comparison.departure import unit_of
 from drumsqueal.figures import style
 from drumsqueal.figures.eigenvalues import STABLE as STABLE_COLOUR
 from drumsqueal.figures.eigenvalues import UNSTABLE as UNSTABLE_COLOUR
@@ -69,7 +69,7 @@ def draw_amplitudes(axes: Axes, study: OnsetStudy) -> None:
         if each.last - each.first > NARROW * (high - low):
             middle = (each.first + each.last) / 2
             axes.text(middle, 0.96 * top, each.kind, ha="center", va="top", fontsize=style.SMALL_SIZE)
-    frame(axes, None, f"{study.coordinate}, half peak\nto peak ({'µrad' if study.coordinate in ROTATIONS else 'µm'})")
+    frame(axes, None, f"{study.coordinate}, half peak\nto peak ({unit_of(study.coordinate, 'µ')})")
 
 
 def _face(row: Row, ending: Ending, colour: str) -> str:

@@ -7,7 +7,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from drumsqueal.comparison.departure import ROTATIONS
+from drumsqueal.comparison.departure import unit_of
 from drumsqueal.history import versions
 from drumsqueal.jobs.cycle_table import cycle_data
 from drumsqueal.jobs.study import rows_to_csv
@@ -28,7 +28,7 @@ def print_diagram(console: Console, diagram: Diagram, variation: Variation) -> N
     table.add_column(f"value{unit}", justify="right", no_wrap=True)
     table.add_column("freq.\nHz", justify="right", no_wrap=True)
     for name in names:
-        table.add_column(f"{name}\n{'µrad' if name in ROTATIONS else 'µm'}", justify="right")
+        table.add_column(f"{name}\n{unit_of(name, 'µ')}", justify="right")
     table.add_column("largest\n|μ|", justify="right")
     for number, branch in enumerate(diagram.branches, start=1):
         for what, cycle in _milestones(branch):
@@ -103,7 +103,7 @@ def _row(variation: Variation, number: int, cycle: Cycle, what: str) -> dict[str
         "stable": "yes" if cycle.stable else "no",
         "unstable_directions": cycle.unstable_directions,
     }
-    row |= {f"amplitude_{name}_{'rad' if name in ROTATIONS else 'm'}": a for name, a in cycle.amplitude.items()}
+    row |= {f"amplitude_{name}_{unit_of(name)}": a for name, a in cycle.amplitude.items()}
     row |= {"contact_fraction": cycle.contact_fraction, "slip_reversed_fraction": cycle.slip_reversed_fraction}
     for k, value in enumerate(cycle.multipliers.tolist(), start=1):
         row |= {f"multiplier_{k}_re": value.real, f"multiplier_{k}_im": value.imag}

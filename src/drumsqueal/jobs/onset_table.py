@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from drumsqueal.comparison.departure import ROTATIONS
+from drumsqueal.comparison.departure import unit_of
 from drumsqueal.history import versions
 from drumsqueal.jobs.study import rows_to_csv
 from drumsqueal.linear.branches import Branches, Critical
@@ -25,7 +25,7 @@ STYLES = {SQUEALS: "bold red", KICKED: "bold"}
 
 def print_study(console: Console, study: OnsetStudy) -> None:
     """Print a row for each value that was asked for, the critical values, and what follows from them."""
-    name, (factor, unit) = study.coordinate, amplitude_unit(study.coordinate)
+    name, unit = study.coordinate, unit_of(study.coordinate, "µ")
     title = f"Onset along {study.variation.key}"
     table = Table(title=title, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     table.add_column(f"\n\n{study.variation.unit}", justify="right")
@@ -37,7 +37,7 @@ def print_study(console: Console, study: OnsetStudy) -> None:
     for row in study.rows:
         if row.asked:
             kind = Text(row.kind, style=STYLES.get(row.kind, ""))
-            small, large = _shown(row.small, study, factor), _shown(row.strongest, study, factor, large=True)
+            small, large = _shown(row.small, study), _shown(row.strongest, study, large=True)
             growth = "-" if row.point.reason else f"{row.point.growth_rate:+.2f}"
             table.add_row(f"{row.value:.5g}", kind, growth, *small, *large)
     console.print(table)
@@ -48,18 +48,13 @@ def print_study(console: Console, study: OnsetStudy) -> None:
     console.print(verdict(study), style="bold")
 
 
-def amplitude_unit(coordinate: str) -> tuple[float, str]:
-    """Factor from SI and the unit in which an amplitude reads well."""
-    return (1e6, "µrad") if coordinate in ROTATIONS else (1e6, "µm")
-
-
-def _shown(ending: Ending | None, study: OnsetStudy, factor: float, *, large: bool = False) -> tuple[str, str]:
+def _shown(ending: Ending | None, study: OnsetStudy, *, large: bool = False) -> tuple[str, str]:
     """Amplitude and line of a motion that has settled, or where the start led instead."""
     if ending is None:
         return ("-", "") if large else ("", "")
     if not ending.settled:
         return ending.kind, ""
-    amplitude = factor * ending.motion.amplitude[study.names.index(study.coordinate)]
+    amplitude = 1e6 * ending.motion.amplitude[study.names.index(study.coordinate)]
     line = ending.motion.frequency_Hz
     return f"{amplitude:.4g}", "" if line is None else f"{line:.1f}"
 
@@ -104,8 +99,7 @@ def _cells(which: str, ending: Ending | None, names: tuple[str, ...]) -> dict[st
     cells[f"{which}_start_leads_to"] = "" if ending is None else ending.kind
     settled = ending if ending is not None and ending.settled else None
     for k, name in enumerate(names):
-        unit = "rad" if name in ROTATIONS else "m"
-        cells[f"{which}_amplitude_{name}_{unit}"] = None if settled is None else settled.motion.amplitude[k]
+        cells[f"{which}_amplitude_{name}_{unit_of(name)}"] = None if settled is None else settled.motion.amplitude[k]
     cells[f"{which}_frequency_Hz"] = None if settled is None else settled.motion.frequency_Hz
     cells[f"{which}_simulated_s"] = None if ending is None else ending.seconds
     return cells
