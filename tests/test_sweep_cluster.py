@@ -36,7 +36,8 @@ def plan(monkeypatch) -> Plan:
 
 @pytest.fixture
 def local():
-    with LocalCluster(n_workers=2, processes=False, dashboard_address=None, threads_per_worker=2) as local:
+    how = {"processes": False, "dashboard_address": None, "threads_per_worker": 2}
+    with LocalCluster(n_workers=2, **how) as local:
         yield local
 
 

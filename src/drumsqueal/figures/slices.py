@@ -50,10 +50,11 @@ def panels(figure: Figure, sweep: xarray.Dataset, plan: Plan, rows: int = 1) -> 
         for axes, beside in zip(row, third, strict=True):
             select = fixed | dict(zip(plan.keys[2:4], (beside, below), strict=False))
             found[-1].append(Panel(axes, select))
-    if len(plan.keys) > 2:
-        for axes, at in zip(grid[0], third, strict=True):
+    numbers = len(plan.keys)
+    if numbers > 2:
+        for axes, at in zip(grid[0, :], third, strict=True):
             axes.set_title(_held(sweep, plan.keys[2], at), fontsize=style.SMALL_SIZE)
-    if len(plan.keys) > 3:
+    if numbers > 3:
         for axes, (_, at) in zip(grid[:, -1], itertools.product(range(rows), fourth), strict=True):
             axes.yaxis.set_label_position("right")
             axes.set_ylabel(_held(sweep, plan.keys[3], at), fontsize=style.SMALL_SIZE, rotation=270, va="bottom")
