@@ -223,7 +223,7 @@ def test_the_scene_itself_is_marked_where_it_is_alone():
     figure = draw_stability(made_up_sweep(plan), plan)
     crosses = [[line for line in axes.lines if line.get_marker() == "+"] for axes in figure.axes[:9]]
     assert [len(each) for each in crosses] == [0, 0, 0, 0, 1, 0, 0, 0, 0]
-    assert np.ravel(crosses[4][0].get_data()).tolist() == [5.0, 0.005]
+    assert np.array(crosses[4][0].get_data()).ravel().tolist() == [5.0, 0.005]
 
 
 def test_what_still_grows_is_drawn_open():

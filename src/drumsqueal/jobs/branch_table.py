@@ -77,7 +77,7 @@ def verdict(diagram: Diagram, variation: Variation) -> str:
     lives = f"stable cycles live {_ranges(cycles)}" if cycles else "no cycle that was found is stable"
     turns = folds(diagram)
     folded = f" (folds at {', '.join(f'{value:.6g}' for value in turns)})" if turns else ""
-    kicks = f"; {_ranges(both)} it squeals only when kicked" if both else "; nowhere does it take a kick to squeal"
+    kicks = f"; {_ranges(both)} it squeals only when kicked" if both else "; none of them lies beside stable sliding"
     return f"Steady sliding {sliding}; {lives}{folded}{kicks}."
 
 
@@ -116,16 +116,24 @@ def diagram_data(diagram: Diagram, variation: Variation) -> dict[str, Any]:
     assert diagram.scene is not None
     return {
         "title": diagram.scene.title,
-        "verdict": verdict(diagram, variation),
         "parameter": {"key": variation.key, "unit": variation.unit, "low": diagram.low, "high": diagram.high},
         "critical_values": [each._asdict() for each in diagram.linear.critical],
+        **cycles_data(diagram, variation),
+        "scene": diagram.scene.model_dump(mode="json"),
+        "versions": versions(),
+    }
+
+
+def cycles_data(diagram: Diagram, variation: Variation) -> dict[str, Any]:
+    """What the cycles themselves say, in SI."""
+    return {
+        "verdict": verdict(diagram, variation),
         "steady_sliding_unstable": steady_sliding(diagram, stable=False),
         "stable_cycles": stable_cycles(diagram),
+        "folds": folds(diagram),
         "squeals_only_when_kicked": kicked(diagram),
         "branches": [_branch(branch) for branch in diagram.branches],
         "notes": list(diagram.notes),
-        "scene": diagram.scene.model_dump(mode="json"),
-        "versions": versions(),
     }
 
 

@@ -12,9 +12,12 @@ from rich.text import Text
 
 from drumsqueal.comparison.departure import unit_of
 from drumsqueal.history import versions
+from drumsqueal.jobs.branch_table import cycles_data
+from drumsqueal.jobs.branch_table import verdict as cycles_verdict
 from drumsqueal.jobs.study import rows_to_csv
 from drumsqueal.linear.branches import Branches, Critical
 from drumsqueal.scene.variation import Variation
+from drumsqueal.studies.cycle.branches import Diagram
 from drumsqueal.studies.onset.attractors import Ending
 from drumsqueal.studies.onset.rows import KICKED, SQUEALS, Row
 from drumsqueal.studies.onset.study import OnsetStudy
@@ -23,8 +26,8 @@ from drumsqueal.studies.onset.verdict import reservations, verdict, with_uncerta
 STYLES = {SQUEALS: "bold red", KICKED: "bold"}
 
 
-def print_study(console: Console, study: OnsetStudy) -> None:
-    """Print a row for each value that was asked for, the critical values, and what follows from them."""
+def print_study(console: Console, study: OnsetStudy, diagram: Diagram | None = None) -> None:
+    """Print a row for each value that was asked for, critical values, what follows, and what the cycles say of it."""
     name, unit = study.coordinate, unit_of(study.coordinate, "µ")
     title = f"Onset along {study.variation.key}"
     table = Table(title=title, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
@@ -46,6 +49,11 @@ def print_study(console: Console, study: OnsetStudy) -> None:
     for line in reservations(study):
         console.print(line, style="dim")
     console.print(verdict(study), style="bold")
+    if diagram is not None:
+        for note in diagram.notes:
+            console.print(f"Not found: {note}", style="dim")
+        told = cycles_verdict(diagram, study.variation) if diagram.branches else "none was found."
+        console.print(f"Cycles: {told[0].lower()}{told[1:]}", style="bold")
 
 
 def _shown(ending: Ending | None, study: OnsetStudy, *, large: bool = False) -> tuple[str, str]:
@@ -105,8 +113,8 @@ def _cells(which: str, ending: Ending | None, names: tuple[str, ...]) -> dict[st
     return cells
 
 
-def to_data(study: OnsetStudy) -> dict[str, Any]:
-    """Critical values, ranges, all modes and all motions, in SI."""
+def to_data(study: OnsetStudy, diagram: Diagram | None = None) -> dict[str, Any]:
+    """Critical values, ranges, all modes and all motions, in SI; None for cycles that were not followed."""
     return {
         "title": study.scene.title,
         "verdict": verdict(study),
@@ -126,6 +134,7 @@ def to_data(study: OnsetStudy) -> dict[str, Any]:
         ],
         "coordinates": list(study.names),
         "values": [_value(row, study.names) for row in study.rows],
+        "cycles": None if diagram is None else cycles_data(diagram, study.variation),
         "scene": study.scene.model_dump(mode="json"),
         "versions": versions(),
     }
