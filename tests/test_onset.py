@@ -5,6 +5,7 @@ import dataclasses
 import json
 import math
 from pathlib import Path
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -18,10 +19,12 @@ from drumsqueal.errors import RequestError, SceneError
 from drumsqueal.history import COMPLETE
 from drumsqueal.linear.branches import follow_modes, point_at
 from drumsqueal.model import Model, build_model
-from drumsqueal.scene.variation import Variation
+from drumsqueal.scene.variation import Variation, read_variation
 from drumsqueal.small_bodies import block_on_belt, sprung_block_on_belt
 from drumsqueal.studies.cycle.branches import Diagram
+from drumsqueal.studies.cycle.continuation import BOUND, FOLD, Branch, Special
 from drumsqueal.studies.cycle.kicked import steady_sliding
+from drumsqueal.studies.cycle.orbit import Cycle
 from drumsqueal.studies.onset import attractors
 from drumsqueal.studies.onset import study as study_module
 from drumsqueal.studies.onset.attractors import (
@@ -503,6 +506,69 @@ def made_up_for_y(family, tasks, how, *, rounds):
         yield Ending(point.value, start.name, SQUEALS if lasts else DECAYS, motion, 0.1)
 
 
+def made_up_cycles(speeds: list[float]) -> Branch:
+    """Up to the last but one stable, 1 µm of Y for each rad/s; there it folds."""
+    any_model: Any = None  # of which nothing is asked
+    one = Cycle(("Y",), 1e-3, np.zeros(2), np.array([0.5 + 0j]), 0.0, 0.0, 0.0, {}, 1.0, 0.0, any_model, any_model)
+    cycles = [one._replace(parameter=speed, amplitude={"Y": 1e-6 * (speed + k)}) for k, speed in enumerate(speeds)]
+    cycles[-1] = cycles[-1]._replace(multipliers=np.array([1.5 + 0j]))
+    cycles[-2] = cycles[-2]._replace(multipliers=np.array([1.0 + 0j]))
+    return Branch(tuple(cycles), (Special(FOLD, speeds[-2], cycles[-2]),), BOUND, "it is lost")
+
+
+def test_cycles_are_laid_over_the_onset(drumsqueal, tmp_path, monkeypatch):
+    def follow(scene, key, low, high, on_cycle):
+        assert (key, low, high) == ("drum.speed", 1.0, 40.0)
+        linear = predict(scene, read_variation("drum.speed=1..40x14", scene)).linear
+        return Diagram(linear, (made_up_cycles([5.0, 15.0, 25.0, 20.0]),), low, high, (), key, scene)
+
+    drawn = []
+    monkeypatch.setattr(study_module, "find_endings", made_up_for_y)
+    monkeypatch.setattr("drumsqueal.jobs.onset.follow_cycle", follow)
+    monkeypatch.setattr("drumsqueal.jobs.onset.save_figures", lambda figures, folder: drawn.append(figures["onset"]))
+    arguments = ["onset", str(DAMPED), *QUICK, "--along", "drum.speed=1..40x14", "-o", str(tmp_path)]
+    status, printed, error = drumsqueal(*arguments, "--cycles")
+    assert (status, error) == (0, "")
+    told = " ".join(printed.split())
+    assert "stable cycles live from 5 to 25 (folds at 25)" in told
+    cycles = json.loads((tmp_path / "onset.json").read_text())["cycles"]
+    assert cycles["folds"] == [25.0]
+    assert [each["value"] for each in cycles["branches"][0]["cycles"]] == [5.0, 15.0, 25.0, 20.0]
+    # Solid up to the fold, dashed beyond, in µm.
+    lines = [(line.get_linestyle(), np.array(line.get_data()).tolist()) for line in drawn[0].axes[0].lines]
+    assert ("-", [[5.0, 15.0, 25.0], pytest.approx([5.0, 16.0, 27.0])]) in lines
+    assert ("--", [[25.0, 20.0], pytest.approx([27.0, 23.0])]) in lines
+    legend = [text.get_text() for text in drawn[0].legends[0].get_texts()]
+    assert {"stable cycle", "unstable cycle"} <= set(legend)
+    # Without the option there are none, and a range that no cycle can be followed over is refused before anything.
+    assert drumsqueal(*arguments, "--overwrite")[0] == 0
+    assert json.loads((tmp_path / "onset.json").read_text())["cycles"] is None
+    before = (tmp_path / "onset.json").read_text()
+    through_rest = ["onset", str(DAMPED), *QUICK, "--along", "drum.speed=-1..40x14", "-o", str(tmp_path)]
+    status, _, error = drumsqueal(*through_rest, "--cycles", "--overwrite")
+    assert (status, error.count("\n")) == (2, 1)
+    assert "drum at rest" in error
+    assert (tmp_path / "onset.json").read_text() == before
+
+
+@pytest.mark.slow
+def test_transients_settle_on_the_cycles_that_are_followed(drumsqueal, tmp_path):
+    # Two ways to the same motions: integrated until they settle, and closed by Newton's method.
+    arguments = ["onset", str(DAMPED), *QUICK, "--along", "drum.speed=4..40x4", "--within", "10 %", "-o", str(tmp_path)]
+    assert drumsqueal(*arguments, "--cycles")[0] == 0
+    cycles = json.loads((tmp_path / "onset.json").read_text())["cycles"]
+    found = sorted(
+        (each["value"], each["amplitude"]["Y"])
+        for branch in cycles["branches"]
+        for each in branch["cycles"]
+        if each["stable"]
+    )
+    for row in table(tmp_path):
+        value, amplitude = (float(row[name]) for name in ("drum.speed_rad_per_s", "large_amplitude_Y_m"))
+        # Between two cycles of the branch the amplitude is read off a straight line.
+        assert amplitude == pytest.approx(np.interp(value, *np.transpose(found)), rel=0.01)
+
+
 def test_ctrl_c_keeps_the_values_done(drumsqueal, tmp_path, monkeypatch):
     def interrupted(family, tasks, how, *, rounds):
         for k, each in enumerate(made_up_for_y(family, tasks, how, rounds=rounds)):
@@ -514,7 +580,7 @@ def test_ctrl_c_keeps_the_values_done(drumsqueal, tmp_path, monkeypatch):
     folder = tmp_path / "out"
     status, _, error = drumsqueal("onset", str(DAMPED), *QUICK, "--along", "drum.speed=1..40x14", "-o", str(folder))
     assert status == 1
-    assert "interrupted by the user; the runs made until then are in" in error
+    assert "interrupted by the user; what was done until then is in" in error
     assert [row["drum.speed_rad_per_s"] for row in table(folder)] == ["1.0", "4.0"]
     assert not (folder / "onset.png").exists()
 

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from drumsqueal.cli.options import Overwrite, SceneFile, Settings, make_console, output_option, read_share
-from drumsqueal.files.output_folder import ACCURACY_FILES, check_output, claim_output
+from drumsqueal.files.output_folder import ACCURACY_FILES, check_output, claimed
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import load_scene
 
@@ -40,5 +40,5 @@ def accuracy_command(
     stop_if_interrupted()
     check_motion(loaded)
     check_sample_rate(prepare(loaded))
-    claim_output(folder, ACCURACY_FILES)
-    study_into(folder, loaded, wanted, make_console())
+    with claimed(folder, ACCURACY_FILES):
+        study_into(folder, loaded, wanted, make_console())

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from drumsqueal.cli.options import Overwrite, SceneFile, Settings, make_console, output_option
-from drumsqueal.files.output_folder import BRANCH_FILES, CYCLE_FILES, check_output, claim_output
+from drumsqueal.files.output_folder import BRANCH_FILES, CYCLE_FILES, check_output, claimed
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import load_scene
 from drumsqueal.scene.variation import read_variation
@@ -46,8 +46,8 @@ def cycle_command(
     check_sample_rate(prepare(checked(loaded)))
     if variation is not None:
         checked_range(loaded, variation)
-    claim_output(folder, files)
-    if variation is None:
-        find_into(folder, loaded, make_console())
-    else:
-        follow_into(folder, loaded, variation, make_console())
+    with claimed(folder, files):
+        if variation is None:
+            find_into(folder, loaded, make_console())
+        else:
+            follow_into(folder, loaded, variation, make_console())

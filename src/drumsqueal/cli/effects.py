@@ -14,7 +14,7 @@ from drumsqueal.cli.options import (
     output_option,
     read_share,
 )
-from drumsqueal.files.output_folder import EFFECT_FILES, check_output, claim_output
+from drumsqueal.files.output_folder import EFFECT_FILES, check_output, claimed
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import load_scene
 
@@ -49,5 +49,5 @@ def effects_command(
 
     stop_if_interrupted()
     check_sample_rate(prepare(loaded))  # a scene that cannot be run is told before there is a folder
-    claim_output(folder, EFFECT_FILES)
-    study_into(folder, loaded, accuracy, make_console())
+    with claimed(folder, EFFECT_FILES):
+        study_into(folder, loaded, accuracy, make_console())

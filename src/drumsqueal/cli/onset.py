@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from drumsqueal.cli.options import Overwrite, SceneFile, Settings, make_console, output_option, read_share
-from drumsqueal.files.output_folder import ONSET_FILES, check_output, claim_output
+from drumsqueal.files.output_folder import ONSET_FILES, check_output, claimed
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import load_scene
 from drumsqueal.scene.variation import POINTS, SYNTAX, read_variation
@@ -27,6 +27,9 @@ def onset_command(
             "--within", metavar="SHARE", help="Share of the range within which ends of the kicked range are sought."
         ),
     ] = "0.1 %",
+    cycles: Annotated[
+        bool, typer.Option("--cycles", help="Follow the cycles, too, stable or not, and draw them into the figure.")
+    ] = False,
     settings: Settings = None,
     overwrite: Overwrite = False,
 ) -> None:
@@ -44,9 +47,12 @@ def onset_command(
     check_output(folder, ONSET_FILES, overwrite=overwrite)
     stop_if_interrupted()
     from drumsqueal.jobs.onset import study_into
+    from drumsqueal.studies.cycle.branches import checked_range
     from drumsqueal.studies.onset.study import predict
 
     stop_if_interrupted()
     predicted = predict(loaded, variation)  # what cannot be studied is told before there is a folder
-    claim_output(folder, ONSET_FILES)
-    study_into(folder, predicted, share, make_console())
+    if cycles:
+        checked_range(loaded, variation)
+    with claimed(folder, ONSET_FILES):
+        study_into(folder, predicted, share, make_console(), cycles=cycles)

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Annotated
 
 from drumsqueal.cli.options import Overwrite, Settings, make_console, output_option
-from drumsqueal.files.output_folder import PAPER_FILES, check_output, claim_output
+from drumsqueal.files.output_folder import PAPER_FILES, check_output, claimed
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene.seo_kang import seo_kang_brake
 
@@ -31,5 +31,5 @@ def paper_command(
     stop_if_interrupted()
     check_brake(scene)
     check_sample_rate(prepare(scene))
-    claim_output(folder, PAPER_FILES)
-    study_into(folder, scene, make_console())
+    with claimed(folder, PAPER_FILES):
+        study_into(folder, scene, make_console())

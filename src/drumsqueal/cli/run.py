@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Annotated
 
 from drumsqueal.cli.options import Overwrite, Resume, SceneFile, Settings, UsageError, make_console, output_option
-from drumsqueal.files.output_folder import HISTORY, RESUME, RUN_FILES, check_output, claim_output
+from drumsqueal.files.output_folder import HISTORY, RESUME, RUN_FILES, check_output, claimed
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import load_scene
 
@@ -36,5 +36,5 @@ def run_command(
     prepared = prepare(loaded)
     check_sample_rate(prepared)
     stop_if_interrupted()
-    claim_output(folder, RUN_FILES, but=(HISTORY, RESUME) if resume else ())
-    run_into(folder, prepared, make_console(), since)
+    with claimed(folder, RUN_FILES, but=(HISTORY, RESUME) if resume else ()):
+        run_into(folder, prepared, make_console(), since)

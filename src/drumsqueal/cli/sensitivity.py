@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from drumsqueal.cli.options import Overwrite, SceneFile, Settings, UsageError, make_console, output_option
-from drumsqueal.files.output_folder import SENSITIVITY_FILES, check_output, claim_output
+from drumsqueal.files.output_folder import SENSITIVITY_FILES, check_output, claimed
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import load_scene
 
@@ -47,5 +47,5 @@ def sensitivity_command(
 
     stop_if_interrupted()
     check_request(loaded, keys, until_stable=until is not None)
-    claim_output(folder, SENSITIVITY_FILES)
-    study_into(folder, loaded, keys, make_console(), until_stable=until is not None)
+    with claimed(folder, SENSITIVITY_FILES):
+        study_into(folder, loaded, keys, make_console(), until_stable=until is not None)
