@@ -15,6 +15,7 @@ import typer
 from rich.markup import escape
 
 from drumsqueal.cli.accuracy import accuracy_command
+from drumsqueal.cli.check import check_command
 from drumsqueal.cli.cycle import cycle_command
 from drumsqueal.cli.effects import effects_command
 from drumsqueal.cli.motion import motion_command
@@ -37,6 +38,7 @@ COMPLETION = "_DRUMSQUEAL_COMPLETE"  # set by the shell where it asks what could
 GROUPS: dict[str, dict[str, Callable[..., None]]] = {
     "Simulate": {
         "scenes": scenes_command,
+        "check": check_command,
         "run": run_command,
         "motion": motion_command,
     },

@@ -6,7 +6,7 @@ import typer
 
 from drumsqueal.scene import load_scene, number_keys, setting_keys
 from drumsqueal.scene.quantities import SceneError
-from drumsqueal.scene.shipped import shipped_names
+from drumsqueal.scene.shipped import find_scene, shipped_names
 
 
 def complete_scene(incomplete: str) -> list[str]:
@@ -48,8 +48,10 @@ def complete_list(ctx: typer.Context, incomplete: str) -> list[str]:
 
 
 def _numbers(ctx: typer.Context) -> tuple[str, ...]:
+    # What stands before an option that still wants its value is not read yet.
+    named = ctx.params.get("scene") or next((find_scene(word) for word in ctx.args if word[:1] != "-"), None)
     try:
-        scene = load_scene(ctx.params["scene"], ctx.params.get("settings") or ())
-    except (SceneError, KeyError, TypeError):  # it is not named yet, or has mistakes
+        scene = load_scene(named or "", ctx.params.get("settings") or ())
+    except SceneError:  # it is not named yet, or has mistakes
         return number_keys()
     return tuple(key for key, value in scene.numbers().items() if isinstance(value, float))

@@ -13,7 +13,7 @@ from drumsqueal.errors import RequestError
 from drumsqueal.files.json_file import to_json
 from drumsqueal.files.output_folder import check_output_file, write_whole
 from drumsqueal.scene.quantities import parse_quantity
-from drumsqueal.scene.shipped import shipped_names, shipped_path
+from drumsqueal.scene.shipped import find_scene
 
 UsageError: type[typer.BadParameter] = typer.BadParameter.__mro__[1]  # any misuse; it has no public name of its own
 UNBROKEN = 10_000  # columns where nobody looks on: a sentence then is one line, and no table is cut
@@ -32,16 +32,11 @@ def output_option(default: str) -> Any:
     return typer.Option("-o", "--output", metavar="DIR", parser=read_folder, help=told)
 
 
-def read_scene(text: str) -> Path:
-    """A scene file; where there is none of this name, the shipped scene of that name."""
-    return shipped_path(text) if text in shipped_names() and not Path(text).exists() else Path(text)
-
-
 SceneFile = Annotated[
     Path,
     typer.Argument(
         metavar="SCENE",
-        parser=read_scene,
+        parser=find_scene,
         help="Scene file (TOML), or the name of a shipped scene.",
         show_default=False,
         autocompletion=complete_scene,

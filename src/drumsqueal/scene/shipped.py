@@ -31,6 +31,11 @@ def shipped_path(name: str) -> Path:
     return _folder() / f"{name}.toml"
 
 
+def find_scene(text: str) -> Path:
+    """A scene file by its path or, where there is none, a shipped scene by its name."""
+    return shipped_path(text) if text in shipped_names() and not Path(text).exists() else Path(text)
+
+
 def shipped_scenes() -> tuple[Shipped, ...]:
     """All shipped scenes; what one shows is the comment at the head of its file."""
     return tuple(_read(name) for name in shipped_names())
