@@ -14,7 +14,7 @@ def check_command(
     quiet: Quiet = False,
     json_file: JsonFile = None,
 ) -> None:
-    """Is a scene as it is meant? What follows from it, and how long will it run?
+    """Is a scene right, what follows from it, how long will it run?
 
     Finds mistakes, tells derived numbers with their units, what the start will come to, and what is odd, in words, and
     times short pieces of the transient. Writes nothing but the file of --json.
