@@ -10,6 +10,7 @@ from rich.table import Table
 from drumsqueal.files.summary import describe_stability
 from drumsqueal.history import versions
 from drumsqueal.scene import Scene
+from drumsqueal.scene.quantities import printable
 from drumsqueal.studies.check import Check, Growth, check_scene
 
 # What a run takes beside its integration goes with the speed of the machine, as does loading the package: comparison,
@@ -40,7 +41,7 @@ def _whole(found: Check, loading: float) -> float | None:
 def print_check(console: Console, found: Check, whole: float | None) -> None:
     """Print numbers, growing modes, the record, the time it takes, and the warnings."""
     inventory, simulate = found.prepared.inventory, found.scene.simulate
-    console.print(f"{found.scene.title or 'The scene'}: no mistakes found", style="bold")
+    console.print(printable(f"{found.scene.title or 'The scene'}: no mistakes found"), style="bold")
     console.print(f"Includes: {'; '.join(inventory.includes)}", style="dim")
     console.print(f"Leaves out: {'; '.join(inventory.leaves_out) or 'nothing'}", style="dim")
     table = Table(title="What follows from it", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
