@@ -12,6 +12,7 @@ import typer
 from drumsqueal.cli.accuracy import accuracy_command
 from drumsqueal.cli.cycle import cycle_command
 from drumsqueal.cli.effects import effects_command
+from drumsqueal.cli.export import export_command
 from drumsqueal.cli.motion import motion_command
 from drumsqueal.cli.onset import onset_command
 from drumsqueal.cli.options import UsageError, make_console
@@ -38,6 +39,7 @@ app.command(name="motion")(motion_command)
 app.command(name="sensitivity")(sensitivity_command)
 app.command(name="paper")(paper_command)
 app.command(name="sweep")(sweep_command)
+app.command(name="export")(export_command)
 
 
 @app.callback()
