@@ -15,6 +15,7 @@ import typer
 from rich.markup import escape
 
 from drumsqueal.cli.accuracy import accuracy_command
+from drumsqueal.cli.animate import animate_command
 from drumsqueal.cli.check import check_command
 from drumsqueal.cli.cycle import cycle_command
 from drumsqueal.cli.effects import effects_command
@@ -53,6 +54,7 @@ GROUPS: dict[str, dict[str, Callable[..., None]]] = {
     },
     "Quality": {"effects": effects_command, "accuracy": accuracy_command},
     "Take it elsewhere": {
+        "animate": animate_command,
         "export": export_command,
     },
 }
