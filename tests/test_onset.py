@@ -1,16 +1,19 @@
 """Linear against nonlinear onset: critical values in closed form, modes through crossings, kicked ranges."""
 
 import csv
+import dataclasses
 import json
 import math
 from pathlib import Path
 from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
+from drumsqueal.effects.damping import Damping
 from drumsqueal.effects.friction_law import ConstantLaw, ExponentialLaw
 from drumsqueal.errors import RequestError, SceneError
 from drumsqueal.history import COMPLETE
@@ -20,9 +23,21 @@ from drumsqueal.scene.variation import Variation, read_variation
 from drumsqueal.small_bodies import block_on_belt, sprung_block_on_belt
 from drumsqueal.studies.cycle.branches import Diagram
 from drumsqueal.studies.cycle.continuation import BOUND, FOLD, Branch, Special
+from drumsqueal.studies.cycle.kicked import steady_sliding
 from drumsqueal.studies.cycle.orbit import Cycle
+from drumsqueal.studies.onset import attractors
 from drumsqueal.studies.onset import study as study_module
-from drumsqueal.studies.onset.attractors import DECAYS, GROWS, SQUEALS, Ending, Family, How, find_endings
+from drumsqueal.studies.onset.attractors import (
+    DECAYS,
+    GROWS,
+    SQUEALS,
+    UNDECIDED,
+    Ending,
+    Family,
+    How,
+    Start,
+    find_endings,
+)
 from drumsqueal.studies.onset.rows import KICKED, STABLE, Row, find_ranges
 from drumsqueal.studies.onset.rows import SQUEALS as UNSTABLE
 from drumsqueal.studies.onset.study import Prediction, compare, predict, study_onset
@@ -146,6 +161,22 @@ def test_a_short_instability_between_two_values_is_found():
     assert [each.destabilises for each in found.critical] == [True, False]
 
 
+def test_between_two_critical_values_there_is_a_point():
+    # x grows below p = 0.51, y above 0.53, and both changes lie between the values 0.5 and 0.75.
+    def model_at(p):
+        block = sprung(np.array([[1.0, 0.0], [0.0, 2.0]]))
+        dashpots = jnp.diag(0.2 * jnp.array([p - 0.51, 0.53 - p]))
+        return dataclasses.replace(block, others=(*block.others, Damping(dashpots, block.coordinates)))
+
+    found = follow_modes(model_at, np.linspace(0, 1, 5))
+    assert [each.value for each in found.critical] == pytest.approx([0.51, 0.53], rel=1e-9)
+    between = [point for point in found.points if 0.51 < point.value < 0.53]
+    assert between
+    assert not any(point.unstable for point in between)
+    ((low, high),) = steady_sliding(Diagram(found, (), 0.0, 1.0), stable=True)
+    assert (low, high) == pytest.approx((0.51, 0.53), rel=1e-9)
+
+
 def test_a_static_instability_is_a_divergence():
     # A spring that turns negative at p = 0.3: λ² + 0.2 λ + 0.3 − p = 0.
     def model_at(p):
@@ -219,6 +250,36 @@ def test_more_transients_than_run_at_once_come_in_order_and_one_that_sticks_goes
     # The slower the belt, the faster the growth.
     rates = [each.rate for each in found if not each.by_itself]
     assert rates == sorted(rates, reverse=True)
+
+
+# The block's linear rate is −0.0128 1/s at 1.3 m/s and 0.0177 1/s at 1 m/s; a round lasts 120 s, of which 60 are seen.
+@pytest.mark.parametrize(
+    ("speed", "share", "rate", "energies", "kind", "rounds"),
+    [
+        (1.3, 0.05, -1e-9, [1.0], DECAYS, 1),  # small, and it falls
+        (1.3, 0.5, -0.0075, [1.0], DECAYS, 1),  # below the edges, faster than half the linear rate
+        (1.3, 0.5, -0.003, 0.49 ** np.arange(60), UNDECIDED, 60),  # slower than that, and not still
+        (1.3, 0.5, 0.0, np.ones(60), SQUEALS, 3),  # below the edges, and still
+        (1.3, 1.5, 0.0, np.ones(60), SQUEALS, 3),
+        (1.3, 1.5, 0.02, np.tile([1.0, 3.0], 30), SQUEALS, 20),  # comes and goes, and stays as it was
+        (1.3, 1.5, -0.02, 0.95 ** np.arange(60), SQUEALS, 60),  # comes and goes, and falls
+        (1.0, 0.2, 0.0177, np.exp(4.25 * np.arange(60)), GROWS, 60),
+        (1.3, 0.0, 0.0, [0.0], DECAYS, 1),
+    ],
+)
+def test_where_a_transient_leads_is_judged_round_by_round(monkeypatch, speed, share, rate, energies, kind, rounds):
+    left = iter(energies)
+
+    def motions(models, *args, **how):
+        one = np.ones(1)
+        for _ in models:
+            yield Saturated(one, one, (0.0, share), 1.0, "X", next(left), rate, 60.0, one, one, COMPLETE, False)
+
+    monkeypatch.setattr(attractors, "saturated_motions", motions)
+    start = Start("kick", np.ones(1), np.zeros(1))
+    family = Family(falling_friction, ("X",), ("X",))
+    (found,) = find_endings(family, [(point_at(falling_friction, speed), start)], How(10.0, 1e-6, 120.0))
+    assert (found.kind, found.seconds / 120.0) == (kind, rounds)
 
 
 def grazing_speed() -> float:
@@ -310,6 +371,18 @@ def test_a_kicked_range_narrower_than_the_steps_is_found_beside_the_critical_val
     uncertainty = study.ranges[1].last_uncertainty
     assert uncertainty is not None
     assert abs(study.ranges[1].last - 1.17) <= uncertainty < 2e-4
+
+
+def test_a_motion_that_only_lasts_larger_is_tried_larger(nominal, monkeypatch):
+    known = made_up([], fold=1.25, reach=0.2)
+
+    def find(family, tasks, how, *, rounds):
+        for each in known(family, tasks, how, rounds=rounds):
+            yield each if each.value < HOPF or each.start.startswith("1.5 times") else each._replace(kind=DECAYS)
+
+    monkeypatch.setattr(study_module, "find_endings", find)
+    study = compare(predicted(nominal, [1.0, 1.1, 1.2, 1.3]), 0.1, lambda _: None, lambda *_: None)
+    assert [row.kind for row in study.rows if row.asked] == [UNSTABLE, UNSTABLE, KICKED, STABLE]
 
 
 def test_no_hysteresis_leaves_the_critical_value_alone(nominal, monkeypatch):

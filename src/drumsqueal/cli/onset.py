@@ -5,7 +5,8 @@ from typing import Annotated
 
 import typer
 
-from drumsqueal.cli.options import Overwrite, SceneFile, Settings, make_console, output_option, read_share
+from drumsqueal.cli.completion import complete_range
+from drumsqueal.cli.options import JsonFile, Overwrite, Quiet, Reply, SceneFile, Settings, output_option, read_share
 from drumsqueal.files.output_folder import ONSET_FILES, check_output, claimed
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import load_scene
@@ -19,7 +20,16 @@ ALONG = (
 
 def onset_command(
     scene: SceneFile,
-    along: Annotated[str, typer.Option("--along", metavar=SYNTAX, help=ALONG, show_default=False)],
+    along: Annotated[
+        str,
+        typer.Option(
+            "--along",
+            metavar=SYNTAX,
+            help=ALONG,
+            show_default=False,
+            autocompletion=complete_range,
+        ),
+    ],
     output: Annotated[Path | None, output_option("SCENE-onset")] = None,
     within: Annotated[
         str,
@@ -32,8 +42,10 @@ def onset_command(
     ] = False,
     settings: Settings = None,
     overwrite: Overwrite = False,
+    quiet: Quiet = False,
+    json_file: JsonFile = None,
 ) -> None:
-    """Compare linear with nonlinear onset along a parameter: where is it stable, where does it squeal, where if kicked?
+    """Where does it squeal, and where only when kicked?
 
     Finds the critical values of the eigenvalues, runs transients from small and large departures at each value, and
     follows what lasts to the neighbouring ones. Writes onset.csv, onset.json and onset.png into DIR.
@@ -45,6 +57,7 @@ def onset_command(
     share = read_share(within, "--within")
     folder = output if output is not None else Path("out") / f"{scene.stem}-onset"
     check_output(folder, ONSET_FILES, overwrite=overwrite)
+    reply = Reply(quiet, json_file, overwrite=overwrite)
     stop_if_interrupted()
     from drumsqueal.jobs.onset import study_into
     from drumsqueal.studies.cycle.branches import checked_range
@@ -55,4 +68,4 @@ def onset_command(
     if cycles:
         checked_range(loaded, variation)
     with claimed(folder, ONSET_FILES):
-        study_into(folder, predicted, share, make_console(), cycles=cycles)
+        reply.send(study_into(folder, predicted, share, reply.console, cycles=cycles))

@@ -1,5 +1,7 @@
 """The folder of results: what is written into it, and that nothing there is overwritten unasked."""
 
+import errno
+import os
 import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
@@ -86,18 +88,20 @@ def check_output(folder: Path, files: Iterable[str], *, overwrite: bool) -> None
         raise RequestError(f"{taken[0]} exists; add --overwrite to replace it, or choose another folder with -o")
 
 
-def check_output_file(path: Path, *, overwrite: bool) -> None:
-    """Raise RequestError where a file lies at the path already, or where none can be."""
+def check_output_file(path: Path, *, overwrite: bool, option: str = "-o") -> None:
+    """Raise RequestError where a file lies at the path already, or where none can be; `option` is what names it."""
     try:
-        _check_place(path.parent)
+        _check_place(path.parent, option)
         if path.is_dir():
-            raise RequestError(f"{path} is a folder, where a file is to go; name the file with -o")
+            raise RequestError(f"{path} is a folder, where a file is to go; name the file with {option}")
         if _is_there(path) and not overwrite:
-            raise RequestError(f"{path} exists; add --overwrite to replace it, or name another file with -o")
+            raise RequestError(f"{path} exists; add --overwrite to replace it, or name another file with {option}")
         if not path.parent.exists():
-            raise RequestError(f"{path}: there is no folder {path.parent}; make it, or name another file with -o")
+            raise RequestError(f"{path}: there is no folder {path.parent}; make it, or name another file with {option}")
+        if not os.access(path.parent, os.W_OK):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
     except OSError as error:
-        told = f"{path}: this file cannot be written ({error.strerror or error}); name another with -o"
+        told = f"{path}: this file cannot be written ({error.strerror or error}); name another with {option}"
         raise RequestError(told) from None
 
 
@@ -142,24 +146,31 @@ def part_of(path: Path) -> Path:
 
 def write_whole(path: Path, content: bytes) -> None:
     """Write a file whole or, where the disk or Ctrl-C stops it, leave what was there before. Raises OSError."""
+    with written_whole(path) as part:
+        part.write_bytes(content)
+
+
+@contextmanager
+def written_whole(path: Path) -> Iterator[Path]:
+    """Where to write a file, which takes its place after the block, or is no more. Raises OSError."""
     part = part_of(path)
     try:
         part.unlink(missing_ok=True)  # a link would be followed
-        part.write_bytes(content)
+        yield part
         part.replace(path)
     except BaseException:
         part.unlink(missing_ok=True)
         raise
 
 
-def _check_place(folder: Path) -> None:
+def _check_place(folder: Path, option: str = "-o") -> None:
     """Raise RequestError where the innermost part of the path that is there is no folder."""
     there = next(part for part in (folder, *folder.parents) if _is_there(part))
     place = there if there == folder else f"{folder}: {there}"
     if not there.exists():
-        raise RequestError(f"{place} is a link that leads nowhere; choose another folder with -o")
+        raise RequestError(f"{place} is a link that leads nowhere; choose another folder with {option}")
     if not there.is_dir():
-        raise RequestError(f"{place} is a file, not a folder; choose another with -o")
+        raise RequestError(f"{place} is a file, not a folder; choose another with {option}")
 
 
 def _is_there(path: Path) -> bool:

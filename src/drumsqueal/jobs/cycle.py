@@ -1,6 +1,7 @@
 """The search for a cycle, and cycles along a parameter, into one folder."""
 
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 
@@ -33,25 +34,27 @@ from drumsqueal.studies.cycle.orbit import Cycle
 from drumsqueal.studies.cycle.search import Search, find_cycle
 
 
-def find_into(folder: Path, scene: Scene, console: Console) -> None:
-    """Find a cycle of a scene, write summary, samples and figure into the folder and print what was found.
+def find_into(folder: Path, scene: Scene, console: Console) -> dict[str, Any]:
+    """Find a cycle of a scene, write summary, samples and figure into the folder, print and return what was found.
 
     Raises CycleError where there is none, and IntegrationError for a search that was interrupted.
     """
     with told_what_is_kept(folder / CYCLE_SUMMARY):
         with telling(console) as show:
             search = find_cycle(scene, show)
-        write_json(search_data(search), folder / CYCLE_SUMMARY)
+        found = search_data(search)
+        write_json(found, folder / CYCLE_SUMMARY)
         _write_period(folder / CYCLE_HISTORY, search)
         stop_if_interrupted()
         save_figures({CYCLE: draw_cycle(search)}, folder)
         stop_if_interrupted()
     print_search(console, search)
     console.print(printable(f"Summary, one period and figure are in {folder}"), soft_wrap=True)
+    return found
 
 
-def follow_into(folder: Path, scene: Scene, variation: Variation, console: Console) -> None:
-    """Follow the cycles along a parameter, write table, summary and figure into the folder and print what was found.
+def follow_into(folder: Path, scene: Scene, variation: Variation, console: Console) -> dict[str, Any]:
+    """Follow the cycles along a parameter, write table, summary and figure, print and return what was found.
 
     The table grows on disk cycle by cycle. Raises IntegrationError for a study that was interrupted, and CycleError
     where no cycle was found.
@@ -70,12 +73,14 @@ def follow_into(folder: Path, scene: Scene, variation: Variation, console: Conso
         if not diagram.branches:
             raise CycleError("; ".join(["no cycle was found in this range", *diagram.notes]))
         write_whole(folder / BRANCH_TABLE, to_csv(variation, None, diagram).encode())
-        write_json(diagram_data(diagram, variation), folder / BRANCH_SUMMARY)
+        found = diagram_data(diagram, variation)
+        write_json(found, folder / BRANCH_SUMMARY)
         stop_if_interrupted()
         save_figures({BRANCH: draw_branch(diagram, variation)}, folder)
         stop_if_interrupted()
     print_diagram(console, diagram, variation)
     console.print(printable(f"Table, summary and figure are in {folder}"), soft_wrap=True)
+    return found
 
 
 def _write_period(path: Path, search: Search) -> None:

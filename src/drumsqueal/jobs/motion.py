@@ -20,8 +20,8 @@ from drumsqueal.signals import told_frequencies
 from drumsqueal.studies.motion import LONGEST_START, MotionStudy, study_motion
 
 
-def study_into(folder: Path, scene: Scene, duration: float, at_most: float, console: Console) -> None:
-    """Study the motion of a scene, write summary, lines and figures into the folder and print what was found.
+def study_into(folder: Path, scene: Scene, duration: float, at_most: float, console: Console) -> dict[str, Any]:
+    """Study the motion of a scene, write summary, lines and figures into the folder, print and return what was found.
 
     Raises IntegrationError for a study that failed or was interrupted.
     """
@@ -33,7 +33,8 @@ def study_into(folder: Path, scene: Scene, duration: float, at_most: float, cons
                 progress.update(task, description=label, completed=reached, reached=f"{reached:.4f} s")
 
             study = study_motion(scene, duration, at_most=at_most, on_progress=show)
-        write_json(to_data(study), folder / MOTION_SUMMARY)
+        found = to_data(study)
+        write_json(found, folder / MOTION_SUMMARY)
         write_whole(folder / MOTION_TABLE, rows_to_csv(_rows(study)).encode())
         stop_if_interrupted()
         figures = {LINES: draw_lines(study), SECTION: draw_section(study), CONVERGENCE: draw_convergence(study)}
@@ -41,6 +42,7 @@ def study_into(folder: Path, scene: Scene, duration: float, at_most: float, cons
         stop_if_interrupted()
     print_study(console, study)
     console.print(printable(f"Summary, lines and figures are in {folder}"), soft_wrap=True)
+    return found
 
 
 def print_study(console: Console, study: MotionStudy) -> None:

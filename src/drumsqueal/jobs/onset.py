@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 
@@ -20,8 +21,8 @@ from drumsqueal.studies.onset.rows import Row
 from drumsqueal.studies.onset.study import OnsetStudy, Prediction, compare
 
 
-def study_into(folder: Path, predicted: Prediction, within: float, console: Console, *, cycles: bool) -> None:
-    """Compare a prediction with transients, write table, summary and figure into the folder and print what was found.
+def study_into(folder: Path, predicted: Prediction, within: float, console: Console, *, cycles: bool) -> dict[str, Any]:
+    """Compare a prediction with transients, write table, summary and figure, print and return what was found.
 
     With `cycles` they are followed over the range, too, and drawn into the figure.
 
@@ -29,15 +30,18 @@ def study_into(folder: Path, predicted: Prediction, within: float, console: Cons
     """
     with told_what_is_kept(folder / ONSET_TABLE):
         study = _study(folder, predicted, within, console)
-        write_json(to_data(study), folder / ONSET_SUMMARY)
+        found = to_data(study)
+        write_json(found, folder / ONSET_SUMMARY)
         stop_if_interrupted()
         diagram = _follow(predicted, console) if cycles else None
         if diagram is not None:
-            write_json(to_data(study, diagram), folder / ONSET_SUMMARY)
+            found = to_data(study, diagram)
+            write_json(found, folder / ONSET_SUMMARY)
         save_figures({ONSET: draw_onset(study, diagram)}, folder)
         stop_if_interrupted()
     print_study(console, study, diagram)
     console.print(printable(f"Table, summary and figure are in {folder}"), soft_wrap=True)
+    return found
 
 
 def _study(folder: Path, predicted: Prediction, within: float, console: Console) -> OnsetStudy:
