@@ -626,6 +626,8 @@ def test_the_command_follows_cycles(drumsqueal, tmp_path):
     assert folds[0]["value"] == pytest.approx(10.618092, abs=1e-5)
     rows = (tmp_path / "branch.csv").read_text().splitlines()
     assert len(rows) == 1 + len(branch["cycles"])
+    place = rows[0].split(",").index("stable")
+    assert [row.split(",")[place] == "yes" for row in rows[1:]] == [each["stable"] for each in branch["cycles"]]
     assert "fold" in out
     assert (tmp_path / "branch.png").stat().st_size > 10_000
 
