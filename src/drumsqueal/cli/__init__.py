@@ -18,6 +18,7 @@ from drumsqueal.cli.accuracy import accuracy_command
 from drumsqueal.cli.check import check_command
 from drumsqueal.cli.cycle import cycle_command
 from drumsqueal.cli.effects import effects_command
+from drumsqueal.cli.export import export_command
 from drumsqueal.cli.motion import motion_command
 from drumsqueal.cli.onset import onset_command
 from drumsqueal.cli.options import UsageError, make_console
@@ -51,6 +52,9 @@ GROUPS: dict[str, dict[str, Callable[..., None]]] = {
         "paper": paper_command,
     },
     "Quality": {"effects": effects_command, "accuracy": accuracy_command},
+    "Take it elsewhere": {
+        "export": export_command,
+    },
 }
 """The commands in the order of the help, by the panel they stand in."""
 _MORE_ARGUMENTS = {"effects"}  # it makes sense of --within 1 %

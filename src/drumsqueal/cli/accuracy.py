@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from drumsqueal.cli.options import JsonFile, Overwrite, Quiet, Reply, SceneFile, Settings, output_option, read_share
-from drumsqueal.files.output_folder import ACCURACY_FILES, check_output, claim_output
+from drumsqueal.files.output_folder import ACCURACY_FILES, check_output, claimed
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import load_scene
 
@@ -43,5 +43,5 @@ def accuracy_command(
     stop_if_interrupted()
     check_motion(loaded)
     check_sample_rate(prepare(loaded))
-    claim_output(folder, ACCURACY_FILES)
-    reply.send(study_into(folder, loaded, wanted, reply.console))
+    with claimed(folder, ACCURACY_FILES):
+        reply.send(study_into(folder, loaded, wanted, reply.console))

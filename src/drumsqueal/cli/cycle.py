@@ -7,7 +7,7 @@ import typer
 
 from drumsqueal.cli.completion import complete_range
 from drumsqueal.cli.options import JsonFile, Overwrite, Quiet, Reply, SceneFile, Settings, output_option
-from drumsqueal.files.output_folder import BRANCH_FILES, CYCLE_FILES, check_output, claim_output
+from drumsqueal.files.output_folder import BRANCH_FILES, CYCLE_FILES, check_output, claimed
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import load_scene
 from drumsqueal.scene.variation import read_variation
@@ -59,8 +59,8 @@ def cycle_command(
     check_sample_rate(prepare(checked(loaded)))
     if variation is not None:
         checked_range(loaded, variation)
-    claim_output(folder, files)
-    if variation is None:
-        reply.send(find_into(folder, loaded, reply.console))
-    else:
-        reply.send(follow_into(folder, loaded, variation, reply.console))
+    with claimed(folder, files):
+        if variation is None:
+            reply.send(find_into(folder, loaded, reply.console))
+        else:
+            reply.send(follow_into(folder, loaded, variation, reply.console))

@@ -7,7 +7,7 @@ import typer
 
 from drumsqueal.cli.options import JsonFile, Overwrite, Quiet, Reply, SceneFile, Settings, output_option
 from drumsqueal.errors import RequestError
-from drumsqueal.files.output_folder import MOTION_FILES, check_output, claim_output
+from drumsqueal.files.output_folder import MOTION_FILES, check_output, claimed
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import load_scene
 from drumsqueal.scene.quantities import parse_quantity
@@ -50,8 +50,8 @@ def motion_command(
 
     stop_if_interrupted()
     check_sample_rate(prepare(checked(loaded)))  # what cannot be done is told before there is a folder
-    claim_output(folder, MOTION_FILES)
-    reply.send(study_into(folder, loaded, length, limit, reply.console))
+    with claimed(folder, MOTION_FILES):
+        reply.send(study_into(folder, loaded, length, limit, reply.console))
 
 
 def _time(text: str, option: str) -> float:

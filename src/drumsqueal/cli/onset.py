@@ -7,7 +7,7 @@ import typer
 
 from drumsqueal.cli.completion import complete_range
 from drumsqueal.cli.options import JsonFile, Overwrite, Quiet, Reply, SceneFile, Settings, output_option, read_share
-from drumsqueal.files.output_folder import ONSET_FILES, check_output, claim_output
+from drumsqueal.files.output_folder import ONSET_FILES, check_output, claimed
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import load_scene
 from drumsqueal.scene.variation import POINTS, SYNTAX, read_variation
@@ -37,6 +37,9 @@ def onset_command(
             "--within", metavar="SHARE", help="Share of the range within which ends of the kicked range are sought."
         ),
     ] = "0.1 %",
+    cycles: Annotated[
+        bool, typer.Option("--cycles", help="Follow the cycles, too, stable or not, and draw them into the figure.")
+    ] = False,
     settings: Settings = None,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
@@ -57,9 +60,12 @@ def onset_command(
     reply = Reply(quiet, json_file, overwrite=overwrite)
     stop_if_interrupted()
     from drumsqueal.jobs.onset import study_into
+    from drumsqueal.studies.cycle.branches import checked_range
     from drumsqueal.studies.onset.study import predict
 
     stop_if_interrupted()
     predicted = predict(loaded, variation)  # what cannot be studied is told before there is a folder
-    claim_output(folder, ONSET_FILES)
-    reply.send(study_into(folder, predicted, share, reply.console))
+    if cycles:
+        checked_range(loaded, variation)
+    with claimed(folder, ONSET_FILES):
+        reply.send(study_into(folder, predicted, share, reply.console, cycles=cycles))

@@ -14,7 +14,7 @@ from drumsqueal.cli.options import (
     UsageError,
     output_option,
 )
-from drumsqueal.files.output_folder import HISTORY, RESUME, RUN_FILES, check_output, claim_output
+from drumsqueal.files.output_folder import HISTORY, RESUME, RUN_FILES, check_output, claimed
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import load_scene
 
@@ -51,5 +51,5 @@ def run_command(
     prepared = prepare(loaded)
     check_sample_rate(prepared)
     stop_if_interrupted()
-    claim_output(folder, RUN_FILES, but=(HISTORY, RESUME) if resume else ())
-    reply.send(run_into(folder, prepared, reply.console, since))
+    with claimed(folder, RUN_FILES, but=(HISTORY, RESUME) if resume else ()):
+        reply.send(run_into(folder, prepared, reply.console, since))

@@ -3,8 +3,8 @@
 import errno
 import os
 import tempfile
-from collections.abc import Iterable
-from contextlib import suppress
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from drumsqueal.errors import RequestError
@@ -108,12 +108,25 @@ def check_output_file(path: Path, *, overwrite: bool, option: str = "-o") -> Non
         raise RequestError(told) from None
 
 
-def claim_output(folder: Path, files: Iterable[str], *, but: Iterable[str] = ()) -> None:
+@contextmanager
+def claimed(folder: Path, files: Iterable[str], *, but: Iterable[str] = ()) -> Iterator[None]:
     """Create the folder, prove that it can be written and clear it of earlier files of these names, `but` for some.
 
-    What a program that was killed left half written is cleared, too.
+    What a program that was killed left half written is cleared, too. Where the block fails before anything is written,
+    the folders that were made for it go again. Raises RequestError where the folder cannot be written.
     """
     made: list[Path] = []
+    try:
+        _claim(folder, files, but, made)
+        yield
+    except BaseException:
+        with suppress(OSError):  # there is something in them
+            for part in reversed(made):
+                part.rmdir()
+        raise
+
+
+def _claim(folder: Path, files: Iterable[str], but: Iterable[str], made: list[Path]) -> None:
     try:
         for part in reversed((folder, *folder.parents)):
             if not part.exists():
@@ -126,9 +139,6 @@ def claim_output(folder: Path, files: Iterable[str], *, but: Iterable[str] = ())
             if name not in but:
                 (folder / name).unlink(missing_ok=True)
     except OSError as error:
-        with suppress(OSError):  # should somebody else have put something into them
-            for part in reversed(made):
-                part.rmdir()
         raise _unusable(folder, error) from None
 
 
@@ -139,10 +149,17 @@ def part_of(path: Path) -> Path:
 
 def write_whole(path: Path, content: bytes) -> None:
     """Write a file whole or, where the disk or Ctrl-C stops it, leave what was there before. Raises OSError."""
+    with written_whole(path) as part:
+        part.write_bytes(content)
+
+
+@contextmanager
+def written_whole(path: Path) -> Iterator[Path]:
+    """Where to write a file, which takes its place after the block, or is no more. Raises OSError."""
     part = part_of(path)
     try:
         part.unlink(missing_ok=True)  # a link would be followed
-        part.write_bytes(content)
+        yield part
         part.replace(path)
     except BaseException:
         part.unlink(missing_ok=True)

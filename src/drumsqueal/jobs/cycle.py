@@ -1,7 +1,5 @@
 """The search for a cycle, and cycles along a parameter, into one folder."""
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +24,7 @@ from drumsqueal.history import COMPLETE, to_dataset
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.jobs.branch_table import diagram_data, print_diagram, to_csv
 from drumsqueal.jobs.cycle_table import print_search, search_data
-from drumsqueal.jobs.progress import spinner
+from drumsqueal.jobs.progress import telling
 from drumsqueal.jobs.study import told_what_is_kept
 from drumsqueal.scene import Scene
 from drumsqueal.scene.quantities import printable
@@ -42,7 +40,7 @@ def find_into(folder: Path, scene: Scene, console: Console) -> dict[str, Any]:
     Raises CycleError where there is none, and IntegrationError for a search that was interrupted.
     """
     with told_what_is_kept(folder / CYCLE_SUMMARY):
-        with _shown(console) as show:
+        with telling(console) as show:
             search = find_cycle(scene, show)
         found = search_data(search)
         write_json(found, folder / CYCLE_SUMMARY)
@@ -63,7 +61,7 @@ def follow_into(folder: Path, scene: Scene, variation: Variation, console: Conso
     """
     rows: list[tuple[int, Cycle]] = []
     with told_what_is_kept(folder / BRANCH_TABLE):
-        with _shown(console) as show:
+        with telling(console) as show:
 
             def keep(branch: int, cycle: Cycle) -> None:
                 rows.append((branch, cycle))
@@ -96,11 +94,3 @@ def _write_period(path: Path, search: Search) -> None:
         part.replace(path)
     finally:
         part.unlink(missing_ok=True)
-
-
-@contextmanager
-def _shown(console: Console) -> Iterator[Callable[[str], None]]:
-    """What is being done, on a terminal."""
-    with spinner(console) as progress:
-        task = progress.add_task("compiling", total=None)
-        yield lambda words: progress.update(task, description=words)

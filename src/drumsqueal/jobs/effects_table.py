@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from drumsqueal.comparison.departure import ROTATIONS
+from drumsqueal.comparison.departure import unit_of
 from drumsqueal.history import versions
 from drumsqueal.jobs.study import rows_to_csv
 from drumsqueal.studies.effects.study import ROUND_OFF, EffectStudy, percent, remarks, reservations, verdict
@@ -83,7 +83,7 @@ def _row(variant: Variant, whole: Variant) -> dict[str, Any]:
             row[f"frequency_{label}_Hz"] = mode.frequency_Hz
             row[f"growth_rate_{label}_1_per_s"] = mode.growth_rate
         for name in whole.answer.amplitude:
-            row[f"end_amplitude_{name}_{'rad' if name in ROTATIONS else 'm'}"] = answer.amplitude.get(name, 0.0)
+            row[f"end_amplitude_{name}_{unit_of(name)}"] = answer.amplitude.get(name, 0.0)
         row["end_frequency_Hz"] = None if answer.main is None else answer.main.frequency_Hz
     if variant.change is not None:
         row |= {f"change_of_{field}": _number(value) for field, value in variant.change._asdict().items()}

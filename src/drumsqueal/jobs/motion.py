@@ -5,6 +5,7 @@ from typing import Any
 
 from rich.console import Console
 
+from drumsqueal.comparison.departure import unit_of
 from drumsqueal.figures import save_figures
 from drumsqueal.figures.motion import combination, draw_convergence, draw_lines, draw_section
 from drumsqueal.files.output_folder import CONVERGENCE, LINES, MOTION_SUMMARY, MOTION_TABLE, SECTION, write_whole
@@ -101,6 +102,8 @@ def _rows(study: MotionStudy) -> list[dict[str, Any]]:
             "combination": combination(integers),
         }
         row |= {f"k{place}": times for place, times in enumerate(integers, start=1)}
-        row |= {f"amplitude_{name}": abs(lines.amplitude[k, c]) for c, name in enumerate(study.coordinates)}
+        row |= {
+            f"amplitude_{name}_{unit_of(name)}": abs(lines.amplitude[k, c]) for c, name in enumerate(study.coordinates)
+        }
         rows.append(row)
     return rows

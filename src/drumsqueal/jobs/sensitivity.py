@@ -25,12 +25,13 @@ from drumsqueal.scene.quantities import printable
 from drumsqueal.simulation import check_sample_rate, prepare
 from drumsqueal.studies.sensitivity.decay import Decay, nonlinear_decay
 from drumsqueal.studies.sensitivity.quieting import Quieting, quieten, variable_numbers
-from drumsqueal.studies.sensitivity.study import SensitivityStudy, study_sensitivity
+from drumsqueal.studies.sensitivity.study import SensitivityStudy, check_modes, study_sensitivity
 
 
 def check_request(scene: Scene, keys: Sequence[str] | None, *, until_stable: bool) -> None:
     """Raise SceneError or RequestError for what cannot be studied, before there is a folder."""
     prepared = prepare(scene)
+    check_modes(prepared.stability)
     if until_stable:
         check_sample_rate(prepared)
         variable_numbers(scene, keys)

@@ -45,27 +45,21 @@ def sweep_into(folder: Path, plan: Plan, console: Console, source: Source = here
         raise IntegrationError("interrupted by the user; nothing was kept") from None
     except OSError as error:
         raise IntegrationError(f"failed: the disk does not take the results ({error}); nothing was kept") from None
-    outcome = COMPLETE
+    summary, outcome = None, COMPLETE
     try:
         _fill(file, plan, console, source)
+        summary = write_results(folder, plan)
     except KeyboardInterrupt:
         outcome = "interrupted by the user"
     except IntegrationError as error:
         outcome = f"failed: {error}"
     except OSError as error:
         outcome = f"failed: the disk does not take the results ({error.strerror or error})"
-    if outcome != COMPLETE:
+    if summary is None:
         outcome += f"; {int(file.computed().sum())} of {plan.points} points were computed"
         file.end(outcome)
         raise IntegrationError(f"{outcome} and are in {file.path}; {_AGAIN}")
-    try:
-        file.end(outcome)
-        summary = write_results(folder, plan)
-    except KeyboardInterrupt:
-        raise IntegrationError(f"interrupted by the user; all points are in {file.path}") from None
-    except OSError as error:
-        cause = f"failed: the disk does not take the results ({error.strerror or error})"
-        raise IntegrationError(f"{cause}; all points are in {file.path}") from None
+    file.end(outcome)  # not before its results are there: what is complete is not resumed
     print_sweep(console, plan, summary)
     console.print(printable(f"Results, summary and figures are in {folder}"), soft_wrap=True)
     return summary
