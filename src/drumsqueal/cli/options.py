@@ -117,14 +117,11 @@ def read_share(text: str, option: str) -> float:
 
 
 def read_time(text: str, option: str) -> float:
-    """A time (s), not negative, from "20 ms" or "0.02"."""
+    """A time (s) from "20 ms" or "0.02"; whether there is such a time, the history tells."""
     try:
-        time = float(parse_quantity(text if text.strip()[-1:].isalpha() else float(text), "s"))
+        return float(parse_quantity(text if text.strip()[-1:].isalpha() else float(text), "s"))
     except ValueError:  # of which SceneError is one
-        time = -1.0
-    if not time >= 0:
-        raise RequestError(f'{option} {text}: write a time such as "0.1 s"')
-    return time
+        raise RequestError(f'{option} {text}: write a time such as "0.1 s"') from None
 
 
 def make_console(*, stderr: bool = False, quiet: bool = False) -> Console:
