@@ -10,6 +10,7 @@ from typing import NoReturn
 import typer
 
 from drumsqueal.cli.accuracy import accuracy_command
+from drumsqueal.cli.compare import compare_command
 from drumsqueal.cli.cycle import cycle_command
 from drumsqueal.cli.effects import effects_command
 from drumsqueal.cli.motion import motion_command
@@ -38,6 +39,7 @@ app.command(name="motion")(motion_command)
 app.command(name="sensitivity")(sensitivity_command)
 app.command(name="paper")(paper_command)
 app.command(name="sweep")(sweep_command)
+app.command(name="compare")(compare_command)
 
 
 @app.callback()

@@ -15,6 +15,7 @@ from drumsqueal.signals.spectra import (
     spectral_peaks,
     spectrogram,
 )
+from drumsqueal.signals.tones import Tones, find_tones
 
 __all__ = [
     "PERIODS_NEEDED",
@@ -28,10 +29,12 @@ __all__ = [
     "Ridge",
     "Spectrogram",
     "Spectrum",
+    "Tones",
     "amplitude_spectrum",
     "classify",
     "find_bases",
     "find_lines",
+    "find_tones",
     "fit_growth",
     "follow_line",
     "modal_amplitudes",
