@@ -11,7 +11,7 @@ from drumsqueal.studies.measured import LOWEST, MeasuredComparison, Spectral
 
 MEASURED, SIMULATED = style.DARK, style.REVERSED
 ABOVE = 1.15  # highest frequency shown over that of the highest line or mode
-DEEPEST_DB = 120.0  # below the largest line
+DEEPEST_DB = 80.0  # below the largest line
 HEADROOM_DB, BELOW_DB = 12.0, 10.0
 LEAST_PERCENT = 0.1  # half the height of the lower panel at least
 
@@ -35,9 +35,11 @@ def draw_comparison(comparison: MeasuredComparison) -> Figure:
     if nyquist < highest:
         upper.annotate(
             "not measurable",
-            ((nyquist + highest) / 2e3, 0.03),
+            ((nyquist + highest) / 2e3, 0.97),
             xycoords=("data", "axes fraction"),
+            rotation=90,
             ha="center",
+            va="top",
             fontsize=style.SMALL_SIZE,
         )
     shown = [mode for mode in comparison.modes if mode.frequency_Hz < highest]

@@ -62,8 +62,9 @@ class MeasuredComparison(NamedTuple):
     """What was measured beside what was simulated and predicted.
 
     `unit` is that of all amplitudes, "" where the two records have none in common; levels then are relative to each
-    record's own largest line below `highest_Hz`, half the lower of the two sample rates, and otherwise to 1 `unit`.
-    No pair is further apart than `within`, a share of the frequency. `references` are the amplitudes of 0 dB, measured and simulated. `lines` come strongest first.
+    record's own largest line below `highest_Hz`, half the lower of the two sample rates, and otherwise to 1 `unit`. No
+    pair is further apart than `within`, a share of the frequency. `references` are the amplitudes of 0 dB, measured
+    and simulated. `lines` come strongest first.
     """
 
     scene: Scene
@@ -114,8 +115,8 @@ def compare_measured(
 
     Of the history the saturated part is taken, or all of it where it reaches no edge. Both spectra are averaged over
     segments as long as the shorter record, 1 s at most. A simulated velocity is compared with a measured acceleration
-    or displacement by 2πf, line by line. Pairs lie within the share `within` of the frequency. Raises RequestError for a signal that is not there or does not move, and for
-    a history whose friction law is not in it.
+    or displacement by 2πf, line by line. Pairs lie within the share `within` of the frequency. Raises RequestError for
+    a signal that is not there or does not move, and for a history whose friction law is not in it.
     """
     saved = history if isinstance(history, SavedHistory) else read_history(Path(history))
     if "friction_law" in saved.data.attrs:

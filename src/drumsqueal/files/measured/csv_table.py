@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.errors import RequestError
-from drumsqueal.files.measured.layout import COMMENTS, TIME_UNITS, Column, Layout, Line, cells_of, find_layout, number
+from drumsqueal.files.measured.layout import COMMENTS, TIME_UNITS, Column, Layout, Line, find_layout, number
 from drumsqueal.files.measured.record import Measured, Unit, measured_in, parse_unit, pick_channel
 from drumsqueal.files.measured.sampling import Sampling, UnevenError, even_sampling
 from drumsqueal.interrupts import stop_if_interrupted
@@ -66,7 +66,7 @@ def _table(
     used, values = len(layout.columns), array("d")
     texts = [line for _, line in rows]
     if layout.separator == " ":
-        cells = (cells_of(line, " ") for line in texts)
+        cells = (line.split() for line in texts)
     else:
         cells = csv.reader(texts, delimiter=layout.separator, skipinitialspace=True)
     for k, row in enumerate(cells):

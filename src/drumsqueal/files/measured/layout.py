@@ -63,7 +63,7 @@ def number(cell: str, *, decimal_comma: bool) -> float:
 def cells_of(line: str, separator: str) -> list[str]:
     """The cells of a line, without quotes and blanks around them."""
     if separator == " ":
-        return [cell.strip('"') for cell in line.split()]
+        line = " ".join(line.split())
     return [cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])]
 
 

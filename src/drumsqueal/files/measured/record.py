@@ -1,6 +1,7 @@
 """One measured record, whatever file it came from, and what its unit says of it."""
 
 import re
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -68,6 +69,7 @@ def measured_in(
     return Measured(printable(name), unit.quantity, unit.si, rate, start, values * unit.factor, tuple(told))
 
 
+@cache
 def parse_unit(text: str) -> Unit | None:
     """A unit such as "mm/s", "g" (standard gravity) or, of a calibration, "50 mm/s"; None for what is none of them.
 

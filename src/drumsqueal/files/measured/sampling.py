@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 # that times f over the sample rate: −30 dB of a line at half the sample rate, less below.
 JITTER = 0.01
 ROUNDED = 0.75  # of the last digit: half of it, and what the rounding of all of them shifts the fit by
+LOST = 0.4  # intervals; a sample that was lost puts those beside it half an interval off, or more
 MOST_DIGITS = 12  # after the point of a time
 LAST_SHARE = 0.1  # of the times, the largest, whose digits are the coarsest
 
@@ -28,8 +29,8 @@ class UnevenError(ValueError):
 def even_sampling(time: NDArray[np.float64]) -> Sampling:
     """The even spacing of times (s), by least squares; NaN among them is passed over.
 
-    A time may lie 1 % of an interval off its place, or as far as rounding its last digit moves it: the times that were
-    written are then rounded, not those of the samples. Raises UnevenError.
+    A time may lie 1 % of an interval off its place or, up to 40 %, as far as rounding its last digit moves it: then the
+    times that were written are rounded, not those of the samples. Raises UnevenError.
     """
     known = np.isfinite(time)
     index = np.flatnonzero(known).astype(np.float64)
@@ -45,11 +46,11 @@ def even_sampling(time: NDArray[np.float64]) -> Sampling:
     if not interval > 0:
         raise UnevenError("the times do not increase")
     digit = last_digit(times)
-    if digit > interval:
-        raise UnevenError(f"the times are rounded to {digit:g} s, longer than an interval")
-    if off[worst] > max(JITTER * interval, ROUNDED * digit):
+    if off[worst] > max(JITTER * interval, min(ROUNDED * digit, LOST * interval)):
+        if digit > interval / 2:
+            raise UnevenError(f"the times are rounded to {digit:g} s, too coarse for an interval of {interval:.3g} s")
         raise UnevenError(f"{where} a time lies {off[worst] / interval:.2g} intervals off its place")
-    return Sampling(1.0 / interval, float(places[0] - index[0] * interval), float(off[worst]) / interval)
+    return Sampling(1.0 / interval, float(times[0] - index[0] * interval), float(off[worst]) / interval)
 
 
 def last_digit(times: NDArray[np.float64]) -> float:

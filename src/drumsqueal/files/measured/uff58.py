@@ -29,6 +29,7 @@ SYSTEMS = {
     8: (1e-3, _KILOGRAM),
 }
 USER_DEFINED = 9
+_MARK = b"    -1"  # begins and ends a data set
 SAME = 0.01  # relative, of two factors that are the same unit
 
 
@@ -67,7 +68,7 @@ def _data_sets(path: Path) -> tuple[list[dict[str, Any]], dict[str, Any] | None]
             units = [file.read_sets(k) for k, kind in enumerate(kinds) if kind == 164]
     except Exception:  # pyuff raises plain Exception
         raise RequestError(f"{path}: the UFF file is damaged or cut short; export it again") from None
-    if sum(line.strip() == b"-1" for line in path.read_bytes().splitlines()) < 2 * len(kinds) + (not kinds):
+    if sum(line.rstrip() == _MARK for line in path.read_bytes().splitlines()) % 2:  # pyuff passes over the last one
         raise RequestError(f"{path}: the UFF file is cut short; copy it again")
     if not records:
         found = f", but {', '.join(map(str, sorted(set(kinds))))}" if kinds else ""
