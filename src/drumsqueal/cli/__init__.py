@@ -13,6 +13,7 @@ from drumsqueal.cli.accuracy import accuracy_command
 from drumsqueal.cli.compare import compare_command
 from drumsqueal.cli.cycle import cycle_command
 from drumsqueal.cli.effects import effects_command
+from drumsqueal.cli.export import export_command
 from drumsqueal.cli.motion import motion_command
 from drumsqueal.cli.onset import onset_command
 from drumsqueal.cli.options import UsageError, make_console
@@ -40,6 +41,7 @@ app.command(name="sensitivity")(sensitivity_command)
 app.command(name="paper")(paper_command)
 app.command(name="sweep")(sweep_command)
 app.command(name="compare")(compare_command)
+app.command(name="export")(export_command)
 
 
 @app.callback()
