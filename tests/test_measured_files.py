@@ -268,7 +268,7 @@ def test_what_is_no_unit_of_a_known_quantity(text):
 def test_a_unit_that_is_given_goes_before_that_of_the_file(file):
     write(file, ["time (s),v (V)"], [TIME, VALUES])
     assert "'V' is no unit of a known quantity" in read_measured(file).told
-    found = read_measured(file, unit=parse_unit("50 mm/s"))
+    found = read_measured(file, unit="50 mm/s")
     assert (found.unit, found.quantity, found.told) == ("m/s", "velocity", ())
     np.testing.assert_allclose(found.values, 0.05 * VALUES, rtol=1e-15)
 

@@ -65,13 +65,8 @@ def compare_command(
     end = None if last is None else _quantity(last, "--until", "s", "2 s")
     stop_if_interrupted()
     from drumsqueal.files.measured.reader import read_measured
-    from drumsqueal.files.measured.record import QUANTITIES, parse_unit
 
-    written = None if unit is None else parse_unit(unit)
-    if unit is not None and written is None:
-        known = ", ".join(f"{si} ({quantity})" for si, quantity in QUANTITIES.items())
-        raise RequestError(f'--unit {unit}: write a unit of the kind of {known}, such as "mm/s" or "50 mm/s"')
-    record = read_measured(measured, channel, rate=sampled, unit=written, first=begin, last=end)
+    record = read_measured(measured, channel, rate=sampled, unit=unit, first=begin, last=end)
     stop_if_interrupted()
     from drumsqueal.jobs.compare import compare_into
     from drumsqueal.studies.measured import compare_measured

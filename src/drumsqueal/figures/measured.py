@@ -19,7 +19,9 @@ LEAST_PERCENT = 0.1  # half the height of the lower panel at least
 @style.styled()
 def draw_comparison(comparison: MeasuredComparison) -> Figure:
     """Draw both spectra in dB over each other and, below, the differences of the lines that are pairs."""
-    figure = style.new_figure(comparison.scene.title, f"measured {comparison.measured_record.name} over the simulation")
+    figure = style.new_figure(
+        comparison.scene.title, f"measured {comparison.measured_record.short_name} over the simulation"
+    )
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
     highest = _highest(comparison)
     upper.set_xlim(0, highest / 1e3)
@@ -60,7 +62,7 @@ def _highest(comparison: MeasuredComparison) -> float:
 def _draw_spectra(comparison: MeasuredComparison, axes: Axes, highest: float) -> None:
     records = (comparison.simulated, comparison.measured)
     references = comparison.references[::-1]
-    colours, names = (SIMULATED, MEASURED), (comparison.signal, comparison.measured_record.name)
+    colours, names = (SIMULATED, MEASURED), (comparison.signal, comparison.measured_record.short_name)
     tops, bottoms = [], []
     for record, reference, colour, name in zip(records, references, colours, names, strict=True):
         spectrum = record.tones.spectrum

@@ -43,7 +43,7 @@ def print_comparison(console: Console, comparison: MeasuredComparison) -> None:
 
 
 def _record(comparison: MeasuredComparison, name: str, record: Spectral) -> str:
-    what = comparison.measured_record.name if name == "Measured" else comparison.signal
+    what = comparison.measured_record.short_name if name == "Measured" else comparison.signal
     segments = "" if record.tones.segments == 1 else f", mean of {record.tones.segments} segments"
     return (
         f"{what}, {record.start_s:.4g} to {record.end_s:.4g} s at {record.sample_rate:.6g} Hz, resolution "

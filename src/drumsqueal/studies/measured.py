@@ -10,6 +10,7 @@ from drumsqueal.comparison.departure import first_edge
 from drumsqueal.comparison.matching import WIDEST, Match, match_lines, share_covered
 from drumsqueal.comparison.saturation import saturated_part
 from drumsqueal.errors import RequestError
+from drumsqueal.export.signals import SURFACE, given_law, make_channels, names_of
 from drumsqueal.files.measured.record import QUANTITIES, Measured, parse_unit
 from drumsqueal.files.saved_history import SavedHistory, read_history
 from drumsqueal.interrupts import stop_if_interrupted
@@ -17,7 +18,6 @@ from drumsqueal.linear.modes import Mode
 from drumsqueal.scene import Scene
 from drumsqueal.signals import Tones, find_tones
 from drumsqueal.simulation import prepare
-from drumsqueal.studies.simulated_signal import DEFAULT, simulated_signal
 
 LONGEST_SEGMENT = 1.0  # s: a line of squeal seldom keeps its frequency for longer than 1 Hz tells
 FEWEST_SAMPLES = 64  # of the simulated part
@@ -109,7 +109,7 @@ class MeasuredComparison(NamedTuple):
 
 
 def compare_measured(
-    history: SavedHistory | Path | str, measured: Measured, signal: str = DEFAULT, *, within: float = WIDEST
+    history: SavedHistory | Path | str, measured: Measured, signal: str = SURFACE, *, within: float = WIDEST
 ) -> MeasuredComparison:
     """Compare a measured record with a signal of a history, and with the eigenvalues of its scene.
 
@@ -119,9 +119,10 @@ def compare_measured(
     a signal that is not there or does not move, and for a history whose friction law is not in it.
     """
     saved = history if isinstance(history, SavedHistory) else read_history(Path(history))
-    if "friction_law" in saved.data.attrs:
+    if given_law(saved):
         told = "its friction law was given in Python and is not in it, so that its eigenvalues are not known"
         raise RequestError(f"{saved.path}: {told}; run the scene with a law that it names")
+    name = _one_signal(saved, signal)
     prepared = prepare(saved.scene)
     stop_if_interrupted()
     edge = first_edge(saved.data, prepared.stability, prepared.linear)
@@ -129,14 +130,15 @@ def compare_measured(
     part = slice(0, time.size) if edge is None else saturated_part(time, edge)
     if part.stop - part.start < FEWEST_SAMPLES:
         raise RequestError(f"{saved.path}: {part.stop - part.start} samples of motion are too few; run it for longer")
-    values, own_unit = simulated_signal(saved, signal, part)
+    (channel,) = make_channels(saved, [name], part)
+    values = channel.values
     if not np.ptp(values) > 0:
         raise RequestError(f"{saved.path}: {signal} does not move in this history; take another with --signal")
     segment = min(measured.duration_s, values.size / saved.sample_rate, LONGEST_SEGMENT)
     found = find_tones(measured.values, measured.sample_rate, segment=segment, lowest=LOWEST)
     stop_if_interrupted()
     tones = find_tones(values, saved.sample_rate, segment=segment, lowest=LOWEST)
-    unit, order = common_unit(own_unit, measured.unit)
+    unit, order = common_unit(channel.units, measured.unit)
     ends = (measured.start_s, measured.start_s + (measured.values.size - 1) / measured.sample_rate)
     records = (
         Spectral(*ends, measured.sample_rate, found),
@@ -158,6 +160,17 @@ def compare_measured(
         within=within,
         told=_told(saved, measured, edge, unit, order),
     )
+
+
+def _one_signal(saved: SavedHistory, signal: str) -> str:
+    """The name of the one signal that is asked for, as `drumsqueal export` names them."""
+    try:
+        names, _ = names_of([signal], saved)
+    except RequestError as error:
+        raise RequestError(str(error).replace("--signals", "--signal", 1)) from None
+    if len(names) != 1:
+        raise RequestError(f"--signal {signal}: there are several such, {', '.join(names)}; take one of them")
+    return names[0]
 
 
 def common_unit(simulated: str, measured: str) -> tuple[str, int]:

@@ -6,7 +6,7 @@ import numpy as np
 
 from drumsqueal.errors import RequestError
 from drumsqueal.files.measured.csv_table import read_csv
-from drumsqueal.files.measured.record import Measured, Unit
+from drumsqueal.files.measured.record import QUANTITIES, Measured, Unit, parse_unit
 from drumsqueal.files.measured.sampling import longest_whole
 
 FORMATS = "CSV, UFF58 and WAV are read"
@@ -29,24 +29,32 @@ def read_measured(
     channel: str | None = None,
     *,
     rate: float | None = None,
-    unit: Unit | None = None,
+    unit: str | None = None,
     first: float | None = None,
     last: float | None = None,
 ) -> Measured:
     """Read one channel of a CSV, UFF58 or WAV file, in SI where its unit is known.
 
     `channel` is a name or a number from 1 on, and may be left out where there is only one. `rate` (Hz) is that of a
-    file which does not say, or says it wrongly. `unit` is what 1 in the file stands for: parse_unit("50 mm/s"). `first`
+    file which does not say, or says it wrongly. `unit` is what 1 in the file stands for: "mm/s", or "50 mm/s". `first`
     and `last` (s) are the part to take. Raises RequestError for what cannot be read.
     """
-    file = Path(path)
+    file, own = Path(path), None if unit is None else _given(unit)
     try:
-        measured = _read(file, channel, rate, unit)
+        measured = _read(file, channel, rate, own)
     except (OSError, ValueError) as error:
         if isinstance(error, RequestError):
             raise
         raise RequestError(f"{file}: cannot be read ({getattr(error, 'strerror', None) or error})") from None
     return _whole(_windowed(file, measured, first, last), file)
+
+
+def _given(unit: str) -> Unit:
+    found = parse_unit(unit)
+    if found is None:
+        known = ", ".join(f"{si} ({quantity})" for si, quantity in QUANTITIES.items())
+        raise RequestError(f'--unit {unit}: write a unit of the kind of {known}, such as "mm/s" or "50 mm/s"')
+    return found
 
 
 def _read(path: Path, channel: str | None, rate: float | None, unit: Unit | None) -> Measured:

@@ -24,6 +24,7 @@ QUANTITIES = {
 }
 STANDARD_GRAVITY = 9.80665  # m/s²
 _OWN = {"g": ("m/s^2", STANDARD_GRAVITY), "g_n": ("m/s^2", STANDARD_GRAVITY), "Nm": ("N*m", 1.0)}  # not gram, nanometre
+_NAME = 40  # letters
 _LISTED = 12  # channels that a message names
 
 
@@ -53,6 +54,12 @@ class Measured(NamedTuple):
     start_s: float
     values: NDArray[np.float64]
     told: tuple[str, ...]
+
+    @property
+    def short_name(self) -> str:
+        """The name without what explains it behind a colon, and not much longer than a column."""
+        name = self.name.split(": ")[0]
+        return name if len(name) <= _NAME else f"{name[: _NAME - 1]}…"
 
     @property
     def duration_s(self) -> float:
