@@ -308,7 +308,7 @@ def test_wav_that_is_cut_short_or_clipped(file):
 # UFF58
 
 
-def data_set(values=VALUES, **more):
+def data_set(values: np.ndarray = VALUES, **more):
     return pyuff.prepare_58(
         **{
             "binary": 0,

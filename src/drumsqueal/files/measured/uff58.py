@@ -62,7 +62,7 @@ def _data_sets(path: Path) -> tuple[list[dict[str, Any]], dict[str, Any] | None]
         raise RequestError(f"{path}: UFF58 is read by pyuff, which is not installed; {INSTALL}") from None
     try:
         with contextlib.redirect_stdout(io.StringIO()):  # pyuff prints what it makes of odd ones
-            file = pyuff.UFF(str(path))
+            file: Any = pyuff.UFF(str(path))
             kinds = [int(kind) for kind in file.get_set_types()] if file.get_n_sets() else []
             records = [file.read_sets(k) for k, kind in enumerate(kinds) if kind == 58]
             units = [file.read_sets(k) for k, kind in enumerate(kinds) if kind == 164]

@@ -19,8 +19,8 @@ def read_wav(path: Path, channel: str | None, rate: float | None, unit: Unit | N
             warnings.simplefilter("always")
             own_rate, data = wavfile.read(path)
     except Exception as error:  # scipy raises nearly all there is on a file that is damaged
-        told = f"{path}: this WAV file is damaged, or of a kind that is not read ({error})"
-        raise RequestError(f"{told}; PCM and floating point are") from None
+        damaged = f"{path}: this WAV file is damaged, or of a kind that is not read ({error})"
+        raise RequestError(f"{damaged}; PCM and floating point are") from None
     if any("prematurely" in str(note.message) or "Incomplete" in str(note.message) for note in noted):
         raise RequestError(f"{path}: the WAV file is cut short; copy it again")
     columns = data.reshape(len(data), -1)
