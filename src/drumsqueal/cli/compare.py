@@ -6,9 +6,9 @@ from typing import Annotated
 
 import typer
 
-from drumsqueal.cli.options import Overwrite, make_console, output_option, read_share
+from drumsqueal.cli.options import JsonFile, Overwrite, Quiet, Reply, output_option, read_share
 from drumsqueal.errors import RequestError
-from drumsqueal.files.output_folder import COMPARE_FILES, HISTORY, check_output, claim_output
+from drumsqueal.files.output_folder import COMPARE_FILES, HISTORY, check_output, claimed
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene.quantities import parse_quantity
 
@@ -47,8 +47,12 @@ def compare_command(
         str, typer.Option("--within", metavar="SHARE", help="How far apart two lines that are a pair may lie.")
     ] = "5%",
     overwrite: Overwrite = False,
+    quiet: Quiet = False,
+    json_file: JsonFile = None,
 ) -> None:
-    """Lay a measured record over a history: which lines are the same, and how far are they from the eigenvalues?
+    """Which lines of a measured record are simulated?
+
+    Lays the record over a history and tells how far its lines are from the simulated ones and from the eigenvalues.
 
     Writes compare.csv, compare.json and compare.png into DIR. A measured acceleration or displacement is compared with
     a simulated velocity line by line; a record without a unit, such as a microphone's, by frequency and relative level.
@@ -57,6 +61,7 @@ def compare_command(
     """
     folder = output if output is not None else Path("out") / f"{_name(history)}-compare"
     check_output(folder, COMPARE_FILES, overwrite=overwrite)
+    reply = Reply(quiet, json_file, overwrite=overwrite)
     for source in (history, measured):
         _spare(source, folder)
     widest = read_share(within, "--within")
@@ -76,8 +81,8 @@ def compare_command(
         history, record, signal, within=widest
     )  # what cannot be done is told before there is a folder
     stop_if_interrupted()
-    claim_output(folder, COMPARE_FILES)
-    compare_into(folder, comparison, measured, make_console())
+    with claimed(folder, COMPARE_FILES):
+        reply.send(compare_into(folder, comparison, measured, reply.console))
 
 
 def _name(history: Path) -> str:

@@ -184,6 +184,6 @@ def _accelerations(saved: SavedHistory) -> NDArray[np.float64]:
 
     data, kept = saved.data, list(kept_coordinates(saved.scene))
     wide = np.zeros((data.sizes["time"], len(COORDINATES)))
-    motion = (data[name].values[:, kept] for name in (DISPLACEMENT, VELOCITY))
-    wide[:, kept] = accelerations(build_model(saved.scene), data["time"].values, *motion, data["sticking"].values > 0)
+    q, v = (data[name].values[:, kept] for name in (DISPLACEMENT, VELOCITY))
+    wide[:, kept] = accelerations(build_model(saved.scene), data["time"].values, q, v, data["sticking"].values > 0)
     return wide

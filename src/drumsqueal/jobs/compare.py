@@ -1,6 +1,7 @@
 """A comparison with a measured record into one folder: table, summary and figure."""
 
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 
@@ -15,16 +16,18 @@ from drumsqueal.scene.quantities import printable
 from drumsqueal.studies.measured import MeasuredComparison
 
 
-def compare_into(folder: Path, comparison: MeasuredComparison, measured: Path, console: Console) -> None:
-    """Write table, summary and figure into the folder, and print what was found.
+def compare_into(folder: Path, comparison: MeasuredComparison, measured: Path, console: Console) -> dict[str, Any]:
+    """Write table, summary and figure into the folder, print and return what was found.
 
     Raises IntegrationError where it was interrupted or the disk does not take it.
     """
     with told_what_is_kept(folder / COMPARE_TABLE):
         write_whole(folder / COMPARE_TABLE, to_csv(comparison).encode())
-        write_json(comparison_data(comparison, measured), folder / COMPARE_SUMMARY)
+        found = comparison_data(comparison, measured)
+        write_json(found, folder / COMPARE_SUMMARY)
         stop_if_interrupted()
         save_figures({COMPARE: draw_comparison(comparison)}, folder)
         stop_if_interrupted()
     print_comparison(console, comparison)
     console.print(printable(f"Table, summary and figure are in {folder}"), soft_wrap=True)
+    return found
