@@ -53,10 +53,7 @@ GROUPS: dict[str, dict[str, Callable[..., None]]] = {
         "paper": paper_command,
     },
     "Quality": {"effects": effects_command, "accuracy": accuracy_command},
-    "Take it elsewhere": {
-        "export": export_command,
-        "compare": compare_command,
-    },
+    "Other programs": {"export": export_command, "compare": compare_command},
 }
 """The commands in the order of the help, by the panel they stand in."""
 _MORE_ARGUMENTS = {"effects"}  # it makes sense of --within 1 %
