@@ -17,6 +17,7 @@ from rich.markup import escape
 from drumsqueal.cli.accuracy import accuracy_command
 from drumsqueal.cli.animate import animate_command
 from drumsqueal.cli.check import check_command
+from drumsqueal.cli.compare import compare_command
 from drumsqueal.cli.cycle import cycle_command
 from drumsqueal.cli.effects import effects_command
 from drumsqueal.cli.export import export_command
@@ -53,9 +54,10 @@ GROUPS: dict[str, dict[str, Callable[..., None]]] = {
         "paper": paper_command,
     },
     "Quality": {"effects": effects_command, "accuracy": accuracy_command},
-    "Take it elsewhere": {
+    "Other programs": {
         "animate": animate_command,
         "export": export_command,
+        "compare": compare_command,
     },
 }
 """The commands in the order of the help, by the panel they stand in."""

@@ -73,6 +73,10 @@ SENSITIVITY = "sensitivity"
 SENSITIVITY_FILES = (SENSITIVITY_TABLE, SENSITIVITY_SUMMARY, QUIET_SCENE, figure_file(SENSITIVITY))
 """The names of all files of a study of sensitivity."""
 
+COMPARE_TABLE, COMPARE_SUMMARY, COMPARE = "compare.csv", "compare.json", "compare"
+COMPARE_FILES = (COMPARE_TABLE, COMPARE_SUMMARY, figure_file(COMPARE))
+"""The names of all files of a comparison with a measured record."""
+
 
 def check_output(folder: Path, files: Iterable[str], *, overwrite: bool) -> None:
     """Raise RequestError where files of these names lie already, or where something else is in the folder's place."""
