@@ -16,6 +16,7 @@ from drumsqueal.cli.motion import motion_command
 from drumsqueal.cli.onset import onset_command
 from drumsqueal.cli.options import UsageError, make_console
 from drumsqueal.cli.paper import paper_command
+from drumsqueal.cli.report import report_command
 from drumsqueal.cli.run import run_command
 from drumsqueal.cli.sensitivity import sensitivity_command
 from drumsqueal.cli.stability import stability_command
@@ -38,6 +39,7 @@ app.command(name="motion")(motion_command)
 app.command(name="sensitivity")(sensitivity_command)
 app.command(name="paper")(paper_command)
 app.command(name="sweep")(sweep_command)
+app.command(name="report")(report_command)
 
 
 @app.callback()
