@@ -8,6 +8,7 @@ from pathlib import Path
 import jax
 import pytest
 
+import drumsqueal
 from drumsqueal.scene import load_scene
 
 ROOT = Path(__file__).parents[1]
@@ -52,3 +53,11 @@ def test_the_python_lines_run_and_the_gradient_is_right(monkeypatch, capsys):
     # The exact times of Coulomb's block: 2 Δ/V and 2 (π − arctan(Δ/V)), with Δ = 0.5 and V = 0.2.
     assert times[2] - times[1] == pytest.approx(2 * (math.pi - math.atan(2.5)), rel=1e-6)
     assert times[3] - times[2] == pytest.approx(5.0, rel=1e-6)
+
+
+def test_every_public_name_is_there_and_tells_what_it_is():
+    assert sorted(drumsqueal.__all__) == sorted(drumsqueal._HOME)
+    for name in drumsqueal.__all__:
+        assert getattr(drumsqueal, name).__doc__
+    with pytest.raises(AttributeError, match="no attribute 'solve'"):
+        drumsqueal.solve  # noqa: B018 (to look it up is the test)

@@ -20,10 +20,10 @@ from drumsqueal.files.sweep import AT_REST, FOLDED, NOT_YET, OUTCOME
 from drumsqueal.files.sweep_file import RUNNING, SweepFile
 from drumsqueal.jobs import sweep as job
 from drumsqueal.scene import COORDINATES, SceneError, load_scene
+from drumsqueal.scene.plan import Plan, grid, sample
 from drumsqueal.scene.variation import read_variation
 from drumsqueal.studies.sweep import study
 from drumsqueal.studies.sweep.chance import chance, rank_correlation, study_chance
-from drumsqueal.studies.sweep.plan import Plan, grid, sample
 from processes import posix, start, wait_for
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"

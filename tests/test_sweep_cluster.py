@@ -18,9 +18,9 @@ from drumsqueal.files.sweep import blank
 from drumsqueal.jobs import cluster_work
 from drumsqueal.jobs.cluster import Cluster
 from drumsqueal.scene import load_scene
+from drumsqueal.scene.plan import Plan, grid
 from drumsqueal.scene.variation import read_variation
 from drumsqueal.studies.sweep import study
-from drumsqueal.studies.sweep.plan import Plan, grid
 from processes import posix, start
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"

@@ -2,11 +2,8 @@
 
 A scene is read by `load_scene`, run by `run`, asked what its accuracy or its effects cost by `study_accuracy` and
 `study_effects`, and where along a parameter it squeals by `study_onset`. `build_model`, `analyse_stability` and
-`growth_rate` are the linear side of it, for any numbers; `integrate_many` takes many models at once.
-`help(drumsqueal.run)` and so on tell more.
-A scene is read by `load_scene`, run by `run`, and asked what its accuracy or its effects cost by `study_accuracy` and
-`study_effects`. `build_model`, `analyse_stability` and `growth_rate` are the linear side of it, for any numbers;
-`integrate_many` takes many models at once, `sweep_parameters` many scenes. `help(drumsqueal.run)` and so on tell more.
+`growth_rate` are the linear side of it, for any numbers; `integrate_many` takes many models at once,
+`sweep_parameters` many scenes. `help(drumsqueal.run)` and so on tell more.
 
 The names below are imported when they are first used: reading a scene does not load JAX, and the command line can
 prepare its environment first.
@@ -47,17 +44,17 @@ _HOMES = {
     "linear.modes": ("Mode", "Stability", "analyse_stability", "growth_rate"),
     "scene": ("Scene", "load_scene", "scene_from_dict"),
     "simulation": ("Result", "run"),
-    "studies.accuracy": ("AccuracyStudy", "study_accuracy"),
-    "studies.branches": ("Diagram", "follow_cycle"),
-    "studies.cycle": ("Search", "find_cycle"),
-    "studies.effects": ("EffectStudy", "study_effects"),
+    "studies.accuracy.study": ("AccuracyStudy", "study_accuracy"),
+    "studies.cycle.branches": ("Diagram", "follow_cycle"),
+    "studies.cycle.search": ("Search", "find_cycle"),
+    "studies.effects.study": ("EffectStudy", "study_effects"),
     "studies.motion": ("MotionStudy", "study_motion"),
-    "studies.onset": ("OnsetStudy", "study_onset"),
-    "studies.paper": ("PaperStudy", "study_paper"),
-    "studies.quieting": ("Quieting", "quieten"),
-    "studies.sensitivity": ("SensitivityStudy", "study_sensitivity"),
+    "studies.onset.study": ("OnsetStudy", "study_onset"),
+    "studies.paper.study": ("PaperStudy", "study_paper"),
+    "studies.sensitivity.quieting": ("Quieting", "quieten"),
+    "studies.sensitivity.study": ("SensitivityStudy", "study_sensitivity"),
     "scene.seo_kang": ("seo_kang_brake",),
-    "studies.sweep": ("sweep_parameters",),
+    "studies.sweep.study": ("sweep_parameters",),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
 

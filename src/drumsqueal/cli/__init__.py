@@ -10,6 +10,7 @@ from typing import NoReturn
 import typer
 
 from drumsqueal.cli.accuracy import accuracy_command
+from drumsqueal.cli.animate import animate_command
 from drumsqueal.cli.cycle import cycle_command
 from drumsqueal.cli.effects import effects_command
 from drumsqueal.cli.motion import motion_command
@@ -40,6 +41,7 @@ app.command(name="sensitivity")(sensitivity_command)
 app.command(name="paper")(paper_command)
 app.command(name="sweep")(sweep_command)
 app.command(name="report")(report_command)
+app.command(name="animate")(animate_command)
 
 
 @app.callback()

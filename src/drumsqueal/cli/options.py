@@ -19,6 +19,13 @@ def read_folder(text: str) -> Path:
     return Path(text)
 
 
+def read_file(text: str) -> Path:
+    """A file's name."""
+    if not text:
+        raise typer.BadParameter("the name of the file is empty")
+    return Path(text)
+
+
 def output_option(default: str) -> Any:
     """The option -o of a command whose results go to out/`default` without it."""
     told = f"Folder of the results (default: out/{default})."
@@ -43,6 +50,17 @@ def read_share(text: str, option: str) -> float:
     if not 0 < share < 1:
         raise RequestError(f'{option} {text}: write a share between 0 and 100 %, such as "1 %" or 0.01')
     return share
+
+
+def read_time(text: str, option: str) -> float:
+    """A time (s), not negative, from "20 ms" or "0.02"."""
+    try:
+        time = float(parse_quantity(text if text.strip()[-1:].isalpha() else float(text), "s"))
+    except ValueError:  # of which SceneError is one
+        time = -1.0
+    if not time >= 0:
+        raise RequestError(f'{option} {text}: write a time such as "20 ms", or a number in s')
+    return time
 
 
 def make_console(*, stderr: bool = False) -> Console:

@@ -19,8 +19,8 @@ from drumsqueal.errors import RequestError
 from drumsqueal.files.output_folder import SWEEP, SWEEP_FILES, check_output, claim_output
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import Scene, load_scene
+from drumsqueal.scene.plan import Plan, grid, sample
 from drumsqueal.scene.variation import read_variation
-from drumsqueal.studies.sweep.plan import Plan, grid, sample
 
 _VARY = "Take these values, e.g. drum.speed=1..40x20; with --random, any between, e.g. drum.speed=1..40. Repeatable."
 _RANDOM = "Draw so many times from the scene's table [uncertain], and from the ranges of --vary."

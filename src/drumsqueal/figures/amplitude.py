@@ -15,7 +15,7 @@ from drumsqueal.figures.slices import Panel, fixed_in_words, label_of, panels, t
 from drumsqueal.figures.style import frame, new_figure, styled
 from drumsqueal.files.sweep import TRENDS
 from drumsqueal.scene import COORDINATES
-from drumsqueal.studies.sweep.plan import Plan
+from drumsqueal.scene.plan import Plan
 
 COLOURS = "viridis"
 

@@ -9,8 +9,8 @@ from drumsqueal.figures import style
 from drumsqueal.figures.slices import in_words
 from drumsqueal.figures.style import frame, new_figure, styled
 from drumsqueal.scene import COORDINATES
+from drumsqueal.scene.plan import Plan
 from drumsqueal.studies.sweep.chance import ChanceStudy
-from drumsqueal.studies.sweep.plan import Plan
 
 BINS = 40
 GROWS, DECAYS = style.COLOUR["Y"], style.TOUCHING

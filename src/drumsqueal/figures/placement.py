@@ -156,4 +156,9 @@ def finer(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Interpolate samples (time, ...) by a quintic spline to `count` times; seven samples a period are enough."""
     grid = np.linspace(time[0], time[-1], count)
-    return grid, make_interp_spline(time, values, k=5)(grid)
+    return grid, between(time, values, grid)
+
+
+def between(time: NDArray[np.float64], values: NDArray[np.float64], wanted: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Values (wanted, ...) of that spline through six samples or more, at times within theirs."""
+    return make_interp_spline(time, values, k=5)(wanted)

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from drumsqueal.figures import style
 from drumsqueal.figures.style import frame
-from drumsqueal.studies.sweep.plan import Plan
+from drumsqueal.scene.plan import Plan
 
 SLICES = 3  # of the third and of the fourth number: first, middle and last value
 FINEST = 600  # values along an axis of a map: more are thinned out, for there are not so many dots in print

@@ -21,7 +21,7 @@ from drumsqueal.figures.slices import (
 )
 from drumsqueal.figures.style import frame, new_figure, styled
 from drumsqueal.scene import COORDINATES
-from drumsqueal.studies.sweep.plan import Plan
+from drumsqueal.scene.plan import Plan
 
 COLOURS = "PuOr_r"  # orange grows, purple decays; the colour-blind tell them apart
 GROWTH = "largest growth rate (1/s)"

@@ -8,8 +8,8 @@ import xarray
 
 from drumsqueal.history import versions
 from drumsqueal.scene import COORDINATES
+from drumsqueal.scene.plan import Plan
 from drumsqueal.scene.variation import unit_of
-from drumsqueal.studies.sweep.plan import Plan
 
 # Outcome of a point; what it says is why its numbers are NaN.
 COMPUTED, NOT_YET, AT_REST, NOT_FOUND, NOT_FINITE, NOT_TAKEN, FOLDED, FAILED = range(8)

@@ -22,7 +22,7 @@ from drumsqueal.files.sweep import NOT_YET, OUTCOME, Columns, attributes, axes, 
 from drumsqueal.history import COMPLETE, versions
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import scene_from_dict
-from drumsqueal.studies.sweep.plan import Plan
+from drumsqueal.scene.plan import Plan
 
 RUNNING = "incomplete: the sweep was cut off without a word; the points it had not computed say so in outcome"
 _LONGEST = 256  # bytes of the outcome in the file: of fixed length, so that it can be changed in place

@@ -17,7 +17,7 @@ from drumsqueal.files.sweep import Columns
 from drumsqueal.history import versions
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.jobs.cluster_work import work
-from drumsqueal.studies.sweep.plan import Plan
+from drumsqueal.scene.plan import Plan
 
 if TYPE_CHECKING:
     from distributed import Client, Future

@@ -14,8 +14,8 @@ from drumsqueal.history import COMPLETE
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.jobs.progress import counting_bar
 from drumsqueal.jobs.sweep_results import print_sweep, write_results
+from drumsqueal.scene.plan import Plan
 from drumsqueal.scene.quantities import printable
-from drumsqueal.studies.sweep.plan import Plan
 from drumsqueal.studies.sweep.study import batches, compute
 
 Batches = list[tuple[int, int]]  # the first point of each, and the one after the last

@@ -19,9 +19,9 @@ from drumsqueal.files.sweep import COMPUTED, OUTCOMES, TRENDS
 from drumsqueal.history import versions
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import COORDINATES
+from drumsqueal.scene.plan import Plan
 from drumsqueal.scene.quantities import printable
 from drumsqueal.studies.sweep.chance import ChanceStudy, study_chance
-from drumsqueal.studies.sweep.plan import Plan
 
 Summary = dict[str, Any]
 

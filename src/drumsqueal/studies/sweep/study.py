@@ -30,10 +30,10 @@ from drumsqueal.linear.many import BLOCK, analyse_many
 from drumsqueal.linear.modes import Stability
 from drumsqueal.model import build_model
 from drumsqueal.scene import COORDINATES, Profile, Scene, SceneError
+from drumsqueal.scene.plan import Plan, grid, sample
 from drumsqueal.scene.quantities import parse_quantity
 from drumsqueal.scene.variation import Variation, unit_of
 from drumsqueal.studies.saturated import Saturated, saturated_motions
-from drumsqueal.studies.sweep.plan import Plan, grid, sample
 
 BATCH, BATCH_OF_TRANSIENTS = 8 * BLOCK, 32  # points
 _REASONS = {modes.AT_REST: AT_REST, modes.NOT_FOUND: NOT_FOUND, modes.NOT_FINITE: NOT_FINITE}

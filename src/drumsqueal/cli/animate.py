@@ -1,0 +1,103 @@
+"""`drumsqueal animate HISTORY` and `drumsqueal animate SCENE --mode Y`."""
+
+import math
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from drumsqueal.cli.options import Overwrite, Settings, UsageError, make_console, read_file, read_time
+from drumsqueal.errors import RequestError
+from drumsqueal.files.output_folder import check_output_file
+from drumsqueal.interrupts import stop_if_interrupted
+from drumsqueal.scene import load_scene
+
+AUTO = "auto"
+
+
+def animate_command(
+    source: Annotated[
+        Path,
+        typer.Argument(metavar="HISTORY|SCENE", help="History or its folder; with --mode a scene.", show_default=False),
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="FILE",
+            parser=read_file,
+            help="File, .gif or .mp4 (default: beside the history, or SCENE-MODE.gif).",
+        ),
+    ] = None,
+    mode: Annotated[
+        str | None, typer.Option("--mode", metavar="MODE", help="Show this mode of a scene, such as Y.")
+    ] = None,
+    start: Annotated[str | None, typer.Option("--from", metavar="TIME", help="Where to begin, such as 20 ms.")] = None,
+    end: Annotated[str | None, typer.Option("--until", metavar="TIME", help="Where to end.")] = None,
+    slow: Annotated[
+        str, typer.Option("--slow", metavar="FACTOR", help="How many times slower than it was; auto: in 6 s.")
+    ] = AUTO,
+    magnify: Annotated[
+        str, typer.Option("--magnify", metavar="FACTOR", help="Magnify the displacement; auto: 30 % of the thickness.")
+    ] = AUTO,
+    settings: Settings = None,
+    overwrite: Overwrite = False,
+) -> None:
+    """Show shoe and drum in section, moving slowly: the last periods of a history, or one period of a mode.
+
+    Displacement is magnified; colours along the arc tell the pressure, and what lifts off, slips backwards or sticks.
+
+    Example: drumsqueal animate out/nominal -o squeal.gif
+
+    Example: drumsqueal animate scenarios/nominal.toml --mode Y
+    """
+    slowness, magnification = _factor(slow, "--slow"), _factor(magnify, "--magnify")
+    if mode is not None:
+        _refuse_with_mode({"--from": start, "--until": end, "--magnify": None if magnify == AUTO else magnify})
+        scene = load_scene(source, settings or ())
+        file = output or Path(f"{source.stem}-{mode.replace(' ', '').replace('/', '')}.gif")
+        check_output_file(file, overwrite=overwrite)
+        stop_if_interrupted()
+        from drumsqueal.files.animation_file import check_animation_name
+        from drumsqueal.jobs.animate import animate_mode
+
+        check_animation_name(file)
+        animate_mode(file, scene, mode, slowness, make_console())
+        return
+    if settings:
+        raise UsageError("--set changes a scene; a history is of the scene that was run: leave one of them out")
+    if source.suffix == ".toml":
+        raise RequestError(f"{source} is a scene: name one of its modes with --mode, or give a history that it left")
+    times = [None if text is None else read_time(text, name) for text, name in ((start, "--from"), (end, "--until"))]
+    stop_if_interrupted()
+    from drumsqueal.files.animation_file import check_animation_name
+    from drumsqueal.files.saved_history import read_history
+    from drumsqueal.jobs.animate import animate_history
+
+    stop_if_interrupted()
+    saved = read_history(source)
+    file = output or saved.path.with_suffix(".gif")
+    check_output_file(file, overwrite=overwrite)
+    check_animation_name(file)
+    stop_if_interrupted()
+    animate_history(file, saved, *times, slowness, magnification, make_console())
+
+
+def _factor(text: str, option: str) -> float | None:
+    """A positive number, None for "auto"."""
+    if text == AUTO:
+        return None
+    try:
+        factor = float(text)
+    except ValueError:
+        factor = 0.0
+    if not (factor > 0 and math.isfinite(factor)):
+        raise RequestError(f"{option} {text}: write auto, or a positive number such as 1000")
+    return factor
+
+
+def _refuse_with_mode(given: dict[str, str | None]) -> None:
+    for option, value in given.items():
+        if value is not None:
+            raise UsageError(f"{option} is for histories; a mode has neither a time nor a size of its own")
