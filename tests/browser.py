@@ -13,12 +13,14 @@ import time
 from pathlib import Path
 from typing import Any
 
-BROWSER = next((found for name in ("chromium", "chromium-browser", "google-chrome") if (found := shutil.which(name))), None)
+BROWSER = next(
+    (found for name in ("chromium", "chromium-browser", "google-chrome") if (found := shutil.which(name))), None
+)
 PATIENCE = 60.0  # s for an answer; a quiet machine gives one within milliseconds
 # It reads its orders from file descriptor 3 and answers on 4.
 _START = (
-    "import os, sys; r, w = os.dup(int(sys.argv[1])), os.dup(int(sys.argv[2])); os.dup2(r, 3); os.dup2(w, 4); "
-    "os.execv(sys.argv[3], sys.argv[3:])"
+    "import fcntl, os, sys; r, w = (fcntl.fcntl(int(each), fcntl.F_DUPFD, 10) for each in sys.argv[1:3]); "
+    "os.dup2(r, 3); os.dup2(w, 4); os.execv(sys.argv[3], sys.argv[3:])"
 )
 
 
@@ -40,13 +42,17 @@ class Browser:
         self._rest, self._number, self._session = b"", itertools.count(1), ""
         self.requests: list[str] = []
         self.messages: list[str] = []
-        targets = self.ask("Target.getTargets")["targetInfos"]
-        page = next(each["targetId"] for each in targets if each["type"] == "page")
-        self._session = self.ask("Target.attachToTarget", targetId=page, flatten=True)["sessionId"]
-        for domain in ("Page", "Runtime", "Network", "Log"):
-            self.ask(f"{domain}.enable")
 
     def __enter__(self) -> "Browser":
+        try:
+            targets = self.ask("Target.getTargets")["targetInfos"]
+            page = next(each["targetId"] for each in targets if each["type"] == "page")
+            self._session = self.ask("Target.attachToTarget", targetId=page, flatten=True)["sessionId"]
+            for domain in ("Page", "Runtime", "Network", "Log"):
+                self.ask(f"{domain}.enable")
+        except BaseException:
+            self._end()
+            raise
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -55,11 +61,14 @@ class Browser:
             self.ask("Browser.close")
             self._process.wait(PATIENCE)
         finally:
-            self._process.kill()
-            self._process.wait()
-            for end in (self._orders, self._answers):
-                os.close(end)
-            self._profile.cleanup()
+            self._end()
+
+    def _end(self) -> None:
+        self._process.kill()
+        self._process.wait()
+        for end in (self._orders, self._answers):
+            os.close(end)
+        self._profile.cleanup()
 
     def ask(self, method: str, **parameters: Any) -> dict[str, Any]:
         """Give an order of the DevTools protocol and return the answer."""
@@ -80,9 +89,7 @@ class Browser:
         told = [{"name": name, "value": value} for name, value in (features or {}).items()]
         self.ask("Emulation.setEmulatedMedia", features=told)
         narrow = width < 500
-        self.ask(
-            "Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=narrow
-        )
+        self.ask("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=narrow)
         self.requests.clear()
         self.messages.clear()
         self.ask("Page.navigate", url=path.as_uri())

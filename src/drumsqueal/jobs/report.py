@@ -27,4 +27,5 @@ def report_into(file: Path, folder: Path, kind: str, console: Console) -> None:
     console.print(str(content["headline"]), style="bold")
     if content["warning"]:
         console.print(str(content["warning"]))
-    console.print(printable(f"The page is in {file}: {len(page) / MEGABYTE:.2f} MB, opens without a network"), soft_wrap=True)
+    size = f"{len(page) / MEGABYTE:.2f} MB"
+    console.print(printable(f"The page is in {file}: {size}, opens without a network"), soft_wrap=True)

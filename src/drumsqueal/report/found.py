@@ -249,11 +249,11 @@ def read_rows(path: Path) -> list[dict[str, str]]:
     try:
         with path.open(newline="", encoding="utf-8") as file:
             reader = csv.DictReader(file, restkey="", restval="")
-            rows = list(reader)
+            rows, columns = list(reader), reader.fieldnames or ()
     except (OSError, ValueError, csv.Error) as error:
         raise RequestError(f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})") from None
     wanted = ("kind", "asked", "largest_growth_rate_1_per_s", "small_start_leads_to", "large_frequency_Hz", "motions")
-    missing = [name for name in wanted if name not in (reader.fieldnames or ())]
+    missing = [name for name in wanted if name not in columns]
     if missing:
         raise RequestError(f"{path}: it has no column {missing[0]}; study the onset anew with this version")
     return rows

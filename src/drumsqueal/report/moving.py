@@ -33,13 +33,15 @@ def animate(
     `coordinates` and `mass` (n,) are those of the modes, `speed` is the drum's (rad/s), whose sign turns its arrow.
     """
     radius = MILLI * float(shoe.outer_radius)
+    moving = [_moving(shoe, coordinates, mass, mode) for mode in modes]
+    beyond = 0.0 if all(mode["flat"] for mode in moving) else MILLI * float(shoe.width) / 2 * max(map(abs, OBLIQUE))
     return {
         "radius": round(radius, ROUND),
         "outer": round(DRUM * radius, ROUND),
-        "box": round(EDGE * DRUM * radius, ROUND),
+        "box": round(EDGE * DRUM * radius + beyond, ROUND),
         "turns": float(np.sign(speed)),
         "period_s": PERIOD_S,
-        "modes": [_moving(shoe, coordinates, mass, mode) for mode in modes],
+        "modes": moving,
     }
 
 
@@ -58,6 +60,7 @@ def _moving(shoe: RigidShoe, coordinates: Sequence[str], mass: NDArray[np.float6
         "frequency_Hz": mode.frequency_Hz,
         "growth_rate_1_per_s": mode.growth_rate,
         "unstable": mode.unstable,
+        "stability": "unstable" if mode.unstable else "stable",
         "flat": flat,
         "slowed": mode.frequency_Hz * PERIOD_S,
         "shares": _shares(coordinates, mass, mode),

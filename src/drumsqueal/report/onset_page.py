@@ -1,4 +1,4 @@
-"""The page of a study of the onset: its summary, table and figure, and the shapes of the modes at the critical values."""
+"""The page of a study of the onset: summary, table, figure, and the shapes of the modes at the critical values."""
 
 from pathlib import Path
 from typing import Any
@@ -38,23 +38,20 @@ def onset_content(folder: Path) -> dict[str, Any]:
     toml, along = scene.to_toml(), found.parameter
     ends = f"{along.key}={along.values[0]!r}..{along.values[-1]!r}x{len(along.values)}"
     within = f"--within {found.kicked_range_sought_within!r}"
+    unit = f", {along.unit}" if along.unit else ""
     return content | {
+        "column": f"{along.key}{unit}",
         "title": scene.title or "Untitled scene",
         "warning": None,
         "headline": found.verdict,
         "animation": _animation(scene, found),
         "animation_note": NO_MODES,
         "about": ABOUT,
-        "end": _end,
         "tolerance": scene.simulate.tolerance,
         "toml": toml,
         "toml_uri": data_uri("application/toml", toml.encode()),
         "command": f"drumsqueal onset scene.toml -o out/again --along {ends} {within}",
     }
-
-
-def _end(uncertainty: float | None) -> str:
-    return "end of the range" if uncertainty is None else f"{uncertainty:.1g}"
 
 
 def _row(row: dict[str, str], path: Path) -> dict[str, Any]:
@@ -106,5 +103,5 @@ def _at(scene: Scene, key: str, critical: Critical) -> dict[str, Any] | None:
     animation = animate(prepared.linear.shoe, stability.coordinates, stability.mass, modes[:1], speed)
     for mode in animation["modes"]:
         # Round-off decides the sign of a growth rate that is zero.
-        mode |= {"value": critical.value, "growth_rate_1_per_s": 0.0, "unstable": False}
+        mode |= {"value": critical.value, "growth_rate_1_per_s": 0.0, "unstable": False, "stability": "at its onset"}
     return animation

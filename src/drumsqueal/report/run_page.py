@@ -40,7 +40,9 @@ def run_content(folder: Path) -> dict[str, Any]:
     else:
         assert history is not None
         if given_law:
-            raise RequestError(f"{folder}: there is no {SUMMARY}, and the friction law that it takes is not here either")
+            raise RequestError(
+                f"{folder}: there is neither {SUMMARY} nor the friction law that it would take to make one"
+            )
         scene = history.scene
         prepared = prepare(scene)
         stop_if_interrupted()
@@ -105,8 +107,9 @@ def _size(mode: dict[str, Any], reached: float) -> str:
     if not reached > 0:
         return "It took no part in the motion after growth."
     unit = "µrad" if mode["name"] in ROTATIONS else "µm"
-    times = mode["enlarged"] / reached
-    return f"{mode['name']} is drawn {times:.3g} times as large as the {1e6 * reached:.3g} {unit} that it reached in this run."
+    times = float(f"{mode['enlarged'] / reached:.3g}")
+    here = f"the {1e6 * reached:.3g} {unit} that it reached in this run"
+    return f"{mode['name']} is drawn {times:.10g} times as large as {here}."
 
 
 def _heard(summary: Summary) -> str:

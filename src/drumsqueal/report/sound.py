@@ -63,8 +63,9 @@ def clips(history: SavedHistory, shoe: RigidShoe, saturated_from: float | None) 
         repeated, times = _repeated(part, REPEATED_S / slow)
         slower = "" if slow == 1 else f", {slow} times slower"
         more = (
-            f"Of the {part.size / CD_RATE:.3g} s that are recorded of it, up to where it is most like its beginning, played "
-            f"{times} times and faded over in {FADE_S * 1e3:g} ms: a beat at that pace is of the repetition, not of the brake."
+            f"Of the {part.size / CD_RATE:.3g} s that are recorded of it, up to where it is most like its beginning, "
+            f"played {times} times and faded over in {FADE_S * 1e3:g} ms: a beat at that pace is of the repetition, "
+            "not of the brake."
         )
         found.append(_clip(f"After growth{slower}", more, repeated, slow, title))
     return found

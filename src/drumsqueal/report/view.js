@@ -74,12 +74,11 @@
     return index === 0 ? "back" : index === 1 ? "front" : "edge";
   };
   const drawDrum = () => {
-    const group = element("drum"), { radius, outer } = data, mean = (radius + outer) / 2;
+    const group = element("drum"), { radius, outer } = data, mean = mode.flat ? (radius + outer) / 2 : 0.96 * radius;
     group.replaceChildren();
     const [x, y] = mode.depth.length ? mode.depth : [0, 0];
-    for (const sign of mode.depth.length ? [-1, 1] : [0]) {
-      make("path", "ring", group, { d: ring(sign * x, -sign * y, outer) + ring(sign * x, -sign * y, radius), "fill-opacity": mode.flat ? 1 : 0.5 });
-    }
+    if (mode.flat) make("path", "ring", group, { d: ring(0, 0, outer) + ring(0, 0, radius) });
+    else for (const sign of [-1, 1]) make("circle", "rim", group, { cx: sign * x, cy: -sign * y, r: radius });
     if (data.turns === 0) return;
     // The way it turns, on the side where the shoe is not.
     const place = (angle, distance) => `${(x + distance * Math.cos(angle)).toFixed(2)},${(-y - distance * Math.sin(angle)).toFixed(2)}`;
@@ -94,7 +93,7 @@
     slider.value = Math.floor(phase) % 360;
     slider.setAttribute("aria-valuetext", `${slider.value} degrees`);
   };
-  const rate = (value) => `${value < 0 ? "−" : "+"}${Number(Math.abs(value).toPrecision(4))}`;
+  const rate = (value) => value === 0 ? "0" : `${value < 0 ? "−" : "+"}${Number(Math.abs(value).toPrecision(4))}`;
   const choose = (index) => {
     mode = data.modes[index];
     drawDrum();
@@ -107,7 +106,7 @@
     const view = mode.flat ? "Section through the middle of the shoe." : "Seen at a slant, for the shoe moves out of its plane.";
     element("mode-told").textContent =
       `Mode ${mode.label}: ${Math.round(mode.frequency_Hz)} Hz, growth rate ${rate(mode.growth_rate_1_per_s)} per second, ` +
-      `${mode.unstable ? "unstable" : "stable"}. Kinetic energy: ${shares.join(", ")}. ${view} ` +
+      `${mode.stability}. Kinetic energy: ${shares.join(", ")}. ${view} ` +
       `Slowed ${Math.round(mode.slowed)} times: a period takes ${data.period_s} s. ${mode.size}`;
     draw();
   };

@@ -64,8 +64,8 @@ def _because(saturation: Saturation, frequency: Frequency | None) -> str:
     if abs(predicted / frequency.shift - 1) > EXPLAINS:
         return ""
     return (
-        f", because the lining loses contact: on average {percent(saturation.contact_fraction)} of it touches the drum, "
-        f"and that alone puts {frequency.mode} at {hertz(frequency.predicted_by_contact_loss_Hz)}"
+        f", because the lining loses contact: on average {percent(saturation.contact_fraction)} of it touches the "
+        f"drum, and that alone puts {frequency.mode} at {hertz(frequency.predicted_by_contact_loss_Hz)}"
     )
 
 
@@ -88,7 +88,7 @@ def onset_words(found: Onset | None) -> tuple[str, str]:
     return heading, " ".join(parts)
 
 
-def _growth(summary: Summary, scene: Scene) -> list[str]:
+def _growth(summary: Summary, _: Scene) -> list[str]:
     told = ["Amplitude of each mode over time on a logarithmic axis, with the predicted growth as dashed lines."]
     growth = summary.growth
     if growth is None:
@@ -117,12 +117,12 @@ def _contact_share(summary: Summary) -> list[str]:
     if saturation is None:
         return ["Below it, the share of the lining in contact."]
     return [
-        f"Below it, the share of the lining in contact: {percent(saturation.contact_fraction)} on average after growth, "
-        f"with the slip reversed on {percent(saturation.slip_reversed_fraction)}."
+        f"Below it, the share of the lining in contact: {percent(saturation.contact_fraction)} on average after "
+        f"growth, with the slip reversed on {percent(saturation.slip_reversed_fraction)}."
     ]
 
 
-def _spectrogram(summary: Summary, scene: Scene) -> list[str]:
+def _spectrogram(summary: Summary, _: Scene) -> list[str]:
     modes = ", ".join(f"{m.name} {m.frequency_Hz:.0f} Hz" for m in summary.prediction.modes if m.unstable)
     told = ["Frequencies over time; brighter is stronger."]
     if modes:
@@ -141,7 +141,7 @@ def _main_line(summary: Summary) -> list[str]:
     return [f"{told}."]
 
 
-def _spectra(summary: Summary, scene: Scene) -> list[str]:
+def _spectra(summary: Summary, _: Scene) -> list[str]:
     told = ["Spectra of the displacement, in the growth phase and after it."]
     measured = [] if summary.growth is None else summary.growth.modes
     peaks = [f"{m.label} at {m.measured_frequency_Hz:.0f} Hz" for m in measured if m.measured_frequency_Hz is not None]
@@ -176,7 +176,7 @@ def _contact(summary: Summary, scene: Scene) -> list[str]:
     return told
 
 
-def _eigenvalues(summary: Summary, scene: Scene) -> list[str]:
+def _eigenvalues(summary: Summary, _: Scene) -> list[str]:
     told = ["Eigenvalues in the complex plane: growth rate to the right, frequency upwards."]
     for unstable, place in ((True, "Unstable, right of the axis"), (False, "Stable, left of it or on it")):
         found = [m for m in summary.prediction.modes if m.unstable is unstable]
@@ -185,7 +185,7 @@ def _eigenvalues(summary: Summary, scene: Scene) -> list[str]:
     return told
 
 
-def _frequency(summary: Summary, scene: Scene) -> list[str]:
+def _frequency(summary: Summary, _: Scene) -> list[str]:
     found = summary.frequency
     if found is None:
         return ["Frequency of the leading mode over time."]
