@@ -13,6 +13,7 @@ from drumsqueal.cli.accuracy import accuracy_command
 from drumsqueal.cli.animate import animate_command
 from drumsqueal.cli.cycle import cycle_command
 from drumsqueal.cli.effects import effects_command
+from drumsqueal.cli.export import export_command
 from drumsqueal.cli.motion import motion_command
 from drumsqueal.cli.onset import onset_command
 from drumsqueal.cli.options import UsageError, make_console
@@ -42,6 +43,7 @@ app.command(name="paper")(paper_command)
 app.command(name="sweep")(sweep_command)
 app.command(name="report")(report_command)
 app.command(name="animate")(animate_command)
+app.command(name="export")(export_command)
 
 
 @app.callback()

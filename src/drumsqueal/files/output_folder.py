@@ -1,8 +1,8 @@
 """The folder of results: what is written into it, and that nothing there is overwritten unasked."""
 
 import tempfile
-from collections.abc import Iterable
-from contextlib import suppress
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from drumsqueal.errors import RequestError
@@ -133,10 +133,17 @@ def part_of(path: Path) -> Path:
 
 def write_whole(path: Path, content: bytes) -> None:
     """Write a file whole or, where the disk or Ctrl-C stops it, leave what was there before. Raises OSError."""
+    with written_whole(path) as part:
+        part.write_bytes(content)
+
+
+@contextmanager
+def written_whole(path: Path) -> Iterator[Path]:
+    """Where to write a file, which takes its place after the block, or is no more. Raises OSError."""
     part = part_of(path)
     try:
         part.unlink(missing_ok=True)  # a link would be followed
-        part.write_bytes(content)
+        yield part
         part.replace(path)
     except BaseException:
         part.unlink(missing_ok=True)

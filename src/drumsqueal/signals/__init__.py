@@ -4,7 +4,9 @@ from drumsqueal.signals.bases import Bases, find_bases
 from drumsqueal.signals.growth import Growth, fit_growth, modal_amplitudes, modal_frequency
 from drumsqueal.signals.lines import Lines, find_lines
 from drumsqueal.signals.regime import PERIODS_NEEDED, STEADY, Regime, classify, told_frequencies
+from drumsqueal.signals.resampling import resample
 from drumsqueal.signals.ridge import Ridge, follow_line
+from drumsqueal.signals.sound import Sound, to_sound, wav_bytes
 from drumsqueal.signals.spectra import (
     Peak,
     Peaks,
@@ -26,6 +28,7 @@ __all__ = [
     "Peaks",
     "Regime",
     "Ridge",
+    "Sound",
     "Spectrogram",
     "Spectrum",
     "amplitude_spectrum",
@@ -37,7 +40,10 @@ __all__ = [
     "modal_amplitudes",
     "modal_frequency",
     "peak_near",
+    "resample",
     "spectral_peaks",
     "spectrogram",
+    "to_sound",
     "told_frequencies",
+    "wav_bytes",
 ]

@@ -1,0 +1,109 @@
+"""`drumsqueal export HISTORY --to FORMAT`."""
+
+import math
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from drumsqueal.cli.options import Overwrite, make_console
+from drumsqueal.errors import RequestError
+from drumsqueal.export.formats import FORMATS, find_format
+from drumsqueal.files.output_folder import HISTORY, check_output_file
+from drumsqueal.interrupts import stop_if_interrupted
+from drumsqueal.scene.quantities import parse_quantity
+
+SOUND = "wav"
+CD_RATE, MOST_RATE = 44_100.0, 192_000.0  # Hz, of a sound where nothing else is asked for, and that players take
+_SIGNALS = (
+    "Names with commas between, e.g. velocity,brake_torque,displacement_Y (default: all; of a sound surface_velocity)."
+)
+
+
+def read_file(text: str) -> Path:
+    """A file's name."""
+    if not text:
+        raise typer.BadParameter("the name of the file is empty")
+    return Path(text)
+
+
+def export_command(
+    history: Annotated[
+        Path, typer.Argument(metavar="HISTORY", help="A history, or the folder of a run.", show_default=False)
+    ],
+    to: Annotated[str, typer.Option("--to", metavar="FORMAT", help=f"One of {', '.join(FORMATS)}.")],
+    signals: Annotated[str | None, typer.Option("--signals", metavar="NAMES", help=_SIGNALS)] = None,
+    since: Annotated[str | None, typer.Option("--from", metavar="TIME", help='From then on, e.g. "0.1 s".')] = None,
+    until: Annotated[str | None, typer.Option("--until", metavar="TIME", help='Until then, e.g. "0.2 s".')] = None,
+    rate: Annotated[
+        str | None,
+        typer.Option("--rate", metavar="RATE", help="Resample (default: as recorded; of a sound 44.1 kHz)."),
+    ] = None,
+    slow: Annotated[
+        float | None, typer.Option("--slow", metavar="TIMES", help="Of a sound: so many times slower, and lower.")
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", metavar="FILE", parser=read_file, help="File (default: beside HISTORY)."),
+    ] = None,
+    overwrite: Overwrite = False,
+) -> None:
+    """Write a history for other programs: csv, mat, npz, parquet, uff58 (universal file format) or wav (sound).
+
+    Example: drumsqueal export out/nominal --to wav --from "0.2 s" --slow 4
+    """
+    wanted = find_format(to)
+    sound = to == SOUND
+    if slow is not None and not sound:
+        raise RequestError(f"--slow {slow:g} is for a sound; add --to wav, or leave --slow out")
+    if slow is not None and not (math.isfinite(slow) and 0.01 <= slow <= 1000):
+        raise RequestError(f"--slow {slow:g}: write how many times slower, from 0.01 to 1000, such as 4")
+    asked = None if signals is None else tuple(name.strip() for name in signals.split(","))
+    if sound and asked is not None and len(asked) != 1:
+        raise RequestError(f"--signals {signals}: a sound is of one signal, such as surface_velocity")
+    times = (_time(since, "--from"), _time(until, "--until"))
+    sampled = _rate(rate, whole=sound)
+    file = output if output is not None else _beside(history, wanted.suffix)
+    check_output_file(file, overwrite=overwrite)
+    stop_if_interrupted()
+    from drumsqueal.export.selection import Part
+    from drumsqueal.export.signals import SURFACE
+    from drumsqueal.files.saved_history import read_history
+    from drumsqueal.jobs.export import check_not_the_history, export_into
+
+    stop_if_interrupted()
+    saved = read_history(history)
+    check_not_the_history(file, saved)
+    if sound:
+        asked, sampled = asked or (SURFACE,), sampled or CD_RATE
+    part = Part(asked, *times, rate=sampled, slow=1.0 if slow is None else slow)
+    export_into(file, saved, wanted, part, make_console(), make_console(stderr=True))
+
+
+def _beside(history: Path, suffix: str) -> Path:
+    return history / Path(HISTORY).with_suffix(suffix) if history.is_dir() else history.with_suffix(suffix)
+
+
+def _time(text: str | None, option: str) -> float | None:
+    """A time (s) from "0.1 s" or "0.1"."""
+    return None if text is None else _quantity(text, "s", f'{option} {text}: write a time such as "0.1 s"')
+
+
+def _rate(text: str | None, *, whole: bool) -> float | None:
+    """A rate (Hz) from "20 kHz" or "20000"."""
+    if text is None:
+        return None
+    wrong = f'--rate {text}: write a rate such as "20 kHz"'
+    rate = _quantity(text, "Hz", wrong)
+    if not rate > 0:
+        raise RequestError(wrong)
+    if whole and not (rate == round(rate) and 1000 <= rate <= MOST_RATE):
+        raise RequestError(f"{wrong}; that of a sound is a whole number of Hz, from 1 to {MOST_RATE / 1e3:g} kHz")
+    return rate
+
+
+def _quantity(text: str, unit: str, wrong: str) -> float:
+    try:
+        return float(parse_quantity(text if text.strip()[-1:].isalpha() else float(text), unit))
+    except ValueError:  # of which SceneError is one
+        raise RequestError(wrong) from None

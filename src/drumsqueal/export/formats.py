@@ -1,0 +1,48 @@
+"""The formats by name: suffix, module, and the extra that a format needs. Loads none of them."""
+
+import importlib
+import importlib.util
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+from drumsqueal.errors import RequestError
+from drumsqueal.export.channels import Channels
+
+
+class Format(NamedTuple):
+    """A format: the suffix of its files, the module that writes it, and the package and extra that it needs, if any.
+
+    `predicts` says whether there is room in it for the eigenvalues.
+    """
+
+    suffix: str
+    module: str
+    package: str = ""
+    extra: str = ""
+    predicts: bool = True
+
+    def writer(self) -> Callable[[Channels, Path], str]:
+        """The function that writes a file, and returns what is to be said of it on the terminal ("" for nothing)."""
+        return importlib.import_module(f"drumsqueal.export.{self.module}").write
+
+
+FORMATS = {
+    "csv": Format(".csv", "as_csv", predicts=False),
+    "mat": Format(".mat", "as_mat"),
+    "npz": Format(".npz", "as_npz"),
+    "parquet": Format(".parquet", "as_parquet", "pyarrow", "parquet"),
+    "uff58": Format(".uff", "as_uff58", "pyuff", "nvh"),
+    "wav": Format(".wav", "as_wav", predicts=False),
+}
+
+
+def find_format(name: str) -> Format:
+    """Return a format by its name; raises RequestError for an unknown one, and where its extra is not installed."""
+    found = FORMATS.get(name)
+    if found is None:
+        raise RequestError(f"--to {name}: there is no such format; write one of {', '.join(FORMATS)}")
+    if found.package and importlib.util.find_spec(found.package) is None:
+        told = f'this needs the extra "{found.extra}"; install it with: pip install "drumsqueal[{found.extra}]"'
+        raise RequestError(f"--to {name}: {told}")
+    return found

@@ -1,0 +1,42 @@
+"""A history, or a part of it, into one file of another format."""
+
+from pathlib import Path
+
+from rich.console import Console
+
+from drumsqueal.errors import RequestError
+from drumsqueal.export.formats import Format
+from drumsqueal.export.selection import Part, select
+from drumsqueal.files.output_folder import written_whole
+from drumsqueal.files.saved_history import SavedHistory
+from drumsqueal.interrupts import stop_if_interrupted
+from drumsqueal.scene.quantities import printable
+
+
+def export_into(
+    path: Path, saved: SavedHistory, wanted: Format, part: Part, console: Console, complaints: Console
+) -> None:
+    """Write a part of a history as a file, and print what is in it; remarks go to the other console.
+
+    The file is written whole or not at all. Raises RequestError for a part that cannot be had, and OSError where the
+    disk does not take it.
+    """
+    channels, remarks = select(saved, part, predicts=wanted.predicts)
+    stop_if_interrupted()
+    with written_whole(path) as place:
+        told = wanted.writer()(channels, place)
+        stop_if_interrupted()
+    for remark in remarks:
+        complaints.print(printable(f"drumsqueal: {remark}"), soft_wrap=True)
+    time, count = channels.time, len(channels.channels)
+    signals = f"{count} signals" if count > 1 else channels.channels[0].name
+    span = f"{time.size} samples at {channels.sample_rate:.6g} Hz from {time[0]:.6g} to {time[-1]:.6g} s"
+    if told:
+        console.print(printable(f"{told[0].upper()}{told[1:]}"), soft_wrap=True)
+    console.print(printable(f"{signals}, {span}, in {path}"), soft_wrap=True)
+
+
+def check_not_the_history(path: Path, saved: SavedHistory) -> None:
+    """Raise RequestError where the file that is to be written is the history itself."""
+    if path.exists() and path.samefile(saved.path):
+        raise RequestError(f"{path} is the history itself; name another file with -o")
