@@ -35,8 +35,10 @@ class Browser:
         options = ("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run")
         command = [sys.executable, "-c", _START, str(orders), str(answers), BROWSER, *options, "--mute-audio"]
         command += ["--remote-debugging-pipe", f"--user-data-dir={self._profile.name}", "about:blank"]
-        quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-        self._process = subprocess.Popen(command, pass_fds=(orders, answers), start_new_session=True, **quiet)
+        nowhere = subprocess.DEVNULL
+        self._process = subprocess.Popen(
+            command, pass_fds=(orders, answers), start_new_session=True, stdout=nowhere, stderr=nowhere
+        )
         os.close(orders)
         os.close(answers)
         self._rest, self._number, self._session = b"", itertools.count(1), ""

@@ -18,6 +18,7 @@ import pytest
 from rich.console import Console
 
 from browser import BROWSER, Browser
+from drumsqueal.composition import ALL
 from drumsqueal.files.output_folder import FIGURES, ONSET_FILES, REPORT, RUN_FILES, figure_file
 from drumsqueal.files.saved_history import read_history
 from drumsqueal.jobs import run as run_job
@@ -229,7 +230,7 @@ def shoe(run_folder):
 
 
 def test_the_modes_move_as_rigid_bodies_with_the_shapes_of_the_eigenvectors(run_folder, run_page, shoe):
-    stability = analyse_stability(build_model(read_history(run_folder).scene, coordinates=range(6)))
+    stability = analyse_stability(build_model(read_history(run_folder).scene, coordinates=ALL))
     data = json.loads(run_page.one("animation")["text"])
     assert [mode["label"] for mode in data["modes"]] == [mode.label for mode in stability.modes]
     assert data["modes"][data["first"]]["label"] == "Y"  # which grows fastest
@@ -260,7 +261,7 @@ def test_a_mode_across_the_drum_is_seen_at_a_slant(run_folder, run_page, shoe):
     """A corner of the shoe in Tx: u = (z Ty, −z Tx, Z + y Tx − (x − c) Ty), seen as x − z/2 and y − 0.4 z."""
     mode = json.loads(run_page.one("animation")["text"])["modes"][0]
     assert mode["name"] == "Tx"
-    stability = analyse_stability(build_model(read_history(run_folder).scene, coordinates=range(6)))
+    stability = analyse_stability(build_model(read_history(run_folder).scene, coordinates=ALL))
     along, tx, ty = (stability.modes[0].right[stability.coordinates.index(name)] for name in ("Z", "Tx", "Ty"))
     x, y, z = 100 * np.cos(np.radians(65)), 100 * np.sin(np.radians(65)), 36.5 / 2
     u, v, w = z * ty, -z * tx, 1e3 * along + y * tx - (x - 1e3 * float(shoe.centroid)) * ty

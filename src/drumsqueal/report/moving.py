@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.bodies.rigid_shoe import TX, TY, RigidShoe, Z
+from drumsqueal.comparison.compare import NEUTRAL_SHARE
 from drumsqueal.comparison.departure import ROTATIONS
 from drumsqueal.figures.section import MILLI, displaced, on_circle, on_line, shoe_outline
 from drumsqueal.linear.modes import Mode
@@ -58,7 +59,7 @@ def _moving(shoe: RigidShoe, coordinates: Sequence[str], mass: NDArray[np.float6
         "label": mode.label,
         "name": mode.name,
         "frequency_Hz": mode.frequency_Hz,
-        "growth_rate_1_per_s": mode.growth_rate,
+        "growth_rate_1_per_s": 0.0 if abs(mode.growth_rate) < NEUTRAL_SHARE * mode.frequency_Hz else mode.growth_rate,
         "unstable": mode.unstable,
         "stability": "unstable" if mode.unstable else "stable",
         "flat": flat,

@@ -43,5 +43,6 @@ def number(value: float | None, form: str = ".4g", factor: float = 1.0) -> str:
     if value is None:
         return Markup('<span class="none">–<span class="unseen"> not told</span></span>')
     shown = format(value if factor == 1 else factor * value, form) if value else "0"
+    shown = shown.lstrip("+-") if float(shown) == 0 else shown  # round-off has no sign
     shown = re.sub(r"e([+-])0", r"e\1", shown).replace("e+", "e").replace("-", "−")
     return Markup('<data value="{}">{}</data>').format(repr(value), shown)

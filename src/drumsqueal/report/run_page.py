@@ -51,6 +51,7 @@ def run_content(folder: Path) -> dict[str, Any]:
     pictures = {name: picture(folder / figure_file(name), figure_words(name, summary, scene)) for name in FIGURES}
     since = None if summary.saturation is None else summary.saturation.start_s
     toml = scene.to_toml()
+    modes = list(zip(summary.prediction.labels, summary.prediction.modes, strict=True))
     return {
         "title": scene.title or "Untitled scene",
         "kind": "report of a run",
@@ -58,7 +59,8 @@ def run_content(folder: Path) -> dict[str, Any]:
         "headline": headline(summary, scene),
         "summary": summary,
         "computed_now": not (folder / SUMMARY).exists(),
-        "modes": list(zip(summary.prediction.labels, summary.prediction.modes, strict=True)),
+        "modes": modes,
+        "unstable": ", ".join(label for label, mode in modes if mode.unstable),
         "without_oscillation": _without_oscillation(summary.prediction),
         "animation": None if prepared is None else _animation(prepared, summary),
         "animation_note": GIVEN_LAW if prepared is None else OTHER_MODES,

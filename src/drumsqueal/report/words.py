@@ -3,8 +3,9 @@
 import math
 from collections.abc import Callable
 
+from drumsqueal.comparison.compare import NEUTRAL_SHARE
 from drumsqueal.files import output_folder
-from drumsqueal.report.found import Frequency, MeasuredMode, Onset, Saturation, Summary
+from drumsqueal.report.found import Frequency, MeasuredMode, Onset, PredictedMode, Saturation, Summary
 from drumsqueal.scene import Scene
 
 EXPLAINS = 0.3  # relative; loss of contact is named as the cause of a shift that it gives to within this
@@ -102,14 +103,14 @@ def _growth(summary: Summary, _: Scene) -> list[str]:
 def _rates(mode: MeasuredMode) -> str:
     verb = "rises" if (mode.measured_growth_rate_1_per_s or 0.0) > 0 else "falls"
     return (
-        f"{mode.label} {verb} at {signed(mode.measured_growth_rate_1_per_s or 0.0)} per second, "
-        f"predicted {signed(mode.predicted_growth_rate_1_per_s)}."
+        f"{mode.label} {verb} at {signed(mode.measured_growth_rate_1_per_s or 0.0, mode.predicted_frequency_Hz)} per "
+        f"second, predicted {signed(mode.predicted_growth_rate_1_per_s, mode.predicted_frequency_Hz)}."
     )
 
 
-def signed(value: float) -> str:
-    """A number of four digits with its sign."""
-    return f"{value:+.4g}".replace("-", "−")
+def signed(rate: float, frequency: float) -> str:
+    """A growth rate (1/s) in four digits with its sign; 0 where it is round-off beside the frequency (Hz)."""
+    return "0" if abs(rate) < NEUTRAL_SHARE * frequency else f"{rate:+.4g}".replace("-", "−")
 
 
 def _contact_share(summary: Summary) -> list[str]:
@@ -180,9 +181,14 @@ def _eigenvalues(summary: Summary, _: Scene) -> list[str]:
     told = ["Eigenvalues in the complex plane: growth rate to the right, frequency upwards."]
     for unstable, place in ((True, "Unstable, right of the axis"), (False, "Stable, left of it or on it")):
         found = [m for m in summary.prediction.modes if m.unstable is unstable]
-        named = [f"{m.name} with {m.frequency_Hz:.0f} Hz and {signed(m.growth_rate_1_per_s)} per second" for m in found]
+        named = [_eigenvalue(mode) for mode in found]
         told.append(f"{place}: {'; '.join(named) or 'none'}.")
     return told
+
+
+def _eigenvalue(mode: PredictedMode) -> str:
+    rate = signed(mode.growth_rate_1_per_s, mode.frequency_Hz)
+    return f"{mode.name} with {mode.frequency_Hz:.0f} Hz and {rate} per second"
 
 
 def _frequency(summary: Summary, _: Scene) -> list[str]:
