@@ -3,6 +3,7 @@
 import json
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import equinox as eqx
@@ -17,18 +18,35 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, minimize_scalar
 from scipy.special import i1
 
+from drumsqueal.effects.damping import Damping
 from drumsqueal.effects.friction_law import ExponentialLaw
 from drumsqueal.errors import CycleError
+from drumsqueal.linear.branches import point_at
 from drumsqueal.linear.steady import linear_model
 from drumsqueal.model import build_model
 from drumsqueal.scene import SceneError, load_scene
 from drumsqueal.simulation import run
-from drumsqueal.small_bodies import block_on_belt
-from drumsqueal.studies.cycle.branches import follow_cycle, follow_models
-from drumsqueal.studies.cycle.continuation import FOLD, HOPF
-from drumsqueal.studies.cycle.kicked import kicked
-from drumsqueal.studies.cycle.orbit import floquet
-from drumsqueal.studies.cycle.search import find_cycle
+from drumsqueal.small_bodies import block_on_belt, sprung_block_on_belt
+from drumsqueal.studies.cycle import branches, orbit
+from drumsqueal.studies.cycle.branches import _both_ways, follow_cycle, follow_models
+from drumsqueal.studies.cycle.continuation import (
+    BOUND,
+    BRANCHING,
+    CORNER,
+    DOUBLING,
+    FOLD,
+    HOPF,
+    LOOP,
+    NEIMARK_SACKER,
+    Branch,
+    Special,
+    _kind,
+)
+from drumsqueal.studies.cycle.kicked import kicked, pieces
+from drumsqueal.studies.cycle.orbit import floquet, floquet_of
+from drumsqueal.studies.cycle.search import cycle_from, find_cycle, is_same
+from drumsqueal.studies.cycle.shooting import Scales, Shooting
+from drumsqueal.studies.cycle.starts import Start, modal_starts, returns
 from drumsqueal.transient.flow import flow, neighbours
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"
@@ -294,11 +312,17 @@ def test_a_branch_ends_where_the_block_would_stick(block):
 
 
 class Polynomial(eqx.Module):
-    """μ = 1 − 0.4 (s − 1)³ + 0.5 (s − 1)⁵: on a belt of 1 m/s, x″ + c x′ + x − 0.4 x′³ + 0.5 x′⁵ = 1."""
+    """μ = 1 + a (s − 1)³ + b (s − 1)⁵: on a belt of 1 m/s, x″ + c x′ + x + a x′³ + b x′⁵ = 1.
+
+    Averaged, c + 3/4 a A² + 5/8 b A⁴ = 0 for a cycle of amplitude A.
+    """
+
+    cubic: Array = eqx.field(converter=jnp.asarray, default=-0.4)
+    quintic: Array = eqx.field(converter=jnp.asarray, default=0.5)
 
     def coefficient(self, slip_speed: Array) -> Array:
         x = slip_speed - 1.0
-        return 1.0 - 0.4 * x**3 + 0.5 * x**5
+        return 1.0 + self.cubic * x**3 + self.quintic * x**5
 
 
 def test_a_fold_is_found_where_an_independent_code_has_it():
@@ -335,6 +359,196 @@ def test_a_fold_is_found_where_an_independent_code_has_it():
     ((low, high),) = kicked(diagram)
     assert low == pytest.approx(0.0, abs=1e-10)
     assert high == pytest.approx(folds[0].parameter)
+
+
+def test_a_branch_ends_at_the_other_hopf_point():
+    def model(p):  # damping is negative between 0.3 and 0.7
+        return block_on_belt(Polynomial(0.4, 0.0), damping=(p - 0.3) * (p - 0.7), belt_speed=1.0)
+
+    diagram = follow_models(with_derivative(model), 0.0, 1.0, 12)
+    assert [each.value for each in diagram.linear.critical] == pytest.approx([0.3, 0.7], abs=1e-10)
+    (branch,) = diagram.branches
+    assert (branch.start, branch.end) == (HOPF, HOPF)
+    assert not branch.special
+    for cycle in branch.cycles:
+        assert cycle.stable
+        assert 0.3 < cycle.parameter < 0.7
+        # Averaged; to second order in damping and friction, of 0.04.
+        wanted = np.sqrt(-(cycle.parameter - 0.3) * (cycle.parameter - 0.7) / 0.3)
+        assert cycle.amplitude["X"] == pytest.approx(wanted, rel=5e-3)
+
+
+def test_a_branch_that_comes_back_is_a_loop():
+    def model(p):  # at rest it is damped everywhere; a cycle lives where damping is below that of the fold
+        return block_on_belt(Polynomial(), damping=0.06 + p**2, belt_speed=1.0)
+
+    models = with_derivative(model)
+    start = Start(np.array([1.81, 0.0]), 2 * np.pi, "")
+    cycle = cycle_from(models(0.01)[0], start, np.array([1.0]))
+    branch = _both_ways(models, cycle, 0.01, (-1.0, 1.0), lambda _: None)
+    assert (branch.start, branch.end) == (LOOP, LOOP)
+    assert [special.kind for special in branch.special] == [FOLD, FOLD]
+    # Averaged, the fold lies at a damping of 0.072.
+    low, high = sorted(special.parameter for special in branch.special)
+    assert -low == pytest.approx(high, rel=1e-6)
+    assert high == pytest.approx(np.sqrt(0.012), rel=1e-2)
+    assert [stable for _, stable in pieces(branch)] == [True, False, True]
+    assert is_same(branch.cycles[0], branch.cycles[-1])
+
+
+# Where the search begins, and what it takes for a cycle
+
+
+def test_along_a_mode_the_start_has_the_amplitude_that_averaging_gives():
+    model = falling_friction(1.3)
+    point = point_at(falling_friction, 1.3)
+    made_up: Any = SimpleNamespace(coordinates=("X",), steady_state=point.steady, modes=point.modes)
+    *_, start = modal_starts(model, made_up)  # larger ones slip backwards
+    amplitude = brentq(lambda a: 0.5 * np.log(0.5 * i1(2 * a) / (0.05 * a)) - 1.3, 0.1, 2.0)
+    # Between two of eighty amplitudes, 11 % apart, the work is taken for a straight line.
+    assert np.max(np.abs(start.state - [0.5 + 0.5 * np.exp(-2.6), 0.0])) == pytest.approx(amplitude, rel=1e-2)
+    assert start.period == pytest.approx(2 * np.pi, rel=1e-2)
+
+
+def test_a_record_returns_after_its_period():
+    time = np.arange(4000) * 1e-3
+    angle = 2 * np.pi * 5.0 * time
+    motion = np.cos(angle) + 0.3 * np.cos(3 * angle) + 1e-3 * time  # it drifts a little: no return is exact
+    first, *others = returns(time, np.column_stack([motion, np.gradient(motion, time)]), np.array([1.0, 30.0]), 2.0)
+    assert first.period == pytest.approx(0.2, abs=1e-9)
+    assert all(other.period > 0.21 or other.period < 0.19 for other in others)
+
+
+def test_where_every_amplitude_closes_none_is_a_cycle():
+    model = block_on_belt(Polynomial(0.0, 0.0), damping=0.0, belt_speed=1.0)
+    with pytest.raises(CycleError, match="one of many"):
+        cycle_from(model, Start(np.array([1.3, 0.0]), 2 * np.pi, ""), np.ones(1))
+
+
+def test_of_a_period_found_several_times_over_the_shortest_counts():
+    model = block_on_belt(Polynomial(), damping=0.05, belt_speed=1.0)
+    once, thrice = (cycle_from(model, Start(np.array([1.86, 0.0]), 2 * n * np.pi, ""), np.ones(1)) for n in (1, 3))
+    assert is_same(once, thrice)
+
+
+# What happens on a branch, and how stability is told
+
+
+def test_a_neimark_sacker_point_is_found_and_named():
+    # Beside the cycle of the polynomial friction along x swings y, uncoupled: y″ + c y′ + 0.3 y = 0. Over a period T
+    # its multipliers are e^(−c T/2 ± i ω T), and the cycle loses its stability where c falls through zero.
+    def model(damping):
+        springs, dashpots = jnp.diag(jnp.array([1.0, 0.3])), jnp.diag(jnp.stack([jnp.asarray(0.05), damping]))
+        block = sprung_block_on_belt(Polynomial(), mass=np.ones(2), springs=springs, contact_stiffness=0.0)
+        return eqx.tree_at(lambda each: each.others, block, (*block.others, Damping(dashpots, block.coordinates)))
+
+    models, steady = with_derivative(model), np.array([1.0, 0.0])
+    # Averaged: c = 0.3 A² − 0.3125 A⁴ along x.
+    start = Start(np.array([1.863, 0.0, 0.0, 0.0]), 2 * np.pi, "")
+    cycle = cycle_from(models(0.02)[0], start, steady)
+    branch = _both_ways(models, cycle, 0.02, (-0.05, 0.05), lambda _: None)
+    ((kind, value, marginal),) = branch.special
+    assert kind == NEIMARK_SACKER
+    assert value == pytest.approx(0.0, abs=1e-6)  # 1e-5 of a step, which is 0.015 at most
+    for each in (*branch.cycles, marginal):
+        squared = 0.3 - each.parameter**2 / 4
+        pair = np.exp((-each.parameter / 2 + 1j * np.sqrt(squared) * np.array([1, -1])) * each.period_s)
+        away = np.min(np.abs(each.multipliers[:, None] - pair), axis=0)
+        assert np.max(away) < 1e-8  # tolerances of 1e-10, and the derivative's
+        if each is not marginal:
+            assert each.unstable_directions == (2 if each.parameter < 0 else 0)
+    assert (branch.start, branch.end) == (BOUND, BOUND)
+    assert [branch.cycles[k].parameter for k in (0, -1)] == pytest.approx([-0.05, 0.05], rel=1e-12)
+    assert [stable for _, stable in pieces(branch)] == [False, True]
+
+
+@pytest.mark.parametrize(
+    ("multipliers", "name"),
+    [
+        ([1.3, 0.6 + 0.8j, 0.6 - 0.8j], NEIMARK_SACKER),
+        ([-1.0 - 1e-9, 0.9, 0.1], DOUBLING),
+        ([1.0 + 1e-9, 0.9, -0.8], BRANCHING),
+    ],
+)
+def test_what_leaves_the_unit_circle_names_the_point(multipliers, name):
+    cycle: Any = SimpleNamespace(multipliers=np.array(multipliers, dtype=complex))
+    assert _kind(cycle) == name
+
+
+# It leaves the rate (1, 1, 0) as it is, halves (1, −1, 0), and nothing depends on the last.
+TRANSITION = np.array([[0.75, 0.25, 0.0], [0.25, 0.75, 0.0], [0.0, 0.0, 1.0]])
+STRETCHED = 4 * np.array([[1.0, -1.0, 0.0], [-1.0, 1.0, 0.0], [0.0, 0.0, 0.0]])
+
+
+@pytest.mark.parametrize(
+    ("tangents", "beside"),
+    [
+        (TRANSITION, TRANSITION + 1e-5),  # they agree: tangents, which are better
+        (TRANSITION + STRETCHED, TRANSITION + np.diag([0, 0, 1e-10])),  # tangents led astray
+        (TRANSITION, TRANSITION + np.diag([3.0, 8.0, 0])),  # neighbours on either side of an edge
+    ],
+)
+def test_multipliers_are_those_of_what_can_be_trusted(monkeypatch, tangents, beside):
+    monkeypatch.setattr(orbit, "neighbours", lambda *_: (None, beside))
+    multipliers, unit_error, _ = floquet_of(*made_up_motion(tangents))
+    # The free displacement, whose multiplier is 1 whatever the motion, is not among them.
+    assert multipliers == pytest.approx([0.5], abs=1e-14)
+    assert unit_error < 1e-14
+
+
+def test_neighbours_that_are_lost_are_told(monkeypatch):
+    monkeypatch.setattr(orbit, "neighbours", lambda *_: (None, np.full((3, 3), np.nan)))
+    with pytest.raises(CycleError, match="not followed"):
+        floquet_of(*made_up_motion(TRANSITION))
+
+
+def made_up_motion(transition) -> Any:
+    shooting = SimpleNamespace(
+        unscaled=lambda unknowns: (unknowns[:-2], 1.0, 0.0),
+        models=lambda parameter: (None, None),
+        scales=SimpleNamespace(state=np.ones(3)),
+    )
+    return shooting, SimpleNamespace(
+        unknowns=np.zeros(5), flow=SimpleNamespace(transition=transition, rate=np.array([2.0, 2.0, 0.0]))
+    )
+
+
+def test_a_cycle_that_all_but_grazes_has_the_multipliers_of_its_side(damped):
+    # An unstable cycle at 4.39994 rad/s, 1e-6 from where slip would just come to reverse. Neighbours on either side of
+    # that say 7.4. A little farther off, at 4.39990 rad/s, where both agree, the largest multiplier is 1.318792.
+    model = build_model(damped, {"drum.speed": 4.3999443387838335})
+    scale = np.array([4.7248519856e-06, 6.6826117505e-05, 8.1191033222e-05, 0.1308357002, 0.58693408468, 1.35985665377])
+    state = np.array([-0.38245584384, 0.36546918728, 0.1916228057515, 1.49804676265, -0.62716544141, -0.126752333059])
+    shooting = Shooting(lambda _: (model, None), Scales(scale, 0.0009452191061, 1.0))
+    fixed = np.eye(8)[-1]
+    closed = shooting.close(np.concatenate([state, [1.0, 0.0]]), fixed)
+    assert closed is not None
+    multipliers, unit_error, tangent_error = floquet_of(shooting, closed)
+    assert tangent_error > 1e-2
+    assert unit_error < 1e-9
+    assert multipliers[0].real == pytest.approx(1.318792, abs=1e-4)
+
+
+def test_between_two_corners_nothing_is_called_stable_unseen(block):
+    unstable = block.branches[0].cycles[:3]
+    branch = Branch(unstable, tuple(Special(CORNER, each.parameter, each) for each in unstable), HOPF, BOUND)
+    assert [stable for _, stable in pieces(branch)] == [False]
+
+
+def test_a_branch_goes_on_where_steady_sliding_is_not_found(block, monkeypatch):
+    monkeypatch.setattr(branches, "_steady", lambda models: lambda value: None)
+    again = follow_models(with_derivative(falling_friction), 0.8, 2.4, 12)
+    assert again.branches[0].end == block.branches[0].end
+
+
+def test_a_cycle_of_the_scene_that_cannot_be_followed_leaves_the_others(damped, search, block, monkeypatch):
+    monkeypatch.setattr(branches, "follow_models", lambda *_: block._replace(low=1.0, high=9.0))
+    monkeypatch.setattr(branches, "find_cycle", lambda scene: search)
+    monkeypatch.setattr(branches, "is_between", lambda *_: False)
+    monkeypatch.setattr(branches, "_both_ways", partial(_raised, CycleError("lost")))
+    diagram = follow_cycle(damped, "drum.speed", 1.0, 9.0)
+    assert diagram.branches == block.branches
+    assert diagram.notes == ("from the scene's own cycle of 1028.85 Hz: lost",)
 
 
 # What is refused

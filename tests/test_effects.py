@@ -438,10 +438,10 @@ def test_a_study_that_is_cut_off_keeps_the_runs_made(drumsqueal, quick_file, tmp
     assert errors.count("\n") == 1
     rows = list(csv.DictReader((folder / "effects.csv").read_text(encoding="utf-8").splitlines()))
     if fails == "whole":
-        assert "the whole scene failed: the step size collapsed; the runs made until then are in" in errors
+        assert "the whole scene failed: the step size collapsed; what was done until then is in" in errors
         assert [row["outcome"] for row in rows] == ["failed: the step size collapsed"]
     elif fails == "interrupted":
-        assert "interrupted by the user; the runs made until then are in" in errors
+        assert "interrupted by the user; what was done until then is in" in errors
         assert [row["run"] for row in rows] == ["whole scene", "tolerance / 10"]
     else:
         assert "the disk does not take the results (No space)" in errors
@@ -462,7 +462,7 @@ def test_a_full_disk_leaves_the_runs_that_were_written(drumsqueal, quick_file, t
     monkeypatch.setattr(Path, "write_bytes", fill)
     status, _, errors = drumsqueal("effects", str(quick_file), "-o", str(folder))
     assert (status, errors.count("\n")) == (1, 1)
-    assert "the disk does not take the results (No space left on device); the runs made until then are in" in errors
+    assert "the disk does not take the results (No space left on device); what was done until then is in" in errors
     rows = list(csv.DictReader((folder / "effects.csv").read_text(encoding="utf-8").splitlines()))
     assert len(rows) == 3
     assert [path.name for path in folder.iterdir()] == ["effects.csv"]

@@ -428,7 +428,7 @@ def test_a_full_disk_leaves_nothing_half_written(history, drumsqueal, to, monkey
         return real(self, target)
 
     monkeypatch.setattr(type(history), "replace", full)
-    status, printed, errors = drumsqueal("export", str(history), "--to", to)
+    status, printed, errors = drumsqueal("export", str(history), "--to", to, "--signals", "velocity_X")
     assert (status, printed, errors.count("\n")) == (1, "", 1)
     assert "No space left" in errors
     assert [path.name for path in history.parent.iterdir()] == [history.name]

@@ -19,11 +19,16 @@ import drumsqueal as ds
 from drumsqueal.comparison.departure import Departure, edge_share
 from drumsqueal.composition import take_inventory
 from drumsqueal.figures import draw_all, save_figures
+from drumsqueal.figures.amplitude import draw_amplitude
 from drumsqueal.figures.effects import draw_effects
 from drumsqueal.figures.placement import spread
+from drumsqueal.figures.stability import draw_stability
 from drumsqueal.files.output_folder import FIGURES, figure_file
+from drumsqueal.files.sweep import TRENDS, blank, to_dataset
 from drumsqueal.history import COMPLETE, SIGNALS
 from drumsqueal.scene import COORDINATES
+from drumsqueal.scene.plan import Plan, grid, sample
+from drumsqueal.scene.variation import read_variation
 from drumsqueal.studies.answers import Answer, Change
 from drumsqueal.studies.effects.reductions import reductions_of
 from drumsqueal.studies.effects.study import EffectStudy
@@ -166,6 +171,73 @@ def test_effects_are_drawn_without_overlap(title, slowest):
     frequency = next(line for line in changes.lines if line.get_label() == "onset frequencies")
     wanted = np.array([v.change.onset_frequency for v in study.variants if v.change is not None], dtype=float)
     np.testing.assert_allclose(np.asarray(frequency.get_xdata()), np.clip(wanted, 1e-6, 1e2))
+
+
+# --- sweeps ---------------------------------------------------------------------------------------------------------
+
+GRID = (
+    "drum.speed=1..20x8",
+    "damping.ratio=0..0.01x7",
+    "contact.normal_load=1000..3000x5",
+    "friction.static=0.4..0.6x3",
+)
+
+
+def made_up_sweep(plan: Plan) -> xarray.Dataset:
+    """Y grows at half of the points, and so does its motion at some of these."""
+    columns = blank(plan, plan.points)
+    growth = np.linspace(-50, 50, plan.points)
+    columns["outcome"][:] = 0
+    columns["largest_growth_rate"][:] = columns["growth_rate"][:, 0] = growth
+    columns["frequency"][:, 0] = columns["main_frequency"][:] = 1400.0 + growth
+    columns["mode_coordinate"][:, 0] = columns["main_coordinate"][:] = COORDINATES.index("Y")
+    columns["unstable"][:, 0] = columns["squeal"][:] = growth > 0
+    columns["amplitude"][:] = 1e-6 * np.maximum(growth, 1.0)[:, None]
+    columns["trend"][:] = np.where((growth > 0) & (growth < 20), TRENDS.index("grows"), TRENDS.index("settled"))
+    return to_dataset(plan, columns, COMPLETE)
+
+
+def sweep_plan(*ranges: str) -> Plan:
+    scene = basis("nominal")[0].with_values({"damping": {"ratio": 0.005}})
+    return grid(scene, [read_variation(text, scene) for text in ranges], transient=True)
+
+
+@pytest.mark.parametrize("numbers", [1, 2, 3, 4])
+def test_maps_of_a_sweep_have_no_text_that_overlaps(numbers):
+    plan = sweep_plan(*GRID[:numbers])
+    sweep = made_up_sweep(plan)
+    amplitude = draw_amplitude(sweep, plan)
+    assert amplitude is not None
+    for figure in (draw_stability(sweep, plan), amplitude):
+        assert overlapping(figure) == []
+        assert outside(figure) == []
+        if numbers == 4:
+            told = [text for text, _ in texts(figure)]
+            slices = ("load 1000 N", "load 2000 N", "load 3000 N", "static 0.4", "static 0.5", "static 0.6")
+            assert all(any(text.endswith(each) for text in told) for each in slices)
+
+
+def test_the_scene_itself_is_marked_where_it_is_alone():
+    # Its load is 2000 N and its friction 0.5: the middle of nine panels.
+    plan = sweep_plan(*GRID)
+    figure = draw_stability(made_up_sweep(plan), plan)
+    crosses = [[line for line in axes.lines if line.get_marker() == "+"] for axes in figure.axes[:9]]
+    assert [len(each) for each in crosses] == [0, 0, 0, 0, 1, 0, 0, 0, 0]
+    assert np.array(crosses[4][0].get_data()).ravel().tolist() == [5.0, 0.005]
+
+
+def test_what_still_grows_is_drawn_open():
+    speed = read_variation("drum.speed=1..20", basis("nominal")[0], points=None)
+    for plan in (sweep_plan("drum.speed=1..20x30"), sample(basis("nominal")[0], [speed], 30, transient=True)):
+        sweep = made_up_sweep(plan)
+        grows = sweep["trend"].values == TRENDS.index("grows")
+        figure = draw_amplitude(sweep, plan)
+        assert figure is not None
+        assert "open: it still grows" in figure.get_suptitle()
+        for axes in figure.axes:
+            (drawn_open,) = (line for line in axes.lines if line.get_markerfacecolor() == "white")
+            assert np.size(drawn_open.get_xdata()) == grows.sum()
+            assert any(np.size(line.get_xdata()) == (~grows).sum() for line in axes.lines if line.get_marker() == "o")
 
 
 # --- what is drawn --------------------------------------------------------------------------------------------------

@@ -1,12 +1,16 @@
 """The kind of a motion: Lyapunov exponents of systems that are known, and the command."""
 
 import json
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from drumsqueal.signals.lyapunov import lyapunov_exponents, orthonormalised
+from drumsqueal.signals import Bases, Regime
+from drumsqueal.signals.lyapunov import Exponents, lyapunov_exponents, orthonormalised
+from drumsqueal.studies.motion import _section, _settled, _told
 
 
 def exponents_of(rate, jacobian, state, interval, count, tangents):
@@ -71,6 +75,76 @@ def test_the_standard_error_is_that_of_independent_growth():
 def test_too_few_intervals_are_refused():
     with pytest.raises(ValueError, match="growth is too short"):
         lyapunov_exponents(np.ones((5, 1)), 1.0)
+
+
+# What the evidence makes of the kind
+
+
+def exponents(largest: float, second: float = -5.0) -> Exponents:
+    """Two exponents of five seconds, known to 0.5 1/s."""
+    return Exponents(np.array([largest, second]), np.full(2, 0.5), np.array([0.5, 5.0]), np.zeros((2, 2)))
+
+
+def regime(kind, *bases: float) -> Regime:
+    return Regime(kind, None, bases, 0.1, 0.0, "As told.", tuple(1e-3 for _ in bases))
+
+
+@pytest.mark.parametrize(
+    ("found", "bases", "exponents", "kind", "why"),
+    [
+        (regime("periodic", 900.0), 1, None, "periodic", "As told."),
+        (regime("periodic", 900.0), 1, exponents(0.2), "periodic", "no chaos"),
+        (regime("periodic", 900.0), 1, exponents(9.0), "unknown", "one of the two is wrong"),
+        (regime("quasi-periodic", 900.0, 70.0), 2, exponents(9.0), "unknown", "one of the two is wrong"),
+        (regime("irregular"), 2, exponents(9.0), "chaotic", "separate exponentially"),
+        (regime("irregular"), 2, exponents(1.4), "irregular", "not above zero beyond doubt"),
+        # Two standard errors above zero, and nothing has grown by e^5: neither is chaos.
+        (regime("quasi-periodic", 900.0, 70.0), 1, exponents(0.2), "periodic", "its frequencies are locked"),
+        (regime("quasi-periodic", 900.0, 70.0), 2, exponents(0.2), "quasi-periodic", "1 of the exponents is zero"),
+        (regime("quasi-periodic", 900.0, 70.0), 2, exponents(0.2, -0.3), "quasi-periodic", "no chaos. As told."),
+    ],
+)
+def test_lines_and_exponents_tell_the_kind_together(found, bases, exponents, kind, why):
+    made_up = Bases(np.full(bases, 70.0), np.full(bases, 1e-3), np.ones((1, bases), dtype=np.int64), 1.0, True)
+    told, reason = _told(found, made_up, exponents)
+    assert told == kind
+    assert why in reason
+
+
+def test_an_exponent_that_is_sure_but_too_small_for_the_record_is_no_chaos():
+    steady = Exponents(np.array([0.9]), np.array([0.1]), np.array([0.5, 5.0]), np.zeros((2, 1)))
+    assert not steady.chaotic  # e^4 in all, as a torus may do
+
+
+@pytest.mark.parametrize(
+    ("size", "settles"),
+    [
+        (lambda t: 1.0 + 0 * t, True),
+        (lambda t: np.exp(1e-2 * t), False),  # 5e-3 over both blocks
+        (lambda t: np.exp(-1e-2 * t), False),
+        (lambda t: 1 / (1 + np.exp(-40 * (t - 0.25))), False),  # growth that ends within them
+    ],
+)
+def test_settled_is_what_has_no_trend(size, settles):
+    time = np.arange(10_000) / 20_000
+    wave = size(time) * np.cos(2 * np.pi * 1000.0 * time)
+    chunk: Any = SimpleNamespace(velocity=np.column_stack([wave, 0 * wave]))
+    assert _settled([chunk], 20_000.0) is settles
+    assert not _settled([SimpleNamespace(velocity=chunk.velocity[:9000])], 20_000.0)  # pyright: ignore[reportArgumentType]
+
+
+def test_the_section_is_where_the_main_coordinate_rises_through_its_mean():
+    time, rate = np.arange(5000) / 50_000, 2 * np.pi * 310.0  # 31 periods, 161 samples each
+    angle = rate * time + 0.7
+    shapes = np.column_stack([0.1 * np.cos(angle), 2.0 + np.sin(angle)])
+    speeds = rate * np.column_stack([-0.1 * np.sin(angle), np.cos(angle)])
+    made_up: Any = SimpleNamespace(time=time, displacement=shapes, velocity=speeds, coordinates=("X", "Y"))
+    points, names = _section(made_up, np.ones(2), ("X", "Y"))
+    assert names == ("Y", "X")
+    assert len(points) == 31
+    # Hermite cubics err by (ω h)⁴/384 = 6e-9 of the displacement and ten times that of the velocity.
+    np.testing.assert_allclose(points[:, 0], 0.1, rtol=1e-6)
+    np.testing.assert_allclose(points[:, 1], rate, rtol=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -1,24 +1,43 @@
 """Linear against nonlinear onset: critical values in closed form, modes through crossings, kicked ranges."""
 
 import csv
+import dataclasses
 import json
 import math
 from pathlib import Path
+from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
+from drumsqueal.effects.damping import Damping
 from drumsqueal.effects.friction_law import ConstantLaw, ExponentialLaw
 from drumsqueal.errors import RequestError, SceneError
 from drumsqueal.history import COMPLETE
 from drumsqueal.linear.branches import follow_modes, point_at
 from drumsqueal.model import Model, build_model
-from drumsqueal.scene.variation import Variation
+from drumsqueal.scene.variation import Variation, read_variation
 from drumsqueal.small_bodies import block_on_belt, sprung_block_on_belt
+from drumsqueal.studies.cycle.branches import Diagram
+from drumsqueal.studies.cycle.continuation import BOUND, FOLD, Branch, Special
+from drumsqueal.studies.cycle.kicked import steady_sliding
+from drumsqueal.studies.cycle.orbit import Cycle
+from drumsqueal.studies.onset import attractors
 from drumsqueal.studies.onset import study as study_module
-from drumsqueal.studies.onset.attractors import DECAYS, GROWS, SQUEALS, Ending, Family, How, find_endings
+from drumsqueal.studies.onset.attractors import (
+    DECAYS,
+    GROWS,
+    SQUEALS,
+    UNDECIDED,
+    Ending,
+    Family,
+    How,
+    Start,
+    find_endings,
+)
 from drumsqueal.studies.onset.rows import KICKED, STABLE, Row, find_ranges
 from drumsqueal.studies.onset.rows import SQUEALS as UNSTABLE
 from drumsqueal.studies.onset.study import Prediction, compare, predict, study_onset
@@ -142,6 +161,22 @@ def test_a_short_instability_between_two_values_is_found():
     assert [each.destabilises for each in found.critical] == [True, False]
 
 
+def test_between_two_critical_values_there_is_a_point():
+    # x grows below p = 0.51, y above 0.53, and both changes lie between the values 0.5 and 0.75.
+    def model_at(p):
+        block = sprung(np.array([[1.0, 0.0], [0.0, 2.0]]))
+        dashpots = jnp.diag(0.2 * jnp.array([p - 0.51, 0.53 - p]))
+        return dataclasses.replace(block, others=(*block.others, Damping(dashpots, block.coordinates)))
+
+    found = follow_modes(model_at, np.linspace(0, 1, 5))
+    assert [each.value for each in found.critical] == pytest.approx([0.51, 0.53], rel=1e-9)
+    between = [point for point in found.points if 0.51 < point.value < 0.53]
+    assert between
+    assert not any(point.unstable for point in between)
+    ((low, high),) = steady_sliding(Diagram(found, (), 0.0, 1.0), stable=True)
+    assert (low, high) == pytest.approx((0.51, 0.53), rel=1e-9)
+
+
 def test_a_static_instability_is_a_divergence():
     # A spring that turns negative at p = 0.3: λ² + 0.2 λ + 0.3 − p = 0.
     def model_at(p):
@@ -215,6 +250,36 @@ def test_more_transients_than_run_at_once_come_in_order_and_one_that_sticks_goes
     # The slower the belt, the faster the growth.
     rates = [each.rate for each in found if not each.by_itself]
     assert rates == sorted(rates, reverse=True)
+
+
+# The block's linear rate is −0.0128 1/s at 1.3 m/s and 0.0177 1/s at 1 m/s; a round lasts 120 s, of which 60 are seen.
+@pytest.mark.parametrize(
+    ("speed", "share", "rate", "energies", "kind", "rounds"),
+    [
+        (1.3, 0.05, -1e-9, [1.0], DECAYS, 1),  # small, and it falls
+        (1.3, 0.5, -0.0075, [1.0], DECAYS, 1),  # below the edges, faster than half the linear rate
+        (1.3, 0.5, -0.003, 0.49 ** np.arange(60), UNDECIDED, 60),  # slower than that, and not still
+        (1.3, 0.5, 0.0, np.ones(60), SQUEALS, 3),  # below the edges, and still
+        (1.3, 1.5, 0.0, np.ones(60), SQUEALS, 3),
+        (1.3, 1.5, 0.02, np.tile([1.0, 3.0], 30), SQUEALS, 20),  # comes and goes, and stays as it was
+        (1.3, 1.5, -0.02, 0.95 ** np.arange(60), SQUEALS, 60),  # comes and goes, and falls
+        (1.0, 0.2, 0.0177, np.exp(4.25 * np.arange(60)), GROWS, 60),
+        (1.3, 0.0, 0.0, [0.0], DECAYS, 1),
+    ],
+)
+def test_where_a_transient_leads_is_judged_round_by_round(monkeypatch, speed, share, rate, energies, kind, rounds):
+    left = iter(energies)
+
+    def motions(models, *args, **how):
+        one = np.ones(1)
+        for _ in models:
+            yield Saturated(one, one, (0.0, share), 1.0, "X", next(left), rate, 60.0, one, one, COMPLETE, False)
+
+    monkeypatch.setattr(attractors, "saturated_motions", motions)
+    start = Start("kick", np.ones(1), np.zeros(1))
+    family = Family(falling_friction, ("X",), ("X",))
+    (found,) = find_endings(family, [(point_at(falling_friction, speed), start)], How(10.0, 1e-6, 120.0))
+    assert (found.kind, found.seconds / 120.0) == (kind, rounds)
 
 
 def grazing_speed() -> float:
@@ -306,6 +371,18 @@ def test_a_kicked_range_narrower_than_the_steps_is_found_beside_the_critical_val
     uncertainty = study.ranges[1].last_uncertainty
     assert uncertainty is not None
     assert abs(study.ranges[1].last - 1.17) <= uncertainty < 2e-4
+
+
+def test_a_motion_that_only_lasts_larger_is_tried_larger(nominal, monkeypatch):
+    known = made_up([], fold=1.25, reach=0.2)
+
+    def find(family, tasks, how, *, rounds):
+        for each in known(family, tasks, how, rounds=rounds):
+            yield each if each.value < HOPF or each.start.startswith("1.5 times") else each._replace(kind=DECAYS)
+
+    monkeypatch.setattr(study_module, "find_endings", find)
+    study = compare(predicted(nominal, [1.0, 1.1, 1.2, 1.3]), 0.1, lambda _: None, lambda *_: None)
+    assert [row.kind for row in study.rows if row.asked] == [UNSTABLE, UNSTABLE, KICKED, STABLE]
 
 
 def test_no_hysteresis_leaves_the_critical_value_alone(nominal, monkeypatch):
@@ -429,6 +506,69 @@ def made_up_for_y(family, tasks, how, *, rounds):
         yield Ending(point.value, start.name, SQUEALS if lasts else DECAYS, motion, 0.1)
 
 
+def made_up_cycles(speeds: list[float]) -> Branch:
+    """Up to the last but one stable, 1 µm of Y for each rad/s; there it folds."""
+    any_model: Any = None  # of which nothing is asked
+    one = Cycle(("Y",), 1e-3, np.zeros(2), np.array([0.5 + 0j]), 0.0, 0.0, 0.0, {}, 1.0, 0.0, any_model, any_model)
+    cycles = [one._replace(parameter=speed, amplitude={"Y": 1e-6 * (speed + k)}) for k, speed in enumerate(speeds)]
+    cycles[-1] = cycles[-1]._replace(multipliers=np.array([1.5 + 0j]))
+    cycles[-2] = cycles[-2]._replace(multipliers=np.array([1.0 + 0j]))
+    return Branch(tuple(cycles), (Special(FOLD, speeds[-2], cycles[-2]),), BOUND, "it is lost")
+
+
+def test_cycles_are_laid_over_the_onset(drumsqueal, tmp_path, monkeypatch):
+    def follow(scene, key, low, high, on_cycle):
+        assert (key, low, high) == ("drum.speed", 1.0, 40.0)
+        linear = predict(scene, read_variation("drum.speed=1..40x14", scene)).linear
+        return Diagram(linear, (made_up_cycles([5.0, 15.0, 25.0, 20.0]),), low, high, (), key, scene)
+
+    drawn = []
+    monkeypatch.setattr(study_module, "find_endings", made_up_for_y)
+    monkeypatch.setattr("drumsqueal.jobs.onset.follow_cycle", follow)
+    monkeypatch.setattr("drumsqueal.jobs.onset.save_figures", lambda figures, folder: drawn.append(figures["onset"]))
+    arguments = ["onset", str(DAMPED), *QUICK, "--along", "drum.speed=1..40x14", "-o", str(tmp_path)]
+    status, printed, error = drumsqueal(*arguments, "--cycles")
+    assert (status, error) == (0, "")
+    told = " ".join(printed.split())
+    assert "stable cycles live from 5 to 25 (folds at 25)" in told
+    cycles = json.loads((tmp_path / "onset.json").read_text())["cycles"]
+    assert cycles["folds"] == [25.0]
+    assert [each["value"] for each in cycles["branches"][0]["cycles"]] == [5.0, 15.0, 25.0, 20.0]
+    # Solid up to the fold, dashed beyond, in µm.
+    lines = [(line.get_linestyle(), np.array(line.get_data()).tolist()) for line in drawn[0].axes[0].lines]
+    assert ("-", [[5.0, 15.0, 25.0], pytest.approx([5.0, 16.0, 27.0])]) in lines
+    assert ("--", [[25.0, 20.0], pytest.approx([27.0, 23.0])]) in lines
+    legend = [text.get_text() for text in drawn[0].legends[0].get_texts()]
+    assert {"stable cycle", "unstable cycle"} <= set(legend)
+    # Without the option there are none, and a range that no cycle can be followed over is refused before anything.
+    assert drumsqueal(*arguments, "--overwrite")[0] == 0
+    assert json.loads((tmp_path / "onset.json").read_text())["cycles"] is None
+    before = (tmp_path / "onset.json").read_text()
+    through_rest = ["onset", str(DAMPED), *QUICK, "--along", "drum.speed=-1..40x14", "-o", str(tmp_path)]
+    status, _, error = drumsqueal(*through_rest, "--cycles", "--overwrite")
+    assert (status, error.count("\n")) == (2, 1)
+    assert "drum at rest" in error
+    assert (tmp_path / "onset.json").read_text() == before
+
+
+@pytest.mark.slow
+def test_transients_settle_on_the_cycles_that_are_followed(drumsqueal, tmp_path):
+    # Two ways to the same motions: integrated until they settle, and closed by Newton's method.
+    arguments = ["onset", str(DAMPED), *QUICK, "--along", "drum.speed=4..40x4", "--within", "10 %", "-o", str(tmp_path)]
+    assert drumsqueal(*arguments, "--cycles")[0] == 0
+    cycles = json.loads((tmp_path / "onset.json").read_text())["cycles"]
+    found = sorted(
+        (each["value"], each["amplitude"]["Y"])
+        for branch in cycles["branches"]
+        for each in branch["cycles"]
+        if each["stable"]
+    )
+    for row in table(tmp_path):
+        value, amplitude = (float(row[name]) for name in ("drum.speed_rad_per_s", "large_amplitude_Y_m"))
+        # Between two cycles of the branch the amplitude is read off a straight line.
+        assert amplitude == pytest.approx(np.interp(value, *np.transpose(found)), rel=0.01)
+
+
 def test_ctrl_c_keeps_the_values_done(drumsqueal, tmp_path, monkeypatch):
     def interrupted(family, tasks, how, *, rounds):
         for k, each in enumerate(made_up_for_y(family, tasks, how, rounds=rounds)):
@@ -440,7 +580,7 @@ def test_ctrl_c_keeps_the_values_done(drumsqueal, tmp_path, monkeypatch):
     folder = tmp_path / "out"
     status, _, error = drumsqueal("onset", str(DAMPED), *QUICK, "--along", "drum.speed=1..40x14", "-o", str(folder))
     assert status == 1
-    assert "interrupted by the user; the runs made until then are in" in error
+    assert "interrupted by the user; what was done until then is in" in error
     assert [row["drum.speed_rad_per_s"] for row in table(folder)] == ["1.0", "4.0"]
     assert not (folder / "onset.png").exists()
 

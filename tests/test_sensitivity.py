@@ -1,6 +1,8 @@
 """How growth rates go with a scene's numbers, and the smallest change that makes a brake stable."""
 
+import csv
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,6 +20,7 @@ from drumsqueal.studies.sensitivity.decay import KICK, kicked, nonlinear_decay
 from drumsqueal.studies.sensitivity.quieting import LEAST, MARGIN, largest_growth, quieten, variable_numbers
 from drumsqueal.studies.sensitivity.study import SensitivityStudy, at_one_time, study_sensitivity
 
+NOMINAL = Path(__file__).parents[1] / "scenarios" / "nominal.toml"
 BRIEF = {"simulate.duration": 0.05}
 SQUEALING = ("X", "Y", "Tz")
 
@@ -196,7 +199,7 @@ def test_a_kick_starts_beyond_the_edges_and_constant_friction_is_told_apart(nomi
 
 def test_the_command_writes_a_quiet_scene_that_is_one(drumsqueal, tmp_path):
     scene, out = tmp_path / "scene.toml", tmp_path / "out"
-    nominal = load_scene("scenarios/nominal.toml", ["simulate.duration=0.05"])
+    nominal = load_scene(NOMINAL, ["simulate.duration=0.05"])
     scene.write_text(nominal.to_toml(), encoding="utf-8")
     arguments = ("sensitivity", str(scene), "-o", str(out), "--until", "stable", "--vary", "friction.static")
     status, printed, error = drumsqueal(*arguments)
@@ -207,6 +210,15 @@ def test_the_command_writes_a_quiet_scene_that_is_one(drumsqueal, tmp_path):
     assert not analyse_stability(build_model(quiet, coordinates=ALL)).unstable
     found = json.loads((out / "sensitivity.json").read_text())
     assert found["quiet"]["transients"][0]["start"] == "its own start"
+    assert "…" not in printed  # no number is cut off
+    with (out / SENSITIVITY_TABLE).open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    for row in rows:  # the same numbers under the same names
+        (number,) = (each for each in found["numbers"] if each["key"] == row["number"])
+        k = [mode["label"] for mode in found["modes"]].index(row["mode"])
+        for name in number.keys() - {"key", "value_SI"}:
+            assert number[name][k] == (float(row[name]) if row[name] else None), name
+    assert len(rows) == len(found["numbers"]) * len(found["modes"])
     status, printed, _ = drumsqueal(
         "sensitivity", str(out / QUIET_SCENE), "-o", str(tmp_path / "b"), "--until", "stable"
     )
@@ -230,7 +242,17 @@ def test_the_command_writes_a_quiet_scene_that_is_one(drumsqueal, tmp_path):
     ],
 )
 def test_wrong_requests_write_nothing(drumsqueal, tmp_path, wrong):
-    status, printed, error = drumsqueal("sensitivity", "scenarios/nominal.toml", "-o", str(tmp_path / "out"), *wrong)
+    status, printed, error = drumsqueal("sensitivity", str(NOMINAL), "-o", str(tmp_path / "out"), *wrong)
     assert (status, printed) == (2, "")
     assert error.count("\n") == 1
     assert not (tmp_path / "out").exists()
+
+
+def test_a_wrong_request_clears_nothing_either(drumsqueal, tmp_path):
+    (tmp_path / SENSITIVITY_TABLE).write_text("of value")
+    still = ("friction=none", "support=none", "contact.stiffness=0")
+    settings = [word for setting in still for word in ("--set", setting)]
+    status, printed, error = drumsqueal("sensitivity", str(NOMINAL), "-o", str(tmp_path), "--overwrite", *settings)
+    assert (status, printed, error.count("\n")) == (2, "", 1)
+    assert "nothing oscillates" in error
+    assert (tmp_path / SENSITIVITY_TABLE).read_text() == "of value"

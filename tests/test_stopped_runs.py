@@ -1,6 +1,7 @@
 """A run that fails, is interrupted or fills the disk: one line, status 1, and what was computed is kept and whole."""
 
 import errno
+import importlib
 import json
 import signal
 import time
@@ -13,14 +14,15 @@ import xarray
 from drumsqueal import simulation
 from drumsqueal.errors import IntegrationError
 from drumsqueal.files import history_file
-from drumsqueal.files.output_folder import RUN_FILES
+from drumsqueal.files.output_folder import RUN_FILES, claimed
 from drumsqueal.interrupts import noted_interrupts, stop_if_interrupted
 from drumsqueal.jobs import run as job
 from drumsqueal.jobs import run_results as results
 from drumsqueal.simulation import run
 from processes import MAIN, posix, start, wait_for
 
-NOMINAL = str(Path(__file__).parents[1] / "scenarios" / "nominal.toml")
+SCENARIOS = Path(__file__).parents[1] / "scenarios"
+NOMINAL = str(SCENARIOS / "nominal.toml")
 THREE_CHUNKS = ("--set", "simulate.duration=0.03")
 AGAIN = "--resume goes on from there"
 
@@ -260,3 +262,46 @@ def test_a_press_that_was_not_granted_ends_nothing_later(nominal, monkeypatch):
         with pytest.raises(IntegrationError, match="failed at once"):
             run(short)
     assert run(short).outcome == "complete"
+
+
+# --- before anything is written -------------------------------------------------------------------------------------
+
+AT_ONCE = {
+    "sensitivity": ("study_sensitivity",),
+    "cycle": ("find_cycle",),
+    "motion": ("study_motion",),
+    "effects": ("study_effects",),
+    "accuracy": ("study_accuracy",),
+    "onset": ("compare", "--along", "drum.speed=4..6x2"),
+    "sweep": ("SweepFile.create", "--vary", "drum.speed=4..6x2"),
+}
+
+
+@pytest.mark.parametrize("command", AT_ONCE)
+def test_a_command_that_is_stopped_at_once_leaves_no_folder(drumsqueal, tmp_path, monkeypatch, command):
+    def pressed(*_, **__):
+        raise KeyboardInterrupt
+
+    step, *options = AT_ONCE[command]
+    importlib.import_module(f"drumsqueal.jobs.{command}")
+    monkeypatch.setattr(f"drumsqueal.jobs.{command}.{step}", pressed)
+    damped, folder = str(SCENARIOS / "damped.toml"), tmp_path / "deep" / "out"
+    status, printed, errors = drumsqueal(command, damped, "-o", str(folder), *options)
+    assert (status, printed) == (1, "")
+    assert errors == "drumsqueal: interrupted by the user; nothing was kept\n"
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_only_folders_that_were_made_and_are_empty_go_again(tmp_path):
+    def stopped(folder: Path, *left: str) -> None:
+        with claimed(folder, ()):
+            for name in left:
+                (folder / name).touch()
+            raise ZeroDivisionError
+
+    (tmp_path / "own").mkdir()
+    for name, left in (("own", ()), ("made/filled", ("kept",)), ("made/empty", ()), ("all/empty", ())):
+        with pytest.raises(ZeroDivisionError):
+            stopped(tmp_path / name, *left)
+    there = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*")}
+    assert there == {"own", "made", "made/filled", "made/filled/kept"}

@@ -71,11 +71,15 @@ def test_a_grid_is_what_every_point_is_alone(damped):
     assert {0, 1} == set(found["squeal"].values.ravel())
 
 
-def test_a_drum_at_rest_leaves_a_gap_with_a_reason(damped):
+def test_a_drum_at_rest_leaves_a_gap_with_a_reason(damped, drumsqueal, tmp_path):
     found = ds.sweep_parameters(damped, {"drum.speed": [5.0, 0.0]})
     assert found["outcome"].values.tolist() == [0, AT_REST]
     assert np.isnan(found["largest_growth_rate"].values).tolist() == [False, True]
     assert found["squeal"].values.tolist() == [1, -1]
+    flags = found["outcome"].attrs
+    assert len(flags["flag_meanings"].split()) == len(flags["flag_values"])
+    arguments = ("sweep", str(SCENARIOS / "damped.toml"), "-o", str(tmp_path), "--vary", "drum.speed=0..5x2")
+    assert "1 of 2 points: no steady sliding: the drum is at rest" in drumsqueal(*arguments)[1]
 
 
 @pytest.mark.slow
@@ -283,6 +287,24 @@ def test_a_failure_keeps_what_was_computed(damped, tmp_path):
     with pytest.raises(IntegrationError, match=r"failed: the scheduler .* was lost; 8 of 20 points were computed"):
         job.sweep_into(tmp_path, plan, Console(quiet=True), failing)
     assert [path.name for path in tmp_path.iterdir()] == ["sweep.nc"]
+
+
+@pytest.mark.parametrize("stopped", [KeyboardInterrupt, OSError(28, "No space left on device")])
+def test_a_sweep_without_its_figures_is_not_complete(drumsqueal, tmp_path, monkeypatch, stopped):
+    arguments = ("sweep", str(SCENARIOS / "damped.toml"), "--vary", "drum.speed=1..40x4", "-o", str(tmp_path))
+
+    def fail(*_):
+        raise stopped
+
+    with monkeypatch.context() as patch:
+        patch.setattr("drumsqueal.jobs.sweep_results.save_figures", fail)
+        status, printed, errors = drumsqueal(*arguments)
+    assert (status, printed, errors.count("\n")) == (1, "", 1)
+    assert "4 of 4 points were computed" in errors
+    status, _, errors = drumsqueal(*arguments, "--resume")
+    assert (status, errors) == (0, "")
+    assert {path.name for path in tmp_path.iterdir()} == {"sweep.nc", "sweep.json", "stability.png"}
+    assert "nothing to resume" in drumsqueal(*arguments, "--resume")[2]
 
 
 @posix

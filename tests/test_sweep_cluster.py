@@ -35,10 +35,21 @@ def plan(monkeypatch) -> Plan:
 
 
 @pytest.fixture
-def cluster():
+def local():
     how = {"processes": False, "dashboard_address": None, "threads_per_worker": 2}
-    with LocalCluster(n_workers=2, **how) as local, Client(local, set_as_default=False) as client:
-        yield Cluster(client)
+    with LocalCluster(n_workers=2, **how) as local:
+        yield local
+
+
+@pytest.fixture
+def client(local):
+    with Client(local, set_as_default=False) as client:
+        yield client
+
+
+@pytest.fixture
+def cluster(client) -> Cluster:
+    return Cluster(client)
 
 
 def test_a_cluster_computes_every_batch_once_and_the_same(plan, cluster):
@@ -51,6 +62,19 @@ def test_a_cluster_computes_every_batch_once_and_the_same(plan, cluster):
     here = study.compute(plan, 0, plan.points)
     for name, values in columns.items():
         assert values.tobytes() == here[name].tobytes(), name
+
+
+def test_results_that_are_lost_with_their_worker_are_computed_again(plan, local, client, cluster):
+    stream = cluster.results(plan, study.batches(plan))
+    seen, futures = [next(stream)[0]], client.futures
+    deadline = time.monotonic() + 60
+    while any(each.status == "pending" for each in futures.values()) and time.monotonic() < deadline:
+        time.sleep(0.01)  # all are computed, and wait to be fetched
+    local.sync(local.workers[0].close)
+    while not any(each.status != "finished" for each in futures.values()) and time.monotonic() < deadline:
+        time.sleep(0.001)
+    seen += [first for first, _ in stream]
+    assert sorted(seen) == [first for first, _ in study.batches(plan)]
 
 
 def test_a_batch_that_fails_ends_the_sweep_with_the_reason(plan, cluster, monkeypatch):

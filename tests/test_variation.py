@@ -50,6 +50,18 @@ def test_a_range_alone(nominal):
     assert read_variation("drum.speed=1..40", nominal, points=None) == Variation("drum.speed", "rad/s", (1.0, 40.0))
     with pytest.raises(SceneError, match="takes no number of values; leave out x5"):
         read_variation("drum.speed=1..40x5", nominal, points=None)
+    for text in ("drum.speed", "drum.speed=3"):  # what is advised is what is taken
+        with pytest.raises(SceneError, match=r"such as drum\.speed=1\.\.40$"):
+            read_variation(text, nominal, points=None)
+
+
+def test_the_heading_of_a_column_has_the_unit(nominal):
+    for text, heading in (
+        ("drum.speed=1..2", "drum.speed_rad_per_s"),
+        ("contact.stiffness=1..2", "contact.stiffness_N_per_m3"),
+        ("friction.static=0.4..0.6", "friction.static"),
+    ):
+        assert read_variation(text, nominal).column == heading
 
 
 @pytest.mark.parametrize(

@@ -4,13 +4,19 @@ What computes is imported inside the commands, once the scene has been read: JAX
 and a mistake in a scene is told at once.
 """
 
+import inspect
+import os
 import sys
-from typing import NoReturn
+from collections.abc import Callable
+from importlib.metadata import version
+from typing import Annotated, Any, NoReturn, cast
 
 import typer
+from rich.markup import escape
 
 from drumsqueal.cli.accuracy import accuracy_command
 from drumsqueal.cli.animate import animate_command
+from drumsqueal.cli.check import check_command
 from drumsqueal.cli.cycle import cycle_command
 from drumsqueal.cli.effects import effects_command
 from drumsqueal.cli.export import export_command
@@ -20,6 +26,7 @@ from drumsqueal.cli.options import UsageError, make_console
 from drumsqueal.cli.paper import paper_command
 from drumsqueal.cli.report import report_command
 from drumsqueal.cli.run import run_command
+from drumsqueal.cli.scenes import scenes_command
 from drumsqueal.cli.sensitivity import sensitivity_command
 from drumsqueal.cli.stability import stability_command
 from drumsqueal.cli.sweep import sweep_command
@@ -27,28 +34,83 @@ from drumsqueal.compilation import prepare_environment
 from drumsqueal.errors import IntegrationError, RequestError
 from drumsqueal.scene.quantities import SceneError, printable
 
-app = typer.Typer(add_completion=False, no_args_is_help=True, rich_markup_mode="rich", pretty_exceptions_enable=False)
+app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich", pretty_exceptions_enable=False)
 FAILED, WRONG = 1, 2  # exit status
 INTERRUPTED = "interrupted before anything was written"
+COMPLETION = "_DRUMSQUEAL_COMPLETE"  # set by the shell where it asks what could come next
+GROUPS: dict[str, dict[str, Callable[..., None]]] = {
+    "Simulate": {
+        "scenes": scenes_command,
+        "check": check_command,
+        "run": run_command,
+        "motion": motion_command,
+    },
+    "Onset of squeal": {
+        "stability": stability_command,
+        "onset": onset_command,
+        "cycle": cycle_command,
+        "sweep": sweep_command,
+        "sensitivity": sensitivity_command,
+        "paper": paper_command,
+    },
+    "Quality": {"effects": effects_command, "accuracy": accuracy_command},
+    "Take it elsewhere": {
+        "report": report_command,
+        "animate": animate_command,
+        "export": export_command,
+    },
+}
+"""The commands in the order of the help, by the panel they stand in."""
+_MORE_ARGUMENTS = {"effects"}  # it makes sense of --within 1 %
 
-app.command(name="run")(run_command)
-app.command(name="stability")(stability_command)
-app.command(name="effects", context_settings={"allow_extra_args": True})(effects_command)
-app.command(name="cycle")(cycle_command)
-app.command(name="accuracy")(accuracy_command)
-app.command(name="onset")(onset_command)
-app.command(name="motion")(motion_command)
-app.command(name="sensitivity")(sensitivity_command)
-app.command(name="paper")(paper_command)
-app.command(name="sweep")(sweep_command)
-app.command(name="report")(report_command)
-app.command(name="animate")(animate_command)
-app.command(name="export")(export_command)
+
+def _add(group: str, name: str, command: Callable[..., None]) -> None:
+    settings = {"allow_extra_args": True} if name in _MORE_ARGUMENTS else None
+    app.command(name, help=help_text(command), rich_help_panel=group, context_settings=settings)(command)
+
+
+def help_text(command: Callable[..., None]) -> str:
+    """The docstring of a command as its help: paragraphs without the line breaks of the source, an example by itself.
+
+    Brackets are text, not markup.
+    """
+    paragraphs = inspect.cleandoc(command.__doc__ or "").split("\n\n")
+    joined = (" ".join(paragraph.split()) for paragraph in paragraphs)
+    return escape("\n\n".join(each.replace("Example: ", "Example:\n  ", 1) for each in joined))
+
+
+for _group, _commands in GROUPS.items():
+    for _name, _command in _commands.items():
+        _add(_group, _name, _command)
+
+
+def _tell_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"drumsqueal {version('drumsqueal')}")
+        raise typer.Exit
 
 
 @app.callback()
-def _main() -> None:
+def _main(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_tell_version, is_eager=True, help="Show the version and exit."),
+    ] = False,
+) -> None:
     """Friction-induced vibration of a drum-brake shoe in time, beside the eigenvalues that predict it."""
+
+
+def command_tree() -> Any:
+    """The command with its subcommands, ready to be called.
+
+    A flag takes no value, and its help names no type; brackets in the help are text."""
+    tree = cast(Any, typer.main.get_command(app))
+    for command in (tree, *tree.commands.values()):
+        for parameter in command.get_params(typer.Context(command)):
+            if getattr(parameter, "is_flag", False):
+                parameter.metavar = ""
+            parameter.help = escape(parameter.help or "")
+    return tree
 
 
 def _one_line(message: str) -> str:
@@ -59,11 +121,13 @@ def main() -> None:
     """Run the command line and turn every error into one line and an exit status."""
     prepare_environment()
     try:
-        # Not app(): that would turn Ctrl-C into a return value, which looks like success.
-        command = typer.main.get_command(app)
+        command = command_tree()
+        if COMPLETION in os.environ:
+            command.main(prog_name="drumsqueal", complete_var=COMPLETION)
+        # Not main(): that would turn Ctrl-C into a return value, which looks like success.
         with command.make_context("drumsqueal", sys.argv[1:]) as context:
             command.invoke(context)
-    except typer.Exit as done:  # after --help
+    except typer.Exit as done:  # after --help and --version
         sys.exit(done.exit_code)
     except (SceneError, RequestError) as error:
         _give_up(str(error), WRONG)
@@ -72,6 +136,9 @@ def main() -> None:
         _give_up(message and f"{message} (see drumsqueal --help)", WRONG)
     except KeyboardInterrupt:
         _give_up(INTERRUPTED, FAILED)
+    except BrokenPipeError:  # whoever read has seen enough, as `head` does; what is left to be flushed goes nowhere
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(FAILED)
     except (IntegrationError, OSError) as error:
         _give_up(str(error), FAILED)
     except Exception as error:

@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
-from drumsqueal.cli.options import Overwrite, SceneFile, Settings, make_console, output_option, read_share
-from drumsqueal.files.output_folder import ACCURACY_FILES, check_output, claim_output
+from drumsqueal.cli.options import JsonFile, Overwrite, Quiet, Reply, SceneFile, Settings, output_option, read_share
+from drumsqueal.files.output_folder import ACCURACY_FILES, check_output, claimed
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import load_scene
 
@@ -20,8 +20,10 @@ def accuracy_command(
     ] = "1e-4",
     settings: Settings = None,
     overwrite: Overwrite = False,
+    quiet: Quiet = False,
+    json_file: JsonFile = None,
 ) -> None:
-    """How wrong is a scene's transient, and what would ten times better cost?
+    """How wrong is a transient, and what would better cost?
 
     Runs methods, tolerances and quadratures against an independent reference. Writes accuracy.csv, three figures and
     simulate.toml, the cheapest settings that meet the target, into DIR.
@@ -32,6 +34,7 @@ def accuracy_command(
     wanted = read_share(target, "--target")
     folder = output if output is not None else Path("out") / f"{scene.stem}-accuracy"
     check_output(folder, ACCURACY_FILES, overwrite=overwrite)
+    reply = Reply(quiet, json_file, overwrite=overwrite)
     stop_if_interrupted()
     from drumsqueal.jobs.accuracy import study_into
     from drumsqueal.simulation import check_sample_rate, prepare
@@ -40,5 +43,5 @@ def accuracy_command(
     stop_if_interrupted()
     check_motion(loaded)
     check_sample_rate(prepare(loaded))
-    claim_output(folder, ACCURACY_FILES)
-    study_into(folder, loaded, wanted, make_console())
+    with claimed(folder, ACCURACY_FILES):
+        reply.send(study_into(folder, loaded, wanted, reply.console))

@@ -5,8 +5,9 @@ from typing import Annotated
 
 import typer
 
-from drumsqueal.cli.options import Overwrite, SceneFile, Settings, make_console, output_option
-from drumsqueal.files.output_folder import BRANCH_FILES, CYCLE_FILES, check_output, claim_output
+from drumsqueal.cli.completion import complete_range
+from drumsqueal.cli.options import JsonFile, Overwrite, Quiet, Reply, SceneFile, Settings, output_option
+from drumsqueal.files.output_folder import BRANCH_FILES, CYCLE_FILES, check_output, claimed
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import load_scene
 from drumsqueal.scene.variation import read_variation
@@ -18,12 +19,23 @@ def cycle_command(
     scene: SceneFile,
     output: Annotated[Path | None, output_option("SCENE-cycle")] = None,
     along: Annotated[
-        str | None, typer.Option("--along", metavar="KEY=FROM..TO", help=ALONG, show_default=False)
+        str | None,
+        typer.Option(
+            "--along",
+            metavar="KEY=FROM..TO",
+            help=ALONG,
+            show_default=False,
+            autocompletion=complete_range,
+        ),
     ] = None,
     settings: Settings = None,
     overwrite: Overwrite = False,
+    quiet: Quiet = False,
+    json_file: JsonFile = None,
 ) -> None:
-    """Find the periodic motion itself, stable or not: period, amplitudes, Floquet multipliers.
+    """Find limit cycles, stable or not, and their folds.
+
+    Period, amplitudes and Floquet multipliers of the periodic motion itself.
 
     Writes cycle.json, cycle.nc (one period) and cycle.png into DIR; with --along, which follows the cycles along a
     parameter through folds, branch.csv, branch.json and branch.png.
@@ -35,6 +47,7 @@ def cycle_command(
     files = CYCLE_FILES if variation is None else BRANCH_FILES
     folder = output if output is not None else Path("out") / f"{scene.stem}-cycle"
     check_output(folder, files, overwrite=overwrite)
+    reply = Reply(quiet, json_file, overwrite=overwrite)
     stop_if_interrupted()
     from drumsqueal.jobs.cycle import find_into, follow_into
     from drumsqueal.simulation import check_sample_rate, prepare
@@ -46,8 +59,8 @@ def cycle_command(
     check_sample_rate(prepare(checked(loaded)))
     if variation is not None:
         checked_range(loaded, variation)
-    claim_output(folder, files)
-    if variation is None:
-        find_into(folder, loaded, make_console())
-    else:
-        follow_into(folder, loaded, variation, make_console())
+    with claimed(folder, files):
+        if variation is None:
+            reply.send(find_into(folder, loaded, reply.console))
+        else:
+            reply.send(follow_into(folder, loaded, variation, reply.console))

@@ -6,15 +6,17 @@ from typing import Annotated
 import typer
 
 from drumsqueal.cli.options import (
+    JsonFile,
     Overwrite,
+    Quiet,
+    Reply,
     SceneFile,
     Settings,
     UsageError,
-    make_console,
     output_option,
     read_share,
 )
-from drumsqueal.files.output_folder import EFFECT_FILES, check_output, claim_output
+from drumsqueal.files.output_folder import EFFECT_FILES, check_output, claimed
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import load_scene
 
@@ -28,8 +30,12 @@ def effects_command(
     ] = "1 %",
     settings: Settings = None,
     overwrite: Overwrite = False,
+    quiet: Quiet = False,
+    json_file: JsonFile = None,
 ) -> None:
-    """Leave out each effect of a scene: what does it cost, what does it change, which are needed?
+    """Which effects does a scene need, and what does each cost?
+
+    Leaves out each effect in turn.
 
     Writes effects.csv, effects.png and reduced.toml, the scene with what it needs, into DIR.
 
@@ -43,11 +49,12 @@ def effects_command(
     accuracy = read_share(within, "--within")
     folder = output if output is not None else Path("out") / f"{scene.stem}-effects"
     check_output(folder, EFFECT_FILES, overwrite=overwrite)
+    reply = Reply(quiet, json_file, overwrite=overwrite)
     stop_if_interrupted()
     from drumsqueal.jobs.effects import study_into
     from drumsqueal.simulation import check_sample_rate, prepare
 
     stop_if_interrupted()
     check_sample_rate(prepare(loaded))  # a scene that cannot be run is told before there is a folder
-    claim_output(folder, EFFECT_FILES)
-    study_into(folder, loaded, accuracy, make_console())
+    with claimed(folder, EFFECT_FILES):
+        reply.send(study_into(folder, loaded, accuracy, reply.console))

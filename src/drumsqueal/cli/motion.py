@@ -5,9 +5,9 @@ from typing import Annotated
 
 import typer
 
-from drumsqueal.cli.options import Overwrite, SceneFile, Settings, make_console, output_option
+from drumsqueal.cli.options import JsonFile, Overwrite, Quiet, Reply, SceneFile, Settings, output_option
 from drumsqueal.errors import RequestError
-from drumsqueal.files.output_folder import MOTION_FILES, check_output, claim_output
+from drumsqueal.files.output_folder import MOTION_FILES, check_output, claimed
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import load_scene
 from drumsqueal.scene.quantities import parse_quantity
@@ -27,17 +27,22 @@ def motion_command(
     ] = "600 s",
     settings: Settings = None,
     overwrite: Overwrite = False,
+    quiet: Quiet = False,
+    json_file: JsonFile = None,
 ) -> None:
-    """Tell the kind of motion: steady, periodic, quasi-periodic (with base frequencies) or chaotic, with the evidence.
+    """Periodic, quasi-periodic or chaotic? With the evidence.
+
+    Tells base frequencies of a quasi-periodic motion, and Lyapunov exponents where nothing else decides.
 
     Writes motion.json, motion.csv (lines and what they are combinations of) and figures into DIR.
 
-    Example: drumsqueal motion scenarios/nominal.toml -o out/motion --duration "5 s"
+    Example: drumsqueal motion scenarios/nominal.toml -o out/motion --duration "3 s"
     """
     loaded = load_scene(scene, settings or ())
     length, limit = _time(duration, "--duration"), _time(at_most, "--at-most")
     folder = output if output is not None else Path("out") / f"{scene.stem}-motion"
     check_output(folder, MOTION_FILES, overwrite=overwrite)
+    reply = Reply(quiet, json_file, overwrite=overwrite)
     stop_if_interrupted()
     from drumsqueal.jobs.motion import study_into
     from drumsqueal.simulation import check_sample_rate, prepare
@@ -45,8 +50,8 @@ def motion_command(
 
     stop_if_interrupted()
     check_sample_rate(prepare(checked(loaded)))  # what cannot be done is told before there is a folder
-    claim_output(folder, MOTION_FILES)
-    study_into(folder, loaded, length, limit, make_console())
+    with claimed(folder, MOTION_FILES):
+        reply.send(study_into(folder, loaded, length, limit, reply.console))
 
 
 def _time(text: str, option: str) -> float:

@@ -5,8 +5,9 @@ from typing import Annotated
 
 import typer
 
-from drumsqueal.cli.options import Overwrite, SceneFile, Settings, make_console, output_option, read_share
-from drumsqueal.files.output_folder import ONSET_FILES, check_output, claim_output
+from drumsqueal.cli.completion import complete_range
+from drumsqueal.cli.options import JsonFile, Overwrite, Quiet, Reply, SceneFile, Settings, output_option, read_share
+from drumsqueal.files.output_folder import ONSET_FILES, check_output, claimed
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import load_scene
 from drumsqueal.scene.variation import POINTS, SYNTAX, read_variation
@@ -19,7 +20,16 @@ ALONG = (
 
 def onset_command(
     scene: SceneFile,
-    along: Annotated[str, typer.Option("--along", metavar=SYNTAX, help=ALONG, show_default=False)],
+    along: Annotated[
+        str,
+        typer.Option(
+            "--along",
+            metavar=SYNTAX,
+            help=ALONG,
+            show_default=False,
+            autocompletion=complete_range,
+        ),
+    ],
     output: Annotated[Path | None, output_option("SCENE-onset")] = None,
     within: Annotated[
         str,
@@ -27,10 +37,15 @@ def onset_command(
             "--within", metavar="SHARE", help="Share of the range within which ends of the kicked range are sought."
         ),
     ] = "0.1 %",
+    cycles: Annotated[
+        bool, typer.Option("--cycles", help="Follow the cycles, too, stable or not, and draw them into the figure.")
+    ] = False,
     settings: Settings = None,
     overwrite: Overwrite = False,
+    quiet: Quiet = False,
+    json_file: JsonFile = None,
 ) -> None:
-    """Compare linear with nonlinear onset along a parameter: where is it stable, where does it squeal, where if kicked?
+    """Where does it squeal, and where only when kicked?
 
     Finds the critical values of the eigenvalues, runs transients from small and large departures at each value, and
     follows what lasts to the neighbouring ones. Writes onset.csv, onset.json and onset.png into DIR.
@@ -42,11 +57,15 @@ def onset_command(
     share = read_share(within, "--within")
     folder = output if output is not None else Path("out") / f"{scene.stem}-onset"
     check_output(folder, ONSET_FILES, overwrite=overwrite)
+    reply = Reply(quiet, json_file, overwrite=overwrite)
     stop_if_interrupted()
     from drumsqueal.jobs.onset import study_into
+    from drumsqueal.studies.cycle.branches import checked_range
     from drumsqueal.studies.onset.study import predict
 
     stop_if_interrupted()
     predicted = predict(loaded, variation)  # what cannot be studied is told before there is a folder
-    claim_output(folder, ONSET_FILES)
-    study_into(folder, predicted, share, make_console())
+    if cycles:
+        checked_range(loaded, variation)
+    with claimed(folder, ONSET_FILES):
+        reply.send(study_into(folder, predicted, share, reply.console, cycles=cycles))

@@ -1,15 +1,22 @@
-"""What the commands share: arguments, options, and the console they print to."""
+"""What the commands share: arguments, options, and how they answer."""
 
+import os
+import sys
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from rich.console import Console
 
+from drumsqueal.cli.completion import complete_scene, complete_setting
 from drumsqueal.errors import RequestError
+from drumsqueal.files.json_file import to_json
+from drumsqueal.files.output_folder import check_output_file, write_whole
 from drumsqueal.scene.quantities import parse_quantity
+from drumsqueal.scene.shipped import find_scene
 
 UsageError: type[typer.BadParameter] = typer.BadParameter.__mro__[1]  # any misuse; it has no public name of its own
+UNBROKEN = 10_000  # columns where nobody looks on: a sentence then is one line, and no table is cut
 
 
 def read_folder(text: str) -> Path:
@@ -32,13 +39,70 @@ def output_option(default: str) -> Any:
     return typer.Option("-o", "--output", metavar="DIR", parser=read_folder, help=told)
 
 
-SceneFile = Annotated[Path, typer.Argument(metavar="SCENE", help="Scene file (TOML).", show_default=False)]
+SceneFile = Annotated[
+    Path,
+    typer.Argument(
+        metavar="SCENE",
+        parser=find_scene,
+        help="Scene file (TOML), or the name of a shipped scene.",
+        show_default=False,
+        autocompletion=complete_scene,
+    ),
+]
 Settings = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", help="Replace a value of the scene, e.g. drum.speed=3. Repeatable."),
+    typer.Option(
+        "--set",
+        metavar="KEY=VALUE",
+        help="Replace a value of the scene, e.g. drum.speed=3. Repeatable.",
+        autocompletion=complete_setting,
+    ),
 ]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace results that are there already.")]
 Resume = Annotated[bool, typer.Option("--resume", help="Go on with a run that was cut off.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
+JsonFile = Annotated[
+    str | None,
+    typer.Option("--json", metavar="FILE", help="Write the result as JSON instead of printing; - for standard output."),
+]
+
+
+class Reply:
+    """How a command answers: in words on its `console`, or as JSON in their place, or (`--quiet`) not at all."""
+
+    def __init__(self, quiet: bool, json_file: str | None, *, overwrite: bool) -> None:
+        """Raises RequestError where the JSON file cannot be written, or is there and is not to be overwritten."""
+        if json_file == "":
+            raise RequestError("--json: the name of the file is empty; write one, or - for standard output")
+        self._file = json_file
+        if self._path is not None and not _is_stream(self._path):
+            check_output_file(self._path, overwrite=overwrite, option="--json")
+        self.console = make_console(quiet=quiet or json_file is not None)
+
+    @property
+    def _path(self) -> Path | None:
+        return None if self._file in (None, "-") else Path(str(self._file))
+
+    def send(self, data: Any) -> None:
+        """Write the summary where it was asked for. Raises OSError."""
+        if self._file is None:
+            return
+        text = to_json(data)
+        if self._path is None:
+            sys.stdout.write(text)
+            sys.stdout.flush()
+        elif _is_stream(self._path):
+            self._path.write_text(text, encoding="utf-8")
+        else:
+            write_whole(self._path, text.encode())
+
+
+def _is_stream(path: Path) -> bool:
+    """Whether this is a pipe or a device: what is there is not replaced, but written to."""
+    try:
+        return path.exists() and not path.is_file() and not path.is_dir()
+    except (OSError, ValueError):
+        return False
 
 
 def read_share(text: str, option: str) -> float:
@@ -63,6 +127,12 @@ def read_time(text: str, option: str) -> float:
     return time
 
 
-def make_console(*, stderr: bool = False) -> Console:
-    """A console that shows text as it is: what users write is neither markup nor the name of an emoji."""
-    return Console(stderr=stderr, highlight=False, markup=False, emoji=False)
+def make_console(*, stderr: bool = False, quiet: bool = False) -> Console:
+    """A console that shows text as it is: what users write is neither markup nor the name of an emoji.
+
+    Colours and widths are those of a terminal that is one; into a file or a pipe, lines are not broken.
+    """
+    console = Console(stderr=stderr, highlight=False, markup=False, emoji=False, quiet=quiet)
+    if not console.is_terminal and "COLUMNS" not in os.environ:
+        console.width = UNBROKEN
+    return console

@@ -3,8 +3,8 @@
 from pathlib import Path
 from typing import Annotated
 
-from drumsqueal.cli.options import Overwrite, Settings, make_console, output_option
-from drumsqueal.files.output_folder import PAPER_FILES, check_output, claim_output
+from drumsqueal.cli.options import JsonFile, Overwrite, Quiet, Reply, Settings, output_option
+from drumsqueal.files.output_folder import PAPER_FILES, check_output, claimed
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene.seo_kang import seo_kang_brake
 
@@ -13,8 +13,12 @@ def paper_command(
     output: Annotated[Path | None, output_option("paper")] = None,
     settings: Settings = None,
     overwrite: Overwrite = False,
+    quiet: Quiet = False,
+    json_file: JsonFile = None,
 ) -> None:
-    """Redraw Figures 4 to 11 of Seo & Kang (2023) with transients laid over them, and check what the paper states.
+    """Redraw Figures 4 to 11 of Seo & Kang; check its statements.
+
+    Transients are laid over the figures of the paper (2023), and each of its statements is decided by a number.
 
     Writes the figures, paper.csv with their data, and statements.csv and statements.json into DIR.
 
@@ -23,6 +27,7 @@ def paper_command(
     scene = seo_kang_brake(settings or ())
     folder = output if output is not None else Path("out") / "paper"
     check_output(folder, PAPER_FILES, overwrite=overwrite)
+    reply = Reply(quiet, json_file, overwrite=overwrite)
     stop_if_interrupted()
     from drumsqueal.jobs.paper import study_into
     from drumsqueal.simulation import check_sample_rate, prepare
@@ -31,5 +36,5 @@ def paper_command(
     stop_if_interrupted()
     check_brake(scene)
     check_sample_rate(prepare(scene))
-    claim_output(folder, PAPER_FILES)
-    study_into(folder, scene, make_console())
+    with claimed(folder, PAPER_FILES):
+        reply.send(study_into(folder, scene, reply.console))

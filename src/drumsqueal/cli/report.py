@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from drumsqueal.cli.options import Overwrite, make_console, read_folder
+from drumsqueal.cli.options import Overwrite, Quiet, make_console, read_file, read_folder
 from drumsqueal.files.output_folder import REPORT, check_output_file
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.report.found import what_is_in
@@ -20,9 +20,10 @@ def report_command(
     ],
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", metavar="FILE", help=f"The page (default: DIR/{REPORT}).", show_default=False),
+        typer.Option("-o", "--output", metavar="FILE", parser=read_file, help=f"The page (default: DIR/{REPORT})."),
     ] = None,
     overwrite: Overwrite = False,
+    quiet: Quiet = False,
 ) -> None:
     """Make one page of a run or an onset that opens anywhere: verdict, figures, moving modes, sound, accuracy, scene.
 
@@ -37,4 +38,4 @@ def report_command(
     from drumsqueal.jobs.report import report_into
 
     stop_if_interrupted()
-    report_into(file, folder, kind, make_console())
+    report_into(file, folder, kind, make_console(quiet=quiet))

@@ -3,8 +3,18 @@
 from pathlib import Path
 from typing import Annotated
 
-from drumsqueal.cli.options import Overwrite, Resume, SceneFile, Settings, UsageError, make_console, output_option
-from drumsqueal.files.output_folder import HISTORY, RESUME, RUN_FILES, check_output, claim_output
+from drumsqueal.cli.options import (
+    JsonFile,
+    Overwrite,
+    Quiet,
+    Reply,
+    Resume,
+    SceneFile,
+    Settings,
+    UsageError,
+    output_option,
+)
+from drumsqueal.files.output_folder import HISTORY, RESUME, RUN_FILES, check_output, claimed
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import load_scene
 
@@ -15,10 +25,14 @@ def run_command(
     settings: Settings = None,
     overwrite: Overwrite = False,
     resume: Resume = False,
+    quiet: Quiet = False,
+    json_file: JsonFile = None,
 ) -> None:
-    """Predict, integrate, compare: writes DIR/history.nc, DIR/summary.json and figures (DIR is out/SCENE by default).
+    """Predict, integrate, compare: the main job.
 
-    Example: drumsqueal run scenarios/nominal.toml -o out/nominal --set drum.speed="48 rpm"
+    Linear prediction, transient and their comparison: writes history.nc, summary.json and figures into DIR.
+
+    Example: drumsqueal run scenarios/nominal.toml -o out/fast --set drum.speed=8
     """
     if resume and overwrite:
         raise UsageError("--resume goes on with what is there, --overwrite replaces it; leave one of them out")
@@ -26,6 +40,7 @@ def run_command(
     # A file "...toml" is called "..", which would lead out of the folder out.
     folder = output if output is not None else Path("out") / (scene.stem if scene.stem.strip(".") else "scene")
     check_output(folder, RUN_FILES, overwrite=overwrite or resume)
+    reply = Reply(quiet, json_file, overwrite=overwrite or resume)
     stop_if_interrupted()
     from drumsqueal.files.resumption import find_point
     from drumsqueal.jobs.run import run_into
@@ -36,5 +51,5 @@ def run_command(
     prepared = prepare(loaded)
     check_sample_rate(prepared)
     stop_if_interrupted()
-    claim_output(folder, RUN_FILES, but=(HISTORY, RESUME) if resume else ())
-    run_into(folder, prepared, make_console(), since)
+    with claimed(folder, RUN_FILES, but=(HISTORY, RESUME) if resume else ()):
+        reply.send(run_into(folder, prepared, reply.console, since))

@@ -5,8 +5,9 @@ from typing import Annotated
 
 import typer
 
-from drumsqueal.cli.options import Overwrite, SceneFile, Settings, UsageError, make_console, output_option
-from drumsqueal.files.output_folder import SENSITIVITY_FILES, check_output, claim_output
+from drumsqueal.cli.completion import complete_list
+from drumsqueal.cli.options import JsonFile, Overwrite, Quiet, Reply, SceneFile, Settings, UsageError, output_option
+from drumsqueal.files.output_folder import SENSITIVITY_FILES, check_output, claimed
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import load_scene
 
@@ -22,17 +23,22 @@ def sensitivity_command(
         typer.Option(
             "--vary",
             metavar="KEY,KEY...",
+            autocompletion=complete_list,
             help="What --until stable may change (default: the design, not speed, load and radius). Repeatable.",
         ),
     ] = None,
     settings: Settings = None,
     overwrite: Overwrite = False,
+    quiet: Quiet = False,
+    json_file: JsonFile = None,
 ) -> None:
-    """What to change to make this brake quiet: how every growth rate goes with every number of the scene.
+    """What to change to make this brake quiet?
+
+    How every growth rate goes with every number of the scene.
 
     Writes sensitivity.csv, sensitivity.json, sensitivity.png and, with --until stable, quiet.toml, the changed scene.
 
-    Example: drumsqueal sensitivity scenarios/damped.toml -o out/quiet --until stable --vary damping.ratio
+    Example: drumsqueal sensitivity scenarios/damped.toml --until stable -o out/quiet
     """
     if until not in (None, "stable"):
         raise UsageError(f"--until {until}: the one word that it takes is stable")
@@ -42,10 +48,11 @@ def sensitivity_command(
     keys = [key.strip() for part in vary for key in part.split(",")] if vary else None
     folder = output if output is not None else Path("out") / f"{scene.stem}-sensitivity"
     check_output(folder, SENSITIVITY_FILES, overwrite=overwrite)
+    reply = Reply(quiet, json_file, overwrite=overwrite)
     stop_if_interrupted()
     from drumsqueal.jobs.sensitivity import check_request, study_into
 
     stop_if_interrupted()
     check_request(loaded, keys, until_stable=until is not None)
-    claim_output(folder, SENSITIVITY_FILES)
-    study_into(folder, loaded, keys, make_console(), until_stable=until is not None)
+    with claimed(folder, SENSITIVITY_FILES):
+        reply.send(study_into(folder, loaded, keys, reply.console, until_stable=until is not None))

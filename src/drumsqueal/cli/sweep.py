@@ -6,17 +6,20 @@ from typing import Annotated
 
 import typer
 
+from drumsqueal.cli.completion import complete_range
 from drumsqueal.cli.options import (
+    JsonFile,
     Overwrite,
+    Quiet,
+    Reply,
     Resume,
     SceneFile,
     Settings,
     UsageError,
-    make_console,
     output_option,
 )
 from drumsqueal.errors import RequestError
-from drumsqueal.files.output_folder import SWEEP, SWEEP_FILES, check_output, claim_output
+from drumsqueal.files.output_folder import SWEEP, SWEEP_FILES, check_output, claimed
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import Scene, load_scene
 from drumsqueal.scene.plan import Plan, grid, sample
@@ -30,7 +33,15 @@ _CLUSTER = "Compute in several processes: local, or the address of a Dask schedu
 def sweep_command(
     scene: SceneFile,
     output: Annotated[Path | None, output_option("SCENE-sweep")] = None,
-    vary: Annotated[list[str] | None, typer.Option("--vary", metavar="KEY=FROM..TO[xN]", help=_VARY)] = None,
+    vary: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--vary",
+            metavar="KEY=FROM..TO[xN]",
+            help=_VARY,
+            autocompletion=complete_range,
+        ),
+    ] = None,
     random: Annotated[int | None, typer.Option("--random", metavar="N", help=_RANDOM, show_default=False)] = None,
     seed: Annotated[int | None, typer.Option("--seed", metavar="S", help="Decides all draws (default: 0).")] = None,
     transient: Annotated[
@@ -40,19 +51,23 @@ def sweep_command(
     settings: Settings = None,
     overwrite: Overwrite = False,
     resume: Resume = False,
+    quiet: Quiet = False,
+    json_file: JsonFile = None,
 ) -> None:
-    """Many scenes: where does it squeal, how loudly, and how likely is it where numbers are uncertain?
+    """Map squeal over parameters; how likely is it?
+
+    Many scenes: where it squeals, how loudly, and how likely that is where numbers are uncertain.
 
     Writes sweep.nc, sweep.json and figures into DIR.
 
-    Example: drumsqueal sweep scenarios/damped.toml -o out/map --vary drum.speed=1..40x20
-    --vary contact.normal_load=500..4000x10
+    Example: drumsqueal sweep scenarios/damped.toml --vary drum.speed=1..40x20 -o out/map
     """
     if resume and overwrite:
         raise UsageError("--resume goes on with what is there, --overwrite replaces it; leave one of them out")
     plan = _plan(load_scene(scene, settings or ()), vary or [], random, seed, transient)
     folder = output if output is not None else Path("out") / f"{scene.stem}-sweep"
     check_output(folder, SWEEP_FILES, overwrite=overwrite or resume)
+    reply = Reply(quiet, json_file, overwrite=overwrite or resume)
     stop_if_interrupted()
     from drumsqueal.files.sweep_file import find_sweep
     from drumsqueal.jobs.cluster import check_cluster, connected
@@ -66,9 +81,9 @@ def sweep_command(
         check_cluster(cluster)
     with nullcontext() if cluster is None else connected(cluster) as workers:
         stop_if_interrupted()
-        claim_output(folder, SWEEP_FILES, but=(SWEEP,) if resume else ())
-        source = here if workers is None else workers.results
-        sweep_into(folder, plan, make_console(), source, resume=resume)
+        with claimed(folder, SWEEP_FILES, but=(SWEEP,) if resume else ()):
+            source = here if workers is None else workers.results
+            reply.send(sweep_into(folder, plan, reply.console, source, resume=resume))
 
 
 def _plan(scene: Scene, vary: list[str], random: int | None, seed: int | None, transient: bool) -> Plan:

@@ -18,6 +18,11 @@ LIFTED_SHARE = 0.1  # of the lining
 FRACTION_ROUND_OFF = 1e-12  # of a share of the lining, which is a sum over some hundred nodes
 
 
+def unit_of(coordinate: str, prefix: str = "") -> str:
+    """The unit of a coordinate, m or rad, with a prefix such as µ."""
+    return f"{prefix}{'rad' if coordinate in ROTATIONS else 'm'}"
+
+
 class Departure:
     """A history seen from steady sliding: displacement and velocity (time, n) over the stability's coordinates."""
 

@@ -9,7 +9,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
-from drumsqueal.comparison.departure import ROTATIONS
+from drumsqueal.comparison.departure import unit_of
 from drumsqueal.figures import style
 from drumsqueal.figures.slices import Panel, fixed_in_words, label_of, panels, thinned
 from drumsqueal.figures.style import frame, new_figure, styled
@@ -18,6 +18,7 @@ from drumsqueal.scene import COORDINATES
 from drumsqueal.scene.plan import Plan
 
 COLOURS = "viridis"
+_OPEN = "; open: it still grows"
 
 
 class Quantity(NamedTuple):
@@ -46,17 +47,15 @@ def _quantities(sweep: xarray.Dataset) -> list[Quantity]:
     # Of the coordinate that carries the motion at most points.
     index = int(np.bincount(main[main >= 0].ravel()).argmax())
     name = COORDINATES[index]
-    scale, unit = (1e3, "mrad") if name in ROTATIONS else (1e6, "µm")
-    amplitude = sweep["amplitude"].isel(coordinate=index) * scale
+    amplitude = 1e6 * sweep["amplitude"].isel(coordinate=index)
     return [
-        Quantity(f"amplitude of {name} ({unit})", amplitude, style.COLOUR[name]),
+        Quantity(f"{name}, half peak to peak ({unit_of(name, 'µ')})", amplitude, style.COLOUR[name]),
         Quantity("main frequency (Hz)", sweep["main_frequency"], style.DARK),
     ]
 
 
 def _draw_maps(sweep: xarray.Dataset, plan: Plan, shown: list[Quantity]) -> Figure:
-    grows = sweep["trend"].values == TRENDS.index("grows")
-    told = "; dots: it still grows" if grows.any() else ""
+    told = "; dots: it still grows" * bool(_grows(sweep).any())
     figure = new_figure(plan.scene.title, f"the end of the transients{fixed_in_words(sweep, plan)}{told}")
     rows = panels(figure, sweep, plan, rows=len(shown))
     share = len(rows) // len(shown)
@@ -86,17 +85,20 @@ def _draw_panel(panel: Panel, quantity: Quantity, trend: xarray.DataArray, plan:
 
 
 def _draw_curves(sweep: xarray.Dataset, plan: Plan, shown: list[Quantity]) -> Figure:
-    figure = new_figure(plan.scene.title, "the end of the transients")
+    figure = new_figure(plan.scene.title, f"the end of the transients{_OPEN * bool(_grows(sweep).any())}")
     both = figure.subplots(2, 1, sharex=True)
     for axes, quantity in zip(both, shown, strict=True):
-        axes.plot(sweep[plan.keys[0]].values, quantity.values.values, ".-", color=quantity.colour, markersize=3)
+        x, y = sweep[plan.keys[0]].values, quantity.values.values
+        axes.plot(x, y, color=quantity.colour, linewidth=0.6)
+        _draw_markers(axes, x, y, _grows(sweep), quantity.colour)
         frame(axes, None, quantity.label)
     frame(both[-1], label_of(sweep, plan.keys[0]), None)
     return figure
 
 
 def _draw_draws(sweep: xarray.Dataset, plan: Plan, shown: list[Quantity]) -> Figure:
-    figure = new_figure(plan.scene.title, f"the end of the transients of {plan.draws} draws")
+    told = f"the end of the transients of {plan.draws} draws{_OPEN * bool(_grows(sweep).any())}"
+    figure = new_figure(plan.scene.title, told)
     for axes, quantity in zip(figure.subplots(2, 1, sharex=True), shown, strict=True):
         _draw_dots(axes, sweep, quantity)
     frame(axes, "largest growth rate predicted (1/s)", None)
@@ -106,5 +108,15 @@ def _draw_draws(sweep: xarray.Dataset, plan: Plan, shown: list[Quantity]) -> Fig
 def _draw_dots(axes: Axes, sweep: xarray.Dataset, quantity: Quantity) -> None:
     axes.axvline(0, color=style.DARK, linewidth=0.6)
     growth = sweep["largest_growth_rate"].values
-    axes.plot(growth, quantity.values.values, ".", color=quantity.colour, markersize=3, alpha=0.6, markeredgewidth=0)
+    _draw_markers(axes, growth, quantity.values.values, _grows(sweep), quantity.colour)
     frame(axes, None, quantity.label)
+
+
+def _draw_markers(axes: Axes, x: np.ndarray, y: np.ndarray, grows: np.ndarray, colour: str) -> None:
+    """A dot for each motion, an open one where it still grew."""
+    for some, face in ((~grows, colour), (grows, "white")):
+        axes.plot(x[some], y[some], "o", color=colour, markerfacecolor=face, markersize=3, markeredgewidth=0.6)
+
+
+def _grows(sweep: xarray.Dataset) -> np.ndarray:
+    return sweep["trend"].values == TRENDS.index("grows")

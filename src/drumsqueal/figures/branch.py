@@ -1,5 +1,7 @@
 """Cycles along a parameter: amplitude and frequency, stable or not, folds and Hopf points, and the kicked range."""
 
+from collections.abc import Callable
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -7,19 +9,19 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import ScalarFormatter
 
-from drumsqueal.comparison.departure import ROTATIONS
+from drumsqueal.comparison.departure import unit_of
 from drumsqueal.figures import style
-from drumsqueal.figures.onset import SHADES
+from drumsqueal.figures.onset import DASHES, SHADES, draw_cycles
 from drumsqueal.figures.style import frame, new_figure, styled
 from drumsqueal.scene.variation import Variation
 from drumsqueal.studies.cycle.branches import Diagram
 from drumsqueal.studies.cycle.continuation import BRANCHING, CORNER, DOUBLING, FOLD, NEIMARK_SACKER
-from drumsqueal.studies.cycle.kicked import kicked, pieces, steady_sliding
+from drumsqueal.studies.cycle.kicked import kicked, steady_sliding
+from drumsqueal.studies.cycle.orbit import Cycle
 from drumsqueal.studies.onset.study import KICKED, SQUEALS, STABLE
 
 MICRO = 1e6
 MARKERS = {FOLD: "s", NEIMARK_SACKER: "^", DOUBLING: "v", BRANCHING: "P", CORNER: "x"}
-DASHES = (0, (3, 2))
 ROOM = 1.08  # above the largest amplitude
 WIDE = 30  # ratio of amplitudes from which on the axis is logarithmic, with steady sliding at its lower end
 
@@ -45,7 +47,7 @@ def draw_branch(diagram: Diagram, variation: Variation) -> Figure:
         for axes, value in ((amplitude, rest), (frequency, critical.frequency_Hz)):
             axes.plot(critical.value, value, "D", color=style.DARK, markersize=4, clip_on=False, zorder=5)
     unit = f" ({variation.unit})" if variation.unit else ""
-    frame(amplitude, None, f"{name}, half peak to peak ({'µrad' if name in ROTATIONS else 'µm'})")
+    frame(amplitude, None, f"{name}, half peak to peak ({unit_of(name, 'µ')})")
     frame(frequency, f"{variation.key}{unit}", "Frequency (Hz)")
     figure.align_ylabels([amplitude, frequency])
     figure.legend(handles=_legend(diagram, colour), loc="outside lower center", ncols=4)
@@ -74,12 +76,9 @@ def main_coordinate(diagram: Diagram) -> str:
     return cycles[0].names[int(np.argmax(size * np.sqrt(np.asarray(cycles[0].model.mass))))]
 
 
-def _draw(axes: Axes, diagram: Diagram, colour: str, measure) -> None:
+def _draw(axes: Axes, diagram: Diagram, colour: str, measure: Callable[[Cycle], float]) -> None:
+    draw_cycles(axes, diagram, colour, measure)
     for branch in diagram.branches:
-        for cycles, stable in pieces(branch):
-            values = [cycle.parameter for cycle in cycles]
-            shown = [measure(cycle) for cycle in cycles]
-            axes.plot(values, shown, color=colour, linewidth=1.2, linestyle="-" if stable else DASHES)
         for special in branch.special:
             axes.plot(
                 special.parameter,

@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from drumsqueal.comparison.departure import ROTATIONS
+from drumsqueal.comparison.departure import unit_of
 from drumsqueal.figures import style
 from drumsqueal.figures.placement import label_right_edge
 from drumsqueal.studies.motion import MotionStudy
@@ -66,7 +66,7 @@ def draw_section(study: MotionStudy) -> Figure | None:
     figure = style.new_figure(study.scene.title, f"section where {across} goes up through its mean")
     axes = figure.subplots()
     factors = [1e6, 1.0]
-    units = ["µrad" if other in ROTATIONS else "µm", "rad/s" if across in ROTATIONS else "m/s"]
+    units = [unit_of(other, "µ"), f"{unit_of(across)}/s"]
     points = study.section * factors
     axes.plot(points[:, 0], points[:, 1], ".", color=style.COLOUR[across], markersize=1.5, markeredgewidth=0)
     axes.margins(0.1)

@@ -1,5 +1,7 @@
 """Linear against nonlinear onset along a parameter: motions that last, their frequencies, and the growth rates."""
 
+from collections.abc import Callable
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -7,12 +9,15 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from drumsqueal.comparison.departure import ROTATIONS
+from drumsqueal.comparison.departure import unit_of
 from drumsqueal.figures import style
 from drumsqueal.figures.eigenvalues import STABLE as STABLE_COLOUR
 from drumsqueal.figures.eigenvalues import UNSTABLE as UNSTABLE_COLOUR
 from drumsqueal.figures.placement import label_top_edge
 from drumsqueal.figures.style import frame, new_figure, styled
+from drumsqueal.studies.cycle.branches import Diagram
+from drumsqueal.studies.cycle.kicked import pieces
+from drumsqueal.studies.cycle.orbit import Cycle
 from drumsqueal.studies.onset.attractors import DECAYS, Ending
 from drumsqueal.studies.onset.rows import KICKED, SQUEALS, STABLE, Row
 from drumsqueal.studies.onset.study import OnsetStudy
@@ -21,6 +26,7 @@ from drumsqueal.studies.onset.study import OnsetStudy
 SHADES = {STABLE: STABLE_COLOUR, KICKED: "#F2E6CC", SQUEALS: UNSTABLE_COLOUR}
 OTHER = style.PALE
 MARKER = {"marker": "o", "markersize": 3.2, "linestyle": "", "markeredgewidth": 0.7}
+DASHES = (0, (3, 2))  # of unstable cycles
 ROOM = 1.25  # above the largest amplitude, for the names of the ranges
 NARROW = 0.14  # share of the width below which a range has no name of its own
 MARGIN = 0.012  # of the width, for a marker at either end
@@ -28,10 +34,11 @@ MICRO = 1e6
 
 
 @styled()
-def draw_onset(study: OnsetStudy) -> Figure:
+def draw_onset(study: OnsetStudy, diagram: Diagram | None = None) -> Figure:
     """Draw amplitudes, frequencies and growth rates over the parameter, the three ranges behind them.
 
     A filled marker is a motion that a small departure leads to, an empty one takes a kick or a neighbour's motion.
+    The cycles of `diagram`, where it is given, run through them.
     """
     figure = new_figure(study.scene.title, f"onset along {study.variation.key}")
     panels = figure.subplots(3, 1, sharex=True, height_ratios=[1.5, 1, 1])
@@ -40,21 +47,34 @@ def draw_onset(study: OnsetStudy) -> Figure:
     panels[0].set_xlim(min(values) - margin, max(values) + margin)
     for axes in panels:
         _shade(axes, study)
-    draw_amplitudes(panels[0], study)
+    _draw_amplitudes(panels[0], study, diagram)
     _draw_frequencies(panels[1], study)
     _draw_growth(panels[2], study)
     unit = f" ({study.variation.unit})" if study.variation.unit else ""
     panels[2].set_xlabel(f"{study.variation.key}{unit}")
     figure.align_ylabels(panels)
-    figure.legend(handles=_legend(study), loc="outside lower center", ncols=4)
+    figure.legend(handles=_legend(study, diagram), loc="outside lower center", ncols=4)
     label_top_edge(panels[0], [(at, text, style.DARK) for at, text in _ends(study)], reach=4.0)
     return figure
 
 
-def draw_amplitudes(axes: Axes, study: OnsetStudy) -> None:
+def draw_cycles(axes: Axes, diagram: Diagram, colour: str, measure: Callable[[Cycle], float]) -> None:
+    """Draw what is measured of the cycles over the parameter, unstable ones dashed."""
+    for branch in diagram.branches:
+        for cycles, stable in pieces(branch):
+            values = [cycle.parameter for cycle in cycles]
+            shown = [measure(cycle) for cycle in cycles]
+            axes.plot(values, shown, color=colour, linewidth=1.2, linestyle="-" if stable else DASHES, zorder=1.5)
+
+
+def _draw_amplitudes(axes: Axes, study: OnsetStudy, diagram: Diagram | None) -> None:
     """Half the peak-to-peak value of `study.coordinate` (µm, µrad) of each motion, and zero where sliding is stable."""
     column, colour = study.names.index(study.coordinate), style.COLOUR[study.coordinate]
     largest = 0.0
+    if diagram is not None:
+        cycles = [cycle for branch in diagram.branches for cycle in branch.cycles]
+        largest = max((MICRO * cycle.amplitude[study.coordinate] for cycle in cycles), default=0.0)
+        draw_cycles(axes, diagram, colour, lambda cycle: MICRO * cycle.amplitude[study.coordinate])
     for row in study.rows:
         for ending in row.attractors:
             amplitude = MICRO * ending.motion.amplitude[column]
@@ -69,7 +89,7 @@ def draw_amplitudes(axes: Axes, study: OnsetStudy) -> None:
         if each.last - each.first > NARROW * (high - low):
             middle = (each.first + each.last) / 2
             axes.text(middle, 0.96 * top, each.kind, ha="center", va="top", fontsize=style.SMALL_SIZE)
-    frame(axes, None, f"{study.coordinate}, half peak\nto peak ({'µrad' if study.coordinate in ROTATIONS else 'µm'})")
+    frame(axes, None, f"{study.coordinate}, half peak\nto peak ({unit_of(study.coordinate, 'µ')})")
 
 
 def _face(row: Row, ending: Ending, colour: str) -> str:
@@ -116,7 +136,7 @@ def _ends(study: OnsetStudy) -> list[tuple[float, str]]:
     return [(each.first, f"{each.first:.4g}") for each in study.ranges if each.first_uncertainty is not None]
 
 
-def _legend(study: OnsetStudy) -> list[Line2D | Patch]:
+def _legend(study: OnsetStudy, diagram: Diagram | None) -> list[Line2D | Patch]:
     colour = style.COLOUR[study.coordinate]
     shown = []
     for branch in study.linear.branches:
@@ -128,6 +148,10 @@ def _legend(study: OnsetStudy) -> list[Line2D | Patch]:
         Line2D([], [], color=colour, markerfacecolor="white", label="after a kick or from beside", **MARKER),
         Line2D([], [], marker="D", markersize=3.5, color=style.DARK, linestyle="", label="critical value"),
     ]
+    stable = {each for branch in (diagram.branches if diagram else ()) for _, each in pieces(branch)}
+    for kind in sorted(stable, reverse=True):
+        label, line = ("stable cycle", "-") if kind else ("unstable cycle", DASHES)
+        handles.append(Line2D([], [], color=colour, linewidth=1.2, linestyle=line, label=label))
     handles += [Line2D([], [], color=style.COLOUR[name], label=f"mode {name}") for name in dict.fromkeys(shown)]
     kinds = dict.fromkeys(each.kind for each in study.ranges)
     return handles + [Patch(color=SHADES.get(kind, OTHER), label=kind) for kind in kinds]

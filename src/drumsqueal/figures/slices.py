@@ -13,6 +13,7 @@ from drumsqueal.figures.style import frame
 from drumsqueal.scene.plan import Plan
 
 SLICES = 3  # of the third and of the fourth number: first, middle and last value
+LOWEST_MM = 34.0  # height of a row, title and axis
 FINEST = 600  # values along an axis of a map: more are thinned out, for there are not so many dots in print
 
 
@@ -40,6 +41,7 @@ def panels(figure: Figure, sweep: xarray.Dataset, plan: Plan, rows: int = 1) -> 
     With two numbers there is one panel for each quantity. Beyond the fourth number the middle value is shown.
     """
     third, fourth = (_slices(plan, place) for place in (2, 3))
+    figure.set_figheight(max(style.HEIGHT_MM, LOWEST_MM * rows * len(fourth)) / style.MM_PER_INCH)
     grid = figure.subplots(rows * len(fourth), len(third), squeeze=False, sharex=True, sharey=True)
     fixed = {key: plan.shape[place] // 2 for place, key in enumerate(plan.keys) if place >= 4}
     found = []
@@ -48,16 +50,26 @@ def panels(figure: Figure, sweep: xarray.Dataset, plan: Plan, rows: int = 1) -> 
         for axes, beside in zip(row, third, strict=True):
             select = fixed | dict(zip(plan.keys[2:4], (beside, below), strict=False))
             found[-1].append(Panel(axes, select))
-            shown = [f"{in_words(key)} {value_of(sweep, key, at)}" for key, at in select.items() if key not in fixed]
-            axes.set_title(", ".join(shown), fontsize=style.SMALL_SIZE)
+    numbers = len(plan.keys)
+    if numbers > 2:
+        for axes, at in zip(grid[0, :], third, strict=True):
+            axes.set_title(_held(sweep, plan.keys[2], at), fontsize=style.SMALL_SIZE)
+    if numbers > 3:
+        for axes, (_, at) in zip(grid[:, -1], itertools.product(range(rows), fourth), strict=True):
+            axes.yaxis.set_label_position("right")
+            axes.set_ylabel(_held(sweep, plan.keys[3], at), fontsize=style.SMALL_SIZE, rotation=270, va="bottom")
     for axes in grid[-1]:
         frame(axes, label_of(sweep, plan.keys[0]), None)
     return found
 
 
+def _held(sweep: xarray.Dataset, key: str, at: int) -> str:
+    return f"{in_words(key)} {value_of(sweep, key, at)}"
+
+
 def fixed_in_words(sweep: xarray.Dataset, plan: Plan) -> str:
     """What the numbers beyond the fourth are held at, for the heading; empty where there are none."""
-    told = [f"{in_words(key)} {value_of(sweep, key, plan.shape[4 + k] // 2)}" for k, key in enumerate(plan.keys[4:])]
+    told = [_held(sweep, key, plan.shape[4 + k] // 2) for k, key in enumerate(plan.keys[4:])]
     return f"; at {', '.join(told)}" if told else ""
 
 
@@ -73,13 +85,14 @@ def thinned(sweep: xarray.Dataset, plan: Plan, select: dict[str, Any]) -> xarray
     return sweep.isel(select | steps).transpose(*reversed(plan.keys[:2]), ...)
 
 
-def scene_at(plan: Plan) -> list[float | None]:
-    """Where the scene itself lies on each axis: its own value, None where that is outside."""
+def scene_at(plan: Plan, select: dict[str, Any]) -> list[float | None]:
+    """Where the scene itself lies on each axis: its own value, None where that is outside or off the slice shown."""
     own = plan.scene.numbers()
     found = []
     for each in plan.variations:
         value = own[each.key]
-        inside = isinstance(value, float) and min(each.values) <= value <= max(each.values)
+        shown = [each.values[select[each.key]]] if each.key in select else each.values
+        inside = isinstance(value, float) and min(shown) <= value <= max(shown)
         found.append(value if inside else None)
     return found
 

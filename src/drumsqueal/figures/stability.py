@@ -44,7 +44,7 @@ def _draw_map(sweep: xarray.Dataset, plan: Plan) -> Figure:
     image = None
     for row in rows:
         for axes, select in row:
-            image = _draw_panel(axes, thinned(sweep, plan, select), plan, norm, seen)
+            image = _draw_panel(axes, sweep, plan, select, norm, seen)
         frame(row[0].axes, None, label_of(sweep, plan.keys[1]))
     assert image is not None
     lowest = np.nanmin(sweep["largest_growth_rate"].values, initial=0.0)
@@ -57,7 +57,10 @@ def _draw_map(sweep: xarray.Dataset, plan: Plan) -> Figure:
     return figure
 
 
-def _draw_panel(axes: Axes, part: xarray.Dataset, plan: Plan, norm: CenteredNorm, seen: dict[str, Any]) -> Any:
+def _draw_panel(
+    axes: Axes, sweep: xarray.Dataset, plan: Plan, select: dict[str, Any], norm: CenteredNorm, seen: dict[str, Any]
+) -> Any:
+    part = thinned(sweep, plan, select)
     x, y = (part[key].values for key in plan.keys[:2])
     growth = part["largest_growth_rate"].values
     axes.set_facecolor(style.FAINT)
@@ -72,8 +75,8 @@ def _draw_panel(axes: Axes, part: xarray.Dataset, plan: Plan, norm: CenteredNorm
         if _changes_sign(of_mode):
             axes.contour(x, y, of_mode, [0.0], colors=style.COLOUR[name], linewidths=OF_A_MODE)
             seen[name] = Line2D([], [], color=style.COLOUR[name], linewidth=OF_A_MODE, label=f"mode {name} begins")
-    across, up = scene_at(plan)[:2]
-    if across is not None and up is not None:
+    across, up, *others = scene_at(plan, select)
+    if across is not None and up is not None and None not in others:
         axes.plot(across, up, "+", color=style.DARK, markersize=7, markeredgewidth=1.2)
         label = "the scene itself"
         seen["own"] = Line2D([], [], color=style.DARK, marker="+", linestyle="none", markersize=7, label=label)
@@ -110,7 +113,7 @@ def _draw_curves(sweep: xarray.Dataset, plan: Plan) -> Figure:
     _limit_growth(upper, sweep)
     if plan.transient:
         lower.plot(x, sweep["main_frequency"].values, ".", color=style.DARK, markersize=3)
-    own = scene_at(plan)[0]
+    own = scene_at(plan, {})[0]
     for axes in (upper, lower):
         if own is not None:
             axes.axvline(own, color=style.FAINT, linewidth=0.8, zorder=0.5)

@@ -1,5 +1,7 @@
 """The folder of results: what is written into it, and that nothing there is overwritten unasked."""
 
+import errno
+import os
 import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
@@ -87,27 +89,42 @@ def check_output(folder: Path, files: Iterable[str], *, overwrite: bool) -> None
         raise RequestError(f"{taken[0]} exists; add --overwrite to replace it, or choose another folder with -o")
 
 
-def check_output_file(path: Path, *, overwrite: bool) -> None:
-    """Raise RequestError where a file lies at the path already, or where none can be."""
+def check_output_file(path: Path, *, overwrite: bool, option: str = "-o") -> None:
+    """Raise RequestError where a file lies at the path already, or where none can be; `option` is what names it."""
     try:
-        _check_place(path.parent)
+        _check_place(path.parent, option)
         if path.is_dir():
-            raise RequestError(f"{path} is a folder, where a file is to go; name the file with -o")
+            raise RequestError(f"{path} is a folder, where a file is to go; name the file with {option}")
         if _is_there(path) and not overwrite:
-            raise RequestError(f"{path} exists; add --overwrite to replace it, or name another file with -o")
+            raise RequestError(f"{path} exists; add --overwrite to replace it, or name another file with {option}")
         if not path.parent.exists():
-            raise RequestError(f"{path}: there is no folder {path.parent}; make it, or name another file with -o")
+            raise RequestError(f"{path}: there is no folder {path.parent}; make it, or name another file with {option}")
+        if not os.access(path.parent, os.W_OK):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
     except OSError as error:
-        told = f"{path}: this file cannot be written ({error.strerror or error}); name another with -o"
+        told = f"{path}: this file cannot be written ({error.strerror or error}); name another with {option}"
         raise RequestError(told) from None
 
 
-def claim_output(folder: Path, files: Iterable[str], *, but: Iterable[str] = ()) -> None:
+@contextmanager
+def claimed(folder: Path, files: Iterable[str], *, but: Iterable[str] = ()) -> Iterator[None]:
     """Create the folder, prove that it can be written and clear it of earlier files of these names, `but` for some.
 
-    What a program that was killed left half written is cleared, too.
+    What a program that was killed left half written is cleared, too. Where the block fails before anything is written,
+    the folders that were made for it go again. Raises RequestError where the folder cannot be written.
     """
     made: list[Path] = []
+    try:
+        _claim(folder, files, but, made)
+        yield
+    except BaseException:
+        with suppress(OSError):  # there is something in them
+            for part in reversed(made):
+                part.rmdir()
+        raise
+
+
+def _claim(folder: Path, files: Iterable[str], but: Iterable[str], made: list[Path]) -> None:
     try:
         for part in reversed((folder, *folder.parents)):
             if not part.exists():
@@ -120,9 +137,6 @@ def claim_output(folder: Path, files: Iterable[str], *, but: Iterable[str] = ())
             if name not in but:
                 (folder / name).unlink(missing_ok=True)
     except OSError as error:
-        with suppress(OSError):  # should somebody else have put something into them
-            for part in reversed(made):
-                part.rmdir()
         raise _unusable(folder, error) from None
 
 
@@ -150,14 +164,14 @@ def written_whole(path: Path) -> Iterator[Path]:
         raise
 
 
-def _check_place(folder: Path) -> None:
+def _check_place(folder: Path, option: str = "-o") -> None:
     """Raise RequestError where the innermost part of the path that is there is no folder."""
     there = next(part for part in (folder, *folder.parents) if _is_there(part))
     place = there if there == folder else f"{folder}: {there}"
     if not there.exists():
-        raise RequestError(f"{place} is a link that leads nowhere; choose another folder with -o")
+        raise RequestError(f"{place} is a link that leads nowhere; choose another folder with {option}")
     if not there.is_dir():
-        raise RequestError(f"{place} is a file, not a folder; choose another with -o")
+        raise RequestError(f"{place} is a file, not a folder; choose another with {option}")
 
 
 def _is_there(path: Path) -> bool:

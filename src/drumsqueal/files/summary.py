@@ -1,7 +1,5 @@
 """The result of a run as plain data for summary.json, and of the eigenvalue problem for `stability --json`."""
 
-import json
-import math
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +9,7 @@ from drumsqueal.comparison.compare import Comparison
 from drumsqueal.comparison.frequency import FrequencyDrift
 from drumsqueal.comparison.saturation import Saturation
 from drumsqueal.comparison.sticking import Sticking, find_sticking
+from drumsqueal.files.json_file import to_json
 from drumsqueal.files.output_folder import write_whole
 from drumsqueal.history import versions
 from drumsqueal.linear.modes import Stability
@@ -103,19 +102,6 @@ def energy_balance(result: Result) -> dict[str, float]:
 def write_json(data: dict[str, Any], path: Path) -> None:
     """Write data to a file, whole or not at all. Raises OSError."""
     write_whole(path, to_json(data).encode())
-
-
-def to_json(data: dict[str, Any]) -> str:
-    """JSON text with a final line break; a number that is not finite becomes null, for JSON has none."""
-    return json.dumps(_finite(data), indent=2, allow_nan=False) + "\n"
-
-
-def _finite(data: Any) -> Any:
-    if isinstance(data, dict):
-        return {key: _finite(value) for key, value in data.items()}
-    if isinstance(data, list | tuple):
-        return [_finite(value) for value in data]
-    return None if isinstance(data, float) and not math.isfinite(data) else data
 
 
 def _growth(comparison: Comparison) -> dict[str, Any]:

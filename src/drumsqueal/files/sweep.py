@@ -15,13 +15,13 @@ from drumsqueal.scene.variation import unit_of
 COMPUTED, NOT_YET, AT_REST, NOT_FOUND, NOT_FINITE, NOT_TAKEN, FOLDED, FAILED = range(8)
 OUTCOMES = {
     COMPUTED: "computed",
-    NOT_YET: "not_computed_yet",
-    AT_REST: "no_steady_sliding_the_drum_is_at_rest",
-    NOT_FOUND: "no_self_consistent_steady_sliding_was_found",
-    NOT_FINITE: "the_linear_model_is_not_finite",
-    NOT_TAKEN: "the_scene_does_not_take_these_values",
-    FOLDED: "no_transient_the_sample_rate_is_below_twice_the_highest_frequency",
-    FAILED: "no_transient_its_integration_failed",
+    NOT_YET: "not computed yet",
+    AT_REST: "no steady sliding: the drum is at rest",
+    NOT_FOUND: "no self-consistent steady sliding was found",
+    NOT_FINITE: "the linear model is not finite",
+    NOT_TAKEN: "the scene does not take these values",
+    FOLDED: "no transient: the sample rate is below twice the highest frequency",
+    FAILED: "no transient: its integration failed",
 }
 TRENDS = ("grows", "decays", "settled", "at rest", "failed")
 NONE = -1  # of a coordinate or a trend: there is none
@@ -47,8 +47,12 @@ class Variable(NamedTuple):
         told: dict[str, Any] = {"units": self.units, "long_name": self.meaning}
         if self.flags:
             told["flag_values"] = np.array([value for value, _ in self.flags], "i1")
-            told["flag_meanings"] = " ".join(meaning.replace(" ", "_") for _, meaning in self.flags)
+            told["flag_meanings"] = " ".join(_in_one_word(meaning) for _, meaning in self.flags)
         return told
+
+
+def _in_one_word(meaning: str) -> str:
+    return meaning.replace(":", "").replace(" ", "_")
 
 
 _NAMES = ((NONE, "none"), *enumerate(COORDINATES))

@@ -1,6 +1,7 @@
 """A study of accuracy into one folder: the table grows on disk run by run, then the figures and the settings."""
 
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 
@@ -8,15 +9,15 @@ from drumsqueal.figures import save_figures
 from drumsqueal.figures.accuracy import draw_causes, draw_work
 from drumsqueal.files.output_folder import ACCURACY_TABLE, BLOCK, CAUSES, EVALUATIONS, WORK, write_whole
 from drumsqueal.interrupts import stop_if_interrupted
-from drumsqueal.jobs.accuracy_table import print_study, simulate_block, to_csv, verdict
+from drumsqueal.jobs.accuracy_table import print_study, simulate_block, to_csv, to_data, verdict
 from drumsqueal.jobs.study import told_what_is_kept
 from drumsqueal.scene import Scene
 from drumsqueal.scene.quantities import printable
 from drumsqueal.studies.accuracy.study import AccuracyStudy, Measurement, study_accuracy
 
 
-def study_into(folder: Path, scene: Scene, target: float, console: Console) -> None:
-    """Study the accuracy of a scene, write table, figures and settings into the folder and print the comparison.
+def study_into(folder: Path, scene: Scene, target: float, console: Console) -> dict[str, Any]:
+    """Study the accuracy of a scene, write table, figures and settings into the folder, print and return what it is.
 
     Raises IntegrationError for a study that failed or was interrupted; the runs made until then are in the table.
     """
@@ -33,6 +34,7 @@ def study_into(folder: Path, scene: Scene, target: float, console: Console) -> N
         stop_if_interrupted()
     print_study(console, study)
     console.print(printable(f"Table, figures and these settings are in {folder}"), soft_wrap=True)
+    return to_data(study)
 
 
 def _study(folder: Path, scene: Scene, target: float, console: Console) -> AccuracyStudy:

@@ -3,6 +3,7 @@
 import math
 import os
 import platform
+import tomllib
 from collections.abc import Sequence
 from itertools import groupby
 from pathlib import Path
@@ -118,9 +119,26 @@ def simulate_block(study: AccuracyStudy) -> str:
 
 def to_csv(measurements: Sequence[Measurement]) -> str:
     """One row a run, with every repeat's time, and the versions and the machine beside it."""
-    machine = {"machine": platform.machine(), "processor": _processor(), "cores": os.cpu_count(), **versions()}
-    rows = [_row(measurement) | machine for measurement in measurements]
-    return rows_to_csv(rows)
+    return rows_to_csv([_row(measurement) | _machine() | versions() for measurement in measurements])
+
+
+def to_data(study: AccuracyStudy) -> dict[str, Any]:
+    """The same rows, what follows from them, and the settings that meet the target, as plain data."""
+    return {
+        "title": study.scene.title,
+        "target": study.target,
+        "verdict": verdict(study),
+        "remarks": remarks(study),
+        "simulate": None if study.cheapest is None else tomllib.loads(simulate_block(study))["simulate"],
+        "runs": [_row(measurement) for measurement in study.measurements],
+        "scene": study.scene.model_dump(mode="json"),
+        "versions": versions(),
+        **_machine(),
+    }
+
+
+def _machine() -> dict[str, Any]:
+    return {"machine": platform.machine(), "processor": _processor(), "cores": os.cpu_count()}
 
 
 def _row(measurement: Measurement) -> dict[str, Any]:

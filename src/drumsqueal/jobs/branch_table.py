@@ -7,7 +7,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from drumsqueal.comparison.departure import ROTATIONS
+from drumsqueal.comparison.departure import unit_of
 from drumsqueal.history import versions
 from drumsqueal.jobs.cycle_table import cycle_data
 from drumsqueal.jobs.study import rows_to_csv
@@ -28,7 +28,7 @@ def print_diagram(console: Console, diagram: Diagram, variation: Variation) -> N
     table.add_column(f"value{unit}", justify="right", no_wrap=True)
     table.add_column("freq.\nHz", justify="right", no_wrap=True)
     for name in names:
-        table.add_column(f"{name}\n{'µrad' if name in ROTATIONS else 'µm'}", justify="right")
+        table.add_column(f"{name}\n{unit_of(name, 'µ')}", justify="right")
     table.add_column("largest\n|μ|", justify="right")
     for number, branch in enumerate(diagram.branches, start=1):
         for what, cycle in _milestones(branch):
@@ -77,7 +77,7 @@ def verdict(diagram: Diagram, variation: Variation) -> str:
     lives = f"stable cycles live {_ranges(cycles)}" if cycles else "no cycle that was found is stable"
     turns = folds(diagram)
     folded = f" (folds at {', '.join(f'{value:.6g}' for value in turns)})" if turns else ""
-    kicks = f"; {_ranges(both)} it squeals only when kicked" if both else "; nowhere does it take a kick to squeal"
+    kicks = f"; {_ranges(both)} it squeals only when kicked" if both else "; none of them lies beside stable sliding"
     return f"Steady sliding {sliding}; {lives}{folded}{kicks}."
 
 
@@ -95,16 +95,15 @@ def to_csv(variation: Variation, rows: Iterable[tuple[int, Cycle]] | None, diagr
 
 
 def _row(variation: Variation, number: int, cycle: Cycle, what: str) -> dict[str, Any]:
-    unit = variation.unit.replace("/", "_per_").replace("^", "")
     row: dict[str, Any] = {
         "branch": number + 1,
-        f"{variation.key}_{unit}" if unit else variation.key: cycle.parameter,
+        variation.column: cycle.parameter,
         "what": what,
         "frequency_Hz": cycle.frequency_Hz,
         "stable": "yes" if cycle.stable else "no",
         "unstable_directions": cycle.unstable_directions,
     }
-    row |= {f"amplitude_{name}_{'rad' if name in ROTATIONS else 'm'}": a for name, a in cycle.amplitude.items()}
+    row |= {f"amplitude_{name}_{unit_of(name)}": a for name, a in cycle.amplitude.items()}
     row |= {"contact_fraction": cycle.contact_fraction, "slip_reversed_fraction": cycle.slip_reversed_fraction}
     for k, value in enumerate(cycle.multipliers.tolist(), start=1):
         row |= {f"multiplier_{k}_re": value.real, f"multiplier_{k}_im": value.imag}
@@ -117,16 +116,24 @@ def diagram_data(diagram: Diagram, variation: Variation) -> dict[str, Any]:
     assert diagram.scene is not None
     return {
         "title": diagram.scene.title,
-        "verdict": verdict(diagram, variation),
         "parameter": {"key": variation.key, "unit": variation.unit, "low": diagram.low, "high": diagram.high},
         "critical_values": [each._asdict() for each in diagram.linear.critical],
+        **cycles_data(diagram, variation),
+        "scene": diagram.scene.model_dump(mode="json"),
+        "versions": versions(),
+    }
+
+
+def cycles_data(diagram: Diagram, variation: Variation) -> dict[str, Any]:
+    """What the cycles themselves say, in SI."""
+    return {
+        "verdict": verdict(diagram, variation),
         "steady_sliding_unstable": steady_sliding(diagram, stable=False),
         "stable_cycles": stable_cycles(diagram),
+        "folds": folds(diagram),
         "squeals_only_when_kicked": kicked(diagram),
         "branches": [_branch(branch) for branch in diagram.branches],
         "notes": list(diagram.notes),
-        "scene": diagram.scene.model_dump(mode="json"),
-        "versions": versions(),
     }
 
 

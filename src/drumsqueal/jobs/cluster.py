@@ -9,6 +9,7 @@ import threading
 import time
 import uuid
 from collections.abc import Iterator
+from concurrent.futures import CancelledError
 from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 LOCAL = "local"
 PATIENCE = 20  # s to wait for a scheduler, for its first worker, and for one that is lost to come back
 AHEAD = 2  # batches for each thread of a worker that are handed out at a time
+_LOST = "the scheduler of the cluster was lost"
 _LOOK = 0.1  # s between two looks for Ctrl-C
 _ADDRESS = re.compile(r"(tcp|tls|ws|wss|ucx)://\S+:[0-9]+")
 
@@ -87,13 +89,20 @@ class Cluster:
         now = time.monotonic()
         self._lost_since = self._lost_since or now
         if now - self._lost_since > PATIENCE or self._client.status == "closed":
-            raise IntegrationError("the scheduler of the cluster was lost")
+            raise IntegrationError(_LOST)
 
     def _result(self, future: "Future", first: int) -> Columns:
+        while future.status == "lost":  # with its worker, before it was fetched: another one computes it
+            stop_if_interrupted()
+            self._look_for_scheduler()
+            time.sleep(_LOOK)
         if future.status == "finished":
-            return future.result()
+            try:
+                return future.result()
+            except (OSError, CancelledError):
+                raise IntegrationError(_LOST) from None
         if future.status != "error":
-            raise IntegrationError("the scheduler of the cluster was lost")
+            raise IntegrationError(_LOST)
         error: Any = future.exception()
         if type(error).__name__ == "KilledWorker":
             told = "each time a worker took up the batch, its process ended"

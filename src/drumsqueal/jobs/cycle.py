@@ -1,8 +1,7 @@
 """The search for a cycle, and cycles along a parameter, into one folder."""
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 
@@ -25,7 +24,7 @@ from drumsqueal.history import COMPLETE, to_dataset
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.jobs.branch_table import diagram_data, print_diagram, to_csv
 from drumsqueal.jobs.cycle_table import print_search, search_data
-from drumsqueal.jobs.progress import spinner
+from drumsqueal.jobs.progress import telling
 from drumsqueal.jobs.study import told_what_is_kept
 from drumsqueal.scene import Scene
 from drumsqueal.scene.quantities import printable
@@ -35,32 +34,34 @@ from drumsqueal.studies.cycle.orbit import Cycle
 from drumsqueal.studies.cycle.search import Search, find_cycle
 
 
-def find_into(folder: Path, scene: Scene, console: Console) -> None:
-    """Find a cycle of a scene, write summary, samples and figure into the folder and print what was found.
+def find_into(folder: Path, scene: Scene, console: Console) -> dict[str, Any]:
+    """Find a cycle of a scene, write summary, samples and figure into the folder, print and return what was found.
 
     Raises CycleError where there is none, and IntegrationError for a search that was interrupted.
     """
     with told_what_is_kept(folder / CYCLE_SUMMARY):
-        with _shown(console) as show:
+        with telling(console) as show:
             search = find_cycle(scene, show)
-        write_json(search_data(search), folder / CYCLE_SUMMARY)
+        found = search_data(search)
+        write_json(found, folder / CYCLE_SUMMARY)
         _write_period(folder / CYCLE_HISTORY, search)
         stop_if_interrupted()
         save_figures({CYCLE: draw_cycle(search)}, folder)
         stop_if_interrupted()
     print_search(console, search)
     console.print(printable(f"Summary, one period and figure are in {folder}"), soft_wrap=True)
+    return found
 
 
-def follow_into(folder: Path, scene: Scene, variation: Variation, console: Console) -> None:
-    """Follow the cycles along a parameter, write table, summary and figure into the folder and print what was found.
+def follow_into(folder: Path, scene: Scene, variation: Variation, console: Console) -> dict[str, Any]:
+    """Follow the cycles along a parameter, write table, summary and figure, print and return what was found.
 
     The table grows on disk cycle by cycle. Raises IntegrationError for a study that was interrupted, and CycleError
     where no cycle was found.
     """
     rows: list[tuple[int, Cycle]] = []
     with told_what_is_kept(folder / BRANCH_TABLE):
-        with _shown(console) as show:
+        with telling(console) as show:
 
             def keep(branch: int, cycle: Cycle) -> None:
                 rows.append((branch, cycle))
@@ -72,12 +73,14 @@ def follow_into(folder: Path, scene: Scene, variation: Variation, console: Conso
         if not diagram.branches:
             raise CycleError("; ".join(["no cycle was found in this range", *diagram.notes]))
         write_whole(folder / BRANCH_TABLE, to_csv(variation, None, diagram).encode())
-        write_json(diagram_data(diagram, variation), folder / BRANCH_SUMMARY)
+        found = diagram_data(diagram, variation)
+        write_json(found, folder / BRANCH_SUMMARY)
         stop_if_interrupted()
         save_figures({BRANCH: draw_branch(diagram, variation)}, folder)
         stop_if_interrupted()
     print_diagram(console, diagram, variation)
     console.print(printable(f"Table, summary and figure are in {folder}"), soft_wrap=True)
+    return found
 
 
 def _write_period(path: Path, search: Search) -> None:
@@ -91,11 +94,3 @@ def _write_period(path: Path, search: Search) -> None:
         part.replace(path)
     finally:
         part.unlink(missing_ok=True)
-
-
-@contextmanager
-def _shown(console: Console) -> Iterator[Callable[[str], None]]:
-    """What is being done, on a terminal."""
-    with spinner(console) as progress:
-        task = progress.add_task("compiling", total=None)
-        yield lambda words: progress.update(task, description=words)

@@ -7,7 +7,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from drumsqueal.comparison.departure import ROTATIONS
+from drumsqueal.comparison.departure import unit_of
 from drumsqueal.history import versions
 from drumsqueal.studies.cycle.orbit import Cycle
 from drumsqueal.studies.cycle.search import Search
@@ -21,7 +21,7 @@ def print_search(console: Console, search: Search) -> None:
     table.add_column("coordinate")
     table.add_column("half peak\nto peak", justify="right")
     for name, amplitude in cycle.amplitude.items():
-        table.add_row(name, f"{1e6 * amplitude:.6g} {'µrad' if name in ROTATIONS else 'µm'}")
+        table.add_row(name, f"{1e6 * amplitude:.6g} {unit_of(name, 'µ')}")
     console.print(table)
     table = Table(title="Floquet multipliers", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     for heading in ("modulus", "angle\ndegrees"):
@@ -49,7 +49,7 @@ def verdict(search: Search) -> str:
 
 def _briefly(cycle: Cycle) -> str:
     name = max(cycle.names, key=lambda name: _kinetic(cycle, name))
-    amplitude = f"{1e6 * cycle.amplitude[name]:.4g} {'µrad' if name in ROTATIONS else 'µm'} in {name}"
+    amplitude = f"{1e6 * cycle.amplitude[name]:.4g} {unit_of(name, 'µ')} in {name}"
     kind = "a neutral" if cycle.neutral else "a stable" if cycle.stable else "an unstable"
     return f"{kind} cycle at {cycle.frequency_Hz:.7g} Hz, {amplitude}"
 

@@ -1,6 +1,7 @@
 """A study of effects into one folder: the table grows on disk run by run, then the figure and the reduced scene."""
 
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 
@@ -8,7 +9,7 @@ from drumsqueal.figures import save_figures
 from drumsqueal.figures.effects import draw_effects
 from drumsqueal.files.output_folder import EFFECTS, EFFECTS_TABLE, REDUCED_SCENE, write_whole
 from drumsqueal.interrupts import stop_if_interrupted
-from drumsqueal.jobs.effects_table import print_study, to_csv
+from drumsqueal.jobs.effects_table import print_study, to_csv, to_data
 from drumsqueal.jobs.progress import progress_bar
 from drumsqueal.jobs.study import told_what_is_kept
 from drumsqueal.scene import Scene
@@ -18,8 +19,8 @@ from drumsqueal.studies.effects.study import EffectStudy, reservations, study_ef
 from drumsqueal.studies.effects.variants import Variant
 
 
-def study_into(folder: Path, scene: Scene, within: float, console: Console) -> None:
-    """Study the effects of a scene, write table, figure and reduced scene into the folder and print the comparison.
+def study_into(folder: Path, scene: Scene, within: float, console: Console) -> dict[str, Any]:
+    """Study the effects of a scene, write table, figure and reduced scene into the folder, print and return what it is.
 
     Raises IntegrationError for a study that failed or was interrupted; the runs made until then are in the table.
     """
@@ -33,6 +34,7 @@ def study_into(folder: Path, scene: Scene, within: float, console: Console) -> N
         stop_if_interrupted()
     print_study(console, study)
     console.print(printable(f"Table, figure and the reduced scene are in {folder}"), soft_wrap=True)
+    return to_data(study)
 
 
 def reduced_scene(study: EffectStudy) -> str:

@@ -9,7 +9,8 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from drumsqueal.comparison.departure import ROTATIONS
+from drumsqueal.comparison.departure import unit_of
+from drumsqueal.history import versions
 from drumsqueal.jobs.study import rows_to_csv
 from drumsqueal.studies.effects.study import ROUND_OFF, EffectStudy, percent, remarks, reservations, verdict
 from drumsqueal.studies.effects.variants import Variant
@@ -43,11 +44,29 @@ def to_csv(variants: Sequence[Variant], study: EffectStudy | None = None) -> str
 
     Which effects the scene needs is in it once the study is over.
     """
+    return rows_to_csv(_rows(variants, study))
+
+
+def to_data(study: EffectStudy) -> dict[str, Any]:
+    """The same rows, what follows from them, and the reduced scene, as plain data."""
+    return {
+        "title": study.scene.title,
+        "within": study.within,
+        "verdict": verdict(study),
+        "remarks": [*remarks(study), *reservations(study)],
+        "runs": _rows(study.variants, study),
+        "reduced_scene": study.reduced.model_dump(mode="json"),
+        "scene": study.scene.model_dump(mode="json"),
+        "versions": versions(),
+    }
+
+
+def _rows(variants: Sequence[Variant], study: EffectStudy | None) -> list[dict[str, Any]]:
     rows = [_row(variant, variants[0]) for variant in variants]
     for row, variant in zip(rows, variants, strict=True):
         if study is not None and len(variant.reductions) == 1:
             row["needed"] = "yes" if study.needs(variant) else "no"
-    return rows_to_csv(rows)
+    return rows
 
 
 def _row(variant: Variant, whole: Variant) -> dict[str, Any]:
@@ -64,7 +83,7 @@ def _row(variant: Variant, whole: Variant) -> dict[str, Any]:
             row[f"frequency_{label}_Hz"] = mode.frequency_Hz
             row[f"growth_rate_{label}_1_per_s"] = mode.growth_rate
         for name in whole.answer.amplitude:
-            row[f"end_amplitude_{name}_{'rad' if name in ROTATIONS else 'm'}"] = answer.amplitude.get(name, 0.0)
+            row[f"end_amplitude_{name}_{unit_of(name)}"] = answer.amplitude.get(name, 0.0)
         row["end_frequency_Hz"] = None if answer.main is None else answer.main.frequency_Hz
     if variant.change is not None:
         row |= {f"change_of_{field}": _number(value) for field, value in variant.change._asdict().items()}

@@ -5,6 +5,7 @@ from typing import Any
 
 from rich.console import Console
 
+from drumsqueal.comparison.departure import unit_of
 from drumsqueal.figures import save_figures
 from drumsqueal.figures.motion import combination, draw_convergence, draw_lines, draw_section
 from drumsqueal.files.output_folder import CONVERGENCE, LINES, MOTION_SUMMARY, MOTION_TABLE, SECTION, write_whole
@@ -19,8 +20,8 @@ from drumsqueal.signals import told_frequencies
 from drumsqueal.studies.motion import LONGEST_START, MotionStudy, study_motion
 
 
-def study_into(folder: Path, scene: Scene, duration: float, at_most: float, console: Console) -> None:
-    """Study the motion of a scene, write summary, lines and figures into the folder and print what was found.
+def study_into(folder: Path, scene: Scene, duration: float, at_most: float, console: Console) -> dict[str, Any]:
+    """Study the motion of a scene, write summary, lines and figures into the folder, print and return what was found.
 
     Raises IntegrationError for a study that failed or was interrupted.
     """
@@ -32,7 +33,8 @@ def study_into(folder: Path, scene: Scene, duration: float, at_most: float, cons
                 progress.update(task, description=label, completed=reached, reached=f"{reached:.4f} s")
 
             study = study_motion(scene, duration, at_most=at_most, on_progress=show)
-        write_json(to_data(study), folder / MOTION_SUMMARY)
+        found = to_data(study)
+        write_json(found, folder / MOTION_SUMMARY)
         write_whole(folder / MOTION_TABLE, rows_to_csv(_rows(study)).encode())
         stop_if_interrupted()
         figures = {LINES: draw_lines(study), SECTION: draw_section(study), CONVERGENCE: draw_convergence(study)}
@@ -40,6 +42,7 @@ def study_into(folder: Path, scene: Scene, duration: float, at_most: float, cons
         stop_if_interrupted()
     print_study(console, study)
     console.print(printable(f"Summary, lines and figures are in {folder}"), soft_wrap=True)
+    return found
 
 
 def print_study(console: Console, study: MotionStudy) -> None:
@@ -99,6 +102,8 @@ def _rows(study: MotionStudy) -> list[dict[str, Any]]:
             "combination": combination(integers),
         }
         row |= {f"k{place}": times for place, times in enumerate(integers, start=1)}
-        row |= {f"amplitude_{name}": abs(lines.amplitude[k, c]) for c, name in enumerate(study.coordinates)}
+        row |= {
+            f"amplitude_{name}_{unit_of(name)}": abs(lines.amplitude[k, c]) for c, name in enumerate(study.coordinates)
+        }
         rows.append(row)
     return rows

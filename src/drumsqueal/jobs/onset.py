@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 
@@ -11,26 +12,36 @@ from drumsqueal.files.output_folder import ONSET, ONSET_SUMMARY, ONSET_TABLE, wr
 from drumsqueal.files.summary import write_json
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.jobs.onset_table import print_study, to_csv, to_data
-from drumsqueal.jobs.progress import counting_bar
+from drumsqueal.jobs.progress import counting_bar, telling
 from drumsqueal.jobs.study import told_what_is_kept
 from drumsqueal.scene.quantities import printable
+from drumsqueal.studies.cycle.branches import Diagram, follow_cycle
+from drumsqueal.studies.cycle.orbit import Cycle
 from drumsqueal.studies.onset.rows import Row
 from drumsqueal.studies.onset.study import OnsetStudy, Prediction, compare
 
 
-def study_into(folder: Path, predicted: Prediction, within: float, console: Console) -> None:
-    """Compare a prediction with transients, write table, summary and figure into the folder and print what was found.
+def study_into(folder: Path, predicted: Prediction, within: float, console: Console, *, cycles: bool) -> dict[str, Any]:
+    """Compare a prediction with transients, write table, summary and figure, print and return what was found.
+
+    With `cycles` they are followed over the range, too, and drawn into the figure.
 
     Raises IntegrationError for a study that was interrupted; the values done until then are in the table.
     """
     with told_what_is_kept(folder / ONSET_TABLE):
         study = _study(folder, predicted, within, console)
-        write_json(to_data(study), folder / ONSET_SUMMARY)
+        found = to_data(study)
+        write_json(found, folder / ONSET_SUMMARY)
         stop_if_interrupted()
-        save_figures({ONSET: draw_onset(study)}, folder)
+        diagram = _follow(predicted, console) if cycles else None
+        if diagram is not None:
+            found = to_data(study, diagram)
+            write_json(found, folder / ONSET_SUMMARY)
+        save_figures({ONSET: draw_onset(study, diagram)}, folder)
         stop_if_interrupted()
-    print_study(console, study)
+    print_study(console, study, diagram)
     console.print(printable(f"Table, summary and figure are in {folder}"), soft_wrap=True)
+    return found
 
 
 def _study(folder: Path, predicted: Prediction, within: float, console: Console) -> OnsetStudy:
@@ -47,3 +58,14 @@ def _study(folder: Path, predicted: Prediction, within: float, console: Console)
             progress.update(task, description=what, completed=done, total=total)
 
         return compare(predicted, within, keep, show)
+
+
+def _follow(predicted: Prediction, console: Console) -> Diagram:
+    variation = predicted.variation
+    with telling(console) as tell:
+
+        def show(branch: int, cycle: Cycle) -> None:
+            tell(f"cycles, branch {branch + 1}, {variation.key} = {cycle.parameter:.4g}")
+
+        tell("cycles")
+        return follow_cycle(predicted.scene, variation.key, variation.first, variation.last, show)

@@ -10,11 +10,14 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from drumsqueal.comparison.departure import ROTATIONS
+from drumsqueal.comparison.departure import unit_of
 from drumsqueal.history import versions
+from drumsqueal.jobs.branch_table import cycles_data
+from drumsqueal.jobs.branch_table import verdict as cycles_verdict
 from drumsqueal.jobs.study import rows_to_csv
 from drumsqueal.linear.branches import Branches, Critical
 from drumsqueal.scene.variation import Variation
+from drumsqueal.studies.cycle.branches import Diagram
 from drumsqueal.studies.onset.attractors import Ending
 from drumsqueal.studies.onset.rows import KICKED, SQUEALS, Row
 from drumsqueal.studies.onset.study import OnsetStudy
@@ -23,9 +26,9 @@ from drumsqueal.studies.onset.verdict import reservations, verdict, with_uncerta
 STYLES = {SQUEALS: "bold red", KICKED: "bold"}
 
 
-def print_study(console: Console, study: OnsetStudy) -> None:
-    """Print a row for each value that was asked for, the critical values, and what follows from them."""
-    name, (factor, unit) = study.coordinate, amplitude_unit(study.coordinate)
+def print_study(console: Console, study: OnsetStudy, diagram: Diagram | None = None) -> None:
+    """Print a row for each value that was asked for, critical values, what follows, and what the cycles say of it."""
+    name, unit = study.coordinate, unit_of(study.coordinate, "µ")
     title = f"Onset along {study.variation.key}"
     table = Table(title=title, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     table.add_column(f"\n\n{study.variation.unit}", justify="right")
@@ -37,7 +40,7 @@ def print_study(console: Console, study: OnsetStudy) -> None:
     for row in study.rows:
         if row.asked:
             kind = Text(row.kind, style=STYLES.get(row.kind, ""))
-            small, large = _shown(row.small, study, factor), _shown(row.strongest, study, factor, large=True)
+            small, large = _shown(row.small, study), _shown(row.strongest, study, large=True)
             growth = "-" if row.point.reason else f"{row.point.growth_rate:+.2f}"
             table.add_row(f"{row.value:.5g}", kind, growth, *small, *large)
     console.print(table)
@@ -46,20 +49,20 @@ def print_study(console: Console, study: OnsetStudy) -> None:
     for line in reservations(study):
         console.print(line, style="dim")
     console.print(verdict(study), style="bold")
+    if diagram is not None:
+        for note in diagram.notes:
+            console.print(f"Not found: {note}", style="dim")
+        told = cycles_verdict(diagram, study.variation) if diagram.branches else "none was found."
+        console.print(f"Cycles: {told[0].lower()}{told[1:]}", style="bold")
 
 
-def amplitude_unit(coordinate: str) -> tuple[float, str]:
-    """Factor from SI and the unit in which an amplitude reads well."""
-    return (1e6, "µrad") if coordinate in ROTATIONS else (1e6, "µm")
-
-
-def _shown(ending: Ending | None, study: OnsetStudy, factor: float, *, large: bool = False) -> tuple[str, str]:
+def _shown(ending: Ending | None, study: OnsetStudy, *, large: bool = False) -> tuple[str, str]:
     """Amplitude and line of a motion that has settled, or where the start led instead."""
     if ending is None:
         return ("-", "") if large else ("", "")
     if not ending.settled:
         return ending.kind, ""
-    amplitude = factor * ending.motion.amplitude[study.names.index(study.coordinate)]
+    amplitude = 1e6 * ending.motion.amplitude[study.names.index(study.coordinate)]
     line = ending.motion.frequency_Hz
     return f"{amplitude:.4g}", "" if line is None else f"{line:.1f}"
 
@@ -78,11 +81,10 @@ def to_csv(rows: Sequence[Row], variation: Variation, linear: Branches, names: t
         branch.label: {v: e for v, e in zip(branch.values.tolist(), branch.eigenvalues, strict=True) if np.isfinite(e)}
         for branch in linear.branches
     }
-    unit = variation.unit.replace("/", "_per_").replace("^", "")
     table = []
     for row in rows:
         cells: dict[str, Any] = {
-            f"{variation.key}_{unit}" if unit else variation.key: row.value,
+            variation.column: row.value,
             "kind": row.kind,
             "asked": "yes" if row.asked else "no",
             "largest_growth_rate_1_per_s": None if row.point.reason else row.point.growth_rate,
@@ -105,15 +107,14 @@ def _cells(which: str, ending: Ending | None, names: tuple[str, ...]) -> dict[st
     cells[f"{which}_start_leads_to"] = "" if ending is None else ending.kind
     settled = ending if ending is not None and ending.settled else None
     for k, name in enumerate(names):
-        unit = "rad" if name in ROTATIONS else "m"
-        cells[f"{which}_amplitude_{name}_{unit}"] = None if settled is None else settled.motion.amplitude[k]
+        cells[f"{which}_amplitude_{name}_{unit_of(name)}"] = None if settled is None else settled.motion.amplitude[k]
     cells[f"{which}_frequency_Hz"] = None if settled is None else settled.motion.frequency_Hz
     cells[f"{which}_simulated_s"] = None if ending is None else ending.seconds
     return cells
 
 
-def to_data(study: OnsetStudy) -> dict[str, Any]:
-    """Critical values, ranges, all modes and all motions, in SI."""
+def to_data(study: OnsetStudy, diagram: Diagram | None = None) -> dict[str, Any]:
+    """Critical values, ranges, all modes and all motions, in SI; None for cycles that were not followed."""
     return {
         "title": study.scene.title,
         "verdict": verdict(study),
@@ -133,6 +134,7 @@ def to_data(study: OnsetStudy) -> dict[str, Any]:
         ],
         "coordinates": list(study.names),
         "values": [_value(row, study.names) for row in study.rows],
+        "cycles": None if diagram is None else cycles_data(diagram, study.variation),
         "scene": study.scene.model_dump(mode="json"),
         "versions": versions(),
     }

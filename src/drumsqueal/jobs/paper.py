@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 
@@ -20,8 +21,8 @@ from drumsqueal.studies.paper.curves import Curve, FrictionCurve
 from drumsqueal.studies.paper.study import PaperStudy, study_paper
 
 
-def study_into(folder: Path, scene: Scene, console: Console) -> None:
-    """Recompute the paper's figures, write them with their data into the folder and print the statements.
+def study_into(folder: Path, scene: Scene, console: Console) -> dict[str, Any]:
+    """Recompute the paper's figures, write them with their data into the folder, print and return the statements.
 
     Raises IntegrationError for a study that failed or was interrupted; the curves made until then are in the table.
     """
@@ -31,12 +32,14 @@ def study_into(folder: Path, scene: Scene, console: Console) -> None:
         write_whole(folder / PAPER_TABLE, table.encode())
         write_whole(folder / STATEMENTS_TABLE, statements_to_csv(study.statements).encode())
         found = {"scene": scene.model_dump(mode="json"), "statements": describe_statements(study.statements)}
-        write_json(found | {"versions": versions()}, folder / STATEMENTS)
+        found |= {"versions": versions()}
+        write_json(found, folder / STATEMENTS)
         stop_if_interrupted()
         save_figures(draw_paper(study), folder)
         stop_if_interrupted()
     print_statements(console, study.statements)
     console.print(printable(f"Figures, their data and the statements are in {folder}"), soft_wrap=True)
+    return found
 
 
 def _study(folder: Path, scene: Scene, console: Console) -> PaperStudy:

@@ -3,6 +3,7 @@
 import importlib
 import threading
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 
@@ -17,8 +18,8 @@ from drumsqueal.simulation import Prepared, collect, compared
 from drumsqueal.transient.integrate import Chunk
 
 
-def run_into(folder: Path, prepared: Prepared, console: Console, since: Point | None = None) -> None:
-    """Run a prepared scene, write history, summary and figures into the folder and print the comparison.
+def run_into(folder: Path, prepared: Prepared, console: Console, since: Point | None = None) -> dict[str, Any]:
+    """Run a prepared scene, write history, summary and figures into the folder, print and return the comparison.
 
     `since` a point that an earlier run in this folder has reached, it goes on from there. Raises IntegrationError for a
     run that failed, was interrupted or did not fit on the disk, after writing what was computed; the message says why
@@ -37,7 +38,7 @@ def run_into(folder: Path, prepared: Prepared, console: Console, since: Point | 
             raise IntegrationError(f"{outcome}; what was computed is in {folder}")
         result = compared(prepared, history.read())
         stop_if_interrupted()
-        left_out = write_results(folder, prepared, result)
+        summary, left_out = write_results(folder, prepared, result)
         if outcome == COMPLETE:
             resume.remove()
     except KeyboardInterrupt:
@@ -49,6 +50,7 @@ def run_into(folder: Path, prepared: Prepared, console: Console, since: Point | 
     if outcome != COMPLETE:
         again = "; --resume goes on from there" if resume.exists else ""
         raise IntegrationError(f"{outcome}; what was computed is in {folder}{again}")
+    return summary
 
 
 def _integrate(

@@ -1,6 +1,7 @@
 """What a run leaves beside its history: summary, figures, and the comparison on the terminal."""
 
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 
@@ -13,17 +14,18 @@ from drumsqueal.scene.quantities import printable
 from drumsqueal.simulation import Prepared, Result
 
 
-def write_results(folder: Path, prepared: Prepared, result: Result) -> list[str]:
-    """Write summary and figures into the folder, and return the names of figures for which there was too little.
+def write_results(folder: Path, prepared: Prepared, result: Result) -> tuple[dict[str, Any], list[str]]:
+    """Write summary and figures into the folder, and return the summary and the figures for which there was too little.
 
     Raises OSError, and KeyboardInterrupt between two files.
     """
-    write_json(summarise(result), folder / SUMMARY)
+    summary = summarise(result)
+    write_json(summary, folder / SUMMARY)
     stop_if_interrupted()
     figures = draw_all(result, prepared.model)
     stop_if_interrupted()
     save_figures(figures, folder)
-    return [figure_file(name) for name in FIGURES if name not in figures]
+    return summary, [figure_file(name) for name in FIGURES if name not in figures]
 
 
 def write_prediction(folder: Path, prepared: Prepared, outcome: str) -> None:

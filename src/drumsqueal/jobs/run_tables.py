@@ -5,7 +5,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from drumsqueal.comparison.departure import ROTATIONS
+from drumsqueal.comparison.departure import unit_of
 from drumsqueal.files.summary import energy_balance
 from drumsqueal.linear.modes import OSCILLATING_SHARE, UNDAMPED_SHARE, Stability
 from drumsqueal.simulation import Result
@@ -32,7 +32,7 @@ def print_stability(console: Console, stability: Stability) -> None:
         console.print("Without oscillation: " + ", ".join(f"{_rounded(value, largest):.3f} 1/s" for value in real))
     moved = {n: q for n, q in zip(stability.coordinates, stability.steady_state, strict=True) if q != 0}
     if moved:
-        console.print("Steady sliding at " + ", ".join(f"{n} = {q:.4g} {_unit(n)}" for n, q in moved.items()))
+        console.print("Steady sliding at " + ", ".join(f"{n} = {q:.4g} {unit_of(n)}" for n, q in moved.items()))
     if stability.time > 0:
         console.print(f"This is for the drum's speed at t = {stability.time:g} s: at t = 0 it is at rest")
     low, high = stability.pressure_range
@@ -104,10 +104,6 @@ def _range(values: list[float]) -> str:
     """Smallest to largest, or the one value that both are."""
     low, high = f"{min(values):.3g}", f"{max(values):.3g}"
     return low if low == high else f"{low} to {high}"
-
-
-def _unit(coordinate: str) -> str:
-    return "rad" if coordinate in ROTATIONS else "m"
 
 
 def _shown(value: float | None, form: str) -> str:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 
@@ -24,19 +25,22 @@ from drumsqueal.scene.quantities import printable
 from drumsqueal.simulation import check_sample_rate, prepare
 from drumsqueal.studies.sensitivity.decay import Decay, nonlinear_decay
 from drumsqueal.studies.sensitivity.quieting import Quieting, quieten, variable_numbers
-from drumsqueal.studies.sensitivity.study import SensitivityStudy, study_sensitivity
+from drumsqueal.studies.sensitivity.study import SensitivityStudy, check_modes, study_sensitivity
 
 
 def check_request(scene: Scene, keys: Sequence[str] | None, *, until_stable: bool) -> None:
     """Raise SceneError or RequestError for what cannot be studied, before there is a folder."""
     prepared = prepare(scene)
+    check_modes(prepared.stability)
     if until_stable:
         check_sample_rate(prepared)
         variable_numbers(scene, keys)
 
 
-def study_into(folder: Path, scene: Scene, keys: Sequence[str] | None, console: Console, *, until_stable: bool) -> None:
-    """Study a scene, write table, figure and, where it is wanted, the quiet scene, and print what was found.
+def study_into(
+    folder: Path, scene: Scene, keys: Sequence[str] | None, console: Console, *, until_stable: bool
+) -> dict[str, Any]:
+    """Study a scene, write table, figure and, where it is wanted, the quiet scene; print and return what was found.
 
     Raises IntegrationError for a study that failed or was interrupted, and where no change makes the scene quiet.
     """
@@ -44,19 +48,24 @@ def study_into(folder: Path, scene: Scene, keys: Sequence[str] | None, console: 
     with told_what_is_kept(table), _progress(console, "derivatives"):
         study = study_sensitivity(scene)
         write_whole(table, to_csv(study).encode())
-        write_json(describe_study(study), folder / SENSITIVITY_SUMMARY)
+        found = describe_study(study)
+        write_json(found, folder / SENSITIVITY_SUMMARY)
         save_figures({SENSITIVITY: draw_sensitivity(study)}, folder)
         stop_if_interrupted()
     print_sensitivity(console, study)
     if until_stable:
-        _quieten_into(folder, study, keys, console)
+        found = _quieten_into(folder, study, keys, console) or found
     console.print(printable(f"What was found is in {folder}"), soft_wrap=True)
+    return found
 
 
-def _quieten_into(folder: Path, study: SensitivityStudy, keys: Sequence[str] | None, console: Console) -> None:
+def _quieten_into(
+    folder: Path, study: SensitivityStudy, keys: Sequence[str] | None, console: Console
+) -> dict[str, Any] | None:
+    """The study with what was found, None where there was nothing to make quiet."""
     if not study.stability.unstable and study.stability.divergence is None:
         console.print("Nothing in this scene is unstable: there is nothing to make quiet.", style="bold")
-        return
+        return None
     with told_what_is_kept(folder / SENSITIVITY_TABLE), noted_interrupts():
         with _progress(console, "searching the smallest change"):
             quiet = quieten(study.scene, keys, state_matrix=study.state_matrix)
@@ -68,15 +77,18 @@ def _quieten_into(folder: Path, study: SensitivityStudy, keys: Sequence[str] | N
         _write_scene(folder, study, quiet, ())
         with _progress(console, "transients of the changed scene"):
             decays = nonlinear_decay(quiet.scene)
-        _write_scene(folder, study, quiet, decays)
+        found = _write_scene(folder, study, quiet, decays)
         stop_if_interrupted()
     print_quieting(console, quiet, decays)
+    return found
 
 
-def _write_scene(folder: Path, study: SensitivityStudy, quiet: Quieting, decays: Sequence[Decay]) -> None:
-    write_json(describe_study(study, quiet, decays), folder / SENSITIVITY_SUMMARY)
+def _write_scene(folder: Path, study: SensitivityStudy, quiet: Quieting, decays: Sequence[Decay]) -> dict[str, Any]:
+    found = describe_study(study, quiet, decays)
+    write_json(found, folder / SENSITIVITY_SUMMARY)
     remark = f"# {printable(quiet_sentence(quiet, decays))}\n"
     write_whole(folder / QUIET_SCENE, f"{remark}{quiet.scene.to_toml()}".encode())
+    return found
 
 
 def _progress(console: Console, what: str):

@@ -8,12 +8,14 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from drumsqueal.history import versions
 from drumsqueal.jobs.study import rows_to_csv
 from drumsqueal.scene.quantities import printable
 from drumsqueal.studies.sensitivity.decay import Decay
 from drumsqueal.studies.sensitivity.quieting import Quieting
 from drumsqueal.studies.sensitivity.study import PERCENT, Sensitivity, SensitivityStudy
 
+LEAST_PLAIN = 0.01  # 1/s
 NEGLIGIBLE = 1e-4  # relative change that the sentence leaves out
 
 
@@ -81,7 +83,7 @@ def to_csv(study: SensitivityStudy) -> str:
                     "growth_per_percent_by_differences_1_per_s": _by_differences(row, k),
                     "frequency_per_percent_Hz": float(row.frequency_per_percent_Hz[k]),
                     "growth_per_SI": float(row.derivative[k].real),
-                    "frequency_Hz_per_SI": float(row.derivative[k].imag) / (2 * math.pi),
+                    "frequency_Hz_per_SI": float(row.derivative[k].imag) / math.tau,
                 }
             )
     return rows_to_csv(rows)
@@ -97,6 +99,7 @@ def describe_study(
 ) -> dict[str, Any]:
     """The study as plain data; the quiet scene is None where it was not asked for."""
     return {
+        "title": study.scene.title,
         "modes": [
             {
                 "label": mode.label,
@@ -111,13 +114,17 @@ def describe_study(
                 "key": row.key,
                 "value_SI": row.value,
                 "growth_per_percent_1_per_s": row.growth_per_percent.tolist(),
+                "growth_per_percent_by_differences_1_per_s": [_by_differences(row, k) for k in range(len(study.modes))],
                 "frequency_per_percent_Hz": row.frequency_per_percent_Hz.tolist(),
+                "growth_per_SI": row.derivative.real.tolist(),
+                "frequency_Hz_per_SI": (row.derivative.imag / math.tau).tolist(),
             }
             for row in study.rows
         ],
         "largest_deviation_from_central_differences": study.deviation,
         "round_off_1_per_s": study.round_off,
         "scene": study.scene.model_dump(mode="json"),
+        "versions": versions(),
         "quiet": None if quiet is None else _describe_quiet(quiet, decays),
     }
 
@@ -134,4 +141,6 @@ def _describe_quiet(quiet: Quieting, decays: Sequence[Decay]) -> dict[str, Any]:
 
 
 def _change(study: SensitivityStudy, value: float) -> str:
-    return "0" if abs(value) <= study.round_off else f"{value:+.2g}"
+    if abs(value) <= study.round_off:
+        return "0"
+    return f"{value:+.2g}" if abs(value) >= LEAST_PLAIN else f"{value:+.0e}"  # so that six modes fit on a terminal

@@ -12,7 +12,7 @@ from drumsqueal.errors import IntegrationError
 
 @contextmanager
 def told_what_is_kept(table: Path) -> Iterator[None]:
-    """Turn Ctrl-C, a failure and a full disk into an IntegrationError that says where the runs made until then are."""
+    """Turn Ctrl-C, a failure and a full disk into an IntegrationError that says where what was done until then is."""
     try:
         yield
     except KeyboardInterrupt:
@@ -34,4 +34,4 @@ def rows_to_csv(rows: Sequence[dict[str, Any]]) -> str:
 
 
 def _kept(table: Path) -> str:
-    return f"the runs made until then are in {table}" if table.exists() else "nothing was kept"
+    return f"what was done until then is in {table}" if table.exists() else "nothing was kept"

@@ -13,7 +13,7 @@ from drumsqueal.files.sweep_file import SweepFile
 from drumsqueal.history import COMPLETE
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.jobs.progress import counting_bar
-from drumsqueal.jobs.sweep_results import print_sweep, write_results
+from drumsqueal.jobs.sweep_results import Summary, print_sweep, write_results
 from drumsqueal.scene.plan import Plan
 from drumsqueal.scene.quantities import printable
 from drumsqueal.studies.sweep.study import batches, compute
@@ -29,8 +29,8 @@ def here(plan: Plan, left: Batches) -> Iterator[tuple[int, Columns]]:
         yield first, compute(plan, first, stop)
 
 
-def sweep_into(folder: Path, plan: Plan, console: Console, source: Source = here, *, resume: bool = False) -> None:
-    """Compute a sweep into the folder, write its figures and print what it found.
+def sweep_into(folder: Path, plan: Plan, console: Console, source: Source = here, *, resume: bool = False) -> Summary:
+    """Compute a sweep into the folder, write its figures, print and return what it found.
 
     `source` computes the batches, in any order. Raises IntegrationError for a sweep that failed, was interrupted or did
     not fit on the disk: the points computed until then are in the file.
@@ -45,29 +45,24 @@ def sweep_into(folder: Path, plan: Plan, console: Console, source: Source = here
         raise IntegrationError("interrupted by the user; nothing was kept") from None
     except OSError as error:
         raise IntegrationError(f"failed: the disk does not take the results ({error}); nothing was kept") from None
-    outcome = COMPLETE
+    summary, outcome = None, COMPLETE
     try:
         _fill(file, plan, console, source)
+        summary = write_results(folder, plan)
     except KeyboardInterrupt:
         outcome = "interrupted by the user"
     except IntegrationError as error:
         outcome = f"failed: {error}"
     except OSError as error:
         outcome = f"failed: the disk does not take the results ({error.strerror or error})"
-    if outcome != COMPLETE:
+    if summary is None:
         outcome += f"; {int(file.computed().sum())} of {plan.points} points were computed"
         file.end(outcome)
         raise IntegrationError(f"{outcome} and are in {file.path}; {_AGAIN}")
-    try:
-        file.end(outcome)
-        summary = write_results(folder, plan)
-    except KeyboardInterrupt:
-        raise IntegrationError(f"interrupted by the user; all points are in {file.path}") from None
-    except OSError as error:
-        cause = f"failed: the disk does not take the results ({error.strerror or error})"
-        raise IntegrationError(f"{cause}; all points are in {file.path}") from None
+    file.end(outcome)  # not before its results are there: what is complete is not resumed
     print_sweep(console, plan, summary)
     console.print(printable(f"Results, summary and figures are in {folder}"), soft_wrap=True)
+    return summary
 
 
 def _fill(file: SweepFile, plan: Plan, console: Console, source: Source) -> None:

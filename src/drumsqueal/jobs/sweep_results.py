@@ -106,7 +106,7 @@ def print_sweep(console: Console, plan: Plan, summary: Summary) -> None:
         console.print(f"Diverges without oscillation at {summary['points_with_divergence']} points")
     for name, count in summary["outcomes"].items():
         if name != OUTCOMES[COMPUTED]:
-            console.print(f"{count} of {plan.points} points: {name.replace('_', ' ')}")
+            console.print(f"{count} of {plan.points} points: {name}")
 
 
 def _grid_table(plan: Plan, summary: Summary) -> Table:
@@ -123,7 +123,8 @@ def _grid_table(plan: Plan, summary: Summary) -> Table:
 
 def _chance_table(summary: Summary) -> Table:
     chances = summary["chance"]
-    table = Table(title=f"Chance of squeal, from {summary['points']} draws", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    draws = 0 if chances is None else chances["squeal"]["total"]
+    table = Table(title=f"Chance of squeal, from {draws} draws", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     for heading in ("mode", "chance", "95 % from", "to", "most 1/s"):
         table.add_column(heading, justify="left" if heading == "mode" else "right")
     rows = {} if chances is None else {"any": chances["squeal"]} | chances["modes"]

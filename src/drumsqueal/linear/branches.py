@@ -104,6 +104,7 @@ def follow_modes(model_at: ModelAt, values: ArrayLike) -> Branches:
     for point in points[1:]:
         fine += [*_between(model_at, fine[-1], point, HALVINGS), point]
     critical = [each for pair in pairwise(fine) for each in _critical(model_at, *pair, PRECISION * width)]
+    fine = _with_middles(model_at, fine, sorted(each.value for each in critical))
     branches, labels = _branches(fine)
     named = [each._replace(label=_label(model_at, each, fine, labels)) for each in critical]
     return Branches(tuple(fine), branches, tuple(sorted(named)))
@@ -136,9 +137,6 @@ def _state_matrix(linear: Linear) -> NDArray[np.float64]:
     n = len(linear.mass)
     lower = -np.hstack([linear.stiffness, linear.damping]) / np.asarray(linear.mass)[:, None]
     return np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), lower])
-
-
-# --- following -------------------------------------------------------------------------------------------------------
 
 
 def _overlap(a: Point, b: Point) -> NDArray[np.float64]:
@@ -200,9 +198,6 @@ def _branches(points: list[Point]) -> tuple[tuple[Branch, ...], list[list[str]]]
     return branches, [[labels[i] for i in row] for row in found]
 
 
-# --- critical values -------------------------------------------------------------------------------------------------
-
-
 def _with_turns(model_at: ModelAt, points: list[Point]) -> list[Point]:
     """The points, and where the largest real part between two of them turns round on the other side of zero."""
     found = list(points)
@@ -238,6 +233,12 @@ def _critical(model_at: ModelAt, a: Point, b: Point, precision: float) -> list[C
     if (a.divergence is None) != (b.divergence is None):
         found.append(_divergence(model_at, a, b, precision))
     return [each for each in found if each is not None]
+
+
+def _with_middles(model_at: ModelAt, points: list[Point], critical: list[float]) -> list[Point]:
+    """The points, with one at least between any two critical values, to tell whether anything grows there."""
+    gaps = [(a, b) for a, b in pairwise(critical) if a < b and not any(a < each.value < b for each in points)]
+    return sorted([*points, *(point_at(model_at, (a + b) / 2) for a, b in gaps)], key=lambda point: point.value)
 
 
 def _root(model_at: ModelAt, a: Point, b: Point, rank: int, precision: float) -> Critical | None:

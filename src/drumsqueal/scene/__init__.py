@@ -12,6 +12,7 @@ from drumsqueal.scene.mistakes import explain
 from drumsqueal.scene.quantities import SceneError
 from drumsqueal.scene.tables import (
     COORDINATES,
+    FRICTION_LAWS,
     ConstantFriction,
     Contact,
     Damping,
@@ -48,7 +49,9 @@ __all__ = [
     "Steady",
     "Support",
     "load_scene",
+    "number_keys",
     "scene_from_dict",
+    "setting_keys",
 ]
 
 _PHYSICAL_TABLES = ("shoe", "support", "contact", "friction", "drum", "damping", "forcing")
@@ -176,3 +179,19 @@ _MODELS: dict[str, type[BaseModel]] = {
     "start": Start,
     "simulate": Simulate,
 }
+
+
+def setting_keys() -> tuple[str, ...]:
+    """Every dotted key that a scene may have, such as drum.speed, in the order of its tables."""
+    return "title", *(key for table in _MODELS if table for key in _keys_of(table))
+
+
+def number_keys() -> tuple[str, ...]:
+    """Every dotted key under which a scene may have a physical number."""
+    words = {"friction.law", "friction.direction", "contact.separation", "forcing.amplitude"}
+    return tuple(key for table in _PHYSICAL_TABLES for key in _keys_of(table) if key not in words)
+
+
+def _keys_of(table: str) -> list[str]:
+    models = FRICTION_LAWS.values() if table == "friction" else (_MODELS[table],)
+    return [f"{table}.{key}" for key in dict.fromkeys(key for model in models for key in model.model_fields)]

@@ -33,7 +33,7 @@ def read_tables(path: str | os.PathLike[str]) -> dict[str, Any]:
         if path.is_dir():
             raise SceneError("this is a directory; name a scene file, such as nominal.toml")
         if not path.exists():
-            raise SceneError("there is no such file; check the path")
+            raise SceneError("there is no such file; check the path, or take one that `drumsqueal scenes` lists")
         if not path.is_file():
             raise SceneError("this is no ordinary file; name a scene file, such as nominal.toml")
         if (size := path.stat().st_size) > _MOST_BYTES:

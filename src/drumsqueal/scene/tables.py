@@ -17,7 +17,7 @@ COORDINATES = ("X", "Y", "Z", "Tx", "Ty", "Tz")
 _MOST_POINTS = 100_000  # of a profile
 _BYTES_PER_POINT = 56  # in every file that holds the scene: two numbers with all their digits, each in a line
 _MOST_SAMPLES = 10**8
-_BYTES_PER_SAMPLE = 200  # of the history: six displacements, six velocities and a dozen signals
+BYTES_PER_SAMPLE = 200  # of the history: six displacements, six velocities and a dozen signals
 
 
 @dataclass(frozen=True)
@@ -274,7 +274,7 @@ class Simulate(Table):
         count = self.duration * self.sample_rate
         place: KeyPath = ("duration",)
         if count > _MOST_SAMPLES:
-            size = f"{count:.3g} samples would make a history of about {count * _BYTES_PER_SAMPLE / 1e9:.3g} GB"
+            size = f"{count:.3g} samples would make a history of about {count * BYTES_PER_SAMPLE / 1e9:.3g} GB"
             cure = f"shorten the duration or lower the sample rate to at most {_MOST_SAMPLES:.0e} samples"
             raise SceneError(f"{size}; {cure}", place, self.duration)
         # Relative for short runs, and never so much that a real fraction of a sample passes in a long one.

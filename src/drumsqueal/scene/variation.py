@@ -11,6 +11,7 @@ from drumsqueal.scene.tables import PerCoordinate, Quantity
 
 POINTS, MOST_POINTS = 40, 10_000
 SYNTAX = "KEY=FROM..TO[xN]"
+RANGE = "drum.speed=1..40"
 EXAMPLE = 'drum.speed=1..40x20 or drum.speed="10 rpm..400 rpm"'
 
 _COUNT = re.compile(r"(?P<range>.*?)\s*[x×]\s*(?P<count>[0-9]+)")
@@ -31,6 +32,12 @@ class Variation(NamedTuple):
         return self.values[0]
 
     @property
+    def column(self) -> str:
+        """Heading of its values in a table: "drum.speed_rad_per_s"."""
+        unit = self.unit.replace("/", "_per_").replace("^", "")
+        return f"{self.key}_{unit}" if unit else self.key
+
+    @property
     def last(self) -> float:
         """Where it ends."""
         return self.values[-1]
@@ -44,15 +51,16 @@ def read_variation(text: str, scene: Scene, *, option: str = "--along", points: 
     its two ends. Raises SceneError, headed by `option`, for a key that is no number of this scene, for one that is a
     profile, for values that the scene does not take, for a range without length, and for too many values.
     """
+    example = EXAMPLE if points else RANGE
     try:
         key, equals, written = (part.strip() for part in text.partition("="))
         if not equals:
-            raise SceneError(f"write {SYNTAX if points else 'KEY=FROM..TO'}, such as {EXAMPLE if points else _RANGE}")
+            raise SceneError(f"write {SYNTAX if points else 'KEY=FROM..TO'}, such as {example}")
         unit = unit_of(key, scene)
         counted = _COUNT.fullmatch(written)
         if counted and points is None:
             raise SceneError(f"a range takes no number of values; leave out x{counted['count']}")
-        first, last = _ends(counted["range"] if counted else written, unit)
+        first, last = _ends(counted["range"] if counted else written, unit, example)
         count = _count(counted["count"]) if counted else points or 2
         for value in (first, last):
             scene.with_values({key: value})
@@ -63,9 +71,6 @@ def read_variation(text: str, scene: Scene, *, option: str = "--along", points: 
     except SceneError as error:
         raise _headed(f"{option} {text}", error) from None
     return Variation(key, unit, values)
-
-
-_RANGE = "drum.speed=1..40"
 
 
 def _headed(place: str, error: SceneError) -> SceneError:
@@ -106,10 +111,10 @@ def _unit_of(key: str, scene: Scene) -> str:
     raise AssertionError(f"{key} is a number without a unit of its own")
 
 
-def _ends(written: str, unit: str) -> tuple[float, float]:
+def _ends(written: str, unit: str, example: str) -> tuple[float, float]:
     texts = [part.strip() for part in written.split("..")]
     if len(texts) != 2 or not all(texts) or "..." in written:
-        raise SceneError(f"{written or 'nothing'} is no range; write FROM..TO, such as {EXAMPLE}")
+        raise SceneError(f"{written or 'nothing'} is no range; write FROM..TO, such as {example}")
     first, last = texts
     if _PLAIN.fullmatch(first) and not _PLAIN.fullmatch(last):  # 10..400 rpm
         number = _PLAIN.match(last)

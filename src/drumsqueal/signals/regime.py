@@ -5,14 +5,12 @@ from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
-import scipy.fft
-import scipy.signal
 from numpy.typing import ArrayLike, NDArray
 
 from drumsqueal.signals.bases import find_bases
 from drumsqueal.signals.checks import below_nyquist, finite_record, positive
 from drumsqueal.signals.lines import find_lines
-from drumsqueal.signals.spectra import amplitude_spectrum, parabola_vertex
+from drumsqueal.signals.recurrence import RECURRENCE, find_recurrences
 
 # Motion below this fraction of the size that would count as motion is none.
 STEADY = 1e-6
@@ -21,18 +19,10 @@ PERIODS_NEEDED = 20
 # A period longer than this many periods of the lowest frequency is not looked for: among so many lags every torus
 # nearly closes.
 LONGEST_PERIOD = 20
-# A motion is periodic when it differs from itself a period later by less than this, relative to its rms. Growth or
-# decay by more than this between the halves of the record is drift.
-RECURRENCE = 1e-2
+# Growth or decay of a motion that comes back by more than this between the halves of the record is drift.
+PERIODIC_DRIFT = RECURRENCE
 # The rms of an irregular motion fluctuates by itself; only more than this between the halves is called drift.
 IRREGULAR_DRIFT = 0.1
-# Interpolation before lags are compared: 7.4 kHz at 50 kHz has 6.8 samples a period, and half a sample is then a
-# recurrence error of 0.46. A Kaiser-windowed sinc over 16 samples on either side is flat to 1e-4 up to 0.84 of the
-# Nyquist frequency.
-FINER = 8
-REACH = 16
-KAISER = 8.0
-
 # A motion that does not come back is quasi-periodic when lines that are combinations of the base frequencies hold this
 # share of its variance; the smallest lines that are looked for hold 1e-4 of what the strongest does.
 EXPLAINED = 0.99
@@ -48,9 +38,8 @@ class Regime(NamedTuple):
     after many), or the smallest at any lag searched when no period was found. `amplitude_drift` is the rms of the
     second half over that of the first, minus 1, of the signal in which it is farthest from 0. Base frequencies are one
     of a periodic motion, two or three of a quasi-periodic one, with uncertainties where they were told by lines;
-    `explained_share` is the share of the variance in lines
-    that are combinations of those that were found, None where lines were not looked for, and `resolution_Hz` the lowest
-    base frequency that the record could have told.
+    `explained_share` is the share of the variance in lines that are combinations of those that were found, None where
+    lines were not looked for, and `resolution_Hz` the lowest base frequency that the record could have told.
     """
 
     kind: Kind
@@ -62,14 +51,6 @@ class Regime(NamedTuple):
     base_uncertainties_Hz: tuple[float, ...] = ()
     explained_share: float | None = None
     resolution_Hz: float | None = None
-
-
-class _Return(NamedTuple):
-    """A lag (in fine samples) after which the motion comes back, and how well: after one, and after many of them."""
-
-    lag: float
-    error: float
-    later_error: float
 
 
 def classify(signals: ArrayLike, sample_rate: float, *, scale: ArrayLike, lowest_frequency: float) -> Regime:
@@ -131,13 +112,12 @@ def classify(signals: ArrayLike, sample_rate: float, *, scale: ArrayLike, lowest
 
 def _moving_regime(unit: NDArray[np.float64], rate: float, longest_period: float) -> Regime:
     """Tell the regime of signals (time, k) of zero mean and unit rms."""
-    fine = _interpolated(unit)
-    returns, smallest = _returns(fine, _shortest_lag(unit), int(longest_period * FINER * rate) + 2)
-    lasting = next((item for item in returns if item.later_error <= RECURRENCE), None)
+    returns, smallest = find_recurrences(unit, longest_period * rate)
+    lasting = next((item for item in returns if item.lasts), None)
     first = lasting or next(iter(returns), None)
-    period = None if first is None else first.lag / (FINER * rate)
-    amplitude_drift, mean_drift = _drift(unit, None if period is None else period * rate)
-    allowed = IRREGULAR_DRIFT if first is None else RECURRENCE
+    period = None if first is None else first.period / rate
+    amplitude_drift, mean_drift = _drift(unit, None if first is None else first.period)
+    allowed = IRREGULAR_DRIFT if first is None else PERIODIC_DRIFT
     error = smallest if lasting is None else max(lasting.error, lasting.later_error)
     if abs(amplitude_drift) > allowed or mean_drift > allowed:
         return _drifting(amplitude_drift, mean_drift, error)
@@ -246,80 +226,3 @@ def _drift(motion: NDArray[np.float64], period: float | None) -> tuple[float, fl
     change = after / np.maximum(before, np.finfo(np.float64).tiny) - 1.0
     shift = np.abs(second.mean(axis=0) - first.mean(axis=0)) / np.sqrt(np.mean(motion**2, axis=0))
     return float(change[np.argmax(np.abs(change))]), float(shift.max())
-
-
-def _interpolated(unit: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the record at a finer rate, without the ends that the interpolation cannot reach."""
-    samples = np.arange(-REACH * FINER, REACH * FINER + 1) / FINER
-    kernel = np.sinc(samples) * np.kaiser(samples.size, KAISER) / FINER
-    fine = scipy.signal.resample_poly(unit, FINER, 1, axis=0, window=kernel)
-    trim = min(REACH, unit.shape[0] // 8) * FINER
-    return fine[trim : fine.shape[0] - trim]
-
-
-def _shortest_lag(unit: NDArray[np.float64]) -> int:
-    """Return half a period of the strongest spectral component, in fine samples: no shorter lag can be a period."""
-    spectra = [amplitude_spectrum(column, 1.0, zero_padding=1) for column in unit.T]
-    power = np.sum([spectrum.amplitude**2 for spectrum in spectra], axis=0)
-    return max(1, int(0.5 * FINER / spectra[0].frequency_Hz[1 + np.argmax(power[1:])]))
-
-
-def _returns(fine: NDArray[np.float64], shortest: int, longest: int) -> tuple[list[_Return], float | None]:
-    """Return the lags after which the motion comes back, shortest first, and the smallest error at any lag searched."""
-    squared = _squared_errors(fine)
-    longest = min(longest, fine.shape[0] // 3)
-    if shortest >= longest:
-        return [], None
-    minima = shortest + 1 + scipy.signal.find_peaks(-squared[shortest + 1 : longest])[0]
-    found: list[_Return] = []
-    for lag in minima:
-        offset, lowest = parabola_vertex(*squared[lag - 1 : lag + 2].tolist())
-        if lowest > (3.0 * RECURRENCE) ** 2:  # far off already; the exact error takes longer
-            continue
-        error = _error_at(fine, lag + offset)
-        if error <= RECURRENCE:
-            found.append(_followed(fine, squared, lag + offset, error))
-            if found[-1].later_error <= RECURRENCE:
-                break
-    smallest = float(np.sqrt(squared[shortest:longest].min()))
-    return found, min([smallest, *(item.error for item in found)])
-
-
-def _followed(fine: NDArray[np.float64], squared: NDArray[np.float64], lag: float, error: float) -> _Return:
-    """Double the lag as long as it fits in half the record; the last one fixes the period, its error tells a cycle."""
-    turns, reached = 1, lag
-    while round(2.0 * reached) + 3 < squared.size:
-        turns, middle = 2 * turns, round(2.0 * reached)
-        nearest = middle - 2 + int(np.argmin(squared[middle - 2 : middle + 3]))
-        offset, _ = parabola_vertex(*squared[nearest - 1 : nearest + 2].tolist())
-        reached = nearest + float(np.clip(offset, -1.0, 1.0))
-    return _Return(reached / turns, error, _error_at(fine, reached))
-
-
-def _squared_errors(fine: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return e² for every whole lag up to half the record: e²(L) (n − L) = Σ y(t)² + Σ y(t+L)² − 2 Σ y(t) y(t+L)."""
-    samples = fine.shape[0]
-    lags = np.arange(samples // 2)
-    length = scipy.fft.next_fast_len(samples + lags.size, real=True)
-    correlation = np.zeros(lags.size)
-    for column in fine.T:
-        transform = np.fft.rfft(column, length)
-        correlation += np.fft.irfft(np.abs(transform) ** 2, length)[: lags.size]
-    energy = np.concatenate([[0.0], np.cumsum(np.sum(fine**2, axis=1))])
-    pairs = energy[samples - lags] + (energy[-1] - energy[lags]) - 2.0 * correlation
-    return np.maximum(pairs, 0.0) / (samples - lags) / (energy[-1] / samples)
-
-
-def _error_at(fine: NDArray[np.float64], lag: float) -> float:
-    """Return e at a lag between samples, by the cubic through the four samples about it."""
-    whole = int(lag)
-    p = lag - whole
-    weights = (
-        -p * (p - 1.0) * (p - 2.0) / 6.0,
-        (p + 1.0) * (p - 1.0) * (p - 2.0) / 2.0,
-        -(p + 1.0) * p * (p - 2.0) / 2.0,
-        (p + 1.0) * p * (p - 1.0) / 6.0,
-    )
-    pairs = fine.shape[0] - whole - 2
-    later = sum(weight * fine[whole + j : whole + j + pairs] for j, weight in zip((-1, 0, 1, 2), weights, strict=True))
-    return float(np.sqrt(np.mean((later - fine[:pairs]) ** 2) / np.mean(fine**2)))

@@ -130,8 +130,14 @@ def _scale(bounds: tuple[float, float]) -> float:
     return bounds[1] - bounds[0]
 
 
-def _steady(models: Models) -> Callable[[float], Vector]:
-    return lambda value: point_at(lambda number: models(number)[0], value).steady
+def _steady(models: Models) -> Callable[[float], Vector | None]:
+    """Steady sliding at a value, None where there is none."""
+
+    def at(value: float) -> Vector | None:
+        point = point_at(lambda number: models(number)[0], value)
+        return None if point.reason else point.steady
+
+    return at
 
 
 def _ends_at(branch: Branch, critical: Critical, width: float) -> bool:
@@ -151,14 +157,17 @@ def _with_own(diagram: Diagram, scene: Scene, models: Models, own: float, on_cyc
         search = find_cycle(scene)
     except CycleError as error:
         return diagram._replace(notes=(*diagram.notes, f"at the scene's own value: {error}"))
-    branches = list(diagram.branches)
+    branches, notes = list(diagram.branches), list(diagram.notes)
     for cycle in (search.cycle, *search.others):
         here = cycle._replace(parameter=own)
         if any(is_between(a, b, here) for branch in branches for a, b in pairwise(branch.cycles)):
             continue
         track = partial(on_cycle or _nothing, len(branches))
-        branches.append(_both_ways(models, cycle, own, (diagram.low, diagram.high), track))
-    return diagram._replace(branches=tuple(branches))
+        try:
+            branches.append(_both_ways(models, cycle, own, (diagram.low, diagram.high), track))
+        except CycleError as error:
+            notes.append(f"from the scene's own cycle of {cycle.frequency_Hz:.6g} Hz: {error}")
+    return diagram._replace(branches=tuple(branches), notes=tuple(notes))
 
 
 def _both_ways(
@@ -166,8 +175,11 @@ def _both_ways(
 ) -> Branch:
     model = models(own)[0]
     steady_at = _steady(models)
+    steady = steady_at(own)
+    if steady is None:
+        raise CycleError("there is no steady sliding to measure it from")
     start = Start(cycle.state, cycle.period_s, "")
-    shooting = Shooting(models, scales_of(model, start, steady_at(own), _scale(bounds)))
+    shooting = Shooting(models, scales_of(model, start, steady, _scale(bounds)))
     guess = shooting.scaled(cycle.state, cycle.period_s, own)
     along = np.zeros_like(guess)
     along[-1] = 1.0

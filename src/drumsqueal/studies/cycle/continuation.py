@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from drumsqueal.errors import CycleError
-from drumsqueal.studies.cycle.orbit import Cycle, describe, floquet
+from drumsqueal.studies.cycle.orbit import Cycle, describe, floquet_of
 from drumsqueal.studies.cycle.shooting import SINGULAR, Closed, Shooting, Vector
 
 FIRST_STEP, LEAST_STEP, LONGEST_STEP = 0.02, 1e-5, 0.15  # of arclength, in the scaled unknowns
@@ -23,6 +23,7 @@ TURN = 0.9  # cosine of the angle between two neighbouring tangents, at least
 CORNER_STEPS = (1e-3, 4e-3, 1.6e-2, 6.4e-2)
 BACKWARDS = -0.97  # cosine of the angle to the branch below which one is on it again, on the way back
 LOCATED = 1e-5  # of a step: how well an instability, or the turn of a fold, is found along the branch
+ROUND_OFF = 1e-10  # of a multiplier: nearer than that to the unit circle its side is not known
 BENT = 1e-3  # |Im μ| above which two multipliers that leave the circle are a pair
 MOST_POINTS = 400
 FEWEST = 4  # points of a closed loop
@@ -66,10 +67,10 @@ class Track:
         self,
         shooting: Shooting,
         bounds: tuple[float, float],
-        steady_at: Callable[[float], Vector],
+        steady_at: Callable[[float], Vector | None],
         on_cycle: Callable[[Cycle], None] | None = None,
     ) -> None:
-        """Follow within the bounds of the parameter; `steady_at` gives steady sliding q* (n,)."""
+        """Follow within bounds of the parameter; `steady_at` gives steady sliding q* (n,), None where there is none."""
         self._shooting, self._bounds, self._steady_at = shooting, bounds, steady_at
         self._tell = on_cycle or (lambda _: None)
         self.cycles: list[Cycle] = []
@@ -87,10 +88,10 @@ class Track:
         start, step = place, FIRST_STEP
         self._keep(place.cycle)
         for _ in range(MOST_POINTS):
-            following = None
+            following, corner = None, False
             while following is None:
                 if step < LEAST_STEP:
-                    following, step = self._around(place), CORNER_STEPS[0]
+                    following, step, corner = self._around(place), CORNER_STEPS[0], True
                     if following is None:
                         return self._why
                     self.special.append(Special(CORNER, place.cycle.parameter, place.cycle))
@@ -108,7 +109,8 @@ class Track:
             if self._is_back(start, place, following):
                 self._keep(start.cycle)
                 return LOOP
-            self._look_between(place, following, step)
+            if not corner:  # whatever changes there does so at the corner
+                self._look_between(place, following, step)
             self._keep(following.cycle)
             step = min(step * (FASTER if following.closed.steps <= EASY else 1.0), LONGEST_STEP)
             step = step * SLOWER if following.closed.steps >= HARD else step
@@ -192,18 +194,25 @@ class Track:
         fixed[-1] = 1.0
         closed = self._shooting.close(guess, fixed)
         if closed is not None:
-            last = self._place(closed, beyond.tangent)
+            try:
+                last = self._place(closed, beyond.tangent)
+            except CycleError:
+                return BOUND
             self._look_between(place, last, float(np.linalg.norm(closed.unknowns - place.closed.unknowns)))
             self._keep(last.cycle)
         return BOUND
 
-    def _departure(self, place: _Place) -> Vector:
+    def _departure(self, place: _Place) -> Vector | None:
         steady = self._steady_at(place.cycle.parameter)
+        if steady is None:
+            return None
         return place.closed.unknowns[:-2] - np.concatenate([steady, 0 * steady]) / self._shooting.scales.state
 
     def _at_rest(self, place: _Place, following: _Place) -> bool:
         """Whether the branch has shrunk to steady sliding: beyond that it would go on as its own mirror image."""
         before, after = self._departure(place), self._departure(following)
+        if before is None or after is None:
+            return False
         return bool(before @ after < 0 or np.max(np.abs(after)) < CLOSE_TO_REST)
 
     def _is_back(self, start: _Place, place: _Place, following: _Place) -> bool:
@@ -220,7 +229,10 @@ class Track:
         if one == other or min(abs(a.cycle.largest - 1), abs(b.cycle.largest - 1)) < LOCATED**2:
             return
         rank = min(one, other)
-        self._locate(a, step, None, lambda closed: _modulus(closed, rank) - 1)
+        self._locate(a, step, None, lambda closed: self._modulus(closed, rank) - 1)
+
+    def _modulus(self, closed: Closed, rank: int) -> float:
+        return float(np.abs(floquet_of(self._shooting, closed)[0][rank]))
 
     def _locate(self, a: _Place, step: float, kind: str | None, measure: Callable[[Closed], float]) -> None:
         """Keep the cycle at which a measure vanishes, between a place and the end of the step from it."""
@@ -254,10 +266,6 @@ def is_between(a: Cycle, b: Cycle, cycle: Cycle) -> bool:
     first, last, wanted = (np.array([each.period_s, *each.amplitude.values()]) for each in (a, b, cycle))
     between = (1 - share) * first + share * last
     return bool(np.all(np.abs(between - wanted) < SAME * np.maximum(between, wanted)))
-
-
-def _modulus(closed: Closed, rank: int) -> float:
-    return float(np.abs(floquet(closed.flow.transition, closed.flow.rate)[0][rank]))
 
 
 def _kind(cycle: Cycle) -> str:

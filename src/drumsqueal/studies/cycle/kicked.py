@@ -14,7 +14,9 @@ def pieces(branch: Branch) -> list[tuple[list[Cycle], bool]]:
     marginal = {id(special.cycle) for special in branch.special}
     found: list[tuple[list[Cycle], bool]] = []
     for a, b in pairwise(branch.cycles):
-        stable = all(cycle.stable for cycle in (a, b) if id(cycle) not in marginal)
+        # Of two corners in a row both count: that nothing is known is no reason to call it stable.
+        told = [cycle for cycle in (a, b) if id(cycle) not in marginal] or [a, b]
+        stable = all(cycle.stable for cycle in told)
         if found and found[-1][1] == stable:
             found[-1][0].append(b)
         else:

@@ -24,10 +24,10 @@ class Cycle(NamedTuple):
 
     `multipliers` are the Floquet multipliers, the largest first, without the one that belongs to the motion along the
     cycle. That one must be 1; by how much it is off is `unit_error`. `tangent_error` is by how much tangents and
-    neighbouring motions disagree about what a period does to a disturbance, of the largest; the multipliers are the
-    tangents' where that is below 1e-3, and else the neighbours'. `residual` is how far the state is from closed
-    after a period, in the scale of the motion. `samples` holds one period; fractions are means over it, `amplitude`
-    half the peak-to-peak values (m, rad). `parameter` is where on a branch the cycle lies.
+    neighbouring motions disagree about what a period does to a disturbance, of the largest (see `floquet_of`).
+    `residual` is how far the state is from closed after a period, in the scale of the motion. `samples` holds one
+    period; fractions are means over it, `amplitude` half the peak-to-peak values (m, rad). `parameter` is where on a
+    branch the cycle lies.
     """
 
     names: tuple[str, ...]
@@ -71,16 +71,14 @@ class Cycle(NamedTuple):
 
 
 def describe(shooting: Shooting, closed: Closed) -> Cycle:
-    """Sample a closed motion over its period; raises CycleError where the lining sticks on it as a whole."""
+    """Sample a closed motion over its period.
+
+    Raises CycleError where the lining sticks on it as a whole, and as `floquet_of` does.
+    """
     state, period, parameter = shooting.unscaled(closed.unknowns)
     model = shooting.models(parameter)[0]
     samples = sample(model, state, period)
-    # Where pairs of edges are born, tangents may be led astray: neighbours are not.
-    transition = closed.flow.transition
-    size, directions = shooting.scales.state, np.eye(len(state))
-    beside = np.asarray(neighbours(model, size, closed.unknowns[:-2], directions, period)[1])
-    tangent_error = float(np.max(np.abs(transition - beside)) / np.max(np.abs(beside)))
-    multipliers, unit_error = floquet(transition if tangent_error < ASTRAY else beside, closed.flow.rate)
+    multipliers, unit_error, tangent_error = floquet_of(shooting, closed)
     observed = samples.observation
     return Cycle(
         names=model.names,
@@ -111,6 +109,32 @@ def sample(model: Model, state: Vector, period: float) -> Chunk:
     if chunk.changes or chunk.observation.sticking.any():
         raise CycleError("the lining comes to rest on the drum as a whole: cycles that stick are not followed")
     return chunk
+
+
+def floquet_of(shooting: Shooting, closed: Closed) -> tuple[NDArray[np.complex128], float, float]:
+    """Multipliers, unit error and tangent error of a closed motion, as in `Cycle`.
+
+    The multipliers are the tangents' where tangents and neighbours agree to 1e-3. Where they do not, as pairs of edges
+    are born, the tangents may have been led astray; or the motion all but grazes an edge and the neighbours are on
+    either side of it, where the flow has another derivative each. Then they do not carry the motion's own rate over a
+    period into itself, and the tangents, of the side on which the motion is, hold. Raises CycleError where neighbours
+    are lost.
+    """
+    _, period, parameter = shooting.unscaled(closed.unknowns)
+    tangents, rate = closed.flow.transition, closed.flow.rate
+    size, units = shooting.scales.state, np.eye(len(rate))
+    beside = np.asarray(neighbours(shooting.models(parameter)[0], size, closed.unknowns[:-2], units, period)[1])
+    if not np.all(np.isfinite(beside)):
+        raise CycleError("motions beside it are not followed over a period")
+    largest = np.max(np.abs(beside))
+    tangent_error = float(np.max(np.abs(tangents - beside)) / largest)
+    if tangent_error >= ASTRAY:
+        # What nothing depends on comes back as it was but for round-off, of which `floquet` knows nothing.
+        free = np.all(tangents == units, axis=0)
+        multipliers, unit_error = floquet(np.where(free, units, beside), rate)
+        if unit_error < ASTRAY * largest:
+            return multipliers, unit_error, tangent_error
+    return *floquet(tangents, rate), tangent_error
 
 
 def floquet(transition: Vector, rate: Vector) -> tuple[NDArray[np.complex128], float]:

@@ -116,7 +116,8 @@ class Shooting:
 
 
 def _size(found: Flow, unknowns: Vector) -> float:
-    return float(np.max(np.abs(found.end - unknowns[:-2]))) if bool(found.reached) else np.inf
+    sound = bool(found.reached) and all(np.all(np.isfinite(part)) for part in (found.transition, found.sensitivity))
+    return float(np.max(np.abs(found.end - unknowns[:-2]))) if sound else np.inf
 
 
 def _lost(unknowns: Vector) -> bool:

@@ -25,11 +25,8 @@ FREE = 0.5  # damping ratio below which a mode does
 MOST_ROUNDS = 60
 PERSISTENT, LASTING = 3, 10  # rounds a motion must last to count as settled, on the grid and at a boundary
 IRREGULAR = 20  # rounds over which one whose rms comes and goes must go on as it was
-NEARLY_LINEAR, STILL = (
-    0.5,
-    0.1,
-)  # shares of the linear rate: a motion that decays so fast is linear, one so slow settled
-AT_ONCE = 32  # transients
+# Shares of the linear rate: a motion that decays so fast is linear, one so slow settled.
+NEARLY_LINEAR, STILL = 0.5, 0.1
 # Two motions are alike where the logarithms of their kinetic energy and of their frequency differ by less.
 ALIKE_ENERGY, ALIKE_FREQUENCY = 0.5, 0.05
 

@@ -74,8 +74,7 @@ def study_sensitivity(scene: Scene) -> SensitivityStudy:
     """
     with noted_interrupts():
         stability = prepare(scene).stability
-        if not stability.modes:
-            raise RequestError("nothing oscillates in this scene, so there are no growth rates to differentiate")
+        check_modes(stability)
         stop_if_interrupted()
         frozen = at_one_time(scene, stability.time)
         numbers = numbers_of(frozen)
@@ -91,6 +90,12 @@ def study_sensitivity(scene: Scene) -> SensitivityStudy:
     told = list(study.told)
     ordered = sorted(rows, key=lambda row: -float(np.abs(row.growth_per_percent[told]).max()))
     return study._replace(rows=tuple(ordered))
+
+
+def check_modes(stability: Stability) -> None:
+    """Raise RequestError where there are no growth rates."""
+    if not stability.modes:
+        raise RequestError("nothing oscillates in this scene, so there are no growth rates to differentiate")
 
 
 def numbers_of(scene: Scene) -> dict[str, float]:

@@ -1,0 +1,56 @@
+"""The scenes that come with the package: in a wheel among its files, in a clone in the folder beside src."""
+
+from importlib.resources import files
+from pathlib import Path
+from typing import NamedTuple
+
+from drumsqueal.scene.file import read_tables
+from drumsqueal.scene.quantities import SceneError
+
+_FOLDER = "scenarios"
+
+
+class Shipped(NamedTuple):
+    """A scene of the package: its name, its file, its title, and in a sentence or two what it shows."""
+
+    name: str
+    path: Path
+    title: str
+    shows: str
+
+
+def shipped_names() -> tuple[str, ...]:
+    """The names of all shipped scenes, such as nominal."""
+    return tuple(sorted(path.stem for path in _folder().glob("*.toml")))
+
+
+def shipped_path(name: str) -> Path:
+    """The file of a shipped scene. Raises SceneError for a name that none has."""
+    if name not in shipped_names():
+        raise SceneError(f"no shipped scene has this name; there are {', '.join(shipped_names())}", (name,))
+    return _folder() / f"{name}.toml"
+
+
+def find_scene(text: str) -> Path:
+    """A scene file by its path or, where there is none, a shipped scene by its name."""
+    return shipped_path(text) if text in shipped_names() and not Path(text).exists() else Path(text)
+
+
+def shipped_scenes() -> tuple[Shipped, ...]:
+    """All shipped scenes; what one shows is the comment at the head of its file."""
+    return tuple(_read(name) for name in shipped_names())
+
+
+def _read(name: str) -> Shipped:
+    path = shipped_path(name)
+    head: list[str] = []
+    for line in path.read_text(encoding="utf-8").splitlines():
+        if not line.startswith("#"):
+            break
+        head.append(line.removeprefix("#").strip())
+    return Shipped(name, path, str(read_tables(path)["title"]), " ".join(head))
+
+
+def _folder() -> Path:
+    installed = Path(str(files("drumsqueal"))) / _FOLDER
+    return installed if installed.is_dir() else Path(__file__).parents[3] / _FOLDER
