@@ -437,6 +437,10 @@ def test_the_page_goes_where_it_is_wanted(folder, drumsqueal, tmp_path):
     assert drumsqueal("report", str(folder), "-o", str(file))[0] == 0
     assert not (folder / REPORT).exists()
     assert drumsqueal("report", str(folder), "-o", str(file))[0] == 2
+    status, printed, _ = drumsqueal("report", str(folder), "-o", str(file), "--overwrite", "--json", "-")
+    told = json.loads(printed)
+    assert (status, told["page"], told["bytes"]) == (0, str(file), file.stat().st_size)
+    assert told["finding"].startswith("The brake squeals")
     assert drumsqueal("report", str(folder), "-o", str(tmp_path / "no folder" / "a.html"))[0] == 2
     assert REPORT in RUN_FILES  # and so goes when the folder is run into anew
     assert REPORT in ONSET_FILES

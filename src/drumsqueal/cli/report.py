@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from drumsqueal.cli.options import Overwrite, Quiet, make_console, read_file, read_folder
+from drumsqueal.cli.options import JsonFile, Overwrite, Quiet, Reply, read_file, read_folder
 from drumsqueal.files.output_folder import REPORT, check_output_file
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.report.found import what_is_in
@@ -24,18 +24,20 @@ def report_command(
     ] = None,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
+    json_file: JsonFile = None,
 ) -> None:
-    """Make one page of a run or an onset that opens anywhere: verdict, figures, moving modes, sound, accuracy, scene.
+    """Put a run or an onset on one page that opens anywhere.
 
-    Writes one HTML file that needs no network.
+    Writes one HTML file that needs no network: verdict, figures, moving modes, sound, accuracy, scene, versions.
 
     Example: drumsqueal report out/nominal
     """
     kind = what_is_in(folder)
     file = folder / REPORT if output is None else output
     check_output_file(file, overwrite=overwrite)
+    reply = Reply(quiet, json_file, overwrite=overwrite)
     stop_if_interrupted()
     from drumsqueal.jobs.report import report_into
 
     stop_if_interrupted()
-    report_into(file, folder, kind, make_console(quiet=quiet))
+    reply.send(report_into(file, folder, kind, reply.console))

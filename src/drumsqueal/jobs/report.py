@@ -2,6 +2,7 @@
 
 import importlib.metadata
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 
@@ -14,8 +15,8 @@ from drumsqueal.report.run_page import run_content
 from drumsqueal.scene.quantities import printable
 
 
-def report_into(file: Path, folder: Path, kind: str, console: Console) -> None:
-    """Write the page of a folder that holds a run or a study of the onset.
+def report_into(file: Path, folder: Path, kind: str, console: Console) -> dict[str, Any]:
+    """Write the page of a folder that holds a run or a study of the onset, print where, and return both as data.
 
     Raises RequestError for files that this version does not take, and OSError.
     """
@@ -29,3 +30,4 @@ def report_into(file: Path, folder: Path, kind: str, console: Console) -> None:
         console.print(str(content["warning"]))
     size = f"{len(page) / MEGABYTE:.2f} MB"
     console.print(printable(f"The page is in {file}: {size}, opens without a network"), soft_wrap=True)
+    return {"finding": content["headline"], "warning": content["warning"], "page": str(file), "bytes": len(page)}

@@ -8,9 +8,10 @@ from typing import Any
 from drumsqueal.bodies.rigid_shoe import RigidShoe
 from drumsqueal.comparison.departure import ROTATIONS
 from drumsqueal.errors import RequestError
+from drumsqueal.files.json_file import to_json
 from drumsqueal.files.output_folder import FIGURES, HISTORY, SUMMARY, figure_file
 from drumsqueal.files.saved_history import SavedHistory, read_history
-from drumsqueal.files.summary import summarise, to_json
+from drumsqueal.files.summary import summarise
 from drumsqueal.history import COMPLETE
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.linear.modes import OSCILLATING_SHARE
