@@ -108,7 +108,7 @@ def onset_folder(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(study_module, "find_endings", made_up)
         predicted = predict(scene, read_variation("drum.speed=1..40x4", scene))
-        study_into(folder, predicted, 0.02, Console(file=io.StringIO()))
+        study_into(folder, predicted, 0.02, Console(file=io.StringIO()), cycles=False)
     return reported(folder, "onset")
 
 

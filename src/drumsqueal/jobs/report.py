@@ -25,9 +25,9 @@ def report_into(file: Path, folder: Path, kind: str, console: Console) -> dict[s
     page = render(f"{kind}.html", content | {"maker": importlib.metadata.version("drumsqueal")}).encode()
     stop_if_interrupted()
     write_whole(file, page)
-    console.print(str(content["headline"]), style="bold")
+    console.print(printable(content["headline"]), style="bold")
     if content["warning"]:
-        console.print(str(content["warning"]))
+        console.print(printable(content["warning"]))
     size = f"{len(page) / MEGABYTE:.2f} MB"
     console.print(printable(f"The page is in {file}: {size}, opens without a network"), soft_wrap=True)
     return {"finding": content["headline"], "warning": content["warning"], "page": str(file), "bytes": len(page)}
