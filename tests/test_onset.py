@@ -490,6 +490,12 @@ def test_the_command_writes_what_it_found(drumsqueal, tmp_path, monkeypatch):
         value = float(row["drum.speed_rad_per_s"])
         assert (float(row["growth_rate_Y_1_per_s"]) > 0) == (row["kind"] == UNSTABLE) == (value < critical["value"])
         assert (row["large_amplitude_Y_m"] != "") == (value < 25)
+    (mode,) = (each for each in summary["modes"] if each["label"] == "Y")
+    for row in rows:  # the table and the summary say the same
+        k = mode["values"].index(float(row["drum.speed_rad_per_s"])) if row["asked"] == "yes" else None
+        if k is not None:
+            assert mode["frequency_Hz"][k] == float(row["frequency_Y_Hz"])
+            assert mode["growth_rate_1_per_s"][k] == float(row["growth_rate_Y_1_per_s"])
     assert f"{critical['frequency_Hz']:.2f} Hz" in printed.replace("\n", " ")
     assert summary["verdict"] in " ".join(printed.split())
     # Once more is refused, unless it may replace them.

@@ -210,6 +210,11 @@ def test_the_command_writes_its_files(drumsqueal, tmp_path):
         rows = list(csv.DictReader(file))
     assert {row["figure"] for row in rows} == set(PAPER_FIGURES)
     assert {row["source"] for row in rows if row["figure"] == "9"} == {"eigenvalue", "transient", "saturated motion"}
+    last = [row for row in rows if (row["figure"], row["source"], row["mode"]) == ("8", "eigenvalue", "Y")][-1]
+    # At twice the load it grows twice as fast as `run` prints, at the same frequency.
+    assert float(last["value_SI"]) == pytest.approx(4000)
+    assert float(last["frequency_Hz"]) == pytest.approx(1424.32, abs=0.5)
+    assert float(last["growth_rate_1_per_s"]) == pytest.approx(2 * 76.157, rel=1e-3)
     for figure in PAPER_FIGURES.values():
         assert (out / figure_file(figure)).stat().st_size > 10_000
 

@@ -238,9 +238,16 @@ def test_a_sweep_that_was_cut_off_goes_on_and_leaves_the_same_file(drumsqueal, d
     status, _, errors = drumsqueal("sweep", *arguments, "--set", "friction.static=0.6", "-o", str(cut), "--resume")
     assert (status, errors.count("\n")) == (2, 1)
     assert "friction.static was 0.5 in the run and is 0.6 here" in errors
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("drumsqueal.files.sweep_file.versions", lambda: {"jax": "0.1"})
+        status, _, errors = drumsqueal("sweep", *arguments, "-o", str(cut), "--resume")
+    assert (status, errors.count("\n"), "go back to those" in errors) == (2, 1, True)
     status, printed, errors = drumsqueal("sweep", *arguments, "-o", str(cut), "--resume")
     assert (status, errors) == (0, "")
     assert "Squeal at" in printed
+    # It grows most where the drum is slowest and the load largest.
+    told = json.loads((cut / "sweep.json").read_text())["modes"]["Y"]["where"]
+    assert told == {"drum.speed": 1.0, "contact.normal_load": 4000.0}
     for name in ("sweep.nc", "sweep.json"):
         assert (cut / name).read_bytes() == (whole / name).read_bytes()
     status, _, errors = drumsqueal("sweep", *arguments, "-o", str(cut), "--resume")

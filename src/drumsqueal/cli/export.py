@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from drumsqueal.cli.options import Overwrite, make_console
+from drumsqueal.cli.options import Overwrite, make_console, read_file, read_time
 from drumsqueal.errors import RequestError
 from drumsqueal.export.formats import FORMATS, find_format
 from drumsqueal.files.output_folder import HISTORY, check_output_file
@@ -18,13 +18,6 @@ CD_RATE, MOST_RATE = 44_100.0, 192_000.0  # Hz, of a sound where nothing else is
 _SIGNALS = (
     "Names with commas between, e.g. velocity,brake_torque,displacement_Y (default: all; of a sound surface_velocity)."
 )
-
-
-def read_file(text: str) -> Path:
-    """A file's name."""
-    if not text:
-        raise typer.BadParameter("the name of the file is empty")
-    return Path(text)
 
 
 def export_command(
@@ -61,7 +54,7 @@ def export_command(
     asked = None if signals is None else tuple(name.strip() for name in signals.split(","))
     if sound and asked is not None and len(asked) != 1:
         raise RequestError(f"--signals {signals}: a sound is of one signal, such as surface_velocity")
-    times = (_time(since, "--from"), _time(until, "--until"))
+    times = [None if text is None else read_time(text, name) for text, name in ((since, "--from"), (until, "--until"))]
     sampled = _rate(rate, whole=sound)
     file = output if output is not None else _beside(history, wanted.suffix)
     check_output_file(file, overwrite=overwrite)
@@ -82,11 +75,6 @@ def export_command(
 
 def _beside(history: Path, suffix: str) -> Path:
     return history / Path(HISTORY).with_suffix(suffix) if history.is_dir() else history.with_suffix(suffix)
-
-
-def _time(text: str | None, option: str) -> float | None:
-    """A time (s) from "0.1 s" or "0.1"."""
-    return None if text is None else _quantity(text, "s", f'{option} {text}: write a time such as "0.1 s"')
 
 
 def _rate(text: str | None, *, whole: bool) -> float | None:

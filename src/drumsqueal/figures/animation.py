@@ -1,6 +1,7 @@
 """The moving section: shoe and drum, contact along the arc, and the displacements with the time in them."""
 
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -23,10 +24,11 @@ STATES = {
     SEPARATED: (style.SEPARATED, "lifted off"),
     STUCK: (style.STUCK, "sticks"),
 }
-MEGA = 1e6
+UNITS = {"MPa": 1e6, "kPa": 1e3}
 # Shares of the thickness: the ring that stands for the drum, and depths of what shows state and pressure.
 RING, STATE_DEPTH, PRESSURE_DEPTH = 0.5, 0.09, 0.36
 BODY = "#DDDDDD"
+FAR_APART = np.deg2rad(160.0)  # half angle, from which on the labels of the ends would meet
 
 
 class MovingSection:
@@ -49,11 +51,11 @@ class MovingSection:
         for place, note in enumerate(playback.notes):
             self.figure.text(0.01, top - 0.034 * place, note, fontsize=style.SMALL_SIZE, va="top", parse_math=False)
         below = top - 0.034 * len(playback.notes)
-        self._section = self.figure.add_axes((0.01, 0.345, 0.86, below - 0.355))
+        self._section = self.figure.add_axes((0.01, 0.345, 0.84, below - 0.355))
         self._draw_drum()
         self._draw_shoe()
-        self._draw_key(self.figure.add_axes((0.895, 0.40, 0.018, below - 0.46)))
-        self._draw_curves(self.figure.add_axes((0.1, 0.09, 0.875, 0.165)))
+        self._draw_key(self.figure.add_axes((0.872, 0.40, 0.018, below - 0.46)))
+        self._draw_curves(self.figure.add_axes((0.115, 0.09, 0.86, 0.165)))
         self._begin()
 
     def _begin(self) -> None:
@@ -94,7 +96,7 @@ class MovingSection:
         self.show(frame)
         self._canvas.restore_region(self._background)
         for artist in self._moving:
-            self.figure.draw_artist(artist)
+            artist.draw(self._canvas.get_renderer())
         return np.asarray(self._canvas.buffer_rgba())[..., :3].copy()
 
     def _drawn(self, points: NDArray[np.float64], motion: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -119,11 +121,11 @@ class MovingSection:
         axes.set_aspect("equal")
         axes.axis("off")
         half = float(self._shoe.half_angle)
-        for angle in (-half, 0.0, half):
+        for angle in (-half, 0.0, half) if half < FAR_APART else (0.0,):
             at = _turned(on_circle((radius + 1.9 * ring) / MILLI, angle))
             text = f"{np.rad2deg(angle):.3g}°".replace("-", "−")
             axes.text(*at, text, fontsize=style.SMALL_SIZE, ha="center", va="center", color=style.DARK)
-        if self.playback.drum_sense:
+        if self.playback.drum_sense and radius > 2.7 * thickness:  # there is room within
             self._draw_sense(radius - 2.1 * thickness)
 
     def _draw_sense(self, radius: float) -> None:
@@ -168,16 +170,15 @@ class MovingSection:
     def _draw_key(self, axes: Axes) -> None:
         """The scale of the pressure, and the names of the states that occur."""
         shown = self.playback
-        scale, unit = (1.0, "relative") if shown.relative else (1 / MEGA, "MPa")
-        values = scale * shown.arc.pressure
-        largest = float(np.abs(values).max()) or 1.0
-        if not shown.relative and largest < 0.01:
-            values, largest, unit = values * MEGA, largest * MEGA, "Pa"
+        largest = float(np.abs(shown.arc.pressure).max()) or 1.0
+        unit, scale = "relative", 1.0
+        if not shown.relative:
+            unit, scale = next(((unit, scale) for unit, scale in UNITS.items() if largest >= 0.1 * scale), ("Pa", 1.0))
+        values, largest = shown.arc.pressure / scale, largest / scale
         self._colour_values = np.ma.masked_where(shown.arc.state == SEPARATED, values)
-        self._pressure.set_cmap("RdBu_r" if shown.arc.change else "YlGnBu")
-        self._pressure.cmap.set_bad("white")
-        low = -largest if shown.arc.change or values.min() < 0 else 0.0
-        self._pressure.set_clim(low, largest)
+        signed = shown.arc.change or values.min() < 0
+        self._pressure.set_cmap(colormaps["RdBu_r" if signed else "YlGnBu"].with_extremes(bad="white"))
+        self._pressure.set_clim(-largest if signed else 0.0, largest)
         bar = self.figure.colorbar(self._pressure, cax=axes)
         bar.set_label(f"{'Change of pressure' if shown.arc.change else 'Pressure'} ({unit})", fontsize=style.SMALL_SIZE)
         bar.locator = MaxNLocator(5)
@@ -186,7 +187,7 @@ class MovingSection:
             Patch(color=colour, label=name) for key, (colour, name) in STATES.items() if np.any(shown.arc.state == key)
         ]
         self.figure.legend(
-            handles=handles, loc="center left", bbox_to_anchor=(0.085, 0.322), ncols=len(handles), borderaxespad=0.0,
+            handles=handles, loc="center left", bbox_to_anchor=(0.1, 0.322), ncols=len(handles), borderaxespad=0.0,
             title=None, fontsize=style.SMALL_SIZE,
         )  # fmt: skip
 

@@ -2,6 +2,7 @@
 
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import xarray
@@ -25,6 +26,7 @@ from drumsqueal.figures.window import (
     find_window,
     main_frequency,
 )
+from drumsqueal.history import COMPLETE
 from drumsqueal.linear.modes import Mode, Stability, while_sliding
 from drumsqueal.linear.steady import steady_sliding
 from drumsqueal.model import Model, build_model
@@ -42,6 +44,8 @@ TOUCHING, SEPARATED, REVERSED, STUCK = range(4)
 """States of a part of the arc: touches and slips, has lifted off, slips backwards, sticks."""
 
 Values = NDArray[np.float64]
+
+_steady_sliding = jax.jit(steady_sliding)  # as one program, which the command line keeps
 
 
 class _Section(NamedTuple):
@@ -126,16 +130,17 @@ def play_history(
     curves = _curves(between(time[near], states[near, :6], curve_time), model.shoe)
     drum, drum_factor = _drum_turn(model, shown, factor)
     periods = f", {(end - start) * main:.3g} periods of {main:.4g} Hz" if main else ""
-    turn = "the drum's turn as well" if drum_factor == factor else f"the drum's turn {drum_factor:.3g} times"
+    turn = "the drum's turn as well" if drum_factor == factor else f"the drum's turn {_digits(drum_factor)} times"
     share = factor * section.largest / float(model.shoe.thickness)
     notes = (
         f"{1e3 * start:.6g} to {1e3 * end:.6g} ms{periods}, at {_slowness(shown)} of real time",
-        f"Displacement from steady sliding magnified {factor:.3g} times, {turn}; "
-        f"the largest, {MICRO * section.largest:.3g} µm, takes {share:.2g} of the thickness",
+        f"Displacement magnified {_digits(factor)} times (at most {_digits(MICRO * section.largest)} µm, drawn as "
+        f"{share:.2g} of the thickness), {turn}",
         *_section_notes(section, curves),
     )
+    title = scene.title if history.attrs["outcome"] == COMPLETE else f"{scene.title} (incomplete run)"
     return Playback(
-        scene.title, "motion in section", notes, model.shoe, _sense(model, start), shown, section.motion, section.faces,
+        title, "motion in section", notes, model.shoe, _sense(model, start), shown, section.motion, section.faces,
         factor, drum, arc, curve_time, curves, relative=False,
     )  # fmt: skip
 
@@ -165,8 +170,8 @@ def play_mode(scene: Scene, stability: Stability, mode: Mode, *, slow: float | N
     notes = (
         f"{mode.frequency_Hz:.6g} Hz, growth rate {rate} 1/s, which is left out; "
         f"one period, at {_slowness(period * phases)} of real time",
-        f"The size is arbitrary: the largest displacement takes {SHARE:.2g} of the thickness. The drum's turn is left "
-        "out, too",
+        f"The size is arbitrary: the largest displacement is drawn as {SHARE:.2g} of the thickness. "
+        "The drum's turn is left out, too",
         *_section_notes(section, curves),
     )
     return Playback(
@@ -180,7 +185,7 @@ def _steady(model: Model) -> Values:
     """X, Y, Tz of steady sliding; zero where the drum is at rest at first, as a transient begins there."""
     if while_sliding(model)[1] > 0:
         return np.zeros(3)
-    return np.asarray(steady_sliding(model))
+    return np.asarray(_steady_sliding(model))
 
 
 def _section(shoe: RigidShoe, states: Values, *, front: bool = False) -> _Section:
@@ -219,7 +224,7 @@ def _contact(model: Model, time: Values, states: Values, sticks: NDArray[np.bool
 def _mode_contact(model: Model, motion: Values) -> Arc:
     """Change of the pressure, relative to its largest, with the motion (frames, 3) of a mode, where it touches."""
     edges = _edges(model)
-    steady = np.concatenate([np.asarray(steady_sliding(model)), np.zeros(3)])
+    steady = np.concatenate([np.asarray(_steady_sliding(model)), np.zeros(3)])
     states = steady + np.pad(motion, ((1, 0), (0, 3)))  # before all, steady sliding itself
     level = np.asarray(_evaluated(model, np.zeros(len(states)), states, edges)[0])
     lifted = (level[0] < 0) & isinstance(model.lining.law, Unilateral)
@@ -240,7 +245,7 @@ def _evaluated(model: Model, time: Values, states: Values, edges: Values) -> tup
 
 def _drum_turn(model: Model, time: Values, factor: float) -> tuple[Values, float]:
     """Turn of the drum as drawn (rad), and how far it is magnified: as the displacement, unless it would blur."""
-    speed = np.array([float(model.operation.at(t).drum_speed) for t in time])
+    speed = np.asarray(jax.vmap(model.operation.at)(jnp.asarray(time)).drum_speed)
     turn = np.concatenate([[0.0], np.cumsum((speed[1:] + speed[:-1]) / 2 * np.diff(time))])
     quickest = float(np.abs(np.diff(turn)).max())
     drawn = factor if factor * quickest <= FASTEST else FASTEST / quickest
@@ -274,4 +279,9 @@ def _section_notes(section: _Section, curves: dict[str, Values]) -> tuple[str, .
 
 
 def _slowness(time: Values) -> str:
-    return f"1/{1 / FRAMES_PER_SECOND / (time[1] - time[0]):.4g}"
+    return f"1/{_digits(1 / FRAMES_PER_SECOND / (time[1] - time[0]))}"
+
+
+def _digits(number: float) -> str:
+    """A number of four digits, without powers of ten unless it is very large or small."""
+    return f"{float(f'{number:.4g}'):.9g}"

@@ -8,7 +8,7 @@ from drumsqueal.comparison.departure import FEWEST_FOR_SPECTRUM
 from drumsqueal.errors import RequestError
 from drumsqueal.figures.view import REST
 from drumsqueal.model import Model
-from drumsqueal.signals import amplitude_spectrum
+from drumsqueal.signals import amplitude_spectrum, spectral_peaks
 
 FRAMES_PER_SECOND = 25  # 40 ms a frame, which GIF, counting in hundredths of a second, holds exactly
 PERIODS = 3  # of the main line, shown unless other times are asked for
@@ -22,11 +22,11 @@ Values = NDArray[np.float64]
 
 def main_frequency(model: Model, time: Values, states: Values, start: float | None, end: float | None) -> float | None:
     """Frequency (Hz) of the strongest line of the coordinate with most kinetic energy near what is shown, if any."""
-    if start is None:
-        start = (time[-1] if end is None else end) - LOOKED_AT
+    # No less than 50 ms, where there are: a few periods alone would tell their frequency badly.
     if end is None:
-        end = start + LOOKED_AT
-    part = slice(*np.searchsorted(time, [start - 1e-12, end + 1e-12]).tolist())
+        end = float(time[-1]) if start is None else min(start + LOOKED_AT, float(time[-1]))
+    begin = end - LOOKED_AT if start is None else min(start, end - LOOKED_AT)
+    part = slice(*np.searchsorted(time, [begin - 1e-12, end + 1e-12]).tolist())
     if time[part].size < FEWEST_FOR_SPECTRUM:
         return None
     energy = np.asarray(model.shoe.mass) * np.var(states[part, 6:], axis=0)
@@ -34,8 +34,8 @@ def main_frequency(model: Model, time: Values, states: Values, start: float | No
     if not np.ptp(record) > REST:
         return None
     spectrum = amplitude_spectrum(record, (time.size - 1) / float(time[-1] - time[0]))
-    found = float(spectrum.frequency_Hz[np.argmax(spectrum.amplitude)])
-    return found if found * (end - start) > 1 else None
+    peaks = spectral_peaks(spectrum, count=1, floor=0.5)
+    return float(peaks.frequency_Hz[0]) if peaks.frequency_Hz.size else None
 
 
 def find_window(time: Values, main: float | None, start: float | None, end: float | None) -> tuple[float, float]:

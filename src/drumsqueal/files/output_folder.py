@@ -92,7 +92,10 @@ def check_output(folder: Path, files: Iterable[str], *, overwrite: bool) -> None
 def check_output_file(path: Path, *, overwrite: bool, option: str = "-o") -> None:
     """Raise RequestError where a file lies at the path already, or where none can be; `option` is what names it."""
     try:
-        _check_place(path.parent, option)
+        try:
+            _check_place(path.parent, option)
+        except RequestError as error:
+            raise RequestError(f"{path}: {error}") from None
         if path.is_dir():
             raise RequestError(f"{path} is a folder, where a file is to go; name the file with {option}")
         if _is_there(path) and not overwrite:
