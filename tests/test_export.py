@@ -2,6 +2,7 @@
 
 import csv
 import importlib.util
+import json
 import tomllib
 import wave
 from itertools import pairwise
@@ -80,6 +81,15 @@ def test_csv_reads_back_to_the_last_bit(ran, exported):
     np.testing.assert_array_equal(values[:, 0], np.arange(1501) / RATE)
     for name in RECORDED:
         np.testing.assert_array_equal(values[:, head.index(f"{name} ({units[name]})")], recorded(ran, name))
+
+
+def test_the_answer_as_json_says_what_is_in_the_file(history, drumsqueal):
+    call = ("export", str(history), "--to", "wav", "--rate", "8 kHz")
+    status, printed, errors = drumsqueal(*call, "--json", "-")
+    told = json.loads(printed)
+    assert (status, told["signals"], told["samples"]) == (0, {"surface_velocity": "m/s"}, 241)
+    assert told["remarks"][0] in errors
+    assert drumsqueal(*call, "--overwrite", "--quiet") == (0, "", "")
 
 
 def test_npz_reads_back(ran, exported):

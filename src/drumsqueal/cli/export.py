@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from drumsqueal.cli.options import Overwrite, make_console, read_file, read_time
+from drumsqueal.cli.options import JsonFile, Overwrite, Quiet, Reply, make_console, read_file, read_time
 from drumsqueal.errors import RequestError
 from drumsqueal.export.formats import FORMATS, find_format
 from drumsqueal.files.output_folder import HISTORY, check_output_file
@@ -40,8 +40,12 @@ def export_command(
         typer.Option("-o", "--output", metavar="FILE", parser=read_file, help="File (default: beside HISTORY)."),
     ] = None,
     overwrite: Overwrite = False,
+    quiet: Quiet = False,
+    json_file: JsonFile = None,
 ) -> None:
-    """Write a history for other programs: csv, mat, npz, parquet, uff58 (universal file format) or wav (sound).
+    """Write a history for other programs, or as sound.
+
+    The formats are csv, mat, npz, parquet, uff58 (universal file format) and wav.
 
     Example: drumsqueal export out/nominal --to wav --from "0.2 s" --slow 4
     """
@@ -58,6 +62,7 @@ def export_command(
     sampled = _rate(rate, whole=sound)
     file = output if output is not None else _beside(history, wanted.suffix)
     check_output_file(file, overwrite=overwrite)
+    reply = Reply(quiet, json_file, overwrite=overwrite)
     stop_if_interrupted()
     from drumsqueal.export.selection import Part
     from drumsqueal.export.signals import SURFACE
@@ -70,7 +75,8 @@ def export_command(
     if sound:
         asked, sampled = asked or (SURFACE,), sampled or CD_RATE
     part = Part(asked, *times, rate=sampled, slow=1.0 if slow is None else slow)
-    export_into(file, saved, wanted, part, make_console(), make_console(stderr=True))
+    complaints = make_console(stderr=True, quiet=quiet)
+    reply.send(export_into(file, saved, wanted, part, reply.console, complaints))
 
 
 def _beside(history: Path, suffix: str) -> Path:

@@ -1,6 +1,7 @@
 """A history, or a part of it, into one file of another format."""
 
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 
@@ -15,8 +16,8 @@ from drumsqueal.scene.quantities import printable
 
 def export_into(
     path: Path, saved: SavedHistory, wanted: Format, part: Part, console: Console, complaints: Console
-) -> None:
-    """Write a part of a history as a file, and print what is in it; remarks go to the other console.
+) -> dict[str, Any]:
+    """Write a part of a history as a file, print what is in it and return that; remarks go to the other console, too.
 
     The file is written whole or not at all. Raises RequestError for a part that cannot be had, and OSError where the
     disk does not take it.
@@ -34,6 +35,17 @@ def export_into(
     if told:
         console.print(printable(f"{told[0].upper()}{told[1:]}"), soft_wrap=True)
     console.print(printable(f"{signals}, {span}, in {path}"), soft_wrap=True)
+    return {
+        "file": str(path),
+        "signals": {channel.name: channel.units for channel in channels.channels},
+        "samples": time.size,
+        "sample_rate_Hz": channels.sample_rate,
+        "from_s": float(time[0]),
+        "until_s": float(time[-1]),
+        "slow": channels.slow,
+        "note": told,
+        "remarks": remarks,
+    }
 
 
 def check_not_the_history(path: Path, saved: SavedHistory) -> None:
