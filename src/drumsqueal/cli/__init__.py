@@ -25,6 +25,7 @@ from drumsqueal.cli.motion import motion_command
 from drumsqueal.cli.onset import onset_command
 from drumsqueal.cli.options import UsageError, make_console
 from drumsqueal.cli.paper import paper_command
+from drumsqueal.cli.report import report_command
 from drumsqueal.cli.run import run_command
 from drumsqueal.cli.scenes import scenes_command
 from drumsqueal.cli.sensitivity import sensitivity_command
@@ -54,7 +55,8 @@ GROUPS: dict[str, dict[str, Callable[..., None]]] = {
         "paper": paper_command,
     },
     "Quality": {"effects": effects_command, "accuracy": accuracy_command},
-    "Other programs": {
+    "Look, listen, take along": {
+        "report": report_command,
         "animate": animate_command,
         "export": export_command,
         "compare": compare_command,
