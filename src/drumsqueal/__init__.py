@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from drumsqueal.effects.custom_friction import TabulatedLaw
     from drumsqueal.effects.friction_law import FrictionLaw
     from drumsqueal.errors import CycleError, IntegrationError, SceneError, SteadyStateError
+    from drumsqueal.figures.animation import save_animation
+    from drumsqueal.figures.playback import Playback, play_history, play_mode
     from drumsqueal.files.measured.reader import read_measured
     from drumsqueal.files.measured.record import Measured
     from drumsqueal.linear.modes import Mode, Stability, analyse_stability, growth_rate
@@ -46,6 +48,8 @@ _HOMES = {
     "errors": ("CycleError", "IntegrationError", "SceneError", "SteadyStateError"),
     "files.measured.reader": ("read_measured",),
     "files.measured.record": ("Measured",),
+    "figures.animation": ("save_animation",),
+    "figures.playback": ("Playback", "play_history", "play_mode"),
     "model": ("Model", "build_model"),
     "linear.modes": ("Mode", "Stability", "analyse_stability", "growth_rate"),
     "scene": ("Scene", "load_scene", "scene_from_dict"),
@@ -80,6 +84,7 @@ __all__ = [
     "MotionStudy",
     "OnsetStudy",
     "PaperStudy",
+    "Playback",
     "Quieting",
     "Result",
     "Scene",
@@ -98,9 +103,12 @@ __all__ = [
     "growth_rate",
     "integrate_many",
     "load_scene",
+    "play_history",
+    "play_mode",
     "quieten",
     "read_measured",
     "run",
+    "save_animation",
     "scene_from_dict",
     "seo_kang_brake",
     "study_accuracy",

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from drumsqueal.cli.options import Overwrite, Settings, UsageError, make_console, read_file, read_time
+from drumsqueal.cli.options import JsonFile, Overwrite, Quiet, Reply, Settings, UsageError, read_file, read_time
 from drumsqueal.errors import RequestError
 from drumsqueal.files.output_folder import check_output_file
 from drumsqueal.interrupts import stop_if_interrupted
@@ -43,12 +43,13 @@ def animate_command(
     ] = AUTO,
     settings: Settings = None,
     overwrite: Overwrite = False,
+    quiet: Quiet = False,
+    json_file: JsonFile = None,
 ) -> None:
-    """Show shoe and drum in section, moving slowly: the last periods of a history, or one period of a mode.
+    """Shoe and drum in section, moving slowly: a history or a mode.
 
-    Displacement is magnified; colours along the arc tell the pressure, and what lifts off, slips backwards or sticks.
-
-    Example: drumsqueal animate out/nominal -o squeal.gif
+    Shows the last periods of a history, or one period of a mode. Displacement is magnified; colours along the arc tell
+    the pressure, and what lifts off, slips backwards or sticks.
 
     Example: drumsqueal animate scenarios/nominal.toml --mode Y
     """
@@ -63,25 +64,30 @@ def animate_command(
         from drumsqueal.jobs.animate import animate_mode
 
         check_animation_name(file)
-        animate_mode(file, scene, mode, slowness, make_console())
+        reply = Reply(quiet, json_file, overwrite=overwrite)
+        reply.send(animate_mode(file, scene, mode, slowness, reply.console))
         return
     if settings:
         raise UsageError("--set changes a scene; a history is of the scene that was run: leave one of them out")
     if source.suffix == ".toml":
         raise RequestError(f"{source} is a scene: name one of its modes with --mode, or give a history that it left")
-    times = [None if text is None else read_time(text, name) for text, name in ((start, "--from"), (end, "--until"))]
+    first = None if start is None else read_time(start, "--from")
+    last = None if end is None else read_time(end, "--until")
     stop_if_interrupted()
     from drumsqueal.files.animation_file import check_animation_name
     from drumsqueal.files.saved_history import read_history
     from drumsqueal.jobs.animate import animate_history
+    from drumsqueal.jobs.export import check_not_the_history
 
     stop_if_interrupted()
     saved = read_history(source)
     file = output or saved.path.with_suffix(".gif")
+    check_not_the_history(file, saved)
     check_output_file(file, overwrite=overwrite)
     check_animation_name(file)
+    reply = Reply(quiet, json_file, overwrite=overwrite)
     stop_if_interrupted()
-    animate_history(file, saved, *times, slowness, magnification, make_console())
+    reply.send(animate_history(file, saved, first, last, slowness, magnification, reply.console))
 
 
 def _factor(text: str, option: str) -> float | None:

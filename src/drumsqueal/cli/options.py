@@ -123,7 +123,7 @@ def read_time(text: str, option: str) -> float:
     except ValueError:  # of which SceneError is one
         time = -1.0
     if not time >= 0:
-        raise RequestError(f'{option} {text}: write a time such as "20 ms", or a number in s')
+        raise RequestError(f'{option} {text}: write a time such as "0.1 s"')
     return time
 
 

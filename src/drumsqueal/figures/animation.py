@@ -1,5 +1,8 @@
 """The moving section: shoe and drum, contact along the arc, and the displacements with the time in them."""
 
+from collections.abc import Callable
+from pathlib import Path
+
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.artist import Artist
@@ -15,6 +18,9 @@ from drumsqueal.comparison.departure import ROTATIONS
 from drumsqueal.figures import style
 from drumsqueal.figures.playback import REVERSED, SEPARATED, STUCK, TICK, TOUCHING, Playback
 from drumsqueal.figures.section import MILLI, displaced, lining_parts, on_circle, shoe_outline
+from drumsqueal.figures.window import FRAMES_PER_SECOND
+from drumsqueal.files.animation_file import write_animation
+from drumsqueal.interrupts import noted_interrupts, stop_if_interrupted
 
 PIXELS, DOTS_PER_INCH = (770, 580), 115
 # State: colour and name.
@@ -46,7 +52,7 @@ class MovingSection:
         self.figure = style.new_figure(playback.title, playback.subject)
         self.figure.set_layout_engine("none")
         self.figure.set_dpi(DOTS_PER_INCH)
-        self.figure.set_size_inches(*(pixels / DOTS_PER_INCH for pixels in PIXELS))
+        self.figure.set_size_inches((PIXELS[0] / DOTS_PER_INCH, PIXELS[1] / DOTS_PER_INCH))
         top = 0.935
         for place, note in enumerate(playback.notes):
             self.figure.text(0.01, top - 0.034 * place, note, fontsize=style.SMALL_SIZE, va="top", parse_math=False)
@@ -124,7 +130,7 @@ class MovingSection:
         for angle in (-half, 0.0, half) if half < FAR_APART else (0.0,):
             at = _turned(on_circle((radius + 1.9 * ring) / MILLI, angle))
             text = f"{np.rad2deg(angle):.3g}°".replace("-", "−")
-            axes.text(*at, text, fontsize=style.SMALL_SIZE, ha="center", va="center", color=style.DARK)
+            axes.text(at[0], at[1], text, fontsize=style.SMALL_SIZE, ha="center", va="center", color=style.DARK)
         if self.playback.drum_sense and radius > 2.7 * thickness:  # there is room within
             self._draw_sense(radius - 2.1 * thickness)
 
@@ -140,7 +146,9 @@ class MovingSection:
         )  # fmt: skip
         self._section.add_patch(arrow)
         at = _turned(on_circle((radius - 0.4 * MILLI * self._thickness) / MILLI, 0.0))
-        self._section.text(*at, "drum turns", fontsize=style.SMALL_SIZE, ha="center", va="center", color=style.DARK)
+        self._section.text(
+            at[0], at[1], "drum turns", fontsize=style.SMALL_SIZE, ha="center", va="center", color=style.DARK
+        )
 
     def _tick_lines(self, turn: float) -> NDArray[np.float64]:
         """Marks on the drum's ring (marks, 2, 2)."""
@@ -207,6 +215,24 @@ class MovingSection:
         self._clock = axes.text(
             1.0, 1.06, "", transform=axes.transAxes, ha="right", va="bottom", fontsize=style.TEXT_SIZE, animated=True
         )
+
+
+def save_animation(playback: Playback, path: Path | str, on_frame: Callable[[], None] | None = None) -> None:
+    """Write an animation as .gif, or as .mp4 where there is ffmpeg; `on_frame` is called after each frame.
+
+    Raises RequestError for another name, OSError where it cannot be written, and KeyboardInterrupt between two frames.
+    """
+    section = MovingSection(playback)
+
+    def render(frame: int) -> NDArray[np.uint8]:
+        stop_if_interrupted()
+        image = section.image(frame)
+        if on_frame is not None:
+            on_frame()
+        return image
+
+    with noted_interrupts():
+        write_animation(Path(path), render, section.frames, FRAMES_PER_SECOND)
 
 
 def _turned(points: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,17 +1,16 @@
 """An animation into one file: a part of a history, or a mode."""
 
-from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 
 from drumsqueal.errors import RequestError
-from drumsqueal.figures.animation import MovingSection
+from drumsqueal.figures.animation import save_animation
 from drumsqueal.figures.playback import Playback, play_history, play_mode
 from drumsqueal.figures.window import FRAMES_PER_SECOND
-from drumsqueal.files.animation_file import write_animation
 from drumsqueal.files.saved_history import SavedHistory
-from drumsqueal.interrupts import noted_interrupts, stop_if_interrupted
+from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.jobs.progress import counting_bar
 from drumsqueal.scene import Scene
 from drumsqueal.scene.quantities import printable
@@ -26,42 +25,24 @@ def animate_history(
     slow: float | None,
     magnification: float | None,
     console: Console,
-) -> None:
-    """Write the animation of a part of a history and print what it shows. Raises RequestError before anything."""
+) -> dict[str, Any]:
+    """Write the animation of a part of a history, print what it shows and return that. Raises RequestError."""
     playback = play_history(saved.data, saved.scene, start=start, end=end, slow=slow, magnification=magnification)
-    _animate(file, playback, console)
+    return _animate(file, playback, console)
 
 
-def animate_mode(file: Path, scene: Scene, label: str, slow: float | None, console: Console) -> None:
-    """Write the animation of a mode and print what it shows. Raises RequestError for a mode that there is not."""
+def animate_mode(file: Path, scene: Scene, label: str, slow: float | None, console: Console) -> dict[str, Any]:
+    """Write the animation of a mode, print what it shows and return that. Raises RequestError for no such mode."""
     stability = prepare(scene).stability
     stop_if_interrupted()
     labels = [mode.label for mode in stability.modes]
     if label not in labels:
         there = f"it has {', '.join(labels)}" if labels else "nothing oscillates in it"
         raise RequestError(f"--mode {label}: the scene has no such mode; {there}")
-    _animate(file, play_mode(scene, stability, stability.modes[labels.index(label)], slow=slow), console)
+    return _animate(file, play_mode(scene, stability, stability.modes[labels.index(label)], slow=slow), console)
 
 
-def save_animation(playback: Playback, path: Path | str, on_frame: Callable[[], None] | None = None) -> None:
-    """Write an animation as .gif, or as .mp4 where there is ffmpeg; `on_frame` is called after each frame.
-
-    Raises RequestError for another name, OSError where it cannot be written, and KeyboardInterrupt between two frames.
-    """
-    section = MovingSection(playback)
-
-    def render(frame: int):
-        stop_if_interrupted()
-        image = section.image(frame)
-        if on_frame is not None:
-            on_frame()
-        return image
-
-    with noted_interrupts():
-        write_animation(Path(path), render, section.frames, FRAMES_PER_SECOND)
-
-
-def _animate(file: Path, playback: Playback, console: Console) -> None:
+def _animate(file: Path, playback: Playback, console: Console) -> dict[str, Any]:
     stop_if_interrupted()
     with counting_bar(console) as progress:
         task = progress.add_task("drawing", total=playback.time.size)
@@ -71,3 +52,12 @@ def _animate(file: Path, playback: Playback, console: Console) -> None:
     frames = playback.time.size
     told = f"{frames} frames, {frames / FRAMES_PER_SECOND:.3g} s, {file.stat().st_size / 1e6:.2g} MB, are in {file}"
     console.print(printable(told), soft_wrap=True)
+    return {
+        "file": str(file),
+        "frames": frames,
+        "frames_per_second": FRAMES_PER_SECOND,
+        "from_s": playback.time[0],
+        "until_s": playback.time[-1],
+        "magnification": None if playback.relative else playback.magnification,
+        "notes": list(playback.notes),
+    }
