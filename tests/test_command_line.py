@@ -71,7 +71,7 @@ def test_overwriting_clears_all_results_of_an_earlier_run_and_nothing_else(drums
         (tmp_path / name).write_text("of value")
     # 100 samples are too few for a spectrogram, no frequency drifts, and a complete run leaves nothing to resume.
     assert drumsqueal("run", NOMINAL, "-o", str(tmp_path), "--overwrite", *SHORT)[0] == 0
-    absent = {"spectrogram.png", "frequency.png", "resume.json"}
+    absent = {"spectrogram.png", "frequency.png", "resume.json", "report.html"}
     assert {path.name for path in tmp_path.iterdir()} == {*RUN_FILES, "notes.txt"} - absent
     assert [path.name for path in tmp_path.iterdir() if path.read_bytes() == b"of value"] == ["notes.txt"]
 

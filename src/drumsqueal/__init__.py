@@ -3,7 +3,8 @@
 A scene is read by `load_scene`, run by `run`, asked what its accuracy or its effects cost by `study_accuracy` and
 `study_effects`, and where along a parameter it squeals by `study_onset`. `build_model`, `analyse_stability` and
 `growth_rate` are the linear side of it, for any numbers; `integrate_many` takes many models at once,
-`sweep_parameters` many scenes. `help(drumsqueal.run)` and so on tell more.
+`sweep_parameters` many scenes. `read_measured` and `compare_measured` lay a measured record over a history.
+`help(drumsqueal.run)` and so on tell more.
 
 The names below are imported when they are first used: reading a scene does not load JAX, and the command line can
 prepare its environment first.
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
     from drumsqueal.errors import CycleError, IntegrationError, SceneError, SteadyStateError
     from drumsqueal.figures.animation import save_animation
     from drumsqueal.figures.playback import Playback, play_history, play_mode
+    from drumsqueal.files.measured.reader import read_measured
+    from drumsqueal.files.measured.record import Measured
     from drumsqueal.linear.modes import Mode, Stability, analyse_stability, growth_rate
     from drumsqueal.model import Model, build_model
     from drumsqueal.scene import Scene, load_scene, scene_from_dict
@@ -28,6 +31,7 @@ if TYPE_CHECKING:
     from drumsqueal.studies.cycle.branches import Diagram, follow_cycle
     from drumsqueal.studies.cycle.search import Search, find_cycle
     from drumsqueal.studies.effects.study import EffectStudy, study_effects
+    from drumsqueal.studies.measured import MeasuredComparison, compare_measured
     from drumsqueal.studies.motion import MotionStudy, study_motion
     from drumsqueal.studies.onset.study import OnsetStudy, study_onset
     from drumsqueal.studies.paper.study import PaperStudy, study_paper
@@ -42,6 +46,8 @@ _HOMES = {
     "effects.custom_friction": ("TabulatedLaw",),
     "effects.friction_law": ("FrictionLaw",),
     "errors": ("CycleError", "IntegrationError", "SceneError", "SteadyStateError"),
+    "files.measured.reader": ("read_measured",),
+    "files.measured.record": ("Measured",),
     "figures.animation": ("save_animation",),
     "figures.playback": ("Playback", "play_history", "play_mode"),
     "model": ("Model", "build_model"),
@@ -52,6 +58,7 @@ _HOMES = {
     "studies.cycle.branches": ("Diagram", "follow_cycle"),
     "studies.cycle.search": ("Search", "find_cycle"),
     "studies.effects.study": ("EffectStudy", "study_effects"),
+    "studies.measured": ("MeasuredComparison", "compare_measured"),
     "studies.motion": ("MotionStudy", "study_motion"),
     "studies.onset.study": ("OnsetStudy", "study_onset"),
     "studies.paper.study": ("PaperStudy", "study_paper"),
@@ -70,6 +77,8 @@ __all__ = [
     "EffectStudy",
     "FrictionLaw",
     "IntegrationError",
+    "Measured",
+    "MeasuredComparison",
     "Mode",
     "Model",
     "MotionStudy",
@@ -88,6 +97,7 @@ __all__ = [
     "analyse_stability",
     "build_model",
     "compare",
+    "compare_measured",
     "find_cycle",
     "follow_cycle",
     "growth_rate",
@@ -96,6 +106,7 @@ __all__ = [
     "play_history",
     "play_mode",
     "quieten",
+    "read_measured",
     "run",
     "save_animation",
     "scene_from_dict",

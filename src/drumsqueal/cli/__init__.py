@@ -17,6 +17,7 @@ from rich.markup import escape
 from drumsqueal.cli.accuracy import accuracy_command
 from drumsqueal.cli.animate import animate_command
 from drumsqueal.cli.check import check_command
+from drumsqueal.cli.compare import compare_command
 from drumsqueal.cli.cycle import cycle_command
 from drumsqueal.cli.effects import effects_command
 from drumsqueal.cli.export import export_command
@@ -24,6 +25,7 @@ from drumsqueal.cli.motion import motion_command
 from drumsqueal.cli.onset import onset_command
 from drumsqueal.cli.options import UsageError, make_console
 from drumsqueal.cli.paper import paper_command
+from drumsqueal.cli.report import report_command
 from drumsqueal.cli.run import run_command
 from drumsqueal.cli.scenes import scenes_command
 from drumsqueal.cli.sensitivity import sensitivity_command
@@ -53,9 +55,11 @@ GROUPS: dict[str, dict[str, Callable[..., None]]] = {
         "paper": paper_command,
     },
     "Quality": {"effects": effects_command, "accuracy": accuracy_command},
-    "Take it elsewhere": {
+    "Look, listen, take along": {
+        "report": report_command,
         "animate": animate_command,
         "export": export_command,
+        "compare": compare_command,
     },
 }
 """The commands in the order of the help, by the panel they stand in."""

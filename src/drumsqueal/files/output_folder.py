@@ -10,6 +10,7 @@ from pathlib import Path
 from drumsqueal.errors import RequestError
 
 HISTORY, SUMMARY, RESUME = "history.nc", "summary.json", "resume.json"
+REPORT = "report.html"
 GROWTH, SPECTROGRAM, SPECTRA = "growth", "spectrogram", "spectra"
 PHASE, CONTACT, EIGENVALUES, FREQUENCY = "phase", "contact", "eigenvalues", "frequency"
 FIGURES = (GROWTH, SPECTROGRAM, SPECTRA, PHASE, CONTACT, EIGENVALUES, FREQUENCY)
@@ -20,8 +21,8 @@ def figure_file(name: str) -> str:
     return f"{name}.png"
 
 
-RUN_FILES = (HISTORY, SUMMARY, RESUME, *map(figure_file, FIGURES))
-"""The names of all files that a run writes."""
+RUN_FILES = (HISTORY, SUMMARY, RESUME, *map(figure_file, FIGURES), REPORT)
+"""The names of all files that a run writes, and of the page about it, which is out of date once it has run anew."""
 EFFECTS_TABLE, REDUCED_SCENE, EFFECTS = "effects.csv", "reduced.toml", "effects"
 ACCURACY_TABLE, BLOCK = "accuracy.csv", "simulate.toml"
 WORK, EVALUATIONS, CAUSES = "accuracy_time", "accuracy_evaluations", "accuracy_causes"
@@ -29,8 +30,8 @@ ACCURACY_FIGURES = (WORK, EVALUATIONS, CAUSES)
 ACCURACY_FILES = (ACCURACY_TABLE, BLOCK, *map(figure_file, ACCURACY_FIGURES))
 """The names of all files that a study of accuracy writes."""
 ONSET_TABLE, ONSET_SUMMARY, ONSET = "onset.csv", "onset.json", "onset"
-ONSET_FILES = (ONSET_TABLE, ONSET_SUMMARY, figure_file(ONSET))
-"""The names of all files that a study of the onset writes."""
+ONSET_FILES = (ONSET_TABLE, ONSET_SUMMARY, figure_file(ONSET), REPORT)
+"""The names of all files that a study of the onset writes, and of the page about it."""
 MOTION_SUMMARY, MOTION_TABLE = "motion.json", "motion.csv"
 LINES, SECTION, CONVERGENCE = "motion_lines", "motion_section", "motion_exponents"
 MOTION_FILES = (MOTION_SUMMARY, MOTION_TABLE, *map(figure_file, (LINES, SECTION, CONVERGENCE)))
@@ -72,6 +73,10 @@ SENSITIVITY_TABLE, SENSITIVITY_SUMMARY, QUIET_SCENE = "sensitivity.csv", "sensit
 SENSITIVITY = "sensitivity"
 SENSITIVITY_FILES = (SENSITIVITY_TABLE, SENSITIVITY_SUMMARY, QUIET_SCENE, figure_file(SENSITIVITY))
 """The names of all files of a study of sensitivity."""
+
+COMPARE_TABLE, COMPARE_SUMMARY, COMPARE = "compare.csv", "compare.json", "compare"
+COMPARE_FILES = (COMPARE_TABLE, COMPARE_SUMMARY, figure_file(COMPARE))
+"""The names of all files of a comparison with a measured record."""
 
 
 def check_output(folder: Path, files: Iterable[str], *, overwrite: bool) -> None:

@@ -17,6 +17,7 @@ from drumsqueal.signals.spectra import (
     spectral_peaks,
     spectrogram,
 )
+from drumsqueal.signals.tones import Tones, find_tones
 
 __all__ = [
     "PERIODS_NEEDED",
@@ -31,10 +32,12 @@ __all__ = [
     "Sound",
     "Spectrogram",
     "Spectrum",
+    "Tones",
     "amplitude_spectrum",
     "classify",
     "find_bases",
     "find_lines",
+    "find_tones",
     "fit_growth",
     "follow_line",
     "modal_amplitudes",

@@ -1,0 +1,109 @@
+"""`drumsqueal compare HISTORY MEASURED -o DIR`."""
+
+import math
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from drumsqueal.cli.options import JsonFile, Overwrite, Quiet, Reply, output_option, read_share
+from drumsqueal.errors import RequestError
+from drumsqueal.files.output_folder import COMPARE_FILES, HISTORY, check_output, claimed
+from drumsqueal.interrupts import stop_if_interrupted
+from drumsqueal.scene.quantities import parse_quantity
+
+HistoryFile = Annotated[
+    Path, typer.Argument(metavar="HISTORY", help="What a run has left: history.nc, or its folder.", show_default=False)
+]
+MeasuredFile = Annotated[
+    Path, typer.Argument(metavar="MEASURED", help="Measured record: CSV, UFF58 or WAV.", show_default=False)
+]
+UNIT = 'What 1 in the file stands for, where it does not say so, such as "mm/s", g or, calibrated, "50 mm/s".'
+
+
+def compare_command(
+    history: HistoryFile,
+    measured: MeasuredFile,
+    output: Annotated[Path | None, output_option("HISTORY-compare")] = None,
+    signal: Annotated[
+        str, typer.Option("--signal", metavar="NAME", help="Simulated signal, such as velocity_Y or brake_torque.")
+    ] = "surface_velocity",
+    channel: Annotated[
+        str | None,
+        typer.Option("--channel", metavar="NAME|N", help="Measured channel, by name or number.", show_default=False),
+    ] = None,
+    rate: Annotated[
+        str | None,
+        typer.Option("--rate", metavar="RATE", help='Sample rate of a file without one, such as "51.2 kHz".'),
+    ] = None,
+    unit: Annotated[str | None, typer.Option("--unit", metavar="UNIT", help=UNIT, show_default=False)] = None,
+    first: Annotated[
+        str | None, typer.Option("--from", metavar="TIME", help="Measured record from this time on.")
+    ] = None,
+    last: Annotated[
+        str | None, typer.Option("--until", metavar="TIME", help="Measured record until this time.")
+    ] = None,
+    within: Annotated[
+        str, typer.Option("--within", metavar="SHARE", help="How far apart two lines that are a pair may lie.")
+    ] = "5%",
+    overwrite: Overwrite = False,
+    quiet: Quiet = False,
+    json_file: JsonFile = None,
+) -> None:
+    """Which lines of a measured record are simulated?
+
+    Lays the record over a history and tells how far its lines are from the simulated ones and from the eigenvalues.
+
+    Writes compare.csv, compare.json and compare.png into DIR. A measured acceleration or displacement is compared with
+    a simulated velocity line by line; a record without a unit, such as a microphone's, by frequency and relative level.
+
+    Example: drumsqueal compare out/nominal rig.csv --channel vibrometer --unit mm/s
+    """
+    folder = output if output is not None else Path("out") / f"{_name(history)}-compare"
+    check_output(folder, COMPARE_FILES, overwrite=overwrite)
+    reply = Reply(quiet, json_file, overwrite=overwrite)
+    for source in (history, measured):
+        _spare(source, folder)
+    widest = read_share(within, "--within")
+    sampled = None if rate is None else _quantity(rate, "--rate", "Hz", "51.2 kHz")
+    begin = None if first is None else _quantity(first, "--from", "s", "0.5 s")
+    end = None if last is None else _quantity(last, "--until", "s", "2 s")
+    stop_if_interrupted()
+    from drumsqueal.files.measured.reader import read_measured
+
+    record = read_measured(measured, channel, rate=sampled, unit=unit, first=begin, last=end)
+    stop_if_interrupted()
+    from drumsqueal.jobs.compare import compare_into
+    from drumsqueal.studies.measured import compare_measured
+
+    stop_if_interrupted()
+    comparison = compare_measured(
+        history, record, signal, within=widest
+    )  # what cannot be done is told before there is a folder
+    stop_if_interrupted()
+    with claimed(folder, COMPARE_FILES):
+        reply.send(compare_into(folder, comparison, measured, reply.console))
+
+
+def _name(history: Path) -> str:
+    """The name of a history: that of its folder where it is called as every run calls it."""
+    whole = history.absolute()
+    return whole.parent.name if whole.name == HISTORY else whole.stem
+
+
+def _spare(source: Path, folder: Path) -> None:
+    """Raise RequestError where a file to be read would be replaced."""
+    if any(source.absolute() == (folder / name).absolute() for name in COMPARE_FILES):
+        raise RequestError(f"{source} would be replaced by a result of that name; choose another folder with -o")
+
+
+def _quantity(text: str, option: str, unit: str, example: str) -> float:
+    """A time or a rate from "51.2 kHz" or "51200"."""
+    try:
+        value = float(parse_quantity(text if text.strip()[-1:].isalpha() else float(text), unit))
+    except ValueError:  # of which SceneError is one
+        value = math.nan
+    if not math.isfinite(value) or (unit == "Hz" and value <= 0):
+        kind = "a rate" if unit == "Hz" else "a time"
+        raise RequestError(f'{option} {text}: write {kind} such as "{example}"')
+    return value

@@ -1,0 +1,43 @@
+"""`drumsqueal report DIR`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from drumsqueal.cli.options import JsonFile, Overwrite, Quiet, Reply, read_file, read_folder
+from drumsqueal.files.output_folder import REPORT, check_output_file
+from drumsqueal.interrupts import stop_if_interrupted
+from drumsqueal.report.found import what_is_in
+
+
+def report_command(
+    folder: Annotated[
+        Path,
+        typer.Argument(
+            metavar="DIR", parser=read_folder, help="Folder that a run or an onset has left.", show_default=False
+        ),
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", metavar="FILE", parser=read_file, help=f"The page (default: DIR/{REPORT})."),
+    ] = None,
+    overwrite: Overwrite = False,
+    quiet: Quiet = False,
+    json_file: JsonFile = None,
+) -> None:
+    """Put a run or an onset on one page that opens anywhere.
+
+    Writes one HTML file that needs no network: verdict, figures, moving modes, sound, accuracy, scene, versions.
+
+    Example: drumsqueal report out/nominal
+    """
+    kind = what_is_in(folder)
+    file = folder / REPORT if output is None else output
+    check_output_file(file, overwrite=overwrite)
+    reply = Reply(quiet, json_file, overwrite=overwrite)
+    stop_if_interrupted()
+    from drumsqueal.jobs.report import report_into
+
+    stop_if_interrupted()
+    reply.send(report_into(file, folder, kind, reply.console))

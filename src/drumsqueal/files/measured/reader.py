@@ -1,0 +1,112 @@
+"""A measured file, told by what is in it and not by its name."""
+
+from pathlib import Path
+
+import numpy as np
+
+from drumsqueal.errors import RequestError
+from drumsqueal.files.measured.csv_table import read_csv
+from drumsqueal.files.measured.record import QUANTITIES, Measured, Unit, parse_unit
+from drumsqueal.files.measured.sampling import longest_whole
+
+FORMATS = "CSV, UFF58 and WAV are read"
+FEWEST = 64  # samples
+_START = 4096  # bytes that tell the format
+_OTHERS = {
+    b"\x89HDF": "an HDF5 or NetCDF file",
+    b"CDF": "a NetCDF file",
+    b"PK": "a zip archive, as spreadsheets are",
+    b"MATLAB": "a MAT file",
+    b"\xd0\xcf": "an old spreadsheet",
+    b"PAR1": "a Parquet file",
+    b"\x93NUMPY": "a NumPy file",
+    b"TDSm": "a TDMS file",
+}
+
+
+def read_measured(
+    path: Path | str,
+    channel: str | None = None,
+    *,
+    rate: float | None = None,
+    unit: str | None = None,
+    first: float | None = None,
+    last: float | None = None,
+) -> Measured:
+    """Read one channel of a CSV, UFF58 or WAV file, in SI where its unit is known.
+
+    `channel` is a name or a number from 1 on, and may be left out where there is only one. `rate` (Hz) is that of a
+    file which does not say, or says it wrongly. `unit` is what 1 in the file stands for: "mm/s", or "50 mm/s". `first`
+    and `last` (s) are the part to take. Raises RequestError for what cannot be read.
+    """
+    file, own = Path(path), None if unit is None else _given(unit)
+    try:
+        measured = _read(file, channel, rate, own)
+    except (OSError, ValueError) as error:
+        if isinstance(error, RequestError):
+            raise
+        raise RequestError(f"{file}: cannot be read ({getattr(error, 'strerror', None) or error})") from None
+    return _whole(_windowed(file, measured, first, last), file)
+
+
+def _given(unit: str) -> Unit:
+    found = parse_unit(unit)
+    if found is None:
+        known = ", ".join(f"{si} ({quantity})" for si, quantity in QUANTITIES.items())
+        raise RequestError(f'--unit {unit}: write a unit of the kind of {known}, such as "mm/s" or "50 mm/s"')
+    return found
+
+
+def _read(path: Path, channel: str | None, rate: float | None, unit: Unit | None) -> Measured:
+    if path.is_dir():
+        raise RequestError(f"{path} is a folder; name the measured file in it")
+    if not path.is_file():
+        raise RequestError(f"{path}: there is no such file")
+    with path.open("rb") as file:
+        start = file.read(_START)
+    if not start.strip():
+        raise RequestError(f"{path}: the file is empty")
+    if start[:4] in (b"RIFF", b"RIFX", b"RF64") and start[8:12] == b"WAVE":
+        from drumsqueal.files.measured.wav import read_wav
+
+        return read_wav(path, channel, rate, unit)
+    if start.split(None, 1)[0] == b"-1" and start.lstrip(b"\r\n").startswith(b"    -1"):
+        from drumsqueal.files.measured.uff58 import read_uff58
+
+        return read_uff58(path, channel, rate, unit)
+    kind = next((kind for mark, kind in _OTHERS.items() if start.startswith(mark)), None)
+    if kind is None and b"\0" in start and not start.startswith((b"\xff\xfe", b"\xfe\xff")):
+        kind = "no text, and of an unknown format"
+    if kind is not None:
+        raise RequestError(f"{path}: this is {kind}; {FORMATS}")
+    return read_csv(path, channel, rate, unit)
+
+
+def _windowed(path: Path, measured: Measured, first: float | None, last: float | None) -> Measured:
+    """The part from `first` to `last` (s), both ends in it, with samples enough."""
+    rate, start, count = measured.sample_rate, measured.start_s, measured.values.size
+    end = start + (count - 1) / rate
+    # A thousandth of an interval: a time that was rounded still names its sample.
+    begin = 0 if first is None else int(np.clip(np.ceil((first - start) * rate - 1e-3), 0, count))
+    stop = count if last is None else int(np.clip(np.floor((last - start) * rate + 1e-3) + 1, begin, count))
+    if stop - begin < FEWEST:
+        told = f"{path}: {stop - begin} samples are left of {count} from {start:.6g} to {end:.6g} s"
+        raise RequestError(f"{told}, at least {FEWEST} are needed; take a longer part with --from and --until")
+    return measured._replace(values=measured.values[begin:stop], start_s=start + begin / rate)
+
+
+def _whole(measured: Measured, path: Path) -> Measured:
+    """The longest stretch in which nothing is missing, with samples enough, and not at rest."""
+    values, part = measured.values, longest_whole(measured.values)
+    left, told = part.stop - part.start, measured.told
+    start = measured.start_s + part.start / measured.sample_rate
+    if left < values.size:
+        gaps = np.flatnonzero(~np.isfinite(values))
+        when = measured.start_s + gaps[0] / measured.sample_rate
+        missing = f"{gaps.size} of {values.size} samples are missing, the first at {when:.6g} s"
+        if left < FEWEST:
+            raise RequestError(f"{path}: {missing}; at least {FEWEST} without a gap are needed")
+        told += (f"{missing}: taken is the longest stretch without a gap, {left} samples from {start:.6g} s on",)
+    if not np.ptp(values[part]) > 0:
+        raise RequestError(f"{path}: {measured.name!r} is constant there and has no lines; take another channel")
+    return measured._replace(values=values[part], start_s=start, told=told)

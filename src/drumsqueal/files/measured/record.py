@@ -1,0 +1,130 @@
+"""One measured record, whatever file it came from, and what its unit says of it."""
+
+import re
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drumsqueal.errors import RequestError
+from drumsqueal.scene.quantities import SceneError, parse_quantity, printable
+
+# The SI units that a signal may have, and what has them; a family is one quantity and its rates, in order.
+QUANTITIES = {
+    "m": "displacement",
+    "m/s": "velocity",
+    "m/s^2": "acceleration",
+    "rad": "rotation",
+    "rad/s": "angular velocity",
+    "rad/s^2": "angular acceleration",
+    "Pa": "pressure",
+    "N": "force",
+    "N*m": "torque",
+}
+STANDARD_GRAVITY = 9.80665  # m/s²
+_OWN = {"g": ("m/s^2", STANDARD_GRAVITY), "g_n": ("m/s^2", STANDARD_GRAVITY), "Nm": ("N*m", 1.0)}  # not gram, nanometre
+_NAME = 40  # letters
+_LISTED = 12  # channels that a message names
+
+
+class Unit(NamedTuple):
+    """A unit by the SI unit of the same quantity, and how many of these it is."""
+
+    si: str
+    factor: float
+
+    @property
+    def quantity(self) -> str:
+        """What has this unit."""
+        return QUANTITIES[self.si]
+
+
+class Measured(NamedTuple):
+    """A measured record: `values` (time,) at `sample_rate` (Hz), the first of them at `start_s`, in an SI unit.
+
+    `quantity` and `unit` are empty where nobody says what was measured, or in what. `told` holds what was taken for
+    granted, or left away, in reading it.
+    """
+
+    name: str
+    quantity: str
+    unit: str
+    sample_rate: float
+    start_s: float
+    values: NDArray[np.float64]
+    told: tuple[str, ...]
+
+    @property
+    def short_name(self) -> str:
+        """The name without what explains it behind a colon, and not much longer than a column."""
+        name = self.name.split(": ")[0]
+        return name if len(name) <= _NAME else f"{name[: _NAME - 1]}…"
+
+    @property
+    def duration_s(self) -> float:
+        """Length of the record (s)."""
+        return self.values.size / self.sample_rate
+
+
+def measured_in(
+    unit: Unit | None, name: str, rate: float, start: float, values: NDArray[np.float64], told: list[str]
+) -> Measured:
+    """A record whose values are in `unit`, brought to SI; None where it is not known."""
+    if unit is None:
+        return Measured(printable(name), "", "", rate, start, values, tuple(told))
+    return Measured(printable(name), unit.quantity, unit.si, rate, start, values * unit.factor, tuple(told))
+
+
+@cache
+def parse_unit(text: str) -> Unit | None:
+    """A unit such as "mm/s", "g" (standard gravity) or, of a calibration, "50 mm/s"; None for what is none of them.
+
+    Only units of the quantities above are known.
+    """
+    number, written = _split(text)
+    if written in _OWN:
+        si, factor = _OWN[written]
+        return Unit(si, number * factor)
+    for si in QUANTITIES:
+        try:
+            factor = parse_quantity(f"{number!r} {written}", si)
+        except SceneError:
+            continue
+        return Unit(si, factor) if factor > 0 else None
+    return None
+
+
+def _split(text: str) -> tuple[float, str]:
+    """Number (1 without one) and unit, the latter as `parse_quantity` takes it: m/s2 and m s-2 as m/s^2."""
+    found = re.fullmatch(r"\s*([0-9.]+(?:[eE][+-]?[0-9]+)?)?\s*(.*?)\s*", text)
+    number, written = (found[1], found[2]) if found else (None, text)
+    try:
+        factor = 1.0 if number is None else float(number)
+    except ValueError:
+        return 1.0, ""
+    written = re.sub(r"(?<=[A-Za-z])(-?[2-9]|-1)$", r"^\1", written)  # m/s2
+    written = re.sub(r"(?<=[A-Za-z0-9²])\s*[.\s·]\s*(?=[A-Za-z])", "*", written)  # m s^-2, N.m
+    return factor, written
+
+
+def pick_channel(path: object, names: list[str], asked: str | None) -> int:
+    """Index of the channel asked for by name or number (from 1 on); without one, the only one there is.
+
+    Raises RequestError where there is none like it, or several to choose from.
+    """
+    listed = ", ".join(f"{k} {name!r}" for k, name in enumerate(names[:_LISTED], start=1))
+    listed += f" and {len(names) - _LISTED} more" if len(names) > _LISTED else ""
+    if asked is None:
+        if len(names) == 1:
+            return 0
+        raise RequestError(f"{path}: there are {len(names)} channels, {listed}; choose one with --channel")
+    same = [k for k, name in enumerate(names) if name == asked]
+    same = same or [k for k, name in enumerate(names) if name.casefold() == asked.strip().casefold()]
+    same = same or [k for k, name in enumerate(names) if name.split(":")[0] == asked.strip()]  # name: what it is
+    if len(same) == 1:
+        return same[0]
+    if not same and asked.strip().isascii() and asked.strip().isdigit() and 1 <= int(asked) <= len(names):
+        return int(asked) - 1
+    several = "are several such channels" if same else "is no such channel"
+    raise RequestError(f"{path}: --channel {asked}: there {several}; there are {listed}, by name or number")

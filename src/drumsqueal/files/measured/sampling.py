@@ -1,0 +1,75 @@
+"""Whether times are evenly spaced, and the stretch of a record in which nothing is missing."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+# Of a sampling interval, that a sample may lie off its place. What that adds to a line of frequency f is below 2π times
+# that times f over the sample rate: −30 dB of a line at half the sample rate, less below.
+JITTER = 0.01
+ROUNDED = 0.75  # of the last digit: half of it, and what the rounding of all of them shifts the fit by
+LOST = 0.4  # intervals; a sample that was lost puts those beside it half an interval off, or more
+MOST_DIGITS = 12  # after the point of a time
+LAST_SHARE = 0.1  # of the times, the largest, whose digits are the coarsest
+
+
+class Sampling(NamedTuple):
+    """Evenly spaced times: samples per second (Hz), the first time (s), how far one lies off its place (intervals)."""
+
+    rate: float
+    start: float
+    off: float
+
+
+class UnevenError(ValueError):
+    """Times are not evenly spaced; the message says where."""
+
+
+def even_sampling(time: NDArray[np.float64]) -> Sampling:
+    """The even spacing of times (s), by least squares; NaN among them is passed over.
+
+    A time may lie 1 % of an interval off its place or, up to 40 %, as far as rounding its last digit moves it: then the
+    times that were written are rounded, not those of the samples. Raises UnevenError.
+    """
+    known = np.isfinite(time)
+    index = np.flatnonzero(known).astype(np.float64)
+    if index.size < 2:
+        raise UnevenError("there are fewer than two times")
+    times = time[known]
+    middle = index - index.mean()
+    interval = float(middle @ times / (middle @ middle))
+    places = times.mean() + interval * middle
+    off = np.abs(times - places)
+    worst = int(np.argmax(off))
+    where = f"at {times[worst]:.9g} s"
+    if not interval > 0:
+        raise UnevenError("the times do not increase")
+    digit = last_digit(times)
+    if off[worst] > max(JITTER * interval, min(ROUNDED * digit, LOST * interval)):
+        if digit > interval / 2:
+            raise UnevenError(f"the times are rounded to {digit:g} s, too coarse for an interval of {interval:.3g} s")
+        raise UnevenError(f"{where} a time lies {off[worst] / interval:.2g} intervals off its place")
+    return Sampling(1.0 / interval, float(times[0] - index[0] * interval), float(off[worst]) / interval)
+
+
+def last_digit(times: NDArray[np.float64]) -> float:
+    """The place value of the last digit that the largest of these times were written with; 0 where there are many."""
+    largest = np.sort(np.abs(times))[-max(2, round(LAST_SHARE * times.size)) :]
+    for digits in range(MOST_DIGITS):
+        scaled = largest * 10.0**digits
+        round_off = 4 * np.finfo(np.float64).eps * max(1.0, float(scaled[-1]))
+        if np.abs(scaled - np.round(scaled)).max() <= round_off:
+            return 10.0**-digits
+    return 0.0
+
+
+def longest_whole(values: NDArray[np.float64]) -> slice:
+    """The longest stretch of a record without NaN or infinity; empty where there is none."""
+    finite = np.concatenate([[False], np.isfinite(values), [False]])
+    turns = np.flatnonzero(finite[1:] != finite[:-1])
+    starts, ends = turns[::2], turns[1::2]
+    if not starts.size:
+        return slice(0, 0)
+    best = int(np.argmax(ends - starts))
+    return slice(int(starts[best]), int(ends[best]))

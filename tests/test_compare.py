@@ -1,0 +1,344 @@
+"""Tones in noise, lines paired one to one, and a measured record beside a history."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+import xarray
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import drumsqueal as package
+from drumsqueal.comparison.matching import WIDEST, match_lines, share_covered
+from drumsqueal.errors import RequestError
+from drumsqueal.files.measured.reader import read_measured
+from drumsqueal.files.saved_history import read_history
+from drumsqueal.history import COMPLETE, MOTION, SIGNALS
+from drumsqueal.scene import COORDINATES
+from drumsqueal.signals import amplitude_spectrum, find_tones
+from drumsqueal.studies.measured import common_unit, compare_measured
+
+RATE = 25_600.0
+
+
+def tones(parts, duration=3.0, rate=RATE, noise=0.0, offset=0.0, samples=None):
+    """Sines of (frequency, amplitude) with white noise, and an offset, sampled at a rate."""
+    random, time = np.random.default_rng(11), np.arange(samples or round(duration * rate)) / rate
+    waves = sum(a * np.sin(2 * np.pi * f * time + k) for k, (f, a) in enumerate(parts))
+    return time, waves + noise * random.normal(size=time.size) + offset
+
+
+# Tones
+
+
+def test_noise_alone_shows_no_tone():
+    random = np.random.default_rng(5)
+    # One record in a thousand may; of these 200 one at most, with a probability of 98 %.
+    found = [find_tones(random.normal(size=8192), RATE, segment=(0.04, 0.32)[k % 2]) for k in range(200)]
+    assert sum(each.peaks.frequency_Hz.size > 0 for each in found) <= 1
+
+
+def test_tones_are_found_in_noise_within_the_error_of_estimation():
+    parts, noise = [(1079.3, 1.0), (7301.7, 0.03)], 0.5
+    time, signal = tones(parts, noise=noise, offset=40.0)
+    found = find_tones(signal, RATE, segment=0.2)
+    assert found.segments == 29
+    # The best there is scatters by √6 σ/(π A T √n) for n samples in T (Rife & Boorstyn 1974); averaged segments are
+    # worse by their number, some √2 by the window, and four times that is allowed for.
+    bound = [np.sqrt(6) * noise / (np.pi * a * 0.2 * np.sqrt(time.size)) * 4 * np.sqrt(2) for _, a in parts]
+    errors = np.abs(found.peaks.frequency_Hz - [f for f, _ in parts])
+    assert (errors < bound).all(), (errors, bound)
+    floor = 2 * noise * np.sqrt(1.5 / (0.2 * RATE))  # rms of noise in the Hann window
+    np.testing.assert_allclose(found.peaks.amplitude, [a for _, a in parts], atol=floor)
+
+
+def test_of_one_segment_it_is_the_amplitude_spectrum():
+    _, signal = tones([(1000.0, 1.0)], duration=0.2)
+    found = find_tones(signal, RATE, segment=1.0)
+    np.testing.assert_allclose(found.spectrum.amplitude, amplitude_spectrum(signal, RATE).amplitude, rtol=1e-12)
+    assert found.segments == 1
+    assert found.spectrum.resolution_Hz == pytest.approx(1.5 / 0.2)
+
+
+@pytest.mark.parametrize(("segment", "hum"), [(1.0, 7.0), (0.16, 12.0)])  # the latter's flank reaches beyond 20 Hz
+def test_what_is_slower_than_asked_is_no_tone_and_hides_none(segment, hum):
+    _, signal = tones([(hum, 20.0), (1000.0, 1.0), (2000.0, 0.03)], duration=2.0, noise=0.05)
+    found = find_tones(signal, RATE, segment=segment, lowest=20.0)
+    assert found.peaks.frequency_Hz == pytest.approx([1000.0, 2000.0], abs=0.5)  # the noise, on the fainter one
+
+
+# Pairs
+
+
+def test_pairs_are_one_to_one_and_none_is_forced():
+    first, second, third, fourth = match_lines([1010.0, 1020.0, 3000.0, 990.0], [1000.0, 2000.0])
+    assert first is not None
+    assert (first.reference, first.paired) == (0, True)
+    assert first.difference == pytest.approx(0.01)
+    assert second is not None and not second.paired  # noqa: PT018 (taken by a stronger line)
+    assert third is not None
+    assert (third.reference, third.paired) == (1, False)
+    assert fourth is not None and not fourth.paired  # noqa: PT018
+    assert match_lines([1000.0], []) == [None]
+
+
+def test_a_strong_line_goes_with_a_strong_one_rather_than_with_a_faint_one_nearer_by():
+    pairs = match_lines([7150.0], [7050.0, 7290.0], levels=([0.0], [-38.0, -17.0]))
+    assert [match.reference for match in pairs if match] == [1]
+
+
+@given(
+    lines=st.lists(st.floats(100.0, 1e4), min_size=1, max_size=8, unique=True),
+    references=st.lists(st.floats(100.0, 1e4), min_size=1, max_size=8, unique=True),
+)
+@settings(derandomize=True, max_examples=200, deadline=None)
+def test_every_pair_is_within_the_bound_and_no_reference_is_taken_twice(lines, references):
+    matches = [match for match in match_lines(lines, references) if match is not None]
+    assert len(matches) == len(lines)
+    taken = [match.reference for match in matches if match.paired]
+    assert len(set(taken)) == len(taken)
+    for line, match in zip(lines, matches, strict=True):
+        assert match.difference == pytest.approx(line / references[match.reference] - 1)
+        if match.paired:
+            assert abs(match.difference) <= WIDEST
+        else:  # every reference that would do has gone to another line
+            near = [k for k, f in enumerate(references) if abs(line / f - 1) <= WIDEST]
+            assert set(near) <= set(taken)
+
+
+def test_the_share_covered_is_that_of_a_line_anywhere():
+    references = np.array([1000.0, 1010.0, 3000.0])
+    anywhere = np.random.default_rng(2).uniform(20.0, 5000.0, 20_000)
+    hits = np.mean(np.abs(anywhere[:, None] / references - 1).min(axis=1) <= WIDEST)
+    # Three standard errors of a share of 20 000.
+    assert share_covered(references, 20.0, 5000.0) == pytest.approx(hits, abs=3 * np.sqrt(0.25 / 20_000))
+    assert share_covered([], 20.0, 5000.0) == 0.0
+
+
+# The comparison
+
+
+LINES = [(1051.7, 2e-2), (2103.4, 5e-3), (7211.9, 8e-3)]  # of the velocity of Y in m/s, after the first edge
+EDGE, END = 0.1, 0.5  # s
+
+
+@pytest.fixture(scope="module")
+def history(nominal, tmp_path_factory):
+    """A history of the nominal brake whose motion is made up, so that its lines are known."""
+    time = np.arange(round(END * 50_000) + 1) / 50_000
+    data = {name: (("time", "coordinate"), np.zeros((time.size, 6))) for name in MOTION}
+    data |= {name: (("time",), np.zeros(time.size)) for name in SIGNALS}
+    data["velocity"][1][:, 1] = tones(LINES, END, 50_000.0, samples=time.size)[1]
+    data["contact_fraction"][1][:] = np.where(time < EDGE, 1.0, 0.7)
+    attributes = {"scene": nominal.to_toml(), "outcome": COMPLETE}
+    coordinates = {"time": time, "coordinate": list(COORDINATES)}
+    path = tmp_path_factory.mktemp("run") / "history.nc"
+    xarray.Dataset(data, coordinates, attributes).to_netcdf(path, engine="h5netcdf")
+    return path
+
+
+@pytest.fixture(scope="module")
+def simulated(history):
+    """Time and velocity of Y."""
+    saved = read_history(history)
+    return saved.data["time"].values, saved.data["velocity"].sel(coordinate="Y").values
+
+
+def csv_file(path, columns, header):
+    np.savetxt(path, np.column_stack(columns), delimiter=",", header=header, comments="", fmt="%.17g")
+    return path
+
+
+def test_the_saturated_part_and_its_lines_are_those_that_were_put_in(history, simulated, tmp_path):
+    found = compare_measured(history, read_measured(csv_file(tmp_path / "v", simulated, "time,v")), "velocity_Y")
+    assert found.saturated
+    # The last 60 % of what follows the edge.
+    assert (found.simulated.start_s, found.simulated.end_s) == pytest.approx((END - 0.6 * (END - EDGE), END), abs=1e-4)
+    strongest = sorted(LINES, key=lambda line: -line[1])
+    # The vertex of a parabola in steps of an eighth of a bin of 4 Hz; neighbours 100 bins away pull by less.
+    assert found.simulated.frequency_Hz == pytest.approx([f for f, _ in strongest], abs=2e-3)
+    assert found.simulated.amplitude == pytest.approx([a for _, a in strongest], rel=1e-3)
+
+
+@pytest.mark.parametrize("to", ["csv", "uff58"])
+def test_a_history_compared_with_its_own_export_differs_by_nothing(drumsqueal, history, tmp_path, to):
+    file, folder, part = tmp_path / "a", tmp_path / "out", ["--from", "0.26 s", "--until", "0.5 s"]
+    names = ["--signals", "velocity_X,velocity_Y"]
+    assert drumsqueal("export", str(history), "--to", to, "-o", str(file), *names, *part)[0] == 0
+    chosen = ["--signal", "velocity_Y", "--channel", "velocity_Y"]
+    status, _, error = drumsqueal("compare", str(history), str(file), "-o", str(folder), *chosen)
+    assert (status, error) == (0, "")
+    found = json.loads((folder / "compare.json").read_text())
+    assert found["amplitudes_in"] == "m/s"
+    assert len(found["lines"]) == 3
+    for line in found["lines"]:
+        assert line["simulated_is_pair"]
+        # The same samples, at a rate known to 12 digits; the interval in UFF58 is written with six, here 2.00000e-5.
+        assert line["over_simulated"] == pytest.approx(0.0, abs=1e-9)
+        assert line["level_over_simulated_dB"] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_history_compared_with_its_own_sound_has_the_same_lines(drumsqueal, history, tmp_path):
+    file, folder = tmp_path / "a.wav", tmp_path / "out"
+    arguments = ["--signals", "velocity_Y", "--rate", "48 kHz", "--from", "0.26 s"]
+    assert drumsqueal("export", str(history), "--to", "wav", "-o", str(file), *arguments)[0] == 0
+    assert drumsqueal("compare", str(history), str(file), "-o", str(folder), "--signal", "velocity_Y")[0] == 0
+    found = json.loads((folder / "compare.json").read_text())
+    assert found["amplitudes_in"] is None
+    for line in found["lines"][:3]:
+        assert abs(line["over_simulated"] * line["measured_Hz"]) < 1e-2  # Hz; interpolated at either rate
+        assert line["level_over_simulated_dB"] == pytest.approx(0.0, abs=0.01)
+
+
+@pytest.mark.parametrize(("unit", "order"), [("m/s^2", 1), ("m", -1)])
+def test_other_rates_of_change_are_compared_line_by_line(history, tmp_path, unit, order):
+    parts = [(f, a * (2 * np.pi * f) ** order) for f, a in LINES]
+    file = csv_file(tmp_path / "a", tones(parts), f"time (s),x ({unit})")
+    found = compare_measured(history, read_measured(file), "velocity_Y")
+    assert found.unit == unit
+    assert any("line by line" in told for told in found.told)
+    assert len(found.lines) == 3
+    for line in found.lines:
+        assert line.simulated is not None
+        assert abs(line.simulated.difference) * line.frequency_Hz < 1e-2
+        assert line.level_difference_dB == pytest.approx(0.0, abs=0.01)
+
+
+def test_a_record_of_no_quantity_is_compared_by_relative_levels(history, tmp_path):
+    error, gain, noise = 0.013, 250.0, 0.2
+    parts = [(f * (1 + error), gain * a) for f, a in LINES]
+    file = csv_file(tmp_path / "m", tones([*parts, (9123.4, 2.0)], noise=noise, offset=5.0), "time (s),microphone (V)")
+    found = compare_measured(history, read_measured(file), "velocity_Y")
+    assert found.unit == ""
+    assert found.references[0] == pytest.approx(gain * LINES[0][1], rel=0.01)
+    by_frequency = {round(line.frequency_Hz): line for line in found.lines}
+    assert sorted(by_frequency) == sorted(round(f) for f in [*(f for f, _ in parts), 9123.4])
+    for f, a in parts:
+        line = by_frequency[round(f)]
+        assert line.simulated is not None
+        assert line.simulated.paired
+        # Noise moves a line by some √6 σ/(π A T √n) = 0.01 Hz at most here, four times that is allowed for.
+        assert line.simulated.difference == pytest.approx(error, abs=0.04 / f)
+        # Of an amplitude it is σ √(3/n), 1 % of the faintest.
+        assert line.level_difference_dB == pytest.approx(
+            0.0, abs=20 * np.log10(1 + 5 * noise * np.sqrt(3 / 76_800) / a)
+        )
+    stray = by_frequency[9123]
+    assert stray.simulated is not None
+    assert not stray.simulated.paired
+    assert stray.level_difference_dB is None
+
+
+def test_what_the_record_cannot_hold_is_named(history, tmp_path):
+    time, signal = tones([(950.0, 1.0)], rate=4000.0)
+    found = compare_measured(history, read_measured(csv_file(tmp_path / "s", [time, signal], "time,x")), "velocity_Y")
+    modes, lines = found.out_of_reach
+    assert {found.modes[k].label for k in modes} == {"X", "Tz"}
+    assert {round(found.simulated.frequency_Hz[k]) for k in lines} == {2103, 7212}
+    assert [round(found.simulated.frequency_Hz[k]) for k in found.not_measured] == [1052]  # 950 Hz is 9.7 % off
+
+
+def test_units_in_common():
+    assert common_unit("m/s", "m/s^2") == ("m/s^2", 1)
+    assert common_unit("m/s", "m") == ("m", -1)
+    assert common_unit("rad", "rad/s^2") == ("rad/s^2", 2)
+    assert common_unit("N m", "N*m") == ("N*m", 0)
+    assert common_unit("m/s", "rad/s") == common_unit("m/s", "") == common_unit("1", "m") == ("", 0)
+
+
+def test_signals_that_cannot_be_compared_are_refused(history, simulated, tmp_path):
+    measured = read_measured(csv_file(tmp_path / "v", simulated, "time,v"))
+    for signal, told in (
+        ("velocity", "there are several such, velocity_X"),
+        ("velocity_Q", "--signal velocity_Q: there is no such signal; did you mean velocity_"),
+        ("velocity_Z", "velocity_Z does not move"),
+    ):
+        with pytest.raises(RequestError, match=told):
+            compare_measured(history, measured, signal)
+
+
+def test_a_friction_law_that_is_not_in_the_history_is_refused(history, simulated, tmp_path):
+    given = read_history(history)
+    given.data.attrs["friction_law"] = "mine, given in Python"
+    measured = read_measured(csv_file(tmp_path / "v", simulated, "time,v"))
+    with pytest.raises(RequestError, match="its friction law was given in Python"):
+        package.compare_measured(given, measured)
+
+
+# The command
+
+
+@pytest.fixture
+def rig(tmp_path):
+    """A record with one line, 5 % below the strongest simulated one."""
+    return csv_file(tmp_path / "rig.csv", tones([(1000.0, 20.0)], noise=1.0), "time (s),v (mm/s)")
+
+
+def test_the_command_writes_table_summary_and_figure(drumsqueal, history, rig, tmp_path):
+    folder = tmp_path / "out"
+    arguments = ["compare", str(history.parent), str(rig), "-o", str(folder)]
+    status, out, error = drumsqueal(*arguments, "--signal", "velocity_Y", "--from", "0.5 s", "--within", "3%")
+    assert (status, error) == (0, "")
+    assert {path.name for path in folder.iterdir()} == {"compare.csv", "compare.json", "compare.png"}
+    found = json.loads((folder / "compare.json").read_text())
+    assert found["verdict"].startswith("The strongest measured line, 1000.0 Hz,")
+    assert " ".join(found["verdict"].split()) in " ".join(out.split())
+    assert found["measured"]["from_s"] == pytest.approx(0.5)
+    assert found["pairs_within"] == 0.03
+    rows = list(csv.DictReader((folder / "compare.csv").read_text().splitlines()))
+    assert float(rows[0]["measured_Hz"]) == pytest.approx(1000.0, abs=0.05)
+    assert {row["line"] for row in rows[len(found["lines"]) :]} <= {
+        f"{kind}, not {what}" for kind in ("simulated", "predicted") for what in ("measured", "measurable")
+    }
+    before = (folder / "compare.csv").read_bytes()
+    status, out, error = drumsqueal(*arguments)
+    assert (status, out) == (2, "")
+    assert "exists; add --overwrite" in error
+    assert (folder / "compare.csv").read_bytes() == before
+
+
+def test_a_record_without_a_line_is_told(drumsqueal, history, tmp_path):
+    file = csv_file(tmp_path / "noise.csv", tones([(1000.0, 0.0)], noise=1.0), "time,x")
+    status, out, error = drumsqueal(
+        "compare", str(history), str(file), "-o", str(tmp_path / "out"), "--signal", "velocity_Y"
+    )
+    assert (status, error) == (0, "")
+    assert "No line stands out of the noise of the measured record." in " ".join(out.split())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["HISTORY", "none.csv"], "none.csv: there is no such file"),
+        (["none.nc", "RIG"], "none.nc: there is no such file"),
+        (["RIG", "RIG"], "this is no history of drumsqueal"),
+        (["HISTORY", "HISTORY"], "this is an HDF5 or NetCDF file; CSV, UFF58 and WAV are read"),
+        (["HISTORY", "RIG", "--signal", "nothing"], "--signal nothing: there is no such signal"),
+        (["HISTORY", "RIG", "--channel", "2"], "--channel 2: there is no such channel"),
+        (["HISTORY", "RIG", "--rate", "5 m"], "--rate 5 m: write a rate"),
+        (["HISTORY", "RIG", "--rate", "0"], "--rate 0: write a rate"),
+        (["HISTORY", "RIG", "--from", "now"], "--from now: write a time"),
+        (["HISTORY", "RIG", "--until", "0.0001"], "samples are left of"),
+        (["HISTORY", "RIG", "--unit", "volt"], "--unit volt: write a unit of the kind of m (displacement)"),
+        (["HISTORY", "RIG", "--within", "2"], "--within 2: write a share"),
+        (["HISTORY"], "Missing argument 'MEASURED'"),
+    ],
+)
+def test_wrong_requests_are_told_in_one_line_and_write_nothing(drumsqueal, history, rig, tmp_path, arguments, told):
+    names = {"HISTORY": str(history), "RIG": str(rig)}
+    folder = tmp_path / "out"
+    status, out, error = drumsqueal("compare", *(names.get(a, a) for a in arguments), "-o", str(folder))
+    assert (status, out) == (2, "")
+    assert told in error
+    assert error.count("\n") == 1
+    assert not folder.exists()
+
+
+def test_the_measured_file_is_never_replaced(drumsqueal, history, simulated, tmp_path):
+    file = csv_file(tmp_path / "compare.csv", simulated, "time,v")
+    before = file.read_bytes()
+    status, _, error = drumsqueal("compare", str(history), str(file), "-o", str(tmp_path), "--overwrite")
+    assert status == 2
+    assert "would be replaced by a result of that name" in error
+    assert file.read_bytes() == before

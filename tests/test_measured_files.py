@@ -1,0 +1,418 @@
+"""Measured files as others write them are read to the last digit; what cannot be read is refused in one line."""
+
+import builtins
+import gc
+import struct
+import warnings
+
+import numpy as np
+import pytest
+import pyuff
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.io import wavfile
+
+from drumsqueal.errors import RequestError
+from drumsqueal.files.measured.reader import read_measured
+from drumsqueal.files.measured.record import parse_unit
+from drumsqueal.files.measured.sampling import UnevenError, even_sampling
+
+RATE, COUNT = 51_200.0, 400
+TIME = np.arange(COUNT) / RATE
+VALUES = np.sin(2 * np.pi * 1000.0 * TIME) + 0.5 * np.random.default_rng(1).normal(size=COUNT) + 3.0
+
+
+def lines_of(columns, separator=",", comma=False):
+    rows = [separator.join(map(repr, row)) for row in np.column_stack(columns).tolist()]
+    return [row.replace(".", ",") if comma else row for row in rows]
+
+
+def write(path, header, columns, separator=",", comma=False, encoding="utf-8"):
+    path.write_bytes(("\n".join([*header, *lines_of(columns, separator, comma)]) + "\n").encode(encoding))
+    return path
+
+
+@pytest.fixture
+def file(tmp_path):
+    return tmp_path / "measured.txt"
+
+
+HEADERS = {
+    "none": [],
+    "names with units": ["{time} [s]{sep}v (mm/s)"],
+    "names, then units": ["{time}{sep}v", "s{sep}mm/s"],
+    "lines before": ["Measurement 7", "Date: 2026-03-01", "", "{time} (s){sep}v (mm/s)"],
+    "comments": ["# made by hand", "# {time} (s){sep}v (mm/s)"],
+    "quoted": ['"{time} (s)"{sep}"v (mm/s)"'],
+}
+
+
+@given(
+    separator=st.sampled_from([",", ";", "\t", " ", "   "]),
+    comma=st.booleans(),
+    header=st.sampled_from(sorted(HEADERS)),
+    time=st.sampled_from(["time", "t", "Zeit", "Temps"]),
+    encoding=st.sampled_from(["utf-8", "utf-8-sig", "utf-16", "latin-1"]),
+    values=st.lists(st.floats(-1e9, 1e9).filter(lambda x: x == 0 or abs(x) > 1e-9), min_size=64, max_size=80),
+)
+@settings(derandomize=True, max_examples=100, deadline=None)
+def test_a_table_is_read_as_it_was_written(tmp_path_factory, separator, comma, header, time, encoding, values):
+    if np.ptp(values) == 0:
+        values[0] += 1.0
+    comma = comma and separator != ","
+    path = tmp_path_factory.mktemp("csv") / "a.csv"
+    written = [line.format(time=time, sep=separator) for line in HEADERS[header]]
+    write(path, written, [TIME[: len(values)], values], separator, comma, encoding)
+    found = read_measured(path)
+    factor = 1.0 if header == "none" else 1e-3
+    np.testing.assert_array_equal(found.values, np.array(values) * factor)
+    assert found.sample_rate == pytest.approx(RATE, rel=1e-12)
+    assert (found.unit, found.quantity) == (("", "") if header == "none" else ("m/s", "velocity"))
+    assert found.name == ("column 2" if header == "none" else "v")
+
+
+def test_channels_are_chosen_by_name_or_number(file):
+    write(file, ["time (s),left (g),right (g)"], [TIME, VALUES, 2 * VALUES])
+    for asked in ("right", "RIGHT", "2"):
+        found = read_measured(file, asked)
+        assert found.name == "right"
+        np.testing.assert_allclose(found.values, 2 * 9.80665 * VALUES, rtol=1e-15)
+    for asked, told in ((None, "2 channels, 1 'left', 2 'right'; choose"), ("3", "no such channel"), ("x", "no such")):
+        with pytest.raises(RequestError, match=told):
+            read_measured(file, asked)
+
+
+@pytest.mark.parametrize("bom", ["", "\ufeff"])
+@pytest.mark.parametrize("end", ["\n", "\r\n", ";\n"])
+def test_line_ends_and_trailing_separators(file, bom, end):
+    file.write_bytes((bom + end.join(["t;v", *lines_of([TIME, VALUES], ";")]) + end).encode())
+    np.testing.assert_array_equal(read_measured(file).values, VALUES)
+
+
+def test_a_single_column_with_decimal_commas_is_not_two(file):
+    write(file, ["pressure"], [np.arange(100) + 0.5], comma=True)
+    np.testing.assert_array_equal(read_measured(file, rate=1e3).values, np.arange(100) + 0.5)
+
+
+def test_a_table_without_a_time_column_takes_a_rate(file):
+    write(file, ["a,b"], [VALUES, VALUES**2])
+    with pytest.raises(RequestError, match="neither a time column nor a sample rate"):
+        read_measured(file, "b")
+    found = read_measured(file, "b", rate=RATE)
+    assert (found.sample_rate, found.start_s) == (RATE, 0.0)
+    np.testing.assert_array_equal(found.values, VALUES**2)
+
+
+def test_a_count_of_the_rows_is_no_time(file):
+    write(file, [], [np.arange(1.0, COUNT + 1), VALUES])
+    with pytest.raises(RequestError, match="neither a time column"):
+        read_measured(file)
+    write(file, ["sample,x"], [np.arange(COUNT), VALUES])
+    np.testing.assert_array_equal(read_measured(file, "x", rate=RATE).values, VALUES)
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("ms", 1e3), ("µs", 1e6), ("min", 1 / 60)])
+def test_times_in_other_units(file, unit, factor):
+    write(file, [f"Zeit [{unit}];v [mm/s]"], [TIME * factor, VALUES], ";", encoding="latin-1")
+    assert read_measured(file).sample_rate == pytest.approx(RATE, rel=1e-12)
+    write(file, [f"time_{unit},v"], [TIME * factor, VALUES])
+    assert read_measured(file).sample_rate == pytest.approx(RATE, rel=1e-12)
+
+
+def test_an_unknown_unit_of_time_is_refused(file):
+    write(file, ["time (h),v"], [TIME, VALUES])
+    with pytest.raises(RequestError, match="'h' is no unit of time"):
+        read_measured(file)
+
+
+def test_times_that_were_rounded_are_even(file):
+    rows = [f"{t:.6g},{v!r}" for t, v in zip((5 + TIME).tolist(), VALUES.tolist(), strict=True)]
+    file.write_text("\n".join(["time,v", *rows]))
+    # Five digits after the point: half of one over the length of the record, in the worst of cases.
+    assert read_measured(file).sample_rate == pytest.approx(RATE, rel=5e-6 / TIME[-1])
+
+
+def test_jitter_is_taken_up_to_a_bound():
+    random = np.random.default_rng(3)
+    jitter = random.uniform(-1.0, 1.0, COUNT)
+    assert even_sampling(TIME + 0.009 / RATE * jitter).rate == pytest.approx(RATE, rel=1e-4)
+    with pytest.raises(UnevenError, match="intervals off its place"):
+        even_sampling(TIME + 0.02 / RATE * jitter)
+    with pytest.raises(UnevenError, match="intervals off"):  # a sample was lost
+        even_sampling(np.delete(TIME, 100))
+    with pytest.raises(UnevenError, match="do not increase"):
+        even_sampling(TIME[::-1])
+    with pytest.raises(UnevenError, match="too coarse"):
+        even_sampling(np.round(TIME, 3))
+
+
+def test_uneven_times_are_refused_unless_a_rate_is_given(file):
+    write(file, ["time,v"], [TIME**1.1, VALUES])
+    with pytest.raises(RequestError, match=r"not evenly spaced, at .* s a time lies .* intervals off its place"):
+        read_measured(file)
+    found = read_measured(file, rate=1e4)
+    assert found.sample_rate == 1e4
+    assert "the sample rate is that of --rate, not of the column 'time'" in found.told
+    np.testing.assert_array_equal(found.values, VALUES)
+
+
+@pytest.mark.parametrize("hole", ["", "NaN", "n/a", "-"])
+def test_what_is_missing_is_told(file, hole):
+    rows = lines_of([TIME, VALUES])
+    for k in (50, 51, 390):
+        rows[k] = f"{float(TIME[k])!r},{hole}"
+    file.write_text("\n".join(["time (s),v (m/s)", *rows]))
+    found = read_measured(file)
+    np.testing.assert_array_equal(found.values, VALUES[52:390])
+    assert found.start_s == pytest.approx(TIME[52])
+    (told,) = found.told
+    assert told.startswith("3 of 400 samples are missing, the first at 0.000976562 s: taken is the longest stretch")
+
+
+@pytest.mark.parametrize(
+    ("line", "told"),
+    [
+        ("0.1,overload", "line 201: 'overload' is no number"),
+        ("0.1", "line 201: there are 1 columns"),
+        ("0.1,1_0", "no n"),
+    ],
+)
+def test_a_row_that_is_none_is_refused_with_its_line(file, line, told):
+    rows = lines_of([TIME, VALUES])
+    rows[199] = line
+    file.write_text("\n".join(["time (s),v (m/s)", *rows]))
+    with pytest.raises(RequestError, match=told):
+        read_measured(file)
+
+
+def test_a_last_line_that_was_cut_off_is_left_away(file):
+    rows = lines_of([TIME, VALUES])
+    file.write_text("\n".join(["time (s),v (m/s)", *rows[:-1], "0.00"]))
+    found = read_measured(file)
+    np.testing.assert_array_equal(found.values, VALUES[:-1])
+    assert found.told == ("the last line, 401, is not whole and left away",)
+
+
+def test_commas_that_stand_for_two_things_are_refused(file):
+    file.write_text("time,v\n" + "".join(f"0,{k:03d},1,{k % 7}\n" for k in range(100)))
+    with pytest.raises(RequestError, match="commas stand for two things"):
+        read_measured(file)
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        (b"", "is empty"),
+        (b"nothing but words\nand more of them\n", "no table of numbers"),
+        (b"\x89HDF\r\n\x1a\n" + bytes(100), "HDF5 or NetCDF file; CSV, UFF58 and WAV are read"),
+        (b"PK\x03\x04" + bytes(100), "a zip archive, as spreadsheets are"),
+        (bytes(range(256)) * 4, "unknown format"),
+        (b"time,v\n0,1\n1e-3,2\n2e-3,1\n", "3 samples are left of 3"),
+        (b"time\n0\n1e-3\n2e-3\n", "no column beside the time"),
+        (b"time,v\n" + b"".join(b"%g,1\n" % (k / 1e3) for k in range(100)), "'v' is constant"),
+        (b"RIFF\x10\x00\x00\x00WAVEjunk", "damaged"),
+        (b"    -1\n    58\nNONE\n", "damaged or cut short|cut short"),
+    ],
+)
+def test_what_is_no_measured_file_is_refused(file, content, told):
+    file.write_bytes(content)
+    with pytest.raises(RequestError, match=told) as caught:
+        read_measured(file)
+    assert str(caught.value).startswith(str(file))
+    assert "\n" not in str(caught.value)
+
+
+def test_files_that_are_not_there_are_refused(tmp_path):
+    with pytest.raises(RequestError, match="there is no such file"):
+        read_measured(tmp_path / "none.csv")
+    with pytest.raises(RequestError, match="is a folder"):
+        read_measured(tmp_path)
+
+
+def test_a_part_is_taken_by_its_times(file):
+    write(file, ["time (s),v"], [TIME + 1.0, VALUES])
+    found = read_measured(file, first=1.0 + 100 / RATE, last=1.0 + 299 / RATE)
+    np.testing.assert_array_equal(found.values, VALUES[100:300])
+    assert found.start_s == pytest.approx(1.0 + 100 / RATE, rel=1e-12)
+    with pytest.raises(RequestError, match=r"0 samples are left of 400 from 1 to 1.00779 s"):
+        read_measured(file, first=2.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "si", "factor"),
+    [
+        ("mm/s", "m/s", 1e-3),
+        ("g", "m/s^2", 9.80665),
+        ("m/s2", "m/s^2", 1.0),
+        ("m/s²", "m/s^2", 1.0),
+        ("m s^-2", "m/s^2", 1.0),
+        ("50 mm/s", "m/s", 0.05),
+        ("µm", "m", 1e-6),
+        ("deg/s", "rad/s", np.pi / 180),
+        ("Nm", "N*m", 1.0),
+        ("Pa", "Pa", 1.0),
+    ],
+)
+def test_units(text, si, factor):
+    found = parse_unit(text)
+    assert found is not None
+    assert found.si == si
+    assert found.factor == pytest.approx(factor, rel=1e-15)
+
+
+@pytest.mark.parametrize("text", ["V", "EU", "dB", "", "9**9", "-1 m", "0 m", "s", "kg", "nan m"])
+def test_what_is_no_unit_of_a_known_quantity(text):
+    assert parse_unit(text) is None
+
+
+def test_a_unit_that_is_given_goes_before_that_of_the_file(file):
+    write(file, ["time (s),v (V)"], [TIME, VALUES])
+    assert "'V' is no unit of a known quantity" in read_measured(file).told
+    found = read_measured(file, unit="50 mm/s")
+    assert (found.unit, found.quantity, found.told) == ("m/s", "velocity", ())
+    np.testing.assert_allclose(found.values, 0.05 * VALUES, rtol=1e-15)
+
+
+# WAV
+
+
+@pytest.mark.parametrize(("kind", "scale"), [("u1", 2**7), ("i2", 2**15), ("i4", 2**31), ("f4", 1), ("f8", 1)])
+def test_wav_of_each_kind(file, kind, scale):
+    shape = 0.4 * np.sin(2 * np.pi * 1000.0 * TIME)
+    data = np.column_stack([shape, -shape])
+    stored = data if kind[0] == "f" else np.round(data * scale) + (128 if kind == "u1" else 0)
+    wavfile.write(file, 51_200, stored.astype(kind))
+    found = read_measured(file, "2")
+    assert (found.sample_rate, found.unit, found.name) == (RATE, "", "channel 2")
+    # Half a step of the samples; single precision keeps 24 bits.
+    np.testing.assert_allclose(found.values, -shape, atol=0.51 / scale if kind[0] != "f" else 3e-8)
+
+
+def test_wav_of_24_bits(file):
+    shape = np.round(0.4 * 2**23 * np.sin(2 * np.pi * 1000.0 * TIME)).astype(int)
+    body = b"".join(int(value).to_bytes(3, "little", signed=True) for value in shape)
+    form = struct.pack("<4sIHHIIHH", b"fmt ", 16, 1, 1, 51_200, 3 * 51_200, 3, 24)
+    data = struct.pack("<4sI", b"data", len(body)) + body
+    file.write_bytes(struct.pack("<4sI4s", b"RIFF", 4 + len(form) + len(data), b"WAVE") + form + data)
+    np.testing.assert_array_equal(read_measured(file).values, shape / 2**23)
+
+
+def test_wav_that_is_cut_short_or_clipped(file):
+    wavfile.write(file, 51_200, np.clip(40_000 * np.sin(2 * np.pi * 1000 * TIME), -32_768, 32_767).astype("i2"))
+    assert "samples are at full scale" in read_measured(file).told[0]
+    file.write_bytes(file.read_bytes()[:-100])
+    with pytest.raises(RequestError, match="cut short"):
+        read_measured(file)
+
+
+# UFF58
+
+
+def data_set(values: np.ndarray = VALUES, **more):
+    return pyuff.prepare_58(
+        **{
+            "binary": 0,
+            "id1": "velocity of the shoe",
+            "id2": "NONE", "id3": "NONE", "id4": "NONE", "id5": "NONE",
+            "func_type": 1, "ver_num": 1, "load_case_id": 0,
+            "rsp_ent_name": "NONE", "rsp_node": 1, "rsp_dir": 1, "ref_ent_name": "NONE", "ref_node": 0, "ref_dir": 0,
+            "abscissa_spacing": 1, "z_axis_value": 0.0, "abscissa_spec_data_type": 17,
+            "ordinate_spec_data_type": 11, "orddenom_spec_data_type": 0, "z_axis_spec_data_type": 0,
+            "data": values, "x": TIME[: len(values)], "ordinate_axis_units_lab": "NONE",
+        } | more
+    )  # fmt: skip
+
+
+def units(code, length):
+    return pyuff.prepare_164(
+        units_code=code, units_description="units", temp_mode=1, length=length, force=1.0, temp=1.0, temp_offset=273.15
+    )
+
+
+def write_uff(path, *data_sets):
+    path.unlink(missing_ok=True)
+    with warnings.catch_warnings():  # pyuff leaves files open that it writes
+        warnings.simplefilter("ignore", ResourceWarning)
+        pyuff.UFF(str(path)).write_sets(list(data_sets), "overwrite")
+        gc.collect()
+
+
+@pytest.mark.parametrize("binary", [0, 1])
+def test_uff58_is_read(file, binary):
+    write_uff(file, units(5, 1000.0), data_set(binary=binary), data_set(2 * VALUES, binary=binary, id1="other: x"))
+    for asked in ("other", "other: x", "2"):
+        found = read_measured(file, asked)
+        # Twelve digits as text; the interval has six.
+        np.testing.assert_allclose(found.values, 2e-3 * VALUES, rtol=1e-11)
+        assert found.sample_rate == pytest.approx(RATE, rel=5e-6)
+        assert (found.unit, found.name) == ("m/s", "other: x")
+    with pytest.raises(RequestError, match="2 channels, 1 'velocity of the shoe', 2 'other: x'"):
+        read_measured(file)
+
+
+@pytest.mark.parametrize(
+    ("system", "label", "kind", "wanted"),
+    [
+        (units(1, 1.0), "NONE", 11, ("m/s", 1.0)),
+        (units(1, 3.28083989501312334), "NONE", 11, ("m/s", 1.0)),  # as some write it
+        (units(9, 1000.0), "NONE", 8, ("m", 1e-3)),
+        (units(7, 39.37), "NONE", 12, ("m/s^2", 0.0254)),
+        (None, "mm/s", 11, ("m/s", 1e-3)),
+        (None, "NONE", 11, ("", 1.0)),
+        (None, "V", 0, ("", 1.0)),
+        (units(1, 1.0), "g", 12, ("", 1.0)),  # they disagree
+    ],
+)
+def test_the_units_of_uff58(file, system, label, kind, wanted):
+    sets = [data_set(ordinate_spec_data_type=kind, ordinate_axis_units_lab=label)]
+    write_uff(file, *([system] if system else []), *sets)
+    found = read_measured(file)
+    assert found.unit == wanted[0]
+    np.testing.assert_allclose(found.values, wanted[1] * VALUES, rtol=1e-11)
+    assert bool(found.told) == (label == "g")
+
+
+def test_uff58_with_times_of_its_own(file):
+    write_uff(file, data_set(abscissa_spacing=0))
+    found = read_measured(file)
+    assert found.sample_rate == pytest.approx(RATE, rel=1e-4)  # six digits a time, of an interval of 2e-5 s
+    np.testing.assert_allclose(found.values, VALUES, rtol=1e-11)
+
+
+def test_spectra_in_uff58_are_refused(file):
+    write_uff(file, data_set(VALUES + 1j * VALUES, func_type=4, abscissa_spec_data_type=18))
+    with pytest.raises(RequestError, match="is complex; export the time record"):
+        read_measured(file)
+    write_uff(file, data_set(func_type=2, abscissa_spec_data_type=18))
+    with pytest.raises(RequestError, match="not over time"):
+        read_measured(file)
+
+
+@pytest.mark.parametrize("binary", [0, 1])
+@pytest.mark.parametrize("kept", [0.5, 0.97])
+def test_uff58_that_is_cut_short_is_refused(file, binary, kept):
+    write_uff(file, units(1, 1.0), data_set(binary=binary))
+    whole = file.read_bytes()
+    file.write_bytes(whole[: round(kept * len(whole))])
+    with pytest.raises(RequestError, match="cut short"):
+        read_measured(file)
+
+
+def test_uff_without_data_sets_58_is_refused(file):
+    write_uff(file, units(1, 1.0))
+    with pytest.raises(RequestError, match=r"no data set 58 .* but 164"):
+        read_measured(file)
+
+
+def test_without_pyuff_the_extra_is_named(file, monkeypatch):
+    write_uff(file, data_set())
+    real = builtins.__import__
+
+    def without(name, *arguments, **more):
+        if name == "pyuff":
+            raise ImportError(name)
+        return real(name, *arguments, **more)
+
+    monkeypatch.setattr(builtins, "__import__", without)
+    with pytest.raises(RequestError, match=r'pip install "drumsqueal\[nvh\]"'):
+        read_measured(file)
