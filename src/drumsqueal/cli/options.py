@@ -11,8 +11,8 @@ from rich.console import Console
 
 from drumsqueal.cli.completion import complete_scene, complete_setting
 from drumsqueal.errors import RequestError
-from drumsqueal.files.json_file import to_json
-from drumsqueal.files.output_folder import check_output_file, write_whole
+from drumsqueal.files.json_file import to_json, write_json
+from drumsqueal.files.output_folder import check_output_file
 from drumsqueal.scene.quantities import parse_quantity
 from drumsqueal.scene.shipped import find_scene
 
@@ -88,14 +88,13 @@ class Reply:
         """Write the summary where it was asked for. Raises OSError."""
         if self._file is None:
             return
-        text = to_json(data)
         if self._path is None:
-            sys.stdout.write(text)
+            sys.stdout.write(to_json(data))
             sys.stdout.flush()
         elif _is_stream(self._path):
-            self._path.write_text(text, encoding="utf-8")
+            self._path.write_text(to_json(data), encoding="utf-8")
         else:
-            write_whole(self._path, text.encode())
+            write_json(data, self._path)
 
 
 def _is_stream(path: Path) -> bool:
