@@ -74,9 +74,8 @@ def animate_command(
     first, last = read_time(start, "--from"), read_time(end, "--until")
     stop_if_interrupted()
     from drumsqueal.files.animation_file import check_animation_name
-    from drumsqueal.files.saved_history import read_history
+    from drumsqueal.files.saved_history import check_not_the_history, read_history
     from drumsqueal.jobs.animate import animate_history
-    from drumsqueal.jobs.export import check_not_the_history
 
     stop_if_interrupted()
     saved = read_history(source)

@@ -66,8 +66,8 @@ def export_command(
     stop_if_interrupted()
     from drumsqueal.export.selection import Part
     from drumsqueal.export.signals import SURFACE
-    from drumsqueal.files.saved_history import read_history
-    from drumsqueal.jobs.export import check_not_the_history, export_into
+    from drumsqueal.files.saved_history import check_not_the_history, read_history
+    from drumsqueal.jobs.export import export_into
     from drumsqueal.signals.sound import CD_RATE
 
     stop_if_interrupted()

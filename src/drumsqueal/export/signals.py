@@ -78,18 +78,13 @@ def names_of(asked: Sequence[str] | None, saved: SavedHistory) -> tuple[list[str
     """
     moving = [COORDINATES[i] for i in kept_coordinates(saved.scene)]
     if asked is None:
-        groups = [kind for kind in _UNITS if kind != ACCELERATION or not given_law(saved)]
+        groups = [kind for kind in _UNITS if kind != ACCELERATION or not saved.given_law]
         names = [name for group in (*groups, *_SURFACE, *SIGNALS) for name in _members(group, moving)]
         return names, [] if ACCELERATION in groups else [f"accelerations are left out: {_GIVEN_LAW}"]
     names = list(dict.fromkeys(name for group in asked for name in _members(group, moving)))
-    if given_law(saved) and any(name.startswith(ACCELERATION) for name in names):
+    if saved.given_law and any(name.startswith(ACCELERATION) for name in names):
         raise RequestError(f"--signals: there are no accelerations for this history: {_GIVEN_LAW}; leave them out")
     return names, []
-
-
-def given_law(saved: SavedHistory) -> bool:
-    """Whether friction followed a law that the scene does not hold."""
-    return "friction_law" in saved.data.attrs
 
 
 def _members(name: str, moving: Sequence[str]) -> list[str]:
