@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from drumsqueal.bodies.rigid_shoe import TZ, RigidShoe, X, Y
 from drumsqueal.composition import kept_coordinates
 from drumsqueal.errors import RequestError
 from drumsqueal.export.channels import (
@@ -128,13 +129,11 @@ def surface_velocity(
     velocities (k, 6) of the coordinates, with c the distance of the centre of gravity from the drum's axis, equation
     (2) of Seo & Kang.
     """
-    shoe = scene.shoe
-    R, h, beta = shoe.outer_radius, shoe.thickness, shoe.arc_angle
-    c = 4 * (h**2 - 3 * h * R + 3 * R**2) / (3 * beta * (2 * R - h)) * np.sin(beta / 2)
-    x, turn = velocity[:, 0], velocity[:, 5]
-    y = velocity[:, 1] - c * turn
+    shoe = RigidShoe(**scene.shoe.model_dump())
+    x, turn = velocity[:, X], velocity[:, TZ]
+    y = velocity[:, Y] - float(shoe.centroid) * turn
     if along_drum:
-        return R * turn - x * np.sin(angle) + y * np.cos(angle)
+        return float(shoe.outer_radius) * turn - x * np.sin(angle) + y * np.cos(angle)
     return x * np.cos(angle) + y * np.sin(angle)
 
 
