@@ -58,9 +58,10 @@ class _SurfacePoint(NamedTuple):
 
 
 _SURFACE = {
-    SURFACE: _SurfacePoint("vel_middle", "radial velocity of the lining at its middle", MIDDLE, 1, False, 0),
-    f"{SURFACE}_tangential": _SurfacePoint(
-        "vel_tang", "velocity along the drum of the lining at its middle", MIDDLE, 2, True, 0
+    # Along the drum: there slip is, and there move the modes that friction feeds.
+    SURFACE: _SurfacePoint("vel_middle", "velocity along the drum of the lining at its middle", MIDDLE, 2, True, 0),
+    f"{SURFACE}_radial": _SurfacePoint(
+        "vel_radial", "radial velocity of the lining at its middle", MIDDLE, 1, False, 0
     ),
     f"{SURFACE}_leading": _SurfacePoint(
         "vel_lead", "radial velocity of the lining's end where the drum enters", LEADING_END, 0, False, -1

@@ -5,7 +5,6 @@ import math
 from pathlib import Path
 from typing import Any
 
-from drumsqueal.bodies.rigid_shoe import RigidShoe
 from drumsqueal.comparison.departure import ROTATIONS
 from drumsqueal.errors import RequestError
 from drumsqueal.files.json_file import to_json
@@ -66,7 +65,7 @@ def run_content(folder: Path) -> dict[str, Any]:
         "animation": None if prepared is None else _animation(prepared, summary),
         "animation_note": GIVEN_LAW if prepared is None else OTHER_MODES,
         "about": ABOUT,
-        "clips": [] if history is None else clips(history, RigidShoe(**scene.shoe.model_dump()), since),
+        "clips": [] if history is None else clips(history, since),
         "heard": _heard(summary),
         "pictures": [each for each in pictures.values() if each is not None],
         "missing": [figure_file(name) for name, each in pictures.items() if each is None],

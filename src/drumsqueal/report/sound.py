@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from drumsqueal.bodies.rigid_shoe import TZ, RigidShoe, Y
+from drumsqueal.export.signals import surface_velocity
 from drumsqueal.files.saved_history import SavedHistory
 from drumsqueal.report.inline import data_uri
 from drumsqueal.signals.resampling import resample
@@ -30,13 +30,13 @@ class Clip(NamedTuple):
     uri: str
 
 
-def clips(history: SavedHistory, shoe: RigidShoe, saturated_from: float | None) -> list[Clip]:
+def clips(history: SavedHistory, saturated_from: float | None) -> list[Clip]:
     """The sounds of a history; none where nothing moves enough.
 
-    u̇_θ = Ẏ + (R − c) Ṫz in the middle of the lining, θ = z = 0.
+    What is heard is the velocity u̇_θ along the drum in the middle of the lining, θ = z = 0.
     """
-    velocity, title = history.data["velocity"].values, history.scene.title
-    surface = velocity[:, Y] + (float(shoe.outer_radius) - float(shoe.centroid)) * velocity[:, TZ]
+    title = history.scene.title
+    surface = surface_velocity(history.scene, history.data["velocity"].values, 0.0, along_drum=True)
     time = history.data["time"].values - history.data["time"].values[0]
     first, last = _played(time[-1], saturated_from)
     record = _heard(surface[(time >= first) & (time <= last)], history.sample_rate)
