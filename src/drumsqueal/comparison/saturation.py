@@ -6,7 +6,7 @@ import numpy as np
 import xarray
 from numpy.typing import NDArray
 
-from drumsqueal.comparison.departure import Departure, changes
+from drumsqueal.comparison.departure import Departure, changes, levers
 from drumsqueal.linear.modes import Mode, Stability
 from drumsqueal.model import Model
 from drumsqueal.signals import PERIODS_NEEDED, STEADY, Regime, classify, spectral_peaks
