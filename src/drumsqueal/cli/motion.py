@@ -5,12 +5,11 @@ from typing import Annotated
 
 import typer
 
-from drumsqueal.cli.options import JsonFile, Overwrite, Quiet, Reply, SceneFile, Settings, output_option
+from drumsqueal.cli.options import JsonFile, Overwrite, Quiet, Reply, SceneFile, Settings, output_option, read_quantity
 from drumsqueal.errors import RequestError
 from drumsqueal.files.output_folder import MOTION_FILES, check_output, claimed
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import load_scene
-from drumsqueal.scene.quantities import parse_quantity
 
 LONGEST = 1000.0  # s
 
@@ -56,10 +55,7 @@ def motion_command(
 
 def _time(text: str, option: str) -> float:
     """A time (s) from "5 s" or "5"."""
-    try:
-        time = float(parse_quantity(text if text.strip()[-1:].isalpha() else float(text), "s"))
-    except ValueError:  # of which SceneError is one
-        time = 0.0
+    time = read_quantity(text, "s")
     if not 0 < time <= LONGEST:
         raise RequestError(f'{option} {text}: write a time up to {LONGEST:g} s, such as "5 s"')
     return time

@@ -1,5 +1,6 @@
 """What the commands share: arguments, options, and how they answer."""
 
+import math
 import os
 import sys
 from pathlib import Path
@@ -10,8 +11,8 @@ from rich.console import Console
 
 from drumsqueal.cli.completion import complete_scene, complete_setting
 from drumsqueal.errors import RequestError
-from drumsqueal.files.json_file import to_json
-from drumsqueal.files.output_folder import check_output_file, write_whole
+from drumsqueal.files.json_file import to_json, write_json
+from drumsqueal.files.output_folder import check_output_file
 from drumsqueal.scene.quantities import parse_quantity
 from drumsqueal.scene.shipped import find_scene
 
@@ -87,14 +88,13 @@ class Reply:
         """Write the summary where it was asked for. Raises OSError."""
         if self._file is None:
             return
-        text = to_json(data)
         if self._path is None:
-            sys.stdout.write(text)
+            sys.stdout.write(to_json(data))
             sys.stdout.flush()
         elif _is_stream(self._path):
-            self._path.write_text(text, encoding="utf-8")
+            self._path.write_text(to_json(data), encoding="utf-8")
         else:
-            write_whole(self._path, text.encode())
+            write_json(data, self._path)
 
 
 def _is_stream(path: Path) -> bool:
@@ -105,23 +105,43 @@ def _is_stream(path: Path) -> bool:
         return False
 
 
+def read_quantity(text: str, unit: str) -> float:
+    """A number in an SI unit from "20 ms" or "0.02"; NaN for what is none."""
+    try:
+        try:
+            return float(parse_quantity(float(text), unit))
+        except ValueError:
+            return float(parse_quantity(text, unit))
+    except ValueError:  # of which SceneError is one
+        return math.nan
+
+
 def read_share(text: str, option: str) -> float:
     """A share between 0 and 1 from "1 %" or "0.01"."""
-    try:
-        share = parse_quantity(text if "%" in text else float(text), "")
-    except ValueError:  # of which SceneError is one
-        share = 0.0
+    share = read_quantity(text, "")
     if not 0 < share < 1:
         raise RequestError(f'{option} {text}: write a share between 0 and 100 %, such as "1 %" or 0.01')
     return share
 
 
-def read_time(text: str, option: str) -> float:
-    """A time (s) from "20 ms" or "0.02"; whether there is such a time, the history tells."""
-    try:
-        return float(parse_quantity(text if text.strip()[-1:].isalpha() else float(text), "s"))
-    except ValueError:  # of which SceneError is one
-        raise RequestError(f'{option} {text}: write a time such as "0.1 s"') from None
+def read_time(text: str | None, option: str) -> float | None:
+    """A time (s) from "20 ms" or "0.02", which may lie before zero; None where it was not given."""
+    if text is None:
+        return None
+    time = read_quantity(text, "s")
+    if not math.isfinite(time):
+        raise RequestError(f'{option} {text}: write a time such as "0.1 s"')
+    return time
+
+
+def read_rate(text: str | None, option: str) -> float | None:
+    """A rate (Hz), positive, from "20 kHz" or "20000"; None where it was not given."""
+    if text is None:
+        return None
+    rate = read_quantity(text, "Hz")
+    if not (math.isfinite(rate) and rate > 0):
+        raise RequestError(f'{option} {text}: write a rate such as "20 kHz"')
+    return rate
 
 
 def make_console(*, stderr: bool = False, quiet: bool = False) -> Console:

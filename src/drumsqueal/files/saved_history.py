@@ -36,6 +36,11 @@ class SavedHistory(NamedTuple):
         return str(self.data.attrs["outcome"])
 
     @property
+    def given_law(self) -> bool:
+        """Whether friction followed a law that was given in Python, which the scene does not hold."""
+        return "friction_law" in self.data.attrs
+
+    @property
     def complete(self) -> bool:
         """Whether the run got to its end."""
         return self.outcome == COMPLETE
@@ -66,6 +71,12 @@ def read_history(path: Path) -> SavedHistory:
     except Exception:  # h5py raises nearly all there is on a file that is damaged
         raise RequestError(f"{file}: this is no history of drumsqueal, or a damaged one; {_OURS}") from None
     return SavedHistory(file, _computed(file, data), scene)
+
+
+def check_not_the_history(path: Path, saved: SavedHistory) -> None:
+    """Raise RequestError where a file that is to be written is the history itself."""
+    if path.exists() and path.samefile(saved.path):
+        raise RequestError(f"{path} is the history itself; name another file with -o")
 
 
 def _check_container(path: Path) -> None:
