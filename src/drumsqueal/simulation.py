@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import xarray
 from jax import Array
+from numpy.typing import NDArray
 
 from drumsqueal.composition import (
     ALL,
@@ -49,6 +50,12 @@ class Prepared(NamedTuple):
     inventory: Inventory
     held: tuple[str, ...]
     given_law: str
+
+    @property
+    def steady(self) -> NDArray[np.float64]:
+        """The steady state (m, rad) of the coordinates that the transient moves."""
+        stability = self.stability
+        return np.array([stability.steady_state[stability.coordinates.index(name)] for name in self.model.names])
 
 
 class Result(NamedTuple):
@@ -119,7 +126,7 @@ def transient(prepared: Prepared, since: Checkpoint | None = None) -> Generator[
     Raises IntegrationError where it fails.
     """
     scene, model, stability = prepared.scene, prepared.model, prepared.stability
-    steady = np.array([stability.steady_state[stability.coordinates.index(name)] for name in model.names])
+    steady = prepared.steady
     if stability.time > 0:  # the drum is at rest, and drags nothing
         steady = np.zeros_like(steady)
     return integrate(

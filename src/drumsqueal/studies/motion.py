@@ -14,11 +14,14 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
 from drumsqueal.bodies.rigid_shoe import IN_PLANE
+from drumsqueal.comparison.decay import decay_to_rest, slowest
 from drumsqueal.comparison.departure import Departure
+from drumsqueal.comparison.edges import edge_shares
 from drumsqueal.comparison.saturation import size_of_motion
 from drumsqueal.errors import IntegrationError
 from drumsqueal.history import COMPLETE, to_dataset
 from drumsqueal.interrupts import noted_interrupts, stop_if_interrupted
+from drumsqueal.linear.modes import Mode
 from drumsqueal.scene import Profile, Scene, SceneError
 from drumsqueal.signals import (
     PERIODS_NEEDED,
@@ -111,20 +114,22 @@ def study_motion(
         rate, scale = departure.sample_rate, size_of_motion(departure, prepared.stability, prepared.linear)
         recorded = departure.time.size / rate
         modes = prepared.stability.unstable or prepared.stability.modes
+        able = _able(prepared)
         lowest = min((mode.frequency_Hz for mode in modes), default=2 * PERIODS_NEEDED / recorded) / 2
         # What is left of the start after settling would widen lines; tangents need the whole time.
         late = slice(departure.time.size // 2, None)
         regime = classify(departure.displacement[late], rate, scale=scale, lowest_frequency=lowest)
+        regime = decay_to_rest(regime, departure, late, prepared.stability, able, prepared.linear)
         moving = np.ptp(departure.displacement, axis=0) / 2 >= STEADY * scale
         coordinates = tuple(name for name, moves in zip(departure.coordinates, moving, strict=True) if moves)
         lines = bases = exponents = None
-        if coordinates:
+        if coordinates and regime.kind != "steady":
             show("lines", recorded)
             lines = find_lines(departure.displacement[late][-MOST_FOR_LINES:, moving], rate, floor=FLOOR)
             bases = find_bases(lines)
             exponents = _exponents(prepared, chunks, duration, at_most, show, limits)
         section, section_of = _section(departure, prepared.stability.mass, coordinates)
-    if not settled:
+    if not settled and regime.kind != "steady":
         limits.append(f"the motion had not settled after {start:.3g} s")
     kind, reason = _told(regime, bases, exponents)
     return MotionStudy(
@@ -150,7 +155,7 @@ def _record(
                 show("settling" if start is None else "recording", now)
                 if start is None:
                     kept = [each for each in kept if each.time[-1] > now - 2 * BLOCK - 1e-9]
-                    settled = _settled(kept, rate)
+                    settled = _settled(kept, rate) or _at_rest(prepared, kept)
                     if settled or now >= LONGEST_START - 1e-9:
                         start, kept = now, [chunk]
                 elif now >= start + duration - 1e-9:
@@ -182,6 +187,22 @@ def _settled(chunks: list[Chunk], rate: float) -> bool:
         if change > max(SETTLED_CHANGE, SURE * error) or error > UNCLEAR:
             return False
     return True
+
+
+def _able(prepared: Prepared) -> tuple[Mode, ...]:
+    """The modes that the coordinates that move can show."""
+    return tuple(mode for mode in prepared.stability.modes if mode.name in prepared.model.names)
+
+
+def _at_rest(prepared: Prepared, chunks: list[Chunk]) -> bool:
+    """Whether what is left over the last two blocks is no motion, where every mode decays and nothing drives it."""
+    model = prepared.model
+    if model.forced or slowest(prepared.stability, _able(prepared)) is None:
+        return False
+    whole = chunks[-1].time[-1] - chunks[0].time[0] > BLOCK
+    velocity = np.concatenate([chunk.velocity for chunk in chunks])
+    departure = np.concatenate([chunk.displacement for chunk in chunks]) - prepared.steady
+    return bool(whole and max(edge_shares(model, departure, velocity)) < STEADY)
 
 
 def _exponents(

@@ -88,13 +88,12 @@ def _pace(prepared: Prepared, state: NDArray[np.float64]) -> Pace:
 def _timed(prepared: Prepared, state: NDArray[np.float64], samples: int) -> tuple[float, float]:
     """Computing time (s) and evaluations of so many samples from a departure and velocity (2n,)."""
     stop_if_interrupted()
-    model, stability, simulate = prepared.model, prepared.stability, prepared.scene.simulate
+    model, simulate = prepared.model, prepared.scene.simulate
     n = len(model.names)
-    steady = np.array([stability.steady_state[stability.coordinates.index(name)] for name in model.names])
     begun = time.process_time()
     pieces = integrate(
         model,
-        steady,
+        prepared.steady,
         state[:n],
         state[n:],
         duration=samples / simulate.sample_rate,
