@@ -11,6 +11,7 @@ from scipy.integrate import solve_ivp
 
 from drumsqueal import load_scene, run
 from drumsqueal.comparison import decay
+from drumsqueal.figures.motion import draw_section
 from drumsqueal.signals import Bases, Regime
 from drumsqueal.signals.lyapunov import Exponents, lyapunov_exponents, orthonormalised
 from drumsqueal.studies.motion import _section, _settled, _told, study_motion
@@ -142,12 +143,27 @@ def test_the_section_is_where_the_main_coordinate_rises_through_its_mean():
     shapes = np.column_stack([0.1 * np.cos(angle), 2.0 + np.sin(angle)])
     speeds = rate * np.column_stack([-0.1 * np.sin(angle), np.cos(angle)])
     made_up: Any = SimpleNamespace(time=time, displacement=shapes, velocity=speeds, coordinates=("X", "Y"))
-    points, names = _section(made_up, np.ones(2), ("X", "Y"))
+    points, names, size = _section(made_up, np.ones(2), ("X", "Y"))
     assert names == ("Y", "X")
     assert len(points) == 31
+    assert size == pytest.approx((0.2, 2 * rate), rel=1e-3)  # peaks lie between samples: (π/161)²/2
     # Hermite cubics err by (ω h)⁴/384 = 6e-9 of the displacement and ten times that of the velocity.
     np.testing.assert_allclose(points[:, 0], 0.1, rtol=1e-6)
     np.testing.assert_allclose(points[:, 1], rate, rtol=1e-6)
+
+
+@pytest.mark.parametrize(("spread", "span"), [(1e-6, 0.1), (0.5, 0.6)])
+def test_the_axes_of_a_section_span_what_moves(spread, span):
+    angle = 2 * np.pi * np.arange(48) / 48  # its extremes among them
+    points = np.column_stack([2e-6 + 1e-6 * spread * np.cos(angle), 0.3 + 0.2 * spread * np.sin(angle)])
+    scene: Any = SimpleNamespace(title="Made up")
+    study: Any = SimpleNamespace(scene=scene, section=points, section_of=("Y", "X"), section_size=(2e-6, 0.4))
+    figure = draw_section(study)
+    assert figure is not None
+    limits = figure.axes[0].get_xlim(), figure.axes[0].get_ylim()
+    # A tenth of the motion's 2 µm and 0.4 m/s, or 1.2 times the points' own spread.
+    assert np.ptp(limits[0]) == pytest.approx(2 * span)
+    assert np.ptp(limits[1]) == pytest.approx(0.4 * span)
 
 
 @pytest.mark.parametrize(

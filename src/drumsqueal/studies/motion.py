@@ -61,7 +61,7 @@ class MotionStudy(NamedTuple):
     `settled_s` is when the record begins, `settled` whether it had settled by then, `duration_s` its length. `lines`
     and `bases` are None at rest; `exponents` None where they were not determined, and `limits` say what was not, and
     why. `section` (points, 2) holds displacement of `section_of[1]` and velocity of `section_of[0]` where the latter's
-    displacement goes up through its mean.
+    displacement goes up through its mean, `section_size` (2,) the peak-to-peak values of both over the whole motion.
     """
 
     scene: Scene
@@ -77,6 +77,7 @@ class MotionStudy(NamedTuple):
     exponents: Exponents | None
     section: NDArray[np.float64]
     section_of: tuple[str, str]
+    section_size: tuple[float, float]
     limits: tuple[str, ...]
 
 
@@ -128,13 +129,14 @@ def study_motion(
             lines = find_lines(departure.displacement[late][-MOST_FOR_LINES:, moving], rate, floor=FLOOR)
             bases = find_bases(lines)
             exponents = _exponents(prepared, chunks, duration, at_most, show, limits)
-        section, section_of = _section(departure, prepared.stability.mass, coordinates)
+        section, section_of, section_size = _section(departure, prepared.stability.mass, coordinates)
     if not settled and regime.kind != "steady":
         limits.append(f"the motion had not settled after {start:.3g} s")
     kind, reason = _told(regime, bases, exponents)
     return MotionStudy(
         scene, kind, reason, start, settled, recorded, regime, coordinates, lines, bases, exponents, section,
-        section_of, tuple(limits),
+        section_of,
+        section_size, tuple(limits),
     )  # fmt: skip
 
 
@@ -247,10 +249,10 @@ def _exponents(
 
 def _section(
     departure: Departure, mass: NDArray[np.float64], coordinates: tuple[str, ...]
-) -> tuple[NDArray[np.float64], tuple[str, str]]:
-    """Points where the coordinate with most kinetic energy goes up through its mean, and the two coordinates' names."""
+) -> tuple[NDArray[np.float64], tuple[str, str], tuple[float, float]]:
+    """Points where the coordinate with most kinetic energy goes up through its mean, the two names, and their size."""
     if not coordinates:
-        return np.zeros((0, 2)), ("", "")
+        return np.zeros((0, 2)), ("", ""), (0.0, 0.0)
     energy = mass * np.mean(departure.velocity**2, axis=0)
     ranked = sorted(range(energy.size), key=lambda k: -energy[k])
     across, other = ranked[0], ranked[min(1, len(ranked) - 1)]
@@ -258,13 +260,14 @@ def _section(
     level = q[:, across] - q[:, across].mean()
     up = np.flatnonzero((level[:-1] < 0) & (level[1:] >= 0))
     if not up.size:
-        return np.zeros((0, 2)), ("", "")
+        return np.zeros((0, 2)), ("", ""), (0.0, 0.0)
     path = CubicHermiteSpline(time, np.column_stack([level, q[:, other]]), v[:, [across, other]])
     at = time[up] - level[up] * (time[up + 1] - time[up]) / (level[up + 1] - level[up])
     for _ in range(3):  # Newton's method; samples are dense enough for the secant to begin with
         at = at - path(at)[:, 0] / path(at, 1)[:, 0]
     points = np.column_stack([path(at)[:, 1], path(at, 1)[:, 0]])
-    return points, (departure.coordinates[across], departure.coordinates[other])
+    size = float(np.ptp(q[:, other])), float(np.ptp(v[:, across]))
+    return points, (departure.coordinates[across], departure.coordinates[other]), size
 
 
 def _told(regime: Regime, bases: Bases | None, exponents: Exponents | None) -> tuple[str, str]:
