@@ -12,10 +12,11 @@ from drumsqueal.cli.completion import complete_scene, complete_setting
 from drumsqueal.errors import RequestError
 from drumsqueal.files.json_file import to_json
 from drumsqueal.files.output_folder import check_output_file, write_whole
-from drumsqueal.scene.quantities import parse_quantity
+from drumsqueal.scene.quantities import SceneError, parse_quantity
 from drumsqueal.scene.shipped import find_scene
 
 UsageError: type[typer.BadParameter] = typer.BadParameter.__mro__[1]  # any misuse; it has no public name of its own
+LONGEST = 1000.0  # s, of what is recorded or computed at an option's wish
 UNBROKEN = 10_000  # columns where nobody looks on: a sentence then is one line, and no table is cut
 
 
@@ -120,8 +121,18 @@ def read_time(text: str, option: str) -> float:
     """A time (s) from "20 ms" or "0.02"; whether there is such a time, the history tells."""
     try:
         return float(parse_quantity(text if text.strip()[-1:].isalpha() else float(text), "s"))
-    except ValueError:  # of which SceneError is one
+    except SceneError as error:
+        raise RequestError(f"{option} {text}: {error.reason}") from None
+    except ValueError:
         raise RequestError(f'{option} {text}: write a time such as "0.1 s"') from None
+
+
+def read_duration(text: str, option: str) -> float:
+    """How long (s) from "20 ms" or "0.02"."""
+    time = read_time(text, option)
+    if not 0 < time <= LONGEST:
+        raise RequestError(f'{option} {text}: write a time up to {LONGEST:g} s, such as "5 s"')
+    return time
 
 
 def make_console(*, stderr: bool = False, quiet: bool = False) -> Console:

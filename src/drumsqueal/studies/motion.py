@@ -4,6 +4,7 @@ The scene is run until it has settled, and on for a while. The recorded part is 
 motions beside it say how nearby motions separate.
 """
 
+import math
 import time as clock
 from collections.abc import Callable
 from contextlib import closing
@@ -104,7 +105,9 @@ def study_motion(
     if not duration > 0:
         raise ValueError(f"the duration must be positive, got {duration}")
     show = on_progress or (lambda *_: None)
-    whole = checked(scene).with_values({"simulate.duration": LONGEST_START + duration})
+    rate = scene.simulate.sample_rate
+    longest = math.ceil((LONGEST_START + duration) * rate * (1 - 1e-12)) / rate  # whole samples
+    whole = checked(scene).with_values({"simulate.duration": longest})
     with noted_interrupts():
         prepared = prepare(whole)
         check_sample_rate(prepared)
