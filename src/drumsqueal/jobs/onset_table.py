@@ -41,7 +41,9 @@ def print_study(console: Console, study: OnsetStudy, diagram: Diagram | None = N
         if row.asked:
             kind = Text(row.kind, style=STYLES.get(row.kind, ""))
             small, large = _shown(row.small, study), _shown(row.strongest, study, large=True)
-            growth = "-" if row.point.reason else f"{row.point.growth_rate:+.2f}"
+            growth = (
+                f"{row.point.growth_rate:+.2f}" if np.isfinite(row.point.growth_rate) else "-"
+            )  # nothing oscillates
             table.add_row(f"{row.value:.5g}", kind, growth, *small, *large)
     console.print(table)
     for critical in study.linear.critical:
@@ -87,7 +89,7 @@ def to_csv(rows: Sequence[Row], variation: Variation, linear: Branches, names: t
             variation.column: row.value,
             "kind": row.kind,
             "asked": "yes" if row.asked else "no",
-            "largest_growth_rate_1_per_s": None if row.point.reason else row.point.growth_rate,
+            "largest_growth_rate_1_per_s": row.point.growth_rate if np.isfinite(row.point.growth_rate) else None,
         }
         for label, values in at.items():
             value = values.get(row.value)

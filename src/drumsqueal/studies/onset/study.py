@@ -23,7 +23,7 @@ from drumsqueal.studies.onset.attractors import (
     find_endings,
     round_seconds,
 )
-from drumsqueal.studies.onset.rows import KICKED, NOWHERE, SQUEALS, STABLE, UNKNOWN, Range, Row, find_ranges
+from drumsqueal.studies.onset.rows import KICKED, NOWHERE, QUIET, SQUEALS, UNKNOWN, Range, Row, find_ranges
 
 WITHIN = 1e-3  # of the range: how well the boundaries of the kicked range are found
 SECTIONS = 2  # values tried at once between two
@@ -183,7 +183,7 @@ class _Search:
             tasks = []
             for a, b in pairwise(self.rows):
                 for there, here in ((a, b), (b, a)):
-                    sizes = SIZES if here.kind in (STABLE, UNKNOWN) else SIZES[:1]
+                    sizes = SIZES if here.kind in (*QUIET, UNKNOWN) else SIZES[:1]
                     for k, source in enumerate(there.attractors):
                         if here.kind == NOWHERE or any(source.like(known) for known in here.attractors):
                             continue
@@ -199,10 +199,11 @@ class _Search:
         """Close in on where motion ceases to last without the eigenvalues saying so."""
         precision = within * (self.rows[-1].value - self.rows[0].value)
         for a, b in list(pairwise(self.rows)):
-            if {a.kind, b.kind} == {SQUEALS, STABLE}:
+            if SQUEALS in (a.kind, b.kind) and (a.kind in QUIET or b.kind in QUIET):
                 self._beside(a, b, precision)
-        pairs = [(a, b) for a, b in pairwise(self.rows) if {a.kind, b.kind} == {KICKED, STABLE}]
-        for a, b in pairs:
+        for a, b in list(pairwise(self.rows)):
+            if KICKED not in (a.kind, b.kind) or (a.kind not in QUIET and b.kind not in QUIET):
+                continue
             self._close_in(*((a, b) if a.kind == KICKED else (b, a)), precision)
 
     def _beside(self, a: Row, b: Row, precision: float) -> None:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from drumsqueal.linear.branches import DIVERGENCE, Critical
 from drumsqueal.studies.onset.attractors import FAILED, UNDECIDED
-from drumsqueal.studies.onset.rows import KICKED, NOWHERE, SQUEALS, STABLE, Range
+from drumsqueal.studies.onset.rows import KICKED, NEUTRAL, NOWHERE, SQUEALS, STABLE, Range
 from drumsqueal.studies.onset.study import OnsetStudy
 
 EXACT = 1e-6  # relative uncertainty that is not worth telling
@@ -33,13 +33,17 @@ def _place(study: OnsetStudy, found: Range) -> str:
     if found.first_uncertainty is None and found.last_uncertainty is None:
         return "all along"
     ends = [found.first] * (found.first_uncertainty is not None) + [found.last] * (found.last_uncertainty is not None)
-    modes = [_mode(each) for each in study.linear.critical if each.value in ends]
+    modes = [_mode(each) for each in study.linear.critical if any(_is_at(each, end) for end in ends)]
     told = f" ({', '.join(modes)})" if modes and found.kind == SQUEALS else ""
     if found.first_uncertainty is None:
         return f"below {below}{told}"
     if found.last_uncertainty is None:
         return f"above {above}{told}"
     return f"from {above} to {below}{told}"
+
+
+def _is_at(critical: Critical, end: float) -> bool:
+    return abs(critical.value - end) <= critical.uncertainty
 
 
 def _mode(critical: Critical) -> str:
@@ -49,8 +53,13 @@ def _mode(critical: Critical) -> str:
 def _kicked(study: OnsetStudy) -> str:
     kicked = [each for each in study.ranges if each.kind == KICKED]
     if not kicked:
-        stable = any(each.kind == STABLE for each in study.ranges)
-        return "where they do not, no start that was tried squeals" if stable else "there is nothing else to find"
+        kinds = {each.kind for each in study.ranges}
+        if NEUTRAL in kinds:
+            told = "motion neither grows nor decays" if STABLE not in kinds else "no start that was tried squeals"
+            return f"where they do not, {told}: its size hangs on the start, and that is no squeal"
+        return (
+            "where they do not, no start that was tried squeals" if STABLE in kinds else "there is nothing else to find"
+        )
     text = f"but a kick is enough for it {_joined([_place(study, each) for each in kicked])}"
     rows = [row for row in study.rows if row.kind == KICKED and row.strongest is not None]
     found = [row.strongest.motion.frequency_Hz for row in rows if row.strongest is not None]
