@@ -501,6 +501,9 @@ def test_folded_samples_are_refused(quick):
         ([], "--along"),
         (["--along", "drum.speed"], "write KEY=FROM..TO"),
         (["--along", "drum.sped=1..2"], "did you mean drum.speed?"),
+        (["--along", "drum.speed=-5..5x5"], "may not reach or cross a drum at rest"),
+        (["--along", "drum.speed=0..5x5"], "may not reach or cross a drum at rest"),
+        (["--along", "drum.speed=1..2", "--nothing"], "(see drumsqueal onset --help)"),
         (["--along", "drum.speed=1..2", "--within", "2"], "write a share between 0 and 100 %"),
         (["--along", "drum.speed=1..2", "--set", "friction=none"], "friction: this scene has none"),
     ],
@@ -540,7 +543,7 @@ def test_the_command_writes_what_it_found(drumsqueal, tmp_path, monkeypatch):
     for row in asked:
         value = float(row["drum.speed_rad_per_s"])
         assert (float(row["growth_rate_Y_1_per_s"]) > 0) == (row["kind"] == UNSTABLE) == (value < critical["value"])
-        assert (row["large_amplitude_Y_m"] != "") == (value < 25)
+        assert (row["strongest_amplitude_Y_m"] != "") == (value < 25)
     (mode,) = (each for each in summary["modes"] if each["label"] == "Y")
     for row in rows:  # the table and the summary say the same
         k = mode["values"].index(float(row["drum.speed_rad_per_s"])) if row["asked"] == "yes" else None
@@ -553,6 +556,32 @@ def test_the_command_writes_what_it_found(drumsqueal, tmp_path, monkeypatch):
     status, _, error = drumsqueal(*arguments)
     assert status == 2
     assert "--overwrite" in error
+
+
+def test_a_range_is_shown_in_the_order_and_in_the_unit_in_which_it_was_asked_for(drumsqueal, tmp_path, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(study_module, "find_endings", made_up_for_y)
+    monkeypatch.setattr("drumsqueal.jobs.onset.save_figures", lambda figures, folder: drawn.append(figures["onset"]))
+    along = "drum.speed=360 rpm..60 rpm x6"
+    status, printed, error = drumsqueal("onset", str(DAMPED), *QUICK, "--along", along, "-o", str(tmp_path))
+    assert (status, error) == (0, "")
+    words = [line.split() for line in printed.splitlines()]
+    speeds = [each[0] for each in words if each[1:2] in (["squeals"], ["stable"])]
+    assert speeds == ["360", "300", "240", "180", "120", "60"]
+    assert "rpm" in printed
+    assert "rad/s" not in printed
+    assert "Along drum.speed from 60 to 360 rpm" in " ".join(printed.split())
+    # Files are in SI.
+    values = [float(row["drum.speed_rad_per_s"]) for row in table(tmp_path) if row["asked"] == "yes"]
+    assert values == pytest.approx([math.tau * k for k in (6, 5, 4, 3, 2, 1)])
+    parameter = json.loads((tmp_path / "onset.json").read_text())["parameter"]
+    assert parameter == {"key": "drum.speed", "unit": "rad/s", "values": values}
+    # So are the data of the figure; its ticks are round multiples of the unit.
+    FigureCanvasAgg(drawn[0]).draw()
+    below = drawn[0].axes[-1]
+    assert below.get_xlabel() == "drum.speed (rpm)"
+    ticks = {text.get_text(): text.get_position()[0] for text in below.get_xticklabels()}
+    assert ticks["200"] == pytest.approx(200 * math.tau / 60)
 
 
 def made_up_for_y(family, tasks, how, *, rounds):
@@ -621,7 +650,7 @@ def test_transients_settle_on_the_cycles_that_are_followed(drumsqueal, tmp_path)
         if each["stable"]
     )
     for row in table(tmp_path):
-        value, amplitude = (float(row[name]) for name in ("drum.speed_rad_per_s", "large_amplitude_Y_m"))
+        value, amplitude = (float(row[name]) for name in ("drum.speed_rad_per_s", "strongest_amplitude_Y_m"))
         # Between two cycles of the branch the amplitude is read off a straight line.
         assert amplitude == pytest.approx(np.interp(value, *np.transpose(found)), rel=0.01)
 

@@ -13,7 +13,7 @@ from drumsqueal.comparison.departure import unit_of
 from drumsqueal.figures import style
 from drumsqueal.figures.eigenvalues import STABLE as STABLE_COLOUR
 from drumsqueal.figures.eigenvalues import UNSTABLE as UNSTABLE_COLOUR
-from drumsqueal.figures.placement import label_top_edge
+from drumsqueal.figures.placement import label_top_edge, tick_in_units
 from drumsqueal.figures.style import frame, new_figure, styled
 from drumsqueal.studies.cycle.branches import Diagram
 from drumsqueal.studies.cycle.kicked import pieces
@@ -50,7 +50,8 @@ def draw_onset(study: OnsetStudy, diagram: Diagram | None = None) -> Figure:
     _draw_amplitudes(panels[0], study, diagram)
     _draw_frequencies(panels[1], study)
     _draw_growth(panels[2], study)
-    unit = f" ({study.variation.unit})" if study.variation.unit else ""
+    unit = f" ({study.variation.shown_unit})" if study.variation.shown_unit else ""
+    tick_in_units(panels[2].xaxis, study.variation.size)
     panels[2].set_xlabel(f"{study.variation.key}{unit}")
     figure.align_ylabels(panels)
     figure.legend(handles=_legend(study, diagram), loc="outside lower center", ncols=4)
@@ -139,7 +140,11 @@ def _shade(axes: Axes, study: OnsetStudy) -> None:
 
 def _ends(study: OnsetStudy) -> list[tuple[float, str]]:
     """Where one range goes over into the next."""
-    return [(each.first, f"{each.first:.4g}") for each in study.ranges if each.first_uncertainty is not None]
+    return [
+        (each.first, f"{study.variation.shown(each.first):.4g}")
+        for each in study.ranges
+        if each.first_uncertainty is not None
+    ]
 
 
 def _legend(study: OnsetStudy, diagram: Diagram | None) -> list[Line2D | Patch]:

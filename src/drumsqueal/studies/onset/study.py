@@ -12,7 +12,7 @@ from drumsqueal.interrupts import noted_interrupts, stop_if_interrupted
 from drumsqueal.linear.branches import Branches, ModelAt, Point, follow_modes, point_at
 from drumsqueal.model import build_model
 from drumsqueal.scene import Profile, Scene
-from drumsqueal.scene.variation import Variation, read_variation
+from drumsqueal.scene.variation import Variation, may_not_rest, read_variation
 from drumsqueal.studies.onset.attractors import (
     LASTING,
     PERSISTENT,
@@ -133,6 +133,7 @@ def _check(scene: Scene, variation: Variation) -> None:
     for key, value in (("drum.speed", scene.drum.speed), ("contact.normal_load", scene.contact.normal_load)):
         if isinstance(value, Profile):
             raise RequestError(f"{key}: it changes over time here; give it one value, as by --set {key}=...")
+    may_not_rest(variation)
     if len(set(variation.values)) < 2:
         raise RequestError(f"{variation.key}: give it a range of two values at least")
 
