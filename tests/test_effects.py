@@ -414,7 +414,10 @@ def test_earlier_results_are_kept_unless_told(drumsqueal, quick_file, tmp_path):
 
 def test_an_argument_too_many_is_refused(drumsqueal, quick_file, tmp_path):
     status, _, errors = drumsqueal("effects", str(quick_file), "stray", "-o", str(tmp_path / "out"))
-    assert (status, errors) == (2, "drumsqueal: Got unexpected extra argument (stray) (see drumsqueal --help)\n")
+    assert (status, errors) == (
+        2,
+        "drumsqueal: Got unexpected extra argument (stray) (see drumsqueal effects --help)\n",
+    )
 
 
 @pytest.mark.parametrize("fails", ["whole", "interrupted", "disk"])

@@ -12,6 +12,7 @@ from matplotlib.ticker import ScalarFormatter
 from drumsqueal.comparison.departure import unit_of
 from drumsqueal.figures import style
 from drumsqueal.figures.onset import DASHES, SHADES, draw_cycles
+from drumsqueal.figures.placement import tick_in_units
 from drumsqueal.figures.style import frame, new_figure, styled
 from drumsqueal.scene.variation import Variation
 from drumsqueal.studies.cycle.branches import Diagram
@@ -46,7 +47,8 @@ def draw_branch(diagram: Diagram, variation: Variation) -> Figure:
     for critical in diagram.linear.critical:
         for axes, value in ((amplitude, rest), (frequency, critical.frequency_Hz)):
             axes.plot(critical.value, value, "D", color=style.DARK, markersize=4, clip_on=False, zorder=5)
-    unit = f" ({variation.unit})" if variation.unit else ""
+    unit = f" ({variation.shown_unit})" if variation.shown_unit else ""
+    tick_in_units(frequency.xaxis, variation.size)
     frame(amplitude, None, f"{name}, half peak to peak ({unit_of(name, 'µ')})")
     frame(frequency, f"{variation.key}{unit}", "Frequency (Hz)")
     figure.align_ylabels([amplitude, frequency])

@@ -21,7 +21,7 @@ from drumsqueal.studies.cycle.orbit import NEUTRAL, Cycle
 
 def print_diagram(console: Console, diagram: Diagram, variation: Variation) -> None:
     """Print where branches begin and end and what happens on them, and what follows from that."""
-    unit = f"\n{variation.unit}" if variation.unit else ""
+    unit = f"\n{variation.shown_unit}" if variation.shown_unit else ""
     names = diagram.branches[0].cycles[0].names
     table = Table(title=f"Cycles along {variation.key}", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     table.add_column("", justify="right")
@@ -34,8 +34,8 @@ def print_diagram(console: Console, diagram: Diagram, variation: Variation) -> N
     for number, branch in enumerate(diagram.branches, start=1):
         for what, cycle in _milestones(branch):
             amplitudes = (f"{1e6 * cycle.amplitude[name]:.3g}" for name in names)
-            row = f"{cycle.parameter:.7g}", f"{cycle.frequency_Hz:.1f}", *amplitudes, f"{cycle.largest:.4f}"
-            table.add_row(str(number), what, *row)
+            value = f"{variation.shown(cycle.parameter):.7g}"
+            table.add_row(str(number), what, value, f"{cycle.frequency_Hz:.1f}", *amplitudes, f"{cycle.largest:.4f}")
     console.print(table)
     for critical in diagram.linear.critical:
         becomes = "unstable" if critical.destabilises else "stable"
@@ -71,22 +71,26 @@ def _end(reason: str, which: str) -> str:
 
 
 def _at(variation: Variation, value: float) -> str:
-    return f"{variation.key} = {value:.7g}{f' {variation.unit}' if variation.unit else ''}"
+    return f"{variation.key} = {variation.told(value, '.7g')}"
 
 
 def verdict(diagram: Diagram, variation: Variation) -> str:
     """Where steady sliding is unstable, where stable cycles are, and where it squeals only when kicked."""
     unstable, cycles, both = steady_sliding(diagram, stable=False), stable_cycles(diagram), kicked(diagram)
-    sliding = f"is unstable for {variation.key} {_ranges(unstable)}" if unstable else "is stable throughout"
-    lives = f"stable cycles live {_ranges(cycles)}" if cycles else "no cycle that was found is stable"
+    sliding = f"is unstable for {variation.key} {_ranges(unstable, variation)}" if unstable else "is stable throughout"
+    lives = f"stable cycles live {_ranges(cycles, variation)}" if cycles else "no cycle that was found is stable"
     turns = folds(diagram)
-    folded = f" (folds at {', '.join(f'{value:.6g}' for value in turns)})" if turns else ""
-    kicks = f"; {_ranges(both)} it squeals only when kicked" if both else "; none of them lies beside stable sliding"
+    folded = f" (folds at {', '.join(f'{variation.shown(value):.6g}' for value in turns)})" if turns else ""
+    kicks = (
+        f"; {_ranges(both, variation)} it squeals only when kicked"
+        if both
+        else "; none of them lies beside stable sliding"
+    )
     return f"Steady sliding {sliding}; {lives}{folded}{kicks}."
 
 
-def _ranges(intervals: list[Interval]) -> str:
-    return " and ".join(f"from {low:.6g} to {high:.6g}" for low, high in intervals)
+def _ranges(intervals: list[Interval], along: Variation) -> str:
+    return " and ".join(f"from {along.shown(low):.6g} to {along.shown(high):.6g}" for low, high in intervals)
 
 
 def to_csv(variation: Variation, rows: Iterable[tuple[int, Cycle]] | None, diagram: Diagram | None = None) -> str:
