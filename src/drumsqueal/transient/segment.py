@@ -250,7 +250,7 @@ def _highest(omega: Array) -> Array:
 
 def _least_speed(model: Model, highest: Array, quiet: ArrayLike) -> Array:
     """Speed of a mass-normalised mode (m/s √kg) that vibrates at the highest frequency with `quiet` (m)."""
-    return quiet * highest * jnp.sqrt(jnp.max(model.mass))
+    return jnp.asarray(quiet) * highest * jnp.sqrt(jnp.max(model.mass))
 
 
 def _largest(scaled_error: Array) -> Array:
