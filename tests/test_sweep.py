@@ -15,6 +15,7 @@ from scipy.optimize import brentq
 
 import drumsqueal as ds
 from drumsqueal.errors import IntegrationError, RequestError
+from drumsqueal.files import sweep_file
 from drumsqueal.files.output_folder import SWEEP_FILES
 from drumsqueal.files.sweep import AT_REST, FOLDED, NOT_YET, OUTCOME
 from drumsqueal.files.sweep_file import RUNNING, SweepFile
@@ -252,6 +253,12 @@ def test_a_sweep_that_was_cut_off_goes_on_and_leaves_the_same_file(drumsqueal, d
         assert (cut / name).read_bytes() == (whole / name).read_bytes()
     status, _, errors = drumsqueal("sweep", *arguments, "-o", str(cut), "--resume")
     assert (status, "the sweep is complete, there is nothing to resume" in errors) == (2, True)
+    status, _, errors = drumsqueal("sweep", *arguments, "--set", "friction.static=0.6", "-o", str(cut), "--resume")
+    assert (status, "friction.static" in errors, "complete" in errors) == (2, True, False)
+    status, _, errors = drumsqueal(
+        "sweep", *arguments[:-1], "contact.normal_load=500..4000x5", "-o", str(cut), "--resume"
+    )
+    assert (status, "resume with the same sweep" in errors, "complete" in errors) == (2, True, False)
     # From Python it is the same.
     with xarray.open_dataset(whole / "sweep.nc", engine="h5netcdf") as file:
         found = ds.sweep_parameters(
@@ -267,7 +274,7 @@ def test_killed_between_results_and_their_marks_nothing_is_lost(damped, tmp_path
     file = SweepFile(tmp_path / "sweep.nc", plan)
     file.create()
     results = study.compute(plan, 8, 16)
-    fill, calls = file._fill, []
+    fill, calls = sweep_file.fill, []
 
     def killed(*arguments):
         calls.append(arguments)
@@ -275,11 +282,11 @@ def test_killed_between_results_and_their_marks_nothing_is_lost(damped, tmp_path
             raise KeyboardInterrupt
         fill(*arguments)
 
-    monkeypatch.setattr(file, "_fill", killed)
+    monkeypatch.setattr(sweep_file, "fill", killed)
     with pytest.raises(KeyboardInterrupt):
         file.write(8, results)
     assert not file.computed().any()
-    monkeypatch.setattr(file, "_fill", fill)
+    monkeypatch.setattr(sweep_file, "fill", fill)
     file.write(8, results)
     assert file.computed().tolist() == [False] * 8 + [True] * 8 + [False] * 4
     with xarray.open_dataset(file.path, engine="h5netcdf") as there:

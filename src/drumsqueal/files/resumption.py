@@ -12,13 +12,13 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import h5py
 import numpy as np
 import xarray
 
 from drumsqueal.composition import kept_coordinates
 from drumsqueal.errors import RequestError
-from drumsqueal.files.history_file import Reached, opened, variable
+from drumsqueal.files.history_file import Reached
+from drumsqueal.files.in_place import opened, own_variable, read_texts, variable
 from drumsqueal.files.output_folder import HISTORY, RESUME, write_whole
 from drumsqueal.history import COMPLETE, MOTION, SIGNALS, empty_dataset, versions
 from drumsqueal.precision import real
@@ -90,10 +90,10 @@ def find_point(folder: Path, scene: Scene) -> Point:
         there = scene_from_dict(tomllib.loads(attributes["scene"]))
     except Exception:  # h5py raises nearly all there is on a file that is damaged
         raise RequestError(f"{history} is cut short or damaged, so the run cannot be resumed; {_ANEW}") from None
-    if not file.exists():
-        raise RequestError(f"{folder}: {_why_not(attributes['outcome'])}")
     if there != scene:
         raise RequestError(f"{folder}: {difference(there, scene)}; resume with the scene as it was run, or {_ANEW}")
+    if not file.exists():
+        raise RequestError(f"{folder}: {_why_not(attributes['outcome'])}")
     if attributes["versions"] != json.dumps(versions()):
         raise RequestError(f"{folder}: {changed_versions(attributes['versions'])}; go back to those, or {_ANEW}")
     try:
@@ -111,14 +111,9 @@ def _read_history(path: Path, template: xarray.Dataset) -> tuple[int, dict[str, 
     with opened(path, "r") as file:
         rows = len(variable(file, "time"))
         for name, values in template.variables.items():
-            found = variable(file, str(name))
             shape = tuple(rows if dimension == "time" else template.sizes[dimension] for dimension in values.dims)
-            # What is a link, or stored elsewhere, could lead what is written out of the folder.
-            own = isinstance(file.get(str(name), getlink=True), h5py.HardLink) and found.id.get_offset() is not None
-            if not own or found.shape != shape:
-                raise ValueError(name)
-        texts = {name: file.attrs[name] for name in ("scene", "versions", "outcome")}
-    return rows, {name: text.decode() if isinstance(text, bytes) else str(text) for name, text in texts.items()}
+            own_variable(file, str(name), shape)
+    return rows, read_texts(path, ("scene", "versions", "outcome"))
 
 
 def _is_computed(path: Path, row: int) -> bool:

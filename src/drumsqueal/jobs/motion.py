@@ -8,8 +8,8 @@ from rich.console import Console
 from drumsqueal.comparison.departure import unit_of
 from drumsqueal.figures import save_figures
 from drumsqueal.figures.motion import combination, draw_convergence, draw_lines, draw_section
+from drumsqueal.files.json_file import write_json
 from drumsqueal.files.output_folder import CONVERGENCE, LINES, MOTION_SUMMARY, MOTION_TABLE, SECTION, write_whole
-from drumsqueal.files.summary import write_json
 from drumsqueal.history import versions
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.jobs.progress import progress_bar
@@ -41,13 +41,14 @@ def study_into(folder: Path, scene: Scene, duration: float, at_most: float, cons
         save_figures({name: figure for name, figure in figures.items() if figure is not None}, folder)
         stop_if_interrupted()
     print_study(console, study)
-    console.print(printable(f"Summary, lines and figures are in {folder}"), soft_wrap=True)
+    left = "Summary, lines and figures are" if study.lines is not None else "Summary is"
+    console.print(printable(f"{left} in {folder}"), soft_wrap=True)
     return found
 
 
 def print_study(console: Console, study: MotionStudy) -> None:
     """Print the kind of motion and the evidence."""
-    settled = "settled" if study.settled else "not settled"
+    settled = "settled" if study.settled else "decaying" if study.kind == "steady" else "not settled"
     console.print(f"Recorded from {study.settled_s:.4g} s ({settled}) for {study.duration_s:.4g} s")
     if study.bases is not None and study.bases.frequency_Hz.size and study.lines is not None:
         told = told_frequencies(study.bases.frequency_Hz.tolist(), study.bases.uncertainty_Hz.tolist(), 8)
