@@ -19,7 +19,7 @@ from drumsqueal.studies.cycle.branches import Diagram
 from drumsqueal.studies.cycle.continuation import BRANCHING, CORNER, DOUBLING, FOLD, NEIMARK_SACKER
 from drumsqueal.studies.cycle.kicked import Interval, kicked, steady_sliding
 from drumsqueal.studies.cycle.orbit import Cycle
-from drumsqueal.studies.onset.study import KICKED, SQUEALS, STABLE
+from drumsqueal.studies.onset.rows import KICKED, SQUEALS, STABLE
 
 MICRO = 1e6
 MARKERS = {FOLD: "s", NEIMARK_SACKER: "^", DOUBLING: "v", BRANCHING: "P", CORNER: "x"}
