@@ -33,6 +33,7 @@ from drumsqueal.scene.variation import Variation
 from drumsqueal.simulation import run
 from drumsqueal.small_bodies import block_on_belt, sprung_block_on_belt
 from drumsqueal.studies.cycle import branches, orbit
+from drumsqueal.studies.cycle import search as search_module
 from drumsqueal.studies.cycle.branches import _both_ways, follow_cycle, follow_models
 from drumsqueal.studies.cycle.continuation import (
     BOUND,
@@ -601,6 +602,21 @@ def test_a_cycle_of_the_scene_that_cannot_be_followed_leaves_the_others(damped, 
 def test_what_changes_with_time_has_no_cycle(name, values, why):
     with pytest.raises(SceneError, match=why):
         find_cycle(load_scene(SCENARIOS / f"{name}.toml").with_values(values))
+
+
+@pytest.mark.slow
+def test_where_nothing_else_leads_to_a_cycle_a_kick_does(damped, monkeypatch):
+    # Along Y alone steady sliding is stable at 20 rad/s; a start of half a millimetre squeals there.
+    monkeypatch.setattr(search_module, "modal_starts", lambda *_: iter(()))
+    monkeypatch.setattr(search_module, "returns", lambda *_: iter(()))
+    values = {"drum.speed": 20.0, "simulate.coordinates": ["Y"], "simulate.duration": 0.3}
+    small, large = ({"start": {"displacement": {"Y": y}, "velocity": {}}} for y in (1e-7, 5e-4))
+    kicked, known = (find_cycle(damped.with_values(values | start)) for start in (small, large))
+    assert kicked.origin == "the end of a transient kicked along mode Y"
+    assert known.origin == "the end of the transient"
+    assert kicked.cycle.stable
+    # Both are closed to 1e-9 of the motion.
+    assert kicked.cycle.frequency_Hz == pytest.approx(known.cycle.frequency_Hz, rel=1e-8)
 
 
 def test_a_range_through_a_drum_at_rest_is_refused(damped):

@@ -698,6 +698,7 @@ LOWEST = 0.1  # of the figure's height: panels lower than that cannot be read
     [
         ("damped", "drum.speed=1..3x3", {"critical value": False, "after a kick or from beside": False}),  # all squeals
         ("damped", "drum.speed=1..40x4", {"critical value": True, "after a kick or from beside": True}),
+        ("constant_friction", "drum.speed=1..20x3", {"critical value": False}),  # every rate is round-off
         ("damped", "damping.ratio=0.02..1.2x3", {"critical value": False}),  # nothing oscillates at the last
         ("out_of_plane", "support.upper_stiffness=1e8 N/m..3.333333e8 N/m x3", {"mode Ty": True}),  # six modes
     ],
@@ -715,6 +716,8 @@ def test_the_panels_of_the_figure_keep_their_heights(monkeypatch, scenario, alon
     figure = draw_onset(study)
     FigureCanvasAgg(figure).draw()
     assert all(axes.get_position().height > LOWEST for axes in figure.axes)
+    low, high = figure.axes[2].get_ylim()
+    assert high - low > 1  # 1/s
     labels = [axes.yaxis.label.get_window_extent() for axes in figure.axes]
     assert all(above.y0 > below.y1 for above, below in pairwise(labels))
     legend = [text.get_text() for text in figure.legends[0].get_texts()]

@@ -15,6 +15,7 @@ from drumsqueal.figures.eigenvalues import STABLE as STABLE_COLOUR
 from drumsqueal.figures.eigenvalues import UNSTABLE as UNSTABLE_COLOUR
 from drumsqueal.figures.placement import label_top_edge, tick_in_units
 from drumsqueal.figures.style import frame, new_figure, styled
+from drumsqueal.linear.modes import UNDAMPED_SHARE
 from drumsqueal.studies.cycle.branches import Diagram
 from drumsqueal.studies.cycle.kicked import pieces
 from drumsqueal.studies.cycle.orbit import Cycle
@@ -23,7 +24,7 @@ from drumsqueal.studies.onset.rows import KICKED, NEUTRAL, SQUEALS, STABLE, Row
 from drumsqueal.studies.onset.study import OnsetStudy
 
 # Told apart in print by lightness, too.
-SHADES = {STABLE: STABLE_COLOUR, NEUTRAL: "white", KICKED: "#F2E6CC", SQUEALS: UNSTABLE_COLOUR}
+SHADES = {STABLE: STABLE_COLOUR, NEUTRAL: "#E3EEDC", KICKED: "#F2E6CC", SQUEALS: UNSTABLE_COLOUR}
 OTHER = style.PALE
 MARKER = {"marker": "o", "markersize": 3.2, "linestyle": "", "markeredgewidth": 0.7}
 DASHES = (0, (3, 2))  # of unstable cycles
@@ -175,7 +176,9 @@ def _legend(study: OnsetStudy, diagram: Diagram | None) -> list[Line2D | Patch]:
 
 def _growth_limits(study: OnsetStudy) -> tuple[float, float]:
     rates = [row.point.growth_rate for row in study.rows if np.isfinite(row.point.growth_rate)]
-    size = max(max(rates, default=1.0), -min(rates, default=-1.0), 1e-12)
+    size = max(max(rates, default=1.0), -min(rates, default=-1.0))
+    if size <= UNDAMPED_SHARE * max((row.point.largest for row in study.rows), default=0.0):
+        return -1.0, 1.0  # neither growth nor decay, but round-off
     return min([*rates, 0.0]) - 0.35 * size, max([*rates, 0.0]) + 0.2 * size
 
 
