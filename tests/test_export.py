@@ -260,7 +260,8 @@ def test_the_sound_reads_back(ran, exported, slow):
     assert "m/s" in told
     assert ("played 4 times slower" in told) == ("played 4 times slower" in printed) == (slow == 4)
     # SciPy's resampler, of another filter: between them lies what is above 20 kHz, and its ringing at the ends.
-    velocity = ran["velocity"].sel(coordinate="X").values  # at the lining's middle
+    y, turn = (ran["velocity"].sel(coordinate=name).values for name in ("Y", "Tz"))
+    velocity = y + (0.1 - 72.1956531e-3) * turn  # along the drum, at the lining's middle
     other = scipy.signal.resample_poly(velocity, 441 * slow, 500)[: heard.size]
     inside = slice(200 * slow, -200 * slow)
     wanted = (other - other.mean())[inside]
@@ -361,7 +362,7 @@ WRONG = {
     "signal": (["--signals", "velocity_Q"], "did you mean velocity_"),
     "nothing like a signal": (["--signals", "%"], "there are displacement, velocity, acceleration, surface_velocity"),
     "no signal": (["--signals", ""], "there is no such signal"),
-    "time": (["--from", "3 m"], '--from 3 m: "m" (meter) is no unit of time; write a time such as "40 ms"'),
+    "time": (["--from", "3 m"], '--from 3 m: write a time such as "0.1 s" ("m" (meter) is no unit of time)'),
     "times the wrong way round": (["--from", "0.02", "--until", "0.01"], "is not before --until"),
     "beyond the end": (["--until", "3 s"], "--until 3 s: the history has 0 to 0.03 s"),
     "before the start": (["--from", "-1"], "the history has 0 to 0.03 s"),

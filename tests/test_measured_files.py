@@ -372,6 +372,31 @@ def test_the_units_of_uff58(file, system, label, kind, wanted):
     assert bool(found.told) == (label == "g")
 
 
+@pytest.mark.parametrize(
+    ("kind", "direction", "wanted"),
+    [
+        (8, 6, ("rad", 1.0)),
+        (11, -4, ("rad/s", 1.0)),
+        (12, 5, ("rad/s^2", 1.0)),
+        (9, 6, ("N*m", 1e-6)),
+        (15, 6, ("Pa", 1e3)),
+    ],
+)
+def test_about_an_axis_it_is_angles_and_torques(file, kind, direction, wanted):
+    write_uff(file, units(5, 1000.0), data_set(ordinate_spec_data_type=kind, rsp_dir=direction))  # mm and mN
+    found = read_measured(file)
+    assert found.unit == wanted[0]
+    np.testing.assert_allclose(found.values, wanted[1] * VALUES, rtol=1e-11)
+
+
+def test_millimetres_and_newtons_are_a_system_of_units(file):
+    write_uff(file, units(1, 1000.0), data_set(ordinate_spec_data_type=15))
+    line = b"%10d%20s"
+    file.write_bytes(file.read_bytes().replace(line % (1, b"units"), line % (10, b"units"), 1))  # pyuff writes no 10
+    found = read_measured(file)
+    np.testing.assert_allclose(found.values, 1e6 * VALUES, rtol=1e-11)  # N/mm²
+
+
 def test_uff58_with_times_of_its_own(file):
     write_uff(file, data_set(abscissa_spacing=0))
     found = read_measured(file)

@@ -9,9 +9,13 @@ import jax
 import pytest
 
 import drumsqueal
+from drumsqueal import cli
 from drumsqueal.scene import load_scene
 
 ROOT = Path(__file__).parents[1]
+
+
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 
 
 def blocks(language: str) -> list[str]:
@@ -59,6 +63,29 @@ def test_the_python_lines_run_and_the_gradient_is_right(monkeypatch, capsys):
     # The exact times of Coulomb's block: 2 Δ/V and 2 (π − arctan(Δ/V)), with Δ = 0.5 and V = 0.2.
     assert times[2] - times[1] == pytest.approx(2 * (math.pi - math.atan(2.5)), rel=1e-6)
     assert times[3] - times[2] == pytest.approx(5.0, rel=1e-6)
+
+
+def anchors(page: Path) -> set[str]:
+    """Of all headings, as they are made where the page is shown."""
+    headings = re.findall(r"^#+ (.*)$", page.read_text(encoding="utf-8"), flags=re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_every_link_and_picture_leads_somewhere(page):
+    for link in re.findall(r"\]\(([^)\s]+)\)", page.read_text(encoding="utf-8")):
+        path, _, anchor = link.partition("#")
+        target = (page.parent / path).resolve() if path else page
+        assert target.is_file(), link
+        assert not anchor or anchor in anchors(target), link
+
+
+def test_every_command_stands_in_the_table_and_every_page_is_reached():
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    told = re.findall(r"^\| \[?`(\w+)`", text.partition("## ")[0], flags=re.MULTILINE)
+    assert sorted(told) == sorted(name for group in cli.GROUPS.values() for name in group)
+    shown = {page.name for page in PAGES[1:]}
+    assert shown == set(re.findall(r"\(docs/(\w+\.md)\)", text))
 
 
 def test_every_public_name_is_there_and_tells_what_it_is():

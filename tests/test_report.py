@@ -434,6 +434,7 @@ def test_a_table_that_is_none_is_refused(drumsqueal, tmp_path, content):
 
 def test_the_page_goes_where_it_is_wanted(folder, drumsqueal, tmp_path):
     file = tmp_path / "elsewhere.html"
+    (folder / "history.nc").unlink()  # only to be quicker
     assert drumsqueal("report", str(folder), "-o", str(file))[0] == 0
     assert not (folder / REPORT).exists()
     assert drumsqueal("report", str(folder), "-o", str(file))[0] == 2

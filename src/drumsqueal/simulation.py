@@ -5,7 +5,7 @@ What compares is imported when it is needed: it brings half a second of SciPy th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from contextlib import closing
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -50,12 +50,6 @@ class Prepared(NamedTuple):
     inventory: Inventory
     held: tuple[str, ...]
     given_law: str
-
-    @property
-    def steady(self) -> NDArray[np.float64]:
-        """The steady state (m, rad) of the coordinates that the transient moves."""
-        stability = self.stability
-        return np.array([stability.steady_state[stability.coordinates.index(name)] for name in self.model.names])
 
 
 class Result(NamedTuple):
@@ -120,20 +114,32 @@ def check_sample_rate(prepared: Prepared) -> None:
         )
 
 
+def start_of(scene: Scene, names: Sequence[str]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Departure from steady sliding and velocity at the start, over the named coordinates: (n,) each."""
+    displacement, velocity = (
+        np.array([table.get(name, 0.0) for name in names]) for table in (scene.start.displacement, scene.start.velocity)
+    )
+    return displacement, velocity
+
+
+def steady_at_start(prepared: Prepared) -> NDArray[np.float64]:
+    """Steady sliding that the transient departs from (n,), over its coordinates."""
+    stability, names = prepared.stability, prepared.model.names
+    if stability.time > 0:  # the drum is at rest, and drags nothing
+        return np.zeros(len(names))
+    return np.array([stability.steady_state[stability.coordinates.index(name)] for name in names])
+
+
 def transient(prepared: Prepared, since: Checkpoint | None = None) -> Generator[Chunk]:
     """Integrate the scene's start, or `since` the end of a chunk of it, and yield the samples chunk by chunk.
 
     Raises IntegrationError where it fails.
     """
-    scene, model, stability = prepared.scene, prepared.model, prepared.stability
-    steady = prepared.steady
-    if stability.time > 0:  # the drum is at rest, and drags nothing
-        steady = np.zeros_like(steady)
+    scene, model = prepared.scene, prepared.model
     return integrate(
         model,
-        steady,
-        np.array([scene.start.displacement.get(name, 0.0) for name in model.names]),
-        np.array([scene.start.velocity.get(name, 0.0) for name in model.names]),
+        steady_at_start(prepared),
+        *start_of(scene, model.names),
         duration=scene.simulate.duration,
         sample_rate=scene.simulate.sample_rate,
         tolerance=scene.simulate.tolerance,

@@ -10,7 +10,7 @@ from jax import Array
 from drumsqueal.precision import real
 
 X, Y, Z, TX, TY, TZ = range(6)
-IN_PLANE = (X, Y, TZ)
+IN_PLANE, OUT_OF_PLANE = (X, Y, TZ), (Z, TX, TY)
 
 
 class RigidShoe(eqx.Module):

@@ -71,13 +71,11 @@ def animate_command(
         raise UsageError("--set changes a scene; a history is of the scene that was run: leave one of them out")
     if source.suffix == ".toml":
         raise RequestError(f"{source} is a scene: name one of its modes with --mode, or give a history that it left")
-    first = None if start is None else read_time(start, "--from")
-    last = None if end is None else read_time(end, "--until")
+    first, last = read_time(start, "--from"), read_time(end, "--until")
     stop_if_interrupted()
     from drumsqueal.files.animation_file import check_animation_name
-    from drumsqueal.files.saved_history import read_history
+    from drumsqueal.files.saved_history import check_not_the_history, read_history
     from drumsqueal.jobs.animate import animate_history
-    from drumsqueal.jobs.export import check_not_the_history
 
     stop_if_interrupted()
     saved = read_history(source)

@@ -1,16 +1,14 @@
 """`drumsqueal compare HISTORY MEASURED -o DIR`."""
 
-import math
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from drumsqueal.cli.options import JsonFile, Overwrite, Quiet, Reply, output_option, read_share
+from drumsqueal.cli.options import JsonFile, Overwrite, Quiet, Reply, output_option, read_rate, read_share, read_time
 from drumsqueal.errors import RequestError
 from drumsqueal.files.output_folder import COMPARE_FILES, HISTORY, check_output, claimed
 from drumsqueal.interrupts import stop_if_interrupted
-from drumsqueal.scene.quantities import parse_quantity
 
 HistoryFile = Annotated[
     Path, typer.Argument(metavar="HISTORY", help="What a run has left: history.nc, or its folder.", show_default=False)
@@ -65,9 +63,7 @@ def compare_command(
     for source in (history, measured):
         _spare(source, folder)
     widest = read_share(within, "--within")
-    sampled = None if rate is None else _quantity(rate, "--rate", "Hz", "51.2 kHz")
-    begin = None if first is None else _quantity(first, "--from", "s", "0.5 s")
-    end = None if last is None else _quantity(last, "--until", "s", "2 s")
+    begin, end, sampled = read_time(first, "--from"), read_time(last, "--until"), read_rate(rate, "--rate")
     stop_if_interrupted()
     from drumsqueal.files.measured.reader import read_measured
 
@@ -77,9 +73,8 @@ def compare_command(
     from drumsqueal.studies.measured import compare_measured
 
     stop_if_interrupted()
-    comparison = compare_measured(
-        history, record, signal, within=widest
-    )  # what cannot be done is told before there is a folder
+    # What cannot be done is told before there is a folder.
+    comparison = compare_measured(history, record, signal, within=widest)
     stop_if_interrupted()
     with claimed(folder, COMPARE_FILES):
         reply.send(compare_into(folder, comparison, measured, reply.console))
@@ -95,15 +90,3 @@ def _spare(source: Path, folder: Path) -> None:
     """Raise RequestError where a file to be read would be replaced."""
     if any(source.absolute() == (folder / name).absolute() for name in COMPARE_FILES):
         raise RequestError(f"{source} would be replaced by a result of that name; choose another folder with -o")
-
-
-def _quantity(text: str, option: str, unit: str, example: str) -> float:
-    """A time or a rate from "51.2 kHz" or "51200"."""
-    try:
-        value = float(parse_quantity(text if text.strip()[-1:].isalpha() else float(text), unit))
-    except ValueError:  # of which SceneError is one
-        value = math.nan
-    if not math.isfinite(value) or (unit == "Hz" and value <= 0):
-        kind = "a rate" if unit == "Hz" else "a time"
-        raise RequestError(f'{option} {text}: write {kind} such as "{example}"')
-    return value

@@ -6,15 +6,14 @@ from typing import Annotated
 
 import typer
 
-from drumsqueal.cli.options import JsonFile, Overwrite, Quiet, Reply, make_console, read_file, read_time
+from drumsqueal.cli.options import JsonFile, Overwrite, Quiet, Reply, make_console, read_file, read_rate, read_time
 from drumsqueal.errors import RequestError
 from drumsqueal.export.formats import FORMATS, find_format
 from drumsqueal.files.output_folder import HISTORY, check_output_file
 from drumsqueal.interrupts import stop_if_interrupted
-from drumsqueal.scene.quantities import parse_quantity
 
 SOUND = "wav"
-CD_RATE, MOST_RATE = 44_100.0, 192_000.0  # Hz, of a sound where nothing else is asked for, and that players take
+LEAST_RATE, MOST_RATE = 1000.0, 192_000.0  # Hz, that players take
 _SIGNALS = (
     "Names with commas between, e.g. velocity,brake_torque,displacement_Y (default: all; of a sound surface_velocity)."
 )
@@ -58,23 +57,25 @@ def export_command(
     asked = None if signals is None else tuple(name.strip() for name in signals.split(","))
     if sound and asked is not None and len(asked) != 1:
         raise RequestError(f"--signals {signals}: a sound is of one signal, such as surface_velocity")
-    times = [None if text is None else read_time(text, name) for text, name in ((since, "--from"), (until, "--until"))]
-    sampled = _rate(rate, whole=sound)
+    begin, end, sampled = read_time(since, "--from"), read_time(until, "--until"), read_rate(rate, "--rate")
+    if sound and sampled is not None:
+        _check_rate_of_sound(sampled)
     file = output if output is not None else _beside(history, wanted.suffix)
     check_output_file(file, overwrite=overwrite)
     reply = Reply(quiet, json_file, overwrite=overwrite)
     stop_if_interrupted()
     from drumsqueal.export.selection import Part
     from drumsqueal.export.signals import SURFACE
-    from drumsqueal.files.saved_history import read_history
-    from drumsqueal.jobs.export import check_not_the_history, export_into
+    from drumsqueal.files.saved_history import check_not_the_history, read_history
+    from drumsqueal.jobs.export import export_into
+    from drumsqueal.signals.sound import CD_RATE
 
     stop_if_interrupted()
     saved = read_history(history)
     check_not_the_history(file, saved)
     if sound:
-        asked, sampled = asked or (SURFACE,), sampled or CD_RATE
-    part = Part(asked, *times, rate=sampled, slow=1.0 if slow is None else slow)
+        asked, sampled = asked or (SURFACE,), sampled or float(CD_RATE)
+    part = Part(asked, begin, end, rate=sampled, slow=1.0 if slow is None else slow)
     complaints = make_console(stderr=True, quiet=quiet)
     reply.send(export_into(file, saved, wanted, part, reply.console, complaints))
 
@@ -83,21 +84,7 @@ def _beside(history: Path, suffix: str) -> Path:
     return history / Path(HISTORY).with_suffix(suffix) if history.is_dir() else history.with_suffix(suffix)
 
 
-def _rate(text: str | None, *, whole: bool) -> float | None:
-    """A rate (Hz) from "20 kHz" or "20000"."""
-    if text is None:
-        return None
-    wrong = f'--rate {text}: write a rate such as "20 kHz"'
-    rate = _quantity(text, "Hz", wrong)
-    if not rate > 0:
-        raise RequestError(wrong)
-    if whole and not (rate == round(rate) and 1000 <= rate <= MOST_RATE):
-        raise RequestError(f"{wrong}; that of a sound is a whole number of Hz, from 1 to {MOST_RATE / 1e3:g} kHz")
-    return rate
-
-
-def _quantity(text: str, unit: str, wrong: str) -> float:
-    try:
-        return float(parse_quantity(text if text.strip()[-1:].isalpha() else float(text), unit))
-    except ValueError:  # of which SceneError is one
-        raise RequestError(wrong) from None
+def _check_rate_of_sound(rate: float) -> None:
+    if not (rate == round(rate) and LEAST_RATE <= rate <= MOST_RATE):
+        told = f"that of a sound is a whole number of Hz, from {LEAST_RATE / 1e3:g} to {MOST_RATE / 1e3:g} kHz"
+        raise RequestError(f"--rate {rate:.10g} Hz: {told}")

@@ -1,5 +1,6 @@
 """What the commands share: arguments, options, and how they answer."""
 
+import math
 import os
 import sys
 from pathlib import Path
@@ -10,8 +11,8 @@ from rich.console import Console
 
 from drumsqueal.cli.completion import complete_scene, complete_setting
 from drumsqueal.errors import RequestError
-from drumsqueal.files.json_file import to_json
-from drumsqueal.files.output_folder import check_output_file, write_whole
+from drumsqueal.files.json_file import to_json, write_json
+from drumsqueal.files.output_folder import check_output_file
 from drumsqueal.scene.quantities import SceneError, parse_quantity
 from drumsqueal.scene.shipped import find_scene
 
@@ -88,14 +89,13 @@ class Reply:
         """Write the summary where it was asked for. Raises OSError."""
         if self._file is None:
             return
-        text = to_json(data)
         if self._path is None:
-            sys.stdout.write(text)
+            sys.stdout.write(to_json(data))
             sys.stdout.flush()
         elif _is_stream(self._path):
-            self._path.write_text(text, encoding="utf-8")
+            self._path.write_text(to_json(data), encoding="utf-8")
         else:
-            write_whole(self._path, text.encode())
+            write_json(data, self._path)
 
 
 def _is_stream(path: Path) -> bool:
@@ -108,31 +108,50 @@ def _is_stream(path: Path) -> bool:
 
 def read_share(text: str, option: str) -> float:
     """A share between 0 and 1 from "1 %" or "0.01"."""
-    try:
-        share = parse_quantity(text if "%" in text else float(text), "")
-    except ValueError:  # of which SceneError is one
-        share = 0.0
+    wrong = f'{option} {text}: write a share between 0 and 100 %, such as "1 %" or 0.01'
+    share = _read(text, "", wrong)
     if not 0 < share < 1:
-        raise RequestError(f'{option} {text}: write a share between 0 and 100 %, such as "1 %" or 0.01')
+        raise RequestError(wrong)
     return share
 
 
-def read_time(text: str, option: str) -> float:
-    """A time (s) from "20 ms" or "0.02"; whether there is such a time, the history tells."""
-    try:
-        return float(parse_quantity(text if text.strip()[-1:].isalpha() else float(text), "s"))
-    except SceneError as error:
-        raise RequestError(f"{option} {text}: {error.reason}") from None
-    except ValueError:
-        raise RequestError(f'{option} {text}: write a time such as "0.1 s"') from None
+def read_time(text: str | None, option: str) -> float | None:
+    """A time (s) from "20 ms" or "0.02", which may lie before zero; None where it was not given."""
+    return None if text is None else _read(text, "s", f'{option} {text}: write a time such as "0.1 s"')
 
 
 def read_duration(text: str, option: str) -> float:
     """How long (s) from "20 ms" or "0.02"."""
-    time = read_time(text, option)
+    wrong = f'{option} {text}: write a time up to {LONGEST:g} s, such as "5 s"'
+    time = _read(text, "s", wrong)
     if not 0 < time <= LONGEST:
-        raise RequestError(f'{option} {text}: write a time up to {LONGEST:g} s, such as "5 s"')
+        raise RequestError(wrong)
     return time
+
+
+def read_rate(text: str | None, option: str) -> float | None:
+    """A rate (Hz), positive, from "20 kHz" or "20000"; None where it was not given."""
+    if text is None:
+        return None
+    wrong = f'{option} {text}: write a rate such as "20 kHz"'
+    rate = _read(text, "Hz", wrong)
+    if not rate > 0:
+        raise RequestError(wrong)
+    return rate
+
+
+def _read(text: str, unit: str, wrong: str) -> float:
+    """A finite number in an SI unit; `wrong` is said of what is none."""
+    try:
+        value = float(text)
+    except ValueError:
+        try:
+            value = float(parse_quantity(text, unit))
+        except SceneError as error:
+            raise RequestError(f"{wrong} ({error.reason.partition(';')[0]})") from None
+    if not math.isfinite(value):
+        raise RequestError(wrong)
+    return value
 
 
 def make_console(*, stderr: bool = False, quiet: bool = False) -> Console:

@@ -1,10 +1,13 @@
 """The departure from steady sliding, and how far it has come towards the edges."""
 
+from collections.abc import Sequence
+
 import jax
 import numpy as np
 import xarray
 from numpy.typing import NDArray
 
+from drumsqueal.bodies.rigid_shoe import RigidShoe
 from drumsqueal.comparison.edges import pressure_share, slip_share
 from drumsqueal.effects.pressure import Unilateral
 from drumsqueal.linear.modes import Mode, Stability
@@ -21,6 +24,11 @@ FRACTION_ROUND_OFF = 1e-12  # of a share of the lining, which is a sum over some
 def unit_of(coordinate: str, prefix: str = "") -> str:
     """The unit of a coordinate, m or rad, with a prefix such as µ."""
     return f"{prefix}{'rad' if coordinate in ROTATIONS else 'm'}"
+
+
+def levers(coordinates: Sequence[str], shoe: RigidShoe) -> NDArray[np.float64]:
+    """How far the drum's surface is (n,) from what turns: R (m) for rotations, 1 for displacements."""
+    return np.array([float(shoe.outer_radius) if name in ROTATIONS else 1.0 for name in coordinates])
 
 
 class Departure:

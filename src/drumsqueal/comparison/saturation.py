@@ -7,7 +7,7 @@ import xarray
 from numpy.typing import NDArray
 
 from drumsqueal.comparison.decay import decay_to_rest
-from drumsqueal.comparison.departure import ROTATIONS, Departure, changes
+from drumsqueal.comparison.departure import Departure, changes, levers
 from drumsqueal.linear.modes import Mode, Stability
 from drumsqueal.model import Model
 from drumsqueal.signals import PERIODS_NEEDED, STEADY, Regime, classify, spectral_peaks
@@ -128,10 +128,11 @@ def size_of_motion(departure: Departure, stability: Stability, model: Model) -> 
     Without pressure or without contact stiffness it is the largest departure of the record.
     """
     largest = np.abs(departure.displacement).max(axis=0)
-    stiffness, radius = float(model.lining.law.stiffness), float(model.shoe.outer_radius)
+    stiffness = float(model.lining.law.stiffness)
     lost = stability.pressure_range[1] / stiffness if stiffness > 0 else 0.0
-    lever = np.array([radius if name in ROTATIONS else 1.0 for name in departure.coordinates])
-    return lost / lever if lost > 0 else np.maximum(largest, np.finfo(np.float64).tiny)
+    if lost > 0:
+        return lost / levers(departure.coordinates, model.shoe)
+    return np.maximum(largest, np.finfo(np.float64).tiny)
 
 
 def _main_line(lines: tuple[Line, ...], stability: Stability) -> Line | None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from drumsqueal.errors import RequestError, SteadyStateError
 from drumsqueal.export.channels import FLAG, Channel, Channels
-from drumsqueal.export.signals import given_law, make_channels, names_of
+from drumsqueal.export.signals import make_channels, names_of
 from drumsqueal.files.saved_history import UNEVEN, SavedHistory
 from drumsqueal.signals.resampling import PASSES, reach, resample, share_above
 
@@ -93,7 +93,7 @@ def _window(saved: SavedHistory, part: Part) -> tuple[float, float]:
 def _resampled(recorded: Sequence[Channel], own: float, place: float, count: int, rate: float) -> list[Channel]:
     """Channels at so many times from a place (samples) on, at a rate (Hz)."""
     places = place + np.arange(count) * (own / rate)
-    smooth = [channel for channel in recorded if channel.quantity != FLAG]
+    smooth = [channel for channel in recorded if _is_smooth(channel)]
     found = {}
     if smooth:
         values = np.stack([channel.values for channel in smooth], axis=1)
@@ -141,12 +141,12 @@ def _texts(saved: SavedHistory) -> dict[str, str]:
         "source": saved.path.name,
         "measured_from": str(attributes.get("measured_from", "")),
     }
-    return texts | ({"friction_law": str(attributes["friction_law"])} if given_law(saved) else {})
+    return texts | ({"friction_law": str(attributes["friction_law"])} if saved.given_law else {})
 
 
 def _prediction(saved: SavedHistory) -> tuple[str, ...]:
     """A line for each oscillating mode of steady sliding: name, frequency, growth rate."""
-    if given_law(saved):
+    if saved.given_law:
         return ("unknown: the friction law was given in Python",)
     from drumsqueal.composition import linear_coordinates
     from drumsqueal.linear.modes import analyse_stability

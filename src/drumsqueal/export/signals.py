@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from drumsqueal.bodies.rigid_shoe import TZ, RigidShoe, X, Y
 from drumsqueal.composition import kept_coordinates
 from drumsqueal.errors import RequestError
 from drumsqueal.export.channels import (
@@ -79,18 +80,13 @@ def names_of(asked: Sequence[str] | None, saved: SavedHistory) -> tuple[list[str
     """
     moving = [COORDINATES[i] for i in kept_coordinates(saved.scene)]
     if asked is None:
-        groups = [kind for kind in _UNITS if kind != ACCELERATION or not given_law(saved)]
+        groups = [kind for kind in _UNITS if kind != ACCELERATION or not saved.given_law]
         names = [name for group in (*groups, *_SURFACE, *SIGNALS) for name in _members(group, moving)]
         return names, [] if ACCELERATION in groups else [f"accelerations are left out: {_GIVEN_LAW}"]
     names = list(dict.fromkeys(name for group in asked for name in _members(group, moving)))
-    if given_law(saved) and any(name.startswith(ACCELERATION) for name in names):
+    if saved.given_law and any(name.startswith(ACCELERATION) for name in names):
         raise RequestError(f"--signals: there are no accelerations for this history: {_GIVEN_LAW}; leave them out")
     return names, []
-
-
-def given_law(saved: SavedHistory) -> bool:
-    """Whether friction followed a law that the scene does not hold."""
-    return "friction_law" in saved.data.attrs
 
 
 def _members(name: str, moving: Sequence[str]) -> list[str]:
@@ -134,13 +130,11 @@ def surface_velocity(
     velocities (k, 6) of the coordinates, with c the distance of the centre of gravity from the drum's axis, equation
     (2) of Seo & Kang.
     """
-    shoe = scene.shoe
-    R, h, beta = shoe.outer_radius, shoe.thickness, shoe.arc_angle
-    c = 4 * (h**2 - 3 * h * R + 3 * R**2) / (3 * beta * (2 * R - h)) * np.sin(beta / 2)
-    x, turn = velocity[:, 0], velocity[:, 5]
-    y = velocity[:, 1] - c * turn
+    shoe = RigidShoe(**scene.shoe.model_dump())
+    x, turn = velocity[:, X], velocity[:, TZ]
+    y = velocity[:, Y] - float(shoe.centroid) * turn
     if along_drum:
-        return R * turn - x * np.sin(angle) + y * np.cos(angle)
+        return float(shoe.outer_radius) * turn - x * np.sin(angle) + y * np.cos(angle)
     return x * np.cos(angle) + y * np.sin(angle)
 
 

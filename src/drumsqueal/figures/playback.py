@@ -9,13 +9,13 @@ import xarray
 from jax import Array
 from numpy.typing import NDArray
 
-from drumsqueal.bodies.rigid_shoe import IN_PLANE, TX, TY, RigidShoe, Z
-from drumsqueal.comparison.departure import ROTATIONS
+from drumsqueal.bodies.rigid_shoe import IN_PLANE, OUT_OF_PLANE, TX, TY, RigidShoe
+from drumsqueal.comparison.departure import levers
 from drumsqueal.effects.pressure import Unilateral
 from drumsqueal.errors import RequestError
 from drumsqueal.figures.contact import SMALL, along_arc
 from drumsqueal.figures.placement import between
-from drumsqueal.figures.section import largest_displacement, on_line
+from drumsqueal.figures.section import largest_displacement, on_line, whole_shape
 from drumsqueal.figures.view import MICRO
 from drumsqueal.figures.window import (
     FRAMES_PER_SECOND,
@@ -38,7 +38,6 @@ FASTEST = TICK / 3  # turn of the drum from frame to frame, beyond which it woul
 PAD = 8  # samples beyond both ends keep the ends of the interpolation out of the picture
 MOVES = 0.02  # of the largest motion, from which on a coordinate's curve is drawn
 CURVE_POINTS = 1500
-OUT_OF_PLANE = (Z, TX, TY)
 
 TOUCHING, SEPARATED, REVERSED, STUCK = range(4)
 """States of a part of the arc: touches and slips, has lifted off, slips backwards, sticks."""
@@ -154,8 +153,7 @@ def play_mode(scene: Scene, stability: Stability, mode: Mode, *, slow: float | N
     model = while_sliding(build_model(scene, coordinates=IN_PLANE))[0]
     period = 1 / mode.frequency_Hz
     frames = count_frames(period, mode.frequency_Hz, slow, MODE_FRAMES, closed=True)
-    shape = np.zeros(6, dtype=complex)
-    shape[[COORDINATES.index(name) for name in stability.coordinates]] = mode.right[: len(stability.coordinates)]
+    shape = whole_shape(stability.coordinates, mode)
 
     def over(phases: Values) -> Values:
         return np.real(shape * np.exp(2j * np.pi * phases)[:, None])
@@ -258,8 +256,7 @@ def _sense(model: Model, time: float) -> float:
 
 def _curves(displacement: Values, shoe: RigidShoe) -> dict[str, Values]:
     """The displacements (points, 6) that are worth a curve, in µm at the drum's surface, by their labels."""
-    scale = np.array([float(shoe.outer_radius) if name in ROTATIONS else 1.0 for name in COORDINATES])
-    values = MICRO * scale * displacement
+    values = MICRO * levers(COORDINATES, shoe) * displacement
     sizes = np.ptp(values, axis=0)
     shown = [k for k in range(6) if sizes[k] >= MOVES * sizes.max()]
     return {COORDINATES[k]: values[:, k] for k in shown}

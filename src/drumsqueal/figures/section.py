@@ -4,10 +4,14 @@ Points are (x, y) in mm: x from the drum's axis through the middle of the lining
 which a drum of positive speed carries that middle.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from drumsqueal.bodies.rigid_shoe import TX, TY, TZ, RigidShoe, X, Y
+from drumsqueal.linear.modes import Mode
+from drumsqueal.scene import COORDINATES
 
 Points = NDArray[np.float64]
 
@@ -51,6 +55,13 @@ def displaced(points: Points, centroid: float, motion: ArrayLike, magnification:
     x, y = points[..., 0], points[..., 1]
     moved = (x + MILLI * x_shift - y * turn, y + MILLI * y_shift + (x - MILLI * centroid) * turn)
     return np.stack(moved, axis=-1)
+
+
+def whole_shape(coordinates: Sequence[str], mode: Mode) -> NDArray[np.complex128]:
+    """The displacements of a mode (6,), complex, zero where a coordinate is not among its own."""
+    shape = np.zeros(len(COORDINATES), dtype=np.complex128)
+    shape[[COORDINATES.index(name) for name in coordinates]] = mode.right[: len(coordinates)]
+    return shape
 
 
 def on_line(states: NDArray[np.float64], z: float) -> NDArray[np.float64]:

@@ -1,13 +1,21 @@
-"""Plain data as JSON text."""
+"""Plain data as JSON."""
 
 import json
 import math
+from pathlib import Path
 from typing import Any
+
+from drumsqueal.files.output_folder import write_whole
 
 
 def to_json(data: Any) -> str:
     """JSON text with a final line break; a number that is not finite becomes null, for JSON has none."""
     return json.dumps(_finite(data), indent=2, allow_nan=False) + "\n"
+
+
+def write_json(data: Any, path: Path) -> None:
+    """Write data to a file, whole or not at all. Raises OSError."""
+    write_whole(path, to_json(data).encode())
 
 
 def _finite(data: Any) -> Any:

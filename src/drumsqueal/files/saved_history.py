@@ -8,7 +8,7 @@ import numpy as np
 import xarray
 
 from drumsqueal.errors import RequestError
-from drumsqueal.files.history_file import opened, variable
+from drumsqueal.files.in_place import as_text, opened, variable
 from drumsqueal.files.output_folder import HISTORY
 from drumsqueal.history import COMPLETE, MOTION, SIGNALS
 from drumsqueal.scene import COORDINATES, Scene, SceneError, scene_from_dict
@@ -34,6 +34,11 @@ class SavedHistory(NamedTuple):
     def outcome(self) -> str:
         """How the run ended, in words; "complete" where it got to its end."""
         return str(self.data.attrs["outcome"])
+
+    @property
+    def given_law(self) -> bool:
+        """Whether friction followed a law that was given in Python, which the scene does not hold."""
+        return "friction_law" in self.data.attrs
 
     @property
     def complete(self) -> bool:
@@ -68,6 +73,12 @@ def read_history(path: Path) -> SavedHistory:
     return SavedHistory(file, _computed(file, data), scene)
 
 
+def check_not_the_history(path: Path, saved: SavedHistory) -> None:
+    """Raise RequestError where a file that is to be written is the history itself."""
+    if path.exists() and path.samefile(saved.path):
+        raise RequestError(f"{path} is the history itself; name another file with -o")
+
+
 def _check_container(path: Path) -> None:
     """Raise RequestError for what HDF5 does not open: other files, and those that have lost their end."""
     try:
@@ -89,8 +100,8 @@ def _load(path: Path) -> tuple[xarray.Dataset, Scene]:
     dimensions = dict.fromkeys(SIGNALS, ("time",)) | dict.fromkeys(MOTION, ("time", "coordinate"))
     if any(data[name].dims != wanted for name, wanted in dimensions.items()):
         raise ValueError("dimensions")
-    data.attrs["outcome"] = _text(data.attrs["outcome"])
-    return data, scene_from_dict(tomllib.loads(_text(data.attrs["scene"])))
+    data.attrs["outcome"] = as_text(data.attrs["outcome"])
+    return data, scene_from_dict(tomllib.loads(as_text(data.attrs["scene"])))
 
 
 def _computed(path: Path, data: xarray.Dataset) -> xarray.Dataset:
@@ -108,7 +119,3 @@ def _computed(path: Path, data: xarray.Dataset) -> xarray.Dataset:
     if not time[-1] > time[0] or np.abs(time - places).max() > UNEVEN * (places[1] - places[0]):
         raise RequestError(f"{path}: the samples are not evenly spaced in time, as those of a history are; {_OURS}")
     return data.isel(time=slice(rows))
-
-
-def _text(value: str | bytes) -> str:
-    return value.decode() if isinstance(value, bytes) else str(value)

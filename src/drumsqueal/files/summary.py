@@ -1,6 +1,5 @@
 """The result of a run as plain data for summary.json, and of the eigenvalue problem for `stability --json`."""
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,8 +8,6 @@ from drumsqueal.comparison.compare import Comparison
 from drumsqueal.comparison.frequency import FrequencyDrift
 from drumsqueal.comparison.saturation import Saturation
 from drumsqueal.comparison.sticking import Sticking, find_sticking
-from drumsqueal.files.json_file import to_json
-from drumsqueal.files.output_folder import write_whole
 from drumsqueal.history import versions
 from drumsqueal.linear.modes import Stability
 from drumsqueal.simulation import Prepared, Result
@@ -97,11 +94,6 @@ def energy_balance(result: Result) -> dict[str, float]:
         "energy_balance_error_over_kinetic_energy": error / kinetic if kinetic > 0 else 0.0,
         "energy_balance_error_over_friction_work": error / work if work > 0 else 0.0,
     }
-
-
-def write_json(data: dict[str, Any], path: Path) -> None:
-    """Write data to a file, whole or not at all. Raises OSError."""
-    write_whole(path, to_json(data).encode())
 
 
 def _growth(comparison: Comparison) -> dict[str, Any]:

@@ -7,8 +7,8 @@ from rich.console import Console
 
 from drumsqueal.figures import save_figures
 from drumsqueal.figures.measured import draw_comparison
+from drumsqueal.files.json_file import write_json
 from drumsqueal.files.output_folder import COMPARE, COMPARE_SUMMARY, COMPARE_TABLE, write_whole
-from drumsqueal.files.summary import write_json
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.jobs.compare_table import comparison_data, print_comparison, to_csv
 from drumsqueal.jobs.study import told_what_is_kept

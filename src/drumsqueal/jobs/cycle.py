@@ -9,6 +9,7 @@ from drumsqueal.errors import CycleError
 from drumsqueal.figures import save_figures
 from drumsqueal.figures.branch import draw_branch
 from drumsqueal.figures.cycle import draw_cycle
+from drumsqueal.files.json_file import write_json
 from drumsqueal.files.output_folder import (
     BRANCH,
     BRANCH_SUMMARY,
@@ -19,7 +20,6 @@ from drumsqueal.files.output_folder import (
     part_of,
     write_whole,
 )
-from drumsqueal.files.summary import write_json
 from drumsqueal.history import COMPLETE, to_dataset
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.jobs.branch_table import diagram_data, print_diagram, to_csv

@@ -5,7 +5,6 @@ from typing import Any
 
 from rich.console import Console
 
-from drumsqueal.errors import RequestError
 from drumsqueal.export.formats import Format
 from drumsqueal.export.selection import Part, select
 from drumsqueal.files.output_folder import written_whole
@@ -46,9 +45,3 @@ def export_into(
         "note": told,
         "remarks": remarks,
     }
-
-
-def check_not_the_history(path: Path, saved: SavedHistory) -> None:
-    """Raise RequestError where the file that is to be written is the history itself."""
-    if path.exists() and path.samefile(saved.path):
-        raise RequestError(f"{path} is the history itself; name another file with -o")

@@ -8,8 +8,8 @@ from rich.console import Console
 from drumsqueal.comparison.departure import unit_of
 from drumsqueal.figures import save_figures
 from drumsqueal.figures.motion import combination, draw_convergence, draw_lines, draw_section
+from drumsqueal.files.json_file import write_json
 from drumsqueal.files.output_folder import CONVERGENCE, LINES, MOTION_SUMMARY, MOTION_TABLE, SECTION, write_whole
-from drumsqueal.files.summary import write_json
 from drumsqueal.history import versions
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.jobs.progress import progress_bar

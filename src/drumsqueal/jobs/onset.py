@@ -8,8 +8,8 @@ from rich.console import Console
 
 from drumsqueal.figures import save_figures
 from drumsqueal.figures.onset import draw_onset
+from drumsqueal.files.json_file import write_json
 from drumsqueal.files.output_folder import ONSET, ONSET_SUMMARY, ONSET_TABLE, write_whole
-from drumsqueal.files.summary import write_json
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.jobs.onset_table import print_study, to_csv, to_data
 from drumsqueal.jobs.progress import counting_bar, telling

@@ -8,8 +8,8 @@ from rich.console import Console
 
 from drumsqueal.figures import save_figures
 from drumsqueal.figures.paper import draw_paper
+from drumsqueal.files.json_file import write_json
 from drumsqueal.files.output_folder import PAPER_TABLE, STATEMENTS, STATEMENTS_TABLE, write_whole
-from drumsqueal.files.summary import write_json
 from drumsqueal.history import versions
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.jobs.paper_table import curves_to_csv, describe_statements, print_statements, statements_to_csv

@@ -6,8 +6,9 @@ from typing import Any
 from rich.console import Console
 
 from drumsqueal.figures import draw_all, save_figures
+from drumsqueal.files.json_file import write_json
 from drumsqueal.files.output_folder import FIGURES, SUMMARY, figure_file
-from drumsqueal.files.summary import summarise, summarise_prediction, write_json
+from drumsqueal.files.summary import summarise, summarise_prediction
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.jobs.run_tables import print_result
 from drumsqueal.scene.quantities import printable

@@ -9,6 +9,7 @@ from rich.console import Console
 from drumsqueal.errors import IntegrationError
 from drumsqueal.figures import save_figures
 from drumsqueal.figures.sensitivity import draw_sensitivity
+from drumsqueal.files.json_file import write_json
 from drumsqueal.files.output_folder import (
     QUIET_SCENE,
     SENSITIVITY,
@@ -16,7 +17,6 @@ from drumsqueal.files.output_folder import (
     SENSITIVITY_TABLE,
     write_whole,
 )
-from drumsqueal.files.summary import write_json
 from drumsqueal.interrupts import noted_interrupts, stop_if_interrupted
 from drumsqueal.jobs.sensitivity_table import describe_study, print_quieting, print_sensitivity, quiet_sentence, to_csv
 from drumsqueal.jobs.study import told_what_is_kept

@@ -13,8 +13,8 @@ from drumsqueal.figures import save_figures
 from drumsqueal.figures.amplitude import draw_amplitude
 from drumsqueal.figures.chance import draw_chance
 from drumsqueal.figures.stability import draw_stability
+from drumsqueal.files.json_file import write_json
 from drumsqueal.files.output_folder import AMPLITUDE, CHANCE, STABILITY, SWEEP, SWEEP_SUMMARY
-from drumsqueal.files.summary import write_json
 from drumsqueal.files.sweep import COMPUTED, OUTCOMES, TRENDS
 from drumsqueal.history import versions
 from drumsqueal.interrupts import stop_if_interrupted

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from drumsqueal.bodies.rigid_shoe import TX, TY, RigidShoe, Z
-from drumsqueal.comparison.departure import ROTATIONS
-from drumsqueal.figures.section import MILLI, displaced, on_circle, on_line, shoe_outline
+from drumsqueal.bodies.rigid_shoe import OUT_OF_PLANE, TX, TY, RigidShoe, Z
+from drumsqueal.comparison.departure import levers
+from drumsqueal.figures.section import MILLI, displaced, on_circle, on_line, shoe_outline, whole_shape
 from drumsqueal.linear.modes import NEUTRAL_SHARE, Mode
 from drumsqueal.scene import COORDINATES
 
@@ -16,7 +16,6 @@ DRAWN = 0.08  # of the outer radius: the largest motion as it is drawn
 PERIOD_S = 2.0  # of every mode as it is drawn
 DRUM = 1.1  # outer over inner radius of the drum that is drawn; it has no thickness in the model
 EDGE = 1.02  # of the picture, beyond the drum
-OUT_OF_PLANE = (Z, TX, TY)
 FLAT = 1e-9  # of the displacement: less motion out of the plane is round-off
 LEAST_SHARE = 5e-3  # of the kinetic energy, that is told
 # Seen from the front and from above: z comes forward, to the left and down.
@@ -46,11 +45,9 @@ def animate(
 
 
 def _moving(shoe: RigidShoe, coordinates: Sequence[str], mass: NDArray[np.float64], mode: Mode) -> dict[str, Any]:
-    shape = np.zeros(6, dtype=np.complex128)
-    shape[[COORDINATES.index(name) for name in coordinates]] = mode.right[: len(coordinates)]
-    lever = np.array([float(shoe.outer_radius) if name in ROTATIONS else 1.0 for name in COORDINATES])
-    outside = np.abs(shape * lever)[list(OUT_OF_PLANE)].max()
-    flat = bool(outside < FLAT * np.abs(shape * lever).max())
+    shape = whole_shape(coordinates, mode)
+    sizes = np.abs(shape * levers(COORDINATES, shoe))
+    flat = bool(sizes[list(OUT_OF_PLANE)].max() < FLAT * sizes.max())
     lines = _section(shoe, shape) if flat else _body(shoe, shape)
     drawn = DRAWN * MILLI * float(shoe.outer_radius)
     magnification = drawn / max(_largest(moved) for _, moved in lines)

@@ -30,7 +30,7 @@ ABOUT = "The shapes were computed anew from the scene as this page was made."
 def run_content(folder: Path) -> dict[str, Any]:
     """What the template takes, from the folder of a run. Raises RequestError for files that are none of a run."""
     history = read_history(folder / HISTORY) if (folder / HISTORY).exists() else None
-    given_law = history is not None and "friction_law" in history.data.attrs
+    given_law = history is not None and history.given_law
     if (folder / SUMMARY).exists():
         summary = read_summary(folder / SUMMARY, Summary)
         scene = scene_of(folder / SUMMARY, summary.scene)

@@ -16,7 +16,7 @@ from drumsqueal.effects.pressure import Unilateral
 from drumsqueal.linear.modes import Mode, while_sliding
 from drumsqueal.scene import Profile, Scene
 from drumsqueal.scene.tables import BYTES_PER_SAMPLE
-from drumsqueal.simulation import Prepared, check_sample_rate, prepare
+from drumsqueal.simulation import Prepared, check_sample_rate, prepare, start_of
 from drumsqueal.studies.run_time import RunTime, estimate
 
 HARMONICS = 2  # of the highest frequency that a record should hold: contact that comes and goes makes them
@@ -148,8 +148,7 @@ def first_edge(growing: tuple[Growth, ...], shares: tuple[float, float]) -> floa
 
 def _start(prepared: Prepared, names: tuple[str, ...]) -> NDArray[np.float64]:
     """The departure from steady sliding and the velocity at the start (2n,)."""
-    start = prepared.scene.start
-    return np.array([table.get(name, 0.0) for table in (start.displacement, start.velocity) for name in names])
+    return np.concatenate(start_of(prepared.scene, names))
 
 
 def _growth(prepared: Prepared, mode: Mode) -> Growth:

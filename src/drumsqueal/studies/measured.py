@@ -10,7 +10,7 @@ from drumsqueal.comparison.departure import first_edge
 from drumsqueal.comparison.matching import WIDEST, Match, match_lines, share_covered
 from drumsqueal.comparison.saturation import saturated_part
 from drumsqueal.errors import RequestError
-from drumsqueal.export.signals import SURFACE, given_law, make_channels, names_of
+from drumsqueal.export.signals import SURFACE, make_channels, names_of
 from drumsqueal.files.measured.record import QUANTITIES, Measured, parse_unit
 from drumsqueal.files.saved_history import SavedHistory, read_history
 from drumsqueal.interrupts import stop_if_interrupted
@@ -119,7 +119,7 @@ def compare_measured(
     a signal that is not there or does not move, and for a history whose friction law is not in it.
     """
     saved = history if isinstance(history, SavedHistory) else read_history(Path(history))
-    if given_law(saved):
+    if saved.given_law:
         told = "its friction law was given in Python and is not in it, so that its eigenvalues are not known"
         raise RequestError(f"{saved.path}: {told}; run the scene with a law that it names")
     name = _one_signal(saved, signal)

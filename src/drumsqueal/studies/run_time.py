@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from drumsqueal.errors import IntegrationError
 from drumsqueal.interrupts import stop_if_interrupted
-from drumsqueal.simulation import Prepared
+from drumsqueal.simulation import Prepared, start_of, steady_at_start
 from drumsqueal.transient.integrate import integrate
 from drumsqueal.transient.state import CHUNK_SAMPLES
 
@@ -49,10 +49,9 @@ def estimate(prepared: Prepared, edge_time: float | None, at_the_edges: NDArray[
     It is below the edges until `edge_time` (s; None: all along) and beyond them from then on. A lining that sticks
     takes other programs, which are not timed.
     """
-    simulate, start = prepared.scene.simulate, prepared.scene.start
+    simulate = prepared.scene.simulate
     chunks = simulate.duration * simulate.sample_rate / CHUNK_SAMPLES
-    names = prepared.model.names
-    own = np.array([table.get(name, 0.0) for table in (start.displacement, start.velocity) for name in names])
+    own = np.concatenate(start_of(prepared.scene, prepared.model.names))
     compiling = math.nan
     share = 1.0 if edge_time is None else min(1.0, edge_time / simulate.duration)
     try:
@@ -93,7 +92,7 @@ def _timed(prepared: Prepared, state: NDArray[np.float64], samples: int) -> tupl
     begun = time.process_time()
     pieces = integrate(
         model,
-        prepared.steady,
+        steady_at_start(prepared),
         state[:n],
         state[n:],
         duration=samples / simulate.sample_rate,

@@ -15,6 +15,8 @@ from drumsqueal.files.measured.sampling import Sampling, UnevenError, even_sampl
 INSTALL = 'it is an extra: pip install "drumsqueal[nvh]"'
 TIME_RESPONSE, TIME_AXIS, COMPLEX = 1, 17, (5, 6)
 GENERAL = (0, 1)  # data types that say nothing of the quantity
+ROTATIONS = (4, 5, 6)  # directions, negative ones too
+ANGULAR = {"m": "rad", "m/s": "rad/s", "m/s^2": "rad/s^2", "N": "N*m"}
 QUANTITY = {8: "m", 11: "m/s", 12: "m/s^2", 9: "N", 13: "N", 15: "Pa"}  # by the type of the ordinate
 # Metres, and newtons, that the units of data set 164 with these codes are.
 _FOOT, _POUND, _KILOGRAM, _POUNDAL = 0.3048, 4.4482216152605, 9.80665, 0.138254954376
@@ -27,6 +29,7 @@ SYSTEMS = {
     6: (1e-2, 1e-2),
     7: (0.0254, _POUND),
     8: (1e-3, _KILOGRAM),
+    10: (1e-3, 1.0),
 }
 USER_DEFINED = 9
 _MARK = b"    -1"  # begins and ends a data set
@@ -132,5 +135,8 @@ def _by_type(record: dict[str, Any], system: dict[str, Any] | None) -> Unit | No
         length, force = SYSTEMS[code]
     else:
         return None
+    if abs(int(record.get("rsp_dir", 0))) in ROTATIONS and si in ANGULAR:  # angles are in radians in every system
+        si = ANGULAR[si]
+        return Unit(si, force * length if si == "N*m" else 1.0)
     factor = {"N": force, "Pa": force / length**2}.get(si, length)
     return Unit(si, factor)
