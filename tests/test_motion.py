@@ -169,7 +169,10 @@ def test_the_axes_of_a_section_span_what_moves(spread, span):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--duration", "5 m"], '--duration 5 m: "m" (meter) is no unit of time; write a time such as "40 ms"'),
+        (
+            ["--duration", "5 m"],
+            '--duration 5 m: write a time up to 1000 s, such as "5 s" ("m" (meter)',
+        ),
         (["--duration", "5 +"], "--duration 5 +: write a time"),
         (["--duration", "2000 s"], "--duration 2000 s: write a time up to 1000 s"),
         (["--duration", "-1"], "--duration -1: write a time"),

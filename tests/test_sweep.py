@@ -353,7 +353,7 @@ def computed(folder: Path) -> int:
 def test_a_random_sweep_tells_the_chance(drumsqueal, tmp_path):
     status, printed, errors = drumsqueal("sweep", UNCERTAIN, "--random", "64", "--seed", "5", "-o", str(tmp_path))
     assert (status, errors) == (0, "")
-    assert "Chance of squeal, from 64 draws" in printed
+    assert "Chance of squeal by eigenvalues, 64 draws" in printed
     assert "rank correlation" in printed
     assert {path.name for path in tmp_path.iterdir()} == {"sweep.nc", "sweep.json", "chance.png"}
     summary = json.loads((tmp_path / "sweep.json").read_text())

@@ -51,12 +51,6 @@ class Prepared(NamedTuple):
     held: tuple[str, ...]
     given_law: str
 
-    @property
-    def steady(self) -> NDArray[np.float64]:
-        """The steady state (m, rad) of the coordinates that the transient moves."""
-        stability = self.stability
-        return np.array([stability.steady_state[stability.coordinates.index(name)] for name in self.model.names])
-
 
 class Result(NamedTuple):
     """What a run leaves: the linear prediction, the history (xarray), the comparison, and how the run ended.

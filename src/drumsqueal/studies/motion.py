@@ -37,7 +37,7 @@ from drumsqueal.signals import (
     told_frequencies,
 )
 from drumsqueal.signals.lyapunov import Exponents, lyapunov_exponents, orthonormalised
-from drumsqueal.simulation import Prepared, check_sample_rate, prepare, transient
+from drumsqueal.simulation import Prepared, check_sample_rate, prepare, steady_at_start, transient
 from drumsqueal.transient.flow import neighbours, state_size
 from drumsqueal.transient.integrate import Chunk
 
@@ -206,7 +206,7 @@ def _at_rest(prepared: Prepared, chunks: list[Chunk]) -> bool:
         return False
     whole = chunks[-1].time[-1] - chunks[0].time[0] > BLOCK
     velocity = np.concatenate([chunk.velocity for chunk in chunks])
-    departure = np.concatenate([chunk.displacement for chunk in chunks]) - prepared.steady
+    departure = np.concatenate([chunk.displacement for chunk in chunks]) - steady_at_start(prepared)
     return bool(whole and max(edge_shares(model, departure, velocity)) < STEADY)
 
 
