@@ -11,8 +11,16 @@ from drumsqueal.model import Model
 from drumsqueal.signals import STEADY, Regime
 
 SMALL = 0.1  # of the nearer edge, below which the motion is nearly linear
-BEYOND = 0.9  # of an edge, from which on the linear model is no guide
+BEYOND = 0.9  # of an edge, from which on the linear model is no guide; a block that sticks just reaches it
 NEARLY_LINEAR = 0.5  # of the linear rate: a motion below the edges that decays so fast is linear
+
+
+def is_decaying(share: float, rate: float, linear: float) -> bool:
+    """Whether a motion that has come this `share` of the way to the edges, and changes at this rate (1/s), decays.
+
+    Within a tenth of the edges it must fall, below them at least half as fast as the slowest mode at `linear` (1/s).
+    """
+    return (share < SMALL and rate < 0) or (share < BEYOND and rate < NEARLY_LINEAR * linear)
 
 
 def slowest(stability: Stability, modes: Sequence[Mode]) -> Mode | None:
@@ -28,9 +36,7 @@ def decay_to_rest(
 ) -> Regime:
     """Return the regime of a part of the record, steady where what had not settled decays to rest.
 
-    `modes` are those that take part. All of them must decay and the motion lie within a tenth of the edges and fall, or
-    lie below the edges and fall at least half as fast as the slowest of them. Rest stays rest, and what is left of
-    it grows no more.
+    `modes` are those that take part; all of them must decay. Rest stays rest, and what is left of it grows no more.
     """
     mode = slowest(stability, modes)
     if regime.kind not in ("unknown", "steady") or mode is None or model.forced or changes(model, departure.time[part]):
@@ -41,7 +47,7 @@ def decay_to_rest(
         reason = regime.reason.split(":")[0] if regime.kind == "steady" else "Nothing moves"
         return _steady(regime, f"{reason}: what is left is {share:.2g} of what reaches an edge, and {slow}.")
     rate = _rate(departure.velocity[part], stability.mass, departure.sample_rate)
-    if not ((share < SMALL and rate < 0) or (share < BEYOND and rate < NEARLY_LINEAR * mode.growth_rate)):
+    if not is_decaying(share, rate, mode.growth_rate):
         return regime
     told = f"the rms velocity changes by {rate:.4g} 1/s".replace("-", "−")
     return _steady(regime, f"The motion decays to rest: below the edges {told}, and {slow}.")

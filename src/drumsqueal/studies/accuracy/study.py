@@ -18,7 +18,7 @@ from drumsqueal.history import COMPLETE
 from drumsqueal.interrupts import noted_interrupts, stop_if_interrupted
 from drumsqueal.scene import Profile, Scene, SceneError
 from drumsqueal.scene.tables import LEAST_TOLERANCE
-from drumsqueal.simulation import Prepared, check_sample_rate, finish, prepare, transient
+from drumsqueal.simulation import Prepared, check_sample_rate, finish, prepare, steady_at_start, transient
 from drumsqueal.studies.accuracy.contenders import Contender, contenders_of
 from drumsqueal.studies.accuracy.features import NONE, Features, feature_errors, features_of
 from drumsqueal.studies.accuracy.reference import UNMOVED, Reference, find_reference, sizes_of
@@ -119,7 +119,7 @@ class _Bench:
         self.best = best
         self.scatter = feature_errors(best, self._features(LOOSER)[1], self.prepared.scene.simulate.duration)
         self.time, states = _states(chunks)
-        self.steady = self._steady_state()
+        self.steady = steady_at_start(prepared)
         departure = states - np.concatenate([self.steady, np.zeros_like(self.steady)])
         comparison = finish(self.prepared, chunks, COMPLETE).comparison
         edge, end = comparison.edge_reached_s, float(self.time[-1])
@@ -188,10 +188,6 @@ class _Bench:
         prepared = self.prepared._replace(scene=scene)
         chunks = _run(prepared)
         return chunks, features_of(finish(prepared, chunks, COMPLETE), self.prepared.linear)
-
-    def _steady_state(self) -> np.ndarray:
-        stability = self.prepared.stability
-        return np.array([stability.steady_state[stability.coordinates.index(n)] for n in self.prepared.model.names])
 
     def _separation(self, departure: np.ndarray) -> float | None:
         """When a trajectory from a start that is off by a share of 1e-9 is off by a hundred times as much."""

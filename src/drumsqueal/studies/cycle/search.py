@@ -13,7 +13,7 @@ from drumsqueal.linear.modes import Stability
 from drumsqueal.model import Model
 from drumsqueal.scene import Scene, SceneError
 from drumsqueal.signals import Regime, classify
-from drumsqueal.simulation import Prepared, check_sample_rate, prepare, transient
+from drumsqueal.simulation import Prepared, check_sample_rate, prepare, steady_at_start, transient
 from drumsqueal.studies.cycle.orbit import NEUTRAL, Cycle, describe
 from drumsqueal.studies.cycle.shooting import CLOSED, Closed, Scales, Shooting, Vector
 from drumsqueal.studies.cycle.starts import Start, modal_starts, reach, returns
@@ -83,7 +83,7 @@ def _tried(
     for start in starts:
         tell(start.origin)
         try:
-            cycle = cycle_from(prepared.model, start, steady_state(prepared))
+            cycle = cycle_from(prepared.model, start, steady_at_start(prepared))
         except CycleError as error:
             reasons.append(f"{start.origin}: {error}")
             continue
@@ -151,12 +151,6 @@ def is_same(one: Cycle, other: Cycle) -> bool:
     return all(abs(a - b) <= SAME * max(abs(a), abs(b)) for a, b in pairs)
 
 
-def steady_state(prepared: Prepared) -> Vector:
-    """Steady sliding (n,) of the coordinates that move."""
-    stability = prepared.stability
-    return np.array([stability.steady_state[stability.coordinates.index(name)] for name in prepared.model.names])
-
-
 class _Record(NamedTuple):
     """The last part of a transient: times (k,), states (k, 2n), what it does, its period if it has one."""
 
@@ -213,7 +207,7 @@ def _lowest(prepared: Prepared) -> float | None:
 
 def _motion(prepared: Prepared, states: Vector) -> Vector:
     """Amplitudes (2n,) that the largest vibration of a record gives the coordinates."""
-    n, steady = len(prepared.model.names), steady_state(prepared)
+    n, steady = len(prepared.model.names), steady_at_start(prepared)
     largest = states[np.argmax(np.abs(states[:, n:]) @ np.sqrt(np.asarray(prepared.model.mass)))]
     return np.asarray(state_size(prepared.model, jnp.asarray(largest[:n] - steady), jnp.asarray(largest[n:])))
 

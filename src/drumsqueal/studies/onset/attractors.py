@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from drumsqueal.comparison.decay import BEYOND, SMALL, is_decaying
 from drumsqueal.comparison.edges import edge_shares
 from drumsqueal.linear.branches import ModelAt, Point
 from drumsqueal.linear.modes import UNDAMPED_SHARE, Mode
@@ -17,16 +18,13 @@ from drumsqueal.model import Model
 from drumsqueal.studies.saturated import DRIFT, Saturated, at_once, saturated_motions
 from drumsqueal.transient.runge_kutta import AUTO
 
-SMALL = 0.1  # of the nearer edge: a small departure, where the motion is nearly linear
 KICK = 3.0  # of the farther edge: a large departure, contact is lost and slip reversed
-BEYOND = 0.9  # of an edge, above which the linear model is no guide; a block that sticks just reaches it
 ROUND_PERIODS = 100  # of the slowest mode that oscillates freely
 FREE = 0.5  # damping ratio below which a mode does
 MOST_ROUNDS = 60
 PERSISTENT, LASTING = 3, 10  # rounds a motion must last to count as settled, on the grid and at a boundary
 IRREGULAR = 20  # rounds over which one whose rms comes and goes must go on as it was
-# Shares of the linear rate: a motion that decays so fast is linear, one so slow settled.
-NEARLY_LINEAR, STILL = 0.5, 0.1
+STILL = 0.1  # of the linear rate: a motion below the edges that changes so slowly has settled
 # Two motions are alike where the logarithms of their kinetic energy and of their frequency differ by less.
 ALIKE_ENERGY, ALIKE_FREQUENCY = 0.5, 0.05
 
@@ -216,9 +214,7 @@ def _judge(job: _Job, motion: Saturated, family: Family, rounds: int) -> str | N
     stable, neutral = linear <= noise, bool(rates) and abs(linear) <= noise
     if stable and (share == 0 or motion.at_rest):
         return DECAYS
-    if stable and not neutral and share < SMALL and motion.rate < 0:
-        return DECAYS
-    if stable and not neutral and share < BEYOND and motion.rate < NEARLY_LINEAR * linear:
+    if stable and not neutral and is_decaying(share, motion.rate, linear):
         return DECAYS
     if _settled(job, motion, rounds, STILL * abs(linear) if not neutral else np.inf):
         if not neutral:
