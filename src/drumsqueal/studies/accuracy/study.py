@@ -119,7 +119,7 @@ class _Bench:
         self.best = best
         self.scatter = feature_errors(best, self._features(LOOSER)[1], self.prepared.scene.simulate.duration)
         self.time, states = _states(chunks)
-        self.steady = steady_at_start(prepared)
+        self.steady = steady_at_start(self.prepared)
         departure = states - np.concatenate([self.steady, np.zeros_like(self.steady)])
         comparison = finish(self.prepared, chunks, COMPLETE).comparison
         edge, end = comparison.edge_reached_s, float(self.time[-1])
