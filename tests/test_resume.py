@@ -186,7 +186,7 @@ def test_interrupted_while_it_resumes_it_can_be_resumed_again(drumsqueal, interr
 
 
 def test_a_disk_that_fails_and_is_mended_loses_nothing(drumsqueal, tmp_path, uninterrupted, monkeypatch):
-    write = history_file._write
+    write = history_file.fill
 
     def fail(path, places, first, values):
         if first == 1001:
@@ -194,7 +194,7 @@ def test_a_disk_that_fails_and_is_mended_loses_nothing(drumsqueal, tmp_path, uni
         write(path, places, first, values)
 
     with monkeypatch.context() as patch:
-        patch.setattr(history_file, "_write", fail)
+        patch.setattr(history_file, "fill", fail)
         # Nor is there room for a copy without what is NaN.
         patch.setattr(history_file.HistoryFile, "_rewrite", lambda *_: fail(None, None, 1001, None))
         assert drumsqueal("run", NOMINAL, "-o", str(tmp_path), *SHORT)[0] == 1

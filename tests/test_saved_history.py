@@ -6,7 +6,7 @@ import pytest
 import xarray
 
 from drumsqueal.errors import RequestError
-from drumsqueal.files.history_file import variable
+from drumsqueal.files.in_place import variable
 from drumsqueal.files.output_folder import check_output_file
 from drumsqueal.files.saved_history import read_history
 from drumsqueal.simulation import run

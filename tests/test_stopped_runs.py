@@ -138,14 +138,14 @@ def test_second_start_compiles_nothing_and_control_c_keeps_data(cache, tmp_path)
 
 
 def test_control_c_while_a_chunk_is_written(drumsqueal, tmp_path, monkeypatch):
-    write = history_file._write
+    write = history_file.fill
 
     def interrupted(path, places, first, values):
         write(path, places, first, values)
         if first == 501:
             press()
 
-    monkeypatch.setattr(history_file, "_write", interrupted)
+    monkeypatch.setattr(history_file, "fill", interrupted)
     status, _, errors = drumsqueal("run", NOMINAL, "-o", str(tmp_path), *THREE_CHUNKS)
     outcome = "interrupted by the user after t = 0.02 s"
     assert (status, errors) == (1, f"drumsqueal: {outcome}; what was computed is in {tmp_path}; {AGAIN}\n")
@@ -201,14 +201,14 @@ def test_a_disk_too_small_is_told_with_the_first_chunk(cache, tmp_path, limit):
 
 
 def test_a_disk_that_fails_keeps_what_was_computed(drumsqueal, tmp_path, monkeypatch):
-    write = history_file._write
+    write = history_file.fill
 
     def fail(path, places, first, values):
         if first == 1001:
             raise OSError(errno.EIO, "Input/output error")
         write(path, places, first, values)
 
-    monkeypatch.setattr(history_file, "_write", fail)
+    monkeypatch.setattr(history_file, "fill", fail)
     status, _, errors = drumsqueal("run", NOMINAL, "-o", str(tmp_path), *THREE_CHUNKS)
     outcome = "failed: the disk did not take the samples from t = 0.02002 s on (Input/output error)"
     assert (status, errors) == (1, f"drumsqueal: {outcome}; what was computed is in {tmp_path}; {AGAIN}\n")

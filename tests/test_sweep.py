@@ -15,6 +15,7 @@ from scipy.optimize import brentq
 
 import drumsqueal as ds
 from drumsqueal.errors import IntegrationError, RequestError
+from drumsqueal.files import sweep_file
 from drumsqueal.files.output_folder import SWEEP_FILES
 from drumsqueal.files.sweep import AT_REST, FOLDED, NOT_YET, OUTCOME
 from drumsqueal.files.sweep_file import RUNNING, SweepFile
@@ -267,7 +268,7 @@ def test_killed_between_results_and_their_marks_nothing_is_lost(damped, tmp_path
     file = SweepFile(tmp_path / "sweep.nc", plan)
     file.create()
     results = study.compute(plan, 8, 16)
-    fill, calls = file._fill, []
+    fill, calls = sweep_file.fill, []
 
     def killed(*arguments):
         calls.append(arguments)
@@ -275,11 +276,11 @@ def test_killed_between_results_and_their_marks_nothing_is_lost(damped, tmp_path
             raise KeyboardInterrupt
         fill(*arguments)
 
-    monkeypatch.setattr(file, "_fill", killed)
+    monkeypatch.setattr(sweep_file, "fill", killed)
     with pytest.raises(KeyboardInterrupt):
         file.write(8, results)
     assert not file.computed().any()
-    monkeypatch.setattr(file, "_fill", fill)
+    monkeypatch.setattr(sweep_file, "fill", fill)
     file.write(8, results)
     assert file.computed().tolist() == [False] * 8 + [True] * 8 + [False] * 4
     with xarray.open_dataset(file.path, engine="h5netcdf") as there:

@@ -1,12 +1,11 @@
 """A history on disk that is filled in place: from its first chunk on it has its full size, and is readable always.
 
 Where nothing has been computed yet it is NaN, and the outcome says so. A disk that is too small is found at the start.
-What follows changes neither the size of the file nor where anything lies in it, and of its structure only the outcome,
-two counts and their checksum, a thousand bytes that HDF5 writes in one piece: a program may be killed at any moment.
+Of its structure only the outcome, two counts and their checksum change, a thousand bytes.
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import NamedTuple
@@ -16,6 +15,7 @@ import h5py
 import numpy as np
 import xarray
 
+from drumsqueal.files.in_place import fill, fixed_text, opened, placed, variable
 from drumsqueal.files.output_folder import part_of
 from drumsqueal.history import columns, empty_dataset
 from drumsqueal.interrupts import stop_if_interrupted
@@ -71,7 +71,7 @@ class HistoryFile:
             before.samples + len(chunk.time), before.steps + chunk.steps, before.rejected_steps + chunk.rejected_steps
         )
         with nullcontext((self.path, self._places)) if self.exists else self._anew(self._rows) as (path, places):
-            _write(path, places, before.samples, columns(chunk, self._kept))
+            fill(path, places, before.samples, columns(chunk, self._kept))
             _tell(path, after, self._so_far(after))
         self.reached = after
 
@@ -99,7 +99,7 @@ class HistoryFile:
         """Put a file of so many rows, with the samples computed, in the place of this one."""
         with self._anew(rows) as (part, places), opened(self.path, "r") as source:
             for first, stop in _blocks(self.reached.samples):
-                _write(part, places, first, {name: variable(source, name)[first:stop] for name in places})
+                fill(part, places, first, {name: variable(source, name)[first:stop] for name in places})
             _tell(part, self.reached, outcome)
 
     @contextmanager
@@ -134,7 +134,7 @@ def _lay_out(path: Path, rows: int, scene: Scene) -> dict[str, int]:
         places = _create(path, rows, template)
         for first, stop in _blocks(rows):
             values = {name: np.full((stop - first, *shape), np.nan) for name, shape in shapes.items()}
-            _write(path, places, first, values | {"time": np.arange(first, stop) / scene.simulate.sample_rate})
+            fill(path, places, first, values | {"time": np.arange(first, stop) / scene.simulate.sample_rate})
             if stop < rows:  # gigabytes
                 stop_if_interrupted()
     except OSError as error:
@@ -145,14 +145,11 @@ def _lay_out(path: Path, rows: int, scene: Scene) -> dict[str, int]:
 
 def _create(path: Path, rows: int, template: xarray.Dataset) -> dict[str, int]:
     """Create the structure of a file like the template; each variable has its place, but nothing in it."""
-    placed = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
-    placed.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
-    placed.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
     with h5netcdf.File(path, "w") as file:
         file.dimensions = dict(template.sizes) | {"time": rows}
         for name, values in template.variables.items():
             if "time" in values.dims:
-                made = file.create_variable(name, values.dims, values.dtype, fillvalue=np.nan, dcpl=placed)
+                made = file.create_variable(name, values.dims, values.dtype, fillvalue=np.nan, dcpl=placed())
             else:  # the names of the coordinates
                 made = file.create_variable(name, values.dims, h5py.string_dtype(), data=values.values.astype("O"))
             made.attrs.update(values.attrs)
@@ -169,40 +166,14 @@ def _find_places(file: h5py.File) -> dict[str, int]:
     return {str(name): variable(file, str(name)).id.get_offset() for name in file if name != "coordinate"}
 
 
-def _write(path: Path, places: Mapping[str, int], first: int, values: Mapping[str, np.ndarray]) -> None:
-    """Write samples from the row `first` on: past HDF5, in a fiftieth of the time, and errors of the disk are told."""
-    with path.open("r+b") as file:
-        for name, column in values.items():
-            file.seek(places[name] + first * column[:1].nbytes)
-            file.write(column.tobytes())
-
-
 def _tell(path: Path, reached: Reached, outcome: str) -> None:
     """Write how far the run has come, and how it ended should that be all."""
     with opened(path) as file:
         file.attrs.modify("steps", np.int64(reached.steps))
         file.attrs.modify("rejected_steps", np.int64(reached.rejected_steps))
-        file.attrs.modify("outcome", outcome.encode()[:_LONGEST].decode(errors="ignore").encode())
+        file.attrs.modify("outcome", fixed_text(outcome, _LONGEST))
 
 
 def _blocks(rows: int) -> Iterator[tuple[int, int]]:
     """The first row, and the one after the last, of blocks that are small in memory."""
     return ((first, min(first + _BLOCK, rows)) for first in range(0, rows, _BLOCK))
-
-
-@contextmanager
-def opened(path: Path, mode: str = "r+") -> Iterator[h5py.File]:
-    """The file as HDF5 sees it; raises OSError."""
-    try:
-        # Without a lock, so that a look at the file from elsewhere does not stop the run.
-        with h5py.File(path, mode, locking=False) as file:
-            yield file
-    except RuntimeError as error:  # what h5py raises when a disk fails while a file is closed
-        raise OSError(str(error)) from None
-
-
-def variable(file: h5py.File, name: str) -> h5py.Dataset:
-    """One of its variables."""
-    found = file[name]
-    assert isinstance(found, h5py.Dataset)  # for the type checker
-    return found

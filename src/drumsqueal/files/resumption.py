@@ -12,13 +12,13 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import h5py
 import numpy as np
 import xarray
 
 from drumsqueal.composition import kept_coordinates
 from drumsqueal.errors import RequestError
-from drumsqueal.files.history_file import Reached, opened, variable
+from drumsqueal.files.history_file import Reached
+from drumsqueal.files.in_place import opened, own_variable, read_texts, variable
 from drumsqueal.files.output_folder import HISTORY, RESUME, write_whole
 from drumsqueal.history import COMPLETE, MOTION, SIGNALS, empty_dataset, versions
 from drumsqueal.precision import real
@@ -111,14 +111,9 @@ def _read_history(path: Path, template: xarray.Dataset) -> tuple[int, dict[str, 
     with opened(path, "r") as file:
         rows = len(variable(file, "time"))
         for name, values in template.variables.items():
-            found = variable(file, str(name))
             shape = tuple(rows if dimension == "time" else template.sizes[dimension] for dimension in values.dims)
-            # What is a link, or stored elsewhere, could lead what is written out of the folder.
-            own = isinstance(file.get(str(name), getlink=True), h5py.HardLink) and found.id.get_offset() is not None
-            if not own or found.shape != shape:
-                raise ValueError(name)
-        texts = {name: file.attrs[name] for name in ("scene", "versions", "outcome")}
-    return rows, {name: text.decode() if isinstance(text, bytes) else str(text) for name, text in texts.items()}
+            own_variable(file, str(name), shape)
+    return rows, read_texts(path, ("scene", "versions", "outcome"))
 
 
 def _is_computed(path: Path, row: int) -> bool:

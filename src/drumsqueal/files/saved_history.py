@@ -8,7 +8,7 @@ import numpy as np
 import xarray
 
 from drumsqueal.errors import RequestError
-from drumsqueal.files.history_file import opened, variable
+from drumsqueal.files.in_place import as_text, opened, variable
 from drumsqueal.files.output_folder import HISTORY
 from drumsqueal.history import COMPLETE, MOTION, SIGNALS
 from drumsqueal.scene import COORDINATES, Scene, SceneError, scene_from_dict
@@ -100,8 +100,8 @@ def _load(path: Path) -> tuple[xarray.Dataset, Scene]:
     dimensions = dict.fromkeys(SIGNALS, ("time",)) | dict.fromkeys(MOTION, ("time", "coordinate"))
     if any(data[name].dims != wanted for name, wanted in dimensions.items()):
         raise ValueError("dimensions")
-    data.attrs["outcome"] = _text(data.attrs["outcome"])
-    return data, scene_from_dict(tomllib.loads(_text(data.attrs["scene"])))
+    data.attrs["outcome"] = as_text(data.attrs["outcome"])
+    return data, scene_from_dict(tomllib.loads(as_text(data.attrs["scene"])))
 
 
 def _computed(path: Path, data: xarray.Dataset) -> xarray.Dataset:
@@ -119,7 +119,3 @@ def _computed(path: Path, data: xarray.Dataset) -> xarray.Dataset:
     if not time[-1] > time[0] or np.abs(time - places).max() > UNEVEN * (places[1] - places[0]):
         raise RequestError(f"{path}: the samples are not evenly spaced in time, as those of a history are; {_OURS}")
     return data.isel(time=slice(rows))
-
-
-def _text(value: str | bytes) -> str:
-    return value.decode() if isinstance(value, bytes) else str(value)

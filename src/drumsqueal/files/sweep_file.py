@@ -15,7 +15,7 @@ import h5py
 import numpy as np
 
 from drumsqueal.errors import RequestError
-from drumsqueal.files.history_file import opened, variable
+from drumsqueal.files.in_place import fill, fixed_text, opened, own_variable, placed, read_texts, variable
 from drumsqueal.files.output_folder import SWEEP, part_of
 from drumsqueal.files.resumption import changed_versions, difference
 from drumsqueal.files.sweep import NOT_YET, OUTCOME, Columns, attributes, axes, blank, shape_of, variables_of
@@ -51,7 +51,7 @@ class SweepFile:
             _lay_out(part, self._plan)
             self._places = _find_places(part, self._plan)
             for first in range(0, points, _BLOCK):
-                self._fill(part, first, blank(self._plan, min(_BLOCK, points - first)))
+                fill(part, self._places, first, blank(self._plan, min(_BLOCK, points - first)))
                 stop_if_interrupted()
             part.replace(self.path)
         except BaseException as error:
@@ -72,20 +72,13 @@ class SweepFile:
 
     def write(self, first: int, columns: Columns) -> None:
         """Write the results of the points from number `first` on. Raises OSError."""
-        self._fill(self.path, first, {name: column for name, column in columns.items() if name != OUTCOME})
-        self._fill(self.path, first, {OUTCOME: columns[OUTCOME]})
+        fill(self.path, self._places, first, {name: column for name, column in columns.items() if name != OUTCOME})
+        fill(self.path, self._places, first, {OUTCOME: columns[OUTCOME]})
 
     def end(self, outcome: str) -> None:
         """Write how the sweep ended."""
         with opened(self.path) as file:
-            file.attrs.modify("outcome", outcome.encode()[:_LONGEST].decode(errors="ignore").encode())
-
-    def _fill(self, path: Path, first: int, columns: Columns) -> None:
-        """Past HDF5: nothing of the file's structure changes, and errors of the disk are told."""
-        with path.open("r+b") as file:
-            for name, column in columns.items():
-                file.seek(self._places[name] + first * column[:1].nbytes)
-                file.write(np.ascontiguousarray(column).tobytes())
+            file.attrs.modify("outcome", fixed_text(outcome, _LONGEST))
 
 
 def find_sweep(folder: Path, plan: Plan) -> None:
@@ -96,7 +89,7 @@ def find_sweep(folder: Path, plan: Plan) -> None:
     if not path.exists():
         raise RequestError(f"{folder}: there is no sweep to resume; leave --resume out")
     try:
-        told = _read_attributes(path)
+        told = read_texts(path, ("scene", "sweep", "versions", "outcome"))
         there = scene_from_dict(tomllib.loads(told["scene"]))
         swept = json.loads(told["sweep"])
         if swept == plan.describe():
@@ -120,17 +113,8 @@ def _other(there: dict[str, Any], here: dict[str, Any]) -> str:
     return f"{key} was {was} in the sweep and is {given} here"
 
 
-def _read_attributes(path: Path) -> dict[str, str]:
-    with opened(path, "r") as file:
-        found = {name: file.attrs[name] for name in ("scene", "sweep", "versions", "outcome")}
-    return {name: text.decode() if isinstance(text, bytes) else str(text) for name, text in found.items()}
-
-
 def _lay_out(path: Path, plan: Plan) -> None:
     """Create the structure of the file; each variable has its place, but nothing in it."""
-    placed = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
-    placed.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
-    placed.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
     with h5netcdf.File(path, "w") as file:
         file.dimensions = dict(_sizes(plan))
         for name, (dimensions, values, told) in axes(plan).items():
@@ -139,7 +123,7 @@ def _lay_out(path: Path, plan: Plan) -> None:
         drawn = {"coordinates": " ".join(plan.keys)} if plan.draws else {}  # by the CF conventions
         for name, each in variables_of(plan).items():
             lost = {"fillvalue": np.nan} if each.kind == "f8" else {}
-            made = file.create_variable(name, (*plan.dimensions, *each.dimensions), each.kind, dcpl=placed, **lost)
+            made = file.create_variable(name, (*plan.dimensions, *each.dimensions), each.kind, dcpl=placed(), **lost)
             made.attrs.update(each.attributes() | drawn)
         file.attrs.update(attributes(plan))
     with opened(path) as file:
@@ -158,10 +142,8 @@ def _find_places(path: Path, plan: Plan) -> dict[str, int]:
     places = {}
     with opened(path, "r") as file:
         for name, each in variables_of(plan).items():
-            found, shape = variable(file, name), (*plan.shape, *shape_of(each, 1)[1:])
-            # What is a link, or stored elsewhere, could lead what is written out of the folder.
-            own = isinstance(file.get(name, getlink=True), h5py.HardLink) and found.id.get_offset() is not None
-            if not own or found.shape != shape or found.dtype != np.dtype(each.kind):
+            found = own_variable(file, name, (*plan.shape, *shape_of(each, 1)[1:]))
+            if found.dtype != np.dtype(each.kind):
                 raise ValueError(name)
             places[name] = found.id.get_offset()
     return places

@@ -1,0 +1,78 @@
+"""A NetCDF-4 file of full size from the start, filled in place: whole and readable wherever the program ends.
+
+What is written later changes neither the size of the file nor where anything lies in it, and of its structure only some
+attributes of fixed length, which HDF5 writes in one piece: a program may be killed at any moment.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+
+@contextmanager
+def opened(path: Path, mode: str = "r+") -> Iterator[h5py.File]:
+    """The file as HDF5 sees it; raises OSError."""
+    try:
+        # Without a lock, so that a look at the file from elsewhere does not stop the run.
+        with h5py.File(path, mode, locking=False) as file:
+            yield file
+    except RuntimeError as error:  # what h5py raises when a disk fails while a file is closed
+        raise OSError(str(error)) from None
+
+
+def variable(file: h5py.File, name: str) -> h5py.Dataset:
+    """One of its variables."""
+    found = file[name]
+    assert isinstance(found, h5py.Dataset)  # for the type checker
+    return found
+
+
+def own_variable(file: h5py.File, name: str, shape: tuple[int, ...]) -> h5py.Dataset:
+    """One of its variables, of this shape, that lies in this very file in one piece. Raises ValueError if it does not.
+
+    What is a link, or stored elsewhere, could lead what is written out of the folder.
+    """
+    found = variable(file, name)
+    own = isinstance(file.get(name, getlink=True), h5py.HardLink) and found.id.get_offset() is not None
+    if not own or found.shape != shape:
+        raise ValueError(name)
+    return found
+
+
+def placed() -> h5py.h5p.PropDCID:
+    """Properties of a variable that has its place in the file at once, and nothing in it."""
+    properties = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    properties.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
+    properties.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
+    return properties
+
+
+def fill(path: Path, places: Mapping[str, int], first: int, columns: Mapping[str, np.ndarray]) -> None:
+    """Write rows from number `first` on where the variables lie (bytes).
+
+    Past HDF5, in a fiftieth of the time, and errors of the disk are told as OSError.
+    """
+    with path.open("r+b") as file:
+        for name, column in columns.items():
+            file.seek(places[name] + first * column[:1].nbytes)
+            file.write(np.ascontiguousarray(column).tobytes())
+
+
+def fixed_text(text: str, length: int) -> bytes:
+    """A text for an attribute of so many bytes, cut off where it is longer."""
+    return text.encode()[:length].decode(errors="ignore").encode()
+
+
+def as_text(value: Any) -> str:
+    """An attribute as text, whatever HDF5 gives for it."""
+    return value.decode() if isinstance(value, bytes) else str(value)
+
+
+def read_texts(path: Path, names: Iterable[str]) -> dict[str, str]:
+    """Some attributes of a file. Raises OSError and KeyError."""
+    with opened(path, "r") as file:
+        return {name: as_text(file.attrs[name]) for name in names}
