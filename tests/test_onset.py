@@ -15,10 +15,11 @@ from scipy.optimize import brentq
 
 from drumsqueal.effects.damping import Damping
 from drumsqueal.effects.friction_law import ConstantLaw, ExponentialLaw
-from drumsqueal.errors import RequestError, SceneError
+from drumsqueal.errors import RequestError
 from drumsqueal.history import COMPLETE
 from drumsqueal.linear.branches import follow_modes, point_at
 from drumsqueal.model import Model, build_model
+from drumsqueal.scene import SceneError
 from drumsqueal.scene.variation import Variation, read_variation
 from drumsqueal.small_bodies import block_on_belt, sprung_block_on_belt
 from drumsqueal.studies.cycle.branches import Diagram
