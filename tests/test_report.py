@@ -6,6 +6,7 @@ import io
 import itertools
 import json
 import re
+import shlex
 import shutil
 import time
 import wave
@@ -212,6 +213,15 @@ def test_the_scene_and_the_command_give_the_same_again(run_folder, onset_folder,
             assert variation._asdict() == {**summary["parameter"], "values": tuple(summary["parameter"]["values"])}
             assert float(command[command.index("--within") + 1]) == summary["kicked_range_sought_within"]
         assert all(f">{version}<" in shown.source for version in summary["versions"].values())
+
+
+def test_a_command_to_be_copied_holds_no_other(onset_folder, report, tmp_path):
+    summary = json.loads((onset_folder / "onset.json").read_text())
+    summary["parameter"]["key"] = "drum.speed; echo harmed #"
+    summary["critical_values"] = []
+    (tmp_path / "onset.json").write_text(json.dumps(summary))
+    command = shlex.split(report(tmp_path).one("command")["text"])
+    assert command[command.index("--along") + 1].startswith("drum.speed; echo harmed #=")
 
 
 def test_every_figure_is_there_in_full_and_in_words(run_folder, run_page):
