@@ -325,7 +325,7 @@ def test_the_section_is_seen_with_y_to_the_left_and_the_drum_turning_against_the
     assert places["65°"][0] < -50 < 50 < places["−65°"][0]  # mm
     assert places["0°"] == pytest.approx((0, 100 + 1.9 * 10), abs=1e-9)
     (arrow,) = [patch for patch in axes.patches if isinstance(patch, FancyArrowPatch)]
-    ends = arrow.get_path().vertices[[0, -1], 0]
+    ends = np.asarray(arrow.get_path().vertices)[[0, -1], 0]
     assert ends[0] > 0 > ends[1]  # on top, from right to left
 
 

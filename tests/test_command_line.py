@@ -9,8 +9,8 @@ import pytest
 import xarray
 
 from drumsqueal.errors import RequestError
+from drumsqueal.files.json_file import to_json
 from drumsqueal.files.output_folder import RUN_FILES, check_output
-from drumsqueal.files.summary import to_json
 from drumsqueal.scene import load_scene, scene_from_dict
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"

@@ -320,7 +320,7 @@ def test_a_part_that_is_resampled_knows_what_lies_around_it(ran, exported):
 
 
 def test_flags_are_those_of_the_nearest_sample(history, exported):
-    flags = (np.arange(1501) // 100) % 2
+    flags = (np.arange(1501) // 7) % 2
     with h5py.File(history, "r+") as file:
         variable = file["sticking"]
         assert isinstance(variable, h5py.Dataset)
