@@ -14,6 +14,8 @@ import pytest
 import scipy.linalg
 import xarray
 from jax import Array
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, minimize_scalar
 from scipy.special import i1
@@ -21,13 +23,17 @@ from scipy.special import i1
 from drumsqueal.effects.damping import Damping
 from drumsqueal.effects.friction_law import ExponentialLaw
 from drumsqueal.errors import CycleError
+from drumsqueal.figures.branch import _shade
+from drumsqueal.jobs.branch_table import _milestones, to_csv
 from drumsqueal.linear.branches import point_at
 from drumsqueal.linear.steady import linear_model
 from drumsqueal.model import build_model
 from drumsqueal.scene import SceneError, load_scene
+from drumsqueal.scene.variation import Variation
 from drumsqueal.simulation import run
 from drumsqueal.small_bodies import block_on_belt, sprung_block_on_belt
 from drumsqueal.studies.cycle import branches, orbit
+from drumsqueal.studies.cycle import search as search_module
 from drumsqueal.studies.cycle.branches import _both_ways, follow_cycle, follow_models
 from drumsqueal.studies.cycle.continuation import (
     BOUND,
@@ -535,6 +541,38 @@ def test_between_two_corners_nothing_is_called_stable_unseen(block):
     assert [stable for _, stable in pieces(branch)] == [False]
 
 
+def test_a_marginal_cycle_is_neutral_in_the_table_too(block):
+    first = block.branches[0].cycles[0]
+    shown = []
+    for largest in (0.5, 1 - 1e-8, 1 + 1e-8, 2.0):
+        shown.append((0, first._replace(multipliers=np.array([largest, 0.1], dtype=complex))))
+    speed = Variation("drum.speed", "rad/s", (0.8, 2.4))
+    header, *rows = (line.split(",") for line in to_csv(speed, shown).splitlines())
+    assert [row[header.index("stable")] for row in rows] == ["yes", "neutral", "neutral", "no"]
+    assert [row[header.index("unstable_directions")] for row in rows] == ["0", "0", "0", "1"]
+
+
+def test_what_begins_at_a_hopf_point_is_named_as_the_cycle_that_it_is(block):
+    branch = block.branches[0]
+    (what, first), *_ = _milestones(branch)
+    assert (what, first) == ("first cycle", branch.cycles[0])
+    assert first.parameter != block.linear.critical[0].value
+
+
+def test_nothing_is_painted_where_nothing_is_known(block):
+    axes = Figure().subplots()
+    axes.set_xlim(block.low - 0.1, block.high + 0.1)
+    _shade(axes, block)
+    edges = [
+        x
+        for patch in axes.patches
+        if isinstance(patch, Rectangle)
+        for x in (patch.get_x(), patch.get_x() + patch.get_width())
+    ]
+    assert min(edges) == pytest.approx(block.low, abs=1e-12)
+    assert max(edges) == pytest.approx(block.high, abs=1e-12)
+
+
 def test_a_branch_goes_on_where_steady_sliding_is_not_found(block, monkeypatch):
     monkeypatch.setattr(branches, "_steady", lambda models: lambda value: None)
     again = follow_models(with_derivative(falling_friction), 0.8, 2.4, 12)
@@ -564,6 +602,21 @@ def test_a_cycle_of_the_scene_that_cannot_be_followed_leaves_the_others(damped, 
 def test_what_changes_with_time_has_no_cycle(name, values, why):
     with pytest.raises(SceneError, match=why):
         find_cycle(load_scene(SCENARIOS / f"{name}.toml").with_values(values))
+
+
+@pytest.mark.slow
+def test_where_nothing_else_leads_to_a_cycle_a_kick_does(damped, monkeypatch):
+    # Along Y alone steady sliding is stable at 20 rad/s; a start of half a millimetre squeals there.
+    monkeypatch.setattr(search_module, "modal_starts", lambda *_: iter(()))
+    monkeypatch.setattr(search_module, "returns", lambda *_: iter(()))
+    values = {"drum.speed": 20.0, "simulate.coordinates": ["Y"], "simulate.duration": 0.3}
+    small, large = ({"start": {"displacement": {"Y": y}, "velocity": {}}} for y in (1e-7, 5e-4))
+    kicked, known = (find_cycle(damped.with_values(values | start)) for start in (small, large))
+    assert kicked.origin == "the end of a transient kicked along mode Y"
+    assert known.origin == "the end of the transient"
+    assert kicked.cycle.stable
+    # Both are closed to 1e-9 of the motion.
+    assert kicked.cycle.frequency_Hz == pytest.approx(known.cycle.frequency_Hz, rel=1e-8)
 
 
 def test_a_range_through_a_drum_at_rest_is_refused(damped):
@@ -627,7 +680,8 @@ def test_the_command_follows_cycles(drumsqueal, tmp_path):
     rows = (tmp_path / "branch.csv").read_text().splitlines()
     assert len(rows) == 1 + len(branch["cycles"])
     place = rows[0].split(",").index("stable")
-    assert [row.split(",")[place] == "yes" for row in rows[1:]] == [each["stable"] for each in branch["cycles"]]
+    told = ["neutral" if each["neutral"] else "yes" if each["stable"] else "no" for each in branch["cycles"]]
+    assert [row.split(",")[place] for row in rows[1:]] == told
     assert "fold" in out
     assert (tmp_path / "branch.png").stat().st_size > 10_000
 

@@ -33,6 +33,7 @@ from drumsqueal.studies.answers import Answer, Change
 from drumsqueal.studies.effects.reductions import reductions_of
 from drumsqueal.studies.effects.study import EffectStudy
 from drumsqueal.studies.effects.variants import Variant
+from drumsqueal.studies.sweep.endings import squealing, undecided
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"
 ALL = {"growth", "spectrogram", "spectra", "phase", "contact", "eigenvalues"}
@@ -192,6 +193,7 @@ def made_up_sweep(plan: Plan) -> xarray.Dataset:
     columns["frequency"][:, 0] = columns["main_frequency"][:] = 1400.0 + growth
     columns["mode_coordinate"][:, 0] = columns["main_coordinate"][:] = COORDINATES.index("Y")
     columns["unstable"][:, 0] = columns["squeal"][:] = growth > 0
+    columns["separation_share"][:] = columns["reversal_share"][:] = 2.0
     columns["amplitude"][:] = 1e-6 * np.maximum(growth, 1.0)[:, None]
     columns["trend"][:] = np.where((growth > 0) & (growth < 20), TRENDS.index("grows"), TRENDS.index("settled"))
     return to_dataset(plan, columns, COMPLETE)
@@ -238,6 +240,34 @@ def test_what_still_grows_is_drawn_open():
             (drawn_open,) = (line for line in axes.lines if line.get_markerfacecolor() == "white")
             assert np.size(drawn_open.get_xdata()) == grows.sum()
             assert any(np.size(line.get_xdata()) == (~grows).sum() for line in axes.lines if line.get_marker() == "o")
+
+
+def test_the_line_of_what_decays_is_not_drawn():
+    plan = sweep_plan("drum.speed=1..20x30")
+    sweep = made_up_sweep(plan)
+    decays, below = sweep["trend"].copy(), sweep["separation_share"].copy()
+    decays[:10], below[:5], below[12] = TRENDS.index("decays"), 0.3, 0.3
+    sweep = sweep.assign(trend=decays, separation_share=below, reversal_share=below)
+    # Gone: 5 that decay below the edges, and one that has settled there where no mode grows: it decays, but slowly.
+    assert np.flatnonzero(~(squealing(sweep) | undecided(sweep))).tolist() == [0, 1, 2, 3, 4, 12]
+    assert np.flatnonzero(undecided(sweep)).tolist() == [5, 6, 7, 8, 9]
+    figure = draw_amplitude(sweep, plan)
+    assert figure is not None
+    frequency = figure.axes[1].lines[0].get_ydata()
+    assert np.flatnonzero(np.isnan(np.asarray(frequency))).tolist() == [0, 1, 2, 3, 4, 12]
+    everything = sweep.assign(trend=decays * 0 + TRENDS.index("decays"), separation_share=below * 0)
+    figure = draw_amplitude(everything.assign(reversal_share=below * 0), plan)
+    assert figure is not None
+    assert len(figure.axes) == 1  # there is no frequency to be drawn
+
+
+def test_a_map_ends_where_its_values_do():
+    plan = sweep_plan("drum.speed=1..20x4", "damping.ratio=0..0.01x3")
+    sweep = made_up_sweep(plan)
+    for figure in (draw_stability(sweep, plan), draw_amplitude(sweep, plan)):
+        assert figure is not None
+        assert figure.axes[0].get_xlim() == (1, 20)
+        assert figure.axes[0].get_ylim() == (0, 0.01)
 
 
 # --- what is drawn --------------------------------------------------------------------------------------------------

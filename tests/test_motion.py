@@ -1,6 +1,7 @@
 """The kind of a motion: Lyapunov exponents of systems that are known, and the command."""
 
 import json
+import re
 from types import SimpleNamespace
 from typing import Any
 
@@ -8,9 +9,12 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from drumsqueal import load_scene, run
+from drumsqueal.comparison import decay
+from drumsqueal.figures.motion import draw_section
 from drumsqueal.signals import Bases, Regime
 from drumsqueal.signals.lyapunov import Exponents, lyapunov_exponents, orthonormalised
-from drumsqueal.studies.motion import _section, _settled, _told
+from drumsqueal.studies.motion import _section, _settled, _told, study_motion
 
 
 def exponents_of(rate, jacobian, state, interval, count, tangents):
@@ -139,18 +143,38 @@ def test_the_section_is_where_the_main_coordinate_rises_through_its_mean():
     shapes = np.column_stack([0.1 * np.cos(angle), 2.0 + np.sin(angle)])
     speeds = rate * np.column_stack([-0.1 * np.sin(angle), np.cos(angle)])
     made_up: Any = SimpleNamespace(time=time, displacement=shapes, velocity=speeds, coordinates=("X", "Y"))
-    points, names = _section(made_up, np.ones(2), ("X", "Y"))
+    points, names, size = _section(made_up, np.ones(2), ("X", "Y"))
     assert names == ("Y", "X")
     assert len(points) == 31
+    assert size == pytest.approx((0.2, 2 * rate), rel=1e-3)  # peaks lie between samples: (π/161)²/2
     # Hermite cubics err by (ω h)⁴/384 = 6e-9 of the displacement and ten times that of the velocity.
     np.testing.assert_allclose(points[:, 0], 0.1, rtol=1e-6)
     np.testing.assert_allclose(points[:, 1], rate, rtol=1e-6)
 
 
+@pytest.mark.parametrize(("spread", "span"), [(1e-6, 0.1), (0.5, 0.6)])
+def test_the_axes_of_a_section_span_what_moves(spread, span):
+    angle = 2 * np.pi * np.arange(48) / 48  # its extremes among them
+    points = np.column_stack([2e-6 + 1e-6 * spread * np.cos(angle), 0.3 + 0.2 * spread * np.sin(angle)])
+    scene: Any = SimpleNamespace(title="Made up")
+    study: Any = SimpleNamespace(scene=scene, section=points, section_of=("Y", "X"), section_size=(2e-6, 0.4))
+    figure = draw_section(study)
+    assert figure is not None
+    limits = figure.axes[0].get_xlim(), figure.axes[0].get_ylim()
+    # A tenth of the motion's 2 µm and 0.4 m/s, or 1.2 times the points' own spread.
+    assert np.ptp(limits[0]) == pytest.approx(2 * span)
+    assert np.ptp(limits[1]) == pytest.approx(0.4 * span)
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--duration", "5 m"], "--duration 5 m: write a time"),
+        (
+            ["--duration", "5 m"],
+            '--duration 5 m: write a time up to 1000 s, such as "5 s" ("m" (meter)',
+        ),
+        (["--duration", "5 +"], "--duration 5 +: write a time"),
+        (["--duration", "2000 s"], "--duration 2000 s: write a time up to 1000 s"),
         (["--duration", "-1"], "--duration -1: write a time"),
         (["--at-most", "0"], "--at-most 0: write a time"),
         (["--set", 'drum.speed={time=["0 s", "1 s"], value=["5 rad/s", "4 rad/s"]}'], "this changes with time"),
@@ -164,6 +188,58 @@ def test_wrong_requests_are_told_in_one_line(drumsqueal, tmp_path, arguments, me
     assert error.count("\n") == 1
     assert not out
     assert not folder.exists()
+
+
+def test_what_decays_to_rest_is_steady():
+    scene = load_scene("scenarios/damped.toml", ["drum.speed=55"])
+    # Y decays slowest, at −43.0 1/s, from 0.05 of the pressure's loss: below a millionth of it after a quarter second.
+    study = study_motion(scene, 0.1)
+    assert study.kind == "steady"
+    assert "Y slowest at −43.02 1/s" in study.reason
+    assert study.settled
+    assert study.settled_s < 1
+    assert not study.limits
+
+
+def test_a_motion_that_decays_below_the_edges_has_not_failed_to_settle():
+    kick = ["drum.speed=55", "start.displacement={Y=5e-4}", "simulate.duration=0.25"]
+    found = run(load_scene("scenarios/damped.toml", kick)).comparison
+    assert found.edge_reached_s == 0
+    assert found.saturation is not None
+    assert found.saturation.regime.kind == "steady"
+    rate = re.search("rms velocity changes by (−[0-9.]+) 1/s", found.saturation.regime.reason)
+    assert rate is not None
+    # The last 0.15 s, all in Y; its periods are not whole in the halves: 1e-2 radians of 211 periods.
+    assert float(rate[1].replace("−", "-")) == pytest.approx(-43.02, rel=2e-3)
+    assert "decays to steady sliding, below the edges and where every mode decays" in found.verdict
+
+
+@pytest.mark.parametrize(
+    ("share", "rate", "largest", "kind"),
+    [
+        (0.05, -1.0, -20.0, "steady"),  # small: whatever falls
+        (0.05, 1.0, -20.0, "unknown"),
+        (0.5, -15.0, -20.0, "steady"),  # below the edges: as fast as half the linear rate
+        (0.5, -5.0, -20.0, "unknown"),
+        (2.0, -30.0, -20.0, "unknown"),  # beyond them the linear model tells nothing
+        (0.05, -1.0, 20.0, "unknown"),  # where a mode grows what falls comes back
+        (0.05, -1.0, 0.0, "unknown"),  # and where one neither grows nor decays something is left
+        (1e-9, 3.0, -20.0, "steady"),  # round-off may grow
+    ],
+)
+def test_only_what_the_linear_model_damps_decays_to_rest(monkeypatch, share, rate, largest, kind):
+    time = np.arange(2000) / 10_000
+    wave = np.exp(rate * time) * np.cos(2 * np.pi * 1000.0 * time)
+    record: Any = SimpleNamespace(time=time, velocity=wave[:, None], sample_rate=10_000.0)
+    monkeypatch.setattr(decay, "edge_share", lambda *_: np.full(time.size, share))
+    monkeypatch.setattr(decay, "changes", lambda *_: False)
+    stability: Any = SimpleNamespace(divergence=None, mass=np.ones(1))
+    modes: Any = [SimpleNamespace(growth_rate=largest, frequency_Hz=1000.0, label="Y")]
+    model: Any = SimpleNamespace(forced=False)
+    found = decay.decay_to_rest(regime("unknown"), record, slice(None), stability, modes, model)
+    assert found.kind == kind
+    forced: Any = SimpleNamespace(forced=True)
+    assert decay.decay_to_rest(regime("unknown"), record, slice(None), stability, modes, forced).kind == "unknown"
 
 
 @pytest.mark.slow

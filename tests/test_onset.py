@@ -4,22 +4,25 @@ import csv
 import dataclasses
 import json
 import math
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from drumsqueal.effects.damping import Damping
 from drumsqueal.effects.friction_law import ConstantLaw, ExponentialLaw
 from drumsqueal.errors import RequestError
+from drumsqueal.figures.onset import draw_onset
 from drumsqueal.history import COMPLETE
 from drumsqueal.linear.branches import follow_modes, point_at
 from drumsqueal.model import Model, build_model
-from drumsqueal.scene import SceneError
+from drumsqueal.scene import SceneError, load_scene
 from drumsqueal.scene.variation import Variation, read_variation
 from drumsqueal.small_bodies import block_on_belt, sprung_block_on_belt
 from drumsqueal.studies.cycle.branches import Diagram
@@ -31,6 +34,7 @@ from drumsqueal.studies.onset import study as study_module
 from drumsqueal.studies.onset.attractors import (
     DECAYS,
     GROWS,
+    NEUTRAL,
     SQUEALS,
     UNDECIDED,
     Ending,
@@ -200,6 +204,20 @@ def test_a_value_without_steady_sliding_is_named(quick):
     assert branch.eigenvalues[0] == pytest.approx(branch.eigenvalues[2], rel=1e-12)
 
 
+def test_modes_that_leave_neutral_motion_at_once_are_told_apart():
+    # Undamped at p = 0.3, where the range begins; beyond it x grows, and y at 0.6 times its rate.
+    def model_at(p):
+        block = sprung(np.array([[1.0, 0.0], [0.0, 2.0]]))
+        dashpots = jnp.diag((0.3 - p) * jnp.array([1.0, 0.6]))
+        return dataclasses.replace(block, others=(*block.others, Damping(dashpots, block.coordinates)))
+
+    found = follow_modes(model_at, np.linspace(0.3, 0.6, 4)).critical
+    assert {each.label for each in found} == {"X", "Y"}
+    assert len(found) == 2
+    # Growth is told from round-off from 1e-12 of the frequency on, which is up to 1e-11 beyond.
+    assert all(abs(each.value - 0.3) <= each.uncertainty < 1e-10 for each in found)
+
+
 # --- where transients lead -------------------------------------------------------------------------------------------
 
 
@@ -281,6 +299,38 @@ def test_where_a_transient_leads_is_judged_round_by_round(monkeypatch, speed, sh
     family = Family(falling_friction, ("X",), ("X",))
     (found,) = find_endings(family, [(point_at(falling_friction, speed), start)], How(10.0, 1e-6, 120.0))
     assert (found.kind, found.seconds / 120.0) == (kind, rounds)
+
+
+def free(belt_speed: float):
+    """A block that nothing feeds or brakes, at 1 rad/s."""
+    return block_on_belt(ConstantLaw(0.0), belt_speed=belt_speed)
+
+
+@pytest.mark.parametrize(
+    ("model_at", "speed", "size", "kind"),
+    [
+        (free, 1.0, 1e-14, DECAYS),  # below a picometre: round-off
+        (free, 1.0, 0.5, NEUTRAL),
+        (free, 1.0, 3.0, NEUTRAL),  # beyond the edge; made smaller, it stays so
+        (falling_friction, HOPF, 3.0, SQUEALS),  # made smaller, it comes back to stick and slip
+    ],
+)
+def test_where_no_mode_grows_or_decays_motion_is_neutral_unless_it_comes_back(model_at, speed, size, kind):
+    family = Family(model_at, ("X",), ("X",))
+    start = Start("kick", np.array([size]), np.zeros(1))
+    (found,) = find_endings(family, [(point_at(model_at, speed), start)], How(10.0, 1e-6, 60.0))
+    assert found.kind == kind
+    assert found.lasts == found.settled == (kind == SQUEALS)
+    assert found.motion.at_rest == (found.motion.frequency_Hz is None) == (kind == DECAYS)
+
+
+def test_a_range_of_neutral_motion_is_no_squeal(nominal):
+    linear = follow_modes(free, [1.0, 2.0])
+    family, how = Family(free, ("X",), ("X",)), How(10.0, 1e-6, 60.0)
+    variation = Variation("drum.speed", "m/s", (1.0, 2.0))
+    study = compare(Prediction(nominal, variation, family, free, linear, how), 0.5, lambda _: None, lambda *_: None)
+    assert [each.kind for each in study.ranges] == ["neutral"]
+    assert "predict no squeal; where they do not, motion neither grows nor decays" in verdict(study)
 
 
 def grazing_speed() -> float:
@@ -451,6 +501,9 @@ def test_folded_samples_are_refused(quick):
         ([], "--along"),
         (["--along", "drum.speed"], "write KEY=FROM..TO"),
         (["--along", "drum.sped=1..2"], "did you mean drum.speed?"),
+        (["--along", "drum.speed=-5..5x5"], "may not reach or cross a drum at rest"),
+        (["--along", "drum.speed=0..5x5"], "may not reach or cross a drum at rest"),
+        (["--along", "drum.speed=1..2", "--nothing"], "(see drumsqueal onset --help)"),
         (["--along", "drum.speed=1..2", "--within", "2"], "write a share between 0 and 100 %"),
         (["--along", "drum.speed=1..2", "--set", "friction=none"], "friction: this scene has none"),
     ],
@@ -490,7 +543,7 @@ def test_the_command_writes_what_it_found(drumsqueal, tmp_path, monkeypatch):
     for row in asked:
         value = float(row["drum.speed_rad_per_s"])
         assert (float(row["growth_rate_Y_1_per_s"]) > 0) == (row["kind"] == UNSTABLE) == (value < critical["value"])
-        assert (row["large_amplitude_Y_m"] != "") == (value < 25)
+        assert (row["strongest_amplitude_Y_m"] != "") == (value < 25)
     (mode,) = (each for each in summary["modes"] if each["label"] == "Y")
     for row in rows:  # the table and the summary say the same
         k = mode["values"].index(float(row["drum.speed_rad_per_s"])) if row["asked"] == "yes" else None
@@ -503,6 +556,32 @@ def test_the_command_writes_what_it_found(drumsqueal, tmp_path, monkeypatch):
     status, _, error = drumsqueal(*arguments)
     assert status == 2
     assert "--overwrite" in error
+
+
+def test_a_range_is_shown_in_the_order_and_in_the_unit_in_which_it_was_asked_for(drumsqueal, tmp_path, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(study_module, "find_endings", made_up_for_y)
+    monkeypatch.setattr("drumsqueal.jobs.onset.save_figures", lambda figures, folder: drawn.append(figures["onset"]))
+    along = "drum.speed=360 rpm..60 rpm x6"
+    status, printed, error = drumsqueal("onset", str(DAMPED), *QUICK, "--along", along, "-o", str(tmp_path))
+    assert (status, error) == (0, "")
+    words = [line.split() for line in printed.splitlines()]
+    speeds = [each[0] for each in words if each[1:2] in (["squeals"], ["stable"])]
+    assert speeds == ["360", "300", "240", "180", "120", "60"]
+    assert "rpm" in printed
+    assert "rad/s" not in printed
+    assert "Along drum.speed from 60 to 360 rpm" in " ".join(printed.split())
+    # Files are in SI.
+    values = [float(row["drum.speed_rad_per_s"]) for row in table(tmp_path) if row["asked"] == "yes"]
+    assert values == pytest.approx([math.tau * k for k in (6, 5, 4, 3, 2, 1)])
+    parameter = json.loads((tmp_path / "onset.json").read_text())["parameter"]
+    assert parameter == {"key": "drum.speed", "unit": "rad/s", "values": values}
+    # So are the data of the figure; its ticks are round multiples of the unit.
+    FigureCanvasAgg(drawn[0]).draw()
+    below = drawn[0].axes[-1]
+    assert below.get_xlabel() == "drum.speed (rpm)"
+    ticks = {text.get_text(): text.get_position()[0] for text in below.get_xticklabels()}
+    assert ticks["200"] == pytest.approx(200 * math.tau / 60)
 
 
 def made_up_for_y(family, tasks, how, *, rounds):
@@ -571,7 +650,7 @@ def test_transients_settle_on_the_cycles_that_are_followed(drumsqueal, tmp_path)
         if each["stable"]
     )
     for row in table(tmp_path):
-        value, amplitude = (float(row[name]) for name in ("drum.speed_rad_per_s", "large_amplitude_Y_m"))
+        value, amplitude = (float(row[name]) for name in ("drum.speed_rad_per_s", "strongest_amplitude_Y_m"))
         # Between two cycles of the branch the amplitude is read off a straight line.
         assert amplitude == pytest.approx(np.interp(value, *np.transpose(found)), rel=0.01)
 
@@ -607,3 +686,47 @@ def test_transients_of_a_brake_lead_where_its_eigenvalues_say(quick):
         How(5e4, 1e-6, 0.05),
     )
     assert small.kind == DECAYS
+
+
+# --- the figure ------------------------------------------------------------------------------------------------------
+
+LOWEST = 0.1  # of the figure's height: panels lower than that cannot be read
+
+
+@pytest.mark.parametrize(
+    ("scenario", "along", "told"),
+    [
+        ("damped", "drum.speed=1..3x3", {"critical value": False, "after a kick or from beside": False}),  # all squeals
+        ("damped", "drum.speed=1..40x4", {"critical value": True, "after a kick or from beside": True}),
+        ("constant_friction", "drum.speed=1..20x3", {"critical value": False}),  # every rate is round-off
+        ("damped", "damping.ratio=0.02..1.2x3", {"critical value": False}),  # nothing oscillates at the last
+        ("out_of_plane", "support.upper_stiffness=1e8 N/m..3.333333e8 N/m x3", {"mode Ty": True}),  # six modes
+    ],
+)
+def test_the_panels_of_the_figure_keep_their_heights(monkeypatch, scenario, along, told):
+    # An empty line that is not clipped once stretched over the whole figure, and the layout gave up, with a warning.
+    def find(family, tasks, how, *, rounds):
+        for point, start in tasks:
+            yield ending_in(family.moving, point, start.name)
+
+    monkeypatch.setattr(study_module, "find_endings", find)
+    scene = load_scene(DAMPED.with_name(f"{scenario}.toml"))
+    title = "A brake with a title that is longer than a figure is wide, " * 4
+    study = study_onset(scene.model_copy(update={"title": title}), along, within=0.5)
+    figure = draw_onset(study)
+    FigureCanvasAgg(figure).draw()
+    assert all(axes.get_position().height > LOWEST for axes in figure.axes)
+    low, high = figure.axes[2].get_ylim()
+    assert high - low > 1  # 1/s
+    labels = [axes.yaxis.label.get_window_extent() for axes in figure.axes]
+    assert all(above.y0 > below.y1 for above, below in pairwise(labels))
+    legend = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert {label: label in legend for label in told} == told
+
+
+def ending_in(moving: tuple[str, ...], point, start: str) -> Ending:
+    """Squeal where the eigenvalues say so and, where they do not, from a kick up to the value 25."""
+    lasts = point.unstable or (2 < point.value < 25 and start != "small")
+    one = np.full(len(moving), 1e-5)
+    motion = Saturated(one, one, (0.0, 1.5), 1000.0, moving[0], 1.0, 0.0, 1.0, one, one, COMPLETE, False)
+    return Ending(point.value, start, SQUEALS if lasts else DECAYS, motion, 0.1)

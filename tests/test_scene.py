@@ -297,7 +297,7 @@ def test_what_is_no_quantity_is_refused_with_the_cause(value, unit, cause):
 )
 def test_a_wrong_value_names_its_key_and_the_cure(change, place, cure):
     line = refusal(change)
-    assert line.startswith(f"{NOMINAL}: {place}")
+    assert line.startswith(f"--set {change}: {place}")
     assert cure in line
 
 
@@ -586,3 +586,25 @@ def test_a_wrong_force_is_refused(change, told):
 def test_a_forced_coordinate_must_be_listed():
     told = refusal("forcing={amplitude={Z=1}, frequency=10}", 'simulate.coordinates=["X", "Y", "Tz"]')
     assert "forcing.amplitude.Z = 1.0: Z is forced but not among simulate.coordinates" in told
+
+
+@pytest.mark.parametrize(
+    ("settings", "blamed"),
+    [
+        (["foo=1"], "--set foo=1: foo: unknown key"),
+        (["drum.speed=3", "foo=1", "drum.speed=4"], "--set foo=1: foo: unknown key"),
+        (["drum.speed=1 m", "drum.speed=2 m"], '--set drum.speed=1 m: drum.speed = "2 m": '),
+        (["drum.speed=1 m", "drum.speed=2", "drum.sped=3"], "--set drum.sped=3: drum.sped: unknown key"),
+    ],
+)
+def test_a_setting_is_blamed_for_what_it_breaks(settings, blamed):
+    with pytest.raises(SceneError) as caught:
+        load_scene(SCENARIOS / "nominal.toml", settings)
+    assert str(caught.value).startswith(blamed)
+
+
+def test_a_file_is_blamed_for_what_was_wrong_before(tmp_path):
+    file = tmp_path / "made.toml"
+    file.write_text((SCENARIOS / "nominal.toml").read_text() + "\n[foo]\n")
+    with pytest.raises(SceneError, match=r"made.toml: foo: unknown key"):
+        load_scene(file, ["drum.speed=3"])

@@ -253,6 +253,12 @@ def test_a_sweep_that_was_cut_off_goes_on_and_leaves_the_same_file(drumsqueal, d
         assert (cut / name).read_bytes() == (whole / name).read_bytes()
     status, _, errors = drumsqueal("sweep", *arguments, "-o", str(cut), "--resume")
     assert (status, "the sweep is complete, there is nothing to resume" in errors) == (2, True)
+    status, _, errors = drumsqueal("sweep", *arguments, "--set", "friction.static=0.6", "-o", str(cut), "--resume")
+    assert (status, "friction.static" in errors, "complete" in errors) == (2, True, False)
+    status, _, errors = drumsqueal(
+        "sweep", *arguments[:-1], "contact.normal_load=500..4000x5", "-o", str(cut), "--resume"
+    )
+    assert (status, "resume with the same sweep" in errors, "complete" in errors) == (2, True, False)
     # From Python it is the same.
     with xarray.open_dataset(whole / "sweep.nc", engine="h5netcdf") as file:
         found = ds.sweep_parameters(
@@ -347,7 +353,7 @@ def computed(folder: Path) -> int:
 def test_a_random_sweep_tells_the_chance(drumsqueal, tmp_path):
     status, printed, errors = drumsqueal("sweep", UNCERTAIN, "--random", "64", "--seed", "5", "-o", str(tmp_path))
     assert (status, errors) == (0, "")
-    assert "Chance of squeal, from 64 draws" in printed
+    assert "Chance of squeal by eigenvalues, 64 draws" in printed
     assert "rank correlation" in printed
     assert {path.name for path in tmp_path.iterdir()} == {"sweep.nc", "sweep.json", "chance.png"}
     summary = json.loads((tmp_path / "sweep.json").read_text())

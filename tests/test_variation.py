@@ -54,6 +54,26 @@ def test_a_range_alone(nominal):
             read_variation(text, nominal, points=None)
 
 
+@pytest.mark.parametrize(
+    ("text", "unit", "shown"),
+    [
+        ("drum.speed=30 rpm..60 rpm x3", "rpm", (30, 45, 60)),
+        ("drum.speed=30..60rpm", "rpm", None),
+        ("shoe.arc_angle=60 deg..170 deg x2", "deg", (60, 170)),
+        ("friction.static=40 %..50 % x2", "%", (40, 50)),
+        ("drum.speed=1 rad/s..3 rad/s x3", "rad/s", (1, 2, 3)),
+        ("drum.speed=1..3x3", "rad/s", (1, 2, 3)),
+        ("contact.normal_load=500 N..4 kN x2", "N", (500, 4000)),  # two units: in SI
+    ],
+)
+def test_values_are_shown_in_the_unit_that_was_given(nominal, text, unit, shown):
+    found = read_variation(text, nominal)
+    assert found.shown_unit == unit
+    if shown is not None:
+        assert [found.shown(value) for value in found.values] == pytest.approx(shown, rel=1e-14)
+    assert found.told(found.last) == f"{found.shown(found.last):.6g} {unit}"
+
+
 def test_the_heading_of_a_column_has_the_unit(nominal):
     for text, heading in (
         ("drum.speed=1..2", "drum.speed_rad_per_s"),
@@ -73,6 +93,10 @@ def test_the_heading_of_a_column_has_the_unit(nominal):
         ("drum.speed=1...2", "is no range"),
         ("drum.speed=2..2", "begins where it ends"),
         ("drum.speed=60 rpm..6.283185307179586", "unit of 6.283185307179586 is missing"),
+        ("drum.speed=1..60,5", "60,5: this is not a number followed by a unit"),
+        ("drum.speed=nan..5", "nan: this is not a number followed by a unit"),
+        ("drum.speed=1..60x2.5", r"x2\.5 is no whole number of values"),
+        ("drum.speed=1 rpm..60 rpm x -3", "x-3 is no whole number of values"),
         ("drum.speed=1..2x1", "from 2 to 10000"),
         (f"drum.speed=1..2x{MOST_POINTS + 1}", "from 2 to 10000"),
         ("drum.speed=1..2x" + "9" * 5000, "from 2 to 10000"),

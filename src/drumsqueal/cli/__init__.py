@@ -115,6 +115,12 @@ def command_tree() -> Any:
     return tree
 
 
+def _asked() -> str:
+    """The command as far as it is one."""
+    name = sys.argv[1] if len(sys.argv) > 1 else ""
+    return f"drumsqueal {name}" if any(name in commands for commands in GROUPS.values()) else "drumsqueal"
+
+
 def _one_line(message: str) -> str:
     return printable(" ".join(message.split()))
 
@@ -135,7 +141,7 @@ def main() -> None:
         _give_up(str(error), WRONG)
     except UsageError as error:
         message = error.format_message()
-        _give_up(message and f"{message} (see drumsqueal --help)", WRONG)
+        _give_up(message and f"{message} (see {_asked()} --help)", WRONG)
     except KeyboardInterrupt:
         _give_up(INTERRUPTED, FAILED)
     except BrokenPipeError:  # whoever read has seen enough, as `head` does; what is left to be flushed goes nowhere

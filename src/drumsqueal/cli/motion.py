@@ -5,13 +5,10 @@ from typing import Annotated
 
 import typer
 
-from drumsqueal.cli.options import JsonFile, Overwrite, Quiet, Reply, SceneFile, Settings, output_option, read_quantity
-from drumsqueal.errors import RequestError
+from drumsqueal.cli.options import JsonFile, Overwrite, Quiet, Reply, SceneFile, Settings, output_option, read_duration
 from drumsqueal.files.output_folder import MOTION_FILES, check_output, claimed
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import load_scene
-
-LONGEST = 1000.0  # s
 
 
 def motion_command(
@@ -38,7 +35,7 @@ def motion_command(
     Example: drumsqueal motion scenarios/nominal.toml -o out/motion --duration "3 s"
     """
     loaded = load_scene(scene, settings or ())
-    length, limit = _time(duration, "--duration"), _time(at_most, "--at-most")
+    length, limit = read_duration(duration, "--duration"), read_duration(at_most, "--at-most")
     folder = output if output is not None else Path("out") / f"{scene.stem}-motion"
     check_output(folder, MOTION_FILES, overwrite=overwrite)
     reply = Reply(quiet, json_file, overwrite=overwrite)
@@ -51,11 +48,3 @@ def motion_command(
     check_sample_rate(prepare(checked(loaded)))  # what cannot be done is told before there is a folder
     with claimed(folder, MOTION_FILES):
         reply.send(study_into(folder, loaded, length, limit, reply.console))
-
-
-def _time(text: str, option: str) -> float:
-    """A time (s) from "5 s" or "5"."""
-    time = read_quantity(text, "s")
-    if not 0 < time <= LONGEST:
-        raise RequestError(f'{option} {text}: write a time up to {LONGEST:g} s, such as "5 s"')
-    return time

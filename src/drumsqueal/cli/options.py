@@ -13,10 +13,11 @@ from drumsqueal.cli.completion import complete_scene, complete_setting
 from drumsqueal.errors import RequestError
 from drumsqueal.files.json_file import to_json, write_json
 from drumsqueal.files.output_folder import check_output_file
-from drumsqueal.scene.quantities import parse_quantity
+from drumsqueal.scene.quantities import SceneError, parse_quantity
 from drumsqueal.scene.shipped import find_scene
 
 UsageError: type[typer.BadParameter] = typer.BadParameter.__mro__[1]  # any misuse; it has no public name of its own
+LONGEST = 1000.0  # s, of what is recorded or computed at an option's wish
 UNBROKEN = 10_000  # columns where nobody looks on: a sentence then is one line, and no table is cut
 
 
@@ -105,32 +106,26 @@ def _is_stream(path: Path) -> bool:
         return False
 
 
-def read_quantity(text: str, unit: str) -> float:
-    """A number in an SI unit from "20 ms" or "0.02"; NaN for what is none."""
-    try:
-        try:
-            return float(parse_quantity(float(text), unit))
-        except ValueError:
-            return float(parse_quantity(text, unit))
-    except ValueError:  # of which SceneError is one
-        return math.nan
-
-
 def read_share(text: str, option: str) -> float:
     """A share between 0 and 1 from "1 %" or "0.01"."""
-    share = read_quantity(text, "")
+    wrong = f'{option} {text}: write a share between 0 and 100 %, such as "1 %" or 0.01'
+    share = _read(text, "", wrong)
     if not 0 < share < 1:
-        raise RequestError(f'{option} {text}: write a share between 0 and 100 %, such as "1 %" or 0.01')
+        raise RequestError(wrong)
     return share
 
 
 def read_time(text: str | None, option: str) -> float | None:
     """A time (s) from "20 ms" or "0.02", which may lie before zero; None where it was not given."""
-    if text is None:
-        return None
-    time = read_quantity(text, "s")
-    if not math.isfinite(time):
-        raise RequestError(f'{option} {text}: write a time such as "0.1 s"')
+    return None if text is None else _read(text, "s", f'{option} {text}: write a time such as "0.1 s"')
+
+
+def read_duration(text: str, option: str) -> float:
+    """How long (s) from "20 ms" or "0.02"."""
+    wrong = f'{option} {text}: write a time up to {LONGEST:g} s, such as "5 s"'
+    time = _read(text, "s", wrong)
+    if not 0 < time <= LONGEST:
+        raise RequestError(wrong)
     return time
 
 
@@ -138,10 +133,25 @@ def read_rate(text: str | None, option: str) -> float | None:
     """A rate (Hz), positive, from "20 kHz" or "20000"; None where it was not given."""
     if text is None:
         return None
-    rate = read_quantity(text, "Hz")
-    if not (math.isfinite(rate) and rate > 0):
-        raise RequestError(f'{option} {text}: write a rate such as "20 kHz"')
+    wrong = f'{option} {text}: write a rate such as "20 kHz"'
+    rate = _read(text, "Hz", wrong)
+    if not rate > 0:
+        raise RequestError(wrong)
     return rate
+
+
+def _read(text: str, unit: str, wrong: str) -> float:
+    """A finite number in an SI unit; `wrong` is said of what is none."""
+    try:
+        value = float(text)
+    except ValueError:
+        try:
+            value = float(parse_quantity(text, unit))
+        except SceneError as error:
+            raise RequestError(f"{wrong} ({error.reason.partition(';')[0]})") from None
+    if not math.isfinite(value):
+        raise RequestError(wrong)
+    return value
 
 
 def make_console(*, stderr: bool = False, quiet: bool = False) -> Console:

@@ -11,7 +11,7 @@ from drumsqueal.comparison.saturation import Saturation, describe_saturation, sa
 from drumsqueal.comparison.sticking import find_sticking
 from drumsqueal.comparison.verdict import state_verdict
 from drumsqueal.history import COMPLETE
-from drumsqueal.linear.modes import Mode, Stability
+from drumsqueal.linear.modes import NEUTRAL_SHARE, Mode, Stability
 from drumsqueal.model import Model
 from drumsqueal.signals import Growth, amplitude_spectrum, fit_growth, modal_frequency, peak_near
 
@@ -26,7 +26,6 @@ FEWEST_PERIODS = 5  # of a mode, for its frequency and growth to be measured
 NOT_EXCITED = "not excited by this start"
 HELD = "the lining sticks at the start"
 DRIVEN = "driven by the harmonic force"
-NEUTRAL_SHARE = 1e-9  # of the frequency: a growth rate below it is none, and has no relative error
 
 
 class ModeComparison(NamedTuple):

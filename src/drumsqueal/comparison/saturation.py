@@ -6,6 +6,7 @@ import numpy as np
 import xarray
 from numpy.typing import NDArray
 
+from drumsqueal.comparison.decay import decay_to_rest
 from drumsqueal.comparison.departure import Departure, changes, levers
 from drumsqueal.linear.modes import Mode, Stability
 from drumsqueal.model import Model
@@ -54,6 +55,11 @@ class Saturation(NamedTuple):
     contact_fraction: float
     slip_reversed_fraction: float
 
+    @property
+    def vibrates(self) -> bool:
+        """Whether it has settled to a motion that goes on."""
+        return self.regime.kind not in ("unknown", "steady")
+
 
 def saturated_part(time: NDArray[np.float64], edge: float) -> slice:
     """The last part of the record after the first edge (s), by when the growth is taken to be over."""
@@ -76,6 +82,7 @@ def describe_saturation(
     lowest = min((mode.frequency_Hz for mode in modes), default=2 * PERIODS_NEEDED / duration) / 2
     scale = size_of_motion(departure, stability, model)
     regime = classify(samples, departure.sample_rate, scale=scale, lowest_frequency=lowest)
+    regime = decay_to_rest(regime, departure, part, stability, modes, model)
     drifts = regime.kind == "unknown" and regime.amplitude_drift is not None
     if drifts and changes(model, departure.time[part]):
         regime = regime._replace(reason="Drum speed or load change, and the motion with them.")

@@ -118,6 +118,8 @@ def _sticks(sticking: Sticking) -> str:
 
 def _settled(saturation: Saturation, stability: Stability) -> str:
     regime = saturation.regime
+    if regime.kind == "steady" and saturation.main is not None:
+        return "decays to steady sliding, below the edges and where every mode decays"
     what = _SETTLED[regime.kind]
     if regime.kind == "quasi-periodic":
         what += f" of {told_frequencies(regime.base_frequencies_Hz, regime.base_uncertainties_Hz, DIGITS)}"

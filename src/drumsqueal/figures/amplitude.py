@@ -11,14 +11,16 @@ from matplotlib.figure import Figure
 
 from drumsqueal.comparison.departure import unit_of
 from drumsqueal.figures import style
-from drumsqueal.figures.slices import Panel, fixed_in_words, label_of, panels, thinned
+from drumsqueal.figures.slices import Panel, fixed_in_words, hold_to, label_of, panels, thinned
 from drumsqueal.figures.style import frame, new_figure, styled
 from drumsqueal.files.sweep import TRENDS
 from drumsqueal.scene import COORDINATES
 from drumsqueal.scene.plan import Plan
+from drumsqueal.studies.sweep.endings import squealing, undecided
 
 COLOURS = "viridis"
 _OPEN = "; open: it still grows"
+_GREY = "; grey: nothing lasts"
 
 
 class Quantity(NamedTuple):
@@ -48,14 +50,16 @@ def _quantities(sweep: xarray.Dataset) -> list[Quantity]:
     index = int(np.bincount(main[main >= 0].ravel()).argmax())
     name = COORDINATES[index]
     amplitude = 1e6 * sweep["amplitude"].isel(coordinate=index)
-    return [
-        Quantity(f"{name}, half peak to peak ({unit_of(name, 'µ')})", amplitude, style.COLOUR[name]),
-        Quantity("main frequency (Hz)", sweep["main_frequency"], style.DARK),
-    ]
+    found = [Quantity(f"{name}, half peak to peak ({unit_of(name, 'µ')})", amplitude, style.COLOUR[name])]
+    lasting = squealing(sweep) | undecided(sweep)
+    if lasting.any():  # what decays has a line, too, but none that is heard
+        found.append(Quantity("main frequency (Hz)", sweep["main_frequency"].where(lasting), style.DARK))
+    return found
 
 
 def _draw_maps(sweep: xarray.Dataset, plan: Plan, shown: list[Quantity]) -> Figure:
     told = "; dots: it still grows" * bool(_grows(sweep).any())
+    told += _GREY * any(np.isnan(each.values.values).any() for each in shown)
     figure = new_figure(plan.scene.title, f"the end of the transients{fixed_in_words(sweep, plan)}{told}")
     rows = panels(figure, sweep, plan, rows=len(shown))
     share = len(rows) // len(shown)
@@ -79,14 +83,16 @@ def _draw_panel(panel: Panel, quantity: Quantity, trend: xarray.DataArray, plan:
     x, y = (part[key].values for key in plan.keys[:2])
     axes.set_facecolor(style.FAINT)
     axes.pcolormesh(x, y, part["shown"].values, cmap=COLOURS, norm=scale, shading="nearest", rasterized=True)
+    hold_to(axes, x, y)
     row, column = np.nonzero(part["trend"].values == TRENDS.index("grows"))
-    axes.plot(x[column], y[row], "o", color=style.DARK, markersize=3, markeredgecolor="white", markeredgewidth=0.5)
+    look = {"color": style.DARK, "markersize": 3, "markeredgecolor": "white", "markeredgewidth": 0.5}
+    axes.plot(x[column], y[row], "o", clip_on=False, zorder=3, **look)
     axes.tick_params(which="both", labelsize=style.SMALL_SIZE)
 
 
 def _draw_curves(sweep: xarray.Dataset, plan: Plan, shown: list[Quantity]) -> Figure:
     figure = new_figure(plan.scene.title, f"the end of the transients{_OPEN * bool(_grows(sweep).any())}")
-    both = figure.subplots(2, 1, sharex=True)
+    both = _column(figure, shown)
     for axes, quantity in zip(both, shown, strict=True):
         x, y = sweep[plan.keys[0]].values, quantity.values.values
         axes.plot(x, y, color=quantity.colour, linewidth=0.6)
@@ -96,10 +102,14 @@ def _draw_curves(sweep: xarray.Dataset, plan: Plan, shown: list[Quantity]) -> Fi
     return figure
 
 
+def _column(figure: Figure, shown: list[Quantity]) -> list[Axes]:
+    return list(figure.subplots(len(shown), 1, sharex=True, squeeze=False)[:, 0])
+
+
 def _draw_draws(sweep: xarray.Dataset, plan: Plan, shown: list[Quantity]) -> Figure:
     told = f"the end of the transients of {plan.draws} draws{_OPEN * bool(_grows(sweep).any())}"
     figure = new_figure(plan.scene.title, told)
-    for axes, quantity in zip(figure.subplots(2, 1, sharex=True), shown, strict=True):
+    for axes, quantity in zip(_column(figure, shown), shown, strict=True):
         _draw_dots(axes, sweep, quantity)
     frame(axes, "largest growth rate predicted (1/s)", None)
     return figure

@@ -12,13 +12,14 @@ from matplotlib.ticker import ScalarFormatter
 from drumsqueal.comparison.departure import unit_of
 from drumsqueal.figures import style
 from drumsqueal.figures.onset import DASHES, SHADES, draw_cycles
+from drumsqueal.figures.placement import tick_in_units
 from drumsqueal.figures.style import frame, new_figure, styled
 from drumsqueal.scene.variation import Variation
 from drumsqueal.studies.cycle.branches import Diagram
 from drumsqueal.studies.cycle.continuation import BRANCHING, CORNER, DOUBLING, FOLD, NEIMARK_SACKER
-from drumsqueal.studies.cycle.kicked import kicked, steady_sliding
+from drumsqueal.studies.cycle.kicked import Interval, kicked, steady_sliding
 from drumsqueal.studies.cycle.orbit import Cycle
-from drumsqueal.studies.onset.study import KICKED, SQUEALS, STABLE
+from drumsqueal.studies.onset.rows import KICKED, SQUEALS, STABLE
 
 MICRO = 1e6
 MARKERS = {FOLD: "s", NEIMARK_SACKER: "^", DOUBLING: "v", BRANCHING: "P", CORNER: "x"}
@@ -46,7 +47,8 @@ def draw_branch(diagram: Diagram, variation: Variation) -> Figure:
     for critical in diagram.linear.critical:
         for axes, value in ((amplitude, rest), (frequency, critical.frequency_Hz)):
             axes.plot(critical.value, value, "D", color=style.DARK, markersize=4, clip_on=False, zorder=5)
-    unit = f" ({variation.unit})" if variation.unit else ""
+    unit = f" ({variation.shown_unit})" if variation.shown_unit else ""
+    tick_in_units(frequency.xaxis, variation.size)
     frame(amplitude, None, f"{name}, half peak to peak ({unit_of(name, 'µ')})")
     frame(frequency, f"{variation.key}{unit}", "Frequency (Hz)")
     figure.align_ylabels([amplitude, frequency])
@@ -95,10 +97,13 @@ def _shade(axes: Axes, diagram: Diagram) -> None:
     spans = [(STABLE, each) for each in steady_sliding(diagram, stable=True)]
     spans += [(SQUEALS, each) for each in steady_sliding(diagram, stable=False)]
     spans += [(KICKED, each) for each in kicked(diagram)]
-    left, right = axes.get_xlim()
-    for kind, (low, high) in spans:
-        low, high = left if low <= diagram.low else low, right if high >= diagram.high else high
+    for kind, (low, high) in spans:  # not beyond the range, where nothing is known
         axes.axvspan(low, high, color=SHADES[kind], linewidth=0, zorder=0)
+
+
+def _same(some: list[Interval], others: list[Interval]) -> bool:
+    """Whether intervals are the same, to what Newton's method leaves of the ends of the range."""
+    return len(some) == len(others) and bool(np.allclose(some, others, rtol=1e-9))
 
 
 def _legend(diagram: Diagram, colour: str) -> list[Line2D | Patch]:
@@ -114,6 +119,6 @@ def _legend(diagram: Diagram, colour: str) -> list[Line2D | Patch]:
         look = {"marker": MARKERS[kind], "markerfacecolor": "white", "markersize": 4, "linestyle": ""}
         handles.append(Line2D([], [], color=style.DARK, label=kind, **look))
     quiet = steady_sliding(diagram, stable=True)
-    present = {STABLE: [] if quiet == kicked(diagram) else quiet, KICKED: kicked(diagram)}
+    present = {STABLE: [] if _same(quiet, kicked(diagram)) else quiet, KICKED: kicked(diagram)}
     present[SQUEALS] = steady_sliding(diagram, stable=False)
     return handles + [Patch(color=SHADES[kind], label=kind) for kind, spans in present.items() if spans]

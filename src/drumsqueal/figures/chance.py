@@ -22,7 +22,7 @@ def draw_chance(sweep: xarray.Dataset, plan: Plan, chances: ChanceStudy) -> Figu
     """Draw the growth rates and the frequencies of the draws on the left, rank correlations on the right."""
     squeal = chances.squeal
     interval = f"{100 * squeal.low:.1f} to {100 * squeal.high:.1f} %"
-    told = f"chance of squeal {100 * squeal.share:.1f} % ({interval} at 95 %), {squeal.total} draws"
+    told = f"chance of squeal by eigenvalues {100 * squeal.share:.1f} % ({interval} at 95 %), {squeal.total} draws"
     figure = new_figure(plan.scene.title, told)
     left, right = figure.subfigures(1, 2, squeeze=False, width_ratios=[1.25, 1])[0]
     upper, lower = left.subplots(2, 1)

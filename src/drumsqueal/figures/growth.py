@@ -27,7 +27,7 @@ def draw_growth(view: View) -> Figure | None:
         return None
     figure = style.new_figure(view.title, "growth of the modes")
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
-    settled = view.saturation is not None and view.saturation.regime.kind != "unknown"
+    settled = view.saturation is not None and view.saturation.vibrates
     end = min(view.time[-1], BEYOND * view.saturation.start_s) if settled and view.saturation else view.time[-1]
     shown = slice(0, int(np.searchsorted(view.time, end, side="right")))
     factor, unit = style.time_unit(view.time[-1])

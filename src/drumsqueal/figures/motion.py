@@ -9,6 +9,8 @@ from drumsqueal.figures.placement import label_right_edge
 from drumsqueal.studies.motion import MotionStudy
 
 LABELLED = 14  # strongest lines
+LEAST = 0.1  # of the motion's peak-to-peak values, which the axes of a section span: a point is not made a torus
+DOT, DOTS = 5.0, 1.5  # points: of a motion that comes back, and of one that does not
 COLOURS = ("Tz", "X", "Y", "Tx")
 
 
@@ -59,7 +61,7 @@ def draw_lines(study: MotionStudy) -> Figure | None:
 
 @style.styled()
 def draw_section(study: MotionStudy) -> Figure | None:
-    """Draw the Poincaré section."""
+    """Draw the Poincaré section, on axes that span a tenth of the motion's size at least."""
     if not study.section.size:
         return None
     across, other = study.section_of
@@ -68,8 +70,14 @@ def draw_section(study: MotionStudy) -> Figure | None:
     factors = [1e6, 1.0]
     units = [unit_of(other, "µ"), f"{unit_of(across)}/s"]
     points = study.section * factors
-    axes.plot(points[:, 0], points[:, 1], ".", color=style.COLOUR[across], markersize=1.5, markeredgewidth=0)
-    axes.margins(0.1)
+    size, spread = np.array(study.section_size) * factors, np.ptp(points, axis=0)
+    width = DOTS if np.any(spread > LEAST / 10 * size) else DOT
+    axes.plot(points[:, 0], points[:, 1], ".", color=style.COLOUR[across], markersize=width, markeredgewidth=0)
+    middle, half = points.min(axis=0) + spread / 2, np.maximum(0.6 * spread, LEAST / 2 * size)
+    axes.set_xlim(middle[0] - half[0], middle[0] + half[0])
+    axes.set_ylim(middle[1] - half[1], middle[1] + half[1])
+    told = f"{len(points)} points within {100 * np.max(spread / size):.2g} % of the motion's peak-to-peak values"
+    axes.set_title(told, loc="left", fontsize=style.SMALL_SIZE)
     style.frame(axes, f"{other} ({units[0]})", f"Velocity of {across} ({units[1]})")
     return figure
 

@@ -13,17 +13,18 @@ from drumsqueal.comparison.departure import unit_of
 from drumsqueal.figures import style
 from drumsqueal.figures.eigenvalues import STABLE as STABLE_COLOUR
 from drumsqueal.figures.eigenvalues import UNSTABLE as UNSTABLE_COLOUR
-from drumsqueal.figures.placement import label_top_edge
+from drumsqueal.figures.placement import label_top_edge, tick_in_units
 from drumsqueal.figures.style import frame, new_figure, styled
+from drumsqueal.linear.modes import UNDAMPED_SHARE
 from drumsqueal.studies.cycle.branches import Diagram
 from drumsqueal.studies.cycle.kicked import pieces
 from drumsqueal.studies.cycle.orbit import Cycle
 from drumsqueal.studies.onset.attractors import DECAYS, Ending
-from drumsqueal.studies.onset.rows import KICKED, SQUEALS, STABLE, Row
+from drumsqueal.studies.onset.rows import KICKED, NEUTRAL, SQUEALS, STABLE, Row
 from drumsqueal.studies.onset.study import OnsetStudy
 
 # Told apart in print by lightness, too.
-SHADES = {STABLE: STABLE_COLOUR, KICKED: "#F2E6CC", SQUEALS: UNSTABLE_COLOUR}
+SHADES = {STABLE: STABLE_COLOUR, NEUTRAL: "#E3EEDC", KICKED: "#F2E6CC", SQUEALS: UNSTABLE_COLOUR}
 OTHER = style.PALE
 MARKER = {"marker": "o", "markersize": 3.2, "linestyle": "", "markeredgewidth": 0.7}
 DASHES = (0, (3, 2))  # of unstable cycles
@@ -50,7 +51,8 @@ def draw_onset(study: OnsetStudy, diagram: Diagram | None = None) -> Figure:
     _draw_amplitudes(panels[0], study, diagram)
     _draw_frequencies(panels[1], study)
     _draw_growth(panels[2], study)
-    unit = f" ({study.variation.unit})" if study.variation.unit else ""
+    unit = f" ({study.variation.shown_unit})" if study.variation.shown_unit else ""
+    tick_in_units(panels[2].xaxis, study.variation.size)
     panels[2].set_xlabel(f"{study.variation.key}{unit}")
     figure.align_ylabels(panels)
     figure.legend(handles=_legend(study, diagram), loc="outside lower center", ncols=4)
@@ -80,8 +82,9 @@ def _draw_amplitudes(axes: Axes, study: OnsetStudy, diagram: Diagram | None) -> 
             amplitude = MICRO * ending.motion.amplitude[column]
             largest = max(largest, amplitude)
             axes.plot(row.value, amplitude, color=colour, markerfacecolor=_face(row, ending, colour), **MARKER)
-    quiet = [row.value for row in study.rows if row.small is not None and row.small.kind == DECAYS]
-    axes.plot(quiet, np.zeros(len(quiet)), color=colour, clip_on=False, zorder=3, **MARKER)
+    quiet = [row.value for row in study.rows if _quiet(row)]
+    if quiet:  # an empty line that is not clipped counts as one at the corner of the figure, and the layout collapses
+        axes.plot(quiet, np.zeros(len(quiet)), color=colour, clip_on=False, zorder=3, **MARKER)
     top = ROOM * largest if largest > 0 else 1.0
     axes.set_ylim(0, top)
     low, high = axes.get_xlim()
@@ -90,6 +93,11 @@ def _draw_amplitudes(axes: Axes, study: OnsetStudy, diagram: Diagram | None) -> 
             middle = (each.first + each.last) / 2
             axes.text(middle, 0.96 * top, each.kind, ha="center", va="top", fontsize=style.SMALL_SIZE)
     frame(axes, None, f"{study.coordinate}, half peak\nto peak ({unit_of(study.coordinate, 'µ')})")
+
+
+def _quiet(row: Row) -> bool:
+    """Whether the small departure decays."""
+    return row.small is not None and row.small.kind == DECAYS
 
 
 def _face(row: Row, ending: Ending, colour: str) -> str:
@@ -133,7 +141,11 @@ def _shade(axes: Axes, study: OnsetStudy) -> None:
 
 def _ends(study: OnsetStudy) -> list[tuple[float, str]]:
     """Where one range goes over into the next."""
-    return [(each.first, f"{each.first:.4g}") for each in study.ranges if each.first_uncertainty is not None]
+    return [
+        (each.first, f"{study.variation.shown(each.first):.4g}")
+        for each in study.ranges
+        if each.first_uncertainty is not None
+    ]
 
 
 def _legend(study: OnsetStudy, diagram: Diagram | None) -> list[Line2D | Patch]:
@@ -143,11 +155,16 @@ def _legend(study: OnsetStudy, diagram: Diagram | None) -> list[Line2D | Patch]:
         frequency, rate = branch.eigenvalues.imag / (2 * np.pi) / 1e3, branch.eigenvalues.real
         if _any_within(frequency, _frequency_limits(study)) or _any_within(rate, _growth_limits(study)):
             shown.append(branch.label.split()[0])
-    handles: list[Line2D | Patch] = [
-        Line2D([], [], color=colour, label="after a small departure", **MARKER),
-        Line2D([], [], color=colour, markerfacecolor="white", label="after a kick or from beside", **MARKER),
-        Line2D([], [], marker="D", markersize=3.5, color=style.DARK, linestyle="", label="critical value"),
-    ]
+    handles: list[Line2D | Patch] = []
+    faces = {_face(row, each, colour) for row in study.rows for each in row.attractors}
+    if colour in faces or any(_quiet(row) for row in study.rows):
+        handles.append(Line2D([], [], color=colour, label="after a small departure", **MARKER))
+    if "white" in faces:
+        label = "after a kick or from beside"
+        handles.append(Line2D([], [], color=colour, markerfacecolor="white", label=label, **MARKER))
+    if study.linear.critical:
+        label = "critical value"
+        handles.append(Line2D([], [], marker="D", markersize=3.5, color=style.DARK, linestyle="", label=label))
     stable = {each for branch in (diagram.branches if diagram else ()) for _, each in pieces(branch)}
     for kind in sorted(stable, reverse=True):
         label, line = ("stable cycle", "-") if kind else ("unstable cycle", DASHES)
@@ -158,8 +175,10 @@ def _legend(study: OnsetStudy, diagram: Diagram | None) -> list[Line2D | Patch]:
 
 
 def _growth_limits(study: OnsetStudy) -> tuple[float, float]:
-    rates = [row.point.growth_rate for row in study.rows if not row.point.reason]
-    size = max(max(rates, default=1.0), -min(rates, default=-1.0), 1e-12)
+    rates = [row.point.growth_rate for row in study.rows if np.isfinite(row.point.growth_rate)]
+    size = max(max(rates, default=1.0), -min(rates, default=-1.0))
+    if size <= UNDAMPED_SHARE * max((row.point.largest for row in study.rows), default=0.0):
+        return -1.0, 1.0  # neither growth nor decay, but round-off
     return min([*rates, 0.0]) - 0.35 * size, max([*rates, 0.0]) + 0.2 * size
 
 

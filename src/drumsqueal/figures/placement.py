@@ -2,7 +2,9 @@
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import XAxis
 from matplotlib.text import Annotation
+from matplotlib.ticker import AutoLocator, FuncFormatter
 from matplotlib.transforms import Bbox
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import make_interp_spline
@@ -11,6 +13,25 @@ from drumsqueal.figures.style import SMALL_SIZE
 
 LABEL_STEP = 1.3 * SMALL_SIZE  # points from one line of labels to the next
 COLUMNS = 800  # a record is reduced to this many columns of a printed line
+
+
+class _InUnits(AutoLocator):
+    """Ticks at round multiples of a unit."""
+
+    def __init__(self, size: float) -> None:
+        super().__init__()
+        self._size = size
+
+    def tick_values(self, vmin: float, vmax: float) -> NDArray[np.float64]:
+        """As of AutoLocator, between two values in SI."""
+        return self._size * np.asarray(super().tick_values(vmin / self._size, vmax / self._size))
+
+
+def tick_in_units(axis: XAxis, size: float) -> None:
+    """Mark an axis of values in SI in a unit that is `size` in SI."""
+    if size != 1:
+        axis.set_major_locator(_InUnits(size))
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value / size:.6g}".replace("-", "\N{MINUS SIGN}")))
 
 
 def spread(positions: ArrayLike, gap: float, low: float, high: float) -> NDArray[np.float64]:

@@ -39,6 +39,6 @@ def draw_sensitivity(study: SensitivityStudy) -> Figure:
     axes.set_ylim(len(study.rows) - 0.5, -0.5)
     for place in places[1:]:
         axes.axhline(place - 0.5, color=style.FAINT, linewidth=0.4, zorder=0.5)
-    frame(axes, "Change of the growth rate per +1 % (1/s): to the left quieter, to the right louder", None)
+    frame(axes, "Change of the growth rate per +1 % (1/s): to the left it grows slower, to the right faster", None)
     figure.legend(loc="outside lower center", ncols=min(len(told), 3))
     return figure

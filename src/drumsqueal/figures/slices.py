@@ -97,6 +97,13 @@ def scene_at(plan: Plan, select: dict[str, Any]) -> list[float | None]:
     return found
 
 
+def hold_to(axes: Axes, x: np.ndarray, y: np.ndarray) -> None:
+    """Cut the cells of a map at its first and last values: half a cell beyond them nothing was computed."""
+    for values, limit in ((x, axes.set_xlim), (y, axes.set_ylim)):
+        if values.min() < values.max():
+            limit(values.min(), values.max())
+
+
 def of_coordinate(part: xarray.Dataset, name: str, index: int) -> np.ndarray:
     """A variable of the least stable mode of a coordinate at each point; NaN where it has none."""
     mine = part["mode_coordinate"].values == index

@@ -20,7 +20,7 @@ def draw_spectra(view: View) -> Figure | None:
     """Draw displacement spectra before and after saturation; None where the record is too short for any."""
     parts = [("Growth phase" if view.result.stability.unstable else "Linear motion", view.growing)]
     if view.saturation is not None:
-        settled = view.saturation.regime.kind != "unknown"
+        settled = view.saturation.vibrates
         parts.append(("Saturated motion" if settled else "End of the record", view.saturated))
     if not view.readable or not view.modes:
         return None

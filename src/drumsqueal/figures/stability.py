@@ -13,6 +13,7 @@ from matplotlib.patches import Patch
 from drumsqueal.figures import style
 from drumsqueal.figures.slices import (
     fixed_in_words,
+    hold_to,
     label_of,
     of_coordinate,
     panels,
@@ -22,6 +23,7 @@ from drumsqueal.figures.slices import (
 from drumsqueal.figures.style import frame, new_figure, styled
 from drumsqueal.scene import COORDINATES
 from drumsqueal.scene.plan import Plan
+from drumsqueal.studies.sweep.endings import squealing, undecided
 
 COLOURS = "PuOr_r"  # orange grows, purple decays; the colour-blind tell them apart
 GROWTH = "largest growth rate (1/s)"
@@ -77,9 +79,10 @@ def _draw_panel(
             seen[name] = Line2D([], [], color=style.COLOUR[name], linewidth=OF_A_MODE, label=f"mode {name} begins")
     across, up, *others = scene_at(plan, select)
     if across is not None and up is not None and None not in others:
-        axes.plot(across, up, "+", color=style.DARK, markersize=7, markeredgewidth=1.2)
+        axes.plot(across, up, "+", color=style.DARK, markersize=7, markeredgewidth=1.2, clip_on=False)
         label = "the scene itself"
         seen["own"] = Line2D([], [], color=style.DARK, marker="+", linestyle="none", markersize=7, label=label)
+    hold_to(axes, x, y)
     axes.tick_params(which="both", labelsize=style.SMALL_SIZE)
     return image
 
@@ -112,13 +115,14 @@ def _draw_curves(sweep: xarray.Dataset, plan: Plan) -> Figure:
         lower.plot(x, np.where(growth > 0, frequency, np.nan), color=style.COLOUR[name], linewidth=2.0)
     _limit_growth(upper, sweep)
     if plan.transient:
-        lower.plot(x, sweep["main_frequency"].values, ".", color=style.DARK, markersize=3)
+        heard = sweep["main_frequency"].where(squealing(sweep) | undecided(sweep))
+        lower.plot(x, heard.values, ".", color=style.DARK, markersize=3)
     own = scene_at(plan, {})[0]
     for axes in (upper, lower):
         if own is not None:
             axes.axvline(own, color=style.FAINT, linewidth=0.8, zorder=0.5)
     frame(upper, None, "growth rate (1/s)")
-    dots = "; dots: the transient's main line" if plan.transient else ""
+    dots = "; dots: main line of transients that last" if plan.transient else ""
     frame(lower, label_of(sweep, plan.keys[0]), "frequency (Hz)")
     lower.set_title(f"thick: unstable{dots}", fontsize=style.SMALL_SIZE, loc="left")
     upper.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(COORDINATES), borderaxespad=0.2)

@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.bodies.rigid_shoe import TZ, Y
-from drumsqueal.comparison.compare import NEUTRAL_SHARE, UNEXCITED_SHARE, ModeComparison
+from drumsqueal.comparison.compare import UNEXCITED_SHARE, ModeComparison
 from drumsqueal.comparison.departure import FEWEST_FOR_SPECTRUM, ROTATIONS, Departure
 from drumsqueal.comparison.saturation import Saturation
 from drumsqueal.history import COMPLETE
-from drumsqueal.linear.modes import Mode
+from drumsqueal.linear.modes import NEUTRAL_SHARE, Mode
 from drumsqueal.model import Model
 from drumsqueal.simulation import Result
 

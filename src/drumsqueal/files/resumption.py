@@ -90,10 +90,10 @@ def find_point(folder: Path, scene: Scene) -> Point:
         there = scene_from_dict(tomllib.loads(attributes["scene"]))
     except Exception:  # h5py raises nearly all there is on a file that is damaged
         raise RequestError(f"{history} is cut short or damaged, so the run cannot be resumed; {_ANEW}") from None
-    if not file.exists():
-        raise RequestError(f"{folder}: {_why_not(attributes['outcome'])}")
     if there != scene:
         raise RequestError(f"{folder}: {difference(there, scene)}; resume with the scene as it was run, or {_ANEW}")
+    if not file.exists():
+        raise RequestError(f"{folder}: {_why_not(attributes['outcome'])}")
     if attributes["versions"] != json.dumps(versions()):
         raise RequestError(f"{folder}: {changed_versions(attributes['versions'])}; go back to those, or {_ANEW}")
     try:

@@ -78,7 +78,9 @@ TRANSIENT = {
         "m (X, Y, Z), rad (Tx, Ty, Tz)",
         "half the peak-to-peak value in the last half of it",
     ),
-    "main_frequency": Variable((), "f8", "Hz", "of the line with most kinetic energy there; NaN: none"),
+    "main_frequency": Variable(
+        (), "f8", "Hz", "of the line with most kinetic energy there, decaying or not; NaN: none"
+    ),
     "main_coordinate": Variable((), "i1", "1", "the coordinate that has this line", _NAMES),
     "trend": Variable((), "i1", "1", "what the motion does there", _KINDS),
     "separation_share": Variable((), "f8", "1", "largest motion over the one at which the lining begins to lift off"),

@@ -96,12 +96,12 @@ def find_sweep(folder: Path, plan: Plan) -> None:
             _find_places(path, plan)
     except Exception:  # h5py raises nearly all there is on a file that is damaged
         raise RequestError(f"{path} is cut short or damaged, so the sweep cannot be resumed; {_ANEW}") from None
-    if told["outcome"] == COMPLETE:
-        raise RequestError(f"{folder}: the sweep is complete, there is nothing to resume")
     if there != plan.scene:
         raise RequestError(f"{folder}: {difference(there, plan.scene)}; resume with that, or {_ANEW}")
     if swept != plan.describe():
         raise RequestError(f"{folder}: {_other(swept, plan.describe())}; resume with the same sweep, or {_ANEW}")
+    if told["outcome"] == COMPLETE:
+        raise RequestError(f"{folder}: the sweep is complete, there is nothing to resume")
     if told["versions"] != json.dumps(versions()):
         raise RequestError(f"{folder}: {changed_versions(told['versions'])}; go back to those, or {_ANEW}")
 

@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 from typing import Any
 
+import numpy as np
 from rich import box
 from rich.console import Console
 from rich.table import Table
@@ -13,14 +14,14 @@ from drumsqueal.jobs.cycle_table import cycle_data
 from drumsqueal.jobs.study import rows_to_csv
 from drumsqueal.scene.variation import Variation
 from drumsqueal.studies.cycle.branches import Diagram
-from drumsqueal.studies.cycle.continuation import Branch
+from drumsqueal.studies.cycle.continuation import BOUND, HOPF, Branch
 from drumsqueal.studies.cycle.kicked import Interval, folds, kicked, stable_cycles, steady_sliding
-from drumsqueal.studies.cycle.orbit import Cycle
+from drumsqueal.studies.cycle.orbit import NEUTRAL, Cycle
 
 
 def print_diagram(console: Console, diagram: Diagram, variation: Variation) -> None:
     """Print where branches begin and end and what happens on them, and what follows from that."""
-    unit = f"\n{variation.unit}" if variation.unit else ""
+    unit = f"\n{variation.shown_unit}" if variation.shown_unit else ""
     names = diagram.branches[0].cycles[0].names
     table = Table(title=f"Cycles along {variation.key}", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     table.add_column("", justify="right")
@@ -33,19 +34,19 @@ def print_diagram(console: Console, diagram: Diagram, variation: Variation) -> N
     for number, branch in enumerate(diagram.branches, start=1):
         for what, cycle in _milestones(branch):
             amplitudes = (f"{1e6 * cycle.amplitude[name]:.3g}" for name in names)
-            largest = "" if what == "Hopf" else f"{cycle.largest:.4f}"
-            table.add_row(
-                str(number), what, f"{cycle.parameter:.7g}", f"{cycle.frequency_Hz:.1f}", *amplitudes, largest
-            )
+            value = f"{variation.shown(cycle.parameter):.7g}"
+            table.add_row(str(number), what, value, f"{cycle.frequency_Hz:.1f}", *amplitudes, f"{cycle.largest:.4f}")
     console.print(table)
     for critical in diagram.linear.critical:
         becomes = "unstable" if critical.destabilises else "stable"
         where = _at(variation, critical.value)
         console.print(f"Steady sliding becomes {becomes} in {critical.label} as it rises past {where}")
     for number, branch in enumerate(diagram.branches, start=1):
-        for end in (branch.start, branch.end):
-            if len(end) > len("end of the range"):
+        for verb, end in (("begins", branch.start), ("ends", branch.end)):
+            if len(end) > len(BOUND):
                 console.print(f"Branch {number} ends: {end}", style="dim")
+            elif end == HOPF:
+                console.print(f"Branch {number} {verb} beside a Hopf point, where cycles have no size", style="dim")
     for note in diagram.notes:
         console.print(f"Not found: {note}", style="dim")
     console.print(verdict(diagram, variation), style="bold")
@@ -54,7 +55,7 @@ def print_diagram(console: Console, diagram: Diagram, variation: Variation) -> N
 def _milestones(branch: Branch) -> list[tuple[str, Cycle]]:
     """The ends of a branch and what happens on it, in order."""
     what = {id(special.cycle): special.kind for special in branch.special}
-    ends = {id(branch.cycles[0]): _end(branch.start), id(branch.cycles[-1]): _end(branch.end)}
+    ends = {id(branch.cycles[0]): _end(branch.start, "first"), id(branch.cycles[-1]): _end(branch.end, "last")}
     return [
         (what.get(id(cycle)) or ends[id(cycle)], cycle)
         for cycle in branch.cycles
@@ -62,27 +63,34 @@ def _milestones(branch: Branch) -> list[tuple[str, Cycle]]:
     ]
 
 
-def _end(reason: str) -> str:
-    return reason if len(reason) <= len("end of the range") else "end"
+def _end(reason: str, which: str) -> str:
+    """What an end is; at a Hopf point it is the cycle beside it, which has a size."""
+    if reason == HOPF:
+        return f"{which} cycle"
+    return reason if len(reason) <= len(BOUND) else "end"
 
 
 def _at(variation: Variation, value: float) -> str:
-    return f"{variation.key} = {value:.7g}{f' {variation.unit}' if variation.unit else ''}"
+    return f"{variation.key} = {variation.told(value, '.7g')}"
 
 
 def verdict(diagram: Diagram, variation: Variation) -> str:
     """Where steady sliding is unstable, where stable cycles are, and where it squeals only when kicked."""
     unstable, cycles, both = steady_sliding(diagram, stable=False), stable_cycles(diagram), kicked(diagram)
-    sliding = f"is unstable for {variation.key} {_ranges(unstable)}" if unstable else "is stable throughout"
-    lives = f"stable cycles live {_ranges(cycles)}" if cycles else "no cycle that was found is stable"
+    sliding = f"is unstable for {variation.key} {_ranges(unstable, variation)}" if unstable else "is stable throughout"
+    lives = f"stable cycles live {_ranges(cycles, variation)}" if cycles else "no cycle that was found is stable"
     turns = folds(diagram)
-    folded = f" (folds at {', '.join(f'{value:.6g}' for value in turns)})" if turns else ""
-    kicks = f"; {_ranges(both)} it squeals only when kicked" if both else "; none of them lies beside stable sliding"
+    folded = f" (folds at {', '.join(f'{variation.shown(value):.6g}' for value in turns)})" if turns else ""
+    kicks = (
+        f"; {_ranges(both, variation)} it squeals only when kicked"
+        if both
+        else "; none of them lies beside stable sliding"
+    )
     return f"Steady sliding {sliding}; {lives}{folded}{kicks}."
 
 
-def _ranges(intervals: list[Interval]) -> str:
-    return " and ".join(f"from {low:.6g} to {high:.6g}" for low, high in intervals)
+def _ranges(intervals: list[Interval], along: Variation) -> str:
+    return " and ".join(f"from {along.shown(low):.6g} to {along.shown(high):.6g}" for low, high in intervals)
 
 
 def to_csv(variation: Variation, rows: Iterable[tuple[int, Cycle]] | None, diagram: Diagram | None = None) -> str:
@@ -100,8 +108,8 @@ def _row(variation: Variation, number: int, cycle: Cycle, what: str) -> dict[str
         variation.column: cycle.parameter,
         "what": what,
         "frequency_Hz": cycle.frequency_Hz,
-        "stable": "yes" if cycle.stable else "no",
-        "unstable_directions": cycle.unstable_directions,
+        "stable": "neutral" if cycle.neutral else "yes" if cycle.stable else "no",
+        "unstable_directions": int(np.sum(np.abs(cycle.multipliers) > 1 + NEUTRAL)),  # one on the circle is none
     }
     row |= {f"amplitude_{name}_{unit_of(name)}": a for name, a in cycle.amplitude.items()}
     row |= {"contact_fraction": cycle.contact_fraction, "slip_reversed_fraction": cycle.slip_reversed_fraction}

@@ -66,7 +66,8 @@ def follow_into(folder: Path, scene: Scene, variation: Variation, console: Conso
             def keep(branch: int, cycle: Cycle) -> None:
                 rows.append((branch, cycle))
                 write_whole(folder / BRANCH_TABLE, to_csv(variation, rows).encode())
-                show(f"branch {branch + 1}, {len(rows)} cycles, {variation.key} = {cycle.parameter:.4g}")
+                at = variation.told(cycle.parameter, ".4g")
+                show(f"branch {branch + 1}, {len(rows)} cycles, {variation.key} = {at}")
 
             show("eigenvalues")
             diagram = follow_cycle(scene, variation.key, variation.first, variation.last, keep)

@@ -41,13 +41,14 @@ def study_into(folder: Path, scene: Scene, duration: float, at_most: float, cons
         save_figures({name: figure for name, figure in figures.items() if figure is not None}, folder)
         stop_if_interrupted()
     print_study(console, study)
-    console.print(printable(f"Summary, lines and figures are in {folder}"), soft_wrap=True)
+    left = "Summary, lines and figures are" if study.lines is not None else "Summary is"
+    console.print(printable(f"{left} in {folder}"), soft_wrap=True)
     return found
 
 
 def print_study(console: Console, study: MotionStudy) -> None:
     """Print the kind of motion and the evidence."""
-    settled = "settled" if study.settled else "not settled"
+    settled = "settled" if study.settled else "decaying" if study.kind == "steady" else "not settled"
     console.print(f"Recorded from {study.settled_s:.4g} s ({settled}) for {study.duration_s:.4g} s")
     if study.bases is not None and study.bases.frequency_Hz.size and study.lines is not None:
         told = told_frequencies(study.bases.frequency_Hz.tolist(), study.bases.uncertainty_Hz.tolist(), 8)

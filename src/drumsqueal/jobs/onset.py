@@ -65,7 +65,7 @@ def _follow(predicted: Prediction, console: Console) -> Diagram:
     with telling(console) as tell:
 
         def show(branch: int, cycle: Cycle) -> None:
-            tell(f"cycles, branch {branch + 1}, {variation.key} = {cycle.parameter:.4g}")
+            tell(f"cycles, branch {branch + 1}, {variation.key} = {variation.told(cycle.parameter, '.4g')}")
 
         tell("cycles")
         return follow_cycle(predicted.scene, variation.key, variation.first, variation.last, show)

@@ -31,18 +31,19 @@ def print_study(console: Console, study: OnsetStudy, diagram: Diagram | None = N
     name, unit = study.coordinate, unit_of(study.coordinate, "µ")
     title = f"Onset along {study.variation.key}"
     table = Table(title=title, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    table.add_column(f"\n\n{study.variation.unit}", justify="right")
+    table.add_column(f"\n\n{study.variation.shown_unit}", justify="right")
     table.add_column("", no_wrap=True)
     table.add_column("growth\nlinear\n1/s", justify="right")
-    for start in ("small", "large"):
-        table.add_column(f"{name} after\n{start} start\n{unit}", justify="right")
+    for heading in (f"{name} after\nsmall start", f"{name} of the\nstrongest"):
+        table.add_column(f"{heading}\n{unit}", justify="right")
         table.add_column("line\n\nHz", justify="right")
-    for row in study.rows:
+    for row in in_order(study.rows, study.variation):
         if row.asked:
             kind = Text(row.kind, style=STYLES.get(row.kind, ""))
-            small, large = _shown(row.small, study), _shown(row.strongest, study, large=True)
-            growth = "-" if row.point.reason else f"{row.point.growth_rate:+.2f}"
-            table.add_row(f"{row.value:.5g}", kind, growth, *small, *large)
+            small, strongest = _shown(row.small, study), _shown(row.strongest, study, strongest=True)
+            rate = row.point.growth_rate
+            growth = f"{rate:+.2f}" if np.isfinite(rate) else "-"  # nothing oscillates
+            table.add_row(f"{study.variation.shown(row.value):.5g}", kind, growth, *small, *strongest)
     console.print(table)
     for critical in study.linear.critical:
         console.print(_told(critical, study.variation))
@@ -56,10 +57,10 @@ def print_study(console: Console, study: OnsetStudy, diagram: Diagram | None = N
         console.print(f"Cycles: {told[0].lower()}{told[1:]}", style="bold")
 
 
-def _shown(ending: Ending | None, study: OnsetStudy, *, large: bool = False) -> tuple[str, str]:
+def _shown(ending: Ending | None, study: OnsetStudy, *, strongest: bool = False) -> tuple[str, str]:
     """Amplitude and line of a motion that has settled, or where the start led instead."""
     if ending is None:
-        return ("-", "") if large else ("", "")
+        return ("-", "") if strongest else ("", "")
     if not ending.settled:
         return ending.kind, ""
     amplitude = 1e6 * ending.motion.amplitude[study.names.index(study.coordinate)]
@@ -68,11 +69,17 @@ def _shown(ending: Ending | None, study: OnsetStudy, *, large: bool = False) -> 
 
 
 def _told(critical: Critical, variation: Variation) -> str:
-    unit = f" {variation.unit}" if variation.unit else ""
+    unit = f" {variation.shown_unit}" if variation.shown_unit else ""
     becomes = "loses stability" if critical.destabilises else "gains stability"
-    where = f"{variation.key} = {with_uncertainty(critical.value, critical.uncertainty)}{unit}"
+    value, uncertainty = variation.shown(critical.value), variation.shown(critical.uncertainty)
+    where = f"{variation.key} = {with_uncertainty(value, uncertainty)}{unit}"
     line = f" at {critical.frequency_Hz:.2f} Hz" if critical.frequency_Hz > 0 else ""
     return f"{critical.label} {becomes}{line} as the value rises past {where}"
+
+
+def in_order(rows: Sequence[Row], variation: Variation) -> Sequence[Row]:
+    """Rows by rising value in the order in which the range was asked for."""
+    return rows if variation.first < variation.last else rows[::-1]
 
 
 def to_csv(rows: Sequence[Row], variation: Variation, linear: Branches, names: tuple[str, ...]) -> str:
@@ -82,18 +89,18 @@ def to_csv(rows: Sequence[Row], variation: Variation, linear: Branches, names: t
         for branch in linear.branches
     }
     table = []
-    for row in rows:
+    for row in in_order(rows, variation):
         cells: dict[str, Any] = {
             variation.column: row.value,
             "kind": row.kind,
             "asked": "yes" if row.asked else "no",
-            "largest_growth_rate_1_per_s": None if row.point.reason else row.point.growth_rate,
+            "largest_growth_rate_1_per_s": row.point.growth_rate if np.isfinite(row.point.growth_rate) else None,
         }
         for label, values in at.items():
             value = values.get(row.value)
             cells[f"frequency_{label}_Hz"] = None if value is None else value.imag / math.tau
             cells[f"growth_rate_{label}_1_per_s"] = None if value is None else value.real
-        cells |= _cells("small", row.small, names) | _cells("large", row.strongest, names)
+        cells |= _cells("small", row.small, names) | _cells("strongest", row.strongest, names)
         cells["motions"] = len(row.attractors)
         cells["note"] = row.point.reason or "; ".join(
             f"{each.start}: {each.motion.outcome}" for each in row.endings if each.motion.failed
@@ -119,7 +126,7 @@ def to_data(study: OnsetStudy, diagram: Diagram | None = None) -> dict[str, Any]
         "title": study.scene.title,
         "verdict": verdict(study),
         "reservations": list(reservations(study)),
-        "parameter": study.variation._asdict(),
+        "parameter": {"key": study.variation.key, "unit": study.variation.unit, "values": study.variation.values},
         "critical_values": [each._asdict() for each in study.linear.critical],
         "ranges": [each._asdict() for each in study.ranges],
         "kicked_range_sought_within": study.within,

@@ -82,7 +82,8 @@ def print_result(console: Console, result: Result) -> None:
         console.print(f"{', '.join(labels)}: {note}", style="dim")
     saturation = result.comparison.saturation
     if saturation is not None:
-        console.print(f"After growth, from {saturation.start_s:.4g} s: {saturation.regime.reason}")
+        when = "At its end" if saturation.regime.kind == "steady" else "After growth"
+        console.print(f"{when}, from {saturation.start_s:.4g} s: {saturation.regime.reason}")
     implicit = float(result.history["implicit"].mean())
     if implicit > 0 and result.scene.simulate.solver == AUTO:
         console.print(f"Friction is stiff: the implicit method {IMPLICIT} took {100 * implicit:.3g} % of the time")

@@ -57,7 +57,7 @@ def quiet_sentence(quiet: Quieting, decays: Sequence[Decay]) -> str:
     """What to change, what the eigenvalues say of it, and what the transients do."""
     large = [change for change in quiet.changes if abs(change.relative) > NEGLIGIBLE]
     large.sort(key=lambda each: -abs(each.relative))
-    named = ", ".join(f"{change.key} {change.before:.4g} to {change.after:.4g}" for change in large[:3])
+    named = ", ".join(f"{change.key} changed from {change.before:.4g} to {change.after:.4g}" for change in large[:3])
     more = f" and {len(large) - 3} smaller changes" if len(large) > 3 else ""
     told = "".join(f"; from {decay.start} the transient {_ending(decay)}" for decay in decays)
     return f"Stable with {named}{more}: every growth rate is {quiet.largest_growth:.3g} 1/s or below{told}."

@@ -22,6 +22,7 @@ from drumsqueal.scene import COORDINATES
 from drumsqueal.scene.plan import Plan
 from drumsqueal.scene.quantities import printable
 from drumsqueal.studies.sweep.chance import ChanceStudy, study_chance
+from drumsqueal.studies.sweep.endings import squealing, undecided
 
 Summary = dict[str, Any]
 
@@ -88,7 +89,8 @@ def _transients(sweep: xarray.Dataset) -> Summary:
     counts = {name: int((trend == code).sum()) for code, name in enumerate(TRENDS) if np.any(trend == code)}
     done = sweep["outcome"].values == COMPUTED
     largest = np.max(sweep["amplitude"].values[done], axis=0, initial=0.0)
-    return {"trends": counts, "largest_amplitude": dict(zip(COORDINATES, largest.tolist(), strict=True))}
+    squeals = {"points_with_squeal": int(squealing(sweep).sum()), "points_undecided": int(undecided(sweep).sum())}
+    return squeals | {"trends": counts, "largest_amplitude": dict(zip(COORDINATES, largest.tolist(), strict=True))}
 
 
 def print_sweep(console: Console, plan: Plan, summary: Summary) -> None:
@@ -102,6 +104,7 @@ def print_sweep(console: Console, plan: Plan, summary: Summary) -> None:
     if told is not None:
         trends = ", ".join(f"{count} {name}" for name, count in told["trends"].items())
         console.print(f"Transients at their end: {trends or 'none'}")
+        console.print(_heard(told, sum(told["trends"].values())))
     if summary["points_with_divergence"]:
         console.print(f"Diverges without oscillation at {summary['points_with_divergence']} points")
     for name, count in summary["outcomes"].items():
@@ -109,8 +112,16 @@ def print_sweep(console: Console, plan: Plan, summary: Summary) -> None:
             console.print(f"{count} of {plan.points} points: {name}")
 
 
+def _heard(told: Summary, points: int) -> str:
+    """How many of the transients squeal."""
+    squeal, undecided = told["points_with_squeal"], told["points_undecided"]
+    more = f"; {undecided} more fall, but are beyond the edges of contact still" if undecided else ""
+    share = f" ({100 * squeal / points:.3g} %)" if points else ""
+    return f"By the transients, from the scene's own start: squeal at {squeal} of {points} points{share}{more}"
+
+
 def _grid_table(plan: Plan, summary: Summary) -> Table:
-    title = f"Squeal at {summary['points_with_squeal']} of {plan.points} points"
+    title = f"Squeal at {summary['points_with_squeal']} of {plan.points} points, by eigenvalues"
     table = Table(title=title, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     for heading in ("mode", "points", "most 1/s", "Hz there", "where"):
         table.add_column(heading, justify="left" if heading in ("mode", "where") else "right")
@@ -124,7 +135,8 @@ def _grid_table(plan: Plan, summary: Summary) -> Table:
 def _chance_table(summary: Summary) -> Table:
     chances = summary["chance"]
     draws = 0 if chances is None else chances["squeal"]["total"]
-    table = Table(title=f"Chance of squeal, from {draws} draws", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    title = f"Chance of squeal by eigenvalues, {draws} draws"
+    table = Table(title=title, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     for heading in ("mode", "chance", "95 % from", "to", "most 1/s"):
         table.add_column(heading, justify="left" if heading == "mode" else "right")
     rows = {} if chances is None else {"any": chances["squeal"]} | chances["modes"]

@@ -258,8 +258,9 @@ def _root(model_at: ModelAt, a: Point, b: Point, rank: int, precision: float) ->
         full_output=True,
     )
     point = point_at(model_at, value)
-    marginal = min(point.modes, key=lambda mode: abs(mode.growth_rate))
-    uncertainty = max(precision, float(noise[1] / (abs(after - before) / (b.value - a.value))))
+    marginal = min(point.modes, key=lambda mode: abs(mode.growth_rate - least))
+    # Where growth had to stand out of the round-off first, zero may lie that much before.
+    uncertainty = max(precision, float((least + noise[1]) / (abs(after - before) / (b.value - a.value))))
     return Critical(float(value), uncertainty, "", marginal.frequency_Hz, after > before)
 
 
@@ -287,11 +288,11 @@ def _divergence(model_at: ModelAt, a: Point, b: Point, precision: float) -> Crit
 
 
 def _label(model_at: ModelAt, critical: Critical, points: list[Point], labels: list[list[str]]) -> str:
-    """Whose critical value it is: the branch that has the shape of the mode with the smallest |Re λ| there."""
+    """Whose critical value it is: the branch that has the shape of the mode with that frequency there."""
     if critical.label:
         return critical.label
     sound = [k for k, point in enumerate(points) if not point.reason]
     nearest = min(sound, key=lambda k: abs(points[k].value - critical.value))
     point = point_at(model_at, critical.value)
-    marginal = min(range(len(point.modes)), key=lambda k: abs(point.modes[k].growth_rate))
+    marginal = min(range(len(point.modes)), key=lambda k: abs(point.modes[k].frequency_Hz - critical.frequency_Hz))
     return labels[nearest][int(np.argmax(_overlap(point, points[nearest])[marginal]))]

@@ -23,6 +23,8 @@ OSCILLATING_SHARE = 1e-9
 UNDAMPED_SHARE = 1e-12
 # A double zero (a free coordinate without friction) comes out of the solver split by the root of round-off.
 DRIFT_SHARE = 1e-7
+# A growth rate below this share of the frequency is none, and has no relative error.
+NEUTRAL_SHARE = 1e-9
 
 # Why there is no steady sliding.
 AT_REST = "drum.speed is 0 all the time: there is no steady sliding; give the drum a speed"

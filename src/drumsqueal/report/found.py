@@ -258,7 +258,14 @@ def read_rows(path: Path) -> list[dict[str, str]]:
             rows, columns = list(reader), reader.fieldnames or ()
     except (OSError, ValueError, csv.Error) as error:
         raise RequestError(f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})") from None
-    wanted = ("kind", "asked", "largest_growth_rate_1_per_s", "small_start_leads_to", "large_frequency_Hz", "motions")
+    wanted = (
+        "kind",
+        "asked",
+        "largest_growth_rate_1_per_s",
+        "small_start_leads_to",
+        "strongest_frequency_Hz",
+        "motions",
+    )
     missing = [name for name in wanted if name not in columns]
     if missing:
         raise RequestError(f"{path}: it has no column {missing[0]}; study the onset anew with this version")

@@ -7,10 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.bodies.rigid_shoe import OUT_OF_PLANE, TX, TY, RigidShoe, Z
-from drumsqueal.comparison.compare import NEUTRAL_SHARE
 from drumsqueal.comparison.departure import levers
 from drumsqueal.figures.section import MILLI, displaced, on_circle, on_line, shoe_outline, whole_shape
-from drumsqueal.linear.modes import Mode
+from drumsqueal.linear.modes import NEUTRAL_SHARE, Mode
 from drumsqueal.scene import COORDINATES
 
 DRAWN = 0.08  # of the outer radius: the largest motion as it is drawn

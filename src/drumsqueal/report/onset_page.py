@@ -63,7 +63,7 @@ def _row(row: dict[str, str], path: Path) -> dict[str, Any]:
             "kind": row["kind"],
             "growth": _maybe(row["largest_growth_rate_1_per_s"]),
             "small": row["small_start_leads_to"],
-            "frequency": _maybe(row["large_frequency_Hz"]),
+            "frequency": _maybe(row["strongest_frequency_Hz"]),
             "motions": row["motions"],
         }
     except ValueError:

@@ -3,8 +3,8 @@
 import math
 from collections.abc import Callable
 
-from drumsqueal.comparison.compare import NEUTRAL_SHARE
 from drumsqueal.files import output_folder
+from drumsqueal.linear.modes import NEUTRAL_SHARE
 from drumsqueal.report.found import Frequency, MeasuredMode, Onset, PredictedMode, Saturation, Summary
 from drumsqueal.scene import Scene
 
@@ -23,7 +23,7 @@ def headline(summary: Summary, scene: Scene) -> str:
     saturation, sticking = summary.saturation, summary.sticking
     if sticking is not None and sticking.to_the_end_from_s is not None:
         return f"The whole lining comes to stick to the drum, at {sticking.to_the_end_from_s:.4g} s."
-    if saturation is None or saturation.main is None:
+    if saturation is None or saturation.main is None or saturation.regime.kind == "steady":
         return summary.verdict or "There is no verdict: nothing was computed beyond the prediction."
     verb = "vibrates" if scene.forcing is not None else _VERB.get(saturation.regime.kind, "vibrates")
     told = f"The brake {verb} at {hertz(saturation.main.frequency_Hz)}"
@@ -163,7 +163,7 @@ def _phase(summary: Summary, scene: Scene) -> list[str]:
 
 def _kind(saturation: Saturation) -> str:
     kind = saturation.regime.kind
-    return "not settled" if kind == "unknown" else kind
+    return {"unknown": "not settled", "steady": "at rest, or on its way there"}.get(kind, kind)
 
 
 def _contact(summary: Summary, scene: Scene) -> list[str]:

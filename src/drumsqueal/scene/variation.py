@@ -14,17 +14,38 @@ SYNTAX = "KEY=FROM..TO[xN]"
 RANGE = "drum.speed=1..40"
 EXAMPLE = 'drum.speed=1..40x20 or drum.speed="10 rpm..400 rpm"'
 
+_ANY_COUNT = re.compile(r".*[^\s.]\s*[x×]\s*(?P<count>[-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)")
 _COUNT = re.compile(r"(?P<range>.*?)\s*[x×]\s*(?P<count>[0-9]+)")
 _PLAIN = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
+_UNIT = re.compile(r"\s*(?:1\s*/|[^\W\d_]|[°%]).*")
 _LONGEST_COUNT = 9  # digits
 
 
 class Variation(NamedTuple):
-    """A number of a scene by its dotted key, its SI unit, and the values (in SI, evenly spaced, in order) it takes."""
+    """A number of a scene by its dotted key, its SI unit, and the values (in SI, evenly spaced, in order) it takes.
+
+    `given` is the unit in which it was written, "" for SI, and `size` what that is in SI: tables and figures show
+    values in it.
+    """
 
     key: str
     unit: str
     values: tuple[float, ...]
+    given: str = ""
+    size: float = 1.0
+
+    @property
+    def shown_unit(self) -> str:
+        """The unit of values that are shown."""
+        return self.given or self.unit
+
+    def shown(self, value: float) -> float:
+        """A value (SI), or a difference of two, in that unit."""
+        return value / self.size
+
+    def told(self, value: float, form: str = ".6g") -> str:
+        """A value (SI) in that unit, with the unit."""
+        return f"{self.shown(value):{form}}{f' {self.shown_unit}' if self.shown_unit else ''}"
 
     @property
     def first(self) -> float:
@@ -60,7 +81,9 @@ def read_variation(text: str, scene: Scene, *, option: str = "--along", points: 
         counted = _COUNT.fullmatch(written)
         if counted and points is None:
             raise SceneError(f"a range takes no number of values; leave out x{counted['count']}")
-        first, last = _ends(counted["range"] if counted else written, unit, example)
+        if not counted and (wrong := _ANY_COUNT.fullmatch(written)):
+            raise SceneError(f"x{wrong['count']} is no whole number of values; write one, such as {example}")
+        (first, last), given = _ends(counted["range"] if counted else written, unit, example)
         count = _count(counted["count"]) if counted else points or 2
         for value in (first, last):
             scene.with_values({key: value})
@@ -70,7 +93,14 @@ def read_variation(text: str, scene: Scene, *, option: str = "--along", points: 
             raise SceneError(f"the range is too narrow for {count} values that differ")
     except SceneError as error:
         raise _headed(f"{option} {text}", error) from None
-    return Variation(key, unit, values)
+    return Variation(key, unit, values, given, parse_quantity(f"1 {given}", unit) if given else 1.0)
+
+
+def may_not_rest(variation: Variation) -> None:
+    """Raise SceneError for drum speeds that reach or cross zero, where nothing slides."""
+    if variation.key == "drum.speed" and min(variation.values) <= 0 <= max(variation.values):
+        told = "the range may not reach or cross a drum at rest, where nothing slides; keep to one side of 0"
+        raise SceneError(told, ("drum", "speed"))
 
 
 def _headed(place: str, error: SceneError) -> SceneError:
@@ -111,20 +141,29 @@ def _unit_of(key: str, scene: Scene) -> str:
     raise AssertionError(f"{key} is a number without a unit of its own")
 
 
-def _ends(written: str, unit: str, example: str) -> tuple[float, float]:
+def _ends(written: str, unit: str, example: str) -> tuple[tuple[float, float], str]:
+    """Both ends in SI, and the unit that both were written in, "" where that is none or the SI one."""
     texts = [part.strip() for part in written.split("..")]
     if len(texts) != 2 or not all(texts) or "..." in written:
         raise SceneError(f"{written or 'nothing'} is no range; write FROM..TO, such as {example}")
     first, last = texts
     if _PLAIN.fullmatch(first) and not _PLAIN.fullmatch(last):  # 10..400 rpm
-        number = _PLAIN.match(last)
-        first += last[number.end() :] if number else ""
+        first += _unit_written(last)
     elif _PLAIN.fullmatch(last) and not _PLAIN.fullmatch(first):
+        _value(first, unit)  # a mistake in it comes first
         raise SceneError(f"the unit of {last} is missing; write it after the second value, too")
     ends = _value(first, unit), _value(last, unit)
     if ends[0] == ends[1]:
         raise SceneError("the range begins where it ends; give it two values")
-    return ends
+    units = {_unit_written(text).strip() for text in (first, last)}
+    return ends, units.pop() if len(units) == 1 and units != {unit} else ""
+
+
+def _unit_written(text: str) -> str:
+    """What follows the number, if it could be a unit."""
+    number = _PLAIN.match(text)
+    rest = text[number.end() :] if number else ""
+    return rest if _UNIT.fullmatch(rest) else ""
 
 
 def _value(text: str, unit: str) -> float:

@@ -4,6 +4,7 @@ The scene is run until it has settled, and on for a while. The recorded part is 
 motions beside it say how nearby motions separate.
 """
 
+import math
 import time as clock
 from collections.abc import Callable
 from contextlib import closing
@@ -14,11 +15,14 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
 from drumsqueal.bodies.rigid_shoe import IN_PLANE
+from drumsqueal.comparison.decay import decay_to_rest, slowest
 from drumsqueal.comparison.departure import Departure
+from drumsqueal.comparison.edges import edge_shares
 from drumsqueal.comparison.saturation import size_of_motion
 from drumsqueal.errors import IntegrationError
 from drumsqueal.history import COMPLETE, to_dataset
 from drumsqueal.interrupts import noted_interrupts, stop_if_interrupted
+from drumsqueal.linear.modes import Mode
 from drumsqueal.scene import Profile, Scene, SceneError
 from drumsqueal.signals import (
     PERIODS_NEEDED,
@@ -33,7 +37,7 @@ from drumsqueal.signals import (
     told_frequencies,
 )
 from drumsqueal.signals.lyapunov import Exponents, lyapunov_exponents, orthonormalised
-from drumsqueal.simulation import Prepared, check_sample_rate, prepare, transient
+from drumsqueal.simulation import Prepared, check_sample_rate, prepare, steady_at_start, transient
 from drumsqueal.transient.flow import neighbours, state_size
 from drumsqueal.transient.integrate import Chunk
 
@@ -58,7 +62,7 @@ class MotionStudy(NamedTuple):
     `settled_s` is when the record begins, `settled` whether it had settled by then, `duration_s` its length. `lines`
     and `bases` are None at rest; `exponents` None where they were not determined, and `limits` say what was not, and
     why. `section` (points, 2) holds displacement of `section_of[1]` and velocity of `section_of[0]` where the latter's
-    displacement goes up through its mean.
+    displacement goes up through its mean, `section_size` (2,) the peak-to-peak values of both over the whole motion.
     """
 
     scene: Scene
@@ -74,6 +78,7 @@ class MotionStudy(NamedTuple):
     exponents: Exponents | None
     section: NDArray[np.float64]
     section_of: tuple[str, str]
+    section_size: tuple[float, float]
     limits: tuple[str, ...]
 
 
@@ -100,7 +105,9 @@ def study_motion(
     if not duration > 0:
         raise ValueError(f"the duration must be positive, got {duration}")
     show = on_progress or (lambda *_: None)
-    whole = checked(scene).with_values({"simulate.duration": LONGEST_START + duration})
+    rate = scene.simulate.sample_rate
+    longest = math.ceil((LONGEST_START + duration) * rate * (1 - 1e-12)) / rate  # whole samples
+    whole = checked(scene).with_values({"simulate.duration": longest})
     with noted_interrupts():
         prepared = prepare(whole)
         check_sample_rate(prepared)
@@ -111,25 +118,28 @@ def study_motion(
         rate, scale = departure.sample_rate, size_of_motion(departure, prepared.stability, prepared.linear)
         recorded = departure.time.size / rate
         modes = prepared.stability.unstable or prepared.stability.modes
+        able = _able(prepared)
         lowest = min((mode.frequency_Hz for mode in modes), default=2 * PERIODS_NEEDED / recorded) / 2
         # What is left of the start after settling would widen lines; tangents need the whole time.
         late = slice(departure.time.size // 2, None)
         regime = classify(departure.displacement[late], rate, scale=scale, lowest_frequency=lowest)
+        regime = decay_to_rest(regime, departure, late, prepared.stability, able, prepared.linear)
         moving = np.ptp(departure.displacement, axis=0) / 2 >= STEADY * scale
         coordinates = tuple(name for name, moves in zip(departure.coordinates, moving, strict=True) if moves)
         lines = bases = exponents = None
-        if coordinates:
+        if coordinates and regime.kind != "steady":
             show("lines", recorded)
             lines = find_lines(departure.displacement[late][-MOST_FOR_LINES:, moving], rate, floor=FLOOR)
             bases = find_bases(lines)
             exponents = _exponents(prepared, chunks, duration, at_most, show, limits)
-        section, section_of = _section(departure, prepared.stability.mass, coordinates)
-    if not settled:
+        section, section_of, section_size = _section(departure, prepared.stability.mass, coordinates)
+    if not settled and regime.kind != "steady":
         limits.append(f"the motion had not settled after {start:.3g} s")
     kind, reason = _told(regime, bases, exponents)
     return MotionStudy(
         scene, kind, reason, start, settled, recorded, regime, coordinates, lines, bases, exponents, section,
-        section_of, tuple(limits),
+        section_of,
+        section_size, tuple(limits),
     )  # fmt: skip
 
 
@@ -150,7 +160,7 @@ def _record(
                 show("settling" if start is None else "recording", now)
                 if start is None:
                     kept = [each for each in kept if each.time[-1] > now - 2 * BLOCK - 1e-9]
-                    settled = _settled(kept, rate)
+                    settled = _settled(kept, rate) or _at_rest(prepared, kept)
                     if settled or now >= LONGEST_START - 1e-9:
                         start, kept = now, [chunk]
                 elif now >= start + duration - 1e-9:
@@ -182,6 +192,22 @@ def _settled(chunks: list[Chunk], rate: float) -> bool:
         if change > max(SETTLED_CHANGE, SURE * error) or error > UNCLEAR:
             return False
     return True
+
+
+def _able(prepared: Prepared) -> tuple[Mode, ...]:
+    """The modes that the coordinates that move can show."""
+    return tuple(mode for mode in prepared.stability.modes if mode.name in prepared.model.names)
+
+
+def _at_rest(prepared: Prepared, chunks: list[Chunk]) -> bool:
+    """Whether what is left over the last two blocks is no motion, where every mode decays and nothing drives it."""
+    model = prepared.model
+    if model.forced or slowest(prepared.stability, _able(prepared)) is None:
+        return False
+    whole = chunks[-1].time[-1] - chunks[0].time[0] > BLOCK
+    velocity = np.concatenate([chunk.velocity for chunk in chunks])
+    departure = np.concatenate([chunk.displacement for chunk in chunks]) - steady_at_start(prepared)
+    return bool(whole and max(edge_shares(model, departure, velocity)) < STEADY)
 
 
 def _exponents(
@@ -226,10 +252,10 @@ def _exponents(
 
 def _section(
     departure: Departure, mass: NDArray[np.float64], coordinates: tuple[str, ...]
-) -> tuple[NDArray[np.float64], tuple[str, str]]:
-    """Points where the coordinate with most kinetic energy goes up through its mean, and the two coordinates' names."""
+) -> tuple[NDArray[np.float64], tuple[str, str], tuple[float, float]]:
+    """Points where the coordinate with most kinetic energy goes up through its mean, the two names, and their size."""
     if not coordinates:
-        return np.zeros((0, 2)), ("", "")
+        return np.zeros((0, 2)), ("", ""), (0.0, 0.0)
     energy = mass * np.mean(departure.velocity**2, axis=0)
     ranked = sorted(range(energy.size), key=lambda k: -energy[k])
     across, other = ranked[0], ranked[min(1, len(ranked) - 1)]
@@ -237,13 +263,14 @@ def _section(
     level = q[:, across] - q[:, across].mean()
     up = np.flatnonzero((level[:-1] < 0) & (level[1:] >= 0))
     if not up.size:
-        return np.zeros((0, 2)), ("", "")
+        return np.zeros((0, 2)), ("", ""), (0.0, 0.0)
     path = CubicHermiteSpline(time, np.column_stack([level, q[:, other]]), v[:, [across, other]])
     at = time[up] - level[up] * (time[up + 1] - time[up]) / (level[up + 1] - level[up])
     for _ in range(3):  # Newton's method; samples are dense enough for the secant to begin with
         at = at - path(at)[:, 0] / path(at, 1)[:, 0]
     points = np.column_stack([path(at)[:, 1], path(at, 1)[:, 0]])
-    return points, (departure.coordinates[across], departure.coordinates[other])
+    size = float(np.ptp(q[:, other])), float(np.ptp(v[:, across]))
+    return points, (departure.coordinates[across], departure.coordinates[other]), size
 
 
 def _told(regime: Regime, bases: Bases | None, exponents: Exponents | None) -> tuple[str, str]:

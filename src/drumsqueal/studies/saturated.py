@@ -18,7 +18,7 @@ from drumsqueal.signals import amplitude_spectrum, spectral_peaks
 from drumsqueal.transient.batch import integrate_many
 from drumsqueal.transient.integrate import Checkpoint, integrate
 from drumsqueal.transient.runge_kutta import AUTO, DEFAULT, is_explicit
-from drumsqueal.transient.segment import first_step
+from drumsqueal.transient.segment import first_step, least_energy
 from drumsqueal.transient.state import CHUNK_SAMPLES, State
 
 # Transients a thread at once. A number that never changes: each takes a program of its own, and what is left over
@@ -40,7 +40,8 @@ class Saturated(NamedTuple):
     coordinate `line`; None where nothing moves. `kinetic_energy` (J) is the mean, `rate` (1/s) the mean growth rate of
     the rms velocity, weighted by mass, from the first half of the part to the second. `departure` and `velocity` (n,)
     are where it ended: another transient can go on from there. `by_itself` tells one that was not run together with
-    others. One that failed has NaN for all numbers, and says why in `outcome`.
+    others, `at_rest` one whose motion is below what is resolved (`least_energy`): its numbers are round-off. One that
+    failed has NaN for all numbers, and says why in `outcome`.
     """
 
     amplitude: NDArray[np.float64]
@@ -55,6 +56,7 @@ class Saturated(NamedTuple):
     velocity: NDArray[np.float64]
     outcome: str
     by_itself: bool
+    at_rest: bool = False
 
     @property
     def failed(self) -> bool:
@@ -71,7 +73,7 @@ class Saturated(NamedTuple):
         """What it does at the end: "grows", "decays", "settled", "at rest", or "failed"."""
         if self.failed:
             return "failed"
-        if not np.any(self.amplitude):
+        if self.at_rest:
             return "at rest"
         return "settled" if abs(self.drift) <= DRIFT else "grows" if self.drift > 0 else "decays"
 
@@ -204,20 +206,24 @@ def _looked_at(part: _Part, model: Model, sample_rate: float) -> Saturated:
     mass = np.asarray(model.mass)
     before, after = (float(mass @ np.mean(each**2, axis=0)) for each in (velocity[:half], velocity[half:]))
     rate = np.log(after / before) / seconds if min(before, after) > 0 else 0.0  # half the logarithm over half the time
-    frequency, line = _strongest(velocity, mass, model.names, sample_rate)
+    kinetic = (before + after) / 4
+    # Of a vibration half the energy is kinetic. What moves without stiffness has no other, and is told by any motion.
+    at_rest = not np.any(np.ptp(departure, axis=0)) or 2 * kinetic < float(least_energy(model))
+    frequency, line = (None, None) if at_rest else _strongest(velocity, mass, model.names, sample_rate)
     return Saturated(
         amplitude=np.ptp(departure, axis=0) / 2,
         rms=np.std(departure, axis=0),
         edge_shares=edge_shares(model, departure, velocity),
         frequency_Hz=frequency,
         line=line,
-        kinetic_energy=(before + after) / 4,
+        kinetic_energy=kinetic,
         rate=float(rate),
         seconds=seconds,
         departure=part.departure,
         velocity=part.velocity,
         outcome=part.outcome,
         by_itself=part.by_itself,
+        at_rest=at_rest,
     )
 
 

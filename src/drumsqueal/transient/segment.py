@@ -223,18 +223,34 @@ def motion_scale(model: Model, state: State, quiet: ArrayLike = QUIET) -> State:
     values they do not pass through zero, so an error relative to them is a fair measure at any phase.
     """
     omega, modes = frictionless_modes(model.mass, model.stiffness)
-    highest = jnp.max(omega)
-    highest = jnp.where(highest > 0, highest, 1.0)
+    highest = _highest(omega)
     shaped = model.mass[:, None] * modes
     position, speed = state.departure @ shaped, state.velocity @ shaped
     amplitude = jnp.sqrt((omega * position) ** 2 + speed**2)
-    least = quiet * highest * jnp.sqrt(jnp.max(model.mass))
+    least = _least_speed(model, highest, quiet)
     total = jnp.sqrt(jnp.sum(amplitude**2) + least**2)
     amplitude = jnp.maximum(amplitude, COUPLING_SHARE * total)
     # A mode without stiffness drifts; it is given the slowest of the other frequencies.
     slowest = jnp.min(jnp.where(omega > 0, omega, highest))
     size = jnp.abs(modes)
     return State(size @ (amplitude / jnp.where(omega > 0, omega, slowest)), size @ amplitude, total**2 / 2)
+
+
+@jax.jit
+def least_energy(model: Model) -> Array:
+    """Vibration energy (J) below which motion counts as rest: that of a picometre of the highest frictionless mode."""
+    omega, _ = frictionless_modes(model.mass, model.stiffness)
+    return _least_speed(model, _highest(omega), QUIET) ** 2 / 2
+
+
+def _highest(omega: Array) -> Array:
+    highest = jnp.max(omega)
+    return jnp.where(highest > 0, highest, 1.0)
+
+
+def _least_speed(model: Model, highest: Array, quiet: ArrayLike) -> Array:
+    """Speed of a mass-normalised mode (m/s √kg) that vibrates at the highest frequency with `quiet` (m)."""
+    return jnp.asarray(quiet) * highest * jnp.sqrt(jnp.max(model.mass))
 
 
 def _largest(scaled_error: Array) -> Array:

@@ -12,8 +12,8 @@ from drumsqueal.errors import CycleError
 from drumsqueal.linear.branches import Branches, Critical, follow_modes, point_at
 from drumsqueal.linear.modes import Mode
 from drumsqueal.model import Model, build_model
-from drumsqueal.scene import Scene, SceneError
-from drumsqueal.scene.variation import Variation, read_variation
+from drumsqueal.scene import Scene
+from drumsqueal.scene.variation import Variation, may_not_rest, read_variation
 from drumsqueal.studies.cycle.continuation import HOPF, LOOP, Branch, Track, is_between
 from drumsqueal.studies.cycle.orbit import Cycle
 from drumsqueal.studies.cycle.search import checked, find_cycle, scales_of
@@ -66,8 +66,7 @@ def follow_cycle(scene: Scene, key: str, low: float, high: float, on_cycle: OnCy
 def checked_range(scene: Scene, variation: Variation) -> None:
     """Raise SceneError where cycles cannot be followed over a range of a scene's number."""
     checked(scene)
-    if variation.key == "drum.speed" and min(variation.values) <= 0 <= max(variation.values):
-        raise SceneError("a range of cycles may not reach or cross a drum at rest", ("drum", "speed"))
+    may_not_rest(variation)
     for value in variation.values:
         checked(scene.with_values({variation.key: value}))
 

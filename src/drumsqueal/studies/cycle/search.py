@@ -16,12 +16,13 @@ from drumsqueal.signals import Regime, classify
 from drumsqueal.simulation import Prepared, check_sample_rate, prepare, transient
 from drumsqueal.studies.cycle.orbit import NEUTRAL, Cycle, describe
 from drumsqueal.studies.cycle.shooting import CLOSED, Closed, Scales, Shooting, Vector
-from drumsqueal.studies.cycle.starts import Start, modal_starts, returns
+from drumsqueal.studies.cycle.starts import Start, modal_starts, reach, returns
 from drumsqueal.transient.flow import state_size
 
 SMALLEST = 1e-4  # of the scale of the start: what has shrunk to less is steady sliding, not a cycle
 SHARES = (0.6, 0.3, 0.15)  # last parts of a transient that may have settled
 FEWEST_SAMPLES = 64
+KICK = 3.0  # times the speed of the drum
 MOST_PARTS = 7  # a motion may repeat so many times within a period that was found
 SAME = 1e-6  # relative difference of period and amplitudes below which two cycles are one
 
@@ -42,7 +43,9 @@ def find_cycle(scene: Scene, on_start: Callable[[str], None] | None = None) -> S
 
     Newton's method on the flow map over a period, started where the scene's transient ends and, where that is not
     periodic, where it nearly returns to itself and along each mode at the amplitudes at which friction gives as much
-    as damping takes. A stable cycle is preferred, then the one found first. `on_start` is told of each start.
+    as damping takes. Where none of that leads to a cycle, transients are kicked along each mode, `KICK` times as fast
+    as the drum, until one ends in a cycle. A stable cycle is preferred, then the one found first. `on_start` is told of
+    each start.
 
     Raises SceneError for a scene that changes with time, CycleError where no cycle is found.
     """
@@ -51,9 +54,33 @@ def find_cycle(scene: Scene, on_start: Callable[[str], None] | None = None) -> S
     tell = on_start or (lambda _: None)
     tell("transient")
     record = _recorded(prepared)
+    found, reasons = _tried(prepared, _starts(prepared, record), tell)
+    for kick, kicked in _kicks(prepared) if not found else ():
+        tell(f"transient, {kick}")
+        after = _recorded(kicked)
+        if after.period is None:
+            reasons.append(f"{kick}: the transient {after.told}")
+            continue
+        start = Start(after.states[-1], after.period, f"the end of a transient {kick}")
+        found, more = _tried(prepared, iter([start]), tell)
+        reasons += more
+        if found:
+            break
+    if not found:
+        tried = f"; {'; '.join(reasons)}" if reasons else ""
+        raise CycleError(f"no periodic motion was found: the transient {record.told}{tried}")
+    cycle, origin = min(found, key=lambda item: not item[0].stable)
+    others = tuple(other for other, _ in found if other is not cycle)
+    return Search(scene, prepared.stability, cycle, origin, record.told, others)
+
+
+def _tried(
+    prepared: Prepared, starts: Iterator[Start], tell: Callable[[str], None]
+) -> tuple[list[tuple[Cycle, str]], list[str]]:
+    """The cycles that differ, each with where it was started from, and why there is none from the other starts."""
     found: list[tuple[Cycle, str]] = []
     reasons: list[str] = []
-    for start in _starts(prepared, record):
+    for start in starts:
         tell(start.origin)
         try:
             cycle = cycle_from(prepared.model, start, steady_state(prepared))
@@ -62,14 +89,7 @@ def find_cycle(scene: Scene, on_start: Callable[[str], None] | None = None) -> S
             continue
         if not any(is_same(cycle, other) for other, _ in found):
             found.append((cycle, start.origin))
-        if record.periodic:
-            break
-    if not found:
-        tried = f"; {'; '.join(reasons)}" if reasons else ""
-        raise CycleError(f"no periodic motion was found: the transient {record.told}{tried}")
-    cycle, origin = min(found, key=lambda item: not item[0].stable)
-    others = tuple(other for other, _ in found if other is not cycle)
-    return Search(scene, prepared.stability, cycle, origin, record.told, others)
+    return found, reasons
 
 
 def checked(scene: Scene) -> Scene:
@@ -196,6 +216,21 @@ def _motion(prepared: Prepared, states: Vector) -> Vector:
     n, steady = len(prepared.model.names), steady_state(prepared)
     largest = states[np.argmax(np.abs(states[:, n:]) @ np.sqrt(np.asarray(prepared.model.mass)))]
     return np.asarray(state_size(prepared.model, jnp.asarray(largest[:n] - steady), jnp.asarray(largest[n:])))
+
+
+def _kicks(prepared: Prepared) -> Iterator[tuple[str, Prepared]]:
+    """The scene started along each mode so fast that slip is reversed, with the same model."""
+    model, stability = prepared.model, prepared.stability
+    places = [stability.coordinates.index(name) for name in model.names]
+    for mode in stability.modes:
+        if mode.name not in model.names:
+            continue
+        shape = mode.right[places]
+        size = KICK * reach(model, mode, shape)
+        state = size * shape, size * 1j * mode.eigenvalue.imag * shape
+        displacement, velocity = (dict(zip(model.names, part.real.tolist(), strict=True)) for part in state)
+        scene = prepared.scene.with_values({"start": {"displacement": displacement, "velocity": velocity}})
+        yield f"kicked along mode {mode.label}", prepared._replace(scene=scene)
 
 
 def _starts(prepared: Prepared, record: _Record) -> Iterator[Start]:

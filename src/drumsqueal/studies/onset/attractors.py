@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from drumsqueal.comparison.edges import edge_shares
 from drumsqueal.linear.branches import ModelAt, Point
-from drumsqueal.linear.modes import Mode
+from drumsqueal.linear.modes import UNDAMPED_SHARE, Mode
 from drumsqueal.model import Model
 from drumsqueal.studies.saturated import DRIFT, Saturated, at_once, saturated_motions
 from drumsqueal.transient.runge_kutta import AUTO
@@ -30,7 +30,10 @@ NEARLY_LINEAR, STILL = 0.5, 0.1
 # Two motions are alike where the logarithms of their kinetic energy and of their frequency differ by less.
 ALIKE_ENERGY, ALIKE_FREQUENCY = 0.5, 0.05
 
+PROBE = 0.7  # a motion made so much smaller comes back where it is an attractor, and stays where it is one of many
+
 DECAYS, SQUEALS, GROWS, UNDECIDED, FAILED = "decays", "squeals", "grows", "undecided", "failed"
+NEUTRAL = "neutral"
 
 
 class Start(NamedTuple):
@@ -42,7 +45,10 @@ class Start(NamedTuple):
 
 
 class Ending(NamedTuple):
-    """Where a start led at a value: decays, squeals, grows (still, at the end), undecided or failed, after how long."""
+    """Where a start led at a value, and after how long.
+
+    It decays, squeals, grows (still, at the end), is neutral (its size hangs on the start), undecided or failed.
+    """
 
     value: float
     start: str
@@ -95,6 +101,14 @@ class _Job:
         self.history: list[float] = []  # and of all rounds
         self.rounds = 0
         self.by_itself = False  # whether it has stuck, so that it cannot run together with the others
+        self.probed: float | None = None  # mean kinetic energy (J) of the settled motion that was made smaller
+
+    def probe(self, energy: float) -> None:
+        """Go on from less than what has settled."""
+        self.probed = energy
+        self.departure, self.velocity = PROBE * self.departure, PROBE * self.velocity
+        self.energies.clear()
+        self.history.clear()
 
 
 class Family:
@@ -154,8 +168,10 @@ def find_endings(
     A motion has settled when for `rounds` rounds its rms velocity has changed by less than a tenth and, below the
     edges, by less than a tenth of what the linear growth rate would make of it. A motion within a tenth of the edges
     that falls where the linear model is stable has decayed, as has one below the edges that falls as fast as half the
-    linear rate. One that comes and goes beyond the edges has settled when its mean energy over ten rounds is that over
-    the ten before, to a fifth. After `MOST_ROUNDS` rounds one beyond the edges counts as squeal, too. Raises
+    linear rate; what is below the resolved size is at rest. One that comes and goes beyond the edges has settled when
+    its mean energy over ten rounds is that over the ten before, to a fifth. After `MOST_ROUNDS` rounds one beyond the
+    edges counts as squeal, too. Where no mode decays or grows by more than round-off, motion below the edges that has
+    settled is neutral, and so is one beyond them that stays smaller when it has been made smaller. Raises
     KeyboardInterrupt.
     """
     pending = []
@@ -196,23 +212,38 @@ def _judge(job: _Job, motion: Saturated, family: Family, rounds: int) -> str | N
     share = max(motion.edge_shares)
     rates = [mode.growth_rate for mode in family.modes(job.point)]
     linear = max(rates, default=0.0)
-    stable = linear <= 0
-    if stable and (share == 0 or (share < SMALL and motion.rate < 0)):
+    noise = UNDAMPED_SHARE * job.point.largest
+    stable, neutral = linear <= noise, bool(rates) and abs(linear) <= noise
+    if stable and (share == 0 or motion.at_rest):
         return DECAYS
-    if stable and share < BEYOND and motion.rate < NEARLY_LINEAR * linear:
+    if stable and not neutral and share < SMALL and motion.rate < 0:
         return DECAYS
+    if stable and not neutral and share < BEYOND and motion.rate < NEARLY_LINEAR * linear:
+        return DECAYS
+    if _settled(job, motion, rounds, STILL * abs(linear) if not neutral else np.inf):
+        if not neutral:
+            return SQUEALS
+        if share < BEYOND:
+            return NEUTRAL
+        if job.probed is not None:
+            return NEUTRAL if motion.kinetic_energy < PROBE * job.probed else SQUEALS
+        job.probe(motion.kinetic_energy)
+    if job.rounds < MOST_ROUNDS:
+        return None
+    return SQUEALS if share >= BEYOND else GROWS if not stable else UNDECIDED
+
+
+def _settled(job: _Job, motion: Saturated, rounds: int, still: float) -> bool:
+    """Whether it has, a motion below the edges at a rate (1/s) below `still`; notes its energy."""
+    share = max(motion.edge_shares)
     if abs(motion.drift) > DRIFT:
         job.energies.clear()
     job.energies.append(motion.kinetic_energy)
     job.history.append(motion.kinetic_energy)
     rate, changed = _over_rounds(job.energies, rounds, motion)
-    if len(job.energies) >= rounds and changed < DRIFT and (share >= BEYOND or abs(rate) < STILL * abs(linear)):
-        return SQUEALS
-    if share >= BEYOND and _stationary(job.history):
-        return SQUEALS
-    if job.rounds < MOST_ROUNDS:
-        return None
-    return SQUEALS if share >= BEYOND else GROWS if not stable else UNDECIDED
+    if len(job.energies) >= rounds and changed < DRIFT and (share >= BEYOND or abs(rate) < still):
+        return not motion.at_rest
+    return share >= BEYOND and _stationary(job.history)
 
 
 def _stationary(energies: list[float]) -> bool:

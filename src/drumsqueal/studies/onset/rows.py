@@ -6,9 +6,11 @@ from typing import NamedTuple
 
 from drumsqueal.linear.branches import Critical, Point
 from drumsqueal.studies.onset.attractors import FAILED, UNDECIDED, Ending
+from drumsqueal.studies.onset.attractors import NEUTRAL as HANGS_ON_START
 
 STABLE, KICKED, SQUEALS = "stable", "squeals when kicked", "squeals"
-UNKNOWN, NOWHERE = "undecided", "no steady sliding"
+NEUTRAL, UNKNOWN, NOWHERE = "neutral", "undecided", "no steady sliding"
+QUIET = (STABLE, NEUTRAL)  # nothing squeals there
 
 
 class Row(NamedTuple):
@@ -25,14 +27,20 @@ class Row(NamedTuple):
 
     @property
     def kind(self) -> str:
-        """Stable, squeals when kicked, squeals (steady sliding is unstable), undecided, or no steady sliding."""
+        """What becomes of a start there.
+
+        Stable, neutral (motion neither grows nor decays), squeals when kicked, squeals (steady sliding is unstable),
+        undecided, or no steady sliding.
+        """
         if self.point.reason:
             return NOWHERE
         if self.point.unstable:
             return SQUEALS
         if self.strongest is not None:
             return KICKED
-        return UNKNOWN if any(ending.kind in (UNDECIDED, FAILED) for ending in self.endings) else STABLE
+        if any(ending.kind in (UNDECIDED, FAILED) for ending in self.endings):
+            return UNKNOWN
+        return NEUTRAL if any(ending.kind == HANGS_ON_START for ending in self.endings) else STABLE
 
     @property
     def small(self) -> Ending | None:

@@ -12,7 +12,7 @@ from drumsqueal.interrupts import noted_interrupts, stop_if_interrupted
 from drumsqueal.linear.branches import Branches, ModelAt, Point, follow_modes, point_at
 from drumsqueal.model import build_model
 from drumsqueal.scene import Profile, Scene, SceneError
-from drumsqueal.scene.variation import Variation, read_variation
+from drumsqueal.scene.variation import Variation, may_not_rest, read_variation
 from drumsqueal.studies.onset.attractors import (
     LASTING,
     PERSISTENT,
@@ -23,7 +23,7 @@ from drumsqueal.studies.onset.attractors import (
     find_endings,
     round_seconds,
 )
-from drumsqueal.studies.onset.rows import KICKED, NOWHERE, SQUEALS, STABLE, UNKNOWN, Range, Row, find_ranges
+from drumsqueal.studies.onset.rows import KICKED, NOWHERE, QUIET, SQUEALS, UNKNOWN, Range, Row, find_ranges
 
 WITHIN = 1e-3  # of the range: how well the boundaries of the kicked range are found
 SECTIONS = 2  # values tried at once between two
@@ -133,6 +133,7 @@ def _check(scene: Scene, variation: Variation) -> None:
     for key, value in (("drum.speed", scene.drum.speed), ("contact.normal_load", scene.contact.normal_load)):
         if isinstance(value, Profile):
             raise RequestError(f"{key}: it changes over time here; give it one value, as by --set {key}=...")
+    may_not_rest(variation)
     if len(set(variation.values)) < 2:
         raise RequestError(f"{variation.key}: give it a range of two values at least")
 
@@ -183,7 +184,7 @@ class _Search:
             tasks = []
             for a, b in pairwise(self.rows):
                 for there, here in ((a, b), (b, a)):
-                    sizes = SIZES if here.kind in (STABLE, UNKNOWN) else SIZES[:1]
+                    sizes = SIZES if here.kind in (*QUIET, UNKNOWN) else SIZES[:1]
                     for k, source in enumerate(there.attractors):
                         if here.kind == NOWHERE or any(source.like(known) for known in here.attractors):
                             continue
@@ -199,10 +200,11 @@ class _Search:
         """Close in on where motion ceases to last without the eigenvalues saying so."""
         precision = within * (self.rows[-1].value - self.rows[0].value)
         for a, b in list(pairwise(self.rows)):
-            if {a.kind, b.kind} == {SQUEALS, STABLE}:
+            if SQUEALS in (a.kind, b.kind) and (a.kind in QUIET or b.kind in QUIET):
                 self._beside(a, b, precision)
-        pairs = [(a, b) for a, b in pairwise(self.rows) if {a.kind, b.kind} == {KICKED, STABLE}]
-        for a, b in pairs:
+        for a, b in list(pairwise(self.rows)):
+            if KICKED not in (a.kind, b.kind) or (a.kind not in QUIET and b.kind not in QUIET):
+                continue
             self._close_in(*((a, b) if a.kind == KICKED else (b, a)), precision)
 
     def _beside(self, a: Row, b: Row, precision: float) -> None:

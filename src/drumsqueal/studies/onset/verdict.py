@@ -4,8 +4,9 @@ import math
 from collections.abc import Sequence
 
 from drumsqueal.linear.branches import DIVERGENCE, Critical
+from drumsqueal.scene.variation import Variation
 from drumsqueal.studies.onset.attractors import FAILED, UNDECIDED
-from drumsqueal.studies.onset.rows import KICKED, NOWHERE, SQUEALS, STABLE, Range
+from drumsqueal.studies.onset.rows import KICKED, NEUTRAL, NOWHERE, SQUEALS, STABLE, Range
 from drumsqueal.studies.onset.study import OnsetStudy
 
 EXACT = 1e-6  # relative uncertainty that is not worth telling
@@ -13,9 +14,9 @@ EXACT = 1e-6  # relative uncertainty that is not worth telling
 
 def verdict(study: OnsetStudy) -> str:
     """Say where the eigenvalues predict squeal, where a kick is enough for it, and at which frequency it is then."""
-    key, unit = study.variation.key, study.variation.unit
-    ends = " to ".join(f"{value:.6g}" for value in sorted((study.variation.first, study.variation.last)))
-    return f"Along {key} from {ends}{f' {unit}' if unit else ''} {_linear(study)}; {_kicked(study)}."
+    along = study.variation
+    low, high = sorted((along.first, along.last))
+    return f"Along {along.key} from {along.shown(low):.6g} to {along.told(high)} {_linear(study)}; {_kicked(study)}."
 
 
 def _linear(study: OnsetStudy) -> str:
@@ -29,17 +30,25 @@ def _linear(study: OnsetStudy) -> str:
 
 def _place(study: OnsetStudy, found: Range) -> str:
     """Where a range is: below, above or from one value to another, and whose critical values they are."""
-    below, above = (_value(found.last, found.last_uncertainty), _value(found.first, found.first_uncertainty))
+    along = study.variation
+    below, above = (
+        _value(along, found.last, found.last_uncertainty),
+        _value(along, found.first, found.first_uncertainty),
+    )
     if found.first_uncertainty is None and found.last_uncertainty is None:
         return "all along"
     ends = [found.first] * (found.first_uncertainty is not None) + [found.last] * (found.last_uncertainty is not None)
-    modes = [_mode(each) for each in study.linear.critical if each.value in ends]
+    modes = [_mode(each) for each in study.linear.critical if any(_is_at(each, end) for end in ends)]
     told = f" ({', '.join(modes)})" if modes and found.kind == SQUEALS else ""
     if found.first_uncertainty is None:
         return f"below {below}{told}"
     if found.last_uncertainty is None:
         return f"above {above}{told}"
     return f"from {above} to {below}{told}"
+
+
+def _is_at(critical: Critical, end: float) -> bool:
+    return abs(critical.value - end) <= critical.uncertainty
 
 
 def _mode(critical: Critical) -> str:
@@ -49,8 +58,12 @@ def _mode(critical: Critical) -> str:
 def _kicked(study: OnsetStudy) -> str:
     kicked = [each for each in study.ranges if each.kind == KICKED]
     if not kicked:
-        stable = any(each.kind == STABLE for each in study.ranges)
-        return "where they do not, no start that was tried squeals" if stable else "there is nothing else to find"
+        kinds = {each.kind for each in study.ranges}
+        if STABLE in kinds:
+            return "where they do not, no start that was tried squeals"
+        if NEUTRAL in kinds:
+            return "where they do not, motion neither grows nor decays: its size hangs on the start, which is no squeal"
+        return "there is nothing else to find"
     text = f"but a kick is enough for it {_joined([_place(study, each) for each in kicked])}"
     rows = [row for row in study.rows if row.kind == KICKED and row.strongest is not None]
     found = [row.strongest.motion.frequency_Hz for row in rows if row.strongest is not None]
@@ -65,10 +78,10 @@ def _kicked(study: OnsetStudy) -> str:
     return f"{text}, and it then squeals at {heard}{compared}"
 
 
-def _value(value: float, uncertainty: float | None) -> str:
-    return (
-        f"{value:.6g}" if not uncertainty or uncertainty < EXACT * abs(value) else with_uncertainty(value, uncertainty)
-    )
+def _value(along: Variation, value: float, uncertainty: float | None) -> str:
+    if not uncertainty or uncertainty < EXACT * abs(value):
+        return f"{along.shown(value):.6g}"
+    return with_uncertainty(along.shown(value), along.shown(uncertainty))
 
 
 def with_uncertainty(value: float, uncertainty: float) -> str:
@@ -91,16 +104,16 @@ def reservations(study: OnsetStudy) -> tuple[str, ...]:
     asked = [row for row in study.rows if row.asked]
     quiet = [row.value for row in asked if row.kind == SQUEALS and not any(each.lasts for each in row.endings)]
     if quiet:
-        found.append(f"Unstable by its eigenvalues, but no transient squealed: {_values(quiet)}.")
+        found.append(f"Unstable by its eigenvalues, but no transient squealed: {_values(study, quiet)}.")
     for kind, told in ((UNDECIDED, "was still falling or rising at its end"), (FAILED, "failed")):
         values = [row.value for row in study.rows if any(ending.kind == kind for ending in row.endings)]
         if values:
-            found.append(f"A transient {told} at {_values(values)}; see the table.")
+            found.append(f"A transient {told} at {_values(study, values)}; see the table.")
     nowhere = [row.value for row in asked if row.kind == NOWHERE]
     if nowhere:
-        found.append(f"No steady sliding at {_values(nowhere)}.")
+        found.append(f"No steady sliding at {_values(study, nowhere)}.")
     open_ends = [
-        f"{each.first if each.first_uncertainty is None else each.last:.6g}"
+        f"{study.variation.shown(each.first if each.first_uncertainty is None else each.last):.6g}"
         for each in study.ranges
         if each.kind == KICKED and None in (each.first_uncertainty, each.last_uncertainty)
     ]
@@ -111,6 +124,6 @@ def reservations(study: OnsetStudy) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _values(values: Sequence[float]) -> str:
-    shown = [f"{value:.6g}" for value in values[:3]]
+def _values(study: OnsetStudy, values: Sequence[float]) -> str:
+    shown = [f"{study.variation.shown(value):.6g}" for value in values[:3]]
     return _joined(shown) if len(values) <= 3 else f"{', '.join(shown)} and {len(values) - 3} more"
