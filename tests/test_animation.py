@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import xarray
 from matplotlib.animation import FFMpegWriter
+from matplotlib.patches import FancyArrowPatch
 from PIL import Image, ImageSequence
 
 from drumsqueal.bodies.rigid_shoe import IN_PLANE
@@ -214,6 +215,14 @@ def test_the_drum_turns_as_far_as_the_displacement_is_magnified(nominal, lifting
     assert shown.drum_turn[-1] == pytest.approx(0.02 * 3.0, rel=1e-9)
 
 
+def test_a_drum_that_turns_backwards_is_drawn_so(nominal, lifting):
+    shown = play_history(lifting, nominal.with_values({"drum.speed": -5.0}), start=0.01, end=0.0123)
+    assert shown.drum_sense == -1
+    assert shown.drum_turn is not None
+    assert (np.diff(shown.drum_turn) < 0).all()
+    assert play_history(lifting, nominal, start=0.01, end=0.0123).drum_sense == 1
+
+
 def test_motion_out_of_the_plane_shows_both_faces():
     scene = load_scene(SCENARIOS / "out_of_plane.toml")
     shown = play_history(made_up(scene, {"Y": 1e-5, "Tx": 2e-4, "Z": 1e-5}), scene)
@@ -308,6 +317,16 @@ def test_a_frame_drawn_over_what_stands_still_is_the_whole_figure(section):
         whole = np.asarray(Image.open(content).convert("RGB")).astype(int)
         # Saving draws some overlapping lines in another order.
         assert np.mean(np.abs(whole - fast).max(axis=-1) > 30) < 2e-3
+
+
+def test_the_section_is_seen_with_y_to_the_left_and_the_drum_turning_against_the_clock(section):
+    (axes,) = [axes for axes in section.figure.axes if any(text.get_text() == "65°" for text in axes.texts)]
+    places = {text.get_text(): text.get_position() for text in axes.texts}
+    assert places["65°"][0] < -50 < 50 < places["−65°"][0]  # mm
+    assert places["0°"] == pytest.approx((0, 100 + 1.9 * 10), abs=1e-9)
+    (arrow,) = [patch for patch in axes.patches if isinstance(patch, FancyArrowPatch)]
+    ends = np.asarray(arrow.get_path().vertices)[[0, -1], 0]
+    assert ends[0] > 0 > ends[1]  # on top, from right to left
 
 
 def test_no_note_and_no_label_leaves_the_frame_or_overlaps(section):

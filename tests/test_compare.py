@@ -12,12 +12,13 @@ from hypothesis import strategies as st
 import drumsqueal as package
 from drumsqueal.comparison.matching import WIDEST, match_lines, share_covered
 from drumsqueal.errors import RequestError
+from drumsqueal.figures.measured import draw_comparison
 from drumsqueal.files.measured.reader import read_measured
 from drumsqueal.files.saved_history import read_history
 from drumsqueal.history import COMPLETE, MOTION, SIGNALS
 from drumsqueal.scene import COORDINATES
 from drumsqueal.signals import amplitude_spectrum, find_tones
-from drumsqueal.studies.measured import common_unit, compare_measured
+from drumsqueal.studies.measured import Spectral, _largest, common_unit, compare_measured
 
 RATE = 25_600.0
 
@@ -159,6 +160,35 @@ def test_the_saturated_part_and_its_lines_are_those_that_were_put_in(history, si
     # The vertex of a parabola in steps of an eighth of a bin of 4 Hz; neighbours 100 bins away pull by less.
     assert found.simulated.frequency_Hz == pytest.approx([f for f, _ in strongest], abs=2e-3)
     assert found.simulated.amplitude == pytest.approx([a for _, a in strongest], rel=1e-3)
+    # Each covers 5 % to either side, of what lies between 20 Hz and the end of the last one's.
+    covered, highest = sum(0.1 * f for f, _ in LINES), 1.05 * max(f for f, _ in LINES)
+    assert found.chance == pytest.approx(covered / (highest - 20.0), rel=1e-5)
+
+
+def test_relative_levels_are_to_the_largest_line_that_both_can_hold():
+    records = []
+    for rate, parts in ((8000.0, [(1000.0, 1.0)]), (RATE, [(1000.0, 0.5), (6000.0, 2.0)])):
+        found = find_tones(tones(parts, 0.5, rate)[1], rate, segment=0.5)
+        records.append(Spectral(0.0, 0.5, rate, found))
+    assert _largest(*records) == pytest.approx((1.0, 0.5), rel=1e-3)
+
+
+def test_the_figure_has_the_lines_at_their_levels(history, simulated, tmp_path):
+    record = read_measured(csv_file(tmp_path / "v", simulated, "time,v (m/s)"))
+    figure = draw_comparison(compare_measured(history, record, "velocity_Y"))
+    upper, lower = figure.axes
+    curves = [curve for curve in upper.lines if str(curve.get_label()).startswith(("measured", "simulated"))]
+    assert len(curves) == 2
+    for curve in curves:
+        x, y = (np.asarray(values) for values in curve.get_data())
+        for frequency, amplitude in LINES:
+            near = np.abs(x - frequency / 1e3) < 0.02
+            # A bin's eighth beside the peak is lower by less than 0.02 dB.
+            assert y[near].max() == pytest.approx(20 * np.log10(amplitude), abs=0.03)
+    assert upper.get_ylabel() == "Velocity (dB re 1 m/s)"
+    pairs = [curve.get_data() for curve in lower.lines if curve.get_marker() == "o"]
+    assert len(pairs) == 3
+    assert all(abs(np.asarray(y)[0]) < 1e-3 for _, y in pairs)  # per cent: the whole record and its saturated part
 
 
 @pytest.mark.parametrize("to", ["csv", "uff58"])

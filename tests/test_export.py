@@ -319,6 +319,27 @@ def test_a_part_that_is_resampled_knows_what_lies_around_it(ran, exported):
             np.testing.assert_allclose(file[name], whole[name][200:401], rtol=0, atol=1e-9 * np.abs(whole[name]).max())
 
 
+def test_flags_are_those_of_the_nearest_sample(history, exported):
+    flags = (np.arange(1501) // 7) % 2
+    with h5py.File(history, "r+") as file:
+        variable = file["sticking"]
+        assert isinstance(variable, h5py.Dataset)
+        variable[:] = flags
+    path, _, _ = exported("npz", "--signals", "sticking", "--rate", "30 kHz")
+    with np.load(path) as file:
+        np.testing.assert_array_equal(file["sticking"], flags[np.rint(np.arange(901) * 5 / 3).astype(int)])
+
+
+def test_the_drum_enters_at_the_leading_end(ran, exported):
+    path, _, _ = exported("npz", "--signals", "surface_velocity_leading,surface_velocity_trailing")
+    x, y, turn = (recorded(ran, f"velocity_{name}") for name in ("X", "Y", "Tz"))
+    lift = (y - 72.1956531e-3 * turn) * np.sin(np.deg2rad(65))  # θ rises the way in which the drum turns
+    with np.load(path) as file:
+        for end, sign in (("leading", -1), ("trailing", 1)):
+            wanted = x * np.cos(np.deg2rad(65)) + sign * lift
+            np.testing.assert_allclose(file[f"surface_velocity_{end}"], wanted, rtol=1e-7, atol=1e-9)
+
+
 def test_what_a_low_rate_loses_is_told(exported):
     _, _, errors = exported("csv", "--signals", "velocity_X", "--rate", "5 kHz")
     assert errors.count("\n") == 1

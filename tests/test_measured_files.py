@@ -357,6 +357,13 @@ def test_uff58_is_read(file, binary):
         (units(1, 3.28083989501312334), "NONE", 11, ("m/s", 1.0)),  # as some write it
         (units(9, 1000.0), "NONE", 8, ("m", 1e-3)),
         (units(7, 39.37), "NONE", 12, ("m/s^2", 0.0254)),
+        # Pounds are 0.45359237 kg under standard gravity, 9.80665 m/s²; poundals without it.
+        (units(2, 3.28), "NONE", 9, ("N", 0.45359237 * 9.80665)),
+        (units(3, 1.0), "NONE", 13, ("N", 9.80665)),
+        (units(4, 3.28), "NONE", 9, ("N", 0.45359237 * 0.3048)),
+        (units(6, 100.0), "NONE", 15, ("Pa", 1e2)),
+        (units(7, 39.37), "NONE", 15, ("Pa", 0.45359237 * 9.80665 / 0.0254**2)),
+        (units(8, 1000.0), "NONE", 15, ("Pa", 9.80665e6)),
         (None, "mm/s", 11, ("m/s", 1e-3)),
         (None, "NONE", 11, ("", 1.0)),
         (None, "V", 0, ("", 1.0)),
@@ -395,6 +402,13 @@ def test_millimetres_and_newtons_are_a_system_of_units(file):
     file.write_bytes(file.read_bytes().replace(line % (1, b"units"), line % (10, b"units"), 1))  # pyuff writes no 10
     found = read_measured(file)
     np.testing.assert_allclose(found.values, 1e6 * VALUES, rtol=1e-11)  # N/mm²
+
+
+def test_uff58_begins_when_it_says(file):
+    write_uff(file, data_set(x=2.5 + TIME))
+    found = read_measured(file, first=2.502)
+    assert 0 <= found.start_s - 2.502 < 1 / RATE  # the first sample from then on
+    assert found.values.size == VALUES.size - np.ceil(0.002 * RATE)
 
 
 def test_uff58_with_times_of_its_own(file):

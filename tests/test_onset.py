@@ -17,12 +17,12 @@ from scipy.optimize import brentq
 
 from drumsqueal.effects.damping import Damping
 from drumsqueal.effects.friction_law import ConstantLaw, ExponentialLaw
-from drumsqueal.errors import RequestError, SceneError
+from drumsqueal.errors import RequestError
 from drumsqueal.figures.onset import draw_onset
 from drumsqueal.history import COMPLETE
 from drumsqueal.linear.branches import follow_modes, point_at
 from drumsqueal.model import Model, build_model
-from drumsqueal.scene import load_scene
+from drumsqueal.scene import SceneError, load_scene
 from drumsqueal.scene.variation import Variation, read_variation
 from drumsqueal.small_bodies import block_on_belt, sprung_block_on_belt
 from drumsqueal.studies.cycle.branches import Diagram

@@ -6,6 +6,7 @@ import io
 import itertools
 import json
 import re
+import shlex
 import shutil
 import time
 import wave
@@ -167,6 +168,9 @@ def test_the_numbers_are_those_of_the_summary(run_folder, run_page):
     wanted += [summary["integration"]["steps"], summary["integration"]["rejected_steps"]]
     assert len(wanted) > 40
     assert set(wanted) <= set(page.numbers)
+    for mode in summary["prediction"]["modes"]:
+        value = complex(mode["growth_rate_1_per_s"], 2 * np.pi * mode["frequency_Hz"])
+        assert min(abs(shown / (-2 * value.real / value.imag) - 1) for shown in page.numbers) < 1e-12
     assert page.one("verdict")["text"] == summary["verdict"]
 
 
@@ -209,6 +213,15 @@ def test_the_scene_and_the_command_give_the_same_again(run_folder, onset_folder,
             assert variation._asdict() == {**summary["parameter"], "values": tuple(summary["parameter"]["values"])}
             assert float(command[command.index("--within") + 1]) == summary["kicked_range_sought_within"]
         assert all(f">{version}<" in shown.source for version in summary["versions"].values())
+
+
+def test_a_command_to_be_copied_holds_no_other(onset_folder, report, tmp_path):
+    summary = json.loads((onset_folder / "onset.json").read_text())
+    summary["parameter"]["key"] = "drum.speed; echo harmed #"
+    summary["critical_values"] = []
+    (tmp_path / "onset.json").write_text(json.dumps(summary))
+    command = shlex.split(report(tmp_path).one("command")["text"])
+    assert command[command.index("--along") + 1].startswith("drum.speed; echo harmed #=")
 
 
 def test_every_figure_is_there_in_full_and_in_words(run_folder, run_page):
@@ -255,6 +268,22 @@ def test_the_modes_move_as_rigid_bodies_with_the_shapes_of_the_eigenvectors(run_
         lengths = np.array([1.0, 1.0, 100.0])  # mm on the lining for 1 mm, and for 1 rad
         wanted = shown["enlarged"] * shape * [1e3, 1e3, 1.0]
         np.testing.assert_allclose(found * lengths, wanted * lengths, rtol=0, atol=2e-3)
+
+
+def test_the_size_of_a_mode_is_told_beside_what_it_reached(run_folder, run_page):
+    reached = json.loads((run_folder / "summary.json").read_text())["saturation"]["amplitude"]
+    data = json.loads(run_page.one("animation")["text"])
+    assert data["turns"] == 1  # against the clock, as the drum
+    for mode in data["modes"]:
+        if not reached.get(mode["name"]):
+            assert mode["size"] == "It took no part in the motion after growth."
+            continue
+        found = re.fullmatch(r"\w+ is drawn ([\d.]+) times as large as the ([\d.]+) µ\w+ that .*", mode["size"])
+        assert found is not None
+        times, size = map(float, found.groups())
+        assert size == pytest.approx(1e6 * reached[mode["name"]], rel=6e-3)  # three digits
+        # The named coordinate is 1 m or rad in the eigenvector, which is drawn `enlarged` times.
+        assert times * size == pytest.approx(1e6 * mode["enlarged"], rel=1.2e-2)
 
 
 def test_a_mode_across_the_drum_is_seen_at_a_slant(run_folder, run_page, shoe):

@@ -7,8 +7,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from drumsqueal.errors import SceneError
-from drumsqueal.scene import Scene, load_scene
+from drumsqueal.scene import Scene, SceneError, load_scene
 from drumsqueal.scene.variation import MOST_POINTS, POINTS, Variation, read_variation
 
 

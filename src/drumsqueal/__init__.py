@@ -17,14 +17,14 @@ if TYPE_CHECKING:
     from drumsqueal.comparison.compare import Comparison, compare
     from drumsqueal.effects.custom_friction import TabulatedLaw
     from drumsqueal.effects.friction_law import FrictionLaw
-    from drumsqueal.errors import CycleError, IntegrationError, SceneError, SteadyStateError
+    from drumsqueal.errors import CycleError, IntegrationError, SteadyStateError
     from drumsqueal.figures.animation import save_animation
     from drumsqueal.figures.playback import Playback, play_history, play_mode
     from drumsqueal.files.measured.reader import read_measured
     from drumsqueal.files.measured.record import Measured
     from drumsqueal.linear.modes import Mode, Stability, analyse_stability, growth_rate
     from drumsqueal.model import Model, build_model
-    from drumsqueal.scene import Scene, load_scene, scene_from_dict
+    from drumsqueal.scene import Scene, SceneError, load_scene, scene_from_dict
     from drumsqueal.scene.seo_kang import seo_kang_brake
     from drumsqueal.simulation import Result, run
     from drumsqueal.studies.accuracy.study import AccuracyStudy, study_accuracy
@@ -45,14 +45,14 @@ _HOMES = {
     "comparison.compare": ("Comparison", "compare"),
     "effects.custom_friction": ("TabulatedLaw",),
     "effects.friction_law": ("FrictionLaw",),
-    "errors": ("CycleError", "IntegrationError", "SceneError", "SteadyStateError"),
+    "errors": ("CycleError", "IntegrationError", "SteadyStateError"),
     "files.measured.reader": ("read_measured",),
     "files.measured.record": ("Measured",),
     "figures.animation": ("save_animation",),
     "figures.playback": ("Playback", "play_history", "play_mode"),
     "model": ("Model", "build_model"),
     "linear.modes": ("Mode", "Stability", "analyse_stability", "growth_rate"),
-    "scene": ("Scene", "load_scene", "scene_from_dict"),
+    "scene": ("Scene", "SceneError", "load_scene", "scene_from_dict"),
     "simulation": ("Result", "run"),
     "studies.accuracy.study": ("AccuracyStudy", "study_accuracy"),
     "studies.cycle.branches": ("Diagram", "follow_cycle"),

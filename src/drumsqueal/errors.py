@@ -1,8 +1,7 @@
-"""What can go wrong, by whose fault: the request's (exit status 2) or the run's (exit status 1)."""
+"""What can go wrong, by whose fault: the request's (exit status 2) or the run's (exit status 1).
 
-from drumsqueal.scene.quantities import SceneError
-
-__all__ = ["CycleError", "IntegrationError", "RequestError", "SceneError", "SteadyStateError"]
+Mistakes in a scene are `SceneError`, which stands with what reads scenes.
+"""
 
 
 class RequestError(ValueError):

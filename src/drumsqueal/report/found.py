@@ -2,6 +2,7 @@
 
 import csv
 import json
+import math
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -28,6 +29,11 @@ class PredictedMode(_Found):
     growth_rate_1_per_s: float
     damping_ratio: float
     unstable: bool
+
+    @property
+    def abaqus_damping_ratio(self) -> float:
+        """−2 Re λ/|Im λ|, some twice of ζ."""
+        return -2 * self.growth_rate_1_per_s / (math.tau * self.frequency_Hz)
 
 
 class Prediction(_Found):

@@ -1,5 +1,6 @@
 """The page of a study of the onset: summary, table, figure, and the shapes of the modes at the critical values."""
 
+import shlex
 from pathlib import Path
 from typing import Any
 
@@ -50,7 +51,7 @@ def onset_content(folder: Path) -> dict[str, Any]:
         "tolerance": scene.simulate.tolerance,
         "toml": toml,
         "toml_uri": data_uri("application/toml", toml.encode()),
-        "command": f"drumsqueal onset scene.toml -o out/again --along {ends} {within}",
+        "command": f"drumsqueal onset scene.toml -o out/again --along {shlex.quote(ends)} {within}",
     }
 
 

@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from drumsqueal.errors import IntegrationError, SceneError
+from drumsqueal.errors import IntegrationError
 from drumsqueal.history import COMPLETE
 from drumsqueal.interrupts import stop_if_interrupted
-from drumsqueal.scene import Scene
+from drumsqueal.scene import Scene, SceneError
 from drumsqueal.scene.tables import LEAST_TOLERANCE
 from drumsqueal.simulation import Prepared, check_sample_rate, finish, prepare, transient
 from drumsqueal.studies.answers import Answer, Change, answer_of, change_of

@@ -7,11 +7,11 @@ from typing import NamedTuple
 import numpy as np
 
 from drumsqueal.composition import linear_coordinates
-from drumsqueal.errors import RequestError, SceneError
+from drumsqueal.errors import RequestError
 from drumsqueal.interrupts import noted_interrupts, stop_if_interrupted
 from drumsqueal.linear.branches import Branches, ModelAt, Point, follow_modes, point_at
 from drumsqueal.model import build_model
-from drumsqueal.scene import Profile, Scene
+from drumsqueal.scene import Profile, Scene, SceneError
 from drumsqueal.scene.variation import Variation, may_not_rest, read_variation
 from drumsqueal.studies.onset.attractors import (
     LASTING,
