@@ -210,7 +210,8 @@ def test_the_scene_and_the_command_give_the_same_again(run_folder, onset_folder,
         assert command[:3] == ["drumsqueal", "run" if folder == run_folder else "onset", "scene.toml"]
         if folder == onset_folder:
             variation = read_variation(command[command.index("--along") + 1], scene)
-            assert variation._asdict() == {**summary["parameter"], "values": tuple(summary["parameter"]["values"])}
+            wanted = summary["parameter"]
+            assert (variation.key, variation.unit, list(variation.values)) == tuple(wanted.values())
             assert float(command[command.index("--within") + 1]) == summary["kicked_range_sought_within"]
         assert all(f">{version}<" in shown.source for version in summary["versions"].values())
 
