@@ -17,7 +17,7 @@ from drumsqueal.files.measured.reader import read_measured
 from drumsqueal.files.saved_history import read_history
 from drumsqueal.history import COMPLETE, MOTION, SIGNALS
 from drumsqueal.scene import COORDINATES
-from drumsqueal.signals import amplitude_spectrum, find_tones
+from drumsqueal.signals import Spectrum, amplitude_spectrum, find_tones, spectral_peaks
 from drumsqueal.studies.measured import Spectral, _largest, common_unit, compare_measured
 
 RATE = 25_600.0
@@ -52,6 +52,26 @@ def test_tones_are_found_in_noise_within_the_error_of_estimation():
     assert (errors < bound).all(), (errors, bound)
     floor = 2 * noise * np.sqrt(1.5 / (0.2 * RATE))  # rms of noise in the Hann window
     np.testing.assert_allclose(found.peaks.amplitude, [a for _, a in parts], atol=floor)
+
+
+def test_what_rises_above_the_threshold_without_a_peak_is_no_tone():
+    # A flank that the threshold crosses: the bin beside is higher, and below the threshold there.
+    frequency = np.arange(2000.0)
+    amplitude = 0.5 * np.exp(-frequency / 500) + np.exp(-((frequency - 1500.3) ** 2) / 8)
+    threshold = np.where(frequency < 700, 0.2, 0.05)
+    found = spectral_peaks(Spectrum(frequency, amplitude, 4.0), count=9, floor=1e-4, threshold=threshold)
+    assert found.frequency_Hz == pytest.approx([1500.3], abs=0.01)
+    assert found.amplitude == pytest.approx([1 + 0.5 * np.exp(-3.0)], rel=0.01)
+
+
+def test_a_history_beside_its_own_part_is_paired_however_many_segments_it_has():
+    # Harmonics of 1028.85 Hz over a floor at round-off, where an averaged spectrum crosses its threshold often.
+    time = np.arange(150_000) / 50e3
+    signal = sum(0.5 / k**2 * np.sin(2 * np.pi * 1028.8539 * k * time) for k in range(1, 9))
+    for segment in (1.0, 0.9, 0.7, 0.5):
+        found = find_tones(signal[64_000:], 50e3, segment=segment, lowest=20.0)
+        assert found.peaks.frequency_Hz[:2] == pytest.approx([1028.8539, 2057.7078], abs=1e-3)
+        assert found.peaks.amplitude[0] == pytest.approx(0.5, rel=1e-3)
 
 
 def test_of_one_segment_it_is_the_amplitude_spectrum():

@@ -428,6 +428,18 @@ def test_spectra_in_uff58_are_refused(file):
 
 
 @pytest.mark.parametrize("binary", [0, 1])
+def test_uff58_of_one_data_set_is_read(file, binary):
+    write_uff(file, units(1, 1.0), data_set(binary=binary))
+    assert read_measured(file).values == pytest.approx(VALUES, rel=1e-11)
+    write_uff(file, data_set(binary=binary))
+    if binary:  # pyuff writes it, and does not find it
+        with pytest.raises(RequestError, match="one data set alone is not read"):
+            read_measured(file)
+    else:
+        assert read_measured(file).values == pytest.approx(VALUES, rel=1e-11)
+
+
+@pytest.mark.parametrize("binary", [0, 1])
 @pytest.mark.parametrize("kept", [0.5, 0.97])
 def test_uff58_that_is_cut_short_is_refused(file, binary, kept):
     write_uff(file, units(1, 1.0), data_set(binary=binary))

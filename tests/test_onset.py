@@ -566,7 +566,7 @@ def test_a_range_is_shown_in_the_order_and_in_the_unit_in_which_it_was_asked_for
     status, printed, error = drumsqueal("onset", str(DAMPED), *QUICK, "--along", along, "-o", str(tmp_path))
     assert (status, error) == (0, "")
     words = [line.split() for line in printed.splitlines()]
-    speeds = [each[0] for each in words if each[1:2] in (["squeals"], ["stable"])]
+    speeds = [each[0] for each in words if each and each[0].isdigit() and each[1:2] in (["squeals"], ["stable"])]
     assert speeds == ["360", "300", "240", "180", "120", "60"]
     assert "rpm" in printed
     assert "rad/s" not in printed

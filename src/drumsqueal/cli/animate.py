@@ -11,6 +11,7 @@ from drumsqueal.errors import RequestError
 from drumsqueal.files.output_folder import check_output_file
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import load_scene
+from drumsqueal.scene.shipped import find_scene
 
 AUTO = "auto"
 
@@ -56,7 +57,7 @@ def animate_command(
     slowness, magnification = _factor(slow, "--slow"), _factor(magnify, "--magnify")
     if mode is not None:
         _refuse_with_mode({"--from": start, "--until": end, "--magnify": None if magnify == AUTO else magnify})
-        scene = load_scene(source, settings or ())
+        scene = load_scene(find_scene(str(source)), settings or ())
         file = output or Path(f"{source.stem}-{mode.replace(' ', '').replace('/', '')}.gif")
         check_output_file(file, overwrite=overwrite)
         stop_if_interrupted()

@@ -10,6 +10,7 @@ from drumsqueal.errors import RequestError, SteadyStateError
 from drumsqueal.export.channels import FLAG, Channel, Channels
 from drumsqueal.export.signals import make_channels, names_of
 from drumsqueal.files.saved_history import UNEVEN, SavedHistory
+from drumsqueal.scene.quantities import percent
 from drumsqueal.signals.resampling import PASSES, reach, resample, share_above
 
 LEAST_SHARE = 1e-4  # of a signal's energy, a hundredth of its amplitude: less is lost without a word
@@ -119,7 +120,7 @@ def _lost(recorded: Sequence[Channel], own: float, rate: float, part: Part) -> l
     others = f", and some of {len(lost) - 1} more" if len(lost) > 1 else ""
     slower = "" if part.slow == 1 else f", {part.slow:g} times slower,"
     told = (
-        f"a rate of {rate / part.slow:.6g} Hz{slower} holds what is below {rate / 2:.6g} Hz: {100 * share:.2g} % of "
+        f"a rate of {rate / part.slow:.6g} Hz{slower} holds what is below {rate / 2:.6g} Hz: {percent(share)} of "
         f"the energy of {name} lies above, most at {line:.5g} Hz{others}; it is filtered out, as it would fold"
     )
     keeps = line / PASSES / part.slow

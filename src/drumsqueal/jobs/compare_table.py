@@ -10,7 +10,7 @@ from rich.table import Table
 from drumsqueal.comparison.matching import Match
 from drumsqueal.history import versions
 from drumsqueal.jobs.study import rows_to_csv
-from drumsqueal.scene.quantities import printable
+from drumsqueal.scene.quantities import percent, printable
 from drumsqueal.studies.measured import LOWEST, MeasuredComparison, MeasuredLine, Spectral
 
 PRINTED = 12  # lines
@@ -135,8 +135,8 @@ def _apart(difference: float) -> str:
     return "at" if share == "less than 0.001 %" else f"{share} {'above' if difference > 0 else 'below'}"
 
 
-def _share(percent: float) -> str:
-    return f"{percent:.2g} %" if percent >= LEAST_TOLD else "less than 0.001 %"
+def _share(difference: float) -> str:
+    return percent(difference / 100) if difference >= LEAST_TOLD else "less than 0.001 %"
 
 
 def to_csv(comparison: MeasuredComparison) -> str:

@@ -7,6 +7,7 @@ from drumsqueal.files import output_folder
 from drumsqueal.linear.modes import NEUTRAL_SHARE
 from drumsqueal.report.found import Frequency, MeasuredMode, Onset, PredictedMode, Saturation, Summary
 from drumsqueal.scene import Scene
+from drumsqueal.scene.quantities import percent
 
 EXPLAINS = 0.3  # relative; loss of contact is named as the cause of a shift that it gives to within this
 SHIFT = 1e-3  # of a frequency: less needs no explanation
@@ -33,11 +34,6 @@ def headline(summary: Summary, scene: Scene) -> str:
 def hertz(frequency: float) -> str:
     """A frequency in three digits."""
     return f"{frequency / 1e3:.3g} kHz" if frequency >= 999.5 else f"{frequency:.3g} Hz"
-
-
-def percent(share: float) -> str:
-    """A share in two digits, of 1 or more per cent in whole ones."""
-    return f"{100 * share:.0f} %" if abs(share) >= 0.0995 else f"{100 * share:.2g} %"
 
 
 def _shifted(saturation: Saturation, summary: Summary) -> str:

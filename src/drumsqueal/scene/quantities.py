@@ -65,6 +65,11 @@ def printable(text: str) -> str:
     return "".join(letter if letter.isprintable() else "?" for letter in text)
 
 
+def percent(share: float) -> str:
+    """A share in per cent, in two digits or, from ten per cent on, in whole ones."""
+    return f"{100 * share:.0f} %" if abs(share) >= 0.0995 else f"{100 * share:.2g} %"
+
+
 def dotted(path: KeyPath) -> str:
     """Write a path as users do: drum.speed.value[2]."""
     parts = (f"[{part}]" if isinstance(part, int) else f".{_shortened(part, _LONGEST_PART)}" for part in path)

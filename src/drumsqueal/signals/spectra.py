@@ -83,11 +83,14 @@ def amplitude_spectrum(signal: ArrayLike, sample_rate: float, *, zero_padding: i
     return Spectrum(frequency, amplitude, HANN_BANDWIDTH * rate / record.size)
 
 
-def spectral_peaks(spectrum: Spectrum, *, count: int, floor: float) -> Peaks:
+def spectral_peaks(
+    spectrum: Spectrum, *, count: int, floor: float, threshold: NDArray[np.float64] | None = None
+) -> Peaks:
     """Return at most `count` peaks of a spectrum from `amplitude_spectrum`, strongest first, without window side lobes.
 
     A local maximum, interpolated by a parabola through the logarithm of the amplitude, is reported when it
-    - reaches `floor` (0 < floor < 1) times the strongest one,
+    - reaches `floor` (0 < floor < 1) times the strongest one and, where one is given, exceeds the `threshold` in its
+      bin (frequency,),
     - is at least one resolution away from every stronger peak, and
     - stands above the side lobes that the stronger peaks and their mirror images at negative frequency may have there:
       above `LOBE_MARGIN` times the sum of A_k / (π x (x² − 1)), with x the distance to peak k in bins 1/T. This is the
@@ -109,6 +112,8 @@ def spectral_peaks(spectrum: Spectrum, *, count: int, floor: float) -> Peaks:
     if not 0.0 < floor < 1.0:
         raise ValueError(f"floor must lie between 0 and 1, got {floor}")
     bins = _local_maxima(spectrum)
+    if threshold is not None:
+        bins = bins[spectrum.amplitude[bins] > threshold[bins]]
     candidates = sorted((_interpolated(spectrum, at) for at in bins), key=lambda peak: -peak.amplitude)
     kept: list[Peak] = []
     for peak in candidates:

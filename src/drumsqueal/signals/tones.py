@@ -82,13 +82,9 @@ def _noise_threshold(spectrum: Spectrum, segments: int) -> NDArray[np.float64]:
 
 
 def _tones(spectrum: Spectrum, threshold: NDArray[np.float64], lowest: float) -> Peaks:
-    """Peaks above the threshold. One bin beside what is above it is kept for the interpolation."""
-    above = scipy.ndimage.binary_dilation(spectrum.amplitude > threshold)
-    if not above.any():
-        return Peaks(np.zeros(0), np.zeros(0))
-    kept = spectrum._replace(amplitude=np.where(above, spectrum.amplitude, 0.0))
+    """Peaks above the threshold, as many as are told."""
     # What is slower than `lowest` is found first, and with it its side lobes, which may lie above.
-    found = spectral_peaks(kept, count=4 * MOST, floor=FAINTEST**2)
+    found = spectral_peaks(spectrum, count=4 * MOST, floor=FAINTEST**2, threshold=threshold)
     fast = found.frequency_Hz >= lowest
     frequency, amplitude = found.frequency_Hz[fast], found.amplitude[fast]
     strong = amplitude >= FAINTEST * amplitude.max(initial=0.0)
