@@ -67,7 +67,7 @@ def test_what_rises_above_the_threshold_without_a_peak_is_no_tone():
 def test_a_history_beside_its_own_part_is_paired_however_many_segments_it_has():
     # Harmonics of 1028.85 Hz over a floor at round-off, where an averaged spectrum crosses its threshold often.
     time = np.arange(150_000) / 50e3
-    signal = sum(0.5 / k**2 * np.sin(2 * np.pi * 1028.8539 * k * time) for k in range(1, 9))
+    signal = np.sum([0.5 / k**2 * np.sin(2 * np.pi * 1028.8539 * k * time) for k in range(1, 9)], axis=0)
     for segment in (1.0, 0.9, 0.7, 0.5):
         found = find_tones(signal[64_000:], 50e3, segment=segment, lowest=20.0)
         assert found.peaks.frequency_Hz[:2] == pytest.approx([1028.8539, 2057.7078], abs=1e-3)

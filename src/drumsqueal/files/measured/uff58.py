@@ -71,13 +71,8 @@ def _data_sets(path: Path) -> tuple[list[dict[str, Any]], dict[str, Any] | None]
             units = [file.read_sets(k) for k, kind in enumerate(kinds) if kind == 164]
     except Exception:  # pyuff raises plain Exception
         raise RequestError(f"{path}: the UFF file is damaged or cut short; export it again") from None
-    content = path.read_bytes().rstrip()
-    if not content.endswith(_MARK):  # pyuff passes over the last data set then
+    if not path.read_bytes().rstrip().endswith(_MARK):  # pyuff passes over the last data set then
         raise RequestError(f"{path}: the UFF file is cut short; copy it again")
-    if not kinds and b"58b" in content[:100]:
-        raise RequestError(
-            f"{path}: a binary file of one data set alone is not read; export it with its units, or as text"
-        )
     if not records:
         found = f", but {', '.join(map(str, sorted(set(kinds))))}" if kinds else ""
         raise RequestError(f"{path}: there is no data set 58 (a function at a node) in it{found}; export time records")
