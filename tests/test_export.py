@@ -3,12 +3,14 @@
 import csv
 import importlib.util
 import json
+import re
 import tomllib
 import wave
 from itertools import pairwise
 
 import h5py
 import numpy as np
+import pandas
 import pyarrow.parquet
 import pytest
 import pyuff
@@ -27,7 +29,8 @@ from drumsqueal.transient.accelerations import accelerations
 
 RATE = 50e3
 MOTIONS = [f"{kind}_{name}" for kind in ("displacement", "velocity", "acceleration") for name in ("X", "Y", "Tz")]
-SURFACE = ["surface_velocity" + which for which in ("", "_radial", "_leading", "_trailing")]
+ENDS = ("_leading", "_leading_along", "_trailing", "_trailing_along")
+SURFACE = ["surface_velocity" + which for which in ("", "_radial", *ENDS)]
 ALL = [*MOTIONS, *SURFACE, *SIGNALS]
 
 
@@ -68,7 +71,7 @@ RECORDED = [name for name in ALL if name not in SURFACE and not name.startswith(
 def test_csv_reads_back_to_the_last_bit(ran, exported):
     path, printed, errors = exported("csv")
     assert errors == ""
-    assert "24 signals, 1501 samples at 50000 Hz from 0 to 0.03 s" in printed
+    assert "26 signals, 1501 samples at 50000 Hz from 0 to 0.03 s" in printed
     with path.open(newline="") as file:
         head, *rows = csv.reader(file)
     values = np.array(rows, dtype=float)
@@ -79,6 +82,9 @@ def test_csv_reads_back_to_the_last_bit(ran, exported):
     assert units["acceleration_Tz"] == "rad/s^2"
     assert units["brake_torque"] == "N m"
     np.testing.assert_array_equal(values[:, 0], np.arange(1501) / RATE)
+    table = pandas.read_csv(path)  # one line of names, as every program expects
+    assert list(table) == head
+    np.testing.assert_allclose(table.to_numpy(), values, rtol=1e-14)  # it rounds in its own way
     for name in RECORDED:
         np.testing.assert_array_equal(values[:, head.index(f"{name} ({units[name]})")], recorded(ran, name))
 
@@ -99,7 +105,9 @@ def test_npz_reads_back(ran, exported):
         assert dict(zip(file["signals"].tolist(), file["units"].tolist(), strict=True))["normal_force"] == "N"
         assert (file["sample_rate"], str(file["title"]), str(file["outcome"])) == (RATE, "Bremse Nº 1", "complete")
         assert str(file["scene"]) == ran.attrs["scene"]
-        check_prediction(file["eigenvalues"].tolist(), ran)
+        modes = {name.removeprefix("mode_"): file[name] for name in file.files if name.startswith("mode_")}
+        check_modes(ran, modes, file["coordinates"], file["eigenvalues"], file["steady_state"])
+        assert file["coordinate_units"].tolist() == ["m", "m", "m", "rad", "rad", "rad"]
         np.testing.assert_array_equal(file["time"], ran["time"].values)
         for name in RECORDED:
             np.testing.assert_array_equal(file[name], recorded(ran, name))
@@ -109,8 +117,29 @@ def scene_of(ran):
     return scene_from_dict(tomllib.loads(ran.attrs["scene"]))
 
 
+def predicted(ran):
+    return analyse_stability(build_model(scene_of(ran), coordinates=tuple(range(6))))
+
+
+def check_modes(ran, modes, coordinates, eigenvalues, steady):
+    wanted = predicted(ran)
+    assert coordinates.tolist() == list(wanted.coordinates)
+    assert modes["name"].tolist() == [mode.label for mode in wanted.modes]
+    np.testing.assert_array_equal(eigenvalues, wanted.eigenvalues)
+    np.testing.assert_array_equal(steady, wanted.steady_state)
+    value = modes["eigenvalue"]
+    assert set(value) <= set(eigenvalues)
+    np.testing.assert_array_equal(value, [mode.eigenvalue for mode in wanted.modes])
+    np.testing.assert_allclose(modes["frequency_Hz"], value.imag / (2 * np.pi), rtol=1e-15)
+    np.testing.assert_array_equal(modes["growth_rate_1_per_s"], value.real)
+    np.testing.assert_allclose(modes["damping_ratio"], -value.real / np.abs(value), rtol=1e-15)
+    assert modes["shape"].shape == (6, 5)
+    for shape, mode in zip(modes["shape"].T, wanted.modes, strict=True):  # a column for each
+        np.testing.assert_array_equal(shape, mode.right[:6])
+
+
 def check_prediction(lines, ran):
-    modes = analyse_stability(build_model(scene_of(ran), coordinates=tuple(range(6)))).modes
+    modes = predicted(ran).modes
     assert len(lines) == len(modes) == 5
     for line, mode in zip(lines, modes, strict=True):
         name, frequency, unit, growth = line.split()
@@ -123,12 +152,19 @@ def test_mat_reads_back(ran, exported):
     path, _, _ = exported("mat")
     file = scipy.io.loadmat(path, simplify_cells=True)
     assert not h5py.is_hdf5(path)  # version 5, which every MATLAB and Octave reads
-    assert (file["sample_rate"], file["title"], file["scene"]) == (RATE, "Bremse Nº 1", ran.attrs["scene"])
+    assert (file["fs"], file["title"], file["scene"]) == (RATE, "Bremse Nº 1", ran.attrs["scene"])
     assert file["units"]["velocity_Tz"] == "rad/s"
     assert file["units"]["smallest_pressure"] == "Pa"
-    check_prediction(file["eigenvalues"].tolist(), ran)
-    assert scipy.io.loadmat(path)["velocity_X"].shape == (1501, 1)  # a column
-    for name in ("time", *RECORDED):
+    assert file["units"]["steady_state"].tolist() == ["m", "m", "m", "rad", "rad", "rad"]
+    check_modes(ran, file["modes"], file["coordinates"], file["eigenvalues"], file["steady_state"])
+    raw = scipy.io.loadmat(path)
+    assert raw["velocity_X"].shape == raw["t"].shape == (1501, 1)  # columns
+    assert raw["modes"]["frequency_Hz"][0, 0].shape == (5, 1)
+    names = [name for name in raw if not name.startswith("__")]
+    assert all(len(name) <= 31 and re.fullmatch("[A-Za-z][A-Za-z0-9_]*", name) for name in names)  # in MATLAB, too
+    assert set(file["units"]) <= set(names)
+    np.testing.assert_array_equal(file["t"], ran["time"].values)
+    for name in RECORDED:
         np.testing.assert_array_equal(file[name], recorded(ran, name))
 
 
@@ -186,6 +222,17 @@ def function(lines):
     }
 
 
+def functions(found):
+    return {read["texts"][0].partition(":")[0]: read for read in (function(each) for kind, each in found if kind == 58)}
+
+
+def nodes(lines):
+    """A dataset 2411: the place of each node, and the system of its displacements, by its number."""
+    heads = [[int(field) for field in fields(line, 10, 10, 10, 10)] for line in lines[::2]]
+    places = [[float(field) for field in fields(line, 25, 25, 25)] for line in lines[1::2]]
+    return {head[0]: (np.array(place), head[2]) for head, place in zip(heads, places, strict=True)}
+
+
 # specific data type, powers of length, force and temperature, units, node, direction
 CODES = {
     "displacement_X": ("8 0 0 0", "m", "1", "1"),
@@ -195,7 +242,8 @@ CODES = {
     "acceleration_Tz": ("12 0 0 0", "rad/s^2", "1", "6"),
     "surface_velocity": ("11 0 0 0", "m/s", "2", "2"),
     "surface_velocity_radial": ("11 0 0 0", "m/s", "2", "1"),
-    "surface_velocity_leading": ("11 1 0 0", "m/s", "3", "0"),
+    "surface_velocity_leading": ("11 0 0 0", "m/s", "3", "1"),
+    "surface_velocity_trailing_along": ("11 0 0 0", "m/s", "4", "2"),
     "brake_torque": ("1 1 1 0", "N m", "0", "0"),
     "normal_force": ("9 0 1 0", "N", "0", "0"),
     "smallest_pressure": ("15 -2 1 0", "Pa", "0", "0"),
@@ -208,13 +256,15 @@ CODES = {
 def test_the_universal_file_reads_back_by_its_published_columns(ran, exported):
     path, printed, _ = exported("uff58")
     assert "six digits" not in printed  # 20 µs are exact
-    (number, units), *rest = datasets(path)
-    assert number == 164
+    found = datasets(path)
+    assert [number for number, _ in found] == [151, 164, 2420, 2411, 82, *[55] * 5, *[58] * len(ALL)]
+    head, units, *_ = (lines for _, lines in found)
+    assert [line.rstrip() for line in head[:2]] == ["Bremse No 1", "history.nc; complete"]
+    assert (head[5].rstrip(), len(head)) == ("drumsqueal", 7)
     assert fields(units[0], 10, 20, 10) == ["1", "SI: metre, newton", "1"]
     factors = [units[1][k : k + 25].replace("D", "e") for k in (0, 25, 50)]
     assert [float(text) for text in factors] == [1, 1, 1]  # what is divided by to come to SI
-    assert [number for number, _ in rest] == [58] * len(ALL)
-    found = {read["texts"][0].partition(":")[0]: read for read in map(function, (lines for _, lines in rest))}
+    found = functions(found)
     assert list(found) == ALL
     assert len({read["name"] for read in found.values()}) == len(ALL)
     for name, read in found.items():
@@ -231,20 +281,74 @@ def test_the_universal_file_reads_back_by_its_published_columns(ran, exported):
             np.testing.assert_allclose(read["values"], recorded(ran, name), rtol=5.1e-12, atol=0)  # twelve digits
 
 
+def test_the_directions_of_a_universal_file_are_those_of_its_nodes(exported):
+    path, _, _ = exported("uff58", "--signals", "velocity," + ",".join(SURFACE))
+    found = datasets(path)
+    (systems, points, outline) = (next(lines for kind, lines in found if kind == one) for one in (2420, 2411, 82))
+    assert [line.split()[:2] for line in systems[2::6]] == [["1", "0"], ["2", "1"]]  # Cartesian, cylindrical
+    for k in (0, 6):  # both with the axes of the drum
+        matrix = [[float(field) for field in fields(line, 25, 25, 25)] for line in systems[k + 4 : k + 8]]
+        np.testing.assert_array_equal(matrix, np.vstack([np.eye(3), np.zeros(3)]))
+    points = nodes(points)
+    c, s = 0.1 * np.cos(np.deg2rad(65)), 0.1 * np.sin(np.deg2rad(65))
+    wanted = {1: [72.1956531e-3, 0, 0], 2: [0.1, 0, 0], 3: [c, -s, 0], 4: [c, s, 0]}
+    assert {point: system for point, (_, system) in points.items()} == {1: 1, 2: 2, 3: 2, 4: 2}
+    for point, (place, _) in points.items():
+        np.testing.assert_allclose(place, wanted[point], atol=1e-11)  # c is given to nine digits
+    assert set(outline[2].split()) == {str(point) for point in points}
+    moves = {(int(read["node"]), int(read["direction"])): read["values"] for read in functions(found).values()}
+    assert sorted(moves) == [(1, 1), (1, 2), (1, 6), (2, 1), (2, 2), (3, 1), (3, 2), (4, 1), (4, 2)]
+    for point in (2, 3, 4):  # a rigid body: v + ω × (p − g), seen in the cylindrical system at its own angle
+        x, y, _ = points[point][0] - points[1][0]
+        velocity = np.array([moves[1, 1] - moves[1, 6] * y, moves[1, 2] + moves[1, 6] * x])
+        angle = np.arctan2(*points[point][0][1::-1])
+        for direction, axis in ((1, [np.cos(angle), np.sin(angle)]), (2, [-np.sin(angle), np.cos(angle)])):
+            # Twelve digits of each; the terms that cancel are no larger than 10 m/s.
+            np.testing.assert_allclose(moves[point, direction], axis @ velocity, atol=1e-10)
+
+
+def test_the_modes_of_a_universal_file_move_its_nodes(ran, exported):
+    path, _, _ = exported("uff58", "--signals", "normal_force")
+    found = datasets(path)
+    points = nodes(next(lines for kind, lines in found if kind == 2411))
+    shapes = [lines for kind, lines in found if kind == 55]
+    for number, (lines, mode) in enumerate(zip(shapes, predicted(ran).modes, strict=True), start=1):
+        assert lines[0].startswith(f"mode {mode.label} {mode.frequency_Hz:.6g} Hz")
+        # structural, complex eigenvalues, translations, displacement, complex, three values a node
+        assert fields(lines[5], *[10] * 6) == ["1", "3", "2", "8", "5", "3"]
+        assert fields(lines[6], *[10] * 4) == ["2", "6", "0", str(number)]
+        real, imaginary, *modal = (float(field) for field in fields(lines[7], *[13] * 6))
+        assert complex(real, imaginary) == pytest.approx(mode.eigenvalue, rel=1e-5)  # six digits
+        assert not any(modal)
+        assert [int(line) for line in lines[8::2]] == list(points)
+        for point, line in zip(points, lines[9::2], strict=True):
+            numbers = [float(field) for field in fields(line, *[13] * 6)]
+            wanted = mode.right[:3] + np.cross(mode.right[3:6], points[point][0] - points[1][0])
+            np.testing.assert_allclose(np.array(numbers[::2]) + 1j * np.array(numbers[1::2]), wanted, rtol=1e-5)
+
+
 def test_the_universal_file_reads_back_by_pyuff(ran, exported):
     path, _, _ = exported("uff58", "--signals", "velocity,sticking", "--from", "0.01 s", "--until", "0.02")
     sets = pyuff.UFF(str(path)).read_sets()
-    assert [found["type"] for found in sets] == [164, 58, 58, 58, 58]
-    assert [found["rsp_ent_name"] for found in sets[1:]] == ["vel_X", "vel_Y", "vel_Tz", "sticking"]
-    np.testing.assert_allclose(sets[2]["x"], ran["time"].values[500:1001], rtol=1e-12)
+    assert [found["type"] for found in sets] == [151, 164, 2420, 2411, 82, *[55] * 5, *[58] * 4]
+    _, _, systems, points, outline, *modes = sets[:-4]
+    assert (systems["CS_sys_labels"], systems["CS_types"]) == ([1, 2], [0, 1])
+    assert points["node_nums"].tolist() == [1, 2, 3, 4]
+    assert outline["nodes"].tolist() == [3, 2, 4, 1, 3]
+    for found, mode in zip(modes, predicted(ran).modes, strict=True):
+        assert found["eig"] == pytest.approx(mode.eigenvalue, rel=1e-5)
+        np.testing.assert_allclose([found[f"r{k}"][0] for k in (1, 2, 3)], mode.right[:3], rtol=1e-5)
+    signals = sets[-4:]
+    assert [found["rsp_ent_name"] for found in signals] == ["vel_X", "vel_Y", "vel_Tz", "sticking"]
+    np.testing.assert_allclose(signals[1]["x"], ran["time"].values[500:1001], rtol=1e-12)
     wanted = ran["velocity"].sel(coordinate="Y").values[500:1001]
-    np.testing.assert_allclose(sets[2]["data"], wanted, rtol=5.1e-12)
+    np.testing.assert_allclose(signals[1]["data"], wanted, rtol=5.1e-12)
 
 
 def test_an_interval_of_more_than_six_digits_is_told(exported):
     path, printed, _ = exported("uff58", "--signals", "normal_force", "--rate", "44.1 kHz")
     assert "six digits of the interval, 2.26757e-05 s" in printed
-    assert function(datasets(path)[1][1])["texts"][2].startswith("sample rate 44100.0 Hz")
+    assert function(datasets(path)[-1][1])["texts"][2].startswith("sample rate 44100.0 Hz")
 
 
 @pytest.mark.parametrize("slow", [1, 4])
@@ -372,8 +476,17 @@ def test_without_its_friction_law_there_are_no_accelerations(history, drumsqueal
     assert "accelerations are left out: the friction law was given in Python" in errors
     with np.load(history.with_suffix(".npz")) as file:
         assert file["signals"].tolist() == [name for name in ALL if not name.startswith("acceleration")]
-        assert file["eigenvalues"].tolist() == ["unknown: the friction law was given in Python"]
+        assert str(file["eigenvalues_unknown"]) == "the friction law was given in Python"
+        assert not {"eigenvalues", "mode_name", "steady_state"} & set(file.files)
         assert str(file["friction_law"]) == "stribeck, given in Python"
+    assert drumsqueal("export", str(history), "--to", "mat", "--quiet")[0] == 0
+    file = scipy.io.loadmat(history.with_suffix(".mat"))
+    assert file["eigenvalues_unknown"] == "the friction law was given in Python"
+    assert not {"eigenvalues", "modes", "steady_state"} & set(file)
+    assert drumsqueal("export", str(history), "--to", "uff58", "--quiet")[0] == 0
+    found = datasets(history.with_suffix(".uff"))
+    assert 55 not in [number for number, _ in found]
+    assert function(found[-1][1])["texts"][3] == "unknown: the friction law was given in Python"
     status, _, errors = drumsqueal("export", str(history), "--to", "csv", "--signals", "acceleration_X")
     assert (status, errors.count("\n")) == (2, 1)
 

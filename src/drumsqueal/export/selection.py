@@ -2,16 +2,19 @@
 
 import json
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from drumsqueal.errors import RequestError, SteadyStateError
-from drumsqueal.export.channels import FLAG, Channel, Channels
+from drumsqueal.export.channels import FLAG, UNKNOWN, Channel, Channels
 from drumsqueal.export.signals import make_channels, names_of
 from drumsqueal.files.saved_history import UNEVEN, SavedHistory
 from drumsqueal.scene.quantities import percent
 from drumsqueal.signals.resampling import PASSES, reach, resample, share_above
+
+if TYPE_CHECKING:
+    from drumsqueal.linear.modes import Stability
 
 LEAST_SHARE = 1e-4  # of a signal's energy, a hundredth of its amplitude: less is lost without a word
 LOWEST = 200  # times the rate may be below the history's: the filter grows as long
@@ -68,8 +71,9 @@ def select(saved: SavedHistory, part: Part, *, predicts: bool) -> tuple[Channels
         recorded = make_channels(saved, names[0], slice(low, high))
         remarks += _lost(recorded, own, rate, part)
         channels = _resampled(recorded, own, place - low, count, rate)
-    prediction = _prediction(saved) if predicts else ()
-    return Channels(float(begin + place / own), rate, tuple(channels), _texts(saved), prediction, part.slow), remarks
+    stability, unknown = _predicted(saved) if predicts else (None, {})
+    start, texts = float(begin + place / own), _texts(saved) | unknown
+    return Channels(start, rate, tuple(channels), texts, saved.scene, stability, part.slow), remarks
 
 
 def _own_rate(saved: SavedHistory) -> float:
@@ -145,16 +149,15 @@ def _texts(saved: SavedHistory) -> dict[str, str]:
     return texts | ({"friction_law": str(attributes["friction_law"])} if saved.given_law else {})
 
 
-def _prediction(saved: SavedHistory) -> tuple[str, ...]:
-    """A line for each oscillating mode of steady sliding: name, frequency, growth rate."""
+def _predicted(saved: SavedHistory) -> tuple["Stability | None", dict[str, str]]:
+    """The modes of steady sliding, or None and why not."""
     if saved.given_law:
-        return ("unknown: the friction law was given in Python",)
+        return None, {UNKNOWN: "the friction law was given in Python"}
     from drumsqueal.composition import linear_coordinates
     from drumsqueal.linear.modes import analyse_stability
     from drumsqueal.model import build_model
 
     try:
-        stability = analyse_stability(build_model(saved.scene, coordinates=linear_coordinates(saved.scene)))
+        return analyse_stability(build_model(saved.scene, coordinates=linear_coordinates(saved.scene))), {}
     except SteadyStateError as error:
-        return (f"unknown: {error}",)
-    return tuple(f"{mode.label} {mode.frequency_Hz:.6g} Hz {mode.growth_rate:+.6g}/s" for mode in stability.modes)
+        return None, {UNKNOWN: str(error)}

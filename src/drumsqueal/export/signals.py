@@ -12,16 +12,13 @@ from drumsqueal.composition import kept_coordinates
 from drumsqueal.errors import RequestError
 from drumsqueal.export.channels import (
     ACCELERATION,
-    CENTRE_OF_GRAVITY,
     DISPLACEMENT,
     FLAG,
-    LEADING_END,
-    MIDDLE,
     NO_UNITS,
-    TRAILING_END,
     VELOCITY,
     Channel,
 )
+from drumsqueal.export.points import CENTRE_OF_GRAVITY, LEADING_END, MIDDLE, TRAILING_END
 from drumsqueal.files.saved_history import SavedHistory
 from drumsqueal.history import SIGNALS
 from drumsqueal.scene import COORDINATES, Scene
@@ -52,22 +49,22 @@ class _SurfacePoint(NamedTuple):
     short_name: str
     meaning: str
     point: int
-    direction: int
     along_drum: bool
     half_arcs: int
 
 
+_ENTERS, _LEAVES = "of the lining's end where the drum enters", "of the lining's end where the drum leaves"
 _SURFACE = {
     # Along the drum: there slip is, and there move the modes that friction feeds.
-    SURFACE: _SurfacePoint("vel_middle", "velocity along the drum of the lining at its middle", MIDDLE, 2, True, 0),
-    f"{SURFACE}_radial": _SurfacePoint(
-        "vel_radial", "radial velocity of the lining at its middle", MIDDLE, 1, False, 0
+    SURFACE: _SurfacePoint("vel_middle", "velocity along the drum of the lining at its middle", MIDDLE, True, 0),
+    f"{SURFACE}_radial": _SurfacePoint("vel_radial", "radial velocity of the lining at its middle", MIDDLE, False, 0),
+    f"{SURFACE}_leading": _SurfacePoint("vel_lead", f"radial velocity {_ENTERS}", LEADING_END, False, -1),
+    f"{SURFACE}_leading_along": _SurfacePoint(
+        "along_lead", f"velocity along the drum {_ENTERS}", LEADING_END, True, -1
     ),
-    f"{SURFACE}_leading": _SurfacePoint(
-        "vel_lead", "radial velocity of the lining's end where the drum enters", LEADING_END, 0, False, -1
-    ),
-    f"{SURFACE}_trailing": _SurfacePoint(
-        "vel_trail", "radial velocity of the lining's end where the drum leaves", TRAILING_END, 0, False, 1
+    f"{SURFACE}_trailing": _SurfacePoint("vel_trail", f"radial velocity {_LEAVES}", TRAILING_END, False, 1),
+    f"{SURFACE}_trailing_along": _SurfacePoint(
+        "along_trai", f"velocity along the drum {_LEAVES}", TRAILING_END, True, 1
     ),
 }
 
@@ -159,7 +156,8 @@ def _surface(saved: SavedHistory, name: str) -> Channel:
     where = _SURFACE[name]
     angle = where.half_arcs * saved.scene.shoe.arc_angle / 2
     values = surface_velocity(saved.scene, saved.data["velocity"].values, angle, along_drum=where.along_drum)
-    return Channel(name, where.short_name, VELOCITY, "m/s", where.meaning, values, where.point, where.direction, (1, 0))
+    direction = 2 if where.along_drum else 1
+    return Channel(name, where.short_name, VELOCITY, "m/s", where.meaning, values, where.point, direction)
 
 
 def _recorded(saved: SavedHistory, name: str) -> Channel:

@@ -11,27 +11,19 @@ from numpy.typing import NDArray
 from drumsqueal.errors import RequestError
 from drumsqueal.files.measured.record import Measured, Unit, measured_in, parse_unit, pick_channel
 from drumsqueal.files.measured.sampling import Sampling, UnevenError, even_sampling
+from drumsqueal.files.universal import (
+    DATA_TYPES,
+    GENERAL,
+    ROTATIONS,
+    SYSTEMS,
+    TIME_AXIS,
+    TIME_RESPONSE,
+    UNKNOWN,
+    USER_DEFINED,
+)
 
 INSTALL = 'it is an extra: pip install "drumsqueal[nvh]"'
-TIME_RESPONSE, TIME_AXIS, COMPLEX = 1, 17, (5, 6)
-GENERAL = (0, 1)  # data types that say nothing of the quantity
-ROTATIONS = (4, 5, 6)  # directions, negative ones too
-ANGULAR = {"m": "rad", "m/s": "rad/s", "m/s^2": "rad/s^2", "N": "N*m"}
-QUANTITY = {8: "m", 11: "m/s", 12: "m/s^2", 9: "N", 13: "N", 15: "Pa"}  # by the type of the ordinate
-# Metres, and newtons, that the units of data set 164 with these codes are.
-_FOOT, _POUND, _KILOGRAM, _POUNDAL = 0.3048, 4.4482216152605, 9.80665, 0.138254954376
-SYSTEMS = {
-    1: (1.0, 1.0),
-    2: (_FOOT, _POUND),
-    3: (1.0, _KILOGRAM),
-    4: (_FOOT, _POUNDAL),
-    5: (1e-3, 1e-3),
-    6: (1e-2, 1e-2),
-    7: (0.0254, _POUND),
-    8: (1e-3, _KILOGRAM),
-    10: (1e-3, 1.0),
-}
-USER_DEFINED = 9
+COMPLEX = (5, 6)  # types of the numbers
 _MARK = b"    -1"  # begins and ends a data set
 SAME = 0.01  # relative, of two factors that are the same unit
 
@@ -89,7 +81,7 @@ def _name(record: dict[str, Any], number: int) -> str:
 
 def _over_time(record: dict[str, Any]) -> bool:
     axis = record.get("abscissa_spec_data_type")
-    return axis == TIME_AXIS or (axis in GENERAL and record.get("func_type") == TIME_RESPONSE)
+    return axis == TIME_AXIS or (axis in (UNKNOWN, GENERAL) and record.get("func_type") == TIME_RESPONSE)
 
 
 def _sampling(path: Path, record: dict[str, Any], rate: float | None, told: list[str]) -> Sampling:
@@ -125,8 +117,8 @@ def _unit(record: dict[str, Any], system: dict[str, Any] | None, told: list[str]
 
 
 def _by_type(record: dict[str, Any], system: dict[str, Any] | None) -> Unit | None:
-    si = QUANTITY.get(int(record.get("ordinate_spec_data_type", 0)))
-    if si is None or system is None:
+    known = DATA_TYPES.get(int(record.get("ordinate_spec_data_type", UNKNOWN)))
+    if known is None or system is None:
         return None
     code = int(system.get("units_code", 0))
     if code == USER_DEFINED and system["length"] > 0 and system["force"] > 0:
@@ -135,8 +127,7 @@ def _by_type(record: dict[str, Any], system: dict[str, Any] | None) -> Unit | No
         length, force = SYSTEMS[code]
     else:
         return None
-    if abs(int(record.get("rsp_dir", 0))) in ROTATIONS and si in ANGULAR:  # angles are in radians in every system
-        si = ANGULAR[si]
-        return Unit(si, force * length if si == "N*m" else 1.0)
-    factor = {"N": force, "Pa": force / length**2}.get(si, length)
-    return Unit(si, factor)
+    if known.about and abs(int(record.get("rsp_dir", 0))) in ROTATIONS:  # angles are in radians in every system
+        return Unit(known.about, force * length if known.quantity == "force" else 1.0)
+    factor = {"force": force, "pressure": force / length**2}.get(known.quantity, length)
+    return Unit(known.unit, factor)
