@@ -273,7 +273,7 @@ def test_the_universal_file_reads_back_by_its_published_columns(ran, exported):
         assert read["abscissa"][5::2] == ["time", "s"]
         assert read["reference"] == ["NONE", "0", "0"]
         assert read["texts"][1] == "Bremse No 1; complete"  # in ASCII, of which columns are counted
-        assert read["texts"][2].startswith("sample rate 50000.0 Hz from 0.0 s")
+        assert read["texts"][2].startswith("sample rate 50000.0 Hz from 0 s")
         check_prediction("; ".join(read["texts"][3:]).split("; "), ran)
         if name in CODES:
             assert (" ".join(read["ordinate"][:4]), read["ordinate"][7], read["node"], read["direction"]) == CODES[name]
@@ -345,10 +345,18 @@ def test_the_universal_file_reads_back_by_pyuff(ran, exported):
     np.testing.assert_allclose(signals[1]["data"], wanted, rtol=5.1e-12)
 
 
-def test_an_interval_of_more_than_six_digits_is_told(exported):
+def test_times_of_more_than_six_digits_are_told(history, exported):
     path, printed, _ = exported("uff58", "--signals", "normal_force", "--rate", "44.1 kHz")
-    assert "six digits of the interval, 2.26757e-05 s" in printed
-    assert function(datasets(path)[-1][1])["texts"][2].startswith("sample rate 44100.0 Hz")
+    assert "six digits of the interval, 2.267573696e-05 s; ID line 3" in printed
+    assert function(datasets(path)[-1][1])["texts"][2].startswith("sample rate 44100.0 Hz from 0 s")
+    with h5py.File(history, "r+") as file:  # as of a long run
+        time = file["time"]
+        assert isinstance(time, h5py.Dataset)
+        time[:] = time[:] + 12.34
+    path, printed, _ = exported("uff58", "--signals", "normal_force", "--from", "12.34566 s", "--overwrite")
+    assert "six digits of the start, 12.34566 s; ID line 3" in printed
+    read = function(datasets(path)[-1][1])
+    assert (read["texts"][2][:36], read["start"]) == ("sample rate 50000.0 Hz from 12.34566", 12.3457)
 
 
 @pytest.mark.parametrize("slow", [1, 4])

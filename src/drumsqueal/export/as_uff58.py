@@ -19,7 +19,7 @@ from drumsqueal.files.universal import SI_SYSTEM, TIME_AXIS, TIME_RESPONSE, type
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import COORDINATES
 
-EXACT = 1e-9  # of the interval between samples, that six digits may be off without a word
+EXACT = 1e-9  # of the interval between samples, that six digits of a time may be off without a word
 _EVEN = 1
 _ID_LINE, _LABEL, _NAME = 80, 20, 10  # columns
 _MODES_A_LINE = 3  # of 24 columns and a separator
@@ -44,9 +44,15 @@ def write(channels: Channels, path: Path) -> str:
             raise error.__context__ from None
         raise
     interval = 1 / channels.sample_rate
-    if abs(float(f"{interval:.5e}") / interval - 1) < EXACT:
+    values = {"interval": interval, "start": channels.start}
+    rounded = [
+        f"the {name}, {value:.10g} s"
+        for name, value in values.items()
+        if abs(float(f"{value:.5e}") - value) > EXACT * interval
+    ]
+    if not rounded:
         return ""
-    return f"dataset 58 keeps six digits of the interval, {interval:.5e} s; the exact rate is in ID line 3 of each"
+    return f"dataset 58 keeps six digits of {', and of '.join(rounded)}; ID line 3 of each says sample rate and start"
 
 
 def _datasets(channels: Channels) -> Iterator[dict[str, Any]]:
@@ -151,7 +157,7 @@ def _mode(channels: Channels, number: int) -> dict[str, Any]:
 
 def _function(channels: Channels, channel: Channel, number: int) -> dict[str, Any]:
     """Dataset 58 of one signal; `number` is its version number, which tells functions at one point apart."""
-    rate = f"sample rate {channels.sample_rate!r} Hz from {channels.start!r} s; {channels.texts['source']}"
+    rate = f"sample rate {channels.sample_rate!r} Hz from {channels.start:.12g} s; {channels.texts['source']}"
     lines = [channels.prediction[k : k + _MODES_A_LINE] for k in (0, _MODES_A_LINE)]
     modes = ["; ".join(line) for line in lines]
     # Exponents count where the type is general, and for what has no direction; elsewhere the type says all.
