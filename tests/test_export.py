@@ -327,6 +327,23 @@ def test_the_modes_of_a_universal_file_move_its_nodes(ran, exported):
             np.testing.assert_allclose(np.array(numbers[::2]) + 1j * np.array(numbers[1::2]), wanted, rtol=1e-5)
 
 
+def test_modes_of_fewer_coordinates_have_their_places(ran, history, drumsqueal):
+    kept = {"simulate.coordinates": ["X", "Tz"], "start.displacement": {"Tz": 2e-4}}
+    scene = scene_of(ran).with_values(kept)
+    with h5py.File(history, "r+") as file:
+        file.attrs["scene"] = scene.to_toml()
+    first, _ = analyse_stability(build_model(scene, coordinates=(0, 5))).modes
+    for to in ("mat", "uff58"):
+        assert drumsqueal("export", str(history), "--to", to, "--signals", "normal_force")[0] == 0
+    found = scipy.io.loadmat(history.with_suffix(".mat"), simplify_cells=True)
+    assert found["coordinates"].tolist() == ["X", "Tz"]
+    np.testing.assert_array_equal(found["modes"]["shape"][:, 0], first.right[:2])
+    lines = next(lines for kind, lines in datasets(history.with_suffix(".uff")) if kind == 55)
+    middle = [float(field) for field in fields(lines[11], *[13] * 6)]
+    wanted = [first.right[0], (0.1 - 72.1956531e-3) * first.right[1], 0]  # u_x, and R − c from the centre of gravity
+    np.testing.assert_allclose(np.array(middle[::2]) + 1j * np.array(middle[1::2]), wanted, rtol=1e-5)
+
+
 def test_the_universal_file_reads_back_by_pyuff(ran, exported):
     path, _, _ = exported("uff58", "--signals", "velocity,sticking", "--from", "0.01 s", "--until", "0.02")
     sets = pyuff.UFF(str(path)).read_sets()
