@@ -177,7 +177,7 @@ def test_the_numbers_are_those_of_the_summary(run_folder, run_page):
 
 
 def test_what_is_read_is_what_programs_read(made):
-    """Beside every number stands what was found, in more digits; shares are shown in per cent, sizes in µm, speeds in rpm."""
+    """Beside every number stands what was found, in more digits; shares are in per cent, sizes in µm, speeds in rpm."""
     assert len(made.numbers) > 15
     for value, text in made.numbers.items():
         shown = float(text.replace("−", "-"))
@@ -397,7 +397,7 @@ def test_a_study_is_shown_in_the_unit_in_which_it_was_asked_for(onset_page):
     page = onset_page
     headings = {each["text"].split(",")[-1].strip() for each in page.all("th") if each["text"].startswith("drum.")}
     assert headings == {"rpm"}
-    assert [each["text"] for each in page.all("caption")][0] == "Ranges of drum.speed, rpm (1 rpm is 0.10472 rad/s)"
+    assert page.all("caption")[0]["text"] == "Ranges of drum.speed, rpm (1 rpm is 0.10472 rad/s)"
     values = [each["text"] for each in page.all("th") if each.get("scope") == "row" and "tbody" in each["inside"]]
     assert {"10", "140", "270", "400"} <= set(values)
     assert page.one("command")["text"].count("rpm") == 2
@@ -465,11 +465,8 @@ def test_a_run_that_ends_sticking_says_so(folder, report):
     (folder / "summary.json").write_text(json.dumps(summary))
     (folder / "history.nc").unlink()  # only to be quicker
     page = report(folder)
-    assert re.fullmatch(
-        r"The brake squeals, at an edge of contact or slip from 0\.0\d+ s on, until the whole lining sticks to the drum, "
-        r"from 0\.2 s on\.",
-        page.one("headline")["text"],
-    )
+    headline = page.one("headline")["text"]
+    assert headline == "The brake squeals until the whole lining sticks to the drum, from 0.2 s on."
     told = {each["id"]: each["alt"] for each in page.all("img")}
     assert "sticks" in told["figure-4"]  # phase
     assert "Grey" not in told["figure-5"]  # of what is not seen in the figure of the contact

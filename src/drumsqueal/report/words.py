@@ -35,7 +35,7 @@ def _before_sticking(summary: Summary) -> str:
     edge = None if summary.growth is None else summary.growth.edge_reached_s
     if not edge or not any(mode.unstable for mode in summary.prediction.modes):
         return "The whole lining comes to stick to the drum"
-    return f"The brake squeals, at an edge of contact or slip from {edge:.4g} s on, until the whole lining sticks to the drum"
+    return "The brake squeals until the whole lining sticks to the drum"
 
 
 def hertz(frequency: float) -> str:
