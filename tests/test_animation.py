@@ -325,7 +325,7 @@ def test_the_section_is_seen_with_x_to_the_right_and_the_drum_turning_against_th
     assert places["65°"][1] > 50 > -50 > places["−65°"][1]  # mm
     assert places["0°"] == pytest.approx((100 + 1.9 * 10, 0), abs=1e-9)
     arrows = [patch for patch in axes.patches if isinstance(patch, FancyArrowPatch)]
-    along_x, along_y, turning = (np.asarray(arrow.get_path().vertices)[[0, -1]] for arrow in arrows)
+    along_x, along_y, turning = (np.asarray(arrow.get_path().vertices)[[0, 2]] for arrow in arrows)  # ends
     assert along_x[1, 0] > 20
     assert along_y[1, 1] > 20
     assert places["x"][0] > 20

@@ -95,9 +95,8 @@ def _missing(files: list[str], summary: Summary, folder: Path) -> str:
     if not files:
         return ""
     if summary.outcome != COMPLETE:
-        why = (
-            f"The run was not complete ({summary.outcome}): its record ends too early for them, or they were not drawn"
-        )
+        early = "its record ends too early for them, or they were not drawn"
+        why = f"The run is not complete ({summary.outcome}): {early}"
     elif (folder / RESUME).exists():
         why = "The run was cut off before they were drawn"
     else:
