@@ -132,10 +132,11 @@ class MovingSection:
             text = f"{np.rad2deg(angle):.3g}°".replace("-", "−")
             axes.text(at[0], at[1], text, fontsize=style.SMALL_SIZE, ha="center", va="center", color=style.DARK)
         within = radius - MILLI * self._thickness
-        for name, way in (("x", (1.0, 0.0)), ("y", (0.0, 1.0))):
-            tip, label = (share * within * np.array(way) for share in (0.3, 0.37))
-            axes.add_patch(FancyArrowPatch((0, 0), tip, shrinkA=0, shrinkB=0, **ARROW))
-            axes.text(*label, name, fontsize=style.SMALL_SIZE, ha="center", va="center", color=style.DARK)
+        tip, beyond = 0.3 * within, 0.37 * within
+        for name, right, up in (("x", 1, 0), ("y", 0, 1)):
+            axes.add_patch(FancyArrowPatch((0, 0), (tip * right, tip * up), shrinkA=0, shrinkB=0, **ARROW))
+            at = beyond * right, beyond * up
+            axes.text(at[0], at[1], name, fontsize=style.SMALL_SIZE, ha="center", va="center", color=style.DARK)
         if self.playback.drum_sense:
             self._draw_sense(0.85 * within)
 
