@@ -319,14 +319,19 @@ def test_a_frame_drawn_over_what_stands_still_is_the_whole_figure(section):
         assert np.mean(np.abs(whole - fast).max(axis=-1) > 30) < 2e-3
 
 
-def test_the_section_is_seen_with_y_to_the_left_and_the_drum_turning_against_the_clock(section):
+def test_the_section_is_seen_with_x_to_the_right_and_the_drum_turning_against_the_clock(section):
     (axes,) = [axes for axes in section.figure.axes if any(text.get_text() == "65°" for text in axes.texts)]
     places = {text.get_text(): text.get_position() for text in axes.texts}
-    assert places["65°"][0] < -50 < 50 < places["−65°"][0]  # mm
-    assert places["0°"] == pytest.approx((0, 100 + 1.9 * 10), abs=1e-9)
-    (arrow,) = [patch for patch in axes.patches if isinstance(patch, FancyArrowPatch)]
-    ends = np.asarray(arrow.get_path().vertices)[[0, -1], 0]
-    assert ends[0] > 0 > ends[1]  # on top, from right to left
+    assert places["65°"][1] > 50 > -50 > places["−65°"][1]  # mm
+    assert places["0°"] == pytest.approx((100 + 1.9 * 10, 0), abs=1e-9)
+    arrows = [patch for patch in axes.patches if isinstance(patch, FancyArrowPatch)]
+    along_x, along_y, turning = (np.asarray(arrow.get_path().vertices)[[0, 2]] for arrow in arrows)  # ends
+    assert along_x[1, 0] > 20
+    assert along_y[1, 1] > 20
+    assert places["x"][0] > 20
+    assert places["y"][1] > 20
+    assert np.all(turning[:, 0] < -50)
+    assert turning[0, 1] > 0 > turning[1, 1]  # on the left, downwards
 
 
 def test_no_note_and_no_label_leaves_the_frame_or_overlaps(section):

@@ -532,6 +532,7 @@ def test_the_command_writes_what_it_found(drumsqueal, tmp_path, monkeypatch):
     assert (status, error) == (0, "")
     assert {file.name for file in folder.iterdir()} == {"onset.csv", "onset.json", "onset.png"}
     summary = json.loads((folder / "onset.json").read_text())
+    assert summary["outcome"] == COMPLETE
     rows = table(folder)
     (critical,) = summary["critical_values"]
     assert critical["label"] == "Y"
@@ -575,7 +576,13 @@ def test_a_range_is_shown_in_the_order_and_in_the_unit_in_which_it_was_asked_for
     values = [float(row["drum.speed_rad_per_s"]) for row in table(tmp_path) if row["asked"] == "yes"]
     assert values == pytest.approx([math.tau * k for k in (6, 5, 4, 3, 2, 1)])
     parameter = json.loads((tmp_path / "onset.json").read_text())["parameter"]
-    assert parameter == {"key": "drum.speed", "unit": "rad/s", "values": values}
+    assert parameter == {
+        "key": "drum.speed",
+        "unit": "rad/s",
+        "values": values,
+        "given_unit": "rpm",
+        "given_unit_in_SI": math.tau / 60,
+    }
     # So are the data of the figure; its ticks are round multiples of the unit.
     FigureCanvasAgg(drawn[0]).draw()
     below = drawn[0].axes[-1]
@@ -669,6 +676,12 @@ def test_ctrl_c_keeps_the_values_done(drumsqueal, tmp_path, monkeypatch):
     assert "interrupted by the user; what was done until then is in" in error
     assert [row["drum.speed_rad_per_s"] for row in table(folder)] == ["1.0", "4.0"]
     assert not (folder / "onset.png").exists()
+    # What was asked and predicted is told, too, and that it is not all.
+    summary = json.loads((folder / "onset.json").read_text())
+    assert (summary["outcome"], summary["verdict"], summary["ranges"]) == ("cut off", None, [])
+    assert len(summary["parameter"]["values"]) == 14
+    assert summary["critical_values"][0]["label"] == "Y"
+    assert summary["scene"]["title"] == "Squeal with structural damping"
 
 
 def test_transients_of_a_brake_lead_where_its_eigenvalues_say(quick):

@@ -28,6 +28,7 @@ from drumsqueal.jobs.report import report_into
 from drumsqueal.linear.modes import analyse_stability
 from drumsqueal.model import build_model
 from drumsqueal.report import page
+from drumsqueal.report.sound import RECORD_S, _played
 from drumsqueal.scene import load_scene
 from drumsqueal.scene.variation import read_variation
 from drumsqueal.signals import amplitude_spectrum, peak_near
@@ -41,6 +42,7 @@ DAMPED = Path(__file__).parents[1] / "scenarios" / "damped.toml"
 TITLE = (
     'A "quiet" <script>document.documentElement.dataset.harmed = 1</script></title><img src=x onerror=alert(1)> & shoe'
 )
+RPM = 60 / (2 * np.pi)  # in a rad/s
 EMPTY = {"area", "base", "br", "col", "hr", "img", "input", "link", "meta", "source", "track", "wbr"}
 chromium = pytest.mark.skipif(BROWSER is None, reason="no Chromium on this machine")
 
@@ -108,7 +110,7 @@ def onset_folder(tmp_path_factory):
     scene = load_scene(DAMPED, alone)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(study_module, "find_endings", made_up)
-        predicted = predict(scene, read_variation("drum.speed=1..40x4", scene))
+        predicted = predict(scene, read_variation("drum.speed=10 rpm..400 rpm x4", scene))
         study_into(folder, predicted, 0.02, Console(file=io.StringIO()), cycles=False)
     return reported(folder, "onset")
 
@@ -175,7 +177,7 @@ def test_the_numbers_are_those_of_the_summary(run_folder, run_page):
 
 
 def test_what_is_read_is_what_programs_read(made):
-    """Beside every number stands what was found, in more digits; shares are shown in per cent, sizes in µm."""
+    """Beside every number stands what was found, in more digits; shares are in per cent, sizes in µm, speeds in rpm."""
     assert len(made.numbers) > 15
     for value, text in made.numbers.items():
         shown = float(text.replace("−", "-"))
@@ -184,7 +186,9 @@ def test_what_is_read_is_what_programs_read(made):
             continue
         digits = len(re.sub(r"e.*|[^0-9]", "", text).lstrip("0")) or 1
         # Half a step of the last digit, of a number that may begin with 1.
-        assert min(abs(shown / value / factor - 1) for factor in (1, 100, 1e6)) <= 0.51 * 10.0 ** (1 - digits), text
+        assert min(abs(shown / value / factor - 1) for factor in (1, 100, 1e6, RPM)) <= 0.51 * 10.0 ** (1 - digits), (
+            text
+        )
 
 
 def test_the_finding_is_one_sentence(run_page, onset_page, onset_folder):
@@ -206,12 +210,12 @@ def test_the_scene_and_the_command_give_the_same_again(run_folder, onset_folder,
         scene = load_scene(file)
         assert json.loads(json.dumps(scene.model_dump(mode="json"))) == summary["scene"]
         assert file.read_text() in [each["text"] for each in shown.all("pre")]
-        command = shown.one("command")["text"].split()
+        command = shlex.split(shown.one("command")["text"])
         assert command[:3] == ["drumsqueal", "run" if folder == run_folder else "onset", "scene.toml"]
         if folder == onset_folder:
             variation = read_variation(command[command.index("--along") + 1], scene)
             wanted = summary["parameter"]
-            assert (variation.key, variation.unit, list(variation.values)) == tuple(wanted.values())
+            assert (variation.key, variation.unit, list(variation.values)) == tuple(wanted.values())[:3]
             assert float(command[command.index("--within") + 1]) == summary["kicked_range_sought_within"]
         assert all(f">{version}<" in shown.source for version in summary["versions"].values())
 
@@ -312,6 +316,20 @@ def sounds(page: Page) -> list[tuple[int, np.ndarray]]:
     return found
 
 
+def test_a_short_record_is_heard_whole_and_of_a_long_one_is_said_which_part():
+    assert _played(0.4, None) == _played(0.4, 0.19) == (0.0, 0.4)
+    assert _played(RECORD_S, 0.5) == (0.0, RECORD_S)
+    # The growth and a fifth of a second of what follows.
+    assert _played(10.0, 2.0) == pytest.approx((1.2, 2.2))
+    assert _played(10.0, 0.1) == pytest.approx((0.0, 0.3))
+    assert _played(10.0, None) == (0.0, 1.0)
+
+
+def test_what_part_of_the_record_is_heard_is_told(run_page):
+    (told,) = [each["text"] for each in run_page.all("figcaption") if "at its own speed" in each["text"]]
+    assert told.startswith("The whole record, 0.25 s, at its own speed")
+
+
 def test_the_squeal_is_heard_at_its_frequency_and_slower(run_folder, run_page, shoe):
     line = json.loads((run_folder / "summary.json").read_text())["saturation"]["main"]["frequency_Hz"]
     played = sounds(run_page)
@@ -375,11 +393,84 @@ def test_a_run_without_samples_shows_its_prediction(folder, report):
     assert {mode["frequency_Hz"] for mode in summary["prediction"]["modes"]} <= set(page.numbers)
 
 
+def test_a_study_is_shown_in_the_unit_in_which_it_was_asked_for(onset_page):
+    page = onset_page
+    headings = {each["text"].split(",")[-1].strip() for each in page.all("th") if each["text"].startswith("drum.")}
+    assert headings == {"rpm"}
+    assert page.all("caption")[0]["text"] == "Ranges of drum.speed, rpm (1 rpm is 0.10472 rad/s)"
+    values = [each["text"] for each in page.all("th") if each.get("scope") == "row" and "tbody" in each["inside"]]
+    assert {"10", "140", "270", "400"} <= set(values)
+    assert page.one("command")["text"].count("rpm") == 2
+    told = " ".join(each["alt"] for each in page.all("img"))
+    assert "from 10 rpm to 400 rpm" in told
+    animation = json.loads(page.one("animation")["text"])
+    assert animation["modes"][0]["at"].endswith(" rpm")
+    seen = re.sub(r"<script.*?</script>|<pre.*?</pre>", "", page.source, flags=re.DOTALL)
+    assert seen.count("rad/s") == 3  # in the captions alone
+    assert "drum.<wbr>speed, rpm</th>" in page.source  # a long key goes on in the next line
+
+
 def test_a_study_that_was_cut_off_shows_the_values_done(onset_folder, report, tmp_path):
     shutil.copy(onset_folder / "onset.csv", tmp_path)
     page = report(tmp_path)
     assert "not complete" in page.one("warning")["text"]
     assert len([each for each in page.all("tr") if "tbody" in each["inside"]]) == 4
+    assert "drum.<wbr>speed_<wbr>rad_<wbr>per_<wbr>s</th>" in page.source
+
+
+def test_a_study_that_was_cut_off_says_what_was_asked_and_predicted(onset_folder, report, tmp_path):
+    whole = json.loads((onset_folder / "onset.json").read_text())
+    cut = {"outcome": "cut off", "verdict": None, "reservations": [], "ranges": [], "values": [], "cycles": None}
+    (tmp_path / "onset.json").write_text(json.dumps(whole | cut))
+    lines = (onset_folder / "onset.csv").read_text().splitlines()
+    asked = [line for line in lines[1:] if ",yes," in line]
+    (tmp_path / "onset.csv").write_text("\n".join([lines[0], *asked[:3]]) + "\n")
+    page = report(tmp_path)
+    assert "not complete" in page.one("warning")["text"]
+    (critical,) = whole["critical_values"]
+    assert page.one("headline")["text"] == (
+        "3 of 4 values of drum.speed from 10 to 400 rpm are done: at 1 it squeals, at 1 it squeals when kicked, at 1 "
+        f"it is stable. By the eigenvalues Y gains stability as the value rises past {RPM * critical['value']:.6g} rpm "
+        f"({critical['frequency_Hz'] / 1e3:.3g} kHz)."
+    )
+    assert page.all("h1")[0]["text"] == whole["scene"]["title"]
+    assert page.one("command")["text"].startswith("drumsqueal onset scene.toml")
+    assert page.one("animation")
+    assert "cut off before it was drawn" in page.one("missing")["text"]
+    assert not [each for each in page.elements if each.get("id") == "ranges"]
+
+
+def test_why_a_figure_is_missing(folder, report):
+    """Nothing but the outcome and the file to resume from are looked at."""
+    (folder / "frequency.png").unlink()
+    (folder / "history.nc").unlink()  # only to be quicker
+    assert "too little motion" in report(folder).one("missing")["text"]
+    (folder / "resume.json").write_text("{}")
+    page = report(folder)
+    assert page.one("missing")["text"] == (
+        "Not in the folder: frequency.png. The run was cut off before they were drawn."
+    )
+    assert "--resume goes on" in page.one("warning")["text"]
+    summary = json.loads((folder / "summary.json").read_text())
+    summary["outcome"] = "interrupted by the user after t = 0.02 s"
+    (folder / "summary.json").write_text(json.dumps(summary))
+    page = report(folder)
+    assert "interrupted by the user after t = 0.02 s" in page.one("missing")["text"]
+    assert "too little" not in page.one("missing")["text"]
+
+
+def test_a_run_that_ends_sticking_says_so(folder, report):
+    summary = json.loads((folder / "summary.json").read_text())
+    summary["sticking"] = {"share": 0.1, "to_the_end_from_s": 0.2}
+    (folder / "summary.json").write_text(json.dumps(summary))
+    (folder / "history.nc").unlink()  # only to be quicker
+    page = report(folder)
+    headline = page.one("headline")["text"]
+    assert headline == "The brake squeals until the whole lining sticks to the drum, from 0.2 s on."
+    told = {each["id"]: each["alt"] for each in page.all("img")}
+    assert "sticks" in told["figure-4"]  # phase
+    assert "Grey" not in told["figure-5"]  # of what is not seen in the figure of the contact
+    assert "sticks in the end" in page.source
 
 
 def test_modes_of_another_version_are_not_shown_as_those_of_the_run(folder, report):

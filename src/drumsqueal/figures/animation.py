@@ -22,7 +22,7 @@ from drumsqueal.figures.window import FRAMES_PER_SECOND
 from drumsqueal.files.animation_file import write_animation
 from drumsqueal.interrupts import noted_interrupts, stop_if_interrupted
 
-PIXELS, DOTS_PER_INCH = (770, 580), 115
+PIXELS, DOTS_PER_INCH = (700, 760), 115
 # State: colour and name.
 STATES = {
     TOUCHING: (style.TOUCHING, "touches and slips"),
@@ -33,6 +33,8 @@ STATES = {
 UNITS = {"MPa": 1e6, "kPa": 1e3}
 # Shares of the thickness: the ring that stands for the drum, and depths of what shows state and pressure.
 RING, STATE_DEPTH, PRESSURE_DEPTH = 0.5, 0.09, 0.36
+ROOM = 1.35  # of the thickness, around the drum
+ARROW = {"arrowstyle": "-|>", "mutation_scale": 8, "linewidth": 0.9, "color": style.DARK}
 BODY = "#DDDDDD"
 FAR_APART = np.deg2rad(160.0)  # half angle, from which on the labels of the ends would meet
 
@@ -53,15 +55,15 @@ class MovingSection:
         self.figure.set_layout_engine("none")
         self.figure.set_dpi(DOTS_PER_INCH)
         self.figure.set_size_inches((PIXELS[0] / DOTS_PER_INCH, PIXELS[1] / DOTS_PER_INCH))
-        top = 0.935
+        top, line = 0.95, 0.026
         for place, note in enumerate(playback.notes):
-            self.figure.text(0.01, top - 0.034 * place, note, fontsize=style.SMALL_SIZE, va="top", parse_math=False)
-        below = top - 0.034 * len(playback.notes)
-        self._section = self.figure.add_axes((0.01, 0.345, 0.84, below - 0.355))
+            self.figure.text(0.01, top - line * place, note, fontsize=style.SMALL_SIZE, va="top", parse_math=False)
+        below = top - line * len(playback.notes)
+        self._section = self.figure.add_axes((0.01, 0.27, 0.84, below - 0.275))
         self._draw_drum()
         self._draw_shoe()
-        self._draw_key(self.figure.add_axes((0.872, 0.40, 0.018, below - 0.46)))
-        self._draw_curves(self.figure.add_axes((0.115, 0.09, 0.86, 0.165)))
+        self._draw_key(self.figure.add_axes((0.872, 0.36, 0.02, below - 0.46)))
+        self._draw_curves(self.figure.add_axes((0.125, 0.07, 0.85, 0.13)))
         self._begin()
 
     def _begin(self) -> None:
@@ -106,59 +108,58 @@ class MovingSection:
         return np.asarray(self._canvas.buffer_rgba())[..., :3].copy()
 
     def _drawn(self, points: NDArray[np.float64], motion: NDArray[np.float64]) -> NDArray[np.float64]:
-        return _turned(displaced(points, self._centroid, motion, self.playback.magnification))
+        return displaced(points, self._centroid, motion, self.playback.magnification)
 
     def _draw_drum(self) -> None:
         """The ring, its marks, the limits of the picture, and angles along the arc."""
         axes, radius, ring = self._section, MILLI * float(self._shoe.outer_radius), MILLI * RING * self._thickness
         circle = np.linspace(-np.pi, np.pi, 361)
-        inner, outer = (_turned(on_circle((radius + more) / MILLI, circle)) for more in (0.0, ring))
+        inner, outer = (on_circle((radius + more) / MILLI, circle) for more in (0.0, ring))
         axes.fill(*np.concatenate([outer, inner[::-1]]).T, color=style.PALE, linewidth=0, zorder=1)
         axes.plot(*outer.T, color=style.FAINT, linewidth=0.6, zorder=1)
         # Above the shoe: how far it is drawn inside the drum is the magnification's doing.
         axes.plot(*inner.T, color=style.DARK, linewidth=0.7, linestyle=(0, (4, 2)), zorder=5, animated=True)
         self._ticks = LineCollection([], colors=style.DARK, linewidths=0.7, zorder=2, animated=True)
         axes.add_collection(self._ticks, autolim=False)
-        thickness, place = MILLI * self._thickness, _turned(self._outline)
-        room = 1.35 * thickness
-        left, right = place[:, 0].min() - room, place[:, 0].max() + room
-        axes.set_xlim(max(left, -radius - room), min(right, radius + room))
-        axes.set_ylim(min(place[:, 1].min() - 0.5 * thickness, radius - 2.9 * thickness), radius + room)
+        limit = radius + ROOM * MILLI * self._thickness
+        axes.set_xlim(-limit, limit)
+        axes.set_ylim(-limit, limit)
         axes.set_aspect("equal")
         axes.axis("off")
         half = float(self._shoe.half_angle)
         for angle in (-half, 0.0, half) if half < FAR_APART else (0.0,):
-            at = _turned(on_circle((radius + 1.9 * ring) / MILLI, angle))
+            at = on_circle((radius + 1.9 * ring) / MILLI, angle)
             text = f"{np.rad2deg(angle):.3g}°".replace("-", "−")
             axes.text(at[0], at[1], text, fontsize=style.SMALL_SIZE, ha="center", va="center", color=style.DARK)
-        if self.playback.drum_sense and radius > 2.7 * thickness:  # there is room within
-            self._draw_sense(radius - 2.1 * thickness)
+        within = radius - MILLI * self._thickness
+        tip, beyond = 0.3 * within, 0.37 * within
+        for name, right, up in (("x", 1, 0), ("y", 0, 1)):
+            axes.add_patch(FancyArrowPatch((0, 0), (tip * right, tip * up), shrinkA=0, shrinkB=0, **ARROW))
+            at = beyond * right, beyond * up
+            axes.text(at[0], at[1], name, fontsize=style.SMALL_SIZE, ha="center", va="center", color=style.DARK)
+        if self.playback.drum_sense:
+            self._draw_sense(0.85 * within)
 
     def _draw_sense(self, radius: float) -> None:
-        """An arrow within the drum, the way that it turns."""
-        ends = self.playback.drum_sense * np.array([-0.5, 0.5]) * self._thickness / float(self._shoe.outer_radius) * 2
-        tail, head = _turned(on_circle(radius / MILLI, ends))
+        """An arrow within the drum, the way that it turns, where a short shoe is not."""
+        ends = np.pi + self.playback.drum_sense * np.array([-0.3, 0.3])
+        tail, head = on_circle(radius / MILLI, ends)
         # Curved to the drum's circle: the arc's height over its chord.
-        bend = 0.5 * self.playback.drum_sense * np.tan(abs(ends[1]) / 2)
-        arrow = FancyArrowPatch(
-            tail, head, arrowstyle="-|>", mutation_scale=8, linewidth=0.9, color=style.DARK,
-            connectionstyle=f"arc3,rad={bend}",
-        )  # fmt: skip
-        self._section.add_patch(arrow)
-        at = _turned(on_circle((radius - 0.4 * MILLI * self._thickness) / MILLI, 0.0))
+        bend = 0.5 * self.playback.drum_sense * np.tan(0.3 / 2)
+        self._section.add_patch(FancyArrowPatch(tail, head, connectionstyle=f"arc3,rad={bend}", **ARROW))
         self._section.text(
-            at[0], at[1], "drum turns", fontsize=style.SMALL_SIZE, ha="center", va="center", color=style.DARK
+            -0.93 * radius, 0.0, "drum\nturns", fontsize=style.SMALL_SIZE, ha="left", va="center", color=style.DARK
         )
 
     def _tick_lines(self, turn: float) -> NDArray[np.float64]:
         """Marks on the drum's ring (marks, 2, 2)."""
         angles = turn % TICK + np.arange(-np.pi, np.pi, TICK)
         radius, depth = float(self._shoe.outer_radius), RING * self._thickness
-        return np.stack([_turned(on_circle(radius + part * depth, angles)) for part in (0.35, 1.0)], axis=1)
+        return np.stack([on_circle(radius + part * depth, angles) for part in (0.35, 1.0)], axis=1)
 
     def _draw_shoe(self) -> None:
         axes = self._section
-        place = _turned(self._outline)
+        place = self._outline
         (self._body,) = axes.fill(
             *place.T, facecolor=BODY, edgecolor=style.DARK, linewidth=0.8, zorder=3, animated=True
         )
@@ -195,7 +196,7 @@ class MovingSection:
             Patch(color=colour, label=name) for key, (colour, name) in STATES.items() if np.any(shown.arc.state == key)
         ]
         self.figure.legend(
-            handles=handles, loc="center left", bbox_to_anchor=(0.1, 0.322), ncols=len(handles), borderaxespad=0.0,
+            handles=handles, loc="center left", bbox_to_anchor=(0.11, 0.25), ncols=len(handles), borderaxespad=0.0,
             title=None, fontsize=style.SMALL_SIZE,
         )  # fmt: skip
 
@@ -233,8 +234,3 @@ def save_animation(playback: Playback, path: Path | str, on_frame: Callable[[], 
 
     with noted_interrupts():
         write_animation(Path(path), render, section.frames, FRAMES_PER_SECOND)
-
-
-def _turned(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Points (..., 2) in the picture: x upwards, so that the shoe lies on top, and y to the left."""
-    return np.stack([-points[..., 1], points[..., 0]], axis=-1)

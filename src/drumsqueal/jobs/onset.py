@@ -11,7 +11,7 @@ from drumsqueal.figures.onset import draw_onset
 from drumsqueal.files.json_file import write_json
 from drumsqueal.files.output_folder import ONSET, ONSET_SUMMARY, ONSET_TABLE, write_whole
 from drumsqueal.interrupts import stop_if_interrupted
-from drumsqueal.jobs.onset_table import print_study, to_csv, to_data
+from drumsqueal.jobs.onset_table import predicted_to_data, print_study, to_csv, to_data
 from drumsqueal.jobs.progress import counting_bar, telling
 from drumsqueal.jobs.study import told_what_is_kept
 from drumsqueal.scene.quantities import printable
@@ -26,7 +26,8 @@ def study_into(folder: Path, predicted: Prediction, within: float, console: Cons
 
     With `cycles` they are followed over the range, too, and drawn into the figure.
 
-    Raises IntegrationError for a study that was interrupted; the values done until then are in the table.
+    Raises IntegrationError for a study that was interrupted; the values done until then are in the table, what was
+    asked and predicted is in the summary.
     """
     with told_what_is_kept(folder / ONSET_TABLE):
         study = _study(folder, predicted, within, console)
@@ -48,6 +49,8 @@ def _study(folder: Path, predicted: Prediction, within: float, console: Console)
     names = predicted.family.moving
 
     def keep(rows: Sequence[Row]) -> None:
+        if not (folder / ONSET_SUMMARY).exists():  # what is asked, for those who find a table that was cut off
+            write_json(predicted_to_data(predicted, within), folder / ONSET_SUMMARY)
         table = to_csv(rows, predicted.variation, predicted.linear, names)
         write_whole(folder / ONSET_TABLE, table.encode())
 

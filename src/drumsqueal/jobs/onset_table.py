@@ -11,18 +11,20 @@ from rich.table import Table
 from rich.text import Text
 
 from drumsqueal.comparison.departure import unit_of
-from drumsqueal.history import versions
+from drumsqueal.history import COMPLETE, versions
 from drumsqueal.jobs.branch_table import cycles_data
 from drumsqueal.jobs.branch_table import verdict as cycles_verdict
 from drumsqueal.jobs.study import rows_to_csv
 from drumsqueal.linear.branches import Branches, Critical
+from drumsqueal.scene import Scene
 from drumsqueal.scene.variation import Variation
 from drumsqueal.studies.cycle.branches import Diagram
 from drumsqueal.studies.onset.attractors import Ending
 from drumsqueal.studies.onset.rows import KICKED, SQUEALS, Row
-from drumsqueal.studies.onset.study import OnsetStudy
+from drumsqueal.studies.onset.study import OnsetStudy, Prediction
 from drumsqueal.studies.onset.verdict import reservations, verdict, with_uncertainty
 
+CUT_OFF = "cut off"  # the outcome of a study until it is complete
 STYLES = {SQUEALS: "bold red", KICKED: "bold"}
 
 
@@ -122,14 +124,39 @@ def _cells(which: str, ending: Ending | None, names: tuple[str, ...]) -> dict[st
 
 def to_data(study: OnsetStudy, diagram: Diagram | None = None) -> dict[str, Any]:
     """Critical values, ranges, all modes and all motions, in SI; None for cycles that were not followed."""
-    return {
-        "title": study.scene.title,
+    return _predicted(study.scene, study.variation, study.linear, study.names, study.within) | {
+        "outcome": COMPLETE,
         "verdict": verdict(study),
         "reservations": list(reservations(study)),
-        "parameter": {"key": study.variation.key, "unit": study.variation.unit, "values": study.variation.values},
-        "critical_values": [each._asdict() for each in study.linear.critical],
         "ranges": [each._asdict() for each in study.ranges],
-        "kicked_range_sought_within": study.within,
+        "values": [_value(row, study.names) for row in study.rows],
+        "cycles": None if diagram is None else cycles_data(diagram, study.variation),
+    }
+
+
+def predicted_to_data(predicted: Prediction, within: float) -> dict[str, Any]:
+    """The same of a study before its transients: what is asked, the modes and their critical values."""
+    return _predicted(predicted.scene, predicted.variation, predicted.linear, predicted.family.moving, within)
+
+
+def _predicted(
+    scene: Scene, variation: Variation, linear: Branches, names: tuple[str, ...], within: float
+) -> dict[str, Any]:
+    return {
+        "title": scene.title,
+        "outcome": CUT_OFF,
+        "verdict": None,
+        "reservations": [],
+        "parameter": {
+            "key": variation.key,
+            "unit": variation.unit,
+            "values": variation.values,
+            "given_unit": variation.given,
+            "given_unit_in_SI": variation.size,
+        },
+        "critical_values": [each._asdict() for each in linear.critical],
+        "ranges": [],
+        "kicked_range_sought_within": within,
         "modes": [
             {
                 "label": branch.label,
@@ -137,12 +164,12 @@ def to_data(study: OnsetStudy, diagram: Diagram | None = None) -> dict[str, Any]
                 "frequency_Hz": (branch.eigenvalues.imag / math.tau).tolist(),
                 "growth_rate_1_per_s": branch.eigenvalues.real.tolist(),
             }
-            for branch in study.linear.branches
+            for branch in linear.branches
         ],
-        "coordinates": list(study.names),
-        "values": [_value(row, study.names) for row in study.rows],
-        "cycles": None if diagram is None else cycles_data(diagram, study.variation),
-        "scene": study.scene.model_dump(mode="json"),
+        "coordinates": list(names),
+        "values": [],
+        "cycles": None,
+        "scene": scene.model_dump(mode="json"),
         "versions": versions(),
     }
 

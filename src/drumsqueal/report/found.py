@@ -10,7 +10,9 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from drumsqueal.errors import RequestError
 from drumsqueal.files.output_folder import HISTORY, ONSET_SUMMARY, ONSET_TABLE, SUMMARY
+from drumsqueal.history import COMPLETE
 from drumsqueal.scene import Scene, SceneError, scene_from_dict
+from drumsqueal.scene.variation import Variation
 
 LARGEST = 100_000_000  # bytes of a summary; those of the longest runs and studies have less than 1 MB
 
@@ -155,11 +157,18 @@ class Summary(_Found):
 
 
 class Parameter(_Found):
-    """The number that was varied; its values in SI."""
+    """The number that was varied; its values in SI, the unit in which they were given, and what that is in SI."""
 
     key: str
     unit: str
     values: list[float] = Field(min_length=2)
+    given_unit: str = ""
+    given_unit_in_SI: float = Field(default=1.0, gt=0)
+
+    @property
+    def variation(self) -> Variation:
+        """The same as the command line takes it."""
+        return Variation(self.key, self.unit, tuple(self.values), self.given_unit, self.given_unit_in_SI)
 
 
 class Critical(_Found):
@@ -185,7 +194,8 @@ class Range(_Found):
 class Onset(_Found):
     """What is read of onset.json."""
 
-    verdict: str
+    outcome: str = COMPLETE
+    verdict: str | None
     reservations: list[str]
     parameter: Parameter
     critical_values: list[Critical]

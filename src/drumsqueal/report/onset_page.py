@@ -1,58 +1,107 @@
 """The page of a study of the onset: summary, table, figure, and the shapes of the modes at the critical values."""
 
 import shlex
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
 from drumsqueal.errors import RequestError
 from drumsqueal.files.output_folder import ONSET, ONSET_SUMMARY, ONSET_TABLE, figure_file
+from drumsqueal.history import COMPLETE
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.report.found import Critical, Onset, read_rows, read_summary, scene_of
 from drumsqueal.report.inline import data_uri, picture
 from drumsqueal.report.moving import animate
-from drumsqueal.report.words import onset_words
-from drumsqueal.scene import Scene
+from drumsqueal.report.words import hertz, onset_words
+from drumsqueal.scene import Scene, SceneError
+from drumsqueal.scene.variation import Variation, read_variation
 from drumsqueal.simulation import prepare
+from drumsqueal.studies.onset.rows import NEUTRAL, NOWHERE, STABLE, UNKNOWN
 
 SAME = 1e-6  # relative: a mode at a critical value is the one with this frequency
-CUT_OFF = "This study is not complete: it was cut off, and only the table of the values that were done is left."
+CUT_OFF = "This study is not complete: it was cut off before the ranges were found."
+NO_SUMMARY = "This study is not complete: it was cut off, and only the table of the values that were done is left."
+NOT_DRAWN = "The figure is not in the folder: the study was cut off before it was drawn."
 NO_MODES = "There is no critical value with a mode that oscillates, so that no shape is shown."
+IT = {
+    NOWHERE: "there is no steady sliding",
+    STABLE: "it is stable",
+    NEUTRAL: "it is neutral",
+    UNKNOWN: "it is undecided",
+}
 ABOUT = "The shapes were computed anew from the scene, at the critical values, as this page was made."
 
 
 def onset_content(folder: Path) -> dict[str, Any]:
     """What the template takes, from the folder of a study. Raises RequestError for files that are none of a study."""
     found = read_summary(folder / ONSET_SUMMARY, Onset) if (folder / ONSET_SUMMARY).exists() else None
-    rows = read_rows(folder / ONSET_TABLE) if (folder / ONSET_TABLE).exists() else []
+    table = read_rows(folder / ONSET_TABLE) if (folder / ONSET_TABLE).exists() else []
+    rows = [_row(row, folder / ONSET_TABLE) for row in table if row["asked"] == "yes"]
     drawn = picture(folder / figure_file(ONSET), onset_words(found))
     content: dict[str, Any] = {
         "kind": "report of a study of the onset",
         "found": found,
+        "complete": found is not None and found.outcome == COMPLETE,
         "pictures": [] if drawn is None else [drawn],
-        "rows": [_row(row, folder / ONSET_TABLE) for row in rows if row["asked"] == "yes"],
-        "column": next(iter(rows[0])) if rows else "",
+        "missing": NOT_DRAWN if drawn is None else "",
+        "rows": rows,
     }
     if found is None:
-        told = f"{len(content['rows'])} values were done."
-        return content | {"title": "Onset", "warning": CUT_OFF, "headline": told}
+        content |= {"column": next(iter(table[0])) if table else "", "per": 1.0, "equals": ""}
+        return content | {"title": "Onset", "warning": NO_SUMMARY, "headline": f"{len(rows)} values were done."}
     scene = scene_of(folder / ONSET_SUMMARY, found.scene)
-    toml, along = scene.to_toml(), found.parameter
-    ends = f"{along.key}={along.values[0]!r}..{along.values[-1]!r}x{len(along.values)}"
-    within = f"--within {found.kicked_range_sought_within!r}"
-    unit = f", {along.unit}" if along.unit else ""
+    toml, along = scene.to_toml(), found.parameter.variation
+    unit = f", {along.shown_unit}" if along.shown_unit else ""
     return content | {
         "column": f"{along.key}{unit}",
+        "per": 1 / along.size,
+        "equals": f" (1 {along.given} is {along.size:.6g} {along.unit})" if along.given else "",
         "title": scene.title or "Untitled scene",
-        "warning": None,
-        "headline": found.verdict,
+        "warning": None if content["complete"] else CUT_OFF,
+        "headline": found.verdict or _so_far(found, rows),
         "animation": _animation(scene, found),
         "animation_note": NO_MODES,
         "about": ABOUT,
         "tolerance": scene.simulate.tolerance,
         "toml": toml,
         "toml_uri": data_uri("application/toml", toml.encode()),
-        "command": f"drumsqueal onset scene.toml -o out/again --along {shlex.quote(ends)} {within}",
+        "command": f"drumsqueal onset scene.toml -o out/again --along {shlex.quote(_range(along, scene))} "
+        f"--within {found.kicked_range_sought_within!r}",
     }
+
+
+def _so_far(found: Onset, rows: list[dict[str, Any]]) -> str:
+    """What a study has that was cut off: how many values do what, and what the eigenvalues say of all."""
+    along = found.parameter.variation
+    low, high = sorted((along.first, along.last))
+    kinds = Counter(row["kind"] for row in rows)
+    told = ", ".join(f"at {count} {IT.get(kind, f'it {kind}')}" for kind, count in kinds.items())
+    done = f"{len(rows)} of {len(along.values)} values of {along.key} from {along.shown(low):.6g} to {along.told(high)}"
+    return f"{done} are done{f': {told}' if told else ''}. By the eigenvalues {_critical(found, along)}."
+
+
+def _critical(found: Onset, along: Variation) -> str:
+    if not found.critical_values:
+        return "no mode gains or loses stability there"
+    return " and ".join(
+        f"{each.label} {'loses' if each.destabilises else 'gains'} stability as the value rises past "
+        f"{along.told(each.value)}{f' ({hertz(each.frequency_Hz)})' if each.frequency_Hz > 0 else ''}"
+        for each in found.critical_values
+    )
+
+
+def _range(along: Variation, scene: Scene) -> str:
+    """The range as `--along` takes it: in the unit in which it was given where that gives the very same values."""
+    count = len(along.values)
+    if along.given:
+        first, last = (f"{along.shown(value):.12g} {along.given}" for value in (along.first, along.last))
+        written = f"{along.key}={first}..{last} x{count}"
+        try:
+            if read_variation(written, scene).values == along.values:
+                return written
+        except SceneError:  # a unit or a key that is none: the summary was changed by hand
+            pass
+    return f"{along.key}={along.first!r}..{along.last!r}x{count}"
 
 
 def _row(row: dict[str, str], path: Path) -> dict[str, Any]:
@@ -78,16 +127,16 @@ def _animation(scene: Scene, found: Onset) -> dict[str, Any] | None:
     """The mode at each critical value that oscillates; None where there is none."""
     made: list[dict[str, Any]] = []
     animation: dict[str, Any] = {}
+    along = found.parameter.variation
     for critical in found.critical_values:
-        moving = _at(scene, found.parameter.key, critical)
+        moving = _at(scene, along.key, critical)
         stop_if_interrupted()
         if moving is not None:
             animation = moving
             made += [mode | {"label": critical.label} for mode in moving["modes"]]
-    unit = f" {found.parameter.unit}" if found.parameter.unit else ""
     for mode in made:
-        mode["size"] = f"At {found.parameter.key} = {mode['value']:.6g}{unit}, where it neither grows nor decays."
-        mode["at"] = f"at {mode['value']:.6g}{unit}"
+        mode["size"] = f"At {along.key} = {along.told(mode['value'])}, where it neither grows nor decays."
+        mode["at"] = f"at {along.told(mode['value'])}"
     return animation | {"modes": made, "first": 0} if made else None
 
 

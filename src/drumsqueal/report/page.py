@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import jinja2
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from drumsqueal.report.inline import hashed
 
@@ -30,12 +30,17 @@ def render(template: str, content: dict[str, Any]) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters["number"] = number
+    environment.filters |= {"number": number, "breakable": breakable}
     # Not escaped, for they are ours: what a browser takes as text to the end of the element.
     fixed = {"style": Markup(style), "script": Markup(script), "policy": policy}
     page = environment.get_template(template)
     text = page.render(**content, **fixed, size="0.00 MB")
     return page.render(**content, **fixed, size=f"{len(text.encode()) / MEGABYTE:.2f} MB")
+
+
+def breakable(text: str) -> str:
+    """A dotted key, or the heading of a column, that may go on in the next line after a dot or an underscore."""
+    return Markup(re.sub(r"[._](?=\w)", r"\g<0><wbr>", str(escape(text))))
 
 
 def number(value: float | None, form: str = ".4g", factor: float = 1.0) -> str:

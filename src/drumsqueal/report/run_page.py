@@ -8,7 +8,7 @@ from typing import Any
 from drumsqueal.comparison.departure import ROTATIONS
 from drumsqueal.errors import RequestError
 from drumsqueal.files.json_file import to_json
-from drumsqueal.files.output_folder import FIGURES, HISTORY, SUMMARY, figure_file
+from drumsqueal.files.output_folder import FIGURES, HISTORY, RESUME, SUMMARY, figure_file
 from drumsqueal.files.saved_history import SavedHistory, read_history
 from drumsqueal.files.summary import summarise
 from drumsqueal.history import COMPLETE
@@ -19,6 +19,7 @@ from drumsqueal.report.inline import data_uri, picture
 from drumsqueal.report.moving import animate, most_unstable
 from drumsqueal.report.sound import SLOWER, clips
 from drumsqueal.report.words import figure_words, headline, hertz
+from drumsqueal.scene import Profile, Scene
 from drumsqueal.simulation import Prepared, compared, prepare
 
 SAME = 1e-6  # relative, of the largest eigenvalue: another version may differ by round-off
@@ -55,11 +56,12 @@ def run_content(folder: Path) -> dict[str, Any]:
     return {
         "title": scene.title or "Untitled scene",
         "kind": "report of a run",
-        "warning": None if summary.outcome == COMPLETE else f"This run is not complete: {summary.outcome}.",
+        "warning": _warning(summary, folder),
         "headline": headline(summary, scene),
         "summary": summary,
         "computed_now": not (folder / SUMMARY).exists(),
         "modes": modes,
+        "changes": "; speed or load change, and these are of the beginning" if _changes(scene) else "",
         "unstable": ", ".join(label for label, mode in modes if mode.unstable),
         "without_oscillation": _without_oscillation(summary.prediction),
         "animation": None if prepared is None else _animation(prepared, summary),
@@ -68,13 +70,38 @@ def run_content(folder: Path) -> dict[str, Any]:
         "clips": [] if history is None else clips(history, since),
         "heard": _heard(summary),
         "pictures": [each for each in pictures.values() if each is not None],
-        "missing": [figure_file(name) for name, each in pictures.items() if each is None],
+        "missing": _missing([figure_file(name) for name, each in pictures.items() if each is None], summary, folder),
         "tolerance": scene.simulate.tolerance,
         "limits": _left_out(summary),
         "toml": toml,
         "toml_uri": data_uri("application/toml", toml.encode()),
         "command": "drumsqueal run scene.toml -o out/again",
     }
+
+
+def _changes(scene: Scene) -> bool:
+    return isinstance(scene.drum.speed, Profile) or isinstance(scene.contact.normal_load, Profile)
+
+
+def _warning(summary: Summary, folder: Path) -> str | None:
+    again = " drumsqueal run with --resume goes on from there." if (folder / RESUME).exists() else ""
+    if summary.outcome != COMPLETE:
+        return f"This run is not complete: {summary.outcome}.{again}"
+    return f"This run was cut off once its record was complete, before all was drawn.{again}" if again else None
+
+
+def _missing(files: list[str], summary: Summary, folder: Path) -> str:
+    """Why figures are not in the folder."""
+    if not files:
+        return ""
+    if summary.outcome != COMPLETE:
+        early = "its record ends too early for them, or they were not drawn"
+        why = f"The run is not complete ({summary.outcome}): {early}"
+    elif (folder / RESUME).exists():
+        why = "The run was cut off before they were drawn"
+    else:
+        why = "A run leaves out a figure for which its record holds too little, or too little motion"
+    return f"Not in the folder: {', '.join(files)}. {why}."
 
 
 def _judged(prepared: Prepared, history: SavedHistory) -> Summary:

@@ -13,7 +13,7 @@ from drumsqueal.signals.sound import CD_RATE, to_sound, wav_bytes
 
 SLOWER = 4  # times, so that what is too high to be heard well is heard
 RECORD_S = 1.0  # of the record that is played at most
-AFTER_S = 0.2  # of the motion after growth that is played with the growth, at most
+AFTER_S = 0.2  # of the motion after growth that is played with the growth, at most, of a longer record
 REPEATED_S = 3.0  # that the motion after growth is repeated to
 FADE_S = 0.01  # over which one repetition goes over into the next
 SHORTEST_S = 2 * FADE_S
@@ -43,9 +43,11 @@ def clips(history: SavedHistory, saturated_from: float | None) -> list[Clip]:
     if np.ptp(record) < QUIET:
         return []
     growing = "as it was" if saturated_from is None else "first the growth, then the motion that it leads to"
-    span = f"The record from {first:.4g} to {last:.4g} s"
+    whole = first == 0 and last == time[-1]
+    part = f"From {first:.4g} to {last:.4g} s, {RECORD_S:g} s at most of a record of {time[-1]:.4g} s"
+    span = f"The whole record, {last:.4g} s" if whole else part
     found = [
-        _clip("The record", f"{span} at its own speed: {growing}.", record, 1, title),
+        _clip("The record", f"{span}, at its own speed: {growing}.", record, 1, title),
         _clip(
             f"The record, {SLOWER} times slower",
             f"{span}, every frequency {SLOWER} times lower: {growing}.",
@@ -73,6 +75,8 @@ def clips(history: SavedHistory, saturated_from: float | None) -> list[Clip]:
 
 def _played(end: float, saturated_from: float | None) -> tuple[float, float]:
     """What is played of a record that ends at `end` (s): with growth, up to some of the motion that follows it."""
+    if end <= RECORD_S:
+        return 0.0, end
     last = end if saturated_from is None else min(end, saturated_from + AFTER_S)
     first = 0.0 if saturated_from is None else max(0.0, last - RECORD_S)
     return first, min(last, first + RECORD_S)

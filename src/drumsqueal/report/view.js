@@ -73,12 +73,29 @@
     if (mode.flat) return index === 0 ? "front" : "cross";
     return index === 0 ? "back" : index === 1 ? "front" : "edge";
   };
+  const drawAxes = (group) => {
+    const length = 0.3 * data.radius;
+    const axes = { x: [1, 0], y: [0, 1] };
+    if (mode.depth.length) { // z comes forward
+      const size = Math.hypot(...mode.depth);
+      axes.z = [0.7 * mode.depth[0] / size, 0.7 * mode.depth[1] / size];
+    }
+    for (const [name, [right, up]] of Object.entries(axes)) {
+      const size = Math.hypot(right, up), place = (along, aside) =>
+        `${(along * right * length - aside * up / size).toFixed(2)},${(-(along * up * length + aside * right / size)).toFixed(2)}`;
+      make("polyline", "axis", group, { points: `0,0 ${place(1, 0)}` });
+      make("polygon", "tip", group, { points: [place(1.2, 0), place(1, 2.2), place(1, -2.2)].join(" ") });
+      const [x, y] = place(1.2 + 0.22 / size, 0).split(",");
+      make("text", "axis-name", group, { x, y }).textContent = name;
+    }
+  };
   const drawDrum = () => {
     const group = element("drum"), { radius, outer } = data, mean = mode.flat ? (radius + outer) / 2 : 0.96 * radius;
     group.replaceChildren();
     const [x, y] = mode.depth.length ? mode.depth : [0, 0];
     if (mode.flat) make("path", "ring", group, { d: ring(0, 0, outer) + ring(0, 0, radius) });
     else for (const sign of [-1, 1]) make("circle", "rim", group, { cx: sign * x, cy: -sign * y, r: radius });
+    drawAxes(group);
     if (data.turns === 0) return;
     // The way it turns, on the side where the shoe is not.
     const place = (angle, distance) => `${(x + distance * Math.cos(angle)).toFixed(2)},${(-y - distance * Math.sin(angle)).toFixed(2)}`;

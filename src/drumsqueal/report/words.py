@@ -23,12 +23,19 @@ def headline(summary: Summary, scene: Scene) -> str:
     """The finding in one sentence, the whole verdict where there is no frequency to tell."""
     saturation, sticking = summary.saturation, summary.sticking
     if sticking is not None and sticking.to_the_end_from_s is not None:
-        return f"The whole lining comes to stick to the drum, at {sticking.to_the_end_from_s:.4g} s."
+        return f"{_before_sticking(summary)}, from {sticking.to_the_end_from_s:.4g} s on."
     if saturation is None or saturation.main is None or saturation.regime.kind == "steady":
         return summary.verdict or "There is no verdict: nothing was computed beyond the prediction."
     verb = "vibrates" if scene.forcing is not None else _VERB.get(saturation.regime.kind, "vibrates")
     told = f"The brake {verb} at {hertz(saturation.main.frequency_Hz)}"
     return f"{told}{_shifted(saturation, summary)}{_because(saturation, summary.frequency)}."
+
+
+def _before_sticking(summary: Summary) -> str:
+    edge = None if summary.growth is None else summary.growth.edge_reached_s
+    if not edge or not any(mode.unstable for mode in summary.prediction.modes):
+        return "The whole lining comes to stick to the drum"
+    return "The brake squeals until the whole lining sticks to the drum"
 
 
 def hertz(frequency: float) -> str:
@@ -77,11 +84,12 @@ def onset_words(found: Onset | None) -> tuple[str, str]:
     heading = "Amplitude, frequency and growth rate along the parameter"
     if found is None:
         return heading, "Amplitude, frequency and growth rate along the parameter that was varied."
-    key, unit = found.parameter.key, found.parameter.unit
-    low, high = sorted((found.parameter.values[0], found.parameter.values[-1]))
-    parts = [f"Three plots over {key} from {low:.6g} to {high:.6g} {unit}: amplitude, frequency and growth rate."]
-    parts += [f"{each.kind.capitalize()} from {each.first:.6g} to {each.last:.6g}." for each in found.ranges]
-    parts += [f"{each.label} has no growth at {each.value:.6g}." for each in found.critical_values]
+    along = found.parameter.variation
+    low, high = (along.told(end) for end in sorted((along.first, along.last)))
+    parts = [f"Three plots over {along.key} from {low} to {high}: amplitude, frequency and growth rate."]
+    ranges = [(each.kind.capitalize(), along.told(each.first), along.told(each.last)) for each in found.ranges]
+    parts += [f"{kind} from {first} to {last}." for kind, first, last in ranges]
+    parts += [f"{each.label} has no growth at {along.told(each.value)}." for each in found.critical_values]
     return heading, " ".join(parts)
 
 
@@ -150,7 +158,8 @@ def _spectra(summary: Summary, _: Scene) -> list[str]:
 def _phase(summary: Summary, scene: Scene) -> list[str]:
     told = ["Velocity of the lining's surface against its displacement at the end of the record."]
     if summary.saturation is not None:
-        told.append(f"The motion is {_kind(summary.saturation)}.")
+        sticks = summary.sticking is not None and summary.sticking.to_the_end_from_s is not None
+        told.append("The whole lining sticks." if sticks else f"The motion is {_kind(summary.saturation)}.")
     if isinstance(scene.drum.speed, float):
         limit = abs(scene.shoe.outer_radius * scene.drum.speed)
         told.append(f"The lining overtakes the drum beyond {limit:.3g} m/s.")
@@ -163,6 +172,8 @@ def _kind(saturation: Saturation) -> str:
 
 
 def _contact(summary: Summary, scene: Scene) -> list[str]:
+    if summary.sticking is not None and summary.sticking.to_the_end_from_s is not None:
+        return ["Contact pressure along the arc at the end of the record, where the whole lining sticks to the drum."]
     half = math.degrees(scene.shoe.arc_angle) / 2
     told = [f"Contact pressure along the arc, from −{half:.3g} to {half:.3g} degrees, over the last periods."]
     if summary.saturation is None:
