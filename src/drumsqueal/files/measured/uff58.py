@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from drumsqueal.errors import RequestError
+from drumsqueal.errors import RequestError, missing_extra
 from drumsqueal.files.measured.record import Measured, Unit, measured_in, parse_unit, pick_channel
 from drumsqueal.files.measured.sampling import Sampling, UnevenError, even_sampling
 
-INSTALL = 'it is an extra: pip install "drumsqueal[nvh]"'
 TIME_RESPONSE, TIME_AXIS, COMPLEX = 1, 17, (5, 6)
 GENERAL = (0, 1)  # data types that say nothing of the quantity
 ROTATIONS = (4, 5, 6)  # directions, negative ones too
@@ -62,7 +61,7 @@ def _data_sets(path: Path) -> tuple[list[dict[str, Any]], dict[str, Any] | None]
     try:
         import pyuff
     except ImportError:
-        raise RequestError(f"{path}: UFF58 is read by pyuff, which is not installed; {INSTALL}") from None
+        raise missing_extra(f"{path}: to read UFF58", "nvh") from None
     try:
         with contextlib.redirect_stdout(io.StringIO()):  # pyuff prints what it makes of odd ones
             file: Any = pyuff.UFF(str(path))
