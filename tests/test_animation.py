@@ -437,7 +437,7 @@ def test_the_command_writes_a_mode(drumsqueal, tmp_path):
         ((str(SCENARIOS / "nominal.toml"),), "is a scene: name one of its modes with --mode"),
         ((str(SCENARIOS / "nominal.toml"), "--mode", "Q"), "the scene has no such mode; it has Tx, Ty, Y, X, Tz"),
         ((str(SCENARIOS / "nominal.toml"), "--mode", "Y", "--until", "1 s"), "--until is for histories"),
-        (("HISTORY", "-o", "a.webm"), "an animation is a .gif or an .mp4"),
+        (("HISTORY", "-o", "a.webm"), "an animation ends in .gif or .mp4"),
         (("HISTORY", "--slow", "-3"), "write auto, or a positive number"),
         (("HISTORY", "--magnify", "nan"), "write auto, or a positive number"),
         (("HISTORY", "--from", "3 m"), "is no unit of time"),

@@ -2,20 +2,34 @@
 
 import json
 import math
+import os
 from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray
+from rich.console import Console
 
 from drumsqueal.errors import RequestError
+from drumsqueal.export.formats import FORMATS
+from drumsqueal.files.animation_file import GIF
 from drumsqueal.files.json_file import to_json
-from drumsqueal.files.output_folder import RUN_FILES, check_output
+from drumsqueal.files.output_folder import CYCLE_FILES, RUN_FILES, check_output, check_output_file, made_of
+from drumsqueal.jobs.run import run_into
 from drumsqueal.scene import load_scene, scene_from_dict
+from drumsqueal.simulation import prepare
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"
 NOMINAL = str(SCENARIOS / "nominal.toml")
 SHORT = ("--set", "simulate.duration=0.002")
+
+
+@pytest.fixture(scope="module")
+def short_run(tmp_path_factory, nominal) -> Path:
+    """A folder with a run of 2 ms."""
+    folder = tmp_path_factory.mktemp("short")
+    run_into(folder, prepare(nominal.with_values({"simulate.duration": 0.002})), Console(quiet=True))
+    return folder
 
 
 def test_run_leaves_history_summary_and_figures(drumsqueal, tmp_path):
@@ -70,10 +84,20 @@ def test_overwriting_clears_all_results_of_an_earlier_run_and_nothing_else(drums
     for name in (*RUN_FILES, "notes.txt"):
         (tmp_path / name).write_text("of value")
     # 100 samples are too few for a spectrogram, no frequency drifts, and a complete run leaves nothing to resume.
-    assert drumsqueal("run", NOMINAL, "-o", str(tmp_path), "--overwrite", *SHORT)[0] == 0
-    absent = {"spectrogram.png", "frequency.png", "resume.json", "report.html"}
+    status, printed, _ = drumsqueal("run", NOMINAL, "-o", str(tmp_path), "--overwrite", *SHORT)
+    assert status == 0
+    made = {"report.html", *made_of("history.nc")}
+    absent = {"spectrogram.png", "frequency.png", "resume.json"} | made
+    (told,) = (line for line in printed.splitlines() if line.startswith("Removed"))
+    assert set(told.partition(": ")[2].split(", ")) == made
     assert {path.name for path in tmp_path.iterdir()} == {*RUN_FILES, "notes.txt"} - absent
     assert [path.name for path in tmp_path.iterdir() if path.read_bytes() == b"of value"] == ["notes.txt"]
+
+
+def test_what_is_made_of_a_history_by_default_goes_with_it():
+    made = {f"history{ending}" for ending in (GIF, *(each.suffix for each in FORMATS.values()))}
+    assert set(made_of("history.nc")) == made <= set(RUN_FILES)
+    assert set(made_of("cycle.nc")) <= set(CYCLE_FILES)
 
 
 def test_a_folder_in_the_place_of_a_result_is_refused_before_anything_is_cleared(drumsqueal, tmp_path):
@@ -204,6 +228,77 @@ def test_a_folder_at_the_end_of_a_broken_link_gets_one_line_and_status_2(drumsqu
 def test_a_null_character_in_a_folder_is_refused():
     with pytest.raises(RequestError, match="cannot be written"):
         check_output(Path("null\0character"), RUN_FILES, overwrite=False)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("export", "HISTORY", "--to", "csv", "-o", "/proc/x.csv"),
+        ("animate", "HISTORY", "-o", "/proc/x.gif"),
+        ("animate", NOMINAL, "--mode", "Y", "-o", "/proc/x.gif"),
+        ("report", "FOLDER", "-o", "/proc/x.html"),
+        ("scenes", "nominal", "-o", "/proc/x.toml"),
+        ("stability", NOMINAL, "--json", "/proc/x.json"),
+        ("stability", NOMINAL, "--json", "x" * 253),  # one of five letters more stands there while it is written
+    ],
+)
+def test_a_file_that_cannot_be_written_is_told_before_anything_is_done(short_run, drumsqueal, arguments):
+    places = {"HISTORY": str(short_run / "history.nc"), "FOLDER": str(short_run)}
+    status, printed, errors = drumsqueal(*(places.get(each, each) for each in arguments))
+    assert (status, printed, errors.count("\n")) == (2, "", 1)
+    assert "this file cannot be written" in errors
+    assert "Errno" not in errors
+
+
+def test_what_is_no_ordinary_file_is_not_replaced(tmp_path):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    with pytest.raises(RequestError, match="no ordinary file"):
+        check_output_file(pipe, overwrite=True)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (("export", "HISTORY", "--to", "mat", "-o", "x.csv"), "x.csv: a file of --to mat ends in .mat"),
+        (("export", "HISTORY", "--to", "uff58", "-o", "x"), "x: a file of --to uff58 ends in .uff or .unv or .u58"),
+        (("report", "FOLDER", "-o", "x.pdf"), "x.pdf: a page ends in .html or .htm"),
+        (("export", "HISTORY", "--to", "csv", "--signals", "velocity_y"), "did you mean velocity_Y?"),
+        (("export", "HISTORY", "--to", "csv", "--rate", "44,1 kHz"), "a number takes a decimal point and no comma"),
+        (("run", "HISTORY"), "history.nc: this is a NetCDF file, such as a history"),
+    ],
+)
+def test_a_wrong_request_for_a_history_says_what_would_be_right(
+    short_run, drumsqueal, tmp_path, monkeypatch, arguments, told
+):
+    monkeypatch.chdir(tmp_path)
+    places = {"HISTORY": str(short_run / "history.nc"), "FOLDER": str(short_run)}
+    status, printed, errors = drumsqueal(*(places.get(each, each) for each in arguments))
+    assert (status, printed, errors.count("\n")) == (2, "", 1)
+    assert told in errors
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_endings_in_capitals_and_usual_ones_are_taken(short_run, drumsqueal, tmp_path):
+    for to, name in (("csv", "a.CSV"), ("csv", "a.txt"), ("uff58", "a.unv")):
+        arguments = ("export", str(short_run), "--to", to, "--signals", "velocity_Y", "-o", str(tmp_path / name))
+        assert drumsqueal(*arguments)[0] == 0
+        assert (tmp_path / name).exists()
+
+
+@pytest.mark.parametrize(
+    ("command", "setting"),
+    [("check", "simulate.sample_rate=1000"), ("run", "simulate.sample_rate=1000"), ("stability", "drum.speed=0")],
+)
+def test_a_scene_found_wrong_after_it_was_read_is_named(drumsqueal, tmp_path, command, setting):
+    key, _, value = setting.partition("=")
+    scene = tmp_path / "mine.toml"
+    scene.write_text(load_scene(NOMINAL).with_values({key: float(value)}).to_toml())
+    status, printed, errors = drumsqueal(command, str(scene))
+    assert (status, printed, errors.count("\n")) == (2, "", 1)
+    assert errors.startswith(f"drumsqueal: {scene}: {key}")
+    errors = drumsqueal(command, NOMINAL, "--set", setting)[2]
+    assert errors.startswith(f"drumsqueal: {NOMINAL} with --set: {key}")
 
 
 def test_missing_key_is_named(drumsqueal, tmp_path):

@@ -201,7 +201,7 @@ def test_quantities_are_read_in_their_unit(value, unit, expected):
         ("5 nan", "m", "no known unit"),
         ("5 __class__", "m", "no known unit"),
         ("5 m m", "m", "not a number followed by a unit"),
-        ("36,5 mm", "m", "not a number followed by a unit"),
+        ("36,5 mm", "m", "a decimal point and no comma"),
         ("mm", "m", "not a number followed by a unit"),
         ("", "m", "not a number followed by a unit"),
         ("9**9**9 m", "m", "not a number followed by a unit"),

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import xarray
 
-from drumsqueal import simulation
+from drumsqueal import figures, simulation
 from drumsqueal.errors import IntegrationError
 from drumsqueal.files import history_file
 from drumsqueal.files.output_folder import RUN_FILES, claimed
@@ -159,9 +159,38 @@ def test_control_c_after_the_integration(drumsqueal, tmp_path, monkeypatch, modu
     status, printed, errors = drumsqueal("run", NOMINAL, "-o", str(tmp_path), *THREE_CHUNKS)
     history = tmp_path / "history.nc"
     assert (status, printed) == (1, "")
-    assert errors == f"drumsqueal: interrupted by the user; the complete history is in {history}\n"
+    assert errors == f"drumsqueal: interrupted by the user; the complete history is in {history}; {AGAIN}\n"
     assert assert_whole(tmp_path, "complete") == 1501
     assert (tmp_path / "summary.json").exists() == (step == "draw_all")
+
+
+def test_control_c_again_while_an_interrupted_run_is_written_out_tells_how_to_go_on(drumsqueal, tmp_path, monkeypatch):
+    write, compare = history_file.fill, job.compared
+
+    def interrupted(path, places, first, values):
+        write(path, places, first, values)
+        if first == 501:
+            press()
+
+    monkeypatch.setattr(history_file, "fill", interrupted)
+    monkeypatch.setattr(job, "compared", lambda *arguments: (press(), compare(*arguments))[1])
+    arguments = ("run", NOMINAL, "-o", str(tmp_path), *THREE_CHUNKS)
+    status, _, errors = drumsqueal(*arguments)
+    told = f"interrupted by the user; the history is in {tmp_path / 'history.nc'}; {AGAIN}"
+    assert (status, errors) == (1, f"drumsqueal: {told}\n")
+    monkeypatch.setattr(history_file, "fill", write)
+    monkeypatch.setattr(job, "compared", compare)
+    assert drumsqueal(*arguments, "--resume")[0] == 0
+    assert assert_whole(tmp_path, "complete") == 1501
+
+
+def test_control_c_between_two_figures(drumsqueal, tmp_path, monkeypatch):
+    drawn = []
+    drawings = {name: lambda view, name=name: (drawn.append(name), press())[0] for name in ("first", "second")}
+    monkeypatch.setattr(figures, "_DRAWINGS", drawings)
+    status, _, errors = drumsqueal("run", NOMINAL, "-o", str(tmp_path), *THREE_CHUNKS)
+    assert (status, drawn) == (1, ["first"])
+    assert AGAIN in errors
 
 
 def test_control_c_is_as_it_was_outside_the_block():
@@ -226,7 +255,7 @@ def test_a_disk_without_room_for_the_results_keeps_the_history(drumsqueal, tmp_p
     status, printed, errors = drumsqueal("run", NOMINAL, "-o", str(tmp_path), *THREE_CHUNKS)
     cause = "failed: the disk does not take the results (No space left on device)"
     assert (status, printed) == (1, "")
-    assert errors == f"drumsqueal: {cause}; the complete history is in {tmp_path / 'history.nc'}\n"
+    assert errors == f"drumsqueal: {cause}; the complete history is in {tmp_path / 'history.nc'}; {AGAIN}\n"
     assert assert_whole(tmp_path, "complete") == 1501
 
 

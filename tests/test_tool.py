@@ -13,9 +13,12 @@ from pathlib import Path
 import pytest
 
 from drumsqueal import cli
+from drumsqueal.cli.completion import SIGNALS
 from drumsqueal.cli.options import UNBROKEN, Reply, make_console
 from drumsqueal.errors import RequestError
-from drumsqueal.scene import load_scene
+from drumsqueal.export.formats import FORMATS
+from drumsqueal.export.signals import known_signals
+from drumsqueal.scene import load_scene, setting_choices
 from drumsqueal.scene.shipped import find_scene, shipped_names, shipped_scenes
 from drumsqueal.simulation import prepare, run
 from drumsqueal.studies.check import check_scene, warnings_of
@@ -101,6 +104,40 @@ def test_completion_offers_commands_options_scenes_and_keys(monkeypatch, capsys,
     (tmp_path / "north" / "a.toml").touch()
     assert completed(monkeypatch, capsys, "run", "north/") == ["north/a.toml"]
     assert completed(monkeypatch, capsys, "run", "nowhere/") == []
+
+
+def test_completion_offers_the_words_that_an_option_takes(monkeypatch, capsys, tmp_path):
+    monkeypatch.setattr(cli, "prepare_environment", lambda: None)
+    monkeypatch.chdir(tmp_path)
+    assert completed(monkeypatch, capsys, "export", "x.nc", "--to", "") == list(FORMATS)
+    assert completed(monkeypatch, capsys, "export", "x.nc", "--signals", "brake_torque,velocity_T") == [
+        "brake_torque,velocity_Tx",
+        "brake_torque,velocity_Ty",
+        "brake_torque,velocity_Tz",
+    ]
+    assert completed(monkeypatch, capsys, "compare", "x.nc", "y.csv", "--signal", "normal") == ["normal_force"]
+    assert completed(monkeypatch, capsys, "animate", "damped", "--mode", "T") == ["Tx", "Ty", "Tz"]
+    assert completed(monkeypatch, capsys, "sweep", "damped", "--cluster", "") == ["local"]
+    assert completed(monkeypatch, capsys, "sensitivity", "damped", "--until", "") == ["stable"]
+    assert completed(monkeypatch, capsys, "run", "damped", "--set", "simulate.solver=dopri") == [
+        "simulate.solver=dopri5",
+        "simulate.solver=dopri8",
+    ]
+    (tmp_path / "noise.nc").touch()
+    assert completed(monkeypatch, capsys, "animate", "no") == ["noise.nc", "nominal"]
+
+
+def test_the_choices_of_a_key_are_those_that_a_scene_takes(nominal):
+    assert set(setting_choices("friction.law")) == {"exponential", "constant"}
+    assert setting_choices("contact.separation") == ("true", "false")
+    assert setting_choices("drum.speed") == setting_choices("title") == setting_choices("nowhere") == ()
+    for key in ("simulate.solver", "steady.state", "friction.direction"):
+        for word in setting_choices(key):
+            assert load_scene(NOMINAL, [f"{key}={word}"])
+
+
+def test_the_signals_that_are_offered_are_those_that_can_go_out():
+    assert set(SIGNALS) == {*known_signals()}
 
 
 def test_completion_in_a_process_of_its_own():

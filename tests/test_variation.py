@@ -93,7 +93,7 @@ def test_the_heading_of_a_column_has_the_unit(nominal):
         ("drum.speed=1...2", "is no range"),
         ("drum.speed=2..2", "begins where it ends"),
         ("drum.speed=60 rpm..6.283185307179586", "unit of 6.283185307179586 is missing"),
-        ("drum.speed=1..60,5", "60,5: this is not a number followed by a unit"),
+        ("drum.speed=1..60,5", "60,5: a number takes a decimal point and no comma"),
         ("drum.speed=nan..5", "nan: this is not a number followed by a unit"),
         ("drum.speed=1..60x2.5", r"x2\.5 is no whole number of values"),
         ("drum.speed=1 rpm..60 rpm x -3", "x-3 is no whole number of values"),

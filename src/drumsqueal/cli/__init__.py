@@ -4,6 +4,7 @@ What computes is imported inside the commands, once the scene has been read: JAX
 and a mistake in a scene is told at once.
 """
 
+import functools
 import inspect
 import os
 import sys
@@ -33,6 +34,7 @@ from drumsqueal.cli.stability import stability_command
 from drumsqueal.cli.sweep import sweep_command
 from drumsqueal.compilation import prepare_environment
 from drumsqueal.errors import IntegrationError, RequestError
+from drumsqueal.scene import Scene
 from drumsqueal.scene.quantities import SceneError, printable
 
 app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich", pretty_exceptions_enable=False)
@@ -68,7 +70,24 @@ _MORE_ARGUMENTS = {"effects"}  # it makes sense of --within 1 %
 
 def _add(group: str, name: str, command: Callable[..., None]) -> None:
     settings = {"allow_extra_args": True} if name in _MORE_ARGUMENTS else None
-    app.command(name, help=help_text(command), rich_help_panel=group, context_settings=settings)(command)
+    added = app.command(name, help=help_text(command), rich_help_panel=group, context_settings=settings)
+    added(_naming_the_scene(command))
+
+
+def _naming_the_scene(command: Callable[..., None]) -> Callable[..., None]:
+    """The command, telling which file it is where a scene turns out to be wrong only after it was read."""
+
+    @functools.wraps(command)
+    def named(**values: Any) -> None:
+        try:
+            command(**values)
+        except SceneError as error:
+            file = values.get("scene", values.get("source"))
+            if file is None or (error.path and error.path[0] not in Scene.model_fields):
+                raise
+            raise SceneError(str(error), (f"{file} with --set" if values["settings"] else str(file),)) from None
+
+    return named
 
 
 def help_text(command: Callable[..., None]) -> str:

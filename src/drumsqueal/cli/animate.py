@@ -6,11 +6,12 @@ from typing import Annotated
 
 import typer
 
+from drumsqueal.cli.completion import complete_source, words
 from drumsqueal.cli.options import JsonFile, Overwrite, Quiet, Reply, Settings, UsageError, read_file, read_time
 from drumsqueal.errors import RequestError
 from drumsqueal.files.output_folder import check_output_file
 from drumsqueal.interrupts import stop_if_interrupted
-from drumsqueal.scene import load_scene
+from drumsqueal.scene import COORDINATES, load_scene
 from drumsqueal.scene.shipped import find_scene
 
 AUTO = "auto"
@@ -19,7 +20,12 @@ AUTO = "auto"
 def animate_command(
     source: Annotated[
         Path,
-        typer.Argument(metavar="HISTORY|SCENE", help="History or its folder; with --mode a scene.", show_default=False),
+        typer.Argument(
+            metavar="HISTORY|SCENE",
+            help="History or its folder; with --mode a scene.",
+            show_default=False,
+            autocompletion=complete_source,
+        ),
     ],
     output: Annotated[
         Path | None,
@@ -32,7 +38,13 @@ def animate_command(
         ),
     ] = None,
     mode: Annotated[
-        str | None, typer.Option("--mode", metavar="MODE", help="Show this mode of a scene, such as Y.")
+        str | None,
+        typer.Option(
+            "--mode",
+            metavar="MODE",
+            help="Show this mode of a scene, such as Y.",
+            autocompletion=words(*COORDINATES),
+        ),
     ] = None,
     start: Annotated[str | None, typer.Option("--from", metavar="TIME", help="Where to begin, such as 20 ms.")] = None,
     end: Annotated[str | None, typer.Option("--until", metavar="TIME", help="Where to end.")] = None,

@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from drumsqueal.cli.completion import SIGNALS, words
 from drumsqueal.cli.options import JsonFile, Overwrite, Quiet, Reply, output_option, read_rate, read_share, read_time
 from drumsqueal.errors import RequestError
 from drumsqueal.files.output_folder import COMPARE_FILES, HISTORY, check_output, claimed
@@ -24,7 +25,13 @@ def compare_command(
     measured: MeasuredFile,
     output: Annotated[Path | None, output_option("HISTORY-compare")] = None,
     signal: Annotated[
-        str, typer.Option("--signal", metavar="NAME", help="Simulated signal, such as velocity_Y or brake_torque.")
+        str,
+        typer.Option(
+            "--signal",
+            metavar="NAME",
+            help="Simulated signal, such as velocity_Y or brake_torque.",
+            autocompletion=words(*SIGNALS),
+        ),
     ] = "surface_velocity",
     channel: Annotated[
         str | None,

@@ -1,16 +1,48 @@
-"""What the shell offers after a tab: scenes, and the keys of --set, --along and --vary."""
+"""What the shell offers after a tab: scenes, the keys of --set, --along and --vary, and the words of other options."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import typer
 
-from drumsqueal.scene import load_scene, number_keys, setting_keys
+from drumsqueal.scene import COORDINATES, load_scene, number_keys, setting_choices, setting_keys
 from drumsqueal.scene.quantities import SceneError
 from drumsqueal.scene.shipped import find_scene, shipped_names
 
+SIGNALS = (
+    *("displacement", "velocity", "acceleration"),
+    *(f"{kind}_{name}" for kind in ("displacement", "velocity", "acceleration") for name in COORDINATES),
+    "surface_velocity",
+    "surface_velocity_radial",
+    "surface_velocity_leading",
+    "surface_velocity_trailing",
+    "brake_torque",
+    "normal_force",
+    "contact_fraction",
+    "slip_reversed_fraction",
+    "smallest_pressure",
+    "friction_power",
+    "sticking",
+    "implicit",
+    "kinetic_energy",
+    "potential_energy",
+    "energy_balance_error",
+)
+"""The signals that `export` knows, which to ask takes it seconds to load."""
+
 
 def complete_scene(incomplete: str) -> list[str]:
-    """Scene files that begin so, and the names of shipped scenes.
+    """Scene files that begin so, and the names of shipped scenes."""
+    return _offered(incomplete, ".toml")
+
+
+def complete_source(incomplete: str) -> list[str]:
+    """Histories that begin so, scene files, and the names of shipped scenes."""
+    return _offered(incomplete, ".nc", ".toml")
+
+
+def _offered(incomplete: str, *endings: str) -> list[str]:
+    """Files with these endings, and the names of shipped scenes.
 
     Nothing where a folder begins so, too: the shell then goes on by itself, and knows better how to enter one.
     """
@@ -22,7 +54,7 @@ def complete_scene(incomplete: str) -> list[str]:
         return []
     if start and any(path.is_dir() for path in found):
         return []
-    files = [f"{written}{path.name}" for path in found if path.suffix == ".toml"]
+    files = [f"{written}{path.name}" for path in found if path.suffix in endings]
     return files if slash else files + complete_name(start)
 
 
@@ -32,8 +64,22 @@ def complete_name(incomplete: str) -> list[str]:
 
 
 def complete_setting(incomplete: str) -> list[str]:
-    """Every key that --set takes."""
+    """Every key that --set takes and, behind it, the words that it takes."""
+    key, equals, word = incomplete.partition("=")
+    if equals:
+        return [f"{key}={choice}" for choice in setting_choices(key) if choice.startswith(word)]
     return [f"{key}=" for key in setting_keys() if key.startswith(incomplete)]
+
+
+def words(*known: str) -> Callable[[str], list[str]]:
+    """What completes one of these words."""
+    return lambda incomplete: [word for word in known if word.startswith(incomplete)]
+
+
+def complete_signals(incomplete: str) -> list[str]:
+    """Signals for NAME,NAME..."""
+    before, comma, last = incomplete.rpartition(",")
+    return [f"{before}{comma}{name}" for name in words(*SIGNALS)(last)]
 
 
 def complete_range(ctx: typer.Context, incomplete: str) -> list[str]:

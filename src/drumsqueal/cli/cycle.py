@@ -59,7 +59,8 @@ def cycle_command(
     check_sample_rate(prepare(checked(loaded)))
     if variation is not None:
         checked_range(loaded, variation)
-    with claimed(folder, files):
+    with claimed(folder, files) as gone:
+        reply.tell_removed(gone)
         if variation is None:
             reply.send(find_into(folder, loaded, reply.console))
         else:

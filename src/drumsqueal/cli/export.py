@@ -6,10 +6,11 @@ from typing import Annotated
 
 import typer
 
+from drumsqueal.cli.completion import complete_signals, words
 from drumsqueal.cli.options import JsonFile, Overwrite, Quiet, Reply, make_console, read_file, read_rate, read_time
 from drumsqueal.errors import RequestError
 from drumsqueal.export.formats import FORMATS, find_format
-from drumsqueal.files.output_folder import HISTORY, check_output_file
+from drumsqueal.files.output_folder import HISTORY, check_ending, check_output_file
 from drumsqueal.interrupts import stop_if_interrupted
 
 SOUND = "wav"
@@ -23,8 +24,13 @@ def export_command(
     history: Annotated[
         Path, typer.Argument(metavar="HISTORY", help="A history, or the folder of a run.", show_default=False)
     ],
-    to: Annotated[str, typer.Option("--to", metavar="FORMAT", help=f"One of {', '.join(FORMATS)}.")],
-    signals: Annotated[str | None, typer.Option("--signals", metavar="NAMES", help=_SIGNALS)] = None,
+    to: Annotated[
+        str,
+        typer.Option("--to", metavar="FORMAT", help=f"One of {', '.join(FORMATS)}.", autocompletion=words(*FORMATS)),
+    ],
+    signals: Annotated[
+        str | None, typer.Option("--signals", metavar="NAMES", help=_SIGNALS, autocompletion=complete_signals)
+    ] = None,
     since: Annotated[str | None, typer.Option("--from", metavar="TIME", help='From then on, e.g. "0.1 s".')] = None,
     until: Annotated[str | None, typer.Option("--until", metavar="TIME", help='Until then, e.g. "0.2 s".')] = None,
     rate: Annotated[
@@ -73,6 +79,7 @@ def export_command(
     stop_if_interrupted()
     saved = read_history(history)
     check_not_the_history(file, saved)
+    check_ending(file, wanted.endings, f"a file of --to {to}")
     if sound:
         asked, sampled = asked or (SURFACE,), sampled or float(CD_RATE)
     part = Part(asked, begin, end, rate=sampled, slow=1.0 if slow is None else slow)

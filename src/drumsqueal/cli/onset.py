@@ -67,5 +67,6 @@ def onset_command(
     predicted = predict(loaded, variation)  # what cannot be studied is told before there is a folder
     if cycles:
         checked_range(loaded, variation)
-    with claimed(folder, ONSET_FILES):
+    with claimed(folder, ONSET_FILES) as gone:
+        reply.tell_removed(gone)
         reply.send(study_into(folder, predicted, share, reply.console, cycles=cycles))

@@ -51,5 +51,6 @@ def run_command(
     prepared = prepare(loaded)
     check_sample_rate(prepared)
     stop_if_interrupted()
-    with claimed(folder, RUN_FILES, but=(HISTORY, RESUME) if resume else ()):
+    with claimed(folder, RUN_FILES, but=(HISTORY, RESUME) if resume else ()) as gone:
+        reply.tell_removed(gone)
         reply.send(run_into(folder, prepared, reply.console, since))

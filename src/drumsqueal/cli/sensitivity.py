@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from drumsqueal.cli.completion import complete_list
+from drumsqueal.cli.completion import complete_list, words
 from drumsqueal.cli.options import JsonFile, Overwrite, Quiet, Reply, SceneFile, Settings, UsageError, output_option
 from drumsqueal.files.output_folder import SENSITIVITY_FILES, check_output, claimed
 from drumsqueal.interrupts import stop_if_interrupted
@@ -16,7 +16,13 @@ def sensitivity_command(
     scene: SceneFile,
     output: Annotated[Path | None, output_option("SCENE-sensitivity")] = None,
     until: Annotated[
-        str | None, typer.Option("--until", metavar="stable", help="Find the smallest change that makes it stable.")
+        str | None,
+        typer.Option(
+            "--until",
+            metavar="stable",
+            help="Find the smallest change that makes it stable.",
+            autocompletion=words("stable"),
+        ),
     ] = None,
     vary: Annotated[
         list[str] | None,

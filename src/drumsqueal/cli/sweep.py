@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from drumsqueal.cli.completion import complete_range
+from drumsqueal.cli.completion import complete_range, words
 from drumsqueal.cli.options import (
     JsonFile,
     Overwrite,
@@ -47,7 +47,9 @@ def sweep_command(
     transient: Annotated[
         bool, typer.Option("--transient", help="Integrate every point, too: amplitude and frequency at the end.")
     ] = False,
-    cluster: Annotated[str | None, typer.Option("--cluster", metavar="WHERE", help=_CLUSTER)] = None,
+    cluster: Annotated[
+        str | None, typer.Option("--cluster", metavar="WHERE", help=_CLUSTER, autocompletion=words("local"))
+    ] = None,
     settings: Settings = None,
     overwrite: Overwrite = False,
     resume: Resume = False,

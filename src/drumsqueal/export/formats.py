@@ -6,14 +6,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-from drumsqueal.errors import RequestError
+from drumsqueal.errors import RequestError, missing_extra
 from drumsqueal.export.channels import Channels
 
 
 class Format(NamedTuple):
     """A format: the suffix of its files, the module that writes it, and the package and extra that it needs, if any.
 
-    `predicts` says whether there is room in it for the eigenvalues.
+    `predicts` says whether there is room in it for the eigenvalues, `others` what else its files may end in.
     """
 
     suffix: str
@@ -21,6 +21,12 @@ class Format(NamedTuple):
     package: str = ""
     extra: str = ""
     predicts: bool = True
+    others: tuple[str, ...] = ()
+
+    @property
+    def endings(self) -> tuple[str, ...]:
+        """How the name of a file of this format may end: as one that is given none, or as others are wont to."""
+        return self.suffix, *self.others
 
     def writer(self) -> Callable[[Channels, Path], str]:
         """The function that writes a file, and returns what is to be said of it on the terminal ("" for nothing)."""
@@ -28,11 +34,11 @@ class Format(NamedTuple):
 
 
 FORMATS = {
-    "csv": Format(".csv", "as_csv", predicts=False),
+    "csv": Format(".csv", "as_csv", predicts=False, others=(".txt",)),
     "mat": Format(".mat", "as_mat"),
     "npz": Format(".npz", "as_npz"),
     "parquet": Format(".parquet", "as_parquet", "pyarrow", "parquet"),
-    "uff58": Format(".uff", "as_uff58", "pyuff", "nvh"),
+    "uff58": Format(".uff", "as_uff58", "pyuff", "nvh", others=(".unv", ".u58")),
     "wav": Format(".wav", "as_wav", predicts=False),
 }
 
@@ -43,6 +49,5 @@ def find_format(name: str) -> Format:
     if found is None:
         raise RequestError(f"--to {name}: there is no such format; write one of {', '.join(FORMATS)}")
     if found.package and importlib.util.find_spec(found.package) is None:
-        told = f'this needs the extra "{found.extra}"; install it with: pip install "drumsqueal[{found.extra}]"'
-        raise RequestError(f"--to {name}: {told}")
+        raise missing_extra(f"--to {name}", found.extra)
     return found

@@ -1,6 +1,5 @@
 """The signals that can go out, by name, each made of a history when it is asked for."""
 
-import difflib
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -9,7 +8,7 @@ from numpy.typing import NDArray
 
 from drumsqueal.bodies.rigid_shoe import TZ, RigidShoe, X, Y
 from drumsqueal.composition import kept_coordinates
-from drumsqueal.errors import RequestError
+from drumsqueal.errors import RequestError, nearest
 from drumsqueal.export.channels import (
     ACCELERATION,
     DISPLACEMENT,
@@ -86,14 +85,19 @@ def names_of(asked: Sequence[str] | None, saved: SavedHistory) -> tuple[list[str
     return names, []
 
 
+def known_signals() -> list[str]:
+    """Every name that may be asked for, of signals and of groups of them."""
+    every = [f"{kind}_{coordinate}" for kind in _UNITS for coordinate in COORDINATES]
+    return [*_UNITS, *every, *_SURFACE, *SIGNALS]
+
+
 def _members(name: str, moving: Sequence[str]) -> list[str]:
     if name in _UNITS:
         return [f"{name}_{coordinate}" for coordinate in moving]
-    every = [f"{kind}_{coordinate}" for kind in _UNITS for coordinate in COORDINATES]
-    known = [*_UNITS, *every, *_SURFACE, *SIGNALS]
+    known = known_signals()
     if name in known:
         return [name]
-    near = difflib.get_close_matches(name, known, n=1)
+    near = nearest(name, known)
     meant = f"did you mean {near[0]}?" if near else f"there are {', '.join((*_UNITS, *_SURFACE, *SIGNALS))}"
     raise RequestError(f"--signals {name}: there is no such signal; {meant}")
 

@@ -16,6 +16,7 @@ from drumsqueal.figures.spectrogram import draw_spectrogram
 from drumsqueal.figures.style import styled
 from drumsqueal.figures.view import View
 from drumsqueal.files import output_folder
+from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.model import Model
 from drumsqueal.simulation import Result
 
@@ -38,18 +39,26 @@ _DRAWINGS = {
 def draw_all(result: Result, model: Model) -> dict[str, Figure]:
     """Draw every figure that the run supports, by name; `model` is the one over the coordinates that moved.
 
-    A record that is too short, or in which nothing moves, leaves out those figures that would show nothing.
+    A record that is too short, or in which nothing moves, leaves out those figures that would show nothing. Raises
+    KeyboardInterrupt between two figures.
     """
     view = View(result, model)
-    drawn = {name: draw(view) for name, draw in _DRAWINGS.items()}
+    drawn = {}
+    for name, draw in _DRAWINGS.items():
+        stop_if_interrupted()
+        drawn[name] = draw(view)
     return {name: figure for name, figure in drawn.items() if figure is not None}
 
 
 def save_figures(figures: Mapping[str, Figure], folder: Path) -> list[Path]:
-    """Save figures into a folder, each whole or not at all, and return the paths; 200 dpi. Raises OSError."""
+    """Save figures into a folder, each whole or not at all, and return the paths; 200 dpi.
+
+    Raises OSError, and KeyboardInterrupt between two figures.
+    """
     paths = []
     with styled():
         for name, figure in figures.items():
+            stop_if_interrupted()
             content = BytesIO()
             figure.savefig(content, dpi=DOTS_PER_INCH, pil_kwargs={"compress_level": COMPRESSION})
             paths.append(folder / output_folder.figure_file(name))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from drumsqueal.errors import RequestError
-from drumsqueal.files.output_folder import write_whole
+from drumsqueal.files.output_folder import check_ending, write_whole
 
 GIF, MP4 = ".gif", ".mp4"
 COLOURS, SAMPLED = 256, 12  # of the one palette that all frames of a GIF share, made of that many of them
@@ -22,10 +22,8 @@ Render = Callable[[int], NDArray[np.uint8]]
 
 def check_animation_name(path: Path) -> None:
     """Raise RequestError for a file that is neither .gif nor .mp4, and for .mp4 where there is no ffmpeg."""
-    suffix = path.suffix.lower()
-    if suffix not in (GIF, MP4):
-        raise RequestError(f"{path}: an animation is a .gif or an .mp4; give -o such a name")
-    if suffix == MP4 and not FFMpegWriter.isAvailable():
+    check_ending(path, (GIF, MP4), "an animation")
+    if path.suffix.lower() == MP4 and not FFMpegWriter.isAvailable():
         raise RequestError(f"{path}: an .mp4 needs ffmpeg, which is not there; save as .gif, or install ffmpeg")
 
 

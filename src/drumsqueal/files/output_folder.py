@@ -1,7 +1,5 @@
 """The folder of results: what is written into it, and that nothing there is overwritten unasked."""
 
-import errno
-import os
 import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
@@ -21,8 +19,14 @@ def figure_file(name: str) -> str:
     return f"{name}.png"
 
 
-RUN_FILES = (HISTORY, SUMMARY, RESUME, *map(figure_file, FIGURES), REPORT)
-"""The names of all files that a run writes, and of the page about it, which is out of date once it has run anew."""
+def made_of(history: str) -> tuple[str, ...]:
+    """The names of what `export` and `animate` make of a history where they are given none."""
+    return tuple(Path(history).with_suffix(ending).name for ending in MADE_ENDINGS)
+
+
+MADE_ENDINGS = (".csv", ".gif", ".mat", ".npz", ".parquet", ".uff", ".wav")
+RUN_FILES = (HISTORY, SUMMARY, RESUME, *map(figure_file, FIGURES), REPORT, *made_of(HISTORY))
+"""The names of all files that a run writes, and of what is made of them, which is out of date once it has run anew."""
 EFFECTS_TABLE, REDUCED_SCENE, EFFECTS = "effects.csv", "reduced.toml", "effects"
 ACCURACY_TABLE, BLOCK = "accuracy.csv", "simulate.toml"
 WORK, EVALUATIONS, CAUSES = "accuracy_time", "accuracy_evaluations", "accuracy_causes"
@@ -37,8 +41,8 @@ LINES, SECTION, CONVERGENCE = "motion_lines", "motion_section", "motion_exponent
 MOTION_FILES = (MOTION_SUMMARY, MOTION_TABLE, *map(figure_file, (LINES, SECTION, CONVERGENCE)))
 """The names of all files that a study of a motion writes."""
 CYCLE_SUMMARY, CYCLE_HISTORY, CYCLE = "cycle.json", "cycle.nc", "cycle"
-CYCLE_FILES = (CYCLE_SUMMARY, CYCLE_HISTORY, figure_file(CYCLE))
-"""The names of all files that the search for a cycle writes."""
+CYCLE_FILES = (CYCLE_SUMMARY, CYCLE_HISTORY, figure_file(CYCLE), *made_of(CYCLE_HISTORY))
+"""The names of all files that the search for a cycle writes, and of what is made of them."""
 BRANCH_TABLE, BRANCH_SUMMARY, BRANCH = "branch.csv", "branch.json", "branch"
 BRANCH_FILES = (BRANCH_TABLE, BRANCH_SUMMARY, figure_file(BRANCH))
 """The names of all files that cycles along a parameter write."""
@@ -102,28 +106,36 @@ def check_output_file(path: Path, *, overwrite: bool, option: str = "-o") -> Non
             raise RequestError(f"{path}: {error}") from None
         if path.is_dir():
             raise RequestError(f"{path} is a folder, where a file is to go; name the file with {option}")
+        if path.exists() and not path.is_file():  # it would be replaced, not written to
+            raise RequestError(f"{path} is no ordinary file; name another with {option}")
+        _is_there(part_of(path))  # whose name is longer
         if _is_there(path) and not overwrite:
             raise RequestError(f"{path} exists; add --overwrite to replace it, or name another file with {option}")
         if not path.parent.exists():
             raise RequestError(f"{path}: there is no folder {path.parent}; make it, or name another file with {option}")
-        if not os.access(path.parent, os.W_OK):
-            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+        _try_to_write(path.parent)
     except OSError as error:
         told = f"{path}: this file cannot be written ({error.strerror or error}); name another with {option}"
         raise RequestError(told) from None
 
 
+def check_ending(path: Path, endings: Iterable[str], what: str) -> None:
+    """Raise RequestError for a name that does not end as those of `what` do, in small letters or capitals."""
+    if path.suffix.lower() not in endings:
+        raise RequestError(f"{path}: {what} ends in {' or '.join(endings)}; give -o such a name")
+
+
 @contextmanager
-def claimed(folder: Path, files: Iterable[str], *, but: Iterable[str] = ()) -> Iterator[None]:
+def claimed(folder: Path, files: Iterable[str], *, but: Iterable[str] = ()) -> Iterator[list[str]]:
     """Create the folder, prove that it can be written and clear it of earlier files of these names, `but` for some.
 
-    What a program that was killed left half written is cleared, too. Where the block fails before anything is written,
-    the folders that were made for it go again. Raises RequestError where the folder cannot be written.
+    The block is given the names of those that went. What a program that was killed left half written is cleared, too.
+    Where the block fails before anything is written, the folders that were made for it go again. Raises RequestError
+    where the folder cannot be written.
     """
     made: list[Path] = []
     try:
-        _claim(folder, files, but, made)
-        yield
+        yield _claim(folder, files, but, made)
     except BaseException:
         with suppress(OSError):  # there is something in them
             for part in reversed(made):
@@ -131,20 +143,28 @@ def claimed(folder: Path, files: Iterable[str], *, but: Iterable[str] = ()) -> I
         raise
 
 
-def _claim(folder: Path, files: Iterable[str], but: Iterable[str], made: list[Path]) -> None:
+def _claim(folder: Path, files: Iterable[str], but: Iterable[str], made: list[Path]) -> list[str]:
+    gone: list[str] = []
     try:
         for part in reversed((folder, *folder.parents)):
             if not part.exists():
                 part.mkdir()
                 made.append(part)
-        with tempfile.TemporaryFile(dir=folder):
-            pass
+        _try_to_write(folder)
         for name in files:
             part_of(folder / name).unlink(missing_ok=True)
-            if name not in but:
-                (folder / name).unlink(missing_ok=True)
+            if name not in but and _is_there(folder / name):
+                (folder / name).unlink()
+                gone.append(name)
     except OSError as error:
         raise _unusable(folder, error) from None
+    return gone
+
+
+def _try_to_write(folder: Path) -> None:
+    """Raise OSError where no file can be made in a folder, whoever asks and whatever its permissions say."""
+    with tempfile.TemporaryFile(dir=folder):
+        pass
 
 
 def part_of(path: Path) -> Path:

@@ -16,6 +16,7 @@ from rich.table import Table
 
 from drumsqueal.history import versions
 from drumsqueal.jobs.study import rows_to_csv
+from drumsqueal.jobs.tables import print_table
 from drumsqueal.studies.accuracy.study import AccuracyStudy, Measurement
 
 HEADINGS = ("time\nms/ms", "eval.\nper ms", "growth\nphase", "with\nedges", "features", "energy")
@@ -25,15 +26,15 @@ MANY = 99.5  # ms, from which on a time is told without an exponent
 def print_study(console: Console, study: AccuracyStudy) -> None:
     """Print every measurement, what the reference is worth, and what meets the target."""
     table = Table(box=box.SIMPLE_HEAD, title="What accuracy costs in time", pad_edge=False, padding=(0, 1, 0, 0))
-    table.add_column("run", no_wrap=True, vertical="bottom")
+    table.add_column("run", vertical="bottom")
     for heading in HEADINGS:
-        table.add_column(heading, justify="right", no_wrap=True, vertical="bottom")
+        table.add_column(heading, justify="right", vertical="bottom")
     for _, line in groupby(study.measurements, key=lambda each: each.contender.line):
         for measurement in line:
             if not math.isnan(measurement.compile_seconds):  # it was tried
                 table.add_row(measurement.contender.name, *_cells(measurement))
         table.add_section()
-    console.print(table)
+    print_table(console, table)
     for remark in remarks(study):
         console.print(remark, style="dim")
     console.print(verdict(study), style="bold")

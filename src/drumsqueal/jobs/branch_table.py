@@ -12,6 +12,7 @@ from drumsqueal.comparison.departure import unit_of
 from drumsqueal.history import versions
 from drumsqueal.jobs.cycle_table import cycle_data
 from drumsqueal.jobs.study import rows_to_csv
+from drumsqueal.jobs.tables import print_table
 from drumsqueal.scene.variation import Variation
 from drumsqueal.studies.cycle.branches import Diagram
 from drumsqueal.studies.cycle.continuation import BOUND, HOPF, Branch
@@ -25,9 +26,9 @@ def print_diagram(console: Console, diagram: Diagram, variation: Variation) -> N
     names = diagram.branches[0].cycles[0].names
     table = Table(title=f"Cycles along {variation.key}", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     table.add_column("", justify="right")
-    table.add_column("", no_wrap=True)
-    table.add_column(f"value{unit}", justify="right", no_wrap=True)
-    table.add_column("freq.\nHz", justify="right", no_wrap=True)
+    table.add_column("")
+    table.add_column(f"value{unit}", justify="right")
+    table.add_column("freq.\nHz", justify="right")
     for name in names:
         table.add_column(f"{name}\n{unit_of(name, 'µ')}", justify="right")
     table.add_column("largest\n|μ|", justify="right")
@@ -36,7 +37,7 @@ def print_diagram(console: Console, diagram: Diagram, variation: Variation) -> N
             amplitudes = (f"{1e6 * cycle.amplitude[name]:.3g}" for name in names)
             value = f"{variation.shown(cycle.parameter):.7g}"
             table.add_row(str(number), what, value, f"{cycle.frequency_Hz:.1f}", *amplitudes, f"{cycle.largest:.4f}")
-    console.print(table)
+    print_table(console, table)
     for critical in diagram.linear.critical:
         becomes = "unstable" if critical.destabilises else "stable"
         where = _at(variation, critical.value)

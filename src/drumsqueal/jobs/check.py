@@ -9,6 +9,7 @@ from rich.table import Table
 
 from drumsqueal.files.summary import describe_stability
 from drumsqueal.history import versions
+from drumsqueal.jobs.tables import print_table
 from drumsqueal.scene import Scene
 from drumsqueal.scene.quantities import printable
 from drumsqueal.studies.check import Check, Growth, check_scene
@@ -46,12 +47,12 @@ def print_check(console: Console, found: Check, whole: float | None) -> None:
     console.print(f"Leaves out: {'; '.join(inventory.leaves_out) or 'nothing'}", style="dim")
     table = Table(title="What follows from it", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     table.add_column("number")
-    table.add_column("value", justify="right", no_wrap=True)
-    table.add_column("unit", no_wrap=True)
+    table.add_column("value", justify="right")
+    table.add_column("unit")
     table.add_column("meaning")
     for number in found.numbers:
         table.add_row(number.name, f"{number.value:.6g}", number.unit, number.meaning)
-    console.print(table)
+    print_table(console, table)
     if not found.growing:
         console.print("No mode grows: a small motion dies out.")
     for growth in found.growing:

@@ -13,7 +13,7 @@ from concurrent.futures import CancelledError
 from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Any
 
-from drumsqueal.errors import IntegrationError, RequestError
+from drumsqueal.errors import IntegrationError, RequestError, missing_extra
 from drumsqueal.files.sweep import Columns
 from drumsqueal.history import versions
 from drumsqueal.interrupts import stop_if_interrupted
@@ -38,8 +38,7 @@ def check_cluster(name: str) -> None:
     try:
         import distributed  # noqa: F401 (is it there?)
     except ImportError:
-        told = 'this needs the extra "cluster" of drumsqueal; install drumsqueal[cluster], or leave --cluster out'
-        raise RequestError(f"--cluster {name}: {told}") from None
+        raise missing_extra(f"--cluster {name}", "cluster") from None
 
 
 class Cluster:

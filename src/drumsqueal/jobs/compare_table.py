@@ -10,6 +10,7 @@ from rich.table import Table
 from drumsqueal.comparison.matching import Match
 from drumsqueal.history import versions
 from drumsqueal.jobs.study import rows_to_csv
+from drumsqueal.jobs.tables import print_table
 from drumsqueal.scene.quantities import percent, printable
 from drumsqueal.studies.measured import LOWEST, MeasuredComparison, MeasuredLine, Spectral
 
@@ -28,7 +29,7 @@ def print_comparison(console: Console, comparison: MeasuredComparison) -> None:
     table.add_column("apart\n%", justify="right", no_wrap=True)
     for line in comparison.lines[:PRINTED]:
         table.add_row(*_cells(comparison, line))
-    console.print(table)
+    print_table(console, table)
     if len(comparison.lines) > PRINTED:
         console.print(f"and {len(comparison.lines) - PRINTED} weaker ones, in the table", style="dim")
     reason = f"apart by more than {100 * comparison.within:g} %, or taken by a stronger line"

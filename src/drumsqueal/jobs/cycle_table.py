@@ -9,6 +9,7 @@ from rich.table import Table
 
 from drumsqueal.comparison.departure import unit_of
 from drumsqueal.history import versions
+from drumsqueal.jobs.tables import print_table
 from drumsqueal.studies.cycle.orbit import Cycle
 from drumsqueal.studies.cycle.search import Search
 from drumsqueal.studies.effects.study import percent
@@ -22,14 +23,14 @@ def print_search(console: Console, search: Search) -> None:
     table.add_column("half peak\nto peak", justify="right")
     for name, amplitude in cycle.amplitude.items():
         table.add_row(name, f"{1e6 * amplitude:.6g} {unit_of(name, 'µ')}")
-    console.print(table)
+    print_table(console, table)
     table = Table(title="Floquet multipliers", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     for heading in ("modulus", "angle\ndegrees"):
         table.add_column(heading, justify="right")
     for value in cycle.multipliers:
         if value.imag >= 0:
             table.add_row(f"{abs(value):.6f}", f"{'±' if value.imag else ''}{np.degrees(np.angle(value)):.2f}")
-    console.print(table)
+    print_table(console, table)
     console.print(_exactness(cycle), style="dim")
     console.print(f"Found from: {search.origin}. The transient {search.transient}.", style="dim")
     for other in search.others:

@@ -12,6 +12,7 @@ from rich.text import Text
 from drumsqueal.comparison.departure import unit_of
 from drumsqueal.history import versions
 from drumsqueal.jobs.study import rows_to_csv
+from drumsqueal.jobs.tables import print_table
 from drumsqueal.studies.effects.study import ROUND_OFF, EffectStudy, percent, remarks, reservations, verdict
 from drumsqueal.studies.effects.variants import Variant
 
@@ -23,7 +24,7 @@ HEADINGS = ("growth\nrates\n%", "onset\nfreq.\n%", "end\nampl.\n%", "end\nfreq.\
 def print_study(console: Console, study: EffectStudy) -> None:
     """Print every run with its cost and its changes, and what follows from them."""
     table = Table(title="What each effect costs and changes", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    table.add_column("left out or reduced", no_wrap=True)
+    table.add_column("left out or reduced")
     table.add_column("time\n\nms/ms", justify="right")
     table.add_column("eval.\n\nper ms", justify="right")
     for heading in HEADINGS:
@@ -32,7 +33,7 @@ def print_study(console: Console, study: EffectStudy) -> None:
         needed = study.needs(variant)
         name = Text(f"{variant.label} *" if needed else variant.label, style="bold" if needed else "")
         table.add_row(name, *_costs(variant), *_changes(variant))
-    console.print(table)
+    print_table(console, table)
     footnote = f"{_explained(study)} * needed within {percent(study.within)}."
     for line in (footnote, *remarks(study), *reservations(study)):
         console.print(line, style="dim")

@@ -15,6 +15,7 @@ from drumsqueal.history import COMPLETE, versions
 from drumsqueal.jobs.branch_table import cycles_data
 from drumsqueal.jobs.branch_table import verdict as cycles_verdict
 from drumsqueal.jobs.study import rows_to_csv
+from drumsqueal.jobs.tables import print_table
 from drumsqueal.linear.branches import Branches, Critical
 from drumsqueal.scene import Scene
 from drumsqueal.scene.variation import Variation
@@ -34,7 +35,7 @@ def print_study(console: Console, study: OnsetStudy, diagram: Diagram | None = N
     title = f"Onset along {study.variation.key}"
     table = Table(title=title, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     table.add_column(f"\n\n{study.variation.shown_unit}", justify="right")
-    table.add_column("", no_wrap=True)
+    table.add_column("")
     table.add_column("growth\nlinear\n1/s", justify="right")
     for heading in (f"{name} after\nsmall start", f"{name} of the\nstrongest"):
         table.add_column(f"{heading}\n{unit}", justify="right")
@@ -46,7 +47,7 @@ def print_study(console: Console, study: OnsetStudy, diagram: Diagram | None = N
             rate = row.point.growth_rate
             growth = f"{rate:+.2f}" if np.isfinite(rate) else "-"  # nothing oscillates
             table.add_row(f"{study.variation.shown(row.value):.5g}", kind, growth, *small, *strongest)
-    console.print(table)
+    print_table(console, table)
     for critical in study.linear.critical:
         console.print(_told(critical, study.variation))
     for line in reservations(study):

@@ -9,6 +9,7 @@ from rich.table import Table
 from rich.text import Text
 
 from drumsqueal.jobs.study import rows_to_csv
+from drumsqueal.jobs.tables import print_table
 from drumsqueal.studies.paper.curves import Curve, FrictionCurve
 from drumsqueal.studies.paper.statement import Statement
 from drumsqueal.studies.paper.transients import Point
@@ -20,16 +21,16 @@ def print_statements(console: Console, statements: Sequence[Statement]) -> None:
     """Print every statement with the number that decides it."""
     table = Table(title="What Seo & Kang (2023) state", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     table.add_column("fig.")
-    table.add_column("statement", ratio=1)
-    table.add_column("number", justify="right", no_wrap=True)
-    table.add_column("holds if", no_wrap=True)
-    table.add_column("", no_wrap=True)
+    table.add_column("statement")
+    table.add_column("number", justify="right")
+    table.add_column("holds if")
+    table.add_column("")
     for each in statements:
         value = "-" if each.value is None else f"{each.value:.3g}"
         limit = f"{each.bound} {each.limit:g} {each.unit}".rstrip()
         told = Text(VERDICT[each.holds], style="" if each.holds else "bold")
         table.add_row(each.figure, each.says, value, limit, told)
-    console.print(table)
+    print_table(console, table)
     for each in statements:
         if not each.holds:
             why = each.measure + (f" ({each.detail})" if each.detail else "")

@@ -42,14 +42,13 @@ def run_into(folder: Path, prepared: Prepared, console: Console, since: Point | 
         if outcome == COMPLETE:
             resume.remove()
     except KeyboardInterrupt:
-        raise IntegrationError(f"interrupted by the user; {_kept(history, outcome)}") from None
+        raise IntegrationError(f"interrupted by the user; {_kept(history, outcome)}{_again(resume)}") from None
     except OSError as error:
         cause = f"failed: the disk does not take the results ({error.strerror or error})"
-        raise IntegrationError(f"{cause}; {_kept(history, outcome)}") from None
+        raise IntegrationError(f"{cause}; {_kept(history, outcome)}{_again(resume)}") from None
     print_results(folder, result, left_out, console)
     if outcome != COMPLETE:
-        again = "; --resume goes on from there" if resume.exists else ""
-        raise IntegrationError(f"{outcome}; what was computed is in {folder}{again}")
+        raise IntegrationError(f"{outcome}; what was computed is in {folder}{_again(resume)}")
     return summary
 
 
@@ -86,6 +85,10 @@ def _integrate(
         if fails:  # and would fail again
             resume.remove()
     return outcome
+
+
+def _again(resume: ResumeFile) -> str:
+    return "; --resume goes on from there" if resume.exists else ""
 
 
 def _kept(history: HistoryFile, outcome: str) -> str:

@@ -7,6 +7,7 @@ from rich.text import Text
 
 from drumsqueal.comparison.departure import unit_of
 from drumsqueal.files.summary import energy_balance
+from drumsqueal.jobs.tables import print_table
 from drumsqueal.linear.modes import OSCILLATING_SHARE, UNDAMPED_SHARE, Stability
 from drumsqueal.simulation import Result
 from drumsqueal.transient.runge_kutta import AUTO, IMPLICIT
@@ -14,7 +15,7 @@ from drumsqueal.transient.runge_kutta import AUTO, IMPLICIT
 
 def print_stability(console: Console, stability: Stability) -> None:
     """Print the modes, the other eigenvalues and the steady state."""
-    table = Table(title="Modes of steady sliding", box=box.SIMPLE_HEAD)
+    table = Table(title="Modes of steady sliding", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     for heading in ("mode", "frequency", "growth rate", "damping ratio", ""):
         table.add_column(heading, justify="left" if heading in ("mode", "") else "right")
     for mode in stability.modes:
@@ -25,7 +26,7 @@ def print_stability(console: Console, stability: Stability) -> None:
             f"{mode.damping_ratio:+.3%}",
             Text("unstable", style="bold red") if mode.unstable else "stable",
         )
-    console.print(table)
+    print_table(console, table)
     largest = max(abs(stability.eigenvalues), default=0.0)
     real = [value.real for value in stability.eigenvalues if abs(value.imag) <= OSCILLATING_SHARE * largest]
     if real:
@@ -66,7 +67,7 @@ def print_result(console: Console, result: Result) -> None:
         )
         if mode.note:
             notes.setdefault(mode.note, []).append(mode.label)
-    console.print(table)
+    print_table(console, table)
     resolution = [mode.frequency_resolution_Hz for mode in result.comparison.modes if mode.frequency_resolution_Hz]
     if resolution:
         console.print(

@@ -10,6 +10,7 @@ from rich.table import Table
 
 from drumsqueal.history import versions
 from drumsqueal.jobs.study import rows_to_csv
+from drumsqueal.jobs.tables import print_table
 from drumsqueal.scene.quantities import printable
 from drumsqueal.studies.sensitivity.decay import Decay
 from drumsqueal.studies.sensitivity.quieting import Quieting
@@ -22,14 +23,14 @@ NEGLIGIBLE = 1e-4  # relative change that the sentence leaves out
 def print_sensitivity(console: Console, study: SensitivityStudy) -> None:
     """Print every number with the change of every growth rate per +1 %."""
     table = Table(title="Change of each growth rate per +1 %, in 1/s", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    table.add_column("number", no_wrap=True)
-    table.add_column("SI value", justify="right", no_wrap=True)
+    table.add_column("number")
+    table.add_column("SI value", justify="right")
     for mode in study.modes:
         heading = f"{mode.label}\n{mode.frequency_Hz:.0f} Hz\n{mode.growth_rate:+.4g}"
-        table.add_column(heading, justify="right", no_wrap=True)
+        table.add_column(heading, justify="right")
     for row in study.rows:
         table.add_row(row.key, f"{row.value:.3g}", *(_change(study, value) for value in row.growth_per_percent))
-    console.print(table)
+    print_table(console, table)
     told = ", ".join(study.modes[k].label for k in study.told)
     kind = "unstable modes" if study.stability.unstable else "modes"
     console.print(
@@ -45,11 +46,11 @@ def print_quieting(console: Console, quiet: Quieting, decays: Sequence[Decay]) -
     """Print the changes one by one, and the sentence."""
     table = Table(title="The smallest change that makes every mode decay", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     for heading in ("number", "before, SI", "after, SI", "change"):
-        table.add_column(heading, justify="left" if heading == "number" else "right", no_wrap=True)
+        table.add_column(heading, justify="left" if heading == "number" else "right")
     for change in sorted(quiet.changes, key=lambda each: -abs(each.relative)):
         told = f"{100 * change.relative:+.3g} %" if change.before else "new"
         table.add_row(change.key, f"{change.before:.6g}", f"{change.after:.6g}", told)
-    console.print(table)
+    print_table(console, table)
     console.print(printable(quiet_sentence(quiet, decays)), style="bold")
 
 

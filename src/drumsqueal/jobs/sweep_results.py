@@ -18,6 +18,7 @@ from drumsqueal.files.output_folder import AMPLITUDE, CHANCE, STABILITY, SWEEP, 
 from drumsqueal.files.sweep import COMPUTED, OUTCOMES, TRENDS
 from drumsqueal.history import versions
 from drumsqueal.interrupts import stop_if_interrupted
+from drumsqueal.jobs.tables import print_table
 from drumsqueal.scene import COORDINATES
 from drumsqueal.scene.plan import Plan
 from drumsqueal.scene.quantities import printable
@@ -96,10 +97,10 @@ def _transients(sweep: xarray.Dataset) -> Summary:
 def print_sweep(console: Console, plan: Plan, summary: Summary) -> None:
     """Print how often each mode squeals and, of draws, how likely that is and what it follows."""
     if plan.draws:
-        console.print(_chance_table(summary))
+        print_table(console, _chance_table(summary))
         _print_correlations(console, summary["chance"])
     else:
-        console.print(_grid_table(plan, summary))
+        print_table(console, _grid_table(plan, summary))
     told = summary["transients"]
     if told is not None:
         trends = ", ".join(f"{count} {name}" for name, count in told["trends"].items())

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Iterable, Mapping
-from typing import Annotated, Any
+from typing import Annotated, Any, get_args
 
 import tomli_w
 from pydantic import BaseModel, Field, ValidationError, model_validator
@@ -51,6 +51,7 @@ __all__ = [
     "load_scene",
     "number_keys",
     "scene_from_dict",
+    "setting_choices",
     "setting_keys",
 ]
 
@@ -197,6 +198,16 @@ _MODELS: dict[str, type[BaseModel]] = {
 def setting_keys() -> tuple[str, ...]:
     """Every dotted key that a scene may have, such as drum.speed, in the order of its tables."""
     return "title", *(key for table in _MODELS if table for key in _keys_of(table))
+
+
+def setting_choices(key: str) -> tuple[str, ...]:
+    """The words that a dotted key may have, such as auto for simulate.solver; none for one that takes other values."""
+    table, _, name = key.partition(".")
+    models = FRICTION_LAWS.values() if table == "friction" else [_MODELS[table]] if table in _MODELS else []
+    kinds = [model.model_fields[name].annotation for model in models if name in model.model_fields]
+    if bool in kinds:
+        return "true", "false"
+    return tuple(dict.fromkeys(word for kind in kinds for word in get_args(kind) if isinstance(word, str)))
 
 
 def number_keys() -> tuple[str, ...]:

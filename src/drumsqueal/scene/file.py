@@ -14,6 +14,8 @@ OPTIONAL_TABLES = ("support", "friction", "damping", "forcing", "uncertain")
 
 _DEEPEST = 10  # parts of a dotted key
 
+_NETCDF = (b"\x89HDF", b"CDF")
+
 # A scene with two profiles of full length, as `to_toml` writes it, stays below this.
 _MOST_BYTES = 16 * 2**20
 
@@ -52,6 +54,10 @@ def read_tables(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 
 def _parsed(content: bytes, name: str) -> dict[str, Any]:
+    if content.startswith(_NETCDF):
+        told = "this is a NetCDF file, such as a history, and no scene; name the scene's TOML file"
+        takes = "animate, compare and export take a history, whose attribute scene is the scene that was run"
+        raise SceneError(f"{told} ({takes})", (name,))
     try:
         return _loads(content.decode())
     except UnicodeDecodeError as error:

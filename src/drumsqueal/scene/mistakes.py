@@ -1,11 +1,11 @@
 """What pydantic found wrong with a scene, in one line a user can act on."""
 
 from collections.abc import Mapping
-from difflib import get_close_matches
 from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
+from drumsqueal.errors import nearest
 from drumsqueal.scene.quantities import KeyPath, SceneError, dotted, example
 from drumsqueal.scene.tables import FRICTION_LAWS, Quantity
 
@@ -52,7 +52,7 @@ def _unknown(path: KeyPath, model: type[BaseModel], models: Models) -> str:
                 anew = '{ law = "constant", coefficient = 0.4 }'
                 return f'this key belongs to law "{law}" only; remove it, or replace all of friction, as by {anew}'
     elsewhere = [f"{table}.{key}" for table, other in models.items() if table and key in other.model_fields]
-    near = [dotted((*path[:-1], name)) for name in get_close_matches(key, model.model_fields, n=1)]
+    near = [dotted((*path[:-1], name)) for name in nearest(key, model.model_fields)]
     for guess in elsewhere + near:
         return f"unknown key; did you mean {guess}?"
     return f"unknown key; the keys here are {', '.join(model.model_fields)}"

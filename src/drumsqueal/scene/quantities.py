@@ -112,6 +112,8 @@ def parse_quantity(value: Any, unit: str) -> float:
 
 def _from_text(text: str, unit: str) -> float:
     written = len(text) <= _LONGEST and _WRITTEN.fullmatch(text)
+    if not written and "," in text and _WRITTEN.fullmatch(text.replace(",", ".")):
+        raise SceneError(f"a number takes a decimal point and no comma; {_cure(unit)}")
     if not written:
         raise SceneError(f"this is not a number followed by a unit; {_cure(unit)}")
     number = float(written["number"])

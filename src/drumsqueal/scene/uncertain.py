@@ -2,13 +2,13 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, fields
-from difflib import get_close_matches
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic_core import core_schema
 
+from drumsqueal.errors import nearest
 from drumsqueal.scene.quantities import SceneError, parse_quantity
 from drumsqueal.scene.tables import FRICTION_LAWS, Contact, Damping, Drum, PerCoordinate, Quantity, Shoe, Support
 
@@ -171,7 +171,7 @@ def _flat(table: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, Any]]
 
 def _unknown(key: str, units: Mapping[str, str]) -> str:
     same_name = [each for each in units if each.split(".", 1)[1] == key.rsplit(".", 1)[-1]]
-    near = same_name or get_close_matches(key, units, n=1)
+    near = same_name or nearest(key, units)
     return f"unknown key; did you mean {near[0]}?" if near else f"unknown key; the keys here are {', '.join(units)}"
 
 
@@ -189,7 +189,7 @@ def _read(key: str, written: Any, unit: str) -> Distribution:
     known = [field.name for field in fields(kind)]
     for given in written:
         if given != "distribution" and given not in known:
-            near = get_close_matches(str(given), known, n=1)
+            near = nearest(str(given), known)
             told = f"did you mean {near[0]}?" if near else f"this distribution has {', '.join(known)}"
             raise SceneError(f"unknown key; {told}", (key, str(given)))
     numbers = {}

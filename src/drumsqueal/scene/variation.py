@@ -1,9 +1,9 @@
 """A number of a scene over a range of values, as the command line has it: "drum.speed=1..40", "drum.speed=1..40x20"."""
 
 import re
-from difflib import get_close_matches
 from typing import Any, NamedTuple
 
+from drumsqueal.errors import nearest
 from drumsqueal.scene import Profile, Scene, SceneError
 from drumsqueal.scene.file import OPTIONAL_TABLES
 from drumsqueal.scene.quantities import parse_quantity
@@ -121,7 +121,7 @@ def unit_of(key: str, scene: Scene) -> str:
         raise SceneError(f"this scene has no table {table}; add it first, as by --set {key}=...")
     plain = [each for each in numbers if not isinstance(numbers[each], tuple)]
     same_name = [each for each in plain if each.split(".", 1)[1] in (key, name)]
-    near = same_name or get_close_matches(key, plain, n=1)
+    near = same_name or nearest(key, plain)
     told = f"did you mean {near[0]}?" if near else f"its numbers are {', '.join(plain)}"
     raise SceneError(f"{key or 'nothing'} is no number of this scene's brake; {told}")
 

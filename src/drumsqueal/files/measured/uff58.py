@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from drumsqueal.errors import RequestError
+from drumsqueal.errors import RequestError, missing_extra
 from drumsqueal.files.measured.record import Measured, Unit, measured_in, parse_unit, pick_channel
 from drumsqueal.files.measured.sampling import Sampling, UnevenError, even_sampling
 from drumsqueal.files.universal import (
@@ -22,7 +22,6 @@ from drumsqueal.files.universal import (
     USER_DEFINED,
 )
 
-INSTALL = 'it is an extra: pip install "drumsqueal[nvh]"'
 COMPLEX = (5, 6)  # types of the numbers
 _MARK = b"    -1"  # begins and ends a data set
 SAME = 0.01  # relative, of two factors that are the same unit
@@ -54,7 +53,7 @@ def _data_sets(path: Path) -> tuple[list[dict[str, Any]], dict[str, Any] | None]
     try:
         import pyuff
     except ImportError:
-        raise RequestError(f"{path}: UFF58 is read by pyuff, which is not installed; {INSTALL}") from None
+        raise missing_extra(f"{path}: to read UFF58", "nvh") from None
     try:
         with contextlib.redirect_stdout(io.StringIO()):  # pyuff prints what it makes of odd ones
             file: Any = pyuff.UFF(str(path))

@@ -1,0 +1,46 @@
+"""How the commands print their tables: in a window of any width, no number is cut."""
+
+from rich.cells import cell_len
+from rich.console import Console
+from rich.measure import Measurement
+from rich.table import Column, Table
+from rich.text import Text
+
+NARROWEST = 24  # columns of the window, to which running text is folded at most
+_ENDLESS = 10_000  # columns, in which any table has room
+
+
+def print_table(console: Console, table: Table) -> None:
+    """Print a table or, where the window is too narrow for it, every row as a block of lines.
+
+    What is set to the right is a number, and stays whole; long text to the left folds between words.
+    """
+    spared = 0
+    for column in table.columns:
+        folded = 0 if column.justify == "right" else max(_width(column) - NARROWEST, 0)
+        column.no_wrap, column.overflow = folded == 0, "fold"
+        spared += folded
+    whole = Measurement.get(console, console.options.update_width(_ENDLESS), table).maximum
+    if whole - spared <= console.width:
+        console.print(table)
+    else:
+        _print_rows(console, table)
+
+
+def _print_rows(console: Console, table: Table) -> None:
+    """A line for each cell that is not empty, after the heading of its column."""
+    names = [" ".join(str(column.header).split()) for column in table.columns]
+    widest = max(map(cell_len, names))
+    console.print(Text(str(table.title), style="table.title"))
+    for row in zip(*(column.cells for column in table.columns), strict=True):
+        console.print()
+        for name, cell in zip(names, row, strict=True):
+            text = cell if isinstance(cell, Text) else Text(str(cell))
+            if text.plain:
+                console.print(Text(name.ljust(widest + 2)) + text)
+    console.print()
+
+
+def _width(column: Column) -> int:
+    texts = (str(text) for text in (column.header, *column.cells))
+    return max(cell_len(line) for text in texts for line in text.split("\n"))
