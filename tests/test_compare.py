@@ -369,7 +369,9 @@ def test_a_record_without_a_line_is_told(drumsqueal, history, tmp_path):
         (["HISTORY", "RIG", "--rate", "5 m"], "--rate 5 m: write a rate"),
         (["HISTORY", "RIG", "--rate", "0"], "--rate 0: write a rate"),
         (["HISTORY", "RIG", "--from", "now"], "--from now: write a time"),
-        (["HISTORY", "RIG", "--until", "0.0001"], "samples are left of"),
+        (["HISTORY", "RIG", "--until", "0.0001"], "0 to 0.0001 s hold 3 samples, at least 64 are needed"),
+        (["HISTORY", "RIG", "--from", "-1"], "--from -1 s: RIG has 0 to 2.99996094 s; take a time within it"),
+        (["HISTORY", "RIG", "--until", "99"], "--until 99 s: RIG has 0 to 2.99996094 s; take a time within it"),
         (["HISTORY", "RIG", "--unit", "volt"], "--unit volt: write a unit of the kind of m (displacement)"),
         (["HISTORY", "RIG", "--within", "2"], "--within 2: write a share"),
         (["HISTORY"], "Missing argument 'MEASURED'"),
@@ -380,9 +382,31 @@ def test_wrong_requests_are_told_in_one_line_and_write_nothing(drumsqueal, histo
     folder = tmp_path / "out"
     status, out, error = drumsqueal("compare", *(names.get(a, a) for a in arguments), "-o", str(folder))
     assert (status, out) == (2, "")
-    assert told in error
+    assert told.replace("RIG", str(rig)) in error
     assert error.count("\n") == 1
     assert not folder.exists()
+
+
+@pytest.mark.parametrize(
+    ("part", "told"),
+    [
+        (["--from", "-1"], "--from -1 s: WHAT has 0 to 0.5 s; take a time within it"),
+        (["--until", "99"], "--until 99 s: WHAT has 0 to 0.5 s; take a time within it"),
+        (["--from", "0.3", "--until", "0.2"], "--from 0.3 s is not before --until 0.2 s; WHAT has 0 to 0.5 s"),
+    ],
+)
+def test_a_part_beyond_the_record_is_refused_in_the_same_words_everywhere(
+    drumsqueal, history, simulated, tmp_path, part, told
+):
+    file = csv_file(tmp_path / "rig.csv", simulated, "time,v")
+    for what, arguments in (
+        ("the history", ["export", str(history), "--to", "csv", "-o", str(tmp_path / "a.csv")]),
+        ("the history", ["animate", str(history), "-o", str(tmp_path / "a.gif")]),
+        (str(file), ["compare", str(history), str(file), "-o", str(tmp_path / "out")]),
+    ):
+        status, out, error = drumsqueal(*arguments, *part)
+        assert (status, out) == (2, "")
+        assert told.replace("WHAT", what) in error
 
 
 def test_the_measured_file_is_never_replaced(drumsqueal, history, simulated, tmp_path):
