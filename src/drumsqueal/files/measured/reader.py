@@ -6,7 +6,7 @@ import numpy as np
 
 from drumsqueal.errors import RequestError
 from drumsqueal.files.measured.csv_table import read_csv
-from drumsqueal.files.measured.record import QUANTITIES, Measured, Unit, parse_unit
+from drumsqueal.files.measured.record import Measured, Unit, known_units, parse_unit
 from drumsqueal.files.measured.sampling import longest_whole
 from drumsqueal.time_window import time_window
 
@@ -53,8 +53,8 @@ def read_measured(
 def _given(unit: str) -> Unit:
     found = parse_unit(unit)
     if found is None:
-        known = ", ".join(f"{si} ({quantity})" for si, quantity in QUANTITIES.items())
-        raise RequestError(f'--unit {unit}: write a unit of the kind of {known}, such as "mm/s" or "50 mm/s"')
+        wrong = f"--unit {unit}: this unit is not known"
+        raise RequestError(f'{wrong}; write one such as "mm/s" or, calibrated, "50 mm/s", of {known_units()}')
     return found
 
 
