@@ -7,12 +7,14 @@ from matplotlib.figure import Figure
 from drumsqueal.figures import style
 from drumsqueal.figures.placement import extremes, label_top_edge
 from drumsqueal.files.measured.record import QUANTITIES
+from drumsqueal.signals import level_dB, level_reference
 from drumsqueal.studies.measured import LOWEST, MeasuredComparison, Spectral
 
 MEASURED, SIMULATED = style.DARK, style.REVERSED
 ABOVE = 1.15  # highest frequency shown over that of the highest line or mode
 DEEPEST_DB = 80.0  # below the largest line
 HEADROOM_DB, BELOW_DB = 12.0, 10.0
+LEAST_SEEN_DB = 40.0  # of the lower spectrum, below its largest line
 LEAST_PERCENT = 0.1  # half the height of the lower panel at least
 
 
@@ -67,7 +69,7 @@ def _draw_spectra(comparison: MeasuredComparison, axes: Axes, highest: float) ->
     for record, reference, colour, name in zip(records, references, colours, names, strict=True):
         spectrum = record.tones.spectrum
         seen = (spectrum.frequency_Hz <= highest) & (spectrum.frequency_Hz >= LOWEST)
-        level = 20 * np.log10(np.maximum(spectrum.amplitude[seen] / reference, 1e-12))
+        level = level_dB(spectrum.amplitude[seen], reference)
         starts, _, largest = extremes(level)
         kind = "simulated" if record is comparison.simulated else "measured"
         axes.plot(
@@ -79,10 +81,25 @@ def _draw_spectra(comparison: MeasuredComparison, axes: Axes, highest: float) ->
         axes.plot(
             [line.frequency_Hz / 1e3], [line.level_dB + 3], marker=7, color=MEASURED, markersize=3, linestyle=""
         )  # 7: a triangle that points down to it
+        if line.harmonic is not None:
+            axes.annotate(
+                f"{line.harmonic.order}×",
+                (line.frequency_Hz / 1e3, line.level_dB + 3),
+                xytext=(0, 3),
+                textcoords="offset points",
+                color=MEASURED,
+                fontsize=style.SMALL_SIZE,
+                ha="center",
+                va="bottom",
+            )
     top = max(tops)
-    axes.set_ylim(max(min(bottoms) - BELOW_DB, top - DEEPEST_DB), top + HEADROOM_DB)
-    label = f"{QUANTITIES[comparison.unit].capitalize()} (dB re 1 {comparison.unit})" if comparison.unit else None
-    style.frame(axes, None, label or "Level (dB re largest line)")
+    # However far apart the levels are, the lines of both are seen.
+    axes.set_ylim(min(max(min(bottoms) - BELOW_DB, top - DEEPEST_DB), min(tops) - LEAST_SEEN_DB), top + HEADROOM_DB)
+    label = "Level (dB re largest line)"
+    if comparison.unit:
+        reference = level_reference(comparison.unit).written.partition(" (")[0]
+        label = f"{QUANTITIES[comparison.unit].capitalize()}, rms (dB re {reference})"
+    style.frame(axes, None, label)
     handles, labels = axes.get_legend_handles_labels()
     axes.legend(handles[::-1], labels[::-1], loc="lower left", bbox_to_anchor=(0.0, 1.12), borderaxespad=0, ncols=1)
 
@@ -107,4 +124,4 @@ def _draw_differences(comparison: MeasuredComparison, axes: Axes) -> None:
             axes.plot(*place, marker, color=colour, markersize=3.5, fillstyle="full" if marker == "o" else "none")
             largest = max(largest, 100 * abs(match.difference))
     axes.set_ylim(-1.3 * largest, 1.3 * largest)
-    style.frame(axes, "Frequency (kHz)", "Measured over\n● simulated,\n◇ predicted (%)")
+    style.frame(axes, "Frequency (kHz)", "Δf (%) from\n● simulated\n◇ mode")
