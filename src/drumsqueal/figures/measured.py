@@ -15,6 +15,8 @@ ABOVE = 1.15  # highest frequency shown over that of the highest line or mode
 DEEPEST_DB = 80.0  # below the largest line
 HEADROOM_DB, BELOW_DB = 12.0, 10.0
 LEAST_SEEN_DB = 40.0  # of the lower spectrum, below its largest line
+OVER_DB = 3.0  # of the mark over its line
+LABEL_SHARE = 0.025  # of the width, between two orders
 LEAST_PERCENT = 0.1  # half the height of the lower panel at least
 
 
@@ -47,6 +49,7 @@ def draw_comparison(comparison: MeasuredComparison) -> Figure:
             fontsize=style.SMALL_SIZE,
         )
     shown = [mode for mode in comparison.modes if mode.frequency_Hz < highest]
+    _label_harmonics(comparison, upper)
     label_top_edge(
         upper, [(m.frequency_Hz / 1e3, f"{m.label} {m.frequency_Hz:.0f} Hz", style.COLOUR[m.name]) for m in shown]
     )
@@ -62,7 +65,7 @@ def _highest(comparison: MeasuredComparison) -> float:
 
 
 def _draw_spectra(comparison: MeasuredComparison, axes: Axes, highest: float) -> None:
-    records = (comparison.simulated, comparison.measured)
+    records, fundamental = (comparison.simulated, comparison.measured), _fundamental(comparison)
     references = comparison.references[::-1]
     colours, names = (SIMULATED, MEASURED), (comparison.signal, comparison.measured_record.short_name)
     tops, bottoms = [], []
@@ -72,26 +75,20 @@ def _draw_spectra(comparison: MeasuredComparison, axes: Axes, highest: float) ->
         level = level_dB(spectrum.amplitude[seen], reference)
         starts, _, largest = extremes(level)
         kind = "simulated" if record is comparison.simulated else "measured"
+        label = f"{kind}: {_caption(name, record)}"
+        if record is comparison.measured and fundamental is not None:
+            label += f"; 2×, 3× …: harmonics of {fundamental:.1f} Hz"
+        # The wider, paler one below is seen where the two are the same.
+        width, alpha = (1.8, 0.55) if record is comparison.simulated else (0.8, 1.0)
         axes.plot(
-            spectrum.frequency_Hz[seen][starts] / 1e3, largest, color=colour, label=f"{kind}: {_caption(name, record)}"
+            spectrum.frequency_Hz[seen][starts] / 1e3, largest, color=colour, label=label, linewidth=width, alpha=alpha
         )
         tops.append(float(largest.max()))
         bottoms.append(float(np.percentile(largest, 2)))
     for line in comparison.lines:
         axes.plot(
-            [line.frequency_Hz / 1e3], [line.level_dB + 3], marker=7, color=MEASURED, markersize=3, linestyle=""
+            [line.frequency_Hz / 1e3], [line.level_dB + OVER_DB], marker=7, color=MEASURED, markersize=3, linestyle=""
         )  # 7: a triangle that points down to it
-        if line.harmonic is not None:
-            axes.annotate(
-                f"{line.harmonic.order}×",
-                (line.frequency_Hz / 1e3, line.level_dB + 3),
-                xytext=(0, 3),
-                textcoords="offset points",
-                color=MEASURED,
-                fontsize=style.SMALL_SIZE,
-                ha="center",
-                va="bottom",
-            )
     top = max(tops)
     # However far apart the levels are, the lines of both are seen.
     axes.set_ylim(min(max(min(bottoms) - BELOW_DB, top - DEEPEST_DB), min(tops) - LEAST_SEEN_DB), top + HEADROOM_DB)
@@ -102,6 +99,36 @@ def _draw_spectra(comparison: MeasuredComparison, axes: Axes, highest: float) ->
     style.frame(axes, None, label)
     handles, labels = axes.get_legend_handles_labels()
     axes.legend(handles[::-1], labels[::-1], loc="lower left", bbox_to_anchor=(0.0, 1.12), borderaxespad=0, ncols=1)
+
+
+def _fundamental(comparison: MeasuredComparison) -> float | None:
+    """The strongest line that has harmonics (Hz): theirs are told in the figure."""
+    found = {line.harmonic.fundamental_Hz for line in comparison.lines if line.harmonic and not line.harmonic.simulated}
+    return next((line.frequency_Hz for line in comparison.lines if line.frequency_Hz in found), None)
+
+
+def _label_harmonics(comparison: MeasuredComparison, axes: Axes) -> None:
+    """Orders in a row along the top, over their lines, as many as have room."""
+    fundamental, (lowest, highest) = _fundamental(comparison), axes.get_xlim()
+    orders = {
+        line.harmonic.order: line.frequency_Hz / 1e3
+        for line in comparison.lines
+        if line.harmonic is not None and line.harmonic.fundamental_Hz == fundamental
+    }
+    taken = -np.inf
+    for order, place in sorted(orders.items()):
+        if place - taken >= LABEL_SHARE * (highest - lowest) and place < highest:
+            axes.annotate(
+                f"{order}×",
+                (place, 0.99),
+                xycoords=("data", "axes fraction"),
+                color=MEASURED,
+                fontsize=style.SMALL_SIZE,
+                ha="center",
+                va="top",
+                bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6},  # over the line of a mode
+            )
+            taken = place
 
 
 def _caption(name: str, record: Spectral) -> str:
