@@ -61,6 +61,7 @@ def compare_command(
 
     Writes compare.csv, compare.json and compare.png into DIR. A measured acceleration or displacement is compared with
     a simulated velocity line by line; a record without a unit, such as a microphone's, by frequency and relative level.
+    Levels are those of rms values, re ISO 1683. --from and --until take a part of MEASURED.
 
     Example: drumsqueal compare out/nominal rig.csv --channel vibrometer --unit mm/s
     """
