@@ -222,6 +222,17 @@ def test_the_figure_has_the_lines_at_their_levels(history, simulated, tmp_path):
     assert all(abs(np.asarray(y)[0]) < 1e-3 for _, y in pairs)  # per cent: the whole record and its saturated part
 
 
+@pytest.mark.parametrize("unit", ["nm/s", "m/s"])
+def test_both_spectra_are_seen_however_far_apart_their_levels_are(history, simulated, tmp_path, unit):
+    time, velocity = simulated
+    record = read_measured(csv_file(tmp_path / "v", (time, velocity * 1e3), f"time,v ({unit})"))
+    upper, _ = draw_comparison(compare_measured(history, record, "velocity_Y")).axes
+    lowest, highest = upper.get_ylim()
+    for curve in upper.lines[:2]:  # 120 dB below, and 60 dB above
+        top = np.asarray(curve.get_data()[1]).max()
+        assert lowest + 30 < top < highest
+
+
 @pytest.mark.parametrize("to", ["csv", "uff58"])
 def test_a_history_compared_with_its_own_export_differs_by_nothing(drumsqueal, history, tmp_path, to):
     file, folder, part = tmp_path / "a", tmp_path / "out", ["--from", "0.26 s", "--until", "0.5 s"]
