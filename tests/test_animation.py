@@ -240,9 +240,9 @@ def test_motion_out_of_the_plane_shows_both_faces():
 @pytest.mark.parametrize(
     ("asked", "told"),
     [
-        ({"start": 0.03}, "goes from 0 to 0.02 s"),
-        ({"start": 0.01, "end": 0.01}, "the earlier one first"),
-        ({"start": 0.0, "end": 1.0}, "goes from 0 to 0.02 s"),
+        ({"start": 0.03}, "the history has 0 to 0.02 s"),
+        ({"start": 0.01, "end": 0.01}, "is not before --until"),
+        ({"start": 0.0, "end": 1.0}, "the history has 0 to 0.02 s"),
         ({"slow": 10.0}, "8 a period are needed"),
         ({"slow": 1e9}, "750 are the most"),
         ({"magnification": 1e6}, "take at most"),
@@ -441,7 +441,7 @@ def test_the_command_writes_a_mode(drumsqueal, tmp_path):
         (("HISTORY", "--slow", "-3"), "write auto, or a positive number"),
         (("HISTORY", "--magnify", "nan"), "write auto, or a positive number"),
         (("HISTORY", "--from", "3 m"), "is no unit of time"),
-        (("HISTORY", "--from", "1 s"), "goes from 0 to 0.02 s"),
+        (("HISTORY", "--from", "1 s"), "the history has 0 to 0.02 s"),
         (("HISTORY", "--set", "drum.speed=3"), "--set changes a scene"),
         (("HISTORY", "-o", "no folder/a.gif"), "there is no folder"),
         (("HISTORY", "-o", ""), "the name of the file is empty"),

@@ -17,7 +17,15 @@ from drumsqueal.files.measured.reader import read_measured
 from drumsqueal.files.saved_history import read_history
 from drumsqueal.history import COMPLETE, MOTION, SIGNALS
 from drumsqueal.scene import COORDINATES
-from drumsqueal.signals import Spectrum, amplitude_spectrum, find_tones, spectral_peaks
+from drumsqueal.signals import (
+    Spectrum,
+    amplitude_spectrum,
+    find_harmonics,
+    find_tones,
+    level_dB,
+    level_reference,
+    spectral_peaks,
+)
 from drumsqueal.studies.measured import Spectral, _largest, common_unit, compare_measured
 
 RATE = 25_600.0
@@ -203,12 +211,26 @@ def test_the_figure_has_the_lines_at_their_levels(history, simulated, tmp_path):
         x, y = (np.asarray(values) for values in curve.get_data())
         for frequency, amplitude in LINES:
             near = np.abs(x - frequency / 1e3) < 0.02
-            # A bin's eighth beside the peak is lower by less than 0.02 dB.
-            assert y[near].max() == pytest.approx(20 * np.log10(amplitude), abs=0.03)
-    assert upper.get_ylabel() == "Velocity (dB re 1 m/s)"
+            # A bin's eighth beside the peak is lower by less than 0.02 dB. 1 nm/s rms is 0 dB.
+            assert y[near].max() == pytest.approx(20 * np.log10(amplitude / np.sqrt(2) / 1e-9), abs=0.03)
+    assert upper.get_ylabel() == "Velocity, rms (dB re 1 nm/s)"
+    (label,) = [text for text in upper.texts if text.get_text().endswith("×")]  # 2103.4 Hz is 2 × 1051.7
+    assert label.get_text() == "2×"
+    assert str(upper.lines[1].get_label()).endswith("2×, 3× …: harmonics of 1051.7 Hz")
     pairs = [curve.get_data() for curve in lower.lines if curve.get_marker() == "o"]
     assert len(pairs) == 3
     assert all(abs(np.asarray(y)[0]) < 1e-3 for _, y in pairs)  # per cent: the whole record and its saturated part
+
+
+@pytest.mark.parametrize("unit", ["nm/s", "m/s"])
+def test_both_spectra_are_seen_however_far_apart_their_levels_are(history, simulated, tmp_path, unit):
+    time, velocity = simulated
+    record = read_measured(csv_file(tmp_path / "v", (time, velocity * 1e3), f"time,v ({unit})"))
+    upper, _ = draw_comparison(compare_measured(history, record, "velocity_Y")).axes
+    lowest, highest = upper.get_ylim()
+    for curve in upper.lines[:2]:  # 120 dB below, and 60 dB above
+        top = np.asarray(curve.get_data()[1]).max()
+        assert lowest + 30 < top < highest
 
 
 @pytest.mark.parametrize("to", ["csv", "uff58"])
@@ -261,7 +283,7 @@ def test_a_record_of_no_quantity_is_compared_by_relative_levels(history, tmp_pat
     file = csv_file(tmp_path / "m", tones([*parts, (9123.4, 2.0)], noise=noise, offset=5.0), "time (s),microphone (V)")
     found = compare_measured(history, read_measured(file), "velocity_Y")
     assert found.unit == ""
-    assert found.references[0] == pytest.approx(gain * LINES[0][1], rel=0.01)
+    assert found.references[0] == pytest.approx(gain * LINES[0][1] / np.sqrt(2), rel=0.01)
     by_frequency = {round(line.frequency_Hz): line for line in found.lines}
     assert sorted(by_frequency) == sorted(round(f) for f in [*(f for f, _ in parts), 9123.4])
     for f, a in parts:
@@ -355,6 +377,88 @@ def test_a_record_without_a_line_is_told(drumsqueal, history, tmp_path):
     )
     assert (status, error) == (0, "")
     assert "No line stands out of the noise of the measured record." in " ".join(out.split())
+    assert "Measured lines" not in out  # nor an empty table
+    assert "in parentheses" not in out
+
+
+def test_a_harmonic_is_named_and_is_no_mode(drumsqueal, history, tmp_path):
+    # The strongest line is the double of another, and near the unstable Y nonetheless: 2 × 712 Hz, and 1424.3 Hz.
+    file = csv_file(tmp_path / "rig.csv", tones([(712.0, 5.0), (1424.0, 20.0)], noise=0.1), "time (s),v (mm/s)")
+    arguments = ["compare", str(history), str(file), "-o", str(tmp_path / "out"), "--signal", "velocity_Y"]
+    status, out, error = drumsqueal(*arguments)
+    assert (status, error) == (0, "")
+    (row,) = [row.split() for row in out.splitlines() if row.strip().startswith("1424.0")]
+    assert row[-4:] == ["2", "×", "712.00", "-"]
+    told = " ".join(out.split())
+    assert "1424.0 Hz, the 2nd harmonic of 712.0 Hz, is not simulated; its fundamental, 712.0 Hz, lies 50 %" in told
+    assert "Of 2 measured lines, 1 of them a harmonic, none has a simulated one" in told
+    assert "levels are those of rms values, in dB re 1 nm/s (ISO 1683)" in told
+    found = json.loads((tmp_path / "out" / "compare.json").read_text())
+    strongest = found["lines"][0]
+    assert (strongest["harmonic_order"], strongest["nearest_mode"]) == (2, None)
+    assert strongest["fundamental_Hz"] == pytest.approx(712.0, abs=0.01)
+    assert strongest["level_dB"] == pytest.approx(20 * np.log10(20e-3 / np.sqrt(2) / 1e-9), abs=0.01)
+    assert found["rms_of_0_dB"] == {"measured": 1e-9, "simulated": 1e-9}
+
+
+def test_the_harmonic_of_a_line_that_is_simulated_alone_is_named(drumsqueal, history, tmp_path):
+    file = csv_file(tmp_path / "rig.csv", tones([(2090.0, 20.0)], noise=0.1), "time (s),v (mm/s)")
+    arguments = ["compare", str(history), str(file), "-o", str(tmp_path / "out"), "--signal", "velocity_Y"]
+    told = " ".join(drumsqueal(*arguments)[1].split())
+    assert "(2 × 1051.70) -" in told
+    assert (
+        "2090.0 Hz, lies 0.64 % below the simulated 2103.4 Hz, the 2nd harmonic of 1051.7 Hz; "
+        "its fundamental is not measured. Of 1 measured line, 1 of them a harmonic, 1 has" in told
+    )
+
+
+def test_every_heading_of_the_table_is_another(drumsqueal, history, rig, tmp_path):
+    out = drumsqueal("compare", str(history), str(rig), "-o", str(tmp_path / "out"), "--signal", "velocity_Y")[1]
+    lines = out.splitlines()
+    rule = next(k for k, line in enumerate(lines) if "──" in line)
+    words = " ".join(lines[rule - 3 : rule]).split()
+    assert {"measured", "simulated", "mode", "harmonic,", "dB", "nm/s", "Δf", "ΔL"} <= set(words)
+    assert "apart" not in words
+
+
+def test_relative_levels_tell_what_0_dB_is(history, tmp_path):
+    for unit, told in (("Pa", "measured 0.7071 Pa rms, 91.0 dB re 20 µPa (ISO 1683); "), ("V", "rms without a unit; ")):
+        file = csv_file(tmp_path / "m", tones([(1051.7, 1.0)]), f"time (s),microphone ({unit})")
+        found = compare_measured(history, read_measured(file), "velocity_Y")
+        # 2e-2 m/s, the strongest of the simulated lines: 20 lg(2e-2/√2/1e-9) dB.
+        assert told + "simulated 0.01414 m/s rms, 143.0 dB re 1 nm/s (ISO 1683)" in found.told[0]
+
+
+def test_harmonics_are_multiples_of_lines_that_stand_on_their_own():
+    #      fundamental, 2 ×, 3 × off by a little, 2.5 ×, a faint one, the double of that, 4 × the first
+    lines = [1000.0, 2000.0, 3000.4, 2500.0, 700.0, 1400.0, 4000.0]
+    amplitude = [1.0, 3.0, 0.1, 0.2, 0.004, 0.05, 0.1]
+    order = np.argsort(-np.array(amplitude))
+    found = find_harmonics(np.array(lines)[order], np.array(amplitude)[order], 1.0)
+    named = {lines[order[k]]: each and (each.order, lines[order[each.fundamental]]) for k, each in enumerate(found)}
+    # 1400 Hz is 22 dB above 700 Hz, of which it might be the double; 4000 Hz is of 1000 Hz, not of its harmonic.
+    assert named == {
+        1000.0: None,
+        2000.0: (2, 1000.0),
+        3000.4: (3, 1000.0),
+        2500.0: None,
+        700.0: None,
+        1400.0: None,
+        4000.0: (4, 1000.0),
+    }
+    # With a resolution of 60 Hz, 1000 Hz is less than 20 of them.
+    assert find_harmonics(np.array([1000.0, 2000.0]), np.array([1.0, 1.0]), 60.0) == [None, None]
+
+
+def test_levels_are_of_rms_values_over_the_reference_of_the_standard():
+    # A sine with the rms value of 1 mm/s, 1 m/s², 1 µm, 1 Pa, 1 N; the last two have none in ISO 1683.
+    for unit, rms, wanted in (
+        ("m/s", 1e-3, 120.0), ("m/s^2", 1.0, 120.0), ("m", 1e-6, 120.0), ("Pa", 1.0, 93.979), ("N", 1.0, 120.0),
+        ("rad/s", 1e-3, -60.0), ("N*m", 10.0, 20.0),
+    ):  # fmt: skip
+        assert float(level_dB(np.sqrt(2) * rms, level_reference(unit).rms)) == pytest.approx(wanted, abs=1e-3)
+    assert level_reference("N*m").written == "1 N*m"
+    assert level_reference("m").written == "1 pm (ISO 1683)"
 
 
 @pytest.mark.parametrize(
@@ -369,8 +473,11 @@ def test_a_record_without_a_line_is_told(drumsqueal, history, tmp_path):
         (["HISTORY", "RIG", "--rate", "5 m"], "--rate 5 m: write a rate"),
         (["HISTORY", "RIG", "--rate", "0"], "--rate 0: write a rate"),
         (["HISTORY", "RIG", "--from", "now"], "--from now: write a time"),
-        (["HISTORY", "RIG", "--until", "0.0001"], "samples are left of"),
-        (["HISTORY", "RIG", "--unit", "volt"], "--unit volt: write a unit of the kind of m (displacement)"),
+        (["HISTORY", "RIG", "--until", "0.0001"], "0 to 0.0001 s hold 3 samples, at least 64 are needed"),
+        (["HISTORY", "RIG", "--from", "-1"], "--from -1 s: RIG has 0 to 2.99996094 s; take a time within it"),
+        (["HISTORY", "RIG", "--until", "99"], "--until 99 s: RIG has 0 to 2.99996094 s; take a time within it"),
+        (["HISTORY", "RIG", "--unit", "volt"], "--unit volt: this unit is not known; write one such as"),
+        (["HISTORY", "RIG", "--unit", "furlong"], "or made of length m, cm, mm, µm, nm, pm, in, ft; time s, ms, min;"),
         (["HISTORY", "RIG", "--within", "2"], "--within 2: write a share"),
         (["HISTORY"], "Missing argument 'MEASURED'"),
     ],
@@ -380,9 +487,31 @@ def test_wrong_requests_are_told_in_one_line_and_write_nothing(drumsqueal, histo
     folder = tmp_path / "out"
     status, out, error = drumsqueal("compare", *(names.get(a, a) for a in arguments), "-o", str(folder))
     assert (status, out) == (2, "")
-    assert told in error
+    assert told.replace("RIG", str(rig)) in error
     assert error.count("\n") == 1
     assert not folder.exists()
+
+
+@pytest.mark.parametrize(
+    ("part", "told"),
+    [
+        (["--from", "-1"], "--from -1 s: WHAT has 0 to 0.5 s; take a time within it"),
+        (["--until", "99"], "--until 99 s: WHAT has 0 to 0.5 s; take a time within it"),
+        (["--from", "0.3", "--until", "0.2"], "--from 0.3 s is not before --until 0.2 s; WHAT has 0 to 0.5 s"),
+    ],
+)
+def test_a_part_beyond_the_record_is_refused_in_the_same_words_everywhere(
+    drumsqueal, history, simulated, tmp_path, part, told
+):
+    file = csv_file(tmp_path / "rig.csv", simulated, "time,v")
+    for what, arguments in (
+        ("the history", ["export", str(history), "--to", "csv", "-o", str(tmp_path / "a.csv")]),
+        ("the history", ["animate", str(history), "-o", str(tmp_path / "a.gif")]),
+        (str(file), ["compare", str(history), str(file), "-o", str(tmp_path / "out")]),
+    ):
+        status, out, error = drumsqueal(*arguments, *part)
+        assert (status, out) == (2, "")
+        assert told.replace("WHAT", what) in error
 
 
 def test_the_measured_file_is_never_replaced(drumsqueal, history, simulated, tmp_path):

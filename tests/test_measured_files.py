@@ -119,6 +119,39 @@ def test_times_in_other_units(file, unit, factor):
     assert read_measured(file).sample_rate == pytest.approx(RATE, rel=1e-12)
 
 
+@pytest.mark.parametrize(
+    "header", ["Zeit/ms\tv/(mm/s)", "t / ms\tv/mm/s", "Time, ms\tv, mm/s", "Time ms\tv [mm/s]", "t_ms\tv in mm/s"]
+)
+def test_units_beside_names_however_they_are_written(file, header):
+    write(file, [header], [1e3 * TIME, VALUES], "\t", comma=True)
+    found = read_measured(file)
+    assert found.sample_rate == pytest.approx(RATE, rel=1e-12)
+    assert (found.name, found.unit) == ("v", "m/s")
+
+
+def test_names_without_units_stay_whole(file):
+    write(file, ["time (s);left/right;Vib g;front, left"], [TIME, VALUES, VALUES, VALUES], ";")
+    with pytest.raises(RequestError, match="1 'left/right', 2 'Vib g', 3 'front, left'"):
+        read_measured(file)
+
+
+def test_letters_of_windows_are_read(file):
+    write(file, ["Zeit [s];Träger – oben [m/s²]"], [TIME, VALUES], ";", comma=True, encoding="cp1252")
+    found = read_measured(file)
+    assert (found.name, found.unit) == ("Träger – oben", "m/s^2")
+
+
+def test_a_count_of_the_rows_is_no_channel(file):
+    write(file, ["Date:\t2026", "Axis:\ts"], [np.arange(1.0, COUNT + 1), TIME, VALUES], "\t")
+    np.testing.assert_array_equal(read_measured(file).values, VALUES)
+
+
+def test_times_of_the_clock_are_refused_with_the_cure(file):
+    file.write_text("Time;v\n" + "".join(f"00:00:{t:09.6f};{v}\n" for t, v in zip(TIME, VALUES, strict=True)))
+    with pytest.raises(RequestError, match="times in seconds, not as dates or clocks"):
+        read_measured(file)
+
+
 def test_an_unknown_unit_of_time_is_refused(file):
     write(file, ["time (h),v"], [TIME, VALUES])
     with pytest.raises(RequestError, match="'h' is no unit of time"):
@@ -207,7 +240,7 @@ def test_commas_that_stand_for_two_things_are_refused(file):
         (b"\x89HDF\r\n\x1a\n" + bytes(100), "HDF5 or NetCDF file; CSV, UFF58 and WAV are read"),
         (b"PK\x03\x04" + bytes(100), "a zip archive, as spreadsheets are"),
         (bytes(range(256)) * 4, "unknown format"),
-        (b"time,v\n0,1\n1e-3,2\n2e-3,1\n", "3 samples are left of 3"),
+        (b"time,v\n0,1\n1e-3,2\n2e-3,1\n", "3 samples are too few"),
         (b"time\n0\n1e-3\n2e-3\n", "no column beside the time"),
         (b"time,v\n" + b"".join(b"%g,1\n" % (k / 1e3) for k in range(100)), "'v' is constant"),
         (b"RIFF\x10\x00\x00\x00WAVEjunk", "damaged"),
@@ -234,7 +267,7 @@ def test_a_part_is_taken_by_its_times(file):
     found = read_measured(file, first=1.0 + 100 / RATE, last=1.0 + 299 / RATE)
     np.testing.assert_array_equal(found.values, VALUES[100:300])
     assert found.start_s == pytest.approx(1.0 + 100 / RATE, rel=1e-12)
-    with pytest.raises(RequestError, match=r"0 samples are left of 400 from 1 to 1.00779 s"):
+    with pytest.raises(RequestError, match=r"--from 2 s: .* has 1 to 1.00779297 s; take a time"):
         read_measured(file, first=2.0)
 
 
@@ -251,6 +284,9 @@ def test_a_part_is_taken_by_its_times(file):
         ("deg/s", "rad/s", np.pi / 180),
         ("Nm", "N*m", 1.0),
         ("Pa", "Pa", 1.0),
+        ("in/s²", "m/s^2", 0.0254),
+        ("um", "m", 1e-6),
+        ("mil", "m", 2.54e-5),  # not of a turn
     ],
 )
 def test_units(text, si, factor):
@@ -260,7 +296,7 @@ def test_units(text, si, factor):
     assert found.factor == pytest.approx(factor, rel=1e-15)
 
 
-@pytest.mark.parametrize("text", ["V", "EU", "dB", "", "9**9", "-1 m", "0 m", "s", "kg", "nan m"])
+@pytest.mark.parametrize("text", ["V", "EU", "dB", "", "9**9", "-1 m", "0 m", "s", "kg", "nan m", "furlong", "mil/s"])
 def test_what_is_no_unit_of_a_known_quantity(text):
     assert parse_unit(text) is None
 
@@ -271,6 +307,23 @@ def test_a_unit_that_is_given_goes_before_that_of_the_file(file):
     found = read_measured(file, unit="50 mm/s")
     assert (found.unit, found.quantity, found.told) == ("m/s", "velocity", ())
     np.testing.assert_allclose(found.values, 0.05 * VALUES, rtol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("own", "given", "told"),
+    [
+        ("m/s", "mm/s", ("the unit is that of --unit, mm/s, although the file says m/s",)),
+        ("m/s", "g", ("the unit is that of --unit, g, although the file says m/s",)),
+        ("m/s", "1000 mm/s", ()),
+        ("g", "9.81 m/s²", ()),  # 0.03 % off
+    ],
+)
+def test_a_unit_that_contradicts_the_file_is_told(file, own, given, told):
+    write(file, [f"time (s),v ({own})"], [TIME, VALUES])
+    assert read_measured(file, unit=given).told == told
+    if own == "m/s":
+        write_uff(file, units(1, 1.0), data_set())
+        assert read_measured(file, unit=given).told == told
 
 
 # WAV
@@ -376,7 +429,7 @@ def test_the_units_of_uff58(file, system, label, kind, wanted):
     found = read_measured(file)
     assert found.unit == wanted[0]
     np.testing.assert_allclose(found.values, wanted[1] * VALUES, rtol=1e-11)
-    assert bool(found.told) == (label == "g")
+    assert bool(found.told) == (label in ("g", "V"))
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,18 @@ from typing import Annotated
 import typer
 
 from drumsqueal.cli.completion import complete_source, words
-from drumsqueal.cli.options import JsonFile, Overwrite, Quiet, Reply, Settings, UsageError, read_file, read_time
+from drumsqueal.cli.options import (
+    JsonFile,
+    Overwrite,
+    Quiet,
+    Reply,
+    Settings,
+    Since,
+    Until,
+    UsageError,
+    read_file,
+    read_time,
+)
 from drumsqueal.errors import RequestError
 from drumsqueal.files.output_folder import check_output_file
 from drumsqueal.interrupts import stop_if_interrupted
@@ -46,8 +57,8 @@ def animate_command(
             autocompletion=words(*COORDINATES),
         ),
     ] = None,
-    start: Annotated[str | None, typer.Option("--from", metavar="TIME", help="Where to begin, such as 20 ms.")] = None,
-    end: Annotated[str | None, typer.Option("--until", metavar="TIME", help="Where to end.")] = None,
+    since: Since = None,
+    until: Until = None,
     slow: Annotated[
         str, typer.Option("--slow", metavar="FACTOR", help="How many times slower than it was; auto: in 6 s.")
     ] = AUTO,
@@ -68,7 +79,7 @@ def animate_command(
     """
     slowness, magnification = _factor(slow, "--slow"), _factor(magnify, "--magnify")
     if mode is not None:
-        _refuse_with_mode({"--from": start, "--until": end, "--magnify": None if magnify == AUTO else magnify})
+        _refuse_with_mode({"--from": since, "--until": until, "--magnify": None if magnify == AUTO else magnify})
         scene = load_scene(find_scene(str(source)), settings or ())
         file = output or Path(f"{source.stem}-{mode.replace(' ', '').replace('/', '')}.gif")
         check_output_file(file, overwrite=overwrite)
@@ -84,7 +95,7 @@ def animate_command(
         raise UsageError("--set changes a scene; a history is of the scene that was run: leave one of them out")
     if source.suffix == ".toml":
         raise RequestError(f"{source} is a scene: name one of its modes with --mode, or give a history that it left")
-    first, last = read_time(start, "--from"), read_time(end, "--until")
+    first, last = read_time(since, "--from"), read_time(until, "--until")
     stop_if_interrupted()
     from drumsqueal.files.animation_file import check_animation_name
     from drumsqueal.files.saved_history import check_not_the_history, read_history

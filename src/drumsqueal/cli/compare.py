@@ -6,7 +6,18 @@ from typing import Annotated
 import typer
 
 from drumsqueal.cli.completion import SIGNALS, words
-from drumsqueal.cli.options import JsonFile, Overwrite, Quiet, Reply, output_option, read_rate, read_share, read_time
+from drumsqueal.cli.options import (
+    JsonFile,
+    Overwrite,
+    Quiet,
+    Reply,
+    Since,
+    Until,
+    output_option,
+    read_rate,
+    read_share,
+    read_time,
+)
 from drumsqueal.errors import RequestError
 from drumsqueal.files.output_folder import COMPARE_FILES, HISTORY, check_output, claimed
 from drumsqueal.interrupts import stop_if_interrupted
@@ -42,12 +53,8 @@ def compare_command(
         typer.Option("--rate", metavar="RATE", help='Sample rate of a file without one, such as "51.2 kHz".'),
     ] = None,
     unit: Annotated[str | None, typer.Option("--unit", metavar="UNIT", help=UNIT, show_default=False)] = None,
-    first: Annotated[
-        str | None, typer.Option("--from", metavar="TIME", help="Measured record from this time on.")
-    ] = None,
-    last: Annotated[
-        str | None, typer.Option("--until", metavar="TIME", help="Measured record until this time.")
-    ] = None,
+    since: Since = None,
+    until: Until = None,
     within: Annotated[
         str, typer.Option("--within", metavar="SHARE", help="How far apart two lines that are a pair may lie.")
     ] = "5%",
@@ -61,6 +68,7 @@ def compare_command(
 
     Writes compare.csv, compare.json and compare.png into DIR. A measured acceleration or displacement is compared with
     a simulated velocity line by line; a record without a unit, such as a microphone's, by frequency and relative level.
+    Levels are those of rms values, re ISO 1683. --from and --until take a part of MEASURED.
 
     Example: drumsqueal compare out/nominal rig.csv --channel vibrometer --unit mm/s
     """
@@ -70,7 +78,7 @@ def compare_command(
     for source in (history, measured):
         _spare(source, folder)
     widest = read_share(within, "--within")
-    begin, end, sampled = read_time(first, "--from"), read_time(last, "--until"), read_rate(rate, "--rate")
+    begin, end, sampled = read_time(since, "--from"), read_time(until, "--until"), read_rate(rate, "--rate")
     stop_if_interrupted()
     from drumsqueal.files.measured.reader import read_measured
 

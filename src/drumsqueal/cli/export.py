@@ -7,7 +7,18 @@ from typing import Annotated
 import typer
 
 from drumsqueal.cli.completion import complete_signals, words
-from drumsqueal.cli.options import JsonFile, Overwrite, Quiet, Reply, make_console, read_file, read_rate, read_time
+from drumsqueal.cli.options import (
+    JsonFile,
+    Overwrite,
+    Quiet,
+    Reply,
+    Since,
+    Until,
+    make_console,
+    read_file,
+    read_rate,
+    read_time,
+)
 from drumsqueal.errors import RequestError
 from drumsqueal.export.formats import FORMATS, find_format
 from drumsqueal.files.output_folder import HISTORY, check_ending, check_output_file
@@ -31,8 +42,8 @@ def export_command(
     signals: Annotated[
         str | None, typer.Option("--signals", metavar="NAMES", help=_SIGNALS, autocompletion=complete_signals)
     ] = None,
-    since: Annotated[str | None, typer.Option("--from", metavar="TIME", help='From then on, e.g. "0.1 s".')] = None,
-    until: Annotated[str | None, typer.Option("--until", metavar="TIME", help='Until then, e.g. "0.2 s".')] = None,
+    since: Since = None,
+    until: Until = None,
     rate: Annotated[
         str | None,
         typer.Option("--rate", metavar="RATE", help="Resample (default: as recorded; of a sound 44.1 kHz)."),

@@ -61,6 +61,10 @@ Settings = Annotated[
         autocompletion=complete_setting,
     ),
 ]
+Since = Annotated[
+    str | None, typer.Option("--from", metavar="TIME", help='From this time of the record on, e.g. "0.1 s".')
+]
+Until = Annotated[str | None, typer.Option("--until", metavar="TIME", help='Until this time of it, e.g. "200 ms".')]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace results that are there already.")]
 Resume = Annotated[bool, typer.Option("--resume", help="Go on with a run that was cut off.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]

@@ -12,6 +12,7 @@ from drumsqueal.export.signals import make_channels, names_of
 from drumsqueal.files.saved_history import UNEVEN, SavedHistory
 from drumsqueal.scene.quantities import percent
 from drumsqueal.signals.resampling import PASSES, reach, resample, share_above
+from drumsqueal.time_window import time_window
 
 if TYPE_CHECKING:
     from drumsqueal.linear.modes import Stability
@@ -43,8 +44,8 @@ def select(saved: SavedHistory, part: Part, *, predicts: bool) -> tuple[Channels
     """
     own, names = _own_rate(saved), names_of(part.signals, saved)
     rate = own if part.rate is None else part.rate * part.slow
-    first, last = _window(saved, part)
-    begin = float(saved.data["time"].values[0])
+    begin, latest = (float(saved.data["time"].values[k]) for k in (0, -1))
+    first, last = time_window("the history", (begin, latest), 1 / own, part.since, part.until)
     place, end = (first - begin) * own, (last - begin) * own  # in samples from the first of the history on
     if rate == own:  # the samples within the part
         place = np.ceil(place - UNEVEN)
@@ -80,19 +81,6 @@ def _own_rate(saved: SavedHistory) -> float:
     """The sample rate (Hz) as the scene has it, where that is the history's."""
     asked = saved.scene.simulate.sample_rate
     return asked if abs(saved.sample_rate / asked - 1) < UNEVEN else saved.sample_rate
-
-
-def _window(saved: SavedHistory, part: Part) -> tuple[float, float]:
-    """From and until when (s), within the history."""
-    begin, end = (float(saved.data["time"].values[k]) for k in (0, -1))
-    since = begin if part.since is None else part.since
-    until = end if part.until is None else part.until
-    for option, time in (("--from", since), ("--until", until)):
-        if not begin - UNEVEN / 1e3 <= time <= end * (1 + 1e-12) + UNEVEN / 1e3:
-            raise RequestError(f"{option} {time:.6g} s: the history has {begin:.6g} to {end:.6g} s")
-    if not since < until:
-        raise RequestError(f"--from {since:.6g} s is not before --until {until:.6g} s")
-    return max(since, begin), min(until, end)
 
 
 def _resampled(recorded: Sequence[Channel], own: float, place: float, count: int, rate: float) -> list[Channel]:

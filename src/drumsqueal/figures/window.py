@@ -9,6 +9,7 @@ from drumsqueal.errors import RequestError
 from drumsqueal.figures.view import REST
 from drumsqueal.model import Model
 from drumsqueal.signals import amplitude_spectrum, spectral_peaks
+from drumsqueal.time_window import time_window
 
 FRAMES_PER_SECOND = 25  # 40 ms a frame, which GIF, counting in hundredths of a second, holds exactly
 PERIODS = 3  # of the main line, shown unless other times are asked for
@@ -41,17 +42,13 @@ def main_frequency(model: Model, time: Values, states: Values, start: float | No
 def find_window(time: Values, main: float | None, start: float | None, end: float | None) -> tuple[float, float]:
     """First and last time (s) shown: the last three periods unless asked otherwise. Raises RequestError."""
     first, last = float(time[0]), float(time[-1])
+    since, until = time_window("the history", (first, last), (last - first) / max(time.size - 1, 1), start, end)
     span = last - first if main is None else min(PERIODS / main, last - first)
-    if start is None:
-        start = first if end is None and main is None else max(first, (last if end is None else end) - span)
+    if start is None and not (end is None and main is None):
+        since = max(first, until - span)
     if end is None:
-        end = min(last, start + span)
-    if not (first <= start < end <= last * (1 + 1e-12)):
-        raise RequestError(
-            f"from {start:.6g} to {end:.6g} s: the history goes from {first:.6g} to {last:.6g} s; "
-            "give times within it, the earlier one first"
-        )
-    return start, min(end, last)
+        until = min(last, since + span)
+    return since, until
 
 
 def count_frames(

@@ -12,6 +12,7 @@ from drumsqueal.history import versions
 from drumsqueal.jobs.study import rows_to_csv
 from drumsqueal.jobs.tables import print_table
 from drumsqueal.scene.quantities import percent, printable
+from drumsqueal.signals import level_reference
 from drumsqueal.studies.measured import LOWEST, MeasuredComparison, MeasuredLine, Spectral
 
 PRINTED = 12  # lines
@@ -21,26 +22,48 @@ LEAST_TOLD = 1e-3  # percent
 
 def print_comparison(console: Console, comparison: MeasuredComparison) -> None:
     """Print every measured line beside the nearest simulated one and the nearest eigenvalue, and the verdict."""
+    if comparison.lines:
+        _print_table(console, comparison)
+    for name, record in (("Measured", comparison.measured), ("Simulated", comparison.simulated)):
+        console.print(printable(f"{name}: {_record(comparison, name, record)}"), style="dim")
+    for remark in comparison.told:
+        console.print(printable(f"Note: {remark}"))
+    for sentence in unpaired(comparison):
+        console.print(printable(sentence))
+    console.print(printable(verdict(comparison)), style="bold")
+
+
+def _print_table(console: Console, comparison: MeasuredComparison) -> None:
+    """Print the lines, and what the headings mean."""
     table = Table(title="Measured lines", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    reference = f"dB re 1 {comparison.unit}" if comparison.unit else "dB re\nlargest"
-    for heading in ("measured\nHz", f"level\n{reference}", "simulated\nHz", "apart\n%", "level over\nit, dB"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    table.add_column("predicted\nHz", justify="right", no_wrap=True)
-    table.add_column("apart\n%", justify="right", no_wrap=True)
+    reference = level_reference(comparison.unit).written.partition(" (")[0] if comparison.unit else "largest"
+    to_simulated, to_modes = ("Δf from\nsimulated\n%", "ΔL from\nsimulated\ndB"), "Δf from\nmode\n%"
+    headings = (
+        "measured\nHz",
+        f"level\ndB re\n{reference}",
+        "simulated\nHz",
+        *to_simulated,
+        "mode or\nharmonic, Hz",
+        to_modes,
+    )
+    for heading in headings:
+        table.add_column(heading, justify="right", vertical="bottom", no_wrap=True)
     for line in comparison.lines[:PRINTED]:
         table.add_row(*_cells(comparison, line))
     print_table(console, table)
     if len(comparison.lines) > PRINTED:
         console.print(f"and {len(comparison.lines) - PRINTED} weaker ones, in the table", style="dim")
-    reason = f"apart by more than {100 * comparison.within:g} %, or taken by a stronger line"
-    console.print(f"In parentheses: the nearest, but no pair ({reason})", style="dim")
-    for name, record in (("Measured", comparison.measured), ("Simulated", comparison.simulated)):
-        console.print(printable(f"{name}: {_record(comparison, name, record)}"), style="dim")
-    for remark in comparison.told:
-        console.print(printable(f"Note: {remark}"), style="dim")
-    for sentence in unpaired(comparison):
-        console.print(printable(sentence))
-    console.print(printable(verdict(comparison)), style="bold")
+    told = ["Δf, ΔL: frequency and level of the measured line over those of the other"]
+    matches = [match for line in comparison.lines[:PRINTED] for match in (line.simulated, line.mode) if match]
+    if not all(match.paired for match in matches):
+        reason = f"more than {100 * comparison.within:g} % off, or taken by a stronger line"
+        told.append(f"in parentheses: the nearest, but no pair ({reason})")
+    harmonics = [line.harmonic for line in comparison.lines[:PRINTED] if line.harmonic]
+    if harmonics:
+        told.append("n × f: a harmonic of the line at f, and so of no mode")
+    if any(harmonic.simulated for harmonic in harmonics):
+        told.append("(n × f): of a simulated line that is not measured")
+    console.print("; ".join(told), style="dim")
 
 
 def _record(comparison: MeasuredComparison, name: str, record: Spectral) -> str:
@@ -56,6 +79,9 @@ def _cells(comparison: MeasuredComparison, line: MeasuredLine) -> list[str]:
     cells = [f"{line.frequency_Hz:.2f}", f"{line.level_dB:.1f}"]
     cells += _beside(line.simulated, [f"{f:.2f}" for f in comparison.simulated.frequency_Hz])
     cells.append(NOTHING if line.level_difference_dB is None else _signed(line.level_difference_dB, "+.1f"))
+    if line.harmonic is not None:
+        harmonic = f"{line.harmonic.order} × {line.harmonic.fundamental_Hz:.2f}"
+        return [*cells, f"({harmonic})" if line.harmonic.simulated else harmonic, NOTHING]
     return cells + _beside(line.mode, [f"{mode.label} {mode.frequency_Hz:.2f}" for mode in comparison.modes])
 
 
@@ -100,35 +126,54 @@ def verdict(comparison: MeasuredComparison) -> str:
     """Where the strongest measured line lies, and how many lines are the same."""
     if not comparison.lines:
         return "No line stands out of the noise of the measured record."
-    strongest = comparison.lines[0]
-    told = [f"The strongest measured line, {strongest.frequency_Hz:.1f} Hz,"]
-    if strongest.simulated is None:
-        told.append("has nothing simulated to be compared with, for the simulation has no line;")
-    elif strongest.simulated.paired:
-        place = strongest.simulated.reference
-        which = ", the strongest one too" if place == 0 else ""
-        told.append(
-            f"lies {_apart(strongest.simulated.difference)} the simulated "
-            f"{comparison.simulated.frequency_Hz[place]:.1f} Hz{which};"
-        )
-    else:
-        told.append("is not simulated;")
-    unstable = [mode for mode in comparison.modes if mode.unstable]
-    if unstable:
-        mode = min(unstable, key=lambda mode: abs(mode.frequency_Hz - strongest.frequency_Hz))
-        difference = strongest.frequency_Hz / mode.frequency_Hz - 1
-        told.append(f"{_apart(difference)} the nearest unstable mode, {mode.label} at {mode.frequency_Hz:.1f} Hz.")
-    else:
-        told.append("no mode is unstable.")
+    told = f"{_strongest(comparison, comparison.lines[0])}; {_from_modes(comparison, comparison.lines[0])}."
+    total, harmonics = len(comparison.lines), sum(line.harmonic is not None for line in comparison.lines)
+    of = f"Of {total} measured line{'s' if total > 1 else ''}"
+    if harmonics:
+        of += f", {harmonics} of them {'harmonics' if harmonics > 1 else 'a harmonic'},"
     paired = [line.simulated for line in comparison.lines if line.simulated and line.simulated.paired]
-    total = len(comparison.lines)
     if paired:
         most = 100 * max(abs(match.difference) for match in paired)
-        told.append(f"Of {total} measured lines {len(paired)} have a simulated one, {_share(most)} apart at most;")
+        has = "have" if len(paired) > 1 else "has"
+        told += f" {of} {len(paired)} {has} a simulated one, {_share(most)} apart at most;"
     else:
-        told.append(f"Of {total} measured lines none has a simulated one within {100 * comparison.within:g} %;")
-    told.append(f"a line anywhere would find one with a chance of {100 * comparison.chance:.0f} %.")
-    return " ".join(told)
+        told += f" {of} none has a simulated one within {100 * comparison.within:g} %;"
+    return f"{told} a line anywhere would find one with a chance of {100 * comparison.chance:.0f} %."
+
+
+def _strongest(comparison: MeasuredComparison, line: MeasuredLine) -> str:
+    """What the strongest measured line is, and where the simulated one lies."""
+    told, harmonic = f"The strongest measured line, {line.frequency_Hz:.1f} Hz,", line.harmonic
+    if harmonic is not None and not harmonic.simulated:
+        told += f" the {_ordinal(harmonic.order)} harmonic of {harmonic.fundamental_Hz:.1f} Hz,"
+    if line.simulated is None:
+        return f"{told} has nothing simulated to be compared with, for the simulation has no line"
+    if not line.simulated.paired:
+        return f"{told} is not simulated"
+    place = line.simulated.reference
+    told += f" lies {_apart(line.simulated.difference)} the simulated {comparison.simulated.frequency_Hz[place]:.1f} Hz"
+    if harmonic is not None and harmonic.simulated:
+        told += f", the {_ordinal(harmonic.order)} harmonic of {harmonic.fundamental_Hz:.1f} Hz"
+    return f"{told}, the strongest one too" if place == 0 else told
+
+
+def _from_modes(comparison: MeasuredComparison, line: MeasuredLine) -> str:
+    """How far the line, or the one that it is a harmonic of, lies from the nearest unstable mode."""
+    unstable, harmonic = [mode for mode in comparison.modes if mode.unstable], line.harmonic
+    if not unstable:
+        return "no mode is unstable"
+    if harmonic is not None and harmonic.simulated:
+        return "its fundamental is not measured"
+    frequency = line.frequency_Hz if harmonic is None else harmonic.fundamental_Hz
+    mode = min(unstable, key=lambda mode: abs(mode.frequency_Hz - frequency))
+    which = "" if harmonic is None else f"its fundamental, {frequency:.1f} Hz, lies "
+    apart = _apart(frequency / mode.frequency_Hz - 1)
+    return f"{which}{apart} the nearest unstable mode, {mode.label} at {mode.frequency_Hz:.1f} Hz"
+
+
+def _ordinal(number: int) -> str:
+    ending = "th" if 10 <= number % 100 <= 20 else {1: "st", 2: "nd", 3: "rd"}.get(number % 10, "th")
+    return f"{number}{ending}"
 
 
 def _apart(difference: float) -> str:
@@ -171,6 +216,10 @@ def _row(comparison: MeasuredComparison, line: MeasuredLine | None, level: str) 
         "amplitude": line and line.amplitude,
         "unit": comparison.measured_record.unit,
         level: line and line.level_dB,
+        "rms_of_0_dB": line and comparison.references[0],
+        "harmonic_order": line and line.harmonic and line.harmonic.order,
+        "fundamental_Hz": line and line.harmonic and line.harmonic.fundamental_Hz,
+        "fundamental_is_simulated": line and line.harmonic and line.harmonic.simulated,
         "nearest_simulated_Hz": simulated and float(frequencies[simulated.reference]),
         "over_simulated": simulated and simulated.difference,
         "simulated_is_pair": simulated and simulated.paired,
@@ -208,7 +257,7 @@ def comparison_data(comparison: MeasuredComparison, measured: Path) -> dict[str,
             ],
         },
         "amplitudes_in": comparison.unit or None,
-        "amplitudes_of_0_dB": dict(zip(("measured", "simulated"), comparison.references, strict=True)),
+        "rms_of_0_dB": dict(zip(("measured", "simulated"), comparison.references, strict=True)),
         "pairs_within": comparison.within,
         "chance_of_a_pair": comparison.chance,
         "lowest_frequency_Hz": LOWEST,

@@ -1,7 +1,9 @@
 """What a recorded motion says: spectra, lines, growth rates and the regime; arrays in, arrays out."""
 
 from drumsqueal.signals.bases import Bases, find_bases
+from drumsqueal.signals.decibels import level_dB, level_reference
 from drumsqueal.signals.growth import Growth, fit_growth, modal_amplitudes, modal_frequency
+from drumsqueal.signals.harmonics import Harmonic, find_harmonics
 from drumsqueal.signals.lines import Lines, find_lines
 from drumsqueal.signals.regime import PERIODS_NEEDED, STEADY, Regime, classify, told_frequencies
 from drumsqueal.signals.resampling import resample
@@ -24,6 +26,7 @@ __all__ = [
     "STEADY",
     "Bases",
     "Growth",
+    "Harmonic",
     "Lines",
     "Peak",
     "Peaks",
@@ -36,10 +39,13 @@ __all__ = [
     "amplitude_spectrum",
     "classify",
     "find_bases",
+    "find_harmonics",
     "find_lines",
     "find_tones",
     "fit_growth",
     "follow_line",
+    "level_dB",
+    "level_reference",
     "modal_amplitudes",
     "modal_frequency",
     "peak_near",

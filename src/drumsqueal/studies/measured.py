@@ -16,7 +16,7 @@ from drumsqueal.files.saved_history import SavedHistory, read_history
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.linear.modes import Mode
 from drumsqueal.scene import Scene
-from drumsqueal.signals import Tones, find_tones
+from drumsqueal.signals import Tones, find_harmonics, find_tones, level_dB, level_reference
 from drumsqueal.simulation import prepare
 
 LONGEST_SEGMENT = 1.0  # s: a line of squeal seldom keeps its frequency for longer than 1 Hz tells
@@ -44,15 +44,25 @@ class Spectral(NamedTuple):
         return self.tones.peaks.amplitude
 
 
+class Overtone(NamedTuple):
+    """Which multiple of which frequency (Hz) a line is, and whether that one is simulated, for it is not measured."""
+
+    order: int
+    fundamental_Hz: float
+    simulated: bool
+
+
 class MeasuredLine(NamedTuple):
     """A measured line: its level (dB), the nearest eigenvalue and the nearest simulated line, level over the latter's.
 
-    `level_difference_dB` is None where the line has no simulated one as its pair.
+    `level_difference_dB` is None where the line has no simulated one as its pair. A harmonic of another line is none of
+    a mode: its `mode` is None.
     """
 
     frequency_Hz: float
     amplitude: float
     level_dB: float
+    harmonic: Overtone | None
     mode: Match | None
     simulated: Match | None
     level_difference_dB: float | None
@@ -63,7 +73,7 @@ class MeasuredComparison(NamedTuple):
 
     `unit` is that of all amplitudes, "" where the two records have none in common; levels then are relative to each
     record's own largest line below `highest_Hz`, half the lower of the two sample rates, and otherwise to 1 `unit`. No
-    pair is further apart than `within`, a share of the frequency. `references` are the amplitudes of 0 dB, measured
+    pair is further apart than `within`, a share of the frequency. `references` are the rms values of 0 dB, measured
     and simulated. `lines` come strongest first.
     """
 
@@ -144,7 +154,9 @@ def compare_measured(
         Spectral(*ends, measured.sample_rate, found),
         Spectral(float(time[part][0]), float(time[part][-1]), saved.sample_rate, _differentiated(tones, order)),
     )
-    references = (1.0, 1.0) if unit else _largest(*records)
+    largest = _largest(*records)
+    zero = (level_reference(unit).rms,) * 2 if unit else (largest[0] / np.sqrt(2), largest[1] / np.sqrt(2))
+    references = (float(zero[0]), float(zero[1]))
     return MeasuredComparison(
         scene=saved.scene,
         source=saved.path,
@@ -158,7 +170,7 @@ def compare_measured(
         modes=prepared.stability.modes,
         lines=_matched(*records, prepared.stability.modes, references, within),
         within=within,
-        told=_told(saved, measured, edge, unit, order),
+        told=(_told_levels(measured.unit, channel.units, unit, largest), *_told(saved, measured, edge, unit, order)),
     )
 
 
@@ -223,17 +235,53 @@ def _matched(
     # Relative to the largest: a gain that both records share, or do not, is no reason to part their lines.
     largest = _largest(measured, simulated)
     levels = (20 * np.log10(measured.amplitude / largest[0]), 20 * np.log10(simulated.amplitude / largest[1]))
-    to_modes = match_lines(measured.frequency_Hz, [mode.frequency_Hz for mode in modes], widest=within)
     to_lines = match_lines(measured.frequency_Hz, simulated.frequency_Hz, widest=within, levels=levels)
+    overtones = _overtones(measured, simulated, to_lines)
+    own = [k for k, overtone in enumerate(overtones) if overtone is None]
+    matches = match_lines(measured.frequency_Hz[own], [mode.frequency_Hz for mode in modes], widest=within)
+    to_modes = dict(zip(own, matches, strict=True))
     rows = []
     for k, (frequency, amplitude) in enumerate(zip(measured.frequency_Hz, measured.amplitude, strict=True)):
-        level = float(20 * np.log10(amplitude / references[0]))
-        line = to_lines[k]
+        level, line = float(level_dB(amplitude, references[0])), to_lines[k]
         difference = None
         if line is not None and line.paired:
-            difference = level - float(20 * np.log10(simulated.amplitude[line.reference] / references[1]))
-        rows.append(MeasuredLine(float(frequency), float(amplitude), level, to_modes[k], line, difference))
+            difference = level - float(level_dB(simulated.amplitude[line.reference], references[1]))
+        rows.append(
+            MeasuredLine(float(frequency), float(amplitude), level, overtones[k], to_modes.get(k), line, difference)
+        )
     return tuple(rows)
+
+
+def _overtones(measured: Spectral, simulated: Spectral, to_lines: list[Match | None]) -> list[Overtone | None]:
+    """Which measured lines are harmonics: of a measured one or, where that is not measured, by their simulated pair."""
+    found, theirs = (
+        find_harmonics(record.frequency_Hz, record.amplitude, record.tones.spectrum.resolution_Hz)
+        for record in (measured, simulated)
+    )
+    taken = {match.reference for match in to_lines if match is not None and match.paired}
+    overtones: list[Overtone | None] = []
+    for harmonic, match in zip(found, to_lines, strict=True):
+        pair = theirs[match.reference] if match is not None and match.paired else None
+        if harmonic is not None:
+            overtones.append(Overtone(harmonic.order, float(measured.frequency_Hz[harmonic.fundamental]), False))
+        elif pair is not None and pair.fundamental not in taken:
+            overtones.append(Overtone(pair.order, float(simulated.frequency_Hz[pair.fundamental]), True))
+        else:
+            overtones.append(None)
+    return overtones
+
+
+def _told_levels(measured: str, simulated: str, unit: str, largest: tuple[float, float]) -> str:
+    """What 0 dB is."""
+    if unit:
+        return f"levels are those of rms values, in dB re {level_reference(unit).written}"
+    own = parse_unit(simulated)
+    each = []
+    for name, si, amplitude in (("measured", measured, largest[0]), ("simulated", own.si if own else "", largest[1])):
+        reference = level_reference(si)
+        level = f"{si} rms, {float(level_dB(amplitude, reference.rms)):.1f} dB re {reference.written}"
+        each.append(f"{name} {amplitude / np.sqrt(2):.4g} {level if si else 'rms without a unit'}")
+    return f"0 dB is the largest line of each record: {'; '.join(each)}"
 
 
 def _told(saved: SavedHistory, measured: Measured, edge: float | None, unit: str, order: int) -> tuple[str, ...]:

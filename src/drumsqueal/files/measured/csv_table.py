@@ -29,15 +29,16 @@ def read_csv(path: Path, channel: str | None, rate: float | None, unit: Unit | N
     told: list[str] = []
     table, numbers = _table(path, lines, layout, told)
     place, sampling = _sampling(path, layout.columns, table, numbers, rate, told)
-    others = [k for k in range(len(layout.columns)) if k != place]
+    beside = [k for k in range(len(layout.columns)) if k != place]
+    others = [k for k in beside if not _is_count(table[:, k])] or beside
     if not others:
         raise RequestError(f"{path}: there is no column beside the time; write one for each signal")
     at = others[pick_channel(path, [layout.columns[k].name for k in others], channel)]
     column = layout.columns[at]
-    own = unit or (parse_unit(column.unit) if column.unit else None)
-    if column.unit and own is None:
+    own = parse_unit(column.unit) if column.unit else None
+    if column.unit and own is None and unit is None:
         told.append(f"{column.unit!r} is no unit of a known quantity")
-    return measured_in(own, column.name, sampling.rate, sampling.start, table[:, at], told)
+    return measured_in(unit, own, column.name, sampling.rate, sampling.start, table[:, at], told)
 
 
 def _lines(path: Path) -> tuple[list[Line], list[Line]]:
@@ -49,7 +50,7 @@ def _lines(path: Path) -> tuple[list[Line], list[Line]]:
         try:
             text = content.decode("utf-8-sig")
         except UnicodeDecodeError:
-            text = content.decode("latin-1")  # in which instruments write µ and ²
+            text = content.decode("cp1252", errors="replace")  # in which instruments write µ, ² and dashes
     lines: list[Line] = []
     comments: list[Line] = []
     for k, line in enumerate(text.splitlines(), start=1):
@@ -136,12 +137,16 @@ def _sampling(
     return place, sampling
 
 
+def _is_count(values: NDArray[np.float64]) -> bool:
+    """Whether a column is a mere count of the rows."""
+    return values.size > 1 and bool(np.all(np.diff(values) == 1.0))
+
+
 def _may_be_time(values: NDArray[np.float64]) -> bool:
     """Whether a column increases evenly, and is not a mere count of the rows."""
-    if not np.all(np.isfinite(values)) or values.size < 2:
+    if not np.all(np.isfinite(values)) or values.size < 2 or _is_count(values):
         return False
-    steps = np.diff(values)
-    if not steps.min() > 0 or np.all(steps == 1.0):
+    if not np.diff(values).min() > 0:
         return False
     try:
         even_sampling(values)

@@ -71,7 +71,8 @@ def find_layout(path: object, lines: list[Line], comments: list[Line]) -> Layout
     """How the lines (without blank ones and comments) are laid out. Raises RequestError where no numbers are found."""
     found = [(separator, *where) for separator in SEPARATORS if (where := _first_row(lines, separator)) is not None]
     if not found:
-        raise RequestError(f"{path}: no table of numbers is found in it; write one with a column for each signal")
+        told = "write one with a column for each signal, and times in seconds, not as dates or clocks"
+        raise RequestError(f"{path}: no table of numbers is found in it; {told}")
     separator, first, width = max(found, key=lambda each: each[2])  # of several the first
     rows = [line for _, line in lines[first:]]
     header = [text for _, text in lines[:first]]
@@ -160,12 +161,17 @@ def _is_unit(cell: str) -> bool:
 
 
 def _name_and_unit(cell: str) -> tuple[str, str]:
-    """Name and unit of "velocity (mm/s)", "velocity [mm/s]", "velocity in mm/s", "velocity / (mm/s)", "time_ms"."""
+    """Name and unit of "velocity (mm/s)", "v [mm/s]", "v in mm/s", "v / (mm/s)", "v/(mm/s)", "v, mm/s", "time_ms"."""
+    name = cell.strip()
+    if parse_unit(name) is not None:  # the unit is all that is told
+        return name, name
     found = re.fullmatch(r"(.*?)\s*/?\s*[\[(]([^\])]*)[\])]\s*", cell) or re.fullmatch(
         r"(.*\S)\s+(?:in|/)\s+(\S+)", cell
     )
     if found is None:
-        found = re.fullmatch(r"((?:t|time|zeit)\w*)_([a-zµμ]+)", cell, re.IGNORECASE)
-        if found is None or found[2] not in TIME_UNITS:
-            return cell.strip(), ""
-    return found[1].strip(), found[2].strip()
+        found = re.fullmatch(r"([^/,]*[^/,\s])(?:/|,\s*)(\S.*)", name)
+        found = found if found and (found[2] in TIME_UNITS or parse_unit(found[2]) is not None) else None
+    if found is None:
+        found = re.fullmatch(r"(.*[^\W_])[_\s,]+(\S+)", name)
+        found = found if found and found[2] in TIME_UNITS and Column(found[1], "").is_time else None
+    return (name, "") if found is None else (found[1].strip(), found[2].strip())

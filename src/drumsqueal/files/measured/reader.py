@@ -6,8 +6,9 @@ import numpy as np
 
 from drumsqueal.errors import RequestError
 from drumsqueal.files.measured.csv_table import read_csv
-from drumsqueal.files.measured.record import QUANTITIES, Measured, Unit, parse_unit
+from drumsqueal.files.measured.record import Measured, Unit, known_units, parse_unit
 from drumsqueal.files.measured.sampling import longest_whole
+from drumsqueal.time_window import time_window
 
 FORMATS = "CSV, UFF58 and WAV are read"
 FEWEST = 64  # samples
@@ -52,8 +53,8 @@ def read_measured(
 def _given(unit: str) -> Unit:
     found = parse_unit(unit)
     if found is None:
-        known = ", ".join(f"{si} ({quantity})" for si, quantity in QUANTITIES.items())
-        raise RequestError(f'--unit {unit}: write a unit of the kind of {known}, such as "mm/s" or "50 mm/s"')
+        wrong = f"--unit {unit}: this unit is not known"
+        raise RequestError(f'{wrong}; write one such as "mm/s" or, calibrated, "50 mm/s", of {known_units()}')
     return found
 
 
@@ -86,12 +87,15 @@ def _windowed(path: Path, measured: Measured, first: float | None, last: float |
     """The part from `first` to `last` (s), both ends in it, with samples enough."""
     rate, start, count = measured.sample_rate, measured.start_s, measured.values.size
     end = start + (count - 1) / rate
+    if count < FEWEST:
+        raise RequestError(f"{path}: {count} samples are too few; at least {FEWEST} are needed")
+    since, until = time_window(str(path), (start, end), 1 / rate, first, last)
     # A thousandth of an interval: a time that was rounded still names its sample.
-    begin = 0 if first is None else int(np.clip(np.ceil((first - start) * rate - 1e-3), 0, count))
-    stop = count if last is None else int(np.clip(np.floor((last - start) * rate + 1e-3) + 1, begin, count))
+    begin = int(np.clip(np.ceil((since - start) * rate - 1e-3), 0, count))
+    stop = int(np.clip(np.floor((until - start) * rate + 1e-3) + 1, begin, count))
     if stop - begin < FEWEST:
-        told = f"{path}: {stop - begin} samples are left of {count} from {start:.6g} to {end:.6g} s"
-        raise RequestError(f"{told}, at least {FEWEST} are needed; take a longer part with --from and --until")
+        told = f"{path}: {since:.9g} to {until:.9g} s hold {stop - begin} samples, at least {FEWEST} are needed"
+        raise RequestError(f"{told}; take a longer part of {start:.9g} to {end:.9g} s with --from and --until")
     return measured._replace(values=measured.values[begin:stop], start_s=start + begin / rate)
 
 

@@ -23,21 +23,45 @@ QUANTITIES = {
     "N*m": "torque",
 }
 STANDARD_GRAVITY = 9.80665  # m/s²
-_OWN = {"g": ("m/s^2", STANDARD_GRAVITY), "g_n": ("m/s^2", STANDARD_GRAVITY), "Nm": ("N*m", 1.0)}  # not gram, nanometre
+# Where others would mean a gram, a nanometre, or a turn's 6400th part.
+_OWN = {
+    "g": ("m/s^2", STANDARD_GRAVITY),
+    "g_n": ("m/s^2", STANDARD_GRAVITY),
+    "Nm": ("N*m", 1.0),
+    "mil": ("m", 2.54e-5),
+}
+# What other units are made of, in products, quotients and powers; "um" and a Greek letter are as good as "µm".
+_PARTS = {
+    "length": ("m", "cm", "mm", "µm", "nm", "pm", "in", "ft"),
+    "time": ("s", "ms", "min"),
+    "angle": ("rad", "mrad", "µrad", "deg", "rev", "rpm"),
+    "pressure": ("Pa", "µPa", "mPa", "hPa", "kPa", "MPa", "bar", "mbar", "psi"),
+    "force": ("N", "µN", "mN", "kN", "lbf"),
+}
+_KNOWN = frozenset(part for parts in _PARTS.values() for part in parts) | {
+    *("°", "degree", "degrees", "sec", "inch"),
+    *(part.replace("µ", "u") for parts in _PARTS.values() for part in parts),
+}
+_SAME = 0.01  # relative, of two factors that are the same unit: standard gravity is 9.81 m/s² to many
 _NAME = 40  # letters
 _LISTED = 12  # channels that a message names
 
 
 class Unit(NamedTuple):
-    """A unit by the SI unit of the same quantity, and how many of these it is."""
+    """A unit by the SI unit of the same quantity, how many of these it is, and as it was written."""
 
     si: str
     factor: float
+    written: str
 
     @property
     def quantity(self) -> str:
         """What has this unit."""
         return QUANTITIES[self.si]
+
+    def same_as(self, other: "Unit") -> bool:
+        """Whether the other is this unit, to the digits that people write."""
+        return self.si == other.si and abs(self.factor / other.factor - 1) <= _SAME
 
 
 class Measured(NamedTuple):
@@ -68,9 +92,18 @@ class Measured(NamedTuple):
 
 
 def measured_in(
-    unit: Unit | None, name: str, rate: float, start: float, values: NDArray[np.float64], told: list[str]
+    given: Unit | None,
+    own: Unit | None,
+    name: str,
+    rate: float,
+    start: float,
+    values: NDArray[np.float64],
+    told: list[str],
 ) -> Measured:
-    """A record whose values are in `unit`, brought to SI; None where it is not known."""
+    """A record brought to SI from the unit that is given or, without one, its own; None is one that is not known."""
+    unit = given or own
+    if given is not None and own is not None and not given.same_as(own):
+        told.append(f"the unit is that of --unit, {given.written}, although the file says {own.written}")
     if unit is None:
         return Measured(printable(name), "", "", rate, start, values, tuple(told))
     return Measured(printable(name), unit.quantity, unit.si, rate, start, values * unit.factor, tuple(told))
@@ -80,19 +113,27 @@ def measured_in(
 def parse_unit(text: str) -> Unit | None:
     """A unit such as "mm/s", "g" (standard gravity) or, of a calibration, "50 mm/s"; None for what is none of them.
 
-    Only units of the quantities above are known.
+    Only units that `known_units` names, of the quantities above, are known.
     """
     number, written = _split(text)
     if written in _OWN:
         si, factor = _OWN[written]
-        return Unit(si, number * factor)
+        return Unit(si, number * factor, text.strip()) if number > 0 else None
+    if not _KNOWN.issuperset(re.findall(r"[^\W\d_²³]+|°", written.replace("μ", "µ"))):
+        return None
     for si in QUANTITIES:
         try:
             factor = parse_quantity(f"{number!r} {written}", si)
         except SceneError:
             continue
-        return Unit(si, factor) if factor > 0 else None
+        return Unit(si, factor, text.strip()) if factor > 0 else None
     return None
+
+
+def known_units() -> str:
+    """What units may be made of, as an error tells it."""
+    own, parts = ", ".join(_OWN), "; ".join(f"{kind} {', '.join(units)}" for kind, units in _PARTS.items())
+    return f"{own}, or made of {parts}"
 
 
 def _split(text: str) -> tuple[float, str]:

@@ -24,7 +24,6 @@ from drumsqueal.files.universal import (
 
 COMPLEX = (5, 6)  # types of the numbers
 _MARK = b"    -1"  # begins and ends a data set
-SAME = 0.01  # relative, of two factors that are the same unit
 
 
 def read_uff58(path: Path, channel: str | None, rate: float | None, unit: Unit | None) -> Measured:
@@ -44,8 +43,9 @@ def read_uff58(path: Path, channel: str | None, rate: float | None, unit: Unit |
         raise RequestError(f"{path}: {names[at]!r} holds {values.size} of its {record['num_pts']} samples; it is cut")
     values = np.asarray(values[: record["num_pts"]], dtype=np.float64)  # binary ones may have a line break behind
     sampling = _sampling(path, record, rate, told)
-    own = unit or _unit(record, system, told)
-    return measured_in(own, names[at], sampling.rate, sampling.start, values, told)
+    # Where a unit is given, what is to be said of the file's own is that it is another.
+    own = _unit(record, system, [] if unit else told)
+    return measured_in(unit, own, names[at], sampling.rate, sampling.start, values, told)
 
 
 def _data_sets(path: Path) -> tuple[list[dict[str, Any]], dict[str, Any] | None]:
@@ -108,10 +108,12 @@ def _unit(record: dict[str, Any], system: dict[str, Any] | None, told: list[str]
     written = parse_unit(label) if label and label.upper() != "NONE" else None
     by_type = _by_type(record, system)
     if written is not None and by_type is not None:
-        if written.si != by_type.si or abs(written.factor / by_type.factor - 1) > SAME:
+        if not written.same_as(by_type):
             told.append(f"its label says {label}, data set 164 another unit: taken as unknown; --unit would say")
             return None
         return by_type
+    if written is None and by_type is None and label and label.upper() != "NONE":
+        told.append(f"{label!r} is no unit of a known quantity")
     return written or by_type
 
 
@@ -127,6 +129,8 @@ def _by_type(record: dict[str, Any], system: dict[str, Any] | None) -> Unit | No
     else:
         return None
     if known.about and abs(int(record.get("rsp_dir", 0))) in ROTATIONS:  # angles are in radians in every system
-        return Unit(known.about, force * length if known.quantity == "force" else 1.0)
-    factor = {"force": force, "pressure": force / length**2}.get(known.quantity, length)
-    return Unit(known.unit, factor)
+        si, factor = known.about, force * length if known.quantity == "force" else 1.0
+    else:
+        si = known.unit
+        factor = {"force": force, "pressure": force / length**2}.get(known.quantity, length)
+    return Unit(si, factor, si if factor == 1 else f"{factor:.6g} {si}")

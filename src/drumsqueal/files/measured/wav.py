@@ -38,4 +38,4 @@ def read_wav(path: Path, channel: str | None, rate: float | None, unit: Unit | N
         clipped = int(np.sum(np.abs(values) >= CLIPPED))
         if clipped > 1:
             told.append(f"{clipped} samples are at full scale: where it is clipped, harmonics and sums are its own")
-    return measured_in(unit, names[at], float(rate or own_rate), 0.0, values, told)
+    return measured_in(unit, None, names[at], float(rate or own_rate), 0.0, values, told)
