@@ -21,15 +21,17 @@ from drumsqueal.studies.onset.rows import Row
 from drumsqueal.studies.onset.study import OnsetStudy, Prediction, compare
 
 
-def study_into(folder: Path, predicted: Prediction, within: float, console: Console, *, cycles: bool) -> dict[str, Any]:
+def study_into(
+    folder: Path, predicted: Prediction, within: float, console: Console, *, smallest_kick: bool, cycles: bool
+) -> dict[str, Any]:
     """Compare a prediction with transients, write table, summary and figure, print and return what was found.
 
-    With `cycles` they are followed over the range, too, and drawn into the figure.
+    With `smallest_kick` it is sought, too; with `cycles` they are followed over the range and drawn into the figure.
 
     Raises IntegrationError for a study that was interrupted; the values done until then are in the table.
     """
     with told_what_is_kept(folder / ONSET_TABLE):
-        study = _study(folder, predicted, within, console)
+        study = _study(folder, predicted, within, console, smallest_kick=smallest_kick)
         found = to_data(study)
         write_json(found, folder / ONSET_SUMMARY)
         stop_if_interrupted()
@@ -44,7 +46,9 @@ def study_into(folder: Path, predicted: Prediction, within: float, console: Cons
     return found
 
 
-def _study(folder: Path, predicted: Prediction, within: float, console: Console) -> OnsetStudy:
+def _study(
+    folder: Path, predicted: Prediction, within: float, console: Console, *, smallest_kick: bool
+) -> OnsetStudy:
     names = predicted.family.moving
 
     def keep(rows: Sequence[Row]) -> None:
@@ -57,7 +61,7 @@ def _study(folder: Path, predicted: Prediction, within: float, console: Console)
         def show(what: str, done: int, total: int) -> None:
             progress.update(task, description=what, completed=done, total=total)
 
-        return compare(predicted, within, keep, show)
+        return compare(predicted, within, keep, show, smallest_kick=smallest_kick)
 
 
 def _follow(predicted: Prediction, console: Console) -> Diagram:

@@ -139,15 +139,19 @@ class Family:
         modes = self.modes(point)
         return [Start(f"kick {mode.label}", *self._scaled(mode, model, KICK, min)) for mode in modes]
 
-    def _scaled(
-        self, mode: Mode, model: Model, share: float, which: Callable[[Iterable[float]], float]
-    ) -> NDArray[np.float64]:
-        """Departure and velocity (2, n) of a mode, at a size at which one of the edges is reached to that share."""
+    def reach(self, mode: Mode, model: Model) -> tuple[NDArray[np.complex128], list[float]]:
+        """Displacement and velocity (2, n) of a mode, and which shares of the edges it comes to; none where it cannot."""
         half = len(self.names)
         shape = np.array([self.shown(part) for part in (mode.right[:half], mode.right[half:])])
         turns = np.exp(2j * np.pi * np.arange(32) / 32)
         departure, velocity = ((turns[:, None] * part).real for part in shape)
-        reached = [each for each in edge_shares(model, departure, velocity) if each > 0]
+        return shape, [each for each in edge_shares(model, departure, velocity) if each > 0]
+
+    def _scaled(
+        self, mode: Mode, model: Model, share: float, which: Callable[[Iterable[float]], float]
+    ) -> NDArray[np.float64]:
+        """Departure and velocity (2, n) of a mode, at a size at which one of the edges is reached to that share."""
+        shape, reached = self.reach(mode, model)
         return np.real(shape) * (share / which(reached) if reached else 0.0)
 
 

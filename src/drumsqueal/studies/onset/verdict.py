@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from drumsqueal.linear.branches import DIVERGENCE, Critical
 from drumsqueal.scene.variation import Variation
 from drumsqueal.studies.onset.attractors import FAILED, UNDECIDED
-from drumsqueal.studies.onset.rows import KICKED, NEUTRAL, NOWHERE, SQUEALS, STABLE, Range
+from drumsqueal.studies.onset.rows import KICKED, NEUTRAL, NOWHERE, SQUEALS, STABLE, Kick, Range
 from drumsqueal.studies.onset.study import OnsetStudy
 
 EXACT = 1e-6  # relative uncertainty that is not worth telling
@@ -16,7 +16,8 @@ def verdict(study: OnsetStudy) -> str:
     """Say where the eigenvalues predict squeal, where a kick is enough for it, and at which frequency it is then."""
     along = study.variation
     low, high = sorted((along.first, along.last))
-    return f"Along {along.key} from {along.shown(low):.6g} to {along.told(high)} {_linear(study)}; {_kicked(study)}."
+    told = f"Along {along.key} from {along.shown(low):.6g} to {along.told(high)} {_linear(study)}; {_kicked(study)}."
+    return " ".join([told, *_smallest_kicks(study)])
 
 
 def _linear(study: OnsetStudy) -> str:
@@ -78,6 +79,20 @@ def _kicked(study: OnsetStudy) -> str:
     return f"{text}, and it then squeals at {heard}{compared}"
 
 
+def _smallest_kicks(study: OnsetStudy) -> list[str]:
+    """How hard it must be kicked at least and at most, over the values."""
+    found = sorted(((row.value, row.kick) for row in study.rows if row.kick), key=lambda each: each[1].energy)
+    if not found:
+        return []
+    ends = [found[0], found[-1]] if len(found) > 1 else found
+    told = " to ".join(f"{_kick(kick)} at {study.variation.shown(value):.6g}" for value, kick in ends)
+    return [f"The smallest kick along a mode that starts it moves the lining's surface at {told}."]
+
+
+def _kick(kick: Kick) -> str:
+    return f"{with_uncertainty(kick.speed, kick.speed_uncertainty)} m/s ({kick.energy:.2g} J)"
+
+
 def _value(along: Variation, value: float, uncertainty: float | None) -> str:
     if not uncertainty or uncertainty < EXACT * abs(value):
         return f"{along.shown(value):.6g}"
@@ -119,6 +134,10 @@ def reservations(study: OnsetStudy) -> tuple[str, ...]:
     ]
     if open_ends:
         found.append(f"Squeal after a kick goes on beyond {_joined(open_ends)}, where the range ends.")
+    unmoved = [row.value for row in asked if study.smallest_kick and row.kind == KICKED and row.kick is None]
+    if unmoved:
+        told = "squeal that a neighbour's motion leads to"
+        found.append(f"No kick along a mode that was tried starts the {told}: {_values(study, unmoved)}.")
     if any(each.kind == KICKED for each in study.ranges):
         found.append("Kicks that were not tried may squeal elsewhere, too: a range called stable was not proved so.")
     return tuple(found)
