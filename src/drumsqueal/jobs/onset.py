@@ -46,9 +46,7 @@ def study_into(
     return found
 
 
-def _study(
-    folder: Path, predicted: Prediction, within: float, console: Console, *, smallest_kick: bool
-) -> OnsetStudy:
+def _study(folder: Path, predicted: Prediction, within: float, console: Console, *, smallest_kick: bool) -> OnsetStudy:
     names = predicted.family.moving
 
     def keep(rows: Sequence[Row]) -> None:
