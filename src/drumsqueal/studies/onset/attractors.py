@@ -140,7 +140,7 @@ class Family:
         return [Start(f"kick {mode.label}", *self._scaled(mode, model, KICK, min)) for mode in modes]
 
     def reach(self, mode: Mode, model: Model) -> tuple[NDArray[np.complex128], list[float]]:
-        """Displacement and velocity (2, n) of a mode, and the shares of the edges that it comes to, none where it cannot."""
+        """Displacement and velocity (2, n) of a mode, and the shares of the edges it comes to, none where it cannot."""
         half = len(self.names)
         shape = np.array([self.shown(part) for part in (mode.right[:half], mode.right[half:])])
         turns = np.exp(2j * np.pi * np.arange(32) / 32)
