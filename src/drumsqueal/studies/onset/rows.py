@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.linear.branches import Critical, Point
-from drumsqueal.studies.onset.attractors import FAILED, UNDECIDED, Ending
+from drumsqueal.studies.onset.attractors import FAILED, RUNS_AWAY, UNDECIDED, Ending
 from drumsqueal.studies.onset.attractors import NEUTRAL as HANGS_ON_START
 
 STABLE, KICKED, SQUEALS = "stable", "squeals when kicked", "squeals"
@@ -65,7 +65,7 @@ class Row(NamedTuple):
             return SQUEALS
         if self.strongest is not None:
             return KICKED
-        if any(ending.kind in (UNDECIDED, FAILED) for ending in self.endings):
+        if any(ending.kind in (UNDECIDED, RUNS_AWAY, FAILED) for ending in self.endings):
             return UNKNOWN
         return NEUTRAL if any(ending.kind == HANGS_ON_START for ending in self.endings) else STABLE
 

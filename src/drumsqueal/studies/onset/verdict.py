@@ -3,9 +3,10 @@
 import math
 from collections.abc import Sequence
 
+from drumsqueal.comparison.verdict import SMALL_ROTATION
 from drumsqueal.linear.branches import DIVERGENCE, Critical
 from drumsqueal.scene.variation import Variation
-from drumsqueal.studies.onset.attractors import FAILED, UNDECIDED
+from drumsqueal.studies.onset.attractors import FAILED, RUNS_AWAY, UNDECIDED
 from drumsqueal.studies.onset.rows import KICKED, NEUTRAL, NOWHERE, SQUEALS, STABLE, Kick, Range
 from drumsqueal.studies.onset.study import OnsetStudy
 
@@ -60,10 +61,11 @@ def _kicked(study: OnsetStudy) -> str:
     kicked = [each for each in study.ranges if each.kind == KICKED]
     if not kicked:
         kinds = {each.kind for each in study.ranges}
+        elsewhere = "elsewhere " if SQUEALS in kinds else ""
         if STABLE in kinds:
-            return "where they do not, no start that was tried squeals"
+            return f"{elsewhere}no start that was tried squeals"
         if NEUTRAL in kinds:
-            return "where they do not, motion neither grows nor decays: its size hangs on the start, which is no squeal"
+            return f"{elsewhere}motion neither grows nor decays, and is as large as its start made it: that is no squeal"
         return "there is nothing else to find"
     text = f"but a kick is enough for it {_joined([_place(study, each) for each in kicked])}"
     rows = [row for row in study.rows if row.kind == KICKED and row.strongest is not None]
@@ -120,7 +122,9 @@ def reservations(study: OnsetStudy) -> tuple[str, ...]:
     quiet = [row.value for row in asked if row.kind == SQUEALS and not any(each.lasts for each in row.endings)]
     if quiet:
         found.append(f"Unstable by its eigenvalues, but no transient squealed: {_values(study, quiet)}.")
-    for kind, told in ((UNDECIDED, "was still falling or rising at its end"), (FAILED, "failed")):
+    away = f"ran away, with the shoe turned by more than {SMALL_ROTATION:g} rad,"
+    ends = ((UNDECIDED, "was still falling or rising at its end"), (RUNS_AWAY, away), (FAILED, "failed"))
+    for kind, told in ends:
         values = [row.value for row in study.rows if any(ending.kind == kind for ending in row.endings)]
         if values:
             found.append(f"A transient {told} at {_values(study, values)}; see the table.")
