@@ -65,7 +65,9 @@ def _kicked(study: OnsetStudy) -> str:
         if STABLE in kinds:
             return f"{elsewhere}no start that was tried squeals"
         if NEUTRAL in kinds:
-            return f"{elsewhere}motion neither grows nor decays, and is as large as its start made it: that is no squeal"
+            return (
+                f"{elsewhere}motion neither grows nor decays, and is as large as its start made it: that is no squeal"
+            )
         return "there is nothing else to find"
     text = f"but a kick is enough for it {_joined([_place(study, each) for each in kicked])}"
     rows = [row for row in study.rows if row.kind == KICKED and row.strongest is not None]
