@@ -208,8 +208,8 @@ def test_the_smallest_kick_is_told_written_and_drawn(drumsqueal, tmp_path, monke
     assert "Smallest kick that starts squeal" in words
     assert summary["verdict"] in words
     first, last = min(kicks), max(kicks)
-    assert f"J) at {first:g} to " in summary["verdict"]
-    assert f"J) at {last:g}." in summary["verdict"]
+    assert f"J) at {first:g} rad/s, and up to " in summary["verdict"]
+    assert f"J) at {last:g} rad/s." in summary["verdict"]
     axes = drawn[0].axes[3]
     assert axes.get_ylabel() == "Smallest kick\n(m/s)"
     points = [line.get_xydata()[0].tolist() for line in axes.lines if line.get_marker() == "s"]

@@ -89,8 +89,8 @@ def _smallest_kicks(study: OnsetStudy) -> list[str]:
     if not found:
         return []
     ends = [found[0], found[-1]] if len(found) > 1 else found
-    told = " to ".join(f"{_kick(kick)} at {study.variation.shown(value):.6g}" for value, kick in ends)
-    return [f"The smallest kick along a mode that starts it moves the lining's surface at {told}."]
+    told = ", and up to ".join(f"{_kick(kick)} at {study.variation.told(value)}" for value, kick in ends)
+    return [f"The smallest kick along a mode that starts it gives the lining's surface {told}."]
 
 
 def _kick(kick: Kick) -> str:
