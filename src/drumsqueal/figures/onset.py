@@ -140,7 +140,9 @@ def _draw_kicks(axes: Axes, study: OnsetStudy) -> None:
     kicks = [(row.value, row.kick) for row in study.rows if row.kick is not None]
     for value, kick in kicks:
         colour = style.COLOUR[kick.mode.split()[0]]
-        axes.errorbar(value, kick.speed, kick.speed_uncertainty, color=colour, elinewidth=0.7, **MARKER | SQUARE)
+        axes.plot(value, kick.speed, color=colour, **MARKER | SQUARE)
+        ends = [kick.speed - kick.speed_uncertainty, kick.speed + kick.speed_uncertainty]
+        axes.plot([value, value], ends, color=colour, linewidth=0.7)
     axes.set_ylim(0, ROOM * max(kick.speed + kick.speed_uncertainty for _, kick in kicks))
     frame(axes, None, "Smallest kick\n(m/s)")
 

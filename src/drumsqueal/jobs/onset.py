@@ -22,7 +22,7 @@ from drumsqueal.studies.onset.study import OnsetStudy, Prediction, compare
 
 
 def study_into(
-    folder: Path, predicted: Prediction, within: float, console: Console, *, smallest_kick: bool, cycles: bool
+    folder: Path, predicted: Prediction, within: float, console: Console, *, smallest_kick: bool = False, cycles: bool
 ) -> dict[str, Any]:
     """Compare a prediction with transients, write table, summary and figure, print and return what was found.
 

@@ -97,7 +97,7 @@ def study_motion(
     *,
     at_most: float = AT_MOST,
     on_progress: OnProgress | None = None,
-    on_lines: Callable[[MotionStudy], None] | None = None,
+    on_lines: Callable[[MotionStudy], object] | None = None,
 ) -> MotionStudy:
     """Tell which kind of motion a scene settles to: `study_motion(scene).kind`, `.bases`, `.exponents`.
 
