@@ -1,6 +1,7 @@
 """Linear against nonlinear onset along a parameter: motions that last, their frequencies, and the growth rates."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -27,7 +28,7 @@ from drumsqueal.studies.onset.study import OnsetStudy
 SHADES = {STABLE: STABLE_COLOUR, NEUTRAL: "#E3EEDC", KICKED: "#F2E6CC", SQUEALS: UNSTABLE_COLOUR}
 OTHER = style.PALE
 MARKER = {"marker": "o", "markersize": 3.2, "linestyle": "", "markeredgewidth": 0.7}
-SQUARE = {"marker": "s"}  # of kicks: these are no motions
+SQUARE: dict[str, Any] = MARKER | {"marker": "s"}  # of kicks: these are no motions
 DASHES = (0, (3, 2))  # of unstable cycles
 ROOM = 1.25  # above the largest amplitude, for the names of the ranges
 NARROW = 0.14  # share of the width below which a range has no name of its own
@@ -140,7 +141,7 @@ def _draw_kicks(axes: Axes, study: OnsetStudy) -> None:
     kicks = [(row.value, row.kick) for row in study.rows if row.kick is not None]
     for value, kick in kicks:
         colour = style.COLOUR[kick.mode.split()[0]]
-        axes.plot(value, kick.speed, color=colour, **MARKER | SQUARE)
+        axes.plot(value, kick.speed, color=colour, **SQUARE)
         ends = [kick.speed - kick.speed_uncertainty, kick.speed + kick.speed_uncertainty]
         axes.plot([value, value], ends, color=colour, linewidth=0.7)
     axes.set_ylim(0, ROOM * max(kick.speed + kick.speed_uncertainty for _, kick in kicks))
