@@ -619,6 +619,32 @@ def test_where_nothing_else_leads_to_a_cycle_a_kick_does(damped, monkeypatch):
     assert kicked.cycle.frequency_Hz == pytest.approx(known.cycle.frequency_Hz, rel=1e-8)
 
 
+def test_where_only_an_unstable_cycle_is_found_a_kick_is_tried_too(damped, search, monkeypatch):
+    unstable = search.cycle._replace(multipliers=2 * search.cycle.multipliers / search.cycle.largest)
+    kicked = search.cycle._replace(period_s=1.1 * search.cycle.period_s)
+    recorded: list[str] = []
+
+    def transient(prepared):
+        recorded.append(prepared.scene.start.displacement)
+        period = None if len(recorded) < 3 else kicked.period_s
+        return search_module._Record(np.zeros(1), np.zeros((1, 6)), "comes to rest in steady sliding", period)
+
+    def close(model, start, steady):
+        return kicked if "kicked" in start.origin else unstable
+
+    monkeypatch.setattr(search_module, "_recorded", transient)
+    monkeypatch.setattr(search_module, "modal_starts", lambda *_: iter([Start(np.zeros(6), 1e-3, "along mode Y")]))
+    monkeypatch.setattr(search_module, "cycle_from", close)
+    found = find_cycle(damped)
+    # The second kick leads to a cycle, so that the third mode is not kicked.
+    assert len(recorded) == 3
+    assert found.origin.startswith("the end of a transient kicked along mode")
+    assert (found.cycle.period_s, found.others) == (kicked.period_s, (unstable,))
+    # Where no kick leads anywhere the unstable one is what there is.
+    monkeypatch.setattr(search_module, "_recorded", lambda prepared: transient(prepared)._replace(period=None))
+    assert find_cycle(damped).cycle is unstable
+
+
 def test_a_range_through_a_drum_at_rest_is_refused(damped):
     with pytest.raises(SceneError, match="drum at rest"):
         follow_cycle(damped, "drum.speed", -1.0, 5.0)

@@ -210,7 +210,9 @@ def test_maps_of_a_sweep_have_no_text_that_overlaps(numbers):
     sweep = made_up_sweep(plan)
     amplitude = draw_amplitude(sweep, plan)
     assert amplitude is not None
-    for figure in (draw_stability(sweep, plan), amplitude):
+    stability = draw_stability(sweep, plan)
+    assert "by eigenvalues" in stability.get_suptitle()
+    for figure in (stability, amplitude):
         assert overlapping(figure) == []
         assert outside(figure) == []
         if numbers == 4:

@@ -14,6 +14,7 @@ from drumsqueal.comparison import decay
 from drumsqueal.figures.motion import draw_section
 from drumsqueal.signals import Bases, Regime
 from drumsqueal.signals.lyapunov import Exponents, lyapunov_exponents, orthonormalised
+from drumsqueal.studies import motion as study_module
 from drumsqueal.studies.motion import _section, _settled, _told, study_motion
 
 
@@ -240,6 +241,25 @@ def test_only_what_the_linear_model_damps_decays_to_rest(monkeypatch, share, rat
     assert found.kind == kind
     forced: Any = SimpleNamespace(forced=True)
     assert decay.decay_to_rest(regime("unknown"), record, slice(None), stability, modes, forced).kind == "unknown"
+
+
+def test_ctrl_c_keeps_the_lines(drumsqueal, tmp_path, monkeypatch):
+    def pressed(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(study_module, "neighbours", pressed)
+    monkeypatch.setattr(study_module, "LONGEST_START", 0.05)
+    folder = tmp_path / "out"
+    status, out, error = drumsqueal("motion", "scenarios/damped.toml", "-o", str(folder), "--duration", "0.1 s")
+    assert (status, out) == (1, "")
+    summary = folder / "motion.json"
+    assert error == f"drumsqueal: interrupted by the user; what was done until then is in {summary}\n"
+    found = json.loads(summary.read_text())
+    assert found["lyapunov_exponents_1_per_s"] is None
+    assert found["not_determined"][-1] == study_module.CUT_OFF
+    assert found["base_frequencies_Hz"]
+    assert len((folder / "motion.csv").read_text().splitlines()) > 1
+    assert {path.name for path in folder.iterdir()} == {"motion.json", "motion.csv"}
 
 
 @pytest.mark.slow

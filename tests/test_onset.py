@@ -20,7 +20,7 @@ from drumsqueal.effects.friction_law import ConstantLaw, ExponentialLaw
 from drumsqueal.errors import RequestError
 from drumsqueal.figures.onset import draw_onset
 from drumsqueal.history import COMPLETE
-from drumsqueal.linear.branches import follow_modes, point_at
+from drumsqueal.linear.branches import Branches, follow_modes, point_at
 from drumsqueal.model import Model, build_model
 from drumsqueal.scene import SceneError, load_scene
 from drumsqueal.scene.variation import Variation, read_variation
@@ -35,6 +35,7 @@ from drumsqueal.studies.onset.attractors import (
     DECAYS,
     GROWS,
     NEUTRAL,
+    RUNS_AWAY,
     SQUEALS,
     UNDECIDED,
     Ending,
@@ -45,7 +46,7 @@ from drumsqueal.studies.onset.attractors import (
 )
 from drumsqueal.studies.onset.rows import KICKED, STABLE, Row, find_ranges
 from drumsqueal.studies.onset.rows import SQUEALS as UNSTABLE
-from drumsqueal.studies.onset.study import Prediction, compare, predict, study_onset
+from drumsqueal.studies.onset.study import OnsetStudy, Prediction, compare, predict, study_onset
 from drumsqueal.studies.onset.verdict import reservations, verdict, with_uncertainty
 from drumsqueal.studies.saturated import Saturated, saturated_motions
 
@@ -324,13 +325,40 @@ def test_where_no_mode_grows_or_decays_motion_is_neutral_unless_it_comes_back(mo
     assert found.motion.at_rest == (found.motion.frequency_Hz is None) == (kind == DECAYS)
 
 
+def test_a_shoe_that_nothing_holds_runs_away_and_does_not_squeal():
+    # Without supports it turns about the drum's axis, by e^(7.7 t) at 40 rad/s, while every mode decays; neither edge
+    # is any nearer for that.
+    scene = load_scene(DAMPED, ["support=none", "drum.speed=40"])
+    predicted = predict(scene, Variation("drum.speed", "rad/s", (40.0, 45.0)))
+    point = predicted.linear.points[0]
+    assert point.divergence == pytest.approx(7.73, rel=1e-2)
+    assert all(mode.growth_rate < 0 for mode in point.modes)
+    start = predicted.family.small_start(point, predicted.family.model_at(40.0))
+    (found,) = find_endings(predicted.family, [(point, start)], predicted.how)
+    assert found.kind == RUNS_AWAY
+    assert not found.lasts
+    assert max(found.motion.edge_shares) < 0.1
+    # Seldom does a kick make one run away where small motion dies away: such a value is not called stable.
+    calm = point._replace(divergence=None)
+    row = Row(calm, (found._replace(start="kick"),), asked=True)
+    assert row.kind == "undecided"
+    (told,) = (line for line in reservations(study_of(scene, row)) if "ran away" in line)
+    assert told == "A transient ran away, with the shoe turned by more than 0.1 rad, at 40; see the table."
+
+
+def study_of(scene, row: Row) -> OnsetStudy:
+    linear = Branches((row.point,), (), ())
+    variation = Variation("drum.speed", "rad/s", (row.value, row.value + 1))
+    return OnsetStudy(scene, variation, ("X", "Y", "Tz"), linear, (row,), find_ranges([row], ()), 0.1)
+
+
 def test_a_range_of_neutral_motion_is_no_squeal(nominal):
     linear = follow_modes(free, [1.0, 2.0])
     family, how = Family(free, ("X",), ("X",)), How(10.0, 1e-6, 60.0)
     variation = Variation("drum.speed", "m/s", (1.0, 2.0))
     study = compare(Prediction(nominal, variation, family, free, linear, how), 0.5, lambda _: None, lambda *_: None)
     assert [each.kind for each in study.ranges] == ["neutral"]
-    assert "predict no squeal; where they do not, motion neither grows nor decays" in verdict(study)
+    assert "predict no squeal; motion neither grows nor decays, and is as large" in verdict(study)
 
 
 def grazing_speed() -> float:
@@ -441,7 +469,7 @@ def test_no_hysteresis_leaves_the_critical_value_alone(nominal, monkeypatch):
     study = compare(predicted(nominal, [1.0, 1.1, 1.2, 1.3]), 1e-3, lambda _: None, lambda *_: None)
     assert [each.kind for each in study.ranges] == [UNSTABLE, STABLE]
     assert study.ranges[0].last == pytest.approx(HOPF, rel=1e-10)
-    assert verdict(study).endswith("where they do not, no start that was tried squeals.")
+    assert verdict(study).endswith("; elsewhere no start that was tried squeals.")
 
 
 def test_ranges_of_what_could_not_be_told():

@@ -37,6 +37,12 @@ def onset_command(
             "--within", metavar="SHARE", help="Share of the range within which ends of the kicked range are sought."
         ),
     ] = "0.1 %",
+    smallest_kick: Annotated[
+        bool,
+        typer.Option(
+            "--smallest-kick", help="Find the smallest kick that starts squeal, too, at each value where one is enough."
+        ),
+    ] = False,
     cycles: Annotated[
         bool, typer.Option("--cycles", help="Follow the cycles, too, stable or not, and draw them into the figure.")
     ] = False,
@@ -69,4 +75,5 @@ def onset_command(
         checked_range(loaded, variation)
     with claimed(folder, ONSET_FILES) as gone:
         reply.tell_removed(gone)
-        reply.send(study_into(folder, predicted, share, reply.console, cycles=cycles))
+        found = study_into(folder, predicted, share, reply.console, smallest_kick=smallest_kick, cycles=cycles)
+        reply.send(found)

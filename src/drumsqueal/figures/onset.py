@@ -1,6 +1,7 @@
 """Linear against nonlinear onset along a parameter: motions that last, their frequencies, and the growth rates."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -27,6 +28,7 @@ from drumsqueal.studies.onset.study import OnsetStudy
 SHADES = {STABLE: STABLE_COLOUR, NEUTRAL: "#E3EEDC", KICKED: "#F2E6CC", SQUEALS: UNSTABLE_COLOUR}
 OTHER = style.PALE
 MARKER = {"marker": "o", "markersize": 3.2, "linestyle": "", "markeredgewidth": 0.7}
+SQUARE: dict[str, Any] = MARKER | {"marker": "s"}  # of kicks: these are no motions
 DASHES = (0, (3, 2))  # of unstable cycles
 ROOM = 1.25  # above the largest amplitude, for the names of the ranges
 NARROW = 0.14  # share of the width below which a range has no name of its own
@@ -36,13 +38,16 @@ MICRO = 1e6
 
 @styled()
 def draw_onset(study: OnsetStudy, diagram: Diagram | None = None) -> Figure:
-    """Draw amplitudes, frequencies and growth rates over the parameter, the three ranges behind them.
+    """Draw amplitudes, frequencies, growth rates and the smallest kicks over the parameter, the ranges behind them.
 
     A filled marker is a motion that a small departure leads to, an empty one takes a kick or a neighbour's motion.
     The cycles of `diagram`, where it is given, run through them.
     """
     figure = new_figure(study.scene.title, f"onset along {study.variation.key}")
-    panels = figure.subplots(3, 1, sharex=True, height_ratios=[1.5, 1, 1])
+    kicks = any(row.kick for row in study.rows)
+    heights = [1.5, 1.0, 1.0, *[1.0] * kicks]
+    figure.set_figheight(figure.get_figheight() * sum(heights) / sum(heights[:3]))
+    panels = figure.subplots(len(heights), 1, sharex=True, height_ratios=heights)
     values = [row.value for row in study.rows]
     margin = MARGIN * (max(values) - min(values))
     panels[0].set_xlim(min(values) - margin, max(values) + margin)
@@ -51,9 +56,11 @@ def draw_onset(study: OnsetStudy, diagram: Diagram | None = None) -> Figure:
     _draw_amplitudes(panels[0], study, diagram)
     _draw_frequencies(panels[1], study)
     _draw_growth(panels[2], study)
+    if kicks:
+        _draw_kicks(panels[3], study)
     unit = f" ({study.variation.shown_unit})" if study.variation.shown_unit else ""
-    tick_in_units(panels[2].xaxis, study.variation.size)
-    panels[2].set_xlabel(f"{study.variation.key}{unit}")
+    tick_in_units(panels[-1].xaxis, study.variation.size)
+    panels[-1].set_xlabel(f"{study.variation.key}{unit}")
     figure.align_ylabels(panels)
     figure.legend(handles=_legend(study, diagram), loc="outside lower center", ncols=4)
     label_top_edge(panels[0], [(at, text, style.DARK) for at, text in _ends(study)], reach=4.0)
@@ -129,6 +136,18 @@ def _draw_growth(axes: Axes, study: OnsetStudy) -> None:
     frame(axes, None, "Growth rate\n(1/s)")
 
 
+def _draw_kicks(axes: Axes, study: OnsetStudy) -> None:
+    """Velocity of the lining's surface in the smallest kick that starts squeal, in the colour of the mode."""
+    kicks = [(row.value, row.kick) for row in study.rows if row.kick is not None]
+    for value, kick in kicks:
+        colour = style.COLOUR[kick.mode.split()[0]]
+        axes.plot(value, kick.speed, color=colour, **SQUARE)
+        ends = [kick.speed - kick.speed_uncertainty, kick.speed + kick.speed_uncertainty]
+        axes.plot([value, value], ends, color=colour, linewidth=0.7)
+    axes.set_ylim(0, ROOM * max(kick.speed + kick.speed_uncertainty for _, kick in kicks))
+    frame(axes, None, "Smallest kick\n(m/s)")
+
+
 def _shade(axes: Axes, study: OnsetStudy) -> None:
     left, right = axes.get_xlim()
     for each in study.ranges:
@@ -155,6 +174,7 @@ def _legend(study: OnsetStudy, diagram: Diagram | None) -> list[Line2D | Patch]:
         frequency, rate = branch.eigenvalues.imag / (2 * np.pi) / 1e3, branch.eigenvalues.real
         if _any_within(frequency, _frequency_limits(study)) or _any_within(rate, _growth_limits(study)):
             shown.append(branch.label.split()[0])
+    shown += [row.kick.mode.split()[0] for row in study.rows if row.kick]
     handles: list[Line2D | Patch] = []
     faces = {_face(row, each, colour) for row in study.rows for each in row.attractors}
     if colour in faces or any(_quiet(row) for row in study.rows):

@@ -39,7 +39,7 @@ def draw_stability(sweep: xarray.Dataset, plan: Plan) -> Figure:
 
 
 def _draw_map(sweep: xarray.Dataset, plan: Plan) -> Figure:
-    figure = new_figure(plan.scene.title, f"stability of steady sliding{fixed_in_words(sweep, plan)}")
+    figure = new_figure(plan.scene.title, f"stability of steady sliding by eigenvalues{fixed_in_words(sweep, plan)}")
     rows = panels(figure, sweep, plan)
     norm = _norm(sweep["largest_growth_rate"].values)
     seen: dict[str, Any] = {}
@@ -102,7 +102,7 @@ def _changes_sign(values: np.ndarray) -> bool:
 
 
 def _draw_curves(sweep: xarray.Dataset, plan: Plan) -> Figure:
-    figure = new_figure(plan.scene.title, "modes of steady sliding")
+    figure = new_figure(plan.scene.title, "modes of steady sliding by eigenvalues")
     upper, lower = figure.subplots(2, 1, sharex=True)
     x = sweep[plan.keys[0]].values
     upper.axhline(0, color=style.DARK, linewidth=0.6)

@@ -1,5 +1,6 @@
 """The study of a motion into one folder: summary, lines and figures."""
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,8 @@ from drumsqueal.studies.motion import LONGEST_START, MotionStudy, study_motion
 def study_into(folder: Path, scene: Scene, duration: float, at_most: float, console: Console) -> dict[str, Any]:
     """Study the motion of a scene, write summary, lines and figures into the folder, print and return what was found.
 
-    Raises IntegrationError for a study that failed or was interrupted.
+    Summary and lines are there before nearby motions are followed. Raises IntegrationError for a study that failed or
+    was interrupted.
     """
     with told_what_is_kept(folder / MOTION_SUMMARY):
         with progress_bar(console) as progress:
@@ -32,10 +34,9 @@ def study_into(folder: Path, scene: Scene, duration: float, at_most: float, cons
             def show(label: str, reached: float) -> None:
                 progress.update(task, description=label, completed=reached, reached=f"{reached:.4f} s")
 
-            study = study_motion(scene, duration, at_most=at_most, on_progress=show)
-        found = to_data(study)
-        write_json(found, folder / MOTION_SUMMARY)
-        write_whole(folder / MOTION_TABLE, rows_to_csv(_rows(study)).encode())
+            keep = partial(_write, folder)
+            study = study_motion(scene, duration, at_most=at_most, on_progress=show, on_lines=keep)
+        found = _write(folder, study)
         stop_if_interrupted()
         figures = {LINES: draw_lines(study), SECTION: draw_section(study), CONVERGENCE: draw_convergence(study)}
         save_figures({name: figure for name, figure in figures.items() if figure is not None}, folder)
@@ -43,6 +44,13 @@ def study_into(folder: Path, scene: Scene, duration: float, at_most: float, cons
     print_study(console, study)
     left = "Summary, lines and figures are" if study.lines is not None else "Summary is"
     console.print(printable(f"{left} in {folder}"), soft_wrap=True)
+    return found
+
+
+def _write(folder: Path, study: MotionStudy) -> dict[str, Any]:
+    found = to_data(study)
+    write_json(found, folder / MOTION_SUMMARY)
+    write_whole(folder / MOTION_TABLE, rows_to_csv(_rows(study)).encode())
     return found
 
 

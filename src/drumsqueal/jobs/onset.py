@@ -21,16 +21,18 @@ from drumsqueal.studies.onset.rows import Row
 from drumsqueal.studies.onset.study import OnsetStudy, Prediction, compare
 
 
-def study_into(folder: Path, predicted: Prediction, within: float, console: Console, *, cycles: bool) -> dict[str, Any]:
+def study_into(
+    folder: Path, predicted: Prediction, within: float, console: Console, *, smallest_kick: bool = False, cycles: bool
+) -> dict[str, Any]:
     """Compare a prediction with transients, write table, summary and figure, print and return what was found.
 
-    With `cycles` they are followed over the range, too, and drawn into the figure.
+    With `smallest_kick` it is sought, too; with `cycles` they are followed over the range and drawn into the figure.
 
     Raises IntegrationError for a study that was interrupted; the values done until then are in the table, what was
     asked and predicted is in the summary.
     """
     with told_what_is_kept(folder / ONSET_TABLE):
-        study = _study(folder, predicted, within, console)
+        study = _study(folder, predicted, within, console, smallest_kick=smallest_kick)
         found = to_data(study)
         write_json(found, folder / ONSET_SUMMARY)
         stop_if_interrupted()
@@ -45,12 +47,12 @@ def study_into(folder: Path, predicted: Prediction, within: float, console: Cons
     return found
 
 
-def _study(folder: Path, predicted: Prediction, within: float, console: Console) -> OnsetStudy:
+def _study(folder: Path, predicted: Prediction, within: float, console: Console, *, smallest_kick: bool) -> OnsetStudy:
     names = predicted.family.moving
 
     def keep(rows: Sequence[Row]) -> None:
         if not (folder / ONSET_SUMMARY).exists():  # what is asked, for those who find a table that was cut off
-            write_json(predicted_to_data(predicted, within), folder / ONSET_SUMMARY)
+            write_json(predicted_to_data(predicted, within, smallest_kick), folder / ONSET_SUMMARY)
         table = to_csv(rows, predicted.variation, predicted.linear, names)
         write_whole(folder / ONSET_TABLE, table.encode())
 
@@ -60,7 +62,7 @@ def _study(folder: Path, predicted: Prediction, within: float, console: Console)
         def show(what: str, done: int, total: int) -> None:
             progress.update(task, description=what, completed=done, total=total)
 
-        return compare(predicted, within, keep, show)
+        return compare(predicted, within, keep, show, smallest_kick=smallest_kick)
 
 
 def _follow(predicted: Prediction, console: Console) -> Diagram:

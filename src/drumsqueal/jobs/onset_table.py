@@ -21,7 +21,7 @@ from drumsqueal.scene import Scene
 from drumsqueal.scene.variation import Variation
 from drumsqueal.studies.cycle.branches import Diagram
 from drumsqueal.studies.onset.attractors import Ending
-from drumsqueal.studies.onset.rows import KICKED, SQUEALS, Row
+from drumsqueal.studies.onset.rows import KICKED, SQUEALS, Kick, Row
 from drumsqueal.studies.onset.study import OnsetStudy, Prediction
 from drumsqueal.studies.onset.verdict import reservations, verdict, with_uncertainty
 
@@ -48,6 +48,8 @@ def print_study(console: Console, study: OnsetStudy, diagram: Diagram | None = N
             growth = f"{rate:+.2f}" if np.isfinite(rate) else "-"  # nothing oscillates
             table.add_row(f"{study.variation.shown(row.value):.5g}", kind, growth, *small, *strongest)
     print_table(console, table)
+    if any(row.kick for row in study.rows):
+        print_table(console, _kick_table(study))
     for critical in study.linear.critical:
         console.print(_told(critical, study.variation))
     for line in reservations(study):
@@ -58,6 +60,32 @@ def print_study(console: Console, study: OnsetStudy, diagram: Diagram | None = N
             console.print(f"Not found: {note}", style="dim")
         told = cycles_verdict(diagram, study.variation) if diagram.branches else "none was found."
         console.print(f"Cycles: {told[0].lower()}{told[1:]}", style="bold")
+
+
+def _kick_table(study: OnsetStudy) -> Table:
+    """How hard it must be kicked, and along which mode, at each value where it was found."""
+    column = study.names.index(study.coordinate)
+    table = Table(title="Smallest kick that starts squeal", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    table.add_column(f"\n\n{study.variation.shown_unit}", justify="right")
+    table.add_column("along\nmode\n")
+    table.add_column("velocity of\nthe lining\nm/s", justify="right")
+    table.add_column("energy\n\nJ", justify="right")
+    table.add_column("times\nthe nearer\nedge", justify="right")
+    table.add_column(f"leads to\n{study.coordinate}\n{unit_of(study.coordinate, 'µ')}", justify="right")
+    table.add_column("line\n\nHz", justify="right")
+    for row in in_order(study.rows, study.variation):
+        if row.kick is not None:
+            kick, motion = row.kick, row.kick.ending.motion
+            table.add_row(
+                f"{study.variation.shown(row.value):.5g}",
+                kick.mode,
+                with_uncertainty(kick.speed, kick.speed_uncertainty),
+                with_uncertainty(kick.energy, kick.energy_uncertainty),
+                f"{kick.edge_share:.3g}",
+                f"{1e6 * motion.amplitude[column]:.4g}",
+                "" if motion.frequency_Hz is None else f"{motion.frequency_Hz:.1f}",
+            )
+    return table
 
 
 def _shown(ending: Ending | None, study: OnsetStudy, *, strongest: bool = False) -> tuple[str, str]:
@@ -92,6 +120,7 @@ def to_csv(rows: Sequence[Row], variation: Variation, linear: Branches, names: t
         for branch in linear.branches
     }
     table = []
+    sought = any(row.kick for row in rows)
     for row in in_order(rows, variation):
         cells: dict[str, Any] = {
             variation.column: row.value,
@@ -105,6 +134,7 @@ def to_csv(rows: Sequence[Row], variation: Variation, linear: Branches, names: t
             cells[f"growth_rate_{label}_1_per_s"] = None if value is None else value.real
         cells |= _cells("small", row.small, names) | _cells("strongest", row.strongest, names)
         cells["motions"] = len(row.attractors)
+        cells |= _kick_cells(row.kick) if sought else {}
         cells["note"] = row.point.reason or "; ".join(
             f"{each.start}: {each.motion.outcome}" for each in row.endings if each.motion.failed
         )
@@ -123,9 +153,21 @@ def _cells(which: str, ending: Ending | None, names: tuple[str, ...]) -> dict[st
     return cells
 
 
+def _kick_cells(kick: Kick | None) -> dict[str, Any]:
+    numbers = {
+        "speed_m_per_s": "speed",
+        "speed_uncertainty_m_per_s": "speed_uncertainty",
+        "energy_J": "energy",
+        "energy_uncertainty_J": "energy_uncertainty",
+        "edge_share": "edge_share",
+    }
+    cells: dict[str, Any] = {"smallest_kick_mode": "" if kick is None else kick.mode}
+    return cells | {f"smallest_kick_{k}": None if kick is None else getattr(kick, v) for k, v in numbers.items()}
+
+
 def to_data(study: OnsetStudy, diagram: Diagram | None = None) -> dict[str, Any]:
     """Critical values, ranges, all modes and all motions, in SI; None for cycles that were not followed."""
-    return _predicted(study.scene, study.variation, study.linear, study.names, study.within) | {
+    return _predicted(study.scene, study.variation, study.linear, study.names, study.within, study.smallest_kick) | {
         "outcome": COMPLETE,
         "verdict": verdict(study),
         "reservations": list(reservations(study)),
@@ -135,13 +177,15 @@ def to_data(study: OnsetStudy, diagram: Diagram | None = None) -> dict[str, Any]
     }
 
 
-def predicted_to_data(predicted: Prediction, within: float) -> dict[str, Any]:
+def predicted_to_data(predicted: Prediction, within: float, smallest_kick: bool) -> dict[str, Any]:
     """The same of a study before its transients: what is asked, the modes and their critical values."""
-    return _predicted(predicted.scene, predicted.variation, predicted.linear, predicted.family.moving, within)
+    return _predicted(
+        predicted.scene, predicted.variation, predicted.linear, predicted.family.moving, within, smallest_kick
+    )
 
 
 def _predicted(
-    scene: Scene, variation: Variation, linear: Branches, names: tuple[str, ...], within: float
+    scene: Scene, variation: Variation, linear: Branches, names: tuple[str, ...], within: float, smallest_kick: bool
 ) -> dict[str, Any]:
     return {
         "title": scene.title,
@@ -158,6 +202,7 @@ def _predicted(
         "critical_values": [each._asdict() for each in linear.critical],
         "ranges": [],
         "kicked_range_sought_within": within,
+        "smallest_kick_sought": smallest_kick,
         "modes": [
             {
                 "label": branch.label,
@@ -186,6 +231,20 @@ def _value(row: Row, names: tuple[str, ...]) -> dict[str, Any]:
             for each in row.endings
         ],
         "motions": [_motion(each, names) for each in row.attractors],
+        "smallest_kick": None if row.kick is None else _kick(row.kick, names),
+    }
+
+
+def _kick(kick: Kick, names: tuple[str, ...]) -> dict[str, Any]:
+    return {
+        "mode": kick.mode,
+        "velocity": dict(zip(names, kick.velocity.tolist(), strict=True)),
+        "speed_m_per_s": kick.speed,
+        "speed_uncertainty_m_per_s": kick.speed_uncertainty,
+        "energy_J": kick.energy,
+        "energy_uncertainty_J": kick.energy_uncertainty,
+        "edge_share": kick.edge_share,
+        "leads_to": _motion(kick.ending, names),
     }
 
 

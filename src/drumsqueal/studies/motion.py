@@ -52,6 +52,7 @@ MOST_FOR_LINES = 150_000  # samples
 FLOOR = 3e-3
 AT_MOST = 600.0  # s of computing
 FEWEST_INTERVALS = 100
+CUT_OFF = "Lyapunov exponents were not determined: the study was cut off before nearby motions had been followed"
 
 OnProgress = Callable[[str, float], None]
 
@@ -91,16 +92,21 @@ def checked(scene: Scene) -> Scene:
 
 
 def study_motion(
-    scene: Scene, duration: float = DURATION, *, at_most: float = AT_MOST, on_progress: OnProgress | None = None
+    scene: Scene,
+    duration: float = DURATION,
+    *,
+    at_most: float = AT_MOST,
+    on_progress: OnProgress | None = None,
+    on_lines: Callable[[MotionStudy], object] | None = None,
 ) -> MotionStudy:
     """Tell which kind of motion a scene settles to: `study_motion(scene).kind`, `.bases`, `.exponents`.
 
     It runs until the trend of every coordinate's rms over half a second is below 1e-3 or within three standard errors
     (five seconds at most), then for `duration` (s), of which the later half is asked for lines, then once more from
     there with nearby motions. Where they separate and lines are sharp all the same the kind is unknown. `at_most`
-    bounds the computing time (s) of each of both; what was cut short or not determined is in `limits`. Raises
-    SceneError for a scene that cannot be run or whose drum speed or load change, IntegrationError when nothing was
-    computed, and KeyboardInterrupt between two chunks.
+    bounds the computing time (s) of each of both; what was cut short or not determined is in `limits`. `on_lines` is
+    called with what is known before nearby motions are followed. Raises SceneError for a scene that cannot be run or
+    whose drum speed or load change, IntegrationError when nothing was computed, KeyboardInterrupt between two chunks.
     """
     if not duration > 0:
         raise ValueError(f"the duration must be positive, got {duration}")
@@ -126,21 +132,24 @@ def study_motion(
         regime = decay_to_rest(regime, departure, late, prepared.stability, able, prepared.linear)
         moving = np.ptp(departure.displacement, axis=0) / 2 >= STEADY * scale
         coordinates = tuple(name for name, moves in zip(departure.coordinates, moving, strict=True) if moves)
-        lines = bases = exponents = None
+        section, section_of, section_size = _section(departure, prepared.stability.mass, coordinates)
+        lines = bases = None
         if coordinates and regime.kind != "steady":
             show("lines", recorded)
             lines = find_lines(departure.displacement[late][-MOST_FOR_LINES:, moving], rate, floor=FLOOR)
             bases = find_bases(lines)
-            exponents = _exponents(prepared, chunks, duration, at_most, show, limits)
-        section, section_of, section_size = _section(departure, prepared.stability.mass, coordinates)
-    if not settled and regime.kind != "steady":
-        limits.append(f"the motion had not settled after {start:.3g} s")
-    kind, reason = _told(regime, bases, exponents)
-    return MotionStudy(
-        scene, kind, reason, start, settled, recorded, regime, coordinates, lines, bases, exponents, section,
-        section_of,
-        section_size, tuple(limits),
-    )  # fmt: skip
+        if not settled and regime.kind != "steady":
+            limits.append(f"the motion had not settled after {start:.3g} s")
+        study = MotionStudy(
+            scene, *_told(regime, bases, None), start, settled, recorded, regime, coordinates, lines, bases, None,
+            section, section_of, section_size, tuple(limits),
+        )  # fmt: skip
+        if lines is None:
+            return study
+        (on_lines or (lambda _: None))(study._replace(limits=(*limits, CUT_OFF)))
+        exponents = _exponents(prepared, chunks, duration, at_most, show, limits)
+        kind, reason = _told(regime, bases, exponents)
+        return study._replace(kind=kind, reason=reason, exponents=exponents, limits=tuple(limits))
 
 
 def _record(

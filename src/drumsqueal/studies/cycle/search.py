@@ -43,9 +43,9 @@ def find_cycle(scene: Scene, on_start: Callable[[str], None] | None = None) -> S
 
     Newton's method on the flow map over a period, started where the scene's transient ends and, where that is not
     periodic, where it nearly returns to itself and along each mode at the amplitudes at which friction gives as much
-    as damping takes. Where none of that leads to a cycle, transients are kicked along each mode, `KICK` times as fast
-    as the drum, until one ends in a cycle. A stable cycle is preferred, then the one found first. `on_start` is told of
-    each start.
+    as damping takes. Where none of that leads to a stable cycle, transients are kicked along each mode, `KICK` times as
+    fast as the drum, until one ends in one. A stable cycle is preferred, then the one found first. `on_start` is told
+    of each start.
 
     Raises SceneError for a scene that changes with time, CycleError where no cycle is found.
     """
@@ -54,18 +54,18 @@ def find_cycle(scene: Scene, on_start: Callable[[str], None] | None = None) -> S
     tell = on_start or (lambda _: None)
     tell("transient")
     record = _recorded(prepared)
-    found, reasons = _tried(prepared, _starts(prepared, record), tell)
-    for kick, kicked in _kicks(prepared) if not found else ():
+    found: list[tuple[Cycle, str]] = []
+    reasons = _try(prepared, _starts(prepared, record), tell, found)
+    for kick, kicked in _kicks(prepared):
+        if any(cycle.stable for cycle, _ in found):
+            break
         tell(f"transient, {kick}")
         after = _recorded(kicked)
         if after.period is None:
             reasons.append(f"{kick}: the transient {after.told}")
             continue
         start = Start(after.states[-1], after.period, f"the end of a transient {kick}")
-        found, more = _tried(prepared, iter([start]), tell)
-        reasons += more
-        if found:
-            break
+        reasons += _try(prepared, iter([start]), tell, found)
     if not found:
         tried = f"; {'; '.join(reasons)}" if reasons else ""
         raise CycleError(f"no periodic motion was found: the transient {record.told}{tried}")
@@ -74,11 +74,10 @@ def find_cycle(scene: Scene, on_start: Callable[[str], None] | None = None) -> S
     return Search(scene, prepared.stability, cycle, origin, record.told, others)
 
 
-def _tried(
-    prepared: Prepared, starts: Iterator[Start], tell: Callable[[str], None]
-) -> tuple[list[tuple[Cycle, str]], list[str]]:
-    """The cycles that differ, each with where it was started from, and why there is none from the other starts."""
-    found: list[tuple[Cycle, str]] = []
+def _try(
+    prepared: Prepared, starts: Iterator[Start], tell: Callable[[str], None], found: list[tuple[Cycle, str]]
+) -> list[str]:
+    """Add the cycles that differ, each with where it was started from; why there is none from the other starts."""
     reasons: list[str] = []
     for start in starts:
         tell(start.origin)
@@ -89,7 +88,7 @@ def _tried(
             continue
         if not any(is_same(cycle, other) for other, _ in found):
             found.append((cycle, start.origin))
-    return found, reasons
+    return reasons
 
 
 def checked(scene: Scene) -> Scene:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from drumsqueal.comparison.decay import BEYOND, SMALL, is_decaying
 from drumsqueal.comparison.edges import edge_shares
+from drumsqueal.comparison.verdict import SMALL_ROTATION
 from drumsqueal.linear.branches import ModelAt, Point
 from drumsqueal.linear.modes import UNDAMPED_SHARE, Mode
 from drumsqueal.model import Model
@@ -31,7 +32,7 @@ ALIKE_ENERGY, ALIKE_FREQUENCY = 0.5, 0.05
 PROBE = 0.7  # a motion made so much smaller comes back where it is an attractor, and stays where it is one of many
 
 DECAYS, SQUEALS, GROWS, UNDECIDED, FAILED = "decays", "squeals", "grows", "undecided", "failed"
-NEUTRAL = "neutral"
+NEUTRAL, RUNS_AWAY = "neutral", "runs away"
 
 
 class Start(NamedTuple):
@@ -45,7 +46,8 @@ class Start(NamedTuple):
 class Ending(NamedTuple):
     """Where a start led at a value, and after how long.
 
-    It decays, squeals, grows (still, at the end), is neutral (its size hangs on the start), undecided or failed.
+    It decays, squeals, grows (still, at the end), is neutral (its size hangs on the start), runs away (the shoe turns
+    further than rotations are small), is undecided or failed.
     """
 
     value: float
@@ -139,15 +141,19 @@ class Family:
         modes = self.modes(point)
         return [Start(f"kick {mode.label}", *self._scaled(mode, model, KICK, min)) for mode in modes]
 
-    def _scaled(
-        self, mode: Mode, model: Model, share: float, which: Callable[[Iterable[float]], float]
-    ) -> NDArray[np.float64]:
-        """Departure and velocity (2, n) of a mode, at a size at which one of the edges is reached to that share."""
+    def reach(self, mode: Mode, model: Model) -> tuple[NDArray[np.complex128], list[float]]:
+        """Displacement and velocity (2, n) of a mode, and the shares of the edges it comes to, none where it cannot."""
         half = len(self.names)
         shape = np.array([self.shown(part) for part in (mode.right[:half], mode.right[half:])])
         turns = np.exp(2j * np.pi * np.arange(32) / 32)
         departure, velocity = ((turns[:, None] * part).real for part in shape)
-        reached = [each for each in edge_shares(model, departure, velocity) if each > 0]
+        return shape, [each for each in edge_shares(model, departure, velocity) if each > 0]
+
+    def _scaled(
+        self, mode: Mode, model: Model, share: float, which: Callable[[Iterable[float]], float]
+    ) -> NDArray[np.float64]:
+        """Departure and velocity (2, n) of a mode, at a size at which one of the edges is reached to that share."""
+        shape, reached = self.reach(mode, model)
         return np.real(shape) * (share / which(reached) if reached else 0.0)
 
 
@@ -169,7 +175,8 @@ def find_endings(
     linear rate; what is below the resolved size is at rest. One that comes and goes beyond the edges has settled when
     its mean energy over ten rounds is that over the ten before, to a fifth. After `MOST_ROUNDS` rounds one beyond the
     edges counts as squeal, too. Where no mode decays or grows by more than round-off, motion below the edges that has
-    settled is neutral, and so is one beyond them that stays smaller when it has been made smaller. Raises
+    settled is neutral, and so is one beyond them that stays smaller when it has been made smaller. A shoe that has
+    turned by more than `SMALL_ROTATION` has run away: it may do so without coming near an edge. Raises
     KeyboardInterrupt.
     """
     pending = []
@@ -207,8 +214,12 @@ def _judge(job: _Job, motion: Saturated, family: Family, rounds: int) -> str | N
     """Where a transient leads, None while that is not plain."""
     if motion.failed:
         return FAILED
+    if any(abs(turn) > SMALL_ROTATION for turn in motion.departure[[name[0] == "T" for name in family.moving]]):
+        return RUNS_AWAY
     share = max(motion.edge_shares)
     rates = [mode.growth_rate for mode in family.modes(job.point)]
+    if job.point.divergence is not None:
+        rates.append(job.point.divergence)
     linear = max(rates, default=0.0)
     noise = UNDAMPED_SHARE * job.point.largest
     stable, neutral = linear <= noise, bool(rates) and abs(linear) <= noise

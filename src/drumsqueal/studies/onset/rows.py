@@ -4,8 +4,11 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from drumsqueal.linear.branches import Critical, Point
-from drumsqueal.studies.onset.attractors import FAILED, UNDECIDED, Ending
+from drumsqueal.studies.onset.attractors import FAILED, RUNS_AWAY, UNDECIDED, Ending
 from drumsqueal.studies.onset.attractors import NEUTRAL as HANGS_ON_START
 
 STABLE, KICKED, SQUEALS = "stable", "squeals when kicked", "squeals"
@@ -13,12 +16,36 @@ NEUTRAL, UNKNOWN, NOWHERE = "neutral", "undecided", "no steady sliding"
 QUIET = (STABLE, NEUTRAL)  # nothing squeals there
 
 
+class Kick(NamedTuple):
+    """The smallest kick that leads to squeal, of those along the modes: a velocity at the place of steady sliding.
+
+    It lies between the largest that dies away and the smallest that does not, both along `mode` (its label), either
+    way, and `velocity` (n,) is halfway (m/s, rad/s). With it the fastest point of the lining's surface moves at `speed`
+    (m/s) and the shoe has the kinetic energy `energy` (J); the uncertainties are half of what lies between. Free
+    vibration from it would come to `edge_share` times the nearer edge, contact loss or slip reversal, by the linear
+    model. `ending` is where the larger of the two leads.
+    """
+
+    mode: str
+    velocity: NDArray[np.float64]
+    speed: float
+    speed_uncertainty: float
+    energy: float
+    energy_uncertainty: float
+    edge_share: float
+    ending: Ending
+
+
 class Row(NamedTuple):
-    """One value: the linear point, where each start led, and whether it was asked for or lies at a boundary."""
+    """One value: the linear point, where each start led, and whether it was asked for or lies at a boundary.
+
+    `kick` is the smallest that leads to squeal, None where none was found or looked for.
+    """
 
     point: Point
     endings: tuple[Ending, ...]
     asked: bool
+    kick: Kick | None = None
 
     @property
     def value(self) -> float:
@@ -38,7 +65,7 @@ class Row(NamedTuple):
             return SQUEALS
         if self.strongest is not None:
             return KICKED
-        if any(ending.kind in (UNDECIDED, FAILED) for ending in self.endings):
+        if any(ending.kind in (UNDECIDED, RUNS_AWAY, FAILED) for ending in self.endings):
             return UNKNOWN
         return NEUTRAL if any(ending.kind == HANGS_ON_START for ending in self.endings) else STABLE
 

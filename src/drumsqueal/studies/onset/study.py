@@ -23,6 +23,7 @@ from drumsqueal.studies.onset.attractors import (
     find_endings,
     round_seconds,
 )
+from drumsqueal.studies.onset.kick import smallest_kicks
 from drumsqueal.studies.onset.rows import KICKED, NOWHERE, QUIET, SQUEALS, UNKNOWN, Range, Row, find_ranges
 
 WITHIN = 1e-3  # of the range: how well the boundaries of the kicked range are found
@@ -35,7 +36,7 @@ class OnsetStudy(NamedTuple):
     """Modes and critical values along a parameter, a row for each value, and the ranges that follow from them.
 
     `names` are the coordinates of the transients; `within` the share of the range to which ends of the kicked range
-    were sought.
+    were sought; `smallest_kick` whether the smallest kick was at each value at which a kick is enough.
     """
 
     scene: Scene
@@ -45,6 +46,7 @@ class OnsetStudy(NamedTuple):
     rows: tuple[Row, ...]
     ranges: tuple[Range, ...]
     within: float
+    smallest_kick: bool = False
 
     @property
     def coordinate(self) -> str:
@@ -76,6 +78,7 @@ def study_onset(
     along: str | Variation,
     *,
     within: float = WITHIN,
+    smallest_kick: bool = False,
     on_row: OnRow | None = None,
     on_progress: OnProgress | None = None,
 ) -> OnsetStudy:
@@ -84,15 +87,17 @@ def study_onset(
     `along` is "KEY=FROM..TOxN" or a `Variation`. Critical values are roots of Re λ. At each value transients start from
     a small departure and from a large one along each mode; where none of them lasts though a neighbour's does, it goes
     on from the neighbour's state, upwards and downwards. Ends of the kicked range are then sought `within` that share
-    of the whole range. `on_row` is called with the rows as they come. Raises SceneError and RequestError for what
-    cannot be studied, ValueError for a share that is none, and KeyboardInterrupt between two chunks.
+    of the whole range and, on demand, the smallest kick that leads to squeal at each value where one is enough.
+    `on_row` is called with the rows as they come. Raises SceneError and RequestError for what cannot be studied,
+    ValueError for a share that is none, and KeyboardInterrupt between two chunks.
     """
     if not 0 < within < 1:
         raise ValueError(f"the share must be between 0 and 1, got {within}")
     variation = read_variation(along, scene, option="along") if isinstance(along, str) else along
     with noted_interrupts():
         predicted = predict(scene, variation)
-        return compare(predicted, within, on_row or (lambda _: None), on_progress or (lambda *_: None))
+        told = on_row or (lambda _: None), on_progress or (lambda *_: None)
+        return compare(predicted, within, *told, smallest_kick=smallest_kick)
 
 
 def predict(scene: Scene, variation: Variation) -> Prediction:
@@ -138,15 +143,20 @@ def _check(scene: Scene, variation: Variation) -> None:
         raise RequestError(f"{variation.key}: give it a range of two values at least")
 
 
-def compare(predicted: Prediction, within: float, on_row: OnRow, on_progress: OnProgress) -> OnsetStudy:
+def compare(
+    predicted: Prediction, within: float, on_row: OnRow, on_progress: OnProgress, *, smallest_kick: bool = False
+) -> OnsetStudy:
     """Run the transients that the prediction is compared with."""
     search = _Search(predicted, on_row, on_progress)
     search.from_both_sizes()
     search.from_neighbours()
     search.at_boundaries(within)
+    if smallest_kick:
+        search.smallest_kicks()
     ranges = find_ranges(search.rows, predicted.linear.critical)
     scene, variation, linear = predicted.scene, predicted.variation, predicted.linear
-    return OnsetStudy(scene, variation, predicted.family.moving, linear, tuple(search.rows), ranges, within)
+    moving, rows = predicted.family.moving, tuple(search.rows)
+    return OnsetStudy(scene, variation, moving, linear, rows, ranges, within, smallest_kick)
 
 
 class _Search:
@@ -206,6 +216,14 @@ class _Search:
             if KICKED not in (a.kind, b.kind) or (a.kind not in QUIET and b.kind not in QUIET):
                 continue
             self._close_in(*((a, b) if a.kind == KICKED else (b, a)), precision)
+
+    def smallest_kicks(self) -> None:
+        """How hard a kick must be, at each value that was asked for and where one is enough."""
+        rows = [row for row in self.rows if row.asked and row.kind == KICKED]
+        for found in smallest_kicks(self._family, rows, self._how, self._on_progress):
+            for value, kick in found.items():
+                self._rows[value] = self._rows[value]._replace(kick=kick)
+            self._on_row(self.rows)
 
     def _beside(self, a: Row, b: Row, precision: float) -> None:
         """Look right beside a critical value whether squeal goes on into the stable side."""

@@ -3,10 +3,11 @@
 import math
 from collections.abc import Sequence
 
+from drumsqueal.comparison.verdict import SMALL_ROTATION
 from drumsqueal.linear.branches import DIVERGENCE, Critical
 from drumsqueal.scene.variation import Variation
-from drumsqueal.studies.onset.attractors import FAILED, UNDECIDED
-from drumsqueal.studies.onset.rows import KICKED, NEUTRAL, NOWHERE, SQUEALS, STABLE, Range
+from drumsqueal.studies.onset.attractors import FAILED, RUNS_AWAY, UNDECIDED
+from drumsqueal.studies.onset.rows import KICKED, NEUTRAL, NOWHERE, SQUEALS, STABLE, Kick, Range
 from drumsqueal.studies.onset.study import OnsetStudy
 
 EXACT = 1e-6  # relative uncertainty that is not worth telling
@@ -16,7 +17,8 @@ def verdict(study: OnsetStudy) -> str:
     """Say where the eigenvalues predict squeal, where a kick is enough for it, and at which frequency it is then."""
     along = study.variation
     low, high = sorted((along.first, along.last))
-    return f"Along {along.key} from {along.shown(low):.6g} to {along.told(high)} {_linear(study)}; {_kicked(study)}."
+    told = f"Along {along.key} from {along.shown(low):.6g} to {along.told(high)} {_linear(study)}; {_kicked(study)}."
+    return " ".join([told, *_smallest_kicks(study)])
 
 
 def _linear(study: OnsetStudy) -> str:
@@ -59,10 +61,13 @@ def _kicked(study: OnsetStudy) -> str:
     kicked = [each for each in study.ranges if each.kind == KICKED]
     if not kicked:
         kinds = {each.kind for each in study.ranges}
+        elsewhere = "elsewhere " if SQUEALS in kinds else ""
         if STABLE in kinds:
-            return "where they do not, no start that was tried squeals"
+            return f"{elsewhere}no start that was tried squeals"
         if NEUTRAL in kinds:
-            return "where they do not, motion neither grows nor decays: its size hangs on the start, which is no squeal"
+            return (
+                f"{elsewhere}motion neither grows nor decays, and is as large as its start made it: that is no squeal"
+            )
         return "there is nothing else to find"
     text = f"but a kick is enough for it {_joined([_place(study, each) for each in kicked])}"
     rows = [row for row in study.rows if row.kind == KICKED and row.strongest is not None]
@@ -76,6 +81,20 @@ def _kicked(study: OnsetStudy) -> str:
     onset = next((each.frequency_Hz for each in study.linear.critical if each.value in ends), 0.0)
     compared = f", where {onset:.0f} Hz is the onset's" if onset > 0 else ""
     return f"{text}, and it then squeals at {heard}{compared}"
+
+
+def _smallest_kicks(study: OnsetStudy) -> list[str]:
+    """How hard it must be kicked at least and at most, over the values."""
+    found = sorted(((row.value, row.kick) for row in study.rows if row.kick), key=lambda each: each[1].energy)
+    if not found:
+        return []
+    ends = [found[0], found[-1]] if len(found) > 1 else found
+    told = ", and up to ".join(f"{_kick(kick)} at {study.variation.told(value)}" for value, kick in ends)
+    return [f"The smallest kick along a mode that starts it gives the lining's surface {told}."]
+
+
+def _kick(kick: Kick) -> str:
+    return f"{with_uncertainty(kick.speed, kick.speed_uncertainty)} m/s ({kick.energy:.2g} J)"
 
 
 def _value(along: Variation, value: float, uncertainty: float | None) -> str:
@@ -105,7 +124,9 @@ def reservations(study: OnsetStudy) -> tuple[str, ...]:
     quiet = [row.value for row in asked if row.kind == SQUEALS and not any(each.lasts for each in row.endings)]
     if quiet:
         found.append(f"Unstable by its eigenvalues, but no transient squealed: {_values(study, quiet)}.")
-    for kind, told in ((UNDECIDED, "was still falling or rising at its end"), (FAILED, "failed")):
+    away = f"ran away, with the shoe turned by more than {SMALL_ROTATION:g} rad,"
+    ends = ((UNDECIDED, "was still falling or rising at its end"), (RUNS_AWAY, away), (FAILED, "failed"))
+    for kind, told in ends:
         values = [row.value for row in study.rows if any(ending.kind == kind for ending in row.endings)]
         if values:
             found.append(f"A transient {told} at {_values(study, values)}; see the table.")
@@ -119,6 +140,10 @@ def reservations(study: OnsetStudy) -> tuple[str, ...]:
     ]
     if open_ends:
         found.append(f"Squeal after a kick goes on beyond {_joined(open_ends)}, where the range ends.")
+    unmoved = [row.value for row in asked if study.smallest_kick and row.kind == KICKED and row.kick is None]
+    if unmoved:
+        told = "squeal that a neighbour's motion leads to"
+        found.append(f"No kick along a mode that was tried starts the {told}: {_values(study, unmoved)}.")
     if any(each.kind == KICKED for each in study.ranges):
         found.append("Kicks that were not tried may squeal elsewhere, too: a range called stable was not proved so.")
     return tuple(found)
