@@ -217,6 +217,7 @@ def test_the_scene_and_the_command_give_the_same_again(run_folder, onset_folder,
             wanted = summary["parameter"]
             assert (variation.key, variation.unit, list(variation.values)) == tuple(wanted.values())[:3]
             assert float(command[command.index("--within") + 1]) == summary["kicked_range_sought_within"]
+            assert "--smallest-kick" not in command
         assert all(f">{version}<" in shown.source for version in summary["versions"].values())
 
 
@@ -227,6 +228,13 @@ def test_a_command_to_be_copied_holds_no_other(onset_folder, report, tmp_path):
     (tmp_path / "onset.json").write_text(json.dumps(summary))
     command = shlex.split(report(tmp_path).one("command")["text"])
     assert command[command.index("--along") + 1].startswith("drum.speed; echo harmed #=")
+
+
+def test_the_command_seeks_the_smallest_kick_where_it_was_sought(onset_folder, report, tmp_path):
+    summary = json.loads((onset_folder / "onset.json").read_text())
+    (tmp_path / "onset.json").write_text(json.dumps(summary | {"smallest_kick_sought": True}))
+    page = report(tmp_path)
+    assert page.one("command")["text"].endswith(" --smallest-kick")
 
 
 def test_every_figure_is_there_in_full_and_in_words(run_folder, run_page):

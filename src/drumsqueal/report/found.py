@@ -201,6 +201,7 @@ class Onset(_Found):
     critical_values: list[Critical]
     ranges: list[Range]
     kicked_range_sought_within: float
+    smallest_kick_sought: bool
     coordinates: list[str]
     scene: dict[str, Any]
     versions: dict[str, str]

@@ -66,7 +66,7 @@ def onset_content(folder: Path) -> dict[str, Any]:
         "toml": toml,
         "toml_uri": data_uri("application/toml", toml.encode()),
         "command": f"drumsqueal onset scene.toml -o out/again --along {shlex.quote(_range(along, scene))} "
-        f"--within {found.kicked_range_sought_within!r}",
+        f"--within {found.kicked_range_sought_within!r}{' --smallest-kick' * found.smallest_kick_sought}",
     }
 
 

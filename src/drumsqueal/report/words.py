@@ -87,6 +87,8 @@ def onset_words(found: Onset | None) -> tuple[str, str]:
     along = found.parameter.variation
     low, high = (along.told(end) for end in sorted((along.first, along.last)))
     parts = [f"Three plots over {along.key} from {low} to {high}: amplitude, frequency and growth rate."]
+    if found.smallest_kick_sought:
+        parts.append("Below them the smallest kick that starts squeal, where one was found.")
     ranges = [(each.kind.capitalize(), along.told(each.first), along.told(each.last)) for each in found.ranges]
     parts += [f"{kind} from {first} to {last}." for kind, first, last in ranges]
     parts += [f"{each.label} has no growth at {along.told(each.value)}." for each in found.critical_values]
