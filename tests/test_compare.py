@@ -465,6 +465,15 @@ def test_the_harmonic_of_a_line_that_is_simulated_alone_is_named(drumsqueal, his
     )
 
 
+def test_a_line_is_no_harmonic_where_the_fundamental_was_measured_and_it_is_no_multiple_of_it(history, tmp_path):
+    # The simulated pair of 2103.4 Hz is a harmonic of 1051.7 Hz, whose own pair is 1045 Hz: half of 2090.
+    record = read_measured(csv_file(tmp_path / "v", tones([(1045.0, 2e-2), (2103.4, 5e-3)]), "time (s),v (m/s)"))
+    found = compare_measured(history, record, "velocity_Y")
+    assert [line.harmonic for line in found.lines] == [None, None]
+    assert all(line.simulated and line.simulated.paired for line in found.lines)
+    assert all(line.mode is not None for line in found.lines)
+
+
 def test_every_heading_of_the_table_is_another(drumsqueal, history, rig, tmp_path):
     out = drumsqueal("compare", str(history), str(rig), "-o", str(tmp_path / "out"), "--signal", "velocity_Y")[1]
     lines = out.splitlines()
@@ -483,9 +492,10 @@ def test_relative_levels_tell_what_0_dB_is(history, tmp_path):
 
 
 def test_harmonics_are_multiples_of_lines_that_stand_on_their_own():
-    #      fundamental, 2 ×, 3 × off by a little, 2.5 ×, a faint one, the double of that, 4 × the first
-    lines = [1000.0, 2000.0, 3000.4, 2500.0, 700.0, 1400.0, 4000.0]
-    amplitude = [1.0, 3.0, 0.1, 0.2, 0.004, 0.05, 0.1]
+    #      fundamental, 2 ×, 3 × off by a little, 2.5 ×, a faint one, the double of that, 4 × the first, 5 × too far off,
+    # a stronger fundamental, and what is 9 × the first and 6 × that one
+    lines = [1000.0, 2000.0, 3000.4, 2500.0, 700.0, 1400.0, 4000.0, 5000.6, 1500.0, 9000.0]
+    amplitude = [1.0, 3.0, 0.1, 0.2, 0.004, 0.05, 0.1, 0.1, 2.0, 0.1]
     order = np.argsort(-np.array(amplitude))
     found = find_harmonics(np.array(lines)[order], np.array(amplitude)[order], 1.0)
     named = {lines[order[k]]: each and (each.order, lines[order[each.fundamental]]) for k, each in enumerate(found)}
@@ -493,12 +503,18 @@ def test_harmonics_are_multiples_of_lines_that_stand_on_their_own():
     assert named == {
         1000.0: None,
         2000.0: (2, 1000.0),
-        3000.4: (3, 1000.0),
+        3000.4: (2, 1500.0),
         2500.0: None,
         700.0: None,
         1400.0: None,
         4000.0: (4, 1000.0),
+        5000.6: None,
+        1500.0: None,
+        9000.0: (6, 1500.0),
     }
+    # Of two it is the stronger, be it the slower or the faster one.
+    two = find_harmonics(np.array([1000.0, 1500.0, 3000.0]), np.array([2.0, 1.0, 0.1]), 1.0)
+    assert two == [None, None, (3, 0)]
     # With a resolution of 60 Hz, 1000 Hz is less than 20 of them.
     assert find_harmonics(np.array([1000.0, 2000.0]), np.array([1.0, 1.0]), 60.0) == [None, None]
 
