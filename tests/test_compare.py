@@ -492,8 +492,8 @@ def test_relative_levels_tell_what_0_dB_is(history, tmp_path):
 
 
 def test_harmonics_are_multiples_of_lines_that_stand_on_their_own():
-    #      fundamental, 2 ×, 3 × off by a little, 2.5 ×, a faint one, the double of that, 4 × the first, 5 × too far off,
-    # a stronger fundamental, and what is 9 × the first and 6 × that one
+    #      fundamental, 2 ×, 3 × off by a little, 2.5 ×, a faint one, the double of that, 4 × the first, 5 × too far
+    # off, a stronger fundamental, and what is 9 × the first and 6 × that one
     lines = [1000.0, 2000.0, 3000.4, 2500.0, 700.0, 1400.0, 4000.0, 5000.6, 1500.0, 9000.0]
     amplitude = [1.0, 3.0, 0.1, 0.2, 0.004, 0.05, 0.1, 0.1, 2.0, 0.1]
     order = np.argsort(-np.array(amplitude))
