@@ -235,7 +235,7 @@ def test_both_spectra_are_seen_however_far_apart_their_levels_are(history, simul
 
 @pytest.mark.parametrize("to", ["csv", "uff58"])
 def test_a_history_compared_with_its_own_export_differs_by_nothing(drumsqueal, history, tmp_path, to):
-    file, folder, part = tmp_path / "a", tmp_path / "out", ["--from", "0.26 s", "--until", "0.5 s"]
+    file, folder, part = tmp_path / f"a.{to[:3]}", tmp_path / "out", ["--from", "0.26 s", "--until", "0.5 s"]
     names = ["--signals", "velocity_X,velocity_Y"]
     assert drumsqueal("export", str(history), "--to", to, "-o", str(file), *names, *part)[0] == 0
     chosen = ["--signal", "velocity_Y", "--channel", "velocity_Y"]
@@ -309,6 +309,59 @@ def test_what_the_record_cannot_hold_is_named(history, tmp_path):
     assert {found.modes[k].label for k in modes} == {"X", "Tz"}
     assert {round(found.simulated.frequency_Hz[k]) for k in lines} == {2103, 7212}
     assert [round(found.simulated.frequency_Hz[k]) for k in found.not_measured] == [1052]  # 950 Hz is 9.7 % off
+
+
+def test_simulated_lines_are_those_of_the_quantity_that_was_measured(nominal, history, tmp_path):
+    # The third is 46 dB below the strongest as a velocity, and 29 dB below it as an acceleration.
+    high = (7800.0, 1e-4)
+    saved = read_history(history)
+    time = saved.data["time"].values
+    data = saved.data.copy(deep=True)
+    data["velocity"][:, 1] += high[1] * np.sin(2 * np.pi * high[0] * time)
+    parts = [(f, a * 2 * np.pi * f) for f, a in (*LINES, high)]
+    record = read_measured(csv_file(tmp_path / "a", tones(parts), "time (s),a (m/s^2)"))
+    found = compare_measured(saved._replace(data=data), record, "velocity_Y")
+    assert len(found.lines) == len(found.simulated.frequency_Hz) == 4
+    assert all(line.simulated and line.simulated.paired for line in found.lines)
+    assert list(found.simulated.amplitude) == sorted(found.simulated.amplitude, reverse=True)
+    record = read_measured(csv_file(tmp_path / "v", tones([*LINES, high]), "time (s),v (m/s)"))
+    assert len(compare_measured(saved._replace(data=data), record, "velocity_Y").simulated.frequency_Hz) == 3
+
+
+@pytest.mark.parametrize("order", [-1, 1, 2])
+def test_tones_of_a_rate_of_change_are_those_of_what_it_is(order):
+    parts, noise = [(1000.0, 1.0), (4000.0, 0.3)], 0.01
+    found = find_tones(tones(parts, noise=noise)[1], RATE, segment=0.2, order=order)
+    wanted = sorted(((2 * np.pi * f) ** order * a for f, a in parts), reverse=True)
+    assert found.peaks.amplitude == pytest.approx(wanted, rel=0.01)  # of the fainter, noise is 0.2 %
+    at = np.argmin(np.abs(found.spectrum.frequency_Hz - 1000.0))
+    assert found.spectrum.amplitude[at] == pytest.approx((2e3 * np.pi) ** order, rel=0.01)
+    plain = find_tones(tones(parts, noise=noise)[1], RATE, segment=0.2)
+    np.testing.assert_allclose(found.threshold[at] / plain.threshold[at], (2e3 * np.pi) ** order, rtol=1e-3)
+    assert np.isfinite(found.spectrum.amplitude).all()
+
+
+@pytest.mark.parametrize(
+    ("rate", "told"),
+    [
+        (
+            "30 Hz",
+            "'pressure': its sample rate, 30 Hz, holds nothing that is heard, from 20 Hz on; take a faster record",
+        ),
+        ("50 Hz", "'pressure': 12 samples in 0.24 s, as long as the shorter record, are too few at 50 Hz"),
+        ("1e9 Hz", "history.nc: 15 samples in 0.0003 s, as long as the shorter record, are too few at 50000 Hz"),
+    ],
+)
+def test_records_that_have_no_spectrum_in_common_are_refused(drumsqueal, history, tmp_path, rate, told):
+    file, folder = (
+        csv_file(tmp_path / "a.csv", [tones([(1000.0, 1.0)], samples=300_000)[1]], "pressure"),
+        tmp_path / "out",
+    )
+    arguments = ["compare", str(history), str(file), "--rate", rate, "--signal", "velocity_Y", "-o", str(folder)]
+    status, out, error = drumsqueal(*arguments)
+    assert (status, out, error.count("\n")) == (2, "", 1)
+    assert told in error
+    assert not folder.exists()
 
 
 def test_units_in_common():
@@ -412,6 +465,15 @@ def test_the_harmonic_of_a_line_that_is_simulated_alone_is_named(drumsqueal, his
     )
 
 
+def test_a_line_is_no_harmonic_where_the_fundamental_was_measured_and_it_is_no_multiple_of_it(history, tmp_path):
+    # The simulated pair of 2103.4 Hz is a harmonic of 1051.7 Hz, whose own pair is 1045 Hz: half of 2090.
+    record = read_measured(csv_file(tmp_path / "v", tones([(1045.0, 2e-2), (2103.4, 5e-3)]), "time (s),v (m/s)"))
+    found = compare_measured(history, record, "velocity_Y")
+    assert [line.harmonic for line in found.lines] == [None, None]
+    assert all(line.simulated and line.simulated.paired for line in found.lines)
+    assert all(line.mode is not None for line in found.lines)
+
+
 def test_every_heading_of_the_table_is_another(drumsqueal, history, rig, tmp_path):
     out = drumsqueal("compare", str(history), str(rig), "-o", str(tmp_path / "out"), "--signal", "velocity_Y")[1]
     lines = out.splitlines()
@@ -430,9 +492,10 @@ def test_relative_levels_tell_what_0_dB_is(history, tmp_path):
 
 
 def test_harmonics_are_multiples_of_lines_that_stand_on_their_own():
-    #      fundamental, 2 ×, 3 × off by a little, 2.5 ×, a faint one, the double of that, 4 × the first
-    lines = [1000.0, 2000.0, 3000.4, 2500.0, 700.0, 1400.0, 4000.0]
-    amplitude = [1.0, 3.0, 0.1, 0.2, 0.004, 0.05, 0.1]
+    #      fundamental, 2 ×, 3 × off by a little, 2.5 ×, a faint one, the double of that, 4 × the first, 5 × too far
+    # off, a stronger fundamental, and what is 9 × the first and 6 × that one
+    lines = [1000.0, 2000.0, 3000.4, 2500.0, 700.0, 1400.0, 4000.0, 5000.6, 1500.0, 9000.0]
+    amplitude = [1.0, 3.0, 0.1, 0.2, 0.004, 0.05, 0.1, 0.1, 2.0, 0.1]
     order = np.argsort(-np.array(amplitude))
     found = find_harmonics(np.array(lines)[order], np.array(amplitude)[order], 1.0)
     named = {lines[order[k]]: each and (each.order, lines[order[each.fundamental]]) for k, each in enumerate(found)}
@@ -440,12 +503,18 @@ def test_harmonics_are_multiples_of_lines_that_stand_on_their_own():
     assert named == {
         1000.0: None,
         2000.0: (2, 1000.0),
-        3000.4: (3, 1000.0),
+        3000.4: (2, 1500.0),
         2500.0: None,
         700.0: None,
         1400.0: None,
         4000.0: (4, 1000.0),
+        5000.6: None,
+        1500.0: None,
+        9000.0: (6, 1500.0),
     }
+    # Of two it is the stronger, be it the slower or the faster one.
+    two = find_harmonics(np.array([1000.0, 1500.0, 3000.0]), np.array([2.0, 1.0, 0.1]), 1.0)
+    assert two == [None, None, (3, 0)]
     # With a resolution of 60 Hz, 1000 Hz is less than 20 of them.
     assert find_harmonics(np.array([1000.0, 2000.0]), np.array([1.0, 1.0]), 60.0) == [None, None]
 
@@ -519,5 +588,18 @@ def test_the_measured_file_is_never_replaced(drumsqueal, history, simulated, tmp
     before = file.read_bytes()
     status, _, error = drumsqueal("compare", str(history), str(file), "-o", str(tmp_path), "--overwrite")
     assert status == 2
-    assert "would be replaced by a result of that name" in error
-    assert file.read_bytes() == before
+    assert f"{file} would replace {file}, which is read or written, too" in error
+    (tmp_path / "sub").mkdir()
+    other = tmp_path / "sub" / ".." / "compare.csv"
+    for arguments in (
+        [str(other), "-o", str(tmp_path)],  # by another name
+        [str(file), "-o", str(tmp_path / "out"), "--json", str(other)],
+        [str(file), "-o", str(tmp_path / "out"), "--json", str(history)],
+        [str(file), "-o", str(tmp_path / "sub"), "--json", str(tmp_path / "sub" / "compare.csv")],
+    ):
+        status, out, error = drumsqueal("compare", str(history), *arguments, "--overwrite")
+        assert (status, out, error.count("\n")) == (2, "", 1)
+        assert "which is read or written, too; name another with " in error
+        assert file.read_bytes() == before
+    assert read_history(history).complete
+    assert not (tmp_path / "out").exists()

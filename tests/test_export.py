@@ -179,6 +179,8 @@ def test_parquet_reads_back(ran, exported):
     check_prediction(texts["eigenvalues"].splitlines(), ran)
     for name in ("time", *RECORDED):
         np.testing.assert_array_equal(table[name].to_numpy(), recorded(ran, name))
+    meaning = table.schema.field("surface_velocity_leading").metadata[b"meaning"]
+    assert meaning == b"radial velocity at theta = -beta/2"  # whichever way the drum turns
 
 
 def datasets(path):
@@ -275,6 +277,8 @@ def test_the_universal_file_reads_back_by_its_published_columns(ran, exported):
         assert read["texts"][1] == "Bremse No 1; complete"  # in ASCII, of which columns are counted
         assert read["texts"][2].startswith("sample rate 50000.0 Hz from 0 s")
         check_prediction("; ".join(read["texts"][3:]).split("; "), ran)
+        if name in SURFACE:  # whole, with the place
+            assert read["texts"][0].endswith((" its middle", " theta = -beta/2", " theta = +beta/2"))
         if name in CODES:
             assert (" ".join(read["ordinate"][:4]), read["ordinate"][7], read["node"], read["direction"]) == CODES[name]
         if name in RECORDED:
@@ -567,7 +571,14 @@ def test_nothing_is_overwritten_unasked(history, drumsqueal):
     assert "exists; add --overwrite" in errors
     status, _, errors = drumsqueal("export", str(history), "--to", "csv", "-o", str(history), "--overwrite")
     assert status == 2
-    assert "is the history itself" in errors
+    assert f"{history} would replace {history}, which is read or written, too" in errors
+    (history.parent / "link.nc").symlink_to(history)
+    for named in ("link.nc", "sub/../history.nc", there.name):
+        (history.parent / "sub").mkdir(exist_ok=True)
+        json_file = str(history.parent / named)
+        status, _, errors = drumsqueal("export", str(history), "--to", "csv", "--json", json_file, "--overwrite")
+        assert (status, there.read_text()) == (2, "of value")
+        assert "which is read or written, too; name another with --json" in errors
     assert history.read_bytes() == before
     arguments = ("--signals", "normal_force", "--overwrite")
     assert drumsqueal("export", str(history), "--to", "csv", *arguments)[0] == 0

@@ -31,8 +31,8 @@ def test_a_part_within_the_record_is_taken(asked, wanted):
         ((2.5, None), "--from 2.5 s: the record has 0.5 to 2 s; take a time within it"),
         ((None, float("nan")), "--until nan s: the record has 0.5 to 2 s; take a time within it"),
         ((1.0, 0.9), "--from 1 s is not before --until 0.9 s; the record has 0.5 to 2 s"),
-        ((2.0, None), "--from 2 s is not before the end, 2 s; the record has 0.5 to 2 s"),
-        ((None, 0.5), "the start, 0.5 s is not before --until 0.5 s; the record has 0.5 to 2 s"),
+        ((2.0, None), "--from 2 s is not before the end at 2 s; the record has 0.5 to 2 s"),
+        ((None, 0.5), "the start at 0.5 s is not before --until 0.5 s; the record has 0.5 to 2 s"),
     ],
 )
 def test_what_the_record_does_not_cover_is_refused(asked, told):

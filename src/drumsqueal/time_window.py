@@ -23,7 +23,7 @@ def time_window(
     since = begin if first is None else min(max(first, begin), end)
     until = end if last is None else min(max(last, begin), end)
     if not since < until:
-        start = f"the start, {begin:.9g} s" if first is None else f"--from {first:.9g} s"
-        stop = f"the end, {end:.9g} s" if last is None else f"--until {last:.9g} s"
+        start = f"the start at {begin:.9g} s" if first is None else f"--from {first:.9g} s"
+        stop = f"the end at {end:.9g} s" if last is None else f"--until {last:.9g} s"
         raise RequestError(f"{start} is not before {stop}; {record} has {begin:.9g} to {end:.9g} s")
     return since, until

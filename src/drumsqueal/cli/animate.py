@@ -20,7 +20,7 @@ from drumsqueal.cli.options import (
     read_time,
 )
 from drumsqueal.errors import RequestError
-from drumsqueal.files.output_folder import check_output_file
+from drumsqueal.files.output_folder import check_apart, check_output_file
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import COORDINATES, load_scene
 from drumsqueal.scene.shipped import find_scene
@@ -80,15 +80,17 @@ def animate_command(
     slowness, magnification = _factor(slow, "--slow"), _factor(magnify, "--magnify")
     if mode is not None:
         _refuse_with_mode({"--from": since, "--until": until, "--magnify": None if magnify == AUTO else magnify})
-        scene = load_scene(find_scene(str(source)), settings or ())
+        scene_file = find_scene(str(source))
+        scene = load_scene(scene_file, settings or ())
         file = output or Path(f"{source.stem}-{mode.replace(' ', '').replace('/', '')}.gif")
+        check_apart(file, [scene_file])
         check_output_file(file, overwrite=overwrite)
         stop_if_interrupted()
         from drumsqueal.files.animation_file import check_animation_name
         from drumsqueal.jobs.animate import animate_mode
 
         check_animation_name(file)
-        reply = Reply(quiet, json_file, overwrite=overwrite)
+        reply = Reply(quiet, json_file, overwrite=overwrite, apart_from=(scene_file, file))
         reply.send(animate_mode(file, scene, mode, slowness, reply.console))
         return
     if settings:
@@ -98,16 +100,16 @@ def animate_command(
     first, last = read_time(since, "--from"), read_time(until, "--until")
     stop_if_interrupted()
     from drumsqueal.files.animation_file import check_animation_name
-    from drumsqueal.files.saved_history import check_not_the_history, read_history
+    from drumsqueal.files.saved_history import read_history
     from drumsqueal.jobs.animate import animate_history
 
     stop_if_interrupted()
     saved = read_history(source)
     file = output or saved.path.with_suffix(".gif")
-    check_not_the_history(file, saved)
+    check_apart(file, [saved.path])
     check_output_file(file, overwrite=overwrite)
     check_animation_name(file)
-    reply = Reply(quiet, json_file, overwrite=overwrite)
+    reply = Reply(quiet, json_file, overwrite=overwrite, apart_from=(saved.path, file))
     stop_if_interrupted()
     reply.send(animate_history(file, saved, first, last, slowness, magnification, reply.console))
 

@@ -18,8 +18,7 @@ from drumsqueal.cli.options import (
     read_share,
     read_time,
 )
-from drumsqueal.errors import RequestError
-from drumsqueal.files.output_folder import COMPARE_FILES, HISTORY, check_output, claimed
+from drumsqueal.files.output_folder import COMPARE_FILES, HISTORY, check_apart, check_output, claimed, history_file
 from drumsqueal.interrupts import stop_if_interrupted
 
 HistoryFile = Annotated[
@@ -74,9 +73,10 @@ def compare_command(
     """
     folder = output if output is not None else Path("out") / f"{_name(history)}-compare"
     check_output(folder, COMPARE_FILES, overwrite=overwrite)
-    reply = Reply(quiet, json_file, overwrite=overwrite)
-    for source in (history, measured):
-        _spare(source, folder)
+    written, read = [folder / name for name in COMPARE_FILES], (history_file(history), measured)
+    for path in written:
+        check_apart(path, read)
+    reply = Reply(quiet, json_file, overwrite=overwrite, apart_from=(*read, *written))
     widest = read_share(within, "--within")
     begin, end, sampled = read_time(since, "--from"), read_time(until, "--until"), read_rate(rate, "--rate")
     stop_if_interrupted()
@@ -99,9 +99,3 @@ def _name(history: Path) -> str:
     """The name of a history: that of its folder where it is called as every run calls it."""
     whole = history.absolute()
     return whole.parent.name if whole.name == HISTORY else whole.stem
-
-
-def _spare(source: Path, folder: Path) -> None:
-    """Raise RequestError where a file to be read would be replaced."""
-    if any(source.absolute() == (folder / name).absolute() for name in COMPARE_FILES):
-        raise RequestError(f"{source} would be replaced by a result of that name; choose another folder with -o")

@@ -21,7 +21,7 @@ from drumsqueal.cli.options import (
 )
 from drumsqueal.errors import RequestError
 from drumsqueal.export.formats import FORMATS, find_format
-from drumsqueal.files.output_folder import HISTORY, check_ending, check_output_file
+from drumsqueal.files.output_folder import check_apart, check_ending, check_output_file, history_file
 from drumsqueal.interrupts import stop_if_interrupted
 
 SOUND = "wav"
@@ -77,29 +77,26 @@ def export_command(
     begin, end, sampled = read_time(since, "--from"), read_time(until, "--until"), read_rate(rate, "--rate")
     if sound and sampled is not None:
         _check_rate_of_sound(sampled)
-    file = output if output is not None else _beside(history, wanted.suffix)
+    source = history_file(history)
+    file = output if output is not None else source.with_suffix(wanted.suffix)
+    check_apart(file, [source])
     check_output_file(file, overwrite=overwrite)
-    reply = Reply(quiet, json_file, overwrite=overwrite)
+    reply = Reply(quiet, json_file, overwrite=overwrite, apart_from=(source, file))
     stop_if_interrupted()
     from drumsqueal.export.selection import Part
     from drumsqueal.export.signals import SURFACE
-    from drumsqueal.files.saved_history import check_not_the_history, read_history
+    from drumsqueal.files.saved_history import read_history
     from drumsqueal.jobs.export import export_into
     from drumsqueal.signals.sound import CD_RATE
 
     stop_if_interrupted()
     saved = read_history(history)
-    check_not_the_history(file, saved)
     check_ending(file, wanted.endings, f"a file of --to {to}")
     if sound:
         asked, sampled = asked or (SURFACE,), sampled or float(CD_RATE)
     part = Part(asked, begin, end, rate=sampled, slow=1.0 if slow is None else slow)
     complaints = make_console(stderr=True, quiet=quiet)
     reply.send(export_into(file, saved, wanted, part, reply.console, complaints))
-
-
-def _beside(history: Path, suffix: str) -> Path:
-    return history / Path(HISTORY).with_suffix(suffix) if history.is_dir() else history.with_suffix(suffix)
 
 
 def _check_rate_of_sound(rate: float) -> None:

@@ -13,7 +13,7 @@ from rich.console import Console
 from drumsqueal.cli.completion import complete_scene, complete_setting
 from drumsqueal.errors import RequestError
 from drumsqueal.files.json_file import to_json, write_json
-from drumsqueal.files.output_folder import CYCLE_HISTORY, HISTORY, REPORT, check_output_file, made_of
+from drumsqueal.files.output_folder import CYCLE_HISTORY, HISTORY, REPORT, check_apart, check_output_file, made_of
 from drumsqueal.scene.quantities import SceneError, parse_quantity
 from drumsqueal.scene.shipped import find_scene
 
@@ -77,12 +77,15 @@ JsonFile = Annotated[
 class Reply:
     """How a command answers: in words on its `console`, or as JSON in their place, or (`--quiet`) not at all."""
 
-    def __init__(self, quiet: bool, json_file: str | None, *, overwrite: bool) -> None:
-        """Raises RequestError where the JSON file cannot be written, or is there and is not to be overwritten."""
+    def __init__(self, quiet: bool, json_file: str | None, *, overwrite: bool, apart_from: Iterable[Path] = ()) -> None:
+        """Raises RequestError where the JSON file cannot be written, is there and is not to be overwritten, or would
+        replace one of those that are read and written beside it.
+        """
         if json_file == "":
             raise RequestError("--json: the name of the file is empty; write one, or - for standard output")
         self._file = json_file
         if self._path is not None and not _is_stream(self._path):
+            check_apart(self._path, apart_from, option="--json")
             check_output_file(self._path, overwrite=overwrite, option="--json")
         self.console = make_console(quiet=quiet or json_file is not None)
 

@@ -99,7 +99,10 @@ def _coordinate_systems() -> dict[str, Any]:
         CS_sys_labels=[_GLOBAL, _DRUM],
         CS_types=[_CARTESIAN, _CYLINDRICAL],
         CS_colors=[_COLOUR, _COLOUR],
-        CS_names=["x through the middle of the lining, y as the drum passes", "r, theta, z about the drum axis"],
+        CS_names=[
+            "x through the middle of the lining, y as the drum passes at positive speed",
+            "r, theta, z about the drum axis",
+        ],
         CS_matrices=[matrix, matrix],
     )
 

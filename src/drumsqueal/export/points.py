@@ -11,8 +11,8 @@ CENTRE_OF_GRAVITY, MIDDLE, LEADING_END, TRAILING_END = 1, 2, 3, 4
 POINTS = {
     CENTRE_OF_GRAVITY: "centre of gravity",
     MIDDLE: "middle of the lining",
-    LEADING_END: "end of the lining where the drum enters",
-    TRAILING_END: "end of the lining where the drum leaves",
+    LEADING_END: "end of the lining where the drum enters at positive speed",
+    TRAILING_END: "end of the lining where the drum leaves at positive speed",
 }
 OUTLINE = (LEADING_END, MIDDLE, TRAILING_END, CENTRE_OF_GRAVITY, LEADING_END)
 """Points that a line joins, to be drawn."""

@@ -52,18 +52,17 @@ class _SurfacePoint(NamedTuple):
     half_arcs: int
 
 
-_ENTERS, _LEAVES = "of the lining's end where the drum enters", "of the lining's end where the drum leaves"
+# By the angle: which end leads depends on the way the drum turns. Short and in ASCII, for universal files cut the line.
+_LEADS, _TRAILS = "at theta = -beta/2", "at theta = +beta/2"
 _SURFACE = {
     # Along the drum: there slip is, and there move the modes that friction feeds.
     SURFACE: _SurfacePoint("vel_middle", "velocity along the drum of the lining at its middle", MIDDLE, True, 0),
     f"{SURFACE}_radial": _SurfacePoint("vel_radial", "radial velocity of the lining at its middle", MIDDLE, False, 0),
-    f"{SURFACE}_leading": _SurfacePoint("vel_lead", f"radial velocity {_ENTERS}", LEADING_END, False, -1),
-    f"{SURFACE}_leading_along": _SurfacePoint(
-        "along_lead", f"velocity along the drum {_ENTERS}", LEADING_END, True, -1
-    ),
-    f"{SURFACE}_trailing": _SurfacePoint("vel_trail", f"radial velocity {_LEAVES}", TRAILING_END, False, 1),
+    f"{SURFACE}_leading": _SurfacePoint("vel_lead", f"radial velocity {_LEADS}", LEADING_END, False, -1),
+    f"{SURFACE}_leading_along": _SurfacePoint("along_lead", f"velocity along the drum {_LEADS}", LEADING_END, True, -1),
+    f"{SURFACE}_trailing": _SurfacePoint("vel_trail", f"radial velocity {_TRAILS}", TRAILING_END, False, 1),
     f"{SURFACE}_trailing_along": _SurfacePoint(
-        "along_trai", f"velocity along the drum {_LEAVES}", TRAILING_END, True, 1
+        "along_trai", f"velocity along the drum {_TRAILS}", TRAILING_END, True, 1
     ),
 }
 

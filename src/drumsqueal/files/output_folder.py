@@ -1,5 +1,6 @@
 """The folder of results: what is written into it, and that nothing there is overwritten unasked."""
 
+import os
 import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
@@ -22,6 +23,14 @@ def figure_file(name: str) -> str:
 def made_of(history: str) -> tuple[str, ...]:
     """The names of what `export` and `animate` make of a history where they are given none."""
     return tuple(Path(history).with_suffix(ending).name for ending in MADE_ENDINGS)
+
+
+def history_file(place: Path) -> Path:
+    """The history in a folder that a run has left, or the file itself."""
+    try:
+        return place / HISTORY if place.is_dir() else place
+    except OSError:  # such as a name that is too long, which is told where the file is opened
+        return place
 
 
 MADE_ENDINGS = (".csv", ".gif", ".mat", ".npz", ".parquet", ".uff", ".wav")
@@ -117,6 +126,15 @@ def check_output_file(path: Path, *, overwrite: bool, option: str = "-o") -> Non
     except OSError as error:
         told = f"{path}: this file cannot be written ({error.strerror or error}); name another with {option}"
         raise RequestError(told) from None
+
+
+def check_apart(path: Path, others: Iterable[Path], *, option: str = "-o") -> None:
+    """Raise RequestError where a file that is to be written is one that is read, or written, too, by whatever name."""
+    for other in others:
+        if os.path.realpath(path) == os.path.realpath(other):
+            raise RequestError(
+                f"{path} would replace {other}, which is read or written, too; name another with {option}"
+            )
 
 
 def check_ending(path: Path, endings: Iterable[str], what: str) -> None:

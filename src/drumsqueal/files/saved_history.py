@@ -9,7 +9,7 @@ import xarray
 
 from drumsqueal.errors import RequestError
 from drumsqueal.files.in_place import as_text, opened, variable
-from drumsqueal.files.output_folder import HISTORY
+from drumsqueal.files.output_folder import history_file
 from drumsqueal.history import COMPLETE, MOTION, SIGNALS
 from drumsqueal.scene import COORDINATES, Scene, SceneError, scene_from_dict
 
@@ -53,7 +53,7 @@ def read_history(path: Path) -> SavedHistory:
     samples.
     """
     try:
-        file = path / HISTORY if path.is_dir() else path
+        file = history_file(path)
         if not file.is_file():
             raise RequestError(f"{file}: there is no such file; {_OURS}")
         with file.open("rb"):  # whether it may be read
@@ -71,12 +71,6 @@ def read_history(path: Path) -> SavedHistory:
     except Exception:  # h5py raises nearly all there is on a file that is damaged
         raise RequestError(f"{file}: this is no history of drumsqueal, or a damaged one; {_OURS}") from None
     return SavedHistory(file, _computed(file, data), scene)
-
-
-def check_not_the_history(path: Path, saved: SavedHistory) -> None:
-    """Raise RequestError where a file that is to be written is the history itself."""
-    if path.exists() and path.samefile(saved.path):
-        raise RequestError(f"{path} is the history itself; name another file with -o")
 
 
 def _check_container(path: Path) -> None:

@@ -35,7 +35,7 @@ class Tones(NamedTuple):
     peaks: Peaks
 
 
-def find_tones(signal: ArrayLike, sample_rate: float, *, segment: float, lowest: float = 0.0) -> Tones:
+def find_tones(signal: ArrayLike, sample_rate: float, *, segment: float, lowest: float = 0.0, order: int = 0) -> Tones:
     """Find at most 20 tones within 40 dB of the strongest, not below `lowest` (Hz), that stand out of a signal's noise.
 
     `signal` has shape (time,), in any unit. The spectrum is the root of the mean squared amplitude spectrum of Hann
@@ -45,6 +45,9 @@ def find_tones(signal: ArrayLike, sample_rate: float, *, segment: float, lowest:
     with two degrees of freedom a segment (INDEPENDENT of one where they overlap), and a tone must reach what noise
     exceeds anywhere in this record with a probability of 1e-3. It is then found as `spectral_peaks` does, without side
     lobes.
+
+    With an `order` spectrum, threshold and tones are those of the signal's rate of change of that order, or of its
+    integral where it is negative: what has the frequency f is multiplied by (2πf)^order, and by that of `lowest` below.
 
     Raises ValueError for NaN, and for fewer than 16 samples in the record or in a segment.
 
@@ -64,7 +67,10 @@ def find_tones(signal: ArrayLike, sample_rate: float, *, segment: float, lowest:
     assert first is not None
     spectrum = first._replace(amplitude=np.sqrt(power / segments))
     threshold = _noise_threshold(spectrum, segments)
-    return Tones(spectrum, threshold, segments, _tones(spectrum, threshold, lowest))
+    peaks = _tones(spectrum, threshold, lowest, order)
+    # Without a bound an integral would be infinite at zero.
+    factor = (2 * np.pi * np.maximum(spectrum.frequency_Hz, max(lowest, spectrum.frequency_Hz[1]))) ** order
+    return Tones(spectrum._replace(amplitude=spectrum.amplitude * factor), threshold * factor, segments, peaks)
 
 
 def _noise_threshold(spectrum: Spectrum, segments: int) -> NDArray[np.float64]:
@@ -81,11 +87,13 @@ def _noise_threshold(spectrum: Spectrum, segments: int) -> NDArray[np.float64]:
     return np.sqrt(power)
 
 
-def _tones(spectrum: Spectrum, threshold: NDArray[np.float64], lowest: float) -> Peaks:
-    """Peaks above the threshold, as many as are told."""
+def _tones(spectrum: Spectrum, threshold: NDArray[np.float64], lowest: float, order: int) -> Peaks:
+    """Peaks above the threshold, as many as are told, of the rate of change of that order."""
     # What is slower than `lowest` is found first, and with it its side lobes, which may lie above.
     found = spectral_peaks(spectrum, count=4 * MOST, floor=FAINTEST**2, threshold=threshold)
     fast = found.frequency_Hz >= lowest
-    frequency, amplitude = found.frequency_Hz[fast], found.amplitude[fast]
-    strong = amplitude >= FAINTEST * amplitude.max(initial=0.0)
-    return Peaks(frequency[strong][:MOST], amplitude[strong][:MOST])
+    frequency = found.frequency_Hz[fast]
+    amplitude = found.amplitude[fast] * (2 * np.pi * frequency) ** order
+    strongest = np.argsort(-amplitude, kind="stable")[:MOST]
+    told = strongest[amplitude[strongest] >= FAINTEST * amplitude.max(initial=0.0)]
+    return Peaks(frequency[told], amplitude[told])

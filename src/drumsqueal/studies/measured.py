@@ -21,6 +21,7 @@ from drumsqueal.simulation import prepare
 
 LONGEST_SEGMENT = 1.0  # s: a line of squeal seldom keeps its frequency for longer than 1 Hz tells
 FEWEST_SAMPLES = 64  # of the simulated part
+FEWEST_IN_SEGMENT = 16  # of either record, in as much time as the shorter one lasts: a spectrum takes no fewer
 LOWEST = 20.0  # Hz: what is slower is no sound, and drifts of a measurement are
 FAMILIES = (("m", "m/s", "m/s^2"), ("rad", "rad/s", "rad/s^2"))  # a quantity and its rates
 
@@ -144,15 +145,22 @@ def compare_measured(
     values = channel.values
     if not np.ptp(values) > 0:
         raise RequestError(f"{saved.path}: {signal} does not move in this history; take another with --signal")
+    if not measured.sample_rate > 2 * LOWEST:
+        told = f"its sample rate, {measured.sample_rate:.6g} Hz, holds nothing that is heard, from {LOWEST:g} Hz on"
+        raise RequestError(f"the measured {measured.name!r}: {told}; take a faster record, or mend --rate")
     segment = min(measured.duration_s, values.size / saved.sample_rate, LONGEST_SEGMENT)
+    for which, rate in ((f"the measured {measured.name!r}", measured.sample_rate), (saved.path, saved.sample_rate)):
+        if round(segment * rate) < FEWEST_IN_SEGMENT:
+            told = f"{round(segment * rate)} samples in {segment:.4g} s, as long as the shorter record, are too few"
+            raise RequestError(f"{which}: {told} at {rate:.6g} Hz; take longer records, or mend --rate")
     found = find_tones(measured.values, measured.sample_rate, segment=segment, lowest=LOWEST)
     stop_if_interrupted()
-    tones = find_tones(values, saved.sample_rate, segment=segment, lowest=LOWEST)
     unit, order = common_unit(channel.units, measured.unit)
+    tones = find_tones(values, saved.sample_rate, segment=segment, lowest=LOWEST, order=order)
     ends = (measured.start_s, measured.start_s + (measured.values.size - 1) / measured.sample_rate)
     records = (
         Spectral(*ends, measured.sample_rate, found),
-        Spectral(float(time[part][0]), float(time[part][-1]), saved.sample_rate, _differentiated(tones, order)),
+        Spectral(float(time[part][0]), float(time[part][-1]), saved.sample_rate, tones),
     )
     largest = _largest(*records)
     zero = (level_reference(unit).rms,) * 2 if unit else (largest[0] / np.sqrt(2), largest[1] / np.sqrt(2))
@@ -199,22 +207,6 @@ def common_unit(simulated: str, measured: str) -> tuple[str, int]:
         if own.si in family and measured in family:
             return measured, family.index(measured) - family.index(own.si)
     return "", 0
-
-
-def _differentiated(tones: Tones, order: int) -> Tones:
-    """The same of the signal's rate of change of that order: a line of frequency f has (2πf)^order its amplitude."""
-    if not order:
-        return tones
-    spectrum, peaks = tones.spectrum, tones.peaks
-    # Below what is looked at, the share of a bin at zero would be infinite.
-    factor = (2 * np.pi * np.maximum(spectrum.frequency_Hz, LOWEST)) ** order
-    amplitude = peaks.amplitude * (2 * np.pi * peaks.frequency_Hz) ** order
-    strongest = np.argsort(-amplitude, kind="stable")
-    return tones._replace(
-        spectrum=spectrum._replace(amplitude=spectrum.amplitude * factor),
-        threshold=tones.threshold * factor,
-        peaks=peaks._replace(frequency_Hz=peaks.frequency_Hz[strongest], amplitude=amplitude[strongest]),
-    )
 
 
 def _largest(measured: Spectral, simulated: Spectral) -> tuple[float, float]:

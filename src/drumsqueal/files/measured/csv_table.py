@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from drumsqueal.errors import RequestError
 from drumsqueal.files.measured.layout import COMMENTS, TIME_UNITS, Column, Layout, Line, find_layout, number
-from drumsqueal.files.measured.record import Measured, Unit, measured_in, parse_unit, pick_channel
+from drumsqueal.files.measured.record import Measured, Unit, check_count, measured_in, parse_unit, pick_channel
 from drumsqueal.files.measured.sampling import Sampling, UnevenError, even_sampling
 from drumsqueal.interrupts import stop_if_interrupted
 
@@ -21,13 +21,14 @@ def read_csv(path: Path, channel: str | None, rate: float | None, unit: Unit | N
     """Read a column of numbers, sampled as the time column or `rate` (Hz) says.
 
     The time column is the one of that name or, without one, the first whose numbers increase evenly. What is missing
-    is NaN. Raises RequestError for what is no table, for
-    times that are not even, for a file without a rate, and for a channel that is not there.
+    is NaN. Raises RequestError for what is no table, for too few rows, for times that are not even, for a file without
+    a rate, and for a channel that is not there.
     """
     lines, comments = _lines(path)
     layout = find_layout(path, lines, comments)
     told: list[str] = []
     table, numbers = _table(path, lines, layout, told)
+    check_count(path, len(table))
     place, sampling = _sampling(path, layout.columns, table, numbers, rate, told)
     beside = [k for k in range(len(layout.columns)) if k != place]
     others = [k for k in beside if not _is_count(table[:, k])] or beside

@@ -6,12 +6,12 @@ import numpy as np
 
 from drumsqueal.errors import RequestError
 from drumsqueal.files.measured.csv_table import read_csv
-from drumsqueal.files.measured.record import Measured, Unit, known_units, parse_unit
+from drumsqueal.files.measured.record import FEWEST, Measured, Unit, check_count, known_units, parse_unit
 from drumsqueal.files.measured.sampling import longest_whole
 from drumsqueal.time_window import time_window
 
 FORMATS = "CSV, UFF58 and WAV are read"
-FEWEST = 64  # samples
+SMALLEST, LARGEST = 1e-100, 1e100  # in any unit: beyond, squares are no numbers any more
 _START = 4096  # bytes that tell the format
 _OTHERS = {
     b"\x89HDF": "an HDF5 or NetCDF file",
@@ -87,8 +87,7 @@ def _windowed(path: Path, measured: Measured, first: float | None, last: float |
     """The part from `first` to `last` (s), both ends in it, with samples enough."""
     rate, start, count = measured.sample_rate, measured.start_s, measured.values.size
     end = start + (count - 1) / rate
-    if count < FEWEST:
-        raise RequestError(f"{path}: {count} samples are too few; at least {FEWEST} are needed")
+    check_count(path, count)
     since, until = time_window(str(path), (start, end), 1 / rate, first, last)
     # A thousandth of an interval: a time that was rounded still names its sample.
     begin = int(np.clip(np.ceil((since - start) * rate - 1e-3), 0, count))
@@ -100,7 +99,7 @@ def _windowed(path: Path, measured: Measured, first: float | None, last: float |
 
 
 def _whole(measured: Measured, path: Path) -> Measured:
-    """The longest stretch in which nothing is missing, with samples enough, and not at rest."""
+    """The longest stretch in which nothing is missing, with samples enough, not at rest and of a size to be squared."""
     values, part = measured.values, longest_whole(measured.values)
     left, told = part.stop - part.start, measured.told
     start = measured.start_s + part.start / measured.sample_rate
@@ -113,4 +112,8 @@ def _whole(measured: Measured, path: Path) -> Measured:
         told += (f"{missing}: taken is the longest stretch without a gap, {left} samples from {start:.6g} s on",)
     if not np.ptp(values[part]) > 0:
         raise RequestError(f"{path}: {measured.name!r} is constant there and has no lines; take another channel")
+    largest = float(np.abs(values[part]).max())
+    if not SMALLEST < largest < LARGEST:
+        told = f"{measured.name!r} is {largest:.3g} {measured.unit or 'without a unit'} at the most, as nothing is"
+        raise RequestError(f"{path}: {told}; take another channel, or mend the file or --unit")
     return measured._replace(values=values[part], start_s=start, told=told)

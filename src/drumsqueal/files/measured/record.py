@@ -43,6 +43,7 @@ _KNOWN = frozenset(part for parts in _PARTS.values() for part in parts) | {
     *(part.replace("µ", "u") for parts in _PARTS.values() for part in parts),
 }
 _SAME = 0.01  # relative, of two factors that are the same unit: standard gravity is 9.81 m/s² to many
+FEWEST = 64  # samples
 _NAME = 40  # letters
 _LISTED = 12  # channels that a message names
 
@@ -106,7 +107,15 @@ def measured_in(
         told.append(f"the unit is that of --unit, {given.written}, although the file says {own.written}")
     if unit is None:
         return Measured(printable(name), "", "", rate, start, values, tuple(told))
-    return Measured(printable(name), unit.quantity, unit.si, rate, start, values * unit.factor, tuple(told))
+    with np.errstate(over="ignore"):  # what is too large for a number is as good as missing
+        return Measured(printable(name), unit.quantity, unit.si, rate, start, values * unit.factor, tuple(told))
+
+
+def check_count(path: object, count: int) -> None:
+    """Raise RequestError for a record of too few samples."""
+    if count < FEWEST:
+        are = "sample is" if count == 1 else "samples are"
+        raise RequestError(f"{path}: {count} {are} too few; at least {FEWEST} are needed")
 
 
 @cache
