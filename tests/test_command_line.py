@@ -100,6 +100,40 @@ def test_what_is_made_of_a_history_by_default_goes_with_it():
     assert set(made_of("cycle.nc")) <= set(CYCLE_FILES)
 
 
+WITH_A_FOLDER = {
+    "run": ("summary.json", ()),
+    "onset": ("onset.json", ("--along", "drum.speed=2..8x2")),
+    "cycle": ("cycle.json", ()),
+    "motion": ("motion.json", ()),
+    "effects": ("effects.csv", ()),
+    "accuracy": ("accuracy.csv", ()),
+    "sweep": ("sweep.nc", ("--vary", "drum.speed=2..8x2")),
+    "sensitivity": ("sensitivity.json", ()),
+}
+
+
+@pytest.mark.parametrize("command", WITH_A_FOLDER)
+def test_json_replaces_neither_the_scene_nor_a_result(drumsqueal, tmp_path, command):
+    scene, folder = tmp_path / "scene.toml", tmp_path / "results"
+    folder.mkdir()
+    written, more = WITH_A_FOLDER[command]
+    for file, held in ((scene, Path(NOMINAL).read_text()), (folder / written, "of value")):
+        file.write_text(held)
+        request = [command, str(scene), "-o", str(folder), *more, "--overwrite", "--json", str(file)]
+        status, printed, error = drumsqueal(*request)
+        assert (status, printed) == (2, "")
+        assert f"{file} would replace {file}, which is read or written, too; name another with --json" in error
+        assert file.read_text() == held
+
+
+@pytest.mark.parametrize("command", ["check", "stability"])
+def test_json_does_not_replace_the_scene(drumsqueal, tmp_path, command):
+    scene = tmp_path / "scene.toml"
+    scene.write_text(Path(NOMINAL).read_text())
+    assert drumsqueal(command, str(scene), "--json", str(scene), "--overwrite")[0] == 2
+    assert scene.read_text() == Path(NOMINAL).read_text()
+
+
 def test_a_folder_in_the_place_of_a_result_is_refused_before_anything_is_cleared(drumsqueal, tmp_path):
     (tmp_path / "history.nc").write_text("of value")
     (tmp_path / "growth.png").mkdir()

@@ -34,7 +34,7 @@ def accuracy_command(
     wanted = read_share(target, "--target")
     folder = output if output is not None else Path("out") / f"{scene.stem}-accuracy"
     check_output(folder, ACCURACY_FILES, overwrite=overwrite)
-    reply = Reply(quiet, json_file, overwrite=overwrite)
+    reply = Reply(quiet, json_file, overwrite=overwrite, apart_from=(scene, *map(folder.joinpath, ACCURACY_FILES)))
     stop_if_interrupted()
     from drumsqueal.jobs.accuracy import study_into
     from drumsqueal.simulation import check_sample_rate, prepare

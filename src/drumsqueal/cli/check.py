@@ -22,7 +22,7 @@ def check_command(
     Example: drumsqueal check scenarios/nominal.toml --set start.displacement.Y=1e-5
     """
     loaded = load_scene(scene, settings or ())
-    reply = Reply(quiet, json_file, overwrite=overwrite)
+    reply = Reply(quiet, json_file, overwrite=overwrite, apart_from=(scene,))
     stop_if_interrupted()
     begun = time.process_time()
     from drumsqueal.jobs.check import check

@@ -47,7 +47,7 @@ def cycle_command(
     files = CYCLE_FILES if variation is None else BRANCH_FILES
     folder = output if output is not None else Path("out") / f"{scene.stem}-cycle"
     check_output(folder, files, overwrite=overwrite)
-    reply = Reply(quiet, json_file, overwrite=overwrite)
+    reply = Reply(quiet, json_file, overwrite=overwrite, apart_from=(scene, *map(folder.joinpath, files)))
     stop_if_interrupted()
     from drumsqueal.jobs.cycle import find_into, follow_into
     from drumsqueal.simulation import check_sample_rate, prepare

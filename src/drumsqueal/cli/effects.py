@@ -49,7 +49,7 @@ def effects_command(
     accuracy = read_share(within, "--within")
     folder = output if output is not None else Path("out") / f"{scene.stem}-effects"
     check_output(folder, EFFECT_FILES, overwrite=overwrite)
-    reply = Reply(quiet, json_file, overwrite=overwrite)
+    reply = Reply(quiet, json_file, overwrite=overwrite, apart_from=(scene, *map(folder.joinpath, EFFECT_FILES)))
     stop_if_interrupted()
     from drumsqueal.jobs.effects import study_into
     from drumsqueal.simulation import check_sample_rate, prepare

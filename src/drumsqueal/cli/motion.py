@@ -38,7 +38,7 @@ def motion_command(
     length, limit = read_duration(duration, "--duration"), read_duration(at_most, "--at-most")
     folder = output if output is not None else Path("out") / f"{scene.stem}-motion"
     check_output(folder, MOTION_FILES, overwrite=overwrite)
-    reply = Reply(quiet, json_file, overwrite=overwrite)
+    reply = Reply(quiet, json_file, overwrite=overwrite, apart_from=(scene, *map(folder.joinpath, MOTION_FILES)))
     stop_if_interrupted()
     from drumsqueal.jobs.motion import study_into
     from drumsqueal.simulation import check_sample_rate, prepare

@@ -63,7 +63,7 @@ def onset_command(
     share = read_share(within, "--within")
     folder = output if output is not None else Path("out") / f"{scene.stem}-onset"
     check_output(folder, ONSET_FILES, overwrite=overwrite)
-    reply = Reply(quiet, json_file, overwrite=overwrite)
+    reply = Reply(quiet, json_file, overwrite=overwrite, apart_from=(scene, *map(folder.joinpath, ONSET_FILES)))
     stop_if_interrupted()
     from drumsqueal.jobs.onset import study_into
     from drumsqueal.studies.cycle.branches import checked_range

@@ -27,7 +27,7 @@ def paper_command(
     scene = seo_kang_brake(settings or ())
     folder = output if output is not None else Path("out") / "paper"
     check_output(folder, PAPER_FILES, overwrite=overwrite)
-    reply = Reply(quiet, json_file, overwrite=overwrite)
+    reply = Reply(quiet, json_file, overwrite=overwrite, apart_from=map(folder.joinpath, PAPER_FILES))
     stop_if_interrupted()
     from drumsqueal.jobs.paper import study_into
     from drumsqueal.simulation import check_sample_rate, prepare

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from drumsqueal.cli.options import JsonFile, Overwrite, Quiet, Reply, read_file, read_folder
-from drumsqueal.files.output_folder import REPORT, check_ending, check_output_file
+from drumsqueal.files.output_folder import ONSET_FILES, REPORT, RUN_FILES, check_ending, check_output_file
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.report.found import what_is_in
 
@@ -36,7 +36,9 @@ def report_command(
     file = folder / REPORT if output is None else output
     check_ending(file, (".html", ".htm"), "a page")
     check_output_file(file, overwrite=overwrite)
-    reply = Reply(quiet, json_file, overwrite=overwrite)
+    reply = Reply(
+        quiet, json_file, overwrite=overwrite, apart_from=(file, *map(folder.joinpath, (*RUN_FILES, *ONSET_FILES)))
+    )
     stop_if_interrupted()
     from drumsqueal.jobs.report import report_into
 

@@ -40,7 +40,7 @@ def run_command(
     # A file "...toml" is called "..", which would lead out of the folder out.
     folder = output if output is not None else Path("out") / (scene.stem if scene.stem.strip(".") else "scene")
     check_output(folder, RUN_FILES, overwrite=overwrite or resume)
-    reply = Reply(quiet, json_file, overwrite=overwrite or resume)
+    reply = Reply(quiet, json_file, overwrite=overwrite or resume, apart_from=(scene, *map(folder.joinpath, RUN_FILES)))
     stop_if_interrupted()
     from drumsqueal.files.resumption import find_point
     from drumsqueal.jobs.run import run_into

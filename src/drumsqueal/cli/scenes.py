@@ -34,7 +34,7 @@ def scenes_command(
     target = output or (source and Path(source.name))
     if target is not None:
         check_output_file(target, overwrite=overwrite)
-    reply = Reply(quiet, json_file, overwrite=overwrite)
+    reply = Reply(quiet, json_file, overwrite=overwrite, apart_from=filter(None, (source, target)))
     if source is None or target is None:
         reply.send(list_scenes(reply.console))
     else:

@@ -54,7 +54,7 @@ def sensitivity_command(
     keys = [key.strip() for part in vary for key in part.split(",")] if vary else None
     folder = output if output is not None else Path("out") / f"{scene.stem}-sensitivity"
     check_output(folder, SENSITIVITY_FILES, overwrite=overwrite)
-    reply = Reply(quiet, json_file, overwrite=overwrite)
+    reply = Reply(quiet, json_file, overwrite=overwrite, apart_from=(scene, *map(folder.joinpath, SENSITIVITY_FILES)))
     stop_if_interrupted()
     from drumsqueal.jobs.sensitivity import check_request, study_into
 

@@ -17,7 +17,7 @@ def stability_command(
     Example: drumsqueal stability scenarios/nominal.toml --set drum.speed=2 --json -
     """
     loaded = load_scene(scene, settings or ())
-    reply = Reply(quiet, json_file, overwrite=overwrite)
+    reply = Reply(quiet, json_file, overwrite=overwrite, apart_from=(scene,))
     stop_if_interrupted()
     from drumsqueal.files.summary import describe_stability
     from drumsqueal.jobs.run_tables import print_stability

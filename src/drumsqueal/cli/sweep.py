@@ -69,7 +69,9 @@ def sweep_command(
     plan = _plan(load_scene(scene, settings or ()), vary or [], random, seed, transient)
     folder = output if output is not None else Path("out") / f"{scene.stem}-sweep"
     check_output(folder, SWEEP_FILES, overwrite=overwrite or resume)
-    reply = Reply(quiet, json_file, overwrite=overwrite or resume)
+    reply = Reply(
+        quiet, json_file, overwrite=overwrite or resume, apart_from=(scene, *map(folder.joinpath, SWEEP_FILES))
+    )
     stop_if_interrupted()
     from drumsqueal.files.sweep_file import find_sweep
     from drumsqueal.jobs.cluster import check_cluster, connected
