@@ -202,6 +202,7 @@ class Onset(_Found):
     ranges: list[Range]
     kicked_range_sought_within: float
     coordinates: list[str]
+    cycles: Any = None
     scene: dict[str, Any]
     versions: dict[str, str]
 
