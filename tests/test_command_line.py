@@ -311,3 +311,4 @@ def test_missing_key_is_named(drumsqueal, tmp_path):
     status, _, errors = drumsqueal("run", str(scene), "-o", str(tmp_path / "out"))
     assert status == 2
     assert "shoe.width" in errors
+    assert errors.count(str(scene)) == 1

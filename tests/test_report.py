@@ -27,6 +27,7 @@ from drumsqueal.jobs.onset import study_into
 from drumsqueal.jobs.report import report_into
 from drumsqueal.linear.modes import analyse_stability
 from drumsqueal.model import build_model
+from drumsqueal.report import onset_page as onset_page_module
 from drumsqueal.report import page
 from drumsqueal.report import run_page as run_page_module
 from drumsqueal.report.sound import RECORD_S, _played
@@ -419,6 +420,14 @@ def test_a_study_is_shown_in_the_unit_in_which_it_was_asked_for(onset_page):
     seen = re.sub(r"<script.*?</script>|<pre.*?</pre>", "", page.source, flags=re.DOTALL)
     assert seen.count("rad/s") == 3  # in the captions alone
     assert "drum.<wbr>speed, rpm</th>" in page.source  # a long key goes on in the next line
+
+
+def test_a_range_goes_into_the_command_in_its_unit_only_where_that_gives_the_same_values(nominal):
+    asked = read_variation("drum.speed=10 rpm..400 rpm x4", nominal)
+    assert onset_page_module._range(asked, nominal) == "drum.speed=10 rpm..400 rpm x4"
+    in_si = f"drum.speed={asked.first!r}..{asked.last!r}x4"
+    assert onset_page_module._range(asked._replace(size=1.0), nominal) == in_si
+    assert onset_page_module._range(asked._replace(given="fathoms"), nominal) == in_si
 
 
 def test_a_study_that_was_cut_off_shows_the_values_done(onset_folder, report, tmp_path):
