@@ -76,7 +76,8 @@ def test_no_result_is_overwritten_unasked(drumsqueal, tmp_path, name):
     (tmp_path / name).write_text("of value")
     status, printed, errors = drumsqueal("run", NOMINAL, "-o", str(tmp_path), *SHORT)
     assert (status, printed) == (2, "")
-    assert f"{name} exists; add --overwrite" in errors
+    written = "remove" if name in {"report.html", *made_of("history.nc")} else "replace"
+    assert f"{name} exists; add --overwrite to {written} it" in errors
     assert [path.read_text() for path in tmp_path.iterdir()] == ["of value"]
 
 
@@ -134,13 +135,16 @@ def test_json_does_not_replace_the_scene(drumsqueal, tmp_path, command):
     assert scene.read_text() == Path(NOMINAL).read_text()
 
 
-def test_a_folder_in_the_place_of_a_result_is_refused_before_anything_is_cleared(drumsqueal, tmp_path):
+@pytest.mark.parametrize("name", ["growth.png", "growth.png.part"])
+def test_a_folder_in_the_place_of_a_result_is_refused_before_anything_is_cleared(drumsqueal, tmp_path, name):
     (tmp_path / "history.nc").write_text("of value")
-    (tmp_path / "growth.png").mkdir()
+    (tmp_path / name).mkdir()
     status, _, errors = drumsqueal("run", NOMINAL, "-o", str(tmp_path), "--overwrite")
     assert status == 2
-    assert "growth.png is a folder" in errors
+    assert f"{name} is a folder" in errors
     assert (tmp_path / "history.nc").read_text() == "of value"
+    status, _, errors = drumsqueal("stability", NOMINAL, "--json", str(tmp_path / "growth.png"), "--overwrite")
+    assert (status, errors.count("is a folder")) == (2, 1)
 
 
 def test_no_name_of_a_scene_leads_out_of_the_folder_of_results(drumsqueal, tmp_path, monkeypatch):
@@ -341,3 +345,4 @@ def test_missing_key_is_named(drumsqueal, tmp_path):
     status, _, errors = drumsqueal("run", str(scene), "-o", str(tmp_path / "out"))
     assert status == 2
     assert "shoe.width" in errors
+    assert errors.count(str(scene)) == 1

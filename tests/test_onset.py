@@ -555,9 +555,12 @@ def table(folder: Path) -> list[dict[str, str]]:
 def test_the_command_writes_what_it_found(drumsqueal, tmp_path, monkeypatch):
     monkeypatch.setattr(study_module, "find_endings", made_up_for_y)
     folder = tmp_path / "out"
+    folder.mkdir()
+    (folder / "report.html").touch()
     arguments = ["onset", str(DAMPED), *QUICK, "--along", "drum.speed=1..40x14", "-o", str(folder)]
-    status, printed, error = drumsqueal(*arguments)
+    status, printed, error = drumsqueal(*arguments, "--overwrite")
     assert (status, error) == (0, "")
+    assert printed.startswith("Removed with the results that they were made of: report.html\n")
     assert {file.name for file in folder.iterdir()} == {"onset.csv", "onset.json", "onset.png"}
     summary = json.loads((folder / "onset.json").read_text())
     assert summary["outcome"] == COMPLETE

@@ -27,7 +27,9 @@ from drumsqueal.jobs.onset import study_into
 from drumsqueal.jobs.report import report_into
 from drumsqueal.linear.modes import analyse_stability
 from drumsqueal.model import build_model
+from drumsqueal.report import onset_page as onset_page_module
 from drumsqueal.report import page
+from drumsqueal.report import run_page as run_page_module
 from drumsqueal.report.sound import RECORD_S, _played
 from drumsqueal.scene import load_scene
 from drumsqueal.scene.variation import read_variation
@@ -333,6 +335,16 @@ def test_a_short_record_is_heard_whole_and_of_a_long_one_is_said_which_part():
     assert _played(10.0, None) == (0.0, 1.0)
 
 
+def test_the_end_of_a_stop_is_not_heard_again_and_again(folder, report, nominal, monkeypatch):
+    """Of a brake that comes to rest there is the record alone, and the modes are of its beginning."""
+    assert run_page_module._changes(load_scene(DAMPED.with_name("stop.toml")))
+    assert not run_page_module._changes(nominal)
+    monkeypatch.setattr(run_page_module, "_changes", lambda scene: True)
+    page = report(folder)
+    assert len(sounds(page)) == 2
+    assert "these are of the beginning" in page.one("prediction-caption")["text"]
+
+
 def test_what_part_of_the_record_is_heard_is_told(run_page):
     (told,) = [each["text"] for each in run_page.all("figcaption") if "at its own speed" in each["text"]]
     assert told.startswith("The whole record, 0.25 s, at its own speed")
@@ -418,6 +430,14 @@ def test_a_study_is_shown_in_the_unit_in_which_it_was_asked_for(onset_page):
     assert "drum.<wbr>speed, rpm</th>" in page.source  # a long key goes on in the next line
 
 
+def test_a_range_goes_into_the_command_in_its_unit_only_where_that_gives_the_same_values(nominal):
+    asked = read_variation("drum.speed=10 rpm..400 rpm x4", nominal)
+    assert onset_page_module._range(asked, nominal) == "drum.speed=10 rpm..400 rpm x4"
+    in_si = f"drum.speed={asked.first!r}..{asked.last!r}x4"
+    assert onset_page_module._range(asked._replace(size=1.0), nominal) == in_si
+    assert onset_page_module._range(asked._replace(given="fathoms"), nominal) == in_si
+
+
 def test_a_study_that_was_cut_off_shows_the_values_done(onset_folder, report, tmp_path):
     shutil.copy(onset_folder / "onset.csv", tmp_path)
     page = report(tmp_path)
@@ -437,8 +457,9 @@ def test_a_study_that_was_cut_off_says_what_was_asked_and_predicted(onset_folder
     assert "not complete" in page.one("warning")["text"]
     (critical,) = whole["critical_values"]
     assert page.one("headline")["text"] == (
-        "3 of 4 values of drum.speed from 10 to 400 rpm are done: at 1 it squeals, at 1 it squeals when kicked, at 1 "
-        f"it is stable. By the eigenvalues Y gains stability as the value rises past {RPM * critical['value']:.6g} rpm "
+        "3 of 4 values of drum.speed from 10 to 400 rpm are done: it squeals at 1 of them, it squeals when kicked at 1 "
+        "of them, it is stable at 1 of them. By the eigenvalues Y gains stability as the value rises past "
+        f"{RPM * critical['value']:.6g} rpm "
         f"({critical['frequency_Hz'] / 1e3:.3g} kHz)."
     )
     assert page.all("h1")[0]["text"] == whole["scene"]["title"]
@@ -446,6 +467,11 @@ def test_a_study_that_was_cut_off_says_what_was_asked_and_predicted(onset_folder
     assert page.one("animation")
     assert "cut off before it was drawn" in page.one("missing")["text"]
     assert not [each for each in page.elements if each.get("id") == "ranges"]
+    # A whole study without its figure is not called cut off.
+    (tmp_path / "onset.json").write_text(json.dumps(whole | {"cycles": {"branches": []}}))
+    page = report(tmp_path)
+    assert "or the figure was taken away" in page.one("missing")["text"]
+    assert page.one("command")["text"].endswith(" --cycles")
 
 
 def test_why_a_figure_is_missing(folder, report):
@@ -474,7 +500,7 @@ def test_a_run_that_ends_sticking_says_so(folder, report):
     (folder / "history.nc").unlink()  # only to be quicker
     page = report(folder)
     headline = page.one("headline")["text"]
-    assert headline == "The brake squeals until the whole lining sticks to the drum, from 0.2 s on."
+    assert headline == "The brake squeals until, from 0.2 s on, the whole lining sticks to the drum."
     told = {each["id"]: each["alt"] for each in page.all("img")}
     assert "sticks" in told["figure-4"]  # phase
     assert "Grey" not in told["figure-5"]  # of what is not seen in the figure of the contact

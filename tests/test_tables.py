@@ -50,6 +50,18 @@ def test_a_table_holds_every_number_and_word_in_windows_of_any_width(columns):
         assert max(map(len, lines)) <= width
 
 
+def test_no_word_of_a_table_is_broken_that_has_room_in_the_window():
+    key = "support.stiffness_of_the_upper_and_lower_springs"
+    table = Table(title="Keys", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    for heading in ("number", "meaning"):
+        table.add_column(heading)
+    table.add_row(key, SENTENCE)
+    for width in range(len(key) + len("meaning  "), 180):
+        lines = printed(table, width)
+        assert key in " ".join(lines).split()
+        assert max(map(len, lines)) <= width
+
+
 def test_a_window_too_narrow_for_the_numbers_gets_a_block_of_lines_for_each_row():
     table = Table("mode", title="Modes")
     table.add_column("growth\n1/s", justify="right")

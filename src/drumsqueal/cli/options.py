@@ -13,7 +13,7 @@ from rich.console import Console
 from drumsqueal.cli.completion import complete_scene, complete_setting
 from drumsqueal.errors import RequestError
 from drumsqueal.files.json_file import to_json, write_json
-from drumsqueal.files.output_folder import CYCLE_HISTORY, HISTORY, REPORT, check_apart, check_output_file, made_of
+from drumsqueal.files.output_folder import MADE_FILES, check_apart, check_output_file
 from drumsqueal.scene.quantities import SceneError, parse_quantity
 from drumsqueal.scene.shipped import find_scene
 
@@ -95,7 +95,7 @@ class Reply:
 
     def tell_removed(self, names: Iterable[str]) -> None:
         """Say which of the files that were cleared away were made of earlier results, and will not come again."""
-        made = [name for name in names if name in (REPORT, *made_of(HISTORY), *made_of(CYCLE_HISTORY))]
+        made = [name for name in names if name in MADE_FILES]
         if made:
             self.console.print(f"Removed with the results that they were made of: {', '.join(made)}")
 

@@ -52,6 +52,8 @@ MOTION_FILES = (MOTION_SUMMARY, MOTION_TABLE, *map(figure_file, (LINES, SECTION,
 CYCLE_SUMMARY, CYCLE_HISTORY, CYCLE = "cycle.json", "cycle.nc", "cycle"
 CYCLE_FILES = (CYCLE_SUMMARY, CYCLE_HISTORY, figure_file(CYCLE), *made_of(CYCLE_HISTORY))
 """The names of all files that the search for a cycle writes, and of what is made of them."""
+MADE_FILES = (REPORT, *made_of(HISTORY), *made_of(CYCLE_HISTORY))
+"""The names of what other commands make of results; it is removed with them, and does not come again by itself."""
 BRANCH_TABLE, BRANCH_SUMMARY, BRANCH = "branch.csv", "branch.json", "branch"
 BRANCH_FILES = (BRANCH_TABLE, BRANCH_SUMMARY, figure_file(BRANCH))
 """The names of all files that cycles along a parameter write."""
@@ -96,14 +98,16 @@ def check_output(folder: Path, files: Iterable[str], *, overwrite: bool) -> None
     """Raise RequestError where files of these names lie already, or where something else is in the folder's place."""
     try:
         _check_place(folder)
-        taken = [folder / name for name in files if _is_there(folder / name)]
-        folders = [path for path in taken if path.is_dir()]
+        paths = [folder / name for name in files]
+        taken = [path for path in paths if _is_there(path)]
+        folders = [path for path in (*taken, *map(part_of, paths)) if path.is_dir()]
     except OSError as error:  # a name that is too long, a loop of links, a parent that may not be searched
         raise _unusable(folder, error) from None
     if folders:
         raise RequestError(f"{folders[0]} is a folder, where a file is to go; choose another folder with -o")
     if taken and not overwrite:
-        raise RequestError(f"{taken[0]} exists; add --overwrite to replace it, or choose another folder with -o")
+        what = "remove" if taken[0].name in MADE_FILES else "replace"
+        raise RequestError(f"{taken[0]} exists; add --overwrite to {what} it, or choose another folder with -o")
 
 
 def check_output_file(path: Path, *, overwrite: bool, option: str = "-o") -> None:
@@ -117,6 +121,8 @@ def check_output_file(path: Path, *, overwrite: bool, option: str = "-o") -> Non
             raise RequestError(f"{path} is a folder, where a file is to go; name the file with {option}")
         if path.exists() and not path.is_file():  # it would be replaced, not written to
             raise RequestError(f"{path} is no ordinary file; name another with {option}")
+        if part_of(path).is_dir():
+            raise RequestError(f"{part_of(path)} is a folder, where the file is written; name another with {option}")
         _is_there(part_of(path))  # whose name is longer
         if _is_there(path) and not overwrite:
             raise RequestError(f"{path} exists; add --overwrite to replace it, or name another file with {option}")

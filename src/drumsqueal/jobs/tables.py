@@ -17,9 +17,10 @@ def print_table(console: Console, table: Table) -> None:
     """
     spared = 0
     for column in table.columns:
-        folded = 0 if column.justify == "right" else max(_width(column) - NARROWEST, 0)
-        column.no_wrap, column.overflow = folded == 0, "fold"
-        spared += folded
+        lines, words = _widths(column)
+        least = lines if column.justify == "right" else min(lines, max(words, NARROWEST))
+        column.no_wrap, column.overflow, column.min_width = least == lines, "fold", least
+        spared += lines - least
     whole = Measurement.get(console, console.options.update_width(_ENDLESS), table).maximum
     if whole - spared <= console.width:
         console.print(table)
@@ -41,6 +42,7 @@ def _print_rows(console: Console, table: Table) -> None:
     console.print()
 
 
-def _width(column: Column) -> int:
-    texts = (str(text) for text in (column.header, *column.cells))
-    return max(cell_len(line) for text in texts for line in text.split("\n"))
+def _widths(column: Column) -> tuple[int, int]:
+    """Of the longest line and the longest word."""
+    lines = [line for text in (column.header, *column.cells) for line in str(text).split("\n")]
+    return max(map(cell_len, lines)), max(cell_len(word) for line in lines for word in line.split(" "))

@@ -203,6 +203,7 @@ class Onset(_Found):
     kicked_range_sought_within: float
     smallest_kick_sought: bool
     coordinates: list[str]
+    cycles: Any = None
     scene: dict[str, Any]
     versions: dict[str, str]
 

@@ -22,6 +22,7 @@ SAME = 1e-6  # relative: a mode at a critical value is the one with this frequen
 CUT_OFF = "This study is not complete: it was cut off before the ranges were found."
 NO_SUMMARY = "This study is not complete: it was cut off, and only the table of the values that were done is left."
 NOT_DRAWN = "The figure is not in the folder: the study was cut off before it was drawn."
+NO_FIGURE = "The figure is not in the folder: the study was cut off before it was drawn, or the figure was taken away."
 NO_MODES = "There is no critical value with a mode that oscillates, so that no shape is shown."
 IT = {
     NOWHERE: "there is no steady sliding",
@@ -38,12 +39,13 @@ def onset_content(folder: Path) -> dict[str, Any]:
     table = read_rows(folder / ONSET_TABLE) if (folder / ONSET_TABLE).exists() else []
     rows = [_row(row, folder / ONSET_TABLE) for row in table if row["asked"] == "yes"]
     drawn = picture(folder / figure_file(ONSET), onset_words(found))
+    complete = found is not None and found.outcome == COMPLETE
     content: dict[str, Any] = {
         "kind": "report of a study of the onset",
         "found": found,
-        "complete": found is not None and found.outcome == COMPLETE,
+        "complete": complete,
         "pictures": [] if drawn is None else [drawn],
-        "missing": NOT_DRAWN if drawn is None else "",
+        "missing": "" if drawn is not None else NO_FIGURE if complete else NOT_DRAWN,
         "rows": rows,
     }
     if found is None:
@@ -57,7 +59,7 @@ def onset_content(folder: Path) -> dict[str, Any]:
         "per": 1 / along.size,
         "equals": f" (1 {along.given} is {along.size:.6g} {along.unit})" if along.given else "",
         "title": scene.title or "Untitled scene",
-        "warning": None if content["complete"] else CUT_OFF,
+        "warning": None if complete else CUT_OFF,
         "headline": found.verdict or _so_far(found, rows),
         "animation": _animation(scene, found),
         "animation_note": NO_MODES,
@@ -66,7 +68,8 @@ def onset_content(folder: Path) -> dict[str, Any]:
         "toml": toml,
         "toml_uri": data_uri("application/toml", toml.encode()),
         "command": f"drumsqueal onset scene.toml -o out/again --along {shlex.quote(_range(along, scene))} "
-        f"--within {found.kicked_range_sought_within!r}{' --smallest-kick' * found.smallest_kick_sought}",
+        f"--within {found.kicked_range_sought_within!r}{' --smallest-kick' * found.smallest_kick_sought}"
+        f"{' --cycles' if found.cycles else ''}",
     }
 
 
@@ -75,7 +78,7 @@ def _so_far(found: Onset, rows: list[dict[str, Any]]) -> str:
     along = found.parameter.variation
     low, high = sorted((along.first, along.last))
     kinds = Counter(row["kind"] for row in rows)
-    told = ", ".join(f"at {count} {IT.get(kind, f'it {kind}')}" for kind, count in kinds.items())
+    told = ", ".join(f"{IT.get(kind, f'it {kind}')} at {count} of them" for kind, count in kinds.items())
     done = f"{len(rows)} of {len(along.values)} values of {along.key} from {along.shown(low):.6g} to {along.told(high)}"
     return f"{done} are done{f': {told}' if told else ''}. By the eigenvalues {_critical(found, along)}."
 

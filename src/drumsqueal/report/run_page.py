@@ -67,7 +67,7 @@ def run_content(folder: Path) -> dict[str, Any]:
         "animation": None if prepared is None else _animation(prepared, summary),
         "animation_note": GIVEN_LAW if prepared is None else OTHER_MODES,
         "about": ABOUT,
-        "clips": [] if history is None else clips(history, since),
+        "clips": [] if history is None else clips(history, since, settles=not _changes(scene)),
         "heard": _heard(summary),
         "pictures": [each for each in pictures.values() if each is not None],
         "missing": _missing([figure_file(name) for name, each in pictures.items() if each is None], summary, folder),

@@ -30,10 +30,11 @@ class Clip(NamedTuple):
     uri: str
 
 
-def clips(history: SavedHistory, saturated_from: float | None) -> list[Clip]:
+def clips(history: SavedHistory, saturated_from: float | None, *, settles: bool) -> list[Clip]:
     """The sounds of a history; none where nothing moves enough.
 
-    What is heard is the velocity u̇_θ along the drum in the middle of the lining, θ = z = 0.
+    What is heard is the velocity u̇_θ along the drum in the middle of the lining, θ = z = 0. The motion after growth is
+    repeated only where it `settles`: of a brake that comes to rest, what is heard again and again never was.
     """
     title = history.scene.title
     surface = surface_velocity(history.scene, history.data["velocity"].values, 0.0, along_drum=True)
@@ -56,7 +57,7 @@ def clips(history: SavedHistory, saturated_from: float | None) -> list[Clip]:
             title,
         ),
     ]
-    if saturated_from is None:
+    if saturated_from is None or not settles:
         return found
     part = _heard(surface[(time >= saturated_from) & (time < saturated_from + REPEATED_S)], history.sample_rate)
     if part.size < SHORTEST_S * CD_RATE or np.ptp(part) < QUIET:

@@ -23,7 +23,8 @@ def headline(summary: Summary, scene: Scene) -> str:
     """The finding in one sentence, the whole verdict where there is no frequency to tell."""
     saturation, sticking = summary.saturation, summary.sticking
     if sticking is not None and sticking.to_the_end_from_s is not None:
-        return f"{_before_sticking(summary)}, from {sticking.to_the_end_from_s:.4g} s on."
+        before = "The brake squeals until, from" if _squeals_at_first(summary) else "From"
+        return f"{before} {sticking.to_the_end_from_s:.4g} s on, the whole lining sticks to the drum."
     if saturation is None or saturation.main is None or saturation.regime.kind == "steady":
         return summary.verdict or "There is no verdict: nothing was computed beyond the prediction."
     verb = "vibrates" if scene.forcing is not None else _VERB.get(saturation.regime.kind, "vibrates")
@@ -31,11 +32,9 @@ def headline(summary: Summary, scene: Scene) -> str:
     return f"{told}{_shifted(saturation, summary)}{_because(saturation, summary.frequency)}."
 
 
-def _before_sticking(summary: Summary) -> str:
+def _squeals_at_first(summary: Summary) -> bool:
     edge = None if summary.growth is None else summary.growth.edge_reached_s
-    if not edge or not any(mode.unstable for mode in summary.prediction.modes):
-        return "The whole lining comes to stick to the drum"
-    return "The brake squeals until the whole lining sticks to the drum"
+    return bool(edge) and any(mode.unstable for mode in summary.prediction.modes)
 
 
 def hertz(frequency: float) -> str:
