@@ -127,6 +127,15 @@ def test_json_replaces_neither_the_scene_nor_a_result(drumsqueal, tmp_path, comm
         assert file.read_text() == held
 
 
+def test_no_result_replaces_the_scene_that_it_is_made_of(drumsqueal, tmp_path):
+    scene = tmp_path / "quiet.toml"
+    scene.write_text(Path(NOMINAL).read_text())
+    status, _, error = drumsqueal("sensitivity", str(scene), "-o", str(tmp_path), "--overwrite")
+    assert (status, error.count("\n")) == (2, 1)
+    assert f"{scene} would replace {scene}, which is read or written, too; name another with -o" in error
+    assert scene.read_text() == Path(NOMINAL).read_text()
+
+
 @pytest.mark.parametrize("command", ["check", "stability"])
 def test_json_does_not_replace_the_scene(drumsqueal, tmp_path, command):
     scene = tmp_path / "scene.toml"

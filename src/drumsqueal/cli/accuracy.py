@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from drumsqueal.cli.options import JsonFile, Overwrite, Quiet, Reply, SceneFile, Settings, output_option, read_share
-from drumsqueal.files.output_folder import ACCURACY_FILES, check_output, claimed
+from drumsqueal.files.output_folder import ACCURACY_FILES, claimed
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import load_scene
 
@@ -33,8 +33,7 @@ def accuracy_command(
     loaded = load_scene(scene, settings or ())
     wanted = read_share(target, "--target")
     folder = output if output is not None else Path("out") / f"{scene.stem}-accuracy"
-    check_output(folder, ACCURACY_FILES, overwrite=overwrite)
-    reply = Reply(quiet, json_file, overwrite=overwrite, apart_from=(scene, *map(folder.joinpath, ACCURACY_FILES)))
+    reply = Reply.beside(folder, ACCURACY_FILES, (scene,), quiet, json_file, overwrite=overwrite)
     stop_if_interrupted()
     from drumsqueal.jobs.accuracy import study_into
     from drumsqueal.simulation import check_sample_rate, prepare

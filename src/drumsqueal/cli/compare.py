@@ -18,7 +18,7 @@ from drumsqueal.cli.options import (
     read_share,
     read_time,
 )
-from drumsqueal.files.output_folder import COMPARE_FILES, HISTORY, check_apart, check_output, claimed, history_file
+from drumsqueal.files.output_folder import COMPARE_FILES, HISTORY, claimed, history_file
 from drumsqueal.interrupts import stop_if_interrupted
 
 HistoryFile = Annotated[
@@ -72,11 +72,8 @@ def compare_command(
     Example: drumsqueal compare out/nominal rig.csv --channel vibrometer --unit mm/s
     """
     folder = output if output is not None else Path("out") / f"{_name(history)}-compare"
-    check_output(folder, COMPARE_FILES, overwrite=overwrite)
-    written, read = [folder / name for name in COMPARE_FILES], (history_file(history), measured)
-    for path in written:
-        check_apart(path, read)
-    reply = Reply(quiet, json_file, overwrite=overwrite, apart_from=(*read, *written))
+    read = (history_file(history), measured)
+    reply = Reply.beside(folder, COMPARE_FILES, read, quiet, json_file, overwrite=overwrite)
     widest = read_share(within, "--within")
     begin, end, sampled = read_time(since, "--from"), read_time(until, "--until"), read_rate(rate, "--rate")
     stop_if_interrupted()

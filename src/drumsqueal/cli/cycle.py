@@ -7,7 +7,7 @@ import typer
 
 from drumsqueal.cli.completion import complete_range
 from drumsqueal.cli.options import JsonFile, Overwrite, Quiet, Reply, SceneFile, Settings, output_option
-from drumsqueal.files.output_folder import BRANCH_FILES, CYCLE_FILES, check_output, claimed
+from drumsqueal.files.output_folder import BRANCH_FILES, CYCLE_FILES, claimed
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import load_scene
 from drumsqueal.scene.variation import read_variation
@@ -46,8 +46,7 @@ def cycle_command(
     variation = None if along is None else read_variation(along, loaded, points=None)
     files = CYCLE_FILES if variation is None else BRANCH_FILES
     folder = output if output is not None else Path("out") / f"{scene.stem}-cycle"
-    check_output(folder, files, overwrite=overwrite)
-    reply = Reply(quiet, json_file, overwrite=overwrite, apart_from=(scene, *map(folder.joinpath, files)))
+    reply = Reply.beside(folder, files, (scene,), quiet, json_file, overwrite=overwrite)
     stop_if_interrupted()
     from drumsqueal.jobs.cycle import find_into, follow_into
     from drumsqueal.simulation import check_sample_rate, prepare

@@ -16,7 +16,7 @@ from drumsqueal.cli.options import (
     output_option,
     read_share,
 )
-from drumsqueal.files.output_folder import EFFECT_FILES, check_output, claimed
+from drumsqueal.files.output_folder import EFFECT_FILES, claimed
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import load_scene
 
@@ -48,8 +48,7 @@ def effects_command(
     loaded = load_scene(scene, settings or ())
     accuracy = read_share(within, "--within")
     folder = output if output is not None else Path("out") / f"{scene.stem}-effects"
-    check_output(folder, EFFECT_FILES, overwrite=overwrite)
-    reply = Reply(quiet, json_file, overwrite=overwrite, apart_from=(scene, *map(folder.joinpath, EFFECT_FILES)))
+    reply = Reply.beside(folder, EFFECT_FILES, (scene,), quiet, json_file, overwrite=overwrite)
     stop_if_interrupted()
     from drumsqueal.jobs.effects import study_into
     from drumsqueal.simulation import check_sample_rate, prepare

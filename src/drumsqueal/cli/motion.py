@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from drumsqueal.cli.options import JsonFile, Overwrite, Quiet, Reply, SceneFile, Settings, output_option, read_duration
-from drumsqueal.files.output_folder import MOTION_FILES, check_output, claimed
+from drumsqueal.files.output_folder import MOTION_FILES, claimed
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import load_scene
 
@@ -37,8 +37,7 @@ def motion_command(
     loaded = load_scene(scene, settings or ())
     length, limit = read_duration(duration, "--duration"), read_duration(at_most, "--at-most")
     folder = output if output is not None else Path("out") / f"{scene.stem}-motion"
-    check_output(folder, MOTION_FILES, overwrite=overwrite)
-    reply = Reply(quiet, json_file, overwrite=overwrite, apart_from=(scene, *map(folder.joinpath, MOTION_FILES)))
+    reply = Reply.beside(folder, MOTION_FILES, (scene,), quiet, json_file, overwrite=overwrite)
     stop_if_interrupted()
     from drumsqueal.jobs.motion import study_into
     from drumsqueal.simulation import check_sample_rate, prepare

@@ -7,7 +7,7 @@ import typer
 
 from drumsqueal.cli.completion import complete_range
 from drumsqueal.cli.options import JsonFile, Overwrite, Quiet, Reply, SceneFile, Settings, output_option, read_share
-from drumsqueal.files.output_folder import ONSET_FILES, check_output, claimed
+from drumsqueal.files.output_folder import ONSET_FILES, claimed
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import load_scene
 from drumsqueal.scene.variation import POINTS, SYNTAX, read_variation
@@ -62,8 +62,7 @@ def onset_command(
     variation = read_variation(along, loaded)
     share = read_share(within, "--within")
     folder = output if output is not None else Path("out") / f"{scene.stem}-onset"
-    check_output(folder, ONSET_FILES, overwrite=overwrite)
-    reply = Reply(quiet, json_file, overwrite=overwrite, apart_from=(scene, *map(folder.joinpath, ONSET_FILES)))
+    reply = Reply.beside(folder, ONSET_FILES, (scene,), quiet, json_file, overwrite=overwrite)
     stop_if_interrupted()
     from drumsqueal.jobs.onset import study_into
     from drumsqueal.studies.cycle.branches import checked_range

@@ -13,7 +13,7 @@ from rich.console import Console
 from drumsqueal.cli.completion import complete_scene, complete_setting
 from drumsqueal.errors import RequestError
 from drumsqueal.files.json_file import to_json, write_json
-from drumsqueal.files.output_folder import MADE_FILES, check_apart, check_output_file
+from drumsqueal.files.output_folder import MADE_FILES, check_apart, check_output, check_output_file
 from drumsqueal.scene.quantities import SceneError, parse_quantity
 from drumsqueal.scene.shipped import find_scene
 
@@ -88,6 +88,27 @@ class Reply:
             check_apart(self._path, apart_from, option="--json")
             check_output_file(self._path, overwrite=overwrite, option="--json")
         self.console = make_console(quiet=quiet or json_file is not None)
+
+    @classmethod
+    def beside(
+        cls,
+        folder: Path,
+        files: Iterable[str],
+        read: Iterable[Path],
+        quiet: bool,
+        json_file: str | None,
+        *,
+        overwrite: bool,
+    ) -> "Reply":
+        """That of a command which reads some files and writes others, of these names, into a folder.
+
+        Raises RequestError where they lie there already and are not to be overwritten, or one would replace another.
+        """
+        check_output(folder, files, overwrite=overwrite)
+        written = [folder / name for name in files]
+        for path in written:
+            check_apart(path, read)
+        return cls(quiet, json_file, overwrite=overwrite, apart_from=(*read, *written))
 
     @property
     def _path(self) -> Path | None:

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Annotated
 
 from drumsqueal.cli.options import JsonFile, Overwrite, Quiet, Reply, Settings, output_option
-from drumsqueal.files.output_folder import PAPER_FILES, check_output, claimed
+from drumsqueal.files.output_folder import PAPER_FILES, claimed
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene.seo_kang import seo_kang_brake
 
@@ -26,8 +26,7 @@ def paper_command(
     """
     scene = seo_kang_brake(settings or ())
     folder = output if output is not None else Path("out") / "paper"
-    check_output(folder, PAPER_FILES, overwrite=overwrite)
-    reply = Reply(quiet, json_file, overwrite=overwrite, apart_from=map(folder.joinpath, PAPER_FILES))
+    reply = Reply.beside(folder, PAPER_FILES, (), quiet, json_file, overwrite=overwrite)
     stop_if_interrupted()
     from drumsqueal.jobs.paper import study_into
     from drumsqueal.simulation import check_sample_rate, prepare

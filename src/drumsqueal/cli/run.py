@@ -14,7 +14,7 @@ from drumsqueal.cli.options import (
     UsageError,
     output_option,
 )
-from drumsqueal.files.output_folder import HISTORY, RESUME, RUN_FILES, check_output, claimed
+from drumsqueal.files.output_folder import HISTORY, RESUME, RUN_FILES, claimed
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import load_scene
 
@@ -39,8 +39,7 @@ def run_command(
     loaded = load_scene(scene, settings or ())
     # A file "...toml" is called "..", which would lead out of the folder out.
     folder = output if output is not None else Path("out") / (scene.stem if scene.stem.strip(".") else "scene")
-    check_output(folder, RUN_FILES, overwrite=overwrite or resume)
-    reply = Reply(quiet, json_file, overwrite=overwrite or resume, apart_from=(scene, *map(folder.joinpath, RUN_FILES)))
+    reply = Reply.beside(folder, RUN_FILES, (scene,), quiet, json_file, overwrite=overwrite or resume)
     stop_if_interrupted()
     from drumsqueal.files.resumption import find_point
     from drumsqueal.jobs.run import run_into

@@ -7,7 +7,7 @@ import typer
 
 from drumsqueal.cli.completion import complete_list, words
 from drumsqueal.cli.options import JsonFile, Overwrite, Quiet, Reply, SceneFile, Settings, UsageError, output_option
-from drumsqueal.files.output_folder import SENSITIVITY_FILES, check_output, claimed
+from drumsqueal.files.output_folder import SENSITIVITY_FILES, claimed
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import load_scene
 
@@ -53,8 +53,7 @@ def sensitivity_command(
     loaded = load_scene(scene, settings or ())
     keys = [key.strip() for part in vary for key in part.split(",")] if vary else None
     folder = output if output is not None else Path("out") / f"{scene.stem}-sensitivity"
-    check_output(folder, SENSITIVITY_FILES, overwrite=overwrite)
-    reply = Reply(quiet, json_file, overwrite=overwrite, apart_from=(scene, *map(folder.joinpath, SENSITIVITY_FILES)))
+    reply = Reply.beside(folder, SENSITIVITY_FILES, (scene,), quiet, json_file, overwrite=overwrite)
     stop_if_interrupted()
     from drumsqueal.jobs.sensitivity import check_request, study_into
 

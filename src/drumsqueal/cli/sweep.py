@@ -19,7 +19,7 @@ from drumsqueal.cli.options import (
     output_option,
 )
 from drumsqueal.errors import RequestError
-from drumsqueal.files.output_folder import SWEEP, SWEEP_FILES, check_output, claimed
+from drumsqueal.files.output_folder import SWEEP, SWEEP_FILES, claimed
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import Scene, load_scene
 from drumsqueal.scene.plan import Plan, grid, sample
@@ -68,10 +68,7 @@ def sweep_command(
         raise UsageError("--resume goes on with what is there, --overwrite replaces it; leave one of them out")
     plan = _plan(load_scene(scene, settings or ()), vary or [], random, seed, transient)
     folder = output if output is not None else Path("out") / f"{scene.stem}-sweep"
-    check_output(folder, SWEEP_FILES, overwrite=overwrite or resume)
-    reply = Reply(
-        quiet, json_file, overwrite=overwrite or resume, apart_from=(scene, *map(folder.joinpath, SWEEP_FILES))
-    )
+    reply = Reply.beside(folder, SWEEP_FILES, (scene,), quiet, json_file, overwrite=overwrite or resume)
     stop_if_interrupted()
     from drumsqueal.files.sweep_file import find_sweep
     from drumsqueal.jobs.cluster import check_cluster, connected
