@@ -15,7 +15,7 @@ from scipy.io import wavfile
 from drumsqueal.errors import RequestError
 from drumsqueal.files.measured.reader import read_measured
 from drumsqueal.files.measured.record import parse_unit
-from drumsqueal.files.measured.sampling import UnevenError, even_sampling
+from drumsqueal.files.measured.sampling import GapError, UnevenError, even_sampling
 
 RATE, COUNT = 51_200.0, 400
 TIME = np.arange(COUNT) / RATE
@@ -171,12 +171,24 @@ def test_jitter_is_taken_up_to_a_bound():
     assert even_sampling(TIME + 0.009 / RATE * jitter).rate == pytest.approx(RATE, rel=1e-4)
     with pytest.raises(UnevenError, match="intervals off its place"):
         even_sampling(TIME + 0.02 / RATE * jitter)
-    with pytest.raises(UnevenError, match="intervals off"):  # a sample was lost
-        even_sampling(np.delete(TIME, 100))
+    for lost in (100, slice(100, 300)):
+        with pytest.raises(GapError, match=r"s are missing between"):
+            even_sampling(np.delete(TIME, lost))
+    with pytest.raises(UnevenError, match="intervals off"):  # two gaps
+        even_sampling(np.delete(TIME, [100, 300]))
     with pytest.raises(UnevenError, match="do not increase"):
         even_sampling(TIME[::-1])
     with pytest.raises(UnevenError, match="too coarse"):
         even_sampling(np.round(TIME, 3))
+
+
+def test_where_a_part_is_missing_no_rate_is_advised_that_would_join_what_is_left(file):
+    rows = lines_of([TIME, VALUES])
+    file.write_text("\n".join(["time,v", *rows[:100], *rows[200:]]))
+    gap = f"{100 / RATE:.4g} s are missing between {TIME[99]:.9g} and {TIME[200]:.9g} s"
+    with pytest.raises(RequestError) as refused:
+        read_measured(file)
+    assert str(refused.value).endswith(f"{gap}; cut the file there, or resample it evenly")
 
 
 def test_uneven_times_are_refused_unless_a_rate_is_given(file):

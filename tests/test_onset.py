@@ -349,7 +349,7 @@ def test_a_shoe_that_nothing_holds_runs_away_and_does_not_squeal():
 def study_of(scene, row: Row) -> OnsetStudy:
     linear = Branches((row.point,), (), ())
     variation = Variation("drum.speed", "rad/s", (row.value, row.value + 1))
-    return OnsetStudy(scene, variation, ("X", "Y", "Tz"), linear, (row,), find_ranges([row], ()), 0.1)
+    return OnsetStudy(scene, variation, ("X", "Y", "Tz"), linear, (row,), find_ranges([row], (), 0.0), 0.1)
 
 
 def test_a_range_of_neutral_motion_is_no_squeal(nominal):
@@ -477,13 +477,15 @@ def test_ranges_of_what_could_not_be_told():
     rows = [Row(point._replace(value=v), (), asked=True) for v in (1.0, 2.0, 3.0)]
     rows[0] = rows[0]._replace(point=rows[0].point._replace(reason="the drum stands still"))
     rows[2] = rows[2]._replace(endings=(ending(3.0, "small", "undecided"),))
-    found = find_ranges(rows, ())
+    found = find_ranges(rows, (), 0.1)
     assert [(each.kind, each.first, each.last) for each in found] == [
         ("no steady sliding", 1.0, 1.5),
         (STABLE, 1.5, 2.5),
         ("undecided", 2.5, 3.0),
     ]
     assert found[0].last_uncertainty == 0.5
+    # Motion that dies out slowly is not resolved to better than is asked for.
+    assert find_ranges(rows, (), 0.7)[0].last_uncertainty == 0.7
 
 
 def test_a_motion_that_still_grows_lasts_but_has_no_size():

@@ -280,6 +280,10 @@ def test_the_name_of_a_shipped_scene_stands_for_it_where_there_is_no_file(drumsq
     monkeypatch.chdir(tmp_path)
     assert find_scene("damped").name == "damped.toml"
     assert json.loads(drumsqueal("stability", "damped", "--json", "-")[1])["modes"]
+    (tmp_path / "damped").mkdir()  # as results of it may be called
+    assert json.loads(drumsqueal("stability", "damped", "--json", "-")[1])["modes"]
+    assert "this is a directory" in drumsqueal("animate", "damped", "--mode", "Y")[2]
+    (tmp_path / "damped").rmdir()
     (tmp_path / "damped").write_text("title =")
     assert "not TOML" in drumsqueal("stability", "damped")[2]
     assert "drumsqueal scenes" in drumsqueal("stability", "nowhere.toml")[2]
@@ -330,6 +334,7 @@ def test_check_foretells_the_first_edge_and_the_evaluations(nominal):
         (("start.displacement={}",), "Nothing is started"),
         (("start.displacement={Y=1e-7}", 'simulate.coordinates=["X", "Z"]', "start.displacement={X=1e-7}"), "held"),
         (("simulate.duration=0.01",), "The duration of 0.01 s is 0.762 growth times"),
+        (("simulate.duration=0.08",), "may not have settled by its end; take at least 0.084 s"),
         (("simulate.sample_rate=20000",), "The sample rate is 2.7 times the highest frequency"),
     ],
 )

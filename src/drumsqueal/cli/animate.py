@@ -80,7 +80,8 @@ def animate_command(
     slowness, magnification = _factor(slow, "--slow"), _factor(magnify, "--magnify")
     if mode is not None:
         _refuse_with_mode({"--from": since, "--until": until, "--magnify": None if magnify == AUTO else magnify})
-        scene_file = find_scene(str(source))
+        # A folder here is a run's, whose scene need not be the shipped one of that name.
+        scene_file = source if source.is_dir() else find_scene(str(source))
         scene = load_scene(scene_file, settings or ())
         file = output or Path(f"{source.stem}-{mode.replace(' ', '').replace('/', '')}.gif")
         check_apart(file, [scene_file])

@@ -130,7 +130,10 @@ def _draw_growth(axes: Axes, study: OnsetStudy) -> None:
     axes.set_ylim(*_growth_limits(study))
     axes.axhline(0, color=style.DARK, linewidth=0.6)
     for branch in study.linear.branches:
-        axes.plot(branch.values, branch.eigenvalues.real, color=style.COLOUR[branch.label.split()[0]])
+        zeros = [each.value for each in study.linear.critical if each.label == branch.label]  # between few values, too
+        values, rates = np.append(branch.values, zeros), np.append(branch.eigenvalues.real, np.zeros(len(zeros)))
+        order = np.argsort(values)
+        axes.plot(values[order], rates[order], color=style.COLOUR[branch.label.split()[0]])
     for critical in study.linear.critical:
         axes.plot(critical.value, 0, marker="D", markersize=3.5, color=style.DARK, linestyle="", zorder=4)
     frame(axes, None, "Growth rate\n(1/s)")

@@ -1,5 +1,6 @@
 """A measured record beside a simulated one: on the terminal, as CSV, as plain data, and in a sentence or two."""
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from drumsqueal.jobs.study import rows_to_csv
 from drumsqueal.jobs.tables import print_table
 from drumsqueal.scene.quantities import percent, printable
 from drumsqueal.signals import level_reference
+from drumsqueal.signals.tones import FAINTEST
 from drumsqueal.studies.measured import LOWEST, MeasuredComparison, MeasuredLine, Spectral
 
 PRINTED = 12  # lines
@@ -63,6 +65,10 @@ def _print_table(console: Console, comparison: MeasuredComparison) -> None:
         told.append("n × f: a harmonic of the line at f, and so of no mode")
     if any(harmonic.simulated for harmonic in harmonics):
         told.append("(n × f): of a simulated line that is not measured")
+    faintest = -20 * math.log10(FAINTEST)
+    told.append(
+        f"what is {faintest:.0f} dB or more below the strongest of its record is not listed, simulated or measured"
+    )
     console.print("; ".join(told), style="dim")
 
 

@@ -206,7 +206,8 @@ def _frequency(summary: Summary, _: Scene) -> list[str]:
     return [
         f"Frequency of {found.mode} over time: from {found.onset_Hz:.0f} Hz, its eigenvalue, to "
         f"{found.saturated_Hz:.0f} Hz.",
-        f"Loss of contact alone predicts {found.predicted_by_contact_loss_Hz:.0f} Hz.",
+        f"Loss of contact alone predicts {found.predicted_by_contact_loss_Hz:.0f} Hz; √(contact share) is a cruder "
+        "estimate, the eigenvalue's frequency times the root of the mean share of the lining in contact.",
         *_contact_share(summary),
     ]
 

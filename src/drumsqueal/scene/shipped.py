@@ -32,8 +32,10 @@ def shipped_path(name: str) -> Path:
 
 
 def find_scene(text: str) -> Path:
-    """A scene file by its path or, where there is none, a shipped scene by its name."""
-    return shipped_path(text) if text in shipped_names() and not Path(text).exists() else Path(text)
+    """A scene file by its path or, where there is none, a shipped scene by its name; a folder may bear it, too."""
+    path = Path(text)
+    free = path.is_dir() or not path.exists()
+    return shipped_path(text) if text in shipped_names() and free else path
 
 
 def shipped_scenes() -> tuple[Shipped, ...]:

@@ -232,9 +232,11 @@ def _about_the_record(prepared: Prepared, growing: tuple[Growth, ...], shares: t
             f"{2 * (HARMONICS + 1) * highest:.3g} Hz would hold its third harmonic."
         )
     edge, rates = first_edge(growing, shares), [each.growth_rate for each in growing if each.edge_time is not None]
-    if edge is not None and rates and edge > simulate.duration:
+    enough = math.inf if edge is None else float(f"{1.5 * edge:.2g}")
+    if edge is not None and rates and simulate.duration < enough:
+        saturates = "will not saturate" if edge > simulate.duration else "may not have settled by its end"
         yield (
             f"The duration of {simulate.duration:g} s is {simulate.duration * max(rates):.3g} growth times: the "
-            f"eigenvalues put the first edge at {edge:.3g} s, so squeal will not saturate; take at least "
-            f"{1.5 * edge:.2g} s, or a larger start."
+            f"eigenvalues put the first edge at {edge:.3g} s, so squeal {saturates}; take at least "
+            f"{enough:g} s, or a larger start."
         )

@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 from drumsqueal.errors import RequestError
 from drumsqueal.files.measured.layout import COMMENTS, TIME_UNITS, Column, Layout, Line, find_layout, number
 from drumsqueal.files.measured.record import Measured, Unit, check_count, measured_in, parse_unit, pick_channel
-from drumsqueal.files.measured.sampling import Sampling, UnevenError, even_sampling
+from drumsqueal.files.measured.sampling import RATE_CURE, Sampling, UnevenError, even_sampling
 from drumsqueal.interrupts import stop_if_interrupted
 
 _BLOCK = 2**14  # rows between two looks at Ctrl-C
-RATE_CURE = 'give --rate, such as --rate "51.2 kHz"'
 
 
 def read_csv(path: Path, channel: str | None, rate: float | None, unit: Unit | None) -> Measured:
@@ -132,9 +131,7 @@ def _sampling(
     try:
         sampling = even_sampling(time)
     except UnevenError as error:
-        raise RequestError(
-            f"{path}: the times are not evenly spaced, {error}; resample it evenly, or {RATE_CURE}"
-        ) from None
+        raise RequestError(f"{path}: the times are not evenly spaced, {error}; {error.cure}") from None
     return place, sampling
 
 

@@ -22,8 +22,20 @@ class Sampling(NamedTuple):
     off: float
 
 
+RATE_CURE = 'give --rate, such as --rate "51.2 kHz"'
+FEWEST_STEPS = 8  # beside a single gap, of which all the others are alike
+
+
 class UnevenError(ValueError):
-    """Times are not evenly spaced; the message says where."""
+    """Times are not evenly spaced; the message says where, and `cure` what helps."""
+
+    cure = f"resample it evenly, or {RATE_CURE}"
+
+
+class GapError(UnevenError):
+    """A part of the record is missing: at one rate throughout, what follows would come too early."""
+
+    cure = "cut the file there, or resample it evenly"
 
 
 def even_sampling(time: NDArray[np.float64]) -> Sampling:
@@ -49,8 +61,20 @@ def even_sampling(time: NDArray[np.float64]) -> Sampling:
     if off[worst] > max(JITTER * interval, min(ROUNDED * digit, LOST * interval)):
         if digit > interval / 2:
             raise UnevenError(f"the times are rounded to {digit:g} s, too coarse for an interval of {interval:.3g} s")
+        if gap := _gap(times):
+            raise GapError(gap)
         raise UnevenError(f"{where} a time lies {off[worst] / interval:.2g} intervals off its place")
     return Sampling(1.0 / interval, float(times[0] - index[0] * interval), float(off[worst]) / interval)
+
+
+def _gap(times: NDArray[np.float64]) -> str:
+    """Where the only gap of a record is, which is evenly sampled before and after it; nothing where there is none."""
+    steps = np.diff(times)
+    usual, widest = float(np.median(steps)), int(np.argmax(steps))
+    others = np.delete(steps, widest)
+    if others.size < FEWEST_STEPS or steps[widest] < 1.5 * usual or np.abs(others - usual).max() > LOST * usual:
+        return ""
+    return f"{steps[widest] - usual:.4g} s are missing between {times[widest]:.9g} and {times[widest + 1]:.9g} s"
 
 
 def last_digit(times: NDArray[np.float64]) -> float:

@@ -95,7 +95,7 @@ def _sampling(path: Path, record: dict[str, Any], rate: float | None, told: list
     try:
         return even_sampling(_times(record))
     except UnevenError as error:
-        raise RequestError(f"{path}: not evenly sampled, {error}; resample it, or give --rate") from None
+        raise RequestError(f"{path}: not evenly sampled, {error}; {error.cure}") from None
 
 
 def _times(record: dict[str, Any]) -> NDArray[np.float64]:

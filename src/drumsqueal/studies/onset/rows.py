@@ -99,10 +99,11 @@ class Range(NamedTuple):
     last_uncertainty: float | None
 
 
-def find_ranges(rows: Sequence[Row], critical: Sequence[Critical]) -> tuple[Range, ...]:
+def find_ranges(rows: Sequence[Row], critical: Sequence[Critical], resolved: float) -> tuple[Range, ...]:
     """Join rows of one kind; they part at critical values where stability changes, and halfway between rows elsewhere.
 
-    The uncertainty of an end is that of the critical value, or half the distance of the two rows.
+    The uncertainty of an end is that of the critical value, or half the distance of the two rows, but not less than is
+    `resolved`: motion that dies out slowly still lasts beyond its end when it is looked at.
     """
     ranges = [Range(rows[0].kind, rows[0].value, rows[0].value, None, None)]
     for a, b in pairwise(rows):
@@ -114,7 +115,7 @@ def find_ranges(rows: Sequence[Row], critical: Sequence[Critical]) -> tuple[Rang
         if changes and between:
             at, uncertainty = (between[-1] if a.kind == SQUEALS else between[0])[:2]
         else:
-            at, uncertainty = (a.value + b.value) / 2, (b.value - a.value) / 2
+            at, uncertainty = (a.value + b.value) / 2, max((b.value - a.value) / 2, resolved)
         ranges[-1] = ranges[-1]._replace(last=at, last_uncertainty=uncertainty)
         ranges.append(Range(b.kind, at, b.value, uncertainty, None))
     return tuple(ranges)

@@ -153,7 +153,7 @@ def compare(
     search.at_boundaries(within)
     if smallest_kick:
         search.smallest_kicks()
-    ranges = find_ranges(search.rows, predicted.linear.critical)
+    ranges = find_ranges(search.rows, predicted.linear.critical, search.resolved(within))
     scene, variation, linear = predicted.scene, predicted.variation, predicted.linear
     moving, rows = predicted.family.moving, tuple(search.rows)
     return OnsetStudy(scene, variation, moving, linear, rows, ranges, within, smallest_kick)
@@ -206,9 +206,13 @@ class _Search:
                 return
             self._run("from neighbours", tasks, PERSISTENT)
 
+    def resolved(self, within: float) -> float:
+        """How far apart values are told apart at a boundary, of a share of the whole range."""
+        return within * (self.rows[-1].value - self.rows[0].value)
+
     def at_boundaries(self, within: float) -> None:
         """Close in on where motion ceases to last without the eigenvalues saying so."""
-        precision = within * (self.rows[-1].value - self.rows[0].value)
+        precision = self.resolved(within)
         for a, b in list(pairwise(self.rows)):
             if SQUEALS in (a.kind, b.kind) and (a.kind in QUIET or b.kind in QUIET):
                 self._beside(a, b, precision)
