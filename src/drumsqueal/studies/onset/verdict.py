@@ -79,8 +79,8 @@ def _kicked(study: OnsetStudy) -> str:
     heard = f"{low:.0f} Hz" if high - low < 1 else f"{low:.0f} to {high:.0f} Hz"
     ends = {end for each in kicked for end in (each.first, each.last)}
     onset = next((each.frequency_Hz for each in study.linear.critical if each.value in ends), 0.0)
-    compared = f", where {onset:.0f} Hz is the onset's" if onset > 0 else ""
-    return f"{text}, and it then squeals at {heard}{compared}"
+    compared = f", where the eigenvalue has {onset:.0f} Hz at the critical value" if onset > 0 else ""
+    return f"{text}, and at the values tried it then squeals at {heard}{compared}"
 
 
 def _smallest_kicks(study: OnsetStudy) -> list[str]:
@@ -90,7 +90,7 @@ def _smallest_kicks(study: OnsetStudy) -> list[str]:
         return []
     ends = [found[0], found[-1]] if len(found) > 1 else found
     told = ", and up to ".join(f"{_kick(kick)} at {study.variation.told(value)}" for value, kick in ends)
-    return [f"The smallest kick along a mode that starts it gives the lining's surface {told}."]
+    return [f"The smallest kick along a mode that starts it gives, at the values tried, the lining's surface {told}."]
 
 
 def _kick(kick: Kick) -> str:
