@@ -8,7 +8,6 @@ import typer
 from drumsqueal.cli.options import JsonFile, Overwrite, Quiet, Reply, read_file, read_folder
 from drumsqueal.files.output_folder import ONSET_FILES, REPORT, RUN_FILES, check_ending, check_output_file
 from drumsqueal.interrupts import stop_if_interrupted
-from drumsqueal.report.found import what_is_in
 
 
 def report_command(
@@ -32,6 +31,8 @@ def report_command(
 
     Example: drumsqueal report out/nominal
     """
+    from drumsqueal.report.found import what_is_in
+
     kind = what_is_in(folder)
     file = folder / REPORT if output is None else output
     check_ending(file, (".html", ".htm"), "a page")
