@@ -40,14 +40,19 @@ FREQUENCY = 2 * np.pi * np.array([4400.0, 1100.0, 300.0, 300.0, 1100.0, 1100.0])
 SIZES = {"below the edges": 0.02, "beyond them": 1.0}
 
 
-class AnyLaw(eqx.Module):
-    """A friction law of which nothing is known: the lining is split at its edges, whether there are any or not."""
+class Cut(eqx.Module):
+    """A friction law that says it has a kink at a slip speed: the lining is split, whether it has edges or not."""
 
     law: FrictionLaw
+    speed: Array
 
     def coefficient(self, slip_speed: Array) -> Array:
         """That of the law."""
         return self.law.coefficient(slip_speed)
+
+    def breakpoints(self) -> Array:
+        """The one slip speed."""
+        return self.speed[None]
 
 
 class Contender(NamedTuple):
@@ -107,7 +112,8 @@ def error_of(contender: Contender) -> float:
     model = contender.model
     finer = ArcSurface(24) if isinstance(model.lining.surface, ArcSurface) else AreaSurface(48, 36)
     assert model.contact.friction is not None
-    friction = dataclasses.replace(model.contact.friction, law=AnyLaw(model.contact.friction.law))
+    drum = model.shoe.outer_radius * jnp.abs(model.operation.at(0.0).drum_speed)
+    friction = dataclasses.replace(model.contact.friction, law=Cut(model.contact.friction.law, drum))
     sharp = dataclasses.replace(model, contact=dataclasses.replace(model.lining, surface=finer, friction=friction))
     difference = forces(contender.model, contender.q, contender.v) - forces(sharp, contender.q, contender.v)
     scale = float(model.operation.at(0.0).preload * model.shoe.area) * np.array([1.0] * 3 + [0.1] * 3)

@@ -9,11 +9,13 @@ from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 
 from drumsqueal.bodies.rigid_shoe import TX, TY, TZ, RigidShoe, X, Y, Z
 from drumsqueal.effects.action import Action, Six
 from drumsqueal.effects.friction import Friction
+from drumsqueal.effects.friction_law import breakpoints
 from drumsqueal.effects.operation import Moment
 from drumsqueal.effects.pressure import PressureLaw, yielding
 from drumsqueal.effects.touching import Observation
@@ -93,13 +95,10 @@ class Contact(eqx.Module):
         return Levels(level, self._slip_level(moment, v), self._axial_level(v) if knows_axial else None)
 
     def _integrated(self, levels: Levels, densities: Callable[[Nodes], Densities]) -> Densities:
-        """The integrals of densities over the lining, exact between its edges.
-
-        A law of which nothing is known may have corners of its own: the lining is then always split.
-        """
-        known = self.friction is None or levels.slip is None or self.friction.smooth
-        edges = Edges(self.law.edges(levels.pressure), levels.slip, levels.axial)
-        return self.surface.integrate(self.shoe, edges, densities, smooth=known)
+        """The integrals of densities over the lining, exact between its edges."""
+        speeds = np.zeros(0) if self.friction is None or levels.slip is None else breakpoints(self.friction.law)
+        edges = Edges(self.law.edges(levels.pressure), levels.slip, levels.axial, jnp.asarray(speeds))
+        return self.surface.integrate(self.shoe, edges, densities)
 
     def _field(self, levels: Levels, nodes: Nodes) -> ContactField:
         """Evaluate the contact at quadrature nodes."""

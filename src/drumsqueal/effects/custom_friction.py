@@ -8,9 +8,17 @@ import jax.numpy as jnp
 import numpy as np
 import scipy.interpolate
 from jax import Array
+from numpy.typing import NDArray
 
-from drumsqueal.effects.friction_law import FrictionLaw
+from drumsqueal.effects.friction_law import FrictionLaw, static_coefficient
 from drumsqueal.precision import real
+
+# A stretch of a law is resolved where polynomials of this degree in x give μ(low + length x²) and μ(high − length x²)
+# on [0, 1], as where the slip speed has an extremum, to a fraction of its largest value. Sixteen Gauss nodes are exact
+# for that degree. The fraction is the finest that MOST_STRETCHES reach.
+DEGREE, MOST_STRETCHES = 31, 16
+SHARES = 10.0 ** np.arange(-12, -3)
+SLOWEST, FASTEST = 1e-6, 1e3  # m/s: below the one nothing is looked for, beyond the other μ counts as resolved
 
 
 class FunctionLaw(eqx.Module):
@@ -59,8 +67,76 @@ class TabulatedLaw(eqx.Module):
         return c0 + distance * (c1 + distance * (c2 + distance * c3))
 
 
+class MeasuredLaw(eqx.Module):
+    """A law together with the slip speeds (m/s) that cut it, found by sampling it."""
+
+    law: FrictionLaw
+    speeds: Array = eqx.field(converter=real)
+
+    def coefficient(self, slip_speed: Array) -> Array:
+        """μ at slip speeds s ≥ 0 (m/s)."""
+        return self.law.coefficient(slip_speed)
+
+    def at_rest(self) -> Array:
+        """The largest μ where nothing slips."""
+        return static_coefficient(self.law)
+
+    def breakpoints(self) -> Array:
+        """Those found."""
+        return self.speeds
+
+
+def find_breakpoints(law: FrictionLaw) -> NDArray[np.float64]:
+    """Find slip speeds (m/s) between which μ(s) is resolved, see `friction_law.breakpoints`, from rest on one by one.
+
+    Where MOST_STRETCHES of them do not resolve the law to any of the SHARES they are the first of the coarsest.
+    """
+    coefficient = eqx.filter_jit(law.coefficient)
+    found: list[float] = []
+    for share in SHARES:
+        found = [0.0]
+        while found[-1] < FASTEST and len(found) <= MOST_STRETCHES:
+            found.append(_end_of_stretch(coefficient, found[-1], share))
+        if found[-1] >= FASTEST:
+            break
+    return np.array(found[1:-1])
+
+
+def _end_of_stretch(coefficient: Callable[[Array], Array], low: float, share: float) -> float:
+    """The largest slip speed up to which the law is resolved from `low` on, to round-off: it may be a kink."""
+    good, bad = 0.0, max(SLOWEST, 1e3 * np.spacing(low))
+    while _is_resolved(coefficient, low, bad, share):
+        if low + bad >= FASTEST:
+            return FASTEST
+        good, bad = bad, min(2 * bad, FASTEST - low)
+    while bad - good > 4 * np.spacing(low + bad):
+        middle = (good + bad) / 2
+        good, bad = (middle, bad) if _is_resolved(coefficient, low, middle, share) else (good, middle)
+    return low + bad
+
+
+def _is_resolved(coefficient: Callable[[Array], Array], low: float, length: float, share: float) -> bool:
+    speeds = low + length * np.stack([_PLACES**2, 1 - _PLACES**2])
+    values = np.broadcast_to(np.asarray(coefficient(jnp.asarray(speeds))), speeds.shape)
+    apart = values[:, : DEGREE + 1] @ _FIT.T - values[:, DEGREE + 1 :]
+    return bool(np.max(np.abs(apart)) <= share * np.max(np.abs(values)))
+
+
+def _fit() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Places on [0, 1], Chebyshev's first and then those to look at, and what gives the ones from the others."""
+    nodes, looked_at = np.cos(np.pi * np.arange(DEGREE + 1) / DEGREE), np.linspace(-1.0, 1.0, 203)[1:-1]
+    basis = np.polynomial.chebyshev.chebvander
+    fit = basis(looked_at, DEGREE) @ np.linalg.inv(basis(nodes, DEGREE))
+    return (1 + np.concatenate([nodes, looked_at])) / 2, fit
+
+
+_PLACES, _FIT = _fit()
+
+
 def as_law(law: FrictionLaw | Callable[[Array], Array]) -> FrictionLaw:
-    """Return a law from a law or from a function of the slip speed.
+    """Return a law from a law or from a function of the slip speed, with the slip speeds that cut it.
+
+    They are found by sampling unless the law has a method `breakpoints`, or its parameters are traced.
 
     Raises TypeError for a function that JAX cannot trace, or that does not give one μ for every slip speed.
     """
@@ -75,4 +151,5 @@ def as_law(law: FrictionLaw | Callable[[Array], Array]) -> FrictionLaw:
         ) from None
     if getattr(shape, "shape", None) not in ((2, 3), ()):
         raise TypeError(f"a friction law gives one coefficient for every slip speed; for shape (2, 3) it gave {shape}")
-    return found
+    traced = any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves(found))
+    return found if traced or hasattr(found, "breakpoints") else MeasuredLaw(found, find_breakpoints(found))

@@ -19,11 +19,6 @@ class Friction(eqx.Module):
         """Tractions on the lining along θ and z (Pa); the latter None where it is not called for."""
         return self.direction.traction(self.law, pressure, slip, axial)
 
-    @property
-    def smooth(self) -> bool:
-        """Whether the law is known to have no corners or turns of its own."""
-        return getattr(self.law, "smooth", False)
-
     def steady_coefficient(self, speed: ArrayLike) -> Array:
         """Signed μ at steady sliding with drum surface speed RΩ (m/s): positive drags the shoe along +θ."""
         return self.law.coefficient(jnp.abs(speed)) * jnp.sign(speed)

@@ -1,10 +1,12 @@
 """Friction laws: the coefficient of friction as a function of the slip speed."""
 
-from typing import ClassVar, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
+from jax.typing import ArrayLike
 
 from drumsqueal.precision import real
 
@@ -13,9 +15,8 @@ from drumsqueal.precision import real
 class FrictionLaw(Protocol):
     """What friction asks of a law; one with parameters of its own is an `equinox.Module` with this method.
 
-    A law as smooth as an exponential may say so by a class variable `smooth = True`: in space the lining is then not
-    searched for edges where there are none. A law that holds what rests with more than it drags what slides has a
-    method `at_rest()`, the largest μ at rest; without one that is μ(0).
+    A law that holds what rests with more than it drags what slides has a method `at_rest()`, the largest μ at rest;
+    without one that is μ(0). One that knows how steep it is has a method `breakpoints()`, see `breakpoints`.
     """
 
     def coefficient(self, slip_speed: Array) -> Array:
@@ -29,10 +30,28 @@ def static_coefficient(law: FrictionLaw) -> Array:
     return law.coefficient(jnp.zeros(())) if at_rest is None else at_rest()
 
 
+# Slip speeds times α at which exp(−α s) is cut. With sixteen Gauss nodes on each stretch the error of a contact
+# integral was 3e-15 of the load at the worst of 2000 random motions; exp(−40) is 4e-18.
+EXPONENTIAL_STRETCHES = np.array([12.0, 40.0])
+LEAST_DECAY = 1e-30  # s/m; keeps the slip speeds finite where nothing decays
+# Slip speeds between which any law is resolved that varies on no scale shorter than a hundredth of its slip speed, at
+# slip speeds from 1e-5 to 100 m/s: for a law of which nothing is known.
+ANY_LAW = 1e-5 * 4.0 ** np.arange(12)
+
+
+def breakpoints(law: FrictionLaw) -> ArrayLike:
+    """Rising slip speeds (K,) in m/s that cut μ(s) into stretches, each resolved by a quadrature of sixteen nodes.
+
+    Contact integrals are cut where the slip speed is one of them, and so follow any law, however steep it is. They lie
+    where μ has a kink or a jump, and are close together where it is steep; μ that is the same everywhere has none.
+    """
+    own = getattr(law, "breakpoints", None)
+    return ANY_LAW if own is None else own()
+
+
 class ExponentialLaw(eqx.Module):
     """μ(s) = μ_k + (μ_s − μ_k) exp(−α s) (Seo & Kang 2023, equation (16)); α in s/m, s in m/s."""
 
-    smooth: ClassVar[bool] = True
     static: Array = eqx.field(converter=real)
     kinetic: Array = eqx.field(converter=real)
     decay: Array = eqx.field(converter=real)
@@ -41,11 +60,14 @@ class ExponentialLaw(eqx.Module):
         """μ at slip speeds s ≥ 0 (m/s)."""
         return self.kinetic + (self.static - self.kinetic) * jnp.exp(-self.decay * slip_speed)
 
+    def breakpoints(self) -> Array:
+        """12/α and 40/α: of what is left from there on, nothing counts."""
+        return EXPONENTIAL_STRETCHES / jnp.maximum(self.decay, LEAST_DECAY)
+
 
 class ConstantLaw(eqx.Module):
     """The same μ at every slip speed."""
 
-    smooth: ClassVar[bool] = True
     value: Array = eqx.field(converter=real)
 
     def coefficient(self, slip_speed: Array) -> Array:
@@ -53,11 +75,14 @@ class ConstantLaw(eqx.Module):
         del slip_speed
         return self.value
 
+    def breakpoints(self) -> ArrayLike:
+        """None."""
+        return np.zeros(0)
+
 
 class StepLaw(eqx.Module):
     """The same μ_k at every slip speed, and up to μ_s ≥ μ_k at rest: Coulomb's law with its step at zero."""
 
-    smooth: ClassVar[bool] = True
     static: Array = eqx.field(converter=real)
     kinetic: Array = eqx.field(converter=real)
 
@@ -69,3 +94,7 @@ class StepLaw(eqx.Module):
     def at_rest(self) -> Array:
         """The largest μ where nothing slips."""
         return self.static
+
+    def breakpoints(self) -> ArrayLike:
+        """None: what slides knows one μ."""
+        return np.zeros(0)

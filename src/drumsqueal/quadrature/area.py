@@ -14,6 +14,7 @@ import numpy as np
 from jax import Array
 
 from drumsqueal.bodies.rigid_shoe import RigidShoe
+from drumsqueal.quadrature.arc import sort_by_counting
 from drumsqueal.quadrature.breaks import distances, find_breaks
 from drumsqueal.quadrature.grading import graded
 from drumsqueal.quadrature.levels import Level, sine_cosine
@@ -45,17 +46,13 @@ class AreaSurface(eqx.Module):
         """Whether the nodes differ across the lining."""
         return True
 
-    def integrate(
-        self, shoe: RigidShoe, edges: Edges, densities: Callable[[Nodes], Densities], *, smooth: bool
-    ) -> Densities:
+    def integrate(self, shoe: RigidShoe, edges: Edges, densities: Callable[[Nodes], Densities]) -> Densities:
         """Sums over nodes that are split at the edges; where what is `smooth` has none, over far fewer of them."""
 
         def split() -> Densities:
             return self._over_pieces(shoe, edges, densities)
 
-        if not smooth:
-            return split()
-        return jax.lax.cond(is_smooth(shoe, *edges), lambda: sum_together([densities(smooth_nodes(shoe))]), split)
+        return jax.lax.cond(is_smooth(shoe, edges), lambda: sum_together([densities(smooth_nodes(shoe))]), split)
 
     def _over_pieces(self, shoe: RigidShoe, edges: Edges, densities: Callable[[Nodes], Densities]) -> Densities:
         """Sum over the pieces of the arc, one after the other, for most of those there may be are empty."""
@@ -83,7 +80,7 @@ class AreaSurface(eqx.Module):
         half_angle = shoe.half_angle
         found = find_breaks(shoe, edges)
         even = half_angle * np.linspace(-1, 1, self.sections + 1)
-        bounds = _sorted(jnp.concatenate([even, jnp.where(found.split, found.angle, half_angle)]))
+        bounds = sort_by_counting(jnp.concatenate([even, jnp.where(found.split, found.angle, half_angle)]))
         return bounds, distances(found, bounds)
 
     def _parts(self, shoe: RigidShoe, edges: Edges, low: Array, high: Array, gap: Array) -> list[list[Nodes]]:
@@ -124,14 +121,6 @@ class AreaSurface(eqx.Module):
             share, weight = graded(jax.lax.stop_gradient(speed / reach), self.across, self.narrowest[1])
             parts.append((centre[..., None] + length[..., None] * share, jnp.abs(length)[..., None] * weight))
         return [*groups, parts]
-
-
-def _sorted(values: Array) -> Array:
-    """Sort by counting those below each (a sort is a slow call inside a compiled step)."""
-    index = np.arange(values.size)
-    tied = (values == values[:, None]) & (index < index[:, None])
-    rank = jnp.sum((values < values[:, None]) | tied, axis=1)
-    return jnp.sum(jnp.where(rank[:, None] == index, values[:, None], 0.0), axis=0)
 
 
 def _across_line(level: Level, cosine: Array, sine: Array) -> tuple[Array, Array]:

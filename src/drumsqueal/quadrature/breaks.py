@@ -41,7 +41,7 @@ class Breaks(NamedTuple):
 
 def find_breaks(shoe: RigidShoe, edges: Edges) -> Breaks:
     """All of them. Their number depends on what edges there may be, not on the state."""
-    pressure, slip, axial = edges
+    pressure, slip, axial, _ = edges
     half_angle, half_width = shoe.half_angle, shoe.width / 2
     sides = half_width * np.array([-1.0, 1.0])
     found = []

@@ -14,7 +14,7 @@ from jax import Array
 from drumsqueal.bodies.rigid_shoe import RigidShoe
 from drumsqueal.quadrature.levels import Level, sine_cosine
 from drumsqueal.quadrature.sums import Densities, sum_together
-from drumsqueal.quadrature.surface import Edges, Nodes
+from drumsqueal.quadrature.surface import Edges, Nodes, resolved
 
 ALONG, ACROSS = 16, 8  # nodes along the arc and across the lining
 # How far off the branch points of |V| must be. Along the arc, at least this many half arcs from the real axis: Gauss
@@ -45,21 +45,19 @@ class WholeSurface(eqx.Module):
         """Whether the nodes differ across the lining."""
         return True
 
-    def integrate(
-        self, shoe: RigidShoe, edges: Edges, densities: Callable[[Nodes], Densities], *, smooth: bool
-    ) -> Densities:
+    def integrate(self, shoe: RigidShoe, edges: Edges, densities: Callable[[Nodes], Densities]) -> Densities:
         """Sums of the densities."""
-        del edges, smooth
+        del edges
         return sum_together([densities(smooth_nodes(shoe))])
 
 
-def is_smooth(shoe: RigidShoe, pressure: Level | None, slip: Level | None, axial: Level | None) -> Array:
+def is_smooth(shoe: RigidShoe, edges: Edges) -> Array:
     """Whether the lining has no edge, pressed and slipping one way everywhere, nor a branch point of |V| near it.
 
     With V_θ + i V_z = a + (p e^{iθ} + m e^{−iθ})/2 there is none with |Im θ| < y as long as max(|p|, |m|) cosh y < |a|.
-    A steep e^(−α |V|) does no harm: where α times the swing is large for the nodes, its mean is past counting. The
-    condition is sufficient, not necessary: its bounds are over the whole circle.
+    Nor may the friction law be steep. The condition is sufficient, not necessary: its bounds are over the whole circle.
     """
+    pressure, slip, axial, speeds = edges
     smooth = jnp.asarray(True)
     if pressure is not None:
         smooth &= pressure.constant >= _swing(pressure, shoe.width / 2)
@@ -68,7 +66,7 @@ def is_smooth(shoe: RigidShoe, pressure: Level | None, slip: Level | None, axial
         turn = slip if axial is None else Level(*(u + 1j * w for u, w in zip(slip, axial, strict=True)))
         swing, mean = _swing(turn, shoe.width / 2), jnp.abs(turn.constant)
         share = jnp.minimum(LARGEST_SWING, 1 / jnp.cosh(CLEARANCE * shoe.half_angle))
-        smooth &= swing <= share * mean
+        smooth &= (swing <= share * mean) & resolved(speeds, mean - swing, mean + swing)
     return smooth
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
+import jax.numpy as jnp
 from jax import Array
 
 from drumsqueal.bodies.rigid_shoe import RigidShoe
@@ -22,12 +23,29 @@ class Nodes(NamedTuple):
 class Edges(NamedTuple):
     """The levels whose roots are edges: p0 + k_c u_r, V_θ, and V_z beside it (None: no edges of that kind).
 
-    Where the pressure's level is negative the lining does not press; V_z is the same all across the lining.
+    Where the pressure's level is negative the lining does not press; V_z is the same all across the lining. `speeds`
+    (K,) are the slip speeds (m/s) that cut the friction law, rising.
     """
 
     pressure: Level | None
     slip: Level | None
     axial: Level | None
+    speeds: Array
+
+
+# Of a stretch of the friction law: slip speeds that lie within so much of it are resolved by a quadrature that does not
+# look for them. Of exp(−α s) that is a factor of exp(4), and eight Gauss nodes on each piece of the arc err by 1.5e-11.
+SMALL_RANGE = 1 / 3
+
+
+def resolved(speeds: Array, slowest: Array, fastest: Array) -> Array:
+    """Whether the friction law needs no cuts at its slip speeds (K,) where the slip is between two others (m/s)."""
+    if speeds.size == 0:
+        return jnp.asarray(True)
+    bounds = jnp.concatenate([jnp.zeros(1), speeds, jnp.full(1, jnp.inf)])
+    width = bounds[1:] - bounds[:-1]
+    met = (bounds[:-1] < fastest) & (bounds[1:] > slowest)
+    return ~jnp.any(met & (fastest - slowest > SMALL_RANGE * width)) & (jnp.sum(met) < 2)
 
 
 class Surface(Protocol):
@@ -38,8 +56,6 @@ class Surface(Protocol):
         """Whether the nodes differ across the lining."""
         ...
 
-    def integrate(
-        self, shoe: RigidShoe, edges: Edges, densities: Callable[[Nodes], Densities], *, smooth: bool
-    ) -> Densities:
-        """Sums over the lining of densities times weights; `smooth` says that they are so between the edges."""
+    def integrate(self, shoe: RigidShoe, edges: Edges, densities: Callable[[Nodes], Densities]) -> Densities:
+        """Sums over the lining of densities times weights, which are smooth between the edges."""
         ...
