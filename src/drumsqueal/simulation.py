@@ -223,6 +223,8 @@ def finish(prepared: Prepared, chunks: list[Chunk], outcome: str) -> Result:
 def compared(prepared: Prepared, history: xarray.Dataset) -> Result:
     """Compare a history with the prediction."""
     from drumsqueal.comparison.compare import compare
+    from drumsqueal.comparison.quadrature import estimate_quadrature_error
 
-    comparison, outcome = compare(history, prepared.stability, prepared.linear), history.attrs["outcome"]
+    error = estimate_quadrature_error(history, prepared.model, prepared.scene.simulate.tolerance)
+    comparison, outcome = compare(history, prepared.stability, prepared.linear, error), history.attrs["outcome"]
     return Result(prepared.scene, prepared.stability, history, comparison, outcome, prepared.inventory, prepared.held)

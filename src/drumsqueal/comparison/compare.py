@@ -7,6 +7,7 @@ import xarray
 
 from drumsqueal.comparison.departure import FEWEST_FOR_SPECTRUM, Departure, changes, edge_share, first_edge
 from drumsqueal.comparison.frequency import FrequencyDrift, follow_frequency
+from drumsqueal.comparison.quadrature import QuadratureError
 from drumsqueal.comparison.saturation import Saturation, describe_saturation, saturated_part
 from drumsqueal.comparison.sticking import find_sticking
 from drumsqueal.comparison.verdict import state_verdict
@@ -66,7 +67,8 @@ class Comparison(NamedTuple):
     `edge_reached_s` and `saturation` are None where the motion reached no edge, `frequency` also where no mode's
     frequency can be followed from its onset; `motion_ratio` is the largest motion
     (root of the vibration energy) in the last tenth of the record over that in the first tenth, None without a start;
-    `changing` tells that drum speed or load change, so that the prediction is for one time only.
+    `changing` tells that drum speed or load change, so that the prediction is for one time only; `quadrature`
+    is None where the error of the contact's forces was not estimated.
     """
 
     growth_end_s: float
@@ -76,14 +78,17 @@ class Comparison(NamedTuple):
     modes: tuple[ModeComparison, ...]
     saturation: Saturation | None
     frequency: FrequencyDrift | None
+    quadrature: QuadratureError | None
     verdict: str
 
 
-def compare(history: xarray.Dataset, stability: Stability, model: Model) -> Comparison:
+def compare(
+    history: xarray.Dataset, stability: Stability, model: Model, quadrature: QuadratureError | None = None
+) -> Comparison:
     """Compare a history with the eigenvalues of its steady state.
 
     `stability` may hold more coordinates than moved. The growth phase lasts until the motion comes to 10 % of an edge,
-    or the lining sticks.
+    or the lining sticks. `quadrature` is passed on.
     """
     departure = Departure(history, stability)
     time = departure.time
@@ -113,6 +118,7 @@ def compare(history: xarray.Dataset, stability: Stability, model: Model) -> Comp
         modes=modes,
         saturation=saturation,
         frequency=drift,
+        quadrature=quadrature,
         verdict=state_verdict(
             stability,
             changing=changing,
@@ -126,6 +132,7 @@ def compare(history: xarray.Dataset, stability: Stability, model: Model) -> Comp
             rotation=departure.largest_rotation,
             sticking=find_sticking(history),
             cut_off=None if outcome == COMPLETE else outcome,
+            quadrature=quadrature,
         ),
     )
 

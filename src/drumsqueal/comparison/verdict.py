@@ -3,6 +3,7 @@
 import math
 
 from drumsqueal.comparison.frequency import FrequencyDrift
+from drumsqueal.comparison.quadrature import QuadratureError
 from drumsqueal.comparison.saturation import Saturation
 from drumsqueal.comparison.sticking import Sticking
 from drumsqueal.linear.modes import Mode, Stability
@@ -36,14 +37,15 @@ def state_verdict(
     rotation: float,
     sticking: Sticking,
     cut_off: str | None,
+    quadrature: QuadratureError | None,
 ) -> str:
     """Return prediction and outcome in one sentence.
 
     `changing` tells that drum speed or load change, `forced` that a harmonic force acts, `excited` are the modes that
     the start holds, `motion_ratio` is the motion at the end over that at the start (None without a start), `edge` the
     time of the first edge (s), `frequency` how a mode's frequency went from onset to saturation, `duration` that of
-    the record (s), `rotation` the largest rotation of the shoe (rad), `sticking` tells when the lining sticks, and
-    `cut_off` says why it ends early.
+    the record (s), `rotation` the largest rotation of the shoe (rad), `sticking` tells when the lining sticks,
+    `cut_off` says why it ends early, and `quadrature` is the error of the contact forces.
     """
     time = f" at t = {stability.time:g} s" if changing else ""
     predicted = f"The linear model predicts {_prediction(stability)}{time}"
@@ -64,7 +66,18 @@ def state_verdict(
         done += f"; the shoe turns by {rotation:.2g} rad, where small rotations, and so the model, no longer hold"
     if cut_off:
         done += f" (the run {'was ' if cut_off.startswith('interrupted') else ''}{cut_off})"
-    return f"{predicted}; {done}.{_why(frequency)}"
+    return f"{predicted}; {done}.{_why(frequency)}{_inaccurate(quadrature)}"
+
+
+def _inaccurate(quadrature: QuadratureError | None) -> str:
+    """Warn where the integrals over the lining are worse than the integration in time."""
+    if quadrature is None or quadrature.fraction <= quadrature.tolerance:
+        return ""
+    return (
+        f" Warning: the contact forces are wrong by up to {quadrature.fraction:.1g} of the largest normal force, more "
+        f"than the tolerance of {quadrature.tolerance:.1g}: the friction law varies too fast for the quadrature over "
+        "the lining, and the motion is no more accurate than its forces."
+    )
 
 
 def _why(frequency: FrequencyDrift | None) -> str:

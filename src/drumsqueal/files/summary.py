@@ -42,7 +42,7 @@ def summarise(result: Result) -> dict[str, Any]:
         "growth": _growth(result.comparison),
         "saturation": None if saturation is None else _saturation(saturation),
         "frequency": None if result.comparison.frequency is None else _frequency(result.comparison.frequency),
-        "accuracy": energy_balance(result),
+        "accuracy": energy_balance(result) | _quadrature(result.comparison),
         "held_though_they_would_move": list(result.held),
         "integration": {
             **{key: int(result.history.attrs[key]) for key in ("steps", "rejected_steps")},
@@ -94,6 +94,11 @@ def energy_balance(result: Result) -> dict[str, float]:
         "energy_balance_error_over_kinetic_energy": error / kinetic if kinetic > 0 else 0.0,
         "energy_balance_error_over_friction_work": error / work if work > 0 else 0.0,
     }
+
+
+def _quadrature(comparison: Comparison) -> dict[str, float | None]:
+    error = comparison.quadrature
+    return {"quadrature_error_over_normal_force": None if error is None else error.fraction}
 
 
 def _growth(comparison: Comparison) -> dict[str, Any]:

@@ -53,7 +53,7 @@ def remarks(study: AccuracyStudy) -> list[str]:
         "against the tightest run's; of the energy balance over the kinetic energy. A dash: not counted, or not "
         "reached; implicit methods, quadratures and smoothing run only as far as the reference, which is too short for "
         "features.",
-        "The reference is SciPy's DOP853 at 1e-13 on tanh-sinh quadrature. At 1e-12 on Clenshaw-Curtis quadrature it "
+        "The reference is SciPy's DOP853 at 1e-13 on tanh-sinh quadrature. At 1e-12 on Fejér quadrature it "
         f"differs by {reference.uncertainty(reached):.0e} (drawn as the floor), LSODA at 1e-12 by "
         f"{reference.confirmed(reached):.0e}.",
     ]

@@ -6,6 +6,7 @@ from rich.table import Table
 from rich.text import Text
 
 from drumsqueal.comparison.departure import unit_of
+from drumsqueal.comparison.quadrature import INSTANTS
 from drumsqueal.files.summary import energy_balance
 from drumsqueal.jobs.tables import print_table
 from drumsqueal.linear.modes import OSCILLATING_SHARE, UNDAMPED_SHARE, Stability
@@ -88,11 +89,11 @@ def print_result(console: Console, result: Result) -> None:
     implicit = float(result.history["implicit"].mean())
     if implicit > 0 and result.scene.simulate.solver == AUTO:
         console.print(f"Friction is stiff: the implicit method {IMPLICIT} took {100 * implicit:.3g} % of the time")
-    _print_balance(console, result)
+    _print_accuracy(console, result)
     console.print(result.comparison.verdict, style="bold")
 
 
-def _print_balance(console: Console, result: Result) -> None:
+def _print_accuracy(console: Console, result: Result) -> None:
     balance = energy_balance(result)
     of_motion = balance["energy_balance_error_over_kinetic_energy"]
     of_friction = balance["energy_balance_error_over_friction_work"]
@@ -100,6 +101,12 @@ def _print_balance(console: Console, result: Result) -> None:
     parts += [f"{of_friction:.1e} of the work of friction"] if of_friction > 0 else []
     if parts:
         console.print(f"Energy balance closes to {', '.join(parts)}")
+    quadrature = result.comparison.quadrature
+    if quadrature is not None:
+        console.print(
+            f"Contact forces: quadrature error {quadrature.fraction:.1e} of the largest normal force, estimated with a "
+            f"finer rule at {INSTANTS} instants"
+        )
 
 
 def _range(values: list[float]) -> str:

@@ -117,11 +117,12 @@ class Frequency(_Found):
 
 
 class Accuracy(_Found):
-    """The energy balance."""
+    """The energy balance, and the error of the contact's quadrature."""
 
     energy_balance_error_J: float
     energy_balance_error_over_kinetic_energy: float
     energy_balance_error_over_friction_work: float
+    quadrature_error_over_normal_force: float | None = None
 
 
 class Integration(_Found):

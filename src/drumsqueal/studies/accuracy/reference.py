@@ -12,16 +12,19 @@ from jax import Array
 from scipy.integrate import DOP853, LSODA
 
 from drumsqueal.bodies.rigid_shoe import IN_PLANE
+from drumsqueal.effects.friction_law import breakpoints
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.kernel import one_kernel
 from drumsqueal.model import Model
-from drumsqueal.quadrature.independent import CLENSHAW_CURTIS, TANH_SINH, IndependentSurface
+from drumsqueal.quadrature.independent import FEJER, TANH_SINH, IndependentSurface
 from drumsqueal.transient.segment import motion_scale
 from drumsqueal.transient.state import State
 
 # The reference, the run that says how good it is, and another method that confirms it, each with its tolerance.
 FIRST, SECOND, THIRD = 1e-13, 1e-12, 1e-12
 UNMOVED = 1e-2  # of what the energy would give a coordinate: one that moves less is measured against that
+GENTLE = 5.0  # m/s; a law whose slope changes over more is as smooth as the rest
+STEEP_PANELS = 8  # of the arc: 2e-12 of the load where the law falls with 1000 s/m
 PATIENCE = 40.0  # s of computing for each of the three; a reference that takes longer ends where it has come to
 
 
@@ -60,14 +63,14 @@ def find_reference(
 ) -> Reference:
     """Integrate a departure from steady sliding (n,) with SciPy: DOP853 at 1e-13 and 1e-12, and LSODA at 1e-12.
 
-    Their right-hand sides take the model's effects and, for the contact, tanh-sinh or Clenshaw-Curtis quadrature. The
+    Their right-hand sides take the model's effects and, for the contact, tanh-sinh or Fejér quadrature. The
     reference ends early where one of them runs out of patience.
     """
     start = np.concatenate([displacement, velocity])
     first_state = State(jnp.asarray(displacement), jnp.asarray(velocity), jnp.zeros(()))
     scale = np.asarray(motion_scale(model, first_state).flat())[:-1]
     first = _solve(DOP853, FIRST, _with(model, TANH_SINH), steady, start / scale, scale, times)
-    other = _with(model, CLENSHAW_CURTIS)
+    other = _with(model, FEJER)
     second = _solve(DOP853, SECOND, other, steady, start / scale, scale, times[: len(first)])
     third = _solve(LSODA, THIRD, other, steady, start / scale, scale, times[: len(second)])
     common = len(third)
@@ -94,7 +97,14 @@ def trajectory_error(states: np.ndarray, wanted: np.ndarray, sizes: np.ndarray) 
 
 
 def _with(model: Model, rule: str) -> Model:
-    surface = IndependentSurface(rule, spatial=not set(model.coordinates) <= set(IN_PLANE))
+    """The model with another quadrature; where the friction law is steep the arc is split into many panels.
+
+    In space that would take too long: where the two rules then differ, the uncertainty says so.
+    """
+    spatial, friction = not set(model.coordinates) <= set(IN_PLANE), model.contact.friction
+    speeds = np.zeros(0) if friction is None else np.asarray(breakpoints(friction.law))
+    steep = not spatial and bool(np.any(speeds < GENTLE))
+    surface = IndependentSurface(rule, spatial, panels=STEEP_PANELS if steep else 2)
     return dataclasses.replace(model, contact=dataclasses.replace(model.lining, surface=surface))
 
 
