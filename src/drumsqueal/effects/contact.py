@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
-import numpy as np
 from jax import Array
 
 from drumsqueal.bodies.rigid_shoe import TX, TY, TZ, RigidShoe, X, Y, Z
@@ -96,8 +95,8 @@ class Contact(eqx.Module):
 
     def _integrated(self, levels: Levels, densities: Callable[[Nodes], Densities]) -> Densities:
         """The integrals of densities over the lining, exact between its edges."""
-        speeds = np.zeros(0) if self.friction is None or levels.slip is None else breakpoints(self.friction.law)
-        edges = Edges(self.law.edges(levels.pressure), levels.slip, levels.axial, jnp.asarray(speeds))
+        speeds = jnp.zeros(0) if self.friction is None or levels.slip is None else breakpoints(self.friction.law)
+        edges = Edges(self.law.edges(levels.pressure), levels.slip, levels.axial, speeds)
         return self.surface.integrate(self.shoe, edges, densities)
 
     def _field(self, levels: Levels, nodes: Nodes) -> ContactField:

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import scipy.interpolate
 from jax import Array
+from jax.core import Tracer
 from numpy.typing import NDArray
 
 from drumsqueal.effects.friction_law import FrictionLaw, static_coefficient
@@ -151,5 +152,5 @@ def as_law(law: FrictionLaw | Callable[[Array], Array]) -> FrictionLaw:
         ) from None
     if getattr(shape, "shape", None) not in ((2, 3), ()):
         raise TypeError(f"a friction law gives one coefficient for every slip speed; for shape (2, 3) it gave {shape}")
-    traced = any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves(found))
+    traced = any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(found))
     return found if traced or hasattr(found, "breakpoints") else MeasuredLaw(found, find_breakpoints(found))

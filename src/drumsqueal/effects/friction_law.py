@@ -39,14 +39,14 @@ LEAST_DECAY = 1e-30  # s/m; keeps the slip speeds finite where nothing decays
 ANY_LAW = 1e-5 * 4.0 ** np.arange(12)
 
 
-def breakpoints(law: FrictionLaw) -> ArrayLike:
+def breakpoints(law: FrictionLaw) -> Array:
     """Rising slip speeds (K,) in m/s that cut μ(s) into stretches, each resolved by a quadrature of sixteen nodes.
 
     Contact integrals are cut where the slip speed is one of them, and so follow any law, however steep it is. They lie
     where μ has a kink or a jump, and are close together where it is steep; μ that is the same everywhere has none.
     """
     own = getattr(law, "breakpoints", None)
-    return ANY_LAW if own is None else own()
+    return jnp.asarray(ANY_LAW if own is None else own())
 
 
 class ExponentialLaw(eqx.Module):

@@ -1,6 +1,7 @@
 """Quadrature over the arc at z = 0, split at the edges of contact and of slip reversal (motion in the plane)."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import pairwise
 
 import equinox as eqx
@@ -59,10 +60,10 @@ class ArcSurface(eqx.Module):
         if self.compact:
             return split_everywhere()
         ways = [[level for i, level in enumerate(levels) if way >> i & 1] for way in range(2 ** len(levels))]
-        branches = [lambda kept=kept: split(kept) for kept in ways]
+        branches = [partial(split, kept) for kept in ways]
         way = sum((jnp.where(crosses_zero(level), 1 << i, 0) for i, level in enumerate(levels)), start=jnp.asarray(0))
         if edges.slip is not None and edges.speeds.size:
-            branches.append(split_everywhere)
+            branches = [*branches, split_everywhere]
             way = jnp.where(resolved(edges.speeds, *_slip_speeds(edges.slip)), way, len(ways))
         return jax.lax.switch(way, branches)
 
