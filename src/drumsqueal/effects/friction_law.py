@@ -62,7 +62,7 @@ class ExponentialLaw(eqx.Module):
 
     def breakpoints(self) -> Array:
         """12/α and 40/α: of what is left from there on, nothing counts."""
-        return EXPONENTIAL_STRETCHES / jnp.maximum(self.decay, LEAST_DECAY)
+        return jnp.asarray(EXPONENTIAL_STRETCHES) / jnp.maximum(self.decay, LEAST_DECAY)
 
 
 class ConstantLaw(eqx.Module):
