@@ -9,7 +9,7 @@ from drumsqueal.effects.damping import Damping
 from drumsqueal.effects.disc_contact import DiscContact
 from drumsqueal.effects.friction import Friction
 from drumsqueal.effects.friction_direction import Direction, Tangential, UnitVelocity
-from drumsqueal.effects.friction_law import ConstantLaw, FrictionLaw
+from drumsqueal.effects.friction_law import FrictionLaw
 from drumsqueal.effects.operation import Operation
 from drumsqueal.effects.point_contact import PointContact
 from drumsqueal.effects.pressure import Bonded
@@ -72,7 +72,6 @@ def disc_on_plate(
     Source: Farkas et al., Physical Review Letters 90 (2003) 248302.
     """
     disc = Disc(radius, mass)
-    points = 2 if isinstance(law, ConstantLaw) else 8
-    contact = DiscContact(disc, Friction(law, UnitVelocity()), points)
+    contact = DiscContact(disc, Friction(law, UnitVelocity()))
     operation = Operation(Constant(plate_speed), Constant(load / disc.area))
     return Model(operation, contact, (), disc.mass, jnp.zeros((3, 3)), (X, Y, TZ))

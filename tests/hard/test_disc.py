@@ -60,6 +60,17 @@ def test_force_and_torque_as_printed():
     np.testing.assert_allclose(force(model, jnp.asarray([0.0, 0.0, 3.0])), [0, 0, -2 / 3], atol=2e-12)
 
 
+@pytest.mark.parametrize("decay", [1.0, 30.0, 1000.0])
+def test_the_torque_of_a_steep_law_that_spins(decay):
+    # 2π p ∫ μ(ωr) r² dr in closed form: with x = αωR, (2 − (x² + 2x + 2) e^(−x)) / x³ for the part that falls. Eight
+    # nodes from the centre to the rim, uncut, lost 3e-6 of it at 30 s/m; the lines left out take 2e-12.
+    model = disc_on_plate(ExponentialLaw(0.5, 0.3, decay))
+    x = decay * 1.7
+    falling = (2 - (x**2 + 2 * x + 2) * np.exp(-x)) / x**3
+    wanted = -2 * (0.3 / 3 + 0.2 * falling)  # p = load / π R²
+    np.testing.assert_allclose(force(model, jnp.asarray([0.0, 0.0, 1.7])), [0, 0, wanted], rtol=0, atol=1e-11)
+
+
 def test_a_law_of_the_slip_speed_over_the_disc():
     # Against a midpoint rule of 1600² squares, whose error is of the order of one square at the turn of the direction.
     side = (np.arange(1600) + 0.5) / 800 - 1

@@ -14,6 +14,7 @@ from drumsqueal.bodies.disc import Disc
 from drumsqueal.bodies.rigid_shoe import TZ, X, Y
 from drumsqueal.effects.action import ZERO, Action, Six
 from drumsqueal.effects.friction import Friction
+from drumsqueal.effects.friction_law import breakpoints
 from drumsqueal.effects.operation import Moment
 from drumsqueal.effects.touching import Observation
 from drumsqueal.quadrature.disc import disc_nodes
@@ -25,11 +26,10 @@ BESIDE = 1e-12
 
 
 class DiscContact(eqx.Module):
-    """F = −∫ μ(|V|) p V/|V| dA with V = u + ω e_z × r; `points` are Gauss's on a line, see `disc_nodes`."""
+    """F = −∫ μ(|V|) p V/|V| dA with V = u + ω e_z × r."""
 
     disc: Disc
     friction: Friction | None
-    points: int = eqx.field(static=True, default=8)
 
     @property
     def slipping(self) -> tuple[bool, ...]:
@@ -98,7 +98,7 @@ class DiscContact(eqx.Module):
         moves = slid + spun > LEAST
         slid, spun = (jnp.where(moves, each, 1.0) for each in (slid + BESIDE * spun, spun + BESIDE * slid))
         sliding, spinning = jnp.sqrt(slid), jnp.sqrt(spun)
-        nodes = disc_nodes(self.disc.radius, sliding, spinning, self.points)
+        nodes = disc_nodes(self.disc.radius, sliding, spinning, breakpoints(self.friction.law))
         pressure = jnp.broadcast_to(moment.preload, nodes.speed.shape)
         traction, other = self.friction.traction(pressure, nodes.speed * nodes.cosine, nodes.speed * nodes.sine)
         assert other is not None

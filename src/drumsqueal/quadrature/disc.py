@@ -10,11 +10,15 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
+from drumsqueal.quadrature.arc import sort_by_counting
+
 # The lines' angle is the Gudermannian of t, tan(χ/2) = tanh(t/2), and the trapezoidal rule is taken in t: however near
 # the centre of rotation is to the rim, what is integrated is analytic for |Im t| < π/2, and the rule's error is
 # some thousand times exp(−π²/STEP), 5e-13; beyond the last line it leaves out 2 exp(−28), as much.
 STEP = 0.28
 LINES = 101
+# Gauss points on each stretch of a line: two are exact where the coefficient of friction is constant.
+POINTS, POINTS_CONSTANT = 16, 2
 
 
 class DiscNodes(NamedTuple):
@@ -32,12 +36,12 @@ class DiscNodes(NamedTuple):
     weight: Array
 
 
-def disc_nodes(radius: Array, sliding: Array, spinning: Array, points: int) -> DiscNodes:
+def disc_nodes(radius: Array, sliding: Array, spinning: Array, speeds: Array) -> DiscNodes:
     """Nodes for a centre that slides at u ≥ 0 along X and a spin of ω ≥ 0, given by u and Rω (m/s), not both zero.
 
     A line at angle φ passes the disc's centre at h = (u/ω) sin φ. Where Rω ≥ u the lines are told apart by φ = χ, and
-    elsewhere by h = R sin χ. `points` is how many of Gauss's lie on either side of the centre of rotation, or of the
-    middle where that is off the disc: two are exact where the coefficient of friction is constant.
+    elsewhere by h = R sin χ. A line is cut at the centre of rotation, or at its middle where that is off the disc, and
+    where the slip speed is one of those that cut the friction law (K,).
     """
     outside = sliding > spinning
     largest = jnp.where(outside, sliding, spinning)
@@ -50,8 +54,13 @@ def disc_nodes(radius: Array, sliding: Array, spinning: Array, points: int) -> D
     half, lean = jnp.where(outside, cosine, root), jnp.where(outside, root, ratio * cosine)
     slope = jnp.where(outside, ratio, 1.0)
     middle = jnp.where(outside, 0.0, -lean)
-    x, share = np.polynomial.legendre.leggauss(points)
-    ends = jnp.stack([-half, middle, half])[:, :, None]
+    x, share = np.polynomial.legendre.leggauss(POINTS if speeds.size else POINTS_CONSTANT)
+    signed = jnp.concatenate([-speeds, speeds])[:, None] / largest
+    varies = slope > 0
+    cuts = jnp.where(varies, (signed - lean) / jnp.where(varies, slope, 1.0), 0.0)
+    ends = sort_by_counting(jnp.concatenate([jnp.stack([-half, middle, half]), jnp.clip(cuts, -half, half)]))[
+        :, :, None
+    ]
     low, high = ends[:-1], ends[1:]
     place = (low + high) / 2 + (high - low) / 2 * x
     level = lean[:, None] + slope * place
