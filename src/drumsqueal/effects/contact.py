@@ -14,7 +14,7 @@ from jax import Array
 from drumsqueal.bodies.rigid_shoe import TX, TY, TZ, RigidShoe, X, Y, Z
 from drumsqueal.effects.action import Action, Six
 from drumsqueal.effects.friction import Friction
-from drumsqueal.effects.friction_law import breakpoints
+from drumsqueal.effects.friction_law import breakpoints, kinks
 from drumsqueal.effects.operation import Moment
 from drumsqueal.effects.pressure import PressureLaw, yielding
 from drumsqueal.effects.touching import Observation
@@ -95,8 +95,9 @@ class Contact(eqx.Module):
 
     def _integrated(self, levels: Levels, densities: Callable[[Nodes], Densities]) -> Densities:
         """The integrals of densities over the lining, exact between its edges."""
-        speeds = jnp.zeros(0) if self.friction is None or levels.slip is None else breakpoints(self.friction.law)
-        edges = Edges(self.law.edges(levels.pressure), levels.slip, levels.axial, speeds)
+        law = None if self.friction is None or levels.slip is None else self.friction.law
+        cuts = (jnp.zeros(0), jnp.zeros(0)) if law is None else (breakpoints(law), kinks(law))
+        edges = Edges(self.law.edges(levels.pressure), levels.slip, levels.axial, *cuts)
         return self.surface.integrate(self.shoe, edges, densities)
 
     def _field(self, levels: Levels, nodes: Nodes) -> ContactField:

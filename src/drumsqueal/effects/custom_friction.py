@@ -1,6 +1,7 @@
 """A user's own friction law: a function of the slip speed, written for JAX or tabulated."""
 
 from collections.abc import Callable
+from itertools import pairwise
 
 import equinox as eqx
 import jax
@@ -11,7 +12,7 @@ from jax import Array
 from jax.core import Tracer
 from numpy.typing import NDArray
 
-from drumsqueal.effects.friction_law import FrictionLaw, static_coefficient
+from drumsqueal.effects.friction_law import ANY_LAW, FrictionLaw, static_coefficient
 from drumsqueal.precision import real
 
 # A stretch of a law is resolved where polynomials of this degree in x give μ(low + length x²) and μ(high − length x²)
@@ -19,6 +20,7 @@ from drumsqueal.precision import real
 # for that degree. The fraction is the finest that MOST_STRETCHES reach.
 DEGREE, MOST_STRETCHES = 31, 16
 SHARES = 10.0 ** np.arange(-12, -3)
+GRADUAL = 1e-6  # of the largest μ: what is resolved so well from one of ANY_LAW to the next needs no cuts in space
 SLOWEST, FASTEST = 1e-6, 1e3  # m/s: below the one nothing is looked for, beyond the other μ counts as resolved
 
 
@@ -69,10 +71,14 @@ class TabulatedLaw(eqx.Module):
 
 
 class MeasuredLaw(eqx.Module):
-    """A law together with the slip speeds (m/s) that cut it, found by sampling it."""
+    """A law together with the slip speeds (m/s) that cut it, found by sampling it, and whether it is gradual.
+
+    It is where it varies on no scale shorter than its slip speed.
+    """
 
     law: FrictionLaw
     speeds: Array = eqx.field(converter=real)
+    gradual: bool = eqx.field(static=True)
 
     def coefficient(self, slip_speed: Array) -> Array:
         """μ at slip speeds s ≥ 0 (m/s)."""
@@ -85,6 +91,17 @@ class MeasuredLaw(eqx.Module):
     def breakpoints(self) -> Array:
         """Those found."""
         return self.speeds
+
+    def kinks(self) -> Array:
+        """All of them, or none of a gradual law."""
+        return jnp.zeros(0) if self.gradual else self.speeds
+
+
+def is_gradual(law: FrictionLaw) -> bool:
+    """Whether a law varies on no scale shorter than its slip speed: it is resolved from one of ANY_LAW to the next."""
+    coefficient = eqx.filter_jit(law.coefficient)
+    bounds = pairwise([0.0, *ANY_LAW])
+    return all(_is_resolved(coefficient, low, high - low, GRADUAL) for low, high in bounds)
 
 
 def find_breakpoints(law: FrictionLaw) -> NDArray[np.float64]:
@@ -153,4 +170,8 @@ def as_law(law: FrictionLaw | Callable[[Array], Array]) -> FrictionLaw:
     if getattr(shape, "shape", None) not in ((2, 3), ()):
         raise TypeError(f"a friction law gives one coefficient for every slip speed; for shape (2, 3) it gave {shape}")
     traced = any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(found))
-    return found if traced or hasattr(found, "breakpoints") else MeasuredLaw(found, find_breakpoints(found))
+    return (
+        found
+        if traced or hasattr(found, "breakpoints")
+        else MeasuredLaw(found, find_breakpoints(found), is_gradual(found))
+    )

@@ -49,6 +49,15 @@ def breakpoints(law: FrictionLaw) -> Array:
     return jnp.asarray(ANY_LAW if own is None else own())
 
 
+def kinks(law: FrictionLaw) -> Array:
+    """Those of the breakpoints (m/s) at which a quadrature must be cut that is graded towards where the slip vanishes.
+
+    None of a law that varies on no scale shorter than its slip speed, however steep; all of any other.
+    """
+    own = getattr(law, "kinks", None)
+    return jnp.zeros(0) if own is None else jnp.asarray(own())
+
+
 class ExponentialLaw(eqx.Module):
     """μ(s) = μ_k + (μ_s − μ_k) exp(−α s) (Seo & Kang 2023, equation (16)); α in s/m, s in m/s."""
 

@@ -6,6 +6,7 @@ most, and one point about which the direction V/|V| turns. The arc is split wher
 """
 
 from collections.abc import Callable
+from itertools import pairwise
 
 import equinox as eqx
 import jax
@@ -111,15 +112,19 @@ class AreaSurface(eqx.Module):
         if edges.slip is None:
             return [*groups, [_gauss(low, high - low, FRICTIONLESS)]]
         slip, slope = _across_line(edges.slip, cosine, sine)
-        centre, speed = _turning(slip, slope, low, high)
-        if edges.axial is not None:
-            speed = speed + jnp.abs(_across_line(edges.axial, cosine, sine)[0])
+        centre, along = _turning(slip, slope, low, high)
+        speed = along if edges.axial is None else along + jnp.abs(_across_line(edges.axial, cosine, sine)[0])
+        cuts = [_where_reached(kink, along, speed - along, slope) for kink in edges.kinks]
         parts = []
         for end in (low, high):
-            length = end - centre
-            reach = jnp.maximum(jnp.abs(slope * length), SMALLEST)
-            share, weight = graded(jax.lax.stop_gradient(speed / reach), self.across, self.narrowest[1])
-            parts.append((centre[..., None] + length[..., None] * share, jnp.abs(length)[..., None] * weight))
+            whole, side = jnp.abs(end - centre), jnp.sign(end - centre)
+            bounds = [jnp.zeros_like(whole), *(jnp.minimum(cut, whole) for cut in cuts), whole]
+            for start, length in ((start, stop - start) for start, stop in pairwise(bounds)):
+                reach = jnp.maximum(jnp.abs(slope) * length, SMALLEST)
+                distance = jax.lax.stop_gradient((speed + jnp.abs(slope) * start) / reach)
+                share, weight = graded(distance, self.across, self.narrowest[1])
+                z = centre[..., None] + side[..., None] * (start[..., None] + length[..., None] * share)
+                parts.append((z, length[..., None] * weight))
         return [*groups, parts]
 
 
@@ -145,6 +150,13 @@ def _turning(value: Array, slope: Array, low: Array, high: Array) -> tuple[Array
     root = jnp.clip(-value / jnp.where(inside, slope, 1.0), low, high)
     nearest = jnp.where(jnp.abs(first) < jnp.abs(last), low, high)
     return jnp.where(inside, root, nearest), jnp.where(inside, 0.0, jnp.minimum(jnp.abs(first), jnp.abs(last)))
+
+
+def _where_reached(kink: Array, along: Array, axial: Array, slope: Array) -> Array:
+    """How far from the place of slowest slip |V| reaches a slip speed, |V_θ| growing from `along` with the slope."""
+    squared = kink * kink - axial * axial
+    beyond = jnp.where(squared > along * along, jnp.sqrt(jnp.where(squared > 0, squared, 1.0)) - along, 0.0)
+    return beyond / jnp.maximum(jnp.abs(slope), SMALLEST)
 
 
 def _gauss(start: Array, length: Array, count: int) -> tuple[Array, Array]:

@@ -8,6 +8,8 @@ singular, at real or complex θ, only where one of them meets something:
 - the branch point does: C ± wD = 0,
 - it meets its conjugate: V_z = 0, where all velocity vanishes,
 - it meets the edge of contact: C B − D A = 0, a quartic in e^{iθ},
+- the line of a slip speed at which the friction law has a kink reaches an edge of the lining, C C* = s² at ±w, a
+  quartic, too, or it turns back, V_z = ±s,
 - an edge runs off to infinity: B = 0 or D = 0. No such point lies on the lining, but there may be one close to where
   the edge leaves it.
 """
@@ -41,7 +43,7 @@ class Breaks(NamedTuple):
 
 def find_breaks(shoe: RigidShoe, edges: Edges) -> Breaks:
     """All of them. Their number depends on what edges there may be, not on the state."""
-    pressure, slip, axial, _ = edges
+    pressure, slip, axial, _, kinks = edges
     half_angle, half_width = shoe.half_angle, shoe.width / 2
     sides = half_width * np.array([-1.0, 1.0])
     found = []
@@ -61,6 +63,12 @@ def find_breaks(shoe: RigidShoe, edges: Edges) -> Breaks:
             found.append(_on_lining(_near(half_angle, *still), slip, half_width))
         if pressure is not None:
             found.append(_on_lining(_near(half_angle, *_meetings(pressure, turn)), pressure, half_width))
+        if kinks.size:
+            found.append(_near(half_angle, *_crossings(turn.on_line(sides), kinks)))
+            if axial is not None:
+                signed = jnp.concatenate([-kinks, kinks])
+                level = Level(axial.constant + signed, axial.cosine + 0 * signed, axial.sine + 0 * signed)
+                found.append(_near(half_angle, *jax.lax.stop_gradient(complex_roots(level))))
     if not found:
         return Breaks(jnp.zeros(0), jnp.zeros(0), jnp.zeros(0, bool))
     return Breaks(*(jnp.concatenate([part.ravel() for part in parts]) for parts in zip(*found, strict=True)))
@@ -100,14 +108,31 @@ def _meetings(pressure: Level, turn: Level) -> tuple[Array, Array, Array]:
     """Complex roots θ of C B − D A: whether there, Re θ and |Im θ|, each (4,), in rad."""
     A, B = _waves(pressure)
     C, D = _waves(turn)
-    coefficients = _product(C, B) - _product(D, A)
+    return _angles(_scaled_roots(_product(C, B) - _product(D, A)))
+
+
+def _scaled_roots(coefficients: Array) -> Array:
+    """Roots (4,) of a quartic, all zero where its coefficients (5,) are."""
     size = jnp.max(jnp.abs(coefficients.real) + jnp.abs(coefficients.imag))
     some = size > 0
-    zeta = quartic_roots(coefficients / jnp.where(some, size, 1.0))
+    return jnp.where(some, quartic_roots(coefficients / jnp.where(some, size, 1.0)), 0.0)
+
+
+def _angles(zeta: Array) -> tuple[Array, Array, Array]:
+    """Complex θ with e^{iθ} = ζ: whether there, Re θ and |Im θ|."""
     modulus = jnp.abs(zeta)
-    there = some & jnp.isfinite(modulus) & (modulus > 0)
+    there = jnp.isfinite(modulus) & (modulus > 0)
     zeta = jnp.where(there, zeta, 1.0)
     return there, jnp.arctan2(zeta.imag, zeta.real), jnp.abs(jnp.log(jnp.abs(zeta)))
+
+
+def _crossings(turn: Level, kinks: Array) -> tuple[Array, Array, Array]:
+    """Complex roots θ of |V| = s on lines, for each slip speed s: whether there, Re θ and |Im θ|, each (4, ...)."""
+    a, b, c = (jax.lax.stop_gradient(jnp.asarray(x, dtype=complex)) for x in (turn.constant, turn.cosine, turn.sine))
+    wave = [(b + 1j * c) / 2, a, (b - 1j * c) / 2]
+    squared = _product(wave, [jnp.conj(each) for each in reversed(wave)])[:, :, None] + jnp.zeros(kinks.size)
+    coefficients = squared.at[2].add(-(jax.lax.stop_gradient(kinks) ** 2)).reshape(5, -1)
+    return _angles(jax.vmap(_scaled_roots, in_axes=1, out_axes=1)(coefficients))
 
 
 def _waves(level: Level) -> tuple[list[Array], list[Array]]:

@@ -57,7 +57,7 @@ def is_smooth(shoe: RigidShoe, edges: Edges) -> Array:
     With V_θ + i V_z = a + (p e^{iθ} + m e^{−iθ})/2 there is none with |Im θ| < y as long as max(|p|, |m|) cosh y < |a|.
     Nor may the friction law be steep. The condition is sufficient, not necessary: its bounds are over the whole circle.
     """
-    pressure, slip, axial, speeds = edges
+    pressure, slip, axial, speeds, _ = edges
     smooth = jnp.asarray(True)
     if pressure is not None:
         smooth &= pressure.constant >= _swing(pressure, shoe.width / 2)

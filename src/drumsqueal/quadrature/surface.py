@@ -24,13 +24,15 @@ class Edges(NamedTuple):
     """The levels whose roots are edges: p0 + k_c u_r, V_θ, and V_z beside it (None: no edges of that kind).
 
     Where the pressure's level is negative the lining does not press; V_z is the same all across the lining. `speeds`
-    (K,) are the slip speeds (m/s) that cut the friction law, rising.
+    (K,) are the slip speeds (m/s) that cut the friction law, rising, and `kinks` those of them that a quadrature has to
+    cut it at, too, that is graded towards where the slip vanishes: none, or all.
     """
 
     pressure: Level | None
     slip: Level | None
     axial: Level | None
     speeds: Array
+    kinks: Array
 
 
 # Of a stretch of the friction law: slip speeds that lie within so much of it are resolved by a quadrature that does not
