@@ -17,9 +17,9 @@ POLISH = 1e-8  # of the displacement: the last Newton step is added where it is 
 NEWTON_STEPS = 30  # of each try; five do where the start is near
 DESCENT = 0.25  # of a damped step, by which the next one must be shorter (Deuflhard's natural monotonicity test)
 LEAST_DAMPING = 1e-4
-PATH_STEPS = 200
-FIRST_LENGTH, LEAST_LENGTH = 0.1, 1e-6  # of a step along the path, on which all of the friction is 1
-FARTHEST = 1e9  # along the path: there the equilibrium runs off to infinity
+PATH_STEPS = 60
+FIRST_LENGTH, LEAST_LENGTH = 0.1, 1e-5  # of a step along the path, on which all of the friction is 1
+FARTHEST = 1e7  # along the path: there the equilibrium runs off to infinity
 
 DIRECT, FRICTIONLESS, FOLLOW, ARRIVE, FOUND, NOT_FOUND = range(6)
 
@@ -120,6 +120,7 @@ def find_equilibrium(forces: Forces, n: int) -> Array:
         length = jnp.where(onward, 2 * path.length, jnp.where(beyond, path.length, path.length / 2))
         length = jnp.where(stage <= FRICTIONLESS, FIRST_LENGTH, length)
         lost = (length < LEAST_LENGTH) | (path.count > PATH_STEPS) | (jnp.linalg.norm(weight * base) > FARTHEST)
+        lost = lost | (base[n] < 0)  # back where there is no friction
         lost = lost | ((stage == FRICTIONLESS) & ~found.balanced) | ~jnp.all(jnp.isfinite(direction))
         following = jnp.where(beyond, ARRIVE, jnp.where(stage == DIRECT, FRICTIONLESS, FOLLOW))
         next_stage = jnp.where(lost, NOT_FOUND, following)
