@@ -63,7 +63,7 @@ def find_equilibrium(forces: Forces, n: int) -> Array:
     without friction along the path of equilibria, round its turns, as far as s = 1.
     """
     all_friction = jnp.zeros(n + 1).at[n].set(1.0)  # as a point, and as the row that keeps s as it is
-    slope, (_, size) = jax.jacfwd(lambda z: (forces(z)[0], forces(z)), has_aux=True)(all_friction)
+    slope, size = jax.jacfwd(forces, has_aux=True)(all_friction)
     own = jnp.abs(jnp.diag(slope[:, :n]))
     root = jnp.sqrt(jnp.where(own > 0, own, jnp.where(jnp.max(own) > 0, jnp.max(own), 1.0)))
     load = jnp.max(size / root)
@@ -93,15 +93,21 @@ def find_equilibrium(forces: Forces, n: int) -> Array:
             new = jnp.linalg.solve(matrix, right)
             damping = jnp.where(at.count == 0, 1.0, jnp.where(taken, jnp.minimum(1.0, 2 * at.damping), at.damping / 2))
             point, matrix, new = (
-                jnp.where(taken, a, b)
-                for a, b in ((at.trial, at.point), (matrix, at.matrix), (new, at.step))
+                jnp.where(taken, a, b) for a, b in ((at.trial, at.point), (matrix, at.matrix), (new, at.step))
             )
             usable = jnp.all(jnp.isfinite(new)) & (damping >= LEAST_DAMPING) & (at.count < NEWTON_STEPS)
             return _Newton(point, matrix, new, point + damping * new, damping, at.count + 1, balanced, ~usable)
 
         zero = jnp.zeros(n + 1)
         start = _Newton(
-            guess, jnp.eye(n + 1), zero, guess, jnp.ones(()), jnp.zeros((), int), jnp.zeros((), bool), jnp.zeros((), bool)
+            guess,
+            jnp.eye(n + 1),
+            zero,
+            guess,
+            jnp.ones(()),
+            jnp.zeros((), int),
+            jnp.zeros((), bool),
+            jnp.zeros((), bool),
         )
         return jax.lax.while_loop(lambda at: ~(at.balanced | at.failed), step, start)
 

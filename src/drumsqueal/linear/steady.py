@@ -8,16 +8,22 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from jax.core import Tracer
 
 from drumsqueal.bodies.rigid_shoe import IN_PLANE
 from drumsqueal.effects.action import ZERO
 from drumsqueal.effects.assembly import Balance
 from drumsqueal.effects.contact import Contact
 from drumsqueal.effects.friction import Friction
+from drumsqueal.errors import SteadyStateError
 from drumsqueal.linear.equilibrium import find_equilibrium
 from drumsqueal.model import Model
 from drumsqueal.quadrature.smooth import WholeSurface
 
+NOT_FOUND = (
+    "no self-consistent steady sliding was found, neither directly nor by raising friction step by step from zero: "
+    "the shoe may jam (self-locking), or its supports and the drum may not hold it at this load and speed"
+)
 COUPLED_SHARE = 1e-10  # of the largest coupling: below it is round-off
 
 
@@ -51,8 +57,8 @@ def steady_sliding(model: Model) -> Array:
     """Displacement q* (n,) of steady sliding at t = 0: Q(q*, 0) = 0 (physics: m, rad).
 
     Differentiable with respect to every number of the model (implicit function theorem). With the balanced assembly
-    q* = 0 without iteration. The out-of-plane coordinates stay zero by symmetry. Where none is found, q* is NaN:
-    `find_steady_sliding` and `analyse_stability` raise SteadyStateError then.
+    q* = 0 without iteration. The out-of-plane coordinates stay zero by symmetry. Raises SteadyStateError
+    where none is found; inside `jax.jit` and the like, where nothing can be raised, q* is NaN then.
     """
     n = len(model.coordinates)
     moving = np.asarray([k for k, i in enumerate(model.coordinates) if i in IN_PLANE], dtype=int)
@@ -66,17 +72,21 @@ def steady_sliding(model: Model) -> Array:
         solve=lambda _, q: q,
         tangent_solve=lambda linear, force: jnp.linalg.solve(jax.jacfwd(linear)(force), force),
     )
+    if not isinstance(q, Tracer) and not np.all(np.isfinite(q)):
+        raise SteadyStateError(NOT_FOUND)
     return jnp.zeros(n).at[moving].set(q)
 
 
 def _static_forces(model: Model, z: Array) -> tuple[Array, Array]:
-    """Sum of the forces at rest, and of their magnitudes (n,), at a displacement and a fraction of friction (n + 1,)."""
+    """Sum of the forces at rest and of their magnitudes (n,), from displacement and fraction of friction (n + 1,)."""
     q, friction = model.widen(z[:-1]), model.contact.friction
     contact = model.contact
     if friction is not None:
         contact = contact.with_friction(_Reduced(friction.law, friction.direction, z[-1]))
     actions = [effect.act(model.operation.at(0.0), q, ZERO).force for effect in (contact, *model.others)]
-    parts = jnp.stack([jnp.stack([jnp.asarray(force[i] + jnp.zeros(())) for i in model.coordinates]) for force in actions])
+    parts = jnp.stack(
+        [jnp.stack([jnp.asarray(force[i] + jnp.zeros(())) for i in model.coordinates]) for force in actions]
+    )
     return jnp.sum(parts, axis=0), jnp.sum(jnp.abs(parts), axis=0)
 
 
