@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import scipy.interpolate
 from jax import Array
+from jax.core import Tracer
 
 from drumsqueal.effects.friction_law import FrictionLaw
 from drumsqueal.precision import real
@@ -62,7 +63,8 @@ class TabulatedLaw(eqx.Module):
 def as_law(law: FrictionLaw | Callable[[Array], Array]) -> FrictionLaw:
     """Return a law from a law or from a function of the slip speed.
 
-    Raises TypeError for a function that JAX cannot trace, or that does not give one μ for every slip speed.
+    Raises TypeError for a function that JAX cannot trace, or that does not give one μ for every slip speed, and
+    ValueError for one that is negative at slow slip: it would push what slides.
     """
     found = law if isinstance(law, FrictionLaw) else FunctionLaw(law)
     try:
@@ -75,4 +77,7 @@ def as_law(law: FrictionLaw | Callable[[Array], Array]) -> FrictionLaw:
         ) from None
     if getattr(shape, "shape", None) not in ((2, 3), ()):
         raise TypeError(f"a friction law gives one coefficient for every slip speed; for shape (2, 3) it gave {shape}")
+    slow = found.coefficient(jnp.zeros(()))
+    if not isinstance(slow, Tracer) and np.any(np.asarray(slow) < 0):
+        raise ValueError(f"a friction coefficient must not be negative; this law gives {float(slow):g} at slow slip")
     return found
