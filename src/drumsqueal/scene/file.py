@@ -86,7 +86,7 @@ def _decimal_comma(text: str, error: str) -> str:
     if found is None:
         return ""
     key, whole, fraction = found.groups()
-    return f"{DECIMAL_POINT}, which line {named and named[1]} has; write {key} = {whole}.{fraction}"
+    return f"line {named and named[1]}: {DECIMAL_POINT}; write {key} = {whole}.{fraction}"
 
 
 def _loads(text: str) -> dict[str, Any]:
