@@ -192,7 +192,7 @@ def test_gradients_go_through_the_equilibrium():
     @jax.jit
     def displacement(mu):
         model = sprung_block_on_belt(
-            ConstantLaw(mu), mass=[1.0, 1.0], springs=springs, contact_stiffness=stiffness, load=load
+            ConstantLaw(mu), mass=np.ones(2), springs=springs, contact_stiffness=stiffness, load=load
         )
         return steady_sliding(model)
 

@@ -67,9 +67,9 @@ def unusual(scene: Scene) -> Iterator[str]:
     for key, usual in USUAL.items():
         for path in (key, f"{key}.value"):
             values = numbers.get(path, ())
-            for index, value in enumerate((values,) if isinstance(values, float) else values):
+            for index, value in enumerate(values if isinstance(values, tuple) else (values,)):
                 if value != 0 and not usual.low <= abs(value) <= usual.high:
-                    place = path if isinstance(values, float) else dotted((path, index))
+                    place = dotted((path, index)) if isinstance(values, tuple) else path
                     yield _told(place, value, usual)
                     break  # of a profile, the first one
     static, kinetic = numbers.get("friction.static"), numbers.get("friction.kinetic")
