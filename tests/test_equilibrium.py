@@ -24,17 +24,19 @@ from drumsqueal.small_bodies import block_on_belt, sprung_block_on_belt
 # --- the search alone ------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("length", [1e-12, 1.0, 1e9])
+@pytest.mark.parametrize("length", [1e-12, 1e9])
 @pytest.mark.parametrize("load", [1e-6, 1e9])
 def test_the_path_goes_round_its_turns(length, load):
-    # g turns at x = 0.59 and x = 1.41: from x = 0 Newton's method is caught at the first turn. g(2) = 1.
-    def forces(z):
-        x = z[:1] / length
-        drag, spring = load * z[1:], load * (x**3 - 3 * x**2 + 2.5 * x)
-        return drag - spring, jnp.abs(drag) + jnp.abs(spring)
+    # The spring gives way ten times before it holds all of the drag: Newton's method from x = 0 is caught at once.
+    def spring(x):
+        return x / 30 + 0.1 * np.sin(x)
 
-    # The slope of g is 2.5 there: forces balanced to 1e-13 of those that cancel.
-    assert float(find_equilibrium(forces, 1)[0]) == pytest.approx(2 * length, rel=1e-12)
+    def forces(z):
+        drag, held = load * z[1:], load * (z[:1] / length / 30 + 0.1 * jnp.sin(z[:1] / length))
+        return drag - held, jnp.abs(drag) + jnp.abs(held)
+
+    # Forces balanced to 1e-13 of those that cancel.
+    assert spring(float(find_equilibrium(forces, 1)[0]) / length) == pytest.approx(1.0, rel=1e-12)
 
 
 def test_an_equilibrium_that_runs_off_is_none():
@@ -52,12 +54,13 @@ KEYS = (
     *("support.upper_stiffness", "support.lower_stiffness", "contact.stiffness", "contact.normal_load"),
     *("friction.static", "friction.kinetic", "friction.decay", "drum.speed"),
 )
-# Each has an equilibrium by a search of the whole plane of contacts, and none that a dogleg from rest finds.
+# Each has an equilibrium by a search of the whole plane of contacts, and none that a dogleg from rest finds; the last
+# of those that separate lies at the end of the path only.
 SEPARATING = [
     (6.529, 0.01769, 0.0194, 0.04207, 1.205e7, 8.361e8, 1.06e12, 1291.0, 0.01675, 0.01554, 0.365, 0.2285),
     (2.24, 0.09152, 3.806, 3.352, 3.089e5, 8.489e4, 3.487e10, 51350.0, 0.033, 0.6835, 0.4248, -0.005562),
-    (1.693, 0.6776, 0.9862, 4.622, 2.437e8, 4.171e9, 1.65e13, 2.723e5, 1.622, 0.009337, 0.07621, 0.1914),
     (8.044, 0.0976, 0.1855, 1.209, 5.59e6, 4.2e5, 7.737e12, 219.0, 2.552, 0.2729, 2.938, 0.4052),
+    (3.274, 0.004268, 0.4315, 3.218, 34650.0, 42100.0, 6.243e13, 71100.0, 0.3696, 0.7698, 0.01172, -0.003293),
 ]
 BONDED = [
     (5.07, 0.03058, 2.377, 1.774, 7.88e6, 2.483e7, 1.201e12, 997.1, 0.05921, 0.08972, 0.01137, -7.823),
