@@ -15,7 +15,7 @@ from scipy.optimize import brentq
 
 from drumsqueal.bodies.rigid_shoe import RigidShoe
 from drumsqueal.effects.contact import Contact
-from drumsqueal.effects.custom_friction import TabulatedLaw, as_law
+from drumsqueal.effects.custom_friction import TabulatedLaw, as_law, with_breakpoints
 from drumsqueal.effects.friction import Friction
 from drumsqueal.effects.friction_direction import Tangential, UnitVelocity
 from drumsqueal.effects.friction_law import ExponentialLaw, FrictionLaw, breakpoints, kinks
@@ -380,7 +380,7 @@ def test_plane_forces_of_laws_given_in_python(name):
     law, traced, cuts = GIVEN_LAWS[name]
     brake = Brake()
     contact, scale = contact_of(brake, area=False), brake.pressure * brake.radius * brake.arc * brake.width
-    given_contact = with_law(contact, as_law(traced))
+    given_contact = with_law(contact, with_breakpoints(as_law(traced)))
     generator = np.random.default_rng(17)
     for slide in (0.9, 3.0) * 4:
         q, v = scaled_state(brake, generator.uniform(-1, 1, 12), press=3.0, slide=slide)
@@ -482,7 +482,7 @@ def test_space_forces_of_laws_given_in_python(name):
     law, traced, cuts = GIVEN_LAWS[name]
     brake = Brake()
     contact, scale = contact_of(brake, area=True), brake.pressure * brake.radius * brake.arc * brake.width
-    given_contact, generator = with_law(contact, as_law(traced)), np.random.default_rng(5)
+    given_contact, generator = with_law(contact, with_breakpoints(as_law(traced))), np.random.default_rng(5)
     for slide in (0.6, 1.5):
         shares, axial = generator.uniform(-1, 1, 12), 10 ** generator.uniform(-4, 0)
         q, v = scaled_state(brake, shares, press=1.5, slide=slide, tilt=1.0, axial=axial)

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 
 from drumsqueal.scene import COORDINATES, Profile, Scene, SceneError, Shoe, load_scene, scene_from_dict
 from drumsqueal.scene.quantities import parse_quantity
+from drumsqueal.scene.usual import USUAL, unusual
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"
 NOMINAL = SCENARIOS / "nominal.toml"
@@ -201,7 +202,8 @@ def test_quantities_are_read_in_their_unit(value, unit, expected):
         ("5 nan", "m", "no known unit"),
         ("5 __class__", "m", "no known unit"),
         ("5 m m", "m", "not a number followed by a unit"),
-        ("36,5 mm", "m", "a decimal point and no comma"),
+        ("36,5 mm", "m", 'a decimal point and no comma; write "36.5 mm"'),
+        ("0,45", "", "a decimal point and no comma; write 0.45"),
         ("mm", "m", "not a number followed by a unit"),
         ("", "m", "not a number followed by a unit"),
         ("9**9**9 m", "m", "not a number followed by a unit"),
@@ -325,6 +327,10 @@ def test_several_mistakes_give_the_first_and_the_number_of_the_others():
     ("content", "cause"),
     [
         (b"title = ", "not TOML"),
+        (b"title = 'a'\n[friction]\nstatic = 0,45  # dry", "line 3: a number takes a decimal point and no comma"),
+        (b"[start]\ndisplacement = { X = 1, Y = -0,5e-6 }", "write Y = -0.5e-6"),
+        (b"title = '0,45'\nx = = 1", "not TOML"),
+        (b"x" * 2**20 + b" = 0,45", "not TOML"),
         (b"\xff\xfe", "not UTF-8"),
         (b"x = " + b"[" * 100_000, "nested too deeply"),
         (b"x = " + b"9" * 5000, "an integer has more digits than can be read"),
@@ -339,6 +345,10 @@ def test_several_mistakes_give_the_first_and_the_number_of_the_others():
     ],
     ids=[
         "broken",
+        "comma",
+        "inner comma",
+        "comma in text",
+        "long comma",
         "encoding",
         "nested",
         "digits",
@@ -608,3 +618,63 @@ def test_a_file_is_blamed_for_what_was_wrong_before(tmp_path):
     file.write_text((SCENARIOS / "nominal.toml").read_text() + "\n[foo]\n")
     with pytest.raises(SceneError, match=r"made.toml: foo: unknown key"):
         load_scene(file, ["drum.speed=3"])
+
+
+# What brakes have.
+
+
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
+def test_shipped_scenes_are_usual(path):
+    assert list(unusual(load_scene(path))) == []
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        # The hub brake of a bicycle, the drum of a scooter, the rear axle of a heavy truck.
+        {"shoe.outer_radius": 0.035, "shoe.thickness": 0.006, "shoe.width": 0.02, "contact.normal_load": 60.0},
+        {"shoe.outer_radius": 0.055, "shoe.thickness": 0.008, "shoe.width": 0.025, "drum.speed": 140.0},
+        {"shoe.outer_radius": 0.21, "shoe.thickness": 0.03, "shoe.width": 0.22, "contact.normal_load": 9e4},
+        {"support": None, "friction": None, "contact.normal_load": 0.0, "drum.speed": -20.0},
+    ],
+)
+def test_brakes_from_bicycles_to_trucks_are_usual(values):
+    assert list(unusual(load_scene(NOMINAL).with_values(values))) == []
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "told"),
+    [
+        (
+            "shoe.outer_radius",
+            160,
+            "shoe.outer_radius = 160 m is far from what drum brakes have, 30 to 500 mm; did you mean 160 mm?",
+        ),
+        ("shoe.width", "6 m", "did you mean 6 cm?"),
+        ("shoe.density", 7.2, "did you mean 7.2 g/cm^3?"),
+        (
+            "contact.normal_load",
+            4,
+            "contact.normal_load = 4 N is far from what drum brakes have, 10 N to 300 kN; did you mean 4 kN?",
+        ),
+        ("contact.stiffness", 35, "did you mean 35 N/mm^3?"),
+        ("drum.speed", -900, "did you mean -900 rpm?"),
+        ("drum.speed", {"time": [0, 1], "value": [5, 900]}, "drum.speed.value[1] = 900 rad/s"),
+        (
+            "damping",
+            {"ratio": 0.3},
+            "damping.ratio = 0.3 is far from what drum brakes have, 0 to 0.1 (10 %); did you mean 0.3 %?",
+        ),
+        ("friction.static", 0.2, "friction.static = 0.2 is below friction.kinetic = 0.3"),
+        ("friction.kinetic", 30, "did you mean 30 %?"),
+        ("shoe.arc_angle", "200 deg", "is far from what drum brakes have, 20 to 180 deg."),
+    ],
+)
+def test_what_no_brake_has_is_told_with_what_may_be_meant(key, value, told):
+    assert told in " ".join(unusual(load_scene(NOMINAL).with_values({key: value})))
+
+
+def test_every_physical_number_of_a_brake_has_its_range():
+    scene = load_scene(NOMINAL).with_values({"damping": {"ratio": 0.01}})
+    keys = {*scene.numbers(), *scene.with_values({"friction": {"law": "constant", "coefficient": 0.4}}).numbers()}
+    assert set(USUAL) == keys

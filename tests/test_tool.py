@@ -342,6 +342,7 @@ def test_check_foretells_the_first_edge_and_the_evaluations(nominal):
         (("start.displacement={Y=1e-7}", 'simulate.coordinates=["X", "Z"]', "start.displacement={X=1e-7}"), "held"),
         (("simulate.duration=0.01",), "The duration of 0.01 s is 0.762 growth times"),
         (("simulate.duration=0.08",), "may not have settled by its end; take at least 0.084 s"),
+        (("damping.ratio=0.3",), "Note: damping.ratio = 0.3 is far from what drum brakes have, 0 to 0.1 (10 %)"),
         (("simulate.sample_rate=20000",), "The sample rate is 2.7 times the highest frequency"),
     ],
 )
@@ -351,6 +352,16 @@ def test_check_warns_in_plain_words(nominal, settings, told, drumsqueal, monkeyp
     status, printed, errors = drumsqueal("check", NOMINAL, *arguments)
     assert (status, errors) == (0, "")
     assert told in " ".join(printed.split())
+
+
+@pytest.mark.parametrize("command", ["check", "run"])
+def test_a_number_in_a_wrong_unit_is_told_beside_what_it_brings_about(command, drumsqueal, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    status, printed, errors = drumsqueal(command, NOMINAL, "--set", "shoe.density=7.82")
+    assert (status, errors.count("\n")) == (2, 1)
+    assert "twice the highest frequency" in errors
+    assert "did you mean 7.82 g/cm^3?" in " ".join(printed.split())
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_check_warns_where_the_lining_does_not_press_everywhere(nominal):

@@ -35,7 +35,7 @@ SIGNALS = {
     "energy_balance_error": ("J", "change of stored energy less the work that friction, damping and loads fed in"),
 }
 COMPLETE = "complete"
-_PACKAGES = ("drumsqueal", "jax", "jaxlib", "diffrax", "equinox", "optimistix", "numpy", "scipy", "xarray")
+_PACKAGES = ("drumsqueal", "jax", "jaxlib", "diffrax", "equinox", "numpy", "scipy", "xarray")
 
 
 def versions() -> dict[str, str]:

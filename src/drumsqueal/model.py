@@ -14,7 +14,7 @@ from drumsqueal.composition import GIVEN, Composition, compose
 from drumsqueal.effects.action import Effect, Six
 from drumsqueal.effects.assembly import Balance, Preload
 from drumsqueal.effects.contact import Contact
-from drumsqueal.effects.custom_friction import as_law
+from drumsqueal.effects.custom_friction import as_law, with_breakpoints
 from drumsqueal.effects.damping import Damping
 from drumsqueal.effects.forcing import Forcing
 from drumsqueal.effects.friction import Friction
@@ -151,7 +151,7 @@ def build_model(
         return assemble(composition, value)
     if scene.friction is None:
         raise ValueError("this scene has no friction for the friction law; add the table friction, for its direction")
-    return assemble(composition._replace(friction_law=GIVEN), value, as_law(friction_law))
+    return assemble(composition._replace(friction_law=GIVEN), value, with_breakpoints(as_law(friction_law)))
 
 
 @eqx.filter_jit  # one small program instead of a hundred separate operations

@@ -5,6 +5,7 @@ from jax.typing import ArrayLike
 
 from drumsqueal.bodies.disc import Disc
 from drumsqueal.bodies.rigid_shoe import TZ, X, Y
+from drumsqueal.effects.custom_friction import as_law, with_breakpoints
 from drumsqueal.effects.damping import Damping
 from drumsqueal.effects.disc_contact import DiscContact
 from drumsqueal.effects.friction import Friction
@@ -33,7 +34,7 @@ def block_on_belt(
     along = (X,)
     spring, dashpot = real(stiffness).reshape(1, 1), real(damping).reshape(1, 1)
     others = (Springs(spring, along), Damping(dashpot, along))
-    contact = PointContact(Bonded(0.0), Friction(law, Tangential() if direction is None else direction))
+    contact = PointContact(Bonded(0.0), Friction(as_law(law), Tangential() if direction is None else direction))
     operation = Operation(Constant(belt_speed), Constant(load))
     return Model(operation, contact, others, real(mass).reshape(1), spring, along)
 
@@ -53,7 +54,7 @@ def sprung_block_on_belt(
     Hoffmann et al., Journal of Sound and Vibration 257 (2002) 1.
     """
     both = (X, Y)
-    contact = PointContact(Bonded(contact_stiffness), Friction(law, Tangential()))
+    contact = PointContact(Bonded(contact_stiffness), Friction(as_law(law), Tangential()))
     operation = Operation(Constant(belt_speed), Constant(load))
     stiffness = real(springs) + jnp.diag(jnp.stack([jnp.zeros(()), real(contact_stiffness)]))
     return Model(operation, contact, (Springs(springs, both),), real(mass), stiffness, both)
@@ -72,6 +73,6 @@ def disc_on_plate(
     Source: Farkas et al., Physical Review Letters 90 (2003) 248302.
     """
     disc = Disc(radius, mass)
-    contact = DiscContact(disc, Friction(law, UnitVelocity()))
+    contact = DiscContact(disc, Friction(with_breakpoints(as_law(law)), UnitVelocity()))
     operation = Operation(Constant(plate_speed), Constant(load / disc.area))
     return Model(operation, contact, (), disc.mass, jnp.zeros((3, 3)), (X, Y, TZ))

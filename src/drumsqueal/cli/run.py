@@ -42,6 +42,10 @@ def run_command(
     reply = Reply.beside(folder, RUN_FILES, (scene,), quiet, json_file, overwrite=overwrite or resume)
     stop_if_interrupted()
     from drumsqueal.files.resumption import find_point
+    from drumsqueal.jobs.tables import print_notes
+    from drumsqueal.scene.usual import unusual
+
+    print_notes(reply.console, unusual(loaded))
     from drumsqueal.jobs.run import run_into
     from drumsqueal.simulation import check_sample_rate, prepare
 

@@ -152,11 +152,10 @@ _PLACES, _FIT = _fit()
 
 
 def as_law(law: FrictionLaw | Callable[[Array], Array]) -> FrictionLaw:
-    """Return a law from a law or from a function of the slip speed, with the slip speeds that cut it.
+    """Return a law from a law or from a function of the slip speed.
 
-    They are found by sampling unless the law has a method `breakpoints`, or its parameters are traced.
-
-    Raises TypeError for a function that JAX cannot trace, or that does not give one μ for every slip speed.
+    Raises TypeError for a function that JAX cannot trace, or that does not give one μ for every slip speed, and
+    ValueError for one that is negative at slow slip: it would push what slides.
     """
     found = law if isinstance(law, FrictionLaw) else FunctionLaw(law)
     try:
@@ -169,9 +168,15 @@ def as_law(law: FrictionLaw | Callable[[Array], Array]) -> FrictionLaw:
         ) from None
     if getattr(shape, "shape", None) not in ((2, 3), ()):
         raise TypeError(f"a friction law gives one coefficient for every slip speed; for shape (2, 3) it gave {shape}")
-    traced = any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(found))
-    return (
-        found
-        if traced or hasattr(found, "breakpoints")
-        else MeasuredLaw(found, find_breakpoints(found), is_gradual(found))
-    )
+    slow = found.coefficient(jnp.zeros(()))
+    if not isinstance(slow, Tracer) and np.any(np.asarray(slow) < 0):
+        raise ValueError(f"a friction coefficient must not be negative; this law gives {float(slow):g} at slow slip")
+    return found
+
+
+def with_breakpoints(law: FrictionLaw) -> FrictionLaw:
+    """The law with the slip speeds that cut it, found by sampling unless it has them or its parameters are traced."""
+    traced = any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(law))
+    if traced or hasattr(law, "breakpoints"):
+        return law
+    return MeasuredLaw(law, find_breakpoints(law), is_gradual(law))

@@ -9,9 +9,10 @@ from rich.table import Table
 
 from drumsqueal.files.summary import describe_stability
 from drumsqueal.history import versions
-from drumsqueal.jobs.tables import print_table
-from drumsqueal.scene import Scene
+from drumsqueal.jobs.tables import print_notes, print_table
+from drumsqueal.scene import Scene, SceneError
 from drumsqueal.scene.quantities import printable
+from drumsqueal.scene.usual import unusual
 from drumsqueal.studies.check import Check, Growth, check_scene
 
 # What a run takes beside its integration goes with the speed of the machine, as does loading the package: comparison,
@@ -26,7 +27,11 @@ def check(scene: Scene, console: Console, loading: float) -> dict[str, Any]:
     Raises SceneError for a scene that cannot be run.
     """
     with console.status("compiling and timing pieces of the transient"):
-        found = check_scene(scene)
+        try:
+            found = check_scene(scene)
+        except SceneError:  # which a number in a wrong unit may have brought about
+            print_notes(console, unusual(scene))
+            raise
     whole = _whole(found, loading)
     print_check(console, found, whole)
     return to_data(found, whole)
@@ -63,8 +68,7 @@ def print_check(console: Console, found: Check, whole: float | None) -> None:
     )
     console.print(f"{found.samples} samples in {simulate.duration:g} s, history.nc of {_megabytes(found)}")
     console.print(_takes(found, whole))
-    for warning in found.warnings:
-        console.print(f"Note: {warning}", style="bold")
+    print_notes(console, found.warnings)
 
 
 def _grows(growth: Growth) -> str:

@@ -1,5 +1,7 @@
 """How the commands print their tables: in a window of any width, no number is cut."""
 
+from collections.abc import Iterable
+
 from rich.cells import cell_len
 from rich.console import Console
 from rich.measure import Measurement
@@ -8,6 +10,12 @@ from rich.text import Text
 
 NARROWEST = 24  # columns of the window, to which running text is folded at most
 _ENDLESS = 10_000  # columns, in which any table has room
+
+
+def print_notes(console: Console, notes: Iterable[str]) -> None:
+    """Print what is odd about a scene, each note on a line of its own."""
+    for note in notes:
+        console.print(f"Note: {note}", style="bold")
 
 
 def print_table(console: Console, table: Table) -> None:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from drumsqueal.effects.action import ZERO
 from drumsqueal.effects.schedule import Profile
 from drumsqueal.errors import SteadyStateError
-from drumsqueal.linear.steady import Linear, linear_model, linearise, steady_sliding
+from drumsqueal.linear.steady import NOT_FOUND, Linear, linear_model, linearise, steady_sliding
 from drumsqueal.model import Model
 
 # An eigenvalue oscillates when its imaginary part exceeds this share of the largest modulus: a real one, and the zero
@@ -28,7 +28,6 @@ NEUTRAL_SHARE = 1e-9
 
 # Why there is no steady sliding.
 AT_REST = "drum.speed is 0 all the time: there is no steady sliding; give the drum a speed"
-NOT_FOUND = "no self-consistent steady sliding was found: the shoe may jam or leave the drum at this load and speed"
 NOT_FINITE = (
     "the linear model is not finite: a number is out of all proportion; check the shoe's lengths and density, "
     "the stiffnesses, contact.normal_load, friction, drum.speed and damping.ratio"

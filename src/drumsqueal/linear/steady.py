@@ -1,24 +1,29 @@
 """Steady sliding, and the linear model there as the Jacobian of the one vector field."""
 
 import dataclasses
+from functools import partial
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-import optimistix
 from jax import Array
+from jax.core import Tracer
 
 from drumsqueal.bodies.rigid_shoe import IN_PLANE
+from drumsqueal.effects.action import ZERO
 from drumsqueal.effects.assembly import Balance
 from drumsqueal.effects.contact import Contact
+from drumsqueal.effects.friction import Friction
+from drumsqueal.errors import SteadyStateError
+from drumsqueal.linear.equilibrium import find_equilibrium
 from drumsqueal.model import Model
 from drumsqueal.quadrature.smooth import WholeSurface
 
-# Newton's steps on the scaled equilibrium end when the displacement is settled to this share of p0/k_c, or the forces
-# are balanced to this share of the load.
-STEADY_TOLERANCE = 1e-13
-STEADY_STEPS = 100
+NOT_FOUND = (
+    "no self-consistent steady sliding was found, neither directly nor by raising friction step by step from zero: "
+    "the shoe may jam (self-locking), or its supports and the drum may not hold it at this load and speed"
+)
 COUPLED_SHARE = 1e-10  # of the largest coupling: below it is round-off
 
 
@@ -37,33 +42,52 @@ class Linear(NamedTuple):
         return jnp.concatenate([top, bottom])
 
 
+class _Reduced(Friction):
+    """Friction of which only a fraction acts."""
+
+    fraction: Array
+
+    def traction(self, pressure: Array, slip: Array, axial: Array | None) -> tuple[Array, Array | None]:
+        """Tractions on the lining along θ and z (Pa)."""
+        along, across = super().traction(pressure, slip, axial)
+        return self.fraction * along, None if across is None else self.fraction * across
+
+
 def steady_sliding(model: Model) -> Array:
     """Displacement q* (n,) of steady sliding at t = 0: Q(q*, 0) = 0 (physics: m, rad).
 
     Differentiable with respect to every number of the model (implicit function theorem). With the balanced assembly
-    q* = 0 without iteration. The out-of-plane coordinates stay zero by symmetry. Where the solver fails, q* is NaN:
-    `analyse_stability` says so in words.
+    q* = 0 without iteration. The out-of-plane coordinates stay zero by symmetry. Raises SteadyStateError
+    where none is found; inside `jax.jit` and the like, where nothing can be raised, q* is NaN then.
     """
     n = len(model.coordinates)
     moving = np.asarray([k for k, i in enumerate(model.coordinates) if i in IN_PLANE], dtype=int)
     if moving.size == 0 or any(isinstance(effect, Balance) for effect in model.others):
         return jnp.zeros(n)
     plane = model.undisturbed().in_plane()
-    preload = plane.operation.at(0.0).preload
-    # Forces of the order p0 times the area, and the displacements that they cause.
-    force_scale = jnp.where(preload > 0, preload, 1.0) * plane.contact.area
-    size = force_scale / jnp.max(jnp.diag(plane.stiffness))
+    found = find_equilibrium(partial(_static_forces, jax.lax.stop_gradient(plane)), moving.size)
+    q = jax.lax.custom_root(
+        lambda q: plane.act(0.0, q, jnp.zeros(moving.size))[0],
+        found,
+        solve=lambda _, q: q,
+        tangent_solve=lambda linear, force: jnp.linalg.solve(jax.jacfwd(linear)(force), force),
+    )
+    if not isinstance(q, Tracer) and not np.all(np.isfinite(q)):
+        raise SteadyStateError(NOT_FOUND)
+    return jnp.zeros(n).at[moving].set(q)
 
-    def residual(x: Array, args: Model) -> Array:
-        return args.act(0.0, x * size, jnp.zeros(moving.size))[0] / force_scale
 
-    solver = optimistix.Dogleg(rtol=STEADY_TOLERANCE, atol=STEADY_TOLERANCE)
-    start = jnp.zeros(moving.size)
-    solution = optimistix.root_find(residual, solver, start, args=plane, max_steps=STEADY_STEPS, throw=False)
-    # Where the first steps leave nothing but round-off no other makes it less, and the solver calls that a failure.
-    balanced = jnp.max(jnp.abs(residual(solution.value, plane))) <= STEADY_TOLERANCE
-    found = (solution.result == optimistix.RESULTS.successful) | balanced
-    return jnp.zeros(n).at[moving].set(jnp.where(found, solution.value * size, jnp.nan))
+def _static_forces(model: Model, z: Array) -> tuple[Array, Array]:
+    """Sum of the forces at rest and of their magnitudes (n,), from displacement and fraction of friction (n + 1,)."""
+    q, friction = model.widen(z[:-1]), model.contact.friction
+    contact = model.contact
+    if friction is not None:
+        contact = contact.with_friction(_Reduced(friction.law, friction.direction, z[-1]))
+    actions = [effect.act(model.operation.at(0.0), q, ZERO).force for effect in (contact, *model.others)]
+    parts = jnp.stack(
+        [jnp.stack([jnp.asarray(force[i] + jnp.zeros(())) for i in model.coordinates]) for force in actions]
+    )
+    return jnp.sum(parts, axis=0), jnp.sum(jnp.abs(parts), axis=0)
 
 
 @jax.jit

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from drumsqueal.scene.quantities import SceneError
+from drumsqueal.scene.quantities import DECIMAL_POINT, SceneError
 
 OPTIONAL_TABLES = ("support", "friction", "damping", "forcing", "uncertain")
 """The tables that a scene may leave out; `--set friction=none` leaves one out."""
@@ -26,6 +26,11 @@ _WORDS = re.compile(
     r""""{3}(?:[^"\\]|(?s:\\.)|"{1,2}+(?!"))*+"*+|'{3}(?:[^']|'{1,2}+(?!'))*+'*+|\#[^\n]*+"""
     + rf"|(?P<long>{_PART}(?:[ \t]*+\.[ \t]*+{_PART}){{{_DEEPEST},}}+)|{_PART}"
 )
+
+
+# A value outside quotes and lists: 0,45 in "static = 0,45" and in "{ Y = 0,45 }".
+_LONGEST_LINE = 200
+_COMMA = re.compile(r"""^[^"'#\[]*?([\w.-]+)\s*=\s*([+-]?\d+),(\d\S*?)\s*(?:[#},]|$)""")
 
 
 def read_tables(path: str | os.PathLike[str]) -> dict[str, Any]:
@@ -65,10 +70,23 @@ def _parsed(content: bytes, name: str) -> dict[str, Any]:
     except RecursionError:
         reason = "the tables are nested too deeply; a scene has two levels"
     except tomllib.TOMLDecodeError as error:
-        reason = f"the file is not TOML: {error}; see the example scenes"
+        reason = (
+            _decimal_comma(content.decode(), str(error)) or f"the file is not TOML: {error}; see the example scenes"
+        )
     except ValueError as error:
         reason = f"the file is no scene: {error}"
     raise SceneError(reason, (name,))
+
+
+def _decimal_comma(text: str, error: str) -> str:
+    """What to write in place of a decimal comma, if that is what is wrong with the line that the error names."""
+    named = re.search(r"at line (\d+)", error)
+    line = text.split("\n")[int(named[1]) - 1] if named else ""
+    found = _COMMA.search(line) if len(line) <= _LONGEST_LINE else None
+    if found is None:
+        return ""
+    key, whole, fraction = found.groups()
+    return f"line {named and named[1]}: {DECIMAL_POINT}; write {key} = {whole}.{fraction}"
 
 
 def _loads(text: str) -> dict[str, Any]:

@@ -27,6 +27,7 @@ _EXPECTED = {
     "s": ("a time", "40 ms"),
     "Hz": ("a frequency", "50 kHz"),
 }
+DECIMAL_POINT = "a number takes a decimal point and no comma"
 _LONGEST = 64  # characters in a value
 _LONGEST_PART = 300  # characters of a path that are shown
 
@@ -113,7 +114,9 @@ def parse_quantity(value: Any, unit: str) -> float:
 def _from_text(text: str, unit: str) -> float:
     written = len(text) <= _LONGEST and _WRITTEN.fullmatch(text)
     if not written and "," in text and _WRITTEN.fullmatch(text.replace(",", ".")):
-        raise SceneError(f"a number takes a decimal point and no comma; {_cure(unit)}")
+        meant = text.strip().replace(",", ".")
+        plain = re.fullmatch(_NUMBER, meant) is not None
+        raise SceneError(f"{DECIMAL_POINT}; write {meant if plain else json.dumps(meant, ensure_ascii=False)}")
     if not written:
         raise SceneError(f"this is not a number followed by a unit; {_cure(unit)}")
     number = float(written["number"])

@@ -16,6 +16,7 @@ from drumsqueal.effects.pressure import Unilateral
 from drumsqueal.linear.modes import Mode, while_sliding
 from drumsqueal.scene import Profile, Scene
 from drumsqueal.scene.tables import BYTES_PER_SAMPLE
+from drumsqueal.scene.usual import unusual
 from drumsqueal.simulation import Prepared, check_sample_rate, prepare, start_of
 from drumsqueal.studies.run_time import RunTime, estimate
 
@@ -180,6 +181,7 @@ def _at_the_edges(prepared: Prepared, growing: tuple[Growth, ...]) -> NDArray[np
 
 def warnings_of(prepared: Prepared, growing: tuple[Growth, ...], shares: tuple[float, float]) -> Iterator[str]:
     """What users get wrong, in plain words."""
+    yield from unusual(prepared.scene)
     yield from _about_the_steady_state(prepared)
     yield from _about_the_start(prepared, growing, shares)
     yield from _about_the_record(prepared, growing, shares)

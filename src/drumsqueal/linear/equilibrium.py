@@ -1,0 +1,146 @@
+"""Equilibria under friction: damped Newton, and where that fails the path of equilibria from no friction to all of it.
+
+Coordinates are scaled by the roots of their own stiffness, so that neither units nor proportions count: a rotation
+beside a translation, a soft support beside a stiff pin.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jax import Array
+
+# Forces are balanced when what is left is this fraction of those that cancel in it, and this fraction of the load.
+ROUND_OFF, OF_LOAD = 1e-13, 1e-8
+POLISH = 1e-8  # of the displacement: the last Newton step is added where it is smaller, and no null direction
+NEWTON_STEPS = 30  # of each try; five do where the start is near
+DESCENT = 0.25  # of a damped step, by which the next one must be shorter (Deuflhard's natural monotonicity test)
+LEAST_DAMPING = 1e-4
+PATH_STEPS = 60
+FIRST_LENGTH, LEAST_LENGTH = 0.1, 1e-5  # of a step along the path, on which all of the friction is 1
+FARTHEST = 1e7  # along the path: there the equilibrium runs off to infinity
+
+DIRECT, FRICTIONLESS, FOLLOW, ARRIVE, FOUND, NOT_FOUND = range(6)
+
+Forces = Callable[[Array], tuple[Array, Array]]
+
+
+class _Newton(NamedTuple):
+    """Newton's method on its way: the last point taken with its matrix and its step, and the point to try next."""
+
+    point: Array
+    matrix: Array
+    step: Array
+    trial: Array
+    damping: Array
+    count: Array
+    balanced: Array
+    failed: Array
+
+
+class _Path(NamedTuple):
+    """The search on its way: its stage, the last equilibrium and the direction there, and what to try next.
+
+    `speed` is how far the first equilibrium moves with the friction: lengths along the path count in it.
+    """
+
+    stage: Array
+    base: Array
+    direction: Array
+    length: Array
+    speed: Array
+    guess: Array
+    row: Array
+    count: Array
+
+
+def find_equilibrium(forces: Forces, n: int) -> Array:
+    """Displacement x (n,) at which the forces vanish with all of the friction; NaN where none was found.
+
+    `forces` takes x and, last, the fraction s of the friction that acts (n + 1,), and returns the sum of the forces
+    and the sum of their magnitudes (n,). Newton's method starts from x = 0; where it fails, from the equilibrium
+    without friction along the path of equilibria, round its turns, as far as s = 1.
+    """
+    all_friction = jnp.zeros(n + 1).at[n].set(1.0)  # as a point, and as the row that keeps s as it is
+    slope, size = jax.jacfwd(forces, has_aux=True)(all_friction)
+    own = jnp.abs(jnp.diag(slope[:, :n]))
+    root = jnp.sqrt(jnp.where(own > 0, own, jnp.where(jnp.max(own) > 0, jnp.max(own), 1.0)))
+    load = jnp.max(size / root)
+
+    def scaled(z: Array) -> tuple[Array, tuple[Array, Array]]:
+        force, size = forces(jnp.append(z[:n] / root, z[n]))
+        return force / root, (force / root, size / root)
+
+    def newton_system(z: Array, row: Array) -> tuple[Array, Array, Array]:
+        """Matrix and right-hand side of the step at a point, and whether the forces are balanced there."""
+        slope, (force, size) = jax.jacfwd(scaled, has_aux=True)(z)
+        cancelling = jnp.max(size + jnp.abs(slope[:, :n]) @ jnp.abs(z[:n]))
+        balanced = jnp.max(jnp.abs(force)) <= jnp.minimum(ROUND_OFF * cancelling, OF_LOAD * load)
+        # A coordinate that nothing holds and nothing pushes stays where it is.
+        idle = ~(jnp.any(slope[:, :n] != 0, axis=0) | jnp.any(slope != 0, axis=1))
+        slope = slope.at[:, :n].add(jnp.diag(jnp.where(idle, 1.0, 0.0)))
+        return jnp.vstack([slope, row]), jnp.append(-force, 0.0), balanced
+
+    def newton(guess: Array, row: Array, speed: Array) -> _Newton:
+        def norm(z: Array) -> Array:
+            return jnp.linalg.norm(jnp.append(z[:n] / speed, z[n]))
+
+        def step(at: _Newton) -> _Newton:
+            matrix, right, balanced = newton_system(at.trial, row)
+            shorter = norm(jnp.linalg.solve(at.matrix, right)) <= (1 - DESCENT * at.damping) * norm(at.step)
+            taken = (at.count == 0) | balanced | shorter
+            new = jnp.linalg.solve(matrix, right)
+            damping = jnp.where(at.count == 0, 1.0, jnp.where(taken, jnp.minimum(1.0, 2 * at.damping), at.damping / 2))
+            point, matrix, new = (
+                jnp.where(taken, a, b) for a, b in ((at.trial, at.point), (matrix, at.matrix), (new, at.step))
+            )
+            usable = jnp.all(jnp.isfinite(new)) & (damping >= LEAST_DAMPING) & (at.count < NEWTON_STEPS)
+            return _Newton(point, matrix, new, point + damping * new, damping, at.count + 1, balanced, ~usable)
+
+        zero = jnp.zeros(n + 1)
+        start = _Newton(
+            guess,
+            jnp.eye(n + 1),
+            zero,
+            guess,
+            jnp.ones(()),
+            jnp.zeros((), int),
+            jnp.zeros((), bool),
+            jnp.zeros((), bool),
+        )
+        return jax.lax.while_loop(lambda at: ~(at.balanced | at.failed), step, start)
+
+    def search(path: _Path) -> _Path:
+        found = newton(path.guess, path.row, path.speed)
+        follows, stage = path.stage == FOLLOW, path.stage
+        beyond = follows & found.balanced & (found.point[n] >= 1)
+        # The next equilibrium along the path, and the direction there.
+        tangent = jnp.linalg.solve(found.matrix, all_friction)
+        speed = jnp.where(stage == FRICTIONLESS, jnp.linalg.norm(tangent[:n]), path.speed)
+        speed = jnp.where(speed > 0, speed, 1.0)
+        weight = jnp.append(jnp.full(n, 1 / speed), 1.0)
+        tangent = tangent / jnp.linalg.norm(weight * tangent)
+        onward = found.balanced & ((stage == FRICTIONLESS) | (follows & ~beyond))
+        base, direction = jnp.where(onward, found.point, path.base), jnp.where(onward, tangent, path.direction)
+        length = jnp.where(onward, 2 * path.length, jnp.where(beyond, path.length, path.length / 2))
+        length = jnp.where(stage <= FRICTIONLESS, FIRST_LENGTH, length)
+        lost = (length < LEAST_LENGTH) | (path.count > PATH_STEPS) | (jnp.linalg.norm(weight * base) > FARTHEST)
+        lost = lost | (base[n] < 0)  # back where there is no friction
+        lost = lost | ((stage == FRICTIONLESS) & ~found.balanced) | ~jnp.all(jnp.isfinite(direction))
+        following = jnp.where(beyond, ARRIVE, jnp.where(stage == DIRECT, FRICTIONLESS, FOLLOW))
+        next_stage = jnp.where(lost, NOT_FOUND, following)
+        polished = jnp.max(jnp.abs(found.step)) <= POLISH * jnp.max(jnp.abs(found.point[:n]))
+        done = found.balanced & ((stage == DIRECT) | (stage == ARRIVE))
+        # Where it went beyond s = 1, straight back between the two.
+        back = path.base + (found.point - path.base) * (1 - path.base[n]) / (found.point[n] - path.base[n])
+        guess = jnp.where(beyond, back, base + length * direction)
+        guess = jnp.where(stage == DIRECT, 0.0, guess)
+        guess = jnp.where(done, found.point + jnp.where(polished, found.step, 0.0), guess)
+        row = jnp.where(beyond | (stage == DIRECT), all_friction, weight**2 * direction)
+        return _Path(jnp.where(done, FOUND, next_stage), base, direction, length, speed, guess, row, path.count + 1)
+
+    zero, one = jnp.zeros(n + 1), jnp.ones(())
+    start = _Path(jnp.asarray(DIRECT), zero, zero, one, one, all_friction, all_friction, jnp.zeros((), int))
+    path = jax.lax.while_loop(lambda path: path.stage < FOUND, search, start)
+    return jnp.where(path.stage == FOUND, path.guess[:n] / root, jnp.nan)

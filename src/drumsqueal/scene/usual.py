@@ -1,0 +1,89 @@
+"""What drum brakes have, from bicycles to heavy trucks, and what a number far from that was probably meant to be.
+
+The ranges are wide on purpose: they are there for numbers in a wrong unit, not for a brake that is unusual.
+"""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from drumsqueal.scene import Scene
+from drumsqueal.scene.quantities import dotted
+
+
+class Usual(NamedTuple):
+    """A range in SI with its unit, how numbers in it are written, and other units in which one may be meant."""
+
+    low: float
+    high: float
+    unit: str
+    written: str
+    meant: tuple[tuple[str, float], ...] = ()
+
+
+_LENGTH = (("mm", 1e-3), ("cm", 1e-2))
+_PER_CENT = (("%", 1e-2),)
+_STIFFNESS = (("N/mm", 1e3), ("kN/mm", 1e6))
+_RPM = 0.10471975511965977  # rad/s
+_DEGREE = 0.017453292519943295  # rad
+
+USUAL = {
+    # Hub brakes of bicycles have drums of 70 mm across, trucks of 410 to 460 mm, and off-road machines more.
+    "shoe.outer_radius": Usual(0.03, 0.5, "m", "30 to 500 mm", _LENGTH),
+    # A bare plate, or platform, web and lining taken together.
+    "shoe.thickness": Usual(0.002, 0.1, "m", "2 to 100 mm", _LENGTH),
+    # Bicycles 15 to 30 mm, cars 30 to 60 mm, rear axles of trucks up to 250 mm.
+    "shoe.width": Usual(0.01, 0.4, "m", "10 to 400 mm", _LENGTH),
+    # One of two shoes covers 180 deg at most; linings are 60 to 140 deg long.
+    "shoe.arc_angle": Usual(20 * _DEGREE, 180 * _DEGREE, "rad", "20 to 180 deg", (("deg", _DEGREE),)),
+    # Moulded lining 1500 kg/m^3, aluminium 2700 kg/m^3, cast iron 7200 kg/m^3, steel 7850 kg/m^3.
+    "shoe.density": Usual(1000, 10_000, "kg/m^3", "1000 to 10000 kg/m^3", (("g/cm^3", 1e3),)),
+    # From a return spring (10 N/mm) to solid steel between the shoe and the back plate; 0 stands for none.
+    "support.upper_stiffness": Usual(1e4, 1e11, "N/m", "1e4 to 1e11 N/m", _STIFFNESS),
+    "support.lower_stiffness": Usual(1e4, 1e11, "N/m", "1e4 to 1e11 N/m", _STIFFNESS),
+    # Modulus over thickness: rubbery linings 10 MPa over 20 mm, hard ones under pressure 10 GPa over 3 mm; the paper's
+    # is 3.5e10 N/m^3.
+    "contact.stiffness": Usual(1e8, 1e13, "N/m^3", "1e8 to 1e13 N/m^3", (("N/mm^3", 1e9),)),
+    # Fingers on a lever give 50 N, an air chamber of 30 square inches on an S-cam 100 kN a shoe.
+    "contact.normal_load": Usual(10, 3e5, "N", "10 N to 300 kN", (("kN", 1e3),)),
+    # SAE J866 sorts linings from below 0.15 to above 0.55; wet ones have less, rusted and sintered ones more.
+    "friction.static": Usual(0.05, 1.2, "", "0.05 to 1.2", _PER_CENT),
+    "friction.kinetic": Usual(0.05, 1.0, "", "0.05 to 1", _PER_CENT),
+    "friction.coefficient": Usual(0.05, 1.0, "", "0.05 to 1", _PER_CENT),
+    # The slip speed over which friction falls, 1/decay, from 1 mm/s (stick-slip rigs) to 100 m/s; 0 stands for none.
+    "friction.decay": Usual(0.01, 1000, "s/m", "0.01 to 1000 s/m"),
+    # A car at 200 km/h turns its wheels at 180 rad/s, a scooter with small ones at 100 km/h at 140 rad/s.
+    "drum.speed": Usual(0, 300, "rad/s", "up to 300 rad/s (2865 rpm)", (("rpm", _RPM), ("deg/s", _DEGREE))),
+    # Bare steel parts 0.0005, bolted and lined ones a few per cent.
+    "damping.ratio": Usual(0, 0.1, "", "0 to 0.1 (10 %)", _PER_CENT),
+}
+
+
+def unusual(scene: Scene) -> Iterator[str]:
+    """What no drum brake has, a sentence each: the key, its value, the usual range and what may be meant.
+
+    A value of 0, which takes an effect out, is not unusual.
+    """
+    numbers = scene.numbers()
+    for key, usual in USUAL.items():
+        for path in (key, f"{key}.value"):
+            values = numbers.get(path, ())
+            for index, value in enumerate(values if isinstance(values, tuple) else (values,)):
+                if value != 0 and not usual.low <= abs(value) <= usual.high:
+                    place = dotted((path, index)) if isinstance(values, tuple) else path
+                    yield _told(place, value, usual)
+                    break  # of a profile, the first one
+    static, kinetic = numbers.get("friction.static"), numbers.get("friction.kinetic")
+    if isinstance(static, float) and isinstance(kinetic, float) and static < kinetic:
+        yield (
+            f"friction.static = {static:g} is below friction.kinetic = {kinetic:g}: friction then rises with the slip "
+            "speed, and brakes have it the other way round; did you mean to exchange them?"
+        )
+
+
+def _told(place: str, value: float, usual: Usual) -> str:
+    unit = f" {usual.unit}" if usual.unit else ""
+    told = f"{place} = {value:g}{unit} is far from what drum brakes have, {usual.written}"
+    for other, size in usual.meant:
+        if usual.low < abs(value) * size <= usual.high:
+            return f"{told}; did you mean {value:g} {other}?"
+    return f"{told}."
