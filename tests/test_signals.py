@@ -262,7 +262,7 @@ def test_a_torus_that_nearly_closes_is_not_taken_for_a_cycle():
     assert found.kind == "quasi-periodic"
     assert found.recurrence_error is not None
     assert found.recurrence_error < 1e-2
-    assert "once, but not after many turns" in found.reason
+    assert "after one period, but larger after many" in found.reason
 
 
 def test_a_cycle_longer_than_was_looked_for_is_told_by_its_lines():
