@@ -69,7 +69,7 @@ def van_der_pol(*speeds, damping=1.0):
     return rate, jacobian
 
 
-KNOWN = {  # rate and Jacobian, start, interval (s) and how many
+KNOWN: dict[str, Any] = {  # rate and Jacobian, start, interval (s) and how many
     "lorenz": ((lorenz, of_lorenz), [1.0, 1.0, 20.0], 0.5, 400),
     "cycle": (van_der_pol(1.0), [2.0, 0.0], 1.0, 270),
     "two": (van_der_pol(1.0, 2**0.5), [2.0, 0.0, 2.0, 0.5], 1.0, 270),
@@ -81,8 +81,8 @@ KNOWN = {  # rate and Jacobian, start, interval (s) and how many
 @cache
 def known(name):
     """The record, 20 samples an interval, and the growth of four tangents."""
-    system, start, interval, count = KNOWN[name]
-    return followed(*system, np.array(start), interval, count, min(4, len(start)))
+    (rate, jacobian), start, interval, count = KNOWN[name]
+    return followed(rate, jacobian, np.array(start), interval, count, min(4, len(start)))
 
 
 def test_lyapunov_exponents_of_lorenz():

@@ -178,7 +178,7 @@ def _not_periodic(unit: NDArray[np.float64], rate: float, error: float, drift: f
         return told("quasi-periodic", f"{what} Combinations of the fundamental frequencies {base} {share}; {slower}.")
     if duration * found[0] < PERIODS_NEEDED:
         needed = PERIODS_NEEDED / found[0]
-        longer = f"record at least {needed:.4g} s to resolve what else there is"
+        longer = f"record at least {needed:.4g} s, {PERIODS_NEEDED} periods of it"
         return told("unknown", f"{what} Multiples of {base} {share}; {longer}.")._replace(record_needed_s=needed)
     back = recurrence_after(unit, rate / found[0])
     left = math.inf if back is None else max(back.error, back.later_error)
