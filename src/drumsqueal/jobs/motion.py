@@ -95,7 +95,7 @@ def to_data(study: MotionStudy) -> dict[str, Any]:
         "lyapunov_exponents_1_per_s": None if exponents is None else exponents.exponent_1_per_s.tolist(),
         "lyapunov_standard_errors_1_per_s": None if exponents is None else exponents.standard_error_1_per_s.tolist(),
         "lyapunov_uncertainties_1_per_s": None if exponents is None else exponents.uncertainty_1_per_s.tolist(),
-        "chaotic": None if exponents is None else exponents.chaotic,
+        "chaotic": None if exponents is None or study.kind is Kind.NOT_DETERMINED else exponents.chaotic,
         "section": {"of": list(study.section_of), "points": len(study.section)},
         "not_determined": list(study.limits),
         "scene": study.scene.model_dump(mode="json"),
