@@ -2,6 +2,7 @@
 
 import json
 import re
+from functools import cache
 from types import SimpleNamespace
 from typing import Any
 
@@ -12,28 +13,32 @@ from scipy.integrate import solve_ivp
 from drumsqueal import load_scene, run
 from drumsqueal.comparison import decay
 from drumsqueal.figures.motion import draw_section
-from drumsqueal.signals import Bases, Regime
+from drumsqueal.signals import Bases, Regime, classify, find_bases, find_lines
 from drumsqueal.signals.lyapunov import Exponents, lyapunov_exponents, orthonormalised
 from drumsqueal.studies import motion as study_module
-from drumsqueal.studies.motion import _section, _settled, _told, study_motion
+from drumsqueal.studies.attractor import Doubt, Kind, decide_attractor, describe_attractor
+from drumsqueal.studies.motion import _section, _settled, study_motion
+
+SAMPLES = 20  # an interval
 
 
-def exponents_of(rate, jacobian, state, interval, count, tangents):
-    """Exponents along a trajectory, its transition matrices by SciPy from the variational equation."""
+def followed(rate, jacobian, state, interval, count, tangents):
+    """Samples of a trajectory and how tangents grow, interval by interval: transition matrices by SciPy."""
     n = len(state)
-    turned, logs = np.eye(n)[:, :tangents], []
+    turned = np.linalg.qr(np.random.default_rng(0).normal(size=(n, tangents)))[0]
+    records, logs = [], []
 
     def both(t, y):
         return np.concatenate([rate(t, y[:n]), (jacobian(t, y[:n]) @ y[n:].reshape(n, n)).ravel()])
 
-    for k in range(count):
-        end = solve_ivp(
-            both, (k * interval, (k + 1) * interval), np.concatenate([state, np.eye(n).ravel()]), rtol=1e-7, atol=1e-9
-        ).y[:, -1]
-        state = end[:n]
-        turned, grown = orthonormalised(end[n:].reshape(n, n) @ turned)
+    for _ in range(count):
+        whole, times = np.concatenate([state, np.eye(n).ravel()]), np.linspace(0, interval, SAMPLES + 1)
+        path = solve_ivp(both, (0, interval), whole, rtol=1e-7, atol=1e-9, t_eval=times).y
+        records.append(path[:n, :-1].T)
+        state = path[:n, -1]
+        turned, grown = orthonormalised(path[n:, -1].reshape(n, n) @ turned)
         logs.append(grown)
-    return lyapunov_exponents(np.array(logs), interval)
+    return np.concatenate(records), np.array(logs)
 
 
 def lorenz(_, y):
@@ -44,8 +49,44 @@ def of_lorenz(_, y):
     return np.array([[-10.0, 10.0, 0.0], [28 - y[2], -1.0, -y[0]], [y[1], y[0], -8 / 3]])
 
 
+def van_der_pol(*speeds, damping=1.0):
+    """Oscillators beside each other, each as many times faster than the first: a torus of as many frequencies."""
+    times = np.array(speeds)
+
+    def rate(_, y):
+        x, v = y[0::2], y[1::2]
+        return np.column_stack([times * v, times * (damping * (1 - x**2) * v - x)]).ravel()
+
+    def jacobian(_, y):
+        matrix = np.zeros((y.size, y.size))
+        for k, speed in enumerate(times):
+            x, v = y[2 * k : 2 * k + 2]
+            matrix[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = speed * np.array(
+                [[0.0, 1.0], [-2 * damping * x * v - 1, damping * (1 - x**2)]]
+            )
+        return matrix
+
+    return rate, jacobian
+
+
+KNOWN: dict[str, Any] = {  # rate and Jacobian, start, interval (s) and how many
+    "lorenz": ((lorenz, of_lorenz), [1.0, 1.0, 20.0], 0.5, 400),
+    "cycle": (van_der_pol(1.0), [2.0, 0.0], 1.0, 270),
+    "two": (van_der_pol(1.0, 2**0.5), [2.0, 0.0, 2.0, 0.5], 1.0, 270),
+    "three": (van_der_pol(1.0, 2**0.5, 5**0.5), [2.0, 0.0, 2.0, 0.5, 1.0, 1.0], 1.0, 270),
+    "slow": (van_der_pol(1.0, 2**0.5, damping=0.02), [2.0, 0.0, 2.0, 0.0], 1.0, 510),
+}
+
+
+@cache
+def known(name):
+    """The record, 20 samples an interval, and the growth of four tangents."""
+    (rate, jacobian), start, interval, count = KNOWN[name]
+    return followed(rate, jacobian, np.array(start), interval, count, min(4, len(start)))
+
+
 def test_lyapunov_exponents_of_lorenz():
-    found = exponents_of(lorenz, of_lorenz, np.array([1.0, 1.0, 20.0]), 0.5, 800, 3)
+    found = lyapunov_exponents(known("lorenz")[1], 0.5)
     # 0.9056, 0 and −14.572 (J. C. Sprott, Chaos and Time-Series Analysis, 2003); their sum is the divergence, −41/3.
     wanted = np.array([0.9056, 0.0, -14.572])
     assert np.all(np.abs(found.exponent_1_per_s - wanted) < 3 * found.standard_error_1_per_s + 1e-3)
@@ -55,17 +96,40 @@ def test_lyapunov_exponents_of_lorenz():
 
 
 def test_a_limit_cycle_is_not_chaotic():
-    def rate(_, y):  # van der Pol
-        return np.array([y[1], (1 - y[0] ** 2) * y[1] - y[0]])
-
-    def jacobian(_, y):
-        return np.array([[0.0, 1.0], [-2 * y[0] * y[1] - 1, 1 - y[0] ** 2]])
-
-    found = exponents_of(rate, jacobian, np.array([2.0, 0.0]), 1.0, 200, 2)
+    found = lyapunov_exponents(known("cycle")[1], 1.0)
     # Zero along the motion; the other is −1.0594 (the mean divergence over its period of 6.6633).
     assert found.exponent_1_per_s[0] == pytest.approx(0.0, abs=0.02)
     assert found.exponent_1_per_s[1] == pytest.approx(-1.0594, abs=0.02)
     assert not found.chaotic
+
+
+@pytest.mark.parametrize(
+    ("name", "lowest", "kinds"),
+    [
+        # 20 periods of the lowest frequency in the later half. Lorenz's mean drifts: it changes sides at random.
+        ("lorenz", 0.6, {40: Doubt.REGIME, 400: Kind.CHAOTIC}),
+        ("cycle", 0.15, {60: Doubt.REGIME, 270: Kind.PERIODIC}),
+        ("two", 0.15, {60: Doubt.REGIME, 270: Kind.QUASI_PERIODIC}),
+        ("three", 0.15, {100: Doubt.REGIME, 270: Kind.QUASI_PERIODIC}),
+        # A disturbance decays at 0.02 1/s, and below 5/180 s = 0.028 1/s nothing can be distinguished from zero.
+        ("slow", 0.5, {200: Doubt.MORE_ZEROS, 510: Kind.QUASI_PERIODIC}),
+    ],
+)
+def test_known_attractors_are_recognised_in_the_record_that_was_asked_for_and_never_taken_for_others(
+    name, lowest, kinds
+):
+    record, logs = known(name)
+    interval = KNOWN[name][2]
+    for count, wanted in kinds.items():
+        late = record[count * SAMPLES // 2 : count * SAMPLES]
+        rate = SAMPLES / interval
+        regime = classify(late, rate, scale=np.ones(late.shape[1]), lowest_frequency=lowest)
+        bases = find_bases(find_lines(late, rate, floor=3e-3))
+        found = decide_attractor(regime, bases, lyapunov_exponents(logs[:count], interval), count * interval, 0.0)
+        assert (found.doubt or found.kind) == wanted
+        if found.doubt:
+            assert found.record_needed_s is not None
+            assert count * interval < found.record_needed_s <= max(kinds) * interval
 
 
 def test_the_standard_error_is_that_of_independent_growth():
@@ -85,35 +149,78 @@ def test_too_few_intervals_are_refused():
 # What the evidence makes of the kind
 
 
-def exponents(largest: float, second: float = -5.0) -> Exponents:
-    """Two exponents of five seconds, known to 0.5 1/s."""
-    return Exponents(np.array([largest, second]), np.full(2, 0.5), np.array([0.5, 5.0]), np.zeros((2, 2)))
+def exponents(*values: float, error: float = 0.5) -> Exponents:
+    """Exponents of 4.5 s, known to 0.5 1/s by their standard errors: zero is what is below 5/4.5 = 1.1."""
+    k = len(values)
+    return Exponents(np.array(values), np.full(k, error), np.array([0.5, 5.0]), np.zeros((2, k)))
 
 
-def regime(kind, *bases: float) -> Regime:
-    return Regime(kind, None, bases, 0.1, 0.0, "As told.", tuple(1e-3 for _ in bases))
+def regime(kind, *bases: float, needed: float | None = None) -> Regime:
+    found = Regime(kind, None, bases, 0.1, 0.0, "As said.", tuple(1e-3 for _ in bases))
+    return found._replace(record_needed_s=needed)
+
+
+TORUS = regime("quasi-periodic", 900.0, 70.0)
+CYCLE = regime("periodic", 900.0)
 
 
 @pytest.mark.parametrize(
-    ("found", "bases", "exponents", "kind", "why"),
+    ("found", "exponents", "wanted", "needed", "why"),
     [
-        (regime("periodic", 900.0), 1, None, "periodic", "As told."),
-        (regime("periodic", 900.0), 1, exponents(0.2), "periodic", "no chaos"),
-        (regime("periodic", 900.0), 1, exponents(9.0), "unknown", "one of the two is wrong"),
-        (regime("quasi-periodic", 900.0, 70.0), 2, exponents(9.0), "unknown", "one of the two is wrong"),
-        (regime("irregular"), 2, exponents(9.0), "chaotic", "separate exponentially"),
-        (regime("irregular"), 2, exponents(1.4), "irregular", "not above zero beyond doubt"),
-        # Two standard errors above zero, and nothing has grown by e^5: neither is chaos.
-        (regime("quasi-periodic", 900.0, 70.0), 1, exponents(0.2), "periodic", "its frequencies are locked"),
-        (regime("quasi-periodic", 900.0, 70.0), 2, exponents(0.2), "quasi-periodic", "1 of the exponents is zero"),
-        (regime("quasi-periodic", 900.0, 70.0), 2, exponents(0.2, -0.3), "quasi-periodic", "no chaos. As told."),
+        (CYCLE, exponents(0.2, -5.0), Kind.PERIODIC, None, "One Lyapunov exponent is zero"),
+        (CYCLE, exponents(9.0, 0.1), Doubt.POSITIVE, 10.0, "as in chaos"),
+        (CYCLE, exponents(-3.0, -5.0), Doubt.NO_ZERO, 10.0, "none of −3.0 ± 1.5 and −5.0 ± 1.5 1/s is"),
+        # Zero or a decay rate: 3 × 0.8 = 2.4 would have to fall to 1.5, so (2.4/1.5)² = 2.6 times the record.
+        (CYCLE, exponents(0.1, -1.5, -9.0, error=0.8), Doubt.UNKNOWN_SIGN, 12.8, "of −1.5 ± 2.4 1/s is too large"),
+        # 0.5 is below 5/4.5, and would stand out by a factor of two in 20 s.
+        (CYCLE, exponents(0.0, -0.5, error=0.1), Doubt.MORE_ZEROS, 22.2, "two of +0.0 ± 1.1 and −0.5 ± 1.1"),
+        # A zero that is not known as well as the decay rate beside it.
+        (CYCLE, exponents(-1.0, -7.0, error=2.1), Doubt.UNKNOWN_SIGN, 10.0, "−1.0 ± 6.3 and −7.0 ± 6.3 1/s"),
+        (TORUS, exponents(0.2, -0.3, -5.0), Kind.QUASI_PERIODIC, None, "Two Lyapunov exponents are zero"),
+        (TORUS, exponents(0.2, -5.0), Doubt.FEWER_ZEROS, 10.0, "Two fundamental frequencies (900.000 and 70.000 Hz)"),
+        (TORUS, exponents(9.0, 0.1), Doubt.POSITIVE, 10.0, "as in chaos"),
+        (TORUS, exponents(0.2, -5.0, error=10.0), Doubt.UNKNOWN_SIGN, 10.0, "too large to distinguish zero from decay"),
+        # Few periods of a slow frequency: 20 of them in the later half.
+        (
+            regime("quasi-periodic", 900.0, 2.0),
+            exponents(0.2, -5.0),
+            Doubt.FEWER_ZEROS,
+            20.0,
+            "at most one can be zero",
+        ),
+        (TORUS, None, Doubt.NO_EXPONENTS, 10.0, "no Lyapunov exponents are known"),
+        (CYCLE, None, Kind.PERIODIC, None, "As said."),  # recurrence is enough
+        (regime("irregular"), exponents(9.0, 0.1, -5.0), Kind.CHAOTIC, None, "separate exponentially"),
+        (regime("irregular"), exponents(9.0, -5.0, -8.0), Doubt.NO_ZERO, 10.0, "has a Lyapunov exponent of zero"),
+        (regime("irregular"), exponents(1.4, -5.0), Doubt.NOT_POSITIVE, 10.0, "does not show chaos"),
+        (regime("unknown"), exponents(9.0, 0.1, -5.0), Kind.CHAOTIC, None, "separate exponentially"),
+        (regime("unknown"), exponents(0.1, -5.0), Doubt.REGIME, 10.0, "As said."),
+        (regime("unknown", needed=7.0), exponents(9.0, 0.1, -5.0), Doubt.REGIME, 14.0, "As said."),
+        (regime("steady"), None, Kind.STEADY, None, "As said."),
     ],
 )
-def test_lines_and_exponents_tell_the_kind_together(found, bases, exponents, kind, why):
-    made_up = Bases(np.full(bases, 70.0), np.full(bases, 1e-3), np.ones((1, bases), dtype=np.int64), 1.0, True)
-    told, reason = _told(found, made_up, exponents)
-    assert told == kind
+def test_contradictions_leave_the_kind_open_and_say_which_record_would_do(found, exponents, wanted, needed, why):
+    told = decide_attractor(found, None, exponents, 5.0, 0.5)
+    assert (told.doubt or told.kind) == wanted
+    assert (told.kind is Kind.NOT_DETERMINED) == isinstance(wanted, Doubt)
+    assert told.record_needed_s == (None if needed is None else pytest.approx(needed, rel=1e-2))
+    reason = describe_attractor(told, found, exponents)
     assert why in reason
+    assert ("--duration" in reason) == isinstance(wanted, Doubt)
+    more = describe_attractor(told, found, exponents, 60.0)
+    assert ("--at-most" in more) == isinstance(wanted, Doubt)
+
+
+def test_where_no_exponents_can_be_followed_recurrence_and_lines_decide():
+    assert decide_attractor(TORUS, None, None, 5.0, None).kind is Kind.QUASI_PERIODIC
+
+
+@pytest.mark.parametrize(("slow", "kind"), [(70.0, Kind.PERIODIC), (7.0, Kind.NOT_DETERMINED)])
+def test_weak_lines_show_that_frequencies_lock_where_the_cycle_was_recorded_often_enough(slow, kind):
+    bases = Bases(np.array([slow]), np.array([1e-3]), np.ones((1, 1), dtype=np.int64), 1.0, True)
+    found = decide_attractor(regime("quasi-periodic", 900.0, slow), bases, exponents(0.2, -5.0), 5.0, 0.5)
+    assert found.kind is kind
+    assert found.record_needed_s == (None if kind is Kind.PERIODIC else pytest.approx(40 / slow))
 
 
 def test_an_exponent_that_is_sure_but_too_small_for_the_record_is_no_chaos():

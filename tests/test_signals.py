@@ -262,7 +262,7 @@ def test_a_torus_that_nearly_closes_is_not_taken_for_a_cycle():
     assert found.kind == "quasi-periodic"
     assert found.recurrence_error is not None
     assert found.recurrence_error < 1e-2
-    assert "once, but not after many turns" in found.reason
+    assert "after one period, but larger after many" in found.reason
 
 
 def test_a_cycle_longer_than_was_looked_for_is_told_by_its_lines():
@@ -271,10 +271,18 @@ def test_a_cycle_longer_than_was_looked_for_is_told_by_its_lines():
 
     found = regime_of(cycle(times(0.3)))
     assert found.kind == "unknown"
-    assert "record for longer" in found.reason
+    assert "record at least 0.4213 s" in found.reason
+    assert found.record_needed_s == pytest.approx(20 * 30 / 1424.0)
     found = regime_of(cycle(times(0.5)))
     assert found.kind == "periodic"
     assert found.period_s == pytest.approx(30 / 1424.0, rel=1e-6)
+    assert found.recurrence_error == pytest.approx(0, abs=1e-3)  # not that of the lags that were searched, 0.05
+    # A line below a hundredth of the strongest is not looked for, but does not repeat: 2 sin(πfT) 0.009/√1.25.
+    weak = 1111.0
+    found = regime_of(cycle(times(0.5)) + 0.009 * np.cos(2 * np.pi * weak * times(0.5)))
+    assert found.kind == "unknown"
+    largest = max(abs(2 * np.sin(np.pi * weak * turns * 30 / 1424.0)) for turns in (1, 2, 4, 8)) * 0.009 / np.sqrt(1.25)
+    assert found.recurrence_error == pytest.approx(largest, rel=0.05)
 
 
 def test_noise_is_irregular():

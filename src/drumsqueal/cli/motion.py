@@ -28,7 +28,8 @@ def motion_command(
 ) -> None:
     """Periodic, quasi-periodic or chaotic? With the evidence.
 
-    Tells base frequencies of a quasi-periodic motion, and Lyapunov exponents where nothing else decides.
+    Recurrence, fundamental frequencies and Lyapunov exponents must agree; where they do not, it says how long a record
+    it takes.
 
     Writes motion.json, motion.csv (lines and what they are combinations of) and figures into DIR.
 

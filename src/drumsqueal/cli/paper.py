@@ -18,7 +18,8 @@ def paper_command(
 ) -> None:
     """Redraw Figures 4 to 11 of Seo & Kang; check its statements.
 
-    Transients are laid over the figures of the paper (2023), and each of its statements is decided by a number.
+    Transients are laid over the figures of the paper (2023), and each of its statements is decided by a
+    number, or by one for each reading that the text leaves open.
 
     Writes the figures, paper.csv with their data, and statements.csv and statements.json into DIR.
 

@@ -6,6 +6,7 @@ from matplotlib.figure import Figure
 from drumsqueal.comparison.departure import unit_of
 from drumsqueal.figures import style
 from drumsqueal.figures.placement import label_right_edge
+from drumsqueal.studies.attractor import told_exponents
 from drumsqueal.studies.motion import MotionStudy
 
 LABELLED = 14  # strongest lines
@@ -54,7 +55,7 @@ def draw_lines(study: MotionStudy) -> Figure | None:
             )
     bases = zip(study.bases.frequency_Hz, study.bases.uncertainty_Hz, strict=True)
     told = ", ".join(f"f{k} = {f:.7g} ± {u:.1g} Hz" for k, (f, u) in enumerate(bases, start=1))
-    axes.set_title(told or "no base frequencies", loc="left", fontsize=style.TEXT_SIZE)
+    axes.set_title(told or "no fundamental frequencies", loc="left", fontsize=style.TEXT_SIZE)
     style.frame(axes, "Frequency (kHz)", "Share of the variance (coordinates of unit rms)")
     return figure
 
@@ -91,10 +92,9 @@ def draw_convergence(study: MotionStudy) -> Figure | None:
     figure = style.new_figure(study.scene.title, "Lyapunov exponents as they converge")
     axes = figure.subplots()
     labels = []
-    for k, colour in zip(range(exponents.exponent_1_per_s.size), COLOURS, strict=False):
+    for k, (colour, told) in enumerate(zip(COLOURS, told_exponents(exponents), strict=False)):
         axes.plot(exponents.time_s, exponents.running_1_per_s[:, k], color=style.COLOUR[colour])
-        value, error = exponents.exponent_1_per_s[k], exponents.standard_error_1_per_s[k]
-        labels.append((float(value), f"{value:+.3g} ± {error:.1g}".replace("-", "−"), style.COLOUR[colour]))
+        labels.append((float(exponents.exponent_1_per_s[k]), told, style.COLOUR[colour]))
     axes.axhline(0, color=style.DARK, linewidth=0.6)
     late = exponents.running_1_per_s[len(exponents.time_s) // 5 :]
     room = 0.1 * float(np.ptp(late)) + 0.5

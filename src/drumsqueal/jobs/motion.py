@@ -18,6 +18,7 @@ from drumsqueal.jobs.study import rows_to_csv, told_what_is_kept
 from drumsqueal.scene import Scene
 from drumsqueal.scene.quantities import printable
 from drumsqueal.signals import told_frequencies
+from drumsqueal.studies.attractor import Kind, told_exponents
 from drumsqueal.studies.motion import LONGEST_START, MotionStudy, study_motion
 
 
@@ -60,16 +61,19 @@ def print_study(console: Console, study: MotionStudy) -> None:
     console.print(f"Recorded from {study.settled_s:.4g} s ({settled}) for {study.duration_s:.4g} s")
     if study.bases is not None and study.bases.frequency_Hz.size and study.lines is not None:
         told = told_frequencies(study.bases.frequency_Hz.tolist(), study.bases.uncertainty_Hz.tolist(), 8)
+        one, matched = study.bases.frequency_Hz.size == 1, (study.bases.combinations != 0).any(axis=1).sum()
+        what = f"frequency {told}: multiples of it" if one else f"frequencies {told}: combinations of them"
         console.print(
-            f"Base frequencies {told}: combinations of them are {(study.bases.combinations != 0).any(axis=1).sum()} of "
-            f"{study.lines.frequency_Hz.size} lines, {study.bases.explained:.3%} of the variance"
+            f"Fundamental {what} are {matched} of {study.lines.frequency_Hz.size} lines, "
+            f"{study.bases.explained:.3%} of the variance"
         )
     if study.exponents is not None:
-        pairs = zip(study.exponents.exponent_1_per_s, study.exponents.standard_error_1_per_s, strict=True)
-        console.print("Lyapunov exponents " + ", ".join(f"{x:+.3g} ± {e:.1g}" for x, e in pairs) + " 1/s")
+        console.print(f"Lyapunov exponents {', '.join(told_exponents(study.exponents))} 1/s")
     for limit in study.limits:
         console.print(f"Limited: {limit}", style="dim")
-    console.print(f"The motion is {study.kind}. {study.reason}", style="bold")
+    unknown = study.kind is Kind.NOT_DETERMINED
+    what = "The kind of motion is not determined." if unknown else f"The motion is {study.kind}."
+    console.print(f"{what} {study.reason}", style="bold")
 
 
 def to_data(study: MotionStudy) -> dict[str, Any]:
@@ -79,6 +83,7 @@ def to_data(study: MotionStudy) -> dict[str, Any]:
         "title": study.scene.title,
         "kind": study.kind,
         "reason": study.reason,
+        "attractor": study.attractor._asdict(),
         "settled": study.settled,
         "recorded_from_s": study.settled_s,
         "recorded_for_s": study.duration_s,
@@ -89,7 +94,8 @@ def to_data(study: MotionStudy) -> dict[str, Any]:
         "resolution_Hz": None if study.lines is None else study.lines.resolution_Hz,
         "lyapunov_exponents_1_per_s": None if exponents is None else exponents.exponent_1_per_s.tolist(),
         "lyapunov_standard_errors_1_per_s": None if exponents is None else exponents.standard_error_1_per_s.tolist(),
-        "chaotic": None if exponents is None else exponents.chaotic,
+        "lyapunov_uncertainties_1_per_s": None if exponents is None else exponents.uncertainty_1_per_s.tolist(),
+        "chaotic": None if exponents is None or study.kind is Kind.NOT_DETERMINED else exponents.chaotic,
         "section": {"of": list(study.section_of), "points": len(study.section)},
         "not_determined": list(study.limits),
         "scene": study.scene.model_dump(mode="json"),

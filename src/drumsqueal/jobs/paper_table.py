@@ -5,20 +5,21 @@ from typing import Any
 
 from rich import box
 from rich.console import Console
+from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
 from drumsqueal.jobs.study import rows_to_csv
 from drumsqueal.jobs.tables import print_table
 from drumsqueal.studies.paper.curves import Curve, FrictionCurve
-from drumsqueal.studies.paper.statement import Statement
+from drumsqueal.studies.paper.statement import Reading, Statement, Verdict
 from drumsqueal.studies.paper.transients import Point
 
-VERDICT = {True: "holds", False: "does not", None: "open"}
+HEADS = {Verdict.DEPENDS: "depends"}  # in the table, for whose width the whole verdict is too long
 
 
 def print_statements(console: Console, statements: Sequence[Statement]) -> None:
-    """Print every statement with the number that decides it."""
+    """Print every statement with the numbers that decide it, then why those are not confirmed that are not."""
     table = Table(title="What Seo & Kang (2023) state", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     table.add_column("fig.")
     table.add_column("statement")
@@ -26,45 +27,76 @@ def print_statements(console: Console, statements: Sequence[Statement]) -> None:
     table.add_column("holds if")
     table.add_column("")
     for each in statements:
-        value = "-" if each.value is None else f"{each.value:.3g}"
-        limit = f"{each.bound} {each.limit:g} {each.unit}".rstrip()
-        told = Text(VERDICT[each.holds], style="" if each.holds else "bold")
-        table.add_row(each.figure, each.says, value, limit, told)
+        told = Text(HEADS.get(each.verdict, each.verdict), "" if each.verdict is Verdict.CONFIRMED else "bold")
+        for k, reading in enumerate(each.readings):
+            first = (each.figure, each.says) if k == 0 else ("", "   or read otherwise")
+            table.add_row(*first, _value(reading), _limit(reading), told if k == 0 else "")
     print_table(console, table)
-    for each in statements:
-        if not each.holds:
-            why = each.measure + (f" ({each.detail})" if each.detail else "")
-            number = "not known" if each.value is None else f"{each.value:.3g} {each.unit}".rstrip()
-            console.print(f"{each.says}? The {why} is {number}.", style="dim")
-    counts = {holds: sum(each.holds is holds for each in statements) for holds in VERDICT}
-    undecided = f", {counts[None]} could not be decided" if counts[None] else ""
-    console.print(
-        f"Of {len(statements)} statements {counts[True]} hold and {counts[False]} do not{undecided}.", style="bold"
-    )
+    for verdict in (Verdict.NOT_CONFIRMED, Verdict.DEPENDS, Verdict.NOT_DECIDED):
+        chosen = [each for each in statements if each.verdict is verdict]
+        if chosen:
+            console.print(f"{verdict.capitalize()}", style="bold")
+        for each in chosen:
+            console.print(f"Figure {each.figure}: {each.says}", style="dim")
+            for reading in each.readings:
+                console.print(Padding(_describe(reading), (0, 0, 0, 2), style="dim", expand=False))
+    counts = {verdict: sum(each.verdict is verdict for each in statements) for verdict in Verdict}
+    listed = [f"{count} {_each(verdict, count)}" for verdict, count in counts.items() if count]
+    told = " and ".join(part for part in (", ".join(listed[:-1]), listed[-1]) if part)
+    console.print(f"Of {len(statements)} statements {told}.", style="bold")
+
+
+def _each(verdict: Verdict, count: int) -> str:
+    """What so many statements are or do."""
+    if verdict is Verdict.DEPENDS:
+        return f"{verdict}" if count == 1 else "depend" + verdict.removeprefix("depends")
+    return f"{'is' if count == 1 else 'are'} {verdict}"
+
+
+def _value(reading: Reading) -> str:
+    return "-" if reading.value is None else f"{reading.value:.3g}"
+
+
+def _limit(reading: Reading) -> str:
+    return f"{reading.bound} {reading.limit:g} {reading.unit}".rstrip()
+
+
+def _describe(reading: Reading) -> str:
+    """A reading with its number, and whether the statement holds in it."""
+    number = "unknown" if reading.value is None else f"{_value(reading)} {reading.unit}".rstrip()
+    holds = {True: "holds", False: "does not hold", None: "is not decided"}[reading.holds]
+    where = f" ({reading.detail})" if reading.detail else ""
+    return f"{holds}: {reading.measure}{where} is {number}, limit {_limit(reading)}"
 
 
 def statements_to_csv(statements: Sequence[Statement]) -> str:
-    """One row a statement."""
-    return rows_to_csv(describe_statements(statements))
+    """One row a reading, with the verdict on its statement."""
+    return rows_to_csv(
+        [
+            {"figure": each.figure, "statement": each.says, "verdict": str(each.verdict)} | _describe_reading(reading)
+            for each in statements
+            for reading in each.readings
+        ]
+    )
 
 
 def describe_statements(statements: Sequence[Statement]) -> list[dict[str, Any]]:
-    """Every statement as plain data; the margin is the distance from the limit, negative where it fails."""
+    """Every statement as plain data: its verdict, and the readings that it rests on."""
     return [
         {
             "figure": each.figure,
             "statement": each.says,
-            "holds": each.holds,
-            "measure": each.measure,
-            "value": None if each.value is None else float(each.value),
-            "bound": each.bound,
-            "limit": each.limit,
-            "margin": each.margin,
-            "unit": each.unit,
-            "detail": each.detail,
+            "verdict": str(each.verdict),
+            "readings": [_describe_reading(reading) for reading in each.readings],
         }
         for each in statements
     ]
+
+
+def _describe_reading(reading: Reading) -> dict[str, Any]:
+    """A reading as plain data; the margin is the distance from the limit, negative where the statement fails."""
+    value = None if reading.value is None else float(reading.value)
+    return reading._asdict() | {"value": value, "holds": reading.holds, "margin": reading.margin}
 
 
 def curves_to_csv(friction: FrictionCurve, curves: Mapping[str, Curve], points: Mapping[str, Sequence[Point]]) -> str:
@@ -78,7 +110,7 @@ def curves_to_csv(friction: FrictionCurve, curves: Mapping[str, Curve], points: 
 
 
 def _friction_rows(curve: FrictionCurve) -> Iterator[dict[str, Any]]:
-    for speed, coefficient, slope in zip(*curve, strict=True):
+    for speed, coefficient, slope in zip(curve.speed, curve.coefficient, curve.slope, strict=True):
         yield {
             "figure": "4",
             "source": "friction law",

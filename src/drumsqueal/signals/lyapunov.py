@@ -10,7 +10,7 @@ from drumsqueal.signals.checks import finite_record, positive
 ALIGNING = 0.1  # first share of the record, in which tangents turn to where they grow
 BLOCKS = 10
 SURE = 3.0  # standard errors
-FOLD = 5.0  # e-folds that a difference must grow by in the whole record for chaos to show
+FOLD = 5.0  # e-folds in the whole record; what grows or decays by less cannot be distinguished from zero
 
 
 class Exponents(NamedTuple):
@@ -25,13 +25,37 @@ class Exponents(NamedTuple):
     running_1_per_s: NDArray[np.float64]
 
     @property
-    def chaotic(self) -> bool:
-        """Whether nearby motions separate: the largest exponent is above zero by three of its standard errors.
+    def averaged_s(self) -> float:
+        """The time (s) that the means are over."""
+        return float(self.time_s[-1] - self.time_s[0])
 
-        In the record they must separate by more than e^5: tangents of a torus grow, too, but not exponentially.
+    @property
+    def resolution_1_per_s(self) -> float:
+        """What cannot be distinguished from zero: growth or decay by e^5 in the whole record.
+
+        Tangents along the motion, and along a torus, neither grow nor shrink for ever but vary by some e-folds.
         """
-        largest, error = float(self.exponent_1_per_s[0]), float(self.standard_error_1_per_s[0])
-        return largest > SURE * error and largest * float(self.time_s[-1] - self.time_s[0]) > FOLD
+        return FOLD / self.averaged_s
+
+    @property
+    def uncertainty_1_per_s(self) -> NDArray[np.float64]:
+        """What an exponent (k,) must exceed to have a known sign: three standard errors, and the resolution."""
+        return np.maximum(SURE * self.standard_error_1_per_s, self.resolution_1_per_s)
+
+    @property
+    def significant(self) -> NDArray[np.bool_]:
+        """Which exponents (k,) are above or below zero beyond their uncertainty."""
+        return np.abs(self.exponent_1_per_s) > self.uncertainty_1_per_s
+
+    @property
+    def zero(self) -> NDArray[np.bool_]:
+        """Which exponents (k,) are zero to the resolution; the sign of one that is neither is not known."""
+        return np.abs(self.exponent_1_per_s) <= self.resolution_1_per_s
+
+    @property
+    def chaotic(self) -> bool:
+        """Whether nearby motions separate exponentially: the largest exponent is significantly positive."""
+        return bool(self.significant[0] and self.exponent_1_per_s[0] > 0)
 
 
 def orthonormalised(tangents: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -58,9 +82,10 @@ def lyapunov_exponents(growth: ArrayLike, interval: float) -> Exponents:
     means = np.array([block.mean(axis=0) for block in np.array_split(kept, BLOCKS)])
     count = np.arange(1, kept.shape[0] + 1)
     first = logs.shape[0] - kept.shape[0]
+    falling = np.argsort(-kept.mean(axis=0))  # nearly equal ones come in any order
     return Exponents(
-        kept.mean(axis=0),
-        means.std(axis=0, ddof=1) / np.sqrt(BLOCKS),
+        kept.mean(axis=0)[falling],
+        (means.std(axis=0, ddof=1) / np.sqrt(BLOCKS))[falling],
         (first + count) * step,
-        np.cumsum(kept, axis=0) / count[:, None],
+        (np.cumsum(kept, axis=0) / count[:, None])[:, falling],
     )

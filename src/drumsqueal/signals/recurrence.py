@@ -61,6 +61,15 @@ def find_recurrences(unit: NDArray[np.float64], longest: float) -> tuple[list[Re
     return found, min([smallest, *(item.error for item in found)])
 
 
+def recurrence_after(unit: NDArray[np.float64], lag: float) -> Recurrence | None:
+    """Return how well signals (time, k) come back after a lag (samples) and many times it; None beyond half of them."""
+    fine = _interpolated(unit)
+    squared = _squared_errors(fine)
+    if not 1 < round(lag * FINER) < squared.size - 2:
+        return None
+    return _followed(fine, squared, lag * FINER, _error_at(fine, lag * FINER))
+
+
 def _interpolated(unit: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the record at a finer rate, without the ends that the interpolation cannot reach."""
     samples = np.arange(-REACH * FINER, REACH * FINER + 1) / FINER

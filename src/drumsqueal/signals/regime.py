@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from drumsqueal.signals.bases import find_bases
 from drumsqueal.signals.checks import below_nyquist, finite_record, positive
 from drumsqueal.signals.lines import find_lines
-from drumsqueal.signals.recurrence import RECURRENCE, find_recurrences
+from drumsqueal.signals.recurrence import RECURRENCE, find_recurrences, recurrence_after
 
 # Motion below this fraction of the size that would count as motion is none.
 STEADY = 1e-6
@@ -40,6 +40,7 @@ class Regime(NamedTuple):
     of a periodic motion, two or three of a quasi-periodic one, with uncertainties where they were told by lines;
     `explained_share` is the share of the variance in lines that are combinations of those that were found, None where
     lines were not looked for, and `resolution_Hz` the lowest base frequency that the record could have told.
+    `record_needed_s` is the length of record that holds enough periods, where this one is known to be too short.
     """
 
     kind: Kind
@@ -51,6 +52,7 @@ class Regime(NamedTuple):
     base_uncertainties_Hz: tuple[float, ...] = ()
     explained_share: float | None = None
     resolution_Hz: float | None = None
+    record_needed_s: float | None = None
 
 
 def classify(signals: ArrayLike, sample_rate: float, *, scale: ArrayLike, lowest_frequency: float) -> Regime:
@@ -75,7 +77,7 @@ def classify(signals: ArrayLike, sample_rate: float, *, scale: ArrayLike, lowest
       within this record counts as quasi-periodic; only the largest Lyapunov exponent tells them apart.
 
     Where the lines have one base frequency alone, the motion is a cycle longer than was looked for: periodic if it was
-    recorded 20 times, or else unknown.
+    recorded 20 times and comes back after that period, too, or else unknown.
 
     Drift is a change of rms between the halves, or of the mean relative to the rms, by more than 1e-2 in a motion
     that comes back after T (measured over whole periods), by more than 0.1 in one that does not.
@@ -99,7 +101,8 @@ def classify(signals: ArrayLike, sample_rate: float, *, scale: ArrayLike, lowest
         return _unknown(
             f"The record is too short to tell: {duration:.4g} s hold {duration * lowest:.1f} periods of the lowest "
             f"frequency of {lowest:.5g} Hz, and {PERIODS_NEEDED} are needed; record at least "
-            f"{PERIODS_NEEDED / lowest:.4g} s."
+            f"{PERIODS_NEEDED / lowest:.4g} s.",
+            needed=PERIODS_NEEDED / lowest,
         )
     motion = record - record.mean(axis=0)
     relative = 0.5 * np.ptp(motion, axis=0) / sizes
@@ -137,8 +140,10 @@ def _moving_regime(unit: NDArray[np.float64], rate: float, longest_period: float
             f"record at least {PERIODS_NEEDED * period:.4g} s.",
             error,
             amplitude_drift,
+            PERIODS_NEEDED * period,
         )
-    reason = f"The motion repeats every {period:.6g} s ({1.0 / period:.6g} Hz) to within {error:.2g} of its rms."
+    every = f"every {period:.6g} s ({1.0 / period:.6g} Hz)"
+    reason = f"The motion repeats {every} with a recurrence error of {100 * error:.2g}% of rms."
     return Regime("periodic", period, (1.0 / period,), error, amplitude_drift, reason)
 
 
@@ -148,11 +153,13 @@ def _not_periodic(unit: NDArray[np.float64], rate: float, error: float, drift: f
     bases, duration = find_bases(lines), unit.shape[0] / rate
     found, known = bases.frequency_Hz.tolist(), bases.uncertainty_Hz.tolist()
     if nearly:
-        what = f"comes back to within {error:.2g} of its rms once, but not after many turns"
+        what = f"its recurrence error is {100 * error:.2g}% of rms after one period, but larger after many"
     else:
-        what = f"does not come back to itself: at best to within {error:.2g} of its rms, and {RECURRENCE:g} is periodic"
-    what = f"The motion is stationary but {what}."
-    slower = f"slower ones than {lines.resolution_Hz:.2g} Hz cannot be told from {duration:.2g} s"
+        what = (
+            f"its recurrence error is {100 * error:.2g}% of rms at best, and up to {RECURRENCE:.0%} would be periodic"
+        )
+    what = f"The motion is stationary but not periodic: {what}."
+    slower = f"frequencies below {lines.resolution_Hz:.2g} Hz cannot be resolved in {duration:.2g} s"
     share, base = f"hold {bases.explained:.2%} of its variance", told_frequencies(found, known, 6)
 
     def told(kind: Kind, reason: str, period: float | None = None) -> Regime:
@@ -168,12 +175,18 @@ def _not_periodic(unit: NDArray[np.float64], rate: float, error: float, drift: f
         apart = f"lines closer than {lines.resolution_Hz:.2g} Hz are one in {duration:.2g} s"
         return told("irregular", f"{what} It is irregular: {which}; {apart}.")
     if len(found) > 1:
-        return told("quasi-periodic", f"{what} Combinations of the base frequencies {base} {share}; {slower}.")
+        return told("quasi-periodic", f"{what} Combinations of the fundamental frequencies {base} {share}; {slower}.")
     if duration * found[0] < PERIODS_NEEDED:
-        return told(
-            "unknown", f"{what} Multiples of {base} {share}; record for longer to tell what moves it besides them."
-        )
-    return told("periodic", f"Multiples of {base} {share}: it repeats every {1.0 / found[0]:.6g} s.", 1.0 / found[0])
+        needed = PERIODS_NEEDED / found[0]
+        longer = f"record at least {needed:.4g} s, {PERIODS_NEEDED} periods of it"
+        return told("unknown", f"{what} Multiples of {base} {share}; {longer}.")._replace(record_needed_s=needed)
+    back = recurrence_after(unit, rate / found[0])
+    left = math.inf if back is None else max(back.error, back.later_error)
+    if left > RECURRENCE:
+        against = f"but the recurrence error after {1.0 / found[0]:.6g} s is {100 * left:.2g}% of rms"
+        return told("unknown", f"Multiples of {base} {share}, {against}.")._replace(recurrence_error=left)
+    repeats = f"the motion repeats every {1.0 / found[0]:.6g} s with a recurrence error of {100 * left:.2g}% of rms"
+    return told("periodic", f"Multiples of {base} {share}: {repeats}.", 1.0 / found[0])._replace(recurrence_error=left)
 
 
 def told_frequencies(frequencies: Sequence[float], uncertainties: Sequence[float], most: int) -> str:
@@ -204,8 +217,10 @@ def _steady(motion: NDArray[np.float64], largest: float) -> Regime:
     return Regime("steady", None, (), None, drift, reason)
 
 
-def _unknown(reason: str, error: float | None = None, drift: float | None = None) -> Regime:
-    return Regime("unknown", None, (), error, drift, reason)
+def _unknown(
+    reason: str, error: float | None = None, drift: float | None = None, needed: float | None = None
+) -> Regime:
+    return Regime("unknown", None, (), error, drift, reason, record_needed_s=needed)
 
 
 def _drifting(amplitude_drift: float, mean_drift: float, error: float | None) -> Regime:

@@ -34,10 +34,10 @@ from drumsqueal.signals import (
     find_bases,
     find_lines,
     fit_growth,
-    told_frequencies,
 )
 from drumsqueal.signals.lyapunov import Exponents, lyapunov_exponents, orthonormalised
 from drumsqueal.simulation import Prepared, check_sample_rate, prepare, steady_at_start, transient
+from drumsqueal.studies.attractor import Attractor, Kind, decide_attractor, describe_attractor
 from drumsqueal.transient.flow import neighbours, state_size
 from drumsqueal.transient.integrate import Chunk
 
@@ -52,13 +52,14 @@ MOST_FOR_LINES = 150_000  # samples
 FLOOR = 3e-3
 AT_MOST = 600.0  # s of computing
 FEWEST_INTERVALS = 100
+LEAST_FOLLOWED = FEWEST_INTERVALS * INTERVAL  # s
 CUT_OFF = "Lyapunov exponents were not determined: the study was cut off before nearby motions had been followed"
 
 OnProgress = Callable[[str, float], None]
 
 
 class MotionStudy(NamedTuple):
-    """The kind of motion and what it was told by.
+    """The attractor that a motion is on and what decided it.
 
     `settled_s` is when the record begins, `settled` whether it had settled by then, `duration_s` its length. `lines`
     and `bases` are None at rest; `exponents` None where they were not determined, and `limits` say what was not, and
@@ -67,7 +68,7 @@ class MotionStudy(NamedTuple):
     """
 
     scene: Scene
-    kind: str
+    attractor: Attractor
     reason: str
     settled_s: float
     settled: bool
@@ -81,6 +82,11 @@ class MotionStudy(NamedTuple):
     section_of: tuple[str, str]
     section_size: tuple[float, float]
     limits: tuple[str, ...]
+
+    @property
+    def kind(self) -> Kind:
+        """The kind of the attractor."""
+        return self.attractor.kind
 
 
 def checked(scene: Scene) -> Scene:
@@ -103,10 +109,11 @@ def study_motion(
 
     It runs until the trend of every coordinate's rms over half a second is below 1e-3 or within three standard errors
     (five seconds at most), then for `duration` (s), of which the later half is asked for lines, then once more from
-    there with nearby motions. Where they separate and lines are sharp all the same the kind is unknown. `at_most`
-    bounds the computing time (s) of each of both; what was cut short or not determined is in `limits`. `on_lines` is
-    called with what is known before nearby motions are followed. Raises SceneError for a scene that cannot be run or
-    whose drum speed or load change, IntegrationError when nothing was computed, KeyboardInterrupt between two chunks.
+    there with nearby motions. Where recurrence, lines and exponents contradict each other, the kind is not determined
+    and `.attractor.record_needed_s` is the duration that it takes at least. `at_most` bounds the computing time (s) of
+    each of both; what was cut short or not determined is in `limits`. `on_lines` is called with what is known before
+    nearby motions are followed. Raises SceneError for a scene that cannot be run or whose drum speed or load change,
+    IntegrationError when nothing was computed, KeyboardInterrupt between two chunks.
     """
     if not duration > 0:
         raise ValueError(f"the duration must be positive, got {duration}")
@@ -140,16 +147,23 @@ def study_motion(
             bases = find_bases(lines)
         if not settled and regime.kind != "steady":
             limits.append(f"the motion had not settled after {start:.3g} s")
+        attractor = decide_attractor(regime, bases, None, recorded, None)
         study = MotionStudy(
-            scene, *_told(regime, bases, None), start, settled, recorded, regime, coordinates, lines, bases, None,
-            section, section_of, section_size, tuple(limits),
+            scene, attractor, describe_attractor(attractor, regime, None), start, settled, recorded, regime,
+            coordinates, lines, bases, None, section, section_of, section_size, tuple(limits),
         )  # fmt: skip
         if lines is None:
             return study
         (on_lines or (lambda _: None))(study._replace(limits=(*limits, CUT_OFF)))
-        exponents = _exponents(prepared, chunks, duration, at_most, show, limits)
-        kind, reason = _told(regime, bases, exponents)
-        return study._replace(kind=kind, reason=reason, exponents=exponents, limits=tuple(limits))
+        why_not = _no_tangents(prepared, chunks)
+        exponents = _exponents(prepared, chunks[0], duration, at_most, show, limits) if not why_not else None
+        if why_not:
+            limits.append(f"Lyapunov exponents were not determined: {why_not}")
+        attractor = decide_attractor(regime, bases, exponents, recorded, None if why_not else LEAST_FOLLOWED)
+        reached = min(recorded, recorded if exponents is None else float(exponents.time_s[-1]))
+        limited = at_most if reached < duration - 2 * INTERVAL else None
+        reason = describe_attractor(attractor, regime, exponents, limited)
+        return study._replace(attractor=attractor, reason=reason, exponents=exponents, limits=tuple(limits))
 
 
 def _record(
@@ -219,22 +233,22 @@ def _at_rest(prepared: Prepared, chunks: list[Chunk]) -> bool:
     return bool(whole and max(edge_shares(model, departure, velocity)) < STEADY)
 
 
+def _no_tangents(prepared: Prepared, chunks: list[Chunk]) -> str:
+    """Why nearby motions cannot be followed, empty where they can."""
+    if any(i not in IN_PLANE for i in prepared.model.coordinates):
+        return "the motion is in space, where nearby motions take too long"
+    if prepared.model.forced:
+        return "a harmonic force acts, and nearby motions are followed along steady drives only"
+    if any(chunk.changes for chunk in chunks):
+        return "the lining sticks, and there the motion has no derivative"
+    return ""
+
+
 def _exponents(
-    prepared: Prepared, chunks: list[Chunk], duration: float, at_most: float, show: OnProgress, limits: list[str]
+    prepared: Prepared, first: Chunk, duration: float, at_most: float, show: OnProgress, limits: list[str]
 ) -> Exponents | None:
-    """The largest Lyapunov exponents along the motion from where the record begins; None where they cannot be told."""
+    """The largest Lyapunov exponents along the motion from where the record begins; None where that is too short."""
     model = prepared.model
-    why = ""
-    if any(i not in IN_PLANE for i in model.coordinates):
-        why = "the motion is in space, where nearby motions take too long"
-    elif model.forced:
-        why = "a harmonic force acts, and nearby motions are followed along steady drives only"
-    elif any(chunk.changes for chunk in chunks):
-        why = "the lining sticks, and there the motion has no derivative"
-    if why:
-        limits.append(f"Lyapunov exponents were not determined: {why}")
-        return None
-    first = chunks[0]
     size = np.asarray(state_size(model, first.displacement[-1], first.velocity[-1]))
     state = np.concatenate([first.displacement[-1], first.velocity[-1]]) / size
     tangents = np.linalg.qr(np.random.default_rng(0).normal(size=(size.size, min(TANGENTS, size.size))))[0]
@@ -254,7 +268,10 @@ def _exponents(
             )
             break
     if len(logs) < FEWEST_INTERVALS:
-        limits.append(f"Lyapunov exponents were not determined: {len(logs) * INTERVAL:.3g} s are too short")
+        limits.append(
+            f"Lyapunov exponents were not determined: {len(logs) * INTERVAL:.3g} s are too short, and "
+            f"{LEAST_FOLLOWED:g} s the least"
+        )
         return None
     return lyapunov_exponents(np.array(logs), INTERVAL)
 
@@ -280,29 +297,3 @@ def _section(
     points = np.column_stack([path(at)[:, 1], path(at, 1)[:, 0]])
     size = float(np.ptp(q[:, other])), float(np.ptp(v[:, across]))
     return points, (departure.coordinates[across], departure.coordinates[other]), size
-
-
-def _told(regime: Regime, bases: Bases | None, exponents: Exponents | None) -> tuple[str, str]:
-    """The kind of motion, and why."""
-    if exponents is None:
-        return regime.kind, regime.reason
-    largest, error = float(exponents.exponent_1_per_s[0]), float(exponents.standard_error_1_per_s[0])
-    told = f"The largest Lyapunov exponent is {largest:+.3g} ± {error:.2g} 1/s"
-    if exponents.chaotic and regime.kind in ("periodic", "quasi-periodic"):
-        return "unknown", f"{told}, and yet its lines are sharp: one of the two is wrong. {regime.reason}"
-    if exponents.chaotic:
-        return "chaotic", f"{told}: nearby motions separate exponentially. {regime.reason}"
-    if regime.kind == "irregular":
-        return "irregular", f"{told}, which is not above zero beyond doubt. {regime.reason}"
-    if regime.kind == "quasi-periodic" and bases is not None and bases.frequency_Hz.size == 1:
-        base = told_frequencies(bases.frequency_Hz.tolist(), bases.uncertainty_Hz.tolist(), 8)
-        return "periodic", f"{told}. All its lines are multiples of {base}: its frequencies are locked."
-    zeros = int(np.count_nonzero(exponents.exponent_1_per_s > -SURE * exponents.standard_error_1_per_s))
-    needed = len(regime.base_frequencies_Hz)
-    if regime.kind == "quasi-periodic" and zeros < min(needed, exponents.exponent_1_per_s.size):
-        told += (
-            f", and {zeros} of the exponents {'is' if zeros == 1 else 'are'} zero where {needed} base frequencies want "
-            f"{needed}: they lock, within what the tolerance of the integration lets show; a longer record or a "
-            "smaller tolerance may tell"
-        )
-    return regime.kind, f"{told}; no chaos. {regime.reason}"

@@ -56,11 +56,15 @@ AXIS = {axis.figure: axis for axis in AXES}
 
 
 class FrictionCurve(NamedTuple):
-    """Figure 4: drum speed Ω (rad/s), coefficient of friction μ at the slip speed RΩ, and its slope dμ/ds (s/m)."""
+    """Figure 4: drum speed Ω (rad/s), coefficient of friction μ at the slip speed RΩ, and its slope dμ/ds (s/m).
+
+    `own_speed` is that of the scene.
+    """
 
     speed: NDArray[np.float64]
     coefficient: NDArray[np.float64]
     slope: NDArray[np.float64]
+    own_speed: float
 
 
 class Curve(NamedTuple):
@@ -131,14 +135,15 @@ def friction_curve(scene: Scene) -> FrictionCurve:
     """The friction law over the drum speeds of Figure 7."""
     model, axis = build_model(scene), AXIS["7"]
     law = model.contact.friction.law  # pyright: ignore[reportOptionalMemberAccess] (checked by check_brake)
-    speed = abs(float(scene.numbers()["drum.speed"])) * np.linspace(axis.low, axis.high, POINTS)  # pyright: ignore
+    own = abs(float(scene.numbers()["drum.speed"]))  # pyright: ignore[reportArgumentType] (checked by check_brake)
+    speed = own * np.linspace(axis.low, axis.high, POINTS)
     slip = jnp.asarray(scene.shoe.outer_radius * speed)
 
     def at(speed: Array) -> Array:
         return jnp.asarray(law.coefficient(speed), dtype=jnp.float64)
 
     coefficient, slope = jax.vmap(jax.value_and_grad(at))(slip)
-    return FrictionCurve(speed, np.asarray(coefficient), np.asarray(slope))
+    return FrictionCurve(speed, np.asarray(coefficient), np.asarray(slope), own)
 
 
 def _part(whole: Spectrum, rows: slice) -> Spectrum:

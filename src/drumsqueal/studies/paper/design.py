@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from drumsqueal.studies.paper.curves import Curve
-from drumsqueal.studies.paper.statement import DRASTIC, MINOR, SQUEALING, STRAIGHT, Statement, falls, off_line
+from drumsqueal.studies.paper.statement import DRASTIC, MINOR, SQUEALING, STRAIGHT, Statement, falls, off_line, state
 
 
 def design_statements(curves: Mapping[str, Curve]) -> tuple[Statement, ...]:
@@ -22,7 +22,7 @@ def _load(curve: Curve) -> Statement:
     away = {name: off_line(curve.values, curve.rate(name)) / np.abs(curve.rate(name)).max() for name in SQUEALING}
     rises = all(np.all(np.diff(curve.rate(name)) > 0) for name in SQUEALING)
     bent = max(away, key=lambda name: away[name])
-    return Statement(
+    return state(
         "8",
         "The growth rates of X, Y and Tz rise linearly with the load",
         "departure from a straight line over the largest growth rate",
@@ -40,7 +40,7 @@ def _angle(curve: Curve) -> tuple[Statement, ...]:
     span = f"from {curve.shown[0]:.0f} to {curve.shown[-1]:.0f}°"
     other = max(("X", "Tz"), key=lambda name: abs(change[name]))
     return (
-        Statement(
+        state(
             "9",
             "A larger arc angle lowers the growth rate of Y drastically",
             f"relative change {span}",
@@ -50,15 +50,22 @@ def _angle(curve: Curve) -> tuple[Statement, ...]:
             -DRASTIC,
             f"Y {change['Y']:+.3g} 1/s",
         ),
-        Statement(
+        state(
             "9",
-            "It changes those of X and Tz little",
-            "larger change of the two over that of Y",
+            "A larger arc angle changes the growth rates of X and Tz little",
+            "larger change of the two in 1/s over that of Y",
             "",
             abs(change[other] / change["Y"]) if change["Y"] else None,
             "<",
             MINOR,
-            ", ".join(f"{name} {change[name]:+.3g} 1/s ({shares[name]:+.0%})" for name in ("X", "Tz")),
+            ", ".join(f"{name} {change[name]:+.3g} 1/s" for name in SQUEALING),
+        ).read_also(
+            "larger change of the two in per cent of its own value over that of Y",
+            "",
+            max(abs(shares[name] / shares["Y"]) for name in ("X", "Tz")) if change["Y"] else None,
+            "<",
+            MINOR,
+            ", ".join(f"{name} {shares[name]:+.0%}" for name in SQUEALING),
         ),
         falls(curve, "A larger arc angle lowers the growth rates of X, Y and Tz"),
     )

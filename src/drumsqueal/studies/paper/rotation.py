@@ -8,6 +8,7 @@ from drumsqueal.studies.paper.curves import Curve, FrictionCurve
 from drumsqueal.studies.paper.statement import (
     EXPONENT,
     MAJOR,
+    NARROW,
     NO_PART,
     QUIET,
     SQUEALING,
@@ -15,26 +16,26 @@ from drumsqueal.studies.paper.statement import (
     Statement,
     falls,
     off_line,
+    state,
 )
 
 
 def slope_in_proportion(curve: FrictionCurve) -> Statement:
     """How the slope of the friction curve goes with the drum's speed."""
-    size = float(np.abs(curve.slope).max())
-    away = off_line(curve.speed, -curve.slope)
-    return Statement(
-        "7",
-        "The slope μt grows in proportion as the drum slows down",
-        "departure of μt from a straight line over its largest value",
-        "",
-        away / size if size > 0 else None,
-        "<",
-        STRAIGHT,
-        "μt = α (μs − μk) exp(−αRΩ) is an exponential",
-    )
+
+    def reading(speed: NDArray[np.float64]) -> tuple[str, str, float | None, str, float]:
+        slope = np.interp(speed, curve.speed, curve.slope)
+        size = float(np.abs(slope).max())
+        measure = f"departure from a straight line over the largest, from {speed[0]:.3g} to {speed[-1]:.3g} rad/s"
+        return measure, "", off_line(speed, slope) / size if size > 0 else None, "<", STRAIGHT
+
+    narrow = curve.own_speed * np.linspace(*NARROW, curve.speed.size)
+    law = "μt = α (μs − μk) exp(−αRΩ) is an exponential"
+    says = "The slope μt grows in proportion as the drum slows down"
+    return state("7", says, *reading(curve.speed), law).read_also(*reading(narrow))
 
 
-def rotation_statements(curve: Curve, shoe: RigidShoe) -> tuple[Statement, ...]:
+def rotation_statements(curve: Curve, shoe: RigidShoe, friction: FrictionCurve) -> tuple[Statement, ...]:
     """Growth and decay along the drum's speed, and which way the lining moves in each mode."""
     spectrum, order = curve.spectrum, np.argsort(np.abs(curve.values))
     n = len(spectrum.names)
@@ -51,11 +52,11 @@ def rotation_statements(curve: Curve, shoe: RigidShoe) -> tuple[Statement, ...]:
     slowest = {name: spectrum.of(name)[order[0]] for name in QUIET}
     last = max(QUIET, key=lambda name: slowest[name].real)
     creeps = f"below {turn:.3g} rad/s: {last}{'' if slowest[last].imag else ', which no longer oscillates there'}"
-    powers = {name: _power(curve, name) for name in QUIET}
-    odd = max(QUIET, key=lambda name: abs(powers[name] + 1))
+    slow = np.abs(curve.values) <= abs(curve.nominal) * (1 + 1e-9)
+    loud = max(QUIET, key=lambda name: curve.rate(name)[slow].max())
     return (
         falls(curve, "The slower the drum, the larger the growth rates of X, Y and Tz"),
-        Statement(
+        state(
             "7",
             "Friction across the sliding direction does not touch X, Y and Tz",
             "largest share of Z, Tx and Ty in their kinetic energy",
@@ -65,7 +66,7 @@ def rotation_statements(curve: Curve, shoe: RigidShoe) -> tuple[Statement, ...]:
             NO_PART,
             "",
         ),
-        Statement(
+        state(
             "7",
             "Friction damping makes Z, Tx and Ty decay at every speed",
             "largest growth rate of the three",
@@ -75,27 +76,41 @@ def rotation_statements(curve: Curve, shoe: RigidShoe) -> tuple[Statement, ...]:
             0.0,
             loudest,
         ),
-        Statement(
+        state(
             "7",
-            "The slower the drum, the faster Z, Tx and Ty decay, to the least damped of them",
-            "least change of its decay, from one speed to the next slower",
+            "At low speeds the squeal propensity of Z, Tx and Ty is suppressed",
+            "decay rate of the least damped of them, least change from a speed to the next slower one",
             "1/s",
             float(rise.min()),
             ">",
             0.0,
             "" if rise.min() > 0 else creeps,
-        ),
-        Statement(
-            "7",
-            "Friction damping goes like 1/Ω",
-            "power of Ω in the damping of Z, Tx and Ty, its distance from −1",
-            "",
-            abs(powers[odd] + 1),
+        ).read_also(
+            f"largest growth rate of the three up to {abs(curve.nominal):.3g} rad/s",
+            "1/s",
+            float(curve.rate(loud)[slow].max()),
             "<",
-            EXPONENT,
-            ", ".join(f"{name} {powers[name]:.3f}" for name in QUIET),
+            0.0,
+            loud,
         ),
+        _inverse_speed(curve, friction),
         *_directions(curve, shoe),
+    )
+
+
+def _inverse_speed(curve: Curve, friction: FrictionCurve) -> Statement:
+    """How friction damping goes with the drum's speed, on which the coefficient of friction depends, too."""
+
+    def reading(measure: str, coefficient: NDArray[np.float64] | float) -> tuple[str, str, float, str, float, str]:
+        powers = {name: _power(curve, name, coefficient) for name in QUIET}
+        furthest = max(abs(power + 1) for power in powers.values())
+        listed = ", ".join(f"{name} {power:.3f}" for name, power in powers.items())
+        return measure, "", furthest, "<", EXPONENT, listed
+
+    whole = reading("power of Ω in the damping μ0 p0/(RΩ) of Z, Tx and Ty, its distance from −1", 1.0)
+    says = "Friction damping is proportional to 1/Ω"
+    return state("7", says, *whole).read_also(
+        *reading("the same of the damping over μ0, which falls with the speed", friction.coefficient)
     )
 
 
@@ -103,7 +118,7 @@ def _directions(curve: Curve, shoe: RigidShoe) -> tuple[Statement, Statement]:
     tangential, axial = _lining_motion(curve, shoe, SQUEALING), _lining_motion(curve, shoe, QUIET)
     across, along = min(axial, key=lambda k: axial[k][2]), min(tangential, key=lambda k: tangential[k][1])
     return (
-        Statement(
+        state(
             "7",
             "X, Y and Tz move the lining mainly along the sliding direction",
             "least share of u_θ² in the mean square motion of the lining",
@@ -112,8 +127,8 @@ def _directions(curve: Curve, shoe: RigidShoe) -> tuple[Statement, Statement]:
             ">",
             MAJOR,
             ", ".join(f"{name} {share[1]:.2f}" for name, share in tangential.items()),
-        ),
-        Statement(
+        ).read_also(*_of_surface("θ", {name: share[1] / (share[1] + share[2]) for name, share in tangential.items()})),
+        state(
             "7",
             "Z, Tx and Ty move the lining mainly across the sliding direction",
             "least share of u_z² in the mean square motion of the lining",
@@ -122,14 +137,20 @@ def _directions(curve: Curve, shoe: RigidShoe) -> tuple[Statement, Statement]:
             ">",
             MAJOR,
             ", ".join(f"{name} {share[2]:.2f}" for name, share in axial.items()),
-        ),
+        ).read_also(*_of_surface("z", {name: share[2] / (share[1] + share[2]) for name, share in axial.items()})),
     )
 
 
-def _power(curve: Curve, name: str) -> float:
-    """Exponent of the drum speed in a coordinate's damping, the diagonal of C, by a straight line in logarithms."""
+def _of_surface(direction: str, shares: dict[str, float]) -> tuple[str, str, float, str, float, str]:
+    """The same share of the motion along the surface alone, u_θ and u_z, which the paper contrasts."""
+    listed = ", ".join(f"{name} {share:.3f}" for name, share in shares.items())
+    return f"least share of u_{direction}² in u_θ² + u_z²", "", min(shares.values()), ">", MAJOR, listed
+
+
+def _power(curve: Curve, name: str, over: NDArray[np.float64] | float) -> float:
+    """Exponent of the drum speed in a coordinate's damping, C_kk over a factor, by a straight line in logarithms."""
     k = curve.spectrum.names.index(name)
-    damping = curve.spectrum.damping[:, k, k]
+    damping = curve.spectrum.damping[:, k, k] / over
     if np.any(damping <= 0):
         return np.inf
     return float(np.polyfit(np.log(np.abs(curve.values)), np.log(damping), 1)[0])

@@ -6,13 +6,26 @@ Figures 4 to 6 and what the transients say are here; `paper_rotation` has Figure
 from collections.abc import Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 
 from drumsqueal.bodies.rigid_shoe import RigidShoe
+from drumsqueal.comparison.compare import Comparison
 from drumsqueal.linear.modes import DRIFT_SHARE, OSCILLATING_SHARE, UNDAMPED_SHARE
 from drumsqueal.studies.paper.curves import CONSTANT_FRICTION, Curve, FrictionCurve
 from drumsqueal.studies.paper.design import design_statements
 from drumsqueal.studies.paper.rotation import rotation_statements, slope_in_proportion
-from drumsqueal.studies.paper.statement import ALIKE, APART, GROWN, MEASURED, QUIET, SQUEALING, Statement
+from drumsqueal.studies.paper.statement import (
+    ALIKE,
+    APART,
+    GROWN,
+    LIFTED,
+    MEASURED,
+    QUIET,
+    SQUEALING,
+    Statement,
+    largest_rise,
+    state,
+)
 from drumsqueal.studies.paper.transients import Point
 
 
@@ -21,7 +34,7 @@ def check_statements(
     friction: FrictionCurve,
     curves: Mapping[str, Curve],
     points: Mapping[str, tuple[Point, ...]],
-    kick: Point,
+    kicks: tuple[Point, Point],
 ) -> tuple[Statement, ...]:
     """Check every statement against curves and transients, in the order of the figures."""
     return (
@@ -29,15 +42,15 @@ def check_statements(
         *_stiffness(curves["5"]),
         *_constant(curves["5"], curves["6"]),
         slope_in_proportion(friction),
-        *rotation_statements(curves["7"], shoe),
+        *rotation_statements(curves["7"], shoe, friction),
         *design_statements(curves),
-        *_nonlinear(points, kick),
+        *_nonlinear(points, *kicks),
     )
 
 
 def _friction_falls(curve: FrictionCurve) -> Statement:
     steepest = f"from {curve.coefficient[0]:.3g} at {curve.speed[0]:.3g} to {curve.coefficient[-1]:.3g} at "
-    return Statement(
+    return state(
         "4",
         "The coefficient of friction falls with the speed",
         "largest slope dμ/ds over the speeds",
@@ -56,9 +69,10 @@ def _stiffness(curve: Curve) -> tuple[Statement, ...]:
         for name, value in zip(curve.spectrum.names, at_zero, strict=True)
         if value.imag > OSCILLATING_SHARE * np.abs(at_zero).max()
     }
-    steps = {name: np.diff(curve.frequency_Hz(name)) for name in curve.spectrum.names}
-    falling = min(steps, key=lambda name: steps[name].min())
-    where = curve.shown[int(np.argmin(steps[falling]))]
+    falls = {name: largest_rise(-curve.frequency_Hz(name)) for name in curve.spectrum.names}
+    falling = max(falls, key=lambda name: falls[name])
+    where = curve.shown[int(np.argmax(curve.frequency_Hz(falling)))]
+    held = {name: fall for name, fall in falls.items() if name != "Z"}
     last = {name: float(curve.frequency_Hz(name)[-1]) for name in curve.spectrum.names}
     still = [name for name, value in last.items() if value == 0]
     rates = {name: curve.rate(name) for name in SQUEALING}
@@ -68,17 +82,24 @@ def _stiffness(curve: Curve) -> tuple[Statement, ...]:
     loudest = max(others, key=lambda name: others[name])
     gap, pair, place = _closest(curve)
     return (
-        Statement(
+        state(
             "5",
             "Every frequency rises with the contact stiffness",
-            "least change of a frequency from one stiffness to the next",
+            "largest fall of one, from any stiffness to a higher one",
             "Hz",
-            float(steps[falling].min()),
-            ">",
-            -1e-6,  # what stays at zero does not fall
-            f"{falling} near {where:.3g} %" if steps[falling].min() < 0 else "",
+            falls[falling],
+            "<",
+            1e-6,  # what stays at zero does not fall
+            f"{falling} from {where:.3g} % on" if falls[falling] > 0 else "",
+        ).read_also(
+            "the same without Z, on which no contact stiffness acts",
+            "Hz",
+            max(held.values()),
+            "<",
+            1e-6,
+            max(held, key=lambda name: held[name]),
         ),
-        Statement(
+        state(
             "5",
             "Without contact stiffness X and Tz oscillate, and no other mode",
             "modes that differ from this",
@@ -88,7 +109,7 @@ def _stiffness(curve: Curve) -> tuple[Statement, ...]:
             0.5,
             ", ".join(f"{name} {_hertz(curve.frequency_Hz(name)[0])}" for name in sorted(oscillating)),
         ),
-        Statement(
+        state(
             "5",
             "With contact stiffness every mode has a frequency",
             "lowest frequency at 100 %",
@@ -98,7 +119,7 @@ def _stiffness(curve: Curve) -> tuple[Statement, ...]:
             0.0,
             f"{', '.join(still)} has none: no contact stiffness acts on it" if still else "",
         ),
-        Statement(
+        state(
             "5",
             "With contact stiffness X, Y and Tz are unstable",
             "least growth rate of the three, above 0 %",
@@ -108,7 +129,7 @@ def _stiffness(curve: Curve) -> tuple[Statement, ...]:
             0.0,
             f"at 100 %: {nominal}; without it X {rates['X'][0]:+.3g} and Tz {rates['Tz'][0]:+.3g} 1/s",
         ),
-        Statement(
+        state(
             "5",
             "No other mode is unstable",
             "largest growth rate of Z, Tx and Ty, above 0 %",
@@ -118,7 +139,7 @@ def _stiffness(curve: Curve) -> tuple[Statement, ...]:
             0.0,
             loudest,
         ),
-        Statement(
+        state(
             "5",
             "The unstable modes do not couple: no two frequencies meet",
             "least distance of two frequencies of X, Y and Tz over the higher",
@@ -142,8 +163,10 @@ def _constant(falling: Curve, constant: Curve) -> tuple[Statement, ...]:
         for name in falling.spectrum.names
     }
     furthest = max(apart, key=lambda name: apart[name])
+    own = {name: _relative(falling.frequency_Hz(name), constant.frequency_Hz(name)) for name in SQUEALING + QUIET}
+    changed = max(own, key=lambda name: own[name].max())
     return (
-        Statement(
+        state(
             "6",
             f"With constant friction (μ = {CONSTANT_FRICTION:g}) no mode is unstable",
             "eigenvalues that grow, at all stiffnesses",
@@ -153,35 +176,44 @@ def _constant(falling: Curve, constant: Curve) -> tuple[Statement, ...]:
             0.5,
             f"largest real part {values.real[oscillates].max():.1g} 1/s where it oscillates, round-off",
         ),
-        Statement(
+        state(
             "6",
-            "The frequencies are much as with falling friction",
-            "largest difference over the highest frequency",
+            "With constant friction the frequencies are much as with falling friction",
+            "largest difference over the highest frequency of all, as it looks in the figure",
             "",
             apart[furthest],
             "<",
             ALIKE,
             furthest,
+        ).read_also(
+            "largest difference over the mode's own frequency",
+            "",
+            float(own[changed].max()),
+            "<",
+            ALIKE,
+            f"{changed} at {falling.shown[int(np.argmax(own[changed]))]:.3g} %",
         ),
     )
 
 
-def _nonlinear(points: Mapping[str, tuple[Point, ...]], kick: Point) -> tuple[Statement, ...]:
+def _nonlinear(points: Mapping[str, tuple[Point, ...]], kick: Point, damped: Point) -> tuple[Statement, ...]:
     errors = [
-        (abs(mode.growth_error), f"{mode.label}, {point.key} {point.value:.4g}", mode.frequency_error)
+        (abs(mode.growth_error), f"{mode.label}, {point.key} {point.value:.4g}", mode)
         for each in points.values()
         for point in each
         for mode in (point.comparison.modes if point.comparison else ())
         if mode.unstable and mode.growth_error is not None
     ]
-    worst = max(errors, default=None)
+    worst = max(errors, default=None, key=lambda error: error[0])
+    scatter = worst[2].measured_growth if worst is not None else None
     shift = nearest = None
     nominal = points["5"][-1].comparison
     if nominal is not None and nominal.saturation is not None and nominal.saturation.main is not None:
         shift, nearest = nominal.saturation.frequency_shift, nominal.saturation
     ratio = None if kick.comparison is None else kick.comparison.motion_ratio
+    lifted = None if damped.comparison is None else _lifted(damped.comparison)
     return (
-        Statement(
+        state(
             "5-11",
             "Near steady sliding the motion grows as its eigenvalue says",
             "largest relative error of a growth rate measured in a transient",
@@ -189,9 +221,12 @@ def _nonlinear(points: Mapping[str, tuple[Point, ...]], kick: Point) -> tuple[St
             None if worst is None else worst[0],
             "<",
             MEASURED,
-            "" if worst is None else f"{worst[1]}; {len(errors)} measured",
+            ""
+            if worst is None or scatter is None
+            else f"{worst[1]}, measured to ± {scatter.standard_error / abs(scatter.rate_1_per_s):.2g}; "
+            f"{len(errors)} measured",
         ),
-        Statement(
+        state(
             "5",
             "The squealing frequency may differ from that of the onset",
             "relative difference of the saturated motion's main frequency",
@@ -203,17 +238,40 @@ def _nonlinear(points: Mapping[str, tuple[Point, ...]], kick: Point) -> tuple[St
             if nearest is None or nearest.main is None
             else f"{nearest.main.frequency_Hz:.0f} Hz, {shift:+.1%} from {nearest.nearest_mode}",
         ),
-        Statement(
+        state(
             "6",
             "Without linear instability there is no squeal",
-            "motion at the end over that at first, after a kick past the edges",
+            "motion at the end over that at first, after a large disturbance, with constant friction",
             "",
             ratio,
             "<",
             GROWN,
-            f"constant friction, start at {kick.value:g} p0/k_c",
+            f"start at {kick.value:g} p0/k_c",
+        ).read_also(
+            "fraction of the lining out of contact in the end, after that disturbance, where structural damping makes "
+            "every mode decay",
+            "",
+            lifted,
+            "<",
+            LIFTED,
+            _ends(damped),
         ),
     )
+
+
+def _lifted(comparison: Comparison) -> float:
+    """Mean fraction of the lining out of contact in the steady-state response."""
+    saturation = comparison.saturation
+    return 0.0 if saturation is None else 1.0 - saturation.contact_fraction
+
+
+def _ends(damped: Point) -> str:
+    """How the motion of the damped brake ends."""
+    told = f"damping ratio {damped.value:.2g}"
+    saturation = damped.comparison.saturation if damped.comparison else None
+    if saturation is None or saturation.main is None:
+        return told
+    return f"{told}; {saturation.regime.kind}, {saturation.main.frequency_Hz:.0f} Hz"
 
 
 def _closest(curve: Curve) -> tuple[float, str, float]:
@@ -222,9 +280,14 @@ def _closest(curve: Curve) -> tuple[float, str, float]:
     for i, first in enumerate(SQUEALING):
         for second in SQUEALING[i + 1 :]:
             one, two = curve.frequency_Hz(first), curve.frequency_Hz(second)
-            gap = np.abs(one - two) / np.maximum(np.maximum(one, two), np.finfo(float).tiny)
+            gap = _relative(one, two)
             found.append((float(gap.min()), f"{first} and {second}", float(curve.shown[int(np.argmin(gap))])))
     return min(found)
+
+
+def _relative(one: NDArray[np.float64], two: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Difference over the larger of two frequencies; 0 where both are 0."""
+    return np.abs(one - two) / np.maximum(np.maximum(one, two), np.finfo(float).tiny)
 
 
 def _rates(rates: Mapping[str, float]) -> str:

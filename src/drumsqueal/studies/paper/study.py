@@ -18,14 +18,14 @@ OnCurves = Callable[[FrictionCurve, Mapping[str, Curve]], None]
 class PaperStudy(NamedTuple):
     """The friction curve, eigenvalues and transients by figure ("5" to "11"), and the paper's statements checked.
 
-    `kick` is the transient with constant friction from beyond the edges of contact.
+    `kicks` are the transients from beyond the contact boundary, linearly stable by constant friction and by damping.
     """
 
     scene: Scene
     friction: FrictionCurve
     curves: Mapping[str, Curve]
     points: Mapping[str, tuple[Point, ...]]
-    kick: Point
+    kicks: tuple[Point, Point]
     statements: tuple[Statement, ...]
 
 
@@ -48,6 +48,6 @@ def study_paper(
         friction = friction_curve(scene)
         if on_curves is not None:
             on_curves(friction, curves)
-        points, kick = paper_transients(scene, told)
-    statements = check_statements(build_model(scene).shoe, friction, curves, points, kick)
-    return PaperStudy(scene, friction, curves, points, kick, statements)
+        points, kicks = paper_transients(scene, told)
+    statements = check_statements(build_model(scene).shoe, friction, curves, points, kicks)
+    return PaperStudy(scene, friction, curves, points, kicks, statements)
