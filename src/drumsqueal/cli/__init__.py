@@ -34,6 +34,7 @@ from drumsqueal.cli.stability import stability_command
 from drumsqueal.cli.sweep import sweep_command
 from drumsqueal.compilation import prepare_environment
 from drumsqueal.errors import IntegrationError, RequestError
+from drumsqueal.files.claims import claims_released
 from drumsqueal.scene import Scene
 from drumsqueal.scene.quantities import SceneError, printable
 
@@ -152,7 +153,7 @@ def main() -> None:
         if COMPLETION in os.environ:
             command.main(prog_name="drumsqueal", complete_var=COMPLETION)
         # Not main(): that would turn Ctrl-C into a return value, which looks like success.
-        with command.make_context("drumsqueal", sys.argv[1:]) as context:
+        with claims_released(), command.make_context("drumsqueal", sys.argv[1:]) as context:
             command.invoke(context)
     except typer.Exit as done:  # after --help and --version
         sys.exit(done.exit_code)
