@@ -23,7 +23,8 @@ except ImportError:  # not POSIX
 
 LOCK = ".drumsqueal.lock"
 _TRIES = 100
-_MOST_BYTES = 200  # of what a lock file says about its holder
+_MOST_BYTES = 4096  # of the notes in a lock file: who has it, and how many folders others have made for it
+_MADE = "made "
 _NO_LOCKS = {errno.ENOLCK, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS, errno.EINVAL, errno.EBADF}
 
 
@@ -46,7 +47,7 @@ def claims_released() -> Iterator[None]:
         yield
     finally:
         while _held:
-            _release(_held.popitem()[1])
+            _release(_held.pop(next(reversed(_held))))
 
 
 def claim_folder(folder: Path, advice: str = "choose another folder with -o") -> str:
@@ -93,6 +94,7 @@ def _claim(
     try:
         claim = _Claim(lock, _locked(lock, alone=alone, create=create), alone, made or [])
     except BlockingIOError:
+        _hand_over(lock, made or [])
         wait = "" if advice.startswith("wait") else "wait until it has ended, or "
         raise RequestError(f"{what} is in use by {_holder(lock)}; {wait}{advice}") from None
     except OSError as error:
@@ -102,9 +104,7 @@ def _claim(
             lock.unlink()
         return f"{what}: its file system has no file locks; make sure that no other command writes there"
     _held[lock] = claim
-    with suppress(OSError):
-        os.ftruncate(claim.descriptor, 0)
-        os.pwrite(claim.descriptor, f"drumsqueal {' '.join(sys.argv[1:2])}, process {os.getpid()}".encode(), 0)
+    _note(claim.descriptor, f"drumsqueal {' '.join(sys.argv[1:2])}, process {os.getpid()}")
     return ""
 
 
@@ -126,7 +126,7 @@ def _locked(lock: Path, *, alone: bool, create: bool) -> int:
 
 
 def _opened(lock: Path, *, create: bool) -> int:
-    flags = os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK  # neither a link nor a pipe leads anywhere
+    flags = os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_APPEND  # neither a link nor a pipe leads anywhere
     try:
         return os.open(lock, flags | os.O_RDWR | (os.O_CREAT if create else 0), 0o666)
     except PermissionError:  # left by somebody else; to read is enough for a lock
@@ -139,26 +139,64 @@ def _is_at(path: Path, descriptor: int) -> bool:
     return False
 
 
+def _note(descriptor: int, line: str) -> None:
+    with suppress(OSError):
+        os.write(descriptor, f"{line}\n".encode())
+
+
+def _notes(descriptor: int) -> list[str]:
+    return [printable(line) for line in os.pread(descriptor, _MOST_BYTES, 0).decode(errors="replace").splitlines()]
+
+
 def _holder(lock: Path) -> str:
     """Who has a lock file, as it says itself."""
-    try:
+    told: list[str] = []
+    with suppress(OSError):
         descriptor = _opened(lock, create=False)
-        try:
-            told = os.read(descriptor, _MOST_BYTES).decode(errors="replace")
-        finally:
+        told = [line for line in _notes(descriptor) if not line.startswith(_MADE)]
+        os.close(descriptor)
+    return told[-1] if told else "another command"
+
+
+def _hand_over(lock: Path, made: list[Path]) -> None:
+    """Leave it to who has the lock to remove folders that were made for a claim that it got ahead of.
+
+    The holder looks for such notes when it has removed the lock file, so that none is missed.
+    """
+    count = 1 if made and ".." in made[0].parts else len(made)
+    for _ in range(_TRIES if made else 0):
+        with suppress(OSError):
+            descriptor = _opened(lock, create=False)
+            _note(descriptor, f"{_MADE}{count}")
+            there = _is_at(lock, descriptor)
             os.close(descriptor)
-    except OSError:
-        told = ""
-    return printable(" ".join(told.split())) or "another command"
+            if there:
+                return
+        if _remove(made):
+            return
 
 
 def _release(claim: _Claim) -> None:
     assert fcntl is not None
+    noted: list[str] = []
     with suppress(OSError):
         fcntl.flock(claim.descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)  # fails where others have a share in it
         if _is_at(claim.lock, claim.descriptor):
             claim.lock.unlink()
+        noted = [line.removeprefix(_MADE) for line in _notes(claim.descriptor) if line.startswith(_MADE)]
     os.close(claim.descriptor)
-    with suppress(OSError):  # there is something in them
-        for part in claim.made:
-            part.rmdir()
+    count = max((int(number) for number in noted if number.isdecimal()), default=0)
+    _remove(claim.made)
+    _remove(list(claim.lock.parents)[:count])
+
+
+def _remove(folders: list[Path]) -> bool:
+    """Remove folders, the innermost first, as far as they are empty; whether the first of them is gone."""
+    for folder in folders:
+        try:
+            folder.rmdir()
+        except FileNotFoundError:
+            continue
+        except OSError:  # there is something in it
+            break
+    return not folders or not folders[0].exists()
