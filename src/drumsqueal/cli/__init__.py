@@ -167,8 +167,11 @@ def main() -> None:
     except BrokenPipeError:  # whoever read has seen enough, as `head` does; what is left to be flushed goes nowhere
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(FAILED)
-    except (IntegrationError, OSError) as error:
+    except IntegrationError as error:
         _give_up(str(error), FAILED)
+    except OSError as error:
+        cause = error.strerror or str(error)
+        _give_up(f"{error.filename}: this file cannot be written ({cause})" if error.filename else cause, FAILED)
     except Exception as error:
         _give_up(f"failed unexpectedly, {type(error).__name__}: {error}", FAILED)
 

@@ -1,5 +1,6 @@
 """The folder of results: what is written into it, and that nothing there is overwritten unasked."""
 
+import errno
 import os
 import tempfile
 from collections.abc import Iterable, Iterator
@@ -187,14 +188,16 @@ def write_whole(path: Path, content: bytes) -> None:
 
 @contextmanager
 def written_whole(path: Path) -> Iterator[Path]:
-    """Where to write a file, which takes its place after the block, or is no more. Raises OSError."""
+    """Where to write a file, which takes its place after the block, or is no more. Raises OSError, naming the file."""
     part = part_of(path)
     try:
         part.unlink(missing_ok=True)  # a link would be followed
         yield part
         part.replace(path)
-    except BaseException:
+    except BaseException as error:
         part.unlink(missing_ok=True)
+        if isinstance(error, OSError):  # which names the part, or nothing
+            raise OSError(error.errno or errno.EIO, error.strerror or str(error), str(path)) from None
         raise
 
 

@@ -24,9 +24,13 @@ def read_csv(path: Path, channel: str | None, rate: float | None, unit: Unit | N
     a rate, and for a channel that is not there.
     """
     lines, comments = _lines(path)
-    layout = find_layout(path, lines, comments)
     told: list[str] = []
-    table, numbers = _table(path, lines, layout, told)
+    try:
+        layout = find_layout(path, lines, comments)
+        table, numbers = _table(path, lines, layout, told)
+    except csv.Error as error:  # of a field without end
+        longest = max(lines, key=lambda line: len(line[1]))[0]
+        raise RequestError(f"{path}: {error}, the longest line is {longest}; mend or remove what is no table") from None
     check_count(path, len(table))
     place, sampling = _sampling(path, layout.columns, table, numbers, rate, told)
     beside = [k for k in range(len(layout.columns)) if k != place]
