@@ -13,6 +13,7 @@ from drumsqueal.files.measured.record import Measured, Unit, check_count, measur
 from drumsqueal.files.measured.sampling import RATE_CURE, Sampling, UnevenError, even_sampling
 from drumsqueal.interrupts import stop_if_interrupted
 
+_SHOWN = 40  # letters of a cell that an error shows
 _BLOCK = 2**14  # rows between two looks at Ctrl-C
 
 
@@ -99,7 +100,8 @@ def _fault(row: list[str], layout: Layout, error: ValueError) -> str:
             number(cell, decimal_comma=layout.decimal_comma)
         except ValueError:
             mark = ", with a comma as the decimal mark" if layout.decimal_comma else ""
-            return f"{cell!r} is no number{mark}; mend or remove the line"
+            shown = cell if len(cell) <= _SHOWN else f"{cell[:_SHOWN]}…"
+            return f"{shown!r} is no number{mark}; mend or remove the line"
     return str(error)
 
 
