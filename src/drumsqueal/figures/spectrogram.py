@@ -27,7 +27,7 @@ def draw_spectrogram(view: View) -> Figure | None:
     if periods < FEWEST_PERIODS:
         return None
     name = view.energetic
-    signal = view.departure.velocity[:, view.departure.coordinates.index(name)]
+    signal = view.departure.column(name, of="velocity")
     content = spectrogram(signal, rate, lowest_frequency=lowest, periods=periods)
     highest = min(rate / 2, ABOVE * max(mode.frequency_Hz for mode in view.modes))
     kept = content.frequency_Hz <= highest
