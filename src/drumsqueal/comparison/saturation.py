@@ -73,15 +73,15 @@ def describe_saturation(
     """Describe the motion after the first edge at `edge` (s); None where too little was recorded to look at."""
     part = saturated_part(departure.time, edge)
     modes = _taking_part(departure, stability)
-    samples = departure.displacement_in(part)
-    if len(samples) < FEWEST_SAMPLES:
+    count = departure.time[part].size
+    if count < FEWEST_SAMPLES:
         return None
     # Half the lowest onset frequency leaves room for the drop that contact loss brings. Where nothing oscillates, rest
     # can be told all the same.
-    duration = len(samples) / departure.sample_rate
+    duration = count / departure.sample_rate
     lowest = min((mode.frequency_Hz for mode in modes), default=2 * PERIODS_NEEDED / duration) / 2
     scale = size_of_motion(departure, stability, model)
-    regime = classify(samples, departure.sample_rate, scale=scale, lowest_frequency=lowest)
+    regime = classify(departure.displacement_in(part), departure.sample_rate, scale=scale, lowest_frequency=lowest)
     regime = decay_to_rest(regime, departure, part, stability, modes, model)
     drifts = regime.kind == "unknown" and regime.amplitude_drift is not None
     if drifts and changes(model, departure.time[part]):

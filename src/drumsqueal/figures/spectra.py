@@ -64,7 +64,7 @@ def draw_spectra(view: View) -> Figure | None:
 
 
 class _Outline(NamedTuple):
-    """A spectrum as far as a figure shows it: frequency (Hz), largest amplitude (µm) about it, and the resolution (Hz)."""
+    """What a figure shows of a spectrum: frequency (Hz), largest amplitude (µm) about it, resolution (Hz)."""
 
     frequency_Hz: NDArray[np.float64]
     largest: NDArray[np.float64]
