@@ -14,6 +14,7 @@ from scipy.io import wavfile
 
 from drumsqueal import compilation
 from drumsqueal.errors import RequestError
+from drumsqueal.files.in_place import variable
 from drumsqueal.files.measured.reader import read_measured
 from drumsqueal.files.ordinary import NotOrdinaryError, open_ordinary, read_ordinary
 from drumsqueal.files.saved_history import read_history
@@ -72,7 +73,7 @@ def test_a_report_neither_hangs_nor_reads_on_for_ever(drumsqueal, folder, put, n
     (folder / name).unlink()
     put(folder / name)
     status, printed, errors = drumsqueal("report", str(folder))
-    if put is a_loop and name == "summary.json":  # leads nowhere: it is not there, and a new one is made
+    if put is a_loop and name != "growth.png":  # leads nowhere: it is not there, and the page is without it
         assert status == 0
         return
     assert (status, printed, errors.count("\n")) == (2, "", 1)
@@ -127,7 +128,7 @@ def test_what_is_swapped_or_grows_while_it_is_opened_is_found(tmp_path, monkeypa
 
 
 def external_storage(file: h5py.File, secret: Path) -> None:
-    was = file["normal_force"]
+    was = variable(file, "normal_force")
     del file["normal_force"]
     made = file.create_dataset("normal_force", was.shape, "f8", external=[(str(secret), 0, 8 * was.shape[0])])
     made.attrs["DIMENSION_LIST"] = was.attrs["DIMENSION_LIST"]
@@ -135,13 +136,13 @@ def external_storage(file: h5py.File, secret: Path) -> None:
 
 def external_link(file: h5py.File, secret: Path) -> None:
     with h5py.File(secret, "w") as other:
-        other["x"] = np.ones(file["normal_force"].shape)
+        other["x"] = np.ones(variable(file, "normal_force").shape)
     del file["normal_force"]
     file["normal_force"] = h5py.ExternalLink(str(secret), "x")
 
 
 def virtual(file: h5py.File, secret: Path) -> None:
-    shape = file["normal_force"].shape
+    shape = variable(file, "normal_force").shape
     with h5py.File(secret, "w") as other:
         other["x"] = np.ones(shape)
     layout = h5py.VirtualLayout(shape, "f8")

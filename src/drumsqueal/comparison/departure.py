@@ -139,9 +139,8 @@ class Departure:
         if self.time[part].size < FEWEST_FOR_SPECTRUM:
             return
         for name in self.coordinates:
-            column = self.column(name, part)
-            if np.ptp(column) > 0:
-                yield name, amplitude_spectrum(column, self.sample_rate)
+            if np.ptp(self.column(name, part)) > 0:
+                yield name, amplitude_spectrum(self.column(name, part), self.sample_rate)
 
 
 def changes(model: Model, time: NDArray[np.float64]) -> bool:

@@ -115,11 +115,12 @@ def describe_motion(departure: Departure, part: slice, stability: Stability, mod
 
 
 def _lines(departure: Departure, part: slice) -> tuple[Line, ...]:
-    return tuple(
-        Line(name, float(frequency), float(size))
-        for name, spectrum in departure.spectra(part)
-        for frequency, size in zip(*spectral_peaks(spectrum, count=PEAKS, floor=PEAK_FLOOR), strict=True)
-    )
+    found: list[Line] = []
+    for name, spectrum in departure.spectra(part):
+        peaks = zip(*spectral_peaks(spectrum, count=PEAKS, floor=PEAK_FLOOR), strict=True)
+        found += [Line(name, float(frequency), float(size)) for frequency, size in peaks]
+        del spectrum  # before the next is made
+    return tuple(found)
 
 
 def size_of_motion(departure: Departure, stability: Stability, model: Model) -> NDArray[np.float64]:

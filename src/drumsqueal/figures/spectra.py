@@ -75,9 +75,11 @@ def _outlines(view: View, part: slice, highest: float) -> dict[str, _Outline]:
     """The spectra of a part of the record, each brought to the size of the figure before the next is computed."""
     found = {}
     for coordinate, spectrum in view.departure.spectra(part):
-        kept = spectrum.frequency_Hz <= highest
-        starts, _, largest = extremes(spectrum.amplitude[kept] * view.micrometres(coordinate))
-        found[coordinate] = _Outline(spectrum.frequency_Hz[kept][starts], largest, spectrum.resolution_Hz)
+        stop = int(np.searchsorted(spectrum.frequency_Hz, highest, side="right"))
+        starts, _, largest = extremes(spectrum.amplitude[:stop])
+        shown = largest * view.micrometres(coordinate)
+        found[coordinate] = _Outline(spectrum.frequency_Hz[starts], shown, spectrum.resolution_Hz)
+        del spectrum  # before the next is made
     return found
 
 
