@@ -76,20 +76,9 @@ def amplitude_spectrum(signal: ArrayLike, sample_rate: float, *, zero_padding: i
     if zero_padding != int(zero_padding) or zero_padding < 1:
         raise ValueError(f"zero_padding must be a whole number of at least 1, got {zero_padding}")
     window = hann(record.size, sym=False)
-    padding = int(zero_padding)
-    length = padding * record.size
-    windowed, sum_of_weights = _without_mean(record, window) * window, window.sum()
-    del window
-    amplitude = np.empty(length // 2 + 1)
-    turn = -2j * np.pi / length * np.arange(record.size)
-    for between in range(
-        padding
-    ):  # every so many bins are the transform of a record that was turned: no zeros to store
-        bins = amplitude[between::padding]
-        turned = np.exp(turn * between)
-        turned *= windowed
-        bins[:] = np.abs(np.fft.fft(turned)[: bins.size])
-    amplitude *= 2.0 / sum_of_weights
+    length = int(zero_padding) * record.size
+    amplitude = np.abs(np.fft.rfft(window * _without_mean(record, window), length))
+    amplitude *= 2.0 / window.sum()
     if length % 2 == 0:
         amplitude[-1] *= 0.5  # the Nyquist bin, like the zero bin (here empty), has no mirror image to stand for
     frequency = np.asarray(np.fft.rfftfreq(length, 1.0 / rate), dtype=np.float64)
