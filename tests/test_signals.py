@@ -378,7 +378,7 @@ def test_bad_arguments_are_named(call, message):
 @pytest.mark.parametrize(
     ("look", "most"),
     [
-        # Two signals interpolated to eight times the rate have 128 bytes a sample, and their transforms more: it was 528.
+        # Two signals at eight times the rate have 128 bytes a sample, and their transforms more: it was 528.
         (lambda signals: find_recurrences(signals, 100.0), 90),
         # Two signals, what is left of them and copies take 64, window, power and bins 24, a transform of twice the
         # length 48; waves of all lines took up to 648 more, 112 of two lines.
