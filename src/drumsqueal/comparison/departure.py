@@ -107,7 +107,8 @@ class Departure:
 
     def mean_square_velocity(self, part: slice = slice(None)) -> NDArray[np.float64]:
         """Mean of the squared velocity (n,) in a part of the record."""
-        return sum(np.sum(piece**2, axis=0) for _, piece in self._pieces("velocity", part)) / self.time[part].size
+        sums = [np.sum(piece**2, axis=0) for _, piece in self._pieces("velocity", part)]
+        return np.sum(sums, axis=0) / self.time[part].size
 
     @property
     def largest_rotation(self) -> float:

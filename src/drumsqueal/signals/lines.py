@@ -178,7 +178,7 @@ class _Search:
         power = np.zeros(self.bins.size)
         for column in self.rest.T:
             transform = np.asarray(scipy.fft.rfft(self.window * column, self.length))
-            power += transform.real**2 + transform.imag**2
+            power += np.abs(transform) ** 2
         return power
 
     def _refined(self, start: float) -> float:
@@ -232,7 +232,7 @@ class _Search:
         self._fit()
 
     def _fit(self) -> None:
-        self.factors = np.linalg.lstsq(self.gram, self.right, rcond=None)[0]
+        self.factors = np.asarray(np.linalg.lstsq(self.gram, self.right, rcond=None)[0], dtype=np.float64)
         rest = np.empty_like(self.record) if self.rest is self.record else self.rest
         for rows, columns in self._columns():
             rest[rows] = self.record[rows] - columns @ self.factors
