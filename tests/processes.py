@@ -21,8 +21,8 @@ def start(cache: Path, *arguments: str, code: str = MAIN) -> subprocess.Popen:
     return subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
-def wait_for(path: Path) -> None:
-    """Until there is such a file or folder, or for two minutes."""
+def wait_for(path: Path, *, gone: bool = False) -> None:
+    """Until there is such a file or folder, or until it is gone, or for two minutes."""
     deadline = time.monotonic() + 120
-    while not path.exists() and time.monotonic() < deadline:
+    while path.exists() == gone and time.monotonic() < deadline:
         time.sleep(0.02)

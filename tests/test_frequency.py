@@ -46,7 +46,9 @@ def motion_of_x(nominal, size: float):
     up = np.flatnonzero((y[0][:-1] < 0) & (y[0][1:] >= 0))
     crossing = t[up] - y[0][up] * (t[1] - t[0]) / (y[0][up + 1] - y[0][up])
     found = (crossing.size - 1) / (crossing[-1] - crossing[0])
-    departure = cast("Any", SimpleNamespace(coordinates=("X",), time=t, displacement=y[:1].T, velocity=y[1:].T))
+    thirds = [slice(k * t.size // 3, (k + 1) * t.size // 3) for k in range(3)]
+    pieces = [(rows, y[:1, rows].T, y[1:, rows].T) for rows in thirds]
+    departure = cast("Any", SimpleNamespace(coordinates=("X",), time=t, pieces=lambda part: pieces))
     return model, stability, departure, found
 
 

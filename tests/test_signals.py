@@ -1,5 +1,7 @@
 """Signals against exact synthetic records: known amplitudes, frequencies, growth and regimes."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 import scipy.signal
@@ -16,6 +18,8 @@ from drumsqueal.signals import (
     spectral_peaks,
     spectrogram,
 )
+from drumsqueal.signals.lines import find_lines
+from drumsqueal.signals.recurrence import find_recurrences
 
 RATE = 50_000.0
 FREQUENCIES = (1424.0, 4392.0, 7399.0)
@@ -374,3 +378,31 @@ BAD = np.where(np.arange(2000) == 7, np.nan, GOOD)
 def test_bad_arguments_are_named(call, message):
     with pytest.raises(ValueError, match=message):
         call()
+
+
+# Memory.
+
+
+@pytest.mark.parametrize(
+    ("look", "most"),
+    [
+        # Two signals at eight times the rate have 128 bytes a sample, and their transforms more: it was 528.
+        (lambda signals: find_recurrences(signals, 100.0), 90),
+        # Two signals, what is left of them and copies take 64, window, power and bins 24, a transform of twice the
+        # length 48; waves of all lines took up to 648 more, 112 of two lines.
+        (lambda signals: find_lines(signals, RATE), 160),
+    ],
+    ids=["recurrences", "lines"],
+)
+def test_long_records_take_little_memory(look, most):
+    def most_bytes(samples: int) -> int:
+        t = np.arange(samples) / RATE
+        signals = np.stack([np.sin(2e3 * np.pi * t), np.cos(2e3 * np.sqrt(2) * np.pi * t)], axis=1)
+        tracemalloc.start()
+        look(signals)
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return peak
+
+    short, long = 100_000, 300_000
+    assert (most_bytes(long) - most_bytes(short)) / (long - short) < most

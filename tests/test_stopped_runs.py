@@ -14,7 +14,8 @@ import xarray
 from drumsqueal import figures, simulation
 from drumsqueal.errors import IntegrationError
 from drumsqueal.files import history_file
-from drumsqueal.files.output_folder import RUN_FILES, claimed
+from drumsqueal.files.claims import claim_folder, claims_released
+from drumsqueal.files.output_folder import RUN_FILES, part_of
 from drumsqueal.interrupts import noted_interrupts, stop_if_interrupted
 from drumsqueal.jobs import run as job
 from drumsqueal.jobs import run_results as results
@@ -105,8 +106,11 @@ def test_control_c_while_the_program_loads(tmp_path):
 @posix
 def test_control_c_before_the_first_chunk(cache, tmp_path):
     folder = tmp_path / "out"
+    folder.mkdir()
+    left = part_of(folder / "summary.json")
+    left.touch()
     process = start(cache, "run", NOMINAL, "-o", str(folder))
-    wait_for(folder)  # it is made just before the integration, which then takes seconds to compile
+    wait_for(left, gone=True)  # it goes just before the integration, which then takes seconds to compile
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate(timeout=300)
     outcome = "interrupted by the user after t = 0.01 s"
@@ -323,7 +327,8 @@ def test_a_command_that_is_stopped_at_once_leaves_no_folder(drumsqueal, tmp_path
 
 def test_only_folders_that_were_made_and_are_empty_go_again(tmp_path):
     def stopped(folder: Path, *left: str) -> None:
-        with claimed(folder, ()):
+        with claims_released():
+            claim_folder(folder)
             for name in left:
                 (folder / name).touch()
             raise ZeroDivisionError

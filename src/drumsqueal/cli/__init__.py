@@ -4,6 +4,7 @@ What computes is imported inside the commands, once the scene has been read: JAX
 and a mistake in a scene is told at once.
 """
 
+import errno
 import functools
 import inspect
 import os
@@ -32,8 +33,9 @@ from drumsqueal.cli.scenes import scenes_command
 from drumsqueal.cli.sensitivity import sensitivity_command
 from drumsqueal.cli.stability import stability_command
 from drumsqueal.cli.sweep import sweep_command
-from drumsqueal.compilation import prepare_environment
+from drumsqueal.compilation import check_address_space, prepare_environment
 from drumsqueal.errors import IntegrationError, RequestError
+from drumsqueal.files.claims import claims_released
 from drumsqueal.scene import Scene
 from drumsqueal.scene.quantities import SceneError, printable
 
@@ -65,6 +67,7 @@ GROUPS: dict[str, dict[str, Callable[..., None]]] = {
     },
 }
 """The commands in the order of the help, by the panel they stand in."""
+_WITHOUT_JAX = (scenes_command,)
 _MORE_ARGUMENTS = {"effects"}  # it makes sense of --within 1 %
 
 
@@ -79,6 +82,8 @@ def _naming_the_scene(command: Callable[..., None]) -> Callable[..., None]:
 
     @functools.wraps(command)
     def named(**values: Any) -> None:
+        if command not in _WITHOUT_JAX:
+            check_address_space()
         try:
             command(**values)
         except SceneError as error:
@@ -152,7 +157,7 @@ def main() -> None:
         if COMPLETION in os.environ:
             command.main(prog_name="drumsqueal", complete_var=COMPLETION)
         # Not main(): that would turn Ctrl-C into a return value, which looks like success.
-        with command.make_context("drumsqueal", sys.argv[1:]) as context:
+        with claims_released(), command.make_context("drumsqueal", sys.argv[1:]) as context:
             command.invoke(context)
     except typer.Exit as done:  # after --help and --version
         sys.exit(done.exit_code)
@@ -166,8 +171,14 @@ def main() -> None:
     except BrokenPipeError:  # whoever read has seen enough, as `head` does; what is left to be flushed goes nowhere
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(FAILED)
-    except (IntegrationError, OSError) as error:
+    except IntegrationError as error:
         _give_up(str(error), FAILED)
+    except OSError as error:
+        cause = error.strerror or str(error)
+        place = error.filename or ("standard output" if error.errno == errno.ENOSPC else "")
+        _give_up(f"{place} cannot be written ({cause})" if place else cause, FAILED)
+    except MemoryError as error:
+        _give_up(f"failed: there is too little memory ({error or 'none is left'})", FAILED)
     except Exception as error:
         _give_up(f"failed unexpectedly, {type(error).__name__}: {error}", FAILED)
 

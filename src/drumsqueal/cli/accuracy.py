@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from drumsqueal.cli.options import JsonFile, Overwrite, Quiet, Reply, SceneFile, Settings, output_option, read_share
-from drumsqueal.files.output_folder import ACCURACY_FILES, claimed
+from drumsqueal.files.output_folder import ACCURACY_FILES
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import load_scene
 
@@ -42,5 +42,5 @@ def accuracy_command(
     stop_if_interrupted()
     check_motion(loaded)
     check_sample_rate(prepare(loaded))
-    with claimed(folder, ACCURACY_FILES):
-        reply.send(study_into(folder, loaded, wanted, reply.console))
+    reply.clear()
+    reply.send(study_into(folder, loaded, wanted, reply.console))

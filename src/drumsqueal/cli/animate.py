@@ -20,7 +20,8 @@ from drumsqueal.cli.options import (
     read_time,
 )
 from drumsqueal.errors import RequestError
-from drumsqueal.files.output_folder import check_apart, check_output_file
+from drumsqueal.files.claims import claim_results
+from drumsqueal.files.output_folder import history_file
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import COORDINATES, load_scene
 from drumsqueal.scene.shipped import find_scene
@@ -84,14 +85,12 @@ def animate_command(
         scene_file = source if source.is_dir() else find_scene(str(source))
         scene = load_scene(scene_file, settings or ())
         file = output or Path(f"{source.stem}-{mode.replace(' ', '').replace('/', '')}.gif")
-        check_apart(file, [scene_file])
-        check_output_file(file, overwrite=overwrite)
+        reply = Reply.with_file(file, (scene_file,), quiet, json_file, overwrite=overwrite)
         stop_if_interrupted()
         from drumsqueal.files.animation_file import check_animation_name
         from drumsqueal.jobs.animate import animate_mode
 
         check_animation_name(file)
-        reply = Reply(quiet, json_file, overwrite=overwrite, apart_from=(scene_file, file))
         reply.send(animate_mode(file, scene, mode, slowness, reply.console))
         return
     if settings:
@@ -99,18 +98,18 @@ def animate_command(
     if source.suffix == ".toml":
         raise RequestError(f"{source} is a scene: name one of its modes with --mode, or give a history that it left")
     first, last = read_time(since, "--from"), read_time(until, "--until")
+    history = history_file(source)
+    file = output or history.with_suffix(".gif")
+    reply = Reply.with_file(file, (history,), quiet, json_file, overwrite=overwrite)
+    claim_results(history.parent)
     stop_if_interrupted()
     from drumsqueal.files.animation_file import check_animation_name
     from drumsqueal.files.saved_history import read_history
     from drumsqueal.jobs.animate import animate_history
 
     stop_if_interrupted()
-    saved = read_history(source)
-    file = output or saved.path.with_suffix(".gif")
-    check_apart(file, [saved.path])
-    check_output_file(file, overwrite=overwrite)
     check_animation_name(file)
-    reply = Reply(quiet, json_file, overwrite=overwrite, apart_from=(saved.path, file))
+    saved = read_history(source)
     stop_if_interrupted()
     reply.send(animate_history(file, saved, first, last, slowness, magnification, reply.console))
 

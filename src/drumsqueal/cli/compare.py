@@ -18,7 +18,8 @@ from drumsqueal.cli.options import (
     read_share,
     read_time,
 )
-from drumsqueal.files.output_folder import COMPARE_FILES, HISTORY, claimed, history_file
+from drumsqueal.files.claims import claim_results
+from drumsqueal.files.output_folder import COMPARE_FILES, HISTORY, history_file
 from drumsqueal.interrupts import stop_if_interrupted
 
 HistoryFile = Annotated[
@@ -74,6 +75,7 @@ def compare_command(
     folder = output if output is not None else Path("out") / f"{_name(history)}-compare"
     read = (history_file(history), measured)
     reply = Reply.beside(folder, COMPARE_FILES, read, quiet, json_file, overwrite=overwrite)
+    claim_results(read[0].parent)
     widest = read_share(within, "--within")
     begin, end, sampled = read_time(since, "--from"), read_time(until, "--until"), read_rate(rate, "--rate")
     stop_if_interrupted()
@@ -88,8 +90,8 @@ def compare_command(
     # What cannot be done is told before there is a folder.
     comparison = compare_measured(history, record, signal, within=widest)
     stop_if_interrupted()
-    with claimed(folder, COMPARE_FILES):
-        reply.send(compare_into(folder, comparison, measured, reply.console))
+    reply.clear()
+    reply.send(compare_into(folder, comparison, measured, reply.console))
 
 
 def _name(history: Path) -> str:

@@ -7,7 +7,7 @@ import typer
 
 from drumsqueal.cli.completion import complete_range
 from drumsqueal.cli.options import JsonFile, Overwrite, Quiet, Reply, SceneFile, Settings, output_option
-from drumsqueal.files.output_folder import BRANCH_FILES, CYCLE_FILES, claimed
+from drumsqueal.files.output_folder import BRANCH_FILES, CYCLE_FILES
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import load_scene
 from drumsqueal.scene.variation import read_variation
@@ -58,9 +58,8 @@ def cycle_command(
     check_sample_rate(prepare(checked(loaded)))
     if variation is not None:
         checked_range(loaded, variation)
-    with claimed(folder, files) as gone:
-        reply.tell_removed(gone)
-        if variation is None:
-            reply.send(find_into(folder, loaded, reply.console))
-        else:
-            reply.send(follow_into(folder, loaded, variation, reply.console))
+    reply.clear()
+    if variation is None:
+        reply.send(find_into(folder, loaded, reply.console))
+    else:
+        reply.send(follow_into(folder, loaded, variation, reply.console))

@@ -16,7 +16,7 @@ from drumsqueal.cli.options import (
     output_option,
     read_share,
 )
-from drumsqueal.files.output_folder import EFFECT_FILES, claimed
+from drumsqueal.files.output_folder import EFFECT_FILES
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import load_scene
 
@@ -55,5 +55,5 @@ def effects_command(
 
     stop_if_interrupted()
     check_sample_rate(prepare(loaded))  # a scene that cannot be run is told before there is a folder
-    with claimed(folder, EFFECT_FILES):
-        reply.send(study_into(folder, loaded, accuracy, reply.console))
+    reply.clear()
+    reply.send(study_into(folder, loaded, accuracy, reply.console))

@@ -21,7 +21,8 @@ from drumsqueal.cli.options import (
 )
 from drumsqueal.errors import RequestError
 from drumsqueal.export.formats import FORMATS, find_format
-from drumsqueal.files.output_folder import check_apart, check_ending, check_output_file, history_file
+from drumsqueal.files.claims import claim_results
+from drumsqueal.files.output_folder import check_ending, history_file
 from drumsqueal.interrupts import stop_if_interrupted
 
 SOUND = "wav"
@@ -79,9 +80,8 @@ def export_command(
         _check_rate_of_sound(sampled)
     source = history_file(history)
     file = output if output is not None else source.with_suffix(wanted.suffix)
-    check_apart(file, [source])
-    check_output_file(file, overwrite=overwrite)
-    reply = Reply(quiet, json_file, overwrite=overwrite, apart_from=(source, file))
+    reply = Reply.with_file(file, (source,), quiet, json_file, overwrite=overwrite)
+    claim_results(source.parent)
     stop_if_interrupted()
     from drumsqueal.export.selection import Part
     from drumsqueal.export.signals import SURFACE

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from drumsqueal.cli.options import JsonFile, Overwrite, Quiet, Reply, SceneFile, Settings, output_option, read_duration
-from drumsqueal.files.output_folder import MOTION_FILES, claimed
+from drumsqueal.files.output_folder import MOTION_FILES
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import load_scene
 
@@ -46,5 +46,5 @@ def motion_command(
 
     stop_if_interrupted()
     check_sample_rate(prepare(checked(loaded)))  # what cannot be done is told before there is a folder
-    with claimed(folder, MOTION_FILES):
-        reply.send(study_into(folder, loaded, length, limit, reply.console))
+    reply.clear()
+    reply.send(study_into(folder, loaded, length, limit, reply.console))

@@ -7,7 +7,7 @@ import typer
 
 from drumsqueal.cli.completion import complete_range
 from drumsqueal.cli.options import JsonFile, Overwrite, Quiet, Reply, SceneFile, Settings, output_option, read_share
-from drumsqueal.files.output_folder import ONSET_FILES, claimed
+from drumsqueal.files.output_folder import ONSET_FILES
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import load_scene
 from drumsqueal.scene.variation import POINTS, SYNTAX, read_variation
@@ -72,7 +72,6 @@ def onset_command(
     predicted = predict(loaded, variation)  # what cannot be studied is told before there is a folder
     if cycles:
         checked_range(loaded, variation)
-    with claimed(folder, ONSET_FILES) as gone:
-        reply.tell_removed(gone)
-        found = study_into(folder, predicted, share, reply.console, smallest_kick=smallest_kick, cycles=cycles)
-        reply.send(found)
+    reply.clear()
+    found = study_into(folder, predicted, share, reply.console, smallest_kick=smallest_kick, cycles=cycles)
+    reply.send(found)

@@ -12,9 +12,10 @@ from rich.console import Console
 
 from drumsqueal.cli.completion import complete_scene, complete_setting
 from drumsqueal.errors import RequestError
+from drumsqueal.files.claims import claim_file, claim_folder
 from drumsqueal.files.json_file import to_json, write_json
-from drumsqueal.files.output_folder import MADE_FILES, check_apart, check_output, check_output_file
-from drumsqueal.scene.quantities import SceneError, parse_quantity
+from drumsqueal.files.output_folder import MADE_FILES, check_apart, check_output, check_output_file, clear, unusable
+from drumsqueal.scene.quantities import SceneError, parse_quantity, printable
 from drumsqueal.scene.shipped import find_scene
 
 UsageError: type[typer.BadParameter] = typer.BadParameter.__mro__[1]  # any misuse; it has no public name of its own
@@ -75,7 +76,12 @@ JsonFile = Annotated[
 
 
 class Reply:
-    """How a command answers: in words on its `console`, or as JSON in their place, or (`--quiet`) not at all."""
+    """How a command answers: in words on its `console`, or as JSON in their place, or (`--quiet`) not at all.
+
+    What the command writes is claimed for it, until `main` ends.
+    """
+
+    _folder, _files = Path(), ()
 
     def __init__(self, quiet: bool, json_file: str | None, *, overwrite: bool, apart_from: Iterable[Path] = ()) -> None:
         """Raises RequestError where the JSON file cannot be written, is there and is not to be overwritten, or would
@@ -83,10 +89,10 @@ class Reply:
         """
         if json_file == "":
             raise RequestError("--json: the name of the file is empty; write one, or - for standard output")
-        self._file = json_file
+        self._file, self._quiet = json_file, quiet
         if self._path is not None and not _is_stream(self._path):
             check_apart(self._path, apart_from, option="--json")
-            check_output_file(self._path, overwrite=overwrite, option="--json")
+            self._claim_file(self._path, overwrite=overwrite, option="--json")
         self.console = make_console(quiet=quiet or json_file is not None)
 
     @classmethod
@@ -102,23 +108,59 @@ class Reply:
     ) -> "Reply":
         """That of a command which reads some files and writes others, of these names, into a folder.
 
-        Raises RequestError where they lie there already and are not to be overwritten, or one would replace another.
+        Raises RequestError where they lie there already and are not to be overwritten, one would replace another, or
+        another command is at that folder.
         """
         check_output(folder, files, overwrite=overwrite)
         written = [folder / name for name in files]
         for path in written:
             check_apart(path, read)
-        return cls(quiet, json_file, overwrite=overwrite, apart_from=(*read, *written))
+        try:
+            remark = claim_folder(folder)
+        except OSError as error:
+            raise unusable(folder, error) from None
+        check_output(folder, files, overwrite=overwrite)  # again: another command may just have ended
+        reply = cls(quiet, json_file, overwrite=overwrite, apart_from=(*read, *written))
+        reply._folder, reply._files = folder, tuple(files)
+        reply._remark(remark)
+        return reply
+
+    @classmethod
+    def with_file(
+        cls, file: Path, read: Iterable[Path], quiet: bool, json_file: str | None, *, overwrite: bool
+    ) -> "Reply":
+        """That of a command which reads some files and writes one. Raises RequestError as `beside` does."""
+        check_apart(file, read)
+        reply = cls(quiet, json_file, overwrite=overwrite, apart_from=(*read, file))
+        reply._claim_file(file, overwrite=overwrite, option="-o")
+        return reply
+
+    def clear(self, *, but: Iterable[str] = ()) -> None:
+        """Clear the folder of earlier results, `but` for some; say what of it other commands had made of those.
+
+        Raises RequestError where the folder cannot be written.
+        """
+        made = [name for name in clear(self._folder, self._files, but=but) if name in MADE_FILES]
+        if made:  # it will not come again by itself
+            self.console.print(f"Removed with the results that they were made of: {', '.join(made)}")
+
+    def _claim_file(self, path: Path, *, overwrite: bool, option: str) -> None:
+        check_output_file(path, overwrite=overwrite, option=option)
+        try:
+            remark = claim_file(path, f"name another file with {option}")
+        except OSError as error:
+            told = f"{path}: this file cannot be written ({error.strerror or error}); name another with {option}"
+            raise RequestError(told) from None
+        check_output_file(path, overwrite=overwrite, option=option)  # again: another command may just have ended
+        self._remark(remark)
+
+    def _remark(self, remark: str) -> None:
+        if remark:
+            make_console(stderr=True, quiet=self._quiet).print(f"drumsqueal: {printable(remark)}", soft_wrap=True)
 
     @property
     def _path(self) -> Path | None:
         return None if self._file in (None, "-") else Path(str(self._file))
-
-    def tell_removed(self, names: Iterable[str]) -> None:
-        """Say which of the files that were cleared away were made of earlier results, and will not come again."""
-        made = [name for name in names if name in MADE_FILES]
-        if made:
-            self.console.print(f"Removed with the results that they were made of: {', '.join(made)}")
 
     def send(self, data: Any) -> None:
         """Write the summary where it was asked for. Raises OSError."""

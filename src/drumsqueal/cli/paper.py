@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Annotated
 
 from drumsqueal.cli.options import JsonFile, Overwrite, Quiet, Reply, Settings, output_option
-from drumsqueal.files.output_folder import PAPER_FILES, claimed
+from drumsqueal.files.output_folder import PAPER_FILES
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene.seo_kang import seo_kang_brake
 
@@ -36,5 +36,5 @@ def paper_command(
     stop_if_interrupted()
     check_brake(scene)
     check_sample_rate(prepare(scene))
-    with claimed(folder, PAPER_FILES):
-        reply.send(study_into(folder, scene, reply.console))
+    reply.clear()
+    reply.send(study_into(folder, scene, reply.console))

@@ -6,7 +6,8 @@ from typing import Annotated
 import typer
 
 from drumsqueal.cli.options import JsonFile, Overwrite, Quiet, Reply, read_file, read_folder
-from drumsqueal.files.output_folder import ONSET_FILES, REPORT, RUN_FILES, check_ending, check_output_file
+from drumsqueal.files.claims import claim_results
+from drumsqueal.files.output_folder import ONSET_FILES, REPORT, RUN_FILES, check_ending
 from drumsqueal.interrupts import stop_if_interrupted
 
 
@@ -36,10 +37,9 @@ def report_command(
     kind = what_is_in(folder)
     file = folder / REPORT if output is None else output
     check_ending(file, (".html", ".htm"), "a page")
-    check_output_file(file, overwrite=overwrite)
-    reply = Reply(
-        quiet, json_file, overwrite=overwrite, apart_from=(file, *map(folder.joinpath, (*RUN_FILES, *ONSET_FILES)))
-    )
+    read = [folder / name for name in (*RUN_FILES, *ONSET_FILES) if name != REPORT]
+    reply = Reply.with_file(file, read, quiet, json_file, overwrite=overwrite)
+    claim_results(folder)
     stop_if_interrupted()
     from drumsqueal.jobs.report import report_into
 

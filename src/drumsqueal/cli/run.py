@@ -14,7 +14,7 @@ from drumsqueal.cli.options import (
     UsageError,
     output_option,
 )
-from drumsqueal.files.output_folder import HISTORY, RESUME, RUN_FILES, claimed
+from drumsqueal.files.output_folder import HISTORY, RESUME, RUN_FILES
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import load_scene
 
@@ -54,6 +54,5 @@ def run_command(
     prepared = prepare(loaded)
     check_sample_rate(prepared)
     stop_if_interrupted()
-    with claimed(folder, RUN_FILES, but=(HISTORY, RESUME) if resume else ()) as gone:
-        reply.tell_removed(gone)
-        reply.send(run_into(folder, prepared, reply.console, since))
+    reply.clear(but=(HISTORY, RESUME) if resume else ())
+    reply.send(run_into(folder, prepared, reply.console, since))

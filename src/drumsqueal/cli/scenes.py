@@ -7,7 +7,6 @@ import typer
 
 from drumsqueal.cli.completion import complete_name
 from drumsqueal.cli.options import JsonFile, Overwrite, Quiet, Reply, UsageError
-from drumsqueal.files.output_folder import check_output_file
 from drumsqueal.jobs.scenes import copy_scene, list_scenes
 from drumsqueal.scene.shipped import shipped_path
 
@@ -32,10 +31,9 @@ def scenes_command(
         raise UsageError(f"-o {output} says where a scene is copied to; name the scene, too")
     source = None if name is None else shipped_path(name)
     target = output or (source and Path(source.name))
-    if target is not None:
-        check_output_file(target, overwrite=overwrite)
-    reply = Reply(quiet, json_file, overwrite=overwrite, apart_from=filter(None, (source, target)))
     if source is None or target is None:
+        reply = Reply(quiet, json_file, overwrite=overwrite)
         reply.send(list_scenes(reply.console))
     else:
+        reply = Reply.with_file(target, (source,), quiet, json_file, overwrite=overwrite)
         reply.send(copy_scene(source, target, reply.console))

@@ -7,7 +7,7 @@ import typer
 
 from drumsqueal.cli.completion import complete_list, words
 from drumsqueal.cli.options import JsonFile, Overwrite, Quiet, Reply, SceneFile, Settings, UsageError, output_option
-from drumsqueal.files.output_folder import SENSITIVITY_FILES, claimed
+from drumsqueal.files.output_folder import SENSITIVITY_FILES
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import load_scene
 
@@ -59,5 +59,5 @@ def sensitivity_command(
 
     stop_if_interrupted()
     check_request(loaded, keys, until_stable=until is not None)
-    with claimed(folder, SENSITIVITY_FILES):
-        reply.send(study_into(folder, loaded, keys, reply.console, until_stable=until is not None))
+    reply.clear()
+    reply.send(study_into(folder, loaded, keys, reply.console, until_stable=until is not None))

@@ -19,7 +19,7 @@ from drumsqueal.cli.options import (
     output_option,
 )
 from drumsqueal.errors import RequestError
-from drumsqueal.files.output_folder import SWEEP, SWEEP_FILES, claimed
+from drumsqueal.files.output_folder import SWEEP, SWEEP_FILES
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import Scene, load_scene
 from drumsqueal.scene.plan import Plan, grid, sample
@@ -82,9 +82,9 @@ def sweep_command(
         check_cluster(cluster)
     with nullcontext() if cluster is None else connected(cluster) as workers:
         stop_if_interrupted()
-        with claimed(folder, SWEEP_FILES, but=(SWEEP,) if resume else ()):
-            source = here if workers is None else workers.results
-            reply.send(sweep_into(folder, plan, reply.console, source, resume=resume))
+        reply.clear(but=(SWEEP,) if resume else ())
+        source = here if workers is None else workers.results
+        reply.send(sweep_into(folder, plan, reply.console, source, resume=resume))
 
 
 def _plan(scene: Scene, vary: list[str], random: int | None, seed: int | None, transient: bool) -> Plan:

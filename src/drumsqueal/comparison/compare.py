@@ -141,11 +141,18 @@ def _motion_ratio(departure: Departure, stability: Stability, model: Model) -> f
     """Largest motion in the last tenth of the record over that in the first tenth; None where nothing was started."""
     if not departure.started:
         return None
-    elastic = np.einsum("ti,ij,tj->t", departure.displacement, np.asarray(model.stiffness), departure.displacement)
-    size = np.sqrt(departure.velocity**2 @ stability.mass + elastic)
-    tenth = max(1, size.size // 10)
-    first = size[:tenth].max()
-    return float(size[-tenth:].max() / first) if first > 0 else 1.0  # a free coordinate displaced: no energy in it
+    samples = departure.time.size
+    tenth, stiffness = max(1, samples // 10), np.asarray(model.stiffness)
+
+    def largest(part: slice) -> float:
+        energies = (
+            np.max(velocity**2 @ stability.mass + np.einsum("ti,ij,tj->t", displacement, stiffness, displacement))
+            for _, displacement, velocity in departure.pieces(part)
+        )
+        return float(np.sqrt(max(energies)))
+
+    first = largest(slice(0, tenth))
+    return largest(slice(samples - tenth, samples)) / first if first > 0 else 1.0  # displaced, and no energy in it
 
 
 def _unmeasured(mode: Mode) -> ModeComparison:
@@ -156,22 +163,21 @@ def _unmeasured(mode: Mode) -> ModeComparison:
 
 def _compare_mode(mode: Mode, stability: Stability, departure: Departure, growing: slice) -> ModeComparison:
     result = _unmeasured(mode)
-    time, displacement = departure.time[growing], departure.displacement[growing]
+    time = departure.time[growing]
     if not departure.started:
         return result._replace(note="nothing was started")
     if time.size < FEWEST_FOR_SPECTRUM:
         whole = departure.time.size == time.size
         return result._replace(note="the record is too short" if whole else "nonlinear from the start, or nearly so")
-    signal = departure.modal(mode)[growing]
-    size = np.abs(signal)
-    main = stability.coordinates.index(mode.name)
-    if not displacement[:, main].any() or size.max() <= UNEXCITED_SHARE * np.abs(displacement).max():
+    signal = departure.modal(mode, growing)
+    size, own = np.abs(signal), departure.column(mode.name, growing)
+    if not own.any() or size.max() <= UNEXCITED_SHARE * departure.largest(growing).max():
         return result._replace(note=NOT_EXCITED)
-    clean = (size > 0) & (size >= CLEAN_SHARE * np.maximum.accumulate(np.abs(displacement[:, main])))
+    clean = (size > 0) & (size >= CLEAN_SHARE * np.maximum.accumulate(np.abs(own)))
     last = time.size if clean.all() else int(np.argmin(clean))
     if last < FEWEST_FOR_SPECTRUM or (time[last - 1] - time[0]) * mode.frequency_Hz < FEWEST_PERIODS:
         return result._replace(note=_too_few(last, time.size, departure.time.size))
-    spectrum = amplitude_spectrum(displacement[:last, main], departure.sample_rate)
+    spectrum = amplitude_spectrum(own[:last], departure.sample_rate)
     peak = peak_near(spectrum, mode.frequency_Hz, half_width=_reach(mode, stability))
     return result._replace(
         measured_frequency_Hz=None if peak is None else peak.frequency_Hz,

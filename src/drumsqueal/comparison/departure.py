@@ -1,6 +1,6 @@
 """The departure from steady sliding, and how far it has come towards the edges."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import jax
 import numpy as np
@@ -17,6 +17,7 @@ from drumsqueal.signals import Spectrum, amplitude_spectrum, modal_amplitudes
 
 ROTATIONS = ("Tx", "Ty", "Tz")
 FEWEST_FOR_SPECTRUM = 16  # samples
+PIECE = 2**14  # samples that are read at a time
 LIFTED_SHARE = 0.1  # of the lining
 FRACTION_ROUND_OFF = 1e-12  # of a share of the lining, which is a sum over some hundred nodes
 
@@ -32,57 +33,124 @@ def levers(coordinates: Sequence[str], shoe: RigidShoe) -> NDArray[np.float64]:
 
 
 class Departure:
-    """A history seen from steady sliding: displacement and velocity (time, n) over the stability's coordinates."""
+    """A history seen from steady sliding, over the stability's coordinates.
+
+    It is read where it lies, on disk maybe, piece by piece or column by column: nothing but the times is held.
+    """
 
     def __init__(self, history: xarray.Dataset, stability: Stability) -> None:
-        """Subtract the steady state."""
-        index = [COORDINATES.index(name) for name in stability.coordinates]
+        """Name the history and its steady state."""
+        self._history, self._steady = history, np.asarray(stability.steady_state)
+        self._index = [COORDINATES.index(name) for name in stability.coordinates]
         self.coordinates = stability.coordinates
         self.time: NDArray[np.float64] = history["time"].values
-        self.displacement: NDArray[np.float64] = history["displacement"].values[:, index] - stability.steady_state
-        self.velocity: NDArray[np.float64] = history["velocity"].values[:, index]
+
+    @property
+    def displacement(self) -> NDArray[np.float64]:
+        """All displacements (time, n), read anew."""
+        return self.displacement_in(slice(None))
+
+    @property
+    def velocity(self) -> NDArray[np.float64]:
+        """All velocities (time, n), read anew."""
+        return self.velocity_in(slice(None))
+
+    def displacement_in(self, part: slice) -> NDArray[np.float64]:
+        """Displacement (time, n) in a part of the record."""
+        found = np.empty((self.time[part].size, len(self._index)))
+        for rows, piece in self._pieces("displacement", part):
+            found[rows] = piece - self._steady
+        return found
+
+    def velocity_in(self, part: slice) -> NDArray[np.float64]:
+        """Velocity (time, n) in a part of the record."""
+        found = np.empty((self.time[part].size, len(self._index)))
+        for rows, piece in self._pieces("velocity", part):
+            found[rows] = piece
+        return found
+
+    def column(self, coordinate: str, part: slice = slice(None), *, of: str = "displacement") -> NDArray[np.float64]:
+        """Displacement, or velocity, of a coordinate (time,) in a part of the record."""
+        k = self.coordinates.index(coordinate)
+        found = np.empty(self.time[part].size)
+        for rows, piece in self._pieces(of, part):
+            found[rows] = piece[:, k] - (self._steady[k] if of == "displacement" else 0.0)
+        return found
+
+    def pieces(self, part: slice = slice(None)) -> Iterator[tuple[slice, NDArray[np.float64], NDArray[np.float64]]]:
+        """Rows of the part, displacement and velocity (rows, n) of it, piece by piece."""
+        both = zip(self._pieces("displacement", part), self._pieces("velocity", part), strict=True)
+        for (rows, displacement), (_, velocity) in both:
+            yield rows, displacement - self._steady, velocity
+
+    def _pieces(self, name: str, part: slice) -> Iterator[tuple[slice, NDArray[np.float64]]]:
+        first, stop, _ = part.indices(self.time.size)
+        for start in range(first, stop, PIECE):
+            end = min(start + PIECE, stop)
+            values = self._history[name].isel(time=slice(start, end)).values
+            yield slice(start - first, end - first), values[:, self._index]
 
     @property
     def sample_rate(self) -> float:
         """Samples per second (Hz)."""
         return (self.time.size - 1) / float(self.time[-1] - self.time[0])
 
+    def extremes(self, part: slice = slice(None)) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Smallest and largest displacement (n,) in a part of the record."""
+        found = [(piece.min(axis=0), piece.max(axis=0)) for _, piece in self._pieces("displacement", part)]
+        low, high = np.array([low for low, _ in found]).min(axis=0), np.array([high for _, high in found]).max(axis=0)
+        return low - self._steady, high - self._steady
+
+    def largest(self, part: slice = slice(None)) -> NDArray[np.float64]:
+        """Largest size of the displacement (n,) in a part of the record."""
+        return np.max(np.abs(self.extremes(part)), axis=0)
+
+    def mean_square_velocity(self, part: slice = slice(None)) -> NDArray[np.float64]:
+        """Mean of the squared velocity (n,) in a part of the record."""
+        sums = [np.sum(piece**2, axis=0) for _, piece in self._pieces("velocity", part)]
+        return np.sum(sums, axis=0) / self.time[part].size
+
     @property
     def largest_rotation(self) -> float:
         """Largest rotation of the record (rad)."""
         columns = [k for k, name in enumerate(self.coordinates) if name in ROTATIONS]
-        return float(np.abs(self.displacement[:, columns]).max(initial=0.0))
+        return float(self.largest()[columns].max(initial=0.0))
 
     @property
     def started(self) -> bool:
         """Whether the record begins away from steady sliding."""
-        return bool(np.any(self.displacement[0] != 0) or np.any(self.velocity[0] != 0))
+        first = slice(0, 1)
+        return bool(np.any(self.displacement_in(first) != 0) or np.any(self.velocity_in(first) != 0))
 
-    def modal(self, mode: Mode) -> NDArray[np.complex128]:
+    def modal(self, mode: Mode, part: slice = slice(None)) -> NDArray[np.complex128]:
         """Complex amplitude 2 leftᴴ y of a mode (time,); its modulus is that of the named coordinate, in m or rad."""
-        states = np.hstack([self.displacement, self.velocity])
-        return 2 * modal_amplitudes(mode.left[:, None], states)[:, 0]
+        found = np.empty(self.time[part].size, dtype=np.complex128)
+        for rows, displacement, velocity in self.pieces(part):
+            found[rows] = 2 * modal_amplitudes(mode.left[:, None], np.hstack([displacement, velocity]))[:, 0]
+        return found
 
-    def wide(self) -> tuple[list[NDArray[np.float64]], list[NDArray[np.float64]]]:
-        """Displacement and velocity of all six coordinates, zero where left out: six arrays (time,) each."""
-        zero = np.zeros(self.time.size)
+    def wide(self, columns: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+        """Displacements or velocities (time, n) of all six coordinates, zero where left out: six arrays (time,)."""
+        zero = np.zeros(len(columns))
         found = {name: k for k, name in enumerate(self.coordinates)}
-        displacement = [self.displacement[:, found[n]] if n in found else zero for n in COORDINATES]
-        return displacement, [self.velocity[:, found[n]] if n in found else zero for n in COORDINATES]
+        return [columns[:, found[name]] if name in found else zero for name in COORDINATES]
 
-    def spectra(self, part: slice) -> dict[str, Spectrum]:
+    def spectra(self, part: slice) -> Iterator[tuple[str, Spectrum]]:
         """Displacement spectra of the coordinates that move in a part of the record (none if it is too short)."""
-        displacement = self.displacement[part]
-        if len(displacement) < FEWEST_FOR_SPECTRUM:
-            return {}
-        moving = [k for k in range(len(self.coordinates)) if np.ptp(displacement[:, k]) > 0]
-        return {self.coordinates[k]: amplitude_spectrum(displacement[:, k], self.sample_rate) for k in moving}
+        if self.time[part].size < FEWEST_FOR_SPECTRUM:
+            return
+        for name in self.coordinates:
+            if np.ptp(self.column(name, part)) > 0:
+                yield name, amplitude_spectrum(self.column(name, part), self.sample_rate)
 
 
 def changes(model: Model, time: NDArray[np.float64]) -> bool:
     """Whether drum speed or load change within these times (s)."""
-    moments = jax.vmap(model.operation.at)(time)
-    return any(np.ptp(np.asarray(value)) > 0 for value in (moments.drum_speed, moments.preload))
+    found = []
+    for start in range(0, time.size, PIECE):
+        moments = jax.vmap(model.operation.at)(time[start : start + PIECE])
+        found += [[f(np.asarray(each)) for f in (np.min, np.max) for each in (moments.drum_speed, moments.preload)]]
+    return bool(found) and bool(np.any(np.ptp(np.array(found).reshape(-1, 2), axis=0) > 0))
 
 
 def edge_share(departure: Departure, model: Model) -> NDArray[np.float64]:
@@ -92,9 +160,12 @@ def edge_share(departure: Departure, model: Model) -> NDArray[np.float64]:
     whole circle, so where the steady pressure is uniform neither has happened below 1. Without separation, or without
     friction, there is no such edge.
     """
-    q, v = departure.wide()
-    moments = jax.vmap(model.operation.at)(departure.time)
-    return np.maximum(pressure_share(model, q, moments.preload), slip_share(model, v, moments.drum_speed))
+    share = np.empty(departure.time.size)
+    for rows, displacement, velocity in departure.pieces():
+        q, v = departure.wide(displacement), departure.wide(velocity)
+        moments = jax.vmap(model.operation.at)(departure.time[rows])
+        share[rows] = np.maximum(pressure_share(model, q, moments.preload), slip_share(model, v, moments.drum_speed))
+    return share
 
 
 def first_edge(history: xarray.Dataset, stability: Stability, model: Model) -> float | None:

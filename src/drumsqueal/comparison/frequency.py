@@ -56,7 +56,7 @@ def follow_frequency(
     mode = next((mode for mode in stability.modes if mode.label == saturation.nearest_mode), None)
     if main is None or mode is None:
         return None
-    signal = departure.displacement[:, departure.coordinates.index(main.coordinate)]
+    signal = departure.column(main.coordinate)
     ends = sorted((main.frequency_Hz, mode.frequency_Hz))
     low, high = ends[0] / ROOM, min(ends[1] * ROOM, 0.45 * departure.sample_rate)
     if signal.size * 0.5 * (low + high) < 2 * PERIODS * departure.sample_rate or high <= low:

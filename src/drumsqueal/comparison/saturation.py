@@ -73,15 +73,15 @@ def describe_saturation(
     """Describe the motion after the first edge at `edge` (s); None where too little was recorded to look at."""
     part = saturated_part(departure.time, edge)
     modes = _taking_part(departure, stability)
-    samples = departure.displacement[part]
-    if len(samples) < FEWEST_SAMPLES:
+    count = departure.time[part].size
+    if count < FEWEST_SAMPLES:
         return None
     # Half the lowest onset frequency leaves room for the drop that contact loss brings. Where nothing oscillates, rest
     # can be told all the same.
-    duration = len(samples) / departure.sample_rate
+    duration = count / departure.sample_rate
     lowest = min((mode.frequency_Hz for mode in modes), default=2 * PERIODS_NEEDED / duration) / 2
     scale = size_of_motion(departure, stability, model)
-    regime = classify(samples, departure.sample_rate, scale=scale, lowest_frequency=lowest)
+    regime = classify(departure.displacement_in(part), departure.sample_rate, scale=scale, lowest_frequency=lowest)
     regime = decay_to_rest(regime, departure, part, stability, modes, model)
     drifts = regime.kind == "unknown" and regime.amplitude_drift is not None
     if drifts and changes(model, departure.time[part]):
@@ -104,22 +104,23 @@ def describe_saturation(
 
 def describe_motion(departure: Departure, part: slice, stability: Stability, model: Model) -> Motion:
     """Describe the motion in a part of the record, whatever its kind."""
-    amplitude = np.ptp(departure.displacement[part], axis=0) / 2
+    amplitude = np.ptp(departure.extremes(part), axis=0) / 2
     named = {name: float(size) for name, size in zip(stability.coordinates, amplitude, strict=True)}
     if np.all(amplitude < STEADY * size_of_motion(departure, stability, model)):
         return Motion(named, {}, (), None)
-    energy = stability.mass * np.mean(departure.velocity[part] ** 2, axis=0)
+    energy = stability.mass * departure.mean_square_velocity(part)
     shares = {name: float(e / energy.sum()) for name, e in zip(stability.coordinates, energy, strict=True)}
     lines = _lines(departure, part)
     return Motion(named, shares, lines, _main_line(lines, stability))
 
 
 def _lines(departure: Departure, part: slice) -> tuple[Line, ...]:
-    return tuple(
-        Line(name, float(frequency), float(size))
-        for name, spectrum in departure.spectra(part).items()
-        for frequency, size in zip(*spectral_peaks(spectrum, count=PEAKS, floor=PEAK_FLOOR), strict=True)
-    )
+    found: list[Line] = []
+    for name, spectrum in departure.spectra(part):
+        peaks = zip(*spectral_peaks(spectrum, count=PEAKS, floor=PEAK_FLOOR), strict=True)
+        found += [Line(name, float(frequency), float(size)) for frequency, size in peaks]
+        del spectrum  # before the next is made
+    return tuple(found)
 
 
 def size_of_motion(departure: Departure, stability: Stability, model: Model) -> NDArray[np.float64]:
@@ -127,7 +128,7 @@ def size_of_motion(departure: Departure, stability: Stability, model: Model) -> 
 
     Without pressure or without contact stiffness it is the largest departure of the record.
     """
-    largest = np.abs(departure.displacement).max(axis=0)
+    largest = departure.largest()
     stiffness = float(model.lining.law.stiffness)
     lost = stability.pressure_range[1] / stiffness if stiffness > 0 else 0.0
     if lost > 0:
@@ -144,9 +145,7 @@ def _main_line(lines: tuple[Line, ...], stability: Stability) -> Line | None:
 def _taking_part(departure: Departure, stability: Stability) -> tuple[Mode, ...]:
     """The unstable modes (all modes if none is) whose coordinate moves at some time."""
     moving = {
-        name
-        for name, size in zip(departure.coordinates, np.ptp(departure.displacement, axis=0), strict=True)
-        if size > 0
+        name for name, size in zip(departure.coordinates, np.ptp(departure.extremes(), axis=0), strict=True) if size > 0
     }
     able = tuple(mode for mode in stability.modes if mode.name in moving)
     return tuple(mode for mode in able if mode.unstable) or able

@@ -53,8 +53,12 @@ def explain_frequency(
     """
     index = {name: k for k, name in enumerate(departure.coordinates)}
     every = max(1, departure.time[part].size // MOST_SAMPLES)
-    q = (departure.displacement[part] + steady)[::every]
-    v, time = departure.velocity[part][::every], departure.time[part][::every]
+    time = departure.time[part][::every]
+    q, v = np.empty((time.size, len(index))), np.empty((time.size, len(index)))
+    for rows, displacement, velocity in departure.pieces(part):
+        first = -rows.start % every  # of those that are taken
+        taken = slice(-(-rows.start // every), -(-rows.stop // every))
+        q[taken], v[taken] = displacement[first::every] + steady, velocity[first::every]
     shapes, area = _points(model, q, index)
     moment = [model.operation.at(t) for t in (time[0], time[-1])]
     preload, speed = (0.5 * sum(float(getattr(m, field)) for m in moment) for field in ("preload", "drum_speed"))

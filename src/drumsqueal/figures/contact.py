@@ -78,7 +78,7 @@ def _evaluate(view: View) -> _Field | None:
     # A few samples more keep the ends of the interpolation out of the picture.
     part = slice(max(0, first - 8), view.time.size)
     names = [view.result.history["coordinate"].values.tolist().index(name) for name in view.model.names]
-    states = [view.result.history[kind].values[part][:, names] for kind in ("displacement", "velocity")]
+    states = [view.result.history[kind].isel(time=part).values[:, names] for kind in ("displacement", "velocity")]
     if len(states[0]) < 8:
         return None
     samples, motion = view.time[part], np.concatenate(states, axis=1)

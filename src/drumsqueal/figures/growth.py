@@ -23,7 +23,7 @@ DASHES = (0, (4, 3))
 @style.styled()
 def draw_growth(view: View) -> Figure | None:
     """Draw the amplitude of each mode with its predicted slope; None where no mode moved or too little was recorded."""
-    if not view.readable or not view.amplitudes:
+    if not view.readable or not view.modes:
         return None
     figure = style.new_figure(view.title, "growth of the modes")
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
@@ -59,7 +59,7 @@ def _draw_mode(view: View, axes: Axes, mode: Mode, shown: slice) -> Artist:
     """Draw one mode and return its entry in the legend."""
     factor, colour = style.time_unit(view.time[-1])[0], style.COLOUR[mode.name]
     compared = view.compared(mode)
-    time, low, mean, high = running(view, view.amplitudes[mode.label], shown)
+    time, low, mean, high = running(view, view.amplitude(mode, shown), shown)
     axes.fill_between(time * factor, low, high, color=colour, alpha=0.2, linewidth=0)
     (line,) = axes.plot(time * factor, mean, color=colour, linewidth=1.3, label=_entry(mode, compared))
     slope_time, slope = _slope(view, mode, compared)
@@ -79,17 +79,17 @@ def _slope(view: View, mode: Mode, compared: ModeComparison) -> tuple[NDArray[np
     """Times (s) and the predicted exponential through the fitted start, as far as twice the time of the first edge."""
     edge, growth = view.result.comparison.edge_reached_s, compared.measured_growth
     time = np.array([view.time[0], view.time[-1] if edge is None else min(2 * edge, view.time[-1])])
-    first = view.amplitudes[mode.label][0]
+    first = view.amplitude(mode, slice(0, 1))[0]
     start = first if growth is None else growth.amplitude_at_start * view.micrometres(mode.name)
     # Cut off where the number would leave what a double holds, far outside the frame.
     return time, start * np.exp(np.clip(mode.growth_rate * (time - time[0]), -500.0, 500.0))
 
 
 def _set_limits(view: View, axes: Axes, shown: slice) -> None:
-    sizes = np.stack([view.amplitudes[mode.label][shown] for mode in view.modes])
-    top = float(sizes.max())
+    top = float(max(view.amplitude(mode, shown).max() for mode in view.modes))
+    begins = min(view.amplitude(mode, slice(0, 1))[0] for mode in view.modes)
     # A decaying mode leaves the frame below: how it begins decides how far down that goes.
-    bottom = max(float(sizes[:, 0].min()) / 10, top * 10.0**-DECADES)
+    bottom = max(float(begins) / 10, top * 10.0**-DECADES)
     axes.set_ylim(min(bottom, top / 100), top * 2)
     axes.yaxis.set_minor_formatter(NullFormatter())
 

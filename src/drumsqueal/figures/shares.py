@@ -10,6 +10,7 @@ from drumsqueal.figures.placement import COLUMNS, label_right_edge
 from drumsqueal.figures.view import View
 
 PERIODS = 3  # of the main frequency, over which fast oscillation is averaged
+AT_ONCE = 2**17  # samples in the windows that are sorted together
 BAND = (5, 95)  # percentiles within them that bound the band drawn
 
 
@@ -23,7 +24,7 @@ def draw_shares(view: View, axes: Axes, shown: slice) -> None:
     ):
         if name == "sticking" and not view.result.history[name].any():
             continue
-        time, low, mean, high = running(view, 100 * view.result.history[name].values, shown)
+        time, low, mean, high = running(view, 100 * view.result.history[name].values[shown], shown)
         axes.fill_between(time * factor, low, high, color=colour, alpha=0.25, linewidth=0)
         axes.plot(time * factor, mean, color=colour)
         labels.append((float(mean[-1]), text, colour))
@@ -33,11 +34,18 @@ def draw_shares(view: View, axes: Axes, shown: slice) -> None:
 
 
 def running(view: View, values: NDArray[np.float64], shown: slice) -> tuple[NDArray[np.float64], ...]:
-    """Times (s) of the middles of overlapping windows, and lower percentile, mean and upper percentile in them."""
+    """Times (s) of the middles of overlapping windows, and lower percentile, mean and upper percentile in them.
+
+    `values` are those of the samples `shown`.
+    """
     frequency = view.main_frequency or view.departure.sample_rate
-    values = values[shown]
     window = min(max(1, round(PERIODS * view.departure.sample_rate / frequency)), max(1, values.size // 8))
     step = max(1, window // 4, values.size // COLUMNS)
     windows = sliding_window_view(values, window)[::step]
-    low, high = np.percentile(windows, BAND, axis=1)
-    return view.time[shown][window // 2 :: step][: len(windows)], low, windows.mean(axis=1), high
+    low, mean, high = (np.empty(len(windows)) for _ in range(3))
+    together = max(1, AT_ONCE // window)
+    for first in range(0, len(windows), together):
+        some = slice(first, first + together)
+        low[some], high[some] = np.percentile(windows[some], BAND, axis=1)
+        mean[some] = windows[some].mean(axis=1)
+    return view.time[shown][window // 2 :: step][: len(windows)], low, mean, high

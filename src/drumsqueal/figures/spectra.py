@@ -1,12 +1,15 @@
 """Spectra of the growth phase and of the saturated part beside the predicted frequencies."""
 
+from typing import NamedTuple
+
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from drumsqueal.figures import style
 from drumsqueal.figures.placement import extremes, label_top_edge
 from drumsqueal.figures.view import View
-from drumsqueal.signals import Spectrum
 
 DECADES = 6  # of amplitude shown
 AT = 5e-4  # a smaller shift is none
@@ -24,16 +27,16 @@ def draw_spectra(view: View) -> Figure | None:
         parts.append(("Saturated motion" if settled else "End of the record", view.saturated))
     if not view.readable or not view.modes:
         return None
-    spectra = [(name, part, view.departure.spectra(part)) for name, part in parts]
+    highest = min(view.departure.sample_rate / 2, ABOVE * max(mode.frequency_Hz for mode in view.modes))
+    spectra = [(name, part, _outlines(view, part, highest)) for name, part in parts]
     spectra = [entry for entry in spectra if entry[2]]
     if not spectra:
         return None
     figure = style.new_figure(view.title, "displacement spectra")
     rows = figure.subplots(len(spectra), 1, sharex=True, squeeze=False)[:, 0]
-    highest = min(view.departure.sample_rate / 2, ABOVE * max(mode.frequency_Hz for mode in view.modes))
     for axes, (name, part, found) in zip(rows, spectra, strict=True):
         axes.set_xlim(0, highest / 1e3)
-        _draw(view, axes, found, highest)
+        _draw(axes, found)
         axes.set_title(_caption(view, name, part, found), loc="left", pad=4, fontsize=style.TEXT_SIZE)
         for mode in view.modes:
             colour = style.COLOUR[mode.name]
@@ -60,20 +63,36 @@ def draw_spectra(view: View) -> Figure | None:
     return figure
 
 
-def _draw(view: View, axes: Axes, found: dict[str, Spectrum], highest: float) -> None:
-    top = 0.0
-    for coordinate, spectrum in found.items():
-        kept = spectrum.frequency_Hz <= highest
-        amplitude = spectrum.amplitude[kept] * view.micrometres(coordinate)
-        starts, _, largest = extremes(amplitude)
-        top = max(top, float(largest.max()))
-        axes.plot(spectrum.frequency_Hz[kept][starts] / 1e3, largest, color=style.COLOUR[coordinate], label=coordinate)
+class _Outline(NamedTuple):
+    """What a figure shows of a spectrum: frequency (Hz), largest amplitude (µm) about it, resolution (Hz)."""
+
+    frequency_Hz: NDArray[np.float64]
+    largest: NDArray[np.float64]
+    resolution_Hz: float
+
+
+def _outlines(view: View, part: slice, highest: float) -> dict[str, _Outline]:
+    """The spectra of a part of the record, each brought to the size of the figure before the next is computed."""
+    found = {}
+    for coordinate, spectrum in view.departure.spectra(part):
+        stop = int(np.searchsorted(spectrum.frequency_Hz, highest, side="right"))
+        starts, _, largest = extremes(spectrum.amplitude[:stop])
+        shown = largest * view.micrometres(coordinate)
+        found[coordinate] = _Outline(spectrum.frequency_Hz[starts], shown, spectrum.resolution_Hz)
+        del spectrum  # before the next is made
+    return found
+
+
+def _draw(axes: Axes, found: dict[str, _Outline]) -> None:
+    top = max(float(each.largest.max()) for each in found.values())
+    for coordinate, each in found.items():
+        axes.plot(each.frequency_Hz / 1e3, each.largest, color=style.COLOUR[coordinate], label=coordinate)
     axes.set_yscale("log")
     axes.set_ylim(top * 10.0**-DECADES, top * 4)
     style.frame(axes, None, None)
 
 
-def _caption(view: View, name: str, part: slice, found: dict[str, Spectrum]) -> str:
+def _caption(view: View, name: str, part: slice, found: dict[str, _Outline]) -> str:
     factor, unit = style.time_unit(view.time[-1])
     first, last = view.time[part][0] * factor, view.time[part][-1] * factor
     resolution = next(iter(found.values())).resolution_Hz

@@ -1,15 +1,19 @@
 """Frequency content over time of the coordinate that moves most."""
 
+from collections.abc import Iterator
+
 import numpy as np
 from matplotlib.figure import Figure
 
 from drumsqueal.figures import style
 from drumsqueal.figures.placement import label_right_edge
 from drumsqueal.figures.view import View
-from drumsqueal.signals import spectrogram
+from drumsqueal.signals import Spectrogram, spectrogram_pieces
 
 RANGE_DB = 90.0  # dynamic range shown
 PERIODS, FEWEST_PERIODS = 16.0, 3.0  # of the lowest mode in a window
+OVERLAP = 0.875  # of neighbouring windows
+MOST_COLUMNS = 2000  # or little more; a page has no room for them
 WINDOWS = 4  # that must fit side by side into the record
 ABOVE = 1.25  # highest frequency shown over that of the highest mode
 
@@ -27,12 +31,14 @@ def draw_spectrogram(view: View) -> Figure | None:
     if periods < FEWEST_PERIODS:
         return None
     name = view.energetic
-    signal = view.departure.velocity[:, view.departure.coordinates.index(name)]
-    content = spectrogram(signal, rate, lowest_frequency=lowest, periods=periods)
+    signal = view.departure.column(name, of="velocity")
     highest = min(rate / 2, ABOVE * max(mode.frequency_Hz for mode in view.modes))
-    kept = content.frequency_Hz <= highest
+    columns = max(1, round(signal.size / rate * lowest / periods / (1 - OVERLAP) / MOST_COLUMNS))
+    content = _shown(
+        spectrogram_pieces(signal, rate, lowest_frequency=lowest, periods=periods, overlap=OVERLAP), highest, columns
+    )
     peak = content.amplitude.max()
-    level = 20 * np.log10(np.maximum(content.amplitude[kept] / peak, 10 ** (-RANGE_DB / 20 - 1)))
+    level = 20 * np.log10(np.maximum(content.amplitude / peak, 10 ** (-RANGE_DB / 20 - 1)))
     factor, unit = style.time_unit(view.time[-1])
     figure = style.new_figure(view.title, f"spectrogram of the velocity of {name}")
     axes = figure.subplots()
@@ -43,7 +49,7 @@ def draw_spectrogram(view: View) -> Figure | None:
         cmap="magma",
         vmin=-RANGE_DB,
         vmax=0,
-        extent=_edges((view.time[0] + content.time_s) * factor) + _edges(content.frequency_Hz[kept] / 1e3),
+        extent=_edges((view.time[0] + content.time_s) * factor) + _edges(content.frequency_Hz / 1e3),
     )
     style.frame(axes, f"Time ({unit}), middle of a window of {periods / lowest * 1e3:.3g} ms", "Frequency (kHz)")
     axes.set_ylim(0, highest / 1e3)
@@ -59,6 +65,19 @@ def draw_spectrogram(view: View) -> Figure | None:
         labels.append((mode.frequency_Hz / 1e3, f"{mode.label} {mode.frequency_Hz:.0f} Hz", style.COLOUR[mode.name]))
     label_right_edge(axes, labels, reach=6.0)
     return figure
+
+
+def _shown(pieces: Iterator[Spectrogram], highest: float, together: int) -> Spectrogram:
+    """A spectrogram up to a frequency (Hz), with the mean of so many neighbouring columns in place of each of them."""
+    parts = []
+    for piece in pieces:
+        kept, count = piece.frequency_Hz <= highest, piece.time_s.size
+        starts = np.arange(0, count, together)
+        sizes = np.diff(np.append(starts, count))
+        time = np.add.reduceat(piece.time_s, starts) / sizes
+        parts.append((time, piece.frequency_Hz[kept], np.add.reduceat(piece.amplitude[kept], starts, axis=1) / sizes))
+    times, frequencies, amplitudes = zip(*parts, strict=True)
+    return Spectrogram(np.concatenate(times), frequencies[0], np.concatenate(amplitudes, axis=1))
 
 
 def _edges(centres: np.ndarray) -> tuple[float, float]:

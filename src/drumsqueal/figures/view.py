@@ -41,9 +41,7 @@ class View:
     @cached_property
     def readable(self) -> bool:
         """Whether there are samples enough, and motion, to draw a history."""
-        return self.time.size >= FEWEST_FOR_SPECTRUM and bool(
-            np.any(np.ptp(self.departure.displacement, axis=0) > REST)
-        )
+        return self.time.size >= FEWEST_FOR_SPECTRUM and bool(np.any(np.ptp(self.departure.extremes(), axis=0) > REST))
 
     @property
     def growing(self) -> slice:
@@ -61,19 +59,16 @@ class View:
         start = 0.0 if self.saturation is None else self.saturation.start_s
         return slice(int(np.searchsorted(self.time, start)), self.time.size)
 
-    @cached_property
-    def amplitudes(self) -> dict[str, NDArray[np.float64]]:
-        """Amplitude (µm, rotations times the outer radius) of each mode that takes part, by label."""
-        able = [mode for mode in self.result.stability.modes if mode.name in self.model.names]
-        sizes = [np.abs(self.departure.modal(mode)) for mode in able]
-        least = UNEXCITED_SHARE * np.abs(self.departure.displacement).max()
-        pairs = zip(able, sizes, strict=True)
-        return {mode.label: size * self.micrometres(mode.name) for mode, size in pairs if size.max() > least}
+    def amplitude(self, mode: Mode, part: slice = slice(None)) -> NDArray[np.float64]:
+        """Amplitude (time,) of a mode in a part of the record (µm, rotations times the outer radius), computed anew."""
+        return np.abs(self.departure.modal(mode, part)) * self.micrometres(mode.name)
 
-    @property
+    @cached_property
     def modes(self) -> tuple[Mode, ...]:
         """The modes that take part in the motion, by rising frequency."""
-        return tuple(mode for mode in self.result.stability.modes if mode.label in self.amplitudes)
+        least = UNEXCITED_SHARE * self.departure.largest().max()
+        able = [mode for mode in self.result.stability.modes if mode.name in self.model.names]
+        return tuple(mode for mode in able if self.amplitude(mode).max() > least * self.micrometres(mode.name))
 
     def compared(self, mode: Mode) -> ModeComparison:
         """What the transient did with a mode."""
@@ -86,10 +81,10 @@ class View:
     @cached_property
     def energetic(self) -> str:
         """The coordinate with the most kinetic energy."""
-        energy = self.result.stability.mass * np.mean(self.departure.velocity**2, axis=0)
+        energy = self.result.stability.mass * self.departure.mean_square_velocity()
         return self.departure.coordinates[int(np.argmax(energy))]
 
-    @property
+    @cached_property
     def main_frequency(self) -> float | None:
         """Frequency (Hz) of the strongest saturated line, or of the mode that is strongest at the end of the record."""
         if self.saturation is not None and self.saturation.main is not None:
@@ -98,7 +93,9 @@ class View:
         mass = dict(zip(self.result.stability.coordinates, self.result.stability.mass, strict=True))
 
         def energy(mode: Mode) -> float:
-            size = float(np.mean(self.amplitudes[mode.label][-last:])) / self.micrometres(mode.name)
+            size = float(np.mean(self.amplitude(mode, slice(self.time.size - last, None)))) / self.micrometres(
+                mode.name
+            )
             return mass[mode.name] * (mode.frequency_Hz * size) ** 2
 
         strongest = max(self.modes, key=energy, default=None)
@@ -107,8 +104,9 @@ class View:
     def surface_motion(self, part: slice) -> NDArray[np.float64]:
         """u_θ (m) and its rate (m/s) at the middle of the lining, θ = z = 0, for a part of the record (time, 2)."""
         offset = self.radius - float(self.model.shoe.centroid)
-        displacement, velocity = self.departure.wide()
-        return np.stack([(offset * q[TZ] + q[Y])[part] for q in (displacement, velocity)], axis=1)
+        departure = self.departure
+        both = (departure.wide(columns) for columns in (departure.displacement_in(part), departure.velocity_in(part)))
+        return np.stack([offset * q[TZ] + q[Y] for q in both], axis=1)
 
 
 def rate_text(rate: float, mode: Mode) -> str:

@@ -86,8 +86,8 @@ class HistoryFile:
         _tell(self.path, self.reached, outcome)
 
     def read(self) -> xarray.Dataset:
-        """The samples computed, in memory."""
-        return xarray.load_dataset(self.path, engine="h5netcdf").isel(time=slice(self.reached.samples))
+        """The samples computed, on disk: what is looked at is read each time, and not kept."""
+        return xarray.open_dataset(self.path, engine="h5netcdf", cache=False).isel(time=slice(self.reached.samples))
 
     def _so_far(self, reached: Reached) -> str:
         """The outcome of a run that is killed before it has any."""

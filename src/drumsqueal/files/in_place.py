@@ -6,22 +6,61 @@ attributes of fixed length, which HDF5 writes in one piece: a program may be kil
 
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import h5py
 import numpy as np
 
+from drumsqueal.files.ordinary import NotOrdinaryError, open_ordinary
+
+_MOST_BYTES = 2**36  # of a file of results; a thousand seconds of all signals at 192 kHz are 37 GB
+MOST_COMPRESSED = 1100  # times; no data are compressed further by what HDF5 has of its own
+
 
 @contextmanager
 def opened(path: Path, mode: str = "r+") -> Iterator[h5py.File]:
-    """The file as HDF5 sees it; raises OSError."""
+    """The file as HDF5 sees it; raises OSError, to read it also NotOrdinaryError, as `content_of` does."""
     try:
-        # Without a lock, so that a look at the file from elsewhere does not stop the run.
-        with h5py.File(path, mode, locking=False) as file:
-            yield file
+        if mode == "r":
+            with content_of(path) as content, h5py.File(content, mode) as file:
+                yield file
+        else:
+            # Without a lock, so that a look at the file from elsewhere does not stop the run.
+            with h5py.File(path, mode, locking=False) as file:
+                yield file
     except RuntimeError as error:  # what h5py raises when a disk fails while a file is closed
         raise OSError(str(error)) from None
+
+
+@contextmanager
+def content_of(path: Path) -> Iterator[BinaryIO]:
+    """An HDF5 file to be read, all of whose data lie in it.
+
+    Raises NotOrdinaryError for one that leads to other files or claims more data than it can hold, and OSError for what
+    HDF5 does not open.
+    """
+    with open_ordinary(path, _MOST_BYTES) as content:
+        size = content.seek(0, 2)
+        with h5py.File(content, "r") as file:
+            try:
+                claimed = sum(map(partial(_own_bytes, file), file))
+            except (KeyError, RuntimeError, TypeError, ValueError) as error:  # what h5py raises for one that is damaged
+                raise OSError(str(error)) from None
+            if claimed > MOST_COMPRESSED * size:
+                raise NotOrdinaryError("it claims to hold more data than there can be in it")
+        yield content
+
+
+def _own_bytes(file: h5py.File, name: str) -> int:
+    """Bytes of the data of a variable; raises NotOrdinaryError where they are not in this very file."""
+    found = file[name] if isinstance(file.get(name, getlink=True), h5py.HardLink) else None
+    if not isinstance(found, h5py.Dataset):
+        raise NotOrdinaryError(f"{name} in it is a link or a group, of which results have none")
+    if found.is_virtual or found.external:
+        raise NotOrdinaryError(f"the data of {name} are in another file")
+    return found.nbytes
 
 
 def variable(file: h5py.File, name: str) -> h5py.Dataset:

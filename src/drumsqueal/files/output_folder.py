@@ -1,9 +1,10 @@
 """The folder of results: what is written into it, and that nothing there is overwritten unasked."""
 
+import errno
 import os
 import tempfile
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 
 from drumsqueal.errors import RequestError
@@ -102,7 +103,7 @@ def check_output(folder: Path, files: Iterable[str], *, overwrite: bool) -> None
         taken = [path for path in paths if _is_there(path)]
         folders = [path for path in (*taken, *map(part_of, paths)) if path.is_dir()]
     except OSError as error:  # a name that is too long, a loop of links, a parent that may not be searched
-        raise _unusable(folder, error) from None
+        raise unusable(folder, error) from None
     if folders:
         raise RequestError(f"{folders[0]} is a folder, where a file is to go; choose another folder with -o")
     if taken and not overwrite:
@@ -149,31 +150,14 @@ def check_ending(path: Path, endings: Iterable[str], what: str) -> None:
         raise RequestError(f"{path}: {what} ends in {' or '.join(endings)}; give -o such a name")
 
 
-@contextmanager
-def claimed(folder: Path, files: Iterable[str], *, but: Iterable[str] = ()) -> Iterator[list[str]]:
-    """Create the folder, prove that it can be written and clear it of earlier files of these names, `but` for some.
+def clear(folder: Path, files: Iterable[str], *, but: Iterable[str] = ()) -> list[str]:
+    """Clear a folder of earlier files of these names, `but` for some, and return the names of those that went.
 
-    The block is given the names of those that went. What a program that was killed left half written is cleared, too.
-    Where the block fails before anything is written, the folders that were made for it go again. Raises RequestError
-    where the folder cannot be written.
+    What a program that was killed left half written is cleared, too. Raises RequestError where the folder cannot be
+    written.
     """
-    made: list[Path] = []
-    try:
-        yield _claim(folder, files, but, made)
-    except BaseException:
-        with suppress(OSError):  # there is something in them
-            for part in reversed(made):
-                part.rmdir()
-        raise
-
-
-def _claim(folder: Path, files: Iterable[str], but: Iterable[str], made: list[Path]) -> list[str]:
     gone: list[str] = []
     try:
-        for part in reversed((folder, *folder.parents)):
-            if not part.exists():
-                part.mkdir()
-                made.append(part)
         _try_to_write(folder)
         for name in files:
             part_of(folder / name).unlink(missing_ok=True)
@@ -181,7 +165,7 @@ def _claim(folder: Path, files: Iterable[str], but: Iterable[str], made: list[Pa
                 (folder / name).unlink()
                 gone.append(name)
     except OSError as error:
-        raise _unusable(folder, error) from None
+        raise unusable(folder, error) from None
     return gone
 
 
@@ -204,14 +188,16 @@ def write_whole(path: Path, content: bytes) -> None:
 
 @contextmanager
 def written_whole(path: Path) -> Iterator[Path]:
-    """Where to write a file, which takes its place after the block, or is no more. Raises OSError."""
+    """Where to write a file, which takes its place after the block, or is no more. Raises OSError, naming the file."""
     part = part_of(path)
     try:
         part.unlink(missing_ok=True)  # a link would be followed
         yield part
         part.replace(path)
-    except BaseException:
+    except BaseException as error:
         part.unlink(missing_ok=True)
+        if isinstance(error, OSError):  # which names the part, or nothing
+            raise OSError(error.errno or errno.EIO, error.strerror or str(error), str(path)) from None
         raise
 
 
@@ -236,5 +222,6 @@ def _is_there(path: Path) -> bool:
     return True
 
 
-def _unusable(folder: Path, error: OSError) -> RequestError:
+def unusable(folder: Path, error: OSError) -> RequestError:
+    """The error of a folder that cannot be written."""
     return RequestError(f"{folder}: this folder cannot be written ({error.strerror or error}); choose another with -o")

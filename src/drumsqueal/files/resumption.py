@@ -19,6 +19,7 @@ from drumsqueal.composition import kept_coordinates
 from drumsqueal.errors import RequestError
 from drumsqueal.files.history_file import Reached
 from drumsqueal.files.in_place import opened, own_variable, read_texts, variable
+from drumsqueal.files.ordinary import read_ordinary
 from drumsqueal.files.output_folder import HISTORY, RESUME, write_whole
 from drumsqueal.history import COMPLETE, MOTION, SIGNALS, empty_dataset, versions
 from drumsqueal.precision import real
@@ -173,8 +174,7 @@ def _to_plain(point: Point, scene: str) -> dict[str, Any]:
 
 
 def _read_plain(path: Path) -> dict[str, Any]:
-    with path.open("rb") as file:
-        return json.loads(file.read(_MOST_BYTES))
+    return json.loads(read_ordinary(path, _MOST_BYTES))
 
 
 def _from_plain(data: dict[str, Any], scene: Scene) -> Point:

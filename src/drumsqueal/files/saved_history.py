@@ -4,11 +4,12 @@ import tomllib
 from pathlib import Path
 from typing import NamedTuple
 
+import h5py
 import numpy as np
 import xarray
 
 from drumsqueal.errors import RequestError
-from drumsqueal.files.in_place import as_text, opened, variable
+from drumsqueal.files.in_place import as_text, content_of, opened, variable
 from drumsqueal.files.output_folder import history_file
 from drumsqueal.history import COMPLETE, MOTION, SIGNALS
 from drumsqueal.scene import COORDINATES, Scene, SceneError, scene_from_dict
@@ -54,15 +55,13 @@ def read_history(path: Path) -> SavedHistory:
     """
     try:
         file = history_file(path)
-        if not file.is_file():
+        if not file.exists():
             raise RequestError(f"{file}: there is no such file; {_OURS}")
-        with file.open("rb"):  # whether it may be read
-            pass
+        _check_container(file)
     except (OSError, ValueError) as error:
         if isinstance(error, RequestError):
             raise
         raise RequestError(f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})") from None
-    _check_container(file)
     try:
         data, scene = _load(file)
     except SceneError as error:
@@ -74,21 +73,24 @@ def read_history(path: Path) -> SavedHistory:
 
 
 def _check_container(path: Path) -> None:
-    """Raise RequestError for what HDF5 does not open: other files, and those that have lost their end."""
+    """Raise RequestError for what HDF5 does not open: other files, and those that have lost their end; and OSError."""
     try:
         with opened(path, "r"):
             pass
     except OSError as error:
+        if error.errno:  # of the system
+            raise
         if "truncated file" in str(error):
             raise RequestError(f"{path}: the file is cut short; copy it again, or run the scene anew") from None
-        raise RequestError(f"{path}: this is no history of drumsqueal (not NetCDF-4); {_OURS}") from None
+        raise RequestError(f"{path}: this is no history of drumsqueal (not NetCDF-4, or damaged); {_OURS}") from None
 
 
 def _load(path: Path) -> tuple[xarray.Dataset, Scene]:
-    with opened(path, "r") as file:
-        for name in ("time", *MOTION, *SIGNALS):  # before xarray, which would follow links and decode what it finds
-            variable(file, name)
-    data = xarray.load_dataset(path, engine="h5netcdf", decode_timedelta=False)
+    with content_of(path) as content:
+        with h5py.File(content, "r") as file:
+            for name in ("time", *MOTION, *SIGNALS):  # before xarray, which decodes what it finds
+                variable(file, name)
+        data = xarray.load_dataset(content, engine="h5netcdf", decode_timedelta=False)
     if list(data["coordinate"].values) != list(COORDINATES):
         raise ValueError("coordinate")
     dimensions = dict.fromkeys(SIGNALS, ("time",)) | dict.fromkeys(MOTION, ("time", "coordinate"))
@@ -99,10 +101,10 @@ def _load(path: Path) -> tuple[xarray.Dataset, Scene]:
 
 
 def _computed(path: Path, data: xarray.Dataset) -> xarray.Dataset:
-    """The samples up to the first that was not computed."""
+    """The samples up to the first of which anything was not computed, or not yet written."""
     finite = np.isfinite(data["time"].values)
-    for name in MOTION:
-        finite &= np.isfinite(data[name].values).all(axis=1)
+    for name in (*MOTION, *SIGNALS):
+        finite &= np.isfinite(data[name].values.reshape(finite.size, -1)).all(axis=1)
     rows = finite.size if finite.all() else int(np.argmin(finite))
     if rows < 2:
         raise RequestError(

@@ -1,20 +1,25 @@
 """What a page is made from: summary.json and onset.json as they were written, checked key by key."""
 
 import csv
+import io
 import json
 import math
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from drumsqueal.errors import RequestError
+from drumsqueal.files.ordinary import read_ordinary
 from drumsqueal.files.output_folder import HISTORY, ONSET_SUMMARY, ONSET_TABLE, SUMMARY
 from drumsqueal.history import COMPLETE
 from drumsqueal.scene import Scene, SceneError, scene_from_dict
 from drumsqueal.scene.variation import Variation
 
-LARGEST = 100_000_000  # bytes of a summary; those of the longest runs and studies have less than 1 MB
+LARGEST = 100 * 2**20  # bytes of a summary or a table; those of the longest runs and studies have less than 1 MB
+
+
+Positive = Annotated[float, Field(gt=0)]
 
 
 class _Found(BaseModel):
@@ -27,7 +32,7 @@ class PredictedMode(_Found):
     """An eigenvalue that oscillates, with ζ = −Re λ/|λ|."""
 
     name: str
-    frequency_Hz: float
+    frequency_Hz: Positive
     growth_rate_1_per_s: float
     damping_ratio: float
     unstable: bool
@@ -58,7 +63,7 @@ class MeasuredMode(_Found):
 
     label: str
     unstable: bool
-    predicted_frequency_Hz: float
+    predicted_frequency_Hz: Positive
     measured_frequency_Hz: float | None
     frequency_error: float | None
     frequency_resolution_Hz: float | None
@@ -89,7 +94,7 @@ class Line(_Found):
     """A line of the spectrum."""
 
     coordinate: str
-    frequency_Hz: float
+    frequency_Hz: Positive
 
 
 class Saturation(_Found):
@@ -109,8 +114,8 @@ class Frequency(_Found):
     """How the frequency came to be what it is."""
 
     mode: str
-    onset_Hz: float
-    saturated_Hz: float
+    onset_Hz: Positive
+    saturated_Hz: Positive
     shift: float
     predicted_by_contact_loss_Hz: float
     predicted_by_contact_loss_shift: float
@@ -236,9 +241,7 @@ def what_is_in(folder: Path) -> str:
 def read_summary(path: Path, kind: type[Read]) -> Read:
     """Read a summary. Raises RequestError where it is none, or of a version that wrote other keys."""
     try:
-        if path.stat().st_size > LARGEST:
-            raise RequestError(f"{path} is far larger than any summary; it was not written by drumsqueal")
-        data = json.loads(path.read_text(encoding="utf-8"))
+        data = json.loads(read_ordinary(path, LARGEST))
         return kind.model_validate(data)
     except OSError as error:
         raise RequestError(f"{path}: cannot be read ({error.strerror or error})") from None
@@ -248,8 +251,6 @@ def read_summary(path: Path, kind: type[Read]) -> Read:
         by = _version(data)
         told = f"{path}: {place}: {first['msg'][0].lower()}{first['msg'][1:]}; it was written by {by} of drumsqueal"
         raise RequestError(f"{told}: run the scene anew with this one, or use that one") from None
-    except RequestError:
-        raise
     except (ValueError, RecursionError):
         raise RequestError(f"{path} is damaged: this is no JSON; run the scene anew") from None
 
@@ -266,9 +267,9 @@ def scene_of(path: Path, tables: dict[str, Any]) -> Scene:
 def read_rows(path: Path) -> list[dict[str, str]]:
     """The rows of onset.csv. Raises RequestError where a column that the page shows is missing."""
     try:
-        with path.open(newline="", encoding="utf-8") as file:
-            reader = csv.DictReader(file, restkey="", restval="")
-            rows, columns = list(reader), reader.fieldnames or ()
+        text = io.StringIO(read_ordinary(path, LARGEST).decode(), newline="")
+        reader = csv.DictReader(text, restkey="", restval="")
+        rows, columns = list(reader), reader.fieldnames or ()
     except (OSError, ValueError, csv.Error) as error:
         raise RequestError(f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})") from None
     wanted = (

@@ -7,7 +7,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from drumsqueal.errors import RequestError
+from drumsqueal.files.ordinary import read_ordinary
 
+LARGEST = 64 * 2**20  # bytes of a picture; those of drumsqueal have some 1 MB
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 
 
@@ -25,7 +27,7 @@ class Picture(NamedTuple):
 def picture(path: Path, words: tuple[str, str]) -> Picture | None:
     """Read a PNG file; None where there is none. Raises RequestError for what is no PNG."""
     try:
-        content = path.read_bytes()
+        content = read_ordinary(path, LARGEST)
     except FileNotFoundError:
         return None
     except OSError as error:

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from drumsqueal.files.ordinary import NotOrdinaryError, read_ordinary
 from drumsqueal.scene.quantities import DECIMAL_POINT, SceneError
 
 OPTIONAL_TABLES = ("support", "friction", "damping", "forcing", "uncertain")
@@ -37,25 +38,19 @@ def read_tables(path: str | os.PathLike[str]) -> dict[str, Any]:
     """Read a TOML file; raises SceneError, naming the file, if it is none or cannot be read."""
     path = Path(path)
     try:
-        if path.is_dir():
-            raise SceneError("this is a directory; name a scene file, such as nominal.toml")
-        if not path.exists():
-            raise SceneError("there is no such file; check the path, or take one that `drumsqueal scenes` lists")
-        if not path.is_file():
-            raise SceneError("this is no ordinary file; name a scene file, such as nominal.toml")
-        if (size := path.stat().st_size) > _MOST_BYTES:
-            told = f"the file of {size / 2**20:.0f} MB is larger than {_MOST_BYTES // 2**20} MB"
-            raise SceneError(f"{told}, so it is hardly a scene; name a scene file")
-        with path.open("rb") as file:
-            content = file.read(_MOST_BYTES)
+        content = read_ordinary(path, _MOST_BYTES)
+    except FileNotFoundError:
+        reason = "there is no such file; check the path, or take one that `drumsqueal scenes` lists"
+    except IsADirectoryError:
+        reason = "this is a directory; name a scene file, such as nominal.toml"
+    except NotOrdinaryError as error:
+        reason = f"{error.strerror}, so it is hardly a scene; name a scene file, such as nominal.toml"
     except (OSError, ValueError) as error:  # ValueError: a null character in the path
-        if isinstance(error, SceneError):
-            raise error.under((str(path),)) from None
         cause = getattr(error, "strerror", None) or str(error)
-        raise SceneError(
-            f"the file cannot be read ({cause}); check the path and its permissions", (str(path),)
-        ) from None
-    return _parsed(content, str(path))
+        reason = f"the file cannot be read ({cause}); check the path and its permissions"
+    else:
+        return _parsed(content, str(path))
+    raise SceneError(reason, (str(path),))
 
 
 def _parsed(content: bytes, name: str) -> dict[str, Any]:

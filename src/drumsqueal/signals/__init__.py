@@ -18,6 +18,7 @@ from drumsqueal.signals.spectra import (
     peak_near,
     spectral_peaks,
     spectrogram,
+    spectrogram_pieces,
 )
 from drumsqueal.signals.tones import Tones, find_tones
 
@@ -52,6 +53,7 @@ __all__ = [
     "resample",
     "spectral_peaks",
     "spectrogram",
+    "spectrogram_pieces",
     "to_sound",
     "told_frequencies",
     "wav_bytes",

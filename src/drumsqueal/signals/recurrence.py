@@ -1,5 +1,6 @@
 """After which lags a record comes back to itself, and how well."""
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +18,8 @@ RECURRENCE = 1e-2
 FINER = 8
 REACH = 16
 KAISER = 8.0
+PIECE = 2**17  # samples of the interpolated record that are in memory at a time
+NEAR = 3  # samples about a lag that was doubled, in which it is looked for
 
 
 class Recurrence(NamedTuple):
@@ -41,11 +44,11 @@ def find_recurrences(unit: NDArray[np.float64], longest: float) -> tuple[list[Re
     `longest` (samples), a third of the record at most; the shortest first, and none after the first that lasts. The
     error is None where there is no such lag.
     """
-    fine = _interpolated(unit)
-    squared = _squared_errors(fine)
-    shortest, longest = _shortest_lag(unit), min(int(longest * FINER) + 2, fine.shape[0] // 3)
+    fine = _Finer(unit)
+    shortest, longest = _shortest_lag(unit), min(int(longest * FINER) + 2, fine.size // 3)
     if shortest >= longest:
         return [], None
+    squared = _squared_errors(fine, longest + 1)
     minima = shortest + 1 + scipy.signal.find_peaks(-squared[shortest + 1 : longest])[0]
     found: list[Recurrence] = []
     for lag in minima:
@@ -54,7 +57,7 @@ def find_recurrences(unit: NDArray[np.float64], longest: float) -> tuple[list[Re
             continue
         error = _error_at(fine, lag + offset)
         if error <= RECURRENCE:
-            found.append(_followed(fine, squared, lag + offset, error))
+            found.append(_followed(fine, lag + offset, error))
             if found[-1].lasts:
                 break
     smallest = float(np.sqrt(squared[shortest:longest].min()))
@@ -63,20 +66,33 @@ def find_recurrences(unit: NDArray[np.float64], longest: float) -> tuple[list[Re
 
 def recurrence_after(unit: NDArray[np.float64], lag: float) -> Recurrence | None:
     """Return how well signals (time, k) come back after a lag (samples) and many times it; None beyond half of them."""
-    fine = _interpolated(unit)
-    squared = _squared_errors(fine)
-    if not 1 < round(lag * FINER) < squared.size - 2:
+    fine = _Finer(unit)
+    if not 1 < round(lag * FINER) < fine.size // 2 - 2:
         return None
-    return _followed(fine, squared, lag * FINER, _error_at(fine, lag * FINER))
+    return _followed(fine, lag * FINER, _error_at(fine, lag * FINER))
 
 
-def _interpolated(unit: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the record at a finer rate, without the ends that the interpolation cannot reach."""
-    samples = np.arange(-REACH * FINER, REACH * FINER + 1) / FINER
-    kernel = np.sinc(samples) * np.kaiser(samples.size, KAISER) / FINER
-    fine = scipy.signal.resample_poly(unit, FINER, 1, axis=0, window=kernel)
-    trim = min(REACH, unit.shape[0] // 8) * FINER
-    return fine[trim : fine.shape[0] - trim]
+class _Finer:
+    """A record (time, k) at a finer rate, computed piece by piece, without the ends that interpolation cannot reach."""
+
+    def __init__(self, unit: NDArray[np.float64]) -> None:
+        samples = np.arange(-REACH * FINER, REACH * FINER + 1) / FINER
+        self._kernel = np.sinc(samples) * np.kaiser(samples.size, KAISER) / FINER
+        self._unit, self._trim = unit, min(REACH, unit.shape[0] // 8) * FINER
+        self.size = FINER * unit.shape[0] - 2 * self._trim
+        self.power = sum(float(np.sum(self.piece(*ends) ** 2)) for ends in self.ends()) / self.size
+
+    def ends(self, left: int = 0) -> Iterator[tuple[int, int]]:
+        """First sample, and the one after the last, of pieces of all but so many samples at the end."""
+        for first in range(0, self.size - left, PIECE):
+            yield first, min(first + PIECE, self.size - left)
+
+    def piece(self, first: int, stop: int) -> NDArray[np.float64]:
+        """The samples from the first up to the one before `stop`, (samples, k)."""
+        first, stop = first + self._trim, stop + self._trim
+        low, high = max(0, first // FINER - REACH - 1), -(-stop // FINER) + REACH + 1
+        fine = scipy.signal.resample_poly(self._unit[low:high], FINER, 1, axis=0, window=self._kernel)
+        return fine[first - low * FINER : stop - low * FINER]
 
 
 def _shortest_lag(unit: NDArray[np.float64]) -> int:
@@ -86,32 +102,48 @@ def _shortest_lag(unit: NDArray[np.float64]) -> int:
     return max(1, int(0.5 * FINER / spectra[0].frequency_Hz[1 + np.argmax(power[1:])]))
 
 
-def _followed(fine: NDArray[np.float64], squared: NDArray[np.float64], lag: float, error: float) -> Recurrence:
+def _followed(fine: _Finer, lag: float, error: float) -> Recurrence:
     """Double the lag as long as it fits in half the record; the last one fixes the period, its error tells a cycle."""
     turns, reached = 1, lag
-    while round(2.0 * reached) + 3 < squared.size:
+    while round(2.0 * reached) + 3 < fine.size // 2:
         turns, middle = 2 * turns, round(2.0 * reached)
-        nearest = middle - 2 + int(np.argmin(squared[middle - 2 : middle + 3]))
+        squared = _squared_errors_near(fine, middle)
+        nearest = 1 + int(np.argmin(squared[1:-1]))
         offset, _ = parabola_vertex(*squared[nearest - 1 : nearest + 2].tolist())
-        reached = nearest + float(np.clip(offset, -1.0, 1.0))
+        reached = middle - NEAR + nearest + float(np.clip(offset, -1.0, 1.0))
     return Recurrence(reached / turns / FINER, error, _error_at(fine, reached))
 
 
-def _squared_errors(fine: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return e² for every whole lag up to half the record: e²(L) (n − L) = Σ y(t)² + Σ y(t+L)² − 2 Σ y(t) y(t+L)."""
-    samples = fine.shape[0]
-    lags = np.arange(samples // 2)
-    length = scipy.fft.next_fast_len(samples + lags.size, real=True)
-    correlation = np.zeros(lags.size)
-    for column in fine.T:
-        transform = np.fft.rfft(column, length)
-        correlation += np.fft.irfft(np.abs(transform) ** 2, length)[: lags.size]
-    energy = np.concatenate([[0.0], np.cumsum(np.sum(fine**2, axis=1))])
-    pairs = energy[samples - lags] + (energy[-1] - energy[lags]) - 2.0 * correlation
-    return np.maximum(pairs, 0.0) / (samples - lags) / (energy[-1] / samples)
+def _squared_errors(fine: _Finer, most: int) -> NDArray[np.float64]:
+    """Return e² for whole lags below `most`: e²(L) (n − L) = Σ y(t)² + Σ y(t+L)² − 2 Σ y(t) y(t+L)."""
+    correlation = np.zeros(most)
+    together = max(PIECE, most)
+    for first in range(0, fine.size, together):
+        late = fine.piece(first, min(first + together + most, fine.size))
+        length = scipy.fft.next_fast_len(together + most, real=True)
+        for column in late.T:
+            product = np.fft.rfft(column[:together], length).conj() * np.fft.rfft(column, length)
+            correlation += np.fft.irfft(product, length)[:most]
+    lags = np.arange(most)
+    begin = np.concatenate([[0.0], np.cumsum(np.sum(fine.piece(0, most - 1) ** 2, axis=1))])
+    end = np.concatenate([[0.0], np.cumsum(np.sum(fine.piece(fine.size - most + 1, fine.size)[::-1] ** 2, axis=1))])
+    pairs = 2.0 * fine.power * fine.size - begin - end - 2.0 * correlation
+    return np.maximum(pairs, 0.0) / (fine.size - lags) / fine.power
 
 
-def _error_at(fine: NDArray[np.float64], lag: float) -> float:
+def _squared_errors_near(fine: _Finer, middle: int) -> NDArray[np.float64]:
+    """Return e² for the whole lags up to three away from one."""
+    lags = range(middle - NEAR, middle + NEAR + 1)
+    sums = np.zeros(len(lags))
+    for first, stop in fine.ends(left=lags[0]):
+        early, late = fine.piece(first, stop), fine.piece(first + lags[0], min(stop + lags[-1], fine.size))
+        for k in range(len(lags)):
+            later = late[k : k + len(early)]
+            sums[k] += np.sum((later - early[: len(later)]) ** 2)
+    return sums / (fine.size - np.array(lags)) / fine.power
+
+
+def _error_at(fine: _Finer, lag: float) -> float:
     """Return e at a lag between samples, by the cubic through the four samples about it."""
     whole = int(lag)
     p = lag - whole
@@ -121,6 +153,9 @@ def _error_at(fine: NDArray[np.float64], lag: float) -> float:
         -(p + 1.0) * p * (p - 2.0) / 2.0,
         (p + 1.0) * p * (p - 1.0) / 6.0,
     )
-    pairs = fine.shape[0] - whole - 2
-    later = sum(weight * fine[whole + j : whole + j + pairs] for j, weight in zip((-1, 0, 1, 2), weights, strict=True))
-    return float(np.sqrt(np.mean((later - fine[:pairs]) ** 2) / np.mean(fine**2)))
+    total = 0.0
+    for first, stop in fine.ends(left=whole + 2):
+        late, pairs = fine.piece(first + whole - 1, stop + whole + 2), stop - first
+        later = sum(weight * late[j : j + pairs] for j, weight in enumerate(weights))
+        total += float(np.sum((later - fine.piece(first, stop)) ** 2))
+    return float(np.sqrt(total / (fine.size - whole - 2) / fine.power))

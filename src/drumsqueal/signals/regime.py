@@ -105,12 +105,15 @@ def classify(signals: ArrayLike, sample_rate: float, *, scale: ArrayLike, lowest
             needed=PERIODS_NEEDED / lowest,
         )
     motion = record - record.mean(axis=0)
+    del record
     relative = 0.5 * np.ptp(motion, axis=0) / sizes
     if np.all(relative < STEADY):
         return _steady(motion, float(relative.max()))
     # A signal at rest is round-off: scaled to unit rms it would drown the others in noise.
     moving = motion[:, relative >= STEADY]
-    return _moving_regime(moving / np.sqrt(np.mean(moving**2, axis=0)), rate, LONGEST_PERIOD / lowest)
+    del motion
+    moving /= np.sqrt(np.mean(moving**2, axis=0))
+    return _moving_regime(moving, rate, LONGEST_PERIOD / lowest)
 
 
 def _moving_regime(unit: NDArray[np.float64], rate: float, longest_period: float) -> Regime:

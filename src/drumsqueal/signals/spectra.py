@@ -1,6 +1,7 @@
 """Amplitude spectra, their peaks and the spectrogram."""
 
 import math
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +18,7 @@ HANN_BANDWIDTH = 1.5
 # and the mean that is taken off raises them by another 1.6 near zero frequency.
 LOBE_MARGIN = 6.5
 # What is left of a constant record after its mean is taken off, relative to the constant: round-off, not a signal.
+AT_ONCE = 2**19  # numbers of a spectrogram that are computed together
 ROUND_OFF = 64 * np.finfo(np.float64).eps
 
 
@@ -75,8 +77,8 @@ def amplitude_spectrum(signal: ArrayLike, sample_rate: float, *, zero_padding: i
         raise ValueError(f"zero_padding must be a whole number of at least 1, got {zero_padding}")
     window = hann(record.size, sym=False)
     length = int(zero_padding) * record.size
-    transform = np.abs(np.fft.rfft(window * _without_mean(record, window), length))
-    amplitude = 2.0 * transform / window.sum()
+    amplitude = np.abs(np.fft.rfft(window * _without_mean(record, window), length))
+    amplitude *= 2.0 / window.sum()
     if length % 2 == 0:
         amplitude[-1] *= 0.5  # the Nyquist bin, like the zero bin (here empty), has no mirror image to stand for
     frequency = np.asarray(np.fft.rfftfreq(length, 1.0 / rate), dtype=np.float64)
@@ -148,7 +150,18 @@ def peak_near(spectrum: Spectrum, frequency: float, *, half_width: float) -> Pea
 def spectrogram(
     signal: ArrayLike, sample_rate: float, *, lowest_frequency: float, periods: float = 16.0, overlap: float = 0.875
 ) -> Spectrogram:
-    """Return amplitude over time and frequency, scaled as in `amplitude_spectrum`.
+    """Return the pieces that `spectrogram_pieces` yields as one. Raises ValueError as it does."""
+    pieces = list(
+        spectrogram_pieces(signal, sample_rate, lowest_frequency=lowest_frequency, periods=periods, overlap=overlap)
+    )
+    time = np.concatenate([piece.time_s for piece in pieces])
+    return Spectrogram(time, pieces[0].frequency_Hz, np.concatenate([piece.amplitude for piece in pieces], axis=1))
+
+
+def spectrogram_pieces(
+    signal: ArrayLike, sample_rate: float, *, lowest_frequency: float, periods: float = 16.0, overlap: float = 0.875
+) -> Iterator[Spectrogram]:
+    """Yield amplitude over time and frequency, scaled as in `amplitude_spectrum`, piece by piece in time.
 
     Hann windows of `periods` periods of `lowest_frequency` (Hz), each overlapping the one before by the fraction
     `overlap`; the resolution is 1.5 `lowest_frequency` / `periods` in frequency. Only windows that lie wholly
@@ -184,9 +197,13 @@ def spectrogram(
     first, last = transform.lower_border_end[1], transform.upper_border_begin(record.size)[1]
     if last <= first:  # exactly one window fits, and scipy centres none of its windows there
         spectrum = amplitude_spectrum(record[:length], rate, zero_padding=4)
-        return Spectrogram(np.array([0.5 * length / rate]), spectrum.frequency_Hz, spectrum.amplitude[:, None])
-    slices = transform.stft_detrend(record, lambda piece: _without_mean(piece, window), p0=first, p1=last)
-    return Spectrogram(transform.t(record.size, first, last), transform.f, np.abs(slices))
+        yield Spectrogram(np.array([0.5 * length / rate]), spectrum.frequency_Hz, spectrum.amplitude[:, None])
+        return
+    together = max(1, AT_ONCE // transform.mfft)
+    for start in range(first, last, together):
+        stop = min(start + together, last)
+        slices = transform.stft_detrend(record, lambda piece: _without_mean(piece, window), p0=start, p1=stop)
+        yield Spectrogram(transform.t(record.size, start, stop), transform.f, np.abs(slices))
 
 
 def parabola_vertex(left: float, middle: float, right: float) -> tuple[float, float]:

@@ -13,6 +13,7 @@ from drumsqueal.files.measured.record import Measured, Unit, check_count, measur
 from drumsqueal.files.measured.sampling import RATE_CURE, Sampling, UnevenError, even_sampling
 from drumsqueal.interrupts import stop_if_interrupted
 
+_SHOWN = 40  # letters of a cell that an error shows
 _BLOCK = 2**14  # rows between two looks at Ctrl-C
 
 
@@ -24,9 +25,13 @@ def read_csv(path: Path, channel: str | None, rate: float | None, unit: Unit | N
     a rate, and for a channel that is not there.
     """
     lines, comments = _lines(path)
-    layout = find_layout(path, lines, comments)
     told: list[str] = []
-    table, numbers = _table(path, lines, layout, told)
+    try:
+        layout = find_layout(path, lines, comments)
+        table, numbers = _table(path, lines, layout, told)
+    except csv.Error as error:  # of a field without end
+        longest = max(lines, key=lambda line: len(line[1]))[0]
+        raise RequestError(f"{path}: {error}, the longest line is {longest}; mend or remove what is no table") from None
     check_count(path, len(table))
     place, sampling = _sampling(path, layout.columns, table, numbers, rate, told)
     beside = [k for k in range(len(layout.columns)) if k != place]
@@ -95,7 +100,8 @@ def _fault(row: list[str], layout: Layout, error: ValueError) -> str:
             number(cell, decimal_comma=layout.decimal_comma)
         except ValueError:
             mark = ", with a comma as the decimal mark" if layout.decimal_comma else ""
-            return f"{cell!r} is no number{mark}; mend or remove the line"
+            shown = cell if len(cell) <= _SHOWN else f"{cell[:_SHOWN]}…"
+            return f"{shown!r} is no number{mark}; mend or remove the line"
     return str(error)
 
 

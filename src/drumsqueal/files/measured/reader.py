@@ -8,10 +8,12 @@ from drumsqueal.errors import RequestError
 from drumsqueal.files.measured.csv_table import read_csv
 from drumsqueal.files.measured.record import FEWEST, Measured, Unit, check_count, known_units, parse_unit
 from drumsqueal.files.measured.sampling import longest_whole
+from drumsqueal.files.ordinary import open_ordinary
 from drumsqueal.time_window import time_window
 
 FORMATS = "CSV, UFF58 and WAV are read"
 SMALLEST, LARGEST = 1e-100, 1e100  # in any unit: beyond, squares are no numbers any more
+_MOST_BYTES = 2**32
 _START = 4096  # bytes that tell the format
 _OTHERS = {
     b"\x89HDF": "an HDF5 or NetCDF file",
@@ -61,9 +63,9 @@ def _given(unit: str) -> Unit:
 def _read(path: Path, channel: str | None, rate: float | None, unit: Unit | None) -> Measured:
     if path.is_dir():
         raise RequestError(f"{path} is a folder; name the measured file in it")
-    if not path.is_file():
+    if not path.exists():
         raise RequestError(f"{path}: there is no such file")
-    with path.open("rb") as file:
+    with open_ordinary(path, _MOST_BYTES) as file:
         start = file.read(_START)
     if not start.strip():
         raise RequestError(f"{path}: the file is empty")
@@ -110,10 +112,10 @@ def _whole(measured: Measured, path: Path) -> Measured:
         if left < FEWEST:
             raise RequestError(f"{path}: {missing}; at least {FEWEST} without a gap are needed")
         told += (f"{missing}: taken is the longest stretch without a gap, {left} samples from {start:.6g} s on",)
-    if not np.ptp(values[part]) > 0:
-        raise RequestError(f"{path}: {measured.name!r} is constant there and has no lines; take another channel")
     largest = float(np.abs(values[part]).max())
-    if not SMALLEST < largest < LARGEST:
+    if not largest < LARGEST or 0 < largest <= SMALLEST:
         told = f"{measured.name!r} is {largest:.3g} {measured.unit or 'without a unit'} at the most, as nothing is"
         raise RequestError(f"{path}: {told}; take another channel, or mend the file or --unit")
+    if not np.ptp(values[part]) > 0:
+        raise RequestError(f"{path}: {measured.name!r} is constant there and has no lines; take another channel")
     return measured._replace(values=values[part], start_s=start, told=told)

@@ -1,0 +1,61 @@
+"""Opening files that may be anybody's: ordinary ones of a sane size, nothing that hangs or never ends."""
+
+import errno
+import os
+import stat
+from pathlib import Path
+from typing import BinaryIO
+
+_KINDS = {
+    stat.S_IFIFO: "a named pipe",
+    stat.S_IFSOCK: "a socket",
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+}
+
+
+class NotOrdinaryError(OSError):
+    """What is in a file's place is not read; `strerror` says why, as of any OSError."""
+
+    def __init__(self, told: str) -> None:
+        """Say why."""
+        super().__init__(errno.EINVAL, told)
+
+
+def open_ordinary(path: Path, most: int) -> BinaryIO:
+    """Open an ordinary file of at most so many bytes to read it.
+
+    Raises NotOrdinaryError for anything else, IsADirectoryError for a folder, OSError for what cannot be opened, and
+    ValueError for a name that is none.
+    """
+    _check(path.stat(), most)  # before it is opened, which does something to devices
+    descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+    try:
+        _check(os.fstat(descriptor), most)  # again: another may have been put there
+        return os.fdopen(descriptor, "rb")
+    except BaseException:
+        os.close(descriptor)
+        raise
+
+
+def read_ordinary(path: Path, most: int) -> bytes:
+    """The content of an ordinary file of at most so many bytes. Raises as `open_ordinary` does."""
+    with open_ordinary(path, most) as file:
+        content = file.read(most + 1)
+    if len(content) > most:  # it grew
+        raise _too_large(len(content), most)
+    return content
+
+
+def _check(status: os.stat_result, most: int) -> None:
+    if stat.S_ISDIR(status.st_mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+    if not stat.S_ISREG(status.st_mode):
+        kind = _KINDS.get(stat.S_IFMT(status.st_mode), "something else")
+        raise NotOrdinaryError(f"this is no ordinary file, but {kind}")
+    if status.st_size > most:
+        raise _too_large(status.st_size, most)
+
+
+def _too_large(size: int, most: int) -> NotOrdinaryError:
+    return NotOrdinaryError(f"the file of {size / 2**20:.0f} MB is larger than {most // 2**20} MB")

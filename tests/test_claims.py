@@ -1,0 +1,248 @@
+"""Of two commands that would write into one folder, or one file, at once, the second is refused and changes nothing."""
+
+import errno
+import os
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import pytest
+
+from drumsqueal.errors import RequestError
+from drumsqueal.files import claims
+from drumsqueal.files.claims import LOCK, claim_file, claim_folder, claim_results, claims_released
+from processes import MAIN, posix, start, wait_for
+
+pytestmark = posix
+NOMINAL = str(Path(__file__).parents[1] / "scenarios" / "nominal.toml")
+ROUNDS, TOGETHER = 20, 4
+# In each round it claims when all are there, holds that until all have tried, and says whether it got it.
+RACE = """
+import sys
+from pathlib import Path
+from drumsqueal.errors import RequestError
+from drumsqueal.files.claims import claim_file, claim_folder, claims_released
+kind, goal, meet, mine, rounds, count = *sys.argv[1:5], *map(int, sys.argv[5:])
+def meet_at(name):
+    (Path(meet) / f"{name}-{mine}").touch()
+    while len(list(Path(meet).glob(f"{name}-*"))) < count:
+        pass
+for k in range(rounds):
+    meet_at(f"begin{k}")
+    with claims_released():
+        try:
+            (claim_folder if kind == "folder" else claim_file)(Path(goal))
+            print("got it")
+        except RequestError as error:
+            print(error)
+        meet_at(f"tried{k}")
+    meet_at(f"end{k}")
+    if Path(goal).parent.parent.exists() and kind == "folder" or Path(goal).exists():
+        print("something is left")
+    meet_at(f"looked{k}")
+"""
+HOLD = """
+import sys, time
+from pathlib import Path
+from drumsqueal.files import claims
+with claims.claims_released():
+    getattr(claims, sys.argv[1])(Path(sys.argv[2]))
+    print("held", flush=True)
+    sys.stdin.read() if sys.argv[3:] else time.sleep(600)
+"""
+
+
+@pytest.fixture
+def hold(cache):
+    """Have another process claim something, until the test ends."""
+    held: list[subprocess.Popen] = []
+
+    def claim(kind: str, path: Path) -> subprocess.Popen:
+        held.append(start(cache, kind, str(path), code=HOLD))
+        assert held[-1].stdout is not None
+        assert held[-1].stdout.readline() == "held\n"
+        return held[-1]
+
+    yield claim
+    for process in held:
+        process.kill()
+        process.communicate()
+
+
+@pytest.mark.parametrize("kind", ["folder", "file"])
+def test_of_many_at_once_one_gets_it_and_nothing_is_left(cache, tmp_path, kind):
+    goal, meet = tmp_path / "goal" / "deep" / "out" if kind == "folder" else tmp_path / "a.csv", tmp_path / "meet"
+    meet.mkdir()
+    counts = (str(ROUNDS), str(TOGETHER))
+    begun = [start(cache, kind, str(goal), str(meet), str(k), *counts, code=RACE) for k in range(TOGETHER)]
+    answers = [process.communicate(timeout=120)[0].splitlines() for process in begun]
+    for found in zip(*answers, strict=True):
+        assert found.count("got it") == 1, found
+        assert sum(told.startswith(f"{goal} is in use by ") for told in found) == TOGETHER - 1, found
+    assert len(answers[0]) == ROUNDS
+    assert [path.name for path in tmp_path.iterdir()] == ["meet"]
+
+
+def test_two_runs_started_together_do_not_mix(cache, tmp_path):
+    folder = tmp_path / "out"
+    short = ("run", NOMINAL, "-o", str(folder), "-q", "--set", "simulate.duration=0.001")
+    begun = [start(cache, *short, *more) for more in ((), ("--overwrite",))]
+    ended = [(process.communicate(timeout=300)[1], process.returncode) for process in begun]
+    assert sorted(status for _, status in ended) == [0, 2]
+    refused = next(errors for errors, status in ended if status == 2)
+    assert refused.count("\n") == 1
+    assert f"{folder} is in use by drumsqueal run, process " in refused
+    assert "wait until it has ended, or choose another folder with -o" in refused
+    assert (folder / "summary.json").exists()
+    assert not (folder / LOCK).exists()
+
+
+WRITERS = {
+    "run": (NOMINAL,),
+    "run --overwrite": (NOMINAL, "--overwrite"),
+    "run --resume": (NOMINAL, "--resume"),
+    "onset": (NOMINAL, "--along", "drum.speed=1..9"),
+    "sweep": (NOMINAL, "--vary", "drum.speed=1..9"),
+    "cycle": (NOMINAL,),
+    "sensitivity": (NOMINAL,),
+    "accuracy": (NOMINAL,),
+    "effects": (NOMINAL,),
+    "paper": (),
+    "motion": (NOMINAL,),
+}
+
+
+@pytest.mark.parametrize("command", WRITERS)
+def test_a_folder_in_use_is_refused_and_stays_as_it_is(drumsqueal, tmp_path, hold, command):
+    folder = tmp_path / "out"
+    hold("claim_folder", folder)
+    (folder / "history.nc.part").write_text("half written by the other")
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    status, printed, errors = drumsqueal(command.split()[0], *WRITERS[command], "-o", str(folder))
+    assert (status, printed, errors.count("\n")) == (2, "", 1)
+    assert f"{folder} is in use by " in errors
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+
+
+def test_what_a_command_writes_is_not_read_or_added_to(drumsqueal, tmp_path, hold):
+    folder, beside = tmp_path / "out", tmp_path / "beside"
+    hold("claim_folder", folder)
+    beside.mkdir()
+    (folder / "history.nc").write_text("half written by the other")
+    before = sorted(folder.iterdir())
+    for arguments in (
+        ("report", str(folder)),
+        ("report", str(folder), "-o", str(beside / "page.html")),
+        ("export", str(folder), "--to", "csv"),
+        ("export", str(folder / "history.nc"), "--to", "csv", "-o", str(beside / "a.csv")),
+        ("animate", str(folder), "-o", str(beside / "a.gif")),
+        ("compare", str(folder), str(beside), "-o", str(beside / "compared")),
+        ("scenes", "nominal", "-o", str(folder / "a.toml")),
+        ("stability", NOMINAL, "--json", str(folder / "a.json")),
+    ):
+        status, _, errors = drumsqueal(*arguments)
+        assert (status, errors.count("\n")) == (2, 1)
+        assert f"{folder} is in use by " in errors
+        assert "wait until it has ended, or " in errors
+        assert (sorted(folder.iterdir()), list(beside.iterdir())) == (before, [])
+
+
+def test_files_beside_one_another_are_written_at_once_the_same_one_is_not(drumsqueal, tmp_path, hold):
+    hold("claim_file", tmp_path / "a.toml")
+    status, _, errors = drumsqueal("scenes", "nominal", "-o", str(tmp_path / "a.toml"))
+    assert (status, f"{tmp_path / 'a.toml'} is in use by " in errors) == (2, True)
+    assert drumsqueal("scenes", "nominal", "-o", str(tmp_path / "b.toml"))[0] == 0
+    status, _, errors = drumsqueal("run", NOMINAL, "-o", str(tmp_path))  # which would clear the folder
+    assert (status, f"{tmp_path} is in use by " in errors) == (2, True)
+
+
+def test_a_program_that_was_killed_has_no_claim(drumsqueal, tmp_path, hold):
+    process = hold("claim_folder", tmp_path)
+    with pytest.raises(RequestError, match="in use"):
+        claim_folder(tmp_path)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    assert (tmp_path / LOCK).exists()
+    with claims_released():
+        assert claim_folder(tmp_path) == ""
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_wrong_request_leaves_neither_folder_nor_lock(drumsqueal, tmp_path):
+    folder = tmp_path / "deep" / "out"
+    for wrong in (("--set", "simulate.sample_rate=1000"), ("--resume",), ("--json", str(tmp_path / "no" / "a.json"))):
+        status, _, _ = drumsqueal("run", NOMINAL, "-o", str(folder), *wrong)
+        assert (status, list(tmp_path.iterdir())) == (2, [])
+
+
+def test_a_lock_that_its_holder_removes_while_another_waits_for_it_is_none(tmp_path, monkeypatch):
+    # The other has opened the lock file already when its holder removes it: its lock is then of a file that is gone.
+    open_it, first = claims._opened, []
+
+    def opened(lock: Path, *, create: bool) -> int:
+        descriptor = open_it(lock, create=create)
+        if not first:
+            first.append(descriptor)
+            lock.unlink()
+        return descriptor
+
+    monkeypatch.setattr(claims, "_opened", opened)
+    with claims_released():
+        claim_folder(tmp_path / "out")
+        (claim,) = claims._held.values()
+        assert os.path.samestat(os.fstat(claim.descriptor), (tmp_path / "out" / LOCK).stat())
+
+
+@pytest.mark.parametrize("refused", [errno.ENOLCK, errno.ENOTSUP])
+def test_a_file_system_without_locks_is_said_to_be_one(drumsqueal, tmp_path, monkeypatch, refused):
+    def no_locks(*_):
+        raise OSError(refused, os.strerror(refused))
+
+    assert claims.fcntl is not None
+    monkeypatch.setattr(claims.fcntl, "flock", no_locks)
+    status, _, errors = drumsqueal("scenes", "nominal", "-o", str(tmp_path / "a.toml"))
+    assert status == 0
+    assert "its file system has no file locks; make sure that no other command writes there" in errors
+    assert [path.name for path in tmp_path.iterdir()] == ["a.toml"]
+
+
+def test_what_is_no_lock_file_is_not_followed(tmp_path):
+    os.mkfifo(tmp_path / LOCK)
+    with pytest.raises(RequestError, match="no ordinary file; remove it"):
+        claim_folder(tmp_path)
+    (tmp_path / LOCK).unlink()
+    (tmp_path / LOCK).symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(OSError, match="symbolic links"):
+        claim_folder(tmp_path)
+    assert not (tmp_path / "elsewhere").exists()
+
+
+def test_results_are_read_where_nothing_can_be_written(tmp_path, monkeypatch):
+    monkeypatch.setattr(claims.os, "access", lambda *_: False)
+    with claims_released():
+        claim_results(tmp_path)
+        assert list(tmp_path.iterdir()) == []
+        claim_file(tmp_path / "a.csv")  # which has a share in the folder
+        claim_results(tmp_path)
+        assert len(claims._held) == 2
+
+
+@posix
+def test_a_command_that_runs_holds_its_folder_from_the_start(cache, tmp_path):
+    # Before JAX is loaded, and so long before anything is compiled or written.
+    folder = tmp_path / "out"
+    process = start(cache, "run", NOMINAL, "-o", str(folder), code=f"import sys; sys.modules['jax'] = None; {MAIN}")
+    _, errors = process.communicate(timeout=120)
+    assert process.returncode == 1
+    assert "jax" in errors
+    assert not folder.exists()
+    stopped = "import os, signal; from drumsqueal.cli import run; "
+    stopped += f"run.stop_if_interrupted = lambda: (os.kill(os.getpid(), signal.SIGSTOP)); {MAIN}"
+    process = start(cache, "run", NOMINAL, "-o", str(folder), code=stopped)
+    wait_for(folder / LOCK)
+    time.sleep(0.2)
+    with pytest.raises(RequestError, match="in use by drumsqueal run, process"):
+        claim_folder(folder)
+    process.kill()
+    process.communicate()
