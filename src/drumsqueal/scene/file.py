@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from drumsqueal.errors import nearest
 from drumsqueal.scene.quantities import SceneError
 
 OPTIONAL_TABLES = ("support", "friction", "damping", "forcing", "uncertain")
@@ -35,7 +36,12 @@ def read_tables(path: str | os.PathLike[str]) -> dict[str, Any]:
         if path.is_dir():
             raise SceneError("this is a directory; name a scene file, such as nominal.toml")
         if not path.exists():
-            raise SceneError("there is no such file; check the path, or take one that `drumsqueal scenes` lists")
+            from drumsqueal.scene.shipped import shipped_names  # which reads its scenes by this module
+
+            meant = nearest(path.stem, shipped_names())
+            other = "check the path, or take one that `drumsqueal scenes` lists"
+            cure = f"did you mean the shipped scene {meant[0]}?" if meant else other
+            raise SceneError(f"there is no such file; {cure}")
         if not path.is_file():
             raise SceneError("this is no ordinary file; name a scene file, such as nominal.toml")
         if (size := path.stat().st_size) > _MOST_BYTES:
