@@ -10,7 +10,6 @@ from drumsqueal.figures.placement import COLUMNS, label_right_edge
 from drumsqueal.figures.view import View
 
 PERIODS = 3  # of the main frequency, over which fast oscillation is averaged
-BAND = (5, 95)  # percentiles within them that bound the band drawn
 
 
 def draw_shares(view: View, axes: Axes, shown: slice) -> None:
@@ -33,11 +32,19 @@ def draw_shares(view: View, axes: Axes, shown: slice) -> None:
 
 
 def running(view: View, values: NDArray[np.float64], shown: slice) -> tuple[NDArray[np.float64], ...]:
-    """Times (s) of the middles of overlapping windows, and lower percentile, mean and upper percentile in them."""
+    """Times (s) of the middles of overlapping windows, and smallest value, mean and largest value in them.
+
+    Not percentiles: where something lasts for little more than their share of a period, as slip reversal does, the few
+    samples that fall on it decide about them, and a periodic motion seems to beat.
+    """
     frequency = view.main_frequency or view.departure.sample_rate
     values = values[shown]
     window = min(max(1, round(PERIODS * view.departure.sample_rate / frequency)), max(1, values.size // 8))
     step = max(1, window // 4, values.size // COLUMNS)
     windows = sliding_window_view(values, window)[::step]
-    low, high = np.percentile(windows, BAND, axis=1)
-    return view.time[shown][window // 2 :: step][: len(windows)], low, windows.mean(axis=1), high
+    return (
+        view.time[shown][window // 2 :: step][: len(windows)],
+        windows.min(axis=1),
+        windows.mean(axis=1),
+        windows.max(axis=1),
+    )
