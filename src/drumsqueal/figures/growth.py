@@ -59,7 +59,7 @@ def _draw_mode(view: View, axes: Axes, mode: Mode, shown: slice) -> Artist:
     """Draw one mode and return its entry in the legend."""
     factor, colour = style.time_unit(view.time[-1])[0], style.COLOUR[mode.name]
     compared = view.compared(mode)
-    time, low, mean, high = running(view, view.amplitudes[mode.label], shown)
+    time, low, mean, high = running(view, view.departure.modal(mode) * view.micrometres(mode.name), shown)
     axes.fill_between(time * factor, low, high, color=colour, alpha=0.2, linewidth=0)
     (line,) = axes.plot(time * factor, mean, color=colour, linewidth=1.3, label=_entry(mode, compared))
     slope_time, slope = _slope(view, mode, compared)

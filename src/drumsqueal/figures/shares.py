@@ -6,10 +6,11 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from drumsqueal.figures import style
-from drumsqueal.figures.placement import COLUMNS, label_right_edge
+from drumsqueal.figures.placement import COLUMNS, finer, label_right_edge
 from drumsqueal.figures.view import View
 
 PERIODS = 3  # of the main frequency, over which fast oscillation is averaged
+FINER, FEWEST = 8, 6  # points for each sample of a window, and samples that it takes
 
 
 def draw_shares(view: View, axes: Axes, shown: slice) -> None:
@@ -31,10 +32,13 @@ def draw_shares(view: View, axes: Axes, shown: slice) -> None:
     label_right_edge(axes, labels, reach=6.0)
 
 
-def running(view: View, values: NDArray[np.float64], shown: slice) -> tuple[NDArray[np.float64], ...]:
+def running(
+    view: View, values: NDArray[np.float64] | NDArray[np.complex128], shown: slice
+) -> tuple[NDArray[np.float64], ...]:
     """Times (s) of the middles of overlapping windows, and smallest value, mean and largest value in them.
 
-    Not percentiles: where something lasts for little more than their share of a period, as slip reversal does, the few
+    Of complex values it is the modulus, between the samples, too: it may dip faster than they follow each other. Not
+    percentiles: where something lasts for little more than their share of a period, as slip reversal does, the few
     samples that fall on it decide about them, and a periodic motion seems to beat.
     """
     frequency = view.main_frequency or view.departure.sample_rate
@@ -42,6 +46,8 @@ def running(view: View, values: NDArray[np.float64], shown: slice) -> tuple[NDAr
     window = min(max(1, round(PERIODS * view.departure.sample_rate / frequency)), max(1, values.size // 8))
     step = max(1, window // 4, values.size // COLUMNS)
     windows = sliding_window_view(values, window)[::step]
+    if np.iscomplexobj(windows):
+        windows = np.abs(finer(np.arange(window), windows.T, FINER * window)[1].T if window >= FEWEST else windows)
     return (
         view.time[shown][window // 2 :: step][: len(windows)],
         windows.min(axis=1),

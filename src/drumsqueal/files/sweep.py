@@ -9,7 +9,6 @@ import xarray
 from drumsqueal.history import versions
 from drumsqueal.scene import COORDINATES
 from drumsqueal.scene.plan import Plan
-from drumsqueal.scene.variation import unit_of
 
 # Outcome of a point; what it says is why its numbers are NaN.
 COMPUTED, NOT_YET, AT_REST, NOT_FOUND, NOT_FINITE, NOT_TAKEN, FOLDED, FAILED = range(8)
@@ -107,15 +106,15 @@ def blank(plan: Plan, points: int) -> Columns:
 
 def axes(plan: Plan) -> dict[str, tuple[tuple[str, ...], np.ndarray, dict[str, Any]]]:
     """What does not depend on the results: values of a grid or of the draws, names of modes and coordinates."""
-    units = {key: unit_of(key, plan.scene) for key in plan.keys}
     if plan.draws:
         drawn = plan.values(0, plan.draws)
         columns = {key: (("sample",), drawn[:, k]) for k, key in enumerate(plan.keys)}
     else:
         columns = {each.key: ((each.key,), np.array(each.values)) for each in plan.variations}
-    found: dict[str, Any] = {
-        key: (*each, {"units": units[key] or "1", "long_name": key}) for key, each in columns.items()
-    }
+    found: dict[str, Any] = {}
+    for key, (dimensions, values) in columns.items():
+        listed = np.array([plan.listed(key, value) for value in values.tolist()])
+        found[key] = (dimensions, listed, {"units": plan.unit(key), "long_name": key})
     ranks = {"long_name": "modes of a point by rising frequency; mode_coordinate tells which one each is"}
     found["mode"] = (("mode",), np.arange(MODES, dtype="i1"), ranks)
     if plan.transient:

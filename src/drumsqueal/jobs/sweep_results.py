@@ -63,6 +63,7 @@ def summarise(sweep: xarray.Dataset, plan: Plan, chances: ChanceStudy | None) ->
     found: Summary = {
         "title": plan.scene.title,
         "sweep": plan.describe(),
+        "units": {key: plan.unit(key) for key in plan.keys},
         "points": plan.points,
         "outcomes": {OUTCOMES[code]: int((outcomes == code).sum()) for code in OUTCOMES if np.any(outcomes == code)},
         "points_with_squeal": int((squeal == 1).sum()),
@@ -127,7 +128,8 @@ def _grid_table(plan: Plan, summary: Summary) -> Table:
     for heading in ("mode", "points", "most 1/s", "Hz there", "where"):
         table.add_column(heading, justify="left" if heading in ("mode", "where") else "right")
     for name, mode in summary["modes"].items():
-        where = ", ".join(f"{key} {value:.4g}" for key, value in mode["where"].items())
+        units = {key: "" if unit == "1" else f" {unit}" for key, unit in summary["units"].items()}
+        where = ", ".join(f"{key} {value:.4g}{units[key]}" for key, value in mode["where"].items())
         growth, frequency = mode["largest_growth_rate_1_per_s"], mode["frequency_there_Hz"]
         table.add_row(name, str(mode["unstable_points"]), f"{growth:+.3f}", f"{frequency:.2f}", where)
     return table

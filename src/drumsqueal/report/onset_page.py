@@ -16,7 +16,7 @@ from drumsqueal.report.words import hertz, onset_words
 from drumsqueal.scene import Scene, SceneError
 from drumsqueal.scene.variation import Variation, read_variation
 from drumsqueal.simulation import prepare
-from drumsqueal.studies.onset.rows import NEUTRAL, NOWHERE, STABLE, UNKNOWN
+from drumsqueal.studies.onset.rows import KICKED, NEUTRAL, NOWHERE, STABLE, UNKNOWN
 
 SAME = 1e-6  # relative: a mode at a critical value is the one with this frequency
 CUT_OFF = "This study is not complete: it was cut off before the ranges were found."
@@ -29,6 +29,7 @@ IT = {
     STABLE: "it is stable",
     NEUTRAL: "it is neutral",
     UNKNOWN: "it is undecided",
+    KICKED: "it is bistable",
 }
 ABOUT = "The shapes were computed anew from the scene, at the critical values, as this page was made."
 

@@ -193,7 +193,7 @@ def _recorded(prepared: Prepared) -> _Record:
 
 def _told(regime: Regime) -> str:
     if regime.kind == "unknown":
-        return f"does not tell ({regime.reason.rstrip('.')})"
+        return f"has not settled ({regime.reason.rstrip('.')})"
     words = {"steady": "comes to rest in steady sliding", "periodic": "settles to a periodic motion"}
     return words.get(regime.kind, f"settles to no periodic motion (it is {regime.kind})")
 
