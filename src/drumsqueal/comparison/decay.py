@@ -46,7 +46,7 @@ def decay_to_rest(
     if regime.kind == "steady" or share < STEADY:
         reason = regime.reason.split(":")[0] if regime.kind == "steady" else "Nothing moves"
         return _steady(regime, f"{reason}: what is left is {share:.2g} of what reaches an edge, and {slow}.")
-    rate = _rate(departure.velocity[part], stability.mass, departure.sample_rate)
+    rate = rms_rate(departure.velocity[part], stability.mass, departure.sample_rate)
     if not is_decaying(share, rate, mode.growth_rate):
         return regime
     told = f"the rms velocity changes by {rate:.4g} 1/s".replace("-", "−")
@@ -57,7 +57,7 @@ def _steady(regime: Regime, reason: str) -> Regime:
     return Regime("steady", None, (), None, regime.amplitude_drift, reason)
 
 
-def _rate(velocity: NDArray[np.float64], mass: NDArray[np.float64], sample_rate: float) -> float:
+def rms_rate(velocity: NDArray[np.float64], mass: NDArray[np.float64], sample_rate: float) -> float:
     """Mean growth rate (1/s) of the rms velocity, weighted by mass, from the first half to the second."""
     half, seconds = len(velocity) // 2, len(velocity) / sample_rate
     before, after = (float(mass @ np.mean(each**2, axis=0)) for each in (velocity[:half], velocity[half:]))

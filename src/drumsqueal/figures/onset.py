@@ -43,9 +43,8 @@ MICRO = 1e6
 def draw_onset(study: OnsetStudy, diagram: Diagram | None = None) -> Figure:
     """Draw amplitudes, frequencies, growth rates and the smallest kicks over the parameter, the ranges behind them.
 
-    A filled marker is a motion that a small perturbation leads to, an empty one takes a large disturbance or starts from
-    the motion at a neighbouring value.
-    The cycles of `diagram`, where it is given, run through them.
+    A filled marker is a motion that a small perturbation leads to, an empty one takes a large disturbance or the motion
+    at a neighbouring value. The cycles of `diagram`, where it is given, run through them.
     """
     figure = new_figure(study.scene.title, f"onset along {study.variation.key}")
     kicks = any(row.kick for row in study.rows)

@@ -75,12 +75,16 @@ TRANSIENT = {
         ("coordinate",),
         "f8",
         "m (X, Y, Z), rad (Tx, Ty, Tz)",
-        "half the peak-to-peak value in the last half of it",
+        "half the peak-to-peak value in the last half of the scene's duration that was integrated last",
     ),
     "main_frequency": Variable(
         (), "f8", "Hz", "of the line with most kinetic energy there, decaying or not; NaN: none"
     ),
     "main_coordinate": Variable((), "i1", "1", "the coordinate that has this line", _NAMES),
+    "settled": Variable(
+        (), "i1", "1", "1 where it is plain where the motion leads, 0 where not yet, -1 where there is no transient"
+    ),
+    "simulated": Variable((), "f8", "s", "how long the transient was integrated"),
     "trend": Variable((), "i1", "1", "what the motion does there", _KINDS),
     "separation_share": Variable((), "f8", "1", "largest motion over the one at which the lining begins to lift off"),
     "reversal_share": Variable((), "f8", "1", "largest motion over the one at which slip begins to reverse"),

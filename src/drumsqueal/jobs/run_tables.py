@@ -79,8 +79,8 @@ def print_result(console: Console, result: Result) -> None:
         )
     if changing:
         console.print(
-            f"Drum speed or load change: the prediction is for t = {result.stability.time:g} s, the mean over the growth "
-            f"phase from 0 to {result.comparison.growth_end_s:.4g} s, so that their difference is no error"
+            f"Drum speed or load change: the prediction is for t = {result.stability.time:g} s, the mean is that "
+            f"from 0 to {result.comparison.growth_end_s:.4g} s, so that their difference is no error"
         )
     for note, labels in notes.items():
         console.print(f"{', '.join(labels)}: {note}", style="dim")

@@ -92,6 +92,9 @@ def _transients(sweep: xarray.Dataset) -> Summary:
     done = sweep["outcome"].values == COMPUTED
     largest = np.max(sweep["amplitude"].values[done], axis=0, initial=0.0)
     squeals = {"points_with_squeal": int(squealing(sweep).sum()), "points_undecided": int(undecided(sweep).sum())}
+    unsettled = sweep["settled"].values == 0
+    longest = float(np.max(sweep["simulated"].values[unsettled & (trend >= 0)], initial=0.0))
+    squeals |= {"points_not_settled": int(unsettled.sum()), "longest_of_them_s": longest}
     return squeals | {"trends": counts, "largest_amplitude": dict(zip(COORDINATES, largest.tolist(), strict=True))}
 
 
@@ -107,6 +110,8 @@ def print_sweep(console: Console, plan: Plan, summary: Summary) -> None:
         trends = ", ".join(f"{count} {name}" for name, count in told["trends"].items())
         console.print(f"Transients at their end: {trends or 'none'}")
         console.print(_heard(told, sum(told["trends"].values())))
+        if told["points_not_settled"]:
+            console.print(_unsettled(told, sum(told["trends"].values())))
     if summary["points_with_divergence"]:
         console.print(f"Diverges without oscillation at {summary['points_with_divergence']} points")
     for name, count in summary["outcomes"].items():
@@ -120,6 +125,16 @@ def _heard(told: Summary, points: int) -> str:
     more = f"; {undecided} more fall, but are beyond the edges of contact still" if undecided else ""
     share = f" ({100 * squeal / points:.3g} %)" if points else ""
     return f"By the transients, from the scene's own start: squeal at {squeal} of {points} points{share}{more}"
+
+
+def _unsettled(told: Summary, points: int) -> str:
+    """How many have an amplitude that is not that of the motion that lasts."""
+    count, longest = told["points_not_settled"], told["longest_of_them_s"]
+    have = "has" if count == 1 else "have"
+    return (
+        f"{count} of {points} transients {have} not settled after {longest:.3g} s: amplitude and frequency there are "
+        "those at the end; the figures mark them, and settled is 0 in sweep.nc"
+    )
 
 
 def _grid_table(plan: Plan, summary: Summary) -> Table:

@@ -54,8 +54,11 @@ def onset_content(folder: Path) -> dict[str, Any]:
         return content | {"title": "Onset", "warning": NO_SUMMARY, "headline": f"{len(rows)} values were done."}
     scene = scene_of(folder / ONSET_SUMMARY, found.scene)
     toml, along = scene.to_toml(), found.parameter.variation
+    if table and next(iter(table[0])) != along.column:  # of an earlier version, in SI
+        rows = [row | {"value": along.listed(row["value"])} for row in rows]
     unit = f", {along.shown_unit}" if along.shown_unit else ""
     return content | {
+        "rows": rows,
         "column": f"{along.key}{unit}",
         "per": 1 / along.size,
         "equals": f" (1 {along.given} is {along.size:.6g} {along.unit})" if along.given else "",

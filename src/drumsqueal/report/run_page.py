@@ -26,8 +26,8 @@ SAME = 1e-6  # relative, of the largest eigenvalue: another version may differ b
 GIVEN_LAW = "The friction law was given in Python and is not in the folder: the shapes cannot be computed without it."
 OTHER_MODES = "The shapes are left out: computed anew by this version, the eigenvalues differ from those of the run."
 NO_ERROR = (
-    ". Drum speed or load change: the prediction is for one time and the measurement a mean, so that their difference is "
-    "no error"
+    ". Drum speed or load change: the prediction is for one time and the measurement a mean, so that their difference "
+    "is no error"
 )
 ABOUT = "The shapes were computed anew from the scene as this page was made."
 

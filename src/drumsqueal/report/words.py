@@ -141,7 +141,7 @@ def _spectrogram(summary: Summary, _: Scene) -> list[str]:
 
 
 def _moves(mode: PredictedMode, summary: Summary) -> bool:
-    """Whether the coordinate of a mode moves after growth or, where there is no such part, grows or decays measurably."""
+    """Whether the coordinate of a mode moves after growth or, without such a part, grows or decays measurably."""
     if summary.saturation is not None:
         return summary.saturation.amplitude.get(mode.name, 0.0) > 0
     measured = [] if summary.growth is None else summary.growth.modes

@@ -14,7 +14,7 @@ from drumsqueal.scene.uncertain import PLACES, Distribution, Uniform, describe, 
 from drumsqueal.scene.variation import Variation, unit_of
 
 MOST_POINTS = 10**7
-BYTES_PER_POINT, MORE_WITH_TRANSIENT = 160, 70  # of the file, about
+BYTES_PER_POINT, MORE_WITH_TRANSIENT = 160, 80  # of the file, about
 POINTS_PER_HOUR = 10**7  # of the linear part, about, on one processor
 _SHIFT = np.uint64(32)  # of the 64 bits that a draw comes with, the upper 32 tell its place
 
@@ -23,8 +23,8 @@ class Plan(NamedTuple):
     """The points of a sweep of a scene: a grid, or for `draws` above 0 as many draws that depend on the seed alone.
 
     `variations` has the values of each number of a grid; `distributions` what each is drawn from, independently. Points
-    are counted from 0, the last number of a grid running fastest. `transient` asks for the nonlinear motion, too. `given`
-    has the ranges as they were written, by their keys: results are listed in their units, the others in SI.
+    are counted from 0, the last number of a grid running fastest. `transient` asks for the nonlinear motion, too.
+    `given` has the ranges as they were written, by their keys: results are listed in their units, the others in SI.
     """
 
     scene: Scene

@@ -14,7 +14,7 @@ EXACT = 1e-6  # relative uncertainty that is not worth telling
 
 
 def verdict(study: OnsetStudy) -> str:
-    """State where the eigenvalues predict squeal, where only a large disturbance leads to it, and its frequency then."""
+    """State where the eigenvalues predict squeal, where only a large disturbance leads to it, and its frequency."""
     along = study.variation
     low, high = sorted((along.first, along.last))
     told = f"Along {along.key} from {along.shown(low):.6g} to {along.told(high)} {_linear(study)}; {_bistable(study)}."
