@@ -42,6 +42,7 @@ def run_command(
     reply = Reply.beside(folder, RUN_FILES, (scene,), quiet, json_file, overwrite=overwrite or resume)
     stop_if_interrupted()
     from drumsqueal.files.resumption import find_point
+    from drumsqueal.jobs.bistable import tell_bistable
     from drumsqueal.jobs.run import run_into
     from drumsqueal.simulation import check_sample_rate, prepare
 
@@ -52,4 +53,9 @@ def run_command(
     stop_if_interrupted()
     with claimed(folder, RUN_FILES, but=(HISTORY, RESUME) if resume else ()) as gone:
         reply.tell_removed(gone)
-        reply.send(run_into(folder, prepared, reply.console, since))
+        summary = run_into(folder, prepared, reply.console, since)
+        if (
+            summary["saturation"] is None or summary["saturation"]["regime"]["kind"] == "steady"
+        ):  # or it squeals already
+            tell_bistable(reply.console, loaded, prepared.stability, scene, settings or ())
+        reply.send(summary)

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.ticker import LogLocator
+from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 from drumsqueal.comparison.departure import unit_of
@@ -32,6 +32,7 @@ MARKER = {"marker": "o", "markersize": 3.2, "linestyle": "", "markeredgewidth": 
 SQUARE: dict[str, Any] = MARKER | {"marker": "s"}  # of kicks: these are no motions
 DASHES = (0, (3, 2))  # of unstable cycles
 ROOM = 0.25  # of the height, above the largest amplitude, for the names of the ranges
+SCALE = 3.5  # the sum of the panels' heights that the usual height of a figure is for
 WIDE, FAR = 3, 100  # ratios of amplitudes: for a log axis, and for its ticks to be decades alone
 BELOW = 2  # how far below the smallest amplitude zero stands on a log axis
 NARROW = 0.14  # share of the width below which a range has no name of its own
@@ -48,8 +49,8 @@ def draw_onset(study: OnsetStudy, diagram: Diagram | None = None) -> Figure:
     """
     figure = new_figure(study.scene.title, f"onset along {study.variation.key}")
     kicks = any(row.kick for row in study.rows)
-    heights = [1.5, 1.0, 1.0, *[1.0] * kicks]
-    figure.set_figheight(figure.get_figheight() * sum(heights) / sum(heights[:3]))
+    heights = [2.2, 1.0, 1.0, *[1.0] * kicks]
+    figure.set_figheight(figure.get_figheight() * sum(heights) / SCALE)
     panels = figure.subplots(len(heights), 1, sharex=True, height_ratios=heights)
     values = [row.value for row in study.rows]
     margin = MARGIN * (max(values) - min(values))
@@ -94,6 +95,9 @@ def limit_amplitudes(axes: Axes, amplitudes: list[float], room: float) -> float:
     steps = (1.0,) if largest > FAR * smallest else (1.0, 2.0, 5.0)
     ticks = [at for at in LogLocator(subs=steps).tick_values(rest, largest) if smallest / 1.2 < at < largest * 1.2]
     axes.set_yticks([rest, *ticks], ["0", *(f"{at:.6g}" for at in ticks)])
+    between = LogLocator(subs=tuple(range(2, 10))).tick_values(rest, largest)
+    axes.set_yticks([at for at in between if smallest / 1.2 < at < largest * 1.2], minor=True)
+    axes.yaxis.set_minor_formatter(NullFormatter())
     return rest
 
 
