@@ -98,7 +98,10 @@ def test_control_c_while_the_program_loads(tmp_path):
     code = f"import atexit, signal, sys; {at_the_end}; sys.meta_path.insert(0, {finder}()); {MAIN}"
     process = start(tmp_path, "run", NOMINAL, "-o", str(tmp_path / "out"), code=code)
     printed, errors = process.communicate(timeout=300)
-    assert (process.returncode, errors) == (1, f"{HEARD}{AGAIN_ENDS}\ndrumsqueal: interrupted before anything was written\n")
+    assert (process.returncode, errors) == (
+        1,
+        f"{HEARD}{AGAIN_ENDS}\ndrumsqueal: interrupted before anything was written\n",
+    )
     assert printed == "SIG_IGN\n"  # from there on nothing can take the place of the exit status
     assert not (tmp_path / "out").exists()
 

@@ -85,7 +85,8 @@ def _draw_panel(panel: Panel, quantity: Quantity, settled: xarray.DataArray, pla
     hold_to(axes, x, y)
     row, column = np.nonzero(part["settled"].values == 0)
     look = {"color": style.DARK, "markersize": 3, "markeredgecolor": "white", "markeredgewidth": 0.5}
-    axes.plot(x[column], y[row], "o", clip_on=False, zorder=3, **look)
+    if row.size:  # an empty line that is not clipped counts as one at the corner of the figure: the layout collapses
+        axes.plot(x[column], y[row], "o", clip_on=False, zorder=3, **look)
     axes.tick_params(which="both", labelsize=style.SMALL_SIZE)
 
 
