@@ -441,7 +441,7 @@ def test_a_fold_is_found_by_going_on_from_neighbours(nominal, monkeypatch):
     assert abs(kicked.last - 1.6789) <= 5e-4 * (1 + 1e-9)  # halfway between two that are no further apart
     assert rows_seen == sorted(rows_seen)
     assert [row.value for row in study.rows if row.asked] == pytest.approx(np.linspace(1, 2, 11))
-    assert reservations(study)[-1].startswith("Kicks that were not tried")
+    assert reservations(study)[-1].startswith("Disturbances that were not tried")
 
 
 def test_a_kicked_range_narrower_than_the_steps_is_found_beside_the_critical_value(nominal, monkeypatch):
@@ -601,7 +601,9 @@ def test_a_range_is_shown_in_the_order_and_in_the_unit_in_which_it_was_asked_for
     status, printed, error = drumsqueal("onset", str(DAMPED), *QUICK, "--along", along, "-o", str(tmp_path))
     assert (status, error) == (0, "")
     words = [line.split() for line in printed.splitlines()]
-    speeds = [each[0] for each in words if each and each[0].isdigit() and each[1:2] in (["squeals"], ["stable"])]
+    speeds = [
+        each[0] for each in words if each and each[0].isdigit() and each[1:2] in (["squeals"], ["stable"], ["bistable"])
+    ]
     assert speeds == ["360", "300", "240", "180", "120", "60"]
     assert "rpm" in printed
     assert "rad/s" not in printed

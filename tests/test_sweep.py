@@ -428,16 +428,16 @@ def test_without_the_extra_one_line_says_what_to_install(drumsqueal, tmp_path, m
 
 
 def test_transients_run_on_until_they_settle_and_those_that_have_not_are_marked(damped, monkeypatch):
-    # Y grows by 94 1/s: after 0.05 s it is a hundred times its start, and at the edges after some 0.06 s.
-    scene = damped.with_values({"simulate.duration": 0.05, "contact.normal_load": 4000.0})
-    (found,) = (ds.sweep_parameters(scene, {"drum.speed": [3.0]}, transient=True).isel({"drum.speed": 0}),)
-    run = ds.run(scene.with_values({"drum.speed": 3.0, "simulate.duration": 0.3})).history["displacement"].values
+    # Y grows by 44 1/s, from a seventieth of the edges: after 0.05 s it is nine times its start, below them.
+    scene = damped.with_values({"simulate.duration": 0.05})
+    found = ds.sweep_parameters(scene, {"drum.speed": [4.0]}, transient=True).isel({"drum.speed": 0})
+    run = ds.run(scene.with_values({"drum.speed": 4.0, "simulate.duration": 0.4})).history["displacement"].values
     assert found["settled"].item() == 1
     assert 0.05 < found["simulated"].item() <= 16 * 0.05
-    # The cycle that it settles to; a tenth of the linear rate leaves 5 1/s over 0.05 s.
-    np.testing.assert_allclose(found["amplitude"].values[1], np.ptp(run[-1000:, 1]) / 2, rtol=0.1)
+    # The cycle that it settles to; a tenth of the linear rate leaves 4 1/s, a fifth in 0.05 s at the most.
+    np.testing.assert_allclose(found["amplitude"].values[1], np.ptp(run[-1000:, 1]) / 2, rtol=0.2)
     monkeypatch.setattr(study, "MOST_ROUNDS", 1)
-    cut = ds.sweep_parameters(scene, {"drum.speed": [3.0]}, transient=True).isel({"drum.speed": 0})
+    cut = ds.sweep_parameters(scene, {"drum.speed": [4.0]}, transient=True).isel({"drum.speed": 0})
     assert (cut["settled"].item(), cut["simulated"].item()) == (0, 0.05)
     assert cut["amplitude"].values[1] < 0.5 * found["amplitude"].values[1]
 

@@ -1,5 +1,7 @@
 """Shares of the lining over time, in contact and with the slip reversed: a panel of several figures."""
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from numpy.lib.stride_tricks import sliding_window_view
@@ -45,9 +47,11 @@ def running(
     values = values[shown]
     window = min(max(1, round(PERIODS * view.departure.sample_rate / frequency)), max(1, values.size // 8))
     step = max(1, window // 4, values.size // COLUMNS)
-    windows = sliding_window_view(values, window)[::step]
+    windows: Any = sliding_window_view(values, window)[::step]
     if np.iscomplexobj(windows):
-        windows = np.abs(finer(np.arange(window), windows.T, FINER * window)[1].T if window >= FEWEST else windows)
+        windows = np.abs(
+            finer(np.arange(window, dtype=float), windows.T, FINER * window)[1].T if window >= FEWEST else windows
+        )
     return (
         view.time[shown][window // 2 :: step][: len(windows)],
         windows.min(axis=1),

@@ -92,8 +92,10 @@ def scene_at(plan: Plan, select: dict[str, Any]) -> list[float | None]:
     for each in plan.variations:
         value = own[each.key]
         shown = [each.values[select[each.key]]] if each.key in select else each.values
-        inside = isinstance(value, float) and min(shown) <= value <= max(shown)
-        found.append(each.listed(value) if inside else None)
+        if isinstance(value, float) and min(shown) <= value <= max(shown):
+            found.append(each.listed(value))
+        else:
+            found.append(None)
     return found
 
 
