@@ -1,5 +1,6 @@
 """Animations: geometry of the section, what is marked along the arc, times and sizes of frames, files as read back."""
 
+import shutil
 import subprocess
 from io import BytesIO
 from itertools import pairwise
@@ -460,3 +461,21 @@ def test_without_ffmpeg_an_mp4_is_refused(drumsqueal, file, monkeypatch, tmp_pat
     status, printed, errors = drumsqueal("animate", str(file), "-o", str(tmp_path / "a.mp4"))
     assert (status, printed, errors.count("\n")) == (2, "", 1)
     assert "save as .gif, or install ffmpeg" in errors
+
+
+def test_a_mode_of_the_scene_of_a_run_goes_into_its_folder(drumsqueal, file, tmp_path):
+    shutil.copy(file, tmp_path / "history.nc")
+    status, printed, errors = drumsqueal("animate", str(tmp_path), "--mode", "Tz", "--slow", "2400")
+    assert (status, errors) == (0, "")
+    assert "7398.71 Hz" in printed
+    assert (tmp_path / "mode-Tz.gif").exists()
+    assert "exists; add --overwrite" in drumsqueal("animate", str(tmp_path), "--mode", "Tz")[2]
+    assert "--set changes a scene" in drumsqueal("animate", str(tmp_path), "--mode", "X", "--set", "drum.speed=3")[2]
+
+
+def test_a_mode_of_a_scene_goes_where_the_results_of_scenes_go(drumsqueal, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert drumsqueal("animate", "nominal", "--mode", "Q")[0] == 2
+    assert not (tmp_path / "out").exists()
+    assert drumsqueal("animate", "nominal", "--mode", "Tz", "--slow", "2400", "--quiet") == (0, "", "")
+    assert (tmp_path / "out" / "nominal-Tz.gif").exists()

@@ -3,6 +3,7 @@
 import json
 import math
 import os
+import shlex
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from drumsqueal.files.json_file import to_json
 from drumsqueal.files.output_folder import CYCLE_FILES, RUN_FILES, check_output, check_output_file, made_of
 from drumsqueal.jobs.run import run_into
 from drumsqueal.scene import load_scene, scene_from_dict
+from drumsqueal.scene.variation import read_variation
 from drumsqueal.simulation import prepare
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"
@@ -355,3 +357,21 @@ def test_missing_key_is_named(drumsqueal, tmp_path):
     assert status == 2
     assert "shoe.width" in errors
     assert errors.count(str(scene)) == 1
+
+
+def test_a_stable_brake_may_squeal_after_a_large_disturbance_and_the_command_that_finds_out_is_one(
+    drumsqueal, tmp_path
+):
+    speed, out = ("--set", 'drum.speed="200 rpm"'), str(tmp_path / "run")
+    short = ("--set", "simulate.duration=0.01", *speed)
+    scene = str(SCENARIOS / "damped.toml")
+    for words in (drumsqueal("check", scene, *short)[1], drumsqueal("run", scene, "-o", out, *short)[1]):
+        (line,) = (line for line in words.splitlines() if "to find out: " in line)
+        assert "No mode grows, but a large disturbance may still lead to squeal" in line
+        command = shlex.split(line.split("to find out: ")[1])
+        assert command[:2] == ["drumsqueal", "onset"]
+        along = read_variation(command[command.index("--along") + 1], load_scene(scene))
+        assert [along.listed(value) for value in along.values] == [180.0, 200.0, 220.0]
+        # The options are those that the command takes: it gets as far as the scene.
+        assert "there is no such" in drumsqueal(*command[1:2], "nowhere.toml", *command[3:])[2]
+    assert "to find out" not in drumsqueal("check", scene, "--set", "simulate.duration=0.01")[1]  # Y grows

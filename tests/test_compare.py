@@ -603,3 +603,9 @@ def test_the_measured_file_is_never_replaced(drumsqueal, history, simulated, tmp
         assert file.read_bytes() == before
     assert read_history(history).complete
     assert not (tmp_path / "out").exists()
+
+
+def test_swapped_arguments_are_recognised(drumsqueal, history, rig, tmp_path):
+    status, _, errors = drumsqueal("compare", str(rig), str(history), "-o", str(tmp_path / "out"))
+    assert (status, errors.count("\n")) == (2, 1)
+    assert f"the history comes first; write drumsqueal compare {history} {rig}" in errors

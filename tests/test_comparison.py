@@ -1,14 +1,17 @@
 """The linear prediction against the transient: what the comparison finds, and what it says where it cannot tell."""
 
+import io
 import re
 
 import numpy as np
 import pytest
 import xarray
+from rich.console import Console
 
 from drumsqueal.comparison.compare import HELD, compare
 from drumsqueal.comparison.sticking import find_sticking
 from drumsqueal.effects.friction_law import ExponentialLaw
+from drumsqueal.jobs.run_tables import print_result
 from drumsqueal.linear.modes import analyse_stability
 from drumsqueal.model import build_model
 from drumsqueal.simulation import Result, prepare, run, start_of
@@ -415,3 +418,15 @@ def test_a_steep_law_moves_the_shoe_as_an_independent_code_says(nominal):
     states = np.hstack([motion[name].sel(coordinate=names).values for name in ("displacement", "velocity")])
     assert wanted.uncertainty(wanted.time[-1]) < 1e-9
     assert wanted.error(states, wanted.time[-1]) < 1e-7
+
+
+def test_where_speed_or_load_change_one_time_and_a_mean_are_no_error(nominal):
+    ramp = {"drum.speed": {"time": [0.0, 0.05], "value": [5.0, 4.0]}, "simulate.duration": 0.05}
+    result = run(nominal.with_values(ramp))
+    (mode,) = (each for each in result.comparison.modes if each.label == "Y")
+    assert mode.measured_growth is not None
+    assert (mode.frequency_error, mode.growth_error) == (None, None)
+    shown = io.StringIO()
+    print_result(Console(file=shown, width=200), result)
+    assert "error  " not in shown.getvalue()
+    assert "the prediction is for t = 0 s, the mean is that from 0 to" in shown.getvalue()

@@ -17,7 +17,8 @@ import pyuff
 import scipy.io
 import scipy.signal
 
-from drumsqueal.export.formats import FORMATS
+from drumsqueal.errors import RequestError
+from drumsqueal.export.formats import FORMATS, find_format
 from drumsqueal.export.signals import _RECORDED, surface_velocity
 from drumsqueal.files.output_folder import part_of
 from drumsqueal.history import SIGNALS
@@ -613,3 +614,9 @@ def test_a_full_disk_leaves_nothing_half_written(history, drumsqueal, to, monkey
     assert (status, printed, errors.count("\n")) == (1, "", 1)
     assert "No space left" in errors
     assert [path.name for path in history.parent.iterdir()] == [history.name]
+
+
+def test_a_format_goes_by_the_ending_of_its_files_too():
+    assert find_format("uff") == find_format("unv") == find_format("uff58")
+    with pytest.raises(RequestError, match="there is no such format"):
+        find_format("uf")

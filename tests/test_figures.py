@@ -2,6 +2,8 @@
 
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import jax.numpy as jnp
 import matplotlib
@@ -21,8 +23,11 @@ from drumsqueal.composition import take_inventory
 from drumsqueal.figures import draw_all, save_figures
 from drumsqueal.figures.amplitude import draw_amplitude
 from drumsqueal.figures.effects import draw_effects
+from drumsqueal.figures.onset import limit_amplitudes
 from drumsqueal.figures.placement import spread
+from drumsqueal.figures.shares import running
 from drumsqueal.figures.stability import draw_stability
+from drumsqueal.figures.view import View
 from drumsqueal.files.output_folder import FIGURES, figure_file
 from drumsqueal.files.sweep import TRENDS, blank, to_dataset
 from drumsqueal.history import COMPLETE, SIGNALS
@@ -196,6 +201,7 @@ def made_up_sweep(plan: Plan) -> xarray.Dataset:
     columns["separation_share"][:] = columns["reversal_share"][:] = 2.0
     columns["amplitude"][:] = 1e-6 * np.maximum(growth, 1.0)[:, None]
     columns["trend"][:] = np.where((growth > 0) & (growth < 20), TRENDS.index("grows"), TRENDS.index("settled"))
+    columns["settled"][:] = columns["trend"] == TRENDS.index("settled")
     return to_dataset(plan, columns, COMPLETE)
 
 
@@ -230,14 +236,14 @@ def test_the_scene_itself_is_marked_where_it_is_alone():
     assert np.array(crosses[4][0].get_data()).ravel().tolist() == [5.0, 0.005]
 
 
-def test_what_still_grows_is_drawn_open():
+def test_what_has_not_settled_is_drawn_open():
     speed = read_variation("drum.speed=1..20", basis("nominal")[0], points=None)
     for plan in (sweep_plan("drum.speed=1..20x30"), sample(basis("nominal")[0], [speed], 30, transient=True)):
         sweep = made_up_sweep(plan)
-        grows = sweep["trend"].values == TRENDS.index("grows")
+        grows = sweep["settled"].values == 0
         figure = draw_amplitude(sweep, plan)
         assert figure is not None
-        assert "open: it still grows" in figure.get_suptitle()
+        assert "open: not settled" in figure.get_suptitle()
         for axes in figure.axes:
             (drawn_open,) = (line for line in axes.lines if line.get_markerfacecolor() == "white")
             assert np.size(drawn_open.get_xdata()) == grows.sum()
@@ -454,3 +460,41 @@ def test_a_lining_that_sticks_is_marked():
     assert any(text == "sticks as a whole" for text, _ in texts(figures["contact"]))
     assert any(text == "sticks" for text, _ in texts(figures["growth"]))
     assert not any("sticks" in text for name in ("contact", "growth") for text, _ in texts(drawn("growing")[2][name]))
+
+
+def test_the_band_over_three_periods_of_a_periodic_motion_does_not_beat():
+    """Slip is reversed for a tenth of a period, and the modulus dips to 0.01; a period has 47.05 samples."""
+    rate, frequency = 47.05, 1.0
+    time = np.arange(20_000) / rate
+    view = cast(View, SimpleNamespace(main_frequency=frequency, departure=SimpleNamespace(sample_rate=rate), time=time))
+    phase = time * frequency % 1
+    reversed_slip = np.maximum(0.0, 1 - np.abs(phase - 0.5) / 0.05)
+    _, low, _, high = running(view, reversed_slip, slice(None))
+    # Three periods have a sample within 1/3 of an interval (0.0071 of a period) of the peak, whose slope is 20.
+    assert (low.min(), low.max()) == (0.0, 0.0)
+    assert np.ptp(high) < 20 / rate / 2
+    dips = np.exp(2j * np.pi * 5 * time) + 0.99 * np.exp(-2j * np.pi * 2 * time)
+    _, low, mean, high = running(view, dips, slice(None))
+    # Eight points a sample: the modulus, of slope 2π 7, is missed by a sixteenth of an interval at most.
+    assert low.max() < 0.01 + 2 * np.pi * 7 / rate / 16
+    assert np.ptp(high) < 1e-3
+    # A window is three periods to within an interval, one of 141, in which the modulus is 2 at the most.
+    assert np.ptp(mean) < 2 / 141
+
+
+@pytest.mark.parametrize(
+    ("amplitudes", "scale"), [([100.0, 120.0], "linear"), ([], "linear"), ([0.3, 16.0, 250.0], "log")]
+)
+def test_amplitudes_that_lie_far_apart_are_told_apart_and_none_lies_on_zero(amplitudes, scale):
+    axes = Figure().subplots()
+    rest = limit_amplitudes(axes, amplitudes, 0.25)
+    low, high = axes.get_ylim()
+    assert axes.get_yscale() == scale
+    assert rest == low
+    assert all(low < each < high for each in amplitudes)
+    if scale == "log":
+        labels = dict(
+            zip(axes.get_yticks().tolist(), [text.get_text() for text in axes.get_yticklabels()], strict=True)
+        )
+        assert labels[rest] == "0"
+        assert min(amplitudes) >= 2 * rest

@@ -44,7 +44,7 @@ from drumsqueal.studies.onset.attractors import (
     Start,
     find_endings,
 )
-from drumsqueal.studies.onset.rows import KICKED, STABLE, Row, find_ranges
+from drumsqueal.studies.onset.rows import KICKED, STABLE, Range, Row, find_ranges
 from drumsqueal.studies.onset.rows import SQUEALS as UNSTABLE
 from drumsqueal.studies.onset.study import OnsetStudy, Prediction, compare, predict, study_onset
 from drumsqueal.studies.onset.verdict import reservations, verdict, with_uncertainty
@@ -343,7 +343,7 @@ def test_a_shoe_that_nothing_holds_runs_away_and_does_not_squeal():
     row = Row(calm, (found._replace(start="kick"),), asked=True)
     assert row.kind == "undecided"
     (told,) = (line for line in reservations(study_of(scene, row)) if "ran away" in line)
-    assert told == "A transient ran away, with the shoe turned by more than 0.1 rad, at 40; see the table."
+    assert told == "A transient ran away, with the shoe turned by more than 0.1 rad, at 40 rad/s; see the table."
 
 
 def study_of(scene, row: Row) -> OnsetStudy:
@@ -402,8 +402,9 @@ def test_the_kicked_range_of_the_block_ends_where_scipy_says(nominal, monkeypatc
     assert kicked.last_uncertainty <= 0.01 * 0.9
     assert abs(kicked.last - end) <= kicked.last_uncertainty
     told = verdict(study)
-    assert "predict squeal below 1.15129 (X, 0 Hz)" in told
-    assert "a kick is enough for it from 1.15129 to" in told
+    assert "predict squeal below 1.15129 rad/s (X, 0 Hz)" in told
+    assert "steady sliding is stable from 1.15129 to" in told
+    assert "but a large disturbance leads to squeal there (bistable)" in told
 
 
 # --- the search, on made-up endings ----------------------------------------------------------------------------------
@@ -440,7 +441,7 @@ def test_a_fold_is_found_by_going_on_from_neighbours(nominal, monkeypatch):
     assert abs(kicked.last - 1.6789) <= 5e-4 * (1 + 1e-9)  # halfway between two that are no further apart
     assert rows_seen == sorted(rows_seen)
     assert [row.value for row in study.rows if row.asked] == pytest.approx(np.linspace(1, 2, 11))
-    assert reservations(study)[-1].startswith("Kicks that were not tried")
+    assert reservations(study)[-1].startswith("Disturbances that were not tried")
 
 
 def test_a_kicked_range_narrower_than_the_steps_is_found_beside_the_critical_value(nominal, monkeypatch):
@@ -600,19 +601,21 @@ def test_a_range_is_shown_in_the_order_and_in_the_unit_in_which_it_was_asked_for
     status, printed, error = drumsqueal("onset", str(DAMPED), *QUICK, "--along", along, "-o", str(tmp_path))
     assert (status, error) == (0, "")
     words = [line.split() for line in printed.splitlines()]
-    speeds = [each[0] for each in words if each and each[0].isdigit() and each[1:2] in (["squeals"], ["stable"])]
+    speeds = [
+        each[0] for each in words if each and each[0].isdigit() and each[1:2] in (["squeals"], ["stable"], ["bistable"])
+    ]
     assert speeds == ["360", "300", "240", "180", "120", "60"]
     assert "rpm" in printed
     assert "rad/s" not in printed
     assert "Along drum.speed from 60 to 360 rpm" in " ".join(printed.split())
-    # Files are in SI.
-    values = [float(row["drum.speed_rad_per_s"]) for row in table(tmp_path) if row["asked"] == "yes"]
-    assert values == pytest.approx([math.tau * k for k in (6, 5, 4, 3, 2, 1)])
+    listed = [row["drum.speed_rpm"] for row in table(tmp_path) if row["asked"] == "yes"]
+    assert listed == ["360.0", "300.0", "240.0", "180.0", "120.0", "60.0"]
+    # The summary is in SI.
     parameter = json.loads((tmp_path / "onset.json").read_text())["parameter"]
     assert parameter == {
         "key": "drum.speed",
         "unit": "rad/s",
-        "values": values,
+        "values": pytest.approx([math.tau * k for k in (6, 5, 4, 3, 2, 1)]),
         "given_unit": "rpm",
         "given_unit_in_SI": math.tau / 60,
     }
@@ -656,7 +659,7 @@ def test_cycles_are_laid_over_the_onset(drumsqueal, tmp_path, monkeypatch):
     status, printed, error = drumsqueal(*arguments, "--cycles")
     assert (status, error) == (0, "")
     told = " ".join(printed.split())
-    assert "stable cycles live from 5 to 25 (folds at 25)" in told
+    assert "stable cycles exist from 5 to 25 rad/s (folds at 25 rad/s)" in told
     cycles = json.loads((tmp_path / "onset.json").read_text())["cycles"]
     assert cycles["folds"] == [25.0]
     assert [each["value"] for each in cycles["branches"][0]["cycles"]] == [5.0, 15.0, 25.0, 20.0]
@@ -742,8 +745,12 @@ LOWEST = 0.1  # of the figure's height: panels lower than that cannot be read
 @pytest.mark.parametrize(
     ("scenario", "along", "told"),
     [
-        ("damped", "drum.speed=1..3x3", {"critical value": False, "after a kick or from beside": False}),  # all squeals
-        ("damped", "drum.speed=1..40x4", {"critical value": True, "after a kick or from beside": True}),
+        (
+            "damped",
+            "drum.speed=1..3x3",
+            {"critical value": False, "after a large disturbance only": False},
+        ),  # all squeals
+        ("damped", "drum.speed=1..40x4", {"critical value": True, "after a large disturbance only": True}),
         ("constant_friction", "drum.speed=1..20x3", {"critical value": False}),  # every rate is round-off
         ("damped", "damping.ratio=0.02..1.2x3", {"critical value": False}),  # nothing oscillates at the last
         ("out_of_plane", "support.upper_stiffness=1e8 N/m..3.333333e8 N/m x3", {"mode Ty": True}),  # six modes
@@ -776,3 +783,16 @@ def ending_in(moving: tuple[str, ...], point, start: str) -> Ending:
     one = np.full(len(moving), 1e-5)
     motion = Saturated(one, one, (0.0, 1.5), 1000.0, moving[0], 1.0, 0.0, 1.0, one, one, COMPLETE, False)
     return Ending(point.value, start, SQUEALS if lasts else DECAYS, motion, 0.1)
+
+
+def test_a_bistable_range_that_goes_on_names_each_end_that_is_open():
+    speed = read_variation("drum.speed=58 rpm..62 rpm x2", load_scene(DAMPED))
+    linear, low, high = Branches((), (), ()), speed.first, speed.last
+    study = OnsetStudy(load_scene(DAMPED), speed, ("X", "Y", "Tz"), linear, (), (), 0.1)
+    for ends, told in (
+        ((None, None), "58 rpm and 62 rpm, the ends of the range"),
+        ((0.1, None), "62 rpm, the end of the range"),
+        ((None, 0.1), "58 rpm, the end of the range"),
+    ):
+        found = reservations(study._replace(ranges=(Range(KICKED, low, high, *ends),)))
+        assert f"The bistable range may go on beyond {told} asked for." in found

@@ -30,7 +30,9 @@ from drumsqueal.model import build_model
 from drumsqueal.report import onset_page as onset_page_module
 from drumsqueal.report import page
 from drumsqueal.report import run_page as run_page_module
+from drumsqueal.report.found import Summary
 from drumsqueal.report.sound import RECORD_S, _played
+from drumsqueal.report.words import figure_words
 from drumsqueal.scene import load_scene
 from drumsqueal.scene.variation import read_variation
 from drumsqueal.signals import amplitude_spectrum, peak_near
@@ -443,7 +445,7 @@ def test_a_study_that_was_cut_off_shows_the_values_done(onset_folder, report, tm
     page = report(tmp_path)
     assert "not complete" in page.one("warning")["text"]
     assert len([each for each in page.all("tr") if "tbody" in each["inside"]]) == 4
-    assert "drum.<wbr>speed_<wbr>rad_<wbr>per_<wbr>s</th>" in page.source
+    assert "drum.<wbr>speed_<wbr>rpm</th>" in page.source
 
 
 def test_a_study_that_was_cut_off_says_what_was_asked_and_predicted(onset_folder, report, tmp_path):
@@ -457,7 +459,7 @@ def test_a_study_that_was_cut_off_says_what_was_asked_and_predicted(onset_folder
     assert "not complete" in page.one("warning")["text"]
     (critical,) = whole["critical_values"]
     assert page.one("headline")["text"] == (
-        "3 of 4 values of drum.speed from 10 to 400 rpm are done: it squeals at 1 of them, it squeals when kicked at 1 "
+        "3 of 4 values of drum.speed from 10 to 400 rpm are done: it squeals at 1 of them, it is bistable at 1 "
         "of them, it is stable at 1 of them. By the eigenvalues Y gains stability as the value rises past "
         f"{RPM * critical['value']:.6g} rpm "
         f"({critical['frequency_Hz'] / 1e3:.3g} kHz)."
@@ -778,3 +780,13 @@ def test_the_sounds_can_be_played(browser, run_folder, run_page):
     played = [samples.size / rate for rate, samples in sounds(run_page)]
     assert lengths == pytest.approx(played, abs=1e-3)
     assert browser.evaluate("[...document.querySelectorAll('audio')].every(each => each.paused)")
+
+
+def test_the_lines_of_stable_modes_are_not_called_unstable(run_folder, nominal):
+    data = json.loads((run_folder / "summary.json").read_text())
+    for mode in data["prediction"]["modes"]:
+        mode["unstable"] = mode["name"] == "Y"
+    told = figure_words("spectrogram", Summary.model_validate(data), nominal)[1]
+    unstable, stable = re.search(r"modes that move: unstable (.*?); stable (.*?)\.", told).groups()  # pyright: ignore
+    assert re.fullmatch(r"Y \d+ Hz", unstable)
+    assert re.fullmatch(r"X \d+ Hz, Tz \d+ Hz", stable)

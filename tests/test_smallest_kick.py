@@ -197,7 +197,7 @@ def test_the_smallest_kick_is_told_written_and_drawn(drumsqueal, tmp_path, monke
     summary = json.loads((tmp_path / "onset.json").read_text())
     kinds = {each["value"]: each["kind"] for each in summary["values"] if each["asked"]}
     kicks = {each["value"]: each["smallest_kick"] for each in summary["values"] if each["smallest_kick"]}
-    assert list(kicks) == [value for value, kind in kinds.items() if kind == "squeals when kicked"]
+    assert list(kicks) == [value for value, kind in kinds.items() if kind == "bistable"]
     mass = float(build_model(load_scene(DAMPED)).mass[1])
     for value, kick in kicks.items():
         assert abs(kick["speed_m_per_s"] - value / 20) <= kick["speed_uncertainty_m_per_s"]
@@ -231,7 +231,7 @@ def test_squeal_that_no_kick_along_a_mode_starts_is_told(monkeypatch):
     for module in (study_module, kick_module):
         monkeypatch.setattr(module, "find_endings", made_up(lambda value: math.inf))
     study = study_onset(scene, "drum.speed=1..40x14", smallest_kick=True)
-    assert any(row.kind == "squeals when kicked" for row in study.rows)
+    assert any(row.kind == "bistable" for row in study.rows)
     assert not any(row.kick for row in study.rows)
     (told,) = (line for line in reservations(study) if "No kick" in line)
     assert told.startswith("No kick along a mode that was tried starts the squeal that a neighbour's motion leads to: ")

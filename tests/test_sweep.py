@@ -425,3 +425,33 @@ def test_without_the_extra_one_line_says_what_to_install(drumsqueal, tmp_path, m
     assert (status, errors.count("\n")) == (2, 1)
     assert 'pip install "drumsqueal[cluster]"' in errors
     assert not (tmp_path / "out").exists()
+
+
+def test_transients_run_on_until_they_settle_and_those_that_have_not_are_marked(damped, monkeypatch):
+    # Y grows by 44 1/s, from a seventieth of the edges: after 0.05 s it is nine times its start, below them.
+    scene = damped.with_values({"simulate.duration": 0.05})
+    found = ds.sweep_parameters(scene, {"drum.speed": [4.0]}, transient=True).isel({"drum.speed": 0})
+    run = ds.run(scene.with_values({"drum.speed": 4.0, "simulate.duration": 0.4})).history["displacement"].values
+    assert found["settled"].item() == 1
+    assert 0.05 < found["simulated"].item() <= 16 * 0.05
+    # The cycle that it settles to; a tenth of the linear rate leaves 4 1/s, a fifth in 0.05 s at the most.
+    np.testing.assert_allclose(found["amplitude"].values[1], np.ptp(run[-1000:, 1]) / 2, rtol=0.2)
+    monkeypatch.setattr(study, "MOST_ROUNDS", 1)
+    cut = ds.sweep_parameters(scene, {"drum.speed": [4.0]}, transient=True).isel({"drum.speed": 0})
+    assert (cut["settled"].item(), cut["simulated"].item()) == (0, 0.05)
+    assert cut["amplitude"].values[1] < 0.5 * found["amplitude"].values[1]
+
+
+def test_a_sweep_in_rpm_has_its_results_in_rpm(drumsqueal, tmp_path):
+    scene, vary = str(SCENARIOS / "damped.toml"), ("--vary", "drum.speed=20..80 rpm x 4")
+    status, printed, errors = drumsqueal("sweep", scene, *vary, "-o", str(tmp_path))
+    assert (status, errors) == (0, "")
+    assert "drum.speed 20 rpm" in printed
+    with xarray.open_dataset(tmp_path / "sweep.nc", engine="h5netcdf") as found:
+        assert found["drum.speed"].values.tolist() == [20.0, 40.0, 60.0, 80.0]
+        assert found["drum.speed"].attrs["units"] == "rpm"
+        in_si = ds.sweep_parameters(load_scene(scene), {"drum.speed": [20 * np.pi / 30]})
+        assert found["largest_growth_rate"].values[0] == pytest.approx(in_si["largest_growth_rate"].item(), rel=1e-12)
+    summary = json.loads((tmp_path / "sweep.json").read_text())
+    assert summary["sweep"]["vary"] == {"drum.speed": [20.0, 80.0, 4, "rpm"]}
+    assert (summary["units"], summary["modes"]["Y"]["where"]) == ({"drum.speed": "rpm"}, {"drum.speed": 20.0})

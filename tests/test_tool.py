@@ -277,7 +277,9 @@ def test_a_scene_is_copied_and_not_over_another(drumsqueal, tmp_path, monkeypatc
     assert drumsqueal("scenes", "damped", "--overwrite")[0] == 0
     assert drumsqueal("scenes", "stop", "-o", "mine.toml", "--quiet") == (0, "", "")
     assert load_scene("mine.toml").title == "Stop from 5 rad/s"
-    assert "there are constant_friction, damped" in drumsqueal("scenes", "dampd")[2]
+    assert "there are constant_friction, damped" in drumsqueal("scenes", "xyz")[2]
+    assert "did you mean damped?" in drumsqueal("scenes", "dampd")[2]
+    assert "did you mean the shipped scene damped?" in drumsqueal("check", "dampd")[2]
     assert "name the scene, too" in drumsqueal("scenes", "-o", "x.toml")[2]
     names = [scene["name"] for scene in json.loads(drumsqueal("scenes", "--json", "-")[1])]
     assert tuple(names) == shipped_names()
@@ -289,7 +291,7 @@ def test_the_name_of_a_shipped_scene_stands_for_it_where_there_is_no_file(drumsq
     assert json.loads(drumsqueal("stability", "damped", "--json", "-")[1])["modes"]
     (tmp_path / "damped").mkdir()  # as results of it may be called
     assert json.loads(drumsqueal("stability", "damped", "--json", "-")[1])["modes"]
-    assert "this is a directory" in drumsqueal("animate", "damped", "--mode", "Y")[2]
+    assert "history.nc: there is no such file" in drumsqueal("animate", "damped", "--mode", "Y")[2]
     (tmp_path / "damped").rmdir()
     (tmp_path / "damped").write_text("title =")
     assert "not TOML" in drumsqueal("stability", "damped")[2]

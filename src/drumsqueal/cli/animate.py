@@ -21,12 +21,13 @@ from drumsqueal.cli.options import (
 )
 from drumsqueal.errors import RequestError
 from drumsqueal.files.claims import claim_results
-from drumsqueal.files.output_folder import history_file
+from drumsqueal.files.output_folder import HISTORY, history_file
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import COORDINATES, load_scene
 from drumsqueal.scene.shipped import find_scene
 
 AUTO = "auto"
+SCENE_AS_RUN = "--set changes a scene; a history is of the scene that was run: leave one of them out"
 
 
 def animate_command(
@@ -34,7 +35,7 @@ def animate_command(
         Path,
         typer.Argument(
             metavar="HISTORY|SCENE",
-            help="History or its folder; with --mode a scene.",
+            help="History or its folder; with --mode also a scene.",
             show_default=False,
             autocompletion=complete_source,
         ),
@@ -46,7 +47,7 @@ def animate_command(
             "--output",
             metavar="FILE",
             parser=read_file,
-            help="File, .gif or .mp4 (default: beside the history, or SCENE-MODE.gif).",
+            help="File, .gif or .mp4 (default: beside the history, or out/SCENE-MODE.gif).",
         ),
     ] = None,
     mode: Annotated[
@@ -54,7 +55,7 @@ def animate_command(
         typer.Option(
             "--mode",
             metavar="MODE",
-            help="Show this mode of a scene, such as Y.",
+            help="Show this mode of a scene, or of a run's scene, such as Y.",
             autocompletion=words(*COORDINATES),
         ),
     ] = None,
@@ -81,20 +82,10 @@ def animate_command(
     slowness, magnification = _factor(slow, "--slow"), _factor(magnify, "--magnify")
     if mode is not None:
         _refuse_with_mode({"--from": since, "--until": until, "--magnify": None if magnify == AUTO else magnify})
-        # A folder here is a run's, whose scene need not be the shipped one of that name.
-        scene_file = source if source.is_dir() else find_scene(str(source))
-        scene = load_scene(scene_file, settings or ())
-        file = output or Path(f"{source.stem}-{mode.replace(' ', '').replace('/', '')}.gif")
-        reply = Reply.with_file(file, (scene_file,), quiet, json_file, overwrite=overwrite)
-        stop_if_interrupted()
-        from drumsqueal.files.animation_file import check_animation_name
-        from drumsqueal.jobs.animate import animate_mode
-
-        check_animation_name(file)
-        reply.send(animate_mode(file, scene, mode, slowness, reply.console))
+        _animate_mode(source, mode, settings or [], output, slowness, overwrite, quiet, json_file)
         return
     if settings:
-        raise UsageError("--set changes a scene; a history is of the scene that was run: leave one of them out")
+        raise UsageError(SCENE_AS_RUN)
     if source.suffix == ".toml":
         raise RequestError(f"{source} is a scene: name one of its modes with --mode, or give a history that it left")
     first, last = read_time(since, "--from"), read_time(until, "--until")
@@ -112,6 +103,43 @@ def animate_command(
     saved = read_history(source)
     stop_if_interrupted()
     reply.send(animate_history(file, saved, first, last, slowness, magnification, reply.console))
+
+
+def _animate_mode(
+    source: Path,
+    mode: str,
+    settings: list[str],
+    output: Path | None,
+    slowness: float | None,
+    overwrite: bool,
+    quiet: bool,
+    json_file: str | None,
+) -> None:
+    """Animate a mode of a scene file or, where the source is a history or its folder, of the scene that was run."""
+    file_name = f"{mode.replace(' ', '').replace('/', '')}.gif"
+    # A folder here is a run's, whose scene need not be the shipped one of that name.
+    read = history_file(source) if source.is_dir() else find_scene(str(source))
+    if read.suffix == Path(HISTORY).suffix:
+        if settings:
+            raise UsageError(SCENE_AS_RUN)
+        stop_if_interrupted()
+        from drumsqueal.files.saved_history import read_history
+
+        claim_results(read.parent)
+        saved = read_history(read)
+        if saved.given_law:
+            told = "its friction law was given in Python and is not in it, so that its modes are not known"
+            raise RequestError(f"{read}: {told}; name a scene file")
+        scene, file = saved.scene, output or read.with_name(f"mode-{file_name}")
+    else:
+        scene, file = load_scene(read, settings), output or Path("out") / f"{source.stem}-{file_name}"
+    reply = Reply.with_file(file, (read,), quiet, json_file, overwrite=overwrite)
+    stop_if_interrupted()
+    from drumsqueal.files.animation_file import check_animation_name
+    from drumsqueal.jobs.animate import animate_mode
+
+    check_animation_name(file)
+    reply.send(animate_mode(file, scene, mode, slowness, reply.console))
 
 
 def _factor(text: str, option: str) -> float | None:

@@ -25,8 +25,11 @@ def check_command(
     reply = Reply(quiet, json_file, overwrite=overwrite, apart_from=(scene,))
     stop_if_interrupted()
     begun = time.process_time()
+    from drumsqueal.jobs.bistable import tell_bistable
     from drumsqueal.jobs.check import check
 
     loading = time.process_time() - begun
     stop_if_interrupted()
-    reply.send(check(loaded, reply.console, loading))
+    found, data = check(loaded, reply.console, loading)
+    tell_bistable(reply.console, loaded, found.prepared.stability, scene, settings or ())
+    reply.send(data)

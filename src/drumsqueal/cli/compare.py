@@ -1,5 +1,6 @@
 """`drumsqueal compare HISTORY MEASURED -o DIR`."""
 
+from io import BytesIO
 from pathlib import Path
 from typing import Annotated
 
@@ -18,6 +19,7 @@ from drumsqueal.cli.options import (
     read_share,
     read_time,
 )
+from drumsqueal.errors import RequestError
 from drumsqueal.files.claims import claim_results
 from drumsqueal.files.output_folder import COMPARE_FILES, HISTORY, history_file
 from drumsqueal.interrupts import stop_if_interrupted
@@ -28,6 +30,7 @@ HistoryFile = Annotated[
 MeasuredFile = Annotated[
     Path, typer.Argument(metavar="MEASURED", help="Measured record: CSV, UFF58 or WAV.", show_default=False)
 ]
+HDF5 = b"\x89HDF"  # how the files begin
 UNIT = 'What 1 in the file stands for, where it does not say so, such as "mm/s", g or, calibrated, "50 mm/s".'
 
 
@@ -72,6 +75,7 @@ def compare_command(
 
     Example: drumsqueal compare out/nominal rig.csv --channel vibrometer --unit mm/s
     """
+    _check_order(history, measured)
     folder = output if output is not None else Path("out") / f"{_name(history)}-compare"
     read = (history_file(history), measured)
     reply = Reply.beside(folder, COMPARE_FILES, read, quiet, json_file, overwrite=overwrite)
@@ -92,6 +96,23 @@ def compare_command(
     stop_if_interrupted()
     reply.clear()
     reply.send(compare_into(folder, comparison, measured, reply.console))
+
+
+def _check_order(history: Path, measured: Path) -> None:
+    """Raise RequestError where the second argument is a history and the first is none."""
+    if _is_history(measured) and not _is_history(history):
+        told = f"{measured} is a history and {history} is not: the history comes first"
+        raise RequestError(f"{told}; write drumsqueal compare {measured} {history}")
+
+
+def _is_history(path: Path) -> bool:
+    """Whether there is an HDF5 file, as every history is, or a folder with one."""
+    file = history_file(path)
+    try:
+        with file.open("rb") if file.is_file() else BytesIO() as start:
+            return start.read(len(HDF5)) == HDF5
+    except (OSError, ValueError):  # reported where the file is read
+        return False
 
 
 def _name(history: Path) -> str:

@@ -97,8 +97,8 @@ def complete_list(ctx: typer.Context, incomplete: str) -> list[str]:
 
 def _numbers(ctx: typer.Context) -> tuple[str, ...]:
     # What stands before an option that still wants its value is not read yet.
-    named = ctx.params.get("scene") or next((find_scene(word) for word in ctx.args if word[:1] != "-"), None)
     try:
+        named = ctx.params.get("scene") or next((find_scene(word) for word in ctx.args if word[:1] != "-"), None)
         scene = load_scene(named or "", ctx.params.get("settings") or ())
     except SceneError:  # it is not named yet, or has mistakes
         return number_keys()

@@ -42,6 +42,7 @@ def run_command(
     reply = Reply.beside(folder, RUN_FILES, (scene,), quiet, json_file, overwrite=overwrite or resume)
     stop_if_interrupted()
     from drumsqueal.files.resumption import find_point
+    from drumsqueal.jobs.bistable import tell_bistable
     from drumsqueal.jobs.tables import print_notes
     from drumsqueal.scene.usual import unusual
 
@@ -55,4 +56,8 @@ def run_command(
     check_sample_rate(prepared)
     stop_if_interrupted()
     reply.clear(but=(HISTORY, RESUME) if resume else ())
-    reply.send(run_into(folder, prepared, reply.console, since))
+    summary = run_into(folder, prepared, reply.console, since)
+    # Otherwise it squeals already.
+    if summary["saturation"] is None or summary["saturation"]["regime"]["kind"] == "steady":
+        tell_bistable(reply.console, loaded, prepared.stability, scene, settings or ())
+    reply.send(summary)

@@ -30,7 +30,11 @@ DRIVEN = "driven by the harmonic force"
 
 
 class ModeComparison(NamedTuple):
-    """One mode: what the eigenvalue says and what the transient did; None where that cannot be told, and why."""
+    """One mode: what the eigenvalue says and what the transient did; None where that cannot be told, and why.
+
+    `changing` tells that drum speed or load change: the prediction then is for one time and the measurement a mean over
+    the growth phase, so that their difference is no error.
+    """
 
     name: str
     label: str
@@ -42,19 +46,21 @@ class ModeComparison(NamedTuple):
     phase_frequency_Hz: float | None
     measured_growth: Growth | None
     note: str
+    changing: bool = False
 
     @property
     def frequency_error(self) -> float | None:
-        """Measured over predicted frequency, less 1."""
-        if self.measured_frequency_Hz is None:
+        """Measured over predicted frequency, less 1; None where the prediction is for one time only."""
+        if self.measured_frequency_Hz is None or self.changing:
             return None
         return self.measured_frequency_Hz / self.predicted_frequency_Hz - 1
 
     @property
     def growth_error(self) -> float | None:
-        """Measured over predicted growth rate, less 1; None for a mode that neither grows nor decays."""
+        """Measured over predicted growth rate, less 1; None also for a mode that neither grows nor decays."""
         if (
             self.measured_growth is None
+            or self.changing
             or abs(self.predicted_growth_rate) < NEUTRAL_SHARE * self.predicted_frequency_Hz
         ):
             return None
@@ -109,6 +115,7 @@ def compare(
         drift = follow_frequency(departure, saturated_part(time, edge), stability, model, saturation)
     ratio = _motion_ratio(departure, stability, model)
     changing = changes(model, time)
+    modes = tuple(mode._replace(changing=changing) for mode in modes)
     outcome = history.attrs["outcome"]
     return Comparison(
         growth_end_s=float(time[max(growing.stop - 1, 0)]),

@@ -58,9 +58,22 @@ def _steady(regime: Regime, reason: str) -> Regime:
 
 
 def _rate(departure: Departure, part: slice, mass: NDArray[np.float64]) -> float:
-    """Mean growth rate (1/s) of the rms velocity, weighted by mass, from the first half of a part to the second."""
     first, stop, _ = part.indices(departure.time.size)
-    half, seconds = first + (stop - first) // 2, (stop - first) / departure.sample_rate
-    halves = (slice(first, half), slice(half, stop))
-    before, after = (float(mass @ departure.mean_square_velocity(each)) for each in halves)
+    half = first + (stop - first) // 2
+    before, after = (departure.mean_square_velocity(each) for each in (slice(first, half), slice(half, stop)))
+    return _between(before, after, mass, (stop - first) / departure.sample_rate)
+
+
+def rms_rate(velocity: NDArray[np.float64], mass: NDArray[np.float64], sample_rate: float) -> float:
+    """Mean growth rate (1/s) of the rms velocity (time, n), weighted by mass, from the first half to the second."""
+    half = len(velocity) // 2
+    before, after = (np.mean(each**2, axis=0) for each in (velocity[:half], velocity[half:]))
+    return _between(before, after, mass, len(velocity) / sample_rate)
+
+
+def _between(
+    first: NDArray[np.float64], second: NDArray[np.float64], mass: NDArray[np.float64], seconds: float
+) -> float:
+    """Growth rate from the mean squares (n,) of the halves of so many seconds."""
+    before, after = float(mass @ first), float(mass @ second)
     return float(np.log(after / before)) / seconds if min(before, after) > 0 else 0.0

@@ -44,8 +44,11 @@ FORMATS = {
 
 
 def find_format(name: str) -> Format:
-    """Return a format by its name; raises RequestError for an unknown one, and where its extra is not installed."""
-    found = FORMATS.get(name)
+    """Return a format by its name or the ending of its files, such as uff.
+
+    Raises RequestError for an unknown one, and where its extra is not installed.
+    """
+    found = FORMATS.get(name) or next((each for each in FORMATS.values() if f".{name}" in each.endings), None)
     if found is None:
         raise RequestError(f"--to {name}: there is no such format; write one of {', '.join(FORMATS)}")
     if found.package and importlib.util.find_spec(found.package) is None:

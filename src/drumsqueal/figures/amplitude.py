@@ -13,13 +13,12 @@ from drumsqueal.comparison.departure import unit_of
 from drumsqueal.figures import style
 from drumsqueal.figures.slices import Panel, fixed_in_words, hold_to, label_of, panels, thinned
 from drumsqueal.figures.style import frame, new_figure, styled
-from drumsqueal.files.sweep import TRENDS
 from drumsqueal.scene import COORDINATES
 from drumsqueal.scene.plan import Plan
 from drumsqueal.studies.sweep.endings import squealing, undecided
 
 COLOURS = "viridis"
-_OPEN = "; open: it still grows"
+_OPEN, _DOTS = "; open: not settled", "; dots: not settled"
 _GREY = "; grey: nothing lasts"
 
 
@@ -58,7 +57,7 @@ def _quantities(sweep: xarray.Dataset) -> list[Quantity]:
 
 
 def _draw_maps(sweep: xarray.Dataset, plan: Plan, shown: list[Quantity]) -> Figure:
-    told = "; dots: it still grows" * bool(_grows(sweep).any())
+    told = _DOTS * bool(_unsettled(sweep).any())
     told += _GREY * any(np.isnan(each.values.values).any() for each in shown)
     figure = new_figure(plan.scene.title, f"the end of the transients{fixed_in_words(sweep, plan)}{told}")
     rows = panels(figure, sweep, plan, rows=len(shown))
@@ -68,7 +67,7 @@ def _draw_maps(sweep: xarray.Dataset, plan: Plan, shown: list[Quantity]) -> Figu
         known = quantity.values.values[np.isfinite(quantity.values.values)]
         scale = Normalize(float(known.min()), float(known.max())) if known.size else Normalize()
         for panel in mine:
-            _draw_panel(panel, quantity, sweep["trend"], plan, scale)
+            _draw_panel(panel, quantity, sweep["settled"], plan, scale)
         for row in rows[k * share : (k + 1) * share]:
             frame(row[0].axes, None, label_of(sweep, plan.keys[1]))
         bar = figure.colorbar(ScalarMappable(scale, COLOURS), ax=[panel.axes for panel in mine], pad=0.02)
@@ -77,26 +76,27 @@ def _draw_maps(sweep: xarray.Dataset, plan: Plan, shown: list[Quantity]) -> Figu
     return figure
 
 
-def _draw_panel(panel: Panel, quantity: Quantity, trend: xarray.DataArray, plan: Plan, scale: Normalize) -> None:
+def _draw_panel(panel: Panel, quantity: Quantity, settled: xarray.DataArray, plan: Plan, scale: Normalize) -> None:
     axes, select = panel
-    part = thinned(xarray.Dataset({"shown": quantity.values, "trend": trend}), plan, select)
+    part = thinned(xarray.Dataset({"shown": quantity.values, "settled": settled}), plan, select)
     x, y = (part[key].values for key in plan.keys[:2])
     axes.set_facecolor(style.FAINT)
     axes.pcolormesh(x, y, part["shown"].values, cmap=COLOURS, norm=scale, shading="nearest", rasterized=True)
     hold_to(axes, x, y)
-    row, column = np.nonzero(part["trend"].values == TRENDS.index("grows"))
+    row, column = np.nonzero(part["settled"].values == 0)
     look = {"color": style.DARK, "markersize": 3, "markeredgecolor": "white", "markeredgewidth": 0.5}
-    axes.plot(x[column], y[row], "o", clip_on=False, zorder=3, **look)
+    if row.size:  # an empty line that is not clipped counts as one at the corner of the figure: the layout collapses
+        axes.plot(x[column], y[row], "o", clip_on=False, zorder=3, **look)
     axes.tick_params(which="both", labelsize=style.SMALL_SIZE)
 
 
 def _draw_curves(sweep: xarray.Dataset, plan: Plan, shown: list[Quantity]) -> Figure:
-    figure = new_figure(plan.scene.title, f"the end of the transients{_OPEN * bool(_grows(sweep).any())}")
+    figure = new_figure(plan.scene.title, f"the end of the transients{_OPEN * bool(_unsettled(sweep).any())}")
     both = _column(figure, shown)
     for axes, quantity in zip(both, shown, strict=True):
         x, y = sweep[plan.keys[0]].values, quantity.values.values
         axes.plot(x, y, color=quantity.colour, linewidth=0.6)
-        _draw_markers(axes, x, y, _grows(sweep), quantity.colour)
+        _draw_markers(axes, x, y, _unsettled(sweep), quantity.colour)
         frame(axes, None, quantity.label)
     frame(both[-1], label_of(sweep, plan.keys[0]), None)
     return figure
@@ -107,7 +107,7 @@ def _column(figure: Figure, shown: list[Quantity]) -> list[Axes]:
 
 
 def _draw_draws(sweep: xarray.Dataset, plan: Plan, shown: list[Quantity]) -> Figure:
-    told = f"the end of the transients of {plan.draws} draws{_OPEN * bool(_grows(sweep).any())}"
+    told = f"the end of the transients of {plan.draws} draws{_OPEN * bool(_unsettled(sweep).any())}"
     figure = new_figure(plan.scene.title, told)
     for axes, quantity in zip(_column(figure, shown), shown, strict=True):
         _draw_dots(axes, sweep, quantity)
@@ -118,15 +118,15 @@ def _draw_draws(sweep: xarray.Dataset, plan: Plan, shown: list[Quantity]) -> Fig
 def _draw_dots(axes: Axes, sweep: xarray.Dataset, quantity: Quantity) -> None:
     axes.axvline(0, color=style.DARK, linewidth=0.6)
     growth = sweep["largest_growth_rate"].values
-    _draw_markers(axes, growth, quantity.values.values, _grows(sweep), quantity.colour)
+    _draw_markers(axes, growth, quantity.values.values, _unsettled(sweep), quantity.colour)
     frame(axes, None, quantity.label)
 
 
-def _draw_markers(axes: Axes, x: np.ndarray, y: np.ndarray, grows: np.ndarray, colour: str) -> None:
-    """A dot for each motion, an open one where it still grew."""
-    for some, face in ((~grows, colour), (grows, "white")):
+def _draw_markers(axes: Axes, x: np.ndarray, y: np.ndarray, unsettled: np.ndarray, colour: str) -> None:
+    """A dot for each motion, an open one where it had not settled."""
+    for some, face in ((~unsettled, colour), (unsettled, "white")):
         axes.plot(x[some], y[some], "o", color=colour, markerfacecolor=face, markersize=3, markeredgewidth=0.6)
 
 
-def _grows(sweep: xarray.Dataset) -> np.ndarray:
-    return sweep["trend"].values == TRENDS.index("grows")
+def _unsettled(sweep: xarray.Dataset) -> np.ndarray:
+    return sweep["settled"].values == 0

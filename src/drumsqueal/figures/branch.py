@@ -7,11 +7,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.ticker import ScalarFormatter
 
 from drumsqueal.comparison.departure import unit_of
 from drumsqueal.figures import style
-from drumsqueal.figures.onset import DASHES, SHADES, draw_cycles
+from drumsqueal.figures.onset import DASHES, SHADES, draw_cycles, limit_amplitudes
 from drumsqueal.figures.placement import tick_in_units
 from drumsqueal.figures.style import frame, new_figure, styled
 from drumsqueal.scene.variation import Variation
@@ -23,8 +22,7 @@ from drumsqueal.studies.onset.rows import KICKED, SQUEALS, STABLE
 
 MICRO = 1e6
 MARKERS = {FOLD: "s", NEIMARK_SACKER: "^", DOUBLING: "v", BRANCHING: "P", CORNER: "x"}
-ROOM = 1.08  # above the largest amplitude
-WIDE = 30  # ratio of amplitudes from which on the axis is logarithmic, with steady sliding at its lower end
+ROOM = 0.08  # of the height, above the largest amplitude
 
 
 @styled()
@@ -40,7 +38,8 @@ def draw_branch(diagram: Diagram, variation: Variation) -> Figure:
         _shade(axes, diagram)
     _draw(amplitude, diagram, colour, lambda cycle: MICRO * cycle.amplitude[name])
     _draw(frequency, diagram, colour, lambda cycle: cycle.frequency_Hz)
-    rest = _limits(amplitude, [cycle.amplitude[name] for branch in diagram.branches for cycle in branch.cycles])
+    sizes = [MICRO * cycle.amplitude[name] for branch in diagram.branches for cycle in branch.cycles]
+    rest = limit_amplitudes(amplitude, sizes, ROOM)
     for stable, line in ((True, "-"), (False, DASHES)):
         for span in steady_sliding(diagram, stable=stable):
             amplitude.plot(span, [rest, rest], color=style.DARK, linewidth=1.6, linestyle=line, clip_on=False, zorder=3)
@@ -54,18 +53,6 @@ def draw_branch(diagram: Diagram, variation: Variation) -> Figure:
     figure.align_ylabels([amplitude, frequency])
     figure.legend(handles=_legend(diagram, colour), loc="outside lower center", ncols=4)
     return figure
-
-
-def _limits(axes: Axes, amplitudes: list[float]) -> float:
-    """Set the limits, of a log axis where amplitudes lie far apart; returns where the amplitude zero is drawn (µm)."""
-    smallest, largest = MICRO * min(amplitudes), MICRO * max(amplitudes)
-    if largest < WIDE * smallest:
-        axes.set_ylim(0, ROOM * largest)
-        return 0.0
-    axes.set_yscale("log")
-    axes.yaxis.set_major_formatter(ScalarFormatter())
-    axes.set_ylim(smallest / 2, ROOM * ROOM * largest)
-    return smallest / 2
 
 
 def main_coordinate(diagram: Diagram) -> str:

@@ -58,6 +58,10 @@ def _measured(view: View) -> list[tuple[float, float]]:
     ]
 
 
+def _predicted(view: View) -> str:
+    return f"mode at t = {view.result.stability.time:g} s" if view.result.comparison.changing else "predicted mode"
+
+
 def _text(mode: Mode, *, full: bool) -> str:
     return f"{mode.label}: {mode.frequency_Hz:.0f} Hz, {rate_text(mode.growth_rate, mode)} 1/s" if full else mode.label
 
@@ -80,7 +84,7 @@ def _draw_panel(view: View, axes: Axes, limits: tuple[float, float], top: float)
     dot = {"marker": "o", "markersize": 4, "linestyle": ""}
     for mode in stability.modes:
         axes.plot(*_point(mode), **dot, color=style.COLOUR[mode.name], gid=f"predicted {mode.label}")
-    axes.plot([], [], **dot, color=style.DARK, label="predicted mode")
+    axes.plot([], [], **dot, color=style.DARK, label=_predicted(view))
     real = [value.real for value in stability.eigenvalues if value.imag == 0]
     if real:
         axes.plot(
@@ -102,5 +106,5 @@ def _draw_panel(view: View, axes: Axes, limits: tuple[float, float], top: float)
             linestyle="",
             color=style.DARK,
             markeredgewidth=0.7,
-            label="measured in the transient",
+            label="mean over the growth phase" if view.result.comparison.changing else "measured in the transient",
         )

@@ -23,8 +23,9 @@ def draw_frequency(view: View) -> Figure | None:
     upper.plot(
         (view.time[0] + drift.ridge.time_s) * factor, drift.ridge.frequency_Hz, color=style.COLOUR[drift.coordinate]
     )
+    when = f" at t = {view.result.stability.time:g} s" if view.result.comparison.changing else ""
     levels = [
-        (drift.onset_Hz, "eigenvalue", style.DARK, "-"),
+        (drift.onset_Hz, f"eigenvalue{when}", style.DARK, "-"),
         (drift.softening.contact_loss_Hz, "loss of contact", style.TOUCHING, "--"),
         (drift.softening.by_share_Hz, "√(contact share)", style.TOUCHING, ":"),
         (drift.saturated_Hz, "saturated line", style.COLOUR[drift.coordinate], "-"),

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from drumsqueal.comparison.compare import ModeComparison
 from drumsqueal.figures import style
-from drumsqueal.figures.shares import BAND, PERIODS, draw_shares, running
+from drumsqueal.figures.shares import PERIODS, draw_shares, running
 from drumsqueal.figures.view import View, rate_text
 from drumsqueal.linear.modes import Mode
 
@@ -39,7 +39,7 @@ def draw_growth(view: View) -> Figure | None:
     style.frame(upper, None, "Amplitude (µm; rotations times R)")
     legend = upper.legend(
         handles=modes,
-        title="Mode: Re λ predicted / measured (1/s)",
+        title=f"Mode: {_compared(view)} (1/s)",
         loc="lower left",
         bbox_to_anchor=(0.0, 1.0),
         borderaxespad=0.2,
@@ -47,7 +47,7 @@ def draw_growth(view: View) -> Figure | None:
     )
     upper.add_artist(legend)
     legend.set_clip_on(False)  # or the layout takes it for hidden and leaves it no room
-    upper.legend(handles=_explained(marks), loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2)
+    upper.legend(handles=_explained(view, marks), loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2)
     draw_shares(view, lower, shown)
     more = f"; the record goes on to {view.time[-1] * factor:.4g} {unit}" if shown.stop < view.time.size else ""
     style.frame(lower, f"Time ({unit}){more}", "Lining (%)")
@@ -59,7 +59,8 @@ def _draw_mode(view: View, axes: Axes, mode: Mode, shown: slice) -> Artist:
     """Draw one mode and return its entry in the legend."""
     factor, colour = style.time_unit(view.time[-1])[0], style.COLOUR[mode.name]
     compared = view.compared(mode)
-    time, low, mean, high = running(view, view.amplitude(mode, shown), shown)
+    values = view.departure.modal(mode, shown) * view.micrometres(mode.name)
+    time, low, mean, high = running(view, values, shown)
     axes.fill_between(time * factor, low, high, color=colour, alpha=0.2, linewidth=0)
     (line,) = axes.plot(time * factor, mean, color=colour, linewidth=1.3, label=_entry(mode, compared))
     slope_time, slope = _slope(view, mode, compared)
@@ -67,6 +68,15 @@ def _draw_mode(view: View, axes: Axes, mode: Mode, shown: slice) -> Artist:
         slope_time * factor, slope, color=style.DARK, linewidth=0.7, linestyle=DASHES, gid=f"predicted {mode.label}"
     )
     return line
+
+
+def _compared(view: View) -> str:
+    """What stands on both sides of the stroke in the legend."""
+    if not view.result.comparison.changing:
+        return "Re λ predicted / measured"
+    factor, unit = style.time_unit(view.time[-1])
+    end = view.result.comparison.growth_end_s * factor
+    return f"Re λ at t = {view.result.stability.time:g} s / mean from 0 to {end:.4g} {unit}"
 
 
 def _entry(mode: Mode, compared: ModeComparison) -> str:
@@ -111,7 +121,9 @@ def _mark_phases(view: View, axes: Axes) -> list[Artist]:
     return marks
 
 
-def _explained(marks: list[Artist]) -> list[Artist]:
-    predicted = Line2D([], [], color=style.DARK, linewidth=0.7, linestyle=DASHES, label="predicted growth")
-    band = Patch(color=style.FAINT, label=f"{BAND[0]} to {BAND[1]} % of the samples in {PERIODS} periods")
+def _explained(view: View, marks: list[Artist]) -> list[Artist]:
+    changing = view.result.comparison.changing
+    label = f"growth as predicted at t = {view.result.stability.time:g} s" if changing else "predicted growth"
+    predicted = Line2D([], [], color=style.DARK, linewidth=0.7, linestyle=DASHES, label=label)
+    band = Patch(color=style.FAINT, label=f"smallest to largest in {PERIODS} periods")
     return [predicted, band, *marks]

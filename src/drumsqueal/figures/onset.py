@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 from drumsqueal.comparison.departure import unit_of
@@ -30,7 +31,10 @@ OTHER = style.PALE
 MARKER = {"marker": "o", "markersize": 3.2, "linestyle": "", "markeredgewidth": 0.7}
 SQUARE: dict[str, Any] = MARKER | {"marker": "s"}  # of kicks: these are no motions
 DASHES = (0, (3, 2))  # of unstable cycles
-ROOM = 1.25  # above the largest amplitude, for the names of the ranges
+ROOM = 0.25  # of the height, above the largest amplitude, for the names of the ranges
+SCALE = 3.5  # the sum of the panels' heights that the usual height of a figure is for
+WIDE, FAR = 3, 100  # ratios of amplitudes: for a log axis, and for its ticks to be decades alone
+BELOW = 2  # how far below the smallest amplitude zero stands on a log axis
 NARROW = 0.14  # share of the width below which a range has no name of its own
 MARGIN = 0.012  # of the width, for a marker at either end
 MICRO = 1e6
@@ -40,13 +44,13 @@ MICRO = 1e6
 def draw_onset(study: OnsetStudy, diagram: Diagram | None = None) -> Figure:
     """Draw amplitudes, frequencies, growth rates and the smallest kicks over the parameter, the ranges behind them.
 
-    A filled marker is a motion that a small departure leads to, an empty one takes a kick or a neighbour's motion.
-    The cycles of `diagram`, where it is given, run through them.
+    A filled marker is a motion that a small perturbation leads to, an empty one takes a large disturbance or the motion
+    at a neighbouring value. The cycles of `diagram`, where it is given, run through them.
     """
     figure = new_figure(study.scene.title, f"onset along {study.variation.key}")
     kicks = any(row.kick for row in study.rows)
-    heights = [1.5, 1.0, 1.0, *[1.0] * kicks]
-    figure.set_figheight(figure.get_figheight() * sum(heights) / sum(heights[:3]))
+    heights = [2.2, 1.0, 1.0, *[1.0] * kicks]
+    figure.set_figheight(figure.get_figheight() * sum(heights) / SCALE)
     panels = figure.subplots(len(heights), 1, sharex=True, height_ratios=heights)
     values = [row.value for row in study.rows]
     margin = MARGIN * (max(values) - min(values))
@@ -62,7 +66,7 @@ def draw_onset(study: OnsetStudy, diagram: Diagram | None = None) -> Figure:
     tick_in_units(panels[-1].xaxis, study.variation.size)
     panels[-1].set_xlabel(f"{study.variation.key}{unit}")
     figure.align_ylabels(panels)
-    figure.legend(handles=_legend(study, diagram), loc="outside lower center", ncols=4)
+    figure.legend(handles=_legend(study, diagram), loc="outside lower center", ncols=3)
     label_top_edge(panels[0], [(at, text, style.DARK) for at, text in _ends(study)], reach=4.0)
     return figure
 
@@ -76,29 +80,48 @@ def draw_cycles(axes: Axes, diagram: Diagram, colour: str, measure: Callable[[Cy
             axes.plot(values, shown, color=colour, linewidth=1.2, linestyle="-" if stable else DASHES, zorder=1.5)
 
 
+def limit_amplitudes(axes: Axes, amplitudes: list[float], room: float) -> float:
+    """Set the limits, of a log axis where amplitudes lie far apart, with `room` above; returns where zero is drawn.
+
+    On a log axis zero, steady sliding, has a place of its own below the smallest amplitude, with a tick.
+    """
+    smallest, largest = min(amplitudes, default=1.0), max(amplitudes, default=1.0)
+    if smallest <= 0 or largest < WIDE * smallest:
+        axes.set_ylim(0, (1 + room) * largest if largest > 0 else 1.0)
+        return 0.0
+    rest = smallest / BELOW
+    axes.set_yscale("log")
+    axes.set_ylim(rest, largest * (largest / rest) ** room)
+    steps = (1.0,) if largest > FAR * smallest else (1.0, 2.0, 5.0)
+    ticks = [at for at in LogLocator(subs=steps).tick_values(rest, largest) if smallest / 1.2 < at < largest * 1.2]
+    axes.set_yticks([rest, *ticks], ["0", *(f"{at:.6g}" for at in ticks)])
+    between = LogLocator(subs=tuple(range(2, 10))).tick_values(rest, largest)
+    axes.set_yticks([at for at in between if smallest / 1.2 < at < largest * 1.2], minor=True)
+    axes.yaxis.set_minor_formatter(NullFormatter())
+    return rest
+
+
 def _draw_amplitudes(axes: Axes, study: OnsetStudy, diagram: Diagram | None) -> None:
     """Half the peak-to-peak value of `study.coordinate` (µm, µrad) of each motion, and zero where sliding is stable."""
     column, colour = study.names.index(study.coordinate), style.COLOUR[study.coordinate]
-    largest = 0.0
+    amplitudes = []
     if diagram is not None:
         cycles = [cycle for branch in diagram.branches for cycle in branch.cycles]
-        largest = max((MICRO * cycle.amplitude[study.coordinate] for cycle in cycles), default=0.0)
+        amplitudes += [MICRO * cycle.amplitude[study.coordinate] for cycle in cycles]
         draw_cycles(axes, diagram, colour, lambda cycle: MICRO * cycle.amplitude[study.coordinate])
     for row in study.rows:
         for ending in row.attractors:
-            amplitude = MICRO * ending.motion.amplitude[column]
-            largest = max(largest, amplitude)
-            axes.plot(row.value, amplitude, color=colour, markerfacecolor=_face(row, ending, colour), **MARKER)
+            amplitudes.append(MICRO * ending.motion.amplitude[column])
+            axes.plot(row.value, amplitudes[-1], color=colour, markerfacecolor=_face(row, ending, colour), **MARKER)
+    rest = limit_amplitudes(axes, amplitudes, ROOM)
     quiet = [row.value for row in study.rows if _quiet(row)]
     if quiet:  # an empty line that is not clipped counts as one at the corner of the figure, and the layout collapses
-        axes.plot(quiet, np.zeros(len(quiet)), color=colour, clip_on=False, zorder=3, **MARKER)
-    top = ROOM * largest if largest > 0 else 1.0
-    axes.set_ylim(0, top)
+        axes.plot(quiet, np.full(len(quiet), rest), color=style.DARK, clip_on=False, zorder=3, **MARKER)
     low, high = axes.get_xlim()
     for each in study.ranges:
         if each.last - each.first > NARROW * (high - low):
-            middle = (each.first + each.last) / 2
-            axes.text(middle, 0.96 * top, each.kind, ha="center", va="top", fontsize=style.SMALL_SIZE)
+            place = {"transform": axes.get_xaxis_transform(), "ha": "center", "va": "top"}
+            axes.text((each.first + each.last) / 2, 0.97, each.kind, fontsize=style.SMALL_SIZE, **place)
     frame(axes, None, f"{study.coordinate}, half peak\nto peak ({unit_of(study.coordinate, 'µ')})")
 
 
@@ -147,7 +170,7 @@ def _draw_kicks(axes: Axes, study: OnsetStudy) -> None:
         axes.plot(value, kick.speed, color=colour, **SQUARE)
         ends = [kick.speed - kick.speed_uncertainty, kick.speed + kick.speed_uncertainty]
         axes.plot([value, value], ends, color=colour, linewidth=0.7)
-    axes.set_ylim(0, ROOM * max(kick.speed + kick.speed_uncertainty for _, kick in kicks))
+    axes.set_ylim(0, (1 + ROOM) * max(kick.speed + kick.speed_uncertainty for _, kick in kicks))
     frame(axes, None, "Smallest kick\n(m/s)")
 
 
@@ -180,10 +203,13 @@ def _legend(study: OnsetStudy, diagram: Diagram | None) -> list[Line2D | Patch]:
     shown += [row.kick.mode.split()[0] for row in study.rows if row.kick]
     handles: list[Line2D | Patch] = []
     faces = {_face(row, each, colour) for row in study.rows for each in row.attractors}
-    if colour in faces or any(_quiet(row) for row in study.rows):
-        handles.append(Line2D([], [], color=colour, label="after a small departure", **MARKER))
+    if colour in faces:
+        handles.append(Line2D([], [], color=colour, label="after a small perturbation", **MARKER))
+    if any(_quiet(row) for row in study.rows):
+        label = "steady sliding, after a small perturbation"
+        handles.append(Line2D([], [], color=style.DARK, label=label, **MARKER))
     if "white" in faces:
-        label = "after a kick or from beside"
+        label = "after a large disturbance only"
         handles.append(Line2D([], [], color=colour, markerfacecolor="white", label=label, **MARKER))
     if study.linear.critical:
         label = "critical value"

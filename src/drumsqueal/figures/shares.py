@@ -1,17 +1,19 @@
 """Shares of the lining over time, in contact and with the slip reversed: a panel of several figures."""
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from drumsqueal.figures import style
-from drumsqueal.figures.placement import COLUMNS, label_right_edge
+from drumsqueal.figures.placement import COLUMNS, finer, label_right_edge
 from drumsqueal.figures.view import View
 
 PERIODS = 3  # of the main frequency, over which fast oscillation is averaged
-AT_ONCE = 2**17  # samples in the windows that are sorted together
-BAND = (5, 95)  # percentiles within them that bound the band drawn
+AT_ONCE = 2**17  # samples in the windows that are looked at together
+FINER, FEWEST = 8, 6  # points for each sample of a window, and samples that it takes
 
 
 def draw_shares(view: View, axes: Axes, shown: slice) -> None:
@@ -33,19 +35,34 @@ def draw_shares(view: View, axes: Axes, shown: slice) -> None:
     label_right_edge(axes, labels, reach=6.0)
 
 
-def running(view: View, values: NDArray[np.float64], shown: slice) -> tuple[NDArray[np.float64], ...]:
-    """Times (s) of the middles of overlapping windows, and lower percentile, mean and upper percentile in them.
+def running(
+    view: View, values: NDArray[np.float64] | NDArray[np.complex128], shown: slice
+) -> tuple[NDArray[np.float64], ...]:
+    """Times (s) of the middles of overlapping windows, and smallest value, mean and largest value in them.
 
-    `values` are those of the samples `shown`.
+    `values` are those of the samples `shown`. Of complex ones it is the modulus, between the samples, too: it may dip
+    faster than they follow each other. Not percentiles: where something lasts for little more than their fraction of a
+    period, as slip reversal does, the few samples that fall on it decide about them, and a periodic motion seems to
+    beat.
     """
     frequency = view.main_frequency or view.departure.sample_rate
     window = min(max(1, round(PERIODS * view.departure.sample_rate / frequency)), max(1, values.size // 8))
     step = max(1, window // 4, values.size // COLUMNS)
-    windows = sliding_window_view(values, window)[::step]
+    windows: Any = sliding_window_view(values, window)[::step]
     low, mean, high = (np.empty(len(windows)) for _ in range(3))
     together = max(1, AT_ONCE // window)
     for first in range(0, len(windows), together):
         some = slice(first, first + together)
-        low[some], high[some] = np.percentile(windows[some], BAND, axis=1)
-        mean[some] = windows[some].mean(axis=1)
+        size = _modulus(windows[some])
+        low[some], mean[some], high[some] = size.min(axis=1), size.mean(axis=1), size.max(axis=1)
     return view.time[shown][window // 2 :: step][: len(windows)], low, mean, high
+
+
+def _modulus(windows: NDArray[Any]) -> NDArray[np.float64]:
+    """Real values as they are; modulus of complex ones (windows, samples), between the samples, too, if enough."""
+    count = windows.shape[1]
+    if not np.iscomplexobj(windows):
+        return windows
+    if count < FEWEST:
+        return np.abs(windows)
+    return np.abs(finer(np.arange(count, dtype=float), windows.T, FINER * count)[1].T)

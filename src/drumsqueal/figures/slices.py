@@ -86,14 +86,16 @@ def thinned(sweep: xarray.Dataset, plan: Plan, select: dict[str, Any]) -> xarray
 
 
 def scene_at(plan: Plan, select: dict[str, Any]) -> list[float | None]:
-    """Where the scene itself lies on each axis: its own value, None where that is outside or off the slice shown."""
+    """Where the scene itself lies on each axis, in its unit; None where that is outside or off the slice shown."""
     own = plan.scene.numbers()
     found = []
     for each in plan.variations:
         value = own[each.key]
         shown = [each.values[select[each.key]]] if each.key in select else each.values
-        inside = isinstance(value, float) and min(shown) <= value <= max(shown)
-        found.append(value if inside else None)
+        if isinstance(value, float) and min(shown) <= value <= max(shown):
+            found.append(each.listed(value))
+        else:
+            found.append(None)
     return found
 
 

@@ -34,8 +34,10 @@ def history_file(place: Path) -> Path:
         return place
 
 
+MODE_FILES = tuple(f"mode-{name}.gif" for name in ("X", "Y", "Z", "Tx", "Ty", "Tz"))
+"""What `animate --mode` makes of the scene of a run where it is given no name."""
 MADE_ENDINGS = (".csv", ".gif", ".mat", ".npz", ".parquet", ".uff", ".wav")
-RUN_FILES = (HISTORY, SUMMARY, RESUME, *map(figure_file, FIGURES), REPORT, *made_of(HISTORY))
+RUN_FILES = (HISTORY, SUMMARY, RESUME, *map(figure_file, FIGURES), REPORT, *made_of(HISTORY), *MODE_FILES)
 """The names of all files that a run writes, and of what is made of them, which is out of date once it has run anew."""
 EFFECTS_TABLE, REDUCED_SCENE, EFFECTS = "effects.csv", "reduced.toml", "effects"
 ACCURACY_TABLE, BLOCK = "accuracy.csv", "simulate.toml"
@@ -53,7 +55,7 @@ MOTION_FILES = (MOTION_SUMMARY, MOTION_TABLE, *map(figure_file, (LINES, SECTION,
 CYCLE_SUMMARY, CYCLE_HISTORY, CYCLE = "cycle.json", "cycle.nc", "cycle"
 CYCLE_FILES = (CYCLE_SUMMARY, CYCLE_HISTORY, figure_file(CYCLE), *made_of(CYCLE_HISTORY))
 """The names of all files that the search for a cycle writes, and of what is made of them."""
-MADE_FILES = (REPORT, *made_of(HISTORY), *made_of(CYCLE_HISTORY))
+MADE_FILES = (REPORT, *made_of(HISTORY), *MODE_FILES, *made_of(CYCLE_HISTORY))
 """The names of what other commands make of results; it is removed with them, and does not come again by itself."""
 BRANCH_TABLE, BRANCH_SUMMARY, BRANCH = "branch.csv", "branch.json", "branch"
 BRANCH_FILES = (BRANCH_TABLE, BRANCH_SUMMARY, figure_file(BRANCH))

@@ -9,7 +9,6 @@ import xarray
 from drumsqueal.history import versions
 from drumsqueal.scene import COORDINATES
 from drumsqueal.scene.plan import Plan
-from drumsqueal.scene.variation import unit_of
 
 # Outcome of a point; what it says is why its numbers are NaN.
 COMPUTED, NOT_YET, AT_REST, NOT_FOUND, NOT_FINITE, NOT_TAKEN, FOLDED, FAILED = range(8)
@@ -76,12 +75,16 @@ TRANSIENT = {
         ("coordinate",),
         "f8",
         "m (X, Y, Z), rad (Tx, Ty, Tz)",
-        "half the peak-to-peak value in the last half of it",
+        "half the peak-to-peak value in the last half of the scene's duration that was integrated last",
     ),
     "main_frequency": Variable(
         (), "f8", "Hz", "of the line with most kinetic energy there, decaying or not; NaN: none"
     ),
     "main_coordinate": Variable((), "i1", "1", "the coordinate that has this line", _NAMES),
+    "settled": Variable(
+        (), "i1", "1", "1 where it is plain where the motion leads, 0 where not yet, -1 where there is no transient"
+    ),
+    "simulated": Variable((), "f8", "s", "how long the transient was integrated"),
     "trend": Variable((), "i1", "1", "what the motion does there", _KINDS),
     "separation_share": Variable((), "f8", "1", "largest motion over the one at which the lining begins to lift off"),
     "reversal_share": Variable((), "f8", "1", "largest motion over the one at which slip begins to reverse"),
@@ -107,15 +110,15 @@ def blank(plan: Plan, points: int) -> Columns:
 
 def axes(plan: Plan) -> dict[str, tuple[tuple[str, ...], np.ndarray, dict[str, Any]]]:
     """What does not depend on the results: values of a grid or of the draws, names of modes and coordinates."""
-    units = {key: unit_of(key, plan.scene) for key in plan.keys}
     if plan.draws:
         drawn = plan.values(0, plan.draws)
         columns = {key: (("sample",), drawn[:, k]) for k, key in enumerate(plan.keys)}
     else:
         columns = {each.key: ((each.key,), np.array(each.values)) for each in plan.variations}
-    found: dict[str, Any] = {
-        key: (*each, {"units": units[key] or "1", "long_name": key}) for key, each in columns.items()
-    }
+    found: dict[str, Any] = {}
+    for key, (dimensions, values) in columns.items():
+        listed = np.array([plan.listed(key, value) for value in values.tolist()])
+        found[key] = (dimensions, listed, {"units": plan.unit(key), "long_name": key})
     ranks = {"long_name": "modes of a point by rising frequency; mode_coordinate tells which one each is"}
     found["mode"] = (("mode",), np.arange(MODES, dtype="i1"), ranks)
     if plan.transient:

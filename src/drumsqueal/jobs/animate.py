@@ -44,6 +44,7 @@ def animate_mode(file: Path, scene: Scene, label: str, slow: float | None, conso
 
 def _animate(file: Path, playback: Playback, console: Console) -> dict[str, Any]:
     stop_if_interrupted()
+    file.parent.mkdir(parents=True, exist_ok=True)  # `out`, where no file was named
     with counting_bar(console) as progress:
         task = progress.add_task("drawing", total=playback.time.size)
         save_animation(playback, file, lambda: progress.advance(task))

@@ -76,22 +76,28 @@ def _at(variation: Variation, value: float) -> str:
 
 
 def verdict(diagram: Diagram, variation: Variation) -> str:
-    """Where steady sliding is unstable, where stable cycles are, and where it squeals only when kicked."""
+    """Where steady sliding is unstable, where stable cycles are, and where both are stable."""
     unstable, cycles, both = steady_sliding(diagram, stable=False), stable_cycles(diagram), kicked(diagram)
     sliding = f"is unstable for {variation.key} {_ranges(unstable, variation)}" if unstable else "is stable throughout"
-    lives = f"stable cycles live {_ranges(cycles, variation)}" if cycles else "no cycle that was found is stable"
+    lives = f"stable cycles exist {_ranges(cycles, variation)}" if cycles else "no cycle that was found is stable"
     turns = folds(diagram)
-    folded = f" (folds at {', '.join(f'{variation.shown(value):.6g}' for value in turns)})" if turns else ""
-    kicks = (
-        f"; {_ranges(both, variation)} it squeals only when kicked"
+    where = ", ".join(f"{variation.shown(value):.6g}" for value in turns)
+    folded = f" (folds at {where}{_unit(variation)})" if turns else ""
+    bistable = (
+        f"; {_ranges(both, variation)} it squeals only after a large disturbance (bistable)"
         if both
         else "; none of them lies beside stable sliding"
     )
-    return f"Steady sliding {sliding}; {lives}{folded}{kicks}."
+    return f"Steady sliding {sliding}; {lives}{folded}{bistable}."
 
 
 def _ranges(intervals: list[Interval], along: Variation) -> str:
-    return " and ".join(f"from {along.shown(low):.6g} to {along.shown(high):.6g}" for low, high in intervals)
+    ranges = (f"from {along.shown(low):.6g} to {along.shown(high):.6g}" for low, high in intervals)
+    return f"{' and '.join(ranges)}{_unit(along)}"
+
+
+def _unit(along: Variation) -> str:
+    return f" {along.shown_unit}" if along.shown_unit else ""
 
 
 def to_csv(variation: Variation, rows: Iterable[tuple[int, Cycle]] | None, diagram: Diagram | None = None) -> str:
@@ -106,7 +112,7 @@ def to_csv(variation: Variation, rows: Iterable[tuple[int, Cycle]] | None, diagr
 def _row(variation: Variation, number: int, cycle: Cycle, what: str) -> dict[str, Any]:
     row: dict[str, Any] = {
         "branch": number + 1,
-        variation.column: cycle.parameter,
+        variation.column: variation.listed(cycle.parameter),
         "what": what,
         "frequency_Hz": cycle.frequency_Hz,
         "stable": "neutral" if cycle.neutral else "yes" if cycle.stable else "no",

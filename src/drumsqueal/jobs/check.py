@@ -21,8 +21,8 @@ BESIDE = 4.0
 LOADED = 0.3  # s; loading that is faster did not happen, for all was loaded before
 
 
-def check(scene: Scene, console: Console, loading: float) -> dict[str, Any]:
-    """Explain a scene, print and return it; `loading` (s) is what it took to load the package.
+def check(scene: Scene, console: Console, loading: float) -> tuple[Check, dict[str, Any]]:
+    """Explain a scene, print and return it, also as plain data; `loading` (s) is what it took to load the package.
 
     Raises SceneError for a scene that cannot be run.
     """
@@ -34,7 +34,7 @@ def check(scene: Scene, console: Console, loading: float) -> dict[str, Any]:
             raise
     whole = _whole(found, loading)
     print_check(console, found, whole)
-    return to_data(found, whole)
+    return found, to_data(found, whole)
 
 
 def _whole(found: Check, loading: float) -> float | None:

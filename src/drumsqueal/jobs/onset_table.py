@@ -123,7 +123,7 @@ def to_csv(rows: Sequence[Row], variation: Variation, linear: Branches, names: t
     sought = any(row.kick for row in rows)
     for row in in_order(rows, variation):
         cells: dict[str, Any] = {
-            variation.column: row.value,
+            variation.column: variation.listed(row.value),
             "kind": row.kind,
             "asked": "yes" if row.asked else "no",
             "largest_growth_rate_1_per_s": row.point.growth_rate if np.isfinite(row.point.growth_rate) else None,

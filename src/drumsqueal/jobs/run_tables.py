@@ -50,22 +50,25 @@ def print_result(console: Console, result: Result) -> None:
         console.print(f"Held though the others would move them: {', '.join(result.held)}", style="bold")
     table = Table(title="Onset: eigenvalues against the transient", box=box.SIMPLE_HEAD)
     table.add_column("mode")
+    changing = result.comparison.changing
+    predicted = f"at t = {result.stability.time:g} s" if changing else "predicted"
     for quantity, unit in (("frequency", "Hz"), ("growth", "1/s")):
-        table.add_column(f"{quantity}\npredicted\n{unit}", justify="right")
-        table.add_column(f"{quantity}\nmeasured\n{unit}", justify="right")
-        table.add_column("error", justify="right")
+        table.add_column(f"{quantity}\n{predicted}\n{unit}", justify="right")
+        table.add_column(f"{quantity}\n{'mean' if changing else 'measured'}\n{unit}", justify="right")
+        if not changing:  # or it would compare one time with a mean over many
+            table.add_column("error", justify="right")
     notes: dict[str, list[str]] = {}
     for mode in result.comparison.modes:
         growth = mode.measured_growth
-        table.add_row(
-            mode.label,
+        cells = [
             f"{mode.predicted_frequency_Hz:.2f}",
             _shown(mode.measured_frequency_Hz, "{:.2f}"),
             _shown(mode.frequency_error, "{:+.1e}"),
             f"{mode.predicted_growth_rate:+.3f}",
             _shown(growth and growth.rate_1_per_s, "{:+.3f}"),
             _shown(mode.growth_error, "{:+.1e}"),
-        )
+        ]
+        table.add_row(mode.label, *(cell for k, cell in enumerate(cells) if not (changing and k in (2, 5))))
         if mode.note:
             notes.setdefault(mode.note, []).append(mode.label)
     print_table(console, table)
@@ -75,10 +78,10 @@ def print_result(console: Console, result: Result) -> None:
             f"Measured from 0 to {result.comparison.growth_end_s:.4g} s; spectral resolution "
             f"{_range(resolution)} Hz, peaks interpolated"
         )
-    if result.comparison.changing:
+    if changing:
         console.print(
-            f"Predicted for t = {result.stability.time:g} s: drum speed or load change, and the motion's frequency and "
-            "growth with them"
+            f"Drum speed or load change: the prediction is for t = {result.stability.time:g} s, the mean is that "
+            f"from 0 to {result.comparison.growth_end_s:.4g} s, so that their difference is no error"
         )
     for note, labels in notes.items():
         console.print(f"{', '.join(labels)}: {note}", style="dim")

@@ -63,6 +63,7 @@ def summarise(sweep: xarray.Dataset, plan: Plan, chances: ChanceStudy | None) ->
     found: Summary = {
         "title": plan.scene.title,
         "sweep": plan.describe(),
+        "units": {key: plan.unit(key) for key in plan.keys},
         "points": plan.points,
         "outcomes": {OUTCOMES[code]: int((outcomes == code).sum()) for code in OUTCOMES if np.any(outcomes == code)},
         "points_with_squeal": int((squeal == 1).sum()),
@@ -91,6 +92,9 @@ def _transients(sweep: xarray.Dataset) -> Summary:
     done = sweep["outcome"].values == COMPUTED
     largest = np.max(sweep["amplitude"].values[done], axis=0, initial=0.0)
     squeals = {"points_with_squeal": int(squealing(sweep).sum()), "points_undecided": int(undecided(sweep).sum())}
+    unsettled = sweep["settled"].values == 0
+    longest = float(np.max(sweep["simulated"].values[unsettled & (trend >= 0)], initial=0.0))
+    squeals |= {"points_not_settled": int(unsettled.sum()), "longest_of_them_s": longest}
     return squeals | {"trends": counts, "largest_amplitude": dict(zip(COORDINATES, largest.tolist(), strict=True))}
 
 
@@ -106,6 +110,8 @@ def print_sweep(console: Console, plan: Plan, summary: Summary) -> None:
         trends = ", ".join(f"{count} {name}" for name, count in told["trends"].items())
         console.print(f"Transients at their end: {trends or 'none'}")
         console.print(_heard(told, sum(told["trends"].values())))
+        if told["points_not_settled"]:
+            console.print(_unsettled(told, sum(told["trends"].values())))
     if summary["points_with_divergence"]:
         console.print(f"Diverges without oscillation at {summary['points_with_divergence']} points")
     for name, count in summary["outcomes"].items():
@@ -121,13 +127,24 @@ def _heard(told: Summary, points: int) -> str:
     return f"By the transients, from the scene's own start: squeal at {squeal} of {points} points{share}{more}"
 
 
+def _unsettled(told: Summary, points: int) -> str:
+    """How many have an amplitude that is not that of the motion that lasts."""
+    count, longest = told["points_not_settled"], told["longest_of_them_s"]
+    have = "has" if count == 1 else "have"
+    return (
+        f"{count} of {points} transients {have} not settled after {longest:.3g} s: amplitude and frequency there are "
+        "those at the end; the figures mark them, and settled is 0 in sweep.nc"
+    )
+
+
 def _grid_table(plan: Plan, summary: Summary) -> Table:
     title = f"Squeal at {summary['points_with_squeal']} of {plan.points} points, by eigenvalues"
     table = Table(title=title, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     for heading in ("mode", "points", "most 1/s", "Hz there", "where"):
         table.add_column(heading, justify="left" if heading in ("mode", "where") else "right")
     for name, mode in summary["modes"].items():
-        where = ", ".join(f"{key} {value:.4g}" for key, value in mode["where"].items())
+        units = {key: "" if unit == "1" else f" {unit}" for key, unit in summary["units"].items()}
+        where = ", ".join(f"{key} {value:.4g}{units[key]}" for key, value in mode["where"].items())
         growth, frequency = mode["largest_growth_rate_1_per_s"], mode["frequency_there_Hz"]
         table.add_row(name, str(mode["unstable_points"]), f"{growth:+.3f}", f"{frequency:.2f}", where)
     return table

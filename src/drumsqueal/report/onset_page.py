@@ -16,7 +16,7 @@ from drumsqueal.report.words import hertz, onset_words
 from drumsqueal.scene import Scene, SceneError
 from drumsqueal.scene.variation import Variation, read_variation
 from drumsqueal.simulation import prepare
-from drumsqueal.studies.onset.rows import NEUTRAL, NOWHERE, STABLE, UNKNOWN
+from drumsqueal.studies.onset.rows import KICKED, NEUTRAL, NOWHERE, STABLE, UNKNOWN
 
 SAME = 1e-6  # relative: a mode at a critical value is the one with this frequency
 CUT_OFF = "This study is not complete: it was cut off before the ranges were found."
@@ -29,6 +29,7 @@ IT = {
     STABLE: "it is stable",
     NEUTRAL: "it is neutral",
     UNKNOWN: "it is undecided",
+    KICKED: "it is bistable",
 }
 ABOUT = "The shapes were computed anew from the scene, at the critical values, as this page was made."
 
@@ -53,8 +54,11 @@ def onset_content(folder: Path) -> dict[str, Any]:
         return content | {"title": "Onset", "warning": NO_SUMMARY, "headline": f"{len(rows)} values were done."}
     scene = scene_of(folder / ONSET_SUMMARY, found.scene)
     toml, along = scene.to_toml(), found.parameter.variation
+    if table and next(iter(table[0])) != along.column:  # of an earlier version, in SI
+        rows = [row | {"value": along.listed(row["value"])} for row in rows]
     unit = f", {along.shown_unit}" if along.shown_unit else ""
     return content | {
+        "rows": rows,
         "column": f"{along.key}{unit}",
         "per": 1 / along.size,
         "equals": f" (1 {along.given} is {along.size:.6g} {along.unit})" if along.given else "",

@@ -129,11 +129,23 @@ def _contact_share(summary: Summary) -> list[str]:
 
 
 def _spectrogram(summary: Summary, _: Scene) -> list[str]:
-    modes = ", ".join(f"{m.name} {m.frequency_Hz:.0f} Hz" for m in summary.prediction.modes if m.unstable)
     told = ["Frequencies over time; brighter is stronger."]
-    if modes:
-        told.append(f"Dotted lines mark the predicted unstable modes: {modes}.")
+    pairs = list(zip(summary.prediction.labels, summary.prediction.modes, strict=True))
+    kinds = []
+    for kind in (True, False):
+        named = [f"{label} {m.frequency_Hz:.0f} Hz" for label, m in pairs if m.unstable is kind and _moves(m, summary)]
+        kinds += [f"{'unstable' if kind else 'stable'} {', '.join(named)}"] if named else []
+    if kinds:
+        told.append(f"Dotted lines mark the predicted frequencies of the modes that move: {'; '.join(kinds)}.")
     return told + _main_line(summary)
+
+
+def _moves(mode: PredictedMode, summary: Summary) -> bool:
+    """Whether the coordinate of a mode moves after growth or, without such a part, grows or decays measurably."""
+    if summary.saturation is not None:
+        return summary.saturation.amplitude.get(mode.name, 0.0) > 0
+    measured = [] if summary.growth is None else summary.growth.modes
+    return any(m.label.split()[0] == mode.name and m.measured_growth_rate_1_per_s is not None for m in measured)
 
 
 def _main_line(summary: Summary) -> list[str]:

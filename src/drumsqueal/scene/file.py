@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from drumsqueal.errors import nearest
 from drumsqueal.files.ordinary import NotOrdinaryError, read_ordinary
 from drumsqueal.scene.quantities import DECIMAL_POINT, SceneError
 
@@ -40,7 +41,11 @@ def read_tables(path: str | os.PathLike[str]) -> dict[str, Any]:
     try:
         content = read_ordinary(path, _MOST_BYTES)
     except FileNotFoundError:
-        reason = "there is no such file; check the path, or take one that `drumsqueal scenes` lists"
+        from drumsqueal.scene.shipped import shipped_names  # which reads its scenes by this module
+
+        meant = nearest(path.stem, shipped_names())
+        other = "check the path, or take one that `drumsqueal scenes` lists"
+        reason = f"there is no such file; {f'did you mean the shipped scene {meant[0]}?' if meant else other}"
     except IsADirectoryError:
         reason = "this is a directory; name a scene file, such as nominal.toml"
     except NotOrdinaryError as error:

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from drumsqueal.errors import RequestError
 from drumsqueal.scene import Scene, SceneError
 from drumsqueal.scene.uncertain import PLACES, Distribution, Uniform, describe, reach
-from drumsqueal.scene.variation import Variation
+from drumsqueal.scene.variation import Variation, unit_of
 
 MOST_POINTS = 10**7
-BYTES_PER_POINT, MORE_WITH_TRANSIENT = 160, 70  # of the file, about
+BYTES_PER_POINT, MORE_WITH_TRANSIENT = 160, 80  # of the file, about
 POINTS_PER_HOUR = 10**7  # of the linear part, about, on one processor
 _SHIFT = np.uint64(32)  # of the 64 bits that a draw comes with, the upper 32 tell its place
 
@@ -24,6 +24,7 @@ class Plan(NamedTuple):
 
     `variations` has the values of each number of a grid; `distributions` what each is drawn from, independently. Points
     are counted from 0, the last number of a grid running fastest. `transient` asks for the nonlinear motion, too.
+    `given` has the ranges as they were written, by their keys: results are listed in their units, the others in SI.
     """
 
     scene: Scene
@@ -32,6 +33,7 @@ class Plan(NamedTuple):
     draws: int
     seed: int
     transient: bool
+    given: Mapping[str, Variation] = {}
 
     @property
     def keys(self) -> tuple[str, ...]:
@@ -67,6 +69,14 @@ class Plan(NamedTuple):
         drawn = [each.quantile(shares[:, k]) for k, each in enumerate(self.distributions.values())]
         return np.stack(drawn, 1)
 
+    def listed(self, key: str, value: float) -> float:
+        """A value (SI) of a number, in the unit in which its range was written."""
+        return self.given[key].listed(value) if key in self.given else value
+
+    def unit(self, key: str) -> str:
+        """That unit, or the SI one; "1" for a plain number."""
+        return (self.given[key].shown_unit if key in self.given else unit_of(key, self.scene)) or "1"
+
     def scene_at(self, values: Sequence[float]) -> Scene:
         """The scene with these numbers; raises SceneError where it does not take them."""
         return self.scene.with_values(dict(zip(self.keys, map(float, values), strict=True)))
@@ -77,7 +87,15 @@ class Plan(NamedTuple):
         if self.draws:
             drawn = {key: describe(each) for key, each in self.distributions.items()}
             return how | {"random": self.draws, "seed": self.seed, "distributions": drawn}
-        ranges = {each.key: [each.first, each.last, len(each.values)] for each in self.variations}
+        ranges = {
+            each.key: [
+                each.listed(each.first),
+                each.listed(each.last),
+                len(each.values),
+                *[each.given] * bool(each.given),
+            ]
+            for each in self.variations
+        }
         return how | {"vary": ranges}
 
 
@@ -85,7 +103,7 @@ def grid(scene: Scene, variations: Sequence[Variation], *, transient: bool = Fal
     """Every combination of the values. Raises RequestError for none, and for too many points, and SceneError."""
     if not variations:
         raise RequestError("there is nothing to sweep; add --vary drum.speed=1..40x20, or --random 1000")
-    plan = Plan(_certain(scene), tuple(variations), {}, 0, 0, transient)
+    plan = Plan(_certain(scene), tuple(variations), {}, 0, 0, transient, {each.key: each for each in variations})
     return _checked(plan, [each.key for each in variations])
 
 
@@ -102,7 +120,8 @@ def sample(
         raise RequestError(f"--random {draws}: write a number of draws, such as 1000")
     if not 0 <= seed < 2**63:
         raise RequestError(f"--seed {seed}: write a whole number from 0 to 2**63 - 1")
-    plan = Plan(_certain(scene), (), distributions, draws, seed, transient)
+    given = {each.key: each for each in variations}
+    plan = Plan(_certain(scene), (), distributions, draws, seed, transient, given)
     return _checked(plan, [each.key for each in variations])
 
 
@@ -132,7 +151,9 @@ def _checked(plan: Plan, given: list[str]) -> Plan:
             try:
                 plan.scene.with_values(dict(zip(keys, corner, strict=True)))
             except SceneError as error:
-                where = ", ".join(f"{key} = {value:.6g}" for key, value in zip(keys, corner, strict=True))
+                units = {key: f" {plan.unit(key)}" if plan.unit(key) != "1" else "" for key in keys}
+                values = {key: plan.listed(key, value) for key, value in zip(keys, corner, strict=True)}
+                where = ", ".join(f"{key} = {value:.6g}{units[key]}" for key, value in values.items())
                 raise RequestError(f"the sweep comes to {where}: {error.reason}") from None
     return plan
 

@@ -4,6 +4,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import NamedTuple
 
+from drumsqueal.errors import nearest
 from drumsqueal.scene.file import read_tables
 from drumsqueal.scene.quantities import SceneError
 
@@ -27,7 +28,9 @@ def shipped_names() -> tuple[str, ...]:
 def shipped_path(name: str) -> Path:
     """The file of a shipped scene. Raises SceneError for a name that none has."""
     if name not in shipped_names():
-        raise SceneError(f"no shipped scene has this name; there are {', '.join(shipped_names())}", (name,))
+        meant = nearest(name, shipped_names())
+        told = f"did you mean {meant[0]}?" if meant else f"there are {', '.join(shipped_names())}"
+        raise SceneError(f"no shipped scene has this name; {told}", (name,))
     return _folder() / f"{name}.toml"
 
 

@@ -14,6 +14,7 @@ SYNTAX = "KEY=FROM..TO[xN]"
 RANGE = "drum.speed=1..40"
 EXAMPLE = 'drum.speed=1..40x20 or drum.speed="10 rpm..400 rpm"'
 
+DIGITS = 14  # of a value that was turned into another unit: what round-off leaves
 _ANY_COUNT = re.compile(r".*[^\s.]\s*[x×]\s*(?P<count>[-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)")
 _COUNT = re.compile(r"(?P<range>.*?)\s*[x×]\s*(?P<count>[0-9]+)")
 _PLAIN = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
@@ -54,9 +55,13 @@ class Variation(NamedTuple):
 
     @property
     def column(self) -> str:
-        """Heading of its values in a table: "drum.speed_rad_per_s"."""
-        unit = self.unit.replace("/", "_per_").replace("^", "")
+        """Heading of its values in a table, with the unit that is shown: "drum.speed_rpm"."""
+        unit = self.shown_unit.replace("/", "_per_").replace("^", "").replace("%", "percent").replace(" ", "")
         return f"{self.key}_{unit}" if unit else self.key
+
+    def listed(self, value: float) -> float:
+        """A value (SI) in the unit that is shown, as a table or a file holds it: 30 rpm, not 30.000000000000004."""
+        return float(f"{self.shown(value):.{DIGITS}g}") if self.given else value
 
     @property
     def last(self) -> float:

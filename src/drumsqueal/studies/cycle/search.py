@@ -6,6 +6,8 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
+from drumsqueal.comparison.decay import is_decaying, rms_rate, slowest
+from drumsqueal.comparison.edges import edge_shares
 from drumsqueal.effects.schedule import Constant
 from drumsqueal.errors import CycleError, IntegrationError
 from drumsqueal.interrupts import stop_if_interrupted
@@ -188,12 +190,26 @@ def _recorded(prepared: Prepared) -> _Record:
         records.append(_Record(time[part], state[part], _told(regime), regime.period_s))
         if regime.kind != "unknown":
             return records[-1]
-    return records[-1]
+    return records[-1]._replace(told=_decay(prepared, records[-1].states) or records[-1].told)
+
+
+def _decay(prepared: Prepared, states: Vector) -> str | None:
+    """How fast the motion decays where it is below the edges and every mode decays; None where it does not."""
+    model, stability, n = prepared.model, prepared.stability, len(prepared.model.names)
+    mode = slowest(stability, [each for each in stability.modes if each.name in model.names])
+    if mode is None:
+        return None
+    departure, velocity = states[:, :n] - steady_at_start(prepared), states[:, n:]
+    rate = rms_rate(velocity, np.asarray(model.mass), prepared.scene.simulate.sample_rate)
+    if not is_decaying(max(edge_shares(model, departure, velocity)), rate, mode.growth_rate):
+        return None
+    predicted = f"mode {mode.label} decays slowest by its eigenvalue, {mode.growth_rate:.4g} 1/s"
+    return f"decays to steady sliding, at the end by {rate:.4g} 1/s ({predicted})".replace("-", "−")
 
 
 def _told(regime: Regime) -> str:
     if regime.kind == "unknown":
-        return f"does not tell ({regime.reason.rstrip('.')})"
+        return f"has not settled ({regime.reason.rstrip('.')})"
     words = {"steady": "comes to rest in steady sliding", "periodic": "settles to a periodic motion"}
     return words.get(regime.kind, f"settles to no periodic motion (it is {regime.kind})")
 

@@ -11,7 +11,7 @@ from drumsqueal.linear.branches import Critical, Point
 from drumsqueal.studies.onset.attractors import FAILED, RUNS_AWAY, UNDECIDED, Ending
 from drumsqueal.studies.onset.attractors import NEUTRAL as HANGS_ON_START
 
-STABLE, KICKED, SQUEALS = "stable", "squeals when kicked", "squeals"
+STABLE, KICKED, SQUEALS = "stable", "bistable", "squeals"  # bistable: stable, but a large disturbance makes it squeal
 NEUTRAL, UNKNOWN, NOWHERE = "neutral", "undecided", "no steady sliding"
 QUIET = (STABLE, NEUTRAL)  # nothing squeals there
 
@@ -56,7 +56,7 @@ class Row(NamedTuple):
     def kind(self) -> str:
         """What becomes of a start there.
 
-        Stable, neutral (motion neither grows nor decays), squeals when kicked, squeals (steady sliding is unstable),
+        Stable, neutral (motion neither grows nor decays), bistable, squeals (steady sliding is unstable),
         undecided, or no steady sliding.
         """
         if self.point.reason:

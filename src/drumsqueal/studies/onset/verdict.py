@@ -14,10 +14,10 @@ EXACT = 1e-6  # relative uncertainty that is not worth telling
 
 
 def verdict(study: OnsetStudy) -> str:
-    """Say where the eigenvalues predict squeal, where a kick is enough for it, and at which frequency it is then."""
+    """State where the eigenvalues predict squeal, where only a large disturbance leads to it, and its frequency."""
     along = study.variation
     low, high = sorted((along.first, along.last))
-    told = f"Along {along.key} from {along.shown(low):.6g} to {along.told(high)} {_linear(study)}; {_kicked(study)}."
+    told = f"Along {along.key} from {along.shown(low):.6g} to {along.told(high)} {_linear(study)}; {_bistable(study)}."
     return " ".join([told, *_smallest_kicks(study)])
 
 
@@ -33,10 +33,9 @@ def _linear(study: OnsetStudy) -> str:
 def _place(study: OnsetStudy, found: Range) -> str:
     """Where a range is: below, above or from one value to another, and whose critical values they are."""
     along = study.variation
-    below, above = (
-        _value(along, found.last, found.last_uncertainty),
-        _value(along, found.first, found.first_uncertainty),
-    )
+    unit = f" {along.shown_unit}" if along.shown_unit else ""
+    below = f"{_value(along, found.last, found.last_uncertainty)}{unit}"
+    above = _value(along, found.first, found.first_uncertainty)
     if found.first_uncertainty is None and found.last_uncertainty is None:
         return "all along"
     ends = [found.first] * (found.first_uncertainty is not None) + [found.last] * (found.last_uncertainty is not None)
@@ -45,7 +44,7 @@ def _place(study: OnsetStudy, found: Range) -> str:
     if found.first_uncertainty is None:
         return f"below {below}{told}"
     if found.last_uncertainty is None:
-        return f"above {above}{told}"
+        return f"above {above}{unit}{told}"
     return f"from {above} to {below}{told}"
 
 
@@ -57,7 +56,7 @@ def _mode(critical: Critical) -> str:
     return critical.label if critical.label == DIVERGENCE else f"{critical.label}, {critical.frequency_Hz:.0f} Hz"
 
 
-def _kicked(study: OnsetStudy) -> str:
+def _bistable(study: OnsetStudy) -> str:
     kicked = [each for each in study.ranges if each.kind == KICKED]
     if not kicked:
         kinds = {each.kind for each in study.ranges}
@@ -69,7 +68,8 @@ def _kicked(study: OnsetStudy) -> str:
                 f"{elsewhere}motion neither grows nor decays, and is as large as its start made it: that is no squeal"
             )
         return "there is nothing else to find"
-    text = f"but a kick is enough for it {_joined([_place(study, each) for each in kicked])}"
+    places = _joined([_place(study, each) for each in kicked])
+    text = f"steady sliding is stable {places}, but a large disturbance leads to squeal there (bistable)"
     rows = [row for row in study.rows if row.kind == KICKED and row.strongest is not None]
     found = [row.strongest.motion.frequency_Hz for row in rows if row.strongest is not None]
     lines = [frequency for frequency in found if frequency is not None]
@@ -79,8 +79,8 @@ def _kicked(study: OnsetStudy) -> str:
     heard = f"{low:.0f} Hz" if high - low < 1 else f"{low:.0f} to {high:.0f} Hz"
     ends = {end for each in kicked for end in (each.first, each.last)}
     onset = next((each.frequency_Hz for each in study.linear.critical if each.value in ends), 0.0)
-    compared = f", where the eigenvalue has {onset:.0f} Hz at the critical value" if onset > 0 else ""
-    return f"{text}, and at the values tried it then squeals at {heard}{compared}"
+    compared = f" (eigenvalue at the critical value: {onset:.0f} Hz)" if onset > 0 else ""
+    return f"{text}, at the values tried at {heard}{compared}"
 
 
 def _smallest_kicks(study: OnsetStudy) -> list[str]:
@@ -134,21 +134,25 @@ def reservations(study: OnsetStudy) -> tuple[str, ...]:
     if nowhere:
         found.append(f"No steady sliding at {_values(study, nowhere)}.")
     open_ends = [
-        f"{study.variation.shown(each.first if each.first_uncertainty is None else each.last):.6g}"
+        study.variation.told(end)
         for each in study.ranges
-        if each.kind == KICKED and None in (each.first_uncertainty, each.last_uncertainty)
+        if each.kind == KICKED
+        for end, uncertainty in ((each.first, each.first_uncertainty), (each.last, each.last_uncertainty))
+        if uncertainty is None
     ]
     if open_ends:
-        found.append(f"Squeal after a kick goes on beyond {_joined(open_ends)}, where the range ends.")
+        ends = "the ends" if len(open_ends) > 1 else "the end"
+        found.append(f"The bistable range may go on beyond {_joined(open_ends)}, {ends} of the range asked for.")
     unmoved = [row.value for row in asked if study.smallest_kick and row.kind == KICKED and row.kick is None]
     if unmoved:
         told = "squeal that a neighbour's motion leads to"
         found.append(f"No kick along a mode that was tried starts the {told}: {_values(study, unmoved)}.")
     if any(each.kind == KICKED for each in study.ranges):
-        found.append("Kicks that were not tried may squeal elsewhere, too: a range called stable was not proved so.")
+        told = "Disturbances that were not tried may lead to squeal elsewhere, too"
+        found.append(f"{told}: a range called stable was not proved so.")
     return tuple(found)
 
 
 def _values(study: OnsetStudy, values: Sequence[float]) -> str:
-    shown = [f"{study.variation.shown(value):.6g}" for value in values[:3]]
+    shown = [study.variation.told(value) for value in values[:3]]
     return _joined(shown) if len(values) <= 3 else f"{', '.join(shown)} and {len(values) - 3} more"

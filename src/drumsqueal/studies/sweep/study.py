@@ -1,12 +1,15 @@
 """Many scenes: the stability of each and, where it is asked for, how its transient ends."""
 
+import math
 import os
-from collections.abc import Callable, Iterable, Mapping
-from typing import Any
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray
+from numpy.typing import NDArray
 
+from drumsqueal.comparison.decay import BEYOND
 from drumsqueal.composition import compose, moved_coordinates
 from drumsqueal.errors import SteadyStateError
 from drumsqueal.files.sweep import (
@@ -28,13 +31,15 @@ from drumsqueal.interrupts import noted_interrupts, stop_if_interrupted
 from drumsqueal.linear import modes
 from drumsqueal.linear.many import BLOCK, analyse_many
 from drumsqueal.linear.modes import Stability
-from drumsqueal.model import build_model
+from drumsqueal.model import Model, build_model
 from drumsqueal.scene import COORDINATES, Profile, Scene, SceneError
 from drumsqueal.scene.plan import Plan, grid, sample
 from drumsqueal.scene.quantities import parse_quantity
 from drumsqueal.scene.variation import Variation, unit_of
 from drumsqueal.studies.saturated import Saturated, saturated_motions
 
+STILL = 0.1  # of the linear growth rate: what changes so slowly has settled
+MOST_ROUNDS = 16  # times the scene's duration that a transient may take to settle
 BATCH, BATCH_OF_TRANSIENTS = 8 * BLOCK, 32  # points
 _REASONS = {modes.AT_REST: AT_REST, modes.NOT_FOUND: NOT_FOUND, modes.NOT_FINITE: NOT_FINITE}
 
@@ -160,26 +165,88 @@ def _transients(columns: Columns, scenes: Mapping[int, Scene], found: Mapping[in
         steady = [[found[k].steady_state[found[k].coordinates.index(name)] for name in names] for k in members]
         start = [[table.get(name, 0.0) for name in names] for table in (some.start.displacement, some.start.velocity)]
         displacement, velocity = (np.tile(each, (len(members), 1)) for each in start)
-        motions = saturated_motions(
-            models,
-            np.array(steady),
-            displacement,
-            velocity,
-            duration=some.simulate.duration,
-            sample_rate=some.simulate.sample_rate,
-            tolerance=some.simulate.tolerance,
-            solver=some.simulate.solver,
-            threads=threads,
-        )
-        for k, motion in zip(members, motions, strict=True):
-            _note_motion(columns, k, motion, names)
+        starts = [Start(*each) for each in zip(models, np.array(steady), displacement, velocity, strict=True)]
+        left = dict(zip(members, starts, strict=True))
+        for number in range(1, most_rounds(some) + 1):
+            motions = _round(list(left.values()), some, threads)
+            for k, motion in zip(list(left), motions, strict=True):
+                settled = has_settled(motion, found[k], left[k].rate_to(motion, some.simulate.duration))
+                _note_motion(columns, k, motion, names, settled=settled)
+                columns["simulated"][k] = number * some.simulate.duration
+                if settled:
+                    del left[k]
+                else:
+                    how = motion.by_itself, motion.kinetic_energy
+                    left[k] = Start(left[k].model, left[k].steady, motion.departure, motion.velocity, *how)
+            if not left:
+                break
 
 
-def _note_motion(columns: Columns, k: int, motion: Saturated, names: tuple[str, ...]) -> None:
+class Start(NamedTuple):
+    """Where a transient of a model starts, or goes on: the steady state, departure and velocity (n,).
+
+    `energy` is the mean kinetic energy (J) of the round before, 0 where there is none.
+    """
+
+    model: Model
+    steady: NDArray[np.float64]
+    departure: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+    by_itself: bool = False
+    energy: float = 0.0
+
+    def rate_to(self, motion: Saturated, seconds: float) -> float:
+        """Mean growth rate (1/s) of the rms velocity since the round before, infinite where there is none."""
+        known = self.energy > 0 and motion.kinetic_energy > 0
+        return math.log(motion.kinetic_energy / self.energy) / 2 / seconds if known else math.inf
+
+
+def _round(starts: Sequence[Start], scene: Scene, threads: int) -> Iterator[Saturated]:
+    """Integrate for the duration of the scene."""
+    return saturated_motions(
+        [each.model for each in starts],
+        np.array([each.steady for each in starts]),
+        np.array([each.departure for each in starts]),
+        np.array([each.velocity for each in starts]),
+        duration=scene.simulate.duration,
+        sample_rate=scene.simulate.sample_rate,
+        tolerance=scene.simulate.tolerance,
+        solver=scene.simulate.solver,
+        threads=threads,
+        by_themselves=[each.by_itself for each in starts],
+    )
+
+
+def most_rounds(scene: Scene) -> int:
+    """How many times its duration a transient may take to settle; once where time itself matters."""
+    changes = isinstance(scene.drum.speed, Profile) or isinstance(scene.contact.normal_load, Profile)
+    return 1 if changes or scene.forcing is not None else MOST_ROUNDS
+
+
+def has_settled(motion: Saturated, stability: Stability, earlier_rate: float = math.inf) -> bool:
+    """Whether it is plain where a transient leads: a motion that lasts or, where every mode decays, steady sliding.
+
+    Where a mode grows, motion below the edges has not settled, however slowly it changes; beyond them it has where its
+    rate, from half to half of what is looked at or since the round before (`earlier_rate`, 1/s), is below a tenth of
+    the linear one: of a slow growth a tenth of the motion is soon gained.
+    """
+    if motion.failed or motion.at_rest:
+        return True
+    beyond = max(motion.edge_shares) >= BEYOND
+    growing = [mode.growth_rate for mode in stability.unstable]
+    growing += [] if stability.divergence is None else [stability.divergence]
+    if not growing:
+        return motion.trend == "settled" or (motion.trend == "decays" and not beyond)
+    slow = min(abs(motion.rate), abs(earlier_rate)) < STILL * max(growing)
+    return beyond and motion.trend == "settled" and slow
+
+
+def _note_motion(columns: Columns, k: int, motion: Saturated, names: tuple[str, ...], *, settled: bool) -> None:
     columns["trend"][k] = TRENDS.index(motion.trend)
     if motion.failed:
         columns["outcome"][k] = FAILED
         return
+    columns["settled"][k] = settled
     columns["amplitude"][k] = 0.0  # of coordinates that the transient leaves out
     columns["amplitude"][k, [COORDINATES.index(name) for name in names]] = motion.amplitude
     columns["separation_share"][k], columns["reversal_share"][k] = motion.edge_shares
