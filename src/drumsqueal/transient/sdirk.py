@@ -86,15 +86,18 @@ class Sdirk4:
     def step(
         self, terms: Any, t0: Any, t1: Any, y0: Array, args: Any, solver_state: Array, made_jump: Any
     ) -> tuple[Array, Array, dict[str, Any], Array, diffrax.RESULTS]:
-        """Make one step: y1, its error estimate, what the interpolation needs, and its last slope."""
-        del terms, args, made_jump
+        """Make one step: y1, its error estimate, what the interpolation needs, and its last slope.
+
+        `args` are the first and the last time at which stages may ask for rates.
+        """
+        del terms, made_jump
         start, h = jnp.asarray(t0), jnp.asarray(t1) - t0
         weights, shares = jnp.asarray(WEIGHTS), jnp.asarray(SHARES)
 
         def stage(i: Array, found: tuple[Array, Array, Array, Array]) -> tuple[Array, Array, Array, Array]:
             slopes, slope, _, sound = found
             base = y0 + h * sum(weights[i, j] * slopes[j] for j in range(4))
-            slope, y, solved = self._stage(start + shares[i] * h, base, h * GAMMA, slope)
+            slope, y, solved = self._stage(jnp.clip(start + shares[i] * h, *args), base, h * GAMMA, slope)
             return slopes.at[i].set(slope), slope, y, sound & solved
 
         begin = (jnp.zeros((5, y0.size)), solver_state, y0, jnp.asarray(True))
