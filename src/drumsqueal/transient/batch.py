@@ -21,6 +21,7 @@ from drumsqueal.model import Model
 from drumsqueal.scene.tables import LEAST_TOLERANCE, MOST_TOLERANCE
 from drumsqueal.transient.runge_kutta import DEFAULT, STAGES, is_explicit
 from drumsqueal.transient.segment import (
+    CORNER_BUDGET,
     STEP_BUDGET,
     Resolution,
     advance_scaled,
@@ -150,7 +151,8 @@ def _one_after_the_other(
     def one(item: tuple[_Share, Resolution, Array | None]) -> tuple[State, Array, State, Array, Array]:
         each, measure, corners = item
         sound = jnp.isfinite(each.states.flat()).all()
-        budget = jnp.where(sound, STEP_BUDGET, 0)  # what has failed is not tried again
+        count = 0 if corners is None else jnp.sum((corners > span.start) & (corners < span.start + span.length))
+        budget = jnp.where(sound, STEP_BUDGET + CORNER_BUDGET * count, 0)  # what has failed is not tried again
         segment = advance_scaled(
             each.models, each.steady, each.states, span, local, each.steps, measure, corners, solver, budget
         )

@@ -30,12 +30,14 @@ class Stages(NamedTuple):
     """What the stages of a second-order system ask for: y = (q, v, w) (2n + 1,) in scaled units, with q̇ = ratio · v.
 
     `rates` gives v̇ (n,) and ẇ at (t, q, v); `metric` (n,) is the mass, in which friction is the gradient of something.
+    A stage is solved to a share of tolerance · (1 + size(y)).
     """
 
     rates: Callable[[Array, Array, Array], tuple[Array, Array]]
     ratio: Array
     metric: Array
     tolerance: Array
+    size: Callable[[Array], Array] = jnp.abs
 
 
 class _Found(NamedTuple):
@@ -131,7 +133,8 @@ class Sdirk4:
             share = _turn(lambda share: residual(now.v - share * now.change)[0], here, now, past, stages.metric)
             change = jnp.where(past, -share * now.change, -_solved(matrix, value))
             slope = jnp.sum(stages.metric * change * value)
-            error = jnp.where(past, jnp.inf, jnp.max(jnp.abs(change)))
+            y = jnp.concatenate([q + h * stages.ratio * now.v, now.v, w[None]])
+            error = jnp.where(past, jnp.inf, jnp.max(jnp.abs(change) / (1 + stages.size(y)[n : 2 * n])))
             return _Found(now.v + change, change, slope, past, power, error, now.iterations + 1)
 
         x, nothing = v + h * guess[n : 2 * n], jnp.zeros(n)

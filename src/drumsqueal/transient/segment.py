@@ -22,6 +22,7 @@ from drumsqueal.transient.sticking import slip, slip_acceleration, slip_motion
 # Steps a chunk: a run that exceeds it is stuck, and says so. Samples hold two to a period at least, so 500 of them take
 # some thousand steps; a tolerance of 1e-13 takes ten times as many, and so do edges.
 STEP_BUDGET = 100_000
+CORNER_BUDGET = 20  # more steps for each corner of what is prescribed: one ends there, and the next ones begin small
 LEAST_LOCAL = 1e-14  # of the motion, that one step may err; less would be round-off
 # A coordinate is resolved at least to this share of what it would do if all vibration energy were in each mode.
 COUPLING_SHARE = 1e-3
@@ -178,8 +179,6 @@ def advance_scaled(
         force, power = model.act(span.inside(span.start + t), steady + q * size.departure, velocity)
         return force / model.mass / size.velocity, power / size.work
 
-    stages = Stages(rates, size.velocity / size.departure, model.mass * size.velocity**2, local)
-
     def amplitudes(scaled: Array) -> Array:
         """Amplitudes (2n + 1,) of the present motion, scaled."""
         return measure.amplitudes(model, State.split(scaled * scale)).flat() * inverse
@@ -191,6 +190,8 @@ def advance_scaled(
     def size_of(scaled: Array) -> Array:
         # A motion that has outgrown the one at the start is measured by itself, at any phase.
         return jnp.maximum(jnp.abs(scaled) + first * inverse, amplitudes(scaled)) - 1
+
+    stages = Stages(rates, size.velocity / size.departure, model.mass * size.velocity**2, local, size_of)
 
     def halts(t: Array, scaled: Array) -> Array:
         return slip(model, span.inside(span.start + t), State.split(scaled * scale).velocity) < least(scaled)
