@@ -128,7 +128,8 @@ def step_through(
         rests = jnp.zeros((), bool)
         if passes is not None:
             share = passes(attempt)
-            short = share < JUST_SHORT
+            # Nor is one made again that the rounding of times leaves as long as it was.
+            short = (share < JUST_SHORT) & (now.time + share * (there - now.time) < there)
             rests = jnp.asarray(keep) & (share < 1) & ~short
             again = jnp.asarray(keep) & short
             keep, time = keep & ~again, jnp.where(again, now.time, jnp.asarray(time))
