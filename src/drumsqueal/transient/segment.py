@@ -256,7 +256,12 @@ def first_step(model: Model) -> Array:
 
 def _quiet(model: Model, time: Array, local: Array) -> Array:
     """Amplitude (m) below which motion counts as rest: where round-off of the load's forces exceeds the tolerance."""
-    return jnp.maximum(QUIET, ROUND_OFF * model.contact.yielding(model.operation.at(time)) / local)
+    moment, stiffest = model.operation.at(time), jnp.max(jnp.diag(model.stiffness))
+    yielding = jnp.asarray(model.contact.yielding(moment))
+    # Where it is not the contact that yields under the load, the springs yield to friction.
+    sprung = (yielding == 0) & (stiffest > 0)
+    drawn = moment.preload * model.contact.area / jnp.where(sprung, stiffest, 1.0)
+    return jnp.maximum(QUIET, ROUND_OFF * jnp.where(sprung, drawn, yielding) / local)
 
 
 def motion_scale(model: Model, state: State, quiet: ArrayLike = QUIET) -> State:
