@@ -93,8 +93,7 @@ def _below_the_edges(
 ) -> str:
     if motion_ratio is None and moved_by:
         return (
-            f"nothing was started, but the {moved_by} moves the shoe: "
-            f"the transient reaches no edge in {duration:g} s"
+            f"nothing was started, but the {moved_by} moves the shoe: the transient reaches no edge in {duration:g} s"
         )
     if motion_ratio is None:
         return "nothing was started, and the transient reaches no edge"
