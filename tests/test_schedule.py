@@ -57,6 +57,7 @@ def test_a_moment_has_the_rate_of_the_load():
 
 # --- corners in a transient ------------------------------------------------------------------------------------------
 
+REST = np.zeros(1)
 ULP = np.spacing(0.0021)
 # Of 2 µs between two samples, of two round-offs of the time, at samples, and several between two samples; 50 kHz.
 PULSES = {
@@ -141,7 +142,7 @@ def test_many_transients_and_one_that_is_taken_up_again_see_every_corner(nominal
     for again, chunk in zip(integrate(model, steady, rest, rest, since=chunks[0].end, **how), chunks[1:], strict=True):
         np.testing.assert_array_equal(again.displacement, chunk.displacement)
     alone = np.concatenate([chunk.displacement for chunk in chunks]) - steady
-    many = list(integrate_many([model] * 2, [steady] * 2, [rest] * 2, [rest] * 2, **how))
+    many = list(integrate_many([model] * 2, *(np.stack([x, x]) for x in (steady, rest, rest)), **how))
     found = np.concatenate([batch.departure[1] for batch in many])
     assert np.abs(alone).max() > 1e-8
     assert np.max(np.abs(found - alone)) < 1e-9 * np.abs(alone).max()  # the same method in another program
@@ -153,7 +154,7 @@ def test_ten_thousand_corners_cost_a_step_or_two_each():
     time, load = np.sort(rng.uniform(0, 1, 10_000)), rng.uniform(0, 2, 10_000)
     model = block_on_belt(ConstantLaw(0.5), stiffness=1e-12, belt_speed=100.0)
     model = dataclasses.replace(model, operation=Operation(Constant(100.0), Profile(time, load)))
-    chunks = list(integrate(model, [0.0], [0.0], [0.0], duration=1.0, sample_rate=100.0, tolerance=1e-9))
+    chunks = list(integrate(model, REST, REST, REST, duration=1.0, sample_rate=100.0, tolerance=1e-9))
     wanted = 0.5 * (np.trapezoid(load, time) + load[0] * time[0] + load[-1] * (1 - time[-1]))
     assert chunks[-1].velocity[-1, 0] == pytest.approx(wanted, rel=1e-9)
     assert not chunks[-1].implicit.any()  # corners are no reason to call for the implicit method
@@ -166,7 +167,7 @@ def test_a_load_that_goes_between_two_samples_lets_a_stuck_block_go(parts):
     corners = np.concatenate([np.linspace(0.51, 0.52, parts + 1), np.linspace(0.52, 0.53, parts + 1)[1:]])
     load = Profile(corners, np.abs(corners - 0.52) / 0.01)
     model = dataclasses.replace(block_on_belt(StepLaw(1.0, 0.5)), operation=Operation(Constant(0.0), load))
-    chunks = list(integrate(model, [0.0], [0.5], [0.0], duration=3.0, sample_rate=10.0, tolerance=1e-9))
+    chunks = list(integrate(model, REST, REST + 0.5, REST, duration=3.0, sample_rate=10.0, tolerance=1e-9))
     changes = [change for chunk in chunks for change in chunk.changes]
     assert [sticks for _, sticks in changes] == [True, False, True]
     # It goes when half the load is left, at 0.515 s. From there on ẍ = −0.5 + 0.5 p(t) but for the spring's 1e-5.

@@ -41,10 +41,10 @@ def state_verdict(
     """Return prediction and outcome in one sentence.
 
     `changing` tells that drum speed or load change, `forced` that a harmonic force acts, `moved_by` what else pushes
-    the shoe ("changing load", or nothing), `excited` are the modes that the start holds, `motion_ratio` is the motion at the end over that at the start (None without a start), `edge` the
-    time of the first edge (s), `frequency` how a mode's frequency went from onset to saturation, `duration` that of
-    the record (s), `rotation` the largest rotation of the shoe (rad), `sticking` tells when the lining sticks, and
-    `cut_off` says why it ends early.
+    the shoe ("changing load", or nothing), `excited` are the modes that the start holds, `motion_ratio` is the motion
+    at the end over that at the start (None without a start), `edge` the time of the first edge (s), `frequency` how a
+    mode's frequency went from onset to saturation, `duration` that of the record (s), `rotation` the largest rotation
+    of the shoe (rad), `sticking` tells when the lining sticks, and `cut_off` says why it ends early.
     """
     time = f" at t = {stability.time:g} s" if changing else ""
     predicted = f"The linear model predicts {_prediction(stability)}{time}"

@@ -93,9 +93,9 @@ def step_through(
     A step is kept when the norm of its estimated error, over tolerance · (1 + size(y)), is below one; `size` is |y|
     unless given. `step` is the first one, and no other is longer than `longest`; the budget is in steps, kept or not.
     Steps end at all `corners` (c,) on the way, ascending times from another `origin`: f may jump there, and is asked
-    for on each side of them in turn. It ends early after a step whose time and state make `halts` true. Of a step `passes` gives the share after which that would have been so, or 1: it
-    is then made again so far only. With every step that is kept `along` takes `beside`, a tree of arrays, from its
-    start to its end.
+    for on each side of them in turn. It ends early after a step whose time and state make `halts` true. Of a step
+    `passes` gives the share after which that would have been so, or 1: it is then made again so far only. With every
+    step that is kept `along` takes `beside`, a tree of arrays, from its start to its end.
     """
     terms: Any = diffrax.ODETerm(lambda t, y, piece: vector_field(jnp.clip(t, *piece), y))
     controller = diffrax.PIDController(rtol=tolerance, atol=tolerance, norm=norm, pcoeff=PROPORTIONAL, icoeff=INTEGRAL)

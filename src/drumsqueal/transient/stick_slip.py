@@ -155,7 +155,7 @@ class StickSlip:
             if times[look] <= before:
                 continue
             now = jax.tree.map(lambda x, look=look: x[look], states)
-            if not surely[look] and self._reserve(now, span, times[look]) < 1:
+            if not surely[look] and self._reserve(now, span, float(times[look])) < 1:
                 return self._released(segment, state, span, step, before, float(times[look]))
             before = float(times[look])
         return segment
