@@ -59,13 +59,13 @@ def test_a_moment_has_the_rate_of_the_load():
 
 REST = np.zeros(1)
 ULP = np.spacing(0.0021)
-# Of 2 µs between two samples, of two round-offs of the time, at samples, and several between two samples; 50 kHz.
+# Of 20 ns between two samples, of two round-offs of the time, at samples, and several between two samples; 50 kHz.
 PULSES = {
     "time": [
         0,
         0.00123,
-        0.001231,
-        0.001232,
+        0.00123001,
+        0.00123002,
         0.0021,
         0.0021 + ULP,
         0.0021 + 2 * ULP,
@@ -74,7 +74,7 @@ PULSES = {
         0.0025203,
         0.0026,
     ],
-    "value": [200.0, 200, 40200, 200, 200, 1e5, 200, 200, 300, 200, 250],
+    "value": [200.0, 200, 4e6, 200, 200, 1e5, 200, 200, 300, 200, 250],
 }
 
 
