@@ -24,6 +24,8 @@ from drumsqueal.simulation import prepare, run
 from drumsqueal.studies.check import check_scene, warnings_of
 from drumsqueal.studies.run_time import RunTime
 
+PULSE = "{time=[0, 0.1, 0.1000005, 0.100001], value=[2000, 2000, 8e5, 2000]}"  # between two samples
+
 ROOT = Path(__file__).parents[1]
 NOMINAL = str(ROOT / "scenarios" / "nominal.toml")
 COMMANDS = [(name, command) for group in cli.GROUPS.values() for name, command in group.items()]
@@ -340,7 +342,12 @@ def test_check_foretells_the_first_edge_and_the_evaluations(nominal):
     ("settings", "told"),
     [
         (("start.displacement.Y=1e-5",), "The start is beyond the edges, at 1.44 times contact loss"),
-        (("start.displacement={}",), "Nothing is started"),
+        (("start.displacement={}",), "Nothing is started and no force acts"),
+        (("start.displacement={}", f"contact.normal_load={PULSE}"), "Nothing is started and no force acts"),
+        (
+            ("start.displacement={}", f"contact.normal_load={PULSE}", "steady.state=self-consistent"),
+            "Nothing is started, but the changing load moves the shoe",
+        ),
         (("start.displacement={Y=1e-7}", 'simulate.coordinates=["X", "Z"]', "start.displacement={X=1e-7}"), "held"),
         (("simulate.duration=0.01",), "The duration of 0.01 s is 0.762 growth times"),
         (("simulate.duration=0.08",), "may not have settled by its end; take at least 0.084 s"),

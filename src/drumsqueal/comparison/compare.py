@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 import xarray
 
-from drumsqueal.comparison.departure import FEWEST_FOR_SPECTRUM, Departure, changes, edge_share, first_edge
+from drumsqueal.comparison.departure import FEWEST_FOR_SPECTRUM, Departure, changes, edge_share, first_edge, moved_by
 from drumsqueal.comparison.frequency import FrequencyDrift, follow_frequency
 from drumsqueal.comparison.quadrature import QuadratureError
 from drumsqueal.comparison.saturation import Saturation, describe_saturation, saturated_part
@@ -24,6 +24,7 @@ LINEAR_SHARE = 0.1
 CLEAN_SHARE = 3e-2
 UNEXCITED_SHARE = 1e-12  # of the largest displacement: a mode below it is not there
 FEWEST_PERIODS = 5  # of a mode, for its frequency and growth to be measured
+NOT_STARTED = "nothing was started"
 NOT_EXCITED = "not excited by this start"
 HELD = "the lining sticks at the start"
 DRIVEN = "driven by the harmonic force"
@@ -102,10 +103,12 @@ def compare(
     sticks = history["sticking"].values > 0
     nonlinear = np.flatnonzero((share >= LINEAR_SHARE) | sticks)
     growing = slice(0, int(nonlinear[0]) if nonlinear.size else time.size)
+    moving = moved_by(model, stability, float(time[-1]))
     if model.forced:  # its growth and frequency would be those of the response
         modes = tuple(_unmeasured(mode)._replace(note=DRIVEN) for mode in stability.modes)
     else:
-        modes = tuple(_compare_mode(mode, stability, departure, growing) for mode in stability.modes)
+        still = f"moved by the {moving}" if moving else NOT_STARTED
+        modes = tuple(_compare_mode(mode, stability, departure, growing, still) for mode in stability.modes)
         if sticks[0]:
             modes = tuple(mode if mode.measured_growth else mode._replace(note=HELD) for mode in modes)
     edge = first_edge(history, stability, model)
@@ -130,6 +133,7 @@ def compare(
             stability,
             changing=changing,
             forced=model.forced,
+            moved_by=moving,
             excited=tuple(m for m, found in zip(stability.modes, modes, strict=True) if found.note != NOT_EXCITED),
             motion_ratio=ratio,
             edge=edge,
@@ -168,11 +172,13 @@ def _unmeasured(mode: Mode) -> ModeComparison:
     )
 
 
-def _compare_mode(mode: Mode, stability: Stability, departure: Departure, growing: slice) -> ModeComparison:
+def _compare_mode(
+    mode: Mode, stability: Stability, departure: Departure, growing: slice, not_started: str
+) -> ModeComparison:
     result = _unmeasured(mode)
     time = departure.time[growing]
     if not departure.started:
-        return result._replace(note="nothing was started")
+        return result._replace(note=not_started)
     if time.size < FEWEST_FOR_SPECTRUM:
         whole = departure.time.size == time.size
         return result._replace(note="the record is too short" if whole else "nonlinear from the start, or nearly so")

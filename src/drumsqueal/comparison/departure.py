@@ -1,15 +1,20 @@
 """The departure from steady sliding, and how far it has come towards the edges."""
 
+import dataclasses
 from collections.abc import Iterator, Sequence
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import xarray
+from jax import Array
 from numpy.typing import NDArray
 
 from drumsqueal.bodies.rigid_shoe import RigidShoe
 from drumsqueal.comparison.edges import pressure_share, slip_share
+from drumsqueal.effects.operation import Operation
 from drumsqueal.effects.pressure import Unilateral
+from drumsqueal.effects.schedule import Constant, Profile
 from drumsqueal.linear.modes import Mode, Stability
 from drumsqueal.model import Model
 from drumsqueal.scene import COORDINATES
@@ -20,6 +25,7 @@ FEWEST_FOR_SPECTRUM = 16  # samples
 PIECE = 2**14  # samples that are read at a time
 LIFTED_SHARE = 0.1  # of the lining
 FRACTION_ROUND_OFF = 1e-12  # of a share of the lining, which is a sum over some hundred nodes
+FORCE_ROUND_OFF = 1e-10  # of the load: forces that cancel leave so much at most
 
 
 def unit_of(coordinate: str, prefix: str = "") -> str:
@@ -145,12 +151,45 @@ class Departure:
 
 
 def changes(model: Model, time: NDArray[np.float64]) -> bool:
-    """Whether drum speed or load change within these times (s)."""
-    found = []
-    for start in range(0, time.size, PIECE):
-        moments = jax.vmap(model.operation.at)(time[start : start + PIECE])
-        found += [[f(np.asarray(each)) for f in (np.min, np.max) for each in (moments.drum_speed, moments.preload)]]
-    return bool(found) and bool(np.any(np.ptp(np.array(found).reshape(-1, 2), axis=0) > 0))
+    """Whether drum speed or load change within these times (s), also between two of them."""
+    prescribed = (model.operation.drum_speed, model.operation.preload)
+    return any(np.ptp(_values(each, time[0], time[-1])) > 0 for each in prescribed if isinstance(each, Profile))
+
+
+def _values(profile: Profile, since: float, until: float) -> NDArray[np.float64]:
+    """What a profile comes to within these times (s): at both and at the corners between."""
+    time, value = np.asarray(profile.time), np.asarray(profile.value)
+    return np.interp([since, *time[(time > since) & (time < until)], until], time, value)
+
+
+def moved_by(model: Model, stability: Stability, until: float) -> str:
+    """What pushes a shoe out of its steady sliding until a time (s), in words, such as "changing load"; else nothing.
+
+    Drum speed and load are changed in turn, each to the least and the most that it comes to. A shoe that the assembly
+    balances at all times is not pushed.
+    """
+    prescribed = {"drum speed": model.operation.drum_speed, "load": model.operation.preload}
+    kept = {name: np.asarray(each.at(stability.time)[0]) for name, each in prescribed.items()}
+    middle, found = model.in_plane(), []  # where steady sliding is
+    q = jnp.asarray([stability.steady_state[model.coordinates.index(i)] for i in middle.coordinates])
+    for name, schedule in prescribed.items():
+        if isinstance(schedule, Profile):
+            values = _values(schedule, 0.0, until)
+            rows = {other: np.repeat(value, 3) for other, value in kept.items()}
+            rows[name] = np.array([kept[name], values.min(), values.max()])
+            forces = np.asarray(_forces(middle, rows["drum speed"], rows["load"], q))
+            if np.ptp(forces, axis=0).max() > FORCE_ROUND_OFF * np.abs(rows["load"]).max() * float(model.contact.area):
+                found.append(name)
+    return f"changing {' and '.join(found)}" if found else ""
+
+
+@jax.jit
+def _forces(model: Model, speeds: Array, loads: Array, q: Array) -> Array:
+    def force(each: tuple[Array, Array]) -> Array:
+        operation = Operation(*(Constant(value) for value in each))
+        return dataclasses.replace(model, operation=operation).act(0.0, q, jnp.zeros_like(q))[0]
+
+    return jax.lax.map(force, (jnp.asarray(speeds), jnp.asarray(loads)))
 
 
 def edge_share(departure: Departure, model: Model) -> NDArray[np.float64]:

@@ -28,6 +28,7 @@ def state_verdict(
     *,
     changing: bool,
     forced: bool,
+    moved_by: str,
     excited: tuple[Mode, ...],
     motion_ratio: float | None,
     edge: float | None,
@@ -41,25 +42,26 @@ def state_verdict(
 ) -> str:
     """Return prediction and outcome in one sentence.
 
-    `changing` tells that drum speed or load change, `forced` that a harmonic force acts, `excited` are the modes that
-    the start holds, `motion_ratio` is the motion at the end over that at the start (None without a start), `edge` the
-    time of the first edge (s), `frequency` how a mode's frequency went from onset to saturation, `duration` that of
-    the record (s), `rotation` the largest rotation of the shoe (rad), `sticking` tells when the lining sticks,
-    `cut_off` says why it ends early, and `quadrature` is the error of the contact forces.
+    `changing` tells that drum speed or load change, `forced` that a harmonic force acts, `moved_by` what else pushes
+    the shoe ("changing load", or nothing), `excited` are the modes that the start holds, `motion_ratio` is the motion
+    at the end over that at the start (None without a start), `edge` the time of the first edge (s), `frequency` how a
+    mode's frequency went from onset to saturation, `duration` that of the record (s), `rotation` the largest rotation
+    of the shoe (rad), `sticking` tells when the lining sticks, `cut_off` says why it ends early, and `quadrature` is
+    the error of the contact forces.
     """
     time = f" at t = {stability.time:g} s" if changing else ""
     predicted = f"The linear model predicts {_prediction(stability)}{time}"
     if edge is None and forced:
         done = f"under the harmonic force the transient reaches no edge in {duration:g} s"
     elif edge is None:
-        done = _below_the_edges(stability, excited, motion_ratio, duration)
+        done = _below_the_edges(stability, excited, motion_ratio, moved_by, duration)
     elif saturation is None:
         done = f"the motion reaches an edge at {edge:.4g} s, too late to tell what it settles to"
     else:
         settled = "comes to stick" if sticking.to_the_end else _settled(saturation, stability)
         done = f"the transient reaches an edge at {edge:.4g} s and {settled}"
-    if motion_ratio is None and edge is not None and not (changing or forced):
-        done = f"nothing was started, but round-off grows: {done}"
+    if motion_ratio is None and edge is not None and not forced:
+        done = f"nothing was started, but {f'the {moved_by} moves the shoe' if moved_by else 'round-off grows'}: {done}"
     if sticking.spells:
         done += f"; {_sticks(sticking)}"
     if rotation > SMALL_ROTATION:
@@ -101,8 +103,12 @@ def _prediction(stability: Stability) -> str:
 
 
 def _below_the_edges(
-    stability: Stability, excited: tuple[Mode, ...], motion_ratio: float | None, duration: float
+    stability: Stability, excited: tuple[Mode, ...], motion_ratio: float | None, moved_by: str, duration: float
 ) -> str:
+    if motion_ratio is None and moved_by:
+        return (
+            f"nothing was started, but the {moved_by} moves the shoe: the transient reaches no edge in {duration:g} s"
+        )
     if motion_ratio is None:
         return "nothing was started, and the transient reaches no edge"
     if motion_ratio > GROWN:

@@ -3,10 +3,11 @@
 from typing import NamedTuple
 
 import equinox as eqx
+import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
-from drumsqueal.effects.schedule import Schedule
+from drumsqueal.effects.schedule import Profile, Schedule
 
 
 class Moment(NamedTuple):
@@ -27,3 +28,9 @@ class Operation(eqx.Module):
     def at(self, time: ArrayLike) -> Moment:
         """Both at a time (s)."""
         return Moment(time, self.drum_speed.at(time)[0], *self.preload.at(time))
+
+    @property
+    def corners(self) -> Array | None:
+        """Times (c,) in ascending order (s) at which the rate of either may jump; None where both are constant."""
+        times = [each.time for each in (self.drum_speed, self.preload) if isinstance(each, Profile)]
+        return jnp.sort(jnp.concatenate(times)) if times else None

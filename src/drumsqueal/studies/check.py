@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
+from drumsqueal.comparison.departure import moved_by
 from drumsqueal.comparison.edges import edge_shares
 from drumsqueal.effects.contact import Contact
 from drumsqueal.effects.operation import Moment
@@ -210,7 +211,11 @@ def _about_the_steady_state(prepared: Prepared) -> Iterator[str]:
 
 def _about_the_start(prepared: Prepared, growing: tuple[Growth, ...], shares: tuple[float, float]) -> Iterator[str]:
     if not np.any(_start(prepared, prepared.stability.coordinates)) and prepared.scene.forcing is None:
-        yield "Nothing is started and no force acts: the shoe stays in steady sliding; give start a displacement."
+        moving = moved_by(prepared.linear, prepared.stability, prepared.scene.simulate.duration)
+        if moving:
+            yield f"Nothing is started, but the {moving} moves the shoe out of steady sliding."
+        else:
+            yield "Nothing is started and no force acts: the shoe stays in steady sliding; give start a displacement."
         return
     lost, reversed_slip = shares
     if max(shares) >= SMALL:

@@ -20,7 +20,15 @@ from drumsqueal.kernel import compiled, one_kernel
 from drumsqueal.model import Model
 from drumsqueal.scene.tables import LEAST_TOLERANCE, MOST_TOLERANCE
 from drumsqueal.transient.runge_kutta import DEFAULT, STAGES, is_explicit
-from drumsqueal.transient.segment import STEP_BUDGET, advance_scaled, first_step, local_tolerance, resolution
+from drumsqueal.transient.segment import (
+    CORNER_BUDGET,
+    STEP_BUDGET,
+    Resolution,
+    advance_scaled,
+    first_step,
+    local_tolerance,
+    resolution,
+)
 from drumsqueal.transient.state import CHUNK_SAMPLES, Span, State
 
 
@@ -86,8 +94,8 @@ def integrate_many(
             span = Span(np.float64(first / sample_rate), np.float64(1 / sample_rate), np.int64(count))
             local = local_tolerance(np.float64(tolerance), solver)
             # Eigenvalues of a batch wait for the threads they run in: two programs at once would wait for each other.
-            scales = [jax.block_until_ready(_resolutions(share, span, local)) for share in shares]
-            jobs = [(share, scale, span, local, solver) for share, scale in zip(shares, scales, strict=True)]
+            measures = [jax.block_until_ready(_resolutions(share.models, span, local)) for share in shares]
+            jobs = [(share, measure, span, local, solver) for share, measure in zip(shares, measures, strict=True)]
             done = list(pool.map(lambda job: _advance(*job), jobs))
             shares = [share for share, _, _, _ in done]
             fresh = slice(0 if first == 0 else 1, count + 1)
@@ -121,28 +129,37 @@ def _first_steps(models: Model) -> Array:
 
 
 @compiled
-def _resolutions(share: _Share, span: Span, local: Array) -> Array:
-    """What errors are measured against in a chunk, (m, 2n + 1)."""
-    return jax.vmap(lambda model, state: resolution(model, state, span, local))(share.models, share.states)
+def _resolutions(models: Model, span: Span, local: Array) -> Resolution:
+    """What motion is measured by in a chunk, with a leading axis."""
+    return jax.vmap(lambda model: resolution(model, span, local))(models)
 
 
 @compiled
-def _advance(share: _Share, scale: Array, span: Span, local: Array, solver: str) -> tuple[_Share, State, Array, Array]:
+def _advance(
+    share: _Share, measures: Resolution, span: Span, local: Array, solver: str
+) -> tuple[_Share, State, Array, Array]:
     """One chunk of a share: what comes next, samples (m, k, n), steps made (m,) and whether the end was reached."""
-    final, step, states, steps, reached = one_kernel(_one_after_the_other, share, scale, span, local, solver)
+    corners = jax.vmap(lambda model: model.operation.corners)(share.models)
+    items = (share, measures, corners)
+    final, step, states, steps, reached = one_kernel(_one_after_the_other, items, span, local, solver)
     return share._replace(states=final, steps=step), states, steps, reached
 
 
-def _one_after_the_other(share: _Share, scale: Array, span: Span, local: Array, solver: str) -> tuple:
-    def one(item: tuple[_Share, Array]) -> tuple[State, Array, State, Array, Array]:
-        each, scale = item
+def _one_after_the_other(
+    items: tuple[_Share, Resolution, Array | None], span: Span, local: Array, solver: str
+) -> tuple:
+    def one(item: tuple[_Share, Resolution, Array | None]) -> tuple[State, Array, State, Array, Array]:
+        each, measure, corners = item
         sound = jnp.isfinite(each.states.flat()).all()
-        budget = jnp.where(sound, STEP_BUDGET, 0)  # what has failed is not tried again
-        segment = advance_scaled(each.models, each.steady, each.states, span, local, each.steps, scale, solver, budget)
+        count = 0 if corners is None else jnp.sum((corners > span.start) & (corners < span.start + span.length))
+        budget = jnp.where(sound, STEP_BUDGET + CORNER_BUDGET * count, 0)  # what has failed is not tried again
+        segment = advance_scaled(
+            each.models, each.steady, each.states, span, local, each.steps, measure, corners, solver, budget
+        )
         final = jax.tree.map(lambda x: jnp.where(segment.reached, x, jnp.nan), segment.final)
         return final, segment.step, segment.states, segment.steps, segment.reached
 
-    return jax.lax.map(one, (share, scale))
+    return jax.lax.map(one, items)
 
 
 def _joined(parts: Sequence[Array]) -> np.ndarray:

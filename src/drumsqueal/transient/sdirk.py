@@ -30,12 +30,14 @@ class Stages(NamedTuple):
     """What the stages of a second-order system ask for: y = (q, v, w) (2n + 1,) in scaled units, with q̇ = ratio · v.
 
     `rates` gives v̇ (n,) and ẇ at (t, q, v); `metric` (n,) is the mass, in which friction is the gradient of something.
+    A stage is solved to a share of tolerance · (1 + size(y)).
     """
 
     rates: Callable[[Array, Array, Array], tuple[Array, Array]]
     ratio: Array
     metric: Array
     tolerance: Array
+    size: Callable[[Array], Array] = jnp.abs
 
 
 class _Found(NamedTuple):
@@ -86,15 +88,18 @@ class Sdirk4:
     def step(
         self, terms: Any, t0: Any, t1: Any, y0: Array, args: Any, solver_state: Array, made_jump: Any
     ) -> tuple[Array, Array, dict[str, Any], Array, diffrax.RESULTS]:
-        """Make one step: y1, its error estimate, what the interpolation needs, and its last slope."""
-        del terms, args, made_jump
+        """Make one step: y1, its error estimate, what the interpolation needs, and its last slope.
+
+        `args` are the first and the last time at which stages may ask for rates.
+        """
+        del terms, made_jump
         start, h = jnp.asarray(t0), jnp.asarray(t1) - t0
         weights, shares = jnp.asarray(WEIGHTS), jnp.asarray(SHARES)
 
         def stage(i: Array, found: tuple[Array, Array, Array, Array]) -> tuple[Array, Array, Array, Array]:
             slopes, slope, _, sound = found
             base = y0 + h * sum(weights[i, j] * slopes[j] for j in range(4))
-            slope, y, solved = self._stage(start + shares[i] * h, base, h * GAMMA, slope)
+            slope, y, solved = self._stage(jnp.clip(start + shares[i] * h, *args), base, h * GAMMA, slope)
             return slopes.at[i].set(slope), slope, y, sound & solved
 
         begin = (jnp.zeros((5, y0.size)), solver_state, y0, jnp.asarray(True))
@@ -128,7 +133,8 @@ class Sdirk4:
             share = _turn(lambda share: residual(now.v - share * now.change)[0], here, now, past, stages.metric)
             change = jnp.where(past, -share * now.change, -_solved(matrix, value))
             slope = jnp.sum(stages.metric * change * value)
-            error = jnp.where(past, jnp.inf, jnp.max(jnp.abs(change)))
+            y = jnp.concatenate([q + h * stages.ratio * now.v, now.v, w[None]])
+            error = jnp.where(past, jnp.inf, jnp.max(jnp.abs(change) / (1 + stages.size(y)[n : 2 * n])))
             return _Found(now.v + change, change, slope, past, power, error, now.iterations + 1)
 
         x, nothing = v + h * guess[n : 2 * n], jnp.zeros(n)

@@ -22,6 +22,7 @@ from drumsqueal.transient.sticking import slip, slip_acceleration, slip_motion
 # Steps a chunk: a run that exceeds it is stuck, and says so. Samples hold two to a period at least, so 500 of them take
 # some thousand steps; a tolerance of 1e-13 takes ten times as many, and so do edges.
 STEP_BUDGET = 100_000
+CORNER_BUDGET = 20  # more steps for each corner of what is prescribed: one ends there, and the next ones begin small
 LEAST_LOCAL = 1e-14  # of the motion, that one step may err; less would be round-off
 # A coordinate is resolved at least to this share of what it would do if all vibration energy were in each mode.
 COUPLING_SHARE = 1e-3
@@ -72,8 +73,6 @@ def advance(
     ends early where hardly any of it slips.
     """
     local = local_tolerance(tolerance, solver)
-    scale = resolution(model, state, span, local)
-    least_slip = _least_slip(model, span, jnp.asarray(tolerance), scale) if sticks else None
     arguments = (
         model,
         steady,
@@ -81,25 +80,27 @@ def advance(
         span,
         local,
         step,
-        scale,
+        resolution(model, span, local),
+        model.operation.corners,
         solver,
         jnp.asarray(STEP_BUDGET if budget is None else budget),
-        least_slip,
+        jnp.asarray(tolerance) if sticks else None,
     )
     return one_kernel(advance_scaled, *arguments) if in_kernel else advance_scaled(*arguments)
 
 
 @compiled
 def least_slip(model: Model, state: State, span: Span, tolerance: ArrayLike) -> Array:
-    """Slip speed (m/s) below which nothing counts as slipping in this chunk."""
+    """Slip speed (m/s) below which nothing counts as slipping."""
     local = local_tolerance(tolerance, DEFAULT)
-    return _least_slip(model, span, jnp.asarray(tolerance), resolution(model, state, span, local))
+    size = resolution(model, span, local).amplitudes(model, state)
+    return SLIP_SHARE * jnp.asarray(tolerance) * _slip_of(model, span, size.velocity)
 
 
-def _least_slip(model: Model, span: Span, tolerance: Array, scale: Array) -> Array:
-    """Slip speed (m/s) that errors of the trajectory could make: the tolerance times that of the vibration."""
-    moment = model.operation.at(jnp.asarray(span.start))._replace(drum_speed=jnp.zeros(()))
-    return SLIP_SHARE * tolerance * model.contact.fastest_slip(moment, model.widen(State.split(scale).velocity))
+def _slip_of(model: Model, span: Span, velocity: Array) -> Array:
+    """Slip speed (m/s) that a velocity (n,) makes on a drum at rest."""
+    still = model.operation.at(jnp.asarray(span.start))._replace(drum_speed=jnp.zeros(()))
+    return model.contact.fastest_slip(still, model.widen(velocity))
 
 
 def local_tolerance(tolerance: ArrayLike, solver: str) -> Array:
@@ -107,9 +108,39 @@ def local_tolerance(tolerance: ArrayLike, solver: str) -> Array:
     return jnp.maximum(tolerance * LOCAL_SHARE[solver], LEAST_LOCAL)
 
 
-def resolution(model: Model, state: State, span: Span, local: Array) -> Array:
-    """Amplitudes (2n + 1,) that errors are measured against in a chunk; needs eigenvalues, so it is no kernel."""
-    return motion_scale(model, state, _quiet(model, jnp.asarray(span.start), local)).flat()
+class Resolution(NamedTuple):
+    """What motion is measured by: frictionless frequencies (n,) in rad/s, mass-normalised modes (n, n), least speed."""
+
+    omega: Array
+    modes: Array
+    least: Array
+
+    def amplitudes(self, model: Model, state: State) -> State:
+        """Amplitudes that the present vibration energy gives to displacement, velocity (n,) and work.
+
+        In the mass-normalised modes (ω_j, Φ) of the frictionless shoe, s_j = √((ω_j p_j)² + ṗ_j²) is the amplitude of
+        ṗ_j; coordinate i has velocity amplitude Σ |Φ_ij| s_j and displacement amplitude Σ |Φ_ij| s_j/ω_j. Unlike the
+        present values they do not pass through zero, so an error relative to them is a fair measure at any phase.
+        """
+        shaped = model.mass[:, None] * self.modes
+        position, speed = (jnp.sum(x[:, None] * shaped, axis=0) for x in (state.departure, state.velocity))
+        amplitude = jnp.sqrt((self.omega * position) ** 2 + speed**2)
+        total = jnp.sqrt(jnp.sum(amplitude**2) + self.least**2)
+        amplitude = jnp.maximum(amplitude, COUPLING_SHARE * total)
+        # A mode without stiffness drifts; it is given the slowest of the other frequencies.
+        slowest = jnp.min(jnp.where(self.omega > 0, self.omega, _highest(self.omega)))
+        size, period = jnp.abs(self.modes), 1 / jnp.where(self.omega > 0, self.omega, slowest)
+        return State(jnp.sum(size * amplitude * period, axis=1), jnp.sum(size * amplitude, axis=1), total**2 / 2)
+
+
+def resolution(model: Model, span: Span, local: Array) -> Resolution:
+    """What motion is measured by in a chunk; it takes eigenvalues, which no kernel finds."""
+    return _resolution(model, _quiet(model, jnp.asarray(span.start), local))
+
+
+def _resolution(model: Model, quiet: ArrayLike) -> Resolution:
+    omega, modes = frictionless_modes(model.mass, model.stiffness)
+    return Resolution(omega, modes, _least_speed(model, _highest(omega), quiet))
 
 
 def advance_scaled(
@@ -119,15 +150,19 @@ def advance_scaled(
     span: Span,
     local: Array,
     step: Array,
-    scale: Array,
+    measure: Resolution,
+    corners: Array | None,
     solver: str,
     budget: Array,
-    least_slip: Array | None = None,
+    slip_tolerance: Array | None = None,
 ) -> Segment:
-    """One chunk, with errors measured against `scale` (2n + 1,), in `budget` steps at most.
+    """One chunk, with errors measured against the motion that it begins with or has come to, in `budget` steps at most.
 
-    It ends early where no part of the lining slips faster than `least_slip` (m/s).
+    It ends early where no part of the lining slips faster than `slip_tolerance` times what such a motion does.
     """
+    first = measure.amplitudes(model, state).flat()
+    # Powers of two, so that no state changes by rounding when it is scaled: what rests does not creep.
+    scale = jnp.ldexp(1.0, jnp.frexp(first)[1] - 1)
     inverse = 1 / scale
     # Time is counted from the start of the chunk: a step is then known to more digits.
     time = span.grid
@@ -144,15 +179,24 @@ def advance_scaled(
         force, power = model.act(span.inside(span.start + t), steady + q * size.departure, velocity)
         return force / model.mass / size.velocity, power / size.work
 
-    stages = Stages(rates, size.velocity / size.departure, model.mass * size.velocity**2, local)
+    def amplitudes(scaled: Array) -> Array:
+        """Amplitudes (2n + 1,) of the present motion, scaled."""
+        return measure.amplitudes(model, State.split(scaled * scale)).flat() * inverse
+
+    def least(scaled: Array) -> Array:
+        fastest = jnp.maximum(State.split(amplitudes(scaled) * scale).velocity, State.split(first).velocity)
+        return SLIP_SHARE * jnp.asarray(slip_tolerance) * _slip_of(model, span, fastest)
+
+    def size_of(scaled: Array) -> Array:
+        # A motion that has outgrown the one at the start is measured by itself, at any phase.
+        return jnp.maximum(jnp.abs(scaled) + first * inverse, amplitudes(scaled)) - 1
+
+    stages = Stages(rates, size.velocity / size.departure, model.mass * size.velocity**2, local, size_of)
 
     def halts(t: Array, scaled: Array) -> Array:
-        assert least_slip is not None
-        return slip(model, span.inside(span.start + t), State.split(scaled * scale).velocity) < least_slip
+        return slip(model, span.inside(span.start + t), State.split(scaled * scale).velocity) < least(scaled)
 
     def passes(attempt: Attempt) -> Array:
-        assert least_slip is not None
-
         def motion(t: Array, scaled: Array) -> Array:
             return slip_motion(model, span.inside(span.start + t), State.split(scaled * scale).velocity) / size.velocity
 
@@ -160,16 +204,13 @@ def advance_scaled(
             t = attempt.start + share * (attempt.end - attempt.start)
             return motion(t, attempt.inside(t))
 
-        still = model.operation.at(jnp.asarray(span.start))._replace(drum_speed=jnp.zeros(()))
         h, now = attempt.end - attempt.start, span.inside(span.start + (attempt.start + attempt.end) / 2)
         changes = (
             h * slip_acceleration(model, now, State.split(slope).velocity * size.velocity) / size.velocity
             for slope in (attempt.slope_before, attempt.slope_after)
         )
         step = Step(motion(attempt.start, attempt.before), motion(attempt.end, attempt.after), *changes)
-        return share_to_rest(
-            step, inside, lambda x: model.contact.fastest_slip(still, model.widen(x * size.velocity)), least_slip
-        )
+        return share_to_rest(step, inside, lambda x: _slip_of(model, span, x * size.velocity), least(attempt.after))
 
     stepped = step_through(
         make_solver(solver, stages),
@@ -180,8 +221,11 @@ def advance_scaled(
         tolerance=local,
         norm=_largest,
         budget=budget,
-        halts=None if least_slip is None else halts,
-        passes=None if least_slip is None else passes,
+        halts=None if slip_tolerance is None else halts,
+        passes=None if slip_tolerance is None else passes,
+        size=size_of,
+        origin=span.start,
+        corners=corners,
     )
     return _observed(model, steady, state.work, span.inside(span.start + time), scale, stepped)
 
@@ -212,28 +256,20 @@ def first_step(model: Model) -> Array:
 
 def _quiet(model: Model, time: Array, local: Array) -> Array:
     """Amplitude (m) below which motion counts as rest: where round-off of the load's forces exceeds the tolerance."""
-    return jnp.maximum(QUIET, ROUND_OFF * model.contact.yielding(model.operation.at(time)) / local)
+    moment, stiffest = model.operation.at(time), jnp.max(jnp.diag(model.stiffness))
+    yielding = jnp.asarray(model.contact.yielding(moment))
+    # Where it is not the contact that yields under the load, the springs yield to friction.
+    sprung = (yielding == 0) & (stiffest > 0)
+    drawn = moment.preload * model.contact.area / jnp.where(sprung, stiffest, 1.0)
+    return jnp.maximum(QUIET, ROUND_OFF * jnp.where(sprung, drawn, yielding) / local)
 
 
 def motion_scale(model: Model, state: State, quiet: ArrayLike = QUIET) -> State:
     """Amplitudes that the present vibration energy gives to displacement, velocity (n,) and work, at least `quiet` (m).
 
-    In the mass-normalised modes (ω_j, Φ) of the frictionless shoe, s_j = √((ω_j p_j)² + ṗ_j²) is the amplitude of ṗ_j;
-    coordinate i has velocity amplitude Σ |Φ_ij| s_j and displacement amplitude Σ |Φ_ij| s_j/ω_j. Unlike the present
-    values they do not pass through zero, so an error relative to them is a fair measure at any phase.
+    See `Resolution.amplitudes`.
     """
-    omega, modes = frictionless_modes(model.mass, model.stiffness)
-    highest = _highest(omega)
-    shaped = model.mass[:, None] * modes
-    position, speed = state.departure @ shaped, state.velocity @ shaped
-    amplitude = jnp.sqrt((omega * position) ** 2 + speed**2)
-    least = _least_speed(model, highest, quiet)
-    total = jnp.sqrt(jnp.sum(amplitude**2) + least**2)
-    amplitude = jnp.maximum(amplitude, COUPLING_SHARE * total)
-    # A mode without stiffness drifts; it is given the slowest of the other frequencies.
-    slowest = jnp.min(jnp.where(omega > 0, omega, highest))
-    size = jnp.abs(modes)
-    return State(size @ (amplitude / jnp.where(omega > 0, omega, slowest)), size @ amplitude, total**2 / 2)
+    return _resolution(model, quiet).amplitudes(model, state)
 
 
 @jax.jit

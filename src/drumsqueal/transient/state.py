@@ -34,7 +34,8 @@ class Span(NamedTuple):
     """One chunk in time: its start (s), the interval between samples (s), and how many there are after the first.
 
     It is entered `offset` and left `until` (s) after its start, if that is before its end. What is prescribed over time
-    is taken from within `after` and `before` (s of the transient): where it jumps, from this side of the jump.
+    is taken from within `after` and `before` (s of the transient): where it jumps, from this side of the jump. With
+    `looks` (CHUNK_SAMPLES + 1,), in s after its start, these times take the place of its samples.
     """
 
     start: Any  # numbers outside a compiled call, arrays within
@@ -44,6 +45,7 @@ class Span(NamedTuple):
     until: Any = np.float64(np.inf)
     after: Any = np.float64(-np.inf)
     before: Any = np.float64(np.inf)
+    looks: Any = None
 
     @property
     def length(self) -> Any:
@@ -58,7 +60,9 @@ class Span(NamedTuple):
     @property
     def grid(self) -> Array:
         """Its samples (s after its start), CHUNK_SAMPLES + 1 of them: those it does not reach lie at its ends."""
-        grid = jnp.minimum(jnp.arange(CHUNK_SAMPLES + 1), self.samples) * jnp.asarray(self.interval)
+        grid = self.looks
+        if grid is None:
+            grid = jnp.minimum(jnp.arange(CHUNK_SAMPLES + 1), self.samples) * jnp.asarray(self.interval)
         return jnp.clip(grid, self.offset, jnp.minimum(self.until, self.length))
 
     def inside(self, time: Any) -> Any:

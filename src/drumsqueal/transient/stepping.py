@@ -10,12 +10,13 @@ from typing import Any, NamedTuple
 import diffrax
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 
 # A proportional part in the step-size control halves the rejected steps where edges make kinks.
 PROPORTIONAL, INTEGRAL = 0.3, 0.4
-NEARLY = 1e-10  # of the span: a step that ends so close to the end goes there
 JUST_SHORT = 1 - 1e-9  # of a step: one that ends so little after rest ends at rest, for again it would be no shorter
+BESIDE = 2  # round-offs of a time: stages at a corner look at what is prescribed from so far inside their piece
 Norm = Callable[[Array], Array]
 
 
@@ -80,41 +81,44 @@ def step_through(
     halts: Callable[[Array, Array], Array] | None = None,
     passes: Callable[[Attempt], Array] | None = None,
     longest: Array | None = None,
+    size: Callable[[Array], Array] = jnp.abs,
+    origin: Any = 0.0,
+    corners: Array | None = None,
     along: Callable[[Attempt, Any], Any] | None = None,
     beside: Any = None,
 ) -> Stepped:
     """Integrate ẏ = f(t, y) from a start (n,) at times[0] and sample it at the times (k,), which do not decrease.
 
     `solver` is an adaptive method of diffrax.
-    A step is kept when the norm of its estimated error, over tolerance · (1 + |y|), is below one. `step` is the first
-    one, and no other is longer than `longest`; the budget is in steps, kept or not. It ends early after a step whose
-    time and state make `halts` true. Of a step `passes` gives the share after which that would have been so, or 1: it
-    is then made again so far only. With every step that is kept `along` takes `beside`, a tree of arrays, from its
-    start to its end.
+    A step is kept when the norm of its estimated error, over tolerance · (1 + size(y)), is below one; `size` is |y|
+    unless given. `step` is the first one, and no other is longer than `longest`; the budget is in steps, kept or not.
+    Steps end at all `corners` (c,) on the way, ascending times from another `origin`: f may jump there, and is asked
+    for on each side of them in turn. It ends early after a step whose time and state make `halts` true. Of a step
+    `passes` gives the share after which that would have been so, or 1: it is then made again so far only. With every
+    step that is kept `along` takes `beside`, a tree of arrays, from its start to its end.
     """
-    terms: Any = diffrax.ODETerm(lambda t, y, _: vector_field(jnp.asarray(t), y))
+    terms: Any = diffrax.ODETerm(lambda t, y, piece: vector_field(jnp.clip(t, *piece), y))
     controller = diffrax.PIDController(rtol=tolerance, atol=tolerance, norm=norm, pcoeff=PROPORTIONAL, icoeff=INTEGRAL)
     order = solver.error_order(terms)
     end = times[-1]
-    nearly = end - NEARLY * (end - times[0])
 
-    def unfinished(now: _Now) -> Array:
-        return (now.time < end) & (now.steps < budget) & ~now.halted
+    def unfinished(now: _Now, until: Any = end) -> Array:
+        return (now.time < until) & (now.steps < budget) & ~now.halted
 
-    def advance(now: _Now) -> _Now:
-        there = now.time + now.step
-        there = jnp.where(there > nearly, end, there)
+    def advance(now: _Now, until: Array, piece: tuple[Array, Array]) -> _Now:
+        left = until - now.time
+        there = jnp.where(now.step > JUST_SHORT * left, until, now.time + now.step)
         state, error, dense, solver_state, result = solver.step(
-            terms, now.time, there, now.state, None, now.solver, False
+            terms, now.time, there, now.state, piece, now.solver, False
         )
         # A failed solve, or a state beyond the numbers, is an error without bound: the step is tried smaller.
         sound = jnp.isfinite(error).all() & (result == diffrax.RESULTS.successful)
         error = jnp.where(sound, error, jnp.inf)
         keep, time, following, _, controller_state, _ = controller.adapt_step_size(
-            now.time, there, now.state, state, None, error, order, now.controller
+            now.time, there, now.state, size(state), None, error, order, now.controller
         )
         # A step that was cut short at the end says little about the next one.
-        next_step = jnp.where(keep & (there == end), jnp.maximum(following - time, now.step), following - time)
+        next_step = jnp.where(keep & (there == until), jnp.maximum(following - time, now.step), following - time)
         interpolation = solver.interpolation_cls(t0=now.time, t1=there, **dense)
         # What a method keeps from step to step is its last slope.
         attempt = Attempt(
@@ -124,10 +128,10 @@ def step_through(
         rests = jnp.zeros((), bool)
         if passes is not None:
             share = passes(attempt)
-            # Cut so little short it would go to the end all the same.
-            short = share < JUST_SHORT
+            # Nor is one made again that the rounding of times leaves as long as it was.
+            short = (share < JUST_SHORT) & (now.time + share * (there - now.time) < there)
             rests = jnp.asarray(keep) & (share < 1) & ~short
-            again = jnp.asarray(keep) & short & (now.time + share * (there - now.time) <= nearly)
+            again = jnp.asarray(keep) & short
             keep, time = keep & ~again, jnp.where(again, now.time, jnp.asarray(time))
             next_step = jnp.where(again, share * (there - now.time), next_step)
             controller_state = jax.tree.map(
@@ -150,16 +154,37 @@ def step_through(
             beside,
         )  # fmt: skip
 
+    firsts, lasts, coming = _pieces(corners, origin)
+
+    def from_corner_to_corner(now: _Now) -> _Now:
+        passed = jnp.searchsorted(coming, now.time, side="right")
+        piece, until = (firsts[passed], lasts[passed]), jnp.minimum(coming[passed], end)
+        # What a method keeps from the step before is a slope from the other side of the corner.
+        now = now._replace(solver=solver.init(terms, now.time, end, now.state, piece))
+        return jax.lax.while_loop(lambda now: unfinished(now, until), lambda now: advance(now, until, piece), now)
+
     none = jnp.zeros((), int)
     samples = jnp.full((len(times), start.size), jnp.nan).at[0].set(start)
-    solver_state = solver.init(terms, times[0], end, start, None)
     _, controller_state = controller.init(terms, times[0], end, start, step, None, solver.func, order)
     controller_state = jax.tree.map(jnp.asarray, controller_state)
     going = jnp.zeros((), bool)
-    now = _Now(times[0], step, start, solver_state, controller_state, none + 1, samples, none, none, going, beside)
-    now = jax.lax.while_loop(unfinished, advance, now)
+    slope = jnp.zeros_like(start)
+    now = _Now(times[0], step, start, slope, controller_state, none + 1, samples, none, none, going, beside)
+    now = jax.lax.while_loop(unfinished, from_corner_to_corner, now)
     reached = now.time >= end
     return Stepped(now.samples, now.state, now.time, now.step, now.steps, now.kept, reached, now.halted, now.beside)
+
+
+def _pieces(corners: Array | None, origin: Any) -> tuple[Array, Array, Array]:
+    """Of the pieces between corners (c + 1,) the first and the last time to look at, and the corner at their end.
+
+    Those two lie so far inside that what is prescribed at origin + time is that of the piece, whatever the rounding.
+    """
+    inner = jnp.zeros(0) if corners is None else corners
+    beside = BESIDE * np.finfo(np.float64).eps * jnp.abs(inner)
+    infinity = jnp.full(1, jnp.inf)
+    firsts, lasts = jnp.concatenate([-infinity, inner + beside]), jnp.concatenate([inner - beside, infinity])
+    return firsts - origin, lasts - origin, jnp.concatenate([inner, infinity]) - origin
 
 
 def _sample(

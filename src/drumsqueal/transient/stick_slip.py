@@ -1,5 +1,6 @@
 """A chunk of a transient through all that changes in it: slip and stick, the method, the drum's direction."""
 
+from collections.abc import Iterator
 from typing import Any
 
 import jax
@@ -12,8 +13,8 @@ from scipy.optimize import brentq
 from drumsqueal.effects.schedule import Constant
 from drumsqueal.model import Model
 from drumsqueal.transient.choice import Choice, Method
-from drumsqueal.transient.segment import Segment, advance, least_slip
-from drumsqueal.transient.state import Span, State
+from drumsqueal.transient.segment import CORNER_BUDGET, STEP_BUDGET, Segment, advance, least_slip
+from drumsqueal.transient.state import CHUNK_SAMPLES, Span, State
 from drumsqueal.transient.sticking import can_stick, drum_motion, drum_motions, held, hold, hold_surely, slip
 
 AWAY = 2.0  # times the slip that counts as none: what a lining that cannot stick goes on with
@@ -41,6 +42,8 @@ class StickSlip:
         self._held: Model | None = held(model) if sticks else None  # the model that sticks, while it does
         self._stuck = sticks  # whether it did when that was noted last
         self._jumps, self._margin = _jumps(model)
+        corners = model.operation.corners
+        self._corners = np.zeros(0) if corners is None else np.unique(corners)
         self._made = 0  # steps in the chunk at hand, or since its method was taken
         self._choice = Choice(solver, float(tolerance), method)
         self.solvers: set[str] = set()  # that made the last chunk
@@ -123,7 +126,7 @@ class StickSlip:
         """Slip to the end of the span, until hardly anything slips, or as far as the method gets."""
         self.solvers.add(self._choice.solver)
         arguments = (self._model, self._steady, state, span, self._tolerance, step, self._choice.solver)
-        sticks, budget = self._may_stick(span), np.int64(max(self._choice.budget - self._made, 0))
+        sticks, budget = self._may_stick(span), self._budget(span, self._choice.budget - self._made)
         try:
             return advance(*arguments, self._in_kernel, sticks, budget)
         except JaxRuntimeError:
@@ -133,24 +136,49 @@ class StickSlip:
             self._in_kernel = False
             return advance(*arguments, self._in_kernel, sticks, budget)
 
+    def _budget(self, span: Span, steps: int) -> np.int64:
+        """So many steps for a chunk, and some for each corner of what is prescribed in it."""
+        within = np.diff(np.searchsorted(self._corners, [float(span.start), float(span.start + span.length)]))[0]
+        return np.int64(max(steps + CORNER_BUDGET * within, 0))
+
     def _stick(self, state: State, span: Span, step: Array) -> Segment:
         """Move with the drum to the end of the span, or until friction no longer holds."""
         segment = self._moved(state, span, step)
-        times = float(span.start) + np.asarray(span.grid)
-        displacement = self._steady + segment.states.departure
-        surely = hold_surely(self._model, span.inside(times), displacement, segment.states.velocity)
+        looks = [(float(span.start) + np.asarray(span.grid), segment.states), *self._at_corners(state, span, step)]
+        times = np.concatenate([each for each, _ in looks])
+        states = jax.tree.map(lambda *parts: np.concatenate(parts), *(each for _, each in looks))
+        surely = np.concatenate(
+            [hold_surely(self._model, span.inside(t), self._steady + s.departure, s.velocity) for t, s in looks]
+        )
         before = float(span.start + span.offset)
-        for sample in np.flatnonzero(np.diff(times, prepend=before) > 0):
-            now = jax.tree.map(lambda x, sample=sample: x[sample], segment.states)
-            if not surely[sample] and self._reserve(now, span, times[sample]) < 1:
-                return self._released(segment, state, span, step, before, float(times[sample]))
-            before = float(times[sample])
+        for look in np.argsort(times, kind="stable"):
+            if times[look] <= before:
+                continue
+            now = jax.tree.map(lambda x, look=look: x[look], states)
+            if not surely[look] and self._reserve(now, span, float(times[look])) < 1:
+                return self._released(segment, state, span, step, before, float(times[look]))
+            before = float(times[look])
         return segment
+
+    def _at_corners(self, state: State, span: Span, step: Array) -> Iterator[tuple[np.ndarray, State]]:
+        """The times just before and at each corner within the span, and the states there, some hundred at a time."""
+        begin, end = float(span.start + span.offset), float(span.start) + float(span.grid[-1])
+        within = self._corners[(self._corners > begin) & (self._corners < end)]
+        for first in range(0, within.size, CHUNK_SAMPLES // 2):
+            corners = np.resize(within[first : first + CHUNK_SAMPLES // 2], CHUNK_SAMPLES // 2)
+            corners = np.maximum.accumulate(corners)  # as many as fill a chunk
+            times = np.stack([np.nextafter(corners, -np.inf), corners], axis=1).ravel()
+            looks = np.append(np.float64(span.offset), times - float(span.start))
+            states = self._moved(state, span._replace(looks=looks), step).states
+            yield np.append(begin, times), states
 
     def _moved(self, state: State, span: Span, step: Array) -> Segment:
         """Move with the drum: at its own speed, which the integral of its rate has but to the tolerance."""
         assert self._held is not None
-        segment = advance(self._held, self._steady, state, span, self._tolerance, step, self._choice.explicit)
+        segment = advance(
+            self._held, self._steady, state, span, self._tolerance, step, self._choice.explicit,
+            budget=self._budget(span, STEP_BUDGET),
+        )  # fmt: skip
         velocity = drum_motions(self._model, span.inside(span.start + span.grid), segment.states.velocity)
         final = drum_motion(self._model, span.inside(span.start + segment.time), segment.final.velocity)
         return segment._replace(
@@ -175,7 +203,9 @@ class StickSlip:
             return self._reserve(at(time), span, time) - 1
 
         time = before
-        if excess(before) > 0:
+        if after - before <= TIMING * float(span.length):  # a corner between the two, say: it holds up to there
+            time = float(np.nextafter(after, np.inf))
+        elif excess(before) > 0:
             time = brentq(excess, before, after, xtol=TIMING * float(span.length))
         assert isinstance(time, float)
         yes, no = jnp.asarray(True), jnp.asarray(False)

@@ -3,7 +3,7 @@
 Where the slip velocity vanishes all over the lining, friction is set-valued: it can be any force of the limit surface
 K = {Q : Q·w ≤ h(w) for all w}, h(w) = ∫ μ_s N |V_w| dA, with V_w the slip velocity of a motion w relative to the drum
 (Goyal, Ruina & Papadopoulos, Wear 143 (1991) 307). The lining sticks as long as what is needed to move with the drum
-lies in it. That is asked for from outside the compiled steps, at the samples of a lining that sticks.
+lies in it. That is asked for from outside the compiled steps, at the samples and corners of a lining that sticks.
 """
 
 import dataclasses
