@@ -20,7 +20,7 @@ from drumsqueal.cli.options import (
     read_time,
 )
 from drumsqueal.errors import RequestError
-from drumsqueal.files.claims import claim_results
+from drumsqueal.files.claims import claim_folder, claim_results
 from drumsqueal.files.output_folder import HISTORY, history_file
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import COORDINATES, load_scene
@@ -133,6 +133,8 @@ def _animate_mode(
         scene, file = saved.scene, output or read.with_name(f"mode-{file_name}")
     else:
         scene, file = load_scene(read, settings), output or Path("out") / f"{source.stem}-{file_name}"
+    if output is None and not file.parent.exists():
+        claim_folder(file.parent)  # `out`, which is made, and goes again where nothing comes of it
     reply = Reply.with_file(file, (read,), quiet, json_file, overwrite=overwrite)
     stop_if_interrupted()
     from drumsqueal.files.animation_file import check_animation_name
