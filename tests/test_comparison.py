@@ -384,7 +384,7 @@ def fraction_of(result: Result) -> float:
 STEEP = {
     "friction.decay": 200.0,
     "start.displacement": {"Y": 1.5e-4, "Tz": 2e-4},
-    "simulate.duration": 2e-3,
+    "simulate.duration": 1e-3,
     "simulate.tolerance": 1e-8,
 }
 

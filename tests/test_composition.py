@@ -107,7 +107,7 @@ EFFECTS = {
     "friction": ({"friction": CONSTANT}, {"sign": 7}, {"sign", "sqrt"}),  # each piece's and the balance's
     "falling friction": (
         {"friction": {"law": "exponential", "static": 0.5, "kinetic": 0.3, "decay": 1.0}},
-        {"exp": 7},
+        {"exp": 8},  # in each piece without cuts for a steep law, and in all with them
         {"exponential"},
     ),
     "support": ({"support": {"upper_stiffness": 1e8, "lower_stiffness": 6e8}}, {"cos": 1}, {"cosine"}),
@@ -195,21 +195,11 @@ def test_a_sweep_of_an_effect_traces_its_program_once(nominal, name):
     assert all(np.any(one != other) for one, other in itertools.combinations(forces, 2))
 
 
-def test_a_law_of_which_nothing_is_known_is_always_split(nominal):
-    def law(speed):
-        return 0.3 + 0.2 * jnp.exp(-speed)
-
-    space = tuple(range(6))
-    known = traced(build_model(nominal, coordinates=space))
-    unknown = traced(build_model(nominal, coordinates=space, friction_law=law))
-    assert unknown["cond"] == known["cond"] - 1  # the choice; the others pass over empty pieces
-
-
 def test_in_the_plane_there_is_no_area(nominal):
-    # 8 nodes of a piece of the arc against 24 lines of 24 nodes.
+    # To sort the 19 bounds of the arc where friction is steep, each with each, against 24 lines of 24 nodes.
     in_plane, in_space = build_model(nominal), build_model(nominal, coordinates=tuple(range(6)))
     sizes = [max(out.aval.size for each in equations(model) for out in each.outvars) for model in (in_plane, in_space)]
-    assert sizes[0] == 8
+    assert sizes[0] == 19**2
     assert sizes[1] == 576
 
 

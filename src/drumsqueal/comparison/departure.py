@@ -10,7 +10,7 @@ import xarray
 from jax import Array
 from numpy.typing import NDArray
 
-from drumsqueal.bodies.rigid_shoe import RigidShoe
+from drumsqueal.bodies.rigid_shoe import IN_PLANE, RigidShoe
 from drumsqueal.comparison.edges import pressure_share, slip_share
 from drumsqueal.effects.operation import Operation
 from drumsqueal.effects.pressure import Unilateral
@@ -170,6 +170,8 @@ def moved_by(model: Model, stability: Stability, until: float) -> str:
     """
     prescribed = {"drum speed": model.operation.drum_speed, "load": model.operation.preload}
     kept = {name: np.asarray(each.at(stability.time)[0]) for name, each in prescribed.items()}
+    if not (any(isinstance(each, Profile) for each in prescribed.values()) and set(model.coordinates) & set(IN_PLANE)):
+        return ""
     middle, found = model.in_plane(), []  # where steady sliding is
     q = jnp.asarray([stability.steady_state[model.coordinates.index(i)] for i in middle.coordinates])
     for name, schedule in prescribed.items():

@@ -22,7 +22,7 @@ from drumsqueal.quadrature.independent import TANH_SINH, IndependentSurface
 INSTANTS = 32  # at which it is looked at: half of them evenly spread, half where most of the slip is reversed
 # A rule that shares nothing with that of the plane; in space the same kind of rule with other nodes, and far more.
 IN_PLANE = IndependentSurface(TANH_SINH, spatial=False, panels=32)
-IN_SPACE = AreaSurface(along=36, across=18, sections=5)
+IN_SPACE = AreaSurface(along=36, across=18, sections=5, always_split=True)
 
 
 class QuadratureError(NamedTuple):
@@ -42,7 +42,8 @@ def estimate_quadrature_error(history: xarray.Dataset, model: Model, tolerance: 
     """
     if not isinstance(model.contact, Contact):
         return None
-    slips = np.flatnonzero(history["sticking"].values == 0)
+    recorded = np.isfinite(history["normal_force"].values)  # not so beyond where a run was cut off
+    slips = np.flatnonzero((history["sticking"].values == 0) & recorded)
     if slips.size == 0:
         return None
     most_reversed = slips[np.argsort(-history["slip_reversed_fraction"].values[slips], kind="stable")]

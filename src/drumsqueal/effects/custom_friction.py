@@ -18,7 +18,7 @@ from drumsqueal.precision import real
 # A stretch of a law is resolved where polynomials of this degree in x give μ(low + length x²) and μ(high − length x²)
 # on [0, 1], as where the slip speed has an extremum, to a fraction of its largest value. Sixteen Gauss nodes are exact
 # for that degree. The fraction is the finest that MOST_STRETCHES reach.
-DEGREE, MOST_STRETCHES = 31, 16
+DEGREE, MOST_STRETCHES = 31, 48
 SHARES = 10.0 ** np.arange(-12, -3)
 GRADUAL = 1e-6  # of the largest μ: what is resolved so well from one of ANY_LAW to the next needs no cuts in space
 SLOWEST, FASTEST = 1e-6, 1e3  # m/s: below the one nothing is looked for, beyond the other μ counts as resolved
@@ -136,6 +136,8 @@ def _end_of_stretch(coefficient: Callable[[Array], Array], low: float, share: fl
 def _is_resolved(coefficient: Callable[[Array], Array], low: float, length: float, share: float) -> bool:
     speeds = low + length * np.stack([_PLACES**2, 1 - _PLACES**2])
     values = np.broadcast_to(np.asarray(coefficient(jnp.asarray(speeds))), speeds.shape)
+    if not np.isfinite(values).all():
+        return False
     apart = values[:, : DEGREE + 1] @ _FIT.T - values[:, DEGREE + 1 :]
     return bool(np.max(np.abs(apart)) <= share * np.max(np.abs(values)))
 
@@ -168,15 +170,23 @@ def as_law(law: FrictionLaw | Callable[[Array], Array]) -> FrictionLaw:
         ) from None
     if getattr(shape, "shape", None) not in ((2, 3), ()):
         raise TypeError(f"a friction law gives one coefficient for every slip speed; for shape (2, 3) it gave {shape}")
-    slow = found.coefficient(jnp.zeros(()))
-    if not isinstance(slow, Tracer) and np.any(np.asarray(slow) < 0):
-        raise ValueError(f"a friction coefficient must not be negative; this law gives {float(slow):g} at slow slip")
+    slow = _at_slow_slip(found)
+    if slow is not None and not slow >= 0:
+        wanted = "must be finite" if not np.isfinite(slow) else "must not be negative"
+        raise ValueError(f"a friction coefficient {wanted}; this law gives {slow:g} at slow slip")
     return found
 
 
+def _at_slow_slip(law: FrictionLaw) -> float | None:
+    """μ at slow slip; None of a law that hangs on traced values, by its parameters or by what its function encloses."""
+    with jax.ensure_compile_time_eval():
+        slow = law.coefficient(jnp.zeros(()))
+    return None if isinstance(slow, Tracer) else float(slow)
+
+
 def with_breakpoints(law: FrictionLaw) -> FrictionLaw:
-    """The law with the slip speeds that cut it, found by sampling unless it has them or its parameters are traced."""
-    traced = any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(law))
-    if traced or hasattr(law, "breakpoints"):
+    """The law with the slip speeds that cut it, found by sampling unless it has them or hangs on traced values."""
+    if hasattr(law, "breakpoints") or _at_slow_slip(law) is None:
         return law
-    return MeasuredLaw(law, find_breakpoints(law), is_gradual(law))
+    with jax.ensure_compile_time_eval():
+        return MeasuredLaw(law, find_breakpoints(law), is_gradual(law))

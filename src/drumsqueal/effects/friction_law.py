@@ -70,8 +70,8 @@ class ExponentialLaw(eqx.Module):
         return self.kinetic + (self.static - self.kinetic) * jnp.exp(-self.decay * slip_speed)
 
     def breakpoints(self) -> Array:
-        """12/α and 40/α: of what is left from there on, nothing counts."""
-        return jnp.asarray(EXPONENTIAL_STRETCHES) / jnp.maximum(self.decay, LEAST_DECAY)
+        """12/|α| and 40/|α|: of what is left from there on, nothing counts."""
+        return jnp.asarray(EXPONENTIAL_STRETCHES) / jnp.maximum(jnp.abs(self.decay), LEAST_DECAY)
 
 
 class ConstantLaw(eqx.Module):

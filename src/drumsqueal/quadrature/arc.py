@@ -62,9 +62,9 @@ class ArcSurface(eqx.Module):
         ways = [[level for i, level in enumerate(levels) if way >> i & 1] for way in range(2 ** len(levels))]
         branches = [partial(split, kept) for kept in ways]
         way = sum((jnp.where(crosses_zero(level), 1 << i, 0) for i, level in enumerate(levels)), start=jnp.asarray(0))
-        if edges.slip is not None and edges.speeds.size:
+        if edges.slip is not None and edges.breakpoints.size:
             branches = [*branches, split_everywhere]
-            way = jnp.where(resolved(edges.speeds, *_slip_speeds(edges.slip)), way, len(ways))
+            way = jnp.where(resolved(edges.breakpoints, *_slip_speeds(edges.slip)), way, len(ways))
         return jax.lax.switch(way, branches)
 
 
@@ -101,7 +101,7 @@ def _all_bounds(edges: Edges, end: Array) -> Array:
     roots = [] if edges.pressure is None else quarter_tangents(edges.pressure)
     if edges.slip is not None:
         constant, cosine, sine, *_ = edges.slip
-        signed = jnp.concatenate([-edges.speeds, jnp.zeros(1), edges.speeds])
+        signed = jnp.concatenate([-edges.breakpoints, jnp.zeros(1), edges.breakpoints])
         roots += quarter_tangents(Level(constant + signed, cosine + 0 * signed, sine + 0 * signed))
         roots += quarter_tangents(Level(jnp.zeros(()), sine, -cosine))
     splits = [jnp.ravel(jnp.where(there & (jnp.abs(u) < end), u, end)) for there, u in roots]

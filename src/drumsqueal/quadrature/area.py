@@ -41,6 +41,7 @@ class AreaSurface(eqx.Module):
     across: int = eqx.field(static=True, default=ACROSS)
     sections: int = eqx.field(static=True, default=SECTIONS)
     narrowest: tuple[float, float] = eqx.field(static=True, default=(NARROWEST_ALONG, NARROWEST_ACROSS))
+    always_split: bool = eqx.field(static=True, default=False)
 
     @property
     def spatial(self) -> bool:
@@ -48,11 +49,13 @@ class AreaSurface(eqx.Module):
         return True
 
     def integrate(self, shoe: RigidShoe, edges: Edges, densities: Callable[[Nodes], Densities]) -> Densities:
-        """Sums over nodes that are split at the edges; where what is `smooth` has none, over far fewer of them."""
+        """Sums over nodes that are split at the edges; where there are none over far fewer, unless always split."""
 
         def split() -> Densities:
             return self._over_pieces(shoe, edges, densities)
 
+        if self.always_split:
+            return split()
         return jax.lax.cond(is_smooth(shoe, edges), lambda: sum_together([densities(smooth_nodes(shoe))]), split)
 
     def _over_pieces(self, shoe: RigidShoe, edges: Edges, densities: Callable[[Nodes], Densities]) -> Densities:

@@ -36,6 +36,10 @@ class IndependentSurface(eqx.Module):
         """Sums of the densities."""
         z, across = _lines(shoe.width) if self.spatial else (jnp.zeros(1), shoe.width * jnp.ones(1))
         levels = [level.on_line(z) for level in (edges.pressure, edges.slip) if level is not None]
+        if edges.slip is not None and edges.kinks.size:
+            signed = jnp.concatenate([-edges.kinks, edges.kinks])[:, None]
+            constant, cosine, sine, *_ = edges.slip.on_line(z)
+            levels.append(Level(constant + signed, cosine, sine))
         even = shoe.half_angle * np.linspace(-1, 1, self.panels + 1)[:, None] + 0 * z
         bounds = sort_by_counting(jnp.concatenate([even, *_edges(levels, shoe.half_angle)]))
         middle, half = (bounds[1:] + bounds[:-1]) / 2, (bounds[1:] - bounds[:-1]) / 2
@@ -99,7 +103,7 @@ def _midpoints(count: int) -> np.ndarray:
 
 
 def _edges(levels: Sequence[Level], half_angle: Array) -> list[Array]:
-    """Edges (2, lines) of each level: a + r cos(θ − φ) vanishes at φ ± arccos(−a/r); 0 for one that is not there."""
+    """Edges (k, lines) of each level: a + r cos(θ − φ) vanishes at φ ± arccos(−a/r); 0 for one that is not there."""
     edges = []
     for a, b, c, _, _ in levels:
         amplitude, phase = jnp.hypot(b, c), jnp.arctan2(c, b)
@@ -107,5 +111,6 @@ def _edges(levels: Sequence[Level], half_angle: Array) -> list[Array]:
         there = (amplitude > 0) & (jnp.abs(share) < 1)
         reach = jnp.arccos(jnp.where(there, share, 0.0))
         turned = (jnp.stack([phase - reach, phase + reach]) + jnp.pi) % (2 * jnp.pi) - jnp.pi
-        edges.append(jnp.where(there & (jnp.abs(turned) < half_angle), turned, 0.0))
+        turned = jnp.where(there & (jnp.abs(turned) < half_angle), turned, 0.0)
+        edges.append(turned.reshape(-1, turned.shape[-1]))
     return edges

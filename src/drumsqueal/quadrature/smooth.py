@@ -57,7 +57,7 @@ def is_smooth(shoe: RigidShoe, edges: Edges) -> Array:
     With V_θ + i V_z = a + (p e^{iθ} + m e^{−iθ})/2 there is none with |Im θ| < y as long as max(|p|, |m|) cosh y < |a|.
     Nor may the friction law be steep. The condition is sufficient, not necessary: its bounds are over the whole circle.
     """
-    pressure, slip, axial, speeds, _ = edges
+    pressure, slip, axial, breakpoints, _ = edges
     smooth = jnp.asarray(True)
     if pressure is not None:
         smooth &= pressure.constant >= _swing(pressure, shoe.width / 2)
@@ -66,7 +66,7 @@ def is_smooth(shoe: RigidShoe, edges: Edges) -> Array:
         turn = slip if axial is None else Level(*(u + 1j * w for u, w in zip(slip, axial, strict=True)))
         swing, mean = _swing(turn, shoe.width / 2), jnp.abs(turn.constant)
         share = jnp.minimum(LARGEST_SWING, 1 / jnp.cosh(CLEARANCE * shoe.half_angle))
-        smooth &= (swing <= share * mean) & resolved(speeds, mean - swing, mean + swing)
+        smooth &= (swing <= share * mean) & resolved(breakpoints, mean - swing, mean + swing)
     return smooth
 
 

@@ -23,15 +23,15 @@ class Nodes(NamedTuple):
 class Edges(NamedTuple):
     """The levels whose roots are edges: p0 + k_c u_r, V_θ, and V_z beside it (None: no edges of that kind).
 
-    Where the pressure's level is negative the lining does not press; V_z is the same all across the lining. `speeds`
-    (K,) are the slip speeds (m/s) that cut the friction law, rising, and `kinks` those of them that a quadrature has to
-    cut it at, too, that is graded towards where the slip vanishes: none, or all.
+    Where the pressure's level is negative the lining does not press; V_z is the same all across the lining. The slip
+    speeds that cut the friction law are its `breakpoints` (K,), rising, in m/s; `kinks` are those of them that a
+    quadrature has to cut it at, too, that is graded towards where the slip vanishes: none, or all.
     """
 
     pressure: Level | None
     slip: Level | None
     axial: Level | None
-    speeds: Array
+    breakpoints: Array
     kinks: Array
 
 

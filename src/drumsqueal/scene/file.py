@@ -30,8 +30,8 @@ _WORDS = re.compile(
 )
 
 
-# A value outside quotes and lists: 0,45 in "static = 0,45" and in "{ Y = 0,45 }".
 _LONGEST_LINE = 200
+# A value outside quotes and lists: 0,45 in "static = 0,45" and in "{ Y = 0,45 }".
 _COMMA = re.compile(r"""^[^"'#\[]*?([\w.-]+)\s*=\s*([+-]?\d+),(\d\S*?)\s*(?:[#},]|$)""")
 
 

@@ -17,8 +17,8 @@ HANN_BANDWIDTH = 1.5
 # ones than a steady one, by about s (s² + 4π²)/(8π²) for s = growth rate × record length (2.8 at s = 4, 4.1 at s = 5),
 # and the mean that is taken off raises them by another 1.6 near zero frequency.
 LOBE_MARGIN = 6.5
-# What is left of a constant record after its mean is taken off, relative to the constant: round-off, not a signal.
 AT_ONCE = 2**19  # numbers of a spectrogram that are computed together
+# What is left of a constant record after its mean is taken off, relative to the constant: round-off, not a signal.
 ROUND_OFF = 64 * np.finfo(np.float64).eps
 
 

@@ -128,7 +128,7 @@ def _doubt(found: Attractor, exponents: Exponents | None, *, expected: bool) -> 
         return Doubt.POSITIVE
     if found.zero + unknown.sum() < min(frequencies, followed):
         return Doubt.FEWER_ZEROS
-    if unknown[: frequencies + 1].any() or not _separated(exponents):
+    if found.zero < min(frequencies, followed) or unknown[: frequencies + 1].any() or not _separated(exponents):
         return Doubt.UNKNOWN_SIGN
     return Doubt.MORE_ZEROS if found.zero > frequencies else None
 
@@ -180,7 +180,9 @@ def _evidence(found: Attractor, exponents: Exponents | None) -> tuple[str, ...]:
     if found.kind is Kind.CHAOTIC:
         return (f"The largest Lyapunov exponent is {largest} 1/s: nearby motions separate exponentially.",)
     zeros = f"{NUMBERS[found.zero].capitalize()} Lyapunov exponent{' is' if found.zero == 1 else 's are'} zero"
-    return (f"{zeros} within the uncertainty, as {_frequencies(found)} require{'s' * (found.zero == 1)}.",)
+    return (
+        f"{zeros} within the uncertainty, as {_frequencies(found)} require{'s' * (len(found.frequencies_Hz) == 1)}.",
+    )
 
 
 def _contradiction(found: Attractor, exponents: Exponents) -> str:
