@@ -338,7 +338,9 @@ def test_a_motion_that_decays_below_the_edges_has_not_failed_to_settle():
 def test_only_what_the_linear_model_damps_decays_to_rest(monkeypatch, share, rate, largest, kind):
     time = np.arange(2000) / 10_000
     wave = np.exp(rate * time) * np.cos(2 * np.pi * 1000.0 * time)
-    record: Any = SimpleNamespace(time=time, velocity=wave[:, None], sample_rate=10_000.0)
+    record: Any = SimpleNamespace(
+        time=time, mean_square_velocity=lambda part: np.mean(wave[part, None] ** 2, axis=0), sample_rate=10_000.0
+    )
     monkeypatch.setattr(decay, "edge_share", lambda *_: np.full(time.size, share))
     monkeypatch.setattr(decay, "changes", lambda *_: False)
     stability: Any = SimpleNamespace(divergence=None, mass=np.ones(1))
