@@ -85,9 +85,11 @@ class HistoryFile:
                 return
         _tell(self.path, self.reached, outcome)
 
-    def read(self) -> xarray.Dataset:
-        """The samples computed, on disk: what is looked at is read each time, and not kept."""
-        return xarray.open_dataset(self.path, engine="h5netcdf", cache=False).isel(time=slice(self.reached.samples))
+    @contextmanager
+    def reading(self) -> Iterator[xarray.Dataset]:
+        """The samples computed, on disk, for the block: what is looked at is read each time, and not kept."""
+        with xarray.open_dataset(self.path, engine="h5netcdf", cache=False) as whole:
+            yield whole.isel(time=slice(self.reached.samples))
 
     def _so_far(self, reached: Reached) -> str:
         """The outcome of a run that is killed before it has any."""

@@ -2,6 +2,7 @@
 
 import importlib
 import threading
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -28,28 +29,29 @@ def run_into(folder: Path, prepared: Prepared, console: Console, since: Point | 
     reached = Reached() if since is None else since.reached
     history = HistoryFile(folder / HISTORY, prepared.scene, prepared.model.names, reached)
     resume, outcome = ResumeFile(folder / RESUME, prepared.scene), ""
-    try:
-        outcome = _integrate(history, resume, prepared, console, since)
-        from drumsqueal.jobs.run_results import print_results, write_prediction, write_results
+    with ExitStack() as files:
+        try:
+            outcome = _integrate(history, resume, prepared, console, since)
+            from drumsqueal.jobs.run_results import print_results, write_prediction, write_results
 
-        stop_if_interrupted()
-        if not history.exists:
-            write_prediction(folder, prepared, outcome)
-            raise IntegrationError(f"{outcome}; what was computed is in {folder}")
-        result = compared(prepared, history.read())
-        stop_if_interrupted()
-        summary, left_out = write_results(folder, prepared, result)
-        if outcome == COMPLETE:
-            resume.remove()
-    except KeyboardInterrupt:
-        raise IntegrationError(f"interrupted by the user; {_kept(history, outcome)}{_again(resume)}") from None
-    except OSError as error:
-        cause = f"failed: the disk does not take the results ({error.strerror or error})"
-        raise IntegrationError(f"{cause}; {_kept(history, outcome)}{_again(resume)}") from None
-    print_results(folder, result, left_out, console)
-    if outcome != COMPLETE:
-        raise IntegrationError(f"{outcome}; what was computed is in {folder}{_again(resume)}")
-    return summary
+            stop_if_interrupted()
+            if not history.exists:
+                write_prediction(folder, prepared, outcome)
+                raise IntegrationError(f"{outcome}; what was computed is in {folder}")
+            result = compared(prepared, files.enter_context(history.reading()))
+            stop_if_interrupted()
+            summary, left_out = write_results(folder, prepared, result)
+            if outcome == COMPLETE:
+                resume.remove()
+        except KeyboardInterrupt:
+            raise IntegrationError(f"interrupted by the user; {_kept(history, outcome)}{_again(resume)}") from None
+        except OSError as error:
+            cause = f"failed: the disk does not take the results ({error.strerror or error})"
+            raise IntegrationError(f"{cause}; {_kept(history, outcome)}{_again(resume)}") from None
+        print_results(folder, result, left_out, console)
+        if outcome != COMPLETE:
+            raise IntegrationError(f"{outcome}; what was computed is in {folder}{_again(resume)}")
+        return summary
 
 
 def _integrate(
