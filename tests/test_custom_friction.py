@@ -77,6 +77,25 @@ def test_parameters_of_a_law_are_swept_and_differentiated_without_another_trace(
     assert slope == pytest.approx((float(rate(np.float64(1e-5))) - float(rate(np.float64(-1e-5)))) / 2e-5, rel=1e-5)
 
 
+def test_a_law_that_encloses_what_is_differentiated_is_traced_with_it(nominal):
+    # Nothing can be sampled there, so that the contact is cut for any law; forces are linear in μ.
+    def force(scale):
+        model = build_model(nominal, friction_law=lambda speed: scale * (1 + 0.5 * jnp.exp(-speed)))
+        return model.act(0.0, jnp.zeros(3), jnp.asarray([0.1, 0.2, 0.1]))[0][0]
+
+    value, slope = jax.jit(force)(0.3), jax.grad(force)(0.3)
+    assert value == pytest.approx(float(force(0.3)), rel=1e-12)
+    assert 0.3 * slope == pytest.approx(float(value), rel=1e-9)  # nothing else pushes X: the pressure is balanced
+    # A law without anything traced is sampled all the same where the model is built within a program.
+    inside = jax.jit(lambda q: build_model(nominal, friction_law=exponential).act(0.0, q, jnp.ones(3))[0])(jnp.zeros(3))
+    np.testing.assert_allclose(inside, build_model(nominal).act(0.0, jnp.zeros(3), jnp.ones(3))[0], rtol=1e-10)
+
+
+def test_a_law_that_is_not_finite_at_slow_slip_is_refused(nominal):
+    with pytest.raises(ValueError, match="must be finite; this law gives nan at slow slip"):
+        build_model(nominal, friction_law=lambda speed: 0.3 * speed / speed)
+
+
 def test_history_and_inventory_say_that_a_law_was_given(nominal):
     result = run(nominal.with_values(SHORT), friction_law=exponential)
     assert result.history.attrs["friction_law"] == "exponential, given in Python"
