@@ -4,6 +4,7 @@ A point that is not computed says so in `outcome`, and its numbers are NaN. The 
 whenever the program is killed, what is marked as computed is there, and what is not is computed again.
 """
 
+import errno
 import json
 import math
 import tomllib
@@ -60,7 +61,7 @@ class SweepFile:
             part.unlink(missing_ok=True)
             if isinstance(error, OSError):
                 told = f"{error.strerror or error}; the whole file takes {size / 1e6:.3g} MB"
-                raise OSError(error.errno or 0, told) from None
+                raise OSError(error.errno or errno.EIO, told, str(self.path)) from None
             raise
 
     def take_up(self) -> None:
