@@ -157,6 +157,30 @@ def test_files_beside_one_another_are_written_at_once_the_same_one_is_not(drumsq
     assert (status, f"{tmp_path} is in use by " in errors) == (2, True)
 
 
+def test_a_share_in_a_folder_waits_for_a_neighbour_that_gives_up_its_own(tmp_path, monkeypatch):
+    # Which has the folder alone while it removes the lock; a claim to have it alone is refused at once.
+    assert claims.fcntl is not None
+    flock, waited = claims.fcntl.flock, []
+    monkeypatch.setattr(claims.time, "sleep", waited.append)
+
+    def refused_twice(descriptor: int, how: int) -> None:
+        if how & claims.fcntl.LOCK_SH and len(waited) < 2:
+            raise BlockingIOError(errno.EWOULDBLOCK, "")
+        flock(descriptor, how)
+
+    monkeypatch.setattr(claims.fcntl, "flock", refused_twice)
+    with claims_released():
+        claim_file(tmp_path / "a.csv")
+        assert len(waited) == 2
+    descriptor = os.open(tmp_path / LOCK, os.O_RDWR | os.O_CREAT)
+    flock(descriptor, claims.fcntl.LOCK_EX)
+    for claim in (claim_folder, lambda place: claim_file(place / "a.csv")):
+        with pytest.raises(RequestError, match="in use"):
+            claim(tmp_path)
+    assert len(waited) == 2 + 4  # none of them by the first, which wants it alone
+    os.close(descriptor)
+
+
 def test_a_program_that_was_killed_has_no_claim(drumsqueal, tmp_path, hold):
     process = hold("claim_folder", tmp_path)
     with pytest.raises(RequestError, match="in use"):
@@ -207,6 +231,23 @@ def test_a_file_system_without_locks_is_said_to_be_one(drumsqueal, tmp_path, mon
     assert [path.name for path in tmp_path.iterdir()] == ["a.toml"]
 
 
+def test_a_lock_that_is_refused_for_another_reason_stays_with_its_holder(tmp_path, monkeypatch):
+    def refuse(code: int) -> None:
+        def refused(*_):
+            raise OSError(code, os.strerror(code))
+
+        monkeypatch.setattr(claims.fcntl, "flock", refused)
+
+    (tmp_path / LOCK).write_text("of another")
+    for code in (errno.EBADF, errno.EINVAL):  # NFS: to lock alone what may only be read
+        refuse(code)
+        with pytest.raises(OSError, match=os.strerror(code)):
+            claim_folder(tmp_path)
+    refuse(errno.ENOLCK)
+    assert "no file locks" in claim_folder(tmp_path)
+    assert (tmp_path / LOCK).read_text() == "of another"
+
+
 def test_what_is_no_lock_file_is_not_followed(tmp_path):
     os.mkfifo(tmp_path / LOCK)
     with pytest.raises(RequestError, match="no ordinary file; remove it"):
@@ -228,7 +269,6 @@ def test_results_are_read_where_nothing_can_be_written(tmp_path, monkeypatch):
         assert len(claims._held) == 2
 
 
-@posix
 def test_a_command_that_runs_holds_its_folder_from_the_start(cache, tmp_path):
     # Before JAX is loaded, and so long before anything is compiled or written.
     folder = tmp_path / "out"

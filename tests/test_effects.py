@@ -448,7 +448,7 @@ def test_a_study_that_is_cut_off_keeps_the_runs_made(drumsqueal, quick_file, tmp
         assert "interrupted by the user; what was done until then is in" in errors
         assert [row["run"] for row in rows] == ["whole scene", "tolerance / 10"]
     else:
-        assert "the disk does not take the results (No space)" in errors
+        assert f"the disk does not take the results ({folder}: No space)" in errors
         assert len(rows) > 4
     assert not (folder / "reduced.toml").exists()
 
@@ -469,7 +469,8 @@ def test_a_full_disk_leaves_the_runs_that_were_written(drumsqueal, quick_file, t
     monkeypatch.setattr(Path, "write_bytes", fill)
     status, _, errors = drumsqueal("effects", str(quick_file), "-o", str(folder))
     assert (status, errors.count("\n")) == (1, 1)
-    assert "the disk does not take the results (No space left on device); what was done until then is in" in errors
+    told = f"the disk does not take the results ({folder / 'effects.csv'}: No space left on device)"
+    assert f"{told}; what was done until then is in" in errors
     rows = list(csv.DictReader((folder / "effects.csv").read_text(encoding="utf-8").splitlines()))
     assert len(rows) == 3
     assert [path.name for path in folder.iterdir()] == ["effects.csv"]

@@ -5,6 +5,7 @@ import os
 import random
 import resource
 import shutil
+import warnings
 from pathlib import Path
 
 import h5py
@@ -14,6 +15,7 @@ from scipy.io import wavfile
 
 from drumsqueal import compilation
 from drumsqueal.errors import RequestError
+from drumsqueal.files import saved_history
 from drumsqueal.files.in_place import variable
 from drumsqueal.files.measured.reader import read_measured
 from drumsqueal.files.ordinary import NotOrdinaryError, open_ordinary, read_ordinary
@@ -184,6 +186,37 @@ def test_data_in_other_files_are_not_exported(drumsqueal, folder, tmp_path, lead
     assert not (folder / "history.csv").exists()
 
 
+def compressed(file: h5py.File) -> None:
+    file.create_dataset("more", (2 * 10**6,), "f8", chunks=(10**5,), compression="gzip", data=np.zeros(2 * 10**6))
+
+
+def without_dimensions(file: h5py.File) -> None:
+    held = variable(file, "normal_force")[:]
+    del file["normal_force"]
+    file["normal_force"] = held
+
+
+@pytest.mark.parametrize("change", [compressed, without_dimensions])
+def test_a_history_that_no_run_writes_is_refused_without_a_warning(folder, change):
+    with h5py.File(folder / "history.nc", "r+") as file:
+        change(file)
+    with warnings.catch_warnings(record=True) as heard:
+        warnings.simplefilter("always")
+        with pytest.raises(RequestError, match=r"cannot be read|no history"):
+            read_history(folder / "history.nc")
+    assert [str(each.message) for each in heard] == []
+
+
+def test_too_little_memory_is_not_a_damaged_history(drumsqueal, folder, monkeypatch):
+    def none_left(*_, **__):
+        raise MemoryError
+
+    monkeypatch.setattr(saved_history.xarray, "load_dataset", none_left)
+    status, _, errors = drumsqueal("export", str(folder), "--to", "csv")
+    told = f"too little memory (to read {folder / 'history.nc'})"
+    assert (status, told in errors) == (1, True)
+
+
 # --- faults at random -----------------------------------------------------------------------------------------------
 
 
@@ -271,6 +304,26 @@ def test_a_disk_that_is_full_is_told_with_the_file(drumsqueal, folder, tmp_path)
     assert {path.name for path in tmp_path.iterdir()} == {"out"}
 
 
+def test_a_sweep_on_a_full_disk_names_its_file_and_no_error_number(drumsqueal, tmp_path):
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    command = ("sweep", NOMINAL, "--vary", "drum.speed=1..9x3", "-o", str(tmp_path / "out"))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (500, before[1]))
+    try:
+        status, _, errors = drumsqueal(*command)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    told = f"drumsqueal: failed: the disk does not take the results ({tmp_path / 'out' / 'sweep.nc'}: File too large; "
+    assert (status, errors.startswith(told), "Errno" in errors) == (1, True, False)
+
+
+def test_what_is_no_failure_to_write_is_not_called_one(drumsqueal, monkeypatch):
+    def refused(*_):
+        raise PermissionError(13, "Permission denied", "/somewhere")
+
+    monkeypatch.setattr("drumsqueal.cli.stability.load_scene", refused)
+    assert drumsqueal("stability", NOMINAL)[2] == "drumsqueal: /somewhere: Permission denied\n"
+
+
 def test_too_little_address_space_is_found_before_jax_is_loaded(drumsqueal, monkeypatch, tmp_path):
     limit = 1_400_000_000
     assert compilation.resource is not None
@@ -278,5 +331,11 @@ def test_too_little_address_space_is_found_before_jax_is_loaded(drumsqueal, monk
     status, _, errors = drumsqueal("run", NOMINAL, "-o", str(tmp_path / "out"))
     assert (status, errors.count("\n"), list(tmp_path.iterdir())) == (2, 1, [])
     assert "the address space is limited to 1.4 GB" in errors
+    # On three of its cores, of which there may be more, it takes 2.7 GB.
+    monkeypatch.setattr(compilation.os, "sched_getaffinity", lambda _: {0, 1, 5}, raising=False)
+    monkeypatch.setattr(compilation.resource, "getrlimit", lambda _: (2_690_000_000, 0))
+    with pytest.raises(RequestError, match=r"limited to 2\.69 GB, and computing here takes 2\.7 GB"):
+        compilation.check_address_space()
+    monkeypatch.setattr(compilation.resource, "getrlimit", lambda _: (limit, limit))
     assert "ulimit -v unlimited" in errors
     assert drumsqueal("scenes", "-q")[0] == 0

@@ -345,6 +345,13 @@ def test_the_end_of_a_stop_is_not_heard_again_and_again(folder, report, nominal,
     page = report(folder)
     assert len(sounds(page)) == 2
     assert "these are of the beginning" in page.one("prediction-caption")["text"]
+    # Nor is there an error between one time and a mean over many.
+    assert "the prediction is for t = 0 s, the mean is that from 0 to" in page.one("growth-caption")["text"]
+    table = page.one("growth")["text"]
+    assert "at t = 0 s" in table
+    assert "mean" in table
+    assert "relative error" not in table
+    assert "measured" not in table.replace("not measured", "")
 
 
 def test_what_part_of_the_record_is_heard_is_told(run_page):

@@ -279,7 +279,7 @@ def test_a_disk_without_room_for_the_results_keeps_the_history(drumsqueal, tmp_p
 
     monkeypatch.setattr(results, writer, fail)
     status, printed, errors = drumsqueal("run", NOMINAL, "-o", str(tmp_path), *THREE_CHUNKS)
-    cause = "failed: the disk does not take the results (No space left on device)"
+    cause = f"failed: the disk does not take the results ({tmp_path}: No space left on device)"
     assert (status, printed) == (1, "")
     assert errors == f"drumsqueal: {cause}; the complete history is in {tmp_path / 'history.nc'}; {AGAIN}\n"
     assert assert_whole(tmp_path, "complete") == 1501

@@ -17,9 +17,10 @@ import drumsqueal as ds
 from drumsqueal.errors import IntegrationError, RequestError
 from drumsqueal.files import sweep_file
 from drumsqueal.files.output_folder import SWEEP_FILES
-from drumsqueal.files.sweep import AT_REST, FOLDED, NOT_YET, OUTCOME
+from drumsqueal.files.sweep import AT_REST, FOLDED, NOT_YET, OUTCOME, TRENDS, blank, to_dataset
 from drumsqueal.files.sweep_file import RUNNING, SweepFile
 from drumsqueal.jobs import sweep as job
+from drumsqueal.jobs.sweep_results import summarise
 from drumsqueal.scene import COORDINATES, SceneError, load_scene
 from drumsqueal.scene.plan import Plan, grid, sample
 from drumsqueal.scene.variation import read_variation
@@ -453,5 +454,42 @@ def test_a_sweep_in_rpm_has_its_results_in_rpm(drumsqueal, tmp_path):
         in_si = ds.sweep_parameters(load_scene(scene), {"drum.speed": [20 * np.pi / 30]})
         assert found["largest_growth_rate"].values[0] == pytest.approx(in_si["largest_growth_rate"].item(), rel=1e-12)
     summary = json.loads((tmp_path / "sweep.json").read_text())
-    assert summary["sweep"]["vary"] == {"drum.speed": [20.0, 80.0, 4, "rpm"]}
+    assert summary["sweep"]["vary"] == {"drum.speed": pytest.approx([20 * np.pi / 30, 80 * np.pi / 30, 4], rel=1e-15)}
     assert (summary["units"], summary["modes"]["Y"]["where"]) == ({"drum.speed": "rpm"}, {"drum.speed": 20.0})
+
+
+@pytest.mark.usefixtures("small")
+@pytest.mark.parametrize("how", [(), ("--random", "20")])
+def test_a_sweep_in_rpm_goes_on_in_another_unit_and_keeps_its_own(drumsqueal, tmp_path, monkeypatch, how):
+    command = ("sweep", str(SCENARIOS / "damped.toml"), *how, "-o", str(tmp_path), "--vary")
+    counted = "" if how else " x 20"
+    with monkeypatch.context() as patch:
+        patch.setattr("drumsqueal.jobs.sweep_results.save_figures", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
+        assert drumsqueal(*command, f"drum.speed=60..130 rpm{counted}")[0] == 1
+    # 60 rpm are 360 deg/s, 130 rpm 780 deg/s.
+    assert drumsqueal(*command, f"drum.speed=360..781 deg/s{counted}", "--resume")[0] == 2
+    status, printed, errors = drumsqueal(*command, f"drum.speed=360..780 deg/s{counted}", "--resume")
+    assert (status, errors) == (0, "")
+    summary = json.loads((tmp_path / "sweep.json").read_text())
+    assert summary["units"] == {"drum.speed": "rpm"}
+    with xarray.open_dataset(tmp_path / "sweep.nc", engine="h5netcdf") as found:
+        assert 60 <= found["drum.speed"].values.min() < found["drum.speed"].values.max() <= 130
+        assert found["drum.speed"].attrs["units"] == "rpm"
+    if how:
+        drawn = summary["sweep"]["distributions"]["drum.speed"]
+        assert (drawn["unit"], drawn["high"]) == ("rad/s", pytest.approx(130 * np.pi / 30, rel=1e-12))
+    else:
+        assert " rpm" in printed
+
+
+def test_a_point_that_has_not_settled_counts_as_that_alone(damped):
+    plan = plan_of(damped, "drum.speed=1..3x3")._replace(transient=True)
+    columns = blank(plan, 3)
+    columns["outcome"][:] = 0
+    columns["squeal"][:] = 1
+    columns["separation_share"][:] = columns["reversal_share"][:] = 2.0
+    columns["settled"][:] = [1, 1, 0]
+    columns["trend"][:] = [TRENDS.index(name) for name in ("decays", "settled", "settled")]
+    told = summarise(to_dataset(plan, columns, ""), plan, None)["transients"]
+    assert told["trends"] == {"decays": 1, "settled": 1, "not settled": 1}
+    assert (told["points_with_squeal"], told["points_not_settled"]) == (1, 1)

@@ -36,6 +36,7 @@ from drumsqueal.cli.sweep import sweep_command
 from drumsqueal.compilation import check_address_space, prepare_environment
 from drumsqueal.errors import IntegrationError, RequestError
 from drumsqueal.files.claims import claims_released
+from drumsqueal.files.output_folder import UnwrittenError
 from drumsqueal.scene import Scene
 from drumsqueal.scene.quantities import SceneError, printable
 
@@ -173,10 +174,12 @@ def main() -> None:
         sys.exit(FAILED)
     except IntegrationError as error:
         _give_up(str(error), FAILED)
+    except UnwrittenError as error:
+        _give_up(str(error), FAILED)
     except OSError as error:
         cause = error.strerror or str(error)
         place = error.filename or ("standard output" if error.errno == errno.ENOSPC else "")
-        _give_up(f"{place} cannot be written ({cause})" if place else cause, FAILED)
+        _give_up(f"{place}: {cause}" if place else cause, FAILED)
     except MemoryError as error:
         _give_up(f"failed: there is too little memory ({error or 'none is left'})", FAILED)
     except Exception as error:

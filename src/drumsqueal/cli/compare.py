@@ -1,6 +1,5 @@
 """`drumsqueal compare HISTORY MEASURED -o DIR`."""
 
-from io import BytesIO
 from pathlib import Path
 from typing import Annotated
 
@@ -21,6 +20,7 @@ from drumsqueal.cli.options import (
 )
 from drumsqueal.errors import RequestError
 from drumsqueal.files.claims import claim_results
+from drumsqueal.files.ordinary import open_ordinary
 from drumsqueal.files.output_folder import COMPARE_FILES, HISTORY, history_file
 from drumsqueal.interrupts import stop_if_interrupted
 
@@ -109,7 +109,7 @@ def _is_history(path: Path) -> bool:
     """Whether there is an HDF5 file, as every history is, or a folder with one."""
     file = history_file(path)
     try:
-        with file.open("rb") if file.is_file() else BytesIO() as start:
+        with open_ordinary(file, file.stat().st_size) as start:
             return start.read(len(HDF5)) == HDF5
     except (OSError, ValueError):  # reported where the file is read
         return False

@@ -34,13 +34,14 @@ def onset_command(
     within: Annotated[
         str,
         typer.Option(
-            "--within", metavar="SHARE", help="Share of the range within which ends of the kicked range are sought."
+            "--within", metavar="SHARE", help="Share of the range within which ends of the bistable range are sought."
         ),
     ] = "0.1 %",
     smallest_kick: Annotated[
         bool,
         typer.Option(
-            "--smallest-kick", help="Find the smallest kick that starts squeal, too, at each value where one is enough."
+            "--smallest-kick",
+            help="Find the smallest disturbance along a mode that starts squeal, too, at each bistable value.",
         ),
     ] = False,
     cycles: Annotated[
@@ -51,9 +52,9 @@ def onset_command(
     quiet: Quiet = False,
     json_file: JsonFile = None,
 ) -> None:
-    """Where does it squeal, and where only when kicked?
+    """Where does it squeal, and where only after a large disturbance?
 
-    Finds the critical values of the eigenvalues, runs transients from small and large departures at each value, and
+    Finds the critical values of the eigenvalues, runs transients from small and large disturbances at each value, and
     follows what lasts to the neighbouring ones. Writes onset.csv, onset.json and onset.png into DIR.
 
     Example: drumsqueal onset scenarios/damped.toml -o out/onset --along drum.speed=1..60

@@ -77,7 +77,7 @@ def sweep_command(
 
     check_plan(plan)
     if resume:
-        find_sweep(folder, plan)
+        plan = find_sweep(folder, plan)
     if cluster is not None:
         check_cluster(cluster)
     with nullcontext() if cluster is None else connected(cluster) as workers:

@@ -71,6 +71,15 @@ def state_verdict(
     return f"{predicted}; {done}.{_why(frequency)}{_inaccurate(quadrature)}"
 
 
+def difference_is_no_error(time: float | None, until: float) -> str:
+    """Why a prediction for one time (s, None: not known) and a mean up to another are not compared."""
+    at = "one time" if time is None else f"t = {time:g} s"
+    return (
+        f"Drum speed or load change: the prediction is for {at}, the mean is that from 0 to {until:.4g} s, so that "
+        "their difference is no error"
+    )
+
+
 def _inaccurate(quadrature: QuadratureError | None) -> str:
     """Warn where the integrals over the lining are worse than the integration in time."""
     if quadrature is None or quadrature.fraction <= quadrature.tolerance:

@@ -7,6 +7,7 @@ that ends, so that no claim outlives its command; the hidden file is removed by 
 import errno
 import os
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -23,9 +24,10 @@ except ImportError:  # not POSIX
 
 LOCK = ".drumsqueal.lock"
 _TRIES = 100
+_SHARED_TRIES, _WAIT = 5, 0.01  # s; who gives up a share has the lock alone for as long as it takes to remove it
 _MOST_BYTES = 4096  # of the notes in a lock file: who has it, and how many folders others have made for it
 _MADE = "made "
-_NO_LOCKS = {errno.ENOLCK, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS, errno.EINVAL, errno.EBADF}
+_NO_LOCKS = {errno.ENOLCK, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS}
 
 
 class _Claim(NamedTuple):
@@ -91,6 +93,7 @@ def _claim(
         return ""
     if fcntl is None:
         return f"{what}: there are no file locks here; make sure that no other command writes there"
+    was_there = lock.exists()
     try:
         claim = _Claim(lock, _locked(lock, alone=alone, create=create), alone, made or [])
     except BlockingIOError:
@@ -100,8 +103,9 @@ def _claim(
     except OSError as error:
         if error.errno not in _NO_LOCKS:
             raise
-        with suppress(OSError):
-            lock.unlink()
+        if not was_there:
+            with suppress(OSError):
+                lock.unlink()
         return f"{what}: its file system has no file locks; make sure that no other command writes there"
     _held[lock] = claim
     _note(claim.descriptor, f"drumsqueal {' '.join(sys.argv[1:2])}, process {os.getpid()}")
@@ -111,14 +115,22 @@ def _claim(
 def _locked(lock: Path, *, alone: bool, create: bool) -> int:
     """A descriptor of the lock file, locked. Raises BlockingIOError where another process has it, and OSError."""
     assert fcntl is not None
+    tries = 1 if alone else _SHARED_TRIES
     while True:
         descriptor = _opened(lock, create=create)
         try:
             if not S_ISREG(os.fstat(descriptor).st_mode):
                 raise RequestError(f"{lock} is no ordinary file; remove it")
-            fcntl.flock(descriptor, (fcntl.LOCK_EX if alone else fcntl.LOCK_SH) | fcntl.LOCK_NB)
-            if _is_at(lock, descriptor):
-                return descriptor
+            try:
+                fcntl.flock(descriptor, (fcntl.LOCK_EX if alone else fcntl.LOCK_SH) | fcntl.LOCK_NB)
+            except BlockingIOError:
+                tries -= 1
+                if not tries:
+                    raise
+                time.sleep(_WAIT)
+            else:
+                if _is_at(lock, descriptor):
+                    return descriptor
         except BaseException:
             os.close(descriptor)
             raise

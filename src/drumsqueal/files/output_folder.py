@@ -97,6 +97,14 @@ COMPARE_FILES = (COMPARE_TABLE, COMPARE_SUMMARY, figure_file(COMPARE))
 """The names of all files of a comparison with a measured record."""
 
 
+class UnwrittenError(OSError):
+    """A file cannot be written; it is as it was before."""
+
+    def __str__(self) -> str:
+        """The file and the cause."""
+        return f"{self.filename} cannot be written ({self.strerror})"
+
+
 def check_output(folder: Path, files: Iterable[str], *, overwrite: bool) -> None:
     """Raise RequestError where files of these names lie already, or where something else is in the folder's place."""
     try:
@@ -199,7 +207,7 @@ def written_whole(path: Path) -> Iterator[Path]:
     except BaseException as error:
         part.unlink(missing_ok=True)
         if isinstance(error, OSError):  # which names the part, or nothing
-            raise OSError(error.errno or errno.EIO, error.strerror or str(error), str(path)) from None
+            raise UnwrittenError(error.errno or errno.EIO, error.strerror or str(error), str(path)) from None
         raise
 
 
@@ -222,6 +230,11 @@ def _is_there(path: Path) -> bool:
     except ValueError as error:  # a null character
         raise OSError(str(error)) from None
     return True
+
+
+def not_taken(error: OSError, folder: Path) -> str:
+    """How a study fails whose results cannot be written: the file, or the folder where the error names none; why."""
+    return f"failed: the disk does not take the results ({error.filename or folder}: {error.strerror or error})"
 
 
 def unusable(folder: Path, error: OSError) -> RequestError:

@@ -1,6 +1,7 @@
 """Reading a history that a run has left, for what works on histories; the file may be anybody's."""
 
 import tomllib
+import warnings
 from pathlib import Path
 from typing import NamedTuple
 
@@ -67,6 +68,8 @@ def read_history(path: Path) -> SavedHistory:
     except SceneError as error:
         told = f"{file}: the scene in it is not one that this version of drumsqueal takes ({error})"
         raise RequestError(f"{told}; read it with the version that wrote it") from None
+    except MemoryError:
+        raise MemoryError(f"to read {file}") from None
     except Exception:  # h5py raises nearly all there is on a file that is damaged
         raise RequestError(f"{file}: this is no history of drumsqueal, or a damaged one; {_OURS}") from None
     return SavedHistory(file, _computed(file, data), scene)
@@ -90,7 +93,9 @@ def _load(path: Path) -> tuple[xarray.Dataset, Scene]:
         with h5py.File(content, "r") as file:
             for name in ("time", *MOTION, *SIGNALS):  # before xarray, which decodes what it finds
                 variable(file, name)
-        data = xarray.load_dataset(content, engine="h5netcdf", decode_timedelta=False)
+        with warnings.catch_warnings():  # of a variable without its dimensions, which is refused below
+            warnings.filterwarnings("ignore", ".*phony", UserWarning)
+            data = xarray.load_dataset(content, engine="h5netcdf", decode_timedelta=False)
     if list(data["coordinate"].values) != list(COORDINATES):
         raise ValueError("coordinate")
     dimensions = dict.fromkeys(SIGNALS, ("time",)) | dict.fromkeys(MOTION, ("time", "coordinate"))

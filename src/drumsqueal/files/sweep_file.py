@@ -4,7 +4,9 @@ A point that is not computed says so in `outcome`, and its numbers are NaN. The 
 whenever the program is killed, what is marked as computed is there, and what is not is computed again.
 """
 
+import errno
 import json
+import math
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,7 +17,7 @@ import h5py
 import numpy as np
 
 from drumsqueal.errors import RequestError
-from drumsqueal.files.in_place import fill, fixed_text, opened, own_variable, placed, read_texts, variable
+from drumsqueal.files.in_place import as_text, fill, fixed_text, opened, own_variable, placed, read_texts, variable
 from drumsqueal.files.output_folder import SWEEP, part_of
 from drumsqueal.files.resumption import changed_versions, difference
 from drumsqueal.files.sweep import NOT_YET, OUTCOME, Columns, attributes, axes, blank, shape_of, variables_of
@@ -25,6 +27,7 @@ from drumsqueal.scene import scene_from_dict
 from drumsqueal.scene.plan import Plan
 
 RUNNING = "incomplete: the sweep was cut off without a word; the points it had not computed say so in outcome"
+ROUND_OFF = 1e-12  # relative, of an end of a range that was turned from one unit into another
 _LONGEST = 256  # bytes of the outcome in the file: of fixed length, so that it can be changed in place
 _BLOCK = 2**15  # points at a time, where all are written
 _ANEW = "add --overwrite instead of --resume to compute it anew"
@@ -58,7 +61,7 @@ class SweepFile:
             part.unlink(missing_ok=True)
             if isinstance(error, OSError):
                 told = f"{error.strerror or error}; the whole file takes {size / 1e6:.3g} MB"
-                raise OSError(error.errno or 0, told) from None
+                raise OSError(error.errno or errno.EIO, told, str(self.path)) from None
             raise
 
     def take_up(self) -> None:
@@ -81,8 +84,8 @@ class SweepFile:
             file.attrs.modify("outcome", fixed_text(outcome, _LONGEST))
 
 
-def find_sweep(folder: Path, plan: Plan) -> None:
-    """Look whether the sweep in a folder can go on with this plan. Raises RequestError where it cannot."""
+def find_sweep(folder: Path, plan: Plan) -> Plan:
+    """Return the plan in the units of the sweep in a folder, to go on with it. Raises RequestError where it cannot."""
     path = folder / SWEEP
     if path.is_symlink() or (path.exists() and not path.is_file()):
         raise RequestError(f"{path} is no ordinary file; put the file itself there to resume the sweep")
@@ -92,18 +95,39 @@ def find_sweep(folder: Path, plan: Plan) -> None:
         told = read_texts(path, ("scene", "sweep", "versions", "outcome"))
         there = scene_from_dict(tomllib.loads(told["scene"]))
         swept = json.loads(told["sweep"])
-        if swept == plan.describe():
+        same = _same(swept, plan.describe())
+        if same:
             _find_places(path, plan)
+            plan = _in_its_units(path, plan)
     except Exception:  # h5py raises nearly all there is on a file that is damaged
         raise RequestError(f"{path} is cut short or damaged, so the sweep cannot be resumed; {_ANEW}") from None
     if there != plan.scene:
         raise RequestError(f"{folder}: {difference(there, plan.scene)}; resume with that, or {_ANEW}")
-    if swept != plan.describe():
+    if not same:
         raise RequestError(f"{folder}: {_other(swept, plan.describe())}; resume with the same sweep, or {_ANEW}")
     if told["outcome"] == COMPLETE:
         raise RequestError(f"{folder}: the sweep is complete, there is nothing to resume")
     if told["versions"] != json.dumps(versions()):
         raise RequestError(f"{folder}: {changed_versions(told['versions'])}; go back to those, or {_ANEW}")
+    return plan
+
+
+def _same(there: Any, here: Any) -> bool:
+    """Whether two descriptions are the same but for round-off, as of one range in two units."""
+    if isinstance(there, dict) and isinstance(here, dict):
+        return there.keys() == here.keys() and all(_same(there[key], here[key]) for key in here)
+    if isinstance(there, list) and isinstance(here, list):
+        return len(there) == len(here) and all(map(_same, there, here))
+    if isinstance(there, float) and isinstance(here, float):
+        return math.isclose(there, here, rel_tol=ROUND_OFF)
+    return there == here
+
+
+def _in_its_units(path: Path, plan: Plan) -> Plan:
+    """The plan with its ranges in the units in which the file lists their values."""
+    with opened(path, "r") as file:
+        units = {key: as_text(variable(file, key).attrs["units"]) for key in plan.given}
+    return plan._replace(given={key: each.in_unit(units[key]) for key, each in plan.given.items()})
 
 
 def _other(there: dict[str, Any], here: dict[str, Any]) -> str:

@@ -10,28 +10,29 @@ from rich.console import Console
 from drumsqueal.composition import moved_coordinates
 from drumsqueal.linear.modes import Stability
 from drumsqueal.scene import Profile, Scene
-from drumsqueal.scene.quantities import printable
+from drumsqueal.scene.quantities import RPM, printable
 from drumsqueal.scene.variation import Variation
 
 AROUND = (0.9, 1.1)  # times the drum's speed: the range in which the study looks, with the speed itself in its middle
 VALUES = 3
-RPM = math.tau / 60  # rad/s
 
 
 def bistable_words(scene: Scene, stability: Stability, file: Path, settings: Sequence[str]) -> str | None:
-    """The sentence for a scene whose modes all decay; None where one grows, and where `onset` does not take the scene.
+    """The sentence for a scene whose modes all decay; None where one grows, where nothing presses, and where
+    `onset` does not take the scene.
 
     `file` and `settings` (those of --set) are what the command that finds out is told.
     """
     speed = scene.drum.speed
     if stability.unstable or stability.divergence is not None or scene.friction is None or scene.forcing is not None:
         return None
-    if isinstance(speed, Profile) or isinstance(scene.contact.normal_load, Profile) or not moved_coordinates(scene):
+    load = scene.contact.normal_load
+    if isinstance(speed, Profile) or isinstance(load, Profile) or load == 0 or not moved_coordinates(scene):
         return None
     given = [part for each in settings for part in ("--set", each)]
     command = shlex.join(["drumsqueal", "onset", str(file), *given, "--along", _range(speed)])
     return (
-        "No mode grows, but a large disturbance may still lead to squeal that lasts (the bistable, subcritical range); "
+        "A large disturbance may still lead to squeal that lasts (the bistable, subcritical range); "
         f"to find out: {command}"
     )
 

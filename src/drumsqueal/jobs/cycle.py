@@ -17,7 +17,6 @@ from drumsqueal.files.output_folder import (
     CYCLE,
     CYCLE_HISTORY,
     CYCLE_SUMMARY,
-    part_of,
     write_whole,
 )
 from drumsqueal.history import COMPLETE, to_dataset
@@ -89,9 +88,4 @@ def _write_period(path: Path, search: Search) -> None:
     cycle = search.cycle
     period = to_dataset([cycle.samples], search.scene, cycle.names, COMPLETE)
     period.attrs |= {"period_s": cycle.period_s, "stable": "yes" if cycle.stable else "no"}
-    part = part_of(path)
-    try:
-        period.to_netcdf(part, engine="h5netcdf")
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
+    write_whole(path, period.to_netcdf(engine="h5netcdf"))

@@ -10,7 +10,7 @@ from rich.console import Console
 
 from drumsqueal.errors import IntegrationError
 from drumsqueal.files.history_file import HistoryFile, Reached
-from drumsqueal.files.output_folder import HISTORY, RESUME
+from drumsqueal.files.output_folder import HISTORY, RESUME, not_taken
 from drumsqueal.files.resumption import Point, ResumeFile
 from drumsqueal.history import COMPLETE
 from drumsqueal.interrupts import stop_if_interrupted
@@ -46,8 +46,7 @@ def run_into(folder: Path, prepared: Prepared, console: Console, since: Point | 
         except KeyboardInterrupt:
             raise IntegrationError(f"interrupted by the user; {_kept(history, outcome)}{_again(resume)}") from None
         except OSError as error:
-            cause = f"failed: the disk does not take the results ({error.strerror or error})"
-            raise IntegrationError(f"{cause}; {_kept(history, outcome)}{_again(resume)}") from None
+            raise IntegrationError(f"{not_taken(error, folder)}; {_kept(history, outcome)}{_again(resume)}") from None
         print_results(folder, result, left_out, console)
         if outcome != COMPLETE:
             raise IntegrationError(f"{outcome}; what was computed is in {folder}{_again(resume)}")

@@ -7,6 +7,7 @@ from rich.text import Text
 
 from drumsqueal.comparison.departure import unit_of
 from drumsqueal.comparison.quadrature import INSTANTS
+from drumsqueal.comparison.verdict import difference_is_no_error
 from drumsqueal.files.summary import energy_balance
 from drumsqueal.jobs.tables import print_table
 from drumsqueal.linear.modes import OSCILLATING_SHARE, UNDAMPED_SHARE, Stability
@@ -79,10 +80,7 @@ def print_result(console: Console, result: Result) -> None:
             f"{_range(resolution)} Hz, peaks interpolated"
         )
     if changing:
-        console.print(
-            f"Drum speed or load change: the prediction is for t = {result.stability.time:g} s, the mean is that "
-            f"from 0 to {result.comparison.growth_end_s:.4g} s, so that their difference is no error"
-        )
+        console.print(difference_is_no_error(result.stability.time, result.comparison.growth_end_s))
     for note, labels in notes.items():
         console.print(f"{', '.join(labels)}: {note}", style="dim")
     saturation = result.comparison.saturation

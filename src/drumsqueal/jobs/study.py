@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from drumsqueal.errors import IntegrationError
+from drumsqueal.files.output_folder import not_taken
 
 
 @contextmanager
@@ -20,8 +21,7 @@ def told_what_is_kept(table: Path) -> Iterator[None]:
     except IntegrationError as error:
         raise IntegrationError(f"{error}; {_kept(table)}") from None
     except OSError as error:
-        cause = f"failed: the disk does not take the results ({error.strerror or error})"
-        raise IntegrationError(f"{cause}; {_kept(table)}") from None
+        raise IntegrationError(f"{not_taken(error, table.parent)}; {_kept(table)}") from None
 
 
 def rows_to_csv(rows: Sequence[dict[str, Any]]) -> str:

@@ -7,7 +7,7 @@ from pathlib import Path
 from rich.console import Console
 
 from drumsqueal.errors import IntegrationError
-from drumsqueal.files.output_folder import SWEEP
+from drumsqueal.files.output_folder import SWEEP, not_taken
 from drumsqueal.files.sweep import Columns
 from drumsqueal.files.sweep_file import SweepFile
 from drumsqueal.history import COMPLETE
@@ -44,7 +44,7 @@ def sweep_into(folder: Path, plan: Plan, console: Console, source: Source = here
     except KeyboardInterrupt:
         raise IntegrationError("interrupted by the user; nothing was kept") from None
     except OSError as error:
-        raise IntegrationError(f"failed: the disk does not take the results ({error}); nothing was kept") from None
+        raise IntegrationError(f"{not_taken(error, folder)}; nothing was kept") from None
     summary, outcome = None, COMPLETE
     try:
         _fill(file, plan, console, source)
@@ -54,7 +54,7 @@ def sweep_into(folder: Path, plan: Plan, console: Console, source: Source = here
     except IntegrationError as error:
         outcome = f"failed: {error}"
     except OSError as error:
-        outcome = f"failed: the disk does not take the results ({error.strerror or error})"
+        outcome = not_taken(error, folder)
     if summary is None:
         outcome += f"; {int(file.computed().sum())} of {plan.points} points were computed"
         file.end(outcome)

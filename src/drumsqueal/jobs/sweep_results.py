@@ -26,6 +26,7 @@ from drumsqueal.studies.sweep.chance import ChanceStudy, study_chance
 from drumsqueal.studies.sweep.endings import squealing, undecided
 
 Summary = dict[str, Any]
+NOT_SETTLED = "not settled"
 
 
 def write_results(folder: Path, plan: Plan) -> Summary:
@@ -87,15 +88,18 @@ def _plain(chances: ChanceStudy) -> Summary:
 
 
 def _transients(sweep: xarray.Dataset) -> Summary:
-    trend = sweep["trend"].values
-    counts = {name: int((trend == code).sum()) for code, name in enumerate(TRENDS) if np.any(trend == code)}
+    trend, unsettled = sweep["trend"].values, undecided(sweep)
+    counts = {name: int(((trend == code) & ~unsettled).sum()) for code, name in enumerate(TRENDS)}
+    counts[NOT_SETTLED] = int(unsettled.sum())
     done = sweep["outcome"].values == COMPUTED
     largest = np.max(sweep["amplitude"].values[done], axis=0, initial=0.0)
-    squeals = {"points_with_squeal": int(squealing(sweep).sum()), "points_undecided": int(undecided(sweep).sum())}
-    unsettled = sweep["settled"].values == 0
-    longest = float(np.max(sweep["simulated"].values[unsettled & (trend >= 0)], initial=0.0))
-    squeals |= {"points_not_settled": int(unsettled.sum()), "longest_of_them_s": longest}
-    return squeals | {"trends": counts, "largest_amplitude": dict(zip(COORDINATES, largest.tolist(), strict=True))}
+    return {
+        "points_with_squeal": int(squealing(sweep).sum()),
+        "points_not_settled": counts[NOT_SETTLED],
+        "longest_of_them_s": float(np.max(sweep["simulated"].values[unsettled], initial=0.0)),
+        "trends": {name: count for name, count in counts.items() if count},
+        "largest_amplitude": dict(zip(COORDINATES, largest.tolist(), strict=True)),
+    }
 
 
 def print_sweep(console: Console, plan: Plan, summary: Summary) -> None:
@@ -121,19 +125,18 @@ def print_sweep(console: Console, plan: Plan, summary: Summary) -> None:
 
 def _heard(told: Summary, points: int) -> str:
     """How many of the transients squeal."""
-    squeal, undecided = told["points_with_squeal"], told["points_undecided"]
-    more = f"; {undecided} more fall, but are beyond the edges of contact still" if undecided else ""
+    squeal = told["points_with_squeal"]
     share = f" ({100 * squeal / points:.3g} %)" if points else ""
-    return f"By the transients, from the scene's own start: squeal at {squeal} of {points} points{share}{more}"
+    return f"By the transients, from the scene's own start: squeal at {squeal} of {points} points{share}"
 
 
 def _unsettled(told: Summary, points: int) -> str:
-    """How many have an amplitude that is not that of the motion that lasts."""
+    """How many may still turn out to squeal or to decay, and what their numbers are."""
     count, longest = told["points_not_settled"], told["longest_of_them_s"]
     have = "has" if count == 1 else "have"
     return (
-        f"{count} of {points} transients {have} not settled after {longest:.3g} s: amplitude and frequency there are "
-        "those at the end; the figures mark them, and settled is 0 in sweep.nc"
+        f"{count} of {points} transients {have} not settled after {longest:.3g} s and may squeal or not: "
+        "amplitude and frequency there are those at the end; the figures mark them, and settled is 0 in sweep.nc"
     )
 
 

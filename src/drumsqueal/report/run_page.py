@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from drumsqueal.comparison.departure import ROTATIONS
+from drumsqueal.comparison.verdict import difference_is_no_error
 from drumsqueal.errors import RequestError
 from drumsqueal.files.json_file import to_json
 from drumsqueal.files.output_folder import FIGURES, HISTORY, RESUME, SUMMARY, figure_file
@@ -25,10 +26,6 @@ from drumsqueal.simulation import Prepared, compared, prepare
 SAME = 1e-6  # relative, of the largest eigenvalue: another version may differ by round-off
 GIVEN_LAW = "The friction law was given in Python and is not in the folder: the shapes cannot be computed without it."
 OTHER_MODES = "The shapes are left out: computed anew by this version, the eigenvalues differ from those of the run."
-NO_ERROR = (
-    ". Drum speed or load change: the prediction is for one time and the measurement a mean, so that their difference "
-    "is no error"
-)
 ABOUT = "The shapes were computed anew from the scene as this page was made."
 
 
@@ -66,7 +63,9 @@ def run_content(folder: Path) -> dict[str, Any]:
         "computed_now": not (folder / SUMMARY).exists(),
         "modes": modes,
         "changes": "; speed or load change, and these are of the beginning" if _changes(scene) else "",
-        "no_error": NO_ERROR * _changes(scene),
+        "changing": _changes(scene),
+        "predicted_at": None if prepared is None else prepared.stability.time,
+        "no_error": difference_is_no_error,
         "unstable": ", ".join(label for label, mode in modes if mode.unstable),
         "without_oscillation": _without_oscillation(summary.prediction),
         "animation": None if prepared is None else _animation(prepared, summary),

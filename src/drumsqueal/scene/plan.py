@@ -82,21 +82,15 @@ class Plan(NamedTuple):
         return self.scene.with_values(dict(zip(self.keys, map(float, values), strict=True)))
 
     def describe(self) -> dict[str, Any]:
-        """What is swept, as plain data: two plans with the same scene and description have the same points."""
+        """What is swept, in SI, as plain data: two plans with the same scene and description have the same points."""
         how: dict[str, Any] = {"transient": self.transient}
         if self.draws:
-            drawn = {key: describe(each) for key, each in self.distributions.items()}
+            drawn = {
+                key: describe(each) | {"unit": unit_of(key, self.scene) or "1"}
+                for key, each in self.distributions.items()
+            }
             return how | {"random": self.draws, "seed": self.seed, "distributions": drawn}
-        ranges = {
-            each.key: [
-                each.listed(each.first),
-                each.listed(each.last),
-                len(each.values),
-                *[each.given] * bool(each.given),
-            ]
-            for each in self.variations
-        }
-        return how | {"vary": ranges}
+        return how | {"vary": {each.key: [each.first, each.last, len(each.values)] for each in self.variations}}
 
 
 def grid(scene: Scene, variations: Sequence[Variation], *, transient: bool = False) -> Plan:

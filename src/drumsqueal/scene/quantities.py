@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     import pint
 
+RPM = math.tau / 60  # rad/s
 KeyPath = tuple[str | int, ...]
 
 # What each SI unit measures, and a value that could stand in a scene.

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from drumsqueal.scene import Scene
-from drumsqueal.scene.quantities import dotted
+from drumsqueal.scene.quantities import RPM, dotted
 
 
 class Usual(NamedTuple):
@@ -23,7 +23,6 @@ class Usual(NamedTuple):
 _LENGTH = (("mm", 1e-3), ("cm", 1e-2))
 _PER_CENT = (("%", 1e-2),)
 _STIFFNESS = (("N/mm", 1e3), ("kN/mm", 1e6))
-_RPM = 0.10471975511965977  # rad/s
 _DEGREE = 0.017453292519943295  # rad
 
 USUAL = {
@@ -52,7 +51,7 @@ USUAL = {
     # The slip speed over which friction falls, 1/decay, from 1 mm/s (stick-slip rigs) to 100 m/s; 0 stands for none.
     "friction.decay": Usual(0.01, 1000, "s/m", "0.01 to 1000 s/m"),
     # A car at 200 km/h turns its wheels at 180 rad/s, a scooter with small ones at 100 km/h at 140 rad/s.
-    "drum.speed": Usual(0, 300, "rad/s", "up to 300 rad/s (2865 rpm)", (("rpm", _RPM), ("deg/s", _DEGREE))),
+    "drum.speed": Usual(0, 300, "rad/s", "up to 300 rad/s (2865 rpm)", (("rpm", RPM), ("deg/s", _DEGREE))),
     # Bare steel parts 0.0005, bolted and lined ones a few per cent.
     "damping.ratio": Usual(0, 0.1, "", "0 to 0.1 (10 %)", _PER_CENT),
 }

@@ -40,6 +40,12 @@ class Variation(NamedTuple):
         """The unit of values that are shown."""
         return self.given or self.unit
 
+    def in_unit(self, given: str) -> "Variation":
+        """The same values, shown in another unit; the SI unit, "1" and "" stand for SI."""
+        if given in ("", "1", self.unit):
+            return self._replace(given="", size=1.0)
+        return self._replace(given=given, size=parse_quantity(f"1 {given}", self.unit))
+
     def shown(self, value: float) -> float:
         """A value (SI), or a difference of two, in that unit."""
         return value / self.size
@@ -98,7 +104,7 @@ def read_variation(text: str, scene: Scene, *, option: str = "--along", points: 
             raise SceneError(f"the range is too narrow for {count} values that differ")
     except SceneError as error:
         raise _headed(f"{option} {text}", error) from None
-    return Variation(key, unit, values, given, parse_quantity(f"1 {given}", unit) if given else 1.0)
+    return Variation(key, unit, values).in_unit(given)
 
 
 def may_not_rest(variation: Variation) -> None:

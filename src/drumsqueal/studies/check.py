@@ -223,7 +223,7 @@ def _about_the_start(prepared: Prepared, growing: tuple[Growth, ...], shares: tu
         beyond = "beyond the edges" if max(shares) >= 1 else "near the edges"
         yield (
             f"The start is {beyond}, at {max(shares):.3g} times {which}: there is next to no linear growth to compare "
-            "with the eigenvalues; make it smaller, or take it for a kick."
+            "with the eigenvalues; make it smaller, or take it as a large disturbance."
         )
     still = [each.label for each in growing if each.edge_time is None]
     if still:
