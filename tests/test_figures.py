@@ -268,7 +268,7 @@ def test_the_line_of_what_decays_is_not_drawn():
     frequency = figure.axes[1].lines[0].get_ydata()
     assert np.flatnonzero(np.isnan(np.asarray(frequency))).tolist() == [0, 1, 2, 3, 4, 12]
     decayed = {"trend": decays * 0 + TRENDS.index("decays"), "settled": settled * 0 + 1}
-    everything = sweep.assign(**decayed, separation_share=below * 0)
+    everything = sweep.assign(decayed | {"separation_share": below * 0})
     figure = draw_amplitude(everything.assign(reversal_share=below * 0), plan)
     assert figure is not None
     assert len(figure.axes) == 1  # there is no frequency to be drawn

@@ -88,4 +88,4 @@ def _write_period(path: Path, search: Search) -> None:
     cycle = search.cycle
     period = to_dataset([cycle.samples], search.scene, cycle.names, COMPLETE)
     period.attrs |= {"period_s": cycle.period_s, "stable": "yes" if cycle.stable else "no"}
-    write_whole(path, period.to_netcdf(engine="h5netcdf"))
+    write_whole(path, bytes(period.to_netcdf(engine="h5netcdf")))
