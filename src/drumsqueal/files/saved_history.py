@@ -1,7 +1,6 @@
 """Reading a history that a run has left, for what works on histories; the file may be anybody's."""
 
 import tomllib
-import warnings
 from pathlib import Path
 from typing import NamedTuple
 
@@ -93,9 +92,8 @@ def _load(path: Path) -> tuple[xarray.Dataset, Scene]:
         with h5py.File(content, "r") as file:
             for name in ("time", *MOTION, *SIGNALS):  # before xarray, which decodes what it finds
                 variable(file, name)
-        with warnings.catch_warnings():  # of a variable without its dimensions, which is refused below
-            warnings.filterwarnings("ignore", ".*phony", UserWarning)
-            data = xarray.load_dataset(content, engine="h5netcdf", decode_timedelta=False)
+        # Of something without dimensions, which no run writes, xarray would warn that it made some up.
+        data = xarray.load_dataset(content, engine="h5netcdf", decode_timedelta=False, phony_dims="access")
     if list(data["coordinate"].values) != list(COORDINATES):
         raise ValueError("coordinate")
     dimensions = dict.fromkeys(SIGNALS, ("time",)) | dict.fromkeys(MOTION, ("time", "coordinate"))
