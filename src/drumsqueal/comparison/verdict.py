@@ -132,7 +132,7 @@ def _below_the_edges(
     rate = max([*growing, stability.divergence or 0.0])
     if rate * duration < math.log(CLEAR_GROWTH):
         reach = math.exp(rate * duration)
-        return f"{duration:g} s are too short to tell: the fastest growth would reach {reach:.3g} times"
+        return f"{duration:g} s are too short to tell: the fastest growth would be by a factor of {reach:.4g}"
     return f"the transient does not grow within {duration:g} s"
 
 

@@ -59,7 +59,7 @@ def print_check(console: Console, found: Check, whole: float | None) -> None:
         table.add_row(number.name, f"{number.value:.6g}", number.unit, number.meaning)
     print_table(console, table)
     if not found.growing:
-        console.print("No mode grows: a small motion dies out.")
+        console.print("No mode grows.")
     for growth in found.growing:
         console.print(_grows(growth))
     console.print(

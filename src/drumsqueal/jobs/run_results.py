@@ -38,5 +38,5 @@ def print_results(folder: Path, result: Result, left_out: list[str], console: Co
     """Print the comparison, where the files are, and the figures that are `left_out`."""
     print_result(console, result)
     if left_out:
-        console.print(f"Left out, for the record holds too little motion for it: {', '.join(left_out)}", style="dim")
+        console.print(f"Not written, because this record has nothing to show there: {', '.join(left_out)}", style="dim")
     console.print(printable(f"History, summary and figures are in {folder}"), soft_wrap=True)
