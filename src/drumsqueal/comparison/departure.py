@@ -63,24 +63,22 @@ class Departure:
 
     def displacement_in(self, part: slice) -> NDArray[np.float64]:
         """Displacement (time, n) in a part of the record."""
-        found = np.empty((self.time[part].size, len(self._index)))
-        for rows, piece in self._pieces("displacement", part):
-            found[rows] = piece - self._steady
-        return found
+        return self._read("displacement", part)
 
     def velocity_in(self, part: slice) -> NDArray[np.float64]:
         """Velocity (time, n) in a part of the record."""
-        found = np.empty((self.time[part].size, len(self._index)))
-        for rows, piece in self._pieces("velocity", part):
-            found[rows] = piece
-        return found
+        return self._read("velocity", part)
 
     def column(self, coordinate: str, part: slice = slice(None), *, of: str = "displacement") -> NDArray[np.float64]:
         """Displacement, or velocity, of a coordinate (time,) in a part of the record."""
-        k = self.coordinates.index(coordinate)
-        found = np.empty(self.time[part].size)
-        for rows, piece in self._pieces(of, part):
-            found[rows] = piece[:, k] - (self._steady[k] if of == "displacement" else 0.0)
+        return self._read(of, part, self.coordinates.index(coordinate))
+
+    def _read(self, name: str, part: slice, k: int | slice = slice(None)) -> NDArray[np.float64]:
+        """Some columns of a part of the record, from steady sliding, in an array of their own."""
+        steady = self._steady[k]
+        found = np.empty((self.time[part].size, *np.shape(steady)))
+        for rows, piece in self._pieces(name, part):
+            found[rows] = piece[:, k] - (steady if name == "displacement" else 0.0)
         return found
 
     def pieces(self, part: slice = slice(None)) -> Iterator[tuple[slice, NDArray[np.float64], NDArray[np.float64]]]:

@@ -67,6 +67,11 @@ def saturated_part(time: NDArray[np.float64], edge: float) -> slice:
     return slice(int(np.searchsorted(time, start)), time.size)
 
 
+def duration_for(saturated: float, edge: float) -> float:
+    """Duration (s) of a record whose saturated part is so long (s), rounded up."""
+    return 1.001 * (edge + saturated / SATURATED_SHARE)
+
+
 def describe_saturation(
     history: xarray.Dataset, departure: Departure, stability: Stability, model: Model, edge: float
 ) -> Saturation | None:

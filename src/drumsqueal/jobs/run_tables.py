@@ -7,7 +7,7 @@ from rich.text import Text
 
 from drumsqueal.comparison.departure import unit_of
 from drumsqueal.comparison.quadrature import INSTANTS
-from drumsqueal.comparison.saturation import SATURATED_SHARE
+from drumsqueal.comparison.saturation import duration_for
 from drumsqueal.comparison.verdict import difference_is_no_error
 from drumsqueal.files.summary import energy_balance
 from drumsqueal.jobs.tables import print_table
@@ -90,8 +90,9 @@ def print_result(console: Console, result: Result) -> None:
         console.print(f"{when}, from {saturation.start_s:.4g} s: {saturation.regime.reason}")
         needed, edge = saturation.regime.record_needed_s, result.comparison.edge_reached_s
         if needed is not None and edge is not None:
-            duration = 1.001 * (edge + needed / SATURATED_SHARE)  # rounded up
-            console.print(f"To record so much after growth, set simulate.duration to {duration:.4g} s")
+            console.print(
+                f"To record so much after growth, set simulate.duration to {duration_for(needed, edge):.4g} s"
+            )
     implicit = float(result.history["implicit"].mean())
     if implicit > 0 and result.scene.simulate.solver == AUTO:
         console.print(f"Friction is stiff: the implicit method {IMPLICIT} took {100 * implicit:.3g} % of the time")
