@@ -354,7 +354,8 @@ def test_endings_in_capitals_and_usual_ones_are_taken(short_run, drumsqueal, tmp
     ("command", "setting"),
     [("check", "simulate.sample_rate=1000"), ("run", "simulate.sample_rate=1000"), ("stability", "drum.speed=0")],
 )
-def test_a_scene_found_wrong_after_it_was_read_is_named(drumsqueal, tmp_path, command, setting):
+def test_a_scene_found_wrong_after_it_was_read_is_named(drumsqueal, tmp_path, monkeypatch, command, setting):
+    monkeypatch.chdir(tmp_path)  # no earlier results lie in its folder "out"
     key, _, value = setting.partition("=")
     scene = tmp_path / "mine.toml"
     scene.write_text(load_scene(NOMINAL).with_values({key: float(value)}).to_toml())
