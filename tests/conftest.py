@@ -10,7 +10,7 @@ import pytest
 from jax.experimental.compilation_cache import compilation_cache
 
 import drumsqueal.precision  # noqa: F401 (switches it on before any test, also where a file runs alone)
-from drumsqueal import cli
+from drumsqueal import command_line as cli
 from drumsqueal.interrupts import noted_interrupts
 from drumsqueal.scene import Scene, load_scene
 

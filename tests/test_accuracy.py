@@ -14,17 +14,17 @@ import pytest
 from numpy.testing import assert_allclose
 
 from drumsqueal.files.output_folder import ACCURACY_FILES
-from drumsqueal.history import COMPLETE
-from drumsqueal.jobs.accuracy_table import remarks, simulate_block, to_csv, verdict
-from drumsqueal.model import Model, build_model
-from drumsqueal.quadrature.independent import FEJER, TANH_SINH, FixedGrid, IndependentSurface, rule_of
-from drumsqueal.quadrature.surface import Surface
+from drumsqueal.findings.history import COMPLETE
+from drumsqueal.physics.model import Model, build_model
+from drumsqueal.physics.quadrature.independent import FEJER, TANH_SINH, FixedGrid, IndependentSurface, rule_of
+from drumsqueal.physics.quadrature.surface import Surface
+from drumsqueal.questions.accuracy import contenders
+from drumsqueal.questions.accuracy.features import feature_errors
+from drumsqueal.questions.accuracy.reference import find_reference, sizes_of, trajectory_error
+from drumsqueal.questions.accuracy.study import AccuracyStudy, study_accuracy
+from drumsqueal.questions.accuracy.table import remarks, simulate_block, to_csv, verdict
 from drumsqueal.scene import Scene, load_scene
 from drumsqueal.simulation import prepare, transient
-from drumsqueal.studies.accuracy import contenders
-from drumsqueal.studies.accuracy.features import feature_errors
-from drumsqueal.studies.accuracy.reference import find_reference, sizes_of, trajectory_error
-from drumsqueal.studies.accuracy.study import AccuracyStudy, study_accuracy
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"
 REFERENCE = Path(__file__).parent / "reference"

@@ -15,13 +15,20 @@ from matplotlib.animation import FFMpegWriter
 from matplotlib.patches import FancyArrowPatch
 from PIL import Image, ImageSequence
 
-from drumsqueal.bodies.rigid_shoe import IN_PLANE
 from drumsqueal.errors import RequestError
-from drumsqueal.figures.animation import PIXELS, MovingSection
-from drumsqueal.figures.playback import REVERSED, SEPARATED, STUCK, TOUCHING, play_history, play_mode
-from drumsqueal.figures.section import displaced, largest_displacement, lining_parts, on_circle, on_line, shoe_outline
-from drumsqueal.files.animation_file import write_animation
-from drumsqueal.model import build_model
+from drumsqueal.physics.bodies.rigid_shoe import IN_PLANE
+from drumsqueal.physics.model import build_model
+from drumsqueal.questions.animate.animation import PIXELS, MovingSection
+from drumsqueal.questions.animate.file import write_animation
+from drumsqueal.questions.animate.playback import REVERSED, SEPARATED, STUCK, TOUCHING, play_history, play_mode
+from drumsqueal.questions.animate.section import (
+    displaced,
+    largest_displacement,
+    lining_parts,
+    on_circle,
+    on_line,
+    shoe_outline,
+)
 from drumsqueal.scene import COORDINATES, load_scene
 from drumsqueal.simulation import prepare
 
@@ -393,7 +400,7 @@ def test_no_half_of_an_animation_is_left(section, tmp_path):
 @pytest.fixture(scope="module")
 def file(nominal, tmp_path_factory):
     """What a run leaves, but for signals that animations do not look at."""
-    from drumsqueal.history import SIGNALS
+    from drumsqueal.findings.history import SIGNALS
 
     scene = nominal.with_values({"simulate.duration": 0.02})
     history = made_up(scene, {"Y": LIFTS})

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drumsqueal.bodies.rigid_shoe import RigidShoe
-from drumsqueal.model import build_model
+from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
+from drumsqueal.physics.model import build_model
 
 # Gauss nodes: r and z enter as polynomials of degree 3 at most; a product of two sines or cosines over 360° is resolved
 # to round-off by 24 nodes.

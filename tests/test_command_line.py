@@ -12,8 +12,6 @@ import xarray
 from rich.console import Console
 
 from drumsqueal.errors import RequestError
-from drumsqueal.export.formats import FORMATS
-from drumsqueal.files.animation_file import GIF
 from drumsqueal.files.json_file import to_json
 from drumsqueal.files.output_folder import (
     CYCLE_FILES,
@@ -24,8 +22,10 @@ from drumsqueal.files.output_folder import (
     check_output_file,
     made_of,
 )
-from drumsqueal.jobs.bistable import bistable_words
-from drumsqueal.jobs.run import run_into
+from drumsqueal.questions.animate.file import GIF
+from drumsqueal.questions.export.formats import FORMATS
+from drumsqueal.questions.run.bistable import bistable_words
+from drumsqueal.questions.run.job import run_into
 from drumsqueal.scene import load_scene, scene_from_dict
 from drumsqueal.scene.variation import read_variation
 from drumsqueal.simulation import prepare

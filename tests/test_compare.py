@@ -10,14 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import drumsqueal as package
-from drumsqueal.comparison.matching import WIDEST, match_lines, share_covered
 from drumsqueal.errors import RequestError
-from drumsqueal.figures.measured import draw_comparison
-from drumsqueal.files.measured.reader import read_measured
 from drumsqueal.files.saved_history import read_history
-from drumsqueal.history import COMPLETE, MOTION, SIGNALS
-from drumsqueal.scene import COORDINATES
-from drumsqueal.signals import (
+from drumsqueal.findings.history import COMPLETE, MOTION, SIGNALS
+from drumsqueal.findings.signals import (
     Spectrum,
     amplitude_spectrum,
     find_harmonics,
@@ -26,7 +22,11 @@ from drumsqueal.signals import (
     level_reference,
     spectral_peaks,
 )
-from drumsqueal.studies.measured import Spectral, _largest, common_unit, compare_measured
+from drumsqueal.questions.compare.figure import draw_comparison
+from drumsqueal.questions.compare.matching import WIDEST, match_lines, share_covered
+from drumsqueal.questions.compare.measured.reader import read_measured
+from drumsqueal.questions.compare.study import Spectral, _largest, common_unit, compare_measured
+from drumsqueal.scene import COORDINATES
 
 RATE = 25_600.0
 

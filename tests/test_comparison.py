@@ -10,14 +10,14 @@ import pytest
 import xarray
 from rich.console import Console
 
-from drumsqueal.comparison.compare import HELD, compare
-from drumsqueal.comparison.sticking import find_sticking
-from drumsqueal.effects.friction_law import ExponentialLaw
-from drumsqueal.jobs.run_tables import print_result
-from drumsqueal.linear.modes import analyse_stability
-from drumsqueal.model import build_model
+from drumsqueal.findings.compare import HELD, compare
+from drumsqueal.findings.sticking import find_sticking
+from drumsqueal.physics.laws.friction_law import ExponentialLaw
+from drumsqueal.physics.model import build_model
+from drumsqueal.questions.accuracy.reference import find_reference
+from drumsqueal.questions.run.tables import print_result
 from drumsqueal.simulation import Result, prepare, run, start_of
-from drumsqueal.studies.accuracy.reference import find_reference
+from drumsqueal.solve.linear.modes import analyse_stability
 
 # From an independent program: Re λ (1/s) and Im λ (rad/s) of the nominal brake.
 ONSET = {

@@ -10,8 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from drumsqueal.composition import take_inventory
-from drumsqueal.model import Model, build_model
+from drumsqueal.physics.composition import take_inventory
+from drumsqueal.physics.model import Model, build_model
 from drumsqueal.simulation import held_coordinates, run
 
 

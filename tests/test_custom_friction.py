@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from drumsqueal import TabulatedLaw, build_model, growth_rate, run
-from drumsqueal.files.summary import summarise
-from drumsqueal.linear.modes import analyse_stability
+from drumsqueal.questions.run.summary import summarise
+from drumsqueal.solve.linear.modes import analyse_stability
 
 
 def exponential(slip_speed):

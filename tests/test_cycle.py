@@ -20,22 +20,17 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, minimize_scalar
 from scipy.special import i1
 
-from drumsqueal.effects.damping import Damping
-from drumsqueal.effects.friction_law import ExponentialLaw
 from drumsqueal.errors import CycleError
-from drumsqueal.figures.branch import _shade
-from drumsqueal.jobs.branch_table import _milestones, to_csv
-from drumsqueal.linear.branches import point_at
-from drumsqueal.linear.steady import linear_model
-from drumsqueal.model import build_model
-from drumsqueal.scene import SceneError, load_scene
-from drumsqueal.scene.variation import Variation
-from drumsqueal.simulation import run
-from drumsqueal.small_bodies import block_on_belt, sprung_block_on_belt
-from drumsqueal.studies.cycle import branches, orbit
-from drumsqueal.studies.cycle import search as search_module
-from drumsqueal.studies.cycle.branches import _both_ways, follow_cycle, follow_models
-from drumsqueal.studies.cycle.continuation import (
+from drumsqueal.physics.effects.damping import Damping
+from drumsqueal.physics.laws.friction_law import ExponentialLaw
+from drumsqueal.physics.model import build_model
+from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
+from drumsqueal.questions.cycle import branches, orbit
+from drumsqueal.questions.cycle import search as search_module
+from drumsqueal.questions.cycle.branch_figure import _shade
+from drumsqueal.questions.cycle.branch_table import _milestones, to_csv
+from drumsqueal.questions.cycle.branches import _both_ways, follow_cycle, follow_models
+from drumsqueal.questions.cycle.continuation import (
     BOUND,
     BRANCHING,
     CORNER,
@@ -48,12 +43,17 @@ from drumsqueal.studies.cycle.continuation import (
     Special,
     _kind,
 )
-from drumsqueal.studies.cycle.kicked import kicked, pieces
-from drumsqueal.studies.cycle.orbit import floquet, floquet_of
-from drumsqueal.studies.cycle.search import cycle_from, find_cycle, is_same
-from drumsqueal.studies.cycle.shooting import Scales, Shooting
-from drumsqueal.studies.cycle.starts import Start, modal_starts, returns
-from drumsqueal.transient.flow import flow, neighbours
+from drumsqueal.questions.cycle.kicked import kicked, pieces
+from drumsqueal.questions.cycle.orbit import floquet, floquet_of
+from drumsqueal.questions.cycle.search import cycle_from, find_cycle, is_same
+from drumsqueal.questions.cycle.shooting import Scales, Shooting
+from drumsqueal.questions.cycle.starts import Start, modal_starts, returns
+from drumsqueal.scene import SceneError, load_scene
+from drumsqueal.scene.variation import Variation
+from drumsqueal.simulation import run
+from drumsqueal.solve.linear.branches import point_at
+from drumsqueal.solve.linear.steady import linear_model
+from drumsqueal.solve.transient.flow import flow, neighbours
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"
 SIZE = np.array([1e-5, 2e-5, 2e-4, 0.2, 0.2, 3.0])  # of states of the shoe that go through all edges
@@ -676,7 +676,7 @@ def test_wrong_requests_are_told_and_write_nothing(drumsqueal, monkeypatch, tmp_
 
 
 def test_the_command_writes_the_cycle(drumsqueal, tmp_path, search, monkeypatch):
-    monkeypatch.setattr("drumsqueal.jobs.cycle.find_cycle", lambda scene, show: search)
+    monkeypatch.setattr("drumsqueal.questions.cycle.job.find_cycle", lambda scene, show: search)
     status, out, err = drumsqueal("cycle", str(SCENARIOS / "damped.toml"), "-o", str(tmp_path))
     assert (status, err) == (0, "")
     assert "stable cycle at 1028.854 Hz" in " ".join(out.split())
@@ -713,7 +713,7 @@ def test_the_command_follows_cycles(drumsqueal, tmp_path):
 
 
 def test_a_search_without_a_cycle_ends_with_its_reason(drumsqueal, tmp_path, monkeypatch):
-    monkeypatch.setattr("drumsqueal.jobs.cycle.find_cycle", partial(_raised, CycleError("no cycle")))
+    monkeypatch.setattr("drumsqueal.questions.cycle.job.find_cycle", partial(_raised, CycleError("no cycle")))
     status, _, err = drumsqueal("cycle", str(SCENARIOS / "damped.toml"), "-o", str(tmp_path))
     assert status == 1
     assert err.startswith("drumsqueal: no cycle")

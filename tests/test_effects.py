@@ -10,21 +10,29 @@ import jax
 import numpy as np
 import pytest
 
-from drumsqueal.comparison.saturation import Line
-from drumsqueal.composition import ALL
 from drumsqueal.errors import IntegrationError
-from drumsqueal.jobs import effects as effects_job
-from drumsqueal.linear.modes import analyse_stability
-from drumsqueal.model import Model, build_model
+from drumsqueal.findings.answers import Answer, Change, ModeAnswer, change_of
+from drumsqueal.findings.saturation import Line
+from drumsqueal.physics.composition import ALL
+from drumsqueal.physics.model import Model, build_model
+from drumsqueal.questions.effects import job as effects_job
+from drumsqueal.questions.effects import study as effects
+from drumsqueal.questions.effects import variants
+from drumsqueal.questions.effects.reductions import Reduction, reduce, reductions_of
+from drumsqueal.questions.effects.study import (
+    TOGETHER,
+    excess_of,
+    percent,
+    remarks,
+    reservations,
+    study_effects,
+    verdict,
+)
+from drumsqueal.questions.effects.variants import Variant
 from drumsqueal.scene import load_scene
 from drumsqueal.simulation import prepare, run, transient
-from drumsqueal.studies.answers import Answer, Change, ModeAnswer, change_of
-from drumsqueal.studies.effects import study as effects
-from drumsqueal.studies.effects import variants
-from drumsqueal.studies.effects.reductions import Reduction, reduce, reductions_of
-from drumsqueal.studies.effects.study import TOGETHER, excess_of, percent, remarks, reservations, study_effects, verdict
-from drumsqueal.studies.effects.variants import Variant
-from drumsqueal.transient import segment as integration
+from drumsqueal.solve.linear.modes import analyse_stability
+from drumsqueal.solve.transient import segment as integration
 
 EVERYTHING = {
     "damping": {"ratio": 0.01},

@@ -11,15 +11,15 @@ import pytest
 from jax import Array
 from scipy.integrate import quad
 
-from drumsqueal.bodies.rigid_shoe import IN_PLANE
-from drumsqueal.effects.action import ZERO, Action
-from drumsqueal.effects.friction_law import ConstantLaw
-from drumsqueal.effects.springs import Springs
 from drumsqueal.errors import SteadyStateError
-from drumsqueal.linear.equilibrium import find_equilibrium
-from drumsqueal.linear.steady import steady_sliding
-from drumsqueal.model import build_model
-from drumsqueal.small_bodies import block_on_belt, sprung_block_on_belt
+from drumsqueal.physics.bodies.rigid_shoe import IN_PLANE
+from drumsqueal.physics.effects.action import ZERO, Action
+from drumsqueal.physics.effects.springs import Springs
+from drumsqueal.physics.laws.friction_law import ConstantLaw
+from drumsqueal.physics.model import build_model
+from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
+from drumsqueal.solve.linear.equilibrium import find_equilibrium
+from drumsqueal.solve.linear.steady import steady_sliding
 
 # --- the search alone ------------------------------------------------------------------------------------------------
 

@@ -18,15 +18,15 @@ import scipy.io
 import scipy.signal
 
 from drumsqueal.errors import RequestError
-from drumsqueal.export.formats import FORMATS, find_format
-from drumsqueal.export.signals import _RECORDED, surface_velocity
 from drumsqueal.files.output_folder import part_of
-from drumsqueal.history import SIGNALS
-from drumsqueal.linear.modes import analyse_stability
-from drumsqueal.model import build_model
+from drumsqueal.findings.history import SIGNALS
+from drumsqueal.physics.model import build_model
+from drumsqueal.questions.export.formats import FORMATS, find_format
+from drumsqueal.questions.export.signals import _RECORDED, surface_velocity
 from drumsqueal.scene import scene_from_dict
 from drumsqueal.simulation import run
-from drumsqueal.transient.accelerations import accelerations
+from drumsqueal.solve.linear.modes import analyse_stability
+from drumsqueal.solve.transient.accelerations import accelerations
 
 RATE = 50e3
 MOTIONS = [f"{kind}_{name}" for kind in ("displacement", "velocity", "acceleration") for name in ("X", "Y", "Tz")]

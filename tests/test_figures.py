@@ -18,27 +18,28 @@ from matplotlib.patches import Rectangle
 from matplotlib.text import Text
 
 import drumsqueal as ds
-from drumsqueal.comparison.departure import Departure, edge_share
-from drumsqueal.composition import take_inventory
-from drumsqueal.figures import draw_all, save_figures
-from drumsqueal.figures.amplitude import draw_amplitude
-from drumsqueal.figures.effects import draw_effects
-from drumsqueal.figures.onset import limit_amplitudes
-from drumsqueal.figures.placement import spread
-from drumsqueal.figures.shares import running
-from drumsqueal.figures.stability import draw_stability
-from drumsqueal.figures.view import View
 from drumsqueal.files.output_folder import FIGURES, figure_file
-from drumsqueal.files.sweep import TRENDS, blank, to_dataset
-from drumsqueal.history import COMPLETE, SIGNALS
+from drumsqueal.findings.answers import Answer, Change
+from drumsqueal.findings.departure import Departure, edge_share
+from drumsqueal.findings.history import COMPLETE, SIGNALS
+from drumsqueal.physics.composition import take_inventory
+from drumsqueal.questions.effects.figure import draw_effects
+from drumsqueal.questions.effects.reductions import reductions_of
+from drumsqueal.questions.effects.study import EffectStudy
+from drumsqueal.questions.effects.variants import Variant
+from drumsqueal.questions.onset.figure import limit_amplitudes
+from drumsqueal.questions.run.figures import draw_all
+from drumsqueal.questions.run.figures.shares import running
+from drumsqueal.questions.run.figures.view import View
+from drumsqueal.questions.sweep.amplitude_figure import draw_amplitude
+from drumsqueal.questions.sweep.endings import squealing, undecided
+from drumsqueal.questions.sweep.points import TRENDS, blank, to_dataset
+from drumsqueal.questions.sweep.stability_figure import draw_stability
 from drumsqueal.scene import COORDINATES
 from drumsqueal.scene.plan import Plan, grid, sample
 from drumsqueal.scene.variation import read_variation
-from drumsqueal.studies.answers import Answer, Change
-from drumsqueal.studies.effects.reductions import reductions_of
-from drumsqueal.studies.effects.study import EffectStudy
-from drumsqueal.studies.effects.variants import Variant
-from drumsqueal.studies.sweep.endings import squealing, undecided
+from drumsqueal.terminal.placement import spread
+from drumsqueal.terminal.style import save_figures
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"
 ALL = {"growth", "spectrogram", "spectra", "phase", "contact", "eigenvalues"}

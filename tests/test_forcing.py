@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from drumsqueal.linear.modes import analyse_stability
-from drumsqueal.linear.steady import linearise
-from drumsqueal.model import build_model
+from drumsqueal.physics.model import build_model
 from drumsqueal.simulation import run
+from drumsqueal.solve.linear.modes import analyse_stability
+from drumsqueal.solve.linear.steady import linearise
 
 FORCE = {"amplitude": {"Y": 3.0, "Tz": 0.1}, "frequency": 900.0, "phase": 0.7}
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from drumsqueal.comparison.softening import explain_frequency
-from drumsqueal.linear.modes import analyse_stability
-from drumsqueal.model import build_model
-from drumsqueal.signals import follow_line
+from drumsqueal.findings.signals import follow_line
+from drumsqueal.findings.softening import explain_frequency
+from drumsqueal.physics.model import build_model
+from drumsqueal.solve.linear.modes import analyse_stability
 
 RATE = 50_000.0
 

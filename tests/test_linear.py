@@ -10,11 +10,11 @@ import scipy.linalg
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drumsqueal.effects.support import Support
 from drumsqueal.errors import SteadyStateError
-from drumsqueal.linear.modes import analyse_stability, growth_rate
-from drumsqueal.linear.steady import linear_model, steady_sliding
-from drumsqueal.model import build_model
+from drumsqueal.physics.effects.support import Support
+from drumsqueal.physics.model import build_model
+from drumsqueal.solve.linear.modes import analyse_stability, growth_rate
+from drumsqueal.solve.linear.steady import linear_model, steady_sliding
 
 ALL = tuple(range(6))
 PLANE = (0, 1, 5)

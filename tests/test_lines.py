@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from drumsqueal.signals import find_bases, find_lines
+from drumsqueal.findings.signals import find_bases, find_lines
 
 RATE = 50_000.0
 

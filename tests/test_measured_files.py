@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from scipy.io import wavfile
 
 from drumsqueal.errors import RequestError
-from drumsqueal.files.measured.reader import read_measured
-from drumsqueal.files.measured.record import parse_unit
-from drumsqueal.files.measured.sampling import GapError, UnevenError, even_sampling
+from drumsqueal.questions.compare.measured.reader import read_measured
+from drumsqueal.questions.compare.measured.record import parse_unit
+from drumsqueal.questions.compare.measured.sampling import GapError, UnevenError, even_sampling
 
 RATE, COUNT = 51_200.0, 400
 TIME = np.arange(COUNT) / RATE

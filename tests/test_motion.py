@@ -11,13 +11,13 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from drumsqueal import load_scene, run
-from drumsqueal.comparison import decay
-from drumsqueal.figures.motion import draw_section
-from drumsqueal.signals import Bases, Regime, classify, find_bases, find_lines
-from drumsqueal.signals.lyapunov import Exponents, lyapunov_exponents, orthonormalised
-from drumsqueal.studies import motion as study_module
-from drumsqueal.studies.attractor import Doubt, Kind, decide_attractor, describe_attractor
-from drumsqueal.studies.motion import _section, _settled, study_motion
+from drumsqueal.findings import decay
+from drumsqueal.findings.signals import Bases, Regime, classify, find_bases, find_lines
+from drumsqueal.findings.signals.lyapunov import Exponents, lyapunov_exponents, orthonormalised
+from drumsqueal.questions.motion import study as study_module
+from drumsqueal.questions.motion.attractor import Doubt, Kind, decide_attractor, describe_attractor
+from drumsqueal.questions.motion.figure import draw_section
+from drumsqueal.questions.motion.study import _section, _settled, study_motion
 
 SAMPLES = 20  # an interval
 

@@ -15,23 +15,20 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from drumsqueal.effects.damping import Damping
-from drumsqueal.effects.friction_law import ConstantLaw, ExponentialLaw
 from drumsqueal.errors import RequestError
-from drumsqueal.figures.onset import draw_onset
-from drumsqueal.history import COMPLETE
-from drumsqueal.linear.branches import Branches, follow_modes, point_at
-from drumsqueal.model import Model, build_model
-from drumsqueal.scene import SceneError, load_scene
-from drumsqueal.scene.variation import Variation, read_variation
-from drumsqueal.small_bodies import block_on_belt, sprung_block_on_belt
-from drumsqueal.studies.cycle.branches import Diagram
-from drumsqueal.studies.cycle.continuation import BOUND, FOLD, Branch, Special
-from drumsqueal.studies.cycle.kicked import steady_sliding
-from drumsqueal.studies.cycle.orbit import Cycle
-from drumsqueal.studies.onset import attractors
-from drumsqueal.studies.onset import study as study_module
-from drumsqueal.studies.onset.attractors import (
+from drumsqueal.findings.history import COMPLETE
+from drumsqueal.findings.saturated import Saturated, saturated_motions
+from drumsqueal.physics.effects.damping import Damping
+from drumsqueal.physics.laws.friction_law import ConstantLaw, ExponentialLaw
+from drumsqueal.physics.model import Model, build_model
+from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
+from drumsqueal.questions.cycle.branches import Diagram
+from drumsqueal.questions.cycle.continuation import BOUND, FOLD, Branch, Special
+from drumsqueal.questions.cycle.kicked import steady_sliding
+from drumsqueal.questions.cycle.orbit import Cycle
+from drumsqueal.questions.onset import attractors
+from drumsqueal.questions.onset import study as study_module
+from drumsqueal.questions.onset.attractors import (
     DECAYS,
     GROWS,
     NEUTRAL,
@@ -44,11 +41,14 @@ from drumsqueal.studies.onset.attractors import (
     Start,
     find_endings,
 )
-from drumsqueal.studies.onset.rows import KICKED, STABLE, Range, Row, find_ranges
-from drumsqueal.studies.onset.rows import SQUEALS as UNSTABLE
-from drumsqueal.studies.onset.study import OnsetStudy, Prediction, compare, predict, study_onset
-from drumsqueal.studies.onset.verdict import reservations, verdict, with_uncertainty
-from drumsqueal.studies.saturated import Saturated, saturated_motions
+from drumsqueal.questions.onset.figure import draw_onset
+from drumsqueal.questions.onset.rows import KICKED, STABLE, Range, Row, find_ranges
+from drumsqueal.questions.onset.rows import SQUEALS as UNSTABLE
+from drumsqueal.questions.onset.study import OnsetStudy, Prediction, compare, predict, study_onset
+from drumsqueal.questions.onset.verdict import reservations, verdict, with_uncertainty
+from drumsqueal.scene import SceneError, load_scene
+from drumsqueal.scene.variation import Variation, read_variation
+from drumsqueal.solve.linear.branches import Branches, follow_modes, point_at
 
 DAMPED = Path(__file__).parents[1] / "scenarios" / "damped.toml"
 HOPF = 0.5 * math.log(10)  # of the block below
@@ -596,7 +596,9 @@ def test_the_command_writes_what_it_found(drumsqueal, tmp_path, monkeypatch):
 def test_a_range_is_shown_in_the_order_and_in_the_unit_in_which_it_was_asked_for(drumsqueal, tmp_path, monkeypatch):
     drawn = []
     monkeypatch.setattr(study_module, "find_endings", made_up_for_y)
-    monkeypatch.setattr("drumsqueal.jobs.onset.save_figures", lambda figures, folder: drawn.append(figures["onset"]))
+    monkeypatch.setattr(
+        "drumsqueal.questions.onset.job.save_figures", lambda figures, folder: drawn.append(figures["onset"])
+    )
     along = "drum.speed=360 rpm..60 rpm x6"
     status, printed, error = drumsqueal("onset", str(DAMPED), *QUICK, "--along", along, "-o", str(tmp_path))
     assert (status, error) == (0, "")
@@ -653,8 +655,10 @@ def test_cycles_are_laid_over_the_onset(drumsqueal, tmp_path, monkeypatch):
 
     drawn = []
     monkeypatch.setattr(study_module, "find_endings", made_up_for_y)
-    monkeypatch.setattr("drumsqueal.jobs.onset.follow_cycle", follow)
-    monkeypatch.setattr("drumsqueal.jobs.onset.save_figures", lambda figures, folder: drawn.append(figures["onset"]))
+    monkeypatch.setattr("drumsqueal.questions.onset.job.follow_cycle", follow)
+    monkeypatch.setattr(
+        "drumsqueal.questions.onset.job.save_figures", lambda figures, folder: drawn.append(figures["onset"])
+    )
     arguments = ["onset", str(DAMPED), *QUICK, "--along", "drum.speed=1..40x14", "-o", str(tmp_path)]
     status, printed, error = drumsqueal(*arguments, "--cycles")
     assert (status, error) == (0, "")

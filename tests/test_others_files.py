@@ -17,9 +17,9 @@ from drumsqueal import compilation
 from drumsqueal.errors import RequestError
 from drumsqueal.files import saved_history
 from drumsqueal.files.in_place import variable
-from drumsqueal.files.measured.reader import read_measured
 from drumsqueal.files.ordinary import NotOrdinaryError, open_ordinary, read_ordinary
 from drumsqueal.files.saved_history import read_history
+from drumsqueal.questions.compare.measured.reader import read_measured
 from drumsqueal.scene import SceneError, load_scene
 from processes import posix
 
@@ -33,7 +33,7 @@ def ran(tmp_path_factory, nominal) -> Path:
     """The folder of a short run, without its figures."""
     from rich.console import Console
 
-    from drumsqueal.jobs.run import run_into
+    from drumsqueal.questions.run.job import run_into
     from drumsqueal.simulation import prepare
 
     folder = tmp_path_factory.mktemp("ran")
@@ -319,7 +319,7 @@ def test_what_is_no_failure_to_write_is_not_called_one(drumsqueal, monkeypatch):
     def refused(*_):
         raise PermissionError(13, "Permission denied", "/somewhere")
 
-    monkeypatch.setattr("drumsqueal.cli.stability.load_scene", refused)
+    monkeypatch.setattr("drumsqueal.questions.stability.command.load_scene", refused)
     assert drumsqueal("stability", NOMINAL)[2] == "drumsqueal: /somewhere: Permission denied\n"
 
 

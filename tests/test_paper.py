@@ -7,19 +7,19 @@ import signal
 import numpy as np
 import pytest
 
-from drumsqueal.composition import ALL
 from drumsqueal.errors import RequestError
 from drumsqueal.files.output_folder import PAPER_FIGURES, PAPER_FILES, PAPER_TABLE, figure_file
-from drumsqueal.linear.modes import analyse_stability
-from drumsqueal.model import build_model
+from drumsqueal.physics.composition import ALL
+from drumsqueal.physics.model import build_model
+from drumsqueal.questions.paper import curves as paper_curves
+from drumsqueal.questions.paper import transients as paper_transients
+from drumsqueal.questions.paper.curves import AXIS, check_brake, friction_curve
+from drumsqueal.questions.paper.statement import SQUEALING, Statement, Verdict, largest_rise, off_line, state
+from drumsqueal.questions.paper.statements import check_statements
+from drumsqueal.questions.paper.study import PaperStudy, study_paper
 from drumsqueal.scene import load_scene
 from drumsqueal.scene.seo_kang import seo_kang_brake
-from drumsqueal.studies.paper import curves as paper_curves
-from drumsqueal.studies.paper import transients as paper_transients
-from drumsqueal.studies.paper.curves import AXIS, check_brake, friction_curve
-from drumsqueal.studies.paper.statement import SQUEALING, Statement, Verdict, largest_rise, off_line, state
-from drumsqueal.studies.paper.statements import check_statements
-from drumsqueal.studies.paper.study import PaperStudy, study_paper
+from drumsqueal.solve.linear.modes import analyse_stability
 
 BRIEF = {"simulate.duration": 0.1}  # s: growth can be measured, and the fastest saturate
 
@@ -275,7 +275,7 @@ def test_an_interrupted_study_keeps_its_curves(drumsqueal, tmp_path, monkeypatch
 
     from drumsqueal.interrupts import stop_if_interrupted as study_stop
 
-    monkeypatch.setattr("drumsqueal.studies.paper.study.paper_transients", pressed)
+    monkeypatch.setattr("drumsqueal.questions.paper.study.paper_transients", pressed)
     status, _, error = drumsqueal("paper", "-o", str(tmp_path / "out"))
     assert status == 1
     assert "interrupted by the user" in error

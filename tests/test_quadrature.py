@@ -13,20 +13,20 @@ from hypothesis import strategies as st
 from scipy.integrate import quad_vec
 from scipy.optimize import brentq
 
-from drumsqueal.bodies.rigid_shoe import RigidShoe
-from drumsqueal.effects.contact import Contact
-from drumsqueal.effects.custom_friction import TabulatedLaw, as_law, with_breakpoints
-from drumsqueal.effects.friction import Friction
-from drumsqueal.effects.friction_direction import Tangential, UnitVelocity
-from drumsqueal.effects.friction_law import ExponentialLaw, FrictionLaw, breakpoints, kinks
-from drumsqueal.effects.operation import Moment
-from drumsqueal.effects.pressure import Bonded, Unilateral
-from drumsqueal.quadrature.arc import LONG_ARC, NODES, NODES_LONG_ARC, ArcSurface
-from drumsqueal.quadrature.area import AreaSurface
-from drumsqueal.quadrature.levels import Level, complex_roots, real_roots, sine_cosine
-from drumsqueal.quadrature.quartic import quartic_roots
-from drumsqueal.quadrature.smooth import is_smooth
-from drumsqueal.quadrature.surface import Edges
+from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
+from drumsqueal.physics.effects.contact import Contact
+from drumsqueal.physics.effects.friction import Friction
+from drumsqueal.physics.effects.friction_direction import Tangential, UnitVelocity
+from drumsqueal.physics.effects.operation import Moment
+from drumsqueal.physics.effects.pressure import Bonded, Unilateral
+from drumsqueal.physics.laws.custom_friction import TabulatedLaw, as_law, with_breakpoints
+from drumsqueal.physics.laws.friction_law import ExponentialLaw, FrictionLaw, breakpoints, kinks
+from drumsqueal.physics.quadrature.arc import LONG_ARC, NODES, NODES_LONG_ARC, ArcSurface
+from drumsqueal.physics.quadrature.area import AreaSurface
+from drumsqueal.physics.quadrature.levels import Level, complex_roots, real_roots, sine_cosine
+from drumsqueal.physics.quadrature.quartic import quartic_roots
+from drumsqueal.physics.quadrature.smooth import is_smooth
+from drumsqueal.physics.quadrature.surface import Edges
 
 # --- brute force -----------------------------------------------------------------------------------------------------
 

@@ -9,7 +9,7 @@ import jax
 import pytest
 
 import drumsqueal
-from drumsqueal import cli
+from drumsqueal import command_line as cli
 from drumsqueal.scene import load_scene
 
 ROOT = Path(__file__).parents[1]

@@ -19,28 +19,28 @@ import pytest
 from rich.console import Console
 
 from browser import BROWSER, Browser
-from drumsqueal.composition import ALL
 from drumsqueal.files.output_folder import FIGURES, ONSET_FILES, REPORT, RUN_FILES, figure_file
 from drumsqueal.files.saved_history import read_history
-from drumsqueal.jobs import run as run_job
-from drumsqueal.jobs.onset import study_into
-from drumsqueal.jobs.report import report_into
-from drumsqueal.linear.modes import analyse_stability
-from drumsqueal.model import build_model
-from drumsqueal.report import onset_page as onset_page_module
-from drumsqueal.report import page
-from drumsqueal.report import run_page as run_page_module
-from drumsqueal.report.found import Summary
-from drumsqueal.report.sound import RECORD_S, _played
-from drumsqueal.report.words import figure_words
+from drumsqueal.findings.saturated import Saturated
+from drumsqueal.findings.signals import amplitude_spectrum, peak_near
+from drumsqueal.physics.composition import ALL
+from drumsqueal.physics.model import build_model
+from drumsqueal.questions.onset import study as study_module
+from drumsqueal.questions.onset.attractors import DECAYS, SQUEALS, Ending
+from drumsqueal.questions.onset.job import study_into
+from drumsqueal.questions.onset.study import predict
+from drumsqueal.questions.report import onset_page as onset_page_module
+from drumsqueal.questions.report import page
+from drumsqueal.questions.report import run_page as run_page_module
+from drumsqueal.questions.report.found import Summary
+from drumsqueal.questions.report.job import report_into
+from drumsqueal.questions.report.sound import RECORD_S, _played
+from drumsqueal.questions.report.words import figure_words
+from drumsqueal.questions.run import job as run_job
 from drumsqueal.scene import load_scene
 from drumsqueal.scene.variation import read_variation
-from drumsqueal.signals import amplitude_spectrum, peak_near
 from drumsqueal.simulation import prepare
-from drumsqueal.studies.onset import study as study_module
-from drumsqueal.studies.onset.attractors import DECAYS, SQUEALS, Ending
-from drumsqueal.studies.onset.study import predict
-from drumsqueal.studies.saturated import Saturated
+from drumsqueal.solve.linear.modes import analyse_stability
 
 DAMPED = Path(__file__).parents[1] / "scenarios" / "damped.toml"
 TITLE = (

@@ -7,8 +7,8 @@ import wave
 import numpy as np
 import pytest
 
-from drumsqueal.signals.resampling import PASSES, STOPS, reach, resample, share_above
-from drumsqueal.signals.sound import to_sound, wav_bytes
+from drumsqueal.findings.signals.resampling import PASSES, STOPS, reach, resample, share_above
+from drumsqueal.findings.signals.sound import to_sound, wav_bytes
 
 RECORDED = 50e3  # Hz
 TIME = np.arange(3000) / RECORDED

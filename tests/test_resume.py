@@ -20,7 +20,7 @@ from drumsqueal.errors import IntegrationError
 from drumsqueal.files import history_file, output_folder, resumption
 from drumsqueal.files.claims import LOCK
 from drumsqueal.files.resumption import ResumeFile, find_point
-from drumsqueal.jobs import run_results as results
+from drumsqueal.questions.run import results as results
 from drumsqueal.scene import Scene, load_scene
 from processes import MAIN, posix, start, wait_for
 

@@ -12,16 +12,16 @@ import scipy.linalg
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drumsqueal.effects.friction_law import ConstantLaw, StepLaw
-from drumsqueal.effects.operation import Operation
-from drumsqueal.effects.schedule import Constant, Profile
-from drumsqueal.linear.modes import analyse_stability
-from drumsqueal.linear.steady import linearise
-from drumsqueal.model import build_model
+from drumsqueal.physics.effects.operation import Operation
+from drumsqueal.physics.effects.schedule import Constant, Profile
+from drumsqueal.physics.laws.friction_law import ConstantLaw, StepLaw
+from drumsqueal.physics.model import build_model
+from drumsqueal.physics.small_bodies import block_on_belt
 from drumsqueal.simulation import run
-from drumsqueal.small_bodies import block_on_belt
-from drumsqueal.transient.batch import integrate_many
-from drumsqueal.transient.integrate import integrate
+from drumsqueal.solve.linear.modes import analyse_stability
+from drumsqueal.solve.linear.steady import linearise
+from drumsqueal.solve.transient.batch import integrate_many
+from drumsqueal.solve.transient.integrate import integrate
 
 value = st.floats(-1e3, 1e3)
 steps = st.lists(st.tuples(st.floats(1e-3, 10.0), value), min_size=1, max_size=6)

@@ -7,18 +7,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drumsqueal.comparison.departure import beyond_edges
-from drumsqueal.composition import ALL
 from drumsqueal.errors import RequestError
 from drumsqueal.files.output_folder import QUIET_SCENE, SENSITIVITY_FILES, SENSITIVITY_TABLE
-from drumsqueal.linear.gradients import eigenvalue_gradient, state_matrix_of
-from drumsqueal.linear.modes import analyse_stability
-from drumsqueal.model import build_model
+from drumsqueal.findings.departure import beyond_edges
+from drumsqueal.physics.composition import ALL
+from drumsqueal.physics.model import build_model
+from drumsqueal.questions.sensitivity.decay import KICK, kicked, nonlinear_decay
+from drumsqueal.questions.sensitivity.quieting import LEAST, MARGIN, largest_growth, quieten, variable_numbers
+from drumsqueal.questions.sensitivity.study import SensitivityStudy, at_one_time, study_sensitivity
 from drumsqueal.scene import load_scene
 from drumsqueal.simulation import run
-from drumsqueal.studies.sensitivity.decay import KICK, kicked, nonlinear_decay
-from drumsqueal.studies.sensitivity.quieting import LEAST, MARGIN, largest_growth, quieten, variable_numbers
-from drumsqueal.studies.sensitivity.study import SensitivityStudy, at_one_time, study_sensitivity
+from drumsqueal.solve.linear.gradients import eigenvalue_gradient, state_matrix_of
+from drumsqueal.solve.linear.modes import analyse_stability
 
 NOMINAL = Path(__file__).parents[1] / "scenarios" / "nominal.toml"
 BRIEF = {"simulate.duration": 0.05}

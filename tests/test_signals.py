@@ -8,7 +8,7 @@ import scipy.signal
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drumsqueal.signals import (
+from drumsqueal.findings.signals import (
     amplitude_spectrum,
     classify,
     fit_growth,
@@ -18,8 +18,8 @@ from drumsqueal.signals import (
     spectral_peaks,
     spectrogram,
 )
-from drumsqueal.signals.lines import find_lines
-from drumsqueal.signals.recurrence import find_recurrences
+from drumsqueal.findings.signals.lines import find_lines
+from drumsqueal.findings.signals.recurrence import find_recurrences
 
 RATE = 50_000.0
 FREQUENCIES = (1424.0, 4392.0, 7399.0)

@@ -12,24 +12,24 @@ import pytest
 from jax import Array
 from scipy.integrate import solve_ivp
 
-from drumsqueal.effects.contact import Contact
-from drumsqueal.figures.onset import draw_onset
-from drumsqueal.history import COMPLETE
-from drumsqueal.linear.branches import point_at
-from drumsqueal.model import build_model
+from drumsqueal.findings.history import COMPLETE
+from drumsqueal.findings.saturated import Saturated
+from drumsqueal.physics.effects.contact import Contact
+from drumsqueal.physics.model import build_model
+from drumsqueal.physics.small_bodies import block_on_belt
+from drumsqueal.questions.cycle.search import cycle_from
+from drumsqueal.questions.cycle.starts import Start as Beginning
+from drumsqueal.questions.onset import kick as kick_module
+from drumsqueal.questions.onset import study as study_module
+from drumsqueal.questions.onset.attractors import DECAYS, SQUEALS, Ending, Family, How, Start, find_endings
+from drumsqueal.questions.onset.figure import draw_onset
+from drumsqueal.questions.onset.kick import PRECISION, smallest_kicks, surface_speed
+from drumsqueal.questions.onset.rows import Row
+from drumsqueal.questions.onset.study import predict, study_onset
+from drumsqueal.questions.onset.verdict import reservations, verdict
 from drumsqueal.scene import load_scene
 from drumsqueal.scene.variation import Variation
-from drumsqueal.small_bodies import block_on_belt
-from drumsqueal.studies.cycle.search import cycle_from
-from drumsqueal.studies.cycle.starts import Start as Beginning
-from drumsqueal.studies.onset import kick as kick_module
-from drumsqueal.studies.onset import study as study_module
-from drumsqueal.studies.onset.attractors import DECAYS, SQUEALS, Ending, Family, How, Start, find_endings
-from drumsqueal.studies.onset.kick import PRECISION, smallest_kicks, surface_speed
-from drumsqueal.studies.onset.rows import Row
-from drumsqueal.studies.onset.study import predict, study_onset
-from drumsqueal.studies.onset.verdict import reservations, verdict
-from drumsqueal.studies.saturated import Saturated
+from drumsqueal.solve.linear.branches import point_at
 
 DAMPED = Path(__file__).parents[1] / "scenarios" / "damped.toml"
 DAMPING, CUBIC, QUINTIC = 0.04, -0.4, 0.5
@@ -190,7 +190,9 @@ def test_the_smallest_kick_is_told_written_and_drawn(drumsqueal, tmp_path, monke
     drawn = []
     for module in (study_module, kick_module):
         monkeypatch.setattr(module, "find_endings", made_up(lambda value: value / 20))
-    monkeypatch.setattr("drumsqueal.jobs.onset.save_figures", lambda figures, folder: drawn.append(figures["onset"]))
+    monkeypatch.setattr(
+        "drumsqueal.questions.onset.job.save_figures", lambda figures, folder: drawn.append(figures["onset"])
+    )
     arguments = ["onset", str(DAMPED), *QUICK, "--along", "drum.speed=1..40x14", "-o", str(tmp_path)]
     status, printed, error = drumsqueal(*arguments, "--smallest-kick")
     assert (status, error) == (0, "")

@@ -8,19 +8,19 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from drumsqueal.kernel import compiled, one_kernel
-from drumsqueal.model import build_model
+from drumsqueal.physics.kernel import compiled, one_kernel
+from drumsqueal.physics.model import build_model
 from drumsqueal.scene.tables import Simulate
 from drumsqueal.simulation import prepare, run, transient
-from drumsqueal.transient import batch
-from drumsqueal.transient import segment as integration
-from drumsqueal.transient.batch import integrate_many
-from drumsqueal.transient.integrate import integrate
-from drumsqueal.transient.runge_kutta import _EXPLICIT, AUTO, LOCAL_SHARE, SOLVERS, STAGES, Explicit, make_solver
-from drumsqueal.transient.sdirk import Stages
-from drumsqueal.transient.segment import first_step
-from drumsqueal.transient.state import Span, State
-from drumsqueal.transient.stepping import step_through
+from drumsqueal.solve.transient import batch
+from drumsqueal.solve.transient import segment as integration
+from drumsqueal.solve.transient.batch import integrate_many
+from drumsqueal.solve.transient.integrate import integrate
+from drumsqueal.solve.transient.runge_kutta import _EXPLICIT, AUTO, LOCAL_SHARE, SOLVERS, STAGES, Explicit, make_solver
+from drumsqueal.solve.transient.sdirk import Stages
+from drumsqueal.solve.transient.segment import first_step
+from drumsqueal.solve.transient.state import Span, State
+from drumsqueal.solve.transient.stepping import step_through
 
 ORDER = {"tsit5": 5, "dopri5": 5, "dopri8": 8, "sdirk4": 4}
 

@@ -11,15 +11,16 @@ import numpy as np
 import pytest
 import xarray
 
-from drumsqueal import figures, simulation
+from drumsqueal import simulation
 from drumsqueal.errors import IntegrationError
 from drumsqueal.files import history_file
 from drumsqueal.files.claims import claim_folder, claims_released
 from drumsqueal.files.output_folder import RUN_FILES, part_of
 from drumsqueal.interrupts import AGAIN as AGAIN_ENDS
 from drumsqueal.interrupts import ENDED, HEARD, noted_interrupts, stop_if_interrupted
-from drumsqueal.jobs import run as job
-from drumsqueal.jobs import run_results as results
+from drumsqueal.questions.run import figures
+from drumsqueal.questions.run import job as job
+from drumsqueal.questions.run import results as results
 from drumsqueal.simulation import run
 from processes import MAIN, posix, start, wait_for
 
@@ -338,8 +339,8 @@ def test_a_command_that_is_stopped_at_once_leaves_no_folder(drumsqueal, tmp_path
         raise KeyboardInterrupt
 
     step, *options = AT_ONCE[command]
-    importlib.import_module(f"drumsqueal.jobs.{command}")
-    monkeypatch.setattr(f"drumsqueal.jobs.{command}.{step}", pressed)
+    importlib.import_module(f"drumsqueal.questions.{command}.job")
+    monkeypatch.setattr(f"drumsqueal.questions.{command}.job.{step}", pressed)
     damped, folder = str(SCENARIOS / "damped.toml"), tmp_path / "deep" / "out"
     status, printed, errors = drumsqueal(command, damped, "-o", str(folder), *options)
     assert (status, printed) == (1, "")

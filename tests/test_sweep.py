@@ -15,17 +15,17 @@ from scipy.optimize import brentq
 
 import drumsqueal as ds
 from drumsqueal.errors import IntegrationError, RequestError
-from drumsqueal.files import sweep_file
 from drumsqueal.files.output_folder import SWEEP_FILES
-from drumsqueal.files.sweep import AT_REST, FOLDED, NOT_YET, OUTCOME, TRENDS, blank, to_dataset
-from drumsqueal.files.sweep_file import RUNNING, SweepFile
-from drumsqueal.jobs import sweep as job
-from drumsqueal.jobs.sweep_results import summarise
+from drumsqueal.questions.sweep import file as sweep_file
+from drumsqueal.questions.sweep import job as job
+from drumsqueal.questions.sweep import study
+from drumsqueal.questions.sweep.chance import chance, rank_correlation, study_chance
+from drumsqueal.questions.sweep.file import RUNNING, SweepFile
+from drumsqueal.questions.sweep.points import AT_REST, FOLDED, NOT_YET, OUTCOME, TRENDS, blank, to_dataset
+from drumsqueal.questions.sweep.results import summarise
 from drumsqueal.scene import COORDINATES, SceneError, load_scene
 from drumsqueal.scene.plan import Plan, grid, sample
 from drumsqueal.scene.variation import read_variation
-from drumsqueal.studies.sweep import study
-from drumsqueal.studies.sweep.chance import chance, rank_correlation, study_chance
 from processes import posix, start, wait_for
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"
@@ -241,7 +241,7 @@ def test_a_sweep_that_was_cut_off_goes_on_and_leaves_the_same_file(drumsqueal, d
     assert (status, errors.count("\n")) == (2, 1)
     assert "friction.static was 0.5 in the run and is 0.6 here" in errors
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("drumsqueal.files.sweep_file.versions", lambda: {"jax": "0.1"})
+        patch.setattr("drumsqueal.questions.sweep.file.versions", lambda: {"jax": "0.1"})
         status, _, errors = drumsqueal("sweep", *arguments, "-o", str(cut), "--resume")
     assert (status, errors.count("\n"), "go back to those" in errors) == (2, 1, True)
     status, printed, errors = drumsqueal("sweep", *arguments, "-o", str(cut), "--resume")
@@ -312,7 +312,7 @@ def test_a_sweep_without_its_figures_is_not_complete(drumsqueal, tmp_path, monke
         raise stopped
 
     with monkeypatch.context() as patch:
-        patch.setattr("drumsqueal.jobs.sweep_results.save_figures", fail)
+        patch.setattr("drumsqueal.questions.sweep.results.save_figures", fail)
         status, printed, errors = drumsqueal(*arguments)
     assert (status, printed, errors.count("\n")) == (1, "", 1)
     assert "4 of 4 points were computed" in errors
@@ -464,7 +464,9 @@ def test_a_sweep_in_rpm_goes_on_in_another_unit_and_keeps_its_own(drumsqueal, tm
     command = ("sweep", str(SCENARIOS / "damped.toml"), *how, "-o", str(tmp_path), "--vary")
     counted = "" if how else " x 20"
     with monkeypatch.context() as patch:
-        patch.setattr("drumsqueal.jobs.sweep_results.save_figures", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
+        patch.setattr(
+            "drumsqueal.questions.sweep.results.save_figures", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt)
+        )
         assert drumsqueal(*command, f"drum.speed=60..130 rpm{counted}")[0] == 1
     # 60 rpm are 360 deg/s, 130 rpm 780 deg/s.
     assert drumsqueal(*command, f"drum.speed=360..781 deg/s{counted}", "--resume")[0] == 2

@@ -12,15 +12,14 @@ import pytest
 import xarray
 from distributed import Client, LocalCluster
 
-from drumsqueal import history
 from drumsqueal.errors import IntegrationError
-from drumsqueal.files.sweep import blank
-from drumsqueal.jobs import cluster_work
-from drumsqueal.jobs.cluster import Cluster
+from drumsqueal.findings import history
+from drumsqueal.questions.sweep import cluster_work, study
+from drumsqueal.questions.sweep.cluster import Cluster
+from drumsqueal.questions.sweep.points import blank
 from drumsqueal.scene import load_scene
 from drumsqueal.scene.plan import Plan, grid
 from drumsqueal.scene.variation import read_variation
-from drumsqueal.studies.sweep import study
 from processes import posix, start
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"
@@ -84,7 +83,7 @@ def test_a_batch_that_fails_ends_the_sweep_with_the_reason(plan, cluster, monkey
 
 
 def test_a_worker_of_another_version_is_refused(plan, cluster, monkeypatch):
-    from drumsqueal.jobs import cluster as module
+    from drumsqueal.questions.sweep import cluster as module
 
     monkeypatch.setattr(module, "versions", lambda: history.versions() | {"scipy": "0.1"})
     with pytest.raises(IntegrationError, match=r"its versions are others \(scipy .* instead of 0.1\)"):

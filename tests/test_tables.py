@@ -11,9 +11,9 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from drumsqueal import jobs
-from drumsqueal.jobs.tables import print_table
+from drumsqueal import questions
 from drumsqueal.scene import load_scene
+from drumsqueal.terminal.tables import print_table
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"
 SENTENCE = "from the drum's axis to the middle of the lining, along the direction of the load, in steady sliding"
@@ -95,7 +95,7 @@ def test_the_modes_of_a_scene_are_whole_in_a_narrow_window(drumsqueal, monkeypat
 
 
 def test_no_job_prints_a_table_in_another_way():
-    for path in Path(str(jobs.__file__)).parent.glob("*.py"):
+    for path in Path(str(questions.__file__)).parent.rglob("*.py"):
         text = path.read_text()
         assert ("import Table" in text) == ("print_table" in text) or path.name == "tables.py"
         assert "console.print(table" not in text or path.name == "tables.py"

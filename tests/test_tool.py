@@ -12,17 +12,17 @@ from pathlib import Path
 
 import pytest
 
-from drumsqueal import cli
-from drumsqueal.cli.completion import SIGNALS
-from drumsqueal.cli.options import UNBROKEN, Reply, make_console
+from drumsqueal import command_line as cli
 from drumsqueal.errors import RequestError
-from drumsqueal.export.formats import FORMATS
-from drumsqueal.export.signals import known_signals
+from drumsqueal.questions.check.run_time import RunTime
+from drumsqueal.questions.check.study import check_scene, warnings_of
+from drumsqueal.questions.export.formats import FORMATS
+from drumsqueal.questions.export.signals import known_signals
 from drumsqueal.scene import load_scene, setting_choices
 from drumsqueal.scene.shipped import find_scene, shipped_names, shipped_scenes
 from drumsqueal.simulation import prepare, run
-from drumsqueal.studies.check import check_scene, warnings_of
-from drumsqueal.studies.run_time import RunTime
+from drumsqueal.terminal.completion import SIGNALS
+from drumsqueal.terminal.options import UNBROKEN, Reply, make_console
 
 PULSE = "{time=[0, 0.1, 0.1000005, 0.100001], value=[2000, 2000, 8e5, 2000]}"  # between two samples
 
@@ -144,7 +144,7 @@ def test_the_signals_that_are_offered_are_those_that_can_go_out():
 
 def test_the_commands_are_known_before_anything_that_computes_is_loaded():
     # What JAX is to keep, and where, it reads when it is imported: by then the command line must have said so.
-    code = "import sys, drumsqueal.cli; print({'jax', 'xarray', 'scipy', 'matplotlib'} & set(sys.modules))"
+    code = "import sys, drumsqueal.command_line; print({'jax', 'xarray', 'scipy', 'matplotlib'} & set(sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert (done.stdout, done.stderr) == ("set()\n", "")
 
@@ -356,7 +356,7 @@ def test_check_foretells_the_first_edge_and_the_evaluations(nominal):
     ],
 )
 def test_check_warns_in_plain_words(nominal, settings, told, drumsqueal, monkeypatch):
-    monkeypatch.setattr("drumsqueal.studies.check.estimate", lambda *_: estimate_nothing())
+    monkeypatch.setattr("drumsqueal.questions.check.study.estimate", lambda *_: estimate_nothing())
     arguments = [each for setting in settings for each in ("--set", setting)]
     status, printed, errors = drumsqueal("check", NOMINAL, *arguments)
     assert (status, errors) == (0, "")

@@ -10,14 +10,14 @@ import pytest
 import scipy.linalg
 
 from drumsqueal.errors import IntegrationError
-from drumsqueal.linear.steady import linearise, steady_sliding
-from drumsqueal.model import build_model
+from drumsqueal.physics.model import build_model
 from drumsqueal.scene import Scene
 from drumsqueal.simulation import run
-from drumsqueal.transient import choice
-from drumsqueal.transient import integrate as integration
-from drumsqueal.transient.integrate import integrate
-from drumsqueal.transient.state import CHUNK_SAMPLES
+from drumsqueal.solve.linear.steady import linearise, steady_sliding
+from drumsqueal.solve.transient import choice
+from drumsqueal.solve.transient import integrate as integration
+from drumsqueal.solve.transient.integrate import integrate
+from drumsqueal.solve.transient.state import CHUNK_SAMPLES
 
 ALL = tuple(range(6))
 REFERENCE = Path(__file__).parent / "reference"

@@ -14,58 +14,58 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from drumsqueal.comparison.compare import Comparison, compare
-    from drumsqueal.effects.custom_friction import TabulatedLaw
-    from drumsqueal.effects.friction_law import FrictionLaw
     from drumsqueal.errors import CycleError, IntegrationError, SteadyStateError
-    from drumsqueal.figures.animation import save_animation
-    from drumsqueal.figures.playback import Playback, play_history, play_mode
-    from drumsqueal.files.measured.reader import read_measured
-    from drumsqueal.files.measured.record import Measured
-    from drumsqueal.linear.modes import Mode, Stability, analyse_stability, growth_rate
-    from drumsqueal.model import Model, build_model
+    from drumsqueal.findings.compare import Comparison, compare
+    from drumsqueal.physics.laws.custom_friction import TabulatedLaw
+    from drumsqueal.physics.laws.friction_law import FrictionLaw
+    from drumsqueal.physics.model import Model, build_model
+    from drumsqueal.questions.accuracy.study import AccuracyStudy, study_accuracy
+    from drumsqueal.questions.animate.animation import save_animation
+    from drumsqueal.questions.animate.playback import Playback, play_history, play_mode
+    from drumsqueal.questions.compare.measured.reader import read_measured
+    from drumsqueal.questions.compare.measured.record import Measured
+    from drumsqueal.questions.compare.study import MeasuredComparison, compare_measured
+    from drumsqueal.questions.cycle.branches import Diagram, follow_cycle
+    from drumsqueal.questions.cycle.search import Search, find_cycle
+    from drumsqueal.questions.effects.study import EffectStudy, study_effects
+    from drumsqueal.questions.motion.study import MotionStudy, study_motion
+    from drumsqueal.questions.onset.study import OnsetStudy, study_onset
+    from drumsqueal.questions.paper.study import PaperStudy, study_paper
+    from drumsqueal.questions.sensitivity.quieting import Quieting, quieten
+    from drumsqueal.questions.sensitivity.study import SensitivityStudy, study_sensitivity
+    from drumsqueal.questions.sweep.study import sweep_parameters
     from drumsqueal.scene import Scene, SceneError, load_scene, scene_from_dict
     from drumsqueal.scene.seo_kang import seo_kang_brake
     from drumsqueal.simulation import Result, run
-    from drumsqueal.studies.accuracy.study import AccuracyStudy, study_accuracy
-    from drumsqueal.studies.cycle.branches import Diagram, follow_cycle
-    from drumsqueal.studies.cycle.search import Search, find_cycle
-    from drumsqueal.studies.effects.study import EffectStudy, study_effects
-    from drumsqueal.studies.measured import MeasuredComparison, compare_measured
-    from drumsqueal.studies.motion import MotionStudy, study_motion
-    from drumsqueal.studies.onset.study import OnsetStudy, study_onset
-    from drumsqueal.studies.paper.study import PaperStudy, study_paper
-    from drumsqueal.studies.sensitivity.quieting import Quieting, quieten
-    from drumsqueal.studies.sensitivity.study import SensitivityStudy, study_sensitivity
-    from drumsqueal.studies.sweep.study import sweep_parameters
-    from drumsqueal.transient.batch import integrate_many
+    from drumsqueal.solve.linear.modes import Mode, Stability, analyse_stability, growth_rate
+    from drumsqueal.solve.transient.batch import integrate_many
 
 _HOMES = {
-    "transient.batch": ("integrate_many",),
-    "comparison.compare": ("Comparison", "compare"),
-    "effects.custom_friction": ("TabulatedLaw",),
-    "effects.friction_law": ("FrictionLaw",),
+    "solve.transient.batch": ("integrate_many",),
+    "findings.compare": ("Comparison", "compare"),
+    "physics.laws.custom_friction": ("TabulatedLaw",),
+    "physics.laws.friction_law": ("FrictionLaw",),
     "errors": ("CycleError", "IntegrationError", "SteadyStateError"),
-    "files.measured.reader": ("read_measured",),
-    "files.measured.record": ("Measured",),
-    "figures.animation": ("save_animation",),
-    "figures.playback": ("Playback", "play_history", "play_mode"),
-    "model": ("Model", "build_model"),
-    "linear.modes": ("Mode", "Stability", "analyse_stability", "growth_rate"),
+    "questions.compare.measured.reader": ("read_measured",),
+    "questions.compare.measured.record": ("Measured",),
+    "questions.animate.animation": ("save_animation",),
+    "questions.animate.playback": ("Playback", "play_history", "play_mode"),
+    "physics.model": ("Model", "build_model"),
+    "solve.linear.modes": ("Mode", "Stability", "analyse_stability", "growth_rate"),
     "scene": ("Scene", "SceneError", "load_scene", "scene_from_dict"),
     "simulation": ("Result", "run"),
-    "studies.accuracy.study": ("AccuracyStudy", "study_accuracy"),
-    "studies.cycle.branches": ("Diagram", "follow_cycle"),
-    "studies.cycle.search": ("Search", "find_cycle"),
-    "studies.effects.study": ("EffectStudy", "study_effects"),
-    "studies.measured": ("MeasuredComparison", "compare_measured"),
-    "studies.motion": ("MotionStudy", "study_motion"),
-    "studies.onset.study": ("OnsetStudy", "study_onset"),
-    "studies.paper.study": ("PaperStudy", "study_paper"),
-    "studies.sensitivity.quieting": ("Quieting", "quieten"),
-    "studies.sensitivity.study": ("SensitivityStudy", "study_sensitivity"),
+    "questions.accuracy.study": ("AccuracyStudy", "study_accuracy"),
+    "questions.cycle.branches": ("Diagram", "follow_cycle"),
+    "questions.cycle.search": ("Search", "find_cycle"),
+    "questions.effects.study": ("EffectStudy", "study_effects"),
+    "questions.compare.study": ("MeasuredComparison", "compare_measured"),
+    "questions.motion.study": ("MotionStudy", "study_motion"),
+    "questions.onset.study": ("OnsetStudy", "study_onset"),
+    "questions.paper.study": ("PaperStudy", "study_paper"),
+    "questions.sensitivity.quieting": ("Quieting", "quieten"),
+    "questions.sensitivity.study": ("SensitivityStudy", "study_sensitivity"),
     "scene.seo_kang": ("seo_kang_brake",),
-    "studies.sweep.study": ("sweep_parameters",),
+    "questions.sweep.study": ("sweep_parameters",),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
 

@@ -10,7 +10,7 @@ def main() -> None:
     """Run the command line, with Ctrl-C noted from the loading of it to its end."""
     note_interrupts()
     try:
-        from drumsqueal.cli import main as run
+        from drumsqueal.command_line import main as run
 
         run()
     finally:

@@ -14,7 +14,10 @@ import xarray
 from jax import Array
 from numpy.typing import NDArray
 
-from drumsqueal.composition import (
+from drumsqueal.errors import IntegrationError, SteadyStateError
+from drumsqueal.findings.history import COMPLETE, to_dataset
+from drumsqueal.interrupts import noted_interrupts, stop_if_interrupted
+from drumsqueal.physics.composition import (
     ALL,
     Inventory,
     kept_coordinates,
@@ -22,18 +25,15 @@ from drumsqueal.composition import (
     moved_coordinates,
     take_inventory,
 )
-from drumsqueal.effects.friction_law import FrictionLaw
-from drumsqueal.errors import IntegrationError, SteadyStateError
-from drumsqueal.history import COMPLETE, to_dataset
-from drumsqueal.interrupts import noted_interrupts, stop_if_interrupted
-from drumsqueal.linear.modes import Stability, analyse_stability, while_sliding
-from drumsqueal.linear.steady import coupling
-from drumsqueal.model import Model, build_model
+from drumsqueal.physics.laws.friction_law import FrictionLaw
+from drumsqueal.physics.model import Model, build_model
 from drumsqueal.scene import COORDINATES, Scene, SceneError
-from drumsqueal.transient.integrate import Checkpoint, Chunk, integrate
+from drumsqueal.solve.linear.modes import Stability, analyse_stability, while_sliding
+from drumsqueal.solve.linear.steady import coupling
+from drumsqueal.solve.transient.integrate import Checkpoint, Chunk, integrate
 
 if TYPE_CHECKING:
-    from drumsqueal.comparison.compare import Comparison
+    from drumsqueal.findings.compare import Comparison
 
 
 class Prepared(NamedTuple):
@@ -222,8 +222,8 @@ def finish(prepared: Prepared, chunks: list[Chunk], outcome: str) -> Result:
 
 def compared(prepared: Prepared, history: xarray.Dataset) -> Result:
     """Compare a history with the prediction."""
-    from drumsqueal.comparison.compare import compare
-    from drumsqueal.comparison.quadrature import estimate_quadrature_error
+    from drumsqueal.findings.compare import compare
+    from drumsqueal.findings.quadrature import estimate_quadrature_error
 
     error = estimate_quadrature_error(history, prepared.model, prepared.scene.simulate.tolerance)
     comparison, outcome = compare(history, prepared.stability, prepared.linear, error), history.attrs["outcome"]

@@ -24,11 +24,11 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from drumsqueal.effects.friction_law import FrictionLaw
-from drumsqueal.kernel import compiled, one_kernel
-from drumsqueal.model import Model, build_model
-from drumsqueal.quadrature.arc import ArcSurface
-from drumsqueal.quadrature.area import AreaSurface
+from drumsqueal.physics.kernel import compiled, one_kernel
+from drumsqueal.physics.laws.friction_law import FrictionLaw
+from drumsqueal.physics.model import Model, build_model
+from drumsqueal.physics.quadrature.arc import ArcSurface
+from drumsqueal.physics.quadrature.area import AreaSurface
 from drumsqueal.scene import load_scene
 
 SCENE = Path(__file__).parents[2] / "scenarios" / "nominal.toml"

@@ -16,10 +16,10 @@ from jax import Array
 from scipy.interpolate import CubicHermiteSpline
 
 import drumsqueal.precision  # noqa: F401 (switches it on)
-from drumsqueal.effects.friction_law import FrictionLaw
-from drumsqueal.small_bodies import block_on_belt
-from drumsqueal.transient import stick_slip
-from drumsqueal.transient.integrate import integrate
+from drumsqueal.physics.laws.friction_law import FrictionLaw
+from drumsqueal.physics.small_bodies import block_on_belt
+from drumsqueal.solve.transient import stick_slip
+from drumsqueal.solve.transient.integrate import integrate
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "hard"))
 from bodies import HyperbolicLaw

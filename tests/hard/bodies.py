@@ -8,11 +8,11 @@ from jax import Array
 from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
-from drumsqueal.effects.friction_law import ExponentialLaw
-from drumsqueal.linear.steady import linearise, steady_sliding
-from drumsqueal.model import Model
-from drumsqueal.small_bodies import block_on_belt
-from drumsqueal.transient.integrate import integrate
+from drumsqueal.physics.laws.friction_law import ExponentialLaw
+from drumsqueal.physics.model import Model
+from drumsqueal.physics.small_bodies import block_on_belt
+from drumsqueal.solve.linear.steady import linearise, steady_sliding
+from drumsqueal.solve.transient.integrate import integrate
 
 
 class Run(NamedTuple):

@@ -13,8 +13,8 @@ from scipy.optimize import brentq
 from scipy.special import ellipe, ellipkm1
 
 from bodies import run
-from drumsqueal.effects.friction_law import ConstantLaw, ExponentialLaw
-from drumsqueal.small_bodies import disc_on_plate
+from drumsqueal.physics.laws.friction_law import ConstantLaw, ExponentialLaw
+from drumsqueal.physics.small_bodies import disc_on_plate
 
 
 @eqx.filter_jit

@@ -17,15 +17,15 @@ from hypothesis import Phase, example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from drumsqueal.composition import ALL
-from drumsqueal.effects.touching import Observation
-from drumsqueal.linear.steady import linear_model, steady_sliding
-from drumsqueal.model import Model, build_model
+from drumsqueal.physics.composition import ALL
+from drumsqueal.physics.effects.touching import Observation
+from drumsqueal.physics.model import Model, build_model
 from drumsqueal.scene import Scene
-from drumsqueal.transient.integrate import integrate
-from drumsqueal.transient.runge_kutta import DEFAULT
-from drumsqueal.transient.segment import QUIET, ROUND_OFF, local_tolerance
-from drumsqueal.transient.sticking import hold
+from drumsqueal.solve.linear.steady import linear_model, steady_sliding
+from drumsqueal.solve.transient.integrate import integrate
+from drumsqueal.solve.transient.runge_kutta import DEFAULT
+from drumsqueal.solve.transient.segment import QUIET, ROUND_OFF, local_tolerance
+from drumsqueal.solve.transient.sticking import hold
 
 P0_OVER_KC = 2000.0 / (0.1 * math.radians(130) * 0.0365) / 0.35e11  # m, 6.9e-6: what the lining yields under its load
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from bodies import HyperbolicLaw
-from drumsqueal.effects.friction_law import ExponentialLaw, StepLaw
-from drumsqueal.small_bodies import block_on_belt
-from drumsqueal.transient import integrate as integration
-from drumsqueal.transient.stick_slip import StickSlip
+from drumsqueal.physics.laws.friction_law import ExponentialLaw, StepLaw
+from drumsqueal.physics.small_bodies import block_on_belt
+from drumsqueal.solve.transient import integrate as integration
+from drumsqueal.solve.transient.stick_slip import StickSlip
 
 SEED = 0  # of which one among the first twelve would go past
 

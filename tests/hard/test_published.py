@@ -12,13 +12,13 @@ import pytest
 from scipy.optimize import brentq
 
 from bodies import HyperbolicLaw, eigenvalues, falling_friction, run
-from drumsqueal.effects.forcing import Forcing
-from drumsqueal.effects.friction_law import ConstantLaw, StepLaw
-from drumsqueal.effects.operation import Operation
-from drumsqueal.effects.schedule import Constant, Profile
-from drumsqueal.linear.modes import growth_rate
-from drumsqueal.small_bodies import block_on_belt, sprung_block_on_belt
-from drumsqueal.transient.integrate import integrate
+from drumsqueal.physics.effects.forcing import Forcing
+from drumsqueal.physics.effects.operation import Operation
+from drumsqueal.physics.effects.schedule import Constant, Profile
+from drumsqueal.physics.laws.friction_law import ConstantLaw, StepLaw
+from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
+from drumsqueal.solve.linear.modes import growth_rate
+from drumsqueal.solve.transient.integrate import integrate
 
 BELT = 0.2  # m/s
 HOW = {"sample_rate": 50.0, "tolerance": 1e-10}

@@ -17,10 +17,10 @@ import xarray
 
 from drumsqueal.files.in_place import fill, fixed_text, opened, placed, variable
 from drumsqueal.files.output_folder import part_of
-from drumsqueal.history import columns, empty_dataset
+from drumsqueal.findings.history import columns, empty_dataset
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import Scene
-from drumsqueal.transient.integrate import Chunk
+from drumsqueal.solve.transient.integrate import Chunk
 
 RUNNING = "incomplete: the run was cut off without a word"
 _LONGEST = 512  # bytes of the outcome in the file: of fixed length, so that it can be changed in place

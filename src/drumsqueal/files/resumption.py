@@ -15,20 +15,20 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray
 
-from drumsqueal.composition import kept_coordinates
 from drumsqueal.errors import RequestError
 from drumsqueal.files.history_file import Reached
 from drumsqueal.files.in_place import opened, own_variable, read_texts, variable
 from drumsqueal.files.ordinary import read_ordinary
 from drumsqueal.files.output_folder import HISTORY, RESUME, write_whole
-from drumsqueal.history import COMPLETE, MOTION, SIGNALS, empty_dataset, versions
+from drumsqueal.findings.history import COMPLETE, MOTION, SIGNALS, empty_dataset, versions
+from drumsqueal.physics.composition import kept_coordinates
 from drumsqueal.precision import real
 from drumsqueal.scene import Scene, scene_from_dict
 from drumsqueal.scene.quantities import show
-from drumsqueal.transient.choice import MOST_PATIENCE, Method
-from drumsqueal.transient.integrate import Checkpoint
-from drumsqueal.transient.runge_kutta import AUTO, DEFAULT, IMPLICIT
-from drumsqueal.transient.state import CHUNK_SAMPLES, State
+from drumsqueal.solve.transient.choice import MOST_PATIENCE, Method
+from drumsqueal.solve.transient.integrate import Checkpoint
+from drumsqueal.solve.transient.runge_kutta import AUTO, DEFAULT, IMPLICIT
+from drumsqueal.solve.transient.state import CHUNK_SAMPLES, State
 
 FORMAT = 1
 EVERY = 0.2  # s of computing that may have to be repeated; to write the file takes some 3 ms

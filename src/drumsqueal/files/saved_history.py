@@ -11,7 +11,7 @@ import xarray
 from drumsqueal.errors import RequestError
 from drumsqueal.files.in_place import as_text, content_of, opened, variable
 from drumsqueal.files.output_folder import history_file
-from drumsqueal.history import COMPLETE, MOTION, SIGNALS
+from drumsqueal.findings.history import COMPLETE, MOTION, SIGNALS
 from drumsqueal.scene import COORDINATES, Scene, SceneError, scene_from_dict
 
 UNEVEN = 1e-6  # of a sampling interval, that a sample may lie off its place; round-off is below 1e-9 in an hour

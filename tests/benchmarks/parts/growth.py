@@ -13,10 +13,10 @@ from statistics import median
 
 import numpy as np
 
-from drumsqueal.bodies.rigid_shoe import IN_PLANE
-from drumsqueal.model import build_model
+from drumsqueal.physics.bodies.rigid_shoe import IN_PLANE
+from drumsqueal.physics.model import build_model
 from drumsqueal.scene import load_scene
-from drumsqueal.transient.batch import integrate_many
+from drumsqueal.solve.transient.batch import integrate_many
 
 from .pictures import draw_growth
 from .record import Record

@@ -10,8 +10,8 @@ from statistics import median
 
 import numpy as np
 
-from drumsqueal.model import Model, build_model
-from drumsqueal.transient.batch import integrate_many
+from drumsqueal.physics.model import Model, build_model
+from drumsqueal.solve.transient.batch import integrate_many
 from peers.batch import solve_batch, warm_processes
 from peers.parameters import parameters_of
 from peers.reference import trajectory_error

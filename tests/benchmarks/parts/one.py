@@ -16,9 +16,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from drumsqueal.model import build_model
+from drumsqueal.physics.model import build_model
 from drumsqueal.simulation import Prepared, prepare, transient
-from drumsqueal.transient.batch import integrate_many
+from drumsqueal.solve.transient.batch import integrate_many
 from peers.parameters import parameters_of
 from peers.reference import Reference, solve_reference, trajectory_error
 from peers.solvers import CONTENDERS, MISSING, Contender

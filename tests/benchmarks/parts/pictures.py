@@ -7,8 +7,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from drumsqueal.figures import style
-from drumsqueal.figures.style import frame, new_figure, styled
+from drumsqueal.terminal import style
+from drumsqueal.terminal.style import frame, new_figure, styled
 
 from .curves import Curve
 

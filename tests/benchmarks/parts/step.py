@@ -26,12 +26,12 @@ import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
-from drumsqueal.kernel import compiled, one_kernel
-from drumsqueal.model import Model, build_model
+from drumsqueal.physics.kernel import compiled, one_kernel
+from drumsqueal.physics.model import Model, build_model
 from drumsqueal.simulation import prepare, transient
-from drumsqueal.transient.runge_kutta import DEFAULT, STAGES
-from drumsqueal.transient.segment import Segment, advance, first_step
-from drumsqueal.transient.state import CHUNK_SAMPLES, Span, State
+from drumsqueal.solve.transient.runge_kutta import DEFAULT, STAGES
+from drumsqueal.solve.transient.segment import Segment, advance, first_step
+from drumsqueal.solve.transient.state import CHUNK_SAMPLES, Span, State
 
 from .record import Record
 from .scenes import DURATION, SAMPLE_RATE, growing_scene

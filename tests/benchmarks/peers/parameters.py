@@ -6,8 +6,8 @@ one absolute tolerance serves displacements and velocities, translation and rota
 
 import numpy as np
 
-from drumsqueal.bodies.rigid_shoe import IN_PLANE
-from drumsqueal.model import build_model
+from drumsqueal.physics.bodies.rigid_shoe import IN_PLANE
+from drumsqueal.physics.model import build_model
 from drumsqueal.scene import Scene
 
 RADIUS, WIDTH, HALF_ANGLE, CENTROID, PRELOAD, STIFFNESS = range(6)  # m, m, rad, m, Pa, N/m³

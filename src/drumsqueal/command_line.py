@@ -1,0 +1,192 @@
+"""The command line: `drumsqueal run SCENE -o DIR` and the other commands, one module each.
+
+What computes is imported inside the commands, once the scene has been read: JAX must find its environment prepared,
+and a mistake in a scene is told at once.
+"""
+
+import errno
+import functools
+import inspect
+import os
+import sys
+from collections.abc import Callable
+from importlib.metadata import version
+from typing import Annotated, Any, NoReturn, cast
+
+import typer
+from rich.markup import escape
+
+from drumsqueal.compilation import check_address_space, prepare_environment
+from drumsqueal.errors import IntegrationError, RequestError
+from drumsqueal.files.claims import claims_released
+from drumsqueal.files.output_folder import UnwrittenError
+from drumsqueal.questions.accuracy.command import accuracy_command
+from drumsqueal.questions.animate.command import animate_command
+from drumsqueal.questions.check.command import check_command
+from drumsqueal.questions.compare.command import compare_command
+from drumsqueal.questions.cycle.command import cycle_command
+from drumsqueal.questions.effects.command import effects_command
+from drumsqueal.questions.export.command import export_command
+from drumsqueal.questions.motion.command import motion_command
+from drumsqueal.questions.onset.command import onset_command
+from drumsqueal.questions.paper.command import paper_command
+from drumsqueal.questions.report.command import report_command
+from drumsqueal.questions.run.command import run_command
+from drumsqueal.questions.scenes.command import scenes_command
+from drumsqueal.questions.sensitivity.command import sensitivity_command
+from drumsqueal.questions.stability.command import stability_command
+from drumsqueal.questions.sweep.command import sweep_command
+from drumsqueal.scene import Scene
+from drumsqueal.scene.quantities import SceneError, printable
+from drumsqueal.terminal.options import UsageError, make_console
+
+app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich", pretty_exceptions_enable=False)
+FAILED, WRONG = 1, 2  # exit status
+INTERRUPTED = "interrupted before anything was written"
+COMPLETION = "_DRUMSQUEAL_COMPLETE"  # set by the shell where it asks what could come next
+GROUPS: dict[str, dict[str, Callable[..., None]]] = {
+    "Simulate": {
+        "scenes": scenes_command,
+        "check": check_command,
+        "run": run_command,
+        "motion": motion_command,
+    },
+    "Onset of squeal": {
+        "stability": stability_command,
+        "onset": onset_command,
+        "cycle": cycle_command,
+        "sweep": sweep_command,
+        "sensitivity": sensitivity_command,
+        "paper": paper_command,
+    },
+    "Quality": {"effects": effects_command, "accuracy": accuracy_command},
+    "Look, listen, take along": {
+        "report": report_command,
+        "animate": animate_command,
+        "export": export_command,
+        "compare": compare_command,
+    },
+}
+"""The commands in the order of the help, by the panel they stand in."""
+_WITHOUT_JAX = (scenes_command,)
+_MORE_ARGUMENTS = {"effects"}  # it makes sense of --within 1 %
+
+
+def _add(group: str, name: str, command: Callable[..., None]) -> None:
+    settings = {"allow_extra_args": True} if name in _MORE_ARGUMENTS else None
+    added = app.command(name, help=help_text(command), rich_help_panel=group, context_settings=settings)
+    added(_naming_the_scene(command))
+
+
+def _naming_the_scene(command: Callable[..., None]) -> Callable[..., None]:
+    """The command, telling which file it is where a scene turns out to be wrong only after it was read."""
+
+    @functools.wraps(command)
+    def named(**values: Any) -> None:
+        if command not in _WITHOUT_JAX:
+            check_address_space()
+        try:
+            command(**values)
+        except SceneError as error:
+            file = values.get("scene", values.get("source"))
+            if file is None or (error.path and error.path[0] not in Scene.model_fields):
+                raise
+            raise SceneError(str(error), (f"{file} with --set" if values["settings"] else str(file),)) from None
+
+    return named
+
+
+def help_text(command: Callable[..., None]) -> str:
+    """The docstring of a command as its help: paragraphs without the line breaks of the source, an example by itself.
+
+    Brackets are text, not markup.
+    """
+    paragraphs = inspect.cleandoc(command.__doc__ or "").split("\n\n")
+    joined = (" ".join(paragraph.split()) for paragraph in paragraphs)
+    return escape("\n\n".join(each.replace("Example: ", "Example:\n  ", 1) for each in joined))
+
+
+for _group, _commands in GROUPS.items():
+    for _name, _command in _commands.items():
+        _add(_group, _name, _command)
+
+
+def _tell_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"drumsqueal {version('drumsqueal')}")
+        raise typer.Exit
+
+
+@app.callback()
+def _main(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_tell_version, is_eager=True, help="Show the version and exit."),
+    ] = False,
+) -> None:
+    """Friction-induced vibration of a drum-brake shoe in time, beside the eigenvalues that predict it."""
+
+
+def command_tree() -> Any:
+    """The command with its subcommands, ready to be called.
+
+    A flag takes no value, and its help names no type; brackets in the help are text."""
+    tree = cast(Any, typer.main.get_command(app))
+    for command in (tree, *tree.commands.values()):
+        for parameter in command.get_params(typer.Context(command)):
+            if getattr(parameter, "is_flag", False):
+                parameter.metavar = ""
+            parameter.help = escape(parameter.help or "")
+    return tree
+
+
+def _asked() -> str:
+    """The command as far as it is one."""
+    name = sys.argv[1] if len(sys.argv) > 1 else ""
+    return f"drumsqueal {name}" if any(name in commands for commands in GROUPS.values()) else "drumsqueal"
+
+
+def _one_line(message: str) -> str:
+    return printable(" ".join(message.split()))
+
+
+def main() -> None:
+    """Run the command line and turn every error into one line and an exit status."""
+    prepare_environment()
+    try:
+        command = command_tree()
+        if COMPLETION in os.environ:
+            command.main(prog_name="drumsqueal", complete_var=COMPLETION)
+        # Not main(): that would turn Ctrl-C into a return value, which looks like success.
+        with claims_released(), command.make_context("drumsqueal", sys.argv[1:]) as context:
+            command.invoke(context)
+    except typer.Exit as done:  # after --help and --version
+        sys.exit(done.exit_code)
+    except (SceneError, RequestError) as error:
+        _give_up(str(error), WRONG)
+    except UsageError as error:
+        message = error.format_message()
+        _give_up(message and f"{message} (see {_asked()} --help)", WRONG)
+    except KeyboardInterrupt:
+        _give_up(INTERRUPTED, FAILED)
+    except BrokenPipeError:  # whoever read has seen enough, as `head` does; what is left to be flushed goes nowhere
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(FAILED)
+    except IntegrationError as error:
+        _give_up(str(error), FAILED)
+    except UnwrittenError as error:
+        _give_up(str(error), FAILED)
+    except OSError as error:
+        cause = error.strerror or str(error)
+        place = error.filename or ("standard output" if error.errno == errno.ENOSPC else "")
+        _give_up(f"{place}: {cause}" if place else cause, FAILED)
+    except MemoryError as error:
+        _give_up(f"failed: there is too little memory ({error or 'none is left'})", FAILED)
+    except Exception as error:
+        _give_up(f"failed unexpectedly, {type(error).__name__}: {error}", FAILED)
+
+
+def _give_up(message: str, status: int) -> NoReturn:
+    if message:
+        make_console(stderr=True).print(f"drumsqueal: {_one_line(message)}", soft_wrap=True)
+    sys.exit(status)

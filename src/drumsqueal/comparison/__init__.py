@@ -1,1 +1,0 @@
-"""Prediction against transient: growth, frequency, saturation, the verdict in words."""

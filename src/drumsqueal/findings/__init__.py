@@ -1,0 +1,1 @@
+"""What a recorded motion shows: from arrays to findings."""

@@ -1,0 +1,96 @@
+"""What users quote of a run, and how far two runs differ in it."""
+
+import math
+from typing import NamedTuple
+
+from drumsqueal.findings.departure import Departure
+from drumsqueal.findings.saturation import Line, describe_motion, saturated_part
+from drumsqueal.physics.model import Model
+from drumsqueal.simulation import Result
+
+LOST = math.inf  # the change of what one of two runs lacks
+NEGLIGIBLE_RATIO = 1e-6  # damping ratio below which growth or decay is none to speak of
+CARRIED = 0.01  # share of the kinetic energy from which the amplitude of a coordinate is compared
+
+
+class ModeAnswer(NamedTuple):
+    """Onset frequency (Hz) and growth rate (1/s) of a mode."""
+
+    frequency_Hz: float
+    growth_rate: float
+
+
+class Answer(NamedTuple):
+    """Modes by label, and the motion at the end: half its peak-to-peak values (m, rad) and its main line.
+
+    The end is the saturated part or, where that cannot be told, the last 60 % of the record. `carriers` are the
+    coordinates that hold a hundredth or more of the kinetic energy there; none at rest. `unstable` are the labels of
+    the unstable modes, `rotation` (rad) is the shoe's largest.
+    """
+
+    modes: dict[str, ModeAnswer]
+    unstable: tuple[str, ...]
+    amplitude: dict[str, float]
+    carriers: tuple[str, ...]
+    main: Line | None
+    rotation: float
+
+
+class Change(NamedTuple):
+    """Relative changes, each the largest: over the modes, over the carriers of the motion at the end, of its main line.
+
+    None where neither run has the quantity, infinite where one of them lacks it.
+    """
+
+    growth_rate: float | None
+    onset_frequency: float | None
+    amplitude: float | None
+    main_frequency: float | None
+
+
+QUANTITIES = {
+    "growth_rate": "growth rates",
+    "onset_frequency": "onset frequencies",
+    "amplitude": "amplitude at the end",
+    "main_frequency": "frequency at the end",
+}
+"""The fields of a change in words."""
+
+
+def answer_of(result: Result, model: Model) -> Answer:
+    """Read the answer off a run; `model` is the one over the coordinates of its eigenvalues."""
+    modes = {mode.label: ModeAnswer(mode.frequency_Hz, mode.growth_rate) for mode in result.stability.modes}
+    departure, comparison = Departure(result.history, result.stability), result.comparison
+    edge = comparison.edge_reached_s if comparison.saturation is not None else None
+    part = saturated_part(departure.time, 0.0 if edge is None else edge)
+    motion = describe_motion(departure, part, result.stability, model)
+    carriers = tuple(name for name, share in motion.kinetic_share.items() if share >= CARRIED)
+    unstable = tuple(mode.label for mode in result.stability.unstable)
+    return Answer(modes, unstable, motion.amplitude, carriers, motion.main, departure.largest_rotation)
+
+
+def change_of(whole: Answer, other: Answer) -> Change:
+    """Change from the whole scene's answer to another one's, over the whole scene's modes and carriers."""
+    pairs = [(before, other.modes.get(label)) for label, before in whole.modes.items()]
+    frequency = [LOST if after is None else after.frequency_Hz / before.frequency_Hz - 1 for before, after in pairs]
+    growth = [LOST if after is None else _growth_change(before, after) for before, after in pairs]
+    amplitude = [other.amplitude.get(name, 0.0) / whole.amplitude[name] - 1 for name in whole.carriers]
+    if not whole.carriers and other.carriers:
+        amplitude = [LOST]  # rest against motion
+    return Change(_largest(growth), _largest(frequency), _largest(amplitude), _frequency_change(whole.main, other.main))
+
+
+def _growth_change(before: ModeAnswer, after: ModeAnswer) -> float:
+    """Relative to the growth rate, or to a negligible one where it is smaller."""
+    negligible = NEGLIGIBLE_RATIO * 2 * math.pi * before.frequency_Hz
+    return (after.growth_rate - before.growth_rate) / max(abs(before.growth_rate), negligible)
+
+
+def _frequency_change(whole: Line | None, other: Line | None) -> float | None:
+    if whole is None or other is None:
+        return None if whole is other else LOST
+    return other.frequency_Hz / whole.frequency_Hz - 1
+
+
+def _largest(changes: list[float]) -> float | None:
+    return max(changes, key=abs, default=None)

@@ -1,0 +1,79 @@
+"""Whether a motion that has not settled is on its way to rest: what is left of it below the edges, where all decays."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drumsqueal.findings.departure import Departure, changes, edge_share
+from drumsqueal.findings.signals import STEADY, Regime
+from drumsqueal.physics.model import Model
+from drumsqueal.solve.linear.modes import NEUTRAL_SHARE, Mode, Stability
+
+SMALL = 0.1  # of the nearer edge, below which the motion is nearly linear
+BEYOND = 0.9  # of an edge, from which on the linear model is no guide; a block that sticks just reaches it
+NEARLY_LINEAR = 0.5  # of the linear rate: a motion below the edges that decays so fast is linear
+
+
+def is_decaying(share: float, rate: float, linear: float) -> bool:
+    """Whether a motion that has come this `share` of the way to the edges, and changes at this rate (1/s), decays.
+
+    Within a tenth of the edges it must fall, below them at least half as fast as the slowest mode at `linear` (1/s).
+    """
+    return (share < SMALL and rate < 0) or (share < BEYOND and rate < NEARLY_LINEAR * linear)
+
+
+def slowest(stability: Stability, modes: Sequence[Mode]) -> Mode | None:
+    """Of these modes the one that decays slowest; None unless all decay and nothing diverges."""
+    mode = max(modes, key=lambda each: each.growth_rate, default=None)
+    if mode is None or stability.divergence is not None or mode.growth_rate > -NEUTRAL_SHARE * mode.frequency_Hz:
+        return None
+    return mode
+
+
+def decay_to_rest(
+    regime: Regime, departure: Departure, part: slice, stability: Stability, modes: Sequence[Mode], model: Model
+) -> Regime:
+    """Return the regime of a part of the record, steady where what had not settled decays to rest.
+
+    `modes` are those that take part; all of them must decay. Rest stays rest, and what is left of it grows no more.
+    """
+    mode = slowest(stability, modes)
+    if regime.kind not in ("unknown", "steady") or mode is None or model.forced or changes(model, departure.time[part]):
+        return regime
+    slow = f"every mode decays, {mode.label} slowest at {mode.growth_rate:.4g} 1/s".replace("-", "−")
+    share = float(edge_share(departure, model)[part].max())
+    if regime.kind == "steady" or share < STEADY:
+        reason = regime.reason.split(":")[0] if regime.kind == "steady" else "Nothing moves"
+        return _steady(regime, f"{reason}: what is left is {share:.2g} of what reaches an edge, and {slow}.")
+    rate = _rate(departure, part, stability.mass)
+    if not is_decaying(share, rate, mode.growth_rate):
+        return regime
+    told = f"the rms velocity changes by {rate:.4g} 1/s".replace("-", "−")
+    return _steady(regime, f"The motion decays to rest: below the edges {told}, and {slow}.")
+
+
+def _steady(regime: Regime, reason: str) -> Regime:
+    return Regime("steady", None, (), None, regime.amplitude_drift, reason)
+
+
+def _rate(departure: Departure, part: slice, mass: NDArray[np.float64]) -> float:
+    first, stop, _ = part.indices(departure.time.size)
+    half = first + (stop - first) // 2
+    before, after = (departure.mean_square_velocity(each) for each in (slice(first, half), slice(half, stop)))
+    return _between(before, after, mass, (stop - first) / departure.sample_rate)
+
+
+def rms_rate(velocity: NDArray[np.float64], mass: NDArray[np.float64], sample_rate: float) -> float:
+    """Mean growth rate (1/s) of the rms velocity (time, n), weighted by mass, from the first half to the second."""
+    half = len(velocity) // 2
+    before, after = (np.mean(each**2, axis=0) for each in (velocity[:half], velocity[half:]))
+    return _between(before, after, mass, len(velocity) / sample_rate)
+
+
+def _between(
+    first: NDArray[np.float64], second: NDArray[np.float64], mass: NDArray[np.float64], seconds: float
+) -> float:
+    """Growth rate from the mean squares (n,) of the halves of so many seconds."""
+    before, after = float(mass @ first), float(mass @ second)
+    return float(np.log(after / before)) / seconds if min(before, after) > 0 else 0.0

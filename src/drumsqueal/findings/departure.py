@@ -1,0 +1,230 @@
+"""The departure from steady sliding, and how far it has come towards the edges."""
+
+import dataclasses
+from collections.abc import Iterator, Sequence
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import xarray
+from jax import Array
+from numpy.typing import NDArray
+
+from drumsqueal.findings.edges import pressure_share, slip_share
+from drumsqueal.findings.signals import Spectrum, amplitude_spectrum, modal_amplitudes
+from drumsqueal.physics.bodies.rigid_shoe import IN_PLANE, RigidShoe
+from drumsqueal.physics.effects.operation import Operation
+from drumsqueal.physics.effects.pressure import Unilateral
+from drumsqueal.physics.effects.schedule import Constant, Profile
+from drumsqueal.physics.model import Model
+from drumsqueal.scene import COORDINATES
+from drumsqueal.solve.linear.modes import Mode, Stability
+
+ROTATIONS = ("Tx", "Ty", "Tz")
+FEWEST_FOR_SPECTRUM = 16  # samples
+PIECE = 2**14  # samples that are read at a time
+LIFTED_SHARE = 0.1  # of the lining
+FRACTION_ROUND_OFF = 1e-12  # of a share of the lining, which is a sum over some hundred nodes
+FORCE_ROUND_OFF = 1e-10  # of the load: forces that cancel leave so much at most
+
+
+def unit_of(coordinate: str, prefix: str = "") -> str:
+    """The unit of a coordinate, m or rad, with a prefix such as µ."""
+    return f"{prefix}{'rad' if coordinate in ROTATIONS else 'm'}"
+
+
+def levers(coordinates: Sequence[str], shoe: RigidShoe) -> NDArray[np.float64]:
+    """How far the drum's surface is (n,) from what turns: R (m) for rotations, 1 for displacements."""
+    return np.array([float(shoe.outer_radius) if name in ROTATIONS else 1.0 for name in coordinates])
+
+
+class Departure:
+    """A history seen from steady sliding, over the stability's coordinates.
+
+    It is read where it lies, on disk maybe, piece by piece or column by column: nothing but the times is held.
+    """
+
+    def __init__(self, history: xarray.Dataset, stability: Stability) -> None:
+        """Name the history and its steady state."""
+        self._history, self._steady = history, np.asarray(stability.steady_state)
+        self._index = [COORDINATES.index(name) for name in stability.coordinates]
+        self.coordinates = stability.coordinates
+        self.time: NDArray[np.float64] = history["time"].values
+
+    @property
+    def displacement(self) -> NDArray[np.float64]:
+        """All displacements (time, n), read anew."""
+        return self.displacement_in(slice(None))
+
+    @property
+    def velocity(self) -> NDArray[np.float64]:
+        """All velocities (time, n), read anew."""
+        return self.velocity_in(slice(None))
+
+    def displacement_in(self, part: slice) -> NDArray[np.float64]:
+        """Displacement (time, n) in a part of the record."""
+        return self._read("displacement", part)
+
+    def velocity_in(self, part: slice) -> NDArray[np.float64]:
+        """Velocity (time, n) in a part of the record."""
+        return self._read("velocity", part)
+
+    def column(self, coordinate: str, part: slice = slice(None), *, of: str = "displacement") -> NDArray[np.float64]:
+        """Displacement, or velocity, of a coordinate (time,) in a part of the record."""
+        return self._read(of, part, self.coordinates.index(coordinate))
+
+    def _read(self, name: str, part: slice, k: int | slice = slice(None)) -> NDArray[np.float64]:
+        """Some columns of a part of the record, from steady sliding, in an array of their own."""
+        steady = self._steady[k]
+        found = np.empty((self.time[part].size, *np.shape(steady)))
+        for rows, piece in self._pieces(name, part):
+            found[rows] = piece[:, k] - (steady if name == "displacement" else 0.0)
+        return found
+
+    def pieces(self, part: slice = slice(None)) -> Iterator[tuple[slice, NDArray[np.float64], NDArray[np.float64]]]:
+        """Rows of the part, displacement and velocity (rows, n) of it, piece by piece."""
+        both = zip(self._pieces("displacement", part), self._pieces("velocity", part), strict=True)
+        for (rows, displacement), (_, velocity) in both:
+            yield rows, displacement - self._steady, velocity
+
+    def _pieces(self, name: str, part: slice) -> Iterator[tuple[slice, NDArray[np.float64]]]:
+        first, stop, _ = part.indices(self.time.size)
+        for start in range(first, stop, PIECE):
+            end = min(start + PIECE, stop)
+            values = self._history[name].isel(time=slice(start, end)).values
+            yield slice(start - first, end - first), values[:, self._index]
+
+    @property
+    def sample_rate(self) -> float:
+        """Samples per second (Hz)."""
+        return (self.time.size - 1) / float(self.time[-1] - self.time[0])
+
+    def extremes(self, part: slice = slice(None)) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Smallest and largest displacement (n,) in a part of the record."""
+        found = [(piece.min(axis=0), piece.max(axis=0)) for _, piece in self._pieces("displacement", part)]
+        low, high = np.array([low for low, _ in found]).min(axis=0), np.array([high for _, high in found]).max(axis=0)
+        return low - self._steady, high - self._steady
+
+    def largest(self, part: slice = slice(None)) -> NDArray[np.float64]:
+        """Largest size of the displacement (n,) in a part of the record."""
+        return np.max(np.abs(self.extremes(part)), axis=0)
+
+    def mean_square_velocity(self, part: slice = slice(None)) -> NDArray[np.float64]:
+        """Mean of the squared velocity (n,) in a part of the record."""
+        sums = [np.sum(piece**2, axis=0) for _, piece in self._pieces("velocity", part)]
+        return np.sum(sums, axis=0) / self.time[part].size
+
+    @property
+    def largest_rotation(self) -> float:
+        """Largest rotation of the record (rad)."""
+        columns = [k for k, name in enumerate(self.coordinates) if name in ROTATIONS]
+        return float(self.largest()[columns].max(initial=0.0))
+
+    @property
+    def started(self) -> bool:
+        """Whether the record begins away from steady sliding."""
+        first = slice(0, 1)
+        return bool(np.any(self.displacement_in(first) != 0) or np.any(self.velocity_in(first) != 0))
+
+    def modal(self, mode: Mode, part: slice = slice(None)) -> NDArray[np.complex128]:
+        """Complex amplitude 2 leftᴴ y of a mode (time,); its modulus is that of the named coordinate, in m or rad."""
+        found = np.empty(self.time[part].size, dtype=np.complex128)
+        for rows, displacement, velocity in self.pieces(part):
+            found[rows] = 2 * modal_amplitudes(mode.left[:, None], np.hstack([displacement, velocity]))[:, 0]
+        return found
+
+    def wide(self, columns: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+        """Displacements or velocities (time, n) of all six coordinates, zero where left out: six arrays (time,)."""
+        zero = np.zeros(len(columns))
+        found = {name: k for k, name in enumerate(self.coordinates)}
+        return [columns[:, found[name]] if name in found else zero for name in COORDINATES]
+
+    def spectra(self, part: slice) -> Iterator[tuple[str, Spectrum]]:
+        """Displacement spectra of the coordinates that move in a part of the record (none if it is too short)."""
+        if self.time[part].size < FEWEST_FOR_SPECTRUM:
+            return
+        for name in self.coordinates:
+            if np.ptp(self.column(name, part)) > 0:
+                yield name, amplitude_spectrum(self.column(name, part), self.sample_rate)
+
+
+def changes(model: Model, time: NDArray[np.float64]) -> bool:
+    """Whether drum speed or load change within these times (s), also between two of them."""
+    prescribed = (model.operation.drum_speed, model.operation.preload)
+    return any(np.ptp(_values(each, time[0], time[-1])) > 0 for each in prescribed if isinstance(each, Profile))
+
+
+def _values(profile: Profile, since: float, until: float) -> NDArray[np.float64]:
+    """What a profile comes to within these times (s): at both and at the corners between."""
+    time, value = np.asarray(profile.time), np.asarray(profile.value)
+    return np.interp([since, *time[(time > since) & (time < until)], until], time, value)
+
+
+def moved_by(model: Model, stability: Stability, until: float) -> str:
+    """What pushes a shoe out of its steady sliding until a time (s), in words, such as "changing load"; else nothing.
+
+    Drum speed and load are changed in turn, each to the least and the most that it comes to. A shoe that the assembly
+    balances at all times is not pushed.
+    """
+    prescribed = {"drum speed": model.operation.drum_speed, "load": model.operation.preload}
+    kept = {name: np.asarray(each.at(stability.time)[0]) for name, each in prescribed.items()}
+    if not (any(isinstance(each, Profile) for each in prescribed.values()) and set(model.coordinates) & set(IN_PLANE)):
+        return ""
+    middle, found = model.in_plane(), []  # where steady sliding is
+    q = jnp.asarray([stability.steady_state[model.coordinates.index(i)] for i in middle.coordinates])
+    for name, schedule in prescribed.items():
+        if isinstance(schedule, Profile):
+            values = _values(schedule, 0.0, until)
+            rows = {other: np.repeat(value, 3) for other, value in kept.items()}
+            rows[name] = np.array([kept[name], values.min(), values.max()])
+            forces = np.asarray(_forces(middle, rows["drum speed"], rows["load"], q))
+            if np.ptp(forces, axis=0).max() > FORCE_ROUND_OFF * np.abs(rows["load"]).max() * float(model.contact.area):
+                found.append(name)
+    return f"changing {' and '.join(found)}" if found else ""
+
+
+@jax.jit
+def _forces(model: Model, speeds: Array, loads: Array, q: Array) -> Array:
+    def force(each: tuple[Array, Array]) -> Array:
+        operation = Operation(*(Constant(value) for value in each))
+        return dataclasses.replace(model, operation=operation).act(0.0, q, jnp.zeros_like(q))[0]
+
+    return jax.lax.map(force, (jnp.asarray(speeds), jnp.asarray(loads)))
+
+
+def edge_share(departure: Departure, model: Model) -> NDArray[np.float64]:
+    """How far the motion has come towards contact loss or slip reversal (time,).
+
+    The larger of k_c max|u_r − u_r*| over the mean pressure p0 and max|u̇_θ| over R|Ω|; both maxima are bounds over the
+    whole circle, so where the steady pressure is uniform neither has happened below 1. Without separation, or without
+    friction, there is no such edge.
+    """
+    share = np.empty(departure.time.size)
+    for rows, displacement, velocity in departure.pieces():
+        q, v = departure.wide(displacement), departure.wide(velocity)
+        moments = jax.vmap(model.operation.at)(departure.time[rows])
+        share[rows] = np.maximum(pressure_share(model, q, moments.preload), slip_share(model, v, moments.drum_speed))
+    return share
+
+
+def first_edge(history: xarray.Dataset, stability: Stability, model: Model) -> float | None:
+    """Time (s) of the first sample at which part of the lining has left the drum or slips backwards; None if never."""
+    reached = beyond_edges(history, stability, model)
+    return float(history["time"].values[np.argmax(reached)]) if reached.any() else None
+
+
+def beyond_edges(history: xarray.Dataset, stability: Stability, model: Model) -> NDArray[np.bool_]:
+    """At which samples (time,) part of the lining is off the drum or slips backwards.
+
+    Read off what was recorded. Where part of the lining is off the drum in steady sliding already, so that its edge
+    moves with every motion, another tenth of the lining must leave or touch it.
+    """
+    touching = history["contact_fraction"].values
+    reached = np.zeros(touching.size, dtype=bool)
+    if isinstance(model.lining.law, Unilateral):
+        steady = stability.contact_fraction
+        most = FRACTION_ROUND_OFF if steady > 1 - FRACTION_ROUND_OFF else LIFTED_SHARE
+        reached |= np.abs(touching - steady) > most
+    if model.contact.friction is not None:
+        reached |= history["slip_reversed_fraction"].values > FRACTION_ROUND_OFF
+    return reached

@@ -1,0 +1,98 @@
+"""The time history: what a transient recorded, as an xarray Dataset."""
+
+import importlib.metadata
+import json
+import platform
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import xarray
+
+from drumsqueal.scene import COORDINATES, Scene
+from drumsqueal.solve.transient.integrate import Chunk
+
+# name: (units, what it is), of each coordinate
+MOTION = {
+    "displacement": ("m (X, Y, Z), rad (Tx, Ty, Tz)", "displacement and rotation of the shoe at its centre of gravity"),
+    "velocity": ("m/s (X, Y, Z), rad/s (Tx, Ty, Tz)", "rates of displacement and rotation"),
+}
+AXES = (
+    "x from the drum's axis through the middle of the lining, y at right angles to it the way the lining's middle sees "
+    "the drum move at positive speed, z along the drum's axis; Tx, Ty, Tz are small rotations about x, y, z"
+)
+# name: (units, what it is)
+SIGNALS = {
+    "brake_torque": ("N m", "torque of friction that brakes the drum, R times the integral of its tangential traction"),
+    "normal_force": ("N", "integral of the contact pressure over the lining"),
+    "contact_fraction": ("1", "share of the lining that touches the drum"),
+    "slip_reversed_fraction": ("1", "share of the lining that touches the drum and moves faster than it"),
+    "smallest_pressure": ("Pa", "smallest contact pressure on the lining"),
+    "friction_power": ("W", "power that friction turns into heat"),
+    "sticking": ("1", "1 while the whole lining moves with the drum, held by friction, 0 while it slips"),
+    "implicit": ("1", "1 where the implicit method was called for, 0 elsewhere; it is so for 500 samples at a time"),
+    "kinetic_energy": ("J", "kinetic energy of the shoe"),
+    "potential_energy": ("J", "energy stored in lining, supports and preload, relative to q = 0"),
+    "energy_balance_error": ("J", "change of stored energy less the work that friction, damping and loads fed in"),
+}
+COMPLETE = "complete"
+_PACKAGES = ("drumsqueal", "jax", "jaxlib", "diffrax", "equinox", "numpy", "scipy", "xarray")
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python and of the packages that make the numbers."""
+    return {"python": platform.python_version()} | {name: importlib.metadata.version(name) for name in _PACKAGES}
+
+
+def to_dataset(chunks: Sequence[Chunk], scene: Scene, kept: Sequence[str], outcome: str) -> xarray.Dataset:
+    """Put the chunks of one run, over the kept coordinates, into one Dataset; left-out coordinates are zero.
+
+    Dimensions time (s) and coordinate (six names). The scene as it was run, the versions and the outcome are in the
+    attributes.
+    """
+    parts = [columns(chunk, kept) for chunk in chunks]
+    joined = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    steps, rejected = (sum(getattr(chunk, name) for chunk in chunks) for name in ("steps", "rejected_steps"))
+    return _dataset(joined, scene, outcome, steps, rejected)
+
+
+def empty_dataset(scene: Scene) -> xarray.Dataset:
+    """The same of a run that has not begun: no samples, no steps, no outcome."""
+    wide, narrow = np.empty((0, len(COORDINATES))), np.empty(0)
+    return _dataset(dict.fromkeys(MOTION, wide) | dict.fromkeys(("time", *SIGNALS), narrow), scene, "", 0, 0)
+
+
+def columns(chunk: Chunk, kept: Sequence[str]) -> dict[str, np.ndarray]:
+    """What every variable of the history gets from a chunk."""
+    recorded = chunk.observation._asdict() | chunk._asdict()
+    wide = {name: _widen(recorded[name], kept) for name in MOTION}
+    return wide | {name: recorded[name] for name in ("time", *SIGNALS)}
+
+
+def _dataset(
+    values: Mapping[str, np.ndarray], scene: Scene, outcome: str, steps: int, rejected_steps: int
+) -> xarray.Dataset:
+    data: dict[str, tuple[tuple[str, ...], np.ndarray, dict[str, str]]] = {}
+    for name, (units, meaning) in MOTION.items():
+        data[name] = (("time", "coordinate"), values[name], {"units": units, "long_name": meaning})
+    for name, (units, meaning) in SIGNALS.items():
+        data[name] = (("time",), values[name], {"units": units, "long_name": meaning})
+    coordinates = {
+        "time": ("time", values["time"], {"units": "s", "axis": "T"}),
+        "coordinate": ("coordinate", list(COORDINATES), {"long_name": AXES}),
+    }
+    attributes = {
+        "title": scene.title,
+        "scene": scene.to_toml(),
+        "versions": json.dumps(versions()),
+        "outcome": outcome,
+        "steps": steps,
+        "rejected_steps": rejected_steps,
+        "measured_from": "q = 0 of the model; a self-consistent steady state shows as an offset",
+    }
+    return xarray.Dataset(data, coordinates, attributes)
+
+
+def _widen(values: np.ndarray, kept: Sequence[str]) -> np.ndarray:
+    wide = np.zeros((len(values), len(COORDINATES)))
+    wide[:, [COORDINATES.index(name) for name in kept]] = values
+    return wide

@@ -1,0 +1,73 @@
+"""How well the contact was integrated over the lining: recorded forces against those of another, finer rule.
+
+The energy balance cannot tell, for it takes its forces and its friction power from the same quadrature.
+"""
+
+import dataclasses
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import xarray
+from jax import Array
+
+from drumsqueal.physics.effects.contact import Contact
+from drumsqueal.physics.effects.touching import Observation
+from drumsqueal.physics.kernel import compiled
+from drumsqueal.physics.model import Model
+from drumsqueal.physics.quadrature.area import AreaSurface
+from drumsqueal.physics.quadrature.independent import TANH_SINH, IndependentSurface
+
+INSTANTS = 32  # at which it is looked at: half of them evenly spread, half where most of the slip is reversed
+# A rule that shares nothing with that of the plane; in space the same kind of rule with other nodes, and far more.
+IN_PLANE = IndependentSurface(TANH_SINH, spatial=False, panels=32)
+IN_SPACE = AreaSurface(along=36, across=18, sections=5, always_split=True)
+
+
+class QuadratureError(NamedTuple):
+    """Largest error of normal force, and of brake torque over R, as a fraction of the largest normal force.
+
+    It is to be well below the run's relative tolerance.
+    """
+
+    fraction: float
+    tolerance: float
+
+
+def estimate_quadrature_error(history: xarray.Dataset, model: Model, tolerance: float) -> QuadratureError | None:
+    """Estimate it at some instants of a history; `model` is that of the transient.
+
+    None where the lining never slips or nothing presses it.
+    """
+    if not isinstance(model.contact, Contact):
+        return None
+    recorded = np.isfinite(history["normal_force"].values)  # not so beyond where a run was cut off
+    slips = np.flatnonzero((history["sticking"].values == 0) & recorded)
+    if slips.size == 0:
+        return None
+    most_reversed = slips[np.argsort(-history["slip_reversed_fraction"].values[slips], kind="stable")]
+    spread = np.linspace(0, slips.size - 1, INSTANTS // 2).astype(int)
+    instants = np.concatenate([slips[spread], np.resize(most_reversed[: INSTANTS // 2], INSTANTS - INSTANTS // 2)])
+    motion = (
+        history[name].isel(time=instants).sel(coordinate=list(model.names)).values
+        for name in ("displacement", "velocity")
+    )
+    surface = IN_SPACE if model.contact.surface.spatial else IN_PLANE
+    finer = dataclasses.replace(model, contact=dataclasses.replace(model.contact, surface=surface))
+    found = _observe(finer, history["time"].values[instants], *motion)
+    largest = float(np.max(np.asarray(found.normal_force)))
+    if not largest > 0:
+        return None
+    radius = float(model.shoe.outer_radius)
+    errors = (
+        np.abs(history[name].values[instants] - np.asarray(getattr(found, name))) / reach
+        for name, reach in (("normal_force", 1.0), ("brake_torque", radius))
+    )
+    return QuadratureError(float(max(error.max() for error in errors)) / largest, tolerance)
+
+
+@compiled
+def _observe(model: Model, times: Array, displacement: Array, velocity: Array) -> Observation:
+    states = tuple(jnp.asarray(each) for each in (times, displacement, velocity))
+    return jax.lax.map(lambda state: model.observe(*state), states)

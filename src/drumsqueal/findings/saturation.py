@@ -1,0 +1,161 @@
+"""The motion after growth: its kind, its main lines, its size, and how far its frequency lies from the onset's."""
+
+from typing import NamedTuple
+
+import numpy as np
+import xarray
+from numpy.typing import NDArray
+
+from drumsqueal.findings.decay import decay_to_rest
+from drumsqueal.findings.departure import Departure, changes, levers
+from drumsqueal.findings.signals import PERIODS_NEEDED, STEADY, Regime, classify, spectral_peaks
+from drumsqueal.physics.model import Model
+from drumsqueal.solve.linear.modes import Mode, Stability
+
+SATURATED_SHARE = 0.6  # last part of what follows the first edge that is called saturated
+FEWEST_SAMPLES = 64  # of the saturated part
+PEAKS, PEAK_FLOOR = 8, 1e-2  # lines a coordinate at most, and their smallest amplitude over the strongest
+
+
+class Line(NamedTuple):
+    """One line in the spectrum of a coordinate's displacement (m or rad)."""
+
+    coordinate: str
+    frequency_Hz: float
+    amplitude: float
+
+
+class Motion(NamedTuple):
+    """What a part of the record holds: half its peak-to-peak values (m, rad), its lines and its main line.
+
+    `kinetic_share` is each coordinate's share of the mean kinetic energy, empty at rest. `main` is the line that holds
+    most of it; None at rest, and where the part is too short for a spectrum or the motion has no line in it.
+    """
+
+    amplitude: dict[str, float]
+    kinetic_share: dict[str, float]
+    lines: tuple[Line, ...]
+    main: Line | None
+
+
+class Saturation(NamedTuple):
+    """The motion after growth: from when (s), of which kind, its lines and half its peak-to-peak values (m, rad).
+
+    `main` is the line that holds most kinetic energy, `nearest_mode` the unstable mode whose onset frequency it is
+    compared with, `frequency_shift` their ratio less 1. The fractions are means over the saturated part.
+    """
+
+    start_s: float
+    regime: Regime
+    lines: tuple[Line, ...]
+    amplitude: dict[str, float]
+    main: Line | None
+    nearest_mode: str | None
+    frequency_shift: float | None
+    contact_fraction: float
+    slip_reversed_fraction: float
+
+    @property
+    def vibrates(self) -> bool:
+        """Whether it has settled to a motion that goes on."""
+        return self.regime.kind not in ("unknown", "steady")
+
+
+def saturated_part(time: NDArray[np.float64], edge: float) -> slice:
+    """The last part of the record after the first edge (s), by when the growth is taken to be over."""
+    start = time[-1] - SATURATED_SHARE * (time[-1] - edge)
+    return slice(int(np.searchsorted(time, start)), time.size)
+
+
+def duration_for(saturated: float, edge: float) -> float:
+    """Duration (s) of a record whose saturated part is so long (s), rounded up."""
+    return 1.001 * (edge + saturated / SATURATED_SHARE)
+
+
+def describe_saturation(
+    history: xarray.Dataset, departure: Departure, stability: Stability, model: Model, edge: float
+) -> Saturation | None:
+    """Describe the motion after the first edge at `edge` (s); None where too little was recorded to look at."""
+    part = saturated_part(departure.time, edge)
+    modes = _taking_part(departure, stability)
+    count = departure.time[part].size
+    if count < FEWEST_SAMPLES:
+        return None
+    # Half the lowest onset frequency leaves room for the drop that contact loss brings. Where nothing oscillates, rest
+    # can be told all the same.
+    duration = count / departure.sample_rate
+    lowest = min((mode.frequency_Hz for mode in modes), default=2 * PERIODS_NEEDED / duration) / 2
+    scale = size_of_motion(departure, stability, model)
+    regime = classify(departure.displacement_in(part), departure.sample_rate, scale=scale, lowest_frequency=lowest)
+    regime = decay_to_rest(regime, departure, part, stability, modes, model)
+    drifts = regime.kind == "unknown" and regime.amplitude_drift is not None
+    if drifts and changes(model, departure.time[part]):
+        regime = regime._replace(reason="Drum speed or load change, and the motion with them.")
+    motion = describe_motion(departure, part, stability, model)
+    main = motion.main
+    mode = _nearest(main, modes) if main is not None and modes else None
+    return Saturation(
+        start_s=float(departure.time[part][0]),
+        regime=regime,
+        lines=motion.lines,
+        amplitude=motion.amplitude,
+        main=main,
+        nearest_mode=None if mode is None else mode.label,
+        frequency_shift=None if mode is None or main is None else main.frequency_Hz / mode.frequency_Hz - 1,
+        contact_fraction=float(history["contact_fraction"].values[part].mean()),
+        slip_reversed_fraction=float(history["slip_reversed_fraction"].values[part].mean()),
+    )
+
+
+def describe_motion(departure: Departure, part: slice, stability: Stability, model: Model) -> Motion:
+    """Describe the motion in a part of the record, whatever its kind."""
+    amplitude = np.ptp(departure.extremes(part), axis=0) / 2
+    named = {name: float(size) for name, size in zip(stability.coordinates, amplitude, strict=True)}
+    if np.all(amplitude < STEADY * size_of_motion(departure, stability, model)):
+        return Motion(named, {}, (), None)
+    energy = stability.mass * departure.mean_square_velocity(part)
+    shares = {name: float(e / energy.sum()) for name, e in zip(stability.coordinates, energy, strict=True)}
+    lines = _lines(departure, part)
+    return Motion(named, shares, lines, _main_line(lines, stability))
+
+
+def _lines(departure: Departure, part: slice) -> tuple[Line, ...]:
+    found: list[Line] = []
+    for name, spectrum in departure.spectra(part):
+        peaks = zip(*spectral_peaks(spectrum, count=PEAKS, floor=PEAK_FLOOR), strict=True)
+        found += [Line(name, float(frequency), float(size)) for frequency, size in peaks]
+        del spectrum  # before the next is made
+    return tuple(found)
+
+
+def size_of_motion(departure: Departure, stability: Stability, model: Model) -> NDArray[np.float64]:
+    """What counts as motion of each coordinate (m, rad): the departure at which the steady pressure is lost.
+
+    Without pressure or without contact stiffness it is the largest departure of the record.
+    """
+    largest = departure.largest()
+    stiffness = float(model.lining.law.stiffness)
+    lost = stability.pressure_range[1] / stiffness if stiffness > 0 else 0.0
+    if lost > 0:
+        return lost / levers(departure.coordinates, model.shoe)
+    return np.maximum(largest, np.finfo(np.float64).tiny)
+
+
+def _main_line(lines: tuple[Line, ...], stability: Stability) -> Line | None:
+    """The line with most kinetic energy, ∝ mass × (frequency × amplitude)²."""
+    mass = dict(zip(stability.coordinates, stability.mass, strict=True))
+    return max(lines, key=lambda line: mass[line.coordinate] * (line.frequency_Hz * line.amplitude) ** 2, default=None)
+
+
+def _taking_part(departure: Departure, stability: Stability) -> tuple[Mode, ...]:
+    """The unstable modes (all modes if none is) whose coordinate moves at some time."""
+    moving = {
+        name for name, size in zip(departure.coordinates, np.ptp(departure.extremes(), axis=0), strict=True) if size > 0
+    }
+    able = tuple(mode for mode in stability.modes if mode.name in moving)
+    return tuple(mode for mode in able if mode.unstable) or able
+
+
+def _nearest(line: Line, modes: tuple[Mode, ...]) -> Mode:
+    """The mode nearest in frequency, measured as a ratio."""
+    return min(modes, key=lambda mode: abs(np.log(line.frequency_Hz / mode.frequency_Hz)))

@@ -1,0 +1,242 @@
+"""Spectral lines of a motion, refined far below the width of a bin: frequency, amplitudes, and how uncertain."""
+
+import math
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+import scipy.fft
+from numpy.typing import ArrayLike, NDArray
+from scipy.signal.windows import hann
+
+from drumsqueal.findings.signals.checks import finite_record, positive
+
+# Half the width of the main lobe of the Hann window, in bins 1/T: lines closer than this are one to it.
+MAIN_LOBE = 2.0
+# What hides beside a line stands this far from it at most (bins): there it could pull the line's frequency.
+NEIGHBOURHOOD = 4.0
+# Shift, in bins, of the maximum of a Hann-windowed line by a neighbour, over the ratio of their amplitudes where that
+# is small: max |∫ w τ sin(uτ) dτ| / ∫ w τ² dτ / 2π over the neighbour's distance u, with ∫ w = 1; it is 0.58.
+PULL = 0.6
+PADDING = 2
+PIECE = 2**13  # samples, of which all waves are in memory at a time
+SWEEPS, SETTLED = 6, 1e-6  # over all lines, and the shift (bins) that ends them
+NEWTON_STEPS = 4
+LEAST_UNCERTAINTY = 1e-5  # bins; what is left of the start, or of the integration, turns a phase as far as that
+
+
+class Lines(NamedTuple):
+    """m lines of k signals, strongest first: frequency and its uncertainty (m,) in Hz, complex amplitudes (m, k).
+
+    Line j of signal c is Re(amplitude_jc e^(2πi f_j t)) with t from the first sample. `share` (m,) is what each line
+    holds of the variance of the signals scaled to unit rms, `left` what no line holds. Lines closer than
+    `resolution_Hz` are not told apart.
+    """
+
+    frequency_Hz: NDArray[np.float64]
+    uncertainty_Hz: NDArray[np.float64]
+    amplitude: NDArray[np.complex128]
+    share: NDArray[np.float64]
+    left: float
+    resolution_Hz: float
+
+
+def find_lines(signals: ArrayLike, sample_rate: float, *, count: int = 40, floor: float = 1e-2) -> Lines:
+    """Find the lines of signals (time, k), which share their frequencies: x_c(t) = m_c + Σ_j Re(a_jc e^(2πi f_j t)).
+
+    Each signal is scaled to unit rms. Line by line the frequency is taken where the windowed Fourier sum of the rest,
+
+        P(f) = Σ_c |Σ_t w(t) r_c(t) e^(−2πi f t)|²,   w the Hann window,
+
+    is largest, refined by Newton's method, and all amplitudes are fitted anew by least squares with the weight w.
+    Then every frequency is refined again beside all others until none moves. At most `count` lines are taken, down
+    to `floor` times the strongest amplitude (0 < floor < 1), and none closer to another one, to zero or to half the
+    sample rate (Hz) than the main lobe of the window, 2/T.
+
+    The uncertainty of a frequency is 0.6/T times what is left beside the line (largest amplitude within four bins)
+    over the line's own amplitude: how far a line hidden there would pull it. That is an estimate, to a factor of three
+    for a neighbour a bin away; what is nearer than that is the same line.
+
+    Raises ValueError for NaN, fewer than 16 samples, signals at rest, and for arguments of wrong sign.
+
+    Source: J. Laskar, "The chaotic motion of the solar system: a numerical estimate of the size of the chaotic zones",
+    Icarus 88, 1990, for frequencies refined one after the other; here of several signals, with least squares in place
+    of orthogonalisation.
+    """
+    record = finite_record("signals", signals, dimensions=2)
+    rate = positive("sample_rate", sample_rate)
+    if count < 1:
+        raise ValueError(f"count must be at least 1, got {count}")
+    if not 0.0 < floor < 1.0:
+        raise ValueError(f"floor must lie between 0 and 1, got {floor}")
+    centred = record - record.mean(axis=0)
+    size = np.sqrt(np.mean(centred**2, axis=0))
+    if not np.all(size > 0.0):
+        raise ValueError("signals must all move: one of them is constant")
+    search = _Search(centred / size)
+    search.find(count, floor)
+    search.settle()
+    return search.lines(rate, size)
+
+
+class _Search:
+    """Lines of a record (time, k) of unit rms; frequencies are in bins, times from −1/2 to 1/2 of the record.
+
+    Waves are made a piece at a time: those of a line in a piece are those at its start, turned.
+    """
+
+    def __init__(self, record: NDArray[np.float64]) -> None:
+        self.record, self.rest, self.samples = record, record, record.shape[0]
+        self.window = hann(self.samples, sym=False) / (self.samples / 2)
+        self.length = int(scipy.fft.next_fast_len(PADDING * self.samples, real=True) or 0)
+        self.bins = np.arange(self.length // 2 + 1) * (self.samples / self.length)
+        self.frequency = np.zeros(0)
+        self.factors = np.zeros((1, record.shape[1]))  # of a constant, then of cosine and sine of each line
+
+    def find(self, count: int, floor: float) -> None:
+        """Add lines one after the other, the strongest first."""
+        highest = 0.5 * self.samples - MAIN_LOBE
+        open_bins = (self.bins >= MAIN_LOBE) & (self.bins <= highest)
+        self._fit_anew()
+        while self.frequency.size < count:
+            power = np.where(open_bins, self._power(), 0.0)
+            best = int(np.argmax(power))
+            if power[best] == 0.0:
+                return
+            own = self._refined(float(self.bins[best]))
+            if self._near(own) < MAIN_LOBE or not MAIN_LOBE <= own <= highest:
+                open_bins &= np.abs(self.bins - self.bins[best]) > 0.5  # the flank of a line that is there
+                continue
+            self.frequency = np.append(self.frequency, own)
+            self._project(added=True)
+            self._fit()
+            size = self._sizes()
+            if size[-1] < floor * size.max():
+                self._drop(size >= floor * size.max())
+                return
+            open_bins &= np.abs(self.bins - own) >= MAIN_LOBE
+
+    def settle(self) -> None:
+        """Refine every frequency beside all the others until none moves."""
+        for _ in range(SWEEPS):
+            moved = 0.0
+            for j in range(self.frequency.size):
+                factors = self.factors[1 + 2 * j : 3 + 2 * j]
+                self._add_to_rest(self.frequency[j], factors)
+                place = self._refined(float(self.frequency[j]))
+                self._add_to_rest(place, -factors)
+                moved = max(moved, abs(place - self.frequency[j]))
+                self.frequency[j] = place
+            self._fit_anew()
+            if moved < SETTLED:
+                return
+
+    def lines(self, rate: float, size: NDArray[np.float64]) -> Lines:
+        """The lines in units of the signals, whose rms was `size`, sampled at a rate (Hz)."""
+        order = np.argsort(-self._sizes(), kind="stable")
+        frequency, found = self.frequency[order], self.factors[1:].reshape(-1, 2, self.record.shape[1])[order]
+        amplitude = found[:, 0] - 1j * found[:, 1]
+        strength = np.sqrt(np.sum(np.abs(amplitude) ** 2, axis=1))
+        beside = 2.0 * np.sqrt(self._power())
+        pulled = [beside[np.abs(self.bins - f) <= NEIGHBOURHOOD].max() for f in frequency]
+        uncertainty = np.maximum(PULL * np.array(pulled) / strength, LEAST_UNCERTAINTY)
+        # The window takes the rest as it takes the lines, whatever lies at the ends of the record.
+        variance = sum(float(np.sum(self.window[rows] @ self.record[rows] ** 2)) for rows, _ in self._pieces())
+        left = sum(float(np.sum(self.window[rows] @ self.rest[rows] ** 2)) for rows, _ in self._pieces())
+        to_start = np.exp(-1j * np.pi * frequency)[:, None]  # phases as from the middle, until here
+        bin_width = rate / self.samples
+        return Lines(
+            frequency * bin_width,
+            uncertainty * bin_width,
+            amplitude * to_start * size,
+            0.5 * strength**2 / variance,
+            left / variance,
+            MAIN_LOBE * bin_width,
+        )
+
+    def _pieces(self) -> Iterator[tuple[slice, NDArray[np.float64]]]:
+        """Rows of the record, and their times, piece by piece."""
+        for first in range(0, self.samples, PIECE):
+            rows = slice(first, min(first + PIECE, self.samples))
+            yield rows, (np.arange(rows.start, rows.stop) - 0.5 * self.samples) / self.samples
+
+    def _columns(self) -> Iterator[tuple[slice, NDArray[np.float64]]]:
+        """A constant, then cosine and sine of each line (rows, 1 + 2 lines), piece by piece."""
+        turn = 2j * np.pi * self.frequency
+        begin = np.exp(np.outer(np.arange(min(PIECE, self.samples)) / self.samples, turn))
+        for rows, time in self._pieces():
+            waves = begin[: time.size] * np.exp(turn * time[0])
+            columns = np.ones((time.size, 1 + 2 * self.frequency.size))
+            columns[:, 1::2], columns[:, 2::2] = waves.real, waves.imag
+            yield rows, columns
+
+    def _near(self, frequency: float) -> float:
+        return float(np.min(np.abs(self.frequency - frequency), initial=math.inf))
+
+    def _power(self) -> NDArray[np.float64]:
+        """P at every bin, of the rest."""
+        power = np.zeros(self.bins.size)
+        for column in self.rest.T:
+            transform = np.asarray(scipy.fft.rfft(self.window * column, self.length))
+            power += np.abs(transform) ** 2
+        return power
+
+    def _refined(self, start: float) -> float:
+        """Where P of the rest has its maximum, near a frequency."""
+        place = start
+        for _ in range(NEWTON_STEPS):
+            moments = np.zeros((3, self.rest.shape[1]), dtype=np.complex128)
+            for rows, time in self._pieces():
+                turn = 2.0 * np.pi * time
+                wave = np.exp(-1j * turn * place)
+                moments += np.stack([wave, turn * wave, turn**2 * wave]) @ (self.window[rows, None] * self.rest[rows])
+            value, first, second = moments[0], -1j * moments[1], -moments[2]
+            slope = 2.0 * float(np.sum(first * value.conj()).real)
+            bend = 2.0 * float(np.sum(second * value.conj()).real + np.sum(np.abs(first) ** 2))
+            step = -slope / bend if bend < 0.0 else math.copysign(0.25, slope)
+            step = max(-0.5, min(0.5, step))
+            place += step
+            if abs(step) < SETTLED:
+                break
+        return place
+
+    def _add_to_rest(self, frequency: float, factors: NDArray[np.float64]) -> None:
+        """Add cosine and sine of a frequency, with factors (2, k), to the rest."""
+        for rows, time in self._pieces():
+            angle = 2.0 * np.pi * frequency * time
+            self.rest[rows] += np.stack([np.cos(angle), np.sin(angle)], axis=1) @ factors
+
+    def _drop(self, kept: NDArray[np.bool_]) -> None:
+        rows = np.concatenate([[True], np.repeat(kept, 2)])
+        self.frequency, self.right = self.frequency[kept], self.right[rows]
+        self.gram = self.gram[np.ix_(rows, rows)]
+        self._fit()
+
+    def _project(self, *, added: bool = False) -> None:
+        """Weighted products of the columns with one another and with the record; where a line was added, its own."""
+        count = 1 + 2 * self.frequency.size
+        new = slice(count - 2 if added else 0, count)
+        products, right = np.zeros((count, count - new.start)), np.zeros((count - new.start, self.record.shape[1]))
+        for rows, columns in self._columns():
+            weighted = self.window[rows, None] * columns[:, new]
+            products += columns.T @ weighted
+            right += weighted.T @ self.record[rows]
+        if added:
+            self.gram = np.block([[self.gram, products[:-2]], [products[:-2].T, products[-2:]]])
+            self.right = np.concatenate([self.right, right])
+        else:
+            self.gram, self.right = products, right
+
+    def _fit_anew(self) -> None:
+        self._project()
+        self._fit()
+
+    def _fit(self) -> None:
+        self.factors = np.asarray(np.linalg.lstsq(self.gram, self.right, rcond=None)[0], dtype=np.float64)
+        rest = np.empty_like(self.record) if self.rest is self.record else self.rest
+        for rows, columns in self._columns():
+            rest[rows] = self.record[rows] - columns @ self.factors
+        self.rest = rest
+
+    def _sizes(self) -> NDArray[np.float64]:
+        return np.sqrt(np.sum(self.factors[1:].reshape(-1, 2 * self.record.shape[1]) ** 2, axis=1))

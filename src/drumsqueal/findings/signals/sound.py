@@ -1,0 +1,62 @@
+"""A motion as sound: resampled for a loudspeaker, scaled to 16 bits, and wrapped as a WAV file."""
+
+import struct
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from drumsqueal.findings.signals.checks import finite_record, positive
+from drumsqueal.findings.signals.resampling import resample
+
+CD_RATE = 44_100  # Hz, which every player takes
+FULL_SCALE = 32767  # steps
+SILENT = 1e-12  # of the largest value: what moves less is constant but for round-off
+HEADROOM_DB = 1.0  # below full scale: room for what a player's filter makes of peaks between the samples
+
+
+class Sound(NamedTuple):
+    """16-bit samples (n,) at `sample_rate` (Hz), the `scale` of one step in the signal's units, and its `peak`."""
+
+    samples: NDArray[np.int16]
+    sample_rate: int
+    scale: float
+    peak: float
+
+
+def to_sound(velocity: ArrayLike, sample_rate: float, *, slow: float = 1.0, rate: int = CD_RATE) -> Sound:
+    """Turn a velocity (n,) sampled at `sample_rate` (Hz) into a sound at `rate` (Hz), `slow` times slower than it was.
+
+    Its mean is left out, and its peak put 1 dB below full scale: velocity − mean = scale · samples, to half a step.
+    A line of frequency f is heard at f/slow. What is sampled at rate · slow already is not resampled. Raises ValueError
+    for numbers that make no sense and for a velocity that is constant.
+    """
+    values = finite_record("velocity", velocity, minimum=2)
+    if np.ptp(values) <= SILENT * np.abs(values).max():
+        raise ValueError("velocity is constant: there is nothing to hear")
+    wanted = positive("slow", slow) * positive("rate", rate)
+    if sample_rate != wanted:
+        length = (values.size - 1) / positive("sample_rate", sample_rate)
+        values = resample(values[:, None], sample_rate, np.arange(int(length * wanted) + 1) / wanted, wanted)[:, 0]
+    values = values - values.mean()
+    peak = float(np.abs(values).max())
+    scale = peak / (FULL_SCALE * 10 ** (-HEADROOM_DB / 20))
+    return Sound(np.rint(values / scale).astype(np.int16), rate, scale, peak)
+
+
+def wav_bytes(sound: Sound, title: str = "", comment: str = "") -> bytes:
+    """Return a WAV file: RIFF with one channel of 16-bit PCM, and title and comment in its LIST INFO chunk.
+
+    Source: Multimedia Programming Interface and Data Specifications 1.0 (IBM and Microsoft, 1991).
+    """
+    rate = sound.sample_rate
+    description = struct.pack("<HHIIHH", 1, 1, rate, 2 * rate, 2, 16)  # PCM, one channel, two bytes a sample
+    told = {b"INAM": title, b"ICMT": comment, b"ISFT": "drumsqueal"}
+    texts = b"".join(_chunk(name, text.encode() + b"\0") for name, text in told.items() if text)
+    data = sound.samples.astype("<i2").tobytes()
+    chunks = _chunk(b"fmt ", description) + _chunk(b"LIST", b"INFO" + texts) + _chunk(b"data", data)
+    return _chunk(b"RIFF", b"WAVE" + chunks)
+
+
+def _chunk(name: bytes, content: bytes) -> bytes:
+    return name + struct.pack("<I", len(content)) + content + bytes(len(content) % 2)

@@ -1,0 +1,133 @@
+"""Why the saturated frequency is what it is: the stiffness that the lining has on average while it comes and goes."""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import NDArray
+
+from drumsqueal.findings.departure import Departure
+from drumsqueal.physics.bodies.rigid_shoe import TX, TY, TZ, X, Y, Z
+from drumsqueal.physics.effects.friction_direction import UnitVelocity
+from drumsqueal.physics.effects.pressure import Unilateral
+from drumsqueal.physics.model import Model
+from drumsqueal.solve.linear.modes import Mode
+
+ALONG, ACROSS = 48, 5  # Gauss points on the lining; one line across where the motion is in the plane
+MOST_SAMPLES = 4000
+
+
+class Softening(NamedTuple):
+    """A mode's frequency (Hz) with the averaged stiffness: with loss of contact alone, and with friction as it acted.
+
+    `by_share_Hz` is the cruder estimate onset frequency × √(mean share of the lining in contact).
+    """
+
+    contact_loss_Hz: float
+    with_friction_Hz: float
+    by_share_Hz: float
+
+
+def explain_frequency(
+    departure: Departure,
+    part: slice,
+    model: Model,
+    steady: NDArray[np.float64],
+    mode: Mode,
+    contact_fraction: float,
+) -> Softening:
+    """Predict a mode's frequency in the saturated motion from where the lining touched and how it slipped.
+
+    At each point of the lining the contact force p0 + k_c u_r, cut off at zero, is replaced by the linear one that has
+    the same first harmonic. For a motion u_r(t) it has the stiffness (the describing function, integrated by parts)
+
+        k = k_c ⟨1[N > 0] u̇_r²⟩ / ⟨u̇_r²⟩,   and friction couples with   k_c ⟨1[N > 0] g u̇_r²⟩ / ⟨u̇_r²⟩,
+
+    ⟨⟩ the mean over the motion and g = −μ(|V|) V_θ/|V| the signed coefficient of friction. M q̈ + K q = 0 with these
+    gives the frequency; its ratio to that of full contact scales the eigenvalue's. The motion enters through its
+    kinematics alone, not its accelerations: that the frequency comes out right is no tautology. Other modes that move
+    at the same time are in the averages, and friction's damping is left out.
+
+    Source: K. Magnus and K. Popp, Schwingungen, 1997, on harmonic balance; of several frequencies it is the equivalent
+    linearisation of R. C. Booton, "Nonlinear control systems with random inputs", IRE Transactions 1, 1954.
+    """
+    index = {name: k for k, name in enumerate(departure.coordinates)}
+    every = max(1, departure.time[part].size // MOST_SAMPLES)
+    time = departure.time[part][::every]
+    q, v = np.empty((time.size, len(index))), np.empty((time.size, len(index)))
+    for rows, displacement, velocity in departure.pieces(part):
+        first = -rows.start % every  # of those that are taken
+        taken = slice(-(-rows.start // every), -(-rows.stop // every))
+        q[taken], v[taken] = displacement[first::every] + steady, velocity[first::every]
+    shapes, area = _points(model, q, index)
+    moment = [model.operation.at(t) for t in (time[0], time[-1])]
+    preload, speed = (0.5 * sum(float(getattr(m, field)) for m in moment) for field in ("preload", "drum_speed"))
+    radius = float(model.shoe.outer_radius)
+    stiffness = float(model.lining.law.stiffness)
+    rate = v @ shapes["r"].T
+    weight = rate**2 / np.maximum(np.sum(rate**2, axis=0), np.finfo(np.float64).tiny)
+    touching = preload + stiffness * (q @ shapes["r"].T) > 0.0
+    if not isinstance(model.lining.law, Unilateral):
+        touching = np.ones_like(touching)
+    slip, across = v @ shapes["θ"].T - radius * speed, v @ shapes["z"].T
+    signed, resting = _signed(model, slip, across), _signed(model, np.array([-radius * speed]), np.zeros(1))
+    full = np.ones(area.size)
+    share = np.sum(weight * touching, axis=0)
+    cases = ((full, full * resting), (share, share * resting), (share, np.sum(weight * touching * signed, axis=0)))
+    found = [_frequency(model, shapes, area, mode, normal, drag) for normal, drag in cases]
+    scale = mode.frequency_Hz / found[0]
+    return Softening(found[1] * scale, found[2] * scale, mode.frequency_Hz * float(np.sqrt(contact_fraction)))
+
+
+def _points(
+    model: Model, q: NDArray[np.float64], index: dict[str, int]
+) -> tuple[dict[str, NDArray[np.float64]], NDArray[np.float64]]:
+    """Shape functions φ^r, φ^θ, φ^z (points, n) at Gauss points of the lining, and the area of each point (m²)."""
+    radius, c = float(model.shoe.outer_radius), float(model.shoe.centroid)
+    flat = not any(np.any(q[:, index[name]]) for name in ("Z", "Tx", "Ty") if name in index)
+    along, of_along = np.polynomial.legendre.leggauss(ALONG)
+    across, of_across = np.polynomial.legendre.leggauss(1 if flat else ACROSS)
+    theta, z = (axis.ravel() for axis in np.meshgrid(along * float(model.shoe.half_angle), across, indexing="ij"))
+    z = z * float(model.shoe.width) / 2
+    area = np.outer(of_along, of_across).ravel() / 4 * float(model.shoe.area)
+    cos, sin = np.cos(theta), np.sin(theta)
+    zero = np.zeros_like(theta)
+    six = {
+        "r": {X: cos, Y: sin, Z: zero, TX: -z * sin, TY: z * cos, TZ: -c * sin},
+        "θ": {X: -sin, Y: cos, Z: zero, TX: -z * cos, TY: -z * sin, TZ: radius - c * cos},
+        "z": {X: zero, Y: zero, Z: zero + 1, TX: radius * sin, TY: c - radius * cos, TZ: zero},
+    }
+    order = [(X, Y, Z, TX, TY, TZ)[["X", "Y", "Z", "Tx", "Ty", "Tz"].index(name)] for name in index]
+    return {key: np.stack([shape[i] for i in order], axis=1) for key, shape in six.items()}, area
+
+
+def _signed(model: Model, slip: NDArray[np.float64], across: NDArray[np.float64]) -> NDArray[np.float64]:
+    """g, the share of the pressure that friction is along θ."""
+    friction = model.contact.friction
+    if friction is None:
+        return np.zeros_like(slip)
+    speed = np.hypot(slip, across) if isinstance(friction.direction, UnitVelocity) else np.abs(slip)
+    coefficient = np.asarray(friction.law.coefficient(jnp.asarray(speed)))
+    return -coefficient * slip / np.maximum(speed, np.finfo(np.float64).tiny)
+
+
+def _frequency(
+    model: Model,
+    shapes: dict[str, NDArray[np.float64]],
+    area: NDArray[np.float64],
+    mode: Mode,
+    normal: NDArray[np.float64],
+    drag: NDArray[np.float64],
+) -> float:
+    """Frequency (Hz) of the mode most like the given one, with the contact's share and friction at each point."""
+    stiffness = float(model.lining.law.stiffness)
+    radial = shapes["r"]
+    contact = stiffness * np.einsum("p,pi,pj->ij", area * normal, radial, radial)
+    coupling = stiffness * np.einsum("p,pi,pj->ij", area * drag, shapes["θ"], radial)
+    full = stiffness * np.einsum("p,pi,pj->ij", area, radial, radial)
+    others = np.asarray(model.stiffness) - full  # supports
+    mass = np.asarray(model.mass)
+    squares, vectors = np.linalg.eig((others + contact - coupling) / mass[:, None])
+    shape = mode.right[: mass.size]
+    likeness = np.abs(shape.conj() @ (mass[:, None] * vectors)) / np.sqrt(mass @ np.abs(vectors) ** 2)
+    return float(np.sqrt(squares[int(np.argmax(likeness))].astype(complex)).real) / (2 * np.pi)

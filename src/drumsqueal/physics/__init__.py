@@ -1,0 +1,1 @@
+"""What moves and what acts on it: one vector field for everything that solves."""

@@ -1,0 +1,62 @@
+"""What the assembly applies to the shoe at rest: the two readings of the state q = 0."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jax import Array
+
+from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
+from drumsqueal.physics.effects.action import Action, Six
+from drumsqueal.physics.effects.friction import Friction
+from drumsqueal.physics.effects.operation import Moment
+
+
+class Preload(eqx.Module):
+    """The load alone, +∫ p0 φ^r dA: friction drags the shoe to a steady state of its own ("self-consistent").
+
+    U = −p0 q·∫φ^r dA. Kept as a potential so that it cancels the linear part of the contact's: what is left is of
+    second order in the departure, and the energy balance stays sharp at small amplitudes.
+    """
+
+    shoe: RigidShoe
+
+    def act(self, moment: Moment, q: Six, v: Six) -> Action:
+        """Force p0(t) ∫φ^r dA, and the power −ṗ0 q·∫φ^r dA where the load changes."""
+        del v
+        resultant = self.shoe.radial_resultant()
+        force = tuple(moment.preload * resultant[i] for i in range(6))
+        power = 0.0 if moment.preload_rate is None else -moment.preload_rate * dot(resultant, q)
+        return Action(force, power)
+
+    def potential_energy(self, moment: Moment, q: Six) -> Array:
+        """U (J)."""
+        return -moment.preload * dot(self.shoe.radial_resultant(), q)
+
+
+class Balance(eqx.Module):
+    """Every static force, −Q(0, 0) at the current drum speed and load: the pressure is p0 all along the arc.
+
+    −Q(0, 0) = p0 ∫φ^r dA − μ0 p0 sgn(Ω) ∫φ^θ dA, the "uniform-pressure" reading of the paper: the preload, and a
+    force against the steady drag whose power is counted.
+    """
+
+    preload: Preload
+    friction: Friction | None
+
+    def act(self, moment: Moment, q: Six, v: Six) -> Action:
+        """Force −Q(0, 0) and the power of its part against the drag."""
+        force, power = self.preload.act(moment, q, v)
+        if self.friction is None:
+            return Action(force, power)
+        shoe = self.preload.shoe
+        friction = self.friction.steady_coefficient(shoe.outer_radius * moment.drum_speed)
+        drag = -friction * moment.preload * shoe.tangential_resultant()
+        return Action(tuple(f + drag[i] for i, f in enumerate(force)), power + dot(drag, v))
+
+    def potential_energy(self, moment: Moment, q: Six) -> Array:
+        """U of the preload (J)."""
+        return self.preload.potential_energy(moment, q)
+
+
+def dot(force: Array, motion: Six) -> Array:
+    """Sum of force (6,) times motion over the six coordinates."""
+    return sum((force[i] * x for i, x in enumerate(motion)), start=jnp.zeros(()))

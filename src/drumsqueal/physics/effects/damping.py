@@ -1,0 +1,54 @@
+"""Structural damping: the same ratio for every mode of the frictionless shoe."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jax import Array
+from jax.typing import ArrayLike
+
+from drumsqueal.physics.effects.action import ZERO, Action, Six
+from drumsqueal.physics.effects.operation import Moment
+from drumsqueal.precision import real
+
+# A mode below this share of the highest squared frequency has no stiffness (the free Z motion) and stays undamped.
+FREE_MODE_SHARE = 1e-12
+
+
+def frictionless_modes(mass: Array, stiffness: Array) -> tuple[Array, Array]:
+    """Mass-normalised modes of M q̈ + K q = 0: ω (n,) in rad/s, ascending, and Φ (n, n) with Φᵀ M Φ = 1.
+
+    `mass` is the diagonal (n,), `stiffness` symmetric (n, n). A mode without stiffness has ω = 0.
+    """
+    root = jnp.sqrt(mass)
+    squared, vectors = jnp.linalg.eigh(stiffness / root[:, None] / root[None, :])
+    stiff = squared > FREE_MODE_SHARE * jnp.max(jnp.abs(squared))
+    omega = jnp.where(stiff, jnp.sqrt(jnp.where(stiff, squared, 1.0)), 0.0)
+    return omega, vectors / root[:, None]
+
+
+class Damping(eqx.Module):
+    """F = −C v with C = M Φ diag(2 ζ ω) Φᵀ M over the coordinates that are kept."""
+
+    matrix: Array = eqx.field(converter=real)
+    coordinates: tuple[int, ...] = eqx.field(static=True)
+
+    @staticmethod
+    def from_ratio(ratio: ArrayLike, mass: Array, stiffness: Array, coordinates: tuple[int, ...]) -> "Damping":
+        """Build C for the ratio ζ from the kept part of mass (n,) and frictionless stiffness (n, n)."""
+        omega, modes = frictionless_modes(mass, stiffness)
+        shaped = mass[:, None] * modes
+        return Damping((shaped * (2 * ratio * omega)) @ shaped.T, coordinates)
+
+    def act(self, moment: Moment, q: Six, v: Six) -> Action:
+        """Force −C v and its power −vᵀ C v."""
+        del moment, q
+        force = list(ZERO)
+        power = 0.0
+        for row, i in enumerate(self.coordinates):
+            force[i] = -sum(self.matrix[row, column] * v[j] for column, j in enumerate(self.coordinates))
+            power = power + force[i] * v[i]
+        return Action(tuple(force), power)
+
+    def potential_energy(self, moment: Moment, q: Six) -> float:
+        """None is stored."""
+        del moment, q
+        return 0.0

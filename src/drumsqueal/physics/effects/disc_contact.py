@@ -1,0 +1,110 @@
+"""A disc that slides and spins on a plate, evenly loaded: friction against the slip velocity over an area, exactly.
+
+The drum's speed of the operation is that of the plate along X (m/s), its preload the pressure (Pa). With a constant
+coefficient force and torque are elliptic integrals (Farkas et al., Physical Review Letters 90 (2003) 248302).
+"""
+
+import dataclasses
+
+import equinox as eqx
+import jax.numpy as jnp
+from jax import Array
+
+from drumsqueal.physics.bodies.disc import Disc
+from drumsqueal.physics.bodies.rigid_shoe import TZ, X, Y
+from drumsqueal.physics.effects.action import ZERO, Action, Six
+from drumsqueal.physics.effects.friction import Friction
+from drumsqueal.physics.effects.operation import Moment
+from drumsqueal.physics.effects.touching import Observation
+from drumsqueal.physics.laws.friction_law import breakpoints
+from drumsqueal.physics.quadrature.disc import disc_nodes
+
+LEAST = 1e-280  # m²/s²: slower than its root is standing still
+# Of the square of one of the two speeds, added to that of the other: 1e-12 of the forces at most, and where the other
+# is zero they keep their derivatives.
+BESIDE = 1e-12
+
+
+class DiscContact(eqx.Module):
+    """F = −∫ μ(|V|) p V/|V| dA with V = u + ω e_z × r."""
+
+    disc: Disc
+    friction: Friction | None
+
+    @property
+    def slipping(self) -> tuple[bool, ...]:
+        """Which coordinates slip: X, Y and Tz."""
+        return tuple(i in (X, Y, TZ) for i in range(6))
+
+    @property
+    def following(self) -> Six:
+        """Velocities of a disc that moves with a plate of 1 m/s: q̇1 = 1."""
+        return tuple(float(i == X) for i in range(6))
+
+    @property
+    def area(self) -> Array:
+        """π R² (m²)."""
+        return self.disc.area
+
+    def with_friction(self, friction: Friction | None) -> "DiscContact":
+        """The same contact with other friction."""
+        return dataclasses.replace(self, friction=friction)
+
+    def fastest_slip(self, moment: Moment, v: Six) -> Array:
+        """|u| + R |ω| (m/s), reached on the rim."""
+        ux, uy, rim = self._motion(moment, v)
+        squared = ux * ux + uy * uy
+        sliding = jnp.where(squared > 0, jnp.sqrt(jnp.where(squared > 0, squared, 1.0)), 0.0)
+        return sliding + jnp.abs(rim)
+
+    def yielding(self, moment: Moment) -> float:
+        """How far the contact yields under its load (m): not at all."""
+        del moment
+        return 0.0
+
+    def act(self, moment: Moment, q: Six, v: Six) -> Action:
+        """Force and torque of friction and their power."""
+        del q
+        along, across, torque = self._friction(moment, v)
+        force = list(ZERO)
+        force[X], force[Y], force[TZ] = along, across, torque
+        return Action(tuple(force), along * v[X] + across * v[Y] + torque * v[TZ])
+
+    def potential_energy(self, moment: Moment, q: Six) -> float:
+        """None is stored."""
+        del moment, q
+        return 0.0
+
+    def observe(self, moment: Moment, q: Six, v: Six) -> Observation:
+        """Forces at one instant; in place of a brake torque the force that holds the plate back (N)."""
+        del q
+        along, across, torque = self._friction(moment, v)
+        ux, uy, _ = self._motion(moment, v)
+        heat = -(along * ux + across * uy + torque * v[TZ])
+        load, none = moment.preload * self.disc.area, jnp.zeros(())
+        return Observation(along, load, none + 1, none, moment.preload, heat, none)
+
+    def _motion(self, moment: Moment, v: Six) -> tuple[Array, Array, Array]:
+        """Slip velocity of the centre along X and Y, and that of the rim from the spin, Rω (m/s)."""
+        zero = jnp.zeros(())
+        return v[X] - moment.drum_speed + zero, v[Y] + zero, self.disc.radius * v[TZ] + zero
+
+    def _friction(self, moment: Moment, v: Six) -> tuple[Array, Array, Array]:
+        """Force along X and Y (N) and torque (N m) on the disc."""
+        if self.friction is None:
+            return jnp.zeros(()), jnp.zeros(()), jnp.zeros(())
+        ux, uy, rim = self._motion(moment, v)
+        slid, spun = ux * ux + uy * uy, rim * rim
+        moves = slid + spun > LEAST
+        slid, spun = (jnp.where(moves, each, 1.0) for each in (slid + BESIDE * spun, spun + BESIDE * slid))
+        sliding, spinning = jnp.sqrt(slid), jnp.sqrt(spun)
+        nodes = disc_nodes(self.disc.radius, sliding, spinning, breakpoints(self.friction.law))
+        pressure = jnp.broadcast_to(moment.preload, nodes.speed.shape)
+        traction, other = self.friction.traction(pressure, nodes.speed * nodes.cosine, nodes.speed * nodes.sine)
+        assert other is not None
+        # The other half of the disc takes away what is at right angles to the sliding. Tractions are at right angles
+        # to their line, so that the place on it is the lever's arm.
+        drag = jnp.sum(traction * nodes.weight) / sliding
+        turn = jnp.sum((traction * nodes.cosine + other * nodes.sine) * nodes.place * nodes.weight) / spinning
+        drag, turn = jnp.where(moves, drag, 0.0), jnp.where(moves, turn, 0.0)
+        return drag * ux, drag * uy, turn * rim

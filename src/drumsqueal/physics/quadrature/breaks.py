@@ -1,0 +1,146 @@
+"""Where along the arc the integral across the lining is singular, or nearly so, as a function of θ.
+
+On a line θ = const all levels are linear in z: the pressure A + zB, and the velocity W = V_θ + iV_z = C + zD. So there
+are at most one edge of contact z = −A/B and one branch point z = −C/D of |V| with its conjugate, and the integral is
+singular, at real or complex θ, only where one of them meets something:
+
+- the edge of contact reaches an edge of the lining: A ± wB = 0 with w = b/2,
+- the branch point does: C ± wD = 0,
+- it meets its conjugate: V_z = 0, where all velocity vanishes,
+- it meets the edge of contact: C B − D A = 0, a quartic in e^{iθ},
+- the line of a slip speed at which the friction law has a kink reaches an edge of the lining, C C* = s² at ±w, a
+  quartic, too, or it turns back, V_z = ±s,
+- an edge runs off to infinity: B = 0 or D = 0. No such point lies on the lining, but there may be one close to where
+  the edge leaves it.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
+from drumsqueal.physics.quadrature.levels import Level, complex_roots, real_roots
+from drumsqueal.physics.quadrature.quartic import quartic_roots
+from drumsqueal.physics.quadrature.surface import Edges
+
+CLOSE = 0.5  # half arcs; singularities further off the real axis need no split: Gauss nodes converge like 2.4^(−2 n)
+FAR = 1e3  # rad; a split without a singularity (finite, so that gradients stay so)
+# Half widths from the middle line within which two edges are taken to meet on the lining: complex roots are looked at
+# where they are closest to the real axis, which may put them somewhat off it.
+REACH = 1.5
+
+
+class Breaks(NamedTuple):
+    """Singularities (k,): Re θ, their distance from the real axis (rad), and whether to split there."""
+
+    angle: Array
+    distance: Array
+    split: Array
+
+
+def find_breaks(shoe: RigidShoe, edges: Edges) -> Breaks:
+    """All of them. Their number depends on what edges there may be, not on the state."""
+    pressure, slip, axial, _, kinks = edges
+    half_angle, half_width = shoe.half_angle, shoe.width / 2
+    sides = half_width * np.array([-1.0, 1.0])
+    found = []
+    if pressure is not None:
+        there, angle = real_roots(pressure.on_line(sides), half_angle)
+        found += [Breaks(jax.lax.stop_gradient(angle), jnp.full_like(angle, FAR), there), _runaways(pressure)]
+    if slip is not None:
+        turn = slip if axial is None else Level(*(u + 1j * w for u, w in zip(slip, axial, strict=True)))
+        there, angle, distance = complex_roots(turn.on_line(sides))
+        # The integral across jumps only where slip reverses all across at once. Elsewhere it is continuous, so it does
+        # not matter to a derivative how a split moves, but that motion may be as fast as √ at zero.
+        upright = (jnp.asarray(slip.cosine_slope) == 0) & (jnp.asarray(slip.sine_slope) == 0)
+        angle = jnp.where(upright, angle, jax.lax.stop_gradient(angle))
+        found += [_near(half_angle, there, angle, distance), _runaways(slip)]
+        if axial is not None:
+            still = jax.lax.stop_gradient(complex_roots(axial))
+            found.append(_on_lining(_near(half_angle, *still), slip, half_width))
+        if pressure is not None:
+            found.append(_on_lining(_near(half_angle, *_meetings(pressure, turn)), pressure, half_width))
+        if kinks.size:
+            found.append(_near(half_angle, *_crossings(turn.on_line(sides), kinks)))
+            if axial is not None:
+                signed = jnp.concatenate([-kinks, kinks])
+                level = Level(axial.constant + signed, axial.cosine + 0 * signed, axial.sine + 0 * signed)
+                found.append(_near(half_angle, *jax.lax.stop_gradient(complex_roots(level))))
+    if not found:
+        return Breaks(jnp.zeros(0), jnp.zeros(0), jnp.zeros(0, bool))
+    return Breaks(*(jnp.concatenate([part.ravel() for part in parts]) for parts in zip(*found, strict=True)))
+
+
+def distances(found: Breaks, angle: Array) -> Array:
+    """How far each angle (n,) is from the closest singularity (rad)."""
+    apart = jnp.abs(angle[:, None] - found.angle)
+    apart = jnp.minimum(apart, jnp.abs(2 * jnp.pi - apart))
+    return jax.lax.stop_gradient(jnp.min(apart + found.distance, axis=1, initial=FAR))
+
+
+def _near(half_angle: Array, there: Array, angle: Array, distance: Array) -> Breaks:
+    """Split where a complex singularity is close."""
+    split = there & (jnp.abs(angle) < half_angle) & (distance < CLOSE * half_angle)
+    return Breaks(angle, jnp.where(there, distance, FAR), split)
+
+
+def _on_lining(found: Breaks, level: Level, half_width: Array) -> Breaks:
+    """Split only where the edge of the level runs over the lining; the singularities stay."""
+    a, b, c, b1, c1 = level
+    cosine, sine = jnp.cos(found.angle), jnp.sin(found.angle)
+    value, slope = a + b * cosine + c * sine, b1 * cosine + c1 * sine
+    return found._replace(split=found.split & (jnp.abs(value) <= REACH * half_width * jnp.abs(slope)))
+
+
+def _runaways(level: Level) -> Breaks:
+    """Where a level does not depend on z. The arc is not split there."""
+    b, c = (jax.lax.stop_gradient(jnp.asarray(x)) for x in (level.cosine_slope, level.sine_slope))
+    there = (b != 0) | (c != 0)
+    angle = jnp.arctan2(-b, jnp.where(there, c, 1.0))
+    angle = jnp.stack([angle, angle + jnp.pi])
+    return Breaks(angle, jnp.where(there, jnp.zeros(2), FAR), jnp.zeros(2, bool))
+
+
+def _meetings(pressure: Level, turn: Level) -> tuple[Array, Array, Array]:
+    """Complex roots θ of C B − D A: whether there, Re θ and |Im θ|, each (4,), in rad."""
+    A, B = _waves(pressure)
+    C, D = _waves(turn)
+    return _angles(_scaled_roots(_product(C, B) - _product(D, A)))
+
+
+def _scaled_roots(coefficients: Array) -> Array:
+    """Roots (4,) of a quartic, all zero where its coefficients (5,) are."""
+    size = jnp.max(jnp.abs(coefficients.real) + jnp.abs(coefficients.imag))
+    some = size > 0
+    return jnp.where(some, quartic_roots(coefficients / jnp.where(some, size, 1.0)), 0.0)
+
+
+def _angles(zeta: Array) -> tuple[Array, Array, Array]:
+    """Complex θ with e^{iθ} = ζ: whether there, Re θ and |Im θ|."""
+    modulus = jnp.abs(zeta)
+    there = jnp.isfinite(modulus) & (modulus > 0)
+    zeta = jnp.where(there, zeta, 1.0)
+    return there, jnp.arctan2(zeta.imag, zeta.real), jnp.abs(jnp.log(jnp.abs(zeta)))
+
+
+def _crossings(turn: Level, kinks: Array) -> tuple[Array, Array, Array]:
+    """Complex roots θ of |V| = s on lines, for each slip speed s: whether there, Re θ and |Im θ|, each (4, ...)."""
+    a, b, c = (jax.lax.stop_gradient(jnp.asarray(x, dtype=complex)) for x in (turn.constant, turn.cosine, turn.sine))
+    wave = [(b + 1j * c) / 2, a, (b - 1j * c) / 2]
+    squared = _product(wave, [jnp.conj(each) for each in reversed(wave)])[:, :, None] + jnp.zeros(kinks.size)
+    coefficients = squared.at[2].add(-(jax.lax.stop_gradient(kinks) ** 2)).reshape(5, -1)
+    return _angles(jax.vmap(_scaled_roots, in_axes=1, out_axes=1)(coefficients))
+
+
+def _waves(level: Level) -> tuple[list[Array], list[Array]]:
+    """Coefficients of e^{−iθ}, 1 and e^{iθ} in what does not depend on z, and in what z multiplies."""
+    a, b, c, b1, c1 = (jax.lax.stop_gradient(jnp.asarray(x, dtype=complex)) for x in level)
+    return [(b + 1j * c) / 2, a, (b - 1j * c) / 2], [(b1 + 1j * c1) / 2, jnp.zeros_like(a), (b1 - 1j * c1) / 2]
+
+
+def _product(one: list[Array], other: list[Array]) -> Array:
+    """Coefficients (5,) of the product of two sums of waves."""
+    return jnp.stack([sum(one[i] * other[k - i] for i in range(3) if 0 <= k - i < 3) for k in range(5)])  # pyright: ignore[reportArgumentType, reportCallIssue]

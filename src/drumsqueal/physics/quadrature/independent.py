@@ -1,0 +1,116 @@
+"""Quadratures that share nothing with the engine's: two to check it against, and the fixed grid that it replaces.
+
+They find the edges another way and take many more nodes, of other rules. Nothing but studies of accuracy uses them.
+"""
+
+from collections.abc import Callable, Sequence
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
+from drumsqueal.physics.quadrature.arc import sort_by_counting
+from drumsqueal.physics.quadrature.levels import Level
+from drumsqueal.physics.quadrature.sums import Densities, sum_together
+from drumsqueal.physics.quadrature.surface import Edges, Nodes
+
+TANH_SINH, FEJER = "tanh-sinh", "Fejér"
+TANH_SINH_STEP, TANH_SINH_REACH = 0.11, 3.2  # 59 nodes; the outermost weight is 1e-15 of the largest
+FEJER_NODES = 32
+PANELS = 6  # across the lining, each with half as many of Fejér's nodes
+
+
+class IndependentSurface(eqx.Module):
+    """The lining split at its edges, with the nodes of a rule on each piece; across it, if spatial, on fixed lines.
+
+    The arc is split into equal `panels`, besides: many of them resolve a steep friction law that it knows nothing of.
+    """
+
+    rule: str = eqx.field(static=True)
+    spatial: bool = eqx.field(static=True)
+    panels: int = eqx.field(static=True, default=2)
+
+    def integrate(self, shoe: RigidShoe, edges: Edges, densities: Callable[[Nodes], Densities]) -> Densities:
+        """Sums of the densities."""
+        z, across = _lines(shoe.width) if self.spatial else (jnp.zeros(1), shoe.width * jnp.ones(1))
+        levels = [level.on_line(z) for level in (edges.pressure, edges.slip) if level is not None]
+        if edges.slip is not None and edges.kinks.size:
+            signed = jnp.concatenate([-edges.kinks, edges.kinks])[:, None]
+            constant, cosine, sine, *_ = edges.slip.on_line(z)
+            levels.append(Level(constant + signed, cosine, sine))
+        even = shoe.half_angle * np.linspace(-1, 1, self.panels + 1)[:, None] + 0 * z
+        bounds = sort_by_counting(jnp.concatenate([even, *_edges(levels, shoe.half_angle)]))
+        middle, half = (bounds[1:] + bounds[:-1]) / 2, (bounds[1:] - bounds[:-1]) / 2
+        point, weight = rule_of(self.rule)
+        theta = middle[..., None] + half[..., None] * point
+        area = half[..., None] * weight * shoe.outer_radius * across[:, None]
+        line = jnp.broadcast_to(z[:, None], theta.shape) if self.spatial else None
+        return sum_together([densities(Nodes(jnp.cos(theta), jnp.sin(theta), line, area))])
+
+
+class FixedGrid(eqx.Module):
+    """Midpoints of a grid that does not know the edges: what one writes first, and a kink whenever one passes a node.
+
+    In space there are a quarter as many lines across.
+    """
+
+    along: int = eqx.field(static=True)
+    spatial: bool = eqx.field(static=True)
+
+    def integrate(self, shoe: RigidShoe, edges: Edges, densities: Callable[[Nodes], Densities]) -> Densities:
+        """Sums of the densities."""
+        del edges
+        theta = shoe.half_angle * _midpoints(self.along)
+        lines = max(1, self.along // 4) if self.spatial else 1
+        z = shoe.width / 2 * _midpoints(lines)[:, None]
+        cosine, sine = (jnp.broadcast_to(f(theta), (lines, self.along)) for f in (jnp.cos, jnp.sin))
+        area = jnp.full((lines, self.along), 1.0) * shoe.area / (lines * self.along)
+        line = jnp.broadcast_to(z, (lines, self.along)) if self.spatial else None
+        return sum_together([densities(Nodes(cosine, sine, line, area))])
+
+
+def rule_of(name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Points and weights of a rule on [−1, 1]."""
+    if name == FEJER:
+        return fejer(FEJER_NODES)
+    t = np.arange(-TANH_SINH_REACH, TANH_SINH_REACH + TANH_SINH_STEP / 2, TANH_SINH_STEP)
+    inner = np.pi / 2 * np.sinh(t)
+    return np.tanh(inner), TANH_SINH_STEP * np.pi / 2 * np.cosh(t) / np.cosh(inner) ** 2
+
+
+def fejer(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Points cos((k + ½)π/n) and weights of Fejér's first rule (Trefethen, SIAM Review 50 (2008) 67).
+
+    No point is an end of the interval: there slip has no direction, and round-off would give it one.
+    """
+    angle = np.pi * (np.arange(count) + 0.5) / count
+    orders = np.arange(1, count // 2 + 1)
+    terms = np.cos(2 * orders * angle[:, None]) / (4 * orders**2 - 1)
+    return np.cos(angle), 2 / count * (1 - 2 * terms.sum(axis=1))
+
+
+def _lines(width: Array) -> tuple[Array, Array]:
+    point, weight = fejer(FEJER_NODES // 2)
+    half = width / 2 / PANELS
+    return (half * (2 * PANELS * _midpoints(PANELS)[:, None] / 2 + point)).ravel(), (half * np.tile(weight, PANELS))
+
+
+def _midpoints(count: int) -> np.ndarray:
+    """Midpoints of `count` equal parts of [−1, 1]."""
+    return (2 * np.arange(count) + 1) / count - 1
+
+
+def _edges(levels: Sequence[Level], half_angle: Array) -> list[Array]:
+    """Edges (k, lines) of each level: a + r cos(θ − φ) vanishes at φ ± arccos(−a/r); 0 for one that is not there."""
+    edges = []
+    for a, b, c, _, _ in levels:
+        amplitude, phase = jnp.hypot(b, c), jnp.arctan2(c, b)
+        share = -a / jnp.where(amplitude > 0, amplitude, 1.0)
+        there = (amplitude > 0) & (jnp.abs(share) < 1)
+        reach = jnp.arccos(jnp.where(there, share, 0.0))
+        turned = (jnp.stack([phase - reach, phase + reach]) + jnp.pi) % (2 * jnp.pi) - jnp.pi
+        turned = jnp.where(there & (jnp.abs(turned) < half_angle), turned, 0.0)
+        edges.append(turned.reshape(-1, turned.shape[-1]))
+    return edges

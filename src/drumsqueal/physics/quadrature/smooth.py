@@ -1,0 +1,80 @@
+"""Quadrature over the whole lining where nothing has an edge: pressed everywhere, and slip far from its reversal.
+
+What then is integrated is smooth all over the lining, and a fixed product of Gauss rules is exact to round-off with a
+tenth of the nodes that a single piece of the arc takes where there are edges.
+"""
+
+from collections.abc import Callable
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
+from drumsqueal.physics.quadrature.levels import Level, sine_cosine
+from drumsqueal.physics.quadrature.sums import Densities, sum_together
+from drumsqueal.physics.quadrature.surface import Edges, Nodes, resolved
+
+ALONG, ACROSS = 16, 8  # nodes along the arc and across the lining
+# How far off the branch points of |V| must be. Along the arc, at least this many half arcs from the real axis: Gauss
+# rules then converge like 3.6^(−2 n), to 1e-18. Across, the swing of the velocity, at most this share of its mean,
+# leaves them 3.3 half widths away: 6.5^(−2 n), 1e-13.
+CLEARANCE = 1.65
+LARGEST_SWING = 0.3
+
+
+def smooth_nodes(shoe: RigidShoe) -> Nodes:
+    """Nodes (across, along); nothing is split."""
+    along, along_weight = np.polynomial.legendre.leggauss(ALONG)
+    across, across_weight = np.polynomial.legendre.leggauss(ACROSS)
+    half_angle, half_width = shoe.half_angle, shoe.width / 2
+    sine, cosine = sine_cosine(half_angle * along)
+    weight = shoe.outer_radius * half_angle * half_width * across_weight[:, None] * along_weight
+    return Nodes(cosine[None], sine[None], (half_width * across)[:, None], weight)
+
+
+class WholeSurface(eqx.Module):
+    """The lining where nothing has an edge: steady sliding under uniform pressure, and motion infinitely near to it.
+
+    Neither looks for edges nor splits anything: a tenth of the program to compile.
+    """
+
+    @property
+    def spatial(self) -> bool:
+        """Whether the nodes differ across the lining."""
+        return True
+
+    def integrate(self, shoe: RigidShoe, edges: Edges, densities: Callable[[Nodes], Densities]) -> Densities:
+        """Sums of the densities."""
+        del edges
+        return sum_together([densities(smooth_nodes(shoe))])
+
+
+def is_smooth(shoe: RigidShoe, edges: Edges) -> Array:
+    """Whether the lining has no edge, pressed and slipping one way everywhere, nor a branch point of |V| near it.
+
+    With V_θ + i V_z = a + (p e^{iθ} + m e^{−iθ})/2 there is none with |Im θ| < y as long as max(|p|, |m|) cosh y < |a|.
+    Nor may the friction law be steep. The condition is sufficient, not necessary: its bounds are over the whole circle.
+    """
+    pressure, slip, axial, breakpoints, _ = edges
+    smooth = jnp.asarray(True)
+    if pressure is not None:
+        smooth &= pressure.constant >= _swing(pressure, shoe.width / 2)
+    if slip is not None:
+        smooth &= jnp.abs(slip.constant) >= _swing(slip, shoe.width / 2)
+        turn = slip if axial is None else Level(*(u + 1j * w for u, w in zip(slip, axial, strict=True)))
+        swing, mean = _swing(turn, shoe.width / 2), jnp.abs(turn.constant)
+        share = jnp.minimum(LARGEST_SWING, 1 / jnp.cosh(CLEARANCE * shoe.half_angle))
+        smooth &= (swing <= share * mean) & resolved(breakpoints, mean - swing, mean + swing)
+    return smooth
+
+
+def _swing(level: Level, half_width: Array) -> Array:
+    """Bound of max(|p|, |m|), p, m = (b + b′z) ∓ i (c + c′z), over the lining."""
+    middle = _largest(level.cosine, level.sine)
+    return middle + half_width * _largest(level.cosine_slope, level.sine_slope)
+
+
+def _largest(b: Array | complex, c: Array | complex) -> Array:
+    return jnp.maximum(jnp.abs(b - 1j * c), jnp.abs(b + 1j * c))

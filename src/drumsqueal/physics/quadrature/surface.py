@@ -1,0 +1,63 @@
+"""What the contact asks of a quadrature over the lining."""
+
+from collections.abc import Callable
+from typing import NamedTuple, Protocol
+
+import jax.numpy as jnp
+from jax import Array
+
+from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
+from drumsqueal.physics.quadrature.levels import Level
+from drumsqueal.physics.quadrature.sums import Densities
+
+
+class Nodes(NamedTuple):
+    """Quadrature nodes on the lining: cos θ, sin θ, z (m, None on the line z = 0) and weight (m²)."""
+
+    cosine: Array
+    sine: Array
+    z: Array | None
+    weight: Array
+
+
+class Edges(NamedTuple):
+    """The levels whose roots are edges: p0 + k_c u_r, V_θ, and V_z beside it (None: no edges of that kind).
+
+    Where the pressure's level is negative the lining does not press; V_z is the same all across the lining. The slip
+    speeds that cut the friction law are its `breakpoints` (K,), rising, in m/s; `kinks` are those of them that a
+    quadrature has to cut it at, too, that is graded towards where the slip vanishes: none, or all.
+    """
+
+    pressure: Level | None
+    slip: Level | None
+    axial: Level | None
+    breakpoints: Array
+    kinks: Array
+
+
+# Of a stretch of the friction law: slip speeds that lie within so much of it are resolved by a quadrature that does not
+# look for them. Of exp(−α s) that is a factor of exp(4), and eight Gauss nodes on each piece of the arc err by 1.5e-11.
+SMALL_RANGE = 1 / 3
+
+
+def resolved(speeds: Array, slowest: Array, fastest: Array) -> Array:
+    """Whether the friction law needs no cuts at its slip speeds (K,) where the slip is between two others (m/s)."""
+    if speeds.size == 0:
+        return jnp.asarray(True)
+    bounds = jnp.concatenate([jnp.zeros(1), speeds, jnp.full(1, jnp.inf)])
+    width = bounds[1:] - bounds[:-1]
+    met = (bounds[:-1] < fastest) & (bounds[1:] > slowest)
+    return ~jnp.any(met & (fastest - slowest > SMALL_RANGE * width)) & (jnp.sum(met) < 2)
+
+
+class Surface(Protocol):
+    """A quadrature; `spatial` says whether it knows that the lining is wide."""
+
+    @property
+    def spatial(self) -> bool:
+        """Whether the nodes differ across the lining."""
+        ...
+
+    def integrate(self, shoe: RigidShoe, edges: Edges, densities: Callable[[Nodes], Densities]) -> Densities:
+        """Sums over the lining of densities times weights, which are smooth between the edges."""
+        ...

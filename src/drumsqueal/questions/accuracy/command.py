@@ -1,0 +1,55 @@
+"""`drumsqueal accuracy SCENE -o DIR`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from drumsqueal.files.output_folder import ACCURACY_FILES
+from drumsqueal.interrupts import stop_if_interrupted
+from drumsqueal.scene import load_scene
+from drumsqueal.terminal.options import (
+    JsonFile,
+    Overwrite,
+    Quiet,
+    Reply,
+    SceneFile,
+    Settings,
+    output_option,
+    read_share,
+)
+
+
+def accuracy_command(
+    scene: SceneFile,
+    output: Annotated[Path | None, output_option("SCENE-accuracy")] = None,
+    target: Annotated[
+        str,
+        typer.Option("--target", metavar="SHARE", help='Relative accuracy that is asked for, such as 1e-4 or "1 %".'),
+    ] = "1e-4",
+    settings: Settings = None,
+    overwrite: Overwrite = False,
+    quiet: Quiet = False,
+    json_file: JsonFile = None,
+) -> None:
+    """How wrong is a transient, and what would better cost?
+
+    Runs methods, tolerances and quadratures against an independent reference. Writes accuracy.csv, three figures and
+    simulate.toml, the cheapest settings that meet the target, into DIR.
+
+    Example: drumsqueal accuracy scenarios/nominal.toml -o out/accuracy --target 1e-5
+    """
+    loaded = load_scene(scene, settings or ())
+    wanted = read_share(target, "--target")
+    folder = output if output is not None else Path("out") / f"{scene.stem}-accuracy"
+    reply = Reply.beside(folder, ACCURACY_FILES, (scene,), quiet, json_file, overwrite=overwrite)
+    stop_if_interrupted()
+    from drumsqueal.questions.accuracy.job import study_into
+    from drumsqueal.questions.accuracy.study import check_motion
+    from drumsqueal.simulation import check_sample_rate, prepare
+
+    stop_if_interrupted()
+    check_motion(loaded)
+    check_sample_rate(prepare(loaded))
+    reply.clear()
+    reply.send(study_into(folder, loaded, wanted, reply.console))

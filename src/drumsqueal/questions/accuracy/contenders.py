@@ -1,0 +1,91 @@
+"""What a study of accuracy tries: methods and tolerances, quadratures, and friction smoothed about its reversal."""
+
+import dataclasses
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+from jax import Array
+
+from drumsqueal.physics.bodies.rigid_shoe import IN_PLANE
+from drumsqueal.physics.laws.friction_law import FrictionLaw
+from drumsqueal.physics.model import Model
+from drumsqueal.physics.quadrature.arc import ArcSurface
+from drumsqueal.physics.quadrature.area import AreaSurface
+from drumsqueal.physics.quadrature.independent import FixedGrid
+from drumsqueal.physics.quadrature.surface import Surface
+from drumsqueal.precision import real
+from drumsqueal.solve.transient.runge_kutta import DEFAULT, SOLVERS, is_explicit
+
+STEPPING, QUADRATURE, SMOOTHING = "time stepping", "contact quadrature", "smoothed friction"
+TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
+NODES = (2, 4, 6, 8, 12, 16)  # along each piece of the arc, or each half of it in space, split at the edges
+GRID = (20, 40, 80, 160, 320, 640)  # nodes of a grid that does not know the edges
+WIDTHS = (1e-1, 1e-2, 1e-3, 1e-4)  # of the smoothing, over the speed of the drum's surface
+OTHERS = 1e-6  # tolerance of those that are not about time stepping; at less a fixed grid does not get through
+SPLIT, FIXED, SMOOTHED = "split at edges", "fixed grid", "smoothed"
+
+
+class SmoothedDirection(eqx.Module):
+    """F = −μ(|V|) N V/√(|V|² + ε²): friction without its jump where slip reverses; ε in m/s."""
+
+    width: Array = eqx.field(converter=real)
+    knows_axial: bool = eqx.field(static=True)
+
+    def traction(
+        self, law: FrictionLaw, pressure: Array, slip: Array, axial: Array | None
+    ) -> tuple[Array, Array | None]:
+        """Tractions along θ and z (Pa) at slip velocity V_θ, V_z (m/s; None for motion in the plane)."""
+        squared = slip * slip if axial is None else slip * slip + axial * axial
+        moving = squared > 0
+        speed = jnp.where(moving, jnp.sqrt(jnp.where(moving, squared, 1.0)), 0.0)
+        share = -law.coefficient(speed) * pressure / jnp.sqrt(squared + self.width**2)
+        return share * slip, None if axial is None else share * axial
+
+
+class Contender(NamedTuple):
+    """One way to run a scene: the cause of error it is about, its line in the figure and its place on it."""
+
+    cause: str
+    line: str
+    setting: float
+    solver: str
+    tolerance: float
+    model: Model
+
+    @property
+    def whole(self) -> bool:
+        """Whether it runs the whole record, for its features; others run as far as the reference goes."""
+        return self.cause == STEPPING and is_explicit(self.solver)
+
+    @property
+    def name(self) -> str:
+        """What it is, in a word or two."""
+        unit = {STEPPING: "", QUADRATURE: " nodes", SMOOTHING: " of RΩ"}[self.cause]
+        return f"{self.line}, {self.setting:g}{unit}"
+
+
+def contenders_of(model: Model) -> Iterator[list[Contender]]:
+    """The lines of the study, each from its cheapest contender to its dearest."""
+    for solver in SOLVERS:
+        yield [Contender(STEPPING, solver, tolerance, solver, tolerance, model) for tolerance in TOLERANCES]
+    spatial = not set(model.coordinates) <= set(IN_PLANE)
+    split: list[Surface] = [AreaSurface(n, max(2, n // 2)) if spatial else ArcSurface(n) for n in NODES]
+    yield [_quadrature(SPLIT, n, model, surface) for n, surface in zip(NODES, split, strict=True)]
+    yield [_quadrature(FIXED, n, model, FixedGrid(n, spatial)) for n in GRID]
+    friction = model.contact.friction
+    if friction is not None:
+        surface_speed = float(model.shoe.outer_radius * jnp.abs(model.operation.at(0.0).drum_speed))
+        smoothed = []
+        for width in WIDTHS:
+            direction = SmoothedDirection(width * surface_speed, friction.direction.knows_axial)
+            contact = dataclasses.replace(model.lining, friction=dataclasses.replace(friction, direction=direction))
+            changed = dataclasses.replace(model, contact=contact)
+            smoothed.append(Contender(SMOOTHING, SMOOTHED, width, "dopri8", OTHERS, changed))
+        yield smoothed
+
+
+def _quadrature(line: str, nodes: int, model: Model, surface: Surface) -> Contender:
+    contact = dataclasses.replace(model.lining, surface=surface)
+    return Contender(QUADRATURE, line, nodes, DEFAULT, OTHERS, dataclasses.replace(model, contact=contact))

@@ -1,0 +1,236 @@
+"""The moving section: shoe and drum, contact along the arc, and the displacements with the time in them."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.colors import ListedColormap
+from matplotlib.patches import FancyArrowPatch, Patch
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
+
+from drumsqueal.findings.departure import ROTATIONS
+from drumsqueal.interrupts import noted_interrupts, stop_if_interrupted
+from drumsqueal.questions.animate.file import write_animation
+from drumsqueal.questions.animate.playback import REVERSED, SEPARATED, STUCK, TICK, TOUCHING, Playback
+from drumsqueal.questions.animate.section import MILLI, displaced, lining_parts, on_circle, shoe_outline
+from drumsqueal.questions.animate.window import FRAMES_PER_SECOND
+from drumsqueal.terminal import style
+
+PIXELS, DOTS_PER_INCH = (700, 760), 115
+# State: colour and name.
+STATES = {
+    TOUCHING: (style.TOUCHING, "touches and slips"),
+    REVERSED: (style.REVERSED, "slip reversed"),
+    SEPARATED: (style.SEPARATED, "lifted off"),
+    STUCK: (style.STUCK, "sticks"),
+}
+UNITS = {"MPa": 1e6, "kPa": 1e3}
+# Shares of the thickness: the ring that stands for the drum, and depths of what shows state and pressure.
+RING, STATE_DEPTH, PRESSURE_DEPTH = 0.5, 0.09, 0.36
+ROOM = 1.35  # of the thickness, around the drum
+ARROW = {"arrowstyle": "-|>", "mutation_scale": 8, "linewidth": 0.9, "color": style.DARK}
+BODY = "#DDDDDD"
+FAR_APART = np.deg2rad(160.0)  # half angle, from which on the labels of the ends would meet
+
+
+class MovingSection:
+    """A figure of which only what moves is drawn anew from frame to frame."""
+
+    @style.styled()
+    def __init__(self, playback: Playback) -> None:
+        """Draw everything, at the first frame."""
+        self.playback = playback
+        self._shoe, self._centroid = playback.shoe, float(playback.shoe.centroid)
+        self._thickness = float(playback.shoe.thickness)
+        self._outline = shoe_outline(playback.shoe)
+        depths = np.array([0.0, STATE_DEPTH, PRESSURE_DEPTH]) * self._thickness
+        self._lining = [lining_parts(playback.shoe, playback.arc.edges, (depths[k], depths[k + 1])) for k in range(2)]
+        self.figure = style.new_figure(playback.title, playback.subject)
+        self.figure.set_layout_engine("none")
+        self.figure.set_dpi(DOTS_PER_INCH)
+        self.figure.set_size_inches((PIXELS[0] / DOTS_PER_INCH, PIXELS[1] / DOTS_PER_INCH))
+        top, line = 0.95, 0.026
+        for place, note in enumerate(playback.notes):
+            self.figure.text(0.01, top - line * place, note, fontsize=style.SMALL_SIZE, va="top", parse_math=False)
+        below = top - line * len(playback.notes)
+        self._section = self.figure.add_axes((0.01, 0.27, 0.84, below - 0.275))
+        self._draw_drum()
+        self._draw_shoe()
+        self._draw_key(self.figure.add_axes((0.872, 0.36, 0.02, below - 0.46)))
+        self._draw_curves(self.figure.add_axes((0.125, 0.07, 0.85, 0.13)))
+        self._begin()
+
+    def _begin(self) -> None:
+        """Draw what stands still, over which each frame is drawn."""
+        self._moving = sorted(
+            (artist for artist in self.figure.findobj() if artist.get_animated()), key=lambda artist: artist.zorder
+        )
+        self.show(0)
+        self._canvas = FigureCanvasAgg(self.figure)
+        self._canvas.draw()
+        self._background = self._canvas.copy_from_bbox(self.figure.bbox)
+
+    @property
+    def frames(self) -> int:
+        """How many frames there are."""
+        return self.playback.time.size
+
+    def show(self, frame: int) -> None:
+        """Move everything to a frame."""
+        shown = self.playback
+        motion = shown.motion[frame]
+        self._body.set_xy(self._drawn(self._outline, motion))
+        for parts, corners in zip((self._state, self._pressure), self._lining, strict=True):
+            parts.set_verts(list(self._drawn(corners, motion)))
+        self._state.set_array(shown.arc.state[frame])
+        self._pressure.set_array(self._colour_values[frame])
+        for line, face in zip(self._face_lines, shown.faces or (), strict=True):
+            line.set_data(*self._drawn(self._outline, face[frame]).T)
+        if shown.drum_turn is not None:
+            self._ticks.set_segments(list(self._tick_lines(shown.drum_turn[frame])))
+        moment = MILLI * shown.time[frame]
+        self._marker.set_xdata([moment, moment])
+        self._clock.set_text(f"t = {moment:.{self._decimals}f} ms")
+
+    @style.styled()
+    def image(self, frame: int) -> NDArray[np.uint8]:
+        """Red, green and blue (height, width, 3) of a frame."""
+        self.show(frame)
+        self._canvas.restore_region(self._background)
+        for artist in self._moving:
+            artist.draw(self._canvas.get_renderer())
+        return np.asarray(self._canvas.buffer_rgba())[..., :3].copy()
+
+    def _drawn(self, points: NDArray[np.float64], motion: NDArray[np.float64]) -> NDArray[np.float64]:
+        return displaced(points, self._centroid, motion, self.playback.magnification)
+
+    def _draw_drum(self) -> None:
+        """The ring, its marks, the limits of the picture, and angles along the arc."""
+        axes, radius, ring = self._section, MILLI * float(self._shoe.outer_radius), MILLI * RING * self._thickness
+        circle = np.linspace(-np.pi, np.pi, 361)
+        inner, outer = (on_circle((radius + more) / MILLI, circle) for more in (0.0, ring))
+        axes.fill(*np.concatenate([outer, inner[::-1]]).T, color=style.PALE, linewidth=0, zorder=1)
+        axes.plot(*outer.T, color=style.FAINT, linewidth=0.6, zorder=1)
+        # Above the shoe: how far it is drawn inside the drum is the magnification's doing.
+        axes.plot(*inner.T, color=style.DARK, linewidth=0.7, linestyle=(0, (4, 2)), zorder=5, animated=True)
+        self._ticks = LineCollection([], colors=style.DARK, linewidths=0.7, zorder=2, animated=True)
+        axes.add_collection(self._ticks, autolim=False)
+        limit = radius + ROOM * MILLI * self._thickness
+        axes.set_xlim(-limit, limit)
+        axes.set_ylim(-limit, limit)
+        axes.set_aspect("equal")
+        axes.axis("off")
+        half = float(self._shoe.half_angle)
+        for angle in (-half, 0.0, half) if half < FAR_APART else (0.0,):
+            at = on_circle((radius + 1.9 * ring) / MILLI, angle)
+            text = f"{np.rad2deg(angle):.3g}°".replace("-", "−")
+            axes.text(at[0], at[1], text, fontsize=style.SMALL_SIZE, ha="center", va="center", color=style.DARK)
+        within = radius - MILLI * self._thickness
+        tip, beyond = 0.3 * within, 0.37 * within
+        for name, right, up in (("x", 1, 0), ("y", 0, 1)):
+            axes.add_patch(FancyArrowPatch((0, 0), (tip * right, tip * up), shrinkA=0, shrinkB=0, **ARROW))
+            at = beyond * right, beyond * up
+            axes.text(at[0], at[1], name, fontsize=style.SMALL_SIZE, ha="center", va="center", color=style.DARK)
+        if self.playback.drum_sense:
+            self._draw_sense(0.85 * within)
+
+    def _draw_sense(self, radius: float) -> None:
+        """An arrow within the drum, the way that it turns, where a short shoe is not."""
+        ends = np.pi + self.playback.drum_sense * np.array([-0.3, 0.3])
+        tail, head = on_circle(radius / MILLI, ends)
+        # Curved to the drum's circle: the arc's height over its chord.
+        bend = 0.5 * self.playback.drum_sense * np.tan(0.3 / 2)
+        self._section.add_patch(FancyArrowPatch(tail, head, connectionstyle=f"arc3,rad={bend}", **ARROW))
+        self._section.text(
+            -0.93 * radius, 0.0, "drum\nturns", fontsize=style.SMALL_SIZE, ha="left", va="center", color=style.DARK
+        )
+
+    def _tick_lines(self, turn: float) -> NDArray[np.float64]:
+        """Marks on the drum's ring (marks, 2, 2)."""
+        angles = turn % TICK + np.arange(-np.pi, np.pi, TICK)
+        radius, depth = float(self._shoe.outer_radius), RING * self._thickness
+        return np.stack([on_circle(radius + part * depth, angles) for part in (0.35, 1.0)], axis=1)
+
+    def _draw_shoe(self) -> None:
+        axes = self._section
+        place = self._outline
+        (self._body,) = axes.fill(
+            *place.T, facecolor=BODY, edgecolor=style.DARK, linewidth=0.8, zorder=3, animated=True
+        )
+        axes.plot(*place.T, color=style.DARK, linewidth=0.5, linestyle=":", zorder=5, animated=True)
+        colours = ListedColormap([STATES[k][0] for k in range(len(STATES))])
+        self._state = PolyCollection([], cmap=colours, edgecolors="face", linewidths=0.3, zorder=4, animated=True)
+        self._state.set_clim(-0.5, len(STATES) - 0.5)
+        self._pressure = PolyCollection([], edgecolors="face", linewidths=0.3, zorder=4, animated=True)
+        for parts in (self._state, self._pressure):
+            axes.add_collection(parts, autolim=False)
+        looks = ("-", "--")[: len(self.playback.faces or ())]
+        self._face_lines = [
+            axes.plot([], [], color=style.DARK, linewidth=0.9, linestyle=look, zorder=6, animated=True)[0]
+            for look in looks
+        ]
+
+    def _draw_key(self, axes: Axes) -> None:
+        """The scale of the pressure, and the names of the states that occur."""
+        shown = self.playback
+        largest = float(np.abs(shown.arc.pressure).max()) or 1.0
+        unit, scale = "relative", 1.0
+        if not shown.relative:
+            unit, scale = next(((unit, scale) for unit, scale in UNITS.items() if largest >= 0.1 * scale), ("Pa", 1.0))
+        values, largest = shown.arc.pressure / scale, largest / scale
+        self._colour_values = np.ma.masked_where(shown.arc.state == SEPARATED, values)
+        signed = shown.arc.change or values.min() < 0
+        self._pressure.set_cmap(colormaps["RdBu_r" if signed else "YlGnBu"].with_extremes(bad="white"))
+        self._pressure.set_clim(-largest if signed else 0.0, largest)
+        bar = self.figure.colorbar(self._pressure, cax=axes)
+        bar.set_label(f"{'Change of pressure' if shown.arc.change else 'Pressure'} ({unit})", fontsize=style.SMALL_SIZE)
+        bar.locator = MaxNLocator(5)
+        bar.ax.tick_params(labelsize=style.SMALL_SIZE)
+        handles: list[Artist] = [
+            Patch(color=colour, label=name) for key, (colour, name) in STATES.items() if np.any(shown.arc.state == key)
+        ]
+        self.figure.legend(
+            handles=handles, loc="center left", bbox_to_anchor=(0.11, 0.25), ncols=len(handles), borderaxespad=0.0,
+            title=None, fontsize=style.SMALL_SIZE,
+        )  # fmt: skip
+
+    def _draw_curves(self, axes: Axes) -> None:
+        shown = self.playback
+        scale = 1 / max(np.abs(values).max() for values in shown.curves.values()) if shown.relative else 1.0
+        time = MILLI * shown.curve_time
+        for name, values in shown.curves.items():
+            label = f"R {name}" if name in ROTATIONS else name
+            axes.plot(time, scale * values, color=style.COLOUR[name], label=label, linewidth=1.1)
+        self._marker = axes.axvline(time[0], color=style.DARK, linewidth=1.0, animated=True)
+        axes.set_xlim(time[0], time[-1])
+        step = float(np.diff(shown.time).min()) * MILLI
+        self._decimals = max(0, int(np.ceil(-np.log10(step))))
+        style.frame(axes, "Time (ms)", f"Displacement\n({'relative' if shown.relative else 'µm'})")
+        axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=6, borderaxespad=0.1, fontsize=style.SMALL_SIZE)
+        self._clock = axes.text(
+            1.0, 1.06, "", transform=axes.transAxes, ha="right", va="bottom", fontsize=style.TEXT_SIZE, animated=True
+        )
+
+
+def save_animation(playback: Playback, path: Path | str, on_frame: Callable[[], None] | None = None) -> None:
+    """Write an animation as .gif, or as .mp4 where there is ffmpeg; `on_frame` is called after each frame.
+
+    Raises RequestError for another name, OSError where it cannot be written, and KeyboardInterrupt between two frames.
+    """
+    section = MovingSection(playback)
+
+    def render(frame: int) -> NDArray[np.uint8]:
+        stop_if_interrupted()
+        image = section.image(frame)
+        if on_frame is not None:
+            on_frame()
+        return image
+
+    with noted_interrupts():
+        write_animation(Path(path), render, section.frames, FRAMES_PER_SECOND)

@@ -1,0 +1,121 @@
+"""`drumsqueal compare HISTORY MEASURED -o DIR`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from drumsqueal.errors import RequestError
+from drumsqueal.files.claims import claim_results
+from drumsqueal.files.ordinary import open_ordinary
+from drumsqueal.files.output_folder import COMPARE_FILES, HISTORY, history_file
+from drumsqueal.interrupts import stop_if_interrupted
+from drumsqueal.terminal.completion import SIGNALS, words
+from drumsqueal.terminal.options import (
+    JsonFile,
+    Overwrite,
+    Quiet,
+    Reply,
+    Since,
+    Until,
+    output_option,
+    read_rate,
+    read_share,
+    read_time,
+)
+
+HistoryFile = Annotated[
+    Path, typer.Argument(metavar="HISTORY", help="What a run has left: history.nc, or its folder.", show_default=False)
+]
+MeasuredFile = Annotated[
+    Path, typer.Argument(metavar="MEASURED", help="Measured record: CSV, UFF58 or WAV.", show_default=False)
+]
+HDF5 = b"\x89HDF"  # how the files begin
+UNIT = 'What 1 in the file stands for, where it does not say so, such as "mm/s", g or, calibrated, "50 mm/s".'
+
+
+def compare_command(
+    history: HistoryFile,
+    measured: MeasuredFile,
+    output: Annotated[Path | None, output_option("HISTORY-compare")] = None,
+    signal: Annotated[
+        str,
+        typer.Option(
+            "--signal",
+            metavar="NAME",
+            help="Simulated signal, such as velocity_Y or brake_torque.",
+            autocompletion=words(*SIGNALS),
+        ),
+    ] = "surface_velocity",
+    channel: Annotated[
+        str | None,
+        typer.Option("--channel", metavar="NAME|N", help="Measured channel, by name or number.", show_default=False),
+    ] = None,
+    rate: Annotated[
+        str | None,
+        typer.Option("--rate", metavar="RATE", help='Sample rate of a file without one, such as "51.2 kHz".'),
+    ] = None,
+    unit: Annotated[str | None, typer.Option("--unit", metavar="UNIT", help=UNIT, show_default=False)] = None,
+    since: Since = None,
+    until: Until = None,
+    within: Annotated[
+        str, typer.Option("--within", metavar="SHARE", help="How far apart two lines that are a pair may lie.")
+    ] = "5%",
+    overwrite: Overwrite = False,
+    quiet: Quiet = False,
+    json_file: JsonFile = None,
+) -> None:
+    """Which lines of a measured record are simulated?
+
+    Lays the record over a history and tells how far its lines are from the simulated ones and from the eigenvalues.
+
+    Writes compare.csv, compare.json and compare.png into DIR. A measured acceleration or displacement is compared with
+    a simulated velocity line by line; a record without a unit, such as a microphone's, by frequency and relative level.
+    Levels are those of rms values, re ISO 1683. --from and --until take a part of MEASURED.
+
+    Example: drumsqueal compare out/nominal rig.csv --channel vibrometer --unit mm/s
+    """
+    _check_order(history, measured)
+    folder = output if output is not None else Path("out") / f"{_name(history)}-compare"
+    read = (history_file(history), measured)
+    reply = Reply.beside(folder, COMPARE_FILES, read, quiet, json_file, overwrite=overwrite)
+    claim_results(read[0].parent)
+    widest = read_share(within, "--within")
+    begin, end, sampled = read_time(since, "--from"), read_time(until, "--until"), read_rate(rate, "--rate")
+    stop_if_interrupted()
+    from drumsqueal.questions.compare.measured.reader import read_measured
+
+    record = read_measured(measured, channel, rate=sampled, unit=unit, first=begin, last=end)
+    stop_if_interrupted()
+    from drumsqueal.questions.compare.job import compare_into
+    from drumsqueal.questions.compare.study import compare_measured
+
+    stop_if_interrupted()
+    # What cannot be done is told before there is a folder.
+    comparison = compare_measured(history, record, signal, within=widest)
+    stop_if_interrupted()
+    reply.clear()
+    reply.send(compare_into(folder, comparison, measured, reply.console))
+
+
+def _check_order(history: Path, measured: Path) -> None:
+    """Raise RequestError where the second argument is a history and the first is none."""
+    if _is_history(measured) and not _is_history(history):
+        told = f"{measured} is a history and {history} is not: the history comes first"
+        raise RequestError(f"{told}; write drumsqueal compare {measured} {history}")
+
+
+def _is_history(path: Path) -> bool:
+    """Whether there is an HDF5 file, as every history is, or a folder with one."""
+    file = history_file(path)
+    try:
+        with open_ordinary(file, file.stat().st_size) as start:
+            return start.read(len(HDF5)) == HDF5
+    except (OSError, ValueError):  # reported where the file is read
+        return False
+
+
+def _name(history: Path) -> str:
+    """The name of a history: that of its folder where it is called as every run calls it."""
+    whole = history.absolute()
+    return whole.parent.name if whole.name == HISTORY else whole.stem

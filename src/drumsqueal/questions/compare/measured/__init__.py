@@ -1,0 +1,1 @@
+"""Measured records: WAV, UFF and tables of text."""

@@ -1,0 +1,177 @@
+"""How a text file of numbers is laid out: what separates its columns, where the numbers begin, what they are called."""
+
+import csv
+import re
+from typing import NamedTuple
+
+import numpy as np
+
+from drumsqueal.errors import RequestError
+from drumsqueal.questions.compare.measured.record import parse_unit
+
+COMMENTS = ("#", "%", "!", "//", "'", '"#')
+MISSING = frozenset({"", "nan", "na", "n/a", "#n/a", "null", "none", "-", "--"})
+SEPARATORS = ("\t", ";", ",", " ")  # a space stands for any run of blanks
+LOOKED_AT = 12  # rows that must agree
+LONGEST_HEADER = 500  # lines
+TIME_UNITS = {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "min": 60.0}
+_OTHER_UNITS = frozenset({"", "-", "1", "v", "mv", "eu", "db", "hz", "°c", "n", "v/v"})
+_TIME = re.compile(r"(t|time|zeit|temps|tiempo|tempo|tid|tijd|czas|aika|timestamp|seconds)\b.*", re.IGNORECASE)
+
+Line = tuple[int, str]  # its number in the file, from 1 on, and what it says
+
+
+class Column(NamedTuple):
+    """What a column is called, and the unit that is written beside it ("" where none is)."""
+
+    name: str
+    unit: str
+
+    @property
+    def is_time(self) -> bool:
+        """Whether it is called time, in one of several languages."""
+        return _TIME.fullmatch(self.name.replace("_", " ")) is not None
+
+
+class Layout(NamedTuple):
+    """Separator, whether commas are decimal ones, the first line of numbers (an index), and the columns."""
+
+    separator: str
+    decimal_comma: bool
+    first: int
+    columns: tuple[Column, ...]
+    width: int
+
+
+def number(cell: str, *, decimal_comma: bool) -> float:
+    """The number in a cell, NaN where it is missing; raises ValueError for anything else."""
+    if decimal_comma:
+        if "." in cell:
+            raise ValueError(cell)
+        cell = cell.replace(",", ".", 1)
+    try:
+        value = float(cell)
+    except ValueError:
+        if cell.strip().lower() not in MISSING:
+            raise
+        return np.nan
+    if "_" in cell:  # which Python would take
+        raise ValueError(cell)
+    return value
+
+
+def cells_of(line: str, separator: str) -> list[str]:
+    """The cells of a line, without quotes and blanks around them."""
+    if separator == " ":
+        line = " ".join(line.split())
+    return [cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])]
+
+
+def find_layout(path: object, lines: list[Line], comments: list[Line]) -> Layout:
+    """How the lines (without blank ones and comments) are laid out. Raises RequestError where no numbers are found."""
+    found = [(separator, *where) for separator in SEPARATORS if (where := _first_row(lines, separator)) is not None]
+    if not found:
+        told = "write one with a column for each signal, and times in seconds, not as dates or clocks"
+        raise RequestError(f"{path}: no table of numbers is found in it; {told}")
+    separator, first, width = max(found, key=lambda each: each[2])  # of several the first
+    rows = [line for _, line in lines[first:]]
+    header = [text for _, text in lines[:first]]
+    if not header:  # names behind the mark of a comment, as some programs write them
+        before = [text.lstrip("#%!/'\" ") for line, text in comments if line < lines[0][0]]
+        header = before[-1:]
+    if separator == ",":
+        separator, width = _not_decimal(path, header, rows, width)
+    used = width - all(len(c := cells_of(row, separator)) == width and not c[-1] for row in rows[:LOOKED_AT])
+    comma = separator != "," and any("," in row for row in rows)
+    return Layout(separator, comma, first, _columns(header, separator, width, used), width)
+
+
+def _first_row(lines: list[Line], separator: str) -> tuple[int, int] | None:
+    """Index of the first line from which on numbers stand in the same number of columns, and that number."""
+    widths = [_width(line, separator) for _, line in lines[: LONGEST_HEADER + LOOKED_AT]]
+    for first in range(min(len(lines), LONGEST_HEADER)):
+        some = widths[first : first + LOOKED_AT]
+        if some[0] and (len(set(some)) == 1 or _cut_short(some, first, len(lines))):
+            return first, some[0]
+    return None
+
+
+def _cut_short(widths: list[int], first: int, lines: int) -> bool:
+    """Whether it is only the last line of the file that is not like the others."""
+    return first + len(widths) == lines and len(widths) > 2 and len(set(widths[:-1])) == 1
+
+
+def _width(line: str, separator: str) -> int:
+    """Number of columns of a row of numbers; 0 for any other line."""
+    cells, known = cells_of(line, separator), 0
+    for cell in cells:
+        try:
+            known += not np.isnan(number(cell, decimal_comma=separator != "," and "," in cell))
+        except ValueError:
+            return 0
+    return len(cells) if known else 0
+
+
+def _not_decimal(path: object, header: list[str], rows: list[str], width: int) -> tuple[str, int]:
+    """Separator and width where commas separate, or where they turn out to be those of decimals in a single column."""
+    whole = all(re.fullmatch(r"[+-]?\d*", cell) for row in rows[:LOOKED_AT] for cell in cells_of(row, ","))
+    named = len(cells_of(header[-1], ",")) if header else width
+    if not whole or 2 * named != width:
+        return ",", width
+    if width == 2:
+        return ";", 1
+    told = f"the header names {named} columns, the numbers fill {width}: commas stand for two things"
+    raise RequestError(f"{path}: {told}; write decimal points, or separate the columns by semicolons")
+
+
+def _columns(header: list[str], separator: str, width: int, used: int) -> tuple[Column, ...]:
+    """Names and units of the columns from the last lines before the numbers."""
+    above = [_header_cells(line, separator, width) for line in header[-2:]]
+    names = units = None
+    if above and above[-1] is not None:
+        if all(_is_unit(cell) for cell in above[-1]) and any(above[-1]):
+            units, names = above[-1], above[0] if len(above) == 2 else None
+        else:
+            names = above[-1]
+    columns = []
+    for k in range(used):
+        name, unit = _name_and_unit(names[k]) if names is not None else ("", "")
+        unit = units[k].strip("[]() ") if units is not None else unit
+        columns.append(Column(name or f"column {k + 1}", unit))
+    return tuple(columns)
+
+
+def _header_cells(line: str, separator: str, width: int) -> list[str] | None:
+    """The cells of a line of names; None where there are not as many as columns. Blanks may stand in a name."""
+    cells = cells_of(line, separator)
+    if separator == " " and len(cells) != width:
+        cells = [cell.strip() for cell in re.split(r"\s{2,}|\t", line.strip())]
+    if separator == " " and len(cells) != width:
+        cells = re.findall(r"[^\s(\[]+(?:\s*[(\[][^)\]]*[)\]])?", line)
+    if len(cells) == width - 1:  # the columns end with a separator, the names do not
+        cells.append("")
+    return cells if len(cells) == width else None
+
+
+def _is_unit(cell: str) -> bool:
+    text = cell.strip()
+    if re.fullmatch(r"[\[(].*[\])]", text):
+        return True
+    return text in TIME_UNITS or text.lower() in _OTHER_UNITS or parse_unit(text) is not None
+
+
+def _name_and_unit(cell: str) -> tuple[str, str]:
+    """Name and unit of "velocity (mm/s)", "v [mm/s]", "v in mm/s", "v / (mm/s)", "v/(mm/s)", "v, mm/s", "time_ms"."""
+    name = cell.strip()
+    if parse_unit(name) is not None:  # the unit is all that is told
+        return name, name
+    found = re.fullmatch(r"(.*?)\s*/?\s*[\[(]([^\])]*)[\])]\s*", cell) or re.fullmatch(
+        r"(.*\S)\s+(?:in|/)\s+(\S+)", cell
+    )
+    if found is None:
+        found = re.fullmatch(r"([^/,]*[^/,\s])(?:/|,\s*)(\S.*)", name)
+        found = found if found and (found[2] in TIME_UNITS or parse_unit(found[2]) is not None) else None
+    if found is None:
+        found = re.fullmatch(r"(.*[^\W_])[_\s,]+(\S+)", name)
+        found = found if found and found[2] in TIME_UNITS and Column(found[1], "").is_time else None
+    return (name, "") if found is None else (found[1].strip(), found[2].strip())

@@ -1,0 +1,65 @@
+"""`drumsqueal cycle SCENE -o DIR [--along KEY=FROM..TO]`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from drumsqueal.files.output_folder import BRANCH_FILES, CYCLE_FILES
+from drumsqueal.interrupts import stop_if_interrupted
+from drumsqueal.scene import load_scene
+from drumsqueal.scene.variation import read_variation
+from drumsqueal.terminal.completion import complete_range
+from drumsqueal.terminal.options import JsonFile, Overwrite, Quiet, Reply, SceneFile, Settings, output_option
+
+ALONG = "Follow the cycles along a number of the scene instead, in SI or with units, as in drum.speed=1..40."
+
+
+def cycle_command(
+    scene: SceneFile,
+    output: Annotated[Path | None, output_option("SCENE-cycle")] = None,
+    along: Annotated[
+        str | None,
+        typer.Option(
+            "--along",
+            metavar="KEY=FROM..TO",
+            help=ALONG,
+            show_default=False,
+            autocompletion=complete_range,
+        ),
+    ] = None,
+    settings: Settings = None,
+    overwrite: Overwrite = False,
+    quiet: Quiet = False,
+    json_file: JsonFile = None,
+) -> None:
+    """Find limit cycles, stable or not, and their folds.
+
+    Period, amplitudes and Floquet multipliers of the periodic motion itself.
+
+    Writes cycle.json, cycle.nc (one period) and cycle.png into DIR; with --along, which follows the cycles along a
+    parameter through folds, branch.csv, branch.json and branch.png.
+
+    Example: drumsqueal cycle scenarios/damped.toml -o out/cycle --along drum.speed=1..40
+    """
+    loaded = load_scene(scene, settings or ())
+    variation = None if along is None else read_variation(along, loaded, points=None)
+    files = CYCLE_FILES if variation is None else BRANCH_FILES
+    folder = output if output is not None else Path("out") / f"{scene.stem}-cycle"
+    reply = Reply.beside(folder, files, (scene,), quiet, json_file, overwrite=overwrite)
+    stop_if_interrupted()
+    from drumsqueal.questions.cycle.branches import checked_range
+    from drumsqueal.questions.cycle.job import find_into, follow_into
+    from drumsqueal.questions.cycle.search import checked
+    from drumsqueal.simulation import check_sample_rate, prepare
+
+    stop_if_interrupted()
+    # What cannot be done is told before there is a folder.
+    check_sample_rate(prepare(checked(loaded)))
+    if variation is not None:
+        checked_range(loaded, variation)
+    reply.clear()
+    if variation is None:
+        reply.send(find_into(folder, loaded, reply.console))
+    else:
+        reply.send(follow_into(folder, loaded, variation, reply.console))

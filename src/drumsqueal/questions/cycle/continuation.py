@@ -1,0 +1,276 @@
+"""A branch of cycles along a parameter, by pseudo-arclength through its folds, and what happens on it.
+
+Unknowns are the state, the period and the parameter, scaled to order one. From a cycle and the tangent there the next
+one is predicted, and corrected at right angles to it. At a fold the parameter turns round, and the branch goes on.
+Source of the method: H. B. Keller, "Numerical solution of bifurcation and nonlinear eigenvalue problems", Applications
+of Bifurcation Theory, Academic Press 1977; of the names: Y. A. Kuznetsov, Elements of Applied Bifurcation Theory.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import brentq
+
+from drumsqueal.errors import CycleError
+from drumsqueal.questions.cycle.orbit import Cycle, describe, floquet_of
+from drumsqueal.questions.cycle.shooting import SINGULAR, Closed, Shooting, Vector
+
+FIRST_STEP, LEAST_STEP, LONGEST_STEP = 0.02, 1e-5, 0.15  # of arclength, in the scaled unknowns
+FASTER, SLOWER = 1.6, 0.5
+EASY, HARD = 3, 6  # steps of Newton
+TURN = 0.9  # cosine of the angle between two neighbouring tangents, at least
+CORNER_STEPS = (1e-3, 4e-3, 1.6e-2, 6.4e-2)
+BACKWARDS = -0.97  # cosine of the angle to the branch below which one is on it again, on the way back
+LOCATED = 1e-5  # of a step: how well an instability, or the turn of a fold, is found along the branch
+ROUND_OFF = 1e-10  # of a multiplier: nearer than that to the unit circle its side is not known
+BENT = 1e-3  # |Im μ| above which two multipliers that leave the circle are a pair
+MOST_POINTS = 400
+FEWEST = 4  # points of a closed loop
+SAME = 0.02  # relative difference in period and amplitudes of what is taken for the same cycle
+CLOSE_TO_REST = 2e-3  # scaled amplitude at which a branch ends at the steady sliding that it came from
+FOLD, NEIMARK_SACKER, DOUBLING, BRANCHING = "fold", "Neimark-Sacker", "period doubling", "branch point"
+CORNER = "corner"  # where slip just comes to reverse
+HOPF, BOUND, LOOP = "Hopf", "end of the range", "closed loop"
+
+
+class Special(NamedTuple):
+    """Something that happens on a branch: what (a name of this module), the parameter, and the cycle there."""
+
+    kind: str
+    parameter: float
+    cycle: Cycle
+
+
+class Branch(NamedTuple):
+    """Cycles in the order in which they follow one another, what happens between them, and why it ends on either side.
+
+    `start` and `end` are `HOPF`, `BOUND`, `LOOP` or a reason in words.
+    """
+
+    cycles: tuple[Cycle, ...]
+    special: tuple[Special, ...]
+    start: str
+    end: str
+
+
+class _Place(NamedTuple):
+    closed: Closed
+    tangent: Vector
+    cycle: Cycle
+
+
+class Track:
+    """One branch being followed."""
+
+    def __init__(
+        self,
+        shooting: Shooting,
+        bounds: tuple[float, float],
+        steady_at: Callable[[float], Vector | None],
+        on_cycle: Callable[[Cycle], None] | None = None,
+    ) -> None:
+        """Follow within bounds of the parameter; `steady_at` gives steady sliding q* (n,), None where there is none."""
+        self._shooting, self._bounds, self._steady_at = shooting, bounds, steady_at
+        self._tell = on_cycle or (lambda _: None)
+        self.cycles: list[Cycle] = []
+        self.special: list[Special] = []
+
+    def follow(self, closed: Closed, ahead: Vector) -> str:
+        """Follow from a cycle in the direction that has a part along `ahead` (2n + 2,); says why it ended.
+
+        `cycles` and `special` grow as it goes, the cycle of the start included.
+        """
+        try:
+            place = self._place(closed, ahead)
+        except CycleError as error:
+            return str(error)
+        start, step = place, FIRST_STEP
+        self._keep(place.cycle)
+        for _ in range(MOST_POINTS):
+            following, corner = None, False
+            while following is None:
+                if step < LEAST_STEP:
+                    following, step, corner = self._around(place), CORNER_STEPS[0], True
+                    if following is None:
+                        return self._why
+                    self.special.append(Special(CORNER, place.cycle.parameter, place.cycle))
+                    break
+                following = self._advance(place, step)
+                if isinstance(following, str):
+                    return following
+                if following is None:
+                    step *= SLOWER
+            outside = self._outside(following)
+            if outside is not None:
+                return self._to_bound(place, following, outside)
+            if self._at_rest(place, following):
+                return HOPF
+            if self._is_back(start, place, following):
+                self._keep(start.cycle)
+                return LOOP
+            if not corner:  # whatever changes there does so at the corner
+                self._look_between(place, following, step)
+            self._keep(following.cycle)
+            step = min(step * (FASTER if following.closed.steps <= EASY else 1.0), LONGEST_STEP)
+            step = step * SLOWER if following.closed.steps >= HARD else step
+            place = following
+        return f"after {MOST_POINTS} points"
+
+    def _keep(self, cycle: Cycle) -> None:
+        self.cycles.append(cycle)
+        self._tell(cycle)
+
+    def _place(self, closed: Closed, ahead: Vector) -> _Place:
+        return _Place(closed, self._tangent(closed, ahead), describe(self._shooting, closed))
+
+    def _tangent(self, closed: Closed, ahead: Vector) -> Vector:
+        """The direction of the branch at a cycle (2n + 2,), of length one, with a part along `ahead`."""
+        found = closed.flow
+        phase = np.concatenate([found.rate / np.linalg.norm(found.rate), np.zeros(2)])
+        matrix = np.vstack([self._shooting.jacobian(found), phase, ahead])
+        right = np.zeros(len(matrix))
+        right[-1] = 1.0
+        tangent = np.linalg.lstsq(matrix, right, rcond=SINGULAR)[0]
+        return tangent / np.linalg.norm(tangent)
+
+    def _advance(self, place: _Place, step: float) -> "_Place | str | None":
+        """The next place, None where the step is too long, or why there is none."""
+        self._why = f"Newton's method fails with the smallest step at {place.cycle.parameter:.6g}"
+        closed = self._corrected(place, step)
+        if closed is None:
+            return None
+        if np.linalg.norm(closed.unknowns - place.closed.unknowns) > 3 * step:
+            return None
+        tangent = self._tangent(closed, place.tangent)
+        if tangent @ place.tangent < TURN and step > LEAST_STEP / SLOWER:
+            return None
+        try:
+            return _Place(closed, tangent, describe(self._shooting, closed))
+        except CycleError as error:
+            # As near to where it cannot go on as the smallest step brings it.
+            self._why = str(error)
+            return None if step > 100 * LEAST_STEP else str(error)
+
+    def _around(self, place: _Place) -> _Place | None:
+        """A place behind a corner of the branch, if there is one.
+
+        Where slip just comes to reverse on the lining the flow map has two derivatives, one for either side, and the
+        branch two directions. The derivative a little ahead is that of the other side.
+        """
+        old = place.closed
+        for step in CORNER_STEPS:
+            ahead = self._shooting.flow(old.unknowns + step * place.tangent)
+            direction = self._tangent(old._replace(flow=ahead), place.tangent)
+            for sign in (1.0, -1.0):
+                closed = self._shooting.close(old.unknowns + sign * step * direction, direction, old.flow.rate)
+                if closed is None:
+                    continue
+                way = closed.unknowns - old.unknowns
+                length = float(np.linalg.norm(way))
+                if step / 3 < length < 3 * step and way @ place.tangent > BACKWARDS * length:
+                    try:
+                        return _Place(closed, self._tangent(closed, way / length), describe(self._shooting, closed))
+                    except CycleError:
+                        continue
+        return None
+
+    def _corrected(self, place: _Place, step: float) -> Closed | None:
+        guess = place.closed.unknowns + step * place.tangent
+        return self._shooting.close(guess, place.tangent, place.closed.flow.rate)
+
+    def _outside(self, place: _Place) -> float | None:
+        """The bound that a place lies beyond, if any."""
+        low, high = self._bounds
+        value = place.cycle.parameter
+        return low if value < low else high if value > high else None
+
+    def _to_bound(self, place: _Place, beyond: _Place, bound: float) -> str:
+        """Keep the cycle at the bound itself."""
+        before, after = place.cycle.parameter, beyond.cycle.parameter
+        share = (bound - before) / (after - before)
+        guess = (1 - share) * place.closed.unknowns + share * beyond.closed.unknowns
+        fixed = np.zeros_like(guess)
+        fixed[-1] = 1.0
+        closed = self._shooting.close(guess, fixed)
+        if closed is not None:
+            try:
+                last = self._place(closed, beyond.tangent)
+            except CycleError:
+                return BOUND
+            self._look_between(place, last, float(np.linalg.norm(closed.unknowns - place.closed.unknowns)))
+            self._keep(last.cycle)
+        return BOUND
+
+    def _departure(self, place: _Place) -> Vector | None:
+        steady = self._steady_at(place.cycle.parameter)
+        if steady is None:
+            return None
+        return place.closed.unknowns[:-2] - np.concatenate([steady, 0 * steady]) / self._shooting.scales.state
+
+    def _at_rest(self, place: _Place, following: _Place) -> bool:
+        """Whether the branch has shrunk to steady sliding: beyond that it would go on as its own mirror image."""
+        before, after = self._departure(place), self._departure(following)
+        if before is None or after is None:
+            return False
+        return bool(before @ after < 0 or np.max(np.abs(after)) < CLOSE_TO_REST)
+
+    def _is_back(self, start: _Place, place: _Place, following: _Place) -> bool:
+        """Whether the step to a place leads through the cycle of the start, the same way: maybe at another phase."""
+        same_way = start.tangent[-1] * following.tangent[-1] > 0
+        return same_way and len(self.cycles) > FEWEST and is_between(place.cycle, following.cycle, start.cycle)
+
+    def _look_between(self, a: _Place, b: _Place, step: float) -> None:
+        """Find a fold, and where multipliers cross the unit circle, on the way from one place to the next."""
+        if a.tangent[-1] * b.tangent[-1] < 0:
+            self._locate(a, step, FOLD, lambda closed: float(self._tangent(closed, a.tangent)[-1]))
+            return
+        one, other = a.cycle.unstable_directions, b.cycle.unstable_directions
+        if one == other or min(abs(a.cycle.largest - 1), abs(b.cycle.largest - 1)) < LOCATED**2:
+            return
+        rank = min(one, other)
+        self._locate(a, step, None, lambda closed: self._modulus(closed, rank) - 1)
+
+    def _modulus(self, closed: Closed, rank: int) -> float:
+        return float(np.abs(floquet_of(self._shooting, closed)[0][rank]))
+
+    def _locate(self, a: _Place, step: float, kind: str | None, measure: Callable[[Closed], float]) -> None:
+        """Keep the cycle at which a measure vanishes, between a place and the end of the step from it."""
+        last: Closed | None = None
+
+        def value(length: float) -> float:
+            nonlocal last
+            closed = a.closed if length == 0 else self._corrected(a, length)
+            if closed is None:
+                raise CycleError("Newton's method fails on the way")
+            last = closed
+            return measure(closed)
+
+        try:
+            length = brentq(value, 0.0, step, xtol=LOCATED * step)
+            value(float(length))  # pyright: ignore[reportArgumentType]
+            assert last is not None
+            cycle = describe(self._shooting, last)
+        except (CycleError, ValueError):
+            return  # the branch itself goes on, without the name of what happened
+        self._keep(cycle)
+        self.special.append(Special(kind or _kind(cycle), cycle.parameter, cycle))
+
+
+def is_between(a: Cycle, b: Cycle, cycle: Cycle) -> bool:
+    """Whether a cycle lies on the way from one to another, by parameter, period and amplitudes."""
+    width = b.parameter - a.parameter
+    if width == 0 or (a.parameter - cycle.parameter) * (b.parameter - cycle.parameter) > 0:
+        return False
+    share = (cycle.parameter - a.parameter) / width
+    first, last, wanted = (np.array([each.period_s, *each.amplitude.values()]) for each in (a, b, cycle))
+    between = (1 - share) * first + share * last
+    return bool(np.all(np.abs(between - wanted) < SAME * np.maximum(between, wanted)))
+
+
+def _kind(cycle: Cycle) -> str:
+    """What the multiplier that lies on the unit circle says."""
+    nearest = cycle.multipliers[np.argmin(np.abs(np.abs(cycle.multipliers) - 1))]
+    if abs(nearest.imag) > BENT:
+        return NEIMARK_SACKER
+    return DOUBLING if nearest.real < 0 else BRANCHING

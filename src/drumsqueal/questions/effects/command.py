@@ -1,0 +1,59 @@
+"""`drumsqueal effects SCENE -o DIR`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from drumsqueal.files.output_folder import EFFECT_FILES
+from drumsqueal.interrupts import stop_if_interrupted
+from drumsqueal.scene import load_scene
+from drumsqueal.terminal.options import (
+    JsonFile,
+    Overwrite,
+    Quiet,
+    Reply,
+    SceneFile,
+    Settings,
+    UsageError,
+    output_option,
+    read_share,
+)
+
+
+def effects_command(
+    context: typer.Context,
+    scene: SceneFile,
+    output: Annotated[Path | None, output_option("SCENE-effects")] = None,
+    within: Annotated[
+        str, typer.Option("--within", metavar="SHARE", help="Accuracy that decides what is needed, such as 1 %.")
+    ] = "1 %",
+    settings: Settings = None,
+    overwrite: Overwrite = False,
+    quiet: Quiet = False,
+    json_file: JsonFile = None,
+) -> None:
+    """Which effects does a scene need, and what does each cost?
+
+    Leaves out each effect in turn.
+
+    Writes effects.csv, effects.png and reduced.toml, the scene with what it needs, into DIR.
+
+    Example: drumsqueal effects scenarios/nominal.toml -o out/effects --within 2%
+    """
+    if context.args == ["%"] and "%" not in within:  # what the shell makes of --within 1 %
+        within = f"{within} %"
+    elif context.args:
+        raise UsageError(f"Got unexpected extra argument ({context.args[0]})")
+    loaded = load_scene(scene, settings or ())
+    accuracy = read_share(within, "--within")
+    folder = output if output is not None else Path("out") / f"{scene.stem}-effects"
+    reply = Reply.beside(folder, EFFECT_FILES, (scene,), quiet, json_file, overwrite=overwrite)
+    stop_if_interrupted()
+    from drumsqueal.questions.effects.job import study_into
+    from drumsqueal.simulation import check_sample_rate, prepare
+
+    stop_if_interrupted()
+    check_sample_rate(prepare(loaded))  # a scene that cannot be run is told before there is a folder
+    reply.clear()
+    reply.send(study_into(folder, loaded, accuracy, reply.console))

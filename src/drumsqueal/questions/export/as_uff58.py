@@ -1,0 +1,202 @@
+"""Universal file format: header, units and geometry, the modes, then a dataset 58 for each signal.
+
+Datasets 151 (header), 164 (units), 2420 (coordinate systems), 2411 (nodes), 82 (trace line), 55 (a complex mode each)
+and 58 (function at nodal DOF). Source: the definitions by SDRC, as kept by the University of Cincinnati.
+Needs the extra "nvh".
+"""
+
+import unicodedata
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyuff
+
+from drumsqueal.files.universal import SI_SYSTEM, TIME_AXIS, TIME_RESPONSE, type_of
+from drumsqueal.interrupts import stop_if_interrupted
+from drumsqueal.questions.export.channels import Channel, Channels
+from drumsqueal.questions.export.points import CENTRE_OF_GRAVITY, OUTLINE, POINTS, moved, positions
+from drumsqueal.scene import COORDINATES
+
+EXACT = 1e-9  # of the interval between samples, that six digits of a time may be off without a word
+_EVEN = 1
+_ID_LINE, _LABEL, _NAME = 80, 20, 10  # columns
+_MODES_A_LINE = 3  # of 24 columns and a separator
+# Coordinate systems, both with the drum's axis as their z axis: the model's own, and r, θ, z for what the lining does.
+_GLOBAL, _DRUM = 1, 2
+_CARTESIAN, _CYLINDRICAL = 0, 1
+_COLOUR = 1
+_COMPLEX_MODE, _TRANSLATIONS = 3, 2  # type of the analysis, and of the data at nodes
+
+
+def write(channels: Channels, path: Path) -> str:
+    """Write geometry, modes and every signal in ASCII, signals in double precision. Raises OSError."""
+    file = pyuff.UFF(str(path))
+    mode = "overwrite"
+    try:
+        for dataset in _datasets(channels):
+            stop_if_interrupted()
+            file.write_sets(dataset, mode)
+            mode = "add"
+    except Exception as error:  # pyuff hides what the disk says in an exception of its own
+        if isinstance(error.__context__, OSError):
+            raise error.__context__ from None
+        raise
+    interval = 1 / channels.sample_rate
+    values = {"interval": interval, "start": channels.start}
+    rounded = [
+        f"the {name}, {value:.10g} s"
+        for name, value in values.items()
+        if abs(float(f"{value:.5e}") - value) > EXACT * interval
+    ]
+    if not rounded:
+        return ""
+    return f"dataset 58 keeps six digits of {', and of '.join(rounded)}; ID line 3 of each says sample rate and start"
+
+
+def _datasets(channels: Channels) -> Iterator[dict[str, Any]]:
+    yield _header(channels)
+    yield _units()
+    yield _coordinate_systems()
+    yield _nodes(channels)
+    yield _outline()
+    count = 0 if channels.stability is None else len(channels.stability.modes)
+    yield from (_mode(channels, number) for number in range(count))
+    yield from (_function(channels, channel, number) for number, channel in enumerate(channels.channels, start=1))
+
+
+def _header(channels: Channels) -> dict[str, Any]:
+    """Dataset 151; pyuff adds date and time."""
+    return pyuff.prepare_151(
+        model_name=_fitted(channels.texts["title"], _ID_LINE),
+        description=_fitted(f"{channels.texts['source']}; {channels.texts['outcome']}", _ID_LINE),
+        db_app=_fitted(channels.texts["versions"], _ID_LINE),
+        program="drumsqueal",
+    )
+
+
+def _units() -> dict[str, Any]:
+    """Dataset 164. Dividing by its factors gives SI, so for SI they are 1; temperatures do not occur."""
+    description = "SI: metre, newton".ljust(_LABEL)
+    return pyuff.prepare_164(
+        units_code=SI_SYSTEM,
+        units_description=description,
+        temp_mode=1,
+        length=1.0,
+        force=1.0,
+        temp=1.0,
+        temp_offset=273.15,
+    )
+
+
+def _coordinate_systems() -> dict[str, Any]:
+    """Dataset 2420: rows of the rotation, none, and the origin, on the drum's axis in the middle of the width."""
+    matrix = np.vstack([np.eye(3), np.zeros(3)])
+    return pyuff.prepare_2420(
+        Part_UID=1,
+        Part_Name="shoe",
+        CS_sys_labels=[_GLOBAL, _DRUM],
+        CS_types=[_CARTESIAN, _CYLINDRICAL],
+        CS_colors=[_COLOUR, _COLOUR],
+        CS_names=[
+            "x through the middle of the lining, y as the drum passes at positive speed",
+            "r, theta, z about the drum axis",
+        ],
+        CS_matrices=[matrix, matrix],
+    )
+
+
+def _nodes(channels: Channels) -> dict[str, Any]:
+    """Dataset 2411: places along the model's axes; the lining's directions are radial, along the drum, axial."""
+    x, y, z = positions(channels.scene).T
+    return pyuff.prepare_2411(
+        node_nums=np.array(list(POINTS)),
+        def_cs=np.full(len(POINTS), _GLOBAL),
+        disp_cs=np.array([_GLOBAL if point == CENTRE_OF_GRAVITY else _DRUM for point in POINTS]),
+        color=np.full(len(POINTS), _COLOUR),
+        x=x,
+        y=y,
+        z=z,
+    )
+
+
+def _outline() -> dict[str, Any]:
+    """Dataset 82: the line through the points that stands for the shoe."""
+    return pyuff.prepare_82(trace_num=1, color=_COLOUR, id="shoe", nodes=np.array(OUTLINE))
+
+
+def _mode(channels: Channels, number: int) -> dict[str, Any]:
+    """Dataset 55 of the mode of that number (from 0 on): translations of the points along the global axes.
+
+    Modal A and B are 0, which is none: with friction they take the left eigenvector, for which there is no place.
+    """
+    stability = channels.stability
+    assert stability is not None
+    mode = stability.modes[number]
+    shape = np.zeros(len(COORDINATES), dtype=np.complex128)
+    shape[[COORDINATES.index(name) for name in stability.coordinates]] = mode.right[: len(stability.coordinates)]
+    x, y, z = moved(channels.scene, shape).T
+    unit = "rad" if mode.name.startswith("T") else "m"
+    return pyuff.prepare_55(
+        id1=_fitted(f"mode {channels.prediction[number]}", _ID_LINE),
+        id2=_fitted(channels.texts["title"], _ID_LINE),
+        id3="complex mode of steady sliding, along the global x, y, z at every node",
+        id4=f"in m where {mode.name} at the centre of gravity is 1 {unit}",
+        id5="NONE",
+        model_type=1,
+        analysis_type=_COMPLEX_MODE,
+        data_ch=_TRANSLATIONS,
+        spec_data_type=type_of("displacement"),
+        load_case=0,
+        mode_n=number + 1,
+        eig=mode.eigenvalue,
+        node_nums=list(POINTS),
+        r1=x,
+        r2=y,
+        r3=z,
+    )
+
+
+def _function(channels: Channels, channel: Channel, number: int) -> dict[str, Any]:
+    """Dataset 58 of one signal; `number` is its version number, which tells functions at one point apart."""
+    rate = f"sample rate {channels.sample_rate!r} Hz from {channels.start:.12g} s; {channels.texts['source']}"
+    lines = [channels.prediction[k : k + _MODES_A_LINE] for k in (0, _MODES_A_LINE)]
+    modes = ["; ".join(line) for line in lines]
+    # Exponents count where the type is general, and for what has no direction; elsewhere the type says all.
+    length, force = (0, 0) if channel.direction else channel.length_force
+    return pyuff.prepare_58(
+        binary=0,
+        id1=_fitted(f"{channel.name}: {channel.meaning}", _ID_LINE),
+        id2=_fitted(f"{channels.texts['title']}; {channels.texts['outcome']}", _ID_LINE),
+        id3=_fitted(rate, _ID_LINE),
+        id4=_fitted(modes[0], _ID_LINE),
+        id5=_fitted(modes[1], _ID_LINE),
+        func_type=TIME_RESPONSE,
+        ver_num=number,
+        load_case_id=0,
+        rsp_ent_name=channel.short_name.ljust(_NAME),
+        rsp_node=channel.point,
+        rsp_dir=channel.direction,
+        ref_ent_name="NONE".ljust(_NAME),
+        ref_node=0,
+        ref_dir=0,
+        abscissa_spacing=_EVEN,
+        z_axis_value=0.0,
+        abscissa_spec_data_type=TIME_AXIS,
+        abscissa_axis_units_lab="s",
+        ordinate_spec_data_type=type_of(channel.quantity),
+        ordinate_len_unit_exp=length,
+        ordinate_force_unit_exp=force,
+        ordinate_axis_units_lab=_fitted(channel.units, _LABEL),
+        orddenom_spec_data_type=0,
+        z_axis_spec_data_type=0,
+        data=channel.values,
+        x=channels.time,
+    ) | {"abscissa_axis_lab": "time", "ordinate_axis_lab": _fitted(channel.short_name, _LABEL)}
+
+
+def _fitted(text: str, columns: int) -> str:
+    """Text in ASCII, for columns are counted in bytes, in so many of them; NONE for none, as the format asks."""
+    plain = unicodedata.normalize("NFKD", text).encode("ascii", "ignore").decode()
+    return "".join(letter if letter.isprintable() else " " for letter in plain)[:columns].strip() or "NONE"

@@ -1,0 +1,239 @@
+"""Which attractor a motion is on: decided from recurrence, fundamental frequencies and Lyapunov exponents together.
+
+On every attractor of an autonomous flow but an equilibrium one exponent is zero. On a torus of k fundamental
+frequencies (k = 1: a limit cycle) k exponents are zero and the others negative; on a chaotic attractor the largest is
+positive. Where the evidence contradicts itself, or where an exponent's sign is not known, the kind is not determined.
+
+Source: J.-P. Eckmann and D. Ruelle, "Ergodic theory of chaos and strange attractors", Reviews of Modern Physics 57,
+1985.
+"""
+
+import math
+from enum import StrEnum
+from typing import NamedTuple
+
+import numpy as np
+
+from drumsqueal.findings.signals import PERIODS_NEEDED, Bases, Regime, told_frequencies
+from drumsqueal.findings.signals.lyapunov import SURE, Exponents
+
+LATER = 2.0  # the regime is read from the later half of a record
+LONGER, MOST_LONGER = 2.0, 10.0  # times the record: a rate that is all noise does not say which would resolve it
+NUMBERS = ("no", "one", "two", "three", "four")
+
+
+class Kind(StrEnum):
+    """The kind of an attractor."""
+
+    STEADY = "steady"
+    PERIODIC = "periodic"
+    QUASI_PERIODIC = "quasi-periodic"
+    CHAOTIC = "chaotic"
+    IRREGULAR = "irregular"
+    NOT_DETERMINED = "not determined"
+
+
+class Doubt(StrEnum):
+    """Why an attractor is not determined."""
+
+    REGIME = "no stationary motion that was recorded for long enough"
+    NO_EXPONENTS = "record too short for Lyapunov exponents"
+    NO_ZERO = "no Lyapunov exponent is zero"
+    POSITIVE = "a Lyapunov exponent is positive, but the lines are sharp"
+    NOT_POSITIVE = "irregular, but no Lyapunov exponent is positive"
+    FEWER_ZEROS = "fewer Lyapunov exponents are zero than there are fundamental frequencies"
+    MORE_ZEROS = "more Lyapunov exponents are zero than there are fundamental frequencies"
+    UNKNOWN_SIGN = "the uncertainty of a Lyapunov exponent is too large to know its sign"
+
+
+class Attractor(NamedTuple):
+    """The kind of an attractor and the numbers that decided it.
+
+    `frequencies_Hz` are the fundamental frequencies by recurrence and lines, with `uncertainties_Hz`. `zero`,
+    `positive` and `negative` count the exponents that are so beyond doubt, None where there are none. `doubt` is the
+    reason why the kind is not determined, and `record_needed_s` the record (s) that it then takes at least.
+    """
+
+    kind: Kind
+    frequencies_Hz: tuple[float, ...] = ()
+    uncertainties_Hz: tuple[float, ...] = ()
+    zero: int | None = None
+    positive: int | None = None
+    negative: int | None = None
+    doubt: Doubt | None = None
+    record_needed_s: float | None = None
+
+
+def decide_attractor(
+    regime: Regime, bases: Bases | None, exponents: Exponents | None, record_s: float, exponents_need_s: float | None
+) -> Attractor:
+    """Decide the kind of attractor from a record (s), of whose later half are regime and bases.
+
+    `exponents_need_s` is the shortest record (s) that gives exponents, None where none does: there the regime decides.
+    """
+    found = _read_regime(regime, bases, record_s)
+    if exponents is not None:
+        value, sure = exponents.exponent_1_per_s, exponents.significant
+        counts = int(exponents.zero.sum()), int((sure & (value > 0)).sum()), int((sure & (value < 0)).sum())
+        found = found._replace(zero=counts[0], positive=counts[1], negative=counts[2])
+    if _drifts(regime) and found.positive and found.zero:  # the mean of a chaotic motion wanders
+        found = found._replace(kind=Kind.IRREGULAR)
+    doubt = _doubt(found, exponents, expected=exponents_need_s is not None)
+    if doubt is not None:
+        needed = max(
+            LATER * (regime.record_needed_s or 0.0),
+            LATER * PERIODS_NEEDED / min(found.frequencies_Hz, default=math.inf),
+        )
+        if doubt is not Doubt.REGIME:
+            followed = record_s if exponents is None else float(exponents.time_s[-1])
+            needed = max(needed, _factor(found, exponents) * followed, exponents_need_s or 0.0)
+        elif needed == 0:
+            needed = LONGER * record_s
+        return found._replace(kind=Kind.NOT_DETERMINED, doubt=doubt, record_needed_s=needed)
+    return found._replace(kind=Kind.CHAOTIC) if found.positive else found
+
+
+def _drifts(regime: Regime) -> bool:
+    """Whether a regime is unknown though its record holds enough periods."""
+    return regime.kind == "unknown" and regime.amplitude_drift is not None and regime.record_needed_s is None
+
+
+def _read_regime(regime: Regime, bases: Bases | None, record_s: float) -> Attractor:
+    """What recurrence and lines say alone."""
+    frequencies, known = regime.base_frequencies_Hz, regime.base_uncertainties_Hz
+    if regime.kind == "unknown":
+        return Attractor(Kind.NOT_DETERMINED, frequencies, known)
+    kind = Kind(regime.kind)
+    if kind is Kind.QUASI_PERIODIC and bases is not None and bases.frequency_Hz.size:
+        frequencies, known = tuple(bases.frequency_Hz.tolist()), tuple(bases.uncertainty_Hz.tolist())
+        if len(frequencies) == 1:  # weaker lines than the regime's show that the frequencies are locked
+            long_enough = record_s / LATER * frequencies[0] >= PERIODS_NEEDED
+            kind = Kind.PERIODIC if long_enough else Kind.NOT_DETERMINED
+    return Attractor(kind, frequencies, known or (0.0,) * len(frequencies))
+
+
+def _doubt(found: Attractor, exponents: Exponents | None, *, expected: bool) -> Doubt | None:
+    """The first contradiction in the evidence, None where there is none."""
+    if found.kind in (Kind.STEADY, Kind.NOT_DETERMINED):
+        return Doubt.REGIME if found.kind is Kind.NOT_DETERMINED else None
+    if exponents is None or found.zero is None or found.negative is None:
+        return Doubt.NO_EXPONENTS if expected and found.kind is not Kind.PERIODIC else None  # recurrence is enough
+    followed, frequencies = exponents.exponent_1_per_s.size, len(found.frequencies_Hz)
+    unknown = ~(exponents.significant | exponents.zero)
+    if found.negative and not found.zero and not unknown.any():
+        return Doubt.NO_ZERO
+    if found.kind is Kind.IRREGULAR:
+        return None if found.positive else Doubt.NOT_POSITIVE
+    if found.positive:
+        return Doubt.POSITIVE
+    if found.zero + unknown.sum() < min(frequencies, followed):
+        return Doubt.FEWER_ZEROS
+    if found.zero < min(frequencies, followed) or unknown[: frequencies + 1].any() or not _separated(exponents):
+        return Doubt.UNKNOWN_SIGN
+    return Doubt.MORE_ZEROS if found.zero > frequencies else None
+
+
+def _separated(exponents: Exponents) -> bool:
+    """Whether the exponents that are zero are known well enough to be none of the decay rates."""
+    value, error = exponents.exponent_1_per_s, SURE * exponents.standard_error_1_per_s
+    negative = exponents.significant & (value < 0)
+    lowest = np.min((value - error)[exponents.zero], initial=np.inf)
+    return bool(lowest > np.max((value + error)[negative], initial=-np.inf))
+
+
+def _factor(found: Attractor, exponents: Exponents | None) -> float:
+    """How many times the record has to be so long for the exponents that should not be zero to differ from it."""
+    if exponents is None:
+        return LONGER
+    size = np.maximum(np.abs(exponents.exponent_1_per_s), exponents.resolution_1_per_s / MOST_LONGER)
+    noise = (SURE * exponents.standard_error_1_per_s / size) ** 2  # which falls as the root of the record
+    times = np.minimum(np.maximum(2 * exponents.resolution_1_per_s / size, noise), MOST_LONGER)
+    should_be_zero = np.argsort(size)[: max(1, len(found.frequencies_Hz))]
+    open_ = ~exponents.significant
+    open_[should_be_zero] = False
+    return max(LONGER, float(np.max(times[open_], initial=0.0)))
+
+
+def describe_attractor(
+    found: Attractor, regime: Regime, exponents: Exponents | None, limited_to_s: float | None = None
+) -> str:
+    """Why the attractor is of this kind, or why that is not determined and which record it takes.
+
+    `limited_to_s` is the computing time (s) that cut the record or the exponents short, None where nothing did.
+    """
+    if found.doubt is None or found.record_needed_s is None:
+        return " ".join((*_evidence(found, exponents), *(() if _drifts(regime) else (regime.reason,))))
+    if found.doubt is Doubt.REGIME or exponents is None:
+        missing = "Lines alone do not decide, and no Lyapunov exponents are known. "
+        text = f"{missing if found.doubt is Doubt.NO_EXPONENTS else ''}{regime.reason}"
+    else:
+        text = _contradiction(found, exponents)
+    needed = _rounded_up(found.record_needed_s)
+    more = "" if limited_to_s is None else f" and more computing time than {limited_to_s:g} s (--at-most)"
+    return f'{text} It takes a record of at least {needed} s (--duration "{needed} s"){more}.'
+
+
+def _evidence(found: Attractor, exponents: Exponents | None) -> tuple[str, ...]:
+    if exponents is None or found.zero is None:
+        return ()
+    (largest,) = told_exponents(exponents)[:1]
+    if found.kind is Kind.CHAOTIC:
+        return (f"The largest Lyapunov exponent is {largest} 1/s: nearby motions separate exponentially.",)
+    zeros = f"{NUMBERS[found.zero].capitalize()} Lyapunov exponent{' is' if found.zero == 1 else 's are'} zero"
+    return (
+        f"{zeros} within the uncertainty, as {_frequencies(found)} require{'s' * (len(found.frequencies_Hz) == 1)}.",
+    )
+
+
+def _contradiction(found: Attractor, exponents: Exponents) -> str:
+    """The contradiction of a motion whose exponents were followed."""
+    told, count = told_exponents(exponents), len(found.frequencies_Hz)
+    unknown = [
+        text for text, sure, zero in zip(told, exponents.significant, exponents.zero, strict=True) if not (sure or zero)
+    ]
+    zeros = f"{NUMBERS[count]} Lyapunov exponent{'s' * (count != 1)} of zero"
+    needs = f"{_frequencies(found)} require{'s' * (count == 1)} {zeros}"
+    needs = needs[:1].upper() + needs[1:]
+    match found.doubt:
+        case Doubt.NO_ZERO:
+            return f"Every motion that lasts has a Lyapunov exponent of zero, but none of {_listed(told)} 1/s is."
+        case Doubt.POSITIVE:
+            return f"{needs} and none above it, but the largest is {told[0]} 1/s, as in chaos."
+        case Doubt.NOT_POSITIVE:
+            return f"The motion is irregular, but its largest Lyapunov exponent, {told[0]} 1/s, does not show chaos."
+        case Doubt.FEWER_ZEROS:
+            most = (found.zero or 0) + len(unknown)
+            return f"{needs}, but of {_listed(told)} 1/s at most {NUMBERS[most]} can be zero."
+        case Doubt.MORE_ZEROS:
+            return (
+                f"{needs}, but {NUMBERS[found.zero or 0]} of {_listed(told)} 1/s cannot be distinguished from zero: "
+                "there is another frequency, or a disturbance decays too slowly for this record."
+            )
+        case _:
+            which = _listed(unknown or told[: (found.zero or 0) + 1])
+            return f"{needs}, but the uncertainty of {which} 1/s is too large to distinguish zero from decay."
+
+
+def told_exponents(exponents: Exponents) -> list[str]:
+    """Each exponent with the uncertainty that decides on its sign (1/s), to the digits that this one has."""
+    told = []
+    for value, error in zip(exponents.exponent_1_per_s, exponents.uncertainty_1_per_s, strict=True):
+        digits = max(0, 1 - math.floor(math.log10(error)))
+        told.append(f"{value:+.{digits}f} ± {error:.{digits}f}".replace("-", "−"))
+    return told
+
+
+def _rounded_up(seconds: float) -> str:
+    """A time to two digits that is not shorter."""
+    digits = 1 - math.floor(math.log10(seconds))
+    return f"{math.ceil(seconds * 10.0**digits * (1 - 1e-9)) / 10.0**digits:g}"
+
+
+def _frequencies(found: Attractor) -> str:
+    count = len(found.frequencies_Hz)
+    listed = told_frequencies(found.frequencies_Hz, found.uncertainties_Hz, 6)
+    return f"{NUMBERS[count]} fundamental frequenc{'y' if count == 1 else 'ies'} ({listed})"
+
+
+def _listed(words: list[str]) -> str:
+    return f"{', '.join(words[:-1])} and {words[-1]}" if len(words) > 1 else words[0]

@@ -1,0 +1,269 @@
+"""Where a brake's motion ends, along a parameter: transients from many starts, each run until it is plain where to.
+
+A round lasts a hundred periods of the slowest mode; after it a transient has decayed, has settled, or goes on. All that
+are at hand run together.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drumsqueal.findings.decay import BEYOND, SMALL, is_decaying
+from drumsqueal.findings.edges import edge_shares
+from drumsqueal.findings.saturated import DRIFT, Saturated, at_once, saturated_motions
+from drumsqueal.findings.verdict import SMALL_ROTATION
+from drumsqueal.physics.model import Model
+from drumsqueal.solve.linear.branches import ModelAt, Point
+from drumsqueal.solve.linear.modes import UNDAMPED_SHARE, Mode
+from drumsqueal.solve.transient.runge_kutta import AUTO
+
+KICK = 3.0  # of the farther edge: a large departure, contact is lost and slip reversed
+ROUND_PERIODS = 100  # of the slowest mode that oscillates freely
+FREE = 0.5  # damping ratio below which a mode does
+MOST_ROUNDS = 60
+PERSISTENT, LASTING = 3, 10  # rounds a motion must last to count as settled, on the grid and at a boundary
+IRREGULAR = 20  # rounds over which one whose rms comes and goes must go on as it was
+STILL = 0.1  # of the linear rate: a motion below the edges that changes so slowly has settled
+# Two motions are alike where the logarithms of their kinetic energy and of their frequency differ by less.
+ALIKE_ENERGY, ALIKE_FREQUENCY = 0.5, 0.05
+
+PROBE = 0.7  # a motion made so much smaller comes back where it is an attractor, and stays where it is one of many
+
+DECAYS, SQUEALS, GROWS, UNDECIDED, FAILED = "decays", "squeals", "grows", "undecided", "failed"
+NEUTRAL, RUNS_AWAY = "neutral", "runs away"
+
+
+class Start(NamedTuple):
+    """A departure (n,) from steady sliding and a velocity (n,), and what to call them."""
+
+    name: str
+    departure: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+
+
+class Ending(NamedTuple):
+    """Where a start led at a value, and after how long.
+
+    It decays, squeals, grows (still, at the end), is neutral (its size hangs on the start), runs away (the shoe turns
+    further than rotations are small), is undecided or failed.
+    """
+
+    value: float
+    start: str
+    kind: str
+    motion: Saturated
+    seconds: float
+
+    @property
+    def lasts(self) -> bool:
+        """Whether motion is left, or still grows."""
+        return self.kind in (SQUEALS, GROWS)
+
+    @property
+    def settled(self) -> bool:
+        """Whether motion is left that neither grows nor decays."""
+        return self.kind == SQUEALS
+
+    def like(self, other: "Ending") -> bool:
+        """Whether two motions, at one value or at neighbouring ones, are alike in size and frequency."""
+        mine, others = self.motion, other.motion
+        sizes = [max(each.kinetic_energy, 1e-300) for each in (mine, others)]
+        near = abs(np.log(sizes[0] / sizes[1])) < ALIKE_ENERGY
+        if mine.frequency_Hz is None or others.frequency_Hz is None:
+            return near
+        return near and abs(np.log(mine.frequency_Hz / others.frequency_Hz)) < ALIKE_FREQUENCY
+
+    def again(self, size: float = 1.0) -> Start:
+        """The state at its end, or a multiple of it, as a start at another value."""
+        name = f"from {self.value:.6g}" if size == 1 else f"{size:g} times from {self.value:.6g}"
+        return Start(name, size * self.motion.departure, size * self.motion.velocity)
+
+
+class How(NamedTuple):
+    """How transients are integrated, as in a scene, and how long a round is (s)."""
+
+    sample_rate: float
+    tolerance: float
+    round_seconds: float
+    solver: str = AUTO
+    threads: int | None = None
+
+
+class _Job:
+    """A transient on its way."""
+
+    def __init__(self, point: Point, model: Model, steady: NDArray[np.float64], start: Start) -> None:
+        self.point, self.model, self.steady, self.start = point, model, steady, start
+        self.departure, self.velocity = start.departure, start.velocity
+        self.energies: list[float] = []  # mean kinetic energy of each round (J) since it last changed much
+        self.history: list[float] = []  # and of all rounds
+        self.rounds = 0
+        self.by_itself = False  # whether it has stuck, so that it cannot run together with the others
+        self.probed: float | None = None  # mean kinetic energy (J) of the settled motion that was made smaller
+
+    def probe(self, energy: float) -> None:
+        """Go on from less than what has settled."""
+        self.probed = energy
+        self.departure, self.velocity = PROBE * self.departure, PROBE * self.velocity
+        self.energies.clear()
+        self.history.clear()
+
+
+class Family:
+    """Models of one composition along a parameter: `model_at` a value, over the coordinates that move (`moving`).
+
+    `names` are the coordinates of the linear model, which may be more.
+    """
+
+    def __init__(self, model_at: ModelAt, moving: tuple[str, ...], names: tuple[str, ...]) -> None:
+        """Take the models and the names of their coordinates."""
+        self.model_at, self.moving, self.names = model_at, moving, names
+
+    def modes(self, point: Point) -> list[Mode]:
+        """Modes of a point that the coordinates that move can show."""
+        return [mode for mode in point.modes if mode.name in self.moving]
+
+    def shown(self, vector: NDArray) -> NDArray:
+        """The entries (n,) of the coordinates that move, of one over those of the linear model."""
+        return np.array([vector[self.names.index(name)] for name in self.moving])
+
+    def small_start(self, point: Point, model: Model) -> Start:
+        """All modes at once, within `SMALL` of the nearer edge."""
+        modes = self.modes(point)
+        parts = [self._scaled(mode, model, SMALL / len(modes), max) for mode in modes]
+        total = np.sum(parts, axis=0) if parts else np.zeros((2, len(self.moving)))
+        return Start("small", total[0], total[1])
+
+    def kicks(self, point: Point, model: Model) -> list[Start]:
+        """Each mode by itself, `KICK` times beyond the farther edge."""
+        modes = self.modes(point)
+        return [Start(f"kick {mode.label}", *self._scaled(mode, model, KICK, min)) for mode in modes]
+
+    def reach(self, mode: Mode, model: Model) -> tuple[NDArray[np.complex128], list[float]]:
+        """Displacement and velocity (2, n) of a mode, and the shares of the edges it comes to, none where it cannot."""
+        half = len(self.names)
+        shape = np.array([self.shown(part) for part in (mode.right[:half], mode.right[half:])])
+        turns = np.exp(2j * np.pi * np.arange(32) / 32)
+        departure, velocity = ((turns[:, None] * part).real for part in shape)
+        return shape, [each for each in edge_shares(model, departure, velocity) if each > 0]
+
+    def _scaled(
+        self, mode: Mode, model: Model, share: float, which: Callable[[Iterable[float]], float]
+    ) -> NDArray[np.float64]:
+        """Departure and velocity (2, n) of a mode, at a size at which one of the edges is reached to that share."""
+        shape, reached = self.reach(mode, model)
+        return np.real(shape) * (share / which(reached) if reached else 0.0)
+
+
+def round_seconds(points: Iterable[Point], moving: tuple[str, ...]) -> float:
+    """How long a round is (s): a hundred periods of the slowest mode that oscillates freely, at any of the points."""
+    modes = [mode for point in points for mode in point.modes if mode.name in moving]
+    free = [mode.frequency_Hz for mode in modes if abs(mode.damping_ratio) < FREE]
+    return ROUND_PERIODS / min(free or [mode.frequency_Hz for mode in modes], default=ROUND_PERIODS)
+
+
+def find_endings(
+    family: Family, tasks: Sequence[tuple[Point, Start]], how: How, *, rounds: int = PERSISTENT
+) -> Iterator[Ending]:
+    """Run each start at its point until it is plain where it leads, and yield the endings as they come.
+
+    A motion has settled when for `rounds` rounds its rms velocity has changed by less than a tenth and, below the
+    edges, by less than a tenth of what the linear growth rate would make of it. A motion within a tenth of the edges
+    that falls where the linear model is stable has decayed, as has one below the edges that falls as fast as half the
+    linear rate; what is below the resolved size is at rest. One that comes and goes beyond the edges has settled when
+    its mean energy over ten rounds is that over the ten before, to a fifth. After `MOST_ROUNDS` rounds one beyond the
+    edges counts as squeal, too. Where no mode decays or grows by more than round-off, motion below the edges that has
+    settled is neutral, and so is one beyond them that stays smaller when it has been made smaller. A shoe that has
+    turned by more than `SMALL_ROTATION` has run away: it may do so without coming near an edge. Raises
+    KeyboardInterrupt.
+    """
+    pending = []
+    for point, start in tasks:
+        model = family.model_at(point.value)
+        pending.append(_Job(point, model, family.shown(point.steady), start))
+    many = at_once(how.threads)
+    while pending:
+        jobs, pending = pending[:many], pending[many:]
+        motions = saturated_motions(
+            [job.model for job in jobs],
+            [job.steady for job in jobs],
+            [job.departure for job in jobs],
+            [job.velocity for job in jobs],
+            duration=how.round_seconds,
+            sample_rate=how.sample_rate,
+            tolerance=how.tolerance,
+            solver=how.solver,
+            threads=how.threads,
+            by_themselves=[job.by_itself for job in jobs],
+        )
+        left = []
+        for job, motion in zip(jobs, motions, strict=True):
+            job.rounds += 1
+            job.departure, job.velocity, job.by_itself = motion.departure, motion.velocity, motion.by_itself
+            kind = _judge(job, motion, family, rounds)
+            if kind is None:
+                left.append(job)
+            else:
+                yield Ending(job.point.value, job.start.name, kind, motion, job.rounds * how.round_seconds)
+        pending = left + pending
+
+
+def _judge(job: _Job, motion: Saturated, family: Family, rounds: int) -> str | None:
+    """Where a transient leads, None while that is not plain."""
+    if motion.failed:
+        return FAILED
+    if any(abs(turn) > SMALL_ROTATION for turn in motion.departure[[name[0] == "T" for name in family.moving]]):
+        return RUNS_AWAY
+    share = max(motion.edge_shares)
+    rates = [mode.growth_rate for mode in family.modes(job.point)]
+    if job.point.divergence is not None:
+        rates.append(job.point.divergence)
+    linear = max(rates, default=0.0)
+    noise = UNDAMPED_SHARE * job.point.largest
+    stable, neutral = linear <= noise, bool(rates) and abs(linear) <= noise
+    if stable and (share == 0 or motion.at_rest):
+        return DECAYS
+    if stable and not neutral and is_decaying(share, motion.rate, linear):
+        return DECAYS
+    if _settled(job, motion, rounds, STILL * abs(linear) if not neutral else np.inf):
+        if not neutral:
+            return SQUEALS
+        if share < BEYOND:
+            return NEUTRAL
+        if job.probed is not None:
+            return NEUTRAL if motion.kinetic_energy < PROBE * job.probed else SQUEALS
+        job.probe(motion.kinetic_energy)
+    if job.rounds < MOST_ROUNDS:
+        return None
+    return SQUEALS if share >= BEYOND else GROWS if not stable else UNDECIDED
+
+
+def _settled(job: _Job, motion: Saturated, rounds: int, still: float) -> bool:
+    """Whether it has, a motion below the edges at a rate (1/s) below `still`; notes its energy."""
+    share = max(motion.edge_shares)
+    if abs(motion.drift) > DRIFT:
+        job.energies.clear()
+    job.energies.append(motion.kinetic_energy)
+    job.history.append(motion.kinetic_energy)
+    rate, changed = _over_rounds(job.energies, rounds, motion)
+    if len(job.energies) >= rounds and changed < DRIFT and (share >= BEYOND or abs(rate) < still):
+        return not motion.at_rest
+    return share >= BEYOND and _stationary(job.history)
+
+
+def _stationary(energies: list[float]) -> bool:
+    """Whether an irregular motion goes on as it was, by its mean energy over both halves of many rounds."""
+    earlier, later = energies[-IRREGULAR : -IRREGULAR // 2], energies[-IRREGULAR // 2 :]
+    return len(energies) >= IRREGULAR and bool(abs(np.log(np.mean(later) / np.mean(earlier))) / 2 < DRIFT)
+
+
+def _over_rounds(energies: list[float], rounds: int, motion: Saturated) -> tuple[float, float]:
+    """Mean growth rate (1/s) of the rms velocity over the last rounds, and its relative change."""
+    last = energies[-rounds:]
+    if len(last) < 2 or min(last) <= 0:
+        return motion.rate, abs(motion.drift)
+    logarithm = np.log(last[-1] / last[0]) / 2
+    lasted = (len(last) - 1) * motion.seconds * 2  # a round is twice what is looked at of it
+    return float(logarithm / lasted), float(abs(np.expm1(logarithm)))

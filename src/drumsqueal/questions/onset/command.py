@@ -1,0 +1,87 @@
+"""`drumsqueal onset SCENE -o DIR --along KEY=FROM..TO`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from drumsqueal.files.output_folder import ONSET_FILES
+from drumsqueal.interrupts import stop_if_interrupted
+from drumsqueal.scene import load_scene
+from drumsqueal.scene.variation import POINTS, SYNTAX, read_variation
+from drumsqueal.terminal.completion import complete_range
+from drumsqueal.terminal.options import (
+    JsonFile,
+    Overwrite,
+    Quiet,
+    Reply,
+    SceneFile,
+    Settings,
+    output_option,
+    read_share,
+)
+
+ALONG = (
+    f"The number of the scene that is varied and its range, in SI or with units; N values, {POINTS} without xN. "
+    'Put a range with spaces in quotes: --along "drum.speed=10 rpm..400 rpm x20".'
+)
+
+
+def onset_command(
+    scene: SceneFile,
+    along: Annotated[
+        str,
+        typer.Option(
+            "--along",
+            metavar=SYNTAX,
+            help=ALONG,
+            show_default=False,
+            autocompletion=complete_range,
+        ),
+    ],
+    output: Annotated[Path | None, output_option("SCENE-onset")] = None,
+    within: Annotated[
+        str,
+        typer.Option(
+            "--within", metavar="SHARE", help="Share of the range within which ends of the bistable range are sought."
+        ),
+    ] = "0.1 %",
+    smallest_kick: Annotated[
+        bool,
+        typer.Option(
+            "--smallest-kick",
+            help="Find the smallest disturbance along a mode that starts squeal, too, at each bistable value.",
+        ),
+    ] = False,
+    cycles: Annotated[
+        bool, typer.Option("--cycles", help="Follow the cycles, too, stable or not, and draw them into the figure.")
+    ] = False,
+    settings: Settings = None,
+    overwrite: Overwrite = False,
+    quiet: Quiet = False,
+    json_file: JsonFile = None,
+) -> None:
+    """Where does it squeal, and where only after a large disturbance?
+
+    Finds the critical values of the eigenvalues, runs transients from small and large disturbances at each value, and
+    follows what lasts to the neighbouring ones. Writes onset.csv, onset.json and onset.png into DIR.
+
+    Example: drumsqueal onset scenarios/damped.toml -o out/onset --along drum.speed=1..60
+    """
+    loaded = load_scene(scene, settings or ())
+    variation = read_variation(along, loaded)
+    share = read_share(within, "--within")
+    folder = output if output is not None else Path("out") / f"{scene.stem}-onset"
+    reply = Reply.beside(folder, ONSET_FILES, (scene,), quiet, json_file, overwrite=overwrite)
+    stop_if_interrupted()
+    from drumsqueal.questions.cycle.branches import checked_range
+    from drumsqueal.questions.onset.job import study_into
+    from drumsqueal.questions.onset.study import predict
+
+    stop_if_interrupted()
+    predicted = predict(loaded, variation)  # what cannot be studied is told before there is a folder
+    if cycles:
+        checked_range(loaded, variation)
+    reply.clear()
+    found = study_into(folder, predicted, share, reply.console, smallest_kick=smallest_kick, cycles=cycles)
+    reply.send(found)

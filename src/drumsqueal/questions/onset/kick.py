@@ -1,0 +1,189 @@
+"""How hard a brake must be kicked before it squeals, where steady sliding is stable: the smallest kick that is enough.
+
+A kick is a velocity from steady sliding along the shape of a mode, one way or the other. Each is tried in sizes from
+below, twice as large each time. Between the largest that dies away and the smallest that leads to squeal it is then
+closed in on, as long as a kick that takes less energy may lie there.
+"""
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drumsqueal.findings.edges import wide
+from drumsqueal.interrupts import stop_if_interrupted
+from drumsqueal.physics.bodies.rigid_shoe import TX, TZ, X, Z
+from drumsqueal.physics.effects.contact import Contact
+from drumsqueal.physics.model import Model
+from drumsqueal.questions.onset.attractors import (
+    DECAYS,
+    KICK,
+    LASTING,
+    NEUTRAL,
+    PERSISTENT,
+    Ending,
+    Family,
+    How,
+    Start,
+    find_endings,
+)
+from drumsqueal.questions.onset.rows import Kick, Row
+from drumsqueal.solve.linear.branches import Point
+from drumsqueal.solve.linear.modes import Mode
+
+LEAST = 0.1  # of the nearer edge: the smallest kick that is tried at first; the largest is `KICK` of the farther one
+SMALLER = 10  # halvings below that, where it squeals already
+SECTIONS = 3  # sizes tried at once between two
+PRECISION = 0.02  # of a velocity: how far the two may be apart in the end
+TURNS = 64  # phases of a mode's period, of which the one with most kinetic energy is taken
+POINTS = 181  # of the lining along the arc, at which its velocity is looked at
+
+OnProgress = Callable[[str, int, int], None]
+
+
+def smallest_kicks(
+    family: Family, rows: Sequence[Row], how: How, on_progress: OnProgress
+) -> Iterator[dict[float, Kick]]:
+    """Find the smallest kick that leads to squeal at each row: all of them by value, known better each time.
+
+    A value is not among them where none of those tried does. Raises KeyboardInterrupt.
+    """
+    searches = [_AtRow(row, family.model_at(row.value), family) for row in rows]
+    while True:
+        tasks = [(search, *task) for search in searches for task in search.untried()]
+        if not tasks:
+            return
+        for done, _ in enumerate(_run(family, tasks, how), start=1):
+            stop_if_interrupted()
+            on_progress("kicks", done, len(tasks))
+        yield {search.row.value: search.kick() for search in searches if search.squeals}
+
+
+def surface_speed(model: Model, velocity: NDArray[np.float64]) -> float:
+    """Velocity (m/s) of the fastest point of the lining's surface, max |v + ω × r|, in a motion (n,) of the shoe."""
+    v = np.array([column[0] for column in wide(model, velocity[None, :])])
+    if not isinstance(model.contact, Contact):
+        return float(abs(v[X]))
+    shoe = model.contact.shoe
+    angle, radius = float(shoe.half_angle) * np.linspace(-1, 1, POINTS), float(shoe.outer_radius)
+    arc = np.column_stack([radius * np.cos(angle) - float(shoe.centroid), radius * np.sin(angle), 0 * angle])
+    across = np.array([0.0, 0.0, float(shoe.width) / 2])
+    moved = v[X : Z + 1] + np.cross(v[TX : TZ + 1], np.concatenate([arc - across, arc + across]))
+    return float(np.max(np.linalg.norm(moved, axis=1)))
+
+
+class _Direction:
+    """Kicks along a mode one way, as multiples √J of the one of 1 J, and where those that were tried led."""
+
+    def __init__(self, mode: Mode, sign: int, model: Model, family: Family) -> None:
+        shape, shares = family.reach(mode, model)
+        turns = np.exp(2j * np.pi * np.arange(TURNS) / TURNS)
+        velocities = (turns[:, None] * shape[1]).real
+        energies = velocities**2 @ np.asarray(model.mass) / 2
+        of_one_joule = 1 / math.sqrt(energies.max())
+        self.name = f"kick {mode.label} {'forwards' if sign > 0 else 'backwards'}"
+        self.mode, self.velocity = mode, sign * of_one_joule * velocities[np.argmax(energies)]
+        self.edge_share = of_one_joule * max(shares)
+        self.least, self.most = LEAST / self.edge_share, KICK / (of_one_joule * min(shares))
+        self.quiet: set[float] = set()
+        self.loud: dict[float, Ending] = {}
+        self.tried: set[float] = set()
+
+    @property
+    def squeals_at(self) -> float:
+        """The smallest size that squeals."""
+        return min(self.loud, default=math.inf)
+
+    @property
+    def quiet_below(self) -> float:
+        """The largest size below that which dies away."""
+        return max((size for size in self.quiet if size < self.squeals_at), default=0.0)
+
+    def next_sizes(self, best: float) -> list[float]:
+        """What to try next, where `best` is the smallest size that squeals in any direction."""
+        low, high = self.quiet_below, self.squeals_at
+        if not self.tried:
+            doublings = max(1, math.ceil(math.log2(self.most / self.least)))
+            sizes = np.geomspace(self.least, self.most, doublings + 1)
+        elif low >= best or high == math.inf or high <= (1 + PRECISION) * low:
+            return []
+        elif low == 0:
+            sizes = high / 2.0 ** np.arange(1, SMALLER + 1)
+        else:
+            sizes = np.geomspace(low, high, SECTIONS + 2)[1:-1]
+        return [float(size) for size in sizes if size not in self.tried and size >= self.least / 2**SMALLER]
+
+
+class _AtRow:
+    """The search at one value."""
+
+    def __init__(self, row: Row, model: Model, family: Family) -> None:
+        self.row, self.model, self.known = row, model, row.attractors
+        self.directions = [
+            _Direction(mode, sign, model, family)
+            for mode in family.modes(row.point)
+            for sign in (1, -1)
+            if family.reach(mode, model)[1]
+        ]
+
+    @property
+    def squeals(self) -> bool:
+        return any(direction.loud for direction in self.directions)
+
+    def untried(self) -> list[tuple[_Direction, float]]:
+        """What to try next."""
+        best = min((direction.squeals_at for direction in self.directions), default=math.inf)
+        return [(direction, size) for direction in self.directions for size in direction.next_sizes(best)]
+
+    def kick(self) -> Kick:
+        """The smallest, as far as it is known."""
+        direction = min(self.directions, key=lambda each: each.squeals_at)
+        low, high = direction.quiet_below, direction.squeals_at
+        size = (low + high) / 2
+        speed = surface_speed(self.model, direction.velocity)
+        return Kick(
+            mode=direction.mode.label,
+            velocity=size * direction.velocity,
+            speed=size * speed,
+            speed_uncertainty=(high - low) / 2 * speed,
+            energy=size**2,
+            energy_uncertainty=(high**2 - low**2) / 2,
+            edge_share=size * direction.edge_share,
+            ending=direction.loud[high],
+        )
+
+
+def _run(family: Family, tasks: Sequence[tuple[_AtRow, _Direction, float]], how: How) -> Iterator[None]:
+    """Try sizes, and note where each leads.
+
+    Near the smallest kick that squeals motion dwells on the unstable cycle, which may look settled: what is none of the
+    motions known at the value must last longer.
+    """
+    meant = {}
+    for search, direction, size in tasks:
+        direction.tried.add(size)
+        meant[search.row.value, f"{direction.name} {size!r}"] = search, direction, size
+    starts: list[tuple[Point, Start]] = [
+        (search.row.point, Start(name, 0 * direction.velocity, size * direction.velocity))
+        for (_, name), (search, direction, size) in meant.items()
+    ]
+    doubtful = []
+    for ending in find_endings(family, starts, how, rounds=PERSISTENT):
+        search, direction, size = meant[ending.value, ending.start]
+        if ending.settled and not any(ending.like(known) for known in search.known):
+            doubtful.append((search.row.point, ending.again()._replace(name=ending.start)))
+            continue
+        _note(direction, size, ending)
+        yield
+    for ending in find_endings(family, doubtful, how, rounds=LASTING):
+        _, direction, size = meant[ending.value, ending.start]
+        _note(direction, size, ending)
+        yield
+
+
+def _note(direction: _Direction, size: float, ending: Ending) -> None:
+    if ending.settled:
+        direction.loud[size] = ending
+    elif ending.kind in (DECAYS, NEUTRAL):
+        direction.quiet.add(size)

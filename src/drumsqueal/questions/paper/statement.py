@@ -1,0 +1,115 @@
+"""A statement of a paper as a number and its limit; what Seo & Kang (2023) leave open is a named limit here."""
+
+from enum import StrEnum
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drumsqueal.questions.paper.curves import Curve
+
+SQUEALING, QUIET = ("X", "Y", "Tz"), ("Z", "Tx", "Ty")
+STRAIGHT = 0.01  # of the largest value: what is nearer to a straight line is linear
+ALIKE = 0.01  # of the frequency axis: what is nearer looks the same
+APART = 0.1  # of the higher frequency: modes that are further from each other are not about to meet
+NO_PART = 1e-9  # of a mode's kinetic energy
+EXPONENT = 0.05  # a power of the speed within this of -1 is "proportional to 1/Ω"
+MAJOR = 0.5  # of the mean square motion of the lining
+DRASTIC = 0.25  # of the value at the smallest angle
+MINOR = 0.5  # of the change that is called drastic
+MEASURED = 0.01  # of a growth rate, by which a transient may miss an eigenvalue
+GROWN = 1.0  # times the motion at first: more has grown
+LIFTED = 0.01  # of the lining: more out of contact in the steady-state response is squeal
+NARROW = (0.4, 1.0)  # of the scene's speed: a shorter axis, from 2 to 5 rad/s
+
+
+class Verdict(StrEnum):
+    """What the numbers say of a statement."""
+
+    CONFIRMED = "confirmed"
+    NOT_CONFIRMED = "not confirmed"
+    DEPENDS = "depends on a reading that the text does not fix"
+    NOT_DECIDED = "not decided"
+
+
+class Reading(NamedTuple):
+    """One reading of a statement: a number that decides it, and its limit.
+
+    `value` is held against `limit` from above or below, as `bound` says; None where it could not be computed. `margin`
+    is by how much the statement holds (positive) or fails. `detail` says where.
+    """
+
+    measure: str
+    unit: str
+    value: float | None
+    bound: str
+    limit: float
+    detail: str = ""
+
+    @property
+    def holds(self) -> bool | None:
+        """Whether the number is on the right side of its limit."""
+        return None if self.margin is None else bool(self.margin > 0)
+
+    @property
+    def margin(self) -> float | None:
+        """Distance from the limit, positive on the side on which the statement holds."""
+        if self.value is None or not np.isfinite(self.value):
+            return None
+        return float(self.value - self.limit if self.bound == ">" else self.limit - self.value)
+
+
+class Statement(NamedTuple):
+    """One statement, in our words, and the readings that the text leaves open."""
+
+    figure: str
+    says: str
+    readings: tuple[Reading, ...]
+
+    @property
+    def verdict(self) -> Verdict:
+        """Confirmed or not where all readings agree."""
+        held = {reading.holds for reading in self.readings}
+        if None in held:
+            return Verdict.NOT_DECIDED
+        if len(held) > 1:
+            return Verdict.DEPENDS
+        return Verdict.CONFIRMED if held == {True} else Verdict.NOT_CONFIRMED
+
+    def read_also(self, *reading: Any) -> "Statement":
+        """The statement with one more reading, given as its fields."""
+        return self._replace(readings=(*self.readings, Reading(*reading)))
+
+
+def state(figure: str, says: str, *reading: Any) -> Statement:
+    """A statement with one reading, given as its fields."""
+    return Statement(figure, says, (Reading(*reading),))
+
+
+def falls(curve: Curve, says: str) -> Statement:
+    """All three growth rates fall as the number of the figure rises (in size, for the drum's speed)."""
+    order = np.argsort(np.abs(curve.values))
+    rise = max(largest_rise(curve.rate(name)[order]) for name in SQUEALING)
+    shown = np.abs(curve.shown)[order]
+    ends = {name: curve.rate(name)[order][[0, -1]] for name in SQUEALING}
+    return state(
+        curve.axis.figure,
+        says,
+        f"largest rise of one of them, from any of {len(shown)} values to a larger one",
+        "1/s",
+        rise,
+        "<",
+        0.0,
+        f"from {shown[0]:.3g} to {shown[-1]:.3g} {curve.axis.unit}: "
+        + ", ".join(f"{name} {low:.1f} to {high:.1f}" for name, (low, high) in ends.items()),
+    )
+
+
+def largest_rise(y: NDArray[np.float64]) -> float:
+    """Largest rise of y from one entry to any later one; negative where it falls throughout."""
+    return float(np.max(y[1:] - np.minimum.accumulate(y)[:-1]))
+
+
+def off_line(x: NDArray[np.float64], y: NDArray[np.float64]) -> float:
+    """Largest departure of y from its least-squares straight line over x."""
+    return float(np.abs(y - np.polynomial.Polynomial.fit(x, y, 1)(x)).max())

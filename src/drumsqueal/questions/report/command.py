@@ -1,0 +1,47 @@
+"""`drumsqueal report DIR`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from drumsqueal.files.claims import claim_results
+from drumsqueal.files.output_folder import ONSET_FILES, REPORT, RUN_FILES, check_ending
+from drumsqueal.interrupts import stop_if_interrupted
+from drumsqueal.terminal.options import JsonFile, Overwrite, Quiet, Reply, read_file, read_folder
+
+
+def report_command(
+    folder: Annotated[
+        Path,
+        typer.Argument(
+            metavar="DIR", parser=read_folder, help="Folder that a run or an onset has left.", show_default=False
+        ),
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", metavar="FILE", parser=read_file, help=f"The page (default: DIR/{REPORT})."),
+    ] = None,
+    overwrite: Overwrite = False,
+    quiet: Quiet = False,
+    json_file: JsonFile = None,
+) -> None:
+    """Put a run or an onset on one page that opens anywhere.
+
+    Writes one HTML file that needs no network: verdict, figures, moving modes, sound, accuracy, scene, versions.
+
+    Example: drumsqueal report out/nominal
+    """
+    from drumsqueal.questions.report.found import what_is_in
+
+    kind = what_is_in(folder)
+    file = folder / REPORT if output is None else output
+    check_ending(file, (".html", ".htm"), "a page")
+    read = [folder / name for name in (*RUN_FILES, *ONSET_FILES) if name != REPORT]
+    reply = Reply.with_file(file, read, quiet, json_file, overwrite=overwrite)
+    claim_results(folder)
+    stop_if_interrupted()
+    from drumsqueal.questions.report.job import report_into
+
+    stop_if_interrupted()
+    reply.send(report_into(file, folder, kind, reply.console))

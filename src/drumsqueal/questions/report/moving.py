@@ -1,0 +1,147 @@
+"""The shoe as it moves in a mode, as lines with a complex displacement at each point: what the page animates."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drumsqueal.findings.departure import levers
+from drumsqueal.physics.bodies.rigid_shoe import OUT_OF_PLANE, TX, TY, RigidShoe, Z
+from drumsqueal.questions.animate.section import MILLI, displaced, on_circle, on_line, shoe_outline, whole_shape
+from drumsqueal.scene import COORDINATES
+from drumsqueal.solve.linear.modes import NEUTRAL_SHARE, Mode
+
+DRAWN = 0.08  # of the outer radius: the largest motion as it is drawn
+PERIOD_S = 2.0  # of every mode as it is drawn
+DRUM = 1.1  # outer over inner radius of the drum that is drawn; it has no thickness in the model
+EDGE = 1.02  # of the picture, beyond the drum
+FLAT = 1e-9  # of the displacement: less motion out of the plane is round-off
+LEAST_SHARE = 5e-3  # of the kinetic energy, that is told
+# Seen from the front and from above: z comes forward, to the left and down.
+OBLIQUE = (-0.5, -0.4)
+ROUND = 3  # digits after the point, of mm
+Complex = NDArray[np.complex128]
+
+
+def animate(
+    shoe: RigidShoe, coordinates: Sequence[str], mass: NDArray[np.float64], modes: Sequence[Mode], speed: float
+) -> dict[str, Any]:
+    """What the page needs of the modes: lines (mm), displacements (mm) as real and imaginary parts, and words.
+
+    `coordinates` and `mass` (n,) are those of the modes, `speed` is the drum's (rad/s), whose sign turns its arrow.
+    """
+    radius = MILLI * float(shoe.outer_radius)
+    moving = [_moving(shoe, coordinates, mass, mode) for mode in modes]
+    beyond = 0.0 if all(mode["flat"] for mode in moving) else MILLI * float(shoe.width) / 2 * max(map(abs, OBLIQUE))
+    return {
+        "radius": round(radius, ROUND),
+        "outer": round(DRUM * radius, ROUND),
+        "box": round(EDGE * DRUM * radius + beyond, ROUND),
+        "turns": float(np.sign(speed)),
+        "period_s": PERIOD_S,
+        "modes": moving,
+    }
+
+
+def _moving(shoe: RigidShoe, coordinates: Sequence[str], mass: NDArray[np.float64], mode: Mode) -> dict[str, Any]:
+    shape = whole_shape(coordinates, mode)
+    sizes = np.abs(shape * levers(COORDINATES, shoe))
+    flat = bool(sizes[list(OUT_OF_PLANE)].max() < FLAT * sizes.max())
+    lines = _section(shoe, shape) if flat else _body(shoe, shape)
+    drawn = DRAWN * MILLI * float(shoe.outer_radius)
+    magnification = drawn / max(_largest(moved) for _, moved in lines)
+    return {
+        "label": mode.label,
+        "name": mode.name,
+        "frequency_Hz": mode.frequency_Hz,
+        "growth_rate_1_per_s": 0.0 if abs(mode.growth_rate) < NEUTRAL_SHARE * mode.frequency_Hz else mode.growth_rate,
+        "unstable": mode.unstable,
+        "stability": "unstable" if mode.unstable else "stable",
+        "flat": flat,
+        "slowed": mode.frequency_Hz * PERIOD_S,
+        "shares": _shares(coordinates, mass, mode),
+        # What the named coordinate does where the largest motion of the shoe is drawn, in m or rad times `enlarged`.
+        "enlarged": magnification,
+        "drawn_mm": drawn,
+        "lines": [
+            {
+                "at": _rounded(at),
+                "re": _rounded(magnification * moved.real),
+                "im": _rounded(magnification * moved.imag),
+            }
+            for at, moved in lines
+        ],
+        "depth": [] if flat else _rounded(_project(np.array([0.0, 0.0, MILLI * float(shoe.width) / 2]))),
+    }
+
+
+def _section(shoe: RigidShoe, shape: Complex) -> list[tuple[NDArray[np.float64], Complex]]:
+    """The outline in section at z = 0, and a cross at the centre of gravity."""
+    return [(at, _in_plane(at, shoe, shape, 0.0)) for at in (shoe_outline(shoe), *_cross(shoe))]
+
+
+def _cross(shoe: RigidShoe) -> list[NDArray[np.float64]]:
+    centre, arm = MILLI * float(shoe.centroid), 0.03 * MILLI * float(shoe.outer_radius)
+    return [
+        np.array([[centre - arm, 0.0], [centre + arm, 0.0]]),
+        np.array([[centre, -arm], [centre, arm]]),
+    ]
+
+
+def _in_plane(at: NDArray[np.float64], shoe: RigidShoe, shape: Complex, z: float) -> Complex:
+    """Displacement (n, 2), mm for a shape in m and rad, of points (n, 2) in mm at z (m)."""
+    centroid = float(shoe.centroid)
+    parts = [displaced(at, centroid, on_line(part, z)) - at for part in (shape.real, shape.imag)]
+    return parts[0] + 1j * parts[1]
+
+
+def _body(shoe: RigidShoe, shape: Complex) -> list[tuple[NDArray[np.float64], Complex]]:
+    """Back and front face and the edges between them, projected on the picture."""
+    half, beta = float(shoe.width) / 2, float(shoe.half_angle)
+    radii = (float(shoe.outer_radius), float(shoe.outer_radius) - float(shoe.thickness))
+    corners = np.concatenate([on_circle(radius, [-beta, 0.0, beta]) for radius in radii])
+    lines = []
+    for z in (-half, half):
+        at = shoe_outline(shoe)
+        lines.append(_projected(at, np.full(len(at), z), shoe, shape))
+    for corner in corners:
+        lines.append(_projected(np.stack([corner, corner]), np.array([-half, half]), shoe, shape))
+    return lines
+
+
+def _projected(
+    at: NDArray[np.float64], z: NDArray[np.float64], shoe: RigidShoe, shape: Complex
+) -> tuple[NDArray[np.float64], Complex]:
+    plane = np.concatenate([_in_plane(p[None], shoe, shape, float(h)) for p, h in zip(at, z, strict=True)])
+    # u_z = Z + y Tx − (x − c) Ty
+    across = MILLI * shape[Z] + at[:, 1] * shape[TX] - (at[:, 0] - MILLI * float(shoe.centroid)) * shape[TY]
+    place = np.column_stack([at, MILLI * z])
+    return _project(place), _project(np.column_stack([plane, across]))
+
+
+def _project(points: Any) -> Any:
+    """Points (..., 3) on the picture (..., 2)."""
+    return np.stack([points[..., 0] + OBLIQUE[0] * points[..., 2], points[..., 1] + OBLIQUE[1] * points[..., 2]], -1)
+
+
+def _largest(moved: Complex) -> float:
+    """The longest half axis of the ellipses that points with these displacements (n, 2) run through."""
+    both = np.sum(np.abs(moved) ** 2, axis=1)
+    return float(np.sqrt((both + np.abs(np.sum(moved**2, axis=1))) / 2).max())
+
+
+def _shares(coordinates: Sequence[str], mass: NDArray[np.float64], mode: Mode) -> Mapping[str, float]:
+    """Each coordinate's share of the kinetic energy, the largest first."""
+    energy = mass * np.abs(mode.right[: len(coordinates)]) ** 2
+    shares = dict(zip(coordinates, (energy / energy.sum()).tolist(), strict=True))
+    return {name: share for name, share in sorted(shares.items(), key=lambda each: -each[1]) if share > LEAST_SHARE}
+
+
+def _rounded(points: NDArray[np.float64]) -> list[float]:
+    return [round(float(value), ROUND) for value in points.ravel()]
+
+
+def most_unstable(modes: Sequence[Mode]) -> int:
+    """The place of the mode that grows fastest, which is shown first."""
+    return max(range(len(modes)), key=lambda k: modes[k].growth_rate, default=0)

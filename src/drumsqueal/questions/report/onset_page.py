@@ -1,0 +1,164 @@
+"""The page of a study of the onset: summary, table, figure, and the shapes of the modes at the critical values."""
+
+import shlex
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+from drumsqueal.errors import RequestError
+from drumsqueal.files.output_folder import ONSET, ONSET_SUMMARY, ONSET_TABLE, figure_file
+from drumsqueal.findings.history import COMPLETE
+from drumsqueal.interrupts import stop_if_interrupted
+from drumsqueal.questions.onset.rows import KICKED, NEUTRAL, NOWHERE, STABLE, UNKNOWN
+from drumsqueal.questions.report.found import Critical, Onset, read_rows, read_summary, scene_of
+from drumsqueal.questions.report.inline import data_uri, picture
+from drumsqueal.questions.report.moving import animate
+from drumsqueal.questions.report.words import hertz, onset_words
+from drumsqueal.scene import Scene, SceneError
+from drumsqueal.scene.variation import Variation, read_variation
+from drumsqueal.simulation import prepare
+
+SAME = 1e-6  # relative: a mode at a critical value is the one with this frequency
+CUT_OFF = "This study is not complete: it was cut off before the ranges were found."
+NO_SUMMARY = "This study is not complete: it was cut off, and only the table of the values that were done is left."
+NOT_DRAWN = "The figure is not in the folder: the study was cut off before it was drawn."
+NO_FIGURE = "The figure is not in the folder: the study was cut off before it was drawn, or the figure was taken away."
+NO_MODES = "There is no critical value with a mode that oscillates, so that no shape is shown."
+IT = {
+    NOWHERE: "there is no steady sliding",
+    STABLE: "it is stable",
+    NEUTRAL: "it is neutral",
+    UNKNOWN: "it is undecided",
+    KICKED: "it is bistable",
+}
+ABOUT = "The shapes were computed anew from the scene, at the critical values, as this page was made."
+
+
+def onset_content(folder: Path) -> dict[str, Any]:
+    """What the template takes, from the folder of a study. Raises RequestError for files that are none of a study."""
+    found = read_summary(folder / ONSET_SUMMARY, Onset) if (folder / ONSET_SUMMARY).exists() else None
+    table = read_rows(folder / ONSET_TABLE) if (folder / ONSET_TABLE).exists() else []
+    rows = [_row(row, folder / ONSET_TABLE) for row in table if row["asked"] == "yes"]
+    drawn = picture(folder / figure_file(ONSET), onset_words(found))
+    complete = found is not None and found.outcome == COMPLETE
+    content: dict[str, Any] = {
+        "kind": "report of a study of the onset",
+        "found": found,
+        "complete": complete,
+        "pictures": [] if drawn is None else [drawn],
+        "missing": "" if drawn is not None else NO_FIGURE if complete else NOT_DRAWN,
+        "rows": rows,
+    }
+    if found is None:
+        content |= {"column": next(iter(table[0])) if table else "", "per": 1.0, "equals": ""}
+        return content | {"title": "Onset", "warning": NO_SUMMARY, "headline": f"{len(rows)} values were done."}
+    scene = scene_of(folder / ONSET_SUMMARY, found.scene)
+    toml, along = scene.to_toml(), found.parameter.variation
+    if table and next(iter(table[0])) != along.column:  # of an earlier version, in SI
+        rows = [row | {"value": along.listed(row["value"])} for row in rows]
+    unit = f", {along.shown_unit}" if along.shown_unit else ""
+    return content | {
+        "rows": rows,
+        "column": f"{along.key}{unit}",
+        "per": 1 / along.size,
+        "equals": f" (1 {along.given} is {along.size:.6g} {along.unit})" if along.given else "",
+        "title": scene.title or "Untitled scene",
+        "warning": None if complete else CUT_OFF,
+        "headline": found.verdict or _so_far(found, rows),
+        "animation": _animation(scene, found),
+        "animation_note": NO_MODES,
+        "about": ABOUT,
+        "tolerance": scene.simulate.tolerance,
+        "toml": toml,
+        "toml_uri": data_uri("application/toml", toml.encode()),
+        "command": f"drumsqueal onset scene.toml -o out/again --along {shlex.quote(_range(along, scene))} "
+        f"--within {found.kicked_range_sought_within!r}{' --smallest-kick' * found.smallest_kick_sought}"
+        f"{' --cycles' if found.cycles else ''}",
+    }
+
+
+def _so_far(found: Onset, rows: list[dict[str, Any]]) -> str:
+    """What a study has that was cut off: how many values do what, and what the eigenvalues say of all."""
+    along = found.parameter.variation
+    low, high = sorted((along.first, along.last))
+    kinds = Counter(row["kind"] for row in rows)
+    told = ", ".join(f"{IT.get(kind, f'it {kind}')} at {count} of them" for kind, count in kinds.items())
+    done = f"{len(rows)} of {len(along.values)} values of {along.key} from {along.shown(low):.6g} to {along.told(high)}"
+    return f"{done} are done{f': {told}' if told else ''}. By the eigenvalues {_critical(found, along)}."
+
+
+def _critical(found: Onset, along: Variation) -> str:
+    if not found.critical_values:
+        return "no mode gains or loses stability there"
+    return " and ".join(
+        f"{each.label} {'loses' if each.destabilises else 'gains'} stability as the value rises past "
+        f"{along.told(each.value)}{f' ({hertz(each.frequency_Hz)})' if each.frequency_Hz > 0 else ''}"
+        for each in found.critical_values
+    )
+
+
+def _range(along: Variation, scene: Scene) -> str:
+    """The range as `--along` takes it: in the unit in which it was given where that gives the very same values."""
+    count = len(along.values)
+    if along.given:
+        first, last = (f"{along.shown(value):.12g} {along.given}" for value in (along.first, along.last))
+        written = f"{along.key}={first}..{last} x{count}"
+        try:
+            if read_variation(written, scene).values == along.values:
+                return written
+        except SceneError:  # a unit or a key that is none: the summary was changed by hand
+            pass
+    return f"{along.key}={along.first!r}..{along.last!r}x{count}"
+
+
+def _row(row: dict[str, str], path: Path) -> dict[str, Any]:
+    """One value as the page shows it."""
+    try:
+        return {
+            "value": float(next(iter(row.values()))),
+            "kind": row["kind"],
+            "growth": _maybe(row["largest_growth_rate_1_per_s"]),
+            "small": row["small_start_leads_to"],
+            "frequency": _maybe(row["strongest_frequency_Hz"]),
+            "motions": row["motions"],
+        }
+    except ValueError:
+        raise RequestError(f"{path} is damaged: there is no number where one was to be; study the onset anew") from None
+
+
+def _maybe(text: str) -> float | None:
+    return float(text) if text else None
+
+
+def _animation(scene: Scene, found: Onset) -> dict[str, Any] | None:
+    """The mode at each critical value that oscillates; None where there is none."""
+    made: list[dict[str, Any]] = []
+    animation: dict[str, Any] = {}
+    along = found.parameter.variation
+    for critical in found.critical_values:
+        moving = _at(scene, along.key, critical)
+        stop_if_interrupted()
+        if moving is not None:
+            animation = moving
+            made += [mode | {"label": critical.label} for mode in moving["modes"]]
+    for mode in made:
+        mode["size"] = f"At {along.key} = {along.told(mode['value'])}, where it neither grows nor decays."
+        mode["at"] = f"at {along.told(mode['value'])}"
+    return animation | {"modes": made, "first": 0} if made else None
+
+
+def _at(scene: Scene, key: str, critical: Critical) -> dict[str, Any] | None:
+    """The mode at a critical value; None for a divergence, and where this version has no such mode there."""
+    if not critical.frequency_Hz > 0:
+        return None
+    prepared = prepare(scene.with_values({key: critical.value}))
+    stability = prepared.stability
+    modes = [m for m in stability.modes if abs(m.frequency_Hz - critical.frequency_Hz) <= SAME * critical.frequency_Hz]
+    if not modes:
+        return None
+    speed = float(prepared.linear.operation.at(stability.time).drum_speed)
+    animation = animate(prepared.linear.shoe, stability.coordinates, stability.mass, modes[:1], speed)
+    for mode in animation["modes"]:
+        # Round-off decides the sign of a growth rate that is zero.
+        mode |= {"value": critical.value, "growth_rate_1_per_s": 0.0, "unstable": False, "stability": "at its onset"}
+    return animation

@@ -1,0 +1,118 @@
+"""What the lining does, to be heard: the record and the motion after growth, as WAV files inside the page."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drumsqueal.files.saved_history import SavedHistory
+from drumsqueal.findings.signals.resampling import resample
+from drumsqueal.findings.signals.sound import CD_RATE, to_sound, wav_bytes
+from drumsqueal.questions.export.signals import surface_velocity
+from drumsqueal.questions.report.inline import data_uri
+
+SLOWER = 4  # times, so that what is too high to be heard well is heard
+RECORD_S = 1.0  # of the record that is played at most
+AFTER_S = 0.2  # of the motion after growth that is played with the growth, at most, of a longer record
+REPEATED_S = 3.0  # that the motion after growth is repeated to
+FADE_S = 0.01  # over which one repetition goes over into the next
+SHORTEST_S = 2 * FADE_S
+QUIET = 1e-9  # m/s: what moves less is not played
+
+
+class Clip(NamedTuple):
+    """A sound: heading, what is to be heard, its length (s), the velocity (m/s) of its loudest sample, and its WAV."""
+
+    heading: str
+    told: str
+    seconds: float
+    peak: float
+    uri: str
+
+
+def clips(history: SavedHistory, saturated_from: float | None, *, settles: bool) -> list[Clip]:
+    """The sounds of a history; none where nothing moves enough.
+
+    What is heard is the velocity u̇_θ along the drum in the middle of the lining, θ = z = 0. The motion after growth is
+    repeated only where it `settles`: of a brake that comes to rest, what is heard again and again never was.
+    """
+    title = history.scene.title
+    surface = surface_velocity(history.scene, history.data["velocity"].values, 0.0, along_drum=True)
+    time = history.data["time"].values - history.data["time"].values[0]
+    first, last = _played(time[-1], saturated_from)
+    record = _heard(surface[(time >= first) & (time <= last)], history.sample_rate)
+    if np.ptp(record) < QUIET:
+        return []
+    growing = "as it was" if saturated_from is None else "first the growth, then the motion that it leads to"
+    whole = first == 0 and last == time[-1]
+    part = f"From {first:.4g} to {last:.4g} s, {RECORD_S:g} s at most of a record of {time[-1]:.4g} s"
+    span = f"The whole record, {last:.4g} s" if whole else part
+    found = [
+        _clip("The record", f"{span}, at its own speed: {growing}.", record, 1, title),
+        _clip(
+            f"The record, {SLOWER} times slower",
+            f"{span}, every frequency {SLOWER} times lower: {growing}.",
+            record,
+            SLOWER,
+            title,
+        ),
+    ]
+    if saturated_from is None or not settles:
+        return found
+    part = _heard(surface[(time >= saturated_from) & (time < saturated_from + REPEATED_S)], history.sample_rate)
+    if part.size < SHORTEST_S * CD_RATE or np.ptp(part) < QUIET:
+        return found
+    for slow in (1, SLOWER):
+        repeated, times = _repeated(part, REPEATED_S / slow)
+        slower = "" if slow == 1 else f", {slow} times slower"
+        more = (
+            f"Of the {part.size / CD_RATE:.3g} s that are recorded of it, up to where it is most like its beginning, "
+            f"played {times} times and faded over in {FADE_S * 1e3:g} ms: a beat at that pace is of the repetition, "
+            "not of the brake."
+        )
+        found.append(_clip(f"After growth{slower}", more, repeated, slow, title))
+    return found
+
+
+def _played(end: float, saturated_from: float | None) -> tuple[float, float]:
+    """What is played of a record that ends at `end` (s): with growth, up to some of the motion that follows it."""
+    if end <= RECORD_S:
+        return 0.0, end
+    last = end if saturated_from is None else min(end, saturated_from + AFTER_S)
+    first = 0.0 if saturated_from is None else max(0.0, last - RECORD_S)
+    return first, min(last, first + RECORD_S)
+
+
+def _heard(velocity: NDArray[np.float64], rate: float) -> NDArray[np.float64]:
+    """A velocity at the rate of a sound."""
+    if velocity.size < 2:
+        return np.zeros(1)
+    times = np.arange(int((velocity.size - 1) / rate * CD_RATE) + 1) / CD_RATE
+    return resample(velocity[:, None], rate, times, CD_RATE)[:, 0]
+
+
+def _repeated(part: NDArray[np.float64], seconds: float) -> tuple[NDArray[np.float64], int]:
+    """The part as often as it takes to fill the time (s), and how often.
+
+    It is cut where what follows is most like its beginning, and faded over into that.
+    """
+    fade = round(FADE_S * CD_RATE)
+    likeness = np.correlate(part, part[:fade], mode="valid")
+    step = part.size // 2 + int(np.argmax(likeness[part.size // 2 :]))
+    times = max(1, int(np.ceil((seconds * CD_RATE - fade) / step)))
+    rise = np.linspace(0.0, 1.0, fade)  # with its mirror image 1 all along: nothing becomes louder than it was
+    piece = part[: step + fade].copy()
+    piece[:fade] *= rise
+    piece[-fade:] *= rise[::-1]
+    whole = np.zeros(times * step + fade)
+    for k in range(times):
+        whole[k * step : k * step + piece.size] += piece
+    return whole, times
+
+
+def _clip(heading: str, told: str, velocity: NDArray[np.float64], slow: int, title: str) -> Clip:
+    # What is slower has the same samples at a lower rate.
+    sound = to_sound(velocity, CD_RATE, slow=slow, rate=CD_RATE // slow)
+    comment = f"{heading}: velocity of the lining's surface; one step is {sound.scale:.6g} m/s"
+    seconds = sound.samples.size / sound.sample_rate
+    return Clip(heading, told, seconds, sound.peak, data_uri("audio/wav", wav_bytes(sound, title, comment)))

@@ -1,0 +1,53 @@
+"""What the eigenvalues of a stable brake leave open: whether a large disturbance makes it squeal; how to find out."""
+
+import math
+import shlex
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.console import Console
+
+from drumsqueal.physics.composition import moved_coordinates
+from drumsqueal.scene import Profile, Scene
+from drumsqueal.scene.quantities import RPM, printable
+from drumsqueal.scene.variation import Variation
+from drumsqueal.solve.linear.modes import Stability
+
+AROUND = (0.9, 1.1)  # times the drum's speed: the range in which the study looks, with the speed itself in its middle
+VALUES = 3
+
+
+def bistable_words(scene: Scene, stability: Stability, file: Path, settings: Sequence[str]) -> str | None:
+    """The sentence for a scene whose modes all decay; None where one grows, where nothing presses, and where
+    `onset` does not take the scene.
+
+    `file` and `settings` (those of --set) are what the command that finds out is told.
+    """
+    speed = scene.drum.speed
+    if stability.unstable or stability.divergence is not None or scene.friction is None or scene.forcing is not None:
+        return None
+    load = scene.contact.normal_load
+    if isinstance(speed, Profile) or isinstance(load, Profile) or load == 0 or not moved_coordinates(scene):
+        return None
+    given = [part for each in settings for part in ("--set", each)]
+    command = shlex.join(["drumsqueal", "onset", str(file), *given, "--along", _range(speed)])
+    return (
+        "A large disturbance may still lead to squeal that lasts (the bistable, subcritical range); "
+        f"to find out: {command}"
+    )
+
+
+def tell_bistable(console: Console, scene: Scene, stability: Stability, file: Path, settings: Sequence[str]) -> None:
+    """Print the sentence, where there is one."""
+    told = bistable_words(scene, stability, file, settings)
+    if told is not None:
+        console.print(printable(told), soft_wrap=True)
+
+
+def _range(speed: float) -> str:
+    """The drum's speed in the middle of three, in rpm where that is a round number."""
+    unit = "rpm" if math.isclose(speed / RPM, float(f"{speed / RPM:.4g}"), rel_tol=1e-9) else "rad/s"
+    along = Variation(
+        "drum.speed", "rad/s", tuple(each * speed for each in AROUND), unit, RPM if unit == "rpm" else 1.0
+    )
+    return f"drum.speed={along.listed(along.first):.10g}..{along.listed(along.last):.10g} {unit} x {VALUES}"

@@ -1,0 +1,63 @@
+"""`drumsqueal run SCENE -o DIR`."""
+
+from pathlib import Path
+from typing import Annotated
+
+from drumsqueal.files.output_folder import HISTORY, RESUME, RUN_FILES
+from drumsqueal.interrupts import stop_if_interrupted
+from drumsqueal.scene import load_scene
+from drumsqueal.terminal.options import (
+    JsonFile,
+    Overwrite,
+    Quiet,
+    Reply,
+    Resume,
+    SceneFile,
+    Settings,
+    UsageError,
+    output_option,
+)
+
+
+def run_command(
+    scene: SceneFile,
+    output: Annotated[Path | None, output_option("SCENE")] = None,
+    settings: Settings = None,
+    overwrite: Overwrite = False,
+    resume: Resume = False,
+    quiet: Quiet = False,
+    json_file: JsonFile = None,
+) -> None:
+    """Predict, integrate, compare: the main job.
+
+    Linear prediction, transient and their comparison: writes history.nc, summary.json and figures into DIR.
+
+    Example: drumsqueal run scenarios/nominal.toml -o out/fast --set drum.speed=8
+    """
+    if resume and overwrite:
+        raise UsageError("--resume goes on with what is there, --overwrite replaces it; leave one of them out")
+    loaded = load_scene(scene, settings or ())
+    # A file "...toml" is called "..", which would lead out of the folder out.
+    folder = output if output is not None else Path("out") / (scene.stem if scene.stem.strip(".") else "scene")
+    reply = Reply.beside(folder, RUN_FILES, (scene,), quiet, json_file, overwrite=overwrite or resume)
+    stop_if_interrupted()
+    from drumsqueal.files.resumption import find_point
+    from drumsqueal.questions.run.bistable import tell_bistable
+    from drumsqueal.scene.usual import unusual
+    from drumsqueal.terminal.tables import print_notes
+
+    print_notes(reply.console, unusual(loaded))
+    from drumsqueal.questions.run.job import run_into
+    from drumsqueal.simulation import check_sample_rate, prepare
+
+    stop_if_interrupted()
+    since = find_point(folder, loaded) if resume else None
+    prepared = prepare(loaded)
+    check_sample_rate(prepared)
+    stop_if_interrupted()
+    reply.clear(but=(HISTORY, RESUME) if resume else ())
+    summary = run_into(folder, prepared, reply.console, since)
+    # Otherwise it squeals already.
+    if summary["saturation"] is None or summary["saturation"]["regime"]["kind"] == "steady":
+        tell_bistable(reply.console, loaded, prepared.stability, scene, settings or ())
+    reply.send(summary)

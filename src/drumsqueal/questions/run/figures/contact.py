@@ -1,0 +1,151 @@
+"""Pressure, separation and reversed slip along the arc over the last few periods."""
+
+import dataclasses
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from numpy.typing import NDArray
+
+from drumsqueal.physics.effects.pressure import Bonded, Unilateral
+from drumsqueal.physics.model import Model
+from drumsqueal.questions.run.figures.view import View
+from drumsqueal.terminal import style
+from drumsqueal.terminal.placement import finer
+
+PERIODS = 5  # of the main frequency
+ANGLES, TIMES = 160, 800  # of the image
+SMALL = 0.5  # a pressure that stays this near to p0 is drawn as its deviation
+
+
+class _Field(NamedTuple):
+    """Along the arc over time (angle, time): level (p0 + k_c u_r) / p0, and slip in the drum's sense.
+
+    The level is the pressure where it is positive; elsewhere the lining has lifted off, if it can.
+    """
+
+    time: NDArray[np.float64]
+    degrees: NDArray[np.float64]
+    level: NDArray[np.float64]
+    slip: NDArray[np.float64]
+
+
+@style.styled()
+def draw_contact(view: View) -> Figure | None:
+    """Draw the contact at z = 0 over the last five periods; None where nothing moved or no load presses the lining."""
+    field = _evaluate(view) if view.readable else None
+    if field is None:
+        return None
+    figure = style.new_figure(view.title, "contact along the arc")
+    axes = figure.subplots()
+    factor, unit = style.time_unit(view.time[-1])
+    deviation = float(np.abs(field.level - 1).max())
+    values, label, colours = field.level, "Pressure N / p₀", "YlGnBu"
+    limits = (0.0 if _can_lift(view) else min(0.0, float(values.min())), float(values.max()))
+    if deviation < SMALL:
+        power = 0 if deviation >= 0.01 or deviation == 0 else int(np.floor(np.log10(deviation)))
+        reach = (deviation or 1.0) / 10.0**power
+        values, limits = (field.level - 1) / 10.0**power, (-reach, reach)
+        colours, label = "RdBu_r", "Pressure N / p₀ − 1" + (f" ({_power_of_ten(power)})" if power else "")
+    image = axes.imshow(
+        values,
+        origin="lower",
+        aspect="auto",
+        cmap=colours,
+        vmin=limits[0],
+        vmax=limits[1],
+        extent=(field.time[0] * factor, field.time[-1] * factor, field.degrees[0], field.degrees[-1]),
+    )
+    _mark_states(view, axes, field, factor)
+    bar = figure.colorbar(image, ax=axes, pad=0.02, aspect=30)
+    bar.set_label(label)
+    bar.ax.tick_params(labelsize=style.SMALL_SIZE)
+    style.frame(axes, f"Time ({unit})", "Angle θ along the arc (degrees), middle line z = 0")
+    return figure
+
+
+def _evaluate(view: View) -> _Field | None:
+    frequency = view.main_frequency
+    if frequency is None:
+        return None
+    first = int(np.searchsorted(view.time, view.time[-1] - PERIODS / frequency))
+    # A few samples more keep the ends of the interpolation out of the picture.
+    part = slice(max(0, first - 8), view.time.size)
+    names = [view.result.history["coordinate"].values.tolist().index(name) for name in view.model.names]
+    states = [view.result.history[kind].isel(time=part).values[:, names] for kind in ("displacement", "velocity")]
+    if len(states[0]) < 8:
+        return None
+    samples, motion = view.time[part], np.concatenate(states, axis=1)
+    span = min(PERIODS / frequency, samples[-1] - samples[0])
+    count = int(np.ceil(TIMES * (samples[-1] - samples[0]) / span))
+    time, fine = (values[-TIMES:] for values in finer(samples, motion, count))
+    half = float(view.model.shoe.half_angle)
+    angles = np.linspace(-half, half, ANGLES)
+    level, slip, preload = along_arc(view.model, *map(jnp.asarray, (time, fine, angles)))
+    p0 = float(np.max(preload))
+    if not p0 > 0:
+        return None
+    return _Field(time, np.rad2deg(angles), np.asarray(level).T / p0, np.asarray(slip).T)
+
+
+@eqx.filter_jit
+def along_arc(model: Model, time: Array, motion: Array, angles: Array) -> tuple[Array, Array, Array]:
+    """Level p0 + k_c u_r (Pa), slip speed in the drum's sense (m/s) and preload (Pa) at all times and angles."""
+    # A bonded lining's pressure is the level itself, also where it is negative.
+    contact, n = dataclasses.replace(model.lining, law=Bonded(model.lining.law.stiffness)), len(model.names)
+
+    def at(time: Array, state: Array) -> tuple[Array, Array, Array]:
+        moment = model.operation.at(time)
+        level, slip = contact.along_arc(moment, model.widen(state[:n]), model.widen(state[n:]), angles)
+        return level, slip * jnp.sign(moment.drum_speed), moment.preload
+
+    return jax.vmap(at)(time, motion)
+
+
+def _power_of_ten(power: int) -> str:
+    return "10" + str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+
+
+def _can_lift(view: View) -> bool:
+    return isinstance(view.model.lining.law, Unilateral)
+
+
+def _mark_states(view: View, axes: Axes, field: _Field, factor: float) -> None:
+    """Cover what has lifted off and what slips backwards with flat colours, named above the axes."""
+    handles = []
+    sticks = view.result.history["sticking"].sel(time=field.time, method="nearest").values > 0
+    # Where nothing touches the slip has no meaning: the lifted part covers it.
+    states = [
+        (np.where(sticks, 0.0, field.slip), style.REVERSED, "slip reversed", view.model.contact.friction is not None)
+    ]
+    states.append((-field.level, style.SEPARATED, "lifted off", _can_lift(view)))
+    for level, colour, name, possible in states:
+        if possible and level.max() > 0:
+            extent = (field.time * factor, field.degrees)
+            axes.contourf(*extent, level, levels=[0.0, 2 * level.max()], colors=[colour])
+            handles.append(Patch(color=colour, label=name))
+    if sticks.any() and not sticks.all():
+        ends = field.degrees[[0, -1]]
+        axes.fill_between(
+            field.time * factor, *ends, where=sticks, facecolor="none", edgecolor=style.DARK, hatch="////", linewidth=0
+        )
+        handles.append(Patch(facecolor="none", edgecolor=style.DARK, hatch="////", label="sticks as a whole"))
+    shown = bool(handles)
+    if not shown:
+        state = "sticks to the drum" if sticks.all() else "touches and none of it slips backwards"
+        handles.append(Patch(visible=False, label=f"the whole lining {state}"))
+    axes.legend(
+        handles=handles,
+        loc="lower left",
+        bbox_to_anchor=(0.0, 1.0),
+        ncols=3,
+        borderaxespad=0.2,
+        handlelength=2.0 if shown else 0.0,
+        handletextpad=0.8 if shown else 0.0,
+    )

@@ -1,0 +1,114 @@
+"""What all figures look at: the result of a run as departure from steady sliding, its modes and its phases."""
+
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drumsqueal.findings.compare import UNEXCITED_SHARE, ModeComparison
+from drumsqueal.findings.departure import FEWEST_FOR_SPECTRUM, ROTATIONS, Departure
+from drumsqueal.findings.history import COMPLETE
+from drumsqueal.findings.saturation import Saturation
+from drumsqueal.physics.bodies.rigid_shoe import TZ, Y
+from drumsqueal.physics.model import Model
+from drumsqueal.simulation import Result
+from drumsqueal.solve.linear.modes import NEUTRAL_SHARE, Mode
+
+MICRO = 1e6
+REST = 1e-15  # m or rad; what moves less is round-off
+
+
+class View:
+    """A result prepared for drawing; `model` is the one over the coordinates that moved."""
+
+    def __init__(self, result: Result, model: Model) -> None:
+        """Take the steady state off the history."""
+        self.result, self.model = result, model
+        self.departure = Departure(result.history, result.stability)
+        self.radius = float(model.shoe.outer_radius)
+
+    @property
+    def title(self) -> str:
+        """The title of the scene, and whether the run was cut off."""
+        title = self.result.scene.title
+        return title if self.result.outcome == COMPLETE else f"{title} (incomplete run)".strip()
+
+    @property
+    def time(self) -> NDArray[np.float64]:
+        """Times of the samples (s)."""
+        return self.departure.time
+
+    @cached_property
+    def readable(self) -> bool:
+        """Whether there are samples enough, and motion, to draw a history."""
+        return self.time.size >= FEWEST_FOR_SPECTRUM and bool(np.any(np.ptp(self.departure.extremes(), axis=0) > REST))
+
+    @property
+    def growing(self) -> slice:
+        """The samples of the growth phase."""
+        return slice(0, int(np.searchsorted(self.time, self.result.comparison.growth_end_s, side="right")))
+
+    @property
+    def saturation(self) -> Saturation | None:
+        """The saturated motion, if there is one."""
+        return self.result.comparison.saturation
+
+    @property
+    def saturated(self) -> slice:
+        """The samples of the saturated part, the whole record where nothing saturated."""
+        start = 0.0 if self.saturation is None else self.saturation.start_s
+        return slice(int(np.searchsorted(self.time, start)), self.time.size)
+
+    def amplitude(self, mode: Mode, part: slice = slice(None)) -> NDArray[np.float64]:
+        """Amplitude (time,) of a mode in a part of the record (µm, rotations times the outer radius), computed anew."""
+        return np.abs(self.departure.modal(mode, part)) * self.micrometres(mode.name)
+
+    @cached_property
+    def modes(self) -> tuple[Mode, ...]:
+        """The modes that take part in the motion, by rising frequency."""
+        least = UNEXCITED_SHARE * self.departure.largest().max()
+        able = [mode for mode in self.result.stability.modes if mode.name in self.model.names]
+        return tuple(mode for mode in able if self.amplitude(mode).max() > least * self.micrometres(mode.name))
+
+    def compared(self, mode: Mode) -> ModeComparison:
+        """What the transient did with a mode."""
+        return next(found for found in self.result.comparison.modes if found.label == mode.label)
+
+    def micrometres(self, coordinate: str) -> float:
+        """Factor from a coordinate's unit to µm at the drum's surface."""
+        return MICRO * (self.radius if coordinate in ROTATIONS else 1.0)
+
+    @cached_property
+    def energetic(self) -> str:
+        """The coordinate with the most kinetic energy."""
+        energy = self.result.stability.mass * self.departure.mean_square_velocity()
+        return self.departure.coordinates[int(np.argmax(energy))]
+
+    @cached_property
+    def main_frequency(self) -> float | None:
+        """Frequency (Hz) of the strongest saturated line, or of the mode that is strongest at the end of the record."""
+        if self.saturation is not None and self.saturation.main is not None:
+            return self.saturation.main.frequency_Hz
+        last = max(1, self.time.size // 10)
+        mass = dict(zip(self.result.stability.coordinates, self.result.stability.mass, strict=True))
+
+        def energy(mode: Mode) -> float:
+            size = float(np.mean(self.amplitude(mode, slice(self.time.size - last, None)))) / self.micrometres(
+                mode.name
+            )
+            return mass[mode.name] * (mode.frequency_Hz * size) ** 2
+
+        strongest = max(self.modes, key=energy, default=None)
+        return None if strongest is None else strongest.frequency_Hz
+
+    def surface_motion(self, part: slice) -> NDArray[np.float64]:
+        """u_θ (m) and its rate (m/s) at the middle of the lining, θ = z = 0, for a part of the record (time, 2)."""
+        offset = self.radius - float(self.model.shoe.centroid)
+        departure = self.departure
+        both = (departure.wide(columns) for columns in (departure.displacement_in(part), departure.velocity_in(part)))
+        return np.stack([offset * q[TZ] + q[Y] for q in both], axis=1)
+
+
+def rate_text(rate: float, mode: Mode) -> str:
+    """A growth rate of that mode (1/s) in words of four digits, 0 where it is round-off."""
+    return "0" if abs(rate) < NEUTRAL_SHARE * mode.frequency_Hz else f"{rate:+.4g}".replace("-", "−")

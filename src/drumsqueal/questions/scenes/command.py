@@ -1,0 +1,39 @@
+"""`drumsqueal scenes [NAME] [-o FILE]`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from drumsqueal.questions.scenes.job import copy_scene, list_scenes
+from drumsqueal.scene.shipped import shipped_path
+from drumsqueal.terminal.completion import complete_name
+from drumsqueal.terminal.options import JsonFile, Overwrite, Quiet, Reply, UsageError
+
+
+def scenes_command(
+    name: Annotated[
+        str | None,
+        typer.Argument(metavar="[NAME]", help="The scene to copy.", show_default=False, autocompletion=complete_name),
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="FILE", help="Where to copy it to (default: ./NAME.toml).")
+    ] = None,
+    overwrite: Overwrite = False,
+    quiet: Quiet = False,
+    json_file: JsonFile = None,
+) -> None:
+    """List the shipped scenes, or copy one to start from.
+
+    Example: drumsqueal scenes damped -o out.toml
+    """
+    if name is None and output is not None:
+        raise UsageError(f"-o {output} says where a scene is copied to; name the scene, too")
+    source = None if name is None else shipped_path(name)
+    target = output or (source and Path(source.name))
+    if source is None or target is None:
+        reply = Reply(quiet, json_file, overwrite=overwrite)
+        reply.send(list_scenes(reply.console))
+    else:
+        reply = Reply.with_file(target, (source,), quiet, json_file, overwrite=overwrite)
+        reply.send(copy_scene(source, target, reply.console))

@@ -1,0 +1,229 @@
+"""The smallest change of a brake that makes every mode decay, and whether the nonlinear model agrees."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+
+from drumsqueal.errors import RequestError
+from drumsqueal.interrupts import stop_if_interrupted
+from drumsqueal.questions.sensitivity.study import numbers_of
+from drumsqueal.scene import Scene
+from drumsqueal.simulation import prepare
+from drumsqueal.solve.linear.gradients import StateMatrix, eigenvalue_gradient, state_matrix_of
+from drumsqueal.solve.linear.modes import DRIFT_SHARE, Stability
+
+MARGIN = 1.0  # 1/s: every growth rate is to be at most minus this
+SLACK = 1e-3  # of the margin that an optimum on its edge may miss
+STARTS, SPREAD, SEED = 6, 0.3, 20231122  # starting points, their relative departure, and the seed of the random ones
+NOWHERE = 1e9  # 1/s; the growth rate where there is no steady sliding
+LEAST, MOST = 0.1, 10.0  # times its value: how far a number may go, where physics has no nearer limit
+WIDEST_ARC, THICKEST = 2 * np.pi, 0.99  # rad; of the geometric mean of thickness and outer radius
+DAMPING = "damping.ratio"
+ZERO_SCALE = {DAMPING: 0.01}  # what counts as a change of one of a number that is zero
+MAY_VANISH = ("friction.", "support.", "contact.stiffness", DAMPING)
+GIVEN = ("drum.speed", "contact.normal_load", "shoe.outer_radius", "forcing.")  # of the vehicle, not of the design
+
+
+class Change(NamedTuple):
+    """One number before and after, in SI."""
+
+    key: str
+    before: float
+    after: float
+
+    @property
+    def relative(self) -> float:
+        """After over before, less 1; for a number that was zero, in units of its scale."""
+        return (self.after - self.before) / (self.before or ZERO_SCALE[self.key])
+
+
+class Quieting(NamedTuple):
+    """The smallest change found: the changed scene, its changes, their norm and its eigenvalues.
+
+    `found` tells whether every mode decays; where it is False nothing within the bounds does, and the change is the one
+    with the least growth.
+    """
+
+    scene: Scene
+    changes: tuple[Change, ...]
+    norm: float
+    stability: Stability
+    largest_growth: float
+    found: bool
+
+
+class _Problem(NamedTuple):
+    """In relative changes x (k,): the numbers are `before` + x `scale`, within `low` and `high`."""
+
+    keys: tuple[str, ...]
+    before: NDArray[np.float64]
+    scale: NDArray[np.float64]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+    growth: "_Growth"
+
+
+def variable_numbers(scene: Scene, keys: Sequence[str] | None = None) -> tuple[Scene, tuple[str, ...]]:
+    """The numbers that may change, by default those of the design, and the scene with a damping ratio if it is one.
+
+    Raises RequestError for a key that is none, is named twice, changes over time or is zero.
+    """
+    if keys is not None and DAMPING in keys and scene.damping is None:
+        scene = scene.with_values({"damping": {"ratio": 0.0}})
+    numbers = numbers_of(scene)
+    if keys is None:
+        chosen = tuple(key for key, value in numbers.items() if value and not key.startswith(GIVEN))
+        return scene, chosen
+    for k, key in enumerate(keys):
+        if key not in numbers:
+            timed = f"{key}.value" in scene.numbers()
+            known = "it changes over time; give it one value" if timed else f"take of {', '.join(numbers)}"
+            raise RequestError(f"--vary {key}: {'' if timed else 'no number of this scene; '}{known}")
+        if key in keys[:k]:
+            raise RequestError(f"--vary {key}: named twice; leave one out")
+        if key.startswith("forcing."):
+            raise RequestError(f"--vary {key}: a harmonic force does not act on growth rates; leave it out")
+        if numbers[key] == 0 and key not in ZERO_SCALE:
+            raise RequestError(f"--vary {key}: it is 0 and has no relative change; give it a value first")
+    return scene, tuple(keys)
+
+
+def quieten(
+    scene: Scene,
+    keys: Sequence[str] | None = None,
+    *,
+    margin: float = MARGIN,
+    state_matrix: StateMatrix | None = None,
+) -> Quieting:
+    """Find the smallest norm of relative changes that brings every real part to −`margin` (1/s) or below.
+
+    Every eigenvalue is a constraint of its own, not the largest of them, so that each is smooth; a free drift is none.
+    Sequential quadratic programming (SciPy's SLSQP) with derivatives by eigenvectors, from several starts. Only a
+    smallest change near one of these starts is found. Profiles must have been turned into one value before.
+    `state_matrix` is that of the scene's numbers where it is compiled already.
+    """
+    own = scene
+    scene, keys = variable_numbers(scene, keys)
+    if state_matrix is None or scene is not own:
+        state_matrix = state_matrix_of(scene, tuple(numbers_of(scene)))
+    problem = _pose(scene, keys, margin, state_matrix)
+    generator = np.random.default_rng(SEED)
+    starts = [np.zeros(len(keys)), *(SPREAD * generator.standard_normal((STARTS - 1, len(keys))))]
+    results = [_solve(problem, np.clip(start, problem.low, problem.high)) for start in starts]
+    quiet = [x for x in results if problem.growth.largest(x) <= -margin * (1 - SLACK)]
+    best = min(quiet, key=np.linalg.norm) if quiet else min(results, key=problem.growth.largest)
+    after = problem.before + best * problem.scale
+    changed = scene.with_values({key: float(value) for key, value in zip(keys, after, strict=True)})
+    stability = prepare(changed).stability
+    changes = tuple(Change(*each) for each in zip(keys, problem.before.tolist(), after.tolist(), strict=True))
+    largest = largest_growth(stability.eigenvalues)
+    return Quieting(
+        changed, changes, float(np.linalg.norm(best)), stability, largest, largest <= -margin * (1 - 2 * SLACK)
+    )
+
+
+def largest_growth(eigenvalues: NDArray[np.complex128]) -> float:
+    """Largest real part (1/s) of all eigenvalues but those of a free drift."""
+    held = np.abs(eigenvalues) > DRIFT_SHARE * np.abs(eigenvalues).max()
+    return float(eigenvalues[held].real.max())
+
+
+class _Growth:
+    """All growth rates as smooth functions of the relative changes, remembered for the last point."""
+
+    def __init__(
+        self, evaluate: StateMatrix, number: Callable[[NDArray], NDArray], scale: NDArray, own: NDArray, margin: float
+    ) -> None:
+        self._evaluate, self._number, self._scale, self._own, self._margin = evaluate, number, scale, own, margin
+        self._at, self._found = None, (np.empty(0), np.empty((0, 0)))
+
+    def _rates(self, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Real parts (2n,), by rising imaginary part, and their derivatives (2n, k); of a drift −margin and zero."""
+        if self._at is not None and np.array_equal(x, self._at):
+            return self._found
+        stop_if_interrupted()
+        matrix, derivatives = self._evaluate(self._number(x))
+        if not (np.isfinite(matrix).all() and np.isfinite(derivatives).all()):  # no steady sliding there
+            return np.full(len(matrix), NOWHERE), np.zeros((len(matrix), x.size))
+        eigenvalues, right = (part.astype(np.complex128) for part in np.linalg.eig(matrix))
+        left = np.linalg.pinv(right).conj().T  # leftᴴ right = 1 for each
+        order = np.lexsort((eigenvalues.real, eigenvalues.imag))
+        drift = np.abs(eigenvalues) <= DRIFT_SHARE * np.abs(eigenvalues).max()
+        gradients = [eigenvalue_gradient(left[:, k], right[:, k], derivatives[self._own]) for k in order]
+        rates = np.where(drift, -self._margin, eigenvalues.real)[order]
+        slopes = np.where(drift[order, None], 0.0, np.real(gradients)) * self._scale
+        self._at, self._found = x.copy(), (rates, slopes)
+        return self._found
+
+    def room(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """How far each growth rate is below minus the margin (1/s), (2n,)."""
+        return -self._margin - self._rates(x)[0]
+
+    def slope(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Derivatives of the room (2n, k)."""
+        return -self._rates(x)[1]
+
+    def largest(self, x: NDArray[np.float64]) -> float:
+        """Largest growth rate (1/s), drifts at minus the margin."""
+        return float(self._rates(x)[0].max())
+
+
+def _pose(scene: Scene, keys: tuple[str, ...], margin: float, state_matrix: StateMatrix) -> _Problem:
+    numbers = numbers_of(scene)
+    all_keys = tuple(numbers)
+    own = np.array([all_keys.index(key) for key in keys])
+    base = np.array(list(numbers.values()))
+    before = base[own]
+    scale = np.array([value or ZERO_SCALE[key] for key, value in zip(keys, before, strict=True)])
+
+    def number(x: NDArray[np.float64]) -> NDArray[np.float64]:
+        values = base.copy()
+        values[own] = before + x * scale
+        return values
+
+    low, high = np.transpose([_bounds(key, numbers) for key in keys])
+    growth = _Growth(state_matrix, number, scale, own, margin)
+    return _Problem(keys, before, scale, low, high, growth)
+
+
+def _bounds(key: str, numbers: Mapping[str, float]) -> tuple[float, float]:
+    """Least and largest relative change of a number."""
+    value = numbers[key]
+    if value == 0:
+        return 0.0, 1 / ZERO_SCALE[key]  # up to critical damping
+    low = -1.0 if key.startswith(MAY_VANISH) else LEAST - 1
+    high = MOST - 1
+    # Thickness and radius stay on their sides of a number between them, so that the shoe remains a sector.
+    middle = float(np.sqrt(numbers["shoe.thickness"] * numbers["shoe.outer_radius"]))
+    if key == DAMPING:
+        high = 1 / value - 1
+    elif key == "shoe.arc_angle":
+        high = min(high, WIDEST_ARC / value - 1)
+    elif key == "shoe.thickness":
+        high = min(high, THICKEST * middle / value - 1)
+    elif key == "shoe.outer_radius":
+        low = max(low, middle / (THICKEST * value) - 1)
+    return low, high
+
+
+def _solve(problem: _Problem, start: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A local optimum from one start, or where the search ended."""
+    scale = max(1.0, float(np.abs(problem.growth.room(np.zeros(len(problem.keys)))).min()))
+    decays = {
+        "type": "ineq",
+        "fun": lambda x: problem.growth.room(x) / scale,
+        "jac": lambda x: problem.growth.slope(x) / scale,
+    }
+    result = minimize(
+        lambda x: (float(x @ x), 2 * x),
+        start,
+        jac=True,
+        method="SLSQP",
+        bounds=list(zip(problem.low, problem.high, strict=True)),
+        constraints=decays,
+        options={"maxiter": 200, "ftol": 1e-12},
+    )
+    return np.clip(result.x, problem.low, problem.high)

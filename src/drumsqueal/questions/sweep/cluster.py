@@ -1,0 +1,155 @@
+"""Batches of a sweep on a cluster of Dask: worker processes here, or those of a scheduler elsewhere."""
+
+import logging
+import os
+import queue
+import re
+import signal
+import threading
+import time
+import uuid
+from collections.abc import Iterator
+from concurrent.futures import CancelledError
+from contextlib import ExitStack, contextmanager
+from typing import TYPE_CHECKING, Any
+
+from drumsqueal.errors import IntegrationError, RequestError, missing_extra
+from drumsqueal.findings.history import versions
+from drumsqueal.interrupts import stop_if_interrupted
+from drumsqueal.questions.sweep.cluster_work import work
+from drumsqueal.questions.sweep.points import Columns
+from drumsqueal.scene.plan import Plan
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
+
+LOCAL = "local"
+PATIENCE = 20  # s to wait for a scheduler, for its first worker, and for one that is lost to come back
+AHEAD = 2  # batches for each thread of a worker that are handed out at a time
+_LOST = "the scheduler of the cluster was lost"
+_LOOK = 0.1  # s between two looks for Ctrl-C
+_ADDRESS = re.compile(r"(tcp|tls|ws|wss|ucx)://\S+:[0-9]+")
+
+
+def check_cluster(name: str) -> None:
+    """Raise RequestError for what is neither "local" nor an address, and where the extra is not installed."""
+    if name != LOCAL and not _ADDRESS.fullmatch(name):
+        raise RequestError(f"--cluster {name}: write local, or the address of a scheduler such as tcp://host:8786")
+    try:
+        import distributed  # noqa: F401 (is it there?)
+    except ImportError:
+        raise missing_extra(f"--cluster {name}", "cluster") from None
+
+
+class Cluster:
+    """A scheduler with workers, as a source of the results of batches."""
+
+    def __init__(self, client: "Client") -> None:
+        """Take up a client that is connected."""
+        self._client = client
+        self._lost_since: float | None = None
+
+    def results(self, plan: Plan, left: list[tuple[int, int]]) -> Iterator[tuple[int, Columns]]:
+        """The first point of each batch, and its results, as they come.
+
+        What a worker has not finished when it is lost, another one does. Raises IntegrationError where a batch fails,
+        where it ends the processes of three workers, and where the scheduler is lost.
+        """
+        run, wanted = uuid.uuid4().hex, versions()
+        waiting, out, ready = list(reversed(left)), {}, queue.SimpleQueue()
+        try:
+            while waiting or out:
+                while waiting and len(out) < AHEAD * max(self._threads(), 1):
+                    first, stop = waiting.pop()
+                    key = f"drumsqueal-{run}-{first}"
+                    out[first] = self._client.submit(work, plan, first, stop, wanted, key=key, pure=False)
+                    out[first].add_done_callback(lambda _, first=first: ready.put(first))
+                first = self._next(ready)
+                yield first, self._result(out.pop(first), first)
+        finally:
+            self._client.cancel(list(out.values()))
+
+    def _threads(self) -> int:
+        workers: Any = self._client.nthreads()  # typed for its asynchronous use, too
+        return sum(workers.values())
+
+    def _next(self, ready: queue.SimpleQueue) -> int:
+        while True:
+            stop_if_interrupted()
+            try:
+                return ready.get(timeout=_LOOK)
+            except queue.Empty:
+                self._look_for_scheduler()
+
+    def _look_for_scheduler(self) -> None:
+        if self._client.status == "running":
+            self._lost_since = None
+            return
+        now = time.monotonic()
+        self._lost_since = self._lost_since or now
+        if now - self._lost_since > PATIENCE or self._client.status == "closed":
+            raise IntegrationError(_LOST)
+
+    def _result(self, future: "Future", first: int) -> Columns:
+        while future.status == "lost":  # with its worker, before it was fetched: another one computes it
+            stop_if_interrupted()
+            self._look_for_scheduler()
+            time.sleep(_LOOK)
+        if future.status == "finished":
+            try:
+                return future.result()
+            except (OSError, CancelledError):
+                raise IntegrationError(_LOST) from None
+        if future.status != "error":
+            raise IntegrationError(_LOST)
+        error: Any = future.exception()
+        if type(error).__name__ == "KilledWorker":
+            told = "each time a worker took up the batch, its process ended"
+            raise IntegrationError(f"{told} (points from number {first} on); is there memory enough?")
+        raise IntegrationError(f"a worker of the cluster failed, {type(error).__name__}: {error}")
+
+
+@contextmanager
+def connected(name: str) -> Iterator[Cluster]:
+    """Connect with the scheduler at an address, or start one here with a worker for each processor.
+
+    Raises RequestError where no scheduler answers, or where it has no workers.
+    """
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what is wrong is told in one line
+    import distributed
+    from distributed.comm.core import CommClosedError
+
+    with ExitStack() as stack:
+        if name == LOCAL:
+            with _without_interrupts():
+                how = {"threads_per_worker": 1, "dashboard_address": None, "silence_logs": logging.CRITICAL}
+                address = stack.enter_context(distributed.LocalCluster(n_workers=os.cpu_count() or 1, **how))
+        else:
+            address = name
+        try:
+            client = stack.enter_context(distributed.Client(address, timeout=PATIENCE, set_as_default=False))
+        except (OSError, TimeoutError, ValueError, CommClosedError):
+            raise RequestError(
+                f"--cluster {name}: no scheduler answers there; start one with: dask scheduler"
+            ) from None
+        since = time.monotonic()
+        while not client.nthreads():
+            stop_if_interrupted()
+            if time.monotonic() - since > PATIENCE:
+                told = f"the scheduler has no workers; start some with: dask worker {name}"
+                raise RequestError(f"--cluster {name}: {told}")
+            time.sleep(_LOOK)
+        yield Cluster(client)
+
+
+@contextmanager
+def _without_interrupts() -> Iterator[None]:
+    """Processes that are started within a block do not hear Ctrl-C: the one that started them ends them."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)

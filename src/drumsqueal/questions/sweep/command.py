@@ -1,0 +1,99 @@
+"""`drumsqueal sweep SCENE -o DIR`."""
+
+from contextlib import nullcontext
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from drumsqueal.errors import RequestError
+from drumsqueal.files.output_folder import SWEEP, SWEEP_FILES
+from drumsqueal.interrupts import stop_if_interrupted
+from drumsqueal.scene import Scene, load_scene
+from drumsqueal.scene.plan import Plan, grid, sample
+from drumsqueal.scene.variation import read_variation
+from drumsqueal.terminal.completion import complete_range, words
+from drumsqueal.terminal.options import (
+    JsonFile,
+    Overwrite,
+    Quiet,
+    Reply,
+    Resume,
+    SceneFile,
+    Settings,
+    UsageError,
+    output_option,
+)
+
+_VARY = "Take these values, e.g. drum.speed=1..40x20; with --random, any between, e.g. drum.speed=1..40. Repeatable."
+_RANDOM = "Draw so many times from the scene's table [uncertain], and from the ranges of --vary."
+_CLUSTER = "Compute in several processes: local, or the address of a Dask scheduler, e.g. tcp://host:8786."
+
+
+def sweep_command(
+    scene: SceneFile,
+    output: Annotated[Path | None, output_option("SCENE-sweep")] = None,
+    vary: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--vary",
+            metavar="KEY=FROM..TO[xN]",
+            help=_VARY,
+            autocompletion=complete_range,
+        ),
+    ] = None,
+    random: Annotated[int | None, typer.Option("--random", metavar="N", help=_RANDOM, show_default=False)] = None,
+    seed: Annotated[int | None, typer.Option("--seed", metavar="S", help="Decides all draws (default: 0).")] = None,
+    transient: Annotated[
+        bool, typer.Option("--transient", help="Integrate every point, too: amplitude and frequency at the end.")
+    ] = False,
+    cluster: Annotated[
+        str | None, typer.Option("--cluster", metavar="WHERE", help=_CLUSTER, autocompletion=words("local"))
+    ] = None,
+    settings: Settings = None,
+    overwrite: Overwrite = False,
+    resume: Resume = False,
+    quiet: Quiet = False,
+    json_file: JsonFile = None,
+) -> None:
+    """Map squeal over parameters; how likely is it?
+
+    Many scenes: where it squeals, how loudly, and how likely that is where numbers are uncertain.
+
+    Writes sweep.nc, sweep.json and figures into DIR.
+
+    Example: drumsqueal sweep scenarios/damped.toml --vary drum.speed=1..40x20 -o out/map
+    """
+    if resume and overwrite:
+        raise UsageError("--resume goes on with what is there, --overwrite replaces it; leave one of them out")
+    plan = _plan(load_scene(scene, settings or ()), vary or [], random, seed, transient)
+    folder = output if output is not None else Path("out") / f"{scene.stem}-sweep"
+    reply = Reply.beside(folder, SWEEP_FILES, (scene,), quiet, json_file, overwrite=overwrite or resume)
+    stop_if_interrupted()
+    from drumsqueal.questions.sweep.cluster import check_cluster, connected
+    from drumsqueal.questions.sweep.file import find_sweep
+    from drumsqueal.questions.sweep.job import here, sweep_into
+    from drumsqueal.questions.sweep.study import check_plan
+
+    check_plan(plan)
+    if resume:
+        plan = find_sweep(folder, plan)
+    if cluster is not None:
+        check_cluster(cluster)
+    with nullcontext() if cluster is None else connected(cluster) as workers:
+        stop_if_interrupted()
+        reply.clear(but=(SWEEP,) if resume else ())
+        source = here if workers is None else workers.results
+        reply.send(sweep_into(folder, plan, reply.console, source, resume=resume))
+
+
+def _plan(scene: Scene, vary: list[str], random: int | None, seed: int | None, transient: bool) -> Plan:
+    if random is not None:
+        ranges = [read_variation(text, scene, option="--vary", points=None) for text in vary]
+        return sample(scene, ranges, random, seed=seed or 0, transient=transient)
+    if seed is not None:
+        raise RequestError(f"--seed {seed} decides the draws of --random; add --random, or leave --seed out")
+    if not vary and scene.uncertain:
+        told = "add --random 1000 to draw from what is uncertain, or --vary drum.speed=1..40x20"
+        raise RequestError(f"there is nothing to sweep; {told}")
+    return grid(scene, [read_variation(text, scene, option="--vary") for text in vary], transient=transient)

@@ -1,0 +1,145 @@
+"""What a sweep leaves: the variables of sweep.nc, along the numbers of a grid or along the draws."""
+
+import json
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray
+
+from drumsqueal.findings.history import versions
+from drumsqueal.scene import COORDINATES
+from drumsqueal.scene.plan import Plan
+
+# Outcome of a point; what it says is why its numbers are NaN.
+COMPUTED, NOT_YET, AT_REST, NOT_FOUND, NOT_FINITE, NOT_TAKEN, FOLDED, FAILED = range(8)
+OUTCOMES = {
+    COMPUTED: "computed",
+    NOT_YET: "not computed yet",
+    AT_REST: "no steady sliding: the drum is at rest",
+    NOT_FOUND: "no self-consistent steady sliding was found",
+    NOT_FINITE: "the linear model is not finite",
+    NOT_TAKEN: "the scene does not take these values",
+    FOLDED: "no transient: the sample rate is below twice the highest frequency",
+    FAILED: "no transient: its integration failed",
+}
+TRENDS = ("grows", "decays", "settled", "at rest", "failed")
+NONE = -1  # of a coordinate or a trend: there is none
+MODES = len(COORDINATES)  # at most
+
+
+class Variable(NamedTuple):
+    """A variable of the file: its dimensions beside those of the points, its type, units, meaning, flags."""
+
+    dimensions: tuple[str, ...]
+    kind: str
+    units: str
+    meaning: str
+    flags: tuple[tuple[int, str], ...] = ()
+
+    @property
+    def fill(self) -> float:
+        """What stands there before anything is computed."""
+        return np.nan if self.kind == "f8" else NOT_YET if self.flags == tuple(OUTCOMES.items()) else NONE
+
+    def attributes(self) -> dict[str, Any]:
+        """Units and meaning, by the CF conventions."""
+        told: dict[str, Any] = {"units": self.units, "long_name": self.meaning}
+        if self.flags:
+            told["flag_values"] = np.array([value for value, _ in self.flags], "i1")
+            told["flag_meanings"] = " ".join(_in_one_word(meaning) for _, meaning in self.flags)
+        return told
+
+
+def _in_one_word(meaning: str) -> str:
+    return meaning.replace(":", "").replace(" ", "_")
+
+
+_NAMES = ((NONE, "none"), *enumerate(COORDINATES))
+OUTCOME = "outcome"
+LINEAR = {
+    OUTCOME: Variable((), "i1", "1", "what became of the point, and why its numbers are NaN", tuple(OUTCOMES.items())),
+    "growth_rate": Variable(("mode",), "f8", "1/s", "real part of the eigenvalue of each oscillating mode"),
+    "frequency": Variable(("mode",), "f8", "Hz", "imaginary part of the eigenvalue over 2 pi"),
+    "unstable": Variable(("mode",), "i1", "1", "1 where the mode grows, 0 where not, -1 where there is no such mode"),
+    "mode_coordinate": Variable(("mode",), "i1", "1", "the mode's largest coordinate, weighted by mass", _NAMES),
+    "largest_growth_rate": Variable((), "f8", "1/s", "the largest growth rate of any mode; NaN where none oscillates"),
+    "squeal": Variable((), "i1", "1", "1 where any mode grows, 0 where none does, -1 where it is not known"),
+    "divergence_rate": Variable((), "f8", "1/s", "largest real eigenvalue that grows, 0 where there is none"),
+    "contact_fraction": Variable((), "f8", "1", "share of the lining that touches the drum in steady sliding"),
+    "smallest_pressure": Variable((), "f8", "Pa", "smallest steady contact pressure"),
+    "largest_pressure": Variable((), "f8", "Pa", "largest steady contact pressure"),
+}
+_KINDS = ((NONE, "none"), *enumerate(TRENDS))
+TRANSIENT = {
+    "amplitude": Variable(
+        ("coordinate",),
+        "f8",
+        "m (X, Y, Z), rad (Tx, Ty, Tz)",
+        "half the peak-to-peak value in the last half of the scene's duration that was integrated last",
+    ),
+    "main_frequency": Variable(
+        (), "f8", "Hz", "of the line with most kinetic energy there, decaying or not; NaN: none"
+    ),
+    "main_coordinate": Variable((), "i1", "1", "the coordinate that has this line", _NAMES),
+    "settled": Variable(
+        (), "i1", "1", "1 where it is plain where the motion leads, 0 where not yet, -1 where there is no transient"
+    ),
+    "simulated": Variable((), "f8", "s", "how long the transient was integrated"),
+    "trend": Variable((), "i1", "1", "what the motion does there", _KINDS),
+    "separation_share": Variable((), "f8", "1", "largest motion over the one at which the lining begins to lift off"),
+    "reversal_share": Variable((), "f8", "1", "largest motion over the one at which slip begins to reverse"),
+}
+_SIZES = {"mode": MODES, "coordinate": len(COORDINATES)}
+Columns = dict[str, np.ndarray]
+
+
+def variables_of(plan: Plan) -> dict[str, Variable]:
+    """The variables of a sweep, by name."""
+    return LINEAR | (TRANSIENT if plan.transient else {})
+
+
+def shape_of(variable: Variable, points: int) -> tuple[int, ...]:
+    """Shape of a variable over so many points."""
+    return (points, *(_SIZES[name] for name in variable.dimensions))
+
+
+def blank(plan: Plan, points: int) -> Columns:
+    """Every variable of so many points, nothing computed."""
+    return {name: np.full(shape_of(each, points), each.fill, each.kind) for name, each in variables_of(plan).items()}
+
+
+def axes(plan: Plan) -> dict[str, tuple[tuple[str, ...], np.ndarray, dict[str, Any]]]:
+    """What does not depend on the results: values of a grid or of the draws, names of modes and coordinates."""
+    if plan.draws:
+        drawn = plan.values(0, plan.draws)
+        columns = {key: (("sample",), drawn[:, k]) for k, key in enumerate(plan.keys)}
+    else:
+        columns = {each.key: ((each.key,), np.array(each.values)) for each in plan.variations}
+    found: dict[str, Any] = {}
+    for key, (dimensions, values) in columns.items():
+        listed = np.array([plan.listed(key, value) for value in values.tolist()])
+        found[key] = (dimensions, listed, {"units": plan.unit(key), "long_name": key})
+    ranks = {"long_name": "modes of a point by rising frequency; mode_coordinate tells which one each is"}
+    found["mode"] = (("mode",), np.arange(MODES, dtype="i1"), ranks)
+    if plan.transient:
+        found["coordinate"] = (("coordinate",), np.array(COORDINATES, dtype=object), {})
+    return found
+
+
+def attributes(plan: Plan) -> dict[str, str]:
+    """The scene, what is swept, and the versions, as text."""
+    return {
+        "title": plan.scene.title,
+        "scene": plan.scene.to_toml(),
+        "sweep": json.dumps(plan.describe()),
+        "versions": json.dumps(versions()),
+    }
+
+
+def to_dataset(plan: Plan, columns: Columns, outcome: str) -> xarray.Dataset:
+    """Put the results of all points into one Dataset."""
+    data = {}
+    for name, each in variables_of(plan).items():
+        shape = (*plan.shape, *shape_of(each, 1)[1:])
+        data[name] = ((*plan.dimensions, *each.dimensions), columns[name].reshape(shape), each.attributes())
+    return xarray.Dataset(data, axes(plan), attributes(plan) | {"outcome": outcome})

@@ -1,0 +1,1 @@
+"""Steady sliding, eigenvalues and motion in time of any model."""

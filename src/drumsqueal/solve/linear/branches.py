@@ -1,0 +1,298 @@
+"""Modes along a parameter: followed by their shapes, not by their order, and the values at which one turns unstable."""
+
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import brentq, linear_sum_assignment, minimize_scalar
+
+from drumsqueal.errors import SteadyStateError
+from drumsqueal.interrupts import stop_if_interrupted
+from drumsqueal.physics.model import Model
+from drumsqueal.solve.linear.modes import (
+    UNDAMPED_SHARE,
+    Mode,
+    growing_without_oscillation,
+    solve_modes,
+    while_sliding,
+)
+from drumsqueal.solve.linear.steady import Linear, linear_model
+
+# Two modes at neighbouring values are one where their shapes overlap so much; where they do not, the step is halved.
+CLOSE, LINKED = 0.9, 0.5
+HALVINGS = 10  # of a step at most: closer than that a merging of two modes looks like a jump
+PRECISION = 1e-12  # of the range: how well critical values are found
+ROUND_OFF = 16 * np.finfo(np.float64).eps  # of the largest eigenvalue
+DIVERGENCE = "divergence"
+
+ModelAt = Callable[[float], Model]
+
+
+class Point(NamedTuple):
+    """Steady sliding at one value: q* (n,), its eigenvalues and modes; where there is none, `reason` says why."""
+
+    value: float
+    steady: NDArray[np.float64]
+    modes: tuple[Mode, ...]
+    divergence: float | None
+    largest: float
+    reason: str = ""
+
+    @property
+    def unstable(self) -> bool:
+        """Whether anything grows."""
+        return self.divergence is not None or any(mode.unstable for mode in self.modes)
+
+    @property
+    def growth_rate(self) -> float:
+        """The largest Re λ (1/s) of what oscillates or grows; NaN where there is nothing."""
+        rates = [mode.growth_rate for mode in self.modes]
+        if self.divergence is not None:
+            rates.append(self.divergence)
+        return max(rates, default=np.nan)
+
+
+class Branch(NamedTuple):
+    """One mode over the values (k,) at which it oscillates: its eigenvalues (k,) in 1/s, and its name at the first.
+
+    NaN where there is no steady sliding in between.
+    """
+
+    label: str
+    values: NDArray[np.float64]
+    eigenvalues: NDArray[np.complex128]
+
+
+class Critical(NamedTuple):
+    """A value at which Re λ of a mode is zero; `destabilises` where it grows at values above.
+
+    `uncertainty` is that of the value, in its own unit. A divergence has no frequency.
+    """
+
+    value: float
+    uncertainty: float
+    label: str
+    frequency_Hz: float
+    destabilises: bool
+
+
+class Branches(NamedTuple):
+    """Points by rising value, more than were asked for where modes change fast; the modes; the critical values."""
+
+    points: tuple[Point, ...]
+    branches: tuple[Branch, ...]
+    critical: tuple[Critical, ...]
+
+
+def follow_modes(model_at: ModelAt, values: ArrayLike) -> Branches:
+    """Follow all modes over the values and find where Re λ = 0, on the eigenvalue itself.
+
+    The models are of one composition. Two modes are the same where √|l_iᴴ r_j · l_jᴴ r_i| is near 1, with left and
+    right eigenvectors scaled to lᴴ r = 1; steps are halved until it is. Crossings are roots of the k-th largest real
+    part, which is continuous whatever the modes do, to 1e-12 of the range. What a mode does twice between two values
+    goes unseen unless it is the least stable one's.
+    """
+    points: list[Point] = []
+    for value in np.sort(np.asarray(values, dtype=np.float64)).tolist():
+        stop_if_interrupted()
+        points.append(point_at(model_at, value))
+    width = points[-1].value - points[0].value
+    points = _with_turns(model_at, points)
+    fine = points[:1]
+    for point in points[1:]:
+        fine += [*_between(model_at, fine[-1], point, HALVINGS), point]
+    critical = [each for pair in pairwise(fine) for each in _critical(model_at, *pair, PRECISION * width)]
+    fine = _with_middles(model_at, fine, sorted(each.value for each in critical))
+    branches, labels = _branches(fine)
+    named = [each._replace(label=_label(model_at, each, fine, labels)) for each in critical]
+    return Branches(tuple(fine), branches, tuple(sorted(named)))
+
+
+def point_at(model_at: ModelAt, value: float) -> Point:
+    """Steady sliding and its modes at one value."""
+    try:
+        model, _ = while_sliding(model_at(value))
+    except SteadyStateError as error:
+        return _nowhere(value, str(error))
+    steady, linear = linear_model(model)
+    steady, (mass, damping, stiffness) = np.asarray(steady), (np.asarray(part) for part in linear)
+    matrix = _state_matrix(Linear(mass, damping, stiffness))  # pyright: ignore[reportArgumentType]
+    if not np.all(np.isfinite(steady)):
+        return _nowhere(value, "no self-consistent steady sliding was found")
+    if not np.all(np.isfinite(matrix)):
+        return _nowhere(value, "the linear model is not finite")
+    eigenvalues, modes = solve_modes(model, matrix)
+    divergence, largest = growing_without_oscillation(eigenvalues), float(np.abs(eigenvalues).max())
+    return Point(value, steady, modes, divergence, largest)
+
+
+def _nowhere(value: float, reason: str) -> Point:
+    return Point(value, np.empty(0), (), None, 0.0, reason)
+
+
+def _state_matrix(linear: Linear) -> NDArray[np.float64]:
+    """As `Linear.state_matrix`, without a compiled program for each of its operations."""
+    n = len(linear.mass)
+    lower = -np.hstack([linear.stiffness, linear.damping]) / np.asarray(linear.mass)[:, None]
+    return np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), lower])
+
+
+def _overlap(a: Point, b: Point) -> NDArray[np.float64]:
+    """√|l_iᴴ r_j · l_jᴴ r_i| of the modes i at one value and j at another, at most 1."""
+    there = [[abs(np.vdot(i.left, j.right) * np.vdot(j.left, i.right)) for j in b.modes] for i in a.modes]
+    return np.minimum(np.sqrt(np.reshape(there, (len(a.modes), len(b.modes)))), 1.0)
+
+
+def _links(a: Point, b: Point) -> tuple[dict[int, int], float]:
+    """Which mode at a value is which at another, and the smallest overlap of any; 0 where some are left over."""
+    overlap = _overlap(a, b)
+    pairs = list(zip(*linear_sum_assignment(-overlap), strict=True))
+    links = {int(i): int(j) for i, j in pairs if overlap[i, j] >= LINKED}
+    if len(links) < max(len(a.modes), len(b.modes)):
+        return links, 0.0
+    return links, float(min((overlap[pair] for pair in pairs), default=1.0))
+
+
+def _between(model_at: ModelAt, a: Point, b: Point, halvings: int) -> list[Point]:
+    """Points between two so that each is close to the next."""
+    if a.reason or b.reason or halvings == 0 or _links(a, b)[1] >= CLOSE:
+        return []
+    middle = point_at(model_at, (a.value + b.value) / 2)
+    before, after = _between(model_at, a, middle, halvings - 1), _between(model_at, middle, b, halvings - 1)
+    return [*before, middle, *after]
+
+
+def _branches(points: list[Point]) -> tuple[tuple[Branch, ...], list[list[str]]]:
+    """The modes over the points, and the label of each mode of each point.
+
+    A mode goes on beyond a value without steady sliding, and is NaN there.
+    """
+    names: list[str] = []
+    values: dict[int, list[float]] = {}
+    eigenvalues: dict[int, list[complex]] = {}
+    found: list[list[int]] = []
+    before: tuple[Point, list[int]] | None = None
+    for point in points:
+        linked: dict[int, int] = {}
+        if before is not None:
+            linked = {j: before[1][i] for i, j in _links(before[0], point)[0].items()}
+        for j, mode in enumerate(point.modes):
+            if j not in linked:
+                linked[j] = len(names)
+                names.append(mode.name)
+        found.append([linked[j] for j in range(len(point.modes))])
+        if point.reason:
+            gaps = [] if before is None else before[1]
+            there = [(i, complex(np.nan, np.nan)) for i in gaps]
+        else:
+            before = point, found[-1]
+            there = [(linked[j], mode.eigenvalue) for j, mode in enumerate(point.modes)]
+        for i, eigenvalue in there:
+            values.setdefault(i, []).append(point.value)
+            eigenvalues.setdefault(i, []).append(eigenvalue)
+    earlier = [names[:i].count(name) for i, name in enumerate(names)]
+    labels = [f"{name} ({count + 1})" if count else name for name, count in zip(names, earlier, strict=True)]
+    branches = tuple(Branch(labels[i], np.array(values[i]), np.array(eigenvalues[i])) for i in range(len(names)))
+    return branches, [[labels[i] for i in row] for row in found]
+
+
+def _with_turns(model_at: ModelAt, points: list[Point]) -> list[Point]:
+    """The points, and where the largest real part between two of them turns round on the other side of zero."""
+    found = list(points)
+    for a, b, c in zip(points, points[1:], points[2:], strict=False):
+        rates = np.array([each.growth_rate for each in (a, b, c)])
+        if a.reason or b.reason or c.reason or np.ptp(np.sign(rates)) != 0:
+            continue
+        sign = np.sign(rates[1])  # a minimum is looked for where all three grow
+        if not (sign * rates[1] <= sign * rates[0] and sign * rates[1] <= sign * rates[2]):
+            continue
+        bends = np.polyfit(np.array([a.value, b.value, c.value]) - b.value, rates, 2)
+        if bends[0] == 0 or sign * (bends[2] - bends[1] ** 2 / (4 * bends[0])) > 0.5 * sign * rates[1]:
+            continue
+
+        def height(value: float, sign: float = sign) -> float:
+            return sign * point_at(model_at, value).growth_rate
+
+        lowest: Any = minimize_scalar(height, bounds=(a.value, c.value), method="bounded")
+        turn = point_at(model_at, float(lowest.x))
+        if sign * turn.growth_rate < 0:
+            found.append(turn)
+    return sorted(found, key=lambda point: point.value)
+
+
+def _critical(model_at: ModelAt, a: Point, b: Point, precision: float) -> list[Critical]:
+    """All values between two points at which a mode, or a divergence, sets in or ends; without the mode's label."""
+    if a.reason or b.reason:
+        return []
+    if _swapped(a, b) and b.value - a.value > precision:
+        middle = point_at(model_at, (a.value + b.value) / 2)
+        return [*_critical(model_at, a, middle, precision), *_critical(model_at, middle, b, precision)]
+    found = [_root(model_at, a, b, rank, precision) for rank in range(max(len(a.modes), len(b.modes)))]
+    if (a.divergence is None) != (b.divergence is None):
+        found.append(_divergence(model_at, a, b, precision))
+    return [each for each in found if each is not None]
+
+
+def _with_middles(model_at: ModelAt, points: list[Point], critical: list[float]) -> list[Point]:
+    """The points, with one at least between any two critical values, to tell whether anything grows there."""
+    gaps = [(a, b) for a, b in pairwise(critical) if a < b and not any(a < each.value < b for each in points)]
+    return sorted([*points, *(point_at(model_at, (a + b) / 2) for a, b in gaps)], key=lambda point: point.value)
+
+
+def _root(model_at: ModelAt, a: Point, b: Point, rank: int, precision: float) -> Critical | None:
+    """The value at which the real part number `rank` is zero, without a label; None where its sign does not change."""
+    before, after = _rate(a, rank), _rate(b, rank)
+    noise = [UNDAMPED_SHARE * max(a.largest, b.largest), ROUND_OFF * max(a.largest, b.largest)]
+    # Without damping a real part is round-off until two modes merge: only what stands out of it counts as growth.
+    least = noise[0] if min(abs(before), abs(after)) < noise[0] else 0.0
+    if (before > least) == (after > least):
+        return None
+    value, _ = brentq(
+        lambda value: _rate(point_at(model_at, value), rank) - least,
+        a.value,
+        b.value,
+        xtol=precision,
+        rtol=ROUND_OFF,
+        full_output=True,
+    )
+    point = point_at(model_at, value)
+    marginal = min(point.modes, key=lambda mode: abs(mode.growth_rate - least))
+    # Where growth had to stand out of the round-off first, zero may lie that much before.
+    uncertainty = max(precision, float((least + noise[1]) / (abs(after - before) / (b.value - a.value))))
+    return Critical(float(value), uncertainty, "", marginal.frequency_Hz, after > before)
+
+
+def _rate(point: Point, rank: int) -> float:
+    """The real part number `rank` from above; what does not oscillate does not count."""
+    rates = sorted((mode.growth_rate for mode in point.modes), reverse=True)
+    return rates[rank] if rank < len(rates) else -point.largest
+
+
+def _swapped(a: Point, b: Point) -> bool:
+    """Whether one mode sets in and another ends between two points, so that their number tells of neither."""
+    changes = [b.modes[j].unstable - a.modes[i].unstable for i, j in _links(a, b)[0].items()]
+    return 1 in changes and -1 in changes
+
+
+def _divergence(model_at: ModelAt, a: Point, b: Point, precision: float) -> Critical:
+    low, high = a.value, b.value
+    while high - low > precision:
+        middle = (low + high) / 2
+        if middle in (low, high):
+            break
+        same = (point_at(model_at, middle).divergence is None) == (a.divergence is None)
+        low, high = (middle, high) if same else (low, middle)
+    return Critical((low + high) / 2, high - low, DIVERGENCE, 0.0, a.divergence is None)
+
+
+def _label(model_at: ModelAt, critical: Critical, points: list[Point], labels: list[list[str]]) -> str:
+    """Whose critical value it is: the branch that has the shape of the mode with that frequency there."""
+    if critical.label:
+        return critical.label
+    sound = [k for k, point in enumerate(points) if not point.reason]
+    nearest = min(sound, key=lambda k: abs(points[k].value - critical.value))
+    point = point_at(model_at, critical.value)
+    marginal = min(range(len(point.modes)), key=lambda k: abs(point.modes[k].frequency_Hz - critical.frequency_Hz))
+    return labels[nearest][int(np.argmax(_overlap(point, points[nearest])[marginal]))]

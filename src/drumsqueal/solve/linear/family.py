@@ -1,0 +1,101 @@
+"""The linear model as a function of a scene's numbers, and its eigenvalues over many sets of them."""
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.typing import ArrayLike
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from drumsqueal.physics.composition import linear_coordinates
+from drumsqueal.physics.model import Numbers, build_model
+from drumsqueal.scene import COORDINATES, Scene
+from drumsqueal.solve.linear.modes import DRIFT_SHARE, OSCILLATING_SHARE
+from drumsqueal.solve.linear.steady import Linear, linearise, steady_sliding
+
+Complex = NDArray[np.complex128]
+
+
+class Spectrum(NamedTuple):
+    """Eigenvalues over m sets of numbers, and which of them belong to which coordinate.
+
+    `mass` (m, n) is the diagonal of M, `damping` (m, n, n) is C; `eigenvalues` (m, 2n) in 1/s, and `right` (m, 2n, 2n)
+    their eigenvectors as columns. `own` (m, n) is the eigenvalue of each coordinate: the upper one of a pair that
+    oscillates, the least stable one of two that do not, a free drift apart.
+    """
+
+    names: tuple[str, ...]
+    mass: NDArray[np.float64]
+    damping: NDArray[np.float64]
+    eigenvalues: NDArray[np.complex128]
+    right: NDArray[np.complex128]
+    own: NDArray[np.complex128]
+
+    def of(self, name: str) -> NDArray[np.complex128]:
+        """The eigenvalue of a coordinate (m,), in 1/s."""
+        return self.own[:, self.names.index(name)]
+
+    @property
+    def drifting(self) -> NDArray[np.bool_]:
+        """Which eigenvalues (m, 2n) are zero to round-off: a coordinate that nothing holds."""
+        return np.abs(self.eigenvalues) <= DRIFT_SHARE * np.max(np.abs(self.eigenvalues), axis=1, keepdims=True)
+
+
+def linear_of(scene: Scene) -> Callable[[Numbers], Linear]:
+    """The linear model about steady sliding as a function of the scene's numbers, for `jax.jit`, `jax.jvp` and so on.
+
+    Over the coordinates of the scene's eigenvalues, at t = 0.
+    """
+    coordinates = linear_coordinates(scene)
+
+    def linear(numbers: Numbers) -> Linear:
+        model = build_model(scene, numbers, coordinates=coordinates)
+        return linearise(model, steady_sliding(model))
+
+    return linear
+
+
+def spectra_of(scene: Scene, numbers: Mapping[str, ArrayLike]) -> Spectrum:
+    """Eigenvalues for m sets of numbers, arrays (m,) by key as in `scene.numbers()`; what is not named is the scene's.
+
+    One program takes one set after the other: side by side they would take every way through the contact integral.
+    """
+    stacked = {key: jnp.asarray(value, dtype=jnp.float64) for key, value in numbers.items()}
+
+    @jax.jit
+    def all_of(values: dict[str, Array]) -> tuple[Linear, Array]:
+        def one(each: dict[str, Array]) -> tuple[Linear, Array]:
+            linear = linear_of(scene)(each)
+            return linear, linear.state_matrix()
+
+        return jax.lax.map(one, values)
+
+    linear, matrices = all_of(stacked)
+    eigenvalues, right = np.linalg.eig(np.asarray(matrices))
+    names = tuple(COORDINATES[i] for i in linear_coordinates(scene))
+    mass, damping = np.asarray(linear.mass), np.asarray(linear.damping)
+    own = np.array([_own(*each) for each in zip(eigenvalues, right, mass, strict=True)])
+    return Spectrum(names, mass, damping, eigenvalues, right, own)
+
+
+def _own(eigenvalues: Complex, right: Complex, mass: NDArray[np.float64]) -> Complex:
+    """Give each coordinate the two eigenvalues that hold most of it, no one to two, and return the telling one (n,)."""
+    n = mass.size
+    share = np.abs(right[:n]) ** 2 * mass[:, None]
+    share = share / share.sum(axis=0)
+    rows, columns = linear_sum_assignment(-np.repeat(share, 2, axis=0))
+    pairs = eigenvalues[columns[np.argsort(rows)]].reshape(n, 2)
+    largest = np.max(np.abs(eigenvalues))
+    return np.array([_telling(pair, largest) for pair in pairs])
+
+
+def _telling(pair: Complex, largest: float) -> complex:
+    upper = complex(pair[np.argmax(pair.imag)])
+    if upper.imag > OSCILLATING_SHARE * largest:
+        return upper
+    held = pair[np.abs(pair) > DRIFT_SHARE * largest]
+    return complex(held[np.argmax(held.real)]) if held.size else 0j

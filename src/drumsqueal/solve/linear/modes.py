@@ -1,0 +1,241 @@
+"""Complex eigenvalues of steady sliding: modes, growth rates, frequencies."""
+
+from functools import partial
+from typing import NamedTuple, cast
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import scipy.linalg
+from jax import Array
+from numpy.typing import NDArray
+
+from drumsqueal.errors import SteadyStateError
+from drumsqueal.physics.effects.action import ZERO
+from drumsqueal.physics.effects.schedule import Profile
+from drumsqueal.physics.model import Model
+from drumsqueal.solve.linear.steady import NOT_FOUND, Linear, linear_model, linearise, steady_sliding
+
+# An eigenvalue oscillates when its imaginary part exceeds this share of the largest modulus: a real one, and the zero
+# of the free Z motion, come out of the solver with an imaginary part of round-off size.
+OSCILLATING_SHARE = 1e-9
+# A real part below this share of the largest modulus is round-off, neither growth nor decay.
+UNDAMPED_SHARE = 1e-12
+# A double zero (a free coordinate without friction) comes out of the solver split by the root of round-off.
+DRIFT_SHARE = 1e-7
+# A growth rate below this share of the frequency is none, and has no relative error.
+NEUTRAL_SHARE = 1e-9
+
+# Why there is no steady sliding.
+AT_REST = "drum.speed is 0 all the time: there is no steady sliding; give the drum a speed"
+NOT_FINITE = (
+    "the linear model is not finite: a number is out of all proportion; check the shoe's lengths and density, "
+    "the stiffnesses, contact.normal_load, friction, drum.speed and damping.ratio"
+)
+
+
+class Mode(NamedTuple):
+    """An oscillating mode: eigenvalue λ (1/s), named by its largest mass-weighted coordinate.
+
+    `label` is the name, and for every further mode of that name, by rising frequency, "X (2)", "X (3)".
+    `right` and `left` (2n,) are its eigenvectors of the state matrix, with leftᴴ right = 1 and the displacement of the
+    named coordinate in `right` scaled to 1. A real motion holds the mode and its conjugate, y = a right + ā right*, so
+    2 |leftᴴ y| is the amplitude of that coordinate in m or rad.
+    """
+
+    name: str
+    label: str
+    eigenvalue: complex
+    unstable: bool
+    right: NDArray[np.complex128]
+    left: NDArray[np.complex128]
+
+    @property
+    def frequency_Hz(self) -> float:
+        """Im λ/2π (Hz)."""
+        return self.eigenvalue.imag / (2 * np.pi)
+
+    @property
+    def growth_rate(self) -> float:
+        """Re λ (1/s); positive grows."""
+        return self.eigenvalue.real
+
+    @property
+    def damping_ratio(self) -> float:
+        """ζ = −Re λ/|λ|, negative when unstable (half of what some finite-element programs call so)."""
+        return -self.eigenvalue.real / abs(self.eigenvalue)
+
+
+class Stability(NamedTuple):
+    """Steady sliding and its eigenvalues: q* (n,), all eigenvalues (2n,), oscillating modes by rising frequency.
+
+    `mass` is the diagonal of the mass matrix (n,), `pressure_range` the smallest and largest steady pressure (Pa),
+    `contact_fraction` the share of the lining that touches the drum in steady sliding. All of it is for the drum speed
+    and the load at `time` (s): 0, or later where the drum is at rest then.
+    """
+
+    coordinates: tuple[str, ...]
+    mass: NDArray[np.float64]
+    steady_state: NDArray[np.float64]
+    eigenvalues: NDArray[np.complex128]
+    modes: tuple[Mode, ...]
+    pressure_range: tuple[float, float]
+    contact_fraction: float
+    time: float
+
+    @property
+    def unstable(self) -> tuple[Mode, ...]:
+        """The modes that grow."""
+        return tuple(mode for mode in self.modes if mode.unstable)
+
+    @property
+    def divergence(self) -> float | None:
+        """Largest real eigenvalue that grows without oscillation (1/s), None where there is none."""
+        return growing_without_oscillation(self.eigenvalues)
+
+    @property
+    def highest_frequency_Hz(self) -> float:
+        """Largest |Im λ|/2π (Hz); 0 when nothing oscillates."""
+        return float(np.max(np.abs(self.eigenvalues.imag))) / (2 * np.pi)
+
+
+def analyse_stability(model: Model) -> Stability:
+    """Find steady sliding and solve the complex eigenvalue problem about it.
+
+    Raises SteadyStateError when there is no steady sliding: the drum stands still, the equilibrium was not found, or
+    numbers out of all proportion leave nothing finite.
+    """
+    model, time = while_sliding(model)
+    steady, linear = linear_model(model)
+    return stability_of(model.names, about_steady(model, steady, linear), time)
+
+
+class AboutSteady(NamedTuple):
+    """What the eigenvalue problem at steady sliding q* (n,) is made of.
+
+    The diagonal of the mass matrix (n,), the state matrix (2n, 2n), the smallest and largest pressure (Pa) and the
+    share of the lining that touches the drum.
+    """
+
+    steady: Array
+    mass: Array
+    matrix: Array
+    pressure_range: tuple[Array, Array]
+    contact_fraction: Array
+
+
+@jax.jit
+def about_steady(model: Model, steady: Array, linear: Linear) -> AboutSteady:
+    """Matrix, pressure and contact at steady sliding q* (n,), not yet looked at."""
+    moment, wide = model.operation.at(0.0), model.widen(steady)
+    pressure_range = model.lining.pressure_range(moment, wide)
+    touching = model.middle_contact.observe(moment, wide, ZERO).contact_fraction
+    return AboutSteady(steady, model.mass, linear.state_matrix(), pressure_range, touching)
+
+
+def stability_of(names: tuple[str, ...], found: AboutSteady, time: float = 0.0) -> Stability:
+    """Solve the complex eigenvalue problem of the coordinates with these names. Raises SteadyStateError."""
+    steady, mass, matrix = (np.asarray(each) for each in (found.steady, found.mass, found.matrix))
+    low, high = (float(each) for each in found.pressure_range)
+    if not np.all(np.isfinite(steady)):
+        raise SteadyStateError(NOT_FOUND)
+    if not (np.all(np.isfinite(matrix)) and np.isfinite(low) and np.isfinite(high)):
+        raise SteadyStateError(NOT_FINITE)
+    eigenvalues, modes = _solve(names, mass, matrix)
+    return Stability(
+        coordinates=names,
+        mass=mass,
+        steady_state=steady,
+        eigenvalues=eigenvalues,
+        modes=modes,
+        pressure_range=(low, high),
+        contact_fraction=float(found.contact_fraction),
+        time=time,
+    )
+
+
+def while_sliding(model: Model) -> tuple[Model, float]:
+    """The model at t = 0 or, where the drum stands still then, as it is at the first corner of its schedule that turns.
+
+    Returns that time (s), too. Raises SteadyStateError where friction never has a direction.
+    """
+    speed = model.operation.drum_speed
+    if model.contact.friction is None or float(speed.at(0.0)[0]) != 0:
+        return model, 0.0
+    if isinstance(speed, Profile):
+        time = np.asarray(speed.time)[(np.asarray(speed.value) != 0) & (np.asarray(speed.time) > 0)]
+        if time.size:
+            return model.frozen(float(time[0])), float(time[0])
+    raise SteadyStateError(AT_REST)
+
+
+def growing_without_oscillation(eigenvalues: NDArray[np.complex128]) -> float | None:
+    """The largest real eigenvalue above zero (1/s), None where there is none."""
+    largest = np.max(np.abs(eigenvalues))
+    real = eigenvalues[np.abs(eigenvalues.imag) <= OSCILLATING_SHARE * largest].real
+    growing = real[real > DRIFT_SHARE * largest]
+    return float(growing.max()) if growing.size else None
+
+
+def solve_modes(model: Model, matrix: NDArray[np.float64]) -> tuple[NDArray[np.complex128], tuple[Mode, ...]]:
+    """Eigenvalues (2n,), the slowest first, and oscillating modes by rising frequency, of a state matrix (2n, 2n)."""
+    return _solve(model.names, np.asarray(model.mass), matrix)
+
+
+@partial(jax.jit, static_argnames="mode")
+def growth_rate(model: Model, mode: str) -> Array:
+    """Re λ (1/s) of the mode with that name, differentiable with respect to the model's numbers.
+
+    Works inside `jax.grad` and `jax.vmap`. Of several modes of one name the least stable counts; NaN where no mode of
+    that name oscillates. Raises KeyError when the model lacks the coordinate.
+    """
+    if mode not in model.names:
+        raise KeyError(f"{mode} is no coordinate of this model; it has {', '.join(model.names)}")
+    matrix = linearise(model, steady_sliding(model)).state_matrix()
+    # Eigenvectors have no derivative in JAX and need none here: they only say which eigenvalue is meant.
+    values, vectors = jnp.linalg.eig(jax.lax.stop_gradient(matrix))
+    n = len(model.names)
+    main = jnp.argmax(jnp.abs(vectors[:n]) * jnp.sqrt(model.mass)[:, None], axis=0)
+    meant = (main == model.names.index(mode)) & (values.imag > OSCILLATING_SHARE * jnp.max(jnp.abs(values)))
+    target = values[jnp.argmax(jnp.where(meant, values.real, -jnp.inf))]
+    eigenvalues = jnp.linalg.eigvals(matrix)
+    rate = eigenvalues[jnp.argmin(jnp.abs(eigenvalues - target))].real
+    return jnp.where(jnp.any(meant), rate, jnp.nan)
+
+
+Complex = NDArray[np.complex128]
+
+
+def _eigen(matrix: NDArray[np.float64]) -> tuple[Complex, Complex, Complex]:
+    """Eigenvalues (2n,), left and right eigenvectors as columns (2n, 2n)."""
+    values, left, right = cast("tuple[Complex, ...]", scipy.linalg.eig(matrix, left=True, right=True))
+    return values, left, right
+
+
+def _solve(
+    names: tuple[str, ...], mass: NDArray[np.float64], matrix: NDArray[np.float64]
+) -> tuple[Complex, tuple[Mode, ...]]:
+    eigenvalues, left, right = _eigen(matrix)
+    order = np.lexsort((eigenvalues.imag, np.abs(eigenvalues.imag)))
+    return eigenvalues[order], _modes(names, mass, eigenvalues, left, right)
+
+
+def _modes(
+    names: tuple[str, ...], mass: NDArray[np.float64], eigenvalues: Complex, left: Complex, right: Complex
+) -> tuple[Mode, ...]:
+    n = len(names)
+    weight = np.sqrt(mass)
+    largest = np.max(np.abs(eigenvalues))
+    modes = []
+    for k in np.argsort(eigenvalues.imag):
+        if eigenvalues[k].imag <= OSCILLATING_SHARE * largest:
+            continue
+        main = int(np.argmax(np.abs(right[:n, k]) * weight))
+        shape = right[:, k] / right[main, k]
+        projection = left[:, k] / np.conj(np.vdot(left[:, k], shape))
+        unstable = bool(eigenvalues[k].real > UNDAMPED_SHARE * largest)
+        name = names[main]
+        earlier = sum(mode.name == name for mode in modes)
+        label = f"{name} ({earlier + 1})" if earlier else name
+        modes.append(Mode(name, label, complex(eigenvalues[k]), unstable, shape, projection))
+    return tuple(modes)

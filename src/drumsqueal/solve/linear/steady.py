@@ -1,0 +1,125 @@
+"""Steady sliding, and the linear model there as the Jacobian of the one vector field."""
+
+import dataclasses
+from functools import partial
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.core import Tracer
+
+from drumsqueal.errors import SteadyStateError
+from drumsqueal.physics.bodies.rigid_shoe import IN_PLANE
+from drumsqueal.physics.effects.action import ZERO
+from drumsqueal.physics.effects.assembly import Balance
+from drumsqueal.physics.effects.contact import Contact
+from drumsqueal.physics.effects.friction import Friction
+from drumsqueal.physics.model import Model
+from drumsqueal.physics.quadrature.smooth import WholeSurface
+from drumsqueal.solve.linear.equilibrium import find_equilibrium
+
+NOT_FOUND = (
+    "no self-consistent steady sliding was found, neither directly nor by raising friction step by step from zero: "
+    "the shoe may jam (self-locking), or its supports and the drum may not hold it at this load and speed"
+)
+COUPLED_SHARE = 1e-10  # of the largest coupling: below it is round-off
+
+
+class Linear(NamedTuple):
+    """M q̈ + C q̇ + K q = 0 about steady sliding: mass (n,), damping and stiffness (n, n)."""
+
+    mass: Array
+    damping: Array
+    stiffness: Array
+
+    def state_matrix(self) -> Array:
+        """Matrix A of d/dt (q, q̇) = A (q, q̇), shape (2n, 2n)."""
+        n = self.mass.shape[0]
+        top = jnp.concatenate([jnp.zeros((n, n)), jnp.eye(n)], axis=1)
+        bottom = -jnp.concatenate([self.stiffness, self.damping], axis=1) / self.mass[:, None]
+        return jnp.concatenate([top, bottom])
+
+
+class _Reduced(Friction):
+    """Friction of which only a fraction acts."""
+
+    fraction: Array
+
+    def traction(self, pressure: Array, slip: Array, axial: Array | None) -> tuple[Array, Array | None]:
+        """Tractions on the lining along θ and z (Pa)."""
+        along, across = super().traction(pressure, slip, axial)
+        return self.fraction * along, None if across is None else self.fraction * across
+
+
+def steady_sliding(model: Model) -> Array:
+    """Displacement q* (n,) of steady sliding at t = 0: Q(q*, 0) = 0 (physics: m, rad).
+
+    Differentiable with respect to every number of the model (implicit function theorem). With the balanced assembly
+    q* = 0 without iteration. The out-of-plane coordinates stay zero by symmetry. Raises SteadyStateError
+    where none is found; inside `jax.jit` and the like, where nothing can be raised, q* is NaN then.
+    """
+    n = len(model.coordinates)
+    moving = np.asarray([k for k, i in enumerate(model.coordinates) if i in IN_PLANE], dtype=int)
+    if moving.size == 0 or any(isinstance(effect, Balance) for effect in model.others):
+        return jnp.zeros(n)
+    plane = model.undisturbed().in_plane()
+    found = find_equilibrium(partial(_static_forces, jax.lax.stop_gradient(plane)), moving.size)
+    q = jax.lax.custom_root(
+        lambda q: plane.act(0.0, q, jnp.zeros(moving.size))[0],
+        found,
+        solve=lambda _, q: q,
+        tangent_solve=lambda linear, force: jnp.linalg.solve(jax.jacfwd(linear)(force), force),
+    )
+    if not isinstance(q, Tracer) and not np.all(np.isfinite(q)):
+        raise SteadyStateError(NOT_FOUND)
+    return jnp.zeros(n).at[moving].set(q)
+
+
+def _static_forces(model: Model, z: Array) -> tuple[Array, Array]:
+    """Sum of the forces at rest and of their magnitudes (n,), from displacement and fraction of friction (n + 1,)."""
+    q, friction = model.widen(z[:-1]), model.contact.friction
+    contact = model.contact
+    if friction is not None:
+        contact = contact.with_friction(_Reduced(friction.law, friction.direction, z[-1]))
+    actions = [effect.act(model.operation.at(0.0), q, ZERO).force for effect in (contact, *model.others)]
+    parts = jnp.stack(
+        [jnp.stack([jnp.asarray(force[i] + jnp.zeros(())) for i in model.coordinates]) for force in actions]
+    )
+    return jnp.sum(parts, axis=0), jnp.sum(jnp.abs(parts), axis=0)
+
+
+@jax.jit
+def linear_model(model: Model) -> tuple[Array, Linear]:
+    """Steady sliding q* (n,) and the linear model there, as one program: by far the longest to compile."""
+    steady = steady_sliding(model)
+    return steady, linearise(model, steady)
+
+
+def coupling(model: Model) -> np.ndarray:
+    """Which coordinate moves which (n, n) at steady sliding: entry i, j tells whether q_j or q̇_j pushes q_i."""
+    mass, damping, stiffness = (np.asarray(part) for part in linear_model(model)[1])
+    # In coordinates scaled by √M all entries of one matrix are in one unit.
+    scaled = (np.abs(each) / np.sqrt(np.outer(mass, mass)) for each in (damping, stiffness))
+    return np.logical_or.reduce([each > COUPLED_SHARE * np.max(each) for each in scaled])
+
+
+def _without_edges(model: Model) -> Model:
+    """The model for motion infinitely near to q = 0, if that is its steady sliding.
+
+    The whole lining then presses and slips one way. What does not look for edges is a tenth of the program to compile.
+    """
+    balanced = any(isinstance(effect, Balance) for effect in model.others)
+    if not (balanced and isinstance(model.contact, Contact) and model.contact.surface.spatial):
+        return model
+    return dataclasses.replace(model, contact=dataclasses.replace(model.contact, surface=WholeSurface()))
+
+
+def linearise(model: Model, steady: Array) -> Linear:
+    """Mass, damping −∂Q/∂q̇ and stiffness −∂Q/∂q at steady sliding q* (n,); the paper's equation (29) at q* = 0."""
+    n, model = steady.size, _without_edges(model)
+    jacobian = jax.jacfwd(lambda state: model.act(0.0, state[:n], state[n:])[0])(
+        jnp.concatenate([steady, jnp.zeros(n)])
+    )
+    return Linear(model.mass, -jacobian[:, n:], -jacobian[:, :n])

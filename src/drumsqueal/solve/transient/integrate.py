@@ -1,0 +1,156 @@
+"""The transient: diffrax's methods in equal chunks, each one compiled call, handed out as they come.
+
+A Python loop over chunks keeps memory flat, lets an interrupted run keep its data, and holds host callbacks out of the
+compiled program, which would bar it from the persistent compilation cache.
+"""
+
+from collections.abc import Generator
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.typing import ArrayLike
+
+from drumsqueal.errors import IntegrationError
+from drumsqueal.physics.effects.touching import Observation
+from drumsqueal.physics.model import Model
+from drumsqueal.precision import real
+from drumsqueal.solve.transient.choice import Method
+from drumsqueal.solve.transient.runge_kutta import AUTO, IMPLICIT, STAGES, is_explicit
+from drumsqueal.solve.transient.segment import STEP_BUDGET, Segment, first_step
+from drumsqueal.solve.transient.state import CHUNK_SAMPLES, Span, State
+from drumsqueal.solve.transient.stick_slip import StickSlip
+
+STICKING = 1e-3  # m/s; friction power over normal force below which a collapsed step means a sticking lining
+
+
+class Checkpoint(NamedTuple):
+    """Where a transient can be taken up again, exactly: after how many intervals, and all that goes on from there."""
+
+    intervals: int
+    state: State
+    step: Array
+    first_energy: float
+    sticks: bool
+    method: Method | None
+
+
+class Chunk(NamedTuple):
+    """Samples of one chunk: time (k,), displacement and velocity (k, n), observations and energies (k,).
+
+    `implicit` (k,) is 1 in chunks that took the implicit method, and `end` where to go on from; None where it fails.
+    """
+
+    time: np.ndarray
+    displacement: np.ndarray
+    velocity: np.ndarray
+    observation: Observation
+    kinetic_energy: np.ndarray
+    potential_energy: np.ndarray
+    energy_balance_error: np.ndarray
+    steps: int
+    rejected_steps: int
+    evaluations: float  # NaN: not counted, for an implicit method and where the lining sticks
+    implicit: np.ndarray
+    end: Checkpoint | None
+    changes: tuple[tuple[float, bool], ...] = ()  # when the lining changed (s), and whether it stuck from then on
+
+
+def integrate(
+    model: Model,
+    steady: ArrayLike,
+    displacement: ArrayLike,
+    velocity: ArrayLike,
+    *,
+    duration: float,
+    sample_rate: float,
+    tolerance: float,
+    solver: str = AUTO,
+    since: Checkpoint | None = None,
+) -> Generator[Chunk]:
+    """Integrate M q̈ = Σ Q from a departure (n,) from steady sliding q* (n,) and yield the samples chunk by chunk.
+
+    An adaptive Runge-Kutta method, its error per step measured against the amplitude that the vibration energy gives
+    each coordinate. Samples lie at k / sample_rate from 0 to the duration, both included; `since` the end of an earlier
+    chunk they are those after that, the same as without a break. Raises IntegrationError when a chunk fails; all good
+    samples have been yielded by then.
+    """
+    samples = round(duration * sample_rate)
+    steady = real(steady)
+    if since is None:
+        state = State(real(displacement), real(velocity), jnp.zeros(()))
+        first_energy = sum(float(e) for e in _energy(model, steady, state))
+        since = Checkpoint(0, state, first_step(model), first_energy, sticks=False, method=None)
+    state, step, first_energy = since.state, since.step, since.first_energy
+    run = StickSlip(model, steady, np.float64(tolerance), solver, sticks=since.sticks, method=since.method)
+    for first in range(since.intervals, samples, CHUNK_SAMPLES):
+        count = min(CHUNK_SAMPLES, samples - first)
+        # NumPy's numbers go into a compiled call at a tenth of what it takes to make arrays of them.
+        span = Span(np.float64(first / sample_rate), np.float64(1 / sample_rate), np.int64(count))
+        segment = run.through(state, span, step)
+        chunk = _to_chunk(segment, first_energy, sample_rate, first, count, np.asarray(steady))
+        chunk = chunk._replace(evaluations=_evaluations(segment, run.solvers), changes=tuple(run.changes))
+        chunk.implicit[:] = IMPLICIT in run.solvers
+        good = np.isfinite(chunk.displacement).all(axis=1) & np.isfinite(chunk.velocity).all(axis=1)
+        good &= np.isfinite(chunk.energy_balance_error)
+        kept = count + 1 if good.all() else int(np.argmin(good))
+        fresh = slice(0 if first == 0 else 1, kept)  # a chunk begins with the last sample of the one before
+        whole = kept > count and bool(segment.reached)
+        end = Checkpoint(first + count, segment.final, segment.step, first_energy, run.sticks, run.method)
+        if fresh.stop > fresh.start:
+            yield _rows(chunk, fresh)._replace(end=end if whole else None)
+        if not whole:
+            raise IntegrationError(_why(segment, chunk, max(kept - 1, 0)))
+        state, step = segment.final, segment.step
+
+
+@jax.jit
+def _energy(model: Model, steady: Array, state: State) -> tuple[Array, Array]:
+    return model.energy(0.0, steady + state.departure, state.velocity)
+
+
+def _to_chunk(
+    segment: Segment, first_energy: float, sample_rate: float, first: int, count: int, steady: np.ndarray
+) -> Chunk:
+    states = jax.tree.map(lambda x: np.asarray(x)[: count + 1], segment.states)
+    observation = jax.tree.map(lambda x: np.asarray(x)[: count + 1], segment.observation)
+    kinetic, potential = (np.asarray(x)[: count + 1] for x in (segment.kinetic, segment.potential))
+    return Chunk(
+        time=np.arange(first, first + count + 1) / sample_rate,
+        displacement=states.departure + steady,
+        velocity=states.velocity,
+        observation=observation,
+        kinetic_energy=kinetic,
+        potential_energy=potential,
+        energy_balance_error=kinetic + potential - first_energy - states.work,
+        steps=int(segment.steps),
+        rejected_steps=int(segment.steps - segment.kept),
+        evaluations=np.nan,
+        implicit=np.zeros(count + 1),
+        end=None,
+    )
+
+
+def _evaluations(segment: Segment, solvers: set[str]) -> float:
+    """The last stage of a step is the first of the next: one more at the start of the chunk."""
+    stages = {STAGES[solver] if is_explicit(solver) else np.nan for solver in solvers}
+    return float(segment.steps) * max(stages, default=np.nan) + 1 if len(stages) < 2 else np.nan
+
+
+def _rows(chunk: Chunk, rows: slice) -> Chunk:
+    """The chunk's samples in `rows`."""
+    return jax.tree.map(lambda x: x[rows] if isinstance(x, np.ndarray) else x, chunk)
+
+
+def _why(segment: Segment, chunk: Chunk, last: int) -> str:
+    """What stopped the integration after the good sample number `last` of the chunk."""
+    time = chunk.time[last]
+    if bool(segment.reached):
+        return f"the motion became infinite or undefined after t = {time:.6g} s"
+    collapsed = f"the step size collapsed: {STEP_BUDGET:,} steps were not enough to get past t = {time:.6g} s"
+    heat, load = chunk.observation.friction_power[last], chunk.observation.normal_force[last]
+    if 0 < heat < STICKING * load:
+        return f"{collapsed}, where the lining all but sticks to the drum as a whole"
+    return f"{collapsed}; a larger simulate.tolerance may help"

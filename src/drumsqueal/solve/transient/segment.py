@@ -1,0 +1,298 @@
+"""One chunk of a transient as one compiled call: its state, what its errors are measured against, and its samples."""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.typing import ArrayLike
+
+from drumsqueal.physics.effects.damping import frictionless_modes
+from drumsqueal.physics.effects.touching import Observation
+from drumsqueal.physics.kernel import compiled, one_kernel
+from drumsqueal.physics.model import Model
+from drumsqueal.solve.transient.passing import Step, share_to_rest
+from drumsqueal.solve.transient.runge_kutta import DEFAULT, LOCAL_SHARE, make_solver
+from drumsqueal.solve.transient.sdirk import Stages
+from drumsqueal.solve.transient.state import Span, State
+from drumsqueal.solve.transient.stepping import Attempt, Stepped, step_through
+from drumsqueal.solve.transient.sticking import slip, slip_acceleration, slip_motion
+
+# Steps a chunk: a run that exceeds it is stuck, and says so. Samples hold two to a period at least, so 500 of them take
+# some thousand steps; a tolerance of 1e-13 takes ten times as many, and so do edges.
+STEP_BUDGET = 100_000
+CORNER_BUDGET = 20  # more steps for each corner of what is prescribed: one ends there, and the next ones begin small
+LEAST_LOCAL = 1e-14  # of the motion, that one step may err; less would be round-off
+# A coordinate is resolved at least to this share of what it would do if all vibration energy were in each mode.
+COUPLING_SHARE = 1e-3
+QUIET = 1e-12  # m; motion below a picometre counts as rest, and is resolved as if it were that large
+# Round-offs of the load's forces that a step gathers: a motion is not resolved finer than they let it be.
+ROUND_OFF = 16 * np.finfo(np.float64).eps
+# Slip below this many tolerances of the vibration's own counts as none: there the lining sticks, or it slips on.
+SLIP_SHARE = 1.0
+FIRST_STEP_SHARE = 0.01  # first step over the period of the highest frictionless mode, divided by 2π
+
+
+class Segment(NamedTuple):
+    """What one compiled call leaves: samples, their observations and energies, the last state, and the next step.
+
+    `time` (s) is that of the last state after the start of the chunk, `halted` whether slip all but vanished
+    there or, of a lining that sticks, friction gave way.
+    """
+
+    states: State
+    observation: Observation
+    kinetic: Array
+    potential: Array
+    final: State
+    time: Array
+    step: Array
+    steps: Array
+    kept: Array
+    reached: Array
+    halted: Array
+
+
+@compiled
+def advance(
+    model: Model,
+    steady: Array,
+    state: State,
+    span: Span,
+    tolerance: ArrayLike,
+    step: Array,
+    solver: str = DEFAULT,
+    in_kernel: bool = True,
+    sticks: bool = False,
+    budget: Any = None,
+) -> Segment:
+    """One chunk; samples past the span's last repeat it, to keep the shapes. `step` (s) is the first to be tried.
+
+    It makes STEP_BUDGET steps at most unless given another `budget`. Where the lining `sticks`, in that it could, it
+    ends early where hardly any of it slips.
+    """
+    local = local_tolerance(tolerance, solver)
+    arguments = (
+        model,
+        steady,
+        state,
+        span,
+        local,
+        step,
+        resolution(model, span, local),
+        model.operation.corners,
+        solver,
+        jnp.asarray(STEP_BUDGET if budget is None else budget),
+        jnp.asarray(tolerance) if sticks else None,
+    )
+    return one_kernel(advance_scaled, *arguments) if in_kernel else advance_scaled(*arguments)
+
+
+@compiled
+def least_slip(model: Model, state: State, span: Span, tolerance: ArrayLike) -> Array:
+    """Slip speed (m/s) below which nothing counts as slipping."""
+    local = local_tolerance(tolerance, DEFAULT)
+    size = resolution(model, span, local).amplitudes(model, state)
+    return SLIP_SHARE * jnp.asarray(tolerance) * _slip_of(model, span, size.velocity)
+
+
+def _slip_of(model: Model, span: Span, velocity: Array) -> Array:
+    """Slip speed (m/s) that a velocity (n,) makes on a drum at rest."""
+    still = model.operation.at(jnp.asarray(span.start))._replace(drum_speed=jnp.zeros(()))
+    return model.contact.fastest_slip(still, model.widen(velocity))
+
+
+def local_tolerance(tolerance: ArrayLike, solver: str) -> Array:
+    """What one step of a method may err, over the amplitude of the motion."""
+    return jnp.maximum(tolerance * LOCAL_SHARE[solver], LEAST_LOCAL)
+
+
+class Resolution(NamedTuple):
+    """What motion is measured by: frictionless frequencies (n,) in rad/s, mass-normalised modes (n, n), least speed."""
+
+    omega: Array
+    modes: Array
+    least: Array
+
+    def amplitudes(self, model: Model, state: State) -> State:
+        """Amplitudes that the present vibration energy gives to displacement, velocity (n,) and work.
+
+        In the mass-normalised modes (ω_j, Φ) of the frictionless shoe, s_j = √((ω_j p_j)² + ṗ_j²) is the amplitude of
+        ṗ_j; coordinate i has velocity amplitude Σ |Φ_ij| s_j and displacement amplitude Σ |Φ_ij| s_j/ω_j. Unlike the
+        present values they do not pass through zero, so an error relative to them is a fair measure at any phase.
+        """
+        shaped = model.mass[:, None] * self.modes
+        position, speed = (jnp.sum(x[:, None] * shaped, axis=0) for x in (state.departure, state.velocity))
+        amplitude = jnp.sqrt((self.omega * position) ** 2 + speed**2)
+        total = jnp.sqrt(jnp.sum(amplitude**2) + self.least**2)
+        amplitude = jnp.maximum(amplitude, COUPLING_SHARE * total)
+        # A mode without stiffness drifts; it is given the slowest of the other frequencies.
+        slowest = jnp.min(jnp.where(self.omega > 0, self.omega, _highest(self.omega)))
+        size, period = jnp.abs(self.modes), 1 / jnp.where(self.omega > 0, self.omega, slowest)
+        return State(jnp.sum(size * amplitude * period, axis=1), jnp.sum(size * amplitude, axis=1), total**2 / 2)
+
+
+def resolution(model: Model, span: Span, local: Array) -> Resolution:
+    """What motion is measured by in a chunk; it takes eigenvalues, which no kernel finds."""
+    return _resolution(model, _quiet(model, jnp.asarray(span.start), local))
+
+
+def _resolution(model: Model, quiet: ArrayLike) -> Resolution:
+    omega, modes = frictionless_modes(model.mass, model.stiffness)
+    return Resolution(omega, modes, _least_speed(model, _highest(omega), quiet))
+
+
+def advance_scaled(
+    model: Model,
+    steady: Array,
+    state: State,
+    span: Span,
+    local: Array,
+    step: Array,
+    measure: Resolution,
+    corners: Array | None,
+    solver: str,
+    budget: Array,
+    slip_tolerance: Array | None = None,
+) -> Segment:
+    """One chunk, with errors measured against the motion that it begins with or has come to, in `budget` steps at most.
+
+    It ends early where no part of the lining slips faster than `slip_tolerance` times what such a motion does.
+    """
+    first = measure.amplitudes(model, state).flat()
+    # Powers of two, so that no state changes by rounding when it is scaled: what rests does not creep.
+    scale = jnp.ldexp(1.0, jnp.frexp(first)[1] - 1)
+    inverse = 1 / scale
+    # Time is counted from the start of the chunk: a step is then known to more digits.
+    time = span.grid
+
+    def vector_field(t: Array, scaled: Array) -> Array:
+        now = State.split(scaled * scale)
+        force, power = model.act(span.inside(span.start + t), steady + now.departure, now.velocity)
+        return State(now.velocity, force / model.mass, power).flat() * inverse
+
+    size = State.split(scale)
+
+    def rates(t: Array, q: Array, v: Array) -> tuple[Array, Array]:
+        velocity = v * size.velocity
+        force, power = model.act(span.inside(span.start + t), steady + q * size.departure, velocity)
+        return force / model.mass / size.velocity, power / size.work
+
+    def amplitudes(scaled: Array) -> Array:
+        """Amplitudes (2n + 1,) of the present motion, scaled."""
+        return measure.amplitudes(model, State.split(scaled * scale)).flat() * inverse
+
+    def least(scaled: Array) -> Array:
+        fastest = jnp.maximum(State.split(amplitudes(scaled) * scale).velocity, State.split(first).velocity)
+        return SLIP_SHARE * jnp.asarray(slip_tolerance) * _slip_of(model, span, fastest)
+
+    def size_of(scaled: Array) -> Array:
+        # A motion that has outgrown the one at the start is measured by itself, at any phase.
+        return jnp.maximum(jnp.abs(scaled) + first * inverse, amplitudes(scaled)) - 1
+
+    stages = Stages(rates, size.velocity / size.departure, model.mass * size.velocity**2, local, size_of)
+
+    def halts(t: Array, scaled: Array) -> Array:
+        return slip(model, span.inside(span.start + t), State.split(scaled * scale).velocity) < least(scaled)
+
+    def passes(attempt: Attempt) -> Array:
+        def motion(t: Array, scaled: Array) -> Array:
+            return slip_motion(model, span.inside(span.start + t), State.split(scaled * scale).velocity) / size.velocity
+
+        def inside(share: Array) -> Array:
+            t = attempt.start + share * (attempt.end - attempt.start)
+            return motion(t, attempt.inside(t))
+
+        h, now = attempt.end - attempt.start, span.inside(span.start + (attempt.start + attempt.end) / 2)
+        changes = (
+            h * slip_acceleration(model, now, State.split(slope).velocity * size.velocity) / size.velocity
+            for slope in (attempt.slope_before, attempt.slope_after)
+        )
+        step = Step(motion(attempt.start, attempt.before), motion(attempt.end, attempt.after), *changes)
+        return share_to_rest(step, inside, lambda x: _slip_of(model, span, x * size.velocity), least(attempt.after))
+
+    stepped = step_through(
+        make_solver(solver, stages),
+        vector_field,
+        time,
+        state._replace(work=jnp.zeros(())).flat() * inverse,
+        step,
+        tolerance=local,
+        norm=_largest,
+        budget=budget,
+        halts=None if slip_tolerance is None else halts,
+        passes=None if slip_tolerance is None else passes,
+        size=size_of,
+        origin=span.start,
+        corners=corners,
+    )
+    return _observed(model, steady, state.work, span.inside(span.start + time), scale, stepped)
+
+
+def _observed(model: Model, steady: Array, work: Array, time: Array, scale: Array, stepped: Stepped) -> Segment:
+    """The samples in their units, the work from the start of the transient on, and what each of them looks like."""
+    states, final = (State.split(ys * scale) for ys in (stepped.samples, stepped.last))
+    states, final = (s._replace(work=s.work + work) for s in (states, final))
+
+    def observe(sample: tuple[Array, State]) -> tuple[Observation, Array, Array]:
+        t, now = sample
+        q = steady + now.departure
+        return model.observe(t, q, now.velocity), *model.energy(t, q, now.velocity)
+
+    observation, kinetic, potential = jax.lax.map(observe, (time, states))
+    return Segment(
+        states, observation, kinetic, potential, final, stepped.time, stepped.step, stepped.steps, stepped.kept,
+        stepped.reached, stepped.halted,
+    )  # fmt: skip
+
+
+@jax.jit
+def first_step(model: Model) -> Array:
+    """A step (s) that resolves the highest frictionless frequency; without any stiffness, one of a microsecond."""
+    highest = frictionless_modes(model.mass, model.stiffness)[0][-1]
+    return jnp.where(highest > 0, FIRST_STEP_SHARE / jnp.where(highest > 0, highest, 1.0), 1e-6)
+
+
+def _quiet(model: Model, time: Array, local: Array) -> Array:
+    """Amplitude (m) below which motion counts as rest: where round-off of the load's forces exceeds the tolerance."""
+    moment, stiffest = model.operation.at(time), jnp.max(jnp.diag(model.stiffness))
+    yielding = jnp.asarray(model.contact.yielding(moment))
+    # Where it is not the contact that yields under the load, the springs yield to friction.
+    sprung = (yielding == 0) & (stiffest > 0)
+    drawn = moment.preload * model.contact.area / jnp.where(sprung, stiffest, 1.0)
+    return jnp.maximum(QUIET, ROUND_OFF * jnp.where(sprung, drawn, yielding) / local)
+
+
+def motion_scale(model: Model, state: State, quiet: ArrayLike = QUIET) -> State:
+    """Amplitudes that the present vibration energy gives to displacement, velocity (n,) and work, at least `quiet` (m).
+
+    See `Resolution.amplitudes`.
+    """
+    return _resolution(model, quiet).amplitudes(model, state)
+
+
+@jax.jit
+def least_energy(model: Model) -> Array:
+    """Vibration energy (J) below which motion counts as rest: that of a picometre of the highest frictionless mode."""
+    omega, _ = frictionless_modes(model.mass, model.stiffness)
+    return _least_speed(model, _highest(omega), QUIET) ** 2 / 2
+
+
+def _highest(omega: Array) -> Array:
+    highest = jnp.max(omega)
+    return jnp.where(highest > 0, highest, 1.0)
+
+
+def _least_speed(model: Model, highest: Array, quiet: ArrayLike) -> Array:
+    """Speed of a mass-normalised mode (m/s √kg) that vibrates at the highest frequency with `quiet` (m)."""
+    return jnp.asarray(quiet) * highest * jnp.sqrt(jnp.max(model.mass))
+
+
+def _largest(scaled_error: Array) -> Array:
+    """Largest error of any coordinate relative to its tolerance.
+
+    The work, the last entry, has no say: it follows from the motion, and beside the drum's power of hundreds of watts
+    its round-off would drown a small motion.
+    """
+    return jnp.max(jnp.abs(scaled_error[:-1]))

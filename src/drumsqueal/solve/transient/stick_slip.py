@@ -1,0 +1,260 @@
+"""A chunk of a transient through all that changes in it: slip and stick, the method, the drum's direction."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.errors import JaxRuntimeError
+from scipy.optimize import brentq
+
+from drumsqueal.physics.effects.schedule import Constant
+from drumsqueal.physics.model import Model
+from drumsqueal.solve.transient.choice import Choice, Method
+from drumsqueal.solve.transient.segment import CORNER_BUDGET, STEP_BUDGET, Segment, advance, least_slip
+from drumsqueal.solve.transient.state import CHUNK_SAMPLES, Span, State
+from drumsqueal.solve.transient.sticking import can_stick, drum_motion, drum_motions, held, hold, hold_surely, slip
+
+AWAY = 2.0  # times the slip that counts as none: what a lining that cannot stick goes on with
+MOST_CHANGES = 1000  # in one chunk, two a sample: more is a mistake, not a motion
+TIMING = 1e-12  # of a chunk: how well the end of sticking is found
+BESIDE = 1e-12  # of the drum's schedule: its jumps are looked at from so far, beyond round-off
+
+
+class StickSlip:
+    """Takes a model through time chunk by chunk, from slipping to sticking and back."""
+
+    def __init__(
+        self,
+        model: Model,
+        steady: Array,
+        tolerance: np.float64,
+        solver: str,
+        *,
+        sticks: bool = False,
+        method: Method | None = None,
+    ) -> None:
+        """Begin at the start of the transient, or go on with a lining that sticks or not and the method at hand."""
+        self._model, self._steady, self._tolerance = model, steady, tolerance
+        self._in_kernel = True
+        self._held: Model | None = held(model) if sticks else None  # the model that sticks, while it does
+        self._stuck = sticks  # whether it did when that was noted last
+        self._jumps, self._margin = _jumps(model)
+        corners = model.operation.corners
+        self._corners = np.zeros(0) if corners is None else np.unique(corners)
+        self._made = 0  # steps in the chunk at hand, or since its method was taken
+        self._choice = Choice(solver, float(tolerance), method)
+        self.solvers: set[str] = set()  # that made the last chunk
+        self.changes: list[tuple[float, bool]] = []  # in the last chunk: when (s), and whether it sticks from then on
+
+    @property
+    def sticks(self) -> bool:
+        """Whether the lining sticks at the end of the last chunk."""
+        return self._held is not None
+
+    @property
+    def method(self) -> Method:
+        """The method at hand."""
+        return self._choice.method
+
+    def through(self, state: State, span: Span, step: Array) -> Segment:
+        """One chunk."""
+        whole, self.solvers, self.changes, self._made = None, set(), [], 0
+        self._choice.begin()
+        for _ in range(MOST_CHANGES):
+            span, fresh = self._between_jumps(span)
+            if fresh:
+                state = self._settled(state, span)
+            self._note(span)
+            stuck = self._held is not None
+            segment = self._stick(state, span, step) if stuck else self._slip(state, span, step)
+            whole = segment if whole is None else _joined(whole, segment, span)
+            self._made += int(segment.steps)
+            state, step = segment.final, segment.step
+            span = span._replace(offset=np.float64(segment.time))
+            if bool(segment.halted):
+                state = self._changed(state, span, self._least_slip(state, span), ends=stuck)
+            if float(whole.time) >= float(span.length):
+                self._note(span)
+                return whole._replace(final=state, reached=jnp.asarray(True))
+            if bool(segment.halted) or bool(segment.reached):
+                continue
+            if not self._choice.switch():
+                break
+            self._made = 0
+        assert whole is not None
+        return _only_reached(whole, span)
+
+    def _note(self, span: Span) -> None:
+        """Keep when the lining begins to stick or to slip."""
+        sticks = self._held is not None
+        if sticks != self._stuck:
+            self._stuck = sticks
+            self.changes.append((float(span.start + span.offset), sticks))
+
+    def _between_jumps(self, span: Span) -> tuple[Span, bool]:
+        """The span up to the next jump, seen from between the two about it, and whether it begins at one."""
+        now, end = float(span.start + span.offset), float(span.start + span.length)
+        passed = self._jumps[self._jumps <= now + self._margin]
+        coming = self._jumps[self._jumps > now + self._margin]
+        after, before = passed[-1], coming[0] if coming.size else np.inf
+        until = before - float(span.start) if before < end - self._margin else np.inf
+        inside = span._replace(
+            until=np.float64(until), after=np.float64(after + self._margin), before=np.float64(before - self._margin)
+        )
+        return inside, bool(now - after <= self._margin)
+
+    def _may_stick(self, span: Span) -> bool:
+        speed = float(self._model.operation.at(span.after).drum_speed)
+        return can_stick(self._model, at_rest=speed == 0)
+
+    def _least_slip(self, state: State, span: Span) -> float:
+        return float(least_slip(self._model, state, span, self._tolerance))
+
+    def _settled(self, state: State, span: Span) -> State:
+        """The state to go on with from the start or a jump, where it is not known whether the lining sticks."""
+        self._held = None
+        if not self._may_stick(span):
+            return state
+        least = self._least_slip(state, span)
+        slow = float(slip(self._model, span.now, state.velocity)) < least  # not so where it is undefined
+        return self._changed(state, span, least) if slow else state
+
+    def _slip(self, state: State, span: Span, step: Array) -> Segment:
+        """Slip to the end of the span, until hardly anything slips, or as far as the method gets."""
+        self.solvers.add(self._choice.solver)
+        arguments = (self._model, self._steady, state, span, self._tolerance, step, self._choice.solver)
+        sticks, budget = self._may_stick(span), self._budget(span, self._choice.budget - self._made)
+        try:
+            return advance(*arguments, self._in_kernel, sticks, budget)
+        except JaxRuntimeError:
+            # A law of the user's own may call what no kernel can: a matrix product, a sort, a solver of equations.
+            if not self._in_kernel:
+                raise
+            self._in_kernel = False
+            return advance(*arguments, self._in_kernel, sticks, budget)
+
+    def _budget(self, span: Span, steps: int) -> np.int64:
+        """So many steps for a chunk, and some for each corner of what is prescribed in it."""
+        within = np.diff(np.searchsorted(self._corners, [float(span.start), float(span.start + span.length)]))[0]
+        return np.int64(max(steps + CORNER_BUDGET * within, 0))
+
+    def _stick(self, state: State, span: Span, step: Array) -> Segment:
+        """Move with the drum to the end of the span, or until friction no longer holds."""
+        segment = self._moved(state, span, step)
+        looks = [(float(span.start) + np.asarray(span.grid), segment.states), *self._at_corners(state, span, step)]
+        times = np.concatenate([each for each, _ in looks])
+        states = jax.tree.map(lambda *parts: np.concatenate(parts), *(each for _, each in looks))
+        surely = np.concatenate(
+            [hold_surely(self._model, span.inside(t), self._steady + s.departure, s.velocity) for t, s in looks]
+        )
+        before = float(span.start + span.offset)
+        for look in np.argsort(times, kind="stable"):
+            if times[look] <= before:
+                continue
+            now = jax.tree.map(lambda x, look=look: x[look], states)
+            if not surely[look] and self._reserve(now, span, float(times[look])) < 1:
+                return self._released(segment, state, span, step, before, float(times[look]))
+            before = float(times[look])
+        return segment
+
+    def _at_corners(self, state: State, span: Span, step: Array) -> Iterator[tuple[np.ndarray, State]]:
+        """The times just before and at each corner within the span, and the states there, some hundred at a time."""
+        begin, end = float(span.start + span.offset), float(span.start) + float(span.grid[-1])
+        within = self._corners[(self._corners > begin) & (self._corners < end)]
+        for first in range(0, within.size, CHUNK_SAMPLES // 2):
+            corners = np.resize(within[first : first + CHUNK_SAMPLES // 2], CHUNK_SAMPLES // 2)
+            corners = np.maximum.accumulate(corners)  # as many as fill a chunk
+            times = np.stack([np.nextafter(corners, -np.inf), corners], axis=1).ravel()
+            looks = np.append(np.float64(span.offset), times - float(span.start))
+            states = self._moved(state, span._replace(looks=looks), step).states
+            yield np.append(begin, times), states
+
+    def _moved(self, state: State, span: Span, step: Array) -> Segment:
+        """Move with the drum: at its own speed, which the integral of its rate has but to the tolerance."""
+        assert self._held is not None
+        segment = advance(
+            self._held, self._steady, state, span, self._tolerance, step, self._choice.explicit,
+            budget=self._budget(span, STEP_BUDGET),
+        )  # fmt: skip
+        velocity = drum_motions(self._model, span.inside(span.start + span.grid), segment.states.velocity)
+        final = drum_motion(self._model, span.inside(span.start + segment.time), segment.final.velocity)
+        return segment._replace(
+            states=segment.states._replace(velocity=velocity), final=segment.final._replace(velocity=final)
+        )
+
+    def _reserve(self, state: State, span: Span, time: float) -> float:
+        return hold(self._model, span.inside(time), self._steady + state.departure, state.velocity).reserve
+
+    def _released(
+        self, segment: Segment, state: State, span: Span, step: Array, before: float, after: float
+    ) -> Segment:
+        """The segment up to the time (s of the transient) at which friction ceases to hold."""
+
+        def at(time: float) -> State:
+            if time <= float(span.start + span.offset):
+                return state
+            until = np.float64(time - float(span.start))
+            return self._moved(state, span._replace(until=until), step).final
+
+        def excess(time: float) -> float:
+            return self._reserve(at(time), span, time) - 1
+
+        time = before
+        if after - before <= TIMING * float(span.length):  # a corner between the two, say: it holds up to there
+            time = float(np.nextafter(after, np.inf))
+        elif excess(before) > 0:
+            time = brentq(excess, before, after, xtol=TIMING * float(span.length))
+        assert isinstance(time, float)
+        yes, no = jnp.asarray(True), jnp.asarray(False)
+        passed = jnp.asarray(time - float(span.start))
+        return segment._replace(final=at(time), time=passed, step=step, reached=no, halted=yes)
+
+    def _changed(self, state: State, span: Span, least: float, *, ends: bool = False) -> State:
+        """The state to go on with where hardly anything slips: at rest on the drum, or slipping off it."""
+        found = hold(self._model, span.now, self._steady + state.departure, state.velocity, ends=ends)
+        velocity = drum_motion(self._model, span.now, state.velocity)
+        if found.reserve >= 1 and not ends:
+            self._held = held(self._model)
+            return state._replace(velocity=velocity)
+        self._held = None
+        return state._replace(velocity=velocity + AWAY * least * jnp.asarray(found.direction))
+
+
+def _jumps(model: Model) -> tuple[np.ndarray, float]:
+    """Times (s) from 0 on at which the drum stops, starts or turns round: friction jumps; and how near is there."""
+    speed = model.operation.drum_speed
+    if isinstance(speed, Constant) or model.contact.friction is None:
+        return np.zeros(1), 0.0
+    time, value = np.asarray(speed.time), np.asarray(speed.value)
+    turns = np.flatnonzero(value[:-1] * value[1:] < 0)
+    crossed = time[turns] + np.diff(time)[turns] * value[turns] / (value[turns] - value[turns + 1])
+    padded = np.pad(value, 1, mode="edge")
+    rests = time[(value == 0) & ((padded[:-2] != 0) | (padded[2:] != 0))]
+    jumps = np.sort(np.concatenate([crossed, rests]))
+    return np.concatenate([[0.0], jumps[jumps > 0]]), BESIDE * float(np.max(np.abs(time)))
+
+
+def _only_reached(whole: Segment, span: Span) -> Segment:
+    """A chunk that ends early: without samples of what did not come to pass."""
+    there = np.arange(len(whole.kinetic)) * float(span.interval) <= float(whole.time)
+    state = whole.states._replace(departure=jnp.where(there[:, None], whole.states.departure, jnp.nan))
+    return whole._replace(states=state, reached=jnp.asarray(False))
+
+
+def _joined(whole: Segment, segment: Segment, span: Span) -> Segment:
+    """Samples up to where the segment begins from the one, later ones from the other."""
+    earlier = np.arange(len(whole.kinetic)) * float(span.interval) <= float(span.offset)
+
+    def join(old: Any, new: Any) -> Any:
+        after = earlier.reshape(-1, *[1] * (np.ndim(new) - 1))
+        return np.where(after, np.asarray(old), np.asarray(new))
+
+    joined = {
+        name: jax.tree.map(join, getattr(whole, name), getattr(segment, name))
+        for name in ("states", "observation", "kinetic", "potential")
+    }
+    counts = {"steps": whole.steps + segment.steps, "kept": whole.kept + segment.kept}
+    return segment._replace(**joined, **counts)

@@ -1,0 +1,263 @@
+"""The lining sticking to the drum as a whole: what friction can hold, whether it does, and the motion meanwhile.
+
+Where the slip velocity vanishes all over the lining, friction is set-valued: it can be any force of the limit surface
+K = {Q : Q·w ≤ h(w) for all w}, h(w) = ∫ μ_s N |V_w| dA, with V_w the slip velocity of a motion w relative to the drum
+(Goyal, Ruina & Papadopoulos, Wear 143 (1991) 307). The lining sticks as long as what is needed to move with the drum
+lies in it. That is asked for from outside the compiled steps, at the samples and corners of a lining that sticks.
+"""
+
+import dataclasses
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.typing import ArrayLike
+from scipy.optimize import minimize, nnls
+
+from drumsqueal.physics.bodies.rigid_shoe import TZ, Y
+from drumsqueal.physics.effects.contact import Contact
+from drumsqueal.physics.effects.friction import Friction
+from drumsqueal.physics.effects.operation import Moment
+from drumsqueal.physics.effects.touching import Observation
+from drumsqueal.physics.laws.friction_law import ConstantLaw, static_coefficient
+from drumsqueal.physics.model import Model
+
+ENOUGH = 16  # directions a coordinate, of a polytope within the limit surface: most of what is held lies in it
+SEED = 1  # of those directions
+INSIDE = 1e-9  # of the farthest point: how near to the polytope counts as in it
+JUST = 1e-6  # of the reserve: so little beyond it, the lining slips the way that is resisted least
+
+
+def can_stick(model: Model, *, at_rest: bool) -> bool:
+    """Whether the lining can move as one with the drum: with friction, and the coordinates to follow it unless at rest.
+
+    A shoe follows a drum that turns in Y and Tz.
+    """
+    follows = all(isinstance(d, float) and d == 0 for i, d in enumerate(model.contact.following) if _left_out(model, i))
+    return model.contact.friction is not None and (follows or at_rest)
+
+
+def _left_out(model: Model, coordinate: int) -> bool:
+    return coordinate not in model.coordinates
+
+
+class Held(Model):
+    """The same body while its lining sticks: it moves with the drum, by whatever force of friction that takes.
+
+    Coordinates without a slip velocity of their own, such as Z where friction knows the sliding direction only, go on
+    freely.
+    """
+
+    def act(self, time: ArrayLike, q: Array, v: Array) -> tuple[Array, Array]:
+        """Force (n,) that makes the motion the drum's, and the power beyond the stored energy (W)."""
+        moment = self.operation.at(time)
+        free, power = _without_friction(self, time, q, v)
+        held = _grip(self, moment, free)
+        return free + held, power + held @ v
+
+    def observe(self, time: ArrayLike, q: Array, v: Array) -> Observation:
+        """Torque, forces and extent of the contact at one instant; nothing slips, nothing is turned into heat."""
+        moment = self.operation.at(time)
+        observation = self.contact.with_friction(None).observe(moment, self.widen(q), self.widen(v))
+        observation = observation._replace(sticking=jnp.ones(()))
+        if not isinstance(self.contact, Contact):
+            return observation
+        wide = self.widen(_grip(self, moment, _without_friction(self, time, q, v)[0]))
+        # Of R ∫F_θ dA − c ∫F_θ cos θ dA, the force on Tz, and ∫F_θ cos θ dA, that on Y.
+        torque = jnp.asarray(wide[TZ] + self.shoe.centroid * wide[Y] + jnp.zeros(()))
+        return observation._replace(brake_torque=torque)
+
+
+def held(model: Model) -> Held:
+    """The model while its lining sticks."""
+    return Held(**{field.name: getattr(model, field.name) for field in dataclasses.fields(model)})
+
+
+@jax.jit
+def slip(model: Model, time: ArrayLike, v: Array) -> Array:
+    """A bound on the slip speed (m/s) anywhere on the lining at velocities v (n,), reached up to a small factor."""
+    return model.contact.fastest_slip(model.operation.at(time), model.widen(v))
+
+
+def slip_motion(model: Model, time: ArrayLike, v: Array) -> Array:
+    """Velocity (n,) relative to the drum's motion; zero in coordinates that do not slip."""
+    return jnp.where(_slips(model), v - _following(model) * model.operation.at(time).drum_speed, 0.0)
+
+
+def slip_acceleration(model: Model, time: ArrayLike, a: Array) -> Array:
+    """Acceleration (n,) relative to the drum's motion; zero in coordinates that do not slip."""
+    rate = model.operation.drum_speed.at(time)[1]
+    return jnp.where(_slips(model), a - _following(model) * (0.0 if rate is None else rate), 0.0)
+
+
+@jax.jit
+def drum_motion(model: Model, time: ArrayLike, v: Array) -> Array:
+    """Velocity (n,) of a shoe whose lining moves with the drum; coordinates that do not slip keep theirs."""
+    return jnp.where(_slips(model), _following(model) * model.operation.at(time).drum_speed, v)
+
+
+@jax.jit
+def drum_motions(model: Model, times: Array, velocities: Array) -> Array:
+    """The same for many times (k,) and velocities (k, n)."""
+    return jax.vmap(drum_motion, in_axes=(None, 0, 0))(model, times, velocities)
+
+
+class Grip(NamedTuple):
+    """What friction needs to hold the lining (n,), and what it can: K's farthest points (k, n) in directions (k, n)."""
+
+    needed: Array
+    farthest: Array
+
+
+@jax.jit
+def grip(model: Model, time: ArrayLike, q: Array, v: Array, directions: Array) -> Grip:
+    """The force needed at a displacement q (n,), and the farthest points of the limit surface; v tells what is free."""
+    moment = model.operation.at(time)
+    needed = _grip(model, moment, _without_friction(model, time, q, v)[0])
+    friction = model.contact.friction
+    assert friction is not None
+    static = Friction(ConstantLaw(static_coefficient(friction.law)), friction.direction)
+    sliding, smooth = model.contact.with_friction(static), model.contact.with_friction(None)
+    still = moment._replace(drum_speed=jnp.zeros(()))
+
+    def farthest(direction: Array) -> Array:
+        with_friction = sliding.act(still, model.widen(q), model.widen(-direction)).force
+        without = smooth.act(still, model.widen(q), model.widen(jnp.zeros_like(q))).force
+        return jnp.stack([jnp.asarray(with_friction[i] - without[i] + jnp.zeros(())) for i in model.coordinates])
+
+    return Grip(needed, jax.lax.map(farthest, directions))
+
+
+def _without_friction(model: Model, time: ArrayLike, q: Array, v: Array) -> tuple[Array, Array]:
+    smooth = dataclasses.replace(model, contact=model.contact.with_friction(None))
+    return Model.act(smooth, time, q, v)  # not that of a model held, which asks for this
+
+
+def _grip(model: Model, moment: Moment, free: Array) -> Array:
+    """M d Ω̇ − Q: what friction adds to the other forces Q (n,) so that the shoe turns with the drum."""
+    rate = model.operation.drum_speed.at(moment.time)[1]
+    turning = _following(model) * model.mass * (0.0 if rate is None else rate)
+    return jnp.where(_slips(model), turning - free, 0.0)
+
+
+def _following(model: Model) -> Array:
+    """Velocities d of a shoe that turns with the drum at 1 rad/s."""
+    return jnp.stack([jnp.asarray(model.contact.following[i]) for i in model.coordinates])
+
+
+def _slips(model: Model) -> np.ndarray:
+    """Which coordinates have a slip velocity of their own (n,)."""
+    return np.array([model.contact.slipping[i] for i in model.coordinates])
+
+
+class Hold(NamedTuple):
+    """Whether friction holds: `reserve` is what it could hold over what is needed, and how the lining slips if not.
+
+    `direction` (n,) is the relative acceleration it slips with, to a slip speed of 1 m/s; zero where it holds.
+    """
+
+    reserve: float
+    direction: np.ndarray
+
+
+def hold_surely(model: Model, times: Array, q: Array, v: Array) -> np.ndarray:
+    """Whether what is needed lies among some points of the limit surface: a quick answer, where it is yes (k,).
+
+    For many times (k,) with displacements and velocities (k, n).
+    """
+    if len(times) > 1 and not model.forced and _rests(model, times, q, v):
+        return np.repeat(hold_surely(model, times[:1], q[:1], v[:1]), len(times))
+    count, root = len(model.coordinates), np.sqrt(np.asarray(model.mass))
+    directions = np.random.default_rng(SEED).standard_normal((ENOUGH * count, count)) * _slips(model) / root
+    needed, farthest = (np.asarray(x) / root for x in _grips(model, times, q, v, jnp.asarray(directions)))
+    answers: list[bool] = []
+    for k in range(len(needed)):
+        same = k > 0 and np.array_equal(needed[k], needed[k - 1]) and np.array_equal(farthest[k], farthest[k - 1])
+        answers.append(answers[-1] if same else _lies_among(needed[k], farthest[k]))
+    return np.array(answers)
+
+
+def _rests(model: Model, times: Array, q: Array, v: Array) -> bool:
+    """Whether neither the motion nor what is prescribed changes, as where a drum rests: one sample tells all."""
+    speed, rate = jax.vmap(model.operation.drum_speed.at)(times)
+    prescribed = (speed, jax.vmap(model.operation.preload.at)(times)[0], *(() if rate is None else (rate,)))
+    return all(not np.ptp(np.asarray(x), axis=0).any() for x in (q, v, *prescribed))
+
+
+@jax.jit
+def _grips(model: Model, times: Array, q: Array, v: Array, directions: Array) -> Grip:
+    return jax.lax.map(lambda now: grip(model, *now, directions), (times, q, v))
+
+
+def _lies_among(wanted: np.ndarray, points: np.ndarray) -> bool:
+    """Whether a point (n,) is in the hull of points (k, n) and their opposites."""
+    size = np.abs(points).max()
+    if size == 0 or not np.isfinite([size, *wanted]).all():
+        return False
+    table = np.vstack([np.hstack([points.T, -points.T]) / size, np.ones(2 * len(points))])
+    table = np.hstack([table, np.eye(len(table))[:, -1:]])  # the shares add up to one or less
+    return nnls(table, np.append(wanted / size, 1.0))[1] < INSIDE
+
+
+def hold(model: Model, time: ArrayLike, q: ArrayLike, v: ArrayLike, *, ends: bool = False) -> Hold:
+    """Decide whether the lining sticks at a displacement q (n,), moving with the drum.
+
+    The reserve is min h(u) over the motions u with Q·u = 1, Q the force that is needed: at least one where it lies in
+    the limit surface. h is convex, and the minimum found to the square of what its gradient is found to. Where sticking
+    `ends`, the direction is told also at a reserve of just one.
+    """
+    moving = _slips(model)
+    count = len(moving)
+    # Arrays, for plain numbers would be compiled into the program.
+    time, q, v = jnp.asarray(time), jnp.asarray(q), jnp.asarray(v)
+
+    def farthest(direction: np.ndarray) -> np.ndarray:
+        return np.asarray(grip(model, time, q, v, jnp.asarray(direction[None])).farthest[0])
+
+    needed = np.asarray(grip(model, time, q, v, jnp.zeros((1, count))).needed)
+    root = np.sqrt(np.asarray(model.mass))
+    size = float(np.linalg.norm((needed / root)[moving]))
+    if size == 0:
+        return Hold(np.inf, np.zeros(count))
+    along = np.where(moving, needed / root, 0.0) / size
+    across = _across(along, moving)
+
+    def resistance(y: np.ndarray) -> tuple[float, np.ndarray]:
+        direction = (along + across @ y) / root
+        force = farthest(direction)
+        return float(force @ direction) / size, across.T @ (force / root) / size
+
+    best = _least(resistance, np.zeros(across.shape[1]))
+    reserve = resistance(best)[0]
+    if reserve >= 1 and not ends:
+        return Hold(reserve, np.zeros(count))
+
+    # M r = −Q − ∂h(r): the least of ½ rᵀM r + h(r) + Q·r, from the direction that is resisted least.
+    def decline(x: np.ndarray) -> tuple[float, np.ndarray]:
+        force = farthest(np.where(moving, x, 0.0) / root)
+        slope = np.where(moving, x + (force + needed) / root, 0.0)
+        return float(x @ x / 2 + x @ ((force + needed) / root)), slope
+
+    weakest = -(along + across @ best)
+    start = weakest / (weakest @ weakest) * max(1 - reserve, 0.0) * size
+    acceleration = _least(decline, start) / root
+    if not acceleration.any() or reserve > 1 - JUST:
+        acceleration = weakest / root
+    return Hold(reserve, acceleration / float(slip(model, time, drum_motion(model, time, v) + acceleration)))
+
+
+def _across(along: np.ndarray, moving: np.ndarray) -> np.ndarray:
+    """An orthonormal basis (n, k) of what is at right angles to a unit vector among the coordinates that slip."""
+    kept = np.eye(len(along))[:, moving]
+    basis = np.linalg.svd(kept - np.outer(along, along @ kept))
+    return basis[0][:, : kept.shape[1] - 1]
+
+
+def _least(function: Callable[[np.ndarray], tuple[float, np.ndarray]], start: np.ndarray) -> np.ndarray:
+    """Where a convex function, given with its gradient, is least."""
+    if start.size == 0:
+        return start
+    return minimize(function, start, jac=True, method="BFGS", options={"gtol": 1e-10}).x

@@ -1,1 +1,0 @@
-"""The questions that users ask of a whole scene, each a study of many runs."""

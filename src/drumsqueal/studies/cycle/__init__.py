@@ -1,1 +1,0 @@
-"""Periodic motions: found by shooting, and followed along a parameter."""

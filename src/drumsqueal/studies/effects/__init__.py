@@ -1,1 +1,0 @@
-"""Which effects does a scene need, and what does each cost?"""

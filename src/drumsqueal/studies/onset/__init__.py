@@ -1,1 +1,0 @@
-"""Linear against nonlinear onset along a parameter."""

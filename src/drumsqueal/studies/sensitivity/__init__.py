@@ -1,1 +1,0 @@
-"""What to change to make a brake quiet."""

@@ -1,1 +1,0 @@
-"""Many scenes: stability and amplitude maps, and the chance of squeal."""

@@ -1,0 +1,185 @@
+"""Labels that do not overlap, and long records reduced to what a printed line can show."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.axis import XAxis
+from matplotlib.text import Annotation
+from matplotlib.ticker import AutoLocator, FuncFormatter
+from matplotlib.transforms import Bbox
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import make_interp_spline
+
+from drumsqueal.terminal.style import SMALL_SIZE
+
+LABEL_STEP = 1.3 * SMALL_SIZE  # points from one line of labels to the next
+COLUMNS = 800  # a record is reduced to this many columns of a printed line
+
+
+class _InUnits(AutoLocator):
+    """Ticks at round multiples of a unit."""
+
+    def __init__(self, size: float) -> None:
+        super().__init__()
+        self._size = size
+
+    def tick_values(self, vmin: float, vmax: float) -> NDArray[np.float64]:
+        """As of AutoLocator, between two values in SI."""
+        return self._size * np.asarray(super().tick_values(vmin / self._size, vmax / self._size))
+
+
+def tick_in_units(axis: XAxis, size: float) -> None:
+    """Mark an axis of values in SI in a unit that is `size` in SI."""
+    if size != 1:
+        axis.set_major_locator(_InUnits(size))
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value / size:.6g}".replace("-", "\N{MINUS SIGN}")))
+
+
+def spread(positions: ArrayLike, gap: float, low: float, high: float) -> NDArray[np.float64]:
+    """Move positions apart to at least `gap`, in order and within [low, high], as little as that takes.
+
+    Where there is no room for `gap` the labels share what room there is.
+    """
+    wanted = np.asarray(positions, dtype=np.float64)
+    order = np.argsort(wanted, kind="stable")
+    gap = min(gap, (high - low) / max(wanted.size - 1, 1))
+    # In steps beyond the gap the task is an isotonic fit: labels that would collide share the mean of their wishes.
+    steps = gap * np.arange(wanted.size)
+    blocks: list[tuple[float, int]] = []
+    for value in wanted[order] - steps:
+        mean, count = float(value), 1
+        while blocks and blocks[-1][0] > mean:
+            above, number = blocks.pop()
+            mean, count = (mean * count + above * number) / (count + number), count + number
+        blocks.append((mean, count))
+    fitted = np.clip(np.repeat([mean for mean, _ in blocks], [count for _, count in blocks]), low, high - steps[-1:])
+    result = np.empty_like(wanted)
+    result[order] = fitted + steps
+    return result
+
+
+def label_right_edge(axes: Axes, labels: list[tuple[float, str, str]], reach: float = 10.0) -> list[Annotation]:
+    """Write (y, text, colour) to the right of the axes at height y, moved apart where they are close."""
+    return _label_edge(axes, labels, reach, upright=True, step=LABEL_STEP)
+
+
+def label_top_edge(axes: Axes, labels: list[tuple[float, str, str]], reach: float = 9.0) -> list[Annotation]:
+    """Write (x, text, colour) above the axes at x, moved apart where they are close."""
+    longest = max((len(text) for _, text, _ in labels), default=0)
+    return _label_edge(axes, labels, reach, upright=False, step=0.68 * SMALL_SIZE * longest)
+
+
+def _label_edge(
+    axes: Axes, labels: list[tuple[float, str, str]], reach: float, *, upright: bool, step: float
+) -> list[Annotation]:
+    if not labels:
+        return []
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    figure.draw_without_rendering()  # only now is the size of the axes known
+    box, along = axes.get_window_extent(), 1 if upright else 0
+    length = (box.height if upright else box.width) * 72 / figure.dpi
+    limits = axes.get_ylim() if upright else axes.get_xlim()
+    shares = (np.array([place for place, _, _ in labels]) - limits[0]) / (limits[1] - limits[0])
+    placed = spread(shares, step / length, 0.0, 1.0)
+    made = []
+    for share, place, (_, text, colour) in zip(shares, placed, labels, strict=True):
+        offset = [reach, reach]
+        offset[along] = (place - share) * length
+        made.append(
+            axes.annotate(
+                text,
+                (1.0, share) if upright else (share, 1.0),
+                xycoords="axes fraction",
+                xytext=(offset[0], offset[1]),
+                textcoords="offset points",
+                color=colour,
+                fontsize=SMALL_SIZE,
+                ha="left" if upright else "center",
+                va="center" if upright else "bottom",
+                annotation_clip=False,
+                arrowprops={"arrowstyle": "-", "color": colour, "linewidth": 0.5, "shrinkA": 0, "shrinkB": 0},
+            )
+        )
+    return made
+
+
+# Where a label may stand around its point, in order of preference: direction of the offset and alignment.
+_AROUND = (
+    (1, 0, "left", "center"),
+    (-1, 0, "right", "center"),
+    (0, 1, "center", "bottom"),
+    (0, -1, "center", "top"),
+    (0.8, 0.8, "left", "bottom"),
+    (-0.8, 0.8, "right", "bottom"),
+    (0.8, -0.8, "left", "top"),
+    (-0.8, -0.8, "right", "top"),
+)
+
+
+def label_points(
+    axes: Axes,
+    labels: list[tuple[float, float, str, str]],
+    obstacles: list[tuple[float, float]],
+    distance: float = 8.0,
+) -> list[Annotation]:
+    """Write (x, y, text, colour) beside each point, inside the frame.
+
+    The labels keep clear of one another, of the points, of further markers at `obstacles` and of the line x = 0.
+    """
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    figure.draw_without_rendering()
+    frame, places = axes.get_window_extent(), [(x, y) for x, y, _, _ in labels] + obstacles
+    points = axes.transData.transform(places or [(0.0, 0.0)])
+    half = 5.0 * figure.dpi / 72  # a marker's half width
+    taken = [Bbox.from_extents(px - half, py - half, px + half, py + half) for px, py in points]
+    zero = axes.transData.transform((0.0, 0.0))[0]
+    taken.append(Bbox.from_extents(zero - 1, frame.y0, zero + 1, frame.y1))
+    made = []
+    for x, y, text, colour in labels:
+        label = axes.annotate(
+            text, (x, y), xytext=(0, 0), textcoords="offset points", color=colour, fontsize=SMALL_SIZE
+        )
+        label.set_in_layout(False)  # it stays inside the frame
+        best = (np.inf, Bbox.null())
+        for scale in (1.0, 2.0, 3.5):
+            for right, up, horizontal, vertical in _AROUND:
+                label.set(position=(scale * distance * right, scale * distance * up), ha=horizontal, va=vertical)
+                box = label.get_window_extent().padded(3.0)
+                cost = sum(_common(box, other) for other in taken) + box.width * box.height - _common(box, frame)
+                if cost < best[0]:
+                    best = (cost, box)
+                    chosen = label.get_position(), horizontal, vertical
+            if best[0] < 1.0:
+                break
+        position, horizontal, vertical = chosen
+        label.set(position=position, ha=horizontal, va=vertical)
+        taken.append(best[1])
+        made.append(label)
+    return made
+
+
+def _common(one: Bbox, other: Bbox) -> float:
+    both = Bbox.intersection(one, other)
+    return 0.0 if both is None else both.width * both.height
+
+
+def extremes(
+    values: NDArray[np.float64], columns: int = COLUMNS
+) -> tuple[NDArray[np.intp], NDArray[np.float64], NDArray[np.float64]]:
+    """Return first index, smallest and largest value of each of at most `columns` equal pieces of a record."""
+    starts = np.unique(np.linspace(0, values.size, min(columns, values.size), endpoint=False).astype(np.intp))
+    return starts, np.minimum.reduceat(values, starts), np.maximum.reduceat(values, starts)
+
+
+def finer(
+    time: NDArray[np.float64], values: NDArray[np.float64], count: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Interpolate samples (time, ...) by a quintic spline to `count` times; seven samples a period are enough."""
+    grid = np.linspace(time[0], time[-1], count)
+    return grid, between(time, values, grid)
+
+
+def between(time: NDArray[np.float64], values: NDArray[np.float64], wanted: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Values (wanted, ...) of that spline through six samples or more, at times within theirs."""
+    return make_interp_spline(time, values, k=5)(wanted)
