@@ -28,7 +28,7 @@ from drumsqueal.scene.plan import Plan, grid, sample
 from drumsqueal.scene.variation import read_variation
 from processes import posix, start, wait_for
 
-SCENARIOS = Path(__file__).parents[1] / "scenarios"
+SCENARIOS = Path(__file__).parents[2] / "scenarios"
 NOMINAL, UNCERTAIN = str(SCENARIOS / "nominal.toml"), str(SCENARIOS / "uncertain.toml")
 SIX = tuple(range(6))
 

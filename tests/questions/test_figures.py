@@ -41,7 +41,7 @@ from drumsqueal.scene.variation import read_variation
 from drumsqueal.terminal.placement import spread
 from drumsqueal.terminal.style import save_figures
 
-SCENARIOS = Path(__file__).parents[1] / "scenarios"
+SCENARIOS = Path(__file__).parents[2] / "scenarios"
 ALL = {"growth", "spectrogram", "spectra", "phase", "contact", "eigenvalues"}
 RATE = 50_000.0
 MOTION = {"X": 1e-8, "Y": 6e-8, "Tz": 5e-7, "Tx": 1e-6, "Ty": 5e-7}  # amplitude of each mode at the start (m, rad)

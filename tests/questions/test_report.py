@@ -42,7 +42,7 @@ from drumsqueal.scene.variation import read_variation
 from drumsqueal.simulation import prepare
 from drumsqueal.solve.linear.modes import analyse_stability
 
-DAMPED = Path(__file__).parents[1] / "scenarios" / "damped.toml"
+DAMPED = Path(__file__).parents[2] / "scenarios" / "damped.toml"
 TITLE = (
     'A "quiet" <script>document.documentElement.dataset.harmed = 1</script></title><img src=x onerror=alert(1)> & shoe'
 )

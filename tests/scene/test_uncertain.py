@@ -143,4 +143,4 @@ def test_no_draw_leaves_the_limits(mean, deviation, low, width, open_above):
     assert smallest <= values[0] <= values[-1] <= largest
 
 
-NOMINAL: Scene = load_scene(__file__.replace("tests/test_uncertain.py", "scenarios/nominal.toml"))
+NOMINAL: Scene = load_scene(__file__.replace("tests/scene/test_uncertain.py", "scenarios/nominal.toml"))

@@ -15,7 +15,7 @@ from drumsqueal.files.claims import LOCK, claim_file, claim_folder, claim_result
 from processes import MAIN, posix, start, wait_for
 
 pytestmark = posix
-NOMINAL = str(Path(__file__).parents[1] / "scenarios" / "nominal.toml")
+NOMINAL = str(Path(__file__).parents[2] / "scenarios" / "nominal.toml")
 ROUNDS, TOGETHER = 20, 4
 # In each round it claims when all are there, holds that until all have tried, and says whether it got it.
 RACE = """

@@ -50,7 +50,7 @@ from drumsqueal.scene import SceneError, load_scene
 from drumsqueal.scene.variation import Variation, read_variation
 from drumsqueal.solve.linear.branches import Branches, follow_modes, point_at
 
-DAMPED = Path(__file__).parents[1] / "scenarios" / "damped.toml"
+DAMPED = Path(__file__).parents[2] / "scenarios" / "damped.toml"
 HOPF = 0.5 * math.log(10)  # of the block below
 
 

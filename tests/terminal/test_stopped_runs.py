@@ -24,7 +24,7 @@ from drumsqueal.questions.run import results as results
 from drumsqueal.simulation import run
 from processes import MAIN, posix, start, wait_for
 
-SCENARIOS = Path(__file__).parents[1] / "scenarios"
+SCENARIOS = Path(__file__).parents[2] / "scenarios"
 NOMINAL = str(SCENARIOS / "nominal.toml")
 THREE_CHUNKS = ("--set", "simulate.duration=0.03")
 AGAIN = "--resume goes on from there"

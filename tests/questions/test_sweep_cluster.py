@@ -22,7 +22,7 @@ from drumsqueal.scene.plan import Plan, grid
 from drumsqueal.scene.variation import read_variation
 from processes import posix, start
 
-SCENARIOS = Path(__file__).parents[1] / "scenarios"
+SCENARIOS = Path(__file__).parents[2] / "scenarios"
 
 
 @pytest.fixture

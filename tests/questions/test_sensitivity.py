@@ -20,7 +20,7 @@ from drumsqueal.simulation import run
 from drumsqueal.solve.linear.gradients import eigenvalue_gradient, state_matrix_of
 from drumsqueal.solve.linear.modes import analyse_stability
 
-NOMINAL = Path(__file__).parents[1] / "scenarios" / "nominal.toml"
+NOMINAL = Path(__file__).parents[2] / "scenarios" / "nominal.toml"
 BRIEF = {"simulate.duration": 0.05}
 SQUEALING = ("X", "Y", "Tz")
 

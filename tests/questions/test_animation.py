@@ -32,7 +32,7 @@ from drumsqueal.questions.animate.section import (
 from drumsqueal.scene import COORDINATES, load_scene
 from drumsqueal.simulation import prepare
 
-SCENARIOS = Path(__file__).parents[1] / "scenarios"
+SCENARIOS = Path(__file__).parents[2] / "scenarios"
 RATE, FREQUENCY, LIFTS, REVERSES = 50e3, 1000.0, 2e-5, 1.0  # beyond p0/k_c = 6.9 µm, and beyond RΩ = 0.5 m/s
 
 

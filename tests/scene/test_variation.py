@@ -121,7 +121,7 @@ def test_mistakes(nominal, text, told):
 
 
 def test_a_profile_has_no_value_to_vary():
-    stop = load_scene(Path(__file__).parents[1] / "scenarios" / "stop.toml")
+    stop = load_scene(Path(__file__).parents[2] / "scenarios" / "stop.toml")
     for key in ("drum.speed", "drum.speed.value"):
         with pytest.raises(SceneError, match="profile over time"):
             read_variation(f"{key}=1..2", stop)

@@ -24,7 +24,7 @@ from drumsqueal.scene import SceneError, load_scene
 from processes import posix
 
 pytestmark = posix
-NOMINAL = str(Path(__file__).parents[1] / "scenarios" / "nominal.toml")
+NOMINAL = str(Path(__file__).parents[2] / "scenarios" / "nominal.toml")
 SEED, FLIPS = 11, 60
 
 

@@ -26,7 +26,7 @@ from drumsqueal.terminal.options import UNBROKEN, Reply, make_console
 
 PULSE = "{time=[0, 0.1, 0.1000005, 0.100001], value=[2000, 2000, 8e5, 2000]}"  # between two samples
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 NOMINAL = str(ROOT / "scenarios" / "nominal.toml")
 COMMANDS = [(name, command) for group in cli.GROUPS.values() for name, command in group.items()]
 SHORT = ("--set", "simulate.duration=0.002")

@@ -15,7 +15,7 @@ from drumsqueal import questions
 from drumsqueal.scene import load_scene
 from drumsqueal.terminal.tables import print_table
 
-SCENARIOS = Path(__file__).parents[1] / "scenarios"
+SCENARIOS = Path(__file__).parents[2] / "scenarios"
 SENTENCE = "from the drum's axis to the middle of the lining, along the direction of the load, in steady sliding"
 
 

@@ -30,7 +30,7 @@ from drumsqueal.scene import load_scene, scene_from_dict
 from drumsqueal.scene.variation import read_variation
 from drumsqueal.simulation import prepare
 
-SCENARIOS = Path(__file__).parents[1] / "scenarios"
+SCENARIOS = Path(__file__).parents[2] / "scenarios"
 NOMINAL = str(SCENARIOS / "nominal.toml")
 SHORT = ("--set", "simulate.duration=0.002")
 MADE = {REPORT, *made_of("history.nc"), *MODE_FILES}  # of a run's results, by report, export and animate

@@ -12,7 +12,7 @@ import drumsqueal
 from drumsqueal import command_line as cli
 from drumsqueal.scene import load_scene
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]

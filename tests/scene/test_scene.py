@@ -17,7 +17,7 @@ from drumsqueal.scene import COORDINATES, Profile, Scene, SceneError, Shoe, load
 from drumsqueal.scene.quantities import parse_quantity
 from drumsqueal.scene.usual import USUAL, unusual
 
-SCENARIOS = Path(__file__).parents[1] / "scenarios"
+SCENARIOS = Path(__file__).parents[2] / "scenarios"
 NOMINAL = SCENARIOS / "nominal.toml"
 SHIPPED = sorted(SCENARIOS.glob("*.toml"))
 

@@ -31,7 +31,7 @@ from drumsqueal.scene import load_scene
 from drumsqueal.scene.variation import Variation
 from drumsqueal.solve.linear.branches import point_at
 
-DAMPED = Path(__file__).parents[1] / "scenarios" / "damped.toml"
+DAMPED = Path(__file__).parents[2] / "scenarios" / "damped.toml"
 DAMPING, CUBIC, QUINTIC = 0.04, -0.4, 0.5
 
 
