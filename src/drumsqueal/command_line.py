@@ -38,7 +38,8 @@ from drumsqueal.questions.stability.command import stability_command
 from drumsqueal.questions.sweep.command import sweep_command
 from drumsqueal.scene import Scene
 from drumsqueal.scene.quantities import SceneError, printable
-from drumsqueal.terminal.options import UsageError, make_console
+from drumsqueal.terminal.options import UsageError
+from drumsqueal.terminal.reply import make_console
 
 app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich", pretty_exceptions_enable=False)
 FAILED, WRONG = 1, 2  # exit status

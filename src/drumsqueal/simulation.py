@@ -27,6 +27,7 @@ from drumsqueal.physics.composition import (
 )
 from drumsqueal.physics.laws.friction_law import FrictionLaw
 from drumsqueal.physics.model import Model, build_model
+from drumsqueal.progress import Progress, silent
 from drumsqueal.scene import COORDINATES, Scene, SceneError
 from drumsqueal.solve.linear.modes import Stability, analyse_stability, while_sliding
 from drumsqueal.solve.linear.steady import coupling
@@ -175,19 +176,38 @@ def run(
     return finish(prepared, chunks, outcome)
 
 
-def run_whole(prepared: Prepared) -> Result:
+def run_whole(prepared: Prepared, progress: Progress = silent) -> Result:
     """Run a scene that is one of a study's: all of it or nothing.
 
-    Raises SceneError for a sample rate that folds, IntegrationError where it fails, and KeyboardInterrupt between two
-    chunks.
+    Raises SceneError for a sample rate that folds, and IntegrationError where it fails.
     """
     check_sample_rate(prepared)
-    chunks = []
-    with closing(transient(prepared)) as stream:
-        for chunk in stream:
-            chunks.append(chunk)
-            stop_if_interrupted()
+    chunks: list[Chunk] = []
+    follow(prepared, chunks.append, progress)
     return finish(prepared, chunks, COMPLETE)
+
+
+def follow(
+    prepared: Prepared,
+    take: Callable[[Chunk], object],
+    progress: Progress = silent,
+    *,
+    since: Checkpoint | None = None,
+    what: str = "integrating",
+) -> None:
+    """Integrate a scene, calling `take` with every chunk, until its end or until `take` returns True.
+
+    `progress` is called after each chunk with the time reached (s), and may stop it by raising an exception. Raises
+    IntegrationError where the integration fails.
+    """
+    duration = prepared.scene.simulate.duration
+    with closing(transient(prepared, since)) as stream:
+        for chunk in stream:
+            enough = take(chunk)
+            reached = float(chunk.time[-1])
+            progress(f"{what}, {reached:.4f} s", reached, duration)
+            if enough is True:
+                return
 
 
 def collect(prepared: Prepared, keep: Callable[[Chunk], None], since: Checkpoint | None = None) -> str:

@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 from functools import cache
 from types import SimpleNamespace
 from typing import Any
@@ -11,13 +12,15 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from drumsqueal import load_scene, run
+from drumsqueal.files.json_file import to_json
 from drumsqueal.findings import decay
+from drumsqueal.findings.schema import read_findings
 from drumsqueal.findings.signals import Bases, Regime, classify, find_bases, find_lines
 from drumsqueal.findings.signals.lyapunov import Exponents, lyapunov_exponents, orthonormalised
 from drumsqueal.questions.motion import study as study_module
 from drumsqueal.questions.motion.attractor import Doubt, Kind, decide_attractor, describe_attractor
 from drumsqueal.questions.motion.figure import draw_section
-from drumsqueal.questions.motion.study import _section, _settled, study_motion
+from drumsqueal.questions.motion.study import MotionStudy, Section, _section, _settled, study_motion
 
 SAMPLES = 20  # an interval
 
@@ -157,7 +160,7 @@ def exponents(*values: float, error: float = 0.5) -> Exponents:
 
 def regime(kind, *bases: float, needed: float | None = None) -> Regime:
     found = Regime(kind, None, bases, 0.1, 0.0, "As said.", tuple(1e-3 for _ in bases))
-    return found._replace(record_needed_s=needed)
+    return replace(found, record_needed_s=needed)
 
 
 TORUS = regime("quasi-periodic", 900.0, 70.0)
@@ -251,10 +254,11 @@ def test_the_section_is_where_the_main_coordinate_rises_through_its_mean():
     shapes = np.column_stack([0.1 * np.cos(angle), 2.0 + np.sin(angle)])
     speeds = rate * np.column_stack([-0.1 * np.sin(angle), np.cos(angle)])
     made_up: Any = SimpleNamespace(time=time, displacement=shapes, velocity=speeds, coordinates=("X", "Y"))
-    points, names, size = _section(made_up, np.ones(2), ("X", "Y"))
-    assert names == ("Y", "X")
-    assert len(points) == 31
-    assert size == pytest.approx((0.2, 2 * rate), rel=1e-3)  # peaks lie between samples: (π/161)²/2
+    found = _section(made_up, np.ones(2), ("X", "Y"))
+    points = found.values
+    assert (found.across, found.other) == ("Y", "X")
+    assert found.points == len(points) == 31
+    assert found.size == pytest.approx((0.2, 2 * rate), rel=1e-3)  # peaks lie between samples: (π/161)²/2
     # Hermite cubics err by (ω h)⁴/384 = 6e-9 of the displacement and ten times that of the velocity.
     np.testing.assert_allclose(points[:, 0], 0.1, rtol=1e-6)
     np.testing.assert_allclose(points[:, 1], rate, rtol=1e-6)
@@ -264,8 +268,8 @@ def test_the_section_is_where_the_main_coordinate_rises_through_its_mean():
 def test_the_axes_of_a_section_span_what_moves(spread, span):
     angle = 2 * np.pi * np.arange(48) / 48  # its extremes among them
     points = np.column_stack([2e-6 + 1e-6 * spread * np.cos(angle), 0.3 + 0.2 * spread * np.sin(angle)])
-    scene: Any = SimpleNamespace(title="Made up")
-    study: Any = SimpleNamespace(scene=scene, section=points, section_of=("Y", "X"), section_size=(2e-6, 0.4))
+    section = Section(across="Y", other="X", points=48, size=(2e-6, 0.4), values=points)
+    study: Any = SimpleNamespace(title="Made up", section=section)
     figure = draw_section(study)
     assert figure is not None
     limits = figure.axes[0].get_xlim(), figure.axes[0].get_ylim()
@@ -305,8 +309,8 @@ def test_what_decays_to_rest_is_steady():
     assert study.kind == "steady"
     assert "Y slowest at −43.02 1/s" in study.reason
     assert study.settled
-    assert study.settled_s < 1
-    assert not study.limits
+    assert study.recorded_from_s < 1
+    assert not study.not_determined
 
 
 def test_a_motion_that_decays_below_the_edges_has_not_failed_to_settle():
@@ -363,7 +367,8 @@ def test_ctrl_c_keeps_the_lines(drumsqueal, tmp_path, monkeypatch):
     assert (status, out) == (1, "")
     summary = folder / "motion.json"
     assert error == f"drumsqueal: interrupted by the user; what was done until then is in {summary}\n"
-    found = json.loads(summary.read_text())
+    read = read_findings(summary, MotionStudy)
+    assert json.loads(to_json(read)) == (found := json.loads(summary.read_text()))
     assert found["lyapunov_exponents_1_per_s"] is None
     assert found["not_determined"][-1] == study_module.CUT_OFF
     assert found["base_frequencies_Hz"]

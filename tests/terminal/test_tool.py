@@ -22,7 +22,7 @@ from drumsqueal.scene import load_scene, setting_choices
 from drumsqueal.scene.shipped import find_scene, shipped_names, shipped_scenes
 from drumsqueal.simulation import prepare, run
 from drumsqueal.terminal.completion import SIGNALS
-from drumsqueal.terminal.options import UNBROKEN, Reply, make_console
+from drumsqueal.terminal.reply import UNBROKEN, Reply, make_console
 
 PULSE = "{time=[0, 0.1, 0.1000005, 0.100001], value=[2000, 2000, 8e5, 2000]}"  # between two samples
 

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from drumsqueal.findings.departure import Departure, changes, edge_share
 from drumsqueal.findings.signals import STEADY, Regime
+from drumsqueal.findings.signals.regime import Kind
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.linear.modes import NEUTRAL_SHARE, Mode, Stability
 
@@ -54,7 +55,7 @@ def decay_to_rest(
 
 
 def _steady(regime: Regime, reason: str) -> Regime:
-    return Regime("steady", None, (), None, regime.amplitude_drift, reason)
+    return Regime(Kind.STEADY, None, (), None, regime.amplitude_drift, reason)
 
 
 def _rate(departure: Departure, part: slice, mass: NDArray[np.float64]) -> float:

@@ -1,5 +1,6 @@
 """The motion after growth: its kind, its main lines, its size, and how far its frequency lies from the onset's."""
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -90,7 +91,7 @@ def describe_saturation(
     regime = decay_to_rest(regime, departure, part, stability, modes, model)
     drifts = regime.kind == "unknown" and regime.amplitude_drift is not None
     if drifts and changes(model, departure.time[part]):
-        regime = regime._replace(reason="Drum speed or load change, and the motion with them.")
+        regime = replace(regime, reason="Drum speed or load change, and the motion with them.")
     motion = describe_motion(departure, part, stability, model)
     main = motion.main
     mode = _nearest(main, modes) if main is not None and modes else None

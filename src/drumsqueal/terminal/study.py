@@ -1,11 +1,8 @@
 """What the studies' jobs share: what is kept where one is cut off, and rows as CSV."""
 
-import csv
-import io
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 from drumsqueal.errors import IntegrationError
 from drumsqueal.files.output_folder import not_taken
@@ -22,15 +19,6 @@ def told_what_is_kept(table: Path) -> Iterator[None]:
         raise IntegrationError(f"{error}; {_kept(table)}") from None
     except OSError as error:
         raise IntegrationError(f"{not_taken(error, table.parent)}; {_kept(table)}") from None
-
-
-def rows_to_csv(rows: Sequence[dict[str, Any]]) -> str:
-    """CSV with a column for every key of any row, in the order in which they come."""
-    text = io.StringIO()
-    writer = csv.DictWriter(text, dict.fromkeys(column for row in rows for column in row), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    return text.getvalue()
 
 
 def _kept(table: Path) -> str:

@@ -106,12 +106,16 @@ def save_figures(figures: Mapping[str, Figure], folder: Path) -> list[Path]:
 
     Raises OSError, and KeyboardInterrupt between two figures.
     """
-    paths = []
-    with styled():
-        for name, figure in figures.items():
-            stop_if_interrupted()
-            content = BytesIO()
-            figure.savefig(content, dpi=DOTS_PER_INCH, pil_kwargs={"compress_level": COMPRESSION})
-            paths.append(folder / output_folder.figure_file(name))
-            output_folder.write_whole(paths[-1], content.getvalue())
+    paths = [folder / output_folder.figure_file(name) for name in figures]
+    for path, figure in zip(paths, figures.values(), strict=True):
+        stop_if_interrupted()
+        save_figure(figure, path)
     return paths
+
+
+@styled()
+def save_figure(figure: Figure, path: Path) -> None:
+    """Save a figure, whole or not at all; 200 dpi. Raises OSError."""
+    content = BytesIO()
+    figure.savefig(content, dpi=DOTS_PER_INCH, pil_kwargs={"compress_level": COMPRESSION})
+    output_folder.write_whole(path, content.getvalue())

@@ -1,6 +1,9 @@
 """How the commands print their tables: in a window of any width, no number is cut."""
 
-from collections.abc import Iterable
+import csv
+import io
+from collections.abc import Iterable, Sequence
+from typing import Any
 
 from rich.cells import cell_len
 from rich.console import Console
@@ -54,3 +57,12 @@ def _widths(column: Column) -> tuple[int, int]:
     """Of the longest line and the longest word."""
     lines = [line for text in (column.header, *column.cells) for line in str(text).split("\n")]
     return max(map(cell_len, lines)), max(cell_len(word) for line in lines for word in line.split(" "))
+
+
+def rows_to_csv(rows: Sequence[dict[str, Any]]) -> str:
+    """CSV with a column for every key of any row, in the order in which they come."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, dict.fromkeys(column for row in rows for column in row), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()

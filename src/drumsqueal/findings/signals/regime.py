@@ -2,7 +2,8 @@
 
 import math
 from collections.abc import Sequence
-from typing import Literal, NamedTuple
+from dataclasses import dataclass, replace
+from enum import StrEnum
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -28,10 +29,19 @@ IRREGULAR_DRIFT = 0.1
 EXPLAINED = 0.99
 FLOOR = 1e-2
 
-Kind = Literal["steady", "periodic", "quasi-periodic", "irregular", "unknown"]
+
+class Kind(StrEnum):
+    """The kind of a motion, as far as its record shows."""
+
+    STEADY = "steady"
+    PERIODIC = "periodic"
+    QUASI_PERIODIC = "quasi-periodic"
+    IRREGULAR = "irregular"
+    UNKNOWN = "unknown"
 
 
-class Regime(NamedTuple):
+@dataclass(frozen=True)
+class Regime:
     """The kind of motion and what it was told by; None where a number has no meaning or could not be found.
 
     `recurrence_error` is rms |y(t+T) − y(t)| / rms y at the period found (the larger of those after one period and
@@ -147,7 +157,7 @@ def _moving_regime(unit: NDArray[np.float64], rate: float, longest_period: float
         )
     every = f"every {period:.6g} s ({1.0 / period:.6g} Hz)"
     reason = f"The motion repeats {every} with a recurrence error of {100 * error:.2g}% of rms."
-    return Regime("periodic", period, (1.0 / period,), error, amplitude_drift, reason)
+    return Regime(Kind.PERIODIC, period, (1.0 / period,), error, amplitude_drift, reason)
 
 
 def _not_periodic(unit: NDArray[np.float64], rate: float, error: float, drift: float, *, nearly: bool) -> Regime:
@@ -176,20 +186,24 @@ def _not_periodic(unit: NDArray[np.float64], rate: float, error: float, drift: f
         held = f"its {lines.frequency_Hz.size} strongest lines hold {1.0 - lines.left:.2%} of its variance"
         which = f"{held}, those that are combinations of three frequencies {bases.explained:.2%}"
         apart = f"lines closer than {lines.resolution_Hz:.2g} Hz are one in {duration:.2g} s"
-        return told("irregular", f"{what} It is irregular: {which}; {apart}.")
+        return told(Kind.IRREGULAR, f"{what} It is irregular: {which}; {apart}.")
     if len(found) > 1:
-        return told("quasi-periodic", f"{what} Combinations of the fundamental frequencies {base} {share}; {slower}.")
+        return told(
+            Kind.QUASI_PERIODIC, f"{what} Combinations of the fundamental frequencies {base} {share}; {slower}."
+        )
     if duration * found[0] < PERIODS_NEEDED:
         needed = PERIODS_NEEDED / found[0]
         longer = f"record at least {needed:.4g} s, {PERIODS_NEEDED} periods of it"
-        return told("unknown", f"{what} Multiples of {base} {share}; {longer}.")._replace(record_needed_s=needed)
+        return replace(told(Kind.UNKNOWN, f"{what} Multiples of {base} {share}; {longer}."), record_needed_s=needed)
     back = recurrence_after(unit, rate / found[0])
     left = math.inf if back is None else max(back.error, back.later_error)
     if left > RECURRENCE:
         against = f"but the recurrence error after {1.0 / found[0]:.6g} s is {100 * left:.2g}% of rms"
-        return told("unknown", f"Multiples of {base} {share}, {against}.")._replace(recurrence_error=left)
+        return replace(told(Kind.UNKNOWN, f"Multiples of {base} {share}, {against}."), recurrence_error=left)
     repeats = f"the motion repeats every {1.0 / found[0]:.6g} s with a recurrence error of {100 * left:.2g}% of rms"
-    return told("periodic", f"Multiples of {base} {share}: {repeats}.", 1.0 / found[0])._replace(recurrence_error=left)
+    return replace(
+        told(Kind.PERIODIC, f"Multiples of {base} {share}: {repeats}.", 1.0 / found[0]), recurrence_error=left
+    )
 
 
 def told_frequencies(frequencies: Sequence[float], uncertainties: Sequence[float], most: int) -> str:
@@ -217,13 +231,13 @@ def _steady(motion: NDArray[np.float64], largest: float) -> Regime:
     reason = f"Nothing moves: the largest amplitude is {largest:.2g} of its scale, and {STEADY:g} would be motion."
     if drift > IRREGULAR_DRIFT:
         reason += " What little there is still grows, so a longer record may show motion."
-    return Regime("steady", None, (), None, drift, reason)
+    return Regime(Kind.STEADY, None, (), None, drift, reason)
 
 
 def _unknown(
     reason: str, error: float | None = None, drift: float | None = None, needed: float | None = None
 ) -> Regime:
-    return Regime("unknown", None, (), error, drift, reason, record_needed_s=needed)
+    return Regime(Kind.UNKNOWN, None, (), error, drift, reason, record_needed_s=needed)
 
 
 def _drifting(amplitude_drift: float, mean_drift: float, error: float | None) -> Regime:

@@ -8,16 +8,8 @@ import typer
 from drumsqueal.files.output_folder import ACCURACY_FILES
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import load_scene
-from drumsqueal.terminal.options import (
-    JsonFile,
-    Overwrite,
-    Quiet,
-    Reply,
-    SceneFile,
-    Settings,
-    output_option,
-    read_share,
-)
+from drumsqueal.terminal.options import JsonFile, Overwrite, Quiet, SceneFile, Settings, output_option, read_share
+from drumsqueal.terminal.reply import Reply
 
 
 def accuracy_command(

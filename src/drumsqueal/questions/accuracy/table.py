@@ -16,8 +16,7 @@ from rich.table import Table
 
 from drumsqueal.findings.history import versions
 from drumsqueal.questions.accuracy.study import AccuracyStudy, Measurement
-from drumsqueal.terminal.study import rows_to_csv
-from drumsqueal.terminal.tables import print_table
+from drumsqueal.terminal.tables import print_table, rows_to_csv
 
 HEADINGS = ("time\nms/ms", "eval.\nper ms", "growth\nphase", "with\nedges", "features", "energy")
 MANY = 99.5  # ms, from which on a time is told without an exponent

@@ -17,7 +17,6 @@ from drumsqueal.terminal.options import (
     JsonFile,
     Overwrite,
     Quiet,
-    Reply,
     Settings,
     Since,
     Until,
@@ -25,6 +24,7 @@ from drumsqueal.terminal.options import (
     read_file,
     read_time,
 )
+from drumsqueal.terminal.reply import Reply
 
 AUTO = "auto"
 SCENE_AS_RUN = "--set changes a scene; a history is of the scene that was run: leave one of them out"

@@ -4,7 +4,8 @@ import time
 
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import load_scene
-from drumsqueal.terminal.options import JsonFile, Overwrite, Quiet, Reply, SceneFile, Settings
+from drumsqueal.terminal.options import JsonFile, Overwrite, Quiet, SceneFile, Settings
+from drumsqueal.terminal.reply import Reply
 
 
 def check_command(

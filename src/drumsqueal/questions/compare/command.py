@@ -15,7 +15,6 @@ from drumsqueal.terminal.options import (
     JsonFile,
     Overwrite,
     Quiet,
-    Reply,
     Since,
     Until,
     output_option,
@@ -23,6 +22,7 @@ from drumsqueal.terminal.options import (
     read_share,
     read_time,
 )
+from drumsqueal.terminal.reply import Reply
 
 HistoryFile = Annotated[
     Path, typer.Argument(metavar="HISTORY", help="What a run has left: history.nc, or its folder.", show_default=False)

@@ -14,8 +14,7 @@ from drumsqueal.findings.signals.tones import FAINTEST
 from drumsqueal.questions.compare.matching import Match
 from drumsqueal.questions.compare.study import LOWEST, MeasuredComparison, MeasuredLine, Spectral
 from drumsqueal.scene.quantities import percent, printable
-from drumsqueal.terminal.study import rows_to_csv
-from drumsqueal.terminal.tables import print_table
+from drumsqueal.terminal.tables import print_table, rows_to_csv
 
 PRINTED = 12  # lines
 NOTHING = "-"

@@ -16,8 +16,7 @@ from drumsqueal.questions.cycle.kicked import Interval, folds, kicked, stable_cy
 from drumsqueal.questions.cycle.orbit import NEUTRAL, Cycle
 from drumsqueal.questions.cycle.table import cycle_data
 from drumsqueal.scene.variation import Variation
-from drumsqueal.terminal.study import rows_to_csv
-from drumsqueal.terminal.tables import print_table
+from drumsqueal.terminal.tables import print_table, rows_to_csv
 
 
 def print_diagram(console: Console, diagram: Diagram, variation: Variation) -> None:

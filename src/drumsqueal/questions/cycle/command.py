@@ -10,7 +10,8 @@ from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import load_scene
 from drumsqueal.scene.variation import read_variation
 from drumsqueal.terminal.completion import complete_range
-from drumsqueal.terminal.options import JsonFile, Overwrite, Quiet, Reply, SceneFile, Settings, output_option
+from drumsqueal.terminal.options import JsonFile, Overwrite, Quiet, SceneFile, Settings, output_option
+from drumsqueal.terminal.reply import Reply
 
 ALONG = "Follow the cycles along a number of the scene instead, in SI or with units, as in drum.speed=1..40."
 

@@ -12,13 +12,13 @@ from drumsqueal.terminal.options import (
     JsonFile,
     Overwrite,
     Quiet,
-    Reply,
     SceneFile,
     Settings,
     UsageError,
     output_option,
     read_share,
 )
+from drumsqueal.terminal.reply import Reply
 
 
 def effects_command(

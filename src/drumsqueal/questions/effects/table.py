@@ -13,8 +13,7 @@ from drumsqueal.findings.departure import unit_of
 from drumsqueal.findings.history import versions
 from drumsqueal.questions.effects.study import ROUND_OFF, EffectStudy, percent, remarks, reservations, verdict
 from drumsqueal.questions.effects.variants import Variant
-from drumsqueal.terminal.study import rows_to_csv
-from drumsqueal.terminal.tables import print_table
+from drumsqueal.terminal.tables import print_table, rows_to_csv
 
 UNSHOWN = 1e-4  # a relative change below it has no digits on the terminal
 # Of the fields of a change, in their order.

@@ -12,18 +12,8 @@ from drumsqueal.files.output_folder import check_ending, history_file
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.questions.export.formats import FORMATS, find_format
 from drumsqueal.terminal.completion import complete_signals, words
-from drumsqueal.terminal.options import (
-    JsonFile,
-    Overwrite,
-    Quiet,
-    Reply,
-    Since,
-    Until,
-    make_console,
-    read_file,
-    read_rate,
-    read_time,
-)
+from drumsqueal.terminal.options import JsonFile, Overwrite, Quiet, Since, Until, read_file, read_rate, read_time
+from drumsqueal.terminal.reply import Reply, make_console
 
 SOUND = "wav"
 LEAST_RATE, MOST_RATE = 1000.0, 192_000.0  # Hz, that players take

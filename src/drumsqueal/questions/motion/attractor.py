@@ -9,8 +9,8 @@ Source: J.-P. Eckmann and D. Ruelle, "Ergodic theory of chaos and strange attrac
 """
 
 import math
+from dataclasses import dataclass, replace
 from enum import StrEnum
-from typing import NamedTuple
 
 import numpy as np
 
@@ -46,7 +46,8 @@ class Doubt(StrEnum):
     UNKNOWN_SIGN = "the uncertainty of a Lyapunov exponent is too large to know its sign"
 
 
-class Attractor(NamedTuple):
+@dataclass(frozen=True)
+class Attractor:
     """The kind of an attractor and the numbers that decided it.
 
     `frequencies_Hz` are the fundamental frequencies by recurrence and lines, with `uncertainties_Hz`. `zero`,
@@ -75,9 +76,9 @@ def decide_attractor(
     if exponents is not None:
         value, sure = exponents.exponent_1_per_s, exponents.significant
         counts = int(exponents.zero.sum()), int((sure & (value > 0)).sum()), int((sure & (value < 0)).sum())
-        found = found._replace(zero=counts[0], positive=counts[1], negative=counts[2])
+        found = replace(found, zero=counts[0], positive=counts[1], negative=counts[2])
     if _drifts(regime) and found.positive and found.zero:  # the mean of a chaotic motion wanders
-        found = found._replace(kind=Kind.IRREGULAR)
+        found = replace(found, kind=Kind.IRREGULAR)
     doubt = _doubt(found, exponents, expected=exponents_need_s is not None)
     if doubt is not None:
         needed = max(
@@ -89,8 +90,8 @@ def decide_attractor(
             needed = max(needed, _factor(found, exponents) * followed, exponents_need_s or 0.0)
         elif needed == 0:
             needed = LONGER * record_s
-        return found._replace(kind=Kind.NOT_DETERMINED, doubt=doubt, record_needed_s=needed)
-    return found._replace(kind=Kind.CHAOTIC) if found.positive else found
+        return replace(found, kind=Kind.NOT_DETERMINED, doubt=doubt, record_needed_s=needed)
+    return replace(found, kind=Kind.CHAOTIC) if found.positive else found
 
 
 def _drifts(regime: Regime) -> bool:

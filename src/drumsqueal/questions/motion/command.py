@@ -1,23 +1,15 @@
 """`drumsqueal motion SCENE -o DIR`."""
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from drumsqueal.files.output_folder import MOTION_FILES
-from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import load_scene
-from drumsqueal.terminal.options import (
-    JsonFile,
-    Overwrite,
-    Quiet,
-    Reply,
-    SceneFile,
-    Settings,
-    output_option,
-    read_duration,
-)
+from drumsqueal.terminal.options import JsonFile, Overwrite, Quiet, SceneFile, Settings, output_option, read_duration
+from drumsqueal.terminal.reply import Reply
 
 
 def motion_command(
@@ -48,12 +40,11 @@ def motion_command(
     length, limit = read_duration(duration, "--duration"), read_duration(at_most, "--at-most")
     folder = output if output is not None else Path("out") / f"{scene.stem}-motion"
     reply = Reply.beside(folder, MOTION_FILES, (scene,), quiet, json_file, overwrite=overwrite)
-    stop_if_interrupted()
-    from drumsqueal.questions.motion.job import study_into
-    from drumsqueal.questions.motion.study import checked
+    from drumsqueal.questions.motion.answer import MOTION
+    from drumsqueal.questions.motion.study import checked, study_motion
     from drumsqueal.simulation import check_sample_rate, prepare
+    from drumsqueal.terminal.runner import answer
 
-    stop_if_interrupted()
     check_sample_rate(prepare(checked(loaded)))  # what cannot be done is told before there is a folder
-    reply.clear()
-    reply.send(study_into(folder, loaded, length, limit, reply.console))
+    study = partial(study_motion, loaded, length, at_most=limit)
+    answer(reply, MOTION, lambda progress, keep: study(progress=progress, keep=keep))

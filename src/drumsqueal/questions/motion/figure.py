@@ -30,7 +30,7 @@ def draw_lines(study: MotionStudy) -> Figure | None:
     """Draw every line by its share of the variance, the strongest with their integers."""
     if study.lines is None or study.bases is None:
         return None
-    figure = style.new_figure(study.scene.title, "lines of the motion, and what they are combinations of")
+    figure = style.new_figure(study.title, "lines of the motion, and what they are combinations of")
     axes = figure.subplots()
     frequency, share = study.lines.frequency_Hz / 1e3, study.lines.share
     matched = np.any(study.bases.combinations != 0, axis=1)
@@ -63,15 +63,15 @@ def draw_lines(study: MotionStudy) -> Figure | None:
 @style.styled()
 def draw_section(study: MotionStudy) -> Figure | None:
     """Draw the Poincaré section, on axes that span a tenth of the motion's size at least."""
-    if not study.section.size:
+    if study.section.values is None or not study.section.points:
         return None
-    across, other = study.section_of
-    figure = style.new_figure(study.scene.title, f"section where {across} goes up through its mean")
+    across, other = study.section.across, study.section.other
+    figure = style.new_figure(study.title, f"section where {across} goes up through its mean")
     axes = figure.subplots()
     factors = [1e6, 1.0]
     units = [unit_of(other, "µ"), f"{unit_of(across)}/s"]
-    points = study.section * factors
-    size, spread = np.array(study.section_size) * factors, np.ptp(points, axis=0)
+    points = study.section.values * factors
+    size, spread = np.array(study.section.size) * factors, np.ptp(points, axis=0)
     width = DOTS if np.any(spread > LEAST / 10 * size) else DOT
     axes.plot(points[:, 0], points[:, 1], ".", color=style.COLOUR[across], markersize=width, markeredgewidth=0)
     middle, half = points.min(axis=0) + spread / 2, np.maximum(0.6 * spread, LEAST / 2 * size)
@@ -89,7 +89,7 @@ def draw_convergence(study: MotionStudy) -> Figure | None:
     exponents = study.exponents
     if exponents is None:
         return None
-    figure = style.new_figure(study.scene.title, "Lyapunov exponents as they converge")
+    figure = style.new_figure(study.title, "Lyapunov exponents as they converge")
     axes = figure.subplots()
     labels = []
     for k, (colour, told) in enumerate(zip(COLOURS, told_exponents(exponents), strict=False)):

@@ -7,11 +7,11 @@ motions beside it say how nearby motions separate.
 import math
 import time as clock
 from collections.abc import Callable
-from contextlib import closing
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import computed_field
 from scipy.interpolate import CubicHermiteSpline
 
 from drumsqueal.errors import IntegrationError
@@ -20,6 +20,7 @@ from drumsqueal.findings.departure import Departure
 from drumsqueal.findings.edges import edge_shares
 from drumsqueal.findings.history import COMPLETE, to_dataset
 from drumsqueal.findings.saturation import size_of_motion
+from drumsqueal.findings.schema import Finding, Findings, Held
 from drumsqueal.findings.signals import (
     PERIODS_NEEDED,
     STEADY,
@@ -32,11 +33,11 @@ from drumsqueal.findings.signals import (
     fit_growth,
 )
 from drumsqueal.findings.signals.lyapunov import Exponents, lyapunov_exponents, orthonormalised
-from drumsqueal.interrupts import noted_interrupts, stop_if_interrupted
 from drumsqueal.physics.bodies.rigid_shoe import IN_PLANE
+from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.motion.attractor import Attractor, Kind, decide_attractor, describe_attractor
 from drumsqueal.scene import Profile, Scene, SceneError
-from drumsqueal.simulation import Prepared, check_sample_rate, prepare, steady_at_start, transient
+from drumsqueal.simulation import Prepared, check_sample_rate, follow, prepare, steady_at_start
 from drumsqueal.solve.linear.modes import Mode
 from drumsqueal.solve.transient.flow import neighbours, state_size
 from drumsqueal.solve.transient.integrate import Chunk
@@ -55,34 +56,49 @@ FEWEST_INTERVALS = 100
 LEAST_FOLLOWED = FEWEST_INTERVALS * INTERVAL  # s
 CUT_OFF = "Lyapunov exponents were not determined: the study was cut off before nearby motions had been followed"
 
-OnProgress = Callable[[str, float], None]
 
+class Section(Finding):
+    """Displacement of the coordinate `other` and velocity of `across` where the latter goes up through its mean.
 
-class MotionStudy(NamedTuple):
-    """The attractor that a motion is on and what decided it.
-
-    `settled_s` is when the record begins, `settled` whether it had settled by then, `duration_s` its length. `lines`
-    and `bases` are None at rest; `exponents` None where they were not determined, and `limits` say what was not, and
-    why. `section` (points, 2) holds displacement of `section_of[1]` and velocity of `section_of[0]` where the latter's
-    displacement goes up through its mean, `section_size` (2,) the peak-to-peak values of both over the whole motion.
+    `values` (points, 2) in SI; `size` is the peak-to-peak value of both over the whole motion.
     """
 
-    scene: Scene
+    across: str = ""
+    other: str = ""
+    points: int = 0
+    size: tuple[float, float] = (0.0, 0.0)
+    values: Any = Held
+
+
+class MotionStudy(Findings):
+    """The attractor that a motion is on and what decided it.
+
+    `recorded_from_s` is when the record begins, `settled` whether the motion had settled by then. `lines` and `bases`
+    are None at rest; `exponents` None where they were not determined, and `not_determined` says what was not, and why.
+    """
+
     attractor: Attractor
     reason: str
-    settled_s: float
+    recorded_from_s: float
     settled: bool
-    duration_s: float
+    recorded_for_s: float
     regime: Regime
+    section: Section
+    not_determined: tuple[str, ...]
     coordinates: tuple[str, ...]
-    lines: Lines | None
-    bases: Bases | None
-    exponents: Exponents | None
-    section: NDArray[np.float64]
-    section_of: tuple[str, str]
-    section_size: tuple[float, float]
-    limits: tuple[str, ...]
+    base_frequencies_Hz: tuple[float, ...] | None = None
+    base_uncertainties_Hz: tuple[float, ...] | None = None
+    explained_share: float | None = None
+    resolution_Hz: float | None = None
+    lyapunov_exponents_1_per_s: tuple[float, ...] | None = None
+    lyapunov_standard_errors_1_per_s: tuple[float, ...] | None = None
+    lyapunov_uncertainties_1_per_s: tuple[float, ...] | None = None
+    chaotic: bool | None = None
+    lines: Lines | None = Held
+    bases: Bases | None = Held
+    exponents: Exponents | None = Held
 
+    @computed_field
     @property
     def kind(self) -> Kind:
         """The kind of the attractor."""
@@ -102,8 +118,8 @@ def study_motion(
     duration: float = DURATION,
     *,
     at_most: float = AT_MOST,
-    on_progress: OnProgress | None = None,
-    on_lines: Callable[[MotionStudy], object] | None = None,
+    progress: Progress = silent,
+    keep: Callable[[MotionStudy], None] = lambda _: None,
 ) -> MotionStudy:
     """Tell which kind of motion a scene settles to: `study_motion(scene).kind`, `.bases`, `.exponents`.
 
@@ -111,86 +127,113 @@ def study_motion(
     (five seconds at most), then for `duration` (s), of which the later half is asked for lines, then once more from
     there with nearby motions. Where recurrence, lines and exponents contradict each other, the kind is not determined
     and `.attractor.record_needed_s` is the duration that it takes at least. `at_most` bounds the computing time (s) of
-    each of both; what was cut short or not determined is in `limits`. `on_lines` is called with what is known before
-    nearby motions are followed. Raises SceneError for a scene that cannot be run or whose drum speed or load change,
-    IntegrationError when nothing was computed, KeyboardInterrupt between two chunks.
+    each of both; what was cut short or not determined is in `not_determined`. `keep` takes what is known
+    before nearby motions are followed. Raises SceneError for a scene that cannot be run or whose drum speed or load
+    change, and IntegrationError when nothing was computed.
     """
     if not duration > 0:
         raise ValueError(f"the duration must be positive, got {duration}")
-    show = on_progress or (lambda *_: None)
     rate = scene.simulate.sample_rate
     longest = math.ceil((LONGEST_START + duration) * rate * (1 - 1e-12)) / rate  # whole samples
     whole = checked(scene).with_values({"simulate.duration": longest})
-    with noted_interrupts():
-        prepared = prepare(whole)
-        check_sample_rate(prepared)
-        limits: list[str] = []
-        settled, start, chunks = _record(prepared, duration, at_most, show, limits)
-        history = to_dataset(chunks, whole, prepared.model.names, COMPLETE)
-        departure = Departure(history, prepared.stability)
-        rate, scale = departure.sample_rate, size_of_motion(departure, prepared.stability, prepared.linear)
-        recorded = departure.time.size / rate
-        modes = prepared.stability.unstable or prepared.stability.modes
-        able = _able(prepared)
-        lowest = min((mode.frequency_Hz for mode in modes), default=2 * PERIODS_NEEDED / recorded) / 2
-        # What is left of the start after settling would widen lines; tangents need the whole time.
-        late = slice(departure.time.size // 2, None)
-        regime = classify(departure.displacement[late], rate, scale=scale, lowest_frequency=lowest)
-        regime = decay_to_rest(regime, departure, late, prepared.stability, able, prepared.linear)
-        moving = np.ptp(departure.displacement, axis=0) / 2 >= STEADY * scale
-        coordinates = tuple(name for name, moves in zip(departure.coordinates, moving, strict=True) if moves)
-        section, section_of, section_size = _section(departure, prepared.stability.mass, coordinates)
-        lines = bases = None
-        if coordinates and regime.kind != "steady":
-            show("lines", recorded)
-            lines = find_lines(departure.displacement[late][-MOST_FOR_LINES:, moving], rate, floor=FLOOR)
-            bases = find_bases(lines)
-        if not settled and regime.kind != "steady":
-            limits.append(f"the motion had not settled after {start:.3g} s")
-        attractor = decide_attractor(regime, bases, None, recorded, None)
-        study = MotionStudy(
-            scene, attractor, describe_attractor(attractor, regime, None), start, settled, recorded, regime,
-            coordinates, lines, bases, None, section, section_of, section_size, tuple(limits),
-        )  # fmt: skip
-        if lines is None:
-            return study
-        (on_lines or (lambda _: None))(study._replace(limits=(*limits, CUT_OFF)))
-        why_not = _no_tangents(prepared, chunks)
-        exponents = _exponents(prepared, chunks[0], duration, at_most, show, limits) if not why_not else None
-        if why_not:
-            limits.append(f"Lyapunov exponents were not determined: {why_not}")
-        attractor = decide_attractor(regime, bases, exponents, recorded, None if why_not else LEAST_FOLLOWED)
-        reached = min(recorded, recorded if exponents is None else float(exponents.time_s[-1]))
-        limited = at_most if reached < duration - 2 * INTERVAL else None
-        reason = describe_attractor(attractor, regime, exponents, limited)
-        return study._replace(attractor=attractor, reason=reason, exponents=exponents, limits=tuple(limits))
+    prepared = prepare(whole)
+    check_sample_rate(prepared)
+    limits: list[str] = []
+    settled, start, chunks = _record(prepared, duration, at_most, progress, limits)
+    history = to_dataset(chunks, whole, prepared.model.names, COMPLETE)
+    departure = Departure(history, prepared.stability)
+    rate, scale = departure.sample_rate, size_of_motion(departure, prepared.stability, prepared.linear)
+    recorded = departure.time.size / rate
+    modes = prepared.stability.unstable or prepared.stability.modes
+    able = _able(prepared)
+    lowest = min((mode.frequency_Hz for mode in modes), default=2 * PERIODS_NEEDED / recorded) / 2
+    # What is left of the start after settling would widen lines; tangents need the whole time.
+    late = slice(departure.time.size // 2, None)
+    regime = classify(departure.displacement[late], rate, scale=scale, lowest_frequency=lowest)
+    regime = decay_to_rest(regime, departure, late, prepared.stability, able, prepared.linear)
+    moving = np.ptp(departure.displacement, axis=0) / 2 >= STEADY * scale
+    coordinates = tuple(name for name, moves in zip(departure.coordinates, moving, strict=True) if moves)
+    section = _section(departure, prepared.stability.mass, coordinates)
+    lines = bases = None
+    if coordinates and regime.kind != "steady":
+        progress("lines", 0.0, None)
+        lines = find_lines(departure.displacement[late][-MOST_FOR_LINES:, moving], rate, floor=FLOOR)
+        bases = find_bases(lines)
+    if not settled and regime.kind != "steady":
+        limits.append(f"the motion had not settled after {start:.3g} s")
+    attractor = decide_attractor(regime, bases, None, recorded, None)
+    study = MotionStudy(
+        scene=scene,
+        attractor=attractor,
+        reason=describe_attractor(attractor, regime, None),
+        recorded_from_s=start,
+        settled=settled,
+        recorded_for_s=recorded,
+        regime=regime,
+        section=section,
+        not_determined=tuple(limits),
+        coordinates=coordinates,
+        lines=lines,
+        bases=bases,
+        base_frequencies_Hz=None if bases is None else tuple(bases.frequency_Hz.tolist()),
+        base_uncertainties_Hz=None if bases is None else tuple(bases.uncertainty_Hz.tolist()),
+        explained_share=None if bases is None else bases.explained,
+        resolution_Hz=None if lines is None else lines.resolution_Hz,
+    )
+    if lines is None:
+        return study
+    keep(study.model_copy(update={"not_determined": (*limits, CUT_OFF)}))
+    why_not = _no_tangents(prepared, chunks)
+    exponents = _exponents(prepared, chunks[0], duration, at_most, progress, limits) if not why_not else None
+    if why_not:
+        limits.append(f"Lyapunov exponents were not determined: {why_not}")
+    attractor = decide_attractor(regime, bases, exponents, recorded, None if why_not else LEAST_FOLLOWED)
+    reached = min(recorded, recorded if exponents is None else float(exponents.time_s[-1]))
+    limited = at_most if reached < duration - 2 * INTERVAL else None
+    reason = describe_attractor(attractor, regime, exponents, limited)
+    found = {"attractor": attractor, "reason": reason, "not_determined": tuple(limits)}
+    return study.model_copy(update=found | _numbers(exponents, attractor))
+
+
+def _numbers(exponents: Exponents | None, attractor: Attractor) -> dict[str, Any]:
+    if exponents is None:
+        return {}
+    return {
+        "exponents": exponents,
+        "lyapunov_exponents_1_per_s": tuple(exponents.exponent_1_per_s.tolist()),
+        "lyapunov_standard_errors_1_per_s": tuple(exponents.standard_error_1_per_s.tolist()),
+        "lyapunov_uncertainties_1_per_s": tuple(exponents.uncertainty_1_per_s.tolist()),
+        "chaotic": None if attractor.kind is Kind.NOT_DETERMINED else exponents.chaotic,
+    }
 
 
 def _record(
-    prepared: Prepared, duration: float, at_most: float, show: OnProgress, limits: list[str]
+    prepared: Prepared, duration: float, at_most: float, progress: Progress, limits: list[str]
 ) -> tuple[bool, float, list[Chunk]]:
     """Run until settled and on: whether it settled, when the record begins (s), and its chunks."""
     rate, began = prepared.scene.simulate.sample_rate, clock.monotonic()
     kept: list[Chunk] = []
     start: float | None = None
     settled = False
+
+    def take(chunk: Chunk) -> bool:
+        nonlocal kept, start, settled
+        now = float(chunk.time[-1])
+        kept.append(chunk)
+        if start is None:
+            kept = [each for each in kept if each.time[-1] > now - 2 * BLOCK - 1e-9]
+            settled = _settled(kept, rate) or _at_rest(prepared, kept)
+            if settled or now >= LONGEST_START - 1e-9:
+                start, kept = now, [chunk]
+        elif now >= start + duration - 1e-9:
+            return True
+        if clock.monotonic() - began > at_most:
+            limits.append(f"computing was limited to {at_most:g} s: the record ends at {now:.4g} s")
+            return True
+        return False
+
     try:
-        with closing(transient(prepared)) as stream:
-            for chunk in stream:
-                stop_if_interrupted()
-                now = float(chunk.time[-1])
-                kept.append(chunk)
-                show("settling" if start is None else "recording", now)
-                if start is None:
-                    kept = [each for each in kept if each.time[-1] > now - 2 * BLOCK - 1e-9]
-                    settled = _settled(kept, rate) or _at_rest(prepared, kept)
-                    if settled or now >= LONGEST_START - 1e-9:
-                        start, kept = now, [chunk]
-                elif now >= start + duration - 1e-9:
-                    break
-                if clock.monotonic() - began > at_most:
-                    limits.append(f"computing was limited to {at_most:g} s: the record ends at {now:.4g} s")
-                    break
+        follow(prepared, take, progress, what="settling and recording")
     except IntegrationError as error:
         limits.append(f"the integration failed: {error}")
         if not kept:
@@ -245,7 +288,7 @@ def _no_tangents(prepared: Prepared, chunks: list[Chunk]) -> str:
 
 
 def _exponents(
-    prepared: Prepared, first: Chunk, duration: float, at_most: float, show: OnProgress, limits: list[str]
+    prepared: Prepared, first: Chunk, duration: float, at_most: float, progress: Progress, limits: list[str]
 ) -> Exponents | None:
     """The largest Lyapunov exponents along the motion from where the record begins; None where that is too short."""
     model = prepared.model
@@ -254,8 +297,7 @@ def _exponents(
     tangents = np.linalg.qr(np.random.default_rng(0).normal(size=(size.size, min(TANGENTS, size.size))))[0]
     logs, began = [], clock.monotonic()
     for k in range(round(duration / INTERVAL)):
-        stop_if_interrupted()
-        show("nearby motions", k * INTERVAL)
+        progress("nearby motions", k * INTERVAL, duration)
         state, moved = (np.asarray(each) for each in neighbours(model, size, state, tangents, INTERVAL))
         if not (np.all(np.isfinite(state)) and np.all(np.isfinite(moved))):
             limits.append(f"nearby motions were lost after {k * INTERVAL:.4g} s")
@@ -276,12 +318,10 @@ def _exponents(
     return lyapunov_exponents(np.array(logs), INTERVAL)
 
 
-def _section(
-    departure: Departure, mass: NDArray[np.float64], coordinates: tuple[str, ...]
-) -> tuple[NDArray[np.float64], tuple[str, str], tuple[float, float]]:
-    """Points where the coordinate with most kinetic energy goes up through its mean, the two names, and their size."""
+def _section(departure: Departure, mass: NDArray[np.float64], coordinates: tuple[str, ...]) -> Section:
+    """Find the points where the coordinate with most kinetic energy goes up through its mean."""
     if not coordinates:
-        return np.zeros((0, 2)), ("", ""), (0.0, 0.0)
+        return Section()
     energy = mass * np.mean(departure.velocity**2, axis=0)
     ranked = sorted(range(energy.size), key=lambda k: -energy[k])
     across, other = ranked[0], ranked[min(1, len(ranked) - 1)]
@@ -289,11 +329,12 @@ def _section(
     level = q[:, across] - q[:, across].mean()
     up = np.flatnonzero((level[:-1] < 0) & (level[1:] >= 0))
     if not up.size:
-        return np.zeros((0, 2)), ("", ""), (0.0, 0.0)
+        return Section()
     path = CubicHermiteSpline(time, np.column_stack([level, q[:, other]]), v[:, [across, other]])
     at = time[up] - level[up] * (time[up + 1] - time[up]) / (level[up + 1] - level[up])
     for _ in range(3):  # Newton's method; samples are dense enough for the secant to begin with
         at = at - path(at)[:, 0] / path(at, 1)[:, 0]
     points = np.column_stack([path(at)[:, 1], path(at, 1)[:, 0]])
     size = float(np.ptp(q[:, other])), float(np.ptp(v[:, across]))
-    return points, (departure.coordinates[across], departure.coordinates[other]), size
+    names = departure.coordinates
+    return Section(across=names[across], other=names[other], points=len(points), size=size, values=points)

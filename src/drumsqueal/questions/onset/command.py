@@ -10,16 +10,8 @@ from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import load_scene
 from drumsqueal.scene.variation import POINTS, SYNTAX, read_variation
 from drumsqueal.terminal.completion import complete_range
-from drumsqueal.terminal.options import (
-    JsonFile,
-    Overwrite,
-    Quiet,
-    Reply,
-    SceneFile,
-    Settings,
-    output_option,
-    read_share,
-)
+from drumsqueal.terminal.options import JsonFile, Overwrite, Quiet, SceneFile, Settings, output_option, read_share
+from drumsqueal.terminal.reply import Reply
 
 ALONG = (
     f"The number of the scene that is varied and its range, in SI or with units; N values, {POINTS} without xN. "

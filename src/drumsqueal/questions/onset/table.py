@@ -22,8 +22,7 @@ from drumsqueal.questions.onset.verdict import reservations, verdict, with_uncer
 from drumsqueal.scene import Scene
 from drumsqueal.scene.variation import Variation
 from drumsqueal.solve.linear.branches import Branches, Critical
-from drumsqueal.terminal.study import rows_to_csv
-from drumsqueal.terminal.tables import print_table
+from drumsqueal.terminal.tables import print_table, rows_to_csv
 
 CUT_OFF = "cut off"  # the outcome of a study until it is complete
 STYLES = {SQUEALS: "bold red", KICKED: "bold"}

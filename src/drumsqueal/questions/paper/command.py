@@ -6,7 +6,8 @@ from typing import Annotated
 from drumsqueal.files.output_folder import PAPER_FILES
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene.seo_kang import seo_kang_brake
-from drumsqueal.terminal.options import JsonFile, Overwrite, Quiet, Reply, Settings, output_option
+from drumsqueal.terminal.options import JsonFile, Overwrite, Quiet, Settings, output_option
+from drumsqueal.terminal.reply import Reply
 
 
 def paper_command(

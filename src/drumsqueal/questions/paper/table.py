@@ -12,8 +12,7 @@ from rich.text import Text
 from drumsqueal.questions.paper.curves import Curve, FrictionCurve
 from drumsqueal.questions.paper.statement import Reading, Statement, Verdict
 from drumsqueal.questions.paper.transients import Point
-from drumsqueal.terminal.study import rows_to_csv
-from drumsqueal.terminal.tables import print_table
+from drumsqueal.terminal.tables import print_table, rows_to_csv
 
 HEADS = {Verdict.DEPENDS: "depends"}  # in the table, for whose width the whole verdict is too long
 

@@ -8,7 +8,8 @@ import typer
 from drumsqueal.files.claims import claim_results
 from drumsqueal.files.output_folder import ONSET_FILES, REPORT, RUN_FILES, check_ending
 from drumsqueal.interrupts import stop_if_interrupted
-from drumsqueal.terminal.options import JsonFile, Overwrite, Quiet, Reply, read_file, read_folder
+from drumsqueal.terminal.options import JsonFile, Overwrite, Quiet, read_file, read_folder
+from drumsqueal.terminal.reply import Reply
 
 
 def report_command(

@@ -10,13 +10,13 @@ from drumsqueal.terminal.options import (
     JsonFile,
     Overwrite,
     Quiet,
-    Reply,
     Resume,
     SceneFile,
     Settings,
     UsageError,
     output_option,
 )
+from drumsqueal.terminal.reply import Reply
 
 
 def run_command(

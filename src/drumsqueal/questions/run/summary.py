@@ -1,5 +1,6 @@
 """The result of a run as plain data for summary.json, and of the eigenvalue problem for `stability --json`."""
 
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -128,7 +129,7 @@ def _growth(comparison: Comparison) -> dict[str, Any]:
 
 def _saturation(saturation: Saturation) -> dict[str, Any]:
     return saturation._asdict() | {
-        "regime": saturation.regime._asdict(),
+        "regime": asdict(saturation.regime),
         "lines": [line._asdict() for line in saturation.lines],
         "main": saturation.main and saturation.main._asdict(),
     }

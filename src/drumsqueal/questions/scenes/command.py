@@ -8,7 +8,8 @@ import typer
 from drumsqueal.questions.scenes.job import copy_scene, list_scenes
 from drumsqueal.scene.shipped import shipped_path
 from drumsqueal.terminal.completion import complete_name
-from drumsqueal.terminal.options import JsonFile, Overwrite, Quiet, Reply, UsageError
+from drumsqueal.terminal.options import JsonFile, Overwrite, Quiet, UsageError
+from drumsqueal.terminal.reply import Reply
 
 
 def scenes_command(

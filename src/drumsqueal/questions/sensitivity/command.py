@@ -9,16 +9,8 @@ from drumsqueal.files.output_folder import SENSITIVITY_FILES
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import load_scene
 from drumsqueal.terminal.completion import complete_list, words
-from drumsqueal.terminal.options import (
-    JsonFile,
-    Overwrite,
-    Quiet,
-    Reply,
-    SceneFile,
-    Settings,
-    UsageError,
-    output_option,
-)
+from drumsqueal.terminal.options import JsonFile, Overwrite, Quiet, SceneFile, Settings, UsageError, output_option
+from drumsqueal.terminal.reply import Reply
 
 
 def sensitivity_command(

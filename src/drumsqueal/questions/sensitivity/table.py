@@ -13,8 +13,7 @@ from drumsqueal.questions.sensitivity.decay import Decay
 from drumsqueal.questions.sensitivity.quieting import Quieting
 from drumsqueal.questions.sensitivity.study import PERCENT, Sensitivity, SensitivityStudy
 from drumsqueal.scene.quantities import printable
-from drumsqueal.terminal.study import rows_to_csv
-from drumsqueal.terminal.tables import print_table
+from drumsqueal.terminal.tables import print_table, rows_to_csv
 
 LEAST_PLAIN = 0.01  # 1/s
 NEGLIGIBLE = 1e-4  # relative change that the sentence leaves out

@@ -17,13 +17,13 @@ from drumsqueal.terminal.options import (
     JsonFile,
     Overwrite,
     Quiet,
-    Reply,
     Resume,
     SceneFile,
     Settings,
     UsageError,
     output_option,
 )
+from drumsqueal.terminal.reply import Reply
 
 _VARY = "Take these values, e.g. drum.speed=1..40x20; with --random, any between, e.g. drum.speed=1..40. Repeatable."
 _RANDOM = "Draw so many times from the scene's table [uncertain], and from the ranges of --vary."

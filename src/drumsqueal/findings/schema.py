@@ -1,0 +1,76 @@
+"""What every command finds, as one frozen model a question: made once, written as JSON, read back by the same class."""
+
+import json
+from pathlib import Path
+from typing import Annotated, Any, TypeVar
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainSerializer, ValidationError, computed_field
+
+from drumsqueal.errors import RequestError
+from drumsqueal.files.ordinary import read_ordinary
+from drumsqueal.findings.history import versions
+from drumsqueal.scene import Scene, SceneError, scene_from_dict
+
+LARGEST = 100 * 2**20  # bytes of a file of findings; those of the longest runs and studies have less than 1 MB
+
+
+class Finding(BaseModel):
+    """A part of what was found. Keys that are not named are left aside: a newer version may add some."""
+
+    model_config = ConfigDict(frozen=True, arbitrary_types_allowed=True)
+
+
+def _scene(value: Any) -> Any:
+    return scene_from_dict(_without_none(value)) if isinstance(value, dict) else value
+
+
+class Findings(Finding):
+    """What a command found: the scene as it was run, the versions, and what each question adds."""
+
+    scene: Annotated[Scene, BeforeValidator(_scene), PlainSerializer(lambda scene: scene.model_dump(mode="json"))]
+    versions: dict[str, str] = Field(default_factory=versions)
+
+    @computed_field
+    @property
+    def title(self) -> str:
+        """The title of the scene."""
+        return self.scene.title
+
+
+Held = Field(default=None, exclude=True)
+"""The default of a field that figures need and the file does not hold: it is None where findings were read."""
+Found = TypeVar("Found", bound=BaseModel)
+
+
+def read_findings(path: Path, kind: type[Found]) -> Found:
+    """Read the findings in a file. Raises RequestError where it holds none, or of a version that wrote other keys."""
+    data: Any = None
+    try:
+        data = json.loads(read_ordinary(path, LARGEST))
+        return kind.model_validate(data)
+    except OSError as error:
+        raise RequestError(f"{path}: cannot be read ({error.strerror or error})") from None
+    except SceneError as error:
+        told = f"{path}: the scene in it is not one that this version of drumsqueal takes ({error})"
+        raise RequestError(f"{told}; run the scene anew") from None
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(str(part) for part in first["loc"]) or "the whole of it"
+        by = _version(data)
+        told = f"{path}: {place}: {first['msg'][0].lower()}{first['msg'][1:]}; it was written by {by} of drumsqueal"
+        raise RequestError(f"{told}: run the scene anew with this one, or use that one") from None
+    except (ValueError, RecursionError):
+        raise RequestError(f"{path} is damaged: this is no JSON; run the scene anew") from None
+
+
+def _version(data: Any) -> str:
+    versions = data.get("versions") if isinstance(data, dict) else None
+    version = versions.get("drumsqueal") if isinstance(versions, dict) else None
+    return f"version {version[:20]}" if isinstance(version, str) else "an unknown version"
+
+
+def _without_none(data: Any) -> Any:
+    """TOML, and so a scene, has no null."""
+    if isinstance(data, dict):
+        return {key: _without_none(value) for key, value in data.items() if value is not None}
+    return data

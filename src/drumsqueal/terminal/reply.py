@@ -1,0 +1,136 @@
+"""How a command answers: in words on its console, or as JSON in their place; and what it claims for itself."""
+
+import os
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from drumsqueal.errors import RequestError
+from drumsqueal.files.claims import claim_file, claim_folder
+from drumsqueal.files.json_file import to_json, write_json
+from drumsqueal.files.output_folder import MADE_FILES, check_apart, check_output, check_output_file, clear, unusable
+from drumsqueal.scene.quantities import printable
+
+UNBROKEN = 10_000  # columns where nobody looks on: a sentence then is one line, and no table is cut
+
+
+class Reply:
+    """How a command answers: in words on its `console`, or as JSON in their place, or (`--quiet`) not at all.
+
+    What the command writes is claimed for it, until `main` ends.
+    """
+
+    folder, _files = Path(), ()
+
+    def __init__(self, quiet: bool, json_file: str | None, *, overwrite: bool, apart_from: Iterable[Path] = ()) -> None:
+        """Raises RequestError where the JSON file cannot be written, is there and is not to be overwritten, or would
+        replace one of those that are read and written beside it.
+        """
+        if json_file == "":
+            raise RequestError("--json: the name of the file is empty; write one, or - for standard output")
+        self._file, self._quiet = json_file, quiet
+        if self._path is not None and not _is_stream(self._path):
+            check_apart(self._path, apart_from, option="--json")
+            self._claim_file(self._path, overwrite=overwrite, option="--json")
+        self.console = make_console(quiet=quiet or json_file is not None)
+
+    @classmethod
+    def beside(
+        cls,
+        folder: Path,
+        files: Iterable[str],
+        read: Iterable[Path],
+        quiet: bool,
+        json_file: str | None,
+        *,
+        overwrite: bool,
+    ) -> "Reply":
+        """That of a command which reads some files and writes others, of these names, into a folder.
+
+        Raises RequestError where they lie there already and are not to be overwritten, one would replace another, or
+        another command is at that folder.
+        """
+        check_output(folder, files, overwrite=overwrite)
+        written = [folder / name for name in files]
+        for path in written:
+            check_apart(path, read)
+        try:
+            remark = claim_folder(folder)
+        except OSError as error:
+            raise unusable(folder, error) from None
+        check_output(folder, files, overwrite=overwrite)  # again: another command may just have ended
+        reply = cls(quiet, json_file, overwrite=overwrite, apart_from=(*read, *written))
+        reply.folder, reply._files = folder, tuple(files)
+        reply._remark(remark)
+        return reply
+
+    @classmethod
+    def with_file(
+        cls, file: Path, read: Iterable[Path], quiet: bool, json_file: str | None, *, overwrite: bool
+    ) -> "Reply":
+        """That of a command which reads some files and writes one. Raises RequestError as `beside` does."""
+        check_apart(file, read)
+        reply = cls(quiet, json_file, overwrite=overwrite, apart_from=(*read, file))
+        reply._claim_file(file, overwrite=overwrite, option="-o")
+        return reply
+
+    def clear(self, *, but: Iterable[str] = ()) -> None:
+        """Clear the folder of earlier results, `but` for some; say what of it other commands had made of those.
+
+        Raises RequestError where the folder cannot be written.
+        """
+        made = [name for name in clear(self.folder, self._files, but=but) if name in MADE_FILES]
+        if made:  # it will not come again by itself
+            self.console.print(f"Removed with the results that they were made of: {', '.join(made)}")
+
+    def _claim_file(self, path: Path, *, overwrite: bool, option: str) -> None:
+        check_output_file(path, overwrite=overwrite, option=option)
+        try:
+            remark = claim_file(path, f"name another file with {option}")
+        except OSError as error:
+            told = f"{path}: this file cannot be written ({error.strerror or error}); name another with {option}"
+            raise RequestError(told) from None
+        check_output_file(path, overwrite=overwrite, option=option)  # again: another command may just have ended
+        self._remark(remark)
+
+    def _remark(self, remark: str) -> None:
+        if remark:
+            make_console(stderr=True, quiet=self._quiet).print(f"drumsqueal: {printable(remark)}", soft_wrap=True)
+
+    @property
+    def _path(self) -> Path | None:
+        return None if self._file in (None, "-") else Path(str(self._file))
+
+    def send(self, data: Any) -> None:
+        """Write the summary where it was asked for. Raises OSError."""
+        if self._file is None:
+            return
+        if self._path is None:
+            sys.stdout.write(to_json(data))
+            sys.stdout.flush()
+        elif _is_stream(self._path):
+            self._path.write_text(to_json(data), encoding="utf-8")
+        else:
+            write_json(data, self._path)
+
+
+def _is_stream(path: Path) -> bool:
+    """Whether this is a pipe or a device: what is there is not replaced, but written to."""
+    try:
+        return path.exists() and not path.is_file() and not path.is_dir()
+    except (OSError, ValueError):
+        return False
+
+
+def make_console(*, stderr: bool = False, quiet: bool = False) -> Console:
+    """A console that shows text as it is: what users write is neither markup nor the name of an emoji.
+
+    Colours and widths are those of a terminal that is one; into a file or a pipe, lines are not broken.
+    """
+    console = Console(stderr=stderr, highlight=False, markup=False, emoji=False, quiet=quiet)
+    if not console.is_terminal and "COLUMNS" not in os.environ:
+        console.width = UNBROKEN
+    return console

@@ -1,0 +1,121 @@
+"""The one way in which a command works: claims its files, shows progress, looks for Ctrl-C, keeps what was done until
+then, writes JSON, tables and figures, prints what was found and where the files are."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Generic, TypeVar
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, SpinnerColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
+
+from drumsqueal.errors import IntegrationError
+from drumsqueal.files.json_file import write_json
+from drumsqueal.files.output_folder import figure_file, not_taken, write_whole
+from drumsqueal.interrupts import stop_if_interrupted
+from drumsqueal.progress import Progress as Hook
+from drumsqueal.scene.quantities import printable
+from drumsqueal.terminal.reply import Reply
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+F = TypeVar("F")
+
+
+@dataclass(frozen=True)
+class Answer(Generic[F]):
+    """How the findings of a question become files, figures and words.
+
+    `summary` names the JSON file; `tables` and `figures` make the content of each file, or None where there is nothing
+    to show; `words` prints.
+    """
+
+    words: Callable[[Console, F], None]
+    summary: str | None = None
+    tables: Mapping[str, Callable[[F], str | bytes | None]] = field(default_factory=dict)
+    figures: Mapping[str, Callable[[F], "Figure | None"]] = field(default_factory=dict)
+
+    def write(self, folder: Path, found: F) -> None:
+        """Write JSON and tables, each whole or not at all. Raises OSError."""
+        if self.summary is not None:
+            write_json(found, folder / self.summary)
+        for name, make in self.tables.items():
+            content = make(found)
+            if content is not None:
+                write_whole(folder / name, content.encode() if isinstance(content, str) else content)
+
+    def draw(self, folder: Path, found: F) -> None:
+        """Write the figures, each whole or not at all. Raises OSError, and KeyboardInterrupt between two figures."""
+        from drumsqueal.terminal.style import save_figure
+
+        for name, make in self.figures.items():
+            stop_if_interrupted()
+            figure = make(found)
+            if figure is not None:
+                save_figure(figure, folder / figure_file(name))
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """All names that may be written."""
+        return (*([self.summary] if self.summary else []), *self.tables, *map(figure_file, self.figures))
+
+
+def answer(reply: Reply, how: Answer[F], find: Callable[[Hook, Callable[[F], None]], F]) -> F:
+    """Find, and write, draw, print and send what was found; return it.
+
+    `find` takes a hook for progress, which raises KeyboardInterrupt after Ctrl-C, and one that keeps what was found so
+    far. Raises IntegrationError for what failed or was interrupted, with where that is.
+    """
+    folder = reply.folder
+    reply.clear()
+    with kept_in(folder, how.files):
+        with shown_progress(reply.console) as progress:
+            found = find(progress, lambda so_far: how.write(folder, so_far))
+        how.write(folder, found)
+        how.draw(folder, found)
+        stop_if_interrupted()
+    how.words(reply.console, found)
+    print_place(reply.console, folder, how.files)
+    reply.send(found)
+    return found
+
+
+@contextmanager
+def kept_in(folder: Path, files: Sequence[str]) -> Iterator[None]:
+    """Turn Ctrl-C, a failure and a full disk into an IntegrationError that says where what was done until then is."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise IntegrationError(f"interrupted by the user; {_kept(folder, files)}") from None
+    except IntegrationError as error:
+        raise type(error)(f"{error}; {_kept(folder, files)}") from None
+    except OSError as error:
+        raise IntegrationError(f"{not_taken(error, folder)}; {_kept(folder, files)}") from None
+
+
+def _kept(folder: Path, files: Sequence[str]) -> str:
+    there = [name for name in files if (folder / name).exists()]
+    return f"what was done until then is in {folder / there[0]}" if there else "nothing was kept"
+
+
+def print_place(console: Console, folder: Path, files: Sequence[str]) -> None:
+    """Print where the files are."""
+    there = [name for name in files if (folder / name).exists()]
+    console.print(printable(f"Results are in {folder}: {', '.join(there)}"), soft_wrap=True)
+
+
+@contextmanager
+def shown_progress(console: Console) -> Iterator[Hook]:
+    """A hook that shows how far a computation has come, on a terminal, and looks for Ctrl-C wherever it is called."""
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TaskProgressColumn())
+    shown = Progress(*columns, TimeRemainingColumn(), console=console, transient=True, disable=not console.is_terminal)
+    with shown:
+        task = shown.add_task("compiling", total=None)
+
+        def show(what: str, done: float = 0.0, total: float | None = None) -> None:
+            stop_if_interrupted()
+            shown.update(task, description=what, completed=done, total=total)
+
+        yield show
