@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from drumsqueal.errors import IntegrationError
 from drumsqueal.findings.edges import edge_shares
 from drumsqueal.findings.history import COMPLETE
+from drumsqueal.findings.outcome import Ending, Outcome
 from drumsqueal.findings.signals import amplitude_spectrum, spectral_peaks
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.physics.model import Model
@@ -191,7 +192,7 @@ def _alone(part: _Part, model: Model, steady: NDArray[np.float64], how: dict) ->
                 stop_if_interrupted()
                 part.add(chunk.displacement - steady, chunk.velocity)
     except IntegrationError as error:
-        part.outcome = f"failed: {error}"
+        part.outcome = Outcome(Ending.FAILED, f"failed: {error}")
 
 
 def _looked_at(part: _Part, model: Model, sample_rate: float) -> Saturated:

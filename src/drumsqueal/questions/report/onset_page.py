@@ -8,9 +8,10 @@ from typing import Any
 from drumsqueal.errors import RequestError
 from drumsqueal.files.output_folder import ONSET, ONSET_SUMMARY, ONSET_TABLE, figure_file
 from drumsqueal.findings.history import COMPLETE
+from drumsqueal.findings.schema import read_findings
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.questions.onset.rows import KICKED, NEUTRAL, NOWHERE, STABLE, UNKNOWN
-from drumsqueal.questions.report.found import Critical, Onset, read_rows, read_summary, scene_of
+from drumsqueal.questions.report.found import Critical, Onset, read_rows
 from drumsqueal.questions.report.inline import data_uri, picture
 from drumsqueal.questions.report.moving import animate
 from drumsqueal.questions.report.words import hertz, onset_words
@@ -36,7 +37,7 @@ ABOUT = "The shapes were computed anew from the scene, at the critical values, a
 
 def onset_content(folder: Path) -> dict[str, Any]:
     """What the template takes, from the folder of a study. Raises RequestError for files that are none of a study."""
-    found = read_summary(folder / ONSET_SUMMARY, Onset) if (folder / ONSET_SUMMARY).exists() else None
+    found = read_findings(folder / ONSET_SUMMARY, Onset) if (folder / ONSET_SUMMARY).exists() else None
     table = read_rows(folder / ONSET_TABLE) if (folder / ONSET_TABLE).exists() else []
     rows = [_row(row, folder / ONSET_TABLE) for row in table if row["asked"] == "yes"]
     drawn = picture(folder / figure_file(ONSET), onset_words(found))
@@ -52,7 +53,7 @@ def onset_content(folder: Path) -> dict[str, Any]:
     if found is None:
         content |= {"column": next(iter(table[0])) if table else "", "per": 1.0, "equals": ""}
         return content | {"title": "Onset", "warning": NO_SUMMARY, "headline": f"{len(rows)} values were done."}
-    scene = scene_of(folder / ONSET_SUMMARY, found.scene)
+    scene = found.scene
     toml, along = scene.to_toml(), found.parameter.variation
     if table and next(iter(table[0])) != along.column:  # of an earlier version, in SI
         rows = [row | {"value": along.listed(row["value"])} for row in rows]
