@@ -10,12 +10,12 @@ import pytest
 import xarray
 from rich.console import Console
 
-from drumsqueal.findings.compare import HELD, compare
+from drumsqueal.findings.compare import Note, compare
 from drumsqueal.findings.sticking import find_sticking
 from drumsqueal.physics.laws.friction_law import ExponentialLaw
 from drumsqueal.physics.model import build_model
 from drumsqueal.questions.accuracy.reference import find_reference
-from drumsqueal.questions.run.tables import print_result
+from drumsqueal.questions.run.words import print_findings
 from drumsqueal.simulation import Result, prepare, run, start_of
 from drumsqueal.solve.linear.modes import analyse_stability
 
@@ -79,7 +79,7 @@ def test_modes_that_do_not_move_say_so(squeal):
 
 def test_the_verdict_names_what_squeals_and_what_it_does(squeal, saturated):
     for result in (squeal, saturated):
-        assert result.outcome == "complete"
+        assert result.findings.outcome == "complete"
         assert result.comparison.verdict.startswith("The linear model predicts squeal in Y, X, Tz; the ")
         assert result.comparison.edge_reached_s is not None
         assert result.comparison.edge_reached_s > result.comparison.growth.linear_until_s
@@ -103,7 +103,7 @@ def test_saturated_squeal_lies_well_below_its_onset_frequency(saturated):
     # The mode Y with its line at 1076 Hz and Tz at 7290 Hz are bases, each to a few per cent as above.
     assert any(f == pytest.approx(1076, rel=0.05) for f in saturation.regime.base_frequencies_Hz)
     assert any(f == pytest.approx(7290, rel=0.05) for f in saturation.regime.base_frequencies_Hz)
-    told = f"and 72.. Hz, with most kinetic energy at {saturation.main.frequency_Hz:.0f} Hz, 2"
+    told = f"and 72.. Hz. Most kinetic energy is at {saturation.main.frequency_Hz:.0f} Hz, 2"
     assert re.search(told, saturated.comparison.verdict)
     assert "settles to a quasi-periodic motion of " in saturated.comparison.verdict
     # Why: the lining leaves the drum for a good part of the time, and the shoe is held more softly.
@@ -278,7 +278,7 @@ def test_a_load_that_rises_from_zero_is_simulated(nominal):
     touching = {mode.name: mode.frequency_Hz for mode in result.stability.modes}
     # The frequencies of the frictionless shoe; friction at 2000 N changes them by less than 1e-3.
     assert touching["Y"] == pytest.approx(ONSET["Y"][1] / (2 * np.pi), rel=3e-2)
-    assert result.outcome == "complete"
+    assert result.findings.outcome == "complete"
     # 0.1 µm lifts part of it off within the first samples; a shoe at rest stays in contact while the load rises.
     assert result.comparison.edge_reached_s is not None
     assert result.comparison.edge_reached_s < 1e-4
@@ -349,18 +349,18 @@ def test_a_run_that_was_cut_off_says_why(nominal):
 
 
 @pytest.mark.parametrize(
-    ("sticks", "share", "spells", "to_the_end"),
+    ("sticks", "share", "spells", "first", "to_the_end"),
     [
-        ("00000", 0.0, (), False),
-        ("01100", 0.25, ((1.0, 2.0),), False),
-        ("10011", 0.25, ((0.0, 0.0), (3.0, 4.0)), True),
-        ("11111", 1.0, ((0.0, 4.0),), True),
+        ("00000", 0.0, 0, None, None),
+        ("01100", 0.25, 1, 1.0, None),
+        ("10011", 0.25, 2, 0.0, 3.0),
+        ("11111", 1.0, 1, 0.0, 0.0),
     ],
 )
-def test_spells_of_sticking_are_read_off_the_samples(sticks, share, spells, to_the_end):
+def test_spells_of_sticking_are_read_off_the_samples(sticks, share, spells, first, to_the_end):
     signal = ("time", np.array([float(each) for each in sticks]))
     found = find_sticking(xarray.Dataset({"sticking": signal}, {"time": np.arange(5.0)}))
-    assert found == (share, spells, to_the_end)
+    assert (found.share, found.spells, found.first_s, found.to_the_end_from_s) == (share, spells, first, to_the_end)
 
 
 def test_growth_is_not_measured_while_the_lining_sticks_at_the_start(nominal):
@@ -368,7 +368,7 @@ def test_growth_is_not_measured_while_the_lining_sticks_at_the_start(nominal):
     speed = {"time": [0.0, 0.001, 0.004], "value": [0.0, 0.0, 5.0]}
     values = {"start": start, "drum.speed": speed, "simulate.duration": 0.003, "simulate.sample_rate": 1e5}
     result = run(nominal.with_values(values | UNDAMPED))
-    assert {mode.note for mode in result.comparison.modes if mode.name in "XYTz"} == {HELD}
+    assert {mode.note for mode in result.comparison.modes if mode.name in "XYTz"} == {Note.STICKING}
     assert all(mode.measured_growth is None for mode in result.comparison.modes)
     assert "the whole lining sticks to the drum for 33.3 % of the time" in result.comparison.verdict
 
@@ -382,7 +382,10 @@ class Hiding(ExponentialLaw):
 
 def fraction_of(result: Result) -> float:
     assert result.comparison.accuracy is not None
-    return result.comparison.accuracy.fraction
+    found = result.comparison.accuracy
+    assert found is not None
+    assert found.quadrature_error_over_normal_force is not None
+    return found.quadrature_error_over_normal_force
 
 
 STEEP = {
@@ -453,6 +456,6 @@ def test_where_speed_or_load_change_one_time_and_a_mean_are_no_error(nominal):
     assert mode.measured_growth is not None
     assert (mode.frequency_error, mode.growth_rate_error) == (None, None)
     shown = io.StringIO()
-    print_result(Console(file=shown, width=200), result)
+    print_findings(Console(file=shown, width=200), result.findings)
     assert "error  " not in shown.getvalue()
     assert "the prediction is for t = 0 s, the mean is that from 0 to" in shown.getvalue()

@@ -101,8 +101,6 @@ def onset_words(found: Onset | None) -> tuple[str, str]:
 def _growth(summary: RunFindings, _: Scene) -> list[str]:
     told = ["Amplitude of each mode over time on a logarithmic axis, with the predicted growth as dashed lines."]
     growth = summary.growth
-    if growth is None:
-        return told
     told += [_rates(mode) for mode in growth.modes if mode.measured_growth_rate_1_per_s is not None]
     if growth.edge_reached_s is not None:
         told.append(f"The straight lines bend after {growth.edge_reached_s:.4g} s, the first edge.")

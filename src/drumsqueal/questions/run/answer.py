@@ -5,6 +5,8 @@ import threading
 from contextlib import ExitStack
 from pathlib import Path
 
+from rich.console import Console
+
 from drumsqueal.errors import IntegrationError
 from drumsqueal.files.history_file import HistoryFile, Reached
 from drumsqueal.files.json_file import write_json
@@ -17,26 +19,24 @@ from drumsqueal.progress import Progress
 from drumsqueal.questions.run.words import print_findings
 from drumsqueal.simulation import Prepared, collect, compared
 from drumsqueal.solve.transient.integrate import Chunk
-from drumsqueal.terminal.reply import Reply
 from drumsqueal.terminal.runner import Answer, print_place, shown_progress
 
 DRAWING = "drumsqueal.questions.run.figures"
 
 
-def answer_run(reply: Reply, prepared: Prepared, since: Point | None = None) -> RunFindings:
+def run_into(folder: Path, prepared: Prepared, console: Console, since: Point | None = None) -> RunFindings:
     """Run a prepared scene, write history, findings and figures into the folder, print and return the findings.
 
     `since` a point that an earlier run in this folder has reached, it goes on from there. Raises IntegrationError for a
     run that failed, was interrupted or did not fit on the disk, after writing what was computed; the message says why
     and what is where.
     """
-    folder = reply.folder
     reached = Reached() if since is None else since.reached
     history = HistoryFile(folder / HISTORY, prepared.scene, prepared.model.names, reached)
     resume, outcome = ResumeFile(folder / RESUME, prepared.scene), None
     with ExitStack() as files:
         try:
-            with shown_progress(reply.console) as progress:
+            with shown_progress(console) as progress:
                 outcome = _integrate(history, resume, prepared, progress, since)
                 progress("comparing", 0.0, None)
                 found, answer = _find(files, history, prepared, outcome, folder)
@@ -47,8 +47,8 @@ def answer_run(reply: Reply, prepared: Prepared, since: Point | None = None) -> 
             raise IntegrationError(f"interrupted by the user; {_kept(history, outcome)}{_again(resume)}") from None
         except OSError as error:
             raise IntegrationError(f"{not_taken(error, folder)}; {_kept(history, outcome)}{_again(resume)}") from None
-    answer.words(reply.console, found)
-    print_place(reply.console, folder, (HISTORY, *answer.files), left_out)
+    answer.words(console, found)
+    print_place(console, folder, (HISTORY, *answer.files), left_out)
     if outcome.ending is not Ending.COMPLETE:
         raise IntegrationError(f"{outcome}; what was computed is in {folder}{_again(resume)}")
     return found

@@ -44,7 +44,7 @@ def run_command(
     from drumsqueal.terminal.tables import print_notes
 
     print_notes(reply.console, unusual(loaded))
-    from drumsqueal.questions.run.answer import answer_run
+    from drumsqueal.questions.run.answer import run_into
     from drumsqueal.questions.run.bistable import print_bistable
     from drumsqueal.simulation import check_sample_rate, prepare
 
@@ -52,7 +52,7 @@ def run_command(
     prepared = prepare(loaded)
     check_sample_rate(prepared)
     reply.clear(but=(HISTORY, RESUME) if resume else ())
-    found = answer_run(reply, prepared, since)
+    found = run_into(folder, prepared, reply.console, since)
     if found.saturation is None or not found.saturation.vibrates:  # otherwise it squeals already
         print_bistable(reply.console, loaded, prepared.stability, scene, settings or ())
     reply.send(found)
