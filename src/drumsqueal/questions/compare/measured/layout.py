@@ -62,8 +62,8 @@ def _cells_of(line: str, separator: str) -> list[str]:
         line = " ".join(line.split())
     try:
         return [cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])]
-    except csv.Error:  # a cell of more than 128 kB
-        return []
+    except csv.Error:
+        raise ValueError(f"a cell is longer than 128 kB in the line that begins {line[:_SHOWN]!r}") from None
 
 
 def find_layout(path: object, lines: list[Line], comments: list[Line]) -> Layout:
