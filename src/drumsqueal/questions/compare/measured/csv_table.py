@@ -98,14 +98,11 @@ def _table(path: Path, lines: list[Line], layout: Layout, told: list[str]) -> tu
             na_values=_MISSING,
             skipinitialspace=True,
         ).to_numpy()[:, :used]
-        doubtful = np.flatnonzero(np.isnan(table).any(axis=1))  # lines that are too short are filled up
-    except ValueError:  # which does not say where
-        table, doubtful = None, range(len(rows))
-    for k in doubtful:
+    except ValueError:  # which does not say where: every line is looked at
+        table = np.full((len(rows), used), np.nan)
+    for k in np.flatnonzero(np.isnan(table).any(axis=1)):  # pandas fills up lines that are too short
         if wrong := fault(rows[k][1], layout):
             raise RequestError(f"{path}: line {rows[k][0]}: {wrong}; mend or remove the line")
-    if table is None:
-        raise RequestError(f"{path}: pandas cannot read the table; mend or remove what is not a number in it")
     return table, [line for line, _ in rows]
 
 
