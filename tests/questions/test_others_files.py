@@ -17,7 +17,7 @@ from drumsqueal import compilation
 from drumsqueal.errors import RequestError
 from drumsqueal.files import saved_history
 from drumsqueal.files.in_place import variable
-from drumsqueal.files.ordinary import NotOrdinaryError, open_ordinary, read_ordinary
+from drumsqueal.files.ordinary import NotOrdinaryError, read_ordinary
 from drumsqueal.files.saved_history import read_history
 from drumsqueal.questions.compare.measured.reader import read_measured
 from drumsqueal.scene import SceneError, load_scene
@@ -107,23 +107,12 @@ def test_a_run_is_not_resumed_from_such(drumsqueal, folder, put):
     assert (status, errors.count("\n")) == (2, 1)
 
 
-def test_what_is_swapped_or_grows_while_it_is_opened_is_found(tmp_path, monkeypatch):
+def test_a_file_is_read_up_to_a_size(tmp_path):
     path = tmp_path / "a.json"
     path.write_bytes(b"x" * 100)
     with pytest.raises(NotOrdinaryError, match="larger"):
         read_ordinary(path, 99)
     assert read_ordinary(path, 100) == b"x" * 100
-    stat = Path.stat
-
-    def swapped(self, **options):
-        found = stat(self, **options)
-        self.unlink()
-        os.mkfifo(self)
-        return found
-
-    monkeypatch.setattr(Path, "stat", swapped)
-    with pytest.raises(NotOrdinaryError, match="named pipe"):
-        open_ordinary(path, 100)
 
 
 # --- data that lie in other files -----------------------------------------------------------------------------------
@@ -253,19 +242,23 @@ def test_a_summary_with_what_cannot_be_is_refused(drumsqueal, folder, what):
     assert f"{folder / 'summary.json'}: " in errors
 
 
-@pytest.mark.parametrize("where", ["field", "heading", "open quote"])
-def test_a_field_without_end_is_refused(tmp_path, where):
-    rows = [f"{k / 1000},{k % 7}" for k in range(200)]
-    heading = "time (s)," + ("x" * 200_000 if where == "heading" else "x")
-    rows += {
-        "field": [f'0.2,"{"1" * 200_000}"', "0.201,1"],
-        "heading": [],
-        "open quote": ['0.2,"1'] + 20_000 * rows[:1],
-    }[where]
+ROWS = [f"{k / 1000},{k % 7}" for k in range(200)]
+
+
+@pytest.mark.parametrize(
+    ("heading", "more", "told"),
+    [
+        ("x" * 200_000, [], "a cell is longer than 128 kB in the line that begins 'time (s),xxxx"),
+        ("x", [f'0.2,"{"1" * 200_000}"', "0.201,1"], "a cell is longer than 128 kB in the line that begins '0.2,"),
+        ("x", ['0.2,"1', *20_000 * ROWS[:1]], "line 202: a quotation mark is missing; mend or remove the line"),
+    ],
+)
+def test_a_field_without_end_is_refused(tmp_path, heading, more, told):
     path = tmp_path / "a.csv"
-    path.write_text("\n".join([heading, *rows]))
-    with pytest.raises(RequestError, match=r"a\.csv: .*(field larger than|is no number)") as caught:
+    path.write_text("\n".join([f"time (s),{heading}", *ROWS, *more]))
+    with pytest.raises(RequestError) as caught:
         read_measured(path)
+    assert told in str(caught.value)
     assert len(str(caught.value)) < 500
 
 

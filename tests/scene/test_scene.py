@@ -336,10 +336,6 @@ def test_several_mistakes_give_the_first_and_the_number_of_the_others():
         (b"x = " + b"9" * 5000, "an integer has more digits than can be read"),
         (b"#" * (17 * 2**20), "the file of 17 MB is larger than 16 MB"),
         (b"", "table is missing"),
-        # A key of so many parts would keep tomllib busy for hours, and take all memory.
-        (b"[shoe]\n" + b".".join([b"a"] * 2**20) + b" = 1", "a key has more than 10 parts"),
-        (b'[a."b"' + b' . \'\' . 1. "\\""' * 2**17 + b"]", "a key has more than 10 parts"),
-        (b"x = {" + b".".join([b"a-b"] * 2**18) + b" = 1}", "a key has more than 10 parts"),
         (b'\\"' * 2**20, "not TOML"),
         (b'x = """' + b'\\"' * 2**20, "not TOML"),
     ],
@@ -354,9 +350,6 @@ def test_several_mistakes_give_the_first_and_the_number_of_the_others():
         "digits",
         "large",
         "empty",
-        "long key",
-        "long header",
-        "inner key",
         "quotes",
         "open string",
     ],
@@ -368,12 +361,6 @@ def test_a_file_that_is_no_scene_is_refused_by_name(content, cause, tmp_path):
         load_scene(path)
     assert str(caught.value).startswith(str(path))
     assert cause in str(caught.value)
-
-
-def test_dots_in_text_are_no_key():
-    dotted_text = "a.b.c.d.e.f.g.h.i.j.k.l.m" * 20
-    for title in (f'"{dotted_text}"', f"'{dotted_text}'", f'"""{dotted_text}"""  # {dotted_text}'):
-        assert load_scene(NOMINAL, [f"title={title}"]).title == dotted_text
 
 
 @pytest.mark.parametrize("setting", ["a" * 130_000, "a" * 130_000 + "=1", "title=" + "a" * 130_000, "x." * 60_000])

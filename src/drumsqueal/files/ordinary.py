@@ -29,22 +29,13 @@ def open_ordinary(path: Path, most: int) -> BinaryIO:
     ValueError for a name that is none.
     """
     _check(path.stat(), most)  # before it is opened, which does something to devices
-    descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
-    try:
-        _check(os.fstat(descriptor), most)  # again: another may have been put there
-        return os.fdopen(descriptor, "rb")
-    except BaseException:
-        os.close(descriptor)
-        raise
+    return path.open("rb")
 
 
 def read_ordinary(path: Path, most: int) -> bytes:
     """The content of an ordinary file of at most so many bytes. Raises as `open_ordinary` does."""
     with open_ordinary(path, most) as file:
-        content = file.read(most + 1)
-    if len(content) > most:  # it grew
-        raise _too_large(len(content), most)
-    return content
+        return file.read()
 
 
 def _check(status: os.stat_result, most: int) -> None:
@@ -54,8 +45,4 @@ def _check(status: os.stat_result, most: int) -> None:
         kind = _KINDS.get(stat.S_IFMT(status.st_mode), "something else")
         raise NotOrdinaryError(f"this is no ordinary file, but {kind}")
     if status.st_size > most:
-        raise _too_large(status.st_size, most)
-
-
-def _too_large(size: int, most: int) -> NotOrdinaryError:
-    return NotOrdinaryError(f"the file of {size / 2**20:.0f} MB is larger than {most // 2**20} MB")
+        raise NotOrdinaryError(f"the file of {status.st_size / 2**20:.0f} MB is larger than {most // 2**20} MB")

@@ -21,15 +21,6 @@ _NETCDF = (b"\x89HDF", b"CDF")
 # A scene with two profiles of full length, as `to_toml` writes it, stays below this.
 _MOST_BYTES = 16 * 2**20
 
-# The time and memory that tomllib takes for a key grow with the square of its parts: a megabyte of them would take all
-# there is. Such a key is found before, in one pass: strings and comments are passed over, as are quotes left open.
-_PART = r"""(?:[\w-]++|"(?:[^"\\\n]|\\.)*+"?+|'[^'\n]*+'?+)"""
-_WORDS = re.compile(
-    r""""{3}(?:[^"\\]|(?s:\\.)|"{1,2}+(?!"))*+"*+|'{3}(?:[^']|'{1,2}+(?!'))*+'*+|\#[^\n]*+"""
-    + rf"|(?P<long>{_PART}(?:[ \t]*+\.[ \t]*+{_PART}){{{_DEEPEST},}}+)|{_PART}"
-)
-
-
 _LONGEST_LINE = 200
 # A value outside quotes and lists: 0,45 in "static = 0,45" and in "{ Y = 0,45 }".
 _COMMA = re.compile(r"""^[^"'#\[]*?([\w.-]+)\s*=\s*([+-]?\d+),(\d\S*?)\s*(?:[#},]|$)""")
@@ -91,8 +82,6 @@ def _decimal_comma(text: str, error: str) -> str:
 
 def _loads(text: str) -> dict[str, Any]:
     """Read TOML; raises ValueError and RecursionError."""
-    if any(word["long"] for word in _WORDS.finditer(text)):
-        raise ValueError(f"a key has more than {_DEEPEST} parts")
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError:

@@ -1,4 +1,8 @@
-"""Physical values as they are written: a number in SI, or a string with a unit, read to one SI float."""
+"""Physical values as they are written: a number in SI, or a string with a unit, read to one SI float.
+
+Units are converted by pint. What may be written is held narrower than pint has it: for pint 5 Hz is 5 rad/s, "dB" and
+"pi" are plain numbers, and arithmetic is carried out.
+"""
 
 import json
 import math

@@ -1,4 +1,7 @@
-"""Labels that do not overlap, and long records reduced to what a printed line can show."""
+"""Labels that do not overlap, and long records reduced to what a printed line can show.
+
+Labels are placed here and not by adjustText, which takes longer and writes them onto markers and axes.
+"""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -8,6 +11,7 @@ from matplotlib.ticker import AutoLocator, FuncFormatter
 from matplotlib.transforms import Bbox
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import make_interp_spline
+from scipy.optimize import isotonic_regression
 
 from drumsqueal.terminal.style import SMALL_SIZE
 
@@ -44,14 +48,7 @@ def spread(positions: ArrayLike, gap: float, low: float, high: float) -> NDArray
     gap = min(gap, (high - low) / max(wanted.size - 1, 1))
     # In steps beyond the gap the task is an isotonic fit: labels that would collide share the mean of their wishes.
     steps = gap * np.arange(wanted.size)
-    blocks: list[tuple[float, int]] = []
-    for value in wanted[order] - steps:
-        mean, count = float(value), 1
-        while blocks and blocks[-1][0] > mean:
-            above, number = blocks.pop()
-            mean, count = (mean * count + above * number) / (count + number), count + number
-        blocks.append((mean, count))
-    fitted = np.clip(np.repeat([mean for mean, _ in blocks], [count for _, count in blocks]), low, high - steps[-1:])
+    fitted = np.clip(isotonic_regression(wanted[order] - steps).x, low, high - steps[-1:])
     result = np.empty_like(wanted)
     result[order] = fitted + steps
     return result

@@ -1,4 +1,7 @@
-"""Growth rates and modal amplitudes of a transient."""
+"""Growth rates and modal amplitudes of a transient.
+
+The straight line is not fitted by scipy.stats.linregress, whose standard error is round-off for a clean exponential.
+"""
 
 import math
 from typing import NamedTuple

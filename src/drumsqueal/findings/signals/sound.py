@@ -1,4 +1,7 @@
-"""A motion as sound: resampled for a loudspeaker, scaled to 16 bits, and wrapped as a WAV file."""
+"""A motion as sound: resampled for a loudspeaker, scaled to 16 bits, and wrapped as a WAV file.
+
+scipy.io.wavfile and the standard library's wave write no texts, in which the scale of the samples stands.
+"""
 
 import struct
 from typing import NamedTuple

@@ -1,15 +1,26 @@
-"""CSV files as programs of all countries write them: any separator, decimal comma, lines of names and units."""
+"""CSV files as programs of all countries write them: any separator, decimal comma, lines of names and units.
 
-import csv
-from array import array
+The numbers are read by pandas. How the file is laid out is found here: pandas asks for it, or takes it from one line.
+"""
+
+import io
+import re
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.errors import RequestError
-from drumsqueal.interrupts import stop_if_interrupted
-from drumsqueal.questions.compare.measured.layout import COMMENTS, TIME_UNITS, Column, Layout, Line, find_layout, number
+from drumsqueal.questions.compare.measured.layout import (
+    COMMENTS,
+    MISSING,
+    TIME_UNITS,
+    Column,
+    Layout,
+    Line,
+    fault,
+    find_layout,
+)
 from drumsqueal.questions.compare.measured.record import (
     Measured,
     Unit,
@@ -20,8 +31,7 @@ from drumsqueal.questions.compare.measured.record import (
 )
 from drumsqueal.questions.compare.measured.sampling import RATE_CURE, Sampling, UnevenError, even_sampling
 
-_SHOWN = 40  # letters of a cell that an error shows
-_BLOCK = 2**14  # rows between two looks at Ctrl-C
+_MISSING = [form(word) for word in MISSING for form in (str, str.upper, str.capitalize)]
 
 
 def read_csv(path: Path, channel: str | None, rate: float | None, unit: Unit | None) -> Measured:
@@ -33,12 +43,8 @@ def read_csv(path: Path, channel: str | None, rate: float | None, unit: Unit | N
     """
     lines, comments = _lines(path)
     told: list[str] = []
-    try:
-        layout = find_layout(path, lines, comments)
-        table, numbers = _table(path, lines, layout, told)
-    except csv.Error as error:  # of a field without end
-        longest = max(lines, key=lambda line: len(line[1]))[0]
-        raise RequestError(f"{path}: {error}, the longest line is {longest}; mend or remove what is no table") from None
+    layout = find_layout(path, lines, comments)
+    table, numbers = _table(path, lines, layout, told)
     check_count(path, len(table))
     place, sampling = _sampling(path, layout.columns, table, numbers, rate, told)
     beside = [k for k in range(len(layout.columns)) if k != place]
@@ -71,52 +77,40 @@ def _lines(path: Path) -> tuple[list[Line], list[Line]]:
     return lines, comments
 
 
-def _table(
-    path: Path, lines: list[Line], layout: Layout, told: list[str]
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def _table(path: Path, lines: list[Line], layout: Layout, told: list[str]) -> tuple[NDArray[np.float64], list[int]]:
     """Numbers (rows, columns), and the lines that they stand in."""
-    rows = lines[layout.first :]
-    used, values = len(layout.columns), array("d")
-    texts = [line for _, line in rows]
-    if layout.separator == " ":
-        cells = (line.split() for line in texts)
-    else:
-        cells = csv.reader(texts, delimiter=layout.separator, skipinitialspace=True)
-    for k, row in enumerate(cells):
-        if k % _BLOCK == 0:
-            stop_if_interrupted()
-        try:
-            if len(row) != layout.width:
-                raise ValueError
-            values.extend([number(cell, decimal_comma=layout.decimal_comma) for cell in row[:used]])
-        except ValueError as error:
-            if k == len(rows) - 1 and k > 1:
-                del values[k * used :]
-                told.append(f"the last line, {rows[k][0]}, is not whole and left away")
-                break
-            raise RequestError(f"{path}: line {rows[k][0]}: {_fault(row, layout, error)}") from None
-    table = np.frombuffer(values, dtype=np.float64).reshape(-1, used)
-    return table, np.array([line for line, _ in rows[: len(table)]])
+    import pandas
 
-
-def _fault(row: list[str], layout: Layout, error: ValueError) -> str:
-    if len(row) != layout.width:
-        return f"there are {len(row)} columns, where those above have {layout.width}; mend or remove the line"
-    for cell in row:
-        try:
-            number(cell, decimal_comma=layout.decimal_comma)
-        except ValueError:
-            mark = ", with a comma as the decimal mark" if layout.decimal_comma else ""
-            shown = cell if len(cell) <= _SHOWN else f"{cell[:_SHOWN]}…"
-            return f"{shown!r} is no number{mark}; mend or remove the line"
-    return str(error)
+    rows, used = lines[layout.first :], len(layout.columns)
+    if len(rows) > 2 and fault(rows[-1][1], layout):
+        told.append(f"the last line, {rows[-1][0]}, is not whole and left away")
+        rows = rows[:-1]
+    text = re.sub(rf" +(?=[{layout.separator}\n])", "", "\n".join(line for _, line in rows))
+    try:
+        table = pandas.read_csv(
+            io.StringIO(text),
+            sep=r"\s+" if layout.separator == " " else layout.separator,
+            decimal="," if layout.decimal_comma else ".",
+            header=None,
+            names=range(layout.width),
+            index_col=False,
+            dtype=np.float64,
+            na_values=_MISSING,
+            skipinitialspace=True,
+        ).to_numpy()[:, :used]
+    except ValueError:  # which does not say where: every line is looked at
+        table = np.full((len(rows), used), np.nan)
+    for k in np.flatnonzero(np.isnan(table).any(axis=1)):  # pandas fills up lines that are too short
+        if wrong := fault(rows[k][1], layout):
+            raise RequestError(f"{path}: line {rows[k][0]}: {wrong}; mend or remove the line")
+    return table, [line for line, _ in rows]
 
 
 def _sampling(
     path: Path,
     columns: tuple[Column, ...],
     table: NDArray[np.float64],
-    lines: NDArray[np.int64],
+    lines: list[int],
     rate: float | None,
     told: list[str],
 ) -> tuple[int | None, Sampling]:
@@ -155,12 +149,8 @@ def _is_count(values: NDArray[np.float64]) -> bool:
 
 def _may_be_time(values: NDArray[np.float64]) -> bool:
     """Whether a column increases evenly, and is not a mere count of the rows."""
-    if not np.all(np.isfinite(values)) or values.size < 2 or _is_count(values):
-        return False
-    if not np.diff(values).min() > 0:
-        return False
     try:
         even_sampling(values)
     except UnevenError:
         return False
-    return True
+    return bool(np.isfinite(values).all()) and not _is_count(values)

@@ -12,6 +12,7 @@ from drumsqueal.questions.compare.measured.record import parse_unit
 COMMENTS = ("#", "%", "!", "//", "'", '"#')
 MISSING = frozenset({"", "nan", "na", "n/a", "#n/a", "null", "none", "-", "--"})
 SEPARATORS = ("\t", ";", ",", " ")  # a space stands for any run of blanks
+_SHOWN = 40  # letters of a cell that an error shows
 LOOKED_AT = 12  # rows that must agree
 LONGEST_HEADER = 500  # lines
 TIME_UNITS = {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "min": 60.0}
@@ -43,28 +44,26 @@ class Layout(NamedTuple):
     width: int
 
 
-def number(cell: str, *, decimal_comma: bool) -> float:
+def _number(cell: str, *, decimal_comma: bool) -> float:
     """The number in a cell, NaN where it is missing; raises ValueError for anything else."""
-    if decimal_comma:
-        if "." in cell:
-            raise ValueError(cell)
-        cell = cell.replace(",", ".", 1)
-    try:
-        value = float(cell)
-    except ValueError:
-        if cell.strip().lower() not in MISSING:
-            raise
-        return np.nan
-    if "_" in cell:  # which Python would take
+    if (decimal_comma and "." in cell) or "_" in cell:  # which Python would take
         raise ValueError(cell)
-    return value
+    try:
+        return float(cell.replace(",", ".", 1) if decimal_comma else cell)
+    except ValueError:
+        if cell.strip().lower() in MISSING:
+            return np.nan
+        raise
 
 
-def cells_of(line: str, separator: str) -> list[str]:
+def _cells_of(line: str, separator: str) -> list[str]:
     """The cells of a line, without quotes and blanks around them."""
     if separator == " ":
         line = " ".join(line.split())
-    return [cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])]
+    try:
+        return [cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])]
+    except csv.Error:
+        raise ValueError(f"a cell is longer than 128 kB in the line that begins {line[:_SHOWN]!r}") from None
 
 
 def find_layout(path: object, lines: list[Line], comments: list[Line]) -> Layout:
@@ -81,9 +80,25 @@ def find_layout(path: object, lines: list[Line], comments: list[Line]) -> Layout
         header = before[-1:]
     if separator == ",":
         separator, width = _not_decimal(path, header, rows, width)
-    used = width - all(len(c := cells_of(row, separator)) == width and not c[-1] for row in rows[:LOOKED_AT])
+    used = width - all(len(c := _cells_of(row, separator)) == width and not c[-1] for row in rows[:LOOKED_AT])
     comma = separator != "," and any("," in row for row in rows)
     return Layout(separator, comma, first, _columns(header, separator, width, used), width)
+
+
+def fault(line: str, layout: Layout) -> str:
+    """What is wrong with a row of numbers; "" where nothing is."""
+    if line.count('"') % 2:
+        return "a quotation mark is missing"
+    row = _cells_of(line, layout.separator)
+    if len(row) != layout.width:
+        return f"there are {len(row)} columns, where those above have {layout.width}"
+    for cell in row[: len(layout.columns)]:
+        try:
+            _number(cell, decimal_comma=layout.decimal_comma)
+        except ValueError:
+            mark = ", with a comma as the decimal mark" if layout.decimal_comma else ""
+            return f"{cell if len(cell) <= _SHOWN else f'{cell[:_SHOWN]}…'!r} is no number{mark}"
+    return ""
 
 
 def _first_row(lines: list[Line], separator: str) -> tuple[int, int] | None:
@@ -91,22 +106,17 @@ def _first_row(lines: list[Line], separator: str) -> tuple[int, int] | None:
     widths = [_width(line, separator) for _, line in lines[: LONGEST_HEADER + LOOKED_AT]]
     for first in range(min(len(lines), LONGEST_HEADER)):
         some = widths[first : first + LOOKED_AT]
-        if some[0] and (len(set(some)) == 1 or _cut_short(some, first, len(lines))):
+        if some[0] and len(set(some)) == 1:
             return first, some[0]
     return None
 
 
-def _cut_short(widths: list[int], first: int, lines: int) -> bool:
-    """Whether it is only the last line of the file that is not like the others."""
-    return first + len(widths) == lines and len(widths) > 2 and len(set(widths[:-1])) == 1
-
-
 def _width(line: str, separator: str) -> int:
     """Number of columns of a row of numbers; 0 for any other line."""
-    cells, known = cells_of(line, separator), 0
+    cells, known = _cells_of(line, separator), 0
     for cell in cells:
         try:
-            known += not np.isnan(number(cell, decimal_comma=separator != "," and "," in cell))
+            known += not np.isnan(_number(cell, decimal_comma=separator != "," and "," in cell))
         except ValueError:
             return 0
     return len(cells) if known else 0
@@ -114,8 +124,8 @@ def _width(line: str, separator: str) -> int:
 
 def _not_decimal(path: object, header: list[str], rows: list[str], width: int) -> tuple[str, int]:
     """Separator and width where commas separate, or where they turn out to be those of decimals in a single column."""
-    whole = all(re.fullmatch(r"[+-]?\d*", cell) for row in rows[:LOOKED_AT] for cell in cells_of(row, ","))
-    named = len(cells_of(header[-1], ",")) if header else width
+    whole = all(re.fullmatch(r"[+-]?\d*", cell) for row in rows[:LOOKED_AT] for cell in _cells_of(row, ","))
+    named = len(_cells_of(header[-1], ",")) if header else width
     if not whole or 2 * named != width:
         return ",", width
     if width == 2:
@@ -143,7 +153,7 @@ def _columns(header: list[str], separator: str, width: int, used: int) -> tuple[
 
 def _header_cells(line: str, separator: str, width: int) -> list[str] | None:
     """The cells of a line of names; None where there are not as many as columns. Blanks may stand in a name."""
-    cells = cells_of(line, separator)
+    cells = _cells_of(line, separator)
     if separator == " " and len(cells) != width:
         cells = [cell.strip() for cell in re.split(r"\s{2,}|\t", line.strip())]
     if separator == " " and len(cells) != width:

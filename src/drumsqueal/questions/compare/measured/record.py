@@ -1,4 +1,8 @@
-"""One measured record, whatever file it came from, and what its unit says of it."""
+"""One measured record, whatever file it came from, and what its unit says of it.
+
+Units are converted by pint, but only those named here are known: pint also knows c as the speed of light, k as
+Boltzmann's constant and au as a length, which are names of columns.
+"""
 
 import re
 from functools import cache

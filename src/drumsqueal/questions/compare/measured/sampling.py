@@ -90,10 +90,5 @@ def last_digit(times: NDArray[np.float64]) -> float:
 
 def longest_whole(values: NDArray[np.float64]) -> slice:
     """The longest stretch of a record without NaN or infinity; empty where there is none."""
-    finite = np.concatenate([[False], np.isfinite(values), [False]])
-    turns = np.flatnonzero(finite[1:] != finite[:-1])
-    starts, ends = turns[::2], turns[1::2]
-    if not starts.size:
-        return slice(0, 0)
-    best = int(np.argmax(ends - starts))
-    return slice(int(starts[best]), int(ends[best]))
+    whole = np.ma.clump_unmasked(np.ma.masked_invalid(values))
+    return max(whole, key=lambda part: part.stop - part.start, default=slice(0, 0))
