@@ -105,7 +105,7 @@ class Scene(Table):
         for key, distribution in (self.uncertain or {}).items():
             assert certain is not None
             if not isinstance(self.numbers().get(key), float):
-                reason = "this scene has no such number, or has a profile or a list there; remove it here, or give it one value"
+                reason = "this scene has no such number, or has a list there; remove it here, or give it one value"
                 raise SceneError(reason, ("uncertain", key))
             for value in reach(distribution):
                 try:

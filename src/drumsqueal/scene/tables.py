@@ -229,8 +229,6 @@ class Friction(Table, ABC):
     """What it is called in sentences, such as "exponential law"."""
     usual: ClassVar[Mapping[str, Usual]]
     """What drum brakes have, for every number by its key."""
-    gradual: ClassVar[bool]
-    """Whether μ varies on no scale shorter than its slip speed and has no kinks."""
 
     direction: Literal["unit-velocity", "tangential"] = "unit-velocity"
     law: str
@@ -242,8 +240,12 @@ class Friction(Table, ABC):
 
     @staticmethod
     @abstractmethod
-    def breakpoints(xp: Any, **numbers: Any) -> Any:
-        """Rising slip speeds (K,) in m/s that cut μ(s) into stretches, each resolved by sixteen Gauss nodes."""
+    def cuts(xp: Any, **numbers: Any) -> tuple[Any, Any]:
+        """Slip speeds (K,) and (L,) in m/s, rising, at which contact integrals are cut in the plane and in space.
+
+        The former cut μ(s) into stretches, each resolved by sixteen Gauss nodes; of those the latter are where it has a
+        kink or varies on a scale shorter than its slip speed. Each of them makes the program in space longer.
+        """
 
     @staticmethod
     def prepared(xp: Any, **numbers: Any) -> dict[str, Any]:

@@ -50,7 +50,7 @@ def breakpoints(law: FrictionLaw) -> Array:
 def kinks(law: FrictionLaw) -> Array:
     """Those of the breakpoints (m/s) at which a quadrature must be cut that is graded towards where the slip vanishes.
 
-    None of a law that varies on no scale shorter than its slip speed, however steep; all of any other.
+    None of a law that varies on no scale shorter than its slip speed, however steep.
     """
     own = getattr(law, "kinks", None)
     return jnp.zeros(0) if own is None else jnp.asarray(own())
@@ -68,11 +68,11 @@ class SceneLaw(eqx.Module):
 
     def breakpoints(self) -> Array:
         """The law's own."""
-        return self.law.breakpoints(jnp, **self.numbers)
+        return self.law.cuts(jnp, **self.numbers)[0]
 
     def kinks(self) -> Array:
-        """All of them, or none of a gradual law."""
-        return jnp.zeros(0) if self.law.gradual else self.breakpoints()
+        """Those of them where it has a kink or is steep."""
+        return self.law.cuts(jnp, **self.numbers)[1]
 
 
 def friction_law(law: str, /, **numbers: ArrayLike) -> SceneLaw:

@@ -14,7 +14,7 @@ def _find_laws() -> dict[str, type[Friction]]:
         import_module(f"{__name__}.{module.name}")
     found = {}
     for law in sorted(Friction.__subclasses__(), key=lambda law: law.__module__):
-        lacking = [*law.__abstractmethods__, *(name for name in ("name", "usual", "gradual") if not hasattr(law, name))]
+        lacking = [*law.__abstractmethods__, *(name for name in ("name", "usual") if not hasattr(law, name))]
         if lacking:
             raise TypeError(f"the friction law {law.__name__} lacks {', '.join(lacking)}; see scene.tables.Friction")
         found[get_args(law.model_fields["law"].annotation)[0]] = law

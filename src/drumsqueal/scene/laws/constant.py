@@ -1,6 +1,6 @@
 """The same coefficient at every slip speed."""
 
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 from drumsqueal.scene.tables import Coefficient, Friction
 from drumsqueal.scene.usual import SLIDING
@@ -9,8 +9,8 @@ from drumsqueal.scene.usual import SLIDING
 class ConstantFriction(Friction):
     """μ = coefficient."""
 
-    name, gradual = "constant law", True
-    usual = {"coefficient": SLIDING}
+    name = "constant law"
+    usual: ClassVar = {"coefficient": SLIDING}
 
     law: Literal["constant"]
     coefficient: Coefficient
@@ -22,7 +22,7 @@ class ConstantFriction(Friction):
         return coefficient
 
     @staticmethod
-    def breakpoints(xp: Any, **numbers: Any) -> Any:
+    def cuts(xp: Any, **numbers: Any) -> tuple[Any, Any]:
         """None."""
         del numbers
-        return xp.zeros(0)
+        return xp.zeros(0), xp.zeros(0)

@@ -1,6 +1,6 @@
 """Friction that falls with the slip speed, as in Seo & Kang (2023), equation (16)."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from drumsqueal.scene.tables import Coefficient, Friction, Quantity
 from drumsqueal.scene.usual import SLIDING, STATIC, Usual
@@ -14,8 +14,8 @@ LEAST_DECAY = 1e-30  # s/m; keeps the slip speeds finite where nothing decays
 class ExponentialFriction(Friction):
     """μ = kinetic + (static − kinetic) exp(−decay s), decay in s/m."""
 
-    name, gradual = "exponential law", True
-    usual = {
+    name = "exponential law"
+    usual: ClassVar = {
         "static": STATIC,
         "kinetic": SLIDING,
         # The slip speed over which friction falls, 1/decay, from 1 mm/s (stick-slip rigs) to 100 m/s; 0 stands for none
@@ -33,7 +33,7 @@ class ExponentialFriction(Friction):
         return kinetic + (static - kinetic) * xp.exp(-decay * slip_speed)
 
     @staticmethod
-    def breakpoints(xp: Any, *, decay: Any, **numbers: Any) -> Any:
+    def cuts(xp: Any, *, decay: Any, **numbers: Any) -> tuple[Any, Any]:
         """12 and 40 over the decay: of what is left from there on, nothing counts."""
         del numbers
-        return xp.asarray(STRETCHES) / xp.maximum(xp.abs(decay), LEAST_DECAY)
+        return xp.asarray(STRETCHES) / xp.maximum(xp.abs(decay), LEAST_DECAY), xp.zeros(0)

@@ -1,6 +1,6 @@
 """The Stribeck curve: friction that falls from rest on within a slip speed, and rises with a viscous part."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from drumsqueal.scene.tables import Coefficient, Friction, Quantity
 from drumsqueal.scene.usual import SLIDING, STATIC, Usual
@@ -13,8 +13,8 @@ STRETCHES = 3.0, 7.0
 class StribeckFriction(Friction):
     """μ = kinetic + (static − kinetic) exp(−(s/stribeck_speed)²) + viscous s, speed in m/s and viscous in s/m."""
 
-    name, gradual = "Stribeck law", True
-    usual = {
+    name = "Stribeck law"
+    usual: ClassVar = {
         "static": STATIC,
         "kinetic": SLIDING,
         # From stick-slip rigs to the fade of friction over the speeds of a stop.
@@ -36,7 +36,7 @@ class StribeckFriction(Friction):
         return kinetic + (static - kinetic) * xp.exp(-share * share) + viscous * slip_speed
 
     @staticmethod
-    def breakpoints(xp: Any, *, stribeck_speed: Any, **numbers: Any) -> Any:
+    def cuts(xp: Any, *, stribeck_speed: Any, **numbers: Any) -> tuple[Any, Any]:
         """3 and 7 times the Stribeck speed: of what is left from there on, nothing counts."""
         del numbers
-        return xp.asarray(STRETCHES) * stribeck_speed
+        return xp.asarray(STRETCHES) * stribeck_speed, xp.zeros(0)
