@@ -224,6 +224,9 @@ def test_growth_is_differentiated_by_every_number(name, nominal):
     assert len(traces) == 2  # one for the derivative, one for the value, whatever the numbers
 
 
+FROM_0_TO_1 = {"distribution": "uniform", "low": 0, "high": 1}
+
+
 @every_law
 def test_every_number_can_be_varied_set_and_uncertain(name, nominal):
     scene = scene_of(nominal, name)
@@ -236,9 +239,7 @@ def test_every_number_can_be_varied_set_and_uncertain(name, nominal):
             with pytest.raises(RequestError, match=r"it is a list, which is not varied"):
                 variable_numbers(scene, [key])
             with pytest.raises(SceneError, match="has a list there"):
-                scene.with_values(
-                    {"uncertain": {"friction.coefficient": {"distribution": "uniform", "low": 0, "high": 1}}}
-                )
+                scene.with_values({"uncertain": {"friction.coefficient": FROM_0_TO_1}})
             continue
         varied = read_variation(f"{key}={0.9 * value}..{1.1 * value}x3", scene)
         assert varied.unit == quantity_of(key, scene).unit
@@ -285,7 +286,7 @@ def test_a_run_conserves_energy(name, nominal):
     history = result.history
     assert f"friction: {LAWS[name].name}" in result.inventory.includes
     size = float((history["kinetic_energy"] + history["potential_energy"]).max())
-    assert float(np.abs(history["energy_residual"]).max()) < 1e-6 * size
+    assert float(np.abs(history["energy_balance_error"]).max()) < 1e-6 * size
 
 
 TABLE_MISTAKES = [
