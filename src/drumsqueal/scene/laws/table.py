@@ -63,7 +63,7 @@ class TableFriction(Friction):
     def cuts(xp: Any, *, speed: Any, **numbers: Any) -> tuple[Any, Any]:
         """Its points, where one cubic ends and another begins, and both ends, where the slope of the curve jumps.
 
-        In space a cut at every point would take the error of the forces from 1e-8 of the load to 2e-12, and the program
+        In space a cut at every point would take the error of the forces from 3e-8 of the load to 2e-12, and the program
         twice to many times as long to compile.
         """
         del numbers
