@@ -91,7 +91,7 @@ def take_inventory(scene: Scene, given_law: str = "") -> Inventory:
     if friction is None:
         leaves_out.append("friction")
     else:
-        includes.append(f"friction: law {given_law}, {GIVEN}" if given_law else f"friction: {friction.law} law")
+        includes.append(f"friction: law {given_law}, {GIVEN}" if given_law else f"friction: {friction.name}")
         place(
             friction.direction == "unit-velocity",
             "friction along the unit slip velocity",

@@ -24,7 +24,7 @@ from drumsqueal.physics.effects.schedule import Constant, Profile, Schedule
 from drumsqueal.physics.effects.support import Support
 from drumsqueal.physics.effects.touching import Observation, Touching
 from drumsqueal.physics.laws.custom_friction import as_law, with_breakpoints
-from drumsqueal.physics.laws.friction_law import ConstantLaw, ExponentialLaw, FrictionLaw
+from drumsqueal.physics.laws.friction_law import FrictionLaw, friction_law
 from drumsqueal.physics.quadrature.arc import NODES, NODES_LONG_ARC, ArcSurface
 from drumsqueal.physics.quadrature.area import AreaSurface
 from drumsqueal.precision import real
@@ -200,13 +200,10 @@ def _friction(composition: Composition, value: Mapping[str, Array], law: Frictio
     if composition.friction_law is None:
         return None
     direction = UnitVelocity() if composition.friction_direction == "unit-velocity" else Tangential()
-    return Friction(_scene_law(composition, value) if law is None else law, direction)
-
-
-def _scene_law(composition: Composition, value: Mapping[str, Array]) -> FrictionLaw:
-    if composition.friction_law == "exponential":
-        return ExponentialLaw(value["friction.static"], value["friction.kinetic"], value["friction.decay"])
-    return ConstantLaw(value["friction.coefficient"])
+    if law is None:
+        numbers = {key.removeprefix("friction."): each for key, each in value.items() if key.startswith("friction.")}
+        law = friction_law(composition.friction_law, **numbers)
+    return Friction(law, direction)
 
 
 def _assembly(composition: Composition, contact: Contact) -> Effect:

@@ -2,24 +2,26 @@
 
 import os
 from collections.abc import Iterable, Mapping
-from typing import Annotated, Any, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Union, get_args
 
 import tomli_w
 from pydantic import BaseModel, Field, ValidationError, model_validator
+from pydantic.fields import FieldInfo
 
 from drumsqueal.scene.file import apply_setting, read_tables, replace_value
+from drumsqueal.scene.laws import LAWS
 from drumsqueal.scene.mistakes import explain
 from drumsqueal.scene.quantities import SceneError
 from drumsqueal.scene.tables import (
     COORDINATES,
-    FRICTION_LAWS,
-    ConstantFriction,
     Contact,
     Damping,
     Drum,
-    ExponentialFriction,
     Forcing,
+    Friction,
+    PerCoordinate,
     Profile,
+    Quantity,
     Schedule,
     Shoe,
     Simulate,
@@ -33,12 +35,11 @@ from drumsqueal.scene.uncertain import Distribution, Distributions, reach
 
 __all__ = [
     "COORDINATES",
-    "ConstantFriction",
     "Contact",
     "Damping",
     "Drum",
-    "ExponentialFriction",
     "Forcing",
+    "Friction",
     "Profile",
     "Scene",
     "SceneError",
@@ -50,10 +51,16 @@ __all__ = [
     "Support",
     "load_scene",
     "number_keys",
+    "quantity_of",
     "scene_from_dict",
     "setting_choices",
     "setting_keys",
 ]
+
+if TYPE_CHECKING:
+    AnyLaw = Friction
+else:
+    AnyLaw = Annotated[Union[tuple(LAWS.values())], Field(discriminator="law")]  # noqa: UP007 (of what is found)
 
 _PHYSICAL_TABLES = ("shoe", "support", "contact", "friction", "drum", "damping", "forcing")
 
@@ -69,7 +76,7 @@ class Scene(Table):
     shoe: Shoe
     support: Support | None = None
     contact: Contact
-    friction: Annotated[ExponentialFriction | ConstantFriction, Field(discriminator="law")] | None = None
+    friction: AnyLaw | None = None
     drum: Drum
     damping: Damping | None = None
     forcing: Forcing | None = None
@@ -98,7 +105,7 @@ class Scene(Table):
         for key, distribution in (self.uncertain or {}).items():
             assert certain is not None
             if not isinstance(self.numbers().get(key), float):
-                reason = "this scene has no such number, or has a profile there; remove it here, or give it one value"
+                reason = "this scene has no such number, or has a list there; remove it here, or give it one value"
                 raise SceneError(reason, ("uncertain", key))
             for value in reach(distribution):
                 try:
@@ -123,6 +130,8 @@ class Scene(Table):
     def numbers(self) -> dict[str, float | tuple[float, ...]]:
         """Return every physical number in SI by dotted key; a profile gives drum.speed.time and drum.speed.value.
 
+        A list, such as the points of a friction curve, is one tuple.
+
         Only tables that are there count, and only those of the brake: not start, not simulate.
         """
         numbers: dict[str, float | tuple[float, ...]] = {}
@@ -133,7 +142,7 @@ class Scene(Table):
                     numbers[f"{name}.{key}.value"] = value.value
                 elif isinstance(value, Mapping):
                     numbers |= {f"{name}.{key}.{coordinate}": number for coordinate, number in value.items()}
-                elif isinstance(value, float):
+                elif isinstance(value, float | tuple):
                     numbers[f"{name}.{key}"] = value
         return numbers
 
@@ -180,31 +189,29 @@ def scene_from_dict(data: Mapping[str, Any], source: str = "scene") -> Scene:
         raise explain(error, _MODELS, source) from None
 
 
-_MODELS: dict[str, type[BaseModel]] = {
-    "": Scene,
-    "shoe": Shoe,
-    "support": Support,
-    "contact": Contact,
-    "friction": ExponentialFriction,
-    "drum": Drum,
-    "damping": Damping,
-    "forcing": Forcing,
-    "steady": Steady,
-    "start": Start,
-    "simulate": Simulate,
+_MODELS: dict[str, tuple[type[BaseModel], ...]] = {
+    "": (Scene,),
+    "shoe": (Shoe,),
+    "support": (Support,),
+    "contact": (Contact,),
+    "friction": tuple(LAWS.values()),
+    "drum": (Drum,),
+    "damping": (Damping,),
+    "forcing": (Forcing,),
+    "steady": (Steady,),
+    "start": (Start,),
+    "simulate": (Simulate,),
 }
 
 
 def setting_keys() -> tuple[str, ...]:
     """Every dotted key that a scene may have, such as drum.speed, in the order of its tables."""
-    return "title", *(key for table in _MODELS if table for key in _keys_of(table))
+    return "title", *dict.fromkeys(key for table in _MODELS if table for key, _ in _fields_of(table))
 
 
 def setting_choices(key: str) -> tuple[str, ...]:
     """The words that a dotted key may have, such as auto for simulate.solver; none for one that takes other values."""
-    table, _, name = key.partition(".")
-    models = FRICTION_LAWS.values() if table == "friction" else [_MODELS[table]] if table in _MODELS else []
-    kinds = [model.model_fields[name].annotation for model in models if name in model.model_fields]
+    kinds = [field.annotation for name, field in _fields_of(key.partition(".")[0]) if name == key]
     if bool in kinds:
         return "true", "false"
     return tuple(dict.fromkeys(word for kind in kinds for word in get_args(kind) if isinstance(word, str)))
@@ -212,10 +219,20 @@ def setting_choices(key: str) -> tuple[str, ...]:
 
 def number_keys() -> tuple[str, ...]:
     """Every dotted key under which a scene may have a physical number."""
-    words = {"friction.law", "friction.direction", "contact.separation", "forcing.amplitude"}
-    return tuple(key for table in _PHYSICAL_TABLES for key in _keys_of(table) if key not in words)
+    fields = [each for table in _PHYSICAL_TABLES for each in _fields_of(table)]
+    return tuple(dict.fromkeys(key for key, field in fields if any(isinstance(m, Quantity) for m in field.metadata)))
 
 
-def _keys_of(table: str) -> list[str]:
-    models = FRICTION_LAWS.values() if table == "friction" else (_MODELS[table],)
-    return [f"{table}.{key}" for key in dict.fromkeys(key for model in models for key in model.model_fields)]
+def quantity_of(key: str, scene: Scene) -> Quantity:
+    """Unit and limits of a single number of this scene, by its dotted key."""
+    table, name, *coordinate = key.split(".")
+    for each in type(getattr(scene, table)).model_fields[name].metadata:
+        if isinstance(each, Quantity):
+            return each
+        if isinstance(each, PerCoordinate) and coordinate:
+            return Quantity(each.angle_unit if coordinate[0].startswith("T") else each.length_unit)
+    raise AssertionError(f"{key} is no number with a unit of its own")
+
+
+def _fields_of(table: str) -> list[tuple[str, FieldInfo]]:
+    return [(f"{table}.{key}", each) for model in _MODELS.get(table, ()) for key, each in model.model_fields.items()]

@@ -6,16 +6,17 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 from drumsqueal.errors import nearest
+from drumsqueal.scene.laws import LAWS
 from drumsqueal.scene.quantities import KeyPath, SceneError, dotted, example
-from drumsqueal.scene.tables import FRICTION_LAWS, Quantity
+from drumsqueal.scene.tables import Quantities, Quantity
 
-Models = Mapping[str, type[BaseModel]]
+Models = Mapping[str, tuple[type[BaseModel], ...]]
 
 
 def explain(error: ValidationError, models: Models, source: str) -> SceneError:
     """Return the first mistake as a SceneError, with the number of the others.
 
-    `models` has the model of each table by its name, and under "" the one of the whole scene.
+    `models` has the models of each table by its name, and under "" the one of the whole scene.
     """
     # Unknown keys first: a key that is missing is often one that is misspelt.
     found = sorted(error.errors(include_url=False), key=lambda each: each["type"] != "extra_forbidden")
@@ -26,9 +27,8 @@ def explain(error: ValidationError, models: Models, source: str) -> SceneError:
 def _mistake(found: Any, models: Models) -> SceneError:
     loc, kind, value, context = list(found["loc"]), found["type"], found["input"], found.get("ctx", {})
     table = str(loc[0]) if len(loc) > 1 else ""
-    model = models.get(table, models[""])
-    if table == "friction":
-        model = FRICTION_LAWS[loc.pop(1)]  # pydantic puts the law between table and key
+    # Between table and key pydantic puts the law.
+    model = LAWS[loc.pop(1)] if table == "friction" else models.get(table, models[""])[0]
     path: KeyPath = tuple(loc)
     if isinstance(context.get("error"), SceneError):
         return context["error"].under(path, value)
@@ -37,7 +37,7 @@ def _mistake(found: Any, models: Models) -> SceneError:
     if kind == "missing":
         return SceneError(_missing(path, model), path)
     if kind in ("union_tag_not_found", "union_tag_invalid"):
-        choice = _choice(FRICTION_LAWS)
+        choice = _choice(LAWS)
         if isinstance(value, Mapping) and "law" in value:
             return SceneError(f"write {choice}", (*path, "law"), value["law"])
         return SceneError(f"the key is missing; write law = {choice}", (*path, "law"))
@@ -46,12 +46,11 @@ def _mistake(found: Any, models: Models) -> SceneError:
 
 def _unknown(path: KeyPath, model: type[BaseModel], models: Models) -> str:
     key = str(path[-1])
-    if model in FRICTION_LAWS.values():
-        for law, other in FRICTION_LAWS.items():
-            if key in other.model_fields:
-                anew = '{ law = "constant", coefficient = 0.4 }'
-                return f'this key belongs to law "{law}" only; remove it, or replace all of friction, as by {anew}'
-    elsewhere = [f"{table}.{key}" for table, other in models.items() if table and key in other.model_fields]
+    laws = [law for law, other in LAWS.items() if key in other.model_fields]
+    if model in LAWS.values() and laws:
+        anew = '{ law = "constant", coefficient = 0.4 }'
+        return f"this key belongs to law {_choice(laws)} only; remove it, or replace all of friction, as by {anew}"
+    elsewhere = [f"{table}.{key}" for table in models if table for other in models[table] if key in other.model_fields]
     near = [dotted((*path[:-1], name)) for name in nearest(key, model.model_fields)]
     for guess in elsewhere + near:
         return f"unknown key; did you mean {guess}?"
@@ -61,9 +60,15 @@ def _unknown(path: KeyPath, model: type[BaseModel], models: Models) -> str:
 def _missing(path: KeyPath, model: type[BaseModel]) -> str:
     if len(path) == 1:
         return f"the table is missing; add [{path[0]}] with its keys"
-    quantities = [each for each in model.model_fields[str(path[-1])].metadata if isinstance(each, Quantity)]
-    value = example(quantities[0].unit) if quantities else "..."
+    values = [_example(each) for each in model.model_fields[str(path[-1])].metadata]
+    value = next(filter(None, values), "...")
     return f"the key is missing; add it to [{path[0]}], such as {path[-1]} = {value}"
+
+
+def _example(metadata: Any) -> str:
+    if isinstance(metadata, Quantities):
+        return metadata.example
+    return example(metadata.unit) if isinstance(metadata, Quantity) else ""
 
 
 def _wrong_type(kind: str, path: KeyPath, model: type[BaseModel]) -> str:

@@ -28,7 +28,7 @@ _EXPECTED = {
     "N*m": ("a moment", "1 N*m"),
     "N/m": ("a stiffness", "1e8 N/m"),
     "N/m^3": ("a stiffness per area", "0.35e11 N/m^3"),
-    "s/m": ("a decay per slip speed", "1 s/m"),
+    "s/m": ("an inverse velocity", "1 s/m"),
     "s": ("a time", "40 ms"),
     "Hz": ("a frequency", "50 kHz"),
 }

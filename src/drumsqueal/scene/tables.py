@@ -2,14 +2,17 @@
 
 import math
 import unicodedata
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
+import numpy as np
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, StrictBool, model_validator
 from pydantic_core import core_schema
 
 from drumsqueal.scene.quantities import KeyPath, SceneError, parse_quantity
+from drumsqueal.scene.usual import Usual
 
 COORDINATES = ("X", "Y", "Z", "Tx", "Ty", "Tz")
 """The six coordinates of the shoe at its centre of gravity: displacements in m, rotations in rad."""
@@ -58,8 +61,8 @@ class Profile:
 
     def __post_init__(self) -> None:
         """Check the points."""
-        object.__setattr__(self, "time", _numbers(self.time, Quantity("s"), "time"))
-        object.__setattr__(self, "value", _numbers(self.value, Quantity(""), "value"))
+        object.__setattr__(self, "time", _numbers(self.time, Quantity("s"), ("time",)))
+        object.__setattr__(self, "value", _numbers(self.value, Quantity(""), ("value",)))
         if len(self.time) != len(self.value):
             raise SceneError(f"{len(self.time)} times but {len(self.value)} values; write one value for every time")
         if len(self.time) < 2:
@@ -73,19 +76,35 @@ class Profile:
 Schedule = float | Profile
 
 
-def _numbers(values: Any, quantity: Quantity, key: str) -> tuple[float, ...]:
+def _numbers(values: Any, quantity: Quantity, path: KeyPath = ()) -> tuple[float, ...]:
     if not isinstance(values, list | tuple):
-        raise SceneError("this must be a list of values, one for every point", (key,), values)
+        raise SceneError("this must be a list of values, one for every point", path, values)
     if len(values) > _MOST_POINTS:
         size = f"{len(values)} points would take about {len(values) * _BYTES_PER_POINT / 1e6:.3g} MB"
-        raise SceneError(f"{size} in every file that holds the scene; write at most {_MOST_POINTS}", (key,))
+        raise SceneError(f"{size} in every file that holds the scene; write at most {_MOST_POINTS}", path)
     numbers = []
     for index, value in enumerate(values):
         try:
             numbers.append(quantity.read(value))
         except SceneError as error:
-            raise error.under((key, index), value) from None
+            raise error.under((*path, index), value) from None
     return tuple(numbers)
+
+
+@dataclass(frozen=True)
+class Quantities:
+    """A list of numbers with a unit, one for every point of a curve, as pydantic metadata."""
+
+    quantity: Quantity
+    example: str
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        """Let pydantic read the field by `read`."""
+        return core_schema.no_info_plain_validator_function(self.read)
+
+    def read(self, values: Any) -> tuple[float, ...]:
+        """Read a list to SI floats; raises SceneError."""
+        return _numbers(values, self.quantity)
 
 
 @dataclass(frozen=True)
@@ -100,7 +119,7 @@ class Scheduled(Quantity):
             return super().read(value)
         if set(value) != {"time", "value"}:
             raise SceneError("a profile has the keys time and value, and only these: { time = [...], value = [...] }")
-        return Profile(value["time"], _numbers(value["value"], Quantity(self.unit, least=self.least), "value"))
+        return Profile(value["time"], _numbers(value["value"], Quantity(self.unit, least=self.least), ("value",)))
 
 
 @dataclass(frozen=True)
@@ -198,27 +217,61 @@ class Contact(Table):
     separation: StrictBool = True
 
 
-class _Friction(Table):
+class Friction(Table, ABC):
+    """The friction of lining and drum: a law, μ as a function of the slip speed s, along a direction.
+
+    A law is one file in `scene/laws`: a subclass with its keys and with what is asked for here. Its functions take the
+    law's numbers by key, in SI, and the library they are in as `xp`: `numpy` or `jax.numpy`, traced. Whether one
+    of the numbers may vanish where the brake is varied is read off the limits of its field.
+    """
+
+    name: ClassVar[str]
+    """What it is called in sentences, such as "exponential law"."""
+    usual: ClassVar[Mapping[str, Usual]]
+    """What drum brakes have, for every number by its key."""
+
     direction: Literal["unit-velocity", "tangential"] = "unit-velocity"
+    law: str
 
+    @staticmethod
+    @abstractmethod
+    def mu(slip_speed: Any, xp: Any, **numbers: Any) -> Any:
+        """μ at slip speeds s ≥ 0 (m/s), of any shape; at 0 its limit at slow slip."""
 
-class ExponentialFriction(_Friction):
-    """Friction that falls with the slip speed: kinetic + (static - kinetic) exp(-decay s), decay in s/m."""
+    @staticmethod
+    @abstractmethod
+    def cuts(xp: Any, **numbers: Any) -> tuple[Any, Any]:
+        """Slip speeds (K,) and (L,) in m/s, rising, at which contact integrals are cut in the plane and in space.
 
-    law: Literal["exponential"]
-    static: Coefficient
-    kinetic: Coefficient
-    decay: Annotated[float, Quantity("s/m", least=0)]
+        The former cut μ(s) into stretches, each resolved by sixteen Gauss nodes; of those the latter are where it has a
+        kink or varies on a scale shorter than its slip speed. Each of them makes the program in space longer.
+        """
 
+    @staticmethod
+    def prepared(xp: Any, **numbers: Any) -> dict[str, Any]:
+        """The numbers that the other functions take: those of the scene, and what is worked out from them once."""
+        del xp
+        return numbers
 
-class ConstantFriction(_Friction):
-    """Friction with one coefficient at every slip speed."""
+    @classmethod
+    def number_keys(cls) -> tuple[str, ...]:
+        """The keys of its numbers."""
+        return tuple(key for key in cls.model_fields if key not in ("law", "direction"))
 
-    law: Literal["constant"]
-    coefficient: Coefficient
+    @classmethod
+    def defaults(cls) -> dict[str, float]:
+        """The numbers that may be left out, with what they are then."""
+        fields = cls.model_fields
+        return {key: fields[key].default for key in cls.number_keys() if not fields[key].is_required()}
 
+    def at(self, slip_speed: float) -> float:
+        """μ at a slip speed (m/s)."""
+        numbers = {key: np.asarray(getattr(self, key)) for key in self.number_keys()}
+        return float(self.mu(np.asarray(slip_speed), np, **self.prepared(np, **numbers)))
 
-FRICTION_LAWS = {"exponential": ExponentialFriction, "constant": ConstantFriction}
+    def constant(self, coefficient: float) -> dict[str, Any]:
+        """The table `friction` with the same μ at every slip speed in place of this law, along the same direction."""
+        return {"law": "constant", "coefficient": coefficient, "direction": self.direction}
 
 
 class Drum(Table):

@@ -4,10 +4,12 @@ The ranges are wide on purpose: they are there for numbers in a wrong unit, not 
 """
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-from drumsqueal.scene import Scene
 from drumsqueal.scene.quantities import RPM, dotted
+
+if TYPE_CHECKING:
+    from drumsqueal.scene import Scene
 
 
 class Usual(NamedTuple):
@@ -44,26 +46,26 @@ USUAL = {
     "contact.stiffness": Usual(1e8, 1e13, "N/m^3", "1e8 to 1e13 N/m^3", (("N/mm^3", 1e9),)),
     # Fingers on a lever give 50 N, an air chamber of 30 square inches on an S-cam 100 kN a shoe.
     "contact.normal_load": Usual(10, 3e5, "N", "10 N to 300 kN", (("kN", 1e3),)),
-    # SAE J866 sorts linings from below 0.15 to above 0.55; wet ones have less, rusted and sintered ones more.
-    "friction.static": Usual(0.05, 1.2, "", "0.05 to 1.2", _PER_CENT),
-    "friction.kinetic": Usual(0.05, 1.0, "", "0.05 to 1", _PER_CENT),
-    "friction.coefficient": Usual(0.05, 1.0, "", "0.05 to 1", _PER_CENT),
-    # The slip speed over which friction falls, 1/decay, from 1 mm/s (stick-slip rigs) to 100 m/s; 0 stands for none.
-    "friction.decay": Usual(0.01, 1000, "s/m", "0.01 to 1000 s/m"),
     # A car at 200 km/h turns its wheels at 180 rad/s, a scooter with small ones at 100 km/h at 140 rad/s.
     "drum.speed": Usual(0, 300, "rad/s", "up to 300 rad/s (2865 rpm)", (("rpm", RPM), ("deg/s", _DEGREE))),
     # Bare steel parts 0.0005, bolted and lined ones a few per cent.
     "damping.ratio": Usual(0, 0.1, "", "0 to 0.1 (10 %)", _PER_CENT),
 }
+"""By dotted key; those of a friction law stand in its own file."""
+
+# SAE J866 sorts linings from below 0.15 to above 0.55; wet ones have less, rusted and sintered ones more.
+STATIC = Usual(0.05, 1.2, "", "0.05 to 1.2", _PER_CENT)
+SLIDING = Usual(0.05, 1.0, "", "0.05 to 1", _PER_CENT)
 
 
-def unusual(scene: Scene) -> Iterator[str]:
+def unusual(scene: "Scene") -> Iterator[str]:
     """What no drum brake has, a sentence each: the key, its value, the usual range and what may be meant.
 
     A value of 0, which takes an effect out, is not unusual.
     """
     numbers = scene.numbers()
-    for key, usual in USUAL.items():
+    of_law = {} if scene.friction is None else scene.friction.usual
+    for key, usual in (USUAL | {f"friction.{key}": usual for key, usual in of_law.items()}).items():
         for path in (key, f"{key}.value"):
             values = numbers.get(path, ())
             for index, value in enumerate(values if isinstance(values, tuple) else (values,)):

@@ -4,10 +4,9 @@ import re
 from typing import Any, NamedTuple
 
 from drumsqueal.errors import nearest
-from drumsqueal.scene import Profile, Scene, SceneError
+from drumsqueal.scene import Profile, Scene, SceneError, quantity_of
 from drumsqueal.scene.file import OPTIONAL_TABLES
 from drumsqueal.scene.quantities import parse_quantity
-from drumsqueal.scene.tables import PerCoordinate, Quantity
 
 POINTS, MOST_POINTS = 40, 10_000
 SYNTAX = "KEY=FROM..TO[xN]"
@@ -125,8 +124,10 @@ def unit_of(key: str, scene: Scene) -> str:
     if isinstance(_found(scene, key), Profile):
         key = ".".join(key.split(".")[:2])  # without time or value
         raise SceneError(f"{key} is a profile over time in this scene; give it one value, as by --set {key}=...")
+    if isinstance(numbers.get(key), tuple):
+        raise SceneError(f"{key} is a list in this scene, which is not varied; set all of it, as by --set {key}=[...]")
     if key in numbers:
-        return _unit_of(key, scene)
+        return quantity_of(key, scene).unit
     table, _, name = key.partition(".")
     if table in OPTIONAL_TABLES and getattr(scene, table) is None:
         raise SceneError(f"this scene has no table {table}; add it first, as by --set {key}=...")
@@ -140,16 +141,6 @@ def unit_of(key: str, scene: Scene) -> str:
 def _found(scene: Scene, key: str) -> Any:
     table, name, *_ = [*key.split("."), ""]
     return getattr(getattr(scene, table, None), name, None)
-
-
-def _unit_of(key: str, scene: Scene) -> str:
-    table, name, *coordinate = key.split(".")
-    for each in type(getattr(scene, table)).model_fields[name].metadata:
-        if isinstance(each, Quantity):
-            return each.unit
-        if isinstance(each, PerCoordinate) and coordinate:
-            return each.angle_unit if coordinate[0].startswith("T") else each.length_unit
-    raise AssertionError(f"{key} is a number without a unit of its own")
 
 
 def _ends(written: str, unit: str, example: str) -> tuple[tuple[float, float], str]:

@@ -9,6 +9,8 @@ from jax import Array
 from jax.typing import ArrayLike
 
 from drumsqueal.precision import real
+from drumsqueal.scene.laws import LAWS
+from drumsqueal.scene.tables import Friction
 
 
 @runtime_checkable
@@ -30,10 +32,6 @@ def static_coefficient(law: FrictionLaw) -> Array:
     return law.coefficient(jnp.zeros(())) if at_rest is None else at_rest()
 
 
-# Slip speeds times α at which exp(−α s) is cut. With sixteen Gauss nodes on each stretch the error of a contact
-# integral was 3e-15 of the load at the worst of 2000 random motions; exp(−40) is 4e-18.
-EXPONENTIAL_STRETCHES = np.array([12.0, 40.0])
-LEAST_DECAY = 1e-30  # s/m; keeps the slip speeds finite where nothing decays
 # Slip speeds between which any law is resolved that varies on no scale shorter than a hundredth of its slip speed, at
 # slip speeds from 1e-5 to 100 m/s: for a law of which nothing is known.
 ANY_LAW = 1e-5 * 4.0 ** np.arange(12)
@@ -52,41 +50,52 @@ def breakpoints(law: FrictionLaw) -> Array:
 def kinks(law: FrictionLaw) -> Array:
     """Those of the breakpoints (m/s) at which a quadrature must be cut that is graded towards where the slip vanishes.
 
-    None of a law that varies on no scale shorter than its slip speed, however steep; all of any other.
+    None of a law that varies on no scale shorter than its slip speed, however steep.
     """
     own = getattr(law, "kinks", None)
     return jnp.zeros(0) if own is None else jnp.asarray(own())
 
 
-class ExponentialLaw(eqx.Module):
-    """μ(s) = μ_k + (μ_s − μ_k) exp(−α s) (Seo & Kang 2023, equation (16)); α in s/m, s in m/s."""
+class SceneLaw(eqx.Module):
+    """A law of `scene/laws` with its numbers as array leaves, so that none of them compiles anything anew."""
 
-    static: Array = eqx.field(converter=real)
-    kinetic: Array = eqx.field(converter=real)
-    decay: Array = eqx.field(converter=real)
+    law: type[Friction] = eqx.field(static=True)
+    numbers: dict[str, Array]
 
     def coefficient(self, slip_speed: Array) -> Array:
         """μ at slip speeds s ≥ 0 (m/s)."""
-        return self.kinetic + (self.static - self.kinetic) * jnp.exp(-self.decay * slip_speed)
+        return self.law.mu(slip_speed, jnp, **self.numbers)
 
     def breakpoints(self) -> Array:
-        """12/|α| and 40/|α|: of what is left from there on, nothing counts."""
-        return jnp.asarray(EXPONENTIAL_STRETCHES) / jnp.maximum(jnp.abs(self.decay), LEAST_DECAY)
+        """The law's own."""
+        return self.law.cuts(jnp, **self.numbers)[0]
+
+    def kinks(self) -> Array:
+        """Those of them where it has a kink or is steep."""
+        return self.law.cuts(jnp, **self.numbers)[1]
 
 
-class ConstantLaw(eqx.Module):
+def friction_law(law: str, /, **numbers: ArrayLike) -> SceneLaw:
+    """A law by its name in a scene, with its numbers by key in SI: `friction_law("constant", coefficient=0.4)`.
+
+    The numbers may be traced. Raises KeyError for a law that is none and TypeError for numbers that are not its own.
+    """
+    kind = LAWS[law]
+    keys = kind.number_keys()
+    if not set(numbers) <= set(keys) or set(keys) - set(numbers) - set(kind.defaults()):
+        raise TypeError(f'the law "{law}" has the numbers {", ".join(keys)}, got {", ".join(numbers) or "none"}')
+    given = {key: real(value) for key, value in (kind.defaults() | numbers).items()}
+    return SceneLaw(kind, kind.prepared(jnp, **given))
+
+
+def ConstantLaw(value: ArrayLike) -> SceneLaw:
     """The same μ at every slip speed."""
+    return friction_law("constant", coefficient=value)
 
-    value: Array = eqx.field(converter=real)
 
-    def coefficient(self, slip_speed: Array) -> Array:
-        """μ at slip speeds s ≥ 0 (m/s)."""
-        del slip_speed
-        return self.value
-
-    def breakpoints(self) -> ArrayLike:
-        """None."""
-        return np.zeros(0)
+def ExponentialLaw(static: ArrayLike, kinetic: ArrayLike, decay: ArrayLike) -> SceneLaw:
+    """μ(s) = μ_k + (μ_s − μ_k) exp(−α s); α in s/m."""
+    return friction_law("exponential", static=static, kinetic=kinetic, decay=decay)
 
 
 class StepLaw(eqx.Module):

@@ -25,7 +25,7 @@ class Edges(NamedTuple):
 
     Where the pressure's level is negative the lining does not press; V_z is the same all across the lining. The slip
     speeds that cut the friction law are its `breakpoints` (K,), rising, in m/s; `kinks` are those of them that a
-    quadrature has to cut it at, too, that is graded towards where the slip vanishes: none, or all.
+    quadrature has to cut it at, too, that is graded towards where the slip vanishes.
     """
 
     pressure: Level | None

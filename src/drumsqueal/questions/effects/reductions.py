@@ -3,13 +3,12 @@
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 
 from drumsqueal.physics.bodies.rigid_shoe import IN_PLANE
 from drumsqueal.physics.composition import forced_coordinates, kept_coordinates
-from drumsqueal.physics.laws.friction_law import ExponentialLaw
-from drumsqueal.scene import COORDINATES, ConstantFriction, ExponentialFriction, Profile, Scene, Schedule
+from drumsqueal.scene import COORDINATES, Profile, Scene, Schedule
+from drumsqueal.scene.laws.constant import ConstantFriction
 
 NOTHING = "none"  # what becomes of an effect that is left out
 PLANE = tuple(COORDINATES[i] for i in IN_PLANE)
@@ -67,12 +66,9 @@ def _friction(scene: Scene) -> Iterator[Reduction]:
     # The law first: it replaces the whole table, into which the direction then goes. Without any friction there is no
     # direction either, so that leaving it out comes last.
     friction = scene.friction
-    if isinstance(friction, ExponentialFriction):
-        law = ExponentialLaw(friction.static, friction.kinetic, friction.decay)
-        slip_speed = jnp.asarray(scene.shoe.outer_radius * abs(_at_start(scene.drum.speed)))
-        sliding = float(law.coefficient(slip_speed))
-        constant = {"law": "constant", "coefficient": sliding, "direction": friction.direction}
-        yield Reduction("exponential law", f"μ {sliding:.4g}", {"friction": constant})
+    if friction is not None and not isinstance(friction, ConstantFriction):
+        sliding = friction.at(scene.shoe.outer_radius * abs(_at_start(scene.drum.speed)))
+        yield Reduction(friction.name, f"μ {sliding:.4g}", {"friction": friction.constant(sliding)})
     if friction is not None and friction.direction == "unit-velocity":
         yield Reduction("unit velocity", "tangential", {"friction.direction": "tangential"})
     if isinstance(friction, ConstantFriction):

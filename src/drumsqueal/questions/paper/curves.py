@@ -4,7 +4,8 @@ The text names the quantity on each axis but not its range, save for the stiffne
 """
 
 import math
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -105,29 +106,30 @@ def check_brake(scene: Scene) -> None:
         )
 
 
-def constant_friction(scene: Scene, coefficient: float = CONSTANT_FRICTION) -> dict[str, float]:
-    """The numbers that make the friction of a scene constant, within its law."""
-    keys = ("static", "kinetic") if scene.friction is not None and scene.friction.law == "exponential" else ()
-    return {f"friction.{key}": coefficient for key in keys or ("coefficient",)}
+def constant_friction(scene: Scene) -> dict[str, Any]:
+    """What makes the friction of a scene that of Figure 6."""
+    return {} if scene.friction is None else {"friction": scene.friction.constant(CONSTANT_FRICTION)}
 
 
 def paper_curves(scene: Scene) -> dict[str, Curve]:
-    """Eigenvalues along every figure's axis, by figure; one program for all of them."""
+    """Eigenvalues along every figure's axis, by figure; one program for all with the scene's own friction."""
+    own = [axis for axis in AXES if axis.figure != "6"]
+    found = _curves(scene, own) | _curves(scene.with_values(constant_friction(scene)), [AXIS["6"]])
+    return {axis.figure: found[axis.figure] for axis in AXES}
+
+
+def _curves(scene: Scene, axes: Sequence[Axis]) -> dict[str, Curve]:
     own = {key: value for key, value in scene.numbers().items() if isinstance(value, float)}
-    changes, values = [], []
-    for axis in AXES:
-        grid = own[axis.key] * np.linspace(axis.low, axis.high, POINTS)
-        values.append(grid)
-        changes.append({axis.key: grid} | (constant_friction(scene) if axis.figure == "6" else {}))
+    grids = [own[axis.key] * np.linspace(axis.low, axis.high, POINTS) for axis in axes]
+    changes = [{axis.key: grid} for axis, grid in zip(axes, grids, strict=True)]
     stacked = {
         key: np.concatenate([np.broadcast_to(change.get(key, value), POINTS) for change in changes])
         for key, value in own.items()
     }
     whole = spectra_of(scene, stacked)
-    parts = (_part(whole, slice(k * POINTS, (k + 1) * POINTS)) for k in range(len(AXES)))
+    parts = (_part(whole, slice(k * POINTS, (k + 1) * POINTS)) for k in range(len(axes)))
     return {
-        axis.figure: Curve(axis, grid, own[axis.key], part)
-        for axis, grid, part in zip(AXES, values, parts, strict=True)
+        axis.figure: Curve(axis, grid, own[axis.key], part) for axis, grid, part in zip(axes, grids, parts, strict=True)
     }
 
 

@@ -30,7 +30,7 @@ def slope_in_proportion(curve: FrictionCurve) -> Statement:
         return measure, "", off_line(speed, slope) / size if size > 0 else None, "<", STRAIGHT
 
     narrow = curve.own_speed * np.linspace(*NARROW, curve.speed.size)
-    law = "μt = α (μs − μk) exp(−αRΩ) is an exponential"
+    law = "the paper's μt = α (μs − μk) exp(−αRΩ) is an exponential"
     says = "The slope μt grows in proportion as the drum slows down"
     return state("7", says, *reading(curve.speed), law).read_also(*reading(narrow))
 

@@ -10,7 +10,8 @@ from scipy.optimize import minimize
 from drumsqueal.errors import RequestError
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.questions.sensitivity.study import numbers_of
-from drumsqueal.scene import Scene
+from drumsqueal.scene import Scene, quantity_of
+from drumsqueal.scene.tables import Scheduled
 from drumsqueal.simulation import prepare
 from drumsqueal.solve.linear.gradients import StateMatrix, eigenvalue_gradient, state_matrix_of
 from drumsqueal.solve.linear.modes import DRIFT_SHARE, Stability
@@ -23,7 +24,6 @@ LEAST, MOST = 0.1, 10.0  # times its value: how far a number may go, where physi
 WIDEST_ARC, THICKEST = 2 * np.pi, 0.99  # rad; of the geometric mean of thickness and outer radius
 DAMPING = "damping.ratio"
 ZERO_SCALE = {DAMPING: 0.01}  # what counts as a change of one of a number that is zero
-MAY_VANISH = ("friction.", "support.", "contact.stiffness", DAMPING)
 GIVEN = ("drum.speed", "contact.normal_load", "shoe.outer_radius", "forcing.")  # of the vehicle, not of the design
 
 
@@ -78,10 +78,12 @@ def variable_numbers(scene: Scene, keys: Sequence[str] | None = None) -> tuple[S
         chosen = tuple(key for key, value in numbers.items() if value and not key.startswith(GIVEN))
         return scene, chosen
     for k, key in enumerate(keys):
+        if f"{key}.value" in scene.numbers():
+            raise RequestError(f"--vary {key}: it changes over time; give it one value")
+        if key in scene.numbers() and key not in numbers:
+            raise RequestError(f"--vary {key}: it is a list, which is not varied; take of {', '.join(numbers)}")
         if key not in numbers:
-            timed = f"{key}.value" in scene.numbers()
-            known = "it changes over time; give it one value" if timed else f"take of {', '.join(numbers)}"
-            raise RequestError(f"--vary {key}: {'' if timed else 'no number of this scene; '}{known}")
+            raise RequestError(f"--vary {key}: no number of this scene; take of {', '.join(numbers)}")
         if key in keys[:k]:
             raise RequestError(f"--vary {key}: named twice; leave one out")
         if key.startswith("forcing."):
@@ -184,17 +186,19 @@ def _pose(scene: Scene, keys: tuple[str, ...], margin: float, state_matrix: Stat
         values[own] = before + x * scale
         return values
 
-    low, high = np.transpose([_bounds(key, numbers) for key in keys])
+    low, high = np.transpose([_bounds(key, numbers, scene) for key in keys])
     growth = _Growth(state_matrix, number, scale, own, margin)
     return _Problem(keys, before, scale, low, high, growth)
 
 
-def _bounds(key: str, numbers: Mapping[str, float]) -> tuple[float, float]:
+def _bounds(key: str, numbers: Mapping[str, float], scene: Scene) -> tuple[float, float]:
     """Least and largest relative change of a number."""
     value = numbers[key]
     if value == 0:
         return 0.0, 1 / ZERO_SCALE[key]  # up to critical damping
-    low = -1.0 if key.startswith(MAY_VANISH) else LEAST - 1
+    quantity = quantity_of(key, scene)
+    may_vanish = quantity.least == 0 and not isinstance(quantity, Scheduled)  # without load there is no contact
+    low = -1.0 if may_vanish else LEAST - 1
     high = MOST - 1
     # Thickness and radius stay on their sides of a number between them, so that the shoe remains a sector.
     middle = float(np.sqrt(numbers["shoe.thickness"] * numbers["shoe.outer_radius"]))

@@ -1,0 +1,28 @@
+"""The same coefficient at every slip speed."""
+
+from typing import Any, ClassVar, Literal
+
+from drumsqueal.scene.tables import Coefficient, Friction
+from drumsqueal.scene.usual import SLIDING
+
+
+class ConstantFriction(Friction):
+    """μ = coefficient."""
+
+    name = "constant law"
+    usual: ClassVar = {"coefficient": SLIDING}
+
+    law: Literal["constant"]
+    coefficient: Coefficient
+
+    @staticmethod
+    def mu(slip_speed: Any, xp: Any, *, coefficient: Any) -> Any:
+        """μ."""
+        del slip_speed, xp
+        return coefficient
+
+    @staticmethod
+    def cuts(xp: Any, **numbers: Any) -> tuple[Any, Any]:
+        """None."""
+        del numbers
+        return xp.zeros(0), xp.zeros(0)

@@ -1,0 +1,42 @@
+"""The Stribeck curve: friction that falls from rest on within a slip speed, and rises with a viscous part."""
+
+from typing import Annotated, Any, ClassVar, Literal
+
+from drumsqueal.scene.tables import Coefficient, Friction, Quantity
+from drumsqueal.scene.usual import SLIDING, STATIC, Usual
+
+# Slip speeds over the Stribeck speed at which exp(−x²) is cut: sixteen Gauss nodes resolve each stretch of it to 1e-12,
+# also where the slip speed is extreme within it (`custom_friction.find_breakpoints`); exp(−49) is 5e-22.
+STRETCHES = 3.0, 7.0
+
+
+class StribeckFriction(Friction):
+    """μ = kinetic + (static − kinetic) exp(−(s/stribeck_speed)²) + viscous s, speed in m/s and viscous in s/m."""
+
+    name = "Stribeck law"
+    usual: ClassVar = {
+        "static": STATIC,
+        "kinetic": SLIDING,
+        # From stick-slip rigs to the fade of friction over the speeds of a stop.
+        "stribeck_speed": Usual(1e-4, 100, "m/s", "0.1 mm/s to 100 m/s", (("mm/s", 1e-3),)),
+        # Less than 0.5 more at 10 m/s; 0 stands for none.
+        "viscous": Usual(0, 0.05, "s/m", "0 to 0.05 s/m"),
+    }
+
+    law: Literal["stribeck"]
+    static: Coefficient
+    kinetic: Coefficient
+    stribeck_speed: Annotated[float, Quantity("m/s", above=0)]
+    viscous: Annotated[float, Quantity("s/m", least=0)] = 0.0
+
+    @staticmethod
+    def mu(slip_speed: Any, xp: Any, *, static: Any, kinetic: Any, stribeck_speed: Any, viscous: Any) -> Any:
+        """μ at slip speeds s ≥ 0 (m/s)."""
+        share = slip_speed / stribeck_speed
+        return kinetic + (static - kinetic) * xp.exp(-share * share) + viscous * slip_speed
+
+    @staticmethod
+    def cuts(xp: Any, *, stribeck_speed: Any, **numbers: Any) -> tuple[Any, Any]:
+        """3 and 7 times the Stribeck speed: of what is left from there on, nothing counts."""
+        del numbers
+        return xp.asarray(STRETCHES) * stribeck_speed, xp.zeros(0)
