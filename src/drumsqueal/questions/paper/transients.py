@@ -9,7 +9,7 @@ from drumsqueal.findings.history import COMPLETE
 from drumsqueal.physics.composition import ALL
 from drumsqueal.physics.model import build_model
 from drumsqueal.questions.paper.curves import AXES, constant_friction
-from drumsqueal.questions.sensitivity.decay import KICK, kicked
+from drumsqueal.questions.sensitivity.decay import DISTURBANCE, disturbed
 from drumsqueal.scene import Scene
 from drumsqueal.simulation import prepare, run_whole
 from drumsqueal.solve.linear.modes import analyse_stability
@@ -52,8 +52,8 @@ def paper_transients(scene: Scene, on_point: OnPoint) -> tuple[dict[str, tuple[P
             wanted.append((axis, value, scene.with_values(changes)))
     runs: dict[str, tuple[Comparison | None, str]] = {}
     ratio = damping_needed(scene)
-    kick = kicked(scene.with_values(constant_friction(scene)))
-    damped = kicked(scene.with_values({"damping": {"ratio": ratio}}))
+    kick = disturbed(scene.with_values(constant_friction(scene)))
+    damped = disturbed(scene.with_values({"damping": {"ratio": ratio}}))
     scenes = {each.to_toml(): each for each in (*(each for *_, each in wanted), kick, damped)}
     for number, (text, each) in enumerate(scenes.items()):
         on_point(f"transient {number + 1} of {len(scenes)}", number, len(scenes))
@@ -61,7 +61,7 @@ def paper_transients(scene: Scene, on_point: OnPoint) -> tuple[dict[str, tuple[P
     points = [Point(axis.figure, axis.key, value, each, *runs[each.to_toml()]) for axis, value, each in wanted]
     by_figure = {axis.figure: tuple(point for point in points if point.figure == axis.figure) for axis in AXES}
     kicks = (
-        Point("6", "start", KICK, kick, *runs[kick.to_toml()]),
+        Point("6", "start", DISTURBANCE, kick, *runs[kick.to_toml()]),
         Point("5", "damping.ratio", ratio, damped, *runs[damped.to_toml()]),
     )
     return by_figure, kicks
