@@ -59,7 +59,7 @@ def rotation_statements(curve: Curve, shoe: RigidShoe, friction: FrictionCurve) 
         state(
             "7",
             "Friction across the sliding direction does not touch X, Y and Tz",
-            "largest share of Z, Tx and Ty in their kinetic energy",
+            "largest fraction of Z, Tx and Ty in their kinetic energy",
             "",
             share,
             "<",
@@ -121,7 +121,7 @@ def _directions(curve: Curve, shoe: RigidShoe) -> tuple[Statement, Statement]:
         state(
             "7",
             "X, Y and Tz move the lining mainly along the sliding direction",
-            "least share of u_θ² in the mean square motion of the lining",
+            "least fraction of u_θ² in the mean square motion of the lining",
             "",
             tangential[along][1],
             ">",
@@ -131,7 +131,7 @@ def _directions(curve: Curve, shoe: RigidShoe) -> tuple[Statement, Statement]:
         state(
             "7",
             "Z, Tx and Ty move the lining mainly across the sliding direction",
-            "least share of u_z² in the mean square motion of the lining",
+            "least fraction of u_z² in the mean square motion of the lining",
             "",
             axial[across][2],
             ">",
@@ -144,7 +144,7 @@ def _directions(curve: Curve, shoe: RigidShoe) -> tuple[Statement, Statement]:
 def _of_surface(direction: str, shares: dict[str, float]) -> tuple[str, str, float, str, float, str]:
     """The same share of the motion along the surface alone, u_θ and u_z, which the paper contrasts."""
     listed = ", ".join(f"{name} {share:.3f}" for name, share in shares.items())
-    return f"least share of u_{direction}² in u_θ² + u_z²", "", min(shares.values()), ">", MAJOR, listed
+    return f"least fraction of u_{direction}² in u_θ² + u_z²", "", min(shares.values()), ">", MAJOR, listed
 
 
 def _power(curve: Curve, name: str, over: NDArray[np.float64] | float) -> float:

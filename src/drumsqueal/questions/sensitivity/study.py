@@ -164,7 +164,7 @@ def _row(key: str, value: float, derivative: NDArray[np.complex128], difference:
         key=key,
         value_SI=value,
         growth_per_percent_1_per_s=(PERCENT * value * derivative.real).tolist(),
-        growth_per_percent_by_differences_1_per_s=[each if math.isfinite(each) else None for each in by_differences],
+        growth_per_percent_by_differences_1_per_s=tuple(x if math.isfinite(x) else None for x in by_differences),
         frequency_per_percent_Hz=(PERCENT * value * derivative.imag / math.tau).tolist(),
         growth_per_SI=derivative.real.tolist(),
         frequency_Hz_per_SI=(derivative.imag / math.tau).tolist(),
