@@ -1,11 +1,13 @@
-"""What a sweep leaves: the variables of sweep.nc, along the numbers of a grid or along the draws."""
+"""What a sweep computes: the variables of sweep.nc, along the numbers of a grid or along random samples."""
 
 import json
 from typing import Any, NamedTuple
 
 import numpy as np
 import xarray
+from numpy.typing import NDArray
 
+from drumsqueal.findings.decay import BEYOND
 from drumsqueal.findings.history import versions
 from drumsqueal.scene import COORDINATES
 from drumsqueal.scene.plan import Plan
@@ -109,7 +111,7 @@ def blank(plan: Plan, points: int) -> Columns:
 
 
 def axes(plan: Plan) -> dict[str, tuple[tuple[str, ...], np.ndarray, dict[str, Any]]]:
-    """What does not depend on the results: values of a grid or of the draws, names of modes and coordinates."""
+    """What does not depend on the results: values of a grid or of the samples, names of modes and coordinates."""
     if plan.draws:
         drawn = plan.values(0, plan.draws)
         columns = {key: (("sample",), drawn[:, k]) for k, key in enumerate(plan.keys)}
@@ -143,3 +145,19 @@ def to_dataset(plan: Plan, columns: Columns, outcome: str) -> xarray.Dataset:
         shape = (*plan.shape, *shape_of(each, 1)[1:])
         data[name] = ((*plan.dimensions, *each.dimensions), columns[name].reshape(shape), each.attributes())
     return xarray.Dataset(data, axes(plan), attributes(plan) | {"outcome": outcome})
+
+
+def squealing(sweep: xarray.Dataset) -> NDArray[np.bool_]:
+    """At which points the steady-state response of the transient is squeal.
+
+    The motion has settled and is sustained. What changes by less than a tenth below the contact boundary, where all
+    modes decay, decays slowly.
+    """
+    below = np.maximum(sweep["separation_share"].values, sweep["reversal_share"].values) < BEYOND
+    sustained = (sweep["trend"].values == TRENDS.index("settled")) & (sweep["settled"].values == 1)
+    return sustained & ~(below & (sweep["squeal"].values == 0))
+
+
+def undecided(sweep: xarray.Dataset) -> NDArray[np.bool_]:
+    """At which points the motion has not settled: it may go on as it is, grow or decay."""
+    return sweep["settled"].values == 0

@@ -3,6 +3,7 @@
 import math
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,9 +14,9 @@ from drumsqueal.errors import SteadyStateError
 from drumsqueal.findings.decay import BEYOND
 from drumsqueal.findings.history import COMPLETE
 from drumsqueal.findings.saturated import Saturated, saturated_motions
-from drumsqueal.interrupts import noted_interrupts, stop_if_interrupted
 from drumsqueal.physics.composition import compose, moved_coordinates
 from drumsqueal.physics.model import Model, build_model
+from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.sweep.points import (
     AT_REST,
     COMPUTED,
@@ -43,8 +44,6 @@ MOST_ROUNDS = 16  # times the scene's duration that a transient may take to sett
 BATCH, BATCH_OF_TRANSIENTS = 8 * BLOCK, 32  # points
 _REASONS = {modes.AT_REST: AT_REST, modes.NOT_FOUND: NOT_FOUND, modes.NOT_FINITE: NOT_FINITE}
 
-OnBatch = Callable[[int], None]  # how many points are computed
-
 
 def sweep_parameters(
     scene: Scene,
@@ -53,16 +52,16 @@ def sweep_parameters(
     random: int = 0,
     seed: int = 0,
     transient: bool = False,
-    on_batch: OnBatch | None = None,
+    progress: Progress = silent,
 ) -> xarray.Dataset:
     """Eigenvalues, and with `transient` how the motion ends, of a scene with other numbers.
 
     `vary` has the values of each number by its dotted key, in SI or with a unit: the results lie along every
     combination of them, `sweep_parameters(scene, {"drum.speed": [1, 2, 5]})["growth_rate"]`. With `random`, so many
-    draws: of the scene's table `uncertain` and, uniformly, between the smallest and the largest value of each in
-    `vary`. Draw k depends on k and `seed` alone. The variables and their units are in the Dataset; a number that is NaN
-    has its reason in `outcome`. Raises SceneError and RequestError for what cannot be swept, KeyboardInterrupt between
-    two batches.
+    random samples: of the scene's table `uncertain` and, uniformly, between the smallest and the largest value of each
+    in `vary`. Sample k depends on k and `seed` alone. The variables and their units are in the Dataset; a number that
+    is NaN has its reason in `outcome`. `progress` takes how many points are computed. Raises SceneError and
+    RequestError for what cannot be swept.
     """
     variations = [_variation(scene, key, values) for key, values in (vary or {}).items()]
     if random:
@@ -71,13 +70,11 @@ def sweep_parameters(
         plan = grid(scene, variations, transient=transient)
     check_plan(plan)
     columns = blank(plan, plan.points)
-    with noted_interrupts():
-        for first, stop in batches(plan):
-            for name, values in compute(plan, first, stop).items():
-                columns[name][first:stop] = values
-            if on_batch is not None:
-                on_batch(stop)
-            stop_if_interrupted()
+    for first, stop in batches(plan):
+        look = partial(progress, "sweeping", first, plan.points)
+        for name, values in compute(plan, first, stop, look=look).items():
+            columns[name][first:stop] = values
+        progress("sweeping", stop, plan.points)
     return to_dataset(plan, columns, COMPLETE)
 
 
@@ -101,7 +98,7 @@ def batches(plan: Plan) -> list[tuple[int, int]]:
 
 
 def check_plan(plan: Plan) -> None:
-    """Raise SceneError where no transient would tell anything."""
+    """Raise SceneError where no transient can be computed."""
     if not plan.transient:
         return
     if not moved_coordinates(plan.scene):
@@ -113,8 +110,13 @@ def check_plan(plan: Plan) -> None:
         raise SceneError(told, ("drum", "speed"))
 
 
-def compute(plan: Plan, first: int, stop: int, threads: int | None = None) -> Columns:
-    """Every variable at the points from number `first` to `stop`; the batch they come in changes not a bit of them."""
+def compute(
+    plan: Plan, first: int, stop: int, threads: int | None = None, look: Callable[[], None] = lambda: None
+) -> Columns:
+    """Every variable at the points from number `first` to `stop`; the batch they come in changes not a bit of them.
+
+    `look` is called between two steps.
+    """
     columns = blank(plan, stop - first)
     scenes: dict[int, Scene] = {}
     for k, values in enumerate(plan.values(first, stop)):
@@ -129,9 +131,9 @@ def compute(plan: Plan, first: int, stop: int, threads: int | None = None) -> Co
         else:
             _note_stability(columns, k, stability)
     if plan.transient:
-        stop_if_interrupted()
+        look()
         sound = {k: each for k, each in found.items() if isinstance(each, Stability)}
-        _transients(columns, scenes, sound, threads or os.cpu_count() or 1)
+        _transients(columns, scenes, sound, threads or os.cpu_count() or 1, look)
     return columns
 
 
@@ -150,7 +152,13 @@ def _note_stability(columns: Columns, k: int, stability: Stability) -> None:
     columns["outcome"][k] = COMPUTED
 
 
-def _transients(columns: Columns, scenes: Mapping[int, Scene], found: Mapping[int, Stability], threads: int) -> None:
+def _transients(
+    columns: Columns,
+    scenes: Mapping[int, Scene],
+    found: Mapping[int, Stability],
+    threads: int,
+    look: Callable[[], None],
+) -> None:
     """Integrate the scenes, those that call for the same effects together."""
     groups: dict[Any, list[int]] = {}
     for k, stability in found.items():
@@ -168,6 +176,7 @@ def _transients(columns: Columns, scenes: Mapping[int, Scene], found: Mapping[in
         starts = [Start(*each) for each in zip(models, np.array(steady), displacement, velocity, strict=True)]
         left = dict(zip(members, starts, strict=True))
         for number in range(1, most_rounds(some) + 1):
+            look()
             motions = _round(list(left.values()), some, threads)
             for k, motion in zip(list(left), motions, strict=True):
                 settled = has_settled(motion, found[k], left[k].rate_to(motion, some.simulate.duration))
