@@ -10,7 +10,7 @@ import numpy as np
 import xarray
 from numpy.typing import NDArray
 
-from drumsqueal.errors import SteadyStateError
+from drumsqueal.errors import NoSteadySliding, SteadyStateError
 from drumsqueal.findings.decay import BEYOND
 from drumsqueal.findings.history import COMPLETE
 from drumsqueal.findings.saturated import Saturated, saturated_motions
@@ -35,14 +35,17 @@ from drumsqueal.scene import COORDINATES, Profile, Scene, SceneError
 from drumsqueal.scene.plan import Plan, grid, sample
 from drumsqueal.scene.quantities import parse_quantity
 from drumsqueal.scene.variation import Variation, unit_of
-from drumsqueal.solve.linear import modes
 from drumsqueal.solve.linear.many import BLOCK, analyse_many
 from drumsqueal.solve.linear.modes import Stability
 
 STILL = 0.1  # of the linear growth rate: what changes so slowly has settled
 MOST_ROUNDS = 16  # times the scene's duration that a transient may take to settle
 BATCH, BATCH_OF_TRANSIENTS = 8 * BLOCK, 32  # points
-_REASONS = {modes.AT_REST: AT_REST, modes.NOT_FOUND: NOT_FOUND, modes.NOT_FINITE: NOT_FINITE}
+_REASONS = {
+    NoSteadySliding.AT_REST: AT_REST,
+    NoSteadySliding.NOT_FOUND: NOT_FOUND,
+    NoSteadySliding.NOT_FINITE: NOT_FINITE,
+}
 
 
 def sweep_parameters(
@@ -127,7 +130,7 @@ def compute(
     found = dict(zip(scenes, analyse_many(list(scenes.values())), strict=True))
     for k, stability in found.items():
         if isinstance(stability, SteadyStateError):
-            columns["outcome"][k] = _REASONS[str(stability)]
+            columns["outcome"][k] = _REASONS[stability.reason]
         else:
             _note_stability(columns, k, stability)
     if plan.transient:
