@@ -254,7 +254,7 @@ def _nonlinear(points: Mapping[str, tuple[Point, ...]], constant: Point, damped:
             lifted,
             "<",
             LIFTED,
-            _ends(damped),
+            _response(damped),
         ),
     )
 
@@ -265,13 +265,13 @@ def _lifted(comparison: Comparison) -> float:
     return 0.0 if saturation is None else 1.0 - saturation.contact_fraction
 
 
-def _ends(damped: Point) -> str:
-    """How the motion of the damped brake ends."""
-    told = f"damping ratio {damped.value:.2g}"
+def _response(damped: Point) -> str:
+    """The steady-state response of the damped brake."""
+    damping = f"damping ratio {damped.value:.2g}"
     saturation = damped.comparison.saturation if damped.comparison else None
     if saturation is None or saturation.main is None:
-        return told
-    return f"{told}; {saturation.regime.kind}, {saturation.main.frequency_Hz:.0f} Hz"
+        return damping
+    return f"{damping}; {saturation.regime.kind}, {saturation.main.frequency_Hz:.0f} Hz"
 
 
 def _closest(curve: Curve) -> tuple[float, str, float]:

@@ -18,7 +18,7 @@ from drumsqueal.solve.linear.gradients import StateMatrix, eigenvalue_gradient, 
 from drumsqueal.solve.linear.modes import DRIFT_SHARE
 
 MARGIN = 1.0  # 1/s: every growth rate is to be at most minus this
-SLACK = 1e-3  # of the margin that an optimum on its edge may miss
+SLACK = 1e-3  # of the margin that an optimum on its limit may miss
 STARTS, SPREAD, SEED = 6, 0.3, 20231122  # starting points, their relative departure, and the seed of the random ones
 NOWHERE = 1e9  # 1/s; the growth rate where there is no steady sliding
 LEAST, MOST = 0.1, 10.0  # times its value: how far a number may go, where physics has no nearer limit

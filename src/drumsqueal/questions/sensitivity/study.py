@@ -22,7 +22,7 @@ DIFFERENCE_STEP = 1e-3  # of a number, for the central differences that the deri
 
 
 class PredictedMode(Finding):
-    """An oscillating mode by its eigenvalue: `name` is its largest coordinate, `label` tells two of one name apart."""
+    """An oscillating mode by its eigenvalue: `name` is its largest coordinate, `label` differs for each mode."""
 
     name: str
     label: str

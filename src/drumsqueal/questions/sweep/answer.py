@@ -94,7 +94,7 @@ def _print_responses(console: Console, found: Responses) -> None:
         have = "has" if open_ones == 1 else "have"
         console.print(
             f"{open_ones} of {points} transients {have} not settled after {found.longest_of_them_s:.3g} s and may "
-            "squeal or decay: their amplitude and frequency are those at the end; the figures mark them, and settled "
+            "squeal or decay: amplitude and frequency there are those at the end; the figures mark them, and settled "
             "is 0 in sweep.nc"
         )
 

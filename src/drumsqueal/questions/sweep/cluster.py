@@ -106,8 +106,8 @@ class Cluster:
             raise IntegrationError(_LOST)
         error: Any = future.exception()
         if type(error).__name__ == "KilledWorker":
-            told = "each time a worker took up the batch, its process ended"
-            raise IntegrationError(f"{told} (points from number {first} on); is there memory enough?")
+            cause = "each time a worker took up the batch, its process ended"
+            raise IntegrationError(f"{cause} (points from number {first} on); is there memory enough?")
         raise IntegrationError(f"a worker of the cluster failed, {type(error).__name__}: {error}")
 
 
@@ -138,8 +138,8 @@ def connected(name: str, progress: Progress) -> Iterator[Cluster]:
         while not client.nthreads():
             progress("waiting for workers", 0, None)
             if time.monotonic() - since > PATIENCE:
-                told = f"the scheduler has no workers; start some with: dask worker {name}"
-                raise RequestError(f"--cluster {name}: {told}")
+                cure = f"the scheduler has no workers; start some with: dask worker {name}"
+                raise RequestError(f"--cluster {name}: {cure}")
             time.sleep(_LOOK)
         yield Cluster(client)
 

@@ -61,8 +61,8 @@ class SweepFile:
         except BaseException as error:
             part.unlink(missing_ok=True)
             if isinstance(error, OSError):
-                told = f"{error.strerror or error}; the whole file takes {size / 1e6:.3g} MB"
-                raise OSError(error.errno or errno.EIO, told, str(self.path)) from None
+                cause = f"{error.strerror or error}; the whole file takes {size / 1e6:.3g} MB"
+                raise OSError(error.errno or errno.EIO, cause, str(self.path)) from None
             raise
 
     def take_up(self) -> None:
@@ -109,9 +109,9 @@ def find_sweep(folder: Path, plan: Plan) -> Plan:
     if not path.exists():
         raise RequestError(f"{folder}: there is no sweep to resume; leave --resume out")
     try:
-        told = read_texts(path, ("scene", "sweep", "versions", "outcome"))
-        there = scene_from_dict(tomllib.loads(told["scene"]))
-        swept = json.loads(told["sweep"])
+        stored = read_texts(path, ("scene", "sweep", "versions", "outcome"))
+        there = scene_from_dict(tomllib.loads(stored["scene"]))
+        swept = json.loads(stored["sweep"])
         same = _same(swept, plan.describe())
         if same:
             _find_places(path, plan)
@@ -122,9 +122,9 @@ def find_sweep(folder: Path, plan: Plan) -> Plan:
         raise RequestError(f"{folder}: {difference(there, plan.scene)}; resume with that, or {_ANEW}")
     if not same:
         raise RequestError(f"{folder}: {_other(swept, plan.describe())}; resume with the same sweep, or {_ANEW}")
-    if told["outcome"] == COMPLETE:
+    if stored["outcome"] == COMPLETE:
         raise RequestError(f"{folder}: the sweep is complete, there is nothing to resume")
-    if told["versions"] != json.dumps(versions()):
+    if stored["versions"] != json.dumps(versions()):
         raise RequestError(f"{folder}: {changed_versions(told['versions'])}; go back to those, or {_ANEW}")
     return plan
 
@@ -158,9 +158,9 @@ def _lay_out(path: Path, plan: Plan) -> None:
     """Create the structure of the file; each variable has its place, but nothing in it."""
     with h5netcdf.File(path, "w") as file:
         file.dimensions = dict(_sizes(plan))
-        for name, (dimensions, values, told) in axes(plan).items():
+        for name, (dimensions, values, about) in axes(plan).items():
             kind = h5py.string_dtype() if values.dtype == object else values.dtype
-            file.create_variable(name, dimensions, kind, data=values).attrs.update(told)
+            file.create_variable(name, dimensions, kind, data=values).attrs.update(about)
         drawn = {"coordinates": " ".join(plan.keys)} if plan.draws else {}  # by the CF conventions
         for name, each in variables_of(plan).items():
             lost = {"fillvalue": np.nan} if each.kind == "f8" else {}

@@ -12,7 +12,7 @@ from drumsqueal.findings.history import versions
 from drumsqueal.scene import COORDINATES
 from drumsqueal.scene.plan import Plan
 
-# Outcome of a point; what it says is why its numbers are NaN.
+# Outcome of a point: why its numbers are NaN.
 COMPUTED, NOT_YET, AT_REST, NOT_FOUND, NOT_FINITE, NOT_TAKEN, FOLDED, FAILED = range(8)
 OUTCOMES = {
     COMPUTED: "computed",
@@ -30,7 +30,7 @@ MODES = len(COORDINATES)  # at most
 
 
 class Variable(NamedTuple):
-    """A variable of the file: its dimensions beside those of the points, its type, units, meaning, flags."""
+    """A variable of the file: its dimensions in addition to those of the points, its type, units, meaning, flags."""
 
     dimensions: tuple[str, ...]
     kind: str
@@ -45,11 +45,11 @@ class Variable(NamedTuple):
 
     def attributes(self) -> dict[str, Any]:
         """Units and meaning, by the CF conventions."""
-        told: dict[str, Any] = {"units": self.units, "long_name": self.meaning}
+        found: dict[str, Any] = {"units": self.units, "long_name": self.meaning}
         if self.flags:
-            told["flag_values"] = np.array([value for value, _ in self.flags], "i1")
-            told["flag_meanings"] = " ".join(_in_one_word(meaning) for _, meaning in self.flags)
-        return told
+            found["flag_values"] = np.array([value for value, _ in self.flags], "i1")
+            found["flag_meanings"] = " ".join(_in_one_word(meaning) for _, meaning in self.flags)
+        return found
 
 
 def _in_one_word(meaning: str) -> str:
@@ -67,7 +67,7 @@ LINEAR = {
     "largest_growth_rate": Variable((), "f8", "1/s", "the largest growth rate of any mode; NaN where none oscillates"),
     "squeal": Variable((), "i1", "1", "1 where any mode grows, 0 where none does, -1 where it is not known"),
     "divergence_rate": Variable((), "f8", "1/s", "largest real eigenvalue that grows, 0 where there is none"),
-    "contact_fraction": Variable((), "f8", "1", "share of the lining that touches the drum in steady sliding"),
+    "contact_fraction": Variable((), "f8", "1", "fraction of the lining that touches the drum in steady sliding"),
     "smallest_pressure": Variable((), "f8", "Pa", "smallest steady contact pressure"),
     "largest_pressure": Variable((), "f8", "Pa", "largest steady contact pressure"),
 }
@@ -121,7 +121,7 @@ def axes(plan: Plan) -> dict[str, tuple[tuple[str, ...], np.ndarray, dict[str, A
     for key, (dimensions, values) in columns.items():
         listed = np.array([plan.listed(key, value) for value in values.tolist()])
         found[key] = (dimensions, listed, {"units": plan.unit(key), "long_name": key})
-    ranks = {"long_name": "modes of a point by rising frequency; mode_coordinate tells which one each is"}
+    ranks = {"long_name": "modes of a point by rising frequency; mode_coordinate names them"}
     found["mode"] = (("mode",), np.arange(MODES, dtype="i1"), ranks)
     if plan.transient:
         found["coordinate"] = (("coordinate",), np.array(COORDINATES, dtype=object), {})

@@ -25,7 +25,7 @@ from drumsqueal.scene.plan import Plan
 from drumsqueal.terminal import style
 from drumsqueal.terminal.style import frame, new_figure, styled
 
-COLOURS = "PuOr_r"  # orange grows, purple decays; the colour-blind tell them apart
+COLOURS = "PuOr_r"  # orange grows, purple decays; the colour-blind can distinguish them
 GROWTH = "largest growth rate (1/s)"
 BOUNDARY, OF_A_MODE = 2.2, 1.0  # line widths
 ROOM = 1.3  # of an axis of growth rates, over the largest

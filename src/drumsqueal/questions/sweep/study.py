@@ -1,4 +1,4 @@
-"""Many scenes: the stability of each and, where it is asked for, how its transient ends."""
+"""Many scenes: the stability of each and, where it is asked for, its steady-state response."""
 
 import math
 import os
@@ -57,7 +57,7 @@ def sweep_parameters(
     transient: bool = False,
     progress: Progress = silent,
 ) -> xarray.Dataset:
-    """Eigenvalues, and with `transient` how the motion ends, of a scene with other numbers.
+    """Eigenvalues, and with `transient` the steady-state response, of a scene with other numbers.
 
     `vary` has the values of each number by its dotted key, in SI or with a unit: the results lie along every
     combination of them, `sweep_parameters(scene, {"drum.speed": [1, 2, 5]})["growth_rate"]`. With `random`, so many
@@ -109,8 +109,8 @@ def check_plan(plan: Plan) -> None:
         raise SceneError(f"nothing moves in the transients; {cure}", ("start",))
     speed = plan.scene.drum.speed
     if isinstance(speed, Profile) and speed.value[0] == 0:
-        told = "the transients of a sweep start from steady sliding; give the drum a speed at t = 0"
-        raise SceneError(told, ("drum", "speed"))
+        cure = "the transients of a sweep start from steady sliding; give the drum a speed at t = 0"
+        raise SceneError(cure, ("drum", "speed"))
 
 
 def compute(
@@ -236,11 +236,11 @@ def most_rounds(scene: Scene) -> int:
 
 
 def has_settled(motion: Saturated, stability: Stability, earlier_rate: float = math.inf) -> bool:
-    """Whether it is plain where a transient leads: a motion that lasts or, where every mode decays, steady sliding.
+    """Whether the attractor of a transient is known: a sustained motion or, where every mode decays, steady sliding.
 
-    Where a mode grows, motion below the edges has not settled, however slowly it changes; beyond them it has where its
-    rate, from half to half of what is looked at or since the round before (`earlier_rate`, 1/s), is below a tenth of
-    the linear one: of a slow growth a tenth of the motion is soon gained.
+    Where a mode grows, motion below the contact boundary has not settled, however slowly it changes. Motion beyond it
+    has where its rate, from half to half of what is looked at or since the round before (`earlier_rate`, 1/s), is below
+    a tenth of the linear one: of a slow growth a tenth of the motion is soon gained.
     """
     if motion.failed or motion.at_rest:
         return True
