@@ -125,7 +125,7 @@ def find_sweep(folder: Path, plan: Plan) -> Plan:
     if stored["outcome"] == COMPLETE:
         raise RequestError(f"{folder}: the sweep is complete, there is nothing to resume")
     if stored["versions"] != json.dumps(versions()):
-        raise RequestError(f"{folder}: {changed_versions(told['versions'])}; go back to those, or {_ANEW}")
+        raise RequestError(f"{folder}: {changed_versions(stored['versions'])}; go back to those, or {_ANEW}")
     return plan
 
 
