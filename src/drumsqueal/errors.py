@@ -5,14 +5,38 @@ Mistakes in a scene are `SceneError`, which stands with what reads scenes.
 
 from collections.abc import Iterable
 from difflib import get_close_matches
+from enum import StrEnum
 
 
 class RequestError(ValueError):
     """What was asked for cannot be done; the message says what is wrong and what would be right."""
 
 
+class NoSteadySliding(StrEnum):
+    """Why there is no steady sliding."""
+
+    AT_REST = "drum.speed is 0 all the time: there is no steady sliding; give the drum a speed"
+    NOT_FOUND = (
+        "no self-consistent steady sliding was found, neither directly nor by raising friction step by step from zero: "
+        "the shoe may jam (self-locking), or its supports and the drum may not hold it at this load and speed"
+    )
+    NOT_FINITE = (
+        "the linear model is not finite: a number is out of all proportion; check the shoe's lengths and density, "
+        "the stiffnesses, contact.normal_load, friction, drum.speed and damping.ratio"
+    )
+
+
 class SteadyStateError(ArithmeticError):
-    """No steady sliding was found; the message says why."""
+    """No steady sliding was found, for a `reason`."""
+
+    def __init__(self, reason: NoSteadySliding) -> None:
+        """Take the reason, which is the message."""
+        super().__init__(reason)
+
+    @property
+    def reason(self) -> NoSteadySliding:
+        """Why."""
+        return self.args[0]
 
 
 class IntegrationError(ArithmeticError):

@@ -285,7 +285,7 @@ def test_a_run_conserves_energy(name, nominal):
     short = {"simulate.duration": 0.004, "start.displacement": {"Y": 2e-5, "Tz": 1e-4}, "simulate.tolerance": 1e-9}
     result = run(scene_of(nominal, name).with_values(short))
     history = result.history
-    assert f"friction: {LAWS[name].name}" in result.inventory.includes
+    assert f"friction: {LAWS[name].name}" in result.findings.model["includes"]
     size = float((history["kinetic_energy"] + history["potential_energy"]).max())
     assert float(np.abs(history["energy_balance_error"]).max()) < 1e-6 * size
 

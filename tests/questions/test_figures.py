@@ -32,8 +32,7 @@ from drumsqueal.questions.run.figures import draw_all
 from drumsqueal.questions.run.figures.shares import running
 from drumsqueal.questions.run.figures.view import View
 from drumsqueal.questions.sweep.amplitude_figure import draw_amplitude
-from drumsqueal.questions.sweep.endings import squealing, undecided
-from drumsqueal.questions.sweep.points import TRENDS, blank, to_dataset
+from drumsqueal.questions.sweep.points import TRENDS, blank, squealing, to_dataset, undecided
 from drumsqueal.questions.sweep.stability_figure import draw_stability
 from drumsqueal.scene import COORDINATES
 from drumsqueal.scene.plan import Plan, grid, sample

@@ -10,22 +10,25 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray
-from rich.console import Console
 from scipy.optimize import brentq
 
 import drumsqueal as ds
 from drumsqueal.errors import IntegrationError, RequestError
+from drumsqueal.files.json_file import to_json
 from drumsqueal.files.output_folder import SWEEP_FILES
+from drumsqueal.findings.schema import read_findings
+from drumsqueal.progress import silent
 from drumsqueal.questions.sweep import file as sweep_file
-from drumsqueal.questions.sweep import job as job
 from drumsqueal.questions.sweep import study
+from drumsqueal.questions.sweep.answer import sweep_into
 from drumsqueal.questions.sweep.chance import chance, rank_correlation, study_chance
 from drumsqueal.questions.sweep.file import RUNNING, SweepFile
 from drumsqueal.questions.sweep.points import AT_REST, FOLDED, NOT_YET, OUTCOME, TRENDS, blank, to_dataset
-from drumsqueal.questions.sweep.results import summarise
+from drumsqueal.questions.sweep.summary import SweepStudy, summarise
 from drumsqueal.scene import COORDINATES, SceneError, load_scene
 from drumsqueal.scene.plan import Plan, grid, sample
 from drumsqueal.scene.variation import read_variation
+from drumsqueal.terminal.reply import Reply
 from processes import posix, start, wait_for
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
@@ -207,13 +210,19 @@ def plan_of(scene: ds.Scene, *ranges: str) -> Plan:
 
 
 def stopped_after(batches: int, error: BaseException) -> Callable:
-    def source(plan, left):
+    def source(plan, left, _):
         for k, (first, stop) in enumerate(left):
             if k == batches:
                 raise error
             yield first, study.compute(plan, first, stop)
 
     return source
+
+
+def into(folder: Path) -> Reply:
+    reply = Reply(True, None, overwrite=False)
+    reply.folder = folder
+    return reply
 
 
 @pytest.mark.usefixtures("small")
@@ -225,7 +234,7 @@ def test_a_sweep_that_was_cut_off_goes_on_and_leaves_the_same_file(drumsqueal, d
     assert drumsqueal("sweep", *arguments, "-o", str(whole))[0] == 0
     cut.mkdir()
     with pytest.raises(IntegrationError, match=r"interrupted by the user; 16 of 28 points .* --resume goes on"):
-        job.sweep_into(cut, plan, Console(quiet=True), stopped_after(2, KeyboardInterrupt()))
+        sweep_into(into(cut), plan, stopped_after(2, KeyboardInterrupt()))
     with xarray.open_dataset(cut / "sweep.nc", engine="h5netcdf") as there:
         assert there.attrs["outcome"] == "interrupted by the user; 16 of 28 points were computed"
         missing = there["outcome"].values.ravel() == NOT_YET
@@ -273,7 +282,7 @@ def test_a_sweep_that_was_cut_off_goes_on_and_leaves_the_same_file(drumsqueal, d
 def test_killed_between_results_and_their_marks_nothing_is_lost(damped, tmp_path, monkeypatch):
     plan = plan_of(damped, "drum.speed=1..40x20")
     file = SweepFile(tmp_path / "sweep.nc", plan)
-    file.create()
+    file.create(silent)
     results = study.compute(plan, 8, 16)
     fill, calls = sweep_file.fill, []
 
@@ -299,9 +308,11 @@ def test_killed_between_results_and_their_marks_nothing_is_lost(damped, tmp_path
 def test_a_failure_keeps_what_was_computed(damped, tmp_path):
     plan = plan_of(damped, "drum.speed=1..40x20")
     failing = stopped_after(1, IntegrationError("the scheduler of the cluster was lost"))
-    with pytest.raises(IntegrationError, match=r"failed: the scheduler .* was lost; 8 of 20 points were computed"):
-        job.sweep_into(tmp_path, plan, Console(quiet=True), failing)
+    with pytest.raises(IntegrationError, match=r"the scheduler .* was lost; 8 of 20 points were computed"):
+        sweep_into(into(tmp_path), plan, failing)
     assert [path.name for path in tmp_path.iterdir()] == ["sweep.nc"]
+    with xarray.open_dataset(tmp_path / "sweep.nc", engine="h5netcdf") as there:
+        assert there.attrs["outcome"].startswith("failed: the scheduler of the cluster was lost; 8 of 20")
 
 
 @pytest.mark.parametrize("stopped", [KeyboardInterrupt, OSError(28, "No space left on device")])
@@ -312,7 +323,7 @@ def test_a_sweep_without_its_figures_is_not_complete(drumsqueal, tmp_path, monke
         raise stopped
 
     with monkeypatch.context() as patch:
-        patch.setattr("drumsqueal.questions.sweep.results.save_figures", fail)
+        patch.setattr("drumsqueal.terminal.style.save_figure", fail)
         status, printed, errors = drumsqueal(*arguments)
     assert (status, printed, errors.count("\n")) == (1, "", 1)
     assert "4 of 4 points were computed" in errors
@@ -354,12 +365,13 @@ def computed(folder: Path) -> int:
 def test_a_random_sweep_tells_the_chance(drumsqueal, tmp_path):
     status, printed, errors = drumsqueal("sweep", UNCERTAIN, "--random", "64", "--seed", "5", "-o", str(tmp_path))
     assert (status, errors) == (0, "")
-    assert "Chance of squeal by eigenvalues, 64 draws" in printed
-    assert "rank correlation" in printed
+    assert "Probability of squeal by eigenvalues, 64 samples" in printed
+    assert "Rank correlation" in printed
     assert {path.name for path in tmp_path.iterdir()} == {"sweep.nc", "sweep.json", "chance.png"}
     summary = json.loads((tmp_path / "sweep.json").read_text())
     assert summary["chance"]["squeal"]["total"] == 64
     assert summary["sweep"]["seed"] == 5
+    assert to_json(read_findings(tmp_path / "sweep.json", SweepStudy)) == (tmp_path / "sweep.json").read_text()
     with xarray.open_dataset(tmp_path / "sweep.nc", engine="h5netcdf") as found:
         assert found.sizes == {"sample": 64, "mode": 6}
         assert "drum.speed" in found.coords
@@ -377,6 +389,7 @@ def test_figures_of_a_sweep_with_transients(drumsqueal, tmp_path, vary):
     status, printed, errors = drumsqueal("sweep", *arguments, "-o", str(tmp_path))
     assert (status, errors) == (0, "")
     assert "Transients at their end" in printed
+    assert to_json(read_findings(tmp_path / "sweep.json", SweepStudy)) == (tmp_path / "sweep.json").read_text()
     assert {path.name for path in tmp_path.iterdir()} == {*SWEEP_FILES} - {"chance.png"}
 
 
@@ -386,7 +399,7 @@ REFUSED = [
     (("--vary", "drum.speed=1..4", "--vary", "drum.speed=2..3"), "drum.speed: this is varied twice"),
     (("--random", "10"), "nothing in this scene is uncertain"),
     (("--random", "0", "--vary", "drum.speed=1..4"), "write a number of draws"),
-    (("--seed", "1", "--vary", "drum.speed=1..4"), "decides the draws of --random"),
+    (("--seed", "1", "--vary", "drum.speed=1..4"), "is the seed of --random"),
     (("--random", "10", "--vary", "drum.speed=1..4x5"), "leave out x5"),
     (("--vary", "shoe.thickness=0.01..0.08", "--vary", "shoe.outer_radius=0.05..0.1"), "the thickness must be smaller"),
     (("--vary", "drum.speed=1..4", "--cluster", "here"), "write local, or the address of a scheduler"),
@@ -464,9 +477,7 @@ def test_a_sweep_in_rpm_goes_on_in_another_unit_and_keeps_its_own(drumsqueal, tm
     command = ("sweep", str(SCENARIOS / "damped.toml"), *how, "-o", str(tmp_path), "--vary")
     counted = "" if how else " x 20"
     with monkeypatch.context() as patch:
-        patch.setattr(
-            "drumsqueal.questions.sweep.results.save_figures", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt)
-        )
+        patch.setattr("drumsqueal.terminal.style.save_figure", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
         assert drumsqueal(*command, f"drum.speed=60..130 rpm{counted}")[0] == 1
     # 60 rpm are 360 deg/s, 130 rpm 780 deg/s.
     assert drumsqueal(*command, f"drum.speed=360..781 deg/s{counted}", "--resume")[0] == 2
@@ -492,6 +503,7 @@ def test_a_point_that_has_not_settled_counts_as_that_alone(damped):
     columns["separation_share"][:] = columns["reversal_share"][:] = 2.0
     columns["settled"][:] = [1, 1, 0]
     columns["trend"][:] = [TRENDS.index(name) for name in ("decays", "settled", "settled")]
-    told = summarise(to_dataset(plan, columns, ""), plan, None)["transients"]
-    assert told["trends"] == {"decays": 1, "settled": 1, "not settled": 1}
-    assert (told["points_with_squeal"], told["points_not_settled"]) == (1, 1)
+    found = summarise(to_dataset(plan, columns, ""), plan).transients
+    assert found is not None
+    assert found.trends == {"decays": 1, "settled": 1, "not settled": 1}
+    assert (found.points_with_squeal, found.points_not_settled) == (1, 1)

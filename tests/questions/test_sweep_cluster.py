@@ -14,6 +14,7 @@ from distributed import Client, LocalCluster
 
 from drumsqueal.errors import IntegrationError
 from drumsqueal.findings import history
+from drumsqueal.interrupts import AGAIN, HEARD
 from drumsqueal.questions.sweep import cluster_work, study
 from drumsqueal.questions.sweep.cluster import Cluster
 from drumsqueal.questions.sweep.points import blank
@@ -141,8 +142,10 @@ def test_control_c_on_a_cluster_keeps_what_is_there(cache, drumsqueal, tmp_path)
         time.sleep(0.05)
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate(timeout=60)
-    assert (process.returncode, errors.count("\n")) == (1, 1)
-    assert "interrupted by the user" in errors
+    heard, told = errors.splitlines()
+    assert (process.returncode, heard) == (1, HEARD + AGAIN)
+    assert "interrupted by the user; " in told
+    assert "--resume goes on from there" in told
     assert 0 < share(tmp_path) < 1
 
 

@@ -9,8 +9,10 @@ from pydantic import BaseModel, BeforeValidator, Field, PlainSerializer, Validat
 from drumsqueal.errors import RequestError
 from drumsqueal.files.ordinary import read_ordinary
 from drumsqueal.findings.history import versions
-from drumsqueal.findings.part import Finding
+from drumsqueal.findings.part import Finding, Held
 from drumsqueal.scene import Scene, SceneError, scene_from_dict
+
+__all__ = ["Finding", "Findings", "Held", "SceneInFile", "read_findings"]
 
 LARGEST = 100 * 2**20  # bytes of a file of findings; those of the longest runs and studies have less than 1 MB
 
@@ -19,10 +21,14 @@ def _scene(value: Any) -> Any:
     return scene_from_dict(_without_none(value)) if isinstance(value, dict) else value
 
 
+SceneInFile = Annotated[Scene, BeforeValidator(_scene), PlainSerializer(lambda scene: scene.model_dump(mode="json"))]
+"""A scene as a field of findings."""
+
+
 class Findings(Finding):
     """What a command found: the scene as it was run, the versions, and what each question adds."""
 
-    scene: Annotated[Scene, BeforeValidator(_scene), PlainSerializer(lambda scene: scene.model_dump(mode="json"))]
+    scene: SceneInFile
     versions: dict[str, str] = Field(default_factory=versions)
 
     @computed_field

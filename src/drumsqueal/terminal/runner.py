@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Generic, TypeVar
+from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
@@ -22,6 +22,19 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 F = TypeVar("F")
+INTERRUPTED = "interrupted by the user"
+
+
+class Record(Protocol):
+    """A file that a study fills while it computes, and that holds how the study ended."""
+
+    def stopped(self, reason: str) -> str:
+        """Note why the study ended early, and return what the file holds, in words."""
+        ...
+
+    def completed(self) -> None:
+        """Note that the study and all its files are complete."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -29,13 +42,14 @@ class Answer(Generic[F]):
     """How the findings of a question become files, figures and words.
 
     `summary` names the JSON file; `tables` and `figures` make the content of each file, or None where there is nothing
-    to show; `words` prints.
+    to show; `words` prints. `filled` is the file that the study itself fills while it computes.
     """
 
     words: Callable[[Console, F], None]
     summary: str | None = None
     tables: Mapping[str, Callable[[F], str | bytes | None]] = field(default_factory=dict)
     figures: Mapping[str, Callable[[F], "Figure | None"]] = field(default_factory=dict)
+    filled: str | None = None
 
     def write(self, folder: Path, found: F) -> None:
         """Write JSON and tables, each whole or not at all. Raises OSError."""
@@ -66,23 +80,34 @@ class Answer(Generic[F]):
     @property
     def files(self) -> tuple[str, ...]:
         """All names that may be written."""
-        return (*([self.summary] if self.summary else []), *self.tables, *map(figure_file, self.figures))
+        first = [name for name in (self.filled, self.summary) if name is not None]
+        return (*first, *self.tables, *map(figure_file, self.figures))
 
 
-def answer(reply: Reply, how: Answer[F], find: Callable[[Hook, Callable[[F], None]], F]) -> F:
+def answer(
+    reply: Reply,
+    how: Answer[F],
+    find: Callable[[Hook, Callable[[F], None]], F],
+    *,
+    record: Record | None = None,
+    resume: bool = False,
+) -> F:
     """Find, and write, draw, print and send what was found; return it.
 
     `find` takes a hook for progress, which raises KeyboardInterrupt after Ctrl-C, and one that keeps what was found so
-    far. Raises IntegrationError for what failed or was interrupted, with where that is.
+    far. `record` is the file that it fills, which stays where it is to `resume`. Raises IntegrationError for what
+    failed or was interrupted, with where that is.
     """
     folder = reply.folder
-    reply.clear()
-    with kept_in(folder, how.files):
+    reply.clear(but=[how.filled] if resume and how.filled else ())
+    with kept_in(folder, how.files, record):
         with shown_progress(reply.console) as progress:
             found = find(progress, lambda so_far: how.write(folder, so_far))
         how.write(folder, found)
         left_out = how.draw(folder, found)
         stop_if_interrupted()
+        if record is not None:  # not before its results are there: what is complete is not resumed
+            record.completed()
     how.words(reply.console, found)
     print_place(reply.console, folder, how.files, left_out)
     reply.send(found)
@@ -90,21 +115,24 @@ def answer(reply: Reply, how: Answer[F], find: Callable[[Hook, Callable[[F], Non
 
 
 @contextmanager
-def kept_in(folder: Path, files: Sequence[str]) -> Iterator[None]:
+def kept_in(folder: Path, files: Sequence[str], record: Record | None = None) -> Iterator[None]:
     """Turn Ctrl-C, a failure and a full disk into an IntegrationError that says where what was done until then is."""
+
+    def kept(reason: str) -> str:
+        if record is not None:
+            return record.stopped(reason)
+        there = [name for name in files if (folder / name).exists()]
+        return f"what was done until then is in {folder / there[0]}" if there else "nothing was kept"
+
     try:
         yield
     except KeyboardInterrupt:
-        raise IntegrationError(f"interrupted by the user; {_kept(folder, files)}") from None
+        raise IntegrationError(f"{INTERRUPTED}; {kept(INTERRUPTED)}") from None
     except IntegrationError as error:
-        raise type(error)(f"{error}; {_kept(folder, files)}") from None
+        raise type(error)(f"{error}; {kept(f'failed: {error}')}") from None
     except OSError as error:
-        raise IntegrationError(f"{not_taken(error, folder)}; {_kept(folder, files)}") from None
-
-
-def _kept(folder: Path, files: Sequence[str]) -> str:
-    there = [name for name in files if (folder / name).exists()]
-    return f"what was done until then is in {folder / there[0]}" if there else "nothing was kept"
+        reason = not_taken(error, folder)
+        raise IntegrationError(f"{reason}; {kept(reason)}") from None
 
 
 def print_place(console: Console, folder: Path, files: Sequence[str], left_out: Sequence[str] = ()) -> None:

@@ -5,7 +5,8 @@ The text names the quantity on each axis but not its range, save for the stiffne
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -23,11 +24,12 @@ POINTS = 121
 CONSTANT_FRICTION = 0.4  # μ of Figure 6
 
 
-class Axis(NamedTuple):
-    """What a figure varies: the number's key, from which to which share of the scene's value, and how it is shown.
+@dataclass(frozen=True)
+class Axis:
+    """What a figure varies: the number's key, from which to which fraction of the scene's value, and how it is shown.
 
-    `factor` turns SI into the unit of the axis, 0 shows per cent of the scene's value. `transients` are the shares at
-    which the nonlinear model is run.
+    `factor` turns SI into the unit of the axis, 0 shows percent of the scene's value. `transients` are the fractions of
+    the scene's value at which the nonlinear model is run.
     """
 
     figure: str
@@ -56,7 +58,8 @@ AXES = (
 AXIS = {axis.figure: axis for axis in AXES}
 
 
-class FrictionCurve(NamedTuple):
+@dataclass(frozen=True)
+class FrictionCurve:
     """Figure 4: drum speed Ω (rad/s), coefficient of friction μ at the slip speed RΩ, and its slope dμ/ds (s/m).
 
     `own_speed` is that of the scene.
@@ -68,7 +71,8 @@ class FrictionCurve(NamedTuple):
     own_speed: float
 
 
-class Curve(NamedTuple):
+@dataclass(frozen=True)
+class Curve:
     """One figure's eigenvalues: `values` (m,) of the number in SI, the scene's own value, the spectra."""
 
     axis: Axis

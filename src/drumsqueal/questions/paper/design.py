@@ -60,7 +60,7 @@ def _angle(curve: Curve) -> tuple[Statement, ...]:
             MINOR,
             ", ".join(f"{name} {change[name]:+.3g} 1/s" for name in SQUEALING),
         ).read_also(
-            "larger change of the two in per cent of its own value over that of Y",
+            "larger change of the two in percent of its own value over that of Y",
             "",
             max(abs(shares[name] / shares["Y"]) for name in ("X", "Tz")) if change["Y"] else None,
             "<",

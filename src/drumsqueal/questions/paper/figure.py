@@ -1,6 +1,7 @@
 """Figures 4 to 11 of Seo & Kang (2023), recomputed: eigenvalues as lines, what the transients did as marks on them."""
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -22,31 +23,25 @@ GROWING_EVERY = 10  # points of a line between two rings on what grows
 RING: dict[str, Any] = {"marker": "o", "markersize": 5, "fillstyle": "none", "linestyle": "", "markeredgewidth": 0.7}
 
 
-def draw_paper(study: PaperStudy) -> dict[str, Figure]:
-    """Draw every figure of the paper, by the name of its file."""
-    figures = {"4": draw_friction(study), "5": draw_stiffness(study, "5"), "6": draw_stiffness(study, "6")}
-    figures |= {"7": draw_speed(study)} | {axis.figure: draw_design(study, axis.figure) for axis in AXES[3:]}
-    return {PAPER_FIGURES[number]: figure for number, figure in figures.items()}
-
-
 @styled()
-def draw_friction(study: PaperStudy) -> Figure:
+def draw_friction(study: PaperStudy) -> Figure | None:
     """Figure 4: coefficient of friction and its slope over the drum's speed."""
-    figure = new_figure(
-        study.scene.title, "Figure 4, the friction law (a transient is given it, and has no answer of its own)"
-    )
+    curve = study.friction
+    if curve is None:
+        return None
+    figure = new_figure(study.title, "Figure 4, the friction law (an input of the transients, not a result)")
     left, right = figure.subplots(1, 2)
-    curve, own = study.friction, float(study.scene.numbers()["drum.speed"])  # pyright: ignore
-    for axes, values, label in (
-        (left, curve.coefficient, "Coefficient of friction μ"),
-        (right, curve.slope, "Slope dμ/ds at the slip speed RΩ (s/m)"),
+    for axes, values, label, shift in (
+        (left, curve.coefficient, "Coefficient of friction μ", 6),
+        (right, curve.slope, "Slope dμ/ds at the slip speed RΩ (s/m)", -10),
     ):
+        own = curve.own_speed, float(np.interp(curve.own_speed, curve.speed, values))
         axes.plot(curve.speed, values, color=style.DARK)
-        axes.plot(abs(own), np.interp(abs(own), curve.speed, values), "o", color=style.COLOUR["Y"], markersize=4)
+        axes.plot(*own, "o", color=style.COLOUR["Y"], markersize=4)
         axes.annotate(
-            f"{abs(own):g} rad/s",
-            (abs(own), np.interp(abs(own), curve.speed, values)),
-            xytext=(6, 6) if values is curve.coefficient else (6, -10),  # beside the curve
+            f"{curve.own_speed:g} rad/s",
+            own,
+            xytext=(6, shift),  # clear of the curve
             textcoords="offset points",
             fontsize=style.SMALL_SIZE,
         )
@@ -62,7 +57,7 @@ def draw_stiffness(study: PaperStudy, number: str) -> Figure:
     """Figures 5 and 6: frequencies over the contact stiffness, and growth rate against frequency at 100 %."""
     curve, points = study.curves[number], study.points[number]
     falling = "" if number == "5" else f", constant friction μ = {CONSTANT_FRICTION:g}"
-    figure = new_figure(study.scene.title, f"Figure {number}, contact stiffness{falling}")
+    figure = new_figure(study.title, f"Figure {number}, contact stiffness{falling}")
     left, right = figure.subplots(1, 2, width_ratios=[1.2, 1])
     for name in curve.spectrum.names:
         frequency = curve.frequency_Hz(name) / 1e3
@@ -98,10 +93,9 @@ def _draw_rates_at_the_end(axes: Axes, study: PaperStudy, curve: Curve, last: Po
             place = mode.measured_frequency_Hz / 1e3, mode.measured_growth.rate_1_per_s
             axes.plot(*place, MEASURED, color=style.COLOUR[mode.name], fillstyle="none", markersize=7)
     decays = ", ".join(f"{name} {curve.rate(name)[-1]:.0f}".replace("-", "−") for name in QUIET)
-    told = f"{decays} 1/s: no transient"
-    axes.text(0.02, 0.02, told, transform=axes.transAxes, fontsize=style.SMALL_SIZE)
+    axes.text(0.02, 0.02, f"{decays} 1/s: no transient", transform=axes.transAxes, fontsize=style.SMALL_SIZE)
     if not last.comparison or last.comparison.edge_reached_s is None:
-        axes.text(0.02, 0.9, "none grows, so none saturates", transform=axes.transAxes, fontsize=style.SMALL_SIZE)
+        axes.text(0.02, 0.9, "no mode grows, so none saturates", transform=axes.transAxes, fontsize=style.SMALL_SIZE)
     top = max(float(study.curves["5"].rate(name)[-1]) for name in SQUEALING)
     axes.set_ylim(-0.15 * max(top, 1.0), 1.2 * max(top, 1.0))
     high = max(float(curve.frequency_Hz(name)[-1]) for name in SQUEALING) / 1e3
@@ -113,14 +107,14 @@ def _draw_rates_at_the_end(axes: Axes, study: PaperStudy, curve: Curve, last: Po
 def draw_speed(study: PaperStudy) -> Figure:
     """Figure 7: growth of the modes that squeal, decay of those that do not, and the motion that it grows into."""
     curve, points = study.curves["7"], study.points["7"]
-    figure = new_figure(study.scene.title, "Figure 7, drum speed")
+    figure = new_figure(study.title, "Figure 7, drum speed")
     left, middle, right = figure.subplots(1, 3)
     _draw_growth(left, curve, points)
     for name in QUIET:
         middle.plot(np.abs(curve.shown), -curve.rate(name), color=style.COLOUR[name])
     middle.set_xscale("log")
     middle.set_yscale("log")
-    middle.set_title("no transient: out of the plane all decays", fontsize=style.SMALL_SIZE)
+    middle.set_title("no transient: all modes out of the plane decay", fontsize=style.SMALL_SIZE)
     frame(middle, "Drum speed (rad/s)", "Decay rate −Re λ (1/s)")
     _draw_frequencies(right, curve, points)
     _legend(figure, curve.spectrum.names)
@@ -131,7 +125,7 @@ def draw_speed(study: PaperStudy) -> Figure:
 def draw_design(study: PaperStudy, number: str) -> Figure:
     """Figures 8 to 11: growth of the modes that squeal over one number, and the motion that it grows into."""
     curve, points = study.curves[number], study.points[number]
-    figure = new_figure(study.scene.title, f"Figure {number}, {curve.axis.label.lower()}")
+    figure = new_figure(study.title, f"Figure {number}, {curve.axis.label.lower()}")
     left, right = figure.subplots(1, 2)
     _draw_growth(left, curve, points)
     _draw_frequencies(right, curve, points)
@@ -188,7 +182,17 @@ def _legend(figure: Figure, names: Sequence[str], *, rings: bool = False, satura
         Line2D([], [], **blank, marker=MEASURED, fillstyle="none", markersize=5, label="measured in transients")
     )
     if saturated:
-        told = "strongest line of the motion it grows into"
-        handles.append(Line2D([], [], **blank, marker=GROWN_INTO, markersize=6, label=told))
+        label = "strongest line of the motion that it grows into"
+        handles.append(Line2D([], [], **blank, marker=GROWN_INTO, markersize=6, label=label))
     columns = len(handles) if len(handles) <= LEGEND else -(-len(handles) // 2)
     figure.legend(handles=handles, loc="outside lower center", ncols=columns, columnspacing=1.0, handletextpad=0.5)
+
+
+PAPER_DRAWINGS = {
+    PAPER_FIGURES["4"]: draw_friction,
+    PAPER_FIGURES["5"]: partial(draw_stiffness, number="5"),
+    PAPER_FIGURES["6"]: partial(draw_stiffness, number="6"),
+    PAPER_FIGURES["7"]: draw_speed,
+    **{PAPER_FIGURES[axis.figure]: partial(draw_design, number=axis.figure) for axis in AXES[3:]},
+}
+"""What draws each figure of the paper, by the name of its file."""

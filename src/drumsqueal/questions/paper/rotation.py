@@ -41,7 +41,7 @@ def rotation_statements(curve: Curve, shoe: RigidShoe, friction: FrictionCurve) 
     n = len(spectrum.names)
     energy = np.abs(spectrum.right[:, :n]) ** 2 * spectrum.mass[:, :, None]
     axial = energy[:, [spectrum.names.index(name) for name in QUIET]].sum(axis=1) / energy.sum(axis=1)
-    share = max(float(axial[spectrum.eigenvalues == spectrum.of(name)[:, None]].max()) for name in SQUEALING)
+    part = max(float(axial[spectrum.eigenvalues == spectrum.of(name)[:, None]].max()) for name in SQUEALING)
     quiet = {name: float(curve.rate(name).max()) for name in QUIET}
     loudest = max(quiet, key=lambda name: quiet[name])
     held = ~spectrum.drifting & (axial > 0.5)
@@ -59,9 +59,9 @@ def rotation_statements(curve: Curve, shoe: RigidShoe, friction: FrictionCurve) 
         state(
             "7",
             "Friction across the sliding direction does not touch X, Y and Tz",
-            "largest share of Z, Tx and Ty in their kinetic energy",
+            "largest fraction of Z, Tx and Ty in their kinetic energy",
             "",
-            share,
+            part,
             "<",
             NO_PART,
             "",
@@ -121,7 +121,7 @@ def _directions(curve: Curve, shoe: RigidShoe) -> tuple[Statement, Statement]:
         state(
             "7",
             "X, Y and Tz move the lining mainly along the sliding direction",
-            "least share of u_θ² in the mean square motion of the lining",
+            "least fraction of u_θ² in the mean square motion of the lining",
             "",
             tangential[along][1],
             ">",
@@ -131,7 +131,7 @@ def _directions(curve: Curve, shoe: RigidShoe) -> tuple[Statement, Statement]:
         state(
             "7",
             "Z, Tx and Ty move the lining mainly across the sliding direction",
-            "least share of u_z² in the mean square motion of the lining",
+            "least fraction of u_z² in the mean square motion of the lining",
             "",
             axial[across][2],
             ">",
@@ -142,9 +142,9 @@ def _directions(curve: Curve, shoe: RigidShoe) -> tuple[Statement, Statement]:
 
 
 def _of_surface(direction: str, shares: dict[str, float]) -> tuple[str, str, float, str, float, str]:
-    """The same share of the motion along the surface alone, u_θ and u_z, which the paper contrasts."""
+    """The same fraction of the motion along the surface alone, u_θ and u_z, which the paper contrasts."""
     listed = ", ".join(f"{name} {share:.3f}" for name, share in shares.items())
-    return f"least share of u_{direction}² in u_θ² + u_z²", "", min(shares.values()), ">", MAJOR, listed
+    return f"least fraction of u_{direction}² in u_θ² + u_z²", "", min(shares.values()), ">", MAJOR, listed
 
 
 def _power(curve: Curve, name: str, over: NDArray[np.float64] | float) -> float:
@@ -157,7 +157,7 @@ def _power(curve: Curve, name: str, over: NDArray[np.float64] | float) -> float:
 
 
 def _lining_motion(curve: Curve, shoe: RigidShoe, names: tuple[str, ...]) -> dict[str, NDArray[np.float64]]:
-    """Shares of u_r², u_θ² and u_z² in the mean square motion of the lining, of each coordinate's mode at 1 Ω.
+    """Fractions of u_r², u_θ² and u_z² in the mean square motion of the lining, of each coordinate's mode at 1 Ω.
 
     Over Gauss nodes of the lining; u_r, u_θ and u_z as in Seo & Kang, equations (8) to (12).
     """

@@ -1,10 +1,13 @@
 """A statement of a paper as a number and its limit; what Seo & Kang (2023) leave open is a named limit here."""
 
+from dataclasses import replace
 from enum import StrEnum
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import computed_field
+from pydantic.dataclasses import dataclass
 
 from drumsqueal.questions.paper.curves import Curve
 
@@ -32,11 +35,12 @@ class Verdict(StrEnum):
     NOT_DECIDED = "not decided"
 
 
-class Reading(NamedTuple):
+@dataclass(frozen=True)
+class Reading:
     """One reading of a statement: a number that decides it, and its limit.
 
-    `value` is held against `limit` from above or below, as `bound` says; None where it could not be computed. `margin`
-    is by how much the statement holds (positive) or fails. `detail` says where.
+    `value` is to be above or below `limit`, as `bound` (">" or "<") says; None where it could not be computed.
+    `detail` says where.
     """
 
     measure: str
@@ -46,11 +50,13 @@ class Reading(NamedTuple):
     limit: float
     detail: str = ""
 
+    @computed_field
     @property
     def holds(self) -> bool | None:
         """Whether the number is on the right side of its limit."""
         return None if self.margin is None else bool(self.margin > 0)
 
+    @computed_field
     @property
     def margin(self) -> float | None:
         """Distance from the limit, positive on the side on which the statement holds."""
@@ -59,13 +65,15 @@ class Reading(NamedTuple):
         return float(self.value - self.limit if self.bound == ">" else self.limit - self.value)
 
 
-class Statement(NamedTuple):
-    """One statement, in our words, and the readings that the text leaves open."""
+@dataclass(frozen=True)
+class Statement:
+    """One statement of the paper, in our words, and the readings that the text leaves open."""
 
     figure: str
-    says: str
+    statement: str
     readings: tuple[Reading, ...]
 
+    @computed_field
     @property
     def verdict(self) -> Verdict:
         """Confirmed or not where all readings agree."""
@@ -78,7 +86,7 @@ class Statement(NamedTuple):
 
     def read_also(self, *reading: Any) -> "Statement":
         """The statement with one more reading, given as its fields."""
-        return self._replace(readings=(*self.readings, Reading(*reading)))
+        return replace(self, readings=(*self.readings, Reading(*reading)))
 
 
 def state(figure: str, says: str, *reading: Any) -> Statement:

@@ -1,6 +1,6 @@
 """What Seo & Kang (2023) state about their figures, each as a number that decides whether it holds.
 
-Figures 4 to 6 and what the transients say are here; `paper_rotation` has Figure 7, `paper_design` Figures 8 to 11.
+Figures 4 to 6 and what the transients show are here; `rotation` has Figure 7, `design` Figures 8 to 11.
 """
 
 from collections.abc import Mapping
@@ -34,7 +34,7 @@ def check_statements(
     friction: FrictionCurve,
     curves: Mapping[str, Curve],
     points: Mapping[str, tuple[Point, ...]],
-    kicks: tuple[Point, Point],
+    disturbed: tuple[Point, Point],
 ) -> tuple[Statement, ...]:
     """Check every statement against curves and transients, in the order of the figures."""
     return (
@@ -44,7 +44,7 @@ def check_statements(
         slope_in_proportion(friction),
         *rotation_statements(curves["7"], shoe, friction),
         *design_statements(curves),
-        *_nonlinear(points, *kicks),
+        *_nonlinear(points, *disturbed),
     )
 
 
@@ -196,7 +196,7 @@ def _constant(falling: Curve, constant: Curve) -> tuple[Statement, ...]:
     )
 
 
-def _nonlinear(points: Mapping[str, tuple[Point, ...]], kick: Point, damped: Point) -> tuple[Statement, ...]:
+def _nonlinear(points: Mapping[str, tuple[Point, ...]], constant: Point, damped: Point) -> tuple[Statement, ...]:
     errors = [
         (abs(mode.growth_rate_error), f"{mode.label}, {point.key} {point.value:.4g}", mode)
         for each in points.values()
@@ -210,7 +210,7 @@ def _nonlinear(points: Mapping[str, tuple[Point, ...]], kick: Point, damped: Poi
     nominal = points["5"][-1].comparison
     if nominal is not None and nominal.saturation is not None and nominal.saturation.main is not None:
         shift, nearest = nominal.saturation.frequency_shift, nominal.saturation
-    ratio = None if kick.comparison is None else kick.comparison.motion_ratio
+    ratio = None if constant.comparison is None else constant.comparison.motion_ratio
     lifted = None if damped.comparison is None else _lifted(damped.comparison)
     return (
         state(
@@ -246,7 +246,7 @@ def _nonlinear(points: Mapping[str, tuple[Point, ...]], kick: Point, damped: Poi
             ratio,
             "<",
             GROWN,
-            f"start at {kick.value:g} p0/k_c",
+            f"start at {constant.value:g} p0/k_c",
         ).read_also(
             "fraction of the lining out of contact in the end, after that disturbance, where structural damping makes "
             "every mode decay",
@@ -254,7 +254,7 @@ def _nonlinear(points: Mapping[str, tuple[Point, ...]], kick: Point, damped: Poi
             lifted,
             "<",
             LIFTED,
-            _ends(damped),
+            _response(damped),
         ),
     )
 
@@ -265,17 +265,17 @@ def _lifted(comparison: RunFindings) -> float:
     return 0.0 if saturation is None else 1.0 - saturation.contact_fraction
 
 
-def _ends(damped: Point) -> str:
-    """How the motion of the damped brake ends."""
-    told = f"damping ratio {damped.value:.2g}"
+def _response(damped: Point) -> str:
+    """The steady-state response of the damped brake."""
+    damping = f"damping ratio {damped.value:.2g}"
     saturation = damped.comparison.saturation if damped.comparison else None
     if saturation is None or saturation.main is None:
-        return told
-    return f"{told}; {saturation.regime.kind}, {saturation.main.frequency_Hz:.0f} Hz"
+        return damping
+    return f"{damping}; {saturation.regime.kind}, {saturation.main.frequency_Hz:.0f} Hz"
 
 
 def _closest(curve: Curve) -> tuple[float, str, float]:
-    """Least distance of two frequencies of the squealing modes over the higher one, which, and where (per cent)."""
+    """Least distance of two frequencies of the squealing modes over the higher one, which, and where (percent)."""
     found = []
     for i, first in enumerate(SQUEALING):
         for second in SQUEALING[i + 1 :]:

@@ -1,70 +1,61 @@
-"""Transients at some points of the paper's figures: growth measured below the edges, and the motion it grows into."""
+"""Transients at some points of the paper's figures: growth measured below the contact boundary, and the motion that it
+grows into."""
 
-from collections.abc import Callable
-from typing import NamedTuple
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 from drumsqueal.errors import IntegrationError
 from drumsqueal.findings.compare import RunFindings
-from drumsqueal.findings.history import COMPLETE
 from drumsqueal.physics.composition import ALL
 from drumsqueal.physics.model import build_model
+from drumsqueal.progress import Progress
 from drumsqueal.questions.paper.curves import AXES, constant_friction
-from drumsqueal.questions.sensitivity.decay import KICK, kicked
+from drumsqueal.questions.sensitivity.decay import DISTURBANCE, disturbed
 from drumsqueal.scene import Scene
 from drumsqueal.simulation import prepare, run_whole
 from drumsqueal.solve.linear.modes import analyse_stability
 
 MORE = 1.05  # times the damping with which the last mode neither grows nor decays
+NOT_RUN = "the transient was not run"
 
-OnPoint = Callable[[str, int, int], None]
 
-
-class Point(NamedTuple):
+@dataclass(frozen=True)
+class Point:
     """One transient: the figure it belongs to, the value (SI) of the number varied, and what it did.
 
-    `comparison` is None where the integration failed, and `outcome` then says why.
+    `comparison` is None where there is no transient, and `why_not` then says why.
     """
 
     figure: str
     key: str
     value: float
     scene: Scene
-    comparison: RunFindings | None
-    outcome: str
+    comparison: RunFindings | None = None
+    why_not: str = NOT_RUN
 
 
-def paper_transients(scene: Scene, on_point: OnPoint) -> tuple[dict[str, tuple[Point, ...]], tuple[Point, Point]]:
-    """Transients by figure, and two that start beyond the contact boundary of a brake that is linearly stable.
-
-    One is stable by constant friction, the other by structural damping, whose ratio is then the point's value.
-
-    A scene that several figures share is run once. `on_point` is told what is run, its number and how many there are.
-    Raises SceneError for a value that makes no brake, and KeyboardInterrupt between two chunks.
-    """
-    own = scene.numbers()
-    wanted = []
+def points_of_figures(scene: Scene) -> list[Point]:
+    """The points of all figures, not yet run. Raises SceneError for a value that makes no brake."""
+    own, points = scene.numbers(), []
     for axis in AXES:
-        for share in axis.transients:
-            value = float(own[axis.key]) * share  # pyright: ignore[reportArgumentType] (checked by check_brake)
-            changes = {axis.key: value} if share != 1 else {}
+        for fraction in axis.transients:
+            value = float(own[axis.key]) * fraction  # pyright: ignore[reportArgumentType] (checked by check_brake)
+            changes = {axis.key: value} if fraction != 1 else {}
             if axis.figure == "6":
                 changes |= constant_friction(scene)
-            wanted.append((axis, value, scene.with_values(changes)))
-    runs: dict[str, tuple[RunFindings | None, str]] = {}
+            points.append(Point(axis.figure, axis.key, value, scene.with_values(changes)))
+    return points
+
+
+def disturbed_points(scene: Scene) -> tuple[Point, Point]:
+    """Two starts beyond the contact boundary of a brake that is linearly stable, not yet run.
+
+    One is stable by constant friction, the other by structural damping, whose ratio is then the point's value.
+    """
     ratio = damping_needed(scene)
-    kick = kicked(scene.with_values(constant_friction(scene)))
-    damped = kicked(scene.with_values({"damping": {"ratio": ratio}}))
-    scenes = {each.to_toml(): each for each in (*(each for *_, each in wanted), kick, damped)}
-    for number, (text, each) in enumerate(scenes.items()):
-        on_point(f"transient {number + 1} of {len(scenes)}", number, len(scenes))
-        runs[text] = _run(each)
-    points = [Point(axis.figure, axis.key, value, each, *runs[each.to_toml()]) for axis, value, each in wanted]
-    by_figure = {axis.figure: tuple(point for point in points if point.figure == axis.figure) for axis in AXES}
-    kicks = (
-        Point("6", "start", KICK, kick, *runs[kick.to_toml()]),
-        Point("5", "damping.ratio", ratio, damped, *runs[damped.to_toml()]),
-    )
-    return by_figure, kicks
+    constant = disturbed(scene.with_values(constant_friction(scene)))
+    damped = disturbed(scene.with_values({"damping": {"ratio": ratio}}))
+    return Point("6", "start", DISTURBANCE, constant), Point("5", "damping.ratio", ratio, damped)
 
 
 def damping_needed(scene: Scene) -> float:
@@ -74,8 +65,24 @@ def damping_needed(scene: Scene) -> float:
     return known + MORE * max(0.0, *(mode.growth_rate / abs(mode.eigenvalue) for mode in modes))
 
 
-def _run(scene: Scene) -> tuple[RunFindings | None, str]:
-    try:
-        return run_whole(prepare(scene)).comparison, COMPLETE
-    except IntegrationError as error:
-        return None, f"failed: {error}"
+def run_points(points: Sequence[Point], progress: Progress) -> list[Point]:
+    """Run the transients of points, a scene that several share once. Raises SceneError for one that cannot be run."""
+    scenes = {point.scene.to_toml(): point.scene for point in points}
+    ran: dict[str, RunFindings | str] = {}
+    for number, (text, scene) in enumerate(scenes.items()):
+
+        def show(_: str, reached: float, duration: float | None, number: int = number) -> None:
+            progress(f"transient {number + 1} of {len(scenes)}", number + reached / (duration or 1.0), len(scenes))
+
+        show("", 0, None)
+        try:
+            ran[text] = run_whole(prepare(scene), show).comparison
+        except IntegrationError as error:
+            ran[text] = f"failed: {error}"
+    return [_with_result(point, ran[point.scene.to_toml()]) for point in points]
+
+
+def _with_result(point: Point, result: RunFindings | str) -> Point:
+    if isinstance(result, str):
+        return replace(point, why_not=result)
+    return replace(point, comparison=result, why_not="")

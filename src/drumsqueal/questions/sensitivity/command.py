@@ -1,12 +1,13 @@
 """`drumsqueal sensitivity SCENE -o DIR`."""
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from drumsqueal.errors import IntegrationError
 from drumsqueal.files.output_folder import SENSITIVITY_FILES
-from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import load_scene
 from drumsqueal.terminal.completion import complete_list, words
 from drumsqueal.terminal.options import JsonFile, Overwrite, Quiet, SceneFile, Settings, UsageError, output_option
@@ -21,7 +22,7 @@ def sensitivity_command(
         typer.Option(
             "--until",
             metavar="stable",
-            help="Find the smallest change that makes it stable.",
+            help="Also find the smallest change that makes the brake stable.",
             autocompletion=words("stable"),
         ),
     ] = None,
@@ -41,24 +42,27 @@ def sensitivity_command(
 ) -> None:
     """What to change to make this brake quiet?
 
-    How every growth rate goes with every number of the scene.
+    How every growth rate changes with every number of the scene.
 
     Writes sensitivity.csv, sensitivity.json, sensitivity.png and, with --until stable, quiet.toml, the changed scene.
 
     Example: drumsqueal sensitivity scenarios/damped.toml --until stable -o out/quiet
     """
     if until not in (None, "stable"):
-        raise UsageError(f"--until {until}: the one word that it takes is stable")
+        raise UsageError(f"--until {until}: write --until stable, or leave it out")
     if vary and until is None:
-        raise UsageError("--vary says what --until stable may change; add --until stable")
+        raise UsageError("--vary names what --until stable may change; add --until stable")
     loaded = load_scene(scene, settings or ())
     keys = [key.strip() for part in vary for key in part.split(",")] if vary else None
     folder = output if output is not None else Path("out") / f"{scene.stem}-sensitivity"
     reply = Reply.beside(folder, SENSITIVITY_FILES, (scene,), quiet, json_file, overwrite=overwrite)
-    stop_if_interrupted()
-    from drumsqueal.questions.sensitivity.job import check_request, study_into
+    from drumsqueal.questions.sensitivity.answer import SENSITIVITY_ANSWER, not_found
+    from drumsqueal.questions.sensitivity.study import check_request, study_sensitivity
+    from drumsqueal.terminal.runner import answer
 
-    stop_if_interrupted()
-    check_request(loaded, keys, until_stable=until is not None)
-    reply.clear()
-    reply.send(study_into(folder, loaded, keys, reply.console, until_stable=until is not None))
+    until_stable = until is not None
+    check_request(loaded, keys, until_stable=until_stable)  # what cannot be done is reported before there is a folder
+    study = partial(study_sensitivity, loaded, until_stable=until_stable, keys=keys)
+    found = answer(reply, SENSITIVITY_ANSWER, lambda progress, keep: study(progress=progress, keep=keep))
+    if found.quiet is not None and not found.quiet.found:
+        raise IntegrationError(not_found(found.quiet))

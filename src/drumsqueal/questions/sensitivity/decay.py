@@ -1,81 +1,102 @@
-"""Does a brake whose modes all decay stay quiet in the nonlinear model, too? From its own start, and from a kick."""
+"""Does a brake whose modes all decay stay quiet in the nonlinear model, too? From its own start, and after a large
+disturbance."""
 
-from collections.abc import Callable
-from typing import NamedTuple
+from enum import StrEnum
 
 import numpy as np
+from pydantic import computed_field
 
 from drumsqueal.errors import IntegrationError
 from drumsqueal.findings.departure import Departure, beyond_edges
+from drumsqueal.findings.schema import Finding
+from drumsqueal.findings.signals.regime import Kind
 from drumsqueal.physics.composition import kept_coordinates
+from drumsqueal.progress import Progress, silent
 from drumsqueal.scene import COORDINATES, Profile, Scene
 from drumsqueal.simulation import prepare, run_whole
 
-KICK = 3.0  # times the displacement p0/k_c at which the pressure is lost
-SQUEALS = {
-    "periodic": "with a periodic motion",
-    "quasi-periodic": "with a quasi-periodic motion",
-    "irregular": "with an irregular motion",
-}
-LAST = 0.1  # of the record, which tells how a motion ends
+DISTURBANCE = 3.0  # times the displacement p0/k_c at which the pressure is lost
+LAST = 0.1  # of the record, which shows how a motion ends
+SUSTAINED = (Kind.PERIODIC, Kind.QUASI_PERIODIC, Kind.IRREGULAR)
 
 
-class Decay(NamedTuple):
-    """One transient: from where, whether it decays, and its motion at the end over that at the beginning.
+class Start(StrEnum):
+    """Where a transient starts."""
 
-    It decays if it has become smaller and its last tenth touches no edge of contact, for below the edges the
-    eigenvalues rule; it does not if it has settled to a motion beyond them. None where that cannot be told; `outcome`
-    says in words how it ends.
+    OWN = "its own start"
+    DISTURBED = f"a disturbance of {DISTURBANCE:g} p0/k_c"
+
+
+class Outcome(StrEnum):
+    """How a transient ends."""
+
+    DECAYS = "decays"
+    SQUEALS = "squeals"
+    NOT_SETTLED = "not settled"
+    NOT_STARTED = "nothing was started"
+    FAILED = "failed"
+
+
+class Decay(Finding):
+    """One transient: from where, how it ends, and its motion at the end over that at the beginning.
+
+    It decays if it has become smaller and its last tenth has neither lift-off nor slip reversal, for then the
+    eigenvalues rule; it squeals if it has settled to a motion of this `kind`, mostly at `frequency_Hz`. `duration_s`
+    was run, and `reason` says why it failed.
     """
 
-    start: str
-    decays: bool | None
-    motion_ratio: float | None
-    outcome: str
+    start: Start
+    outcome: Outcome
+    motion_ratio: float | None = None
+    duration_s: float | None = None
+    kind: Kind | None = None
+    frequency_Hz: float | None = None
+    reason: str | None = None
+
+    @computed_field
+    @property
+    def decays(self) -> bool | None:
+        """Whether it decays; None where that is not known."""
+        return {Outcome.DECAYS: True, Outcome.SQUEALS: False}.get(self.outcome)
 
 
-def nonlinear_decay(scene: Scene, on_start: Callable[[str], None] | None = None) -> tuple[Decay, Decay]:
-    """Transients of a scene from its own start and from a kick of 3 p0/k_c; `on_start` is told which begins.
+def nonlinear_decay(scene: Scene, progress: Progress = silent) -> tuple[Decay, Decay]:
+    """Transients of a scene from its own start and from a disturbance of 3 p0/k_c.
 
-    Raises SceneError for a scene that cannot be run and KeyboardInterrupt between two chunks.
+    Raises SceneError for a scene that cannot be run.
     """
-    told = on_start or (lambda _: None)
-    found = []
-    for start, each in (("its own start", scene), (f"a kick of {KICK:g} p0/k_c", kicked(scene))):
-        told(start)
-        found.append(_run(start, each))
-    return found[0], found[1]
+    return _run(Start.OWN, scene, progress), _run(Start.DISTURBED, disturbed(scene), progress)
 
 
-def kicked(scene: Scene) -> Scene:
-    """The scene with a start beyond the edges of contact: Y and Tz or, if neither is kept, whatever is."""
+def disturbed(scene: Scene) -> Scene:
+    """The scene with a start beyond the contact boundary: Y and Tz or, if neither is kept, whatever is."""
     shoe, load = scene.shoe, scene.contact.normal_load
     most = max(load.value) if isinstance(load, Profile) else load
-    size = KICK * most / (shoe.outer_radius * shoe.arc_angle * shoe.width) / max(scene.contact.stiffness, 1.0)
+    size = DISTURBANCE * most / (shoe.outer_radius * shoe.arc_angle * shoe.width) / max(scene.contact.stiffness, 1.0)
     kept = [COORDINATES[i] for i in kept_coordinates(scene)]
     moved = [name for name in kept if name in ("Y", "Tz")] or kept
     start = {name: size / shoe.outer_radius if name.startswith("T") else size for name in moved}
     return scene.with_values({"start": {"displacement": start, "velocity": {}}})
 
 
-def _run(start: str, scene: Scene) -> Decay:
+def _run(start: Start, scene: Scene, progress: Progress) -> Decay:
     prepared = prepare(scene)
     try:
-        result = run_whole(prepared)
+        result = run_whole(prepared, progress)
     except IntegrationError as error:
-        return Decay(start, None, None, f"failed: {error}")
+        return Decay(start=start, outcome=Outcome.FAILED, reason=str(error))
     ratio = result.comparison.motion_ratio
     if ratio is None:
-        return Decay(start, None, None, "nothing was started")
+        return Decay(start=start, outcome=Outcome.NOT_STARTED)
     departure = Departure(result.history, result.stability)
     beyond = beyond_edges(result.history, result.stability, prepared.linear)
     last = slice(departure.time.size - max(1, round(LAST * departure.time.size)), None)
+    found = Decay(start=start, outcome=Outcome.DECAYS, motion_ratio=ratio, duration_s=float(departure.time[-1]))
     if ratio < 1 and not np.any(beyond[last]):
-        return Decay(start, True, ratio, "decays below the edges of contact")
+        return found
     saturation = result.comparison.saturation
-    kind = "unknown" if saturation is None else saturation.regime.kind
-    if kind in SQUEALS:
-        assert saturation is not None
-        line = "" if saturation.main is None else f", mostly at {saturation.main.frequency_Hz:.0f} Hz"
-        return Decay(start, False, ratio, f"squeals on, {SQUEALS[kind]}{line}")
-    return Decay(start, None, ratio, f"has not settled within {departure.time[-1]:g} s; a longer run may tell")
+    if saturation is None or saturation.regime.kind not in SUSTAINED:
+        return found.model_copy(update={"outcome": Outcome.NOT_SETTLED})
+    frequency = None if saturation.main is None else saturation.main.frequency_Hz
+    settled = {"outcome": Outcome.SQUEALS, "kind": saturation.regime.kind, "frequency_Hz": frequency}
+    return found.model_copy(update=settled)

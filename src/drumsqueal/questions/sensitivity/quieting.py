@@ -1,23 +1,25 @@
-"""The smallest change of a brake that makes every mode decay, and whether the nonlinear model agrees."""
+"""The smallest change of a brake that makes every mode decay."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import computed_field
 from scipy.optimize import minimize
 
 from drumsqueal.errors import RequestError
-from drumsqueal.interrupts import stop_if_interrupted
-from drumsqueal.questions.sensitivity.study import numbers_of
+from drumsqueal.findings.schema import Finding, SceneInFile
+from drumsqueal.progress import Progress, silent
+from drumsqueal.questions.sensitivity.decay import Decay
 from drumsqueal.scene import Scene, quantity_of
 from drumsqueal.scene.tables import Scheduled
 from drumsqueal.simulation import prepare
 from drumsqueal.solve.linear.gradients import StateMatrix, eigenvalue_gradient, state_matrix_of
-from drumsqueal.solve.linear.modes import DRIFT_SHARE, Stability
+from drumsqueal.solve.linear.modes import DRIFT_SHARE
 
 MARGIN = 1.0  # 1/s: every growth rate is to be at most minus this
-SLACK = 1e-3  # of the margin that an optimum on its edge may miss
+SLACK = 1e-3  # of the margin that an optimum on its limit may miss
 STARTS, SPREAD, SEED = 6, 0.3, 20231122  # starting points, their relative departure, and the seed of the random ones
 NOWHERE = 1e9  # 1/s; the growth rate where there is no steady sliding
 LEAST, MOST = 0.1, 10.0  # times its value: how far a number may go, where physics has no nearer limit
@@ -27,32 +29,33 @@ ZERO_SCALE = {DAMPING: 0.01}  # what counts as a change of one of a number that 
 GIVEN = ("drum.speed", "contact.normal_load", "shoe.outer_radius", "forcing.")  # of the vehicle, not of the design
 
 
-class Change(NamedTuple):
+class Change(Finding):
     """One number before and after, in SI."""
 
     key: str
     before: float
     after: float
 
+    @computed_field
     @property
     def relative(self) -> float:
         """After over before, less 1; for a number that was zero, in units of its scale."""
         return (self.after - self.before) / (self.before or ZERO_SCALE[self.key])
 
 
-class Quieting(NamedTuple):
-    """The smallest change found: the changed scene, its changes, their norm and its eigenvalues.
+class Quieting(Finding):
+    """The smallest change found: the changed scene, its changes, their norm and its largest growth rate.
 
-    `found` tells whether every mode decays; where it is False nothing within the bounds does, and the change is the one
-    with the least growth.
+    `found` states whether every mode decays; where it is False nothing within the bounds makes them, and the change is
+    the one with the least growth. `transients` are those of the changed scene, where it was run.
     """
 
-    scene: Scene
-    changes: tuple[Change, ...]
-    norm: float
-    stability: Stability
-    largest_growth: float
     found: bool
+    changes: tuple[Change, ...]
+    norm_of_relative_changes: float
+    largest_growth_rate_1_per_s: float
+    transients: tuple[Decay, ...] = ()
+    scene: SceneInFile
 
 
 class _Problem(NamedTuple):
@@ -64,6 +67,11 @@ class _Problem(NamedTuple):
     low: NDArray[np.float64]
     high: NDArray[np.float64]
     growth: "_Growth"
+
+
+def numbers_of(scene: Scene) -> dict[str, float]:
+    """The physical numbers of a scene without profiles, by key, in SI."""
+    return {key: value for key, value in scene.numbers().items() if isinstance(value, float)}
 
 
 def variable_numbers(scene: Scene, keys: Sequence[str] | None = None) -> tuple[Scene, tuple[str, ...]]:
@@ -99,6 +107,7 @@ def quieten(
     *,
     margin: float = MARGIN,
     state_matrix: StateMatrix | None = None,
+    progress: Progress = silent,
 ) -> Quieting:
     """Find the smallest norm of relative changes that brings every real part to −`margin` (1/s) or below.
 
@@ -111,7 +120,7 @@ def quieten(
     scene, keys = variable_numbers(scene, keys)
     if state_matrix is None or scene is not own:
         state_matrix = state_matrix_of(scene, tuple(numbers_of(scene)))
-    problem = _pose(scene, keys, margin, state_matrix)
+    problem = _pose(scene, keys, margin, state_matrix, progress)
     generator = np.random.default_rng(SEED)
     starts = [np.zeros(len(keys)), *(SPREAD * generator.standard_normal((STARTS - 1, len(keys))))]
     results = [_solve(problem, np.clip(start, problem.low, problem.high)) for start in starts]
@@ -120,10 +129,14 @@ def quieten(
     after = problem.before + best * problem.scale
     changed = scene.with_values({key: float(value) for key, value in zip(keys, after, strict=True)})
     stability = prepare(changed).stability
-    changes = tuple(Change(*each) for each in zip(keys, problem.before.tolist(), after.tolist(), strict=True))
     largest = largest_growth(stability.eigenvalues)
+    values = zip(keys, problem.before.tolist(), after.tolist(), strict=True)
     return Quieting(
-        changed, changes, float(np.linalg.norm(best)), stability, largest, largest <= -margin * (1 - 2 * SLACK)
+        found=largest <= -margin * (1 - 2 * SLACK),
+        changes=tuple(Change(key=key, before=before, after=later) for key, before, later in values),
+        norm_of_relative_changes=float(np.linalg.norm(best)),
+        largest_growth_rate_1_per_s=largest,
+        scene=changed,
     )
 
 
@@ -137,16 +150,23 @@ class _Growth:
     """All growth rates as smooth functions of the relative changes, remembered for the last point."""
 
     def __init__(
-        self, evaluate: StateMatrix, number: Callable[[NDArray], NDArray], scale: NDArray, own: NDArray, margin: float
+        self,
+        evaluate: StateMatrix,
+        number: Callable[[NDArray], NDArray],
+        scale: NDArray,
+        own: NDArray,
+        margin: float,
+        progress: Progress,
     ) -> None:
         self._evaluate, self._number, self._scale, self._own, self._margin = evaluate, number, scale, own, margin
+        self._progress = progress
         self._at, self._found = None, (np.empty(0), np.empty((0, 0)))
 
     def _rates(self, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Real parts (2n,), by rising imaginary part, and their derivatives (2n, k); of a drift −margin and zero."""
         if self._at is not None and np.array_equal(x, self._at):
             return self._found
-        stop_if_interrupted()
+        self._progress("searching for the smallest change", 0, None)
         matrix, derivatives = self._evaluate(self._number(x))
         if not (np.isfinite(matrix).all() and np.isfinite(derivatives).all()):  # no steady sliding there
             return np.full(len(matrix), NOWHERE), np.zeros((len(matrix), x.size))
@@ -173,7 +193,9 @@ class _Growth:
         return float(self._rates(x)[0].max())
 
 
-def _pose(scene: Scene, keys: tuple[str, ...], margin: float, state_matrix: StateMatrix) -> _Problem:
+def _pose(
+    scene: Scene, keys: tuple[str, ...], margin: float, state_matrix: StateMatrix, progress: Progress
+) -> _Problem:
     numbers = numbers_of(scene)
     all_keys = tuple(numbers)
     own = np.array([all_keys.index(key) for key in keys])
@@ -187,7 +209,7 @@ def _pose(scene: Scene, keys: tuple[str, ...], margin: float, state_matrix: Stat
         return values
 
     low, high = np.transpose([_bounds(key, numbers, scene) for key in keys])
-    growth = _Growth(state_matrix, number, scale, own, margin)
+    growth = _Growth(state_matrix, number, scale, own, margin, progress)
     return _Problem(keys, before, scale, low, high, growth)
 
 

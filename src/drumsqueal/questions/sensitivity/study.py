@@ -1,95 +1,90 @@
-"""What to change to make a brake quiet: how every growth rate goes with every number of the scene."""
+"""What to change to make a brake quiet: how every growth rate changes with every number of the scene."""
 
-from typing import NamedTuple
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.errors import RequestError
-from drumsqueal.interrupts import noted_interrupts, stop_if_interrupted
+from drumsqueal.findings.schema import Finding, Findings, Held
+from drumsqueal.progress import Progress, silent
+from drumsqueal.questions.sensitivity.decay import nonlinear_decay
+from drumsqueal.questions.sensitivity.quieting import Quieting, numbers_of, quieten, variable_numbers
 from drumsqueal.scene import Profile, Scene
-from drumsqueal.simulation import prepare
+from drumsqueal.simulation import check_sample_rate, prepare
 from drumsqueal.solve.linear.gradients import StateMatrix, eigenvalue_gradient, state_matrix_of
 from drumsqueal.solve.linear.modes import UNDAMPED_SHARE, Mode, Stability
 
 PERCENT = 0.01
-DIFFERENCE_STEP = 1e-3  # of a number, for the central differences beside the derivatives
+DIFFERENCE_STEP = 1e-3  # of a number, for the central differences that the derivatives are compared with
 
 
-class Sensitivity(NamedTuple):
-    """One number of the scene: `key`, `value` (SI) and ∂λ/∂p of every mode (k,), in 1/s per SI unit.
+class PredictedMode(Finding):
+    """An oscillating mode by its eigenvalue: `name` is its largest coordinate, `label` differs for each mode."""
 
-    `difference` (k,) is the same by central differences, NaN where the number is zero and a share of it is none.
+    name: str
+    label: str
+    frequency_Hz: float
+    growth_rate_1_per_s: float
+    unstable: bool
+
+
+class Sensitivity(Finding):
+    """One number of the scene and what it does to each mode: changes where it grows by 1 %, and derivatives.
+
+    `growth_per_percent_by_differences_1_per_s` is the same by central differences, None where the number is zero.
     """
 
     key: str
-    value: float
-    derivative: NDArray[np.complex128]
-    difference: NDArray[np.complex128]
-
-    @property
-    def growth_per_percent(self) -> NDArray[np.float64]:
-        """Change of each growth rate (1/s) where the number grows by 1 %."""
-        return PERCENT * self.value * self.derivative.real
-
-    @property
-    def frequency_per_percent_Hz(self) -> NDArray[np.float64]:
-        """Change of each frequency (Hz) where the number grows by 1 %."""
-        return PERCENT * self.value * self.derivative.imag / (2 * np.pi)
+    value_SI: float
+    growth_per_percent_1_per_s: tuple[float, ...]
+    growth_per_percent_by_differences_1_per_s: tuple[float | None, ...]
+    frequency_per_percent_Hz: tuple[float, ...]
+    growth_per_SI: tuple[float, ...]
+    frequency_Hz_per_SI: tuple[float, ...]
 
 
-class SensitivityStudy(NamedTuple):
-    """The modes of a scene and how they go with its numbers, the number that counts most first.
+class SensitivityStudy(Findings):
+    """The oscillating modes of a scene by rising frequency and how they change with its numbers.
 
-    `scene` is as it is when the eigenvalues are taken: profiles have one value. `deviation` is the largest difference
-    between derivatives and central differences, over the largest derivative, both per per cent. `round_off` (1/s) is
-    what a growth rate is not known to, and a change below it is none. `state_matrix` is the function of the numbers
-    (in the order of `numbers_of(scene)`) that was differentiated.
+    The number that changes most comes first. `scene` is as it is when the eigenvalues are taken: profiles have one
+    value. `largest_deviation_from_central_differences` is relative to the largest derivative, both per percent. A
+    growth rate is known to `round_off_1_per_s`. `divergence_rate_1_per_s` is None where nothing grows without
+    oscillation. `quiet` is None where the smallest change that makes the scene stable was not asked for
+    (`until_stable`), or nothing is unstable. `state_matrix` is the function of the numbers (`numbers_of(scene)`) that
+    was differentiated.
     """
 
-    scene: Scene
-    stability: Stability
-    rows: tuple[Sensitivity, ...]
-    deviation: float
-    round_off: float
-    state_matrix: StateMatrix
+    modes: tuple[PredictedMode, ...]
+    numbers: tuple[Sensitivity, ...]
+    divergence_rate_1_per_s: float | None
+    largest_deviation_from_central_differences: float
+    round_off_1_per_s: float
+    until_stable: bool = False
+    quiet: Quieting | None = None
+    state_matrix: Any = Held
 
     @property
-    def modes(self) -> tuple[Mode, ...]:
-        """The oscillating modes, by rising frequency."""
-        return self.stability.modes
-
-    @property
-    def told(self) -> tuple[int, ...]:
-        """Places of the modes that matter: the unstable ones or, where none is, all."""
+    def relevant(self) -> tuple[int, ...]:
+        """Places of the unstable modes or, where none is, of all."""
         unstable = tuple(k for k, mode in enumerate(self.modes) if mode.unstable)
         return unstable or tuple(range(len(self.modes)))
 
+    @property
+    def stable(self) -> bool:
+        """Whether nothing grows, with or without oscillation."""
+        return self.divergence_rate_1_per_s is None and not any(mode.unstable for mode in self.modes)
 
-def study_sensitivity(scene: Scene) -> SensitivityStudy:
-    """Differentiate every growth rate with respect to every number: `study_sensitivity(scene).rows`.
 
-    A profile counts as what it is at t = 0, or where the drum first turns. Raises SceneError for a scene without
-    steady sliding and RequestError for one in which nothing oscillates.
-    """
-    with noted_interrupts():
-        stability = prepare(scene).stability
-        check_modes(stability)
-        stop_if_interrupted()
-        frozen = at_one_time(scene, stability.time)
-        numbers = numbers_of(frozen)
-        evaluate = state_matrix_of(frozen, tuple(numbers))
-        values = np.array(list(numbers.values()))
-        derivatives = _derivatives(stability.modes, evaluate(values)[1])
-        stop_if_interrupted()
-        differences = _differences(stability.modes, evaluate, values)
-    rows = [
-        Sensitivity(key, value, derivatives[:, k], differences[:, k]) for k, (key, value) in enumerate(numbers.items())
-    ]
-    study = SensitivityStudy(frozen, stability, tuple(rows), _deviation(rows), _round_off(stability), evaluate)
-    told = list(study.told)
-    ordered = sorted(rows, key=lambda row: -float(np.abs(row.growth_per_percent[told]).max()))
-    return study._replace(rows=tuple(ordered))
+def check_request(scene: Scene, keys: Sequence[str] | None, *, until_stable: bool) -> None:
+    """Raise SceneError or RequestError for what cannot be studied."""
+    prepared = prepare(scene)
+    check_modes(prepared.stability)
+    if until_stable:
+        check_sample_rate(prepared)
+        variable_numbers(scene, keys)
 
 
 def check_modes(stability: Stability) -> None:
@@ -98,9 +93,82 @@ def check_modes(stability: Stability) -> None:
         raise RequestError("nothing oscillates in this scene, so there are no growth rates to differentiate")
 
 
-def numbers_of(scene: Scene) -> dict[str, float]:
-    """The physical numbers of a scene without profiles, by key, in SI."""
-    return {key: value for key, value in scene.numbers().items() if isinstance(value, float)}
+def study_sensitivity(
+    scene: Scene,
+    *,
+    until_stable: bool = False,
+    keys: Sequence[str] | None = None,
+    progress: Progress = silent,
+    keep: Callable[[SensitivityStudy], None] = lambda _: None,
+) -> SensitivityStudy:
+    """Differentiate every growth rate with respect to every number: `study_sensitivity(scene).numbers`.
+
+    With `until_stable`, also find the smallest change of the numbers with these `keys` (None: the design) that makes
+    every mode decay, and run the changed scene. A profile counts as what it is at t = 0, or where the drum first turns.
+    `keep` takes what is known after each step. Raises SceneError for a scene without steady sliding and RequestError
+    for one in which nothing oscillates, or for keys that cannot change.
+    """
+    study = _differentiate(scene, progress)
+    if not until_stable:
+        return study
+    study = study.model_copy(update={"until_stable": True})
+    keep(study)
+    if study.stable:
+        return study
+    quiet = quieten(study.scene, keys, state_matrix=study.state_matrix, progress=progress)
+    study = study.model_copy(update={"quiet": quiet})
+    keep(study)
+    if not quiet.found:
+        return study
+    tested = quiet.model_copy(update={"transients": nonlinear_decay(quiet.scene, progress)})
+    return study.model_copy(update={"quiet": tested})
+
+
+def _differentiate(scene: Scene, progress: Progress) -> SensitivityStudy:
+    progress("derivatives", 0, None)
+    stability = prepare(scene).stability
+    check_modes(stability)
+    frozen = at_one_time(scene, stability.time)
+    numbers = numbers_of(frozen)
+    evaluate = state_matrix_of(frozen, tuple(numbers))
+    values = np.array(list(numbers.values()))
+    matrices = evaluate(values)[1]
+    derivatives = np.array([eigenvalue_gradient(mode.left, mode.right, matrices) for mode in stability.modes])
+    differences = _differences(stability.modes, evaluate, values, progress)
+    rows = [_row(*each) for each in zip(numbers, values, derivatives.T, differences.T, strict=True)]
+    study = SensitivityStudy(
+        scene=frozen,
+        modes=tuple(
+            PredictedMode(
+                name=mode.name,
+                label=mode.label,
+                frequency_Hz=mode.frequency_Hz,
+                growth_rate_1_per_s=mode.growth_rate,
+                unstable=mode.unstable,
+            )
+            for mode in stability.modes
+        ),
+        numbers=tuple(rows),
+        divergence_rate_1_per_s=stability.divergence,
+        largest_deviation_from_central_differences=_deviation(values, derivatives, differences),
+        round_off_1_per_s=UNDAMPED_SHARE * float(np.abs(stability.eigenvalues).max()),
+        state_matrix=evaluate,
+    )
+    most = {row.key: max(abs(row.growth_per_percent_1_per_s[k]) for k in study.relevant) for row in rows}
+    return study.model_copy(update={"numbers": tuple(sorted(rows, key=lambda row: -most[row.key]))})
+
+
+def _row(key: str, value: float, derivative: NDArray[np.complex128], difference: NDArray[np.complex128]) -> Sensitivity:
+    by_differences = (PERCENT * value * difference.real).tolist()
+    return Sensitivity(
+        key=key,
+        value_SI=value,
+        growth_per_percent_1_per_s=(PERCENT * value * derivative.real).tolist(),
+        growth_per_percent_by_differences_1_per_s=tuple(x if math.isfinite(x) else None for x in by_differences),
+        frequency_per_percent_Hz=(PERCENT * value * derivative.imag / math.tau).tolist(),
+        growth_per_SI=derivative.real.tolist(),
+        frequency_Hz_per_SI=(derivative.imag / math.tau).tolist(),
+    )
 
 
 def at_one_time(scene: Scene, time: float) -> Scene:
@@ -114,19 +182,16 @@ def at_one_time(scene: Scene, time: float) -> Scene:
     return scene.with_values(values) if values else scene
 
 
-def _derivatives(modes: tuple[Mode, ...], matrices: NDArray[np.float64]) -> NDArray[np.complex128]:
-    """∂λ/∂p of every mode and number (modes, numbers)."""
-    return np.array([eigenvalue_gradient(mode.left, mode.right, matrices) for mode in modes])
-
-
-def _differences(modes: tuple[Mode, ...], evaluate: StateMatrix, values: NDArray[np.float64]) -> NDArray[np.complex128]:
-    """The same by central differences; each mode is followed by its eigenvector."""
+def _differences(
+    modes: tuple[Mode, ...], evaluate: StateMatrix, values: NDArray[np.float64], progress: Progress
+) -> NDArray[np.complex128]:
+    """∂λ/∂p (modes, numbers) by central differences; each mode is followed by its eigenvector."""
     found = np.full((len(modes), values.size), np.nan, dtype=np.complex128)
     for k in np.flatnonzero(values):
+        progress("derivatives", float(k), values.size)
         step = np.zeros(values.size)
         step[k] = DIFFERENCE_STEP * values[k]
         above, below = (np.linalg.eig(evaluate(values + sign * step)[0]) for sign in (1, -1))
-        stop_if_interrupted()
         for row, mode in enumerate(modes):
             found[row, k] = (_followed(mode, *above) - _followed(mode, *below)) / (2 * step[k])
     return found
@@ -139,13 +204,10 @@ def _followed(mode: Mode, eigenvalues: NDArray[np.complex128], right: NDArray[np
     return complex(eigenvalues[np.argmax(overlap - apart)])
 
 
-def _deviation(rows: list[Sensitivity]) -> float:
-    """Largest difference between both kinds of derivative, over the largest derivative."""
-    sizes = np.array([row.value * row.derivative for row in rows])
-    apart = np.array([row.value * np.nan_to_num(row.difference - row.derivative) for row in rows if row.value])
-    largest = np.abs(sizes).max(initial=0.0)
-    return float(np.abs(apart).max(initial=0.0) / largest) if largest > 0 else 0.0
-
-
-def _round_off(stability: Stability) -> float:
-    return UNDAMPED_SHARE * float(np.abs(stability.eigenvalues).max())
+def _deviation(
+    values: NDArray[np.float64], derivatives: NDArray[np.complex128], differences: NDArray[np.complex128]
+) -> float:
+    """Largest difference between both kinds of derivative, over the largest derivative, both per percent."""
+    largest = np.abs(values * derivatives).max(initial=0.0)
+    apart = np.abs(values * np.nan_to_num(differences - derivatives)).max(initial=0.0)
+    return float(apart / largest) if largest > 0 else 0.0

@@ -1,6 +1,6 @@
-"""How large the motion ends, and at which frequency: maps or curves of a grid, dots of draws."""
+"""Amplitude and frequency of the steady-state response: maps or curves of a grid, dots of random samples."""
 
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 import xarray
@@ -10,7 +10,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from drumsqueal.findings.departure import unit_of
-from drumsqueal.questions.sweep.endings import squealing, undecided
+from drumsqueal.questions.sweep.points import squealing, undecided
 from drumsqueal.questions.sweep.slices import Panel, fixed_in_words, hold_to, label_of, panels, thinned
 from drumsqueal.scene import COORDINATES
 from drumsqueal.scene.plan import Plan
@@ -19,10 +19,11 @@ from drumsqueal.terminal.style import frame, new_figure, styled
 
 COLOURS = "viridis"
 _OPEN, _DOTS = "; open: not settled", "; dots: not settled"
-_GREY = "; grey: nothing lasts"
+_GREY = "; grey: decays, or no transient"
 
 
-class Quantity(NamedTuple):
+@dataclass(frozen=True)
+class Quantity:
     """What is drawn: values at every point, and what they are."""
 
     label: str
@@ -32,12 +33,12 @@ class Quantity(NamedTuple):
 
 @styled()
 def draw_amplitude(sweep: xarray.Dataset, plan: Plan) -> Figure | None:
-    """Draw amplitude of the coordinate that moves most and main frequency; None where no transient came to its end."""
+    """Draw amplitude of the coordinate that moves most and main frequency; None where no transient was computed."""
     shown = _quantities(sweep)
     if not shown:
         return None
     if plan.draws:
-        return _draw_draws(sweep, plan, shown)
+        return _draw_samples(sweep, plan, shown)
     return _draw_curves(sweep, plan, shown) if len(plan.keys) == 1 else _draw_maps(sweep, plan, shown)
 
 
@@ -50,25 +51,25 @@ def _quantities(sweep: xarray.Dataset) -> list[Quantity]:
     name = COORDINATES[index]
     amplitude = 1e6 * sweep["amplitude"].isel(coordinate=index)
     found = [Quantity(f"{name}, half peak to peak ({unit_of(name, 'µ')})", amplitude, style.COLOUR[name])]
-    lasting = squealing(sweep) | undecided(sweep)
-    if lasting.any():  # what decays has a line, too, but none that is heard
-        found.append(Quantity("main frequency (Hz)", sweep["main_frequency"].where(lasting), style.DARK))
+    sustained = squealing(sweep) | undecided(sweep)
+    if sustained.any():  # what decays has a line, too, but none that is heard
+        found.append(Quantity("main frequency (Hz)", sweep["main_frequency"].where(sustained), style.DARK))
     return found
 
 
 def _draw_maps(sweep: xarray.Dataset, plan: Plan, shown: list[Quantity]) -> Figure:
-    told = _DOTS * bool(_unsettled(sweep).any())
-    told += _GREY * any(np.isnan(each.values.values).any() for each in shown)
-    figure = new_figure(plan.scene.title, f"the end of the transients{fixed_in_words(sweep, plan)}{told}")
+    marks = _DOTS * bool(_unsettled(sweep).any())
+    marks += _GREY * any(np.isnan(each.values.values).any() for each in shown)
+    figure = new_figure(plan.scene.title, f"steady-state response{fixed_in_words(sweep, plan)}{marks}")
     rows = panels(figure, sweep, plan, rows=len(shown))
-    share = len(rows) // len(shown)
+    count = len(rows) // len(shown)
     for k, quantity in enumerate(shown):
-        mine = [panel for row in rows[k * share : (k + 1) * share] for panel in row]
+        mine = [panel for row in rows[k * count : (k + 1) * count] for panel in row]
         known = quantity.values.values[np.isfinite(quantity.values.values)]
         scale = Normalize(float(known.min()), float(known.max())) if known.size else Normalize()
         for panel in mine:
             _draw_panel(panel, quantity, sweep["settled"], plan, scale)
-        for row in rows[k * share : (k + 1) * share]:
+        for row in rows[k * count : (k + 1) * count]:
             frame(row[0].axes, None, label_of(sweep, plan.keys[1]))
         bar = figure.colorbar(ScalarMappable(scale, COLOURS), ax=[panel.axes for panel in mine], pad=0.02)
         bar.set_label(quantity.label)
@@ -91,7 +92,9 @@ def _draw_panel(panel: Panel, quantity: Quantity, settled: xarray.DataArray, pla
 
 
 def _draw_curves(sweep: xarray.Dataset, plan: Plan, shown: list[Quantity]) -> Figure:
-    figure = new_figure(plan.scene.title, f"the end of the transients{_OPEN * bool(_unsettled(sweep).any())}")
+    figure = new_figure(
+        plan.scene.title, f"steady-state response of the transients{_OPEN * bool(_unsettled(sweep).any())}"
+    )
     both = _column(figure, shown)
     for axes, quantity in zip(both, shown, strict=True):
         x, y = sweep[plan.keys[0]].values, quantity.values.values
@@ -106,12 +109,12 @@ def _column(figure: Figure, shown: list[Quantity]) -> list[Axes]:
     return list(figure.subplots(len(shown), 1, sharex=True, squeeze=False)[:, 0])
 
 
-def _draw_draws(sweep: xarray.Dataset, plan: Plan, shown: list[Quantity]) -> Figure:
-    told = f"the end of the transients of {plan.draws} draws{_OPEN * bool(_unsettled(sweep).any())}"
-    figure = new_figure(plan.scene.title, told)
+def _draw_samples(sweep: xarray.Dataset, plan: Plan, shown: list[Quantity]) -> Figure:
+    subject = f"steady-state response of {plan.draws} samples{_OPEN * bool(_unsettled(sweep).any())}"
+    figure = new_figure(plan.scene.title, subject)
     for axes, quantity in zip(_column(figure, shown), shown, strict=True):
         _draw_dots(axes, sweep, quantity)
-    frame(axes, "largest growth rate predicted (1/s)", None)
+    frame(axes, "largest predicted growth rate (1/s)", None)
     return figure
 
 

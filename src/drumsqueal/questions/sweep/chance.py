@@ -1,21 +1,19 @@
-"""How likely squeal is where numbers are uncertain, and which of them decide."""
-
-from collections.abc import Mapping
-from typing import NamedTuple
+"""The probability of squeal where numbers are uncertain, and which of them decide."""
 
 import numpy as np
 import xarray
 from numpy.typing import ArrayLike
 
+from drumsqueal.findings.schema import Finding
 from drumsqueal.scene import COORDINATES
 
 LEVEL = 0.95  # of the intervals
 _NORMAL = 1.96  # deviations that enclose it
-FEWEST = 4  # draws for a correlation
+FEWEST = 4  # samples for a correlation
 
 
-class Chance(NamedTuple):
-    """So many of all draws: their share, and Wilson's interval of 95 % for the chance.
+class Chance(Finding):
+    """So many of all samples: their fraction, and Wilson's interval of 95 % for the probability.
 
     (p + z²/2n ± z √(p(1 − p)/n + z²/4n²))/(1 + z²/n), z = 1.96. Wilson, J. Am. Stat. Assoc. 22 (1927) 209.
     """
@@ -27,31 +25,33 @@ class Chance(NamedTuple):
     high: float
 
 
-class ChanceStudy(NamedTuple):
-    """The chance of squeal, the chance of each mode by its coordinate, and what the growth rate follows.
+class ChanceStudy(Finding):
+    """The probability of squeal, that of each mode by its coordinate, and what the growth rate depends on.
 
     `correlations` has, for each number, Spearman's rank correlation with the largest growth rate: +1 where this only
     rises with it, −1 where it only falls; None where one of the two never changes. Below `noise` in size, 95 % of the
-    correlations of numbers that do not matter lie. `left_out` draws have no eigenvalues; the chances are of the others.
+    correlations of numbers that do not matter lie. `left_out` samples have no eigenvalues; the probabilities are of the
+    others.
     """
 
     squeal: Chance
-    modes: Mapping[str, Chance]
-    correlations: Mapping[str, float | None]
+    modes: dict[str, Chance]
+    correlations: dict[str, float | None]
     noise: float
     left_out: int
 
 
 def chance(count: int, total: int) -> Chance:
-    """The chance of what happened so many times; raises ValueError without draws."""
+    """The probability of what happened so many times; raises ValueError without samples."""
     from scipy.stats import binomtest
 
     interval = binomtest(count, total).proportion_ci(LEVEL, "wilson")
-    return Chance(count, total, count / total, float(interval.low), float(interval.high))
+    low, high = float(interval.low), float(interval.high)
+    return Chance(count=count, total=total, share=count / total, low=low, high=high)
 
 
 def study_chance(sweep: xarray.Dataset) -> ChanceStudy | None:
-    """Count squeal in the draws of a random sweep; None where no draw has eigenvalues."""
+    """Count squeal in the samples of a random sweep; None where none has eigenvalues."""
     known = sweep["squeal"].values >= 0
     total = int(known.sum())
     if total == 0:
@@ -66,7 +66,11 @@ def study_chance(sweep: xarray.Dataset) -> ChanceStudy | None:
     correlations = {key: rank_correlation(sweep[key].values[known], growth) for key in keys}
     noise = _NORMAL / np.sqrt(max(total - 1, 1))
     return ChanceStudy(
-        chance(int(squeal.sum()), total), modes, correlations, float(min(noise, 1.0)), len(known) - total
+        squeal=chance(int(squeal.sum()), total),
+        modes=modes,
+        correlations=correlations,
+        noise=float(min(noise, 1.0)),
+        left_out=len(known) - total,
     )
 
 

@@ -1,4 +1,4 @@
-"""The chance of squeal: how the growth rate scatters, at which frequencies it would squeal, and what decides."""
+"""The probability of squeal: how the growth rate scatters, at which frequencies it would squeal, and what decides."""
 
 import numpy as np
 import xarray
@@ -19,11 +19,11 @@ BAR = 0.55  # of a row
 
 @styled()
 def draw_chance(sweep: xarray.Dataset, plan: Plan, chances: ChanceStudy) -> Figure:
-    """Draw the growth rates and the frequencies of the draws on the left, rank correlations on the right."""
+    """Draw growth rates and frequencies of the samples on the left, rank correlations on the right."""
     squeal = chances.squeal
     interval = f"{100 * squeal.low:.1f} to {100 * squeal.high:.1f} %"
-    told = f"chance of squeal by eigenvalues {100 * squeal.share:.1f} % ({interval} at 95 %), {squeal.total} draws"
-    figure = new_figure(plan.scene.title, told)
+    share = f"{100 * squeal.share:.1f} % ({interval} at 95 %)"
+    figure = new_figure(plan.scene.title, f"probability of squeal by eigenvalues {share}, {squeal.total} samples")
     left, right = figure.subfigures(1, 2, squeeze=False, width_ratios=[1.25, 1])[0]
     upper, lower = left.subplots(2, 1)
     _draw_growth(upper, sweep)
@@ -41,7 +41,7 @@ def _draw_growth(axes: Axes, sweep: xarray.Dataset) -> None:
         colours = [GROWS if low >= 0 else DECAYS for low in edges[:-1]]
         axes.bar(edges[:-1], counts / growth.size * 100, np.diff(edges), align="edge", color=colours, linewidth=0)
     axes.axvline(0, color=style.DARK, linewidth=0.6)
-    frame(axes, "largest growth rate (1/s)", "draws (%)")
+    frame(axes, "largest growth rate (1/s)", "samples (%)")
 
 
 def _edges_through_zero(low: float, high: float) -> np.ndarray:
@@ -54,18 +54,18 @@ def _edges_through_zero(low: float, high: float) -> np.ndarray:
 
 def _draw_frequencies(axes: Axes, sweep: xarray.Dataset) -> None:
     unstable, which = sweep["unstable"].values == 1, sweep["mode_coordinate"].values
-    frequency, draws = sweep["frequency"].values, sweep.sizes["sample"]
+    frequency, samples = sweep["frequency"].values, sweep.sizes["sample"]
     if unstable.any():
         edges = np.histogram_bin_edges(frequency[unstable], 2 * BINS).tolist()
         for index, name in enumerate(COORDINATES):
             mine = frequency[unstable & (which == index)]
             if mine.size:
-                weights = np.full(mine.size, 100 / draws)
+                weights = np.full(mine.size, 100 / samples)
                 axes.hist(mine, edges, weights=weights, color=style.COLOUR[name], label=name, alpha=0.85)
         axes.legend(loc="upper right", title="mode")
     else:
-        axes.text(0.5, 0.5, "no draw squeals", transform=axes.transAxes, ha="center", fontsize=style.SMALL_SIZE)
-    frame(axes, "frequency of unstable modes (Hz)", "draws (%)")
+        axes.text(0.5, 0.5, "no sample squeals", transform=axes.transAxes, ha="center", fontsize=style.SMALL_SIZE)
+    frame(axes, "frequency of unstable modes (Hz)", "samples (%)")
 
 
 def _draw_correlations(axes: Axes, chances: ChanceStudy) -> None:

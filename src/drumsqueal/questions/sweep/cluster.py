@@ -8,14 +8,14 @@ import signal
 import threading
 import time
 import uuid
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError
 from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Any
 
 from drumsqueal.errors import IntegrationError, RequestError, missing_extra
 from drumsqueal.findings.history import versions
-from drumsqueal.interrupts import stop_if_interrupted
+from drumsqueal.progress import Progress
 from drumsqueal.questions.sweep.cluster_work import work
 from drumsqueal.questions.sweep.points import Columns
 from drumsqueal.scene.plan import Plan
@@ -49,8 +49,10 @@ class Cluster:
         self._client = client
         self._lost_since: float | None = None
 
-    def results(self, plan: Plan, left: list[tuple[int, int]]) -> Iterator[tuple[int, Columns]]:
-        """The first point of each batch, and its results, as they come.
+    def results(
+        self, plan: Plan, left: list[tuple[int, int]], look: Callable[[], None] = lambda: None
+    ) -> Iterator[tuple[int, Columns]]:
+        """The first point of each batch, and its results, as they come; `look` is called while they are awaited.
 
         What a worker has not finished when it is lost, another one does. Raises IntegrationError where a batch fails,
         where it ends the processes of three workers, and where the scheduler is lost.
@@ -64,8 +66,8 @@ class Cluster:
                     key = f"drumsqueal-{run}-{first}"
                     out[first] = self._client.submit(work, plan, first, stop, wanted, key=key, pure=False)
                     out[first].add_done_callback(lambda _, first=first: ready.put(first))
-                first = self._next(ready)
-                yield first, self._result(out.pop(first), first)
+                first = self._next(ready, look)
+                yield first, self._result(out.pop(first), first, look)
         finally:
             self._client.cancel(list(out.values()))
 
@@ -73,9 +75,9 @@ class Cluster:
         workers: Any = self._client.nthreads()  # typed for its asynchronous use, too
         return sum(workers.values())
 
-    def _next(self, ready: queue.SimpleQueue) -> int:
+    def _next(self, ready: queue.SimpleQueue, look: Callable[[], None]) -> int:
         while True:
-            stop_if_interrupted()
+            look()
             try:
                 return ready.get(timeout=_LOOK)
             except queue.Empty:
@@ -90,9 +92,9 @@ class Cluster:
         if now - self._lost_since > PATIENCE or self._client.status == "closed":
             raise IntegrationError(_LOST)
 
-    def _result(self, future: "Future", first: int) -> Columns:
+    def _result(self, future: "Future", first: int, look: Callable[[], None]) -> Columns:
         while future.status == "lost":  # with its worker, before it was fetched: another one computes it
-            stop_if_interrupted()
+            look()
             self._look_for_scheduler()
             time.sleep(_LOOK)
         if future.status == "finished":
@@ -104,18 +106,18 @@ class Cluster:
             raise IntegrationError(_LOST)
         error: Any = future.exception()
         if type(error).__name__ == "KilledWorker":
-            told = "each time a worker took up the batch, its process ended"
-            raise IntegrationError(f"{told} (points from number {first} on); is there memory enough?")
+            cause = "each time a worker took up the batch, its process ended"
+            raise IntegrationError(f"{cause} (points from number {first} on); is there memory enough?")
         raise IntegrationError(f"a worker of the cluster failed, {type(error).__name__}: {error}")
 
 
 @contextmanager
-def connected(name: str) -> Iterator[Cluster]:
+def connected(name: str, progress: Progress) -> Iterator[Cluster]:
     """Connect with the scheduler at an address, or start one here with a worker for each processor.
 
     Raises RequestError where no scheduler answers, or where it has no workers.
     """
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what is wrong is told in one line
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # one line of ours says what is wrong
     import distributed
     from distributed.comm.core import CommClosedError
 
@@ -134,10 +136,10 @@ def connected(name: str) -> Iterator[Cluster]:
             ) from None
         since = time.monotonic()
         while not client.nthreads():
-            stop_if_interrupted()
+            progress("waiting for workers", 0, None)
             if time.monotonic() - since > PATIENCE:
-                told = f"the scheduler has no workers; start some with: dask worker {name}"
-                raise RequestError(f"--cluster {name}: {told}")
+                cure = f"the scheduler has no workers; start some with: dask worker {name}"
+                raise RequestError(f"--cluster {name}: {cure}")
             time.sleep(_LOOK)
         yield Cluster(client)
 

@@ -1,14 +1,13 @@
 """`drumsqueal sweep SCENE -o DIR`."""
 
-from contextlib import nullcontext
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from drumsqueal.errors import RequestError
-from drumsqueal.files.output_folder import SWEEP, SWEEP_FILES
-from drumsqueal.interrupts import stop_if_interrupted
+from drumsqueal.files.output_folder import SWEEP_FILES
 from drumsqueal.scene import Scene, load_scene
 from drumsqueal.scene.plan import Plan, grid, sample
 from drumsqueal.scene.variation import read_variation
@@ -26,7 +25,7 @@ from drumsqueal.terminal.options import (
 from drumsqueal.terminal.reply import Reply
 
 _VARY = "Take these values, e.g. drum.speed=1..40x20; with --random, any between, e.g. drum.speed=1..40. Repeatable."
-_RANDOM = "Draw so many times from the scene's table [uncertain], and from the ranges of --vary."
+_RANDOM = "Take so many random samples from the scene's table [uncertain] and from the ranges of --vary."
 _CLUSTER = "Compute in several processes: local, or the address of a Dask scheduler, e.g. tcp://host:8786."
 
 
@@ -43,9 +42,9 @@ def sweep_command(
         ),
     ] = None,
     random: Annotated[int | None, typer.Option("--random", metavar="N", help=_RANDOM, show_default=False)] = None,
-    seed: Annotated[int | None, typer.Option("--seed", metavar="S", help="Decides all draws (default: 0).")] = None,
+    seed: Annotated[int | None, typer.Option("--seed", metavar="S", help="Seed of the samples (default: 0).")] = None,
     transient: Annotated[
-        bool, typer.Option("--transient", help="Integrate every point, too: amplitude and frequency at the end.")
+        bool, typer.Option("--transient", help="Also integrate every point: amplitude and frequency of the response.")
     ] = False,
     cluster: Annotated[
         str | None, typer.Option("--cluster", metavar="WHERE", help=_CLUSTER, autocompletion=words("local"))
@@ -58,33 +57,34 @@ def sweep_command(
 ) -> None:
     """Map squeal over parameters; how likely is it?
 
-    Many scenes: where it squeals, how loudly, and how likely that is where numbers are uncertain.
+    Many scenes: where the brake squeals, how loudly, and how likely that is where numbers are uncertain.
 
     Writes sweep.nc, sweep.json and figures into DIR.
 
     Example: drumsqueal sweep scenarios/damped.toml --vary drum.speed=1..40x20 -o out/map
     """
     if resume and overwrite:
-        raise UsageError("--resume goes on with what is there, --overwrite replaces it; leave one of them out")
+        raise UsageError("--resume continues what is there, --overwrite replaces it; leave one of them out")
     plan = _plan(load_scene(scene, settings or ()), vary or [], random, seed, transient)
     folder = output if output is not None else Path("out") / f"{scene.stem}-sweep"
     reply = Reply.beside(folder, SWEEP_FILES, (scene,), quiet, json_file, overwrite=overwrite or resume)
-    stop_if_interrupted()
+    from drumsqueal.questions.sweep.answer import here, sweep_into
     from drumsqueal.questions.sweep.cluster import check_cluster, connected
     from drumsqueal.questions.sweep.file import find_sweep
-    from drumsqueal.questions.sweep.job import here, sweep_into
     from drumsqueal.questions.sweep.study import check_plan
+    from drumsqueal.terminal.runner import shown_progress
 
     check_plan(plan)
     if resume:
         plan = find_sweep(folder, plan)
-    if cluster is not None:
-        check_cluster(cluster)
-    with nullcontext() if cluster is None else connected(cluster) as workers:
-        stop_if_interrupted()
-        reply.clear(but=(SWEEP,) if resume else ())
-        source = here if workers is None else workers.results
-        reply.send(sweep_into(folder, plan, reply.console, source, resume=resume))
+    if cluster is None:
+        sweep_into(reply, plan, here, resume=resume)
+        return
+    check_cluster(cluster)
+    with ExitStack() as stack:
+        with shown_progress(reply.console) as progress:
+            workers = stack.enter_context(connected(cluster, progress))
+        sweep_into(reply, plan, workers.results, resume=resume)
 
 
 def _plan(scene: Scene, vary: list[str], random: int | None, seed: int | None, transient: bool) -> Plan:
@@ -92,8 +92,8 @@ def _plan(scene: Scene, vary: list[str], random: int | None, seed: int | None, t
         ranges = [read_variation(text, scene, option="--vary", points=None) for text in vary]
         return sample(scene, ranges, random, seed=seed or 0, transient=transient)
     if seed is not None:
-        raise RequestError(f"--seed {seed} decides the draws of --random; add --random, or leave --seed out")
+        raise RequestError(f"--seed {seed} is the seed of --random; add --random, or leave --seed out")
     if not vary and scene.uncertain:
-        told = "add --random 1000 to draw from what is uncertain, or --vary drum.speed=1..40x20"
-        raise RequestError(f"there is nothing to sweep; {told}")
+        cure = "add --random 1000 to sample what is uncertain, or --vary drum.speed=1..40x20"
+        raise RequestError(f"there is nothing to sweep; {cure}")
     return grid(scene, [read_variation(text, scene, option="--vary") for text in vary], transient=transient)

@@ -1,6 +1,6 @@
 """The results of a sweep on disk, filled in place: sweep.nc has its full size from the start, and is readable always.
 
-A point that is not computed says so in `outcome`, and its numbers are NaN. The outcomes of a batch are written last:
+A point that is not computed is marked in `outcome`, and its numbers are NaN. The outcomes of a batch are written last:
 whenever the program is killed, what is marked as computed is there, and what is not is computed again.
 """
 
@@ -15,18 +15,19 @@ from typing import Any
 import h5netcdf
 import h5py
 import numpy as np
+import xarray
 
 from drumsqueal.errors import RequestError
 from drumsqueal.files.in_place import as_text, fill, fixed_text, opened, own_variable, placed, read_texts, variable
 from drumsqueal.files.output_folder import SWEEP, part_of
 from drumsqueal.files.resumption import changed_versions, difference
 from drumsqueal.findings.history import COMPLETE, versions
-from drumsqueal.interrupts import stop_if_interrupted
+from drumsqueal.progress import Progress
 from drumsqueal.questions.sweep.points import NOT_YET, OUTCOME, Columns, attributes, axes, blank, shape_of, variables_of
 from drumsqueal.scene import scene_from_dict
 from drumsqueal.scene.plan import Plan
 
-RUNNING = "incomplete: the sweep was cut off without a word; the points it had not computed say so in outcome"
+RUNNING = "incomplete: the sweep was killed; outcome marks the points that were not computed"
 ROUND_OFF = 1e-12  # relative, of an end of a range that was turned from one unit into another
 _LONGEST = 256  # bytes of the outcome in the file: of fixed length, so that it can be changed in place
 _BLOCK = 2**15  # points at a time, where all are written
@@ -41,7 +42,7 @@ class SweepFile:
         self.path, self._plan = path, plan
         self._places: dict[str, int] = {}
 
-    def create(self) -> None:
+    def create(self, progress: Progress) -> None:
         """Lay out the file, nothing computed. Raises OSError with its size where the disk does not take it."""
         part, points = part_of(self.path), self._plan.points
         size = points * sum(values.nbytes for values in blank(self._plan, 1).values())
@@ -54,14 +55,14 @@ class SweepFile:
             _lay_out(part, self._plan)
             self._places = _find_places(part, self._plan)
             for first in range(0, points, _BLOCK):
+                progress("laying out the file", first, points)
                 fill(part, self._places, first, blank(self._plan, min(_BLOCK, points - first)))
-                stop_if_interrupted()
             part.replace(self.path)
         except BaseException as error:
             part.unlink(missing_ok=True)
             if isinstance(error, OSError):
-                told = f"{error.strerror or error}; the whole file takes {size / 1e6:.3g} MB"
-                raise OSError(error.errno or errno.EIO, told, str(self.path)) from None
+                cause = f"{error.strerror or error}; the whole file takes {size / 1e6:.3g} MB"
+                raise OSError(error.errno or errno.EIO, cause, str(self.path)) from None
             raise
 
     def take_up(self) -> None:
@@ -78,8 +79,24 @@ class SweepFile:
         fill(self.path, self._places, first, {name: column for name, column in columns.items() if name != OUTCOME})
         fill(self.path, self._places, first, {OUTCOME: columns[OUTCOME]})
 
-    def end(self, outcome: str) -> None:
-        """Write how the sweep ended."""
+    def read(self) -> xarray.Dataset:
+        """All of it, in memory."""
+        with xarray.open_dataset(self.path, engine="h5netcdf", mask_and_scale=False) as there:
+            return there.load()
+
+    def stopped(self, reason: str) -> str:
+        """Note why the sweep ended early, and return what the file holds, in words."""
+        if not self.path.exists():
+            return "nothing was kept"
+        held = f"{int(self.computed().sum())} of {self._plan.points} points were computed"
+        self._end(f"{reason}; {held}")
+        return f"{held} and are in {self.path}; --resume goes on from there"
+
+    def completed(self) -> None:
+        """Note that the sweep and all its files are complete."""
+        self._end(COMPLETE)
+
+    def _end(self, outcome: str) -> None:
         with opened(self.path) as file:
             file.attrs.modify("outcome", fixed_text(outcome, _LONGEST))
 
@@ -92,9 +109,9 @@ def find_sweep(folder: Path, plan: Plan) -> Plan:
     if not path.exists():
         raise RequestError(f"{folder}: there is no sweep to resume; leave --resume out")
     try:
-        told = read_texts(path, ("scene", "sweep", "versions", "outcome"))
-        there = scene_from_dict(tomllib.loads(told["scene"]))
-        swept = json.loads(told["sweep"])
+        stored = read_texts(path, ("scene", "sweep", "versions", "outcome"))
+        there = scene_from_dict(tomllib.loads(stored["scene"]))
+        swept = json.loads(stored["sweep"])
         same = _same(swept, plan.describe())
         if same:
             _find_places(path, plan)
@@ -105,10 +122,10 @@ def find_sweep(folder: Path, plan: Plan) -> Plan:
         raise RequestError(f"{folder}: {difference(there, plan.scene)}; resume with that, or {_ANEW}")
     if not same:
         raise RequestError(f"{folder}: {_other(swept, plan.describe())}; resume with the same sweep, or {_ANEW}")
-    if told["outcome"] == COMPLETE:
+    if stored["outcome"] == COMPLETE:
         raise RequestError(f"{folder}: the sweep is complete, there is nothing to resume")
-    if told["versions"] != json.dumps(versions()):
-        raise RequestError(f"{folder}: {changed_versions(told['versions'])}; go back to those, or {_ANEW}")
+    if stored["versions"] != json.dumps(versions()):
+        raise RequestError(f"{folder}: {changed_versions(stored['versions'])}; go back to those, or {_ANEW}")
     return plan
 
 
@@ -141,9 +158,9 @@ def _lay_out(path: Path, plan: Plan) -> None:
     """Create the structure of the file; each variable has its place, but nothing in it."""
     with h5netcdf.File(path, "w") as file:
         file.dimensions = dict(_sizes(plan))
-        for name, (dimensions, values, told) in axes(plan).items():
+        for name, (dimensions, values, about) in axes(plan).items():
             kind = h5py.string_dtype() if values.dtype == object else values.dtype
-            file.create_variable(name, dimensions, kind, data=values).attrs.update(told)
+            file.create_variable(name, dimensions, kind, data=values).attrs.update(about)
         drawn = {"coordinates": " ".join(plan.keys)} if plan.draws else {}  # by the CF conventions
         for name, each in variables_of(plan).items():
             lost = {"fillvalue": np.nan} if each.kind == "f8" else {}

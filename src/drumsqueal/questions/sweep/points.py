@@ -1,16 +1,18 @@
-"""What a sweep leaves: the variables of sweep.nc, along the numbers of a grid or along the draws."""
+"""What a sweep computes: the variables of sweep.nc, along the numbers of a grid or along random samples."""
 
 import json
 from typing import Any, NamedTuple
 
 import numpy as np
 import xarray
+from numpy.typing import NDArray
 
+from drumsqueal.findings.decay import BEYOND
 from drumsqueal.findings.history import versions
 from drumsqueal.scene import COORDINATES
 from drumsqueal.scene.plan import Plan
 
-# Outcome of a point; what it says is why its numbers are NaN.
+# Outcome of a point: why its numbers are NaN.
 COMPUTED, NOT_YET, AT_REST, NOT_FOUND, NOT_FINITE, NOT_TAKEN, FOLDED, FAILED = range(8)
 OUTCOMES = {
     COMPUTED: "computed",
@@ -28,7 +30,7 @@ MODES = len(COORDINATES)  # at most
 
 
 class Variable(NamedTuple):
-    """A variable of the file: its dimensions beside those of the points, its type, units, meaning, flags."""
+    """A variable of the file: its dimensions in addition to those of the points, its type, units, meaning, flags."""
 
     dimensions: tuple[str, ...]
     kind: str
@@ -43,11 +45,11 @@ class Variable(NamedTuple):
 
     def attributes(self) -> dict[str, Any]:
         """Units and meaning, by the CF conventions."""
-        told: dict[str, Any] = {"units": self.units, "long_name": self.meaning}
+        found: dict[str, Any] = {"units": self.units, "long_name": self.meaning}
         if self.flags:
-            told["flag_values"] = np.array([value for value, _ in self.flags], "i1")
-            told["flag_meanings"] = " ".join(_in_one_word(meaning) for _, meaning in self.flags)
-        return told
+            found["flag_values"] = np.array([value for value, _ in self.flags], "i1")
+            found["flag_meanings"] = " ".join(_in_one_word(meaning) for _, meaning in self.flags)
+        return found
 
 
 def _in_one_word(meaning: str) -> str:
@@ -65,7 +67,7 @@ LINEAR = {
     "largest_growth_rate": Variable((), "f8", "1/s", "the largest growth rate of any mode; NaN where none oscillates"),
     "squeal": Variable((), "i1", "1", "1 where any mode grows, 0 where none does, -1 where it is not known"),
     "divergence_rate": Variable((), "f8", "1/s", "largest real eigenvalue that grows, 0 where there is none"),
-    "contact_fraction": Variable((), "f8", "1", "share of the lining that touches the drum in steady sliding"),
+    "contact_fraction": Variable((), "f8", "1", "fraction of the lining that touches the drum in steady sliding"),
     "smallest_pressure": Variable((), "f8", "Pa", "smallest steady contact pressure"),
     "largest_pressure": Variable((), "f8", "Pa", "largest steady contact pressure"),
 }
@@ -109,7 +111,7 @@ def blank(plan: Plan, points: int) -> Columns:
 
 
 def axes(plan: Plan) -> dict[str, tuple[tuple[str, ...], np.ndarray, dict[str, Any]]]:
-    """What does not depend on the results: values of a grid or of the draws, names of modes and coordinates."""
+    """What does not depend on the results: values of a grid or of the samples, names of modes and coordinates."""
     if plan.draws:
         drawn = plan.values(0, plan.draws)
         columns = {key: (("sample",), drawn[:, k]) for k, key in enumerate(plan.keys)}
@@ -119,7 +121,7 @@ def axes(plan: Plan) -> dict[str, tuple[tuple[str, ...], np.ndarray, dict[str, A
     for key, (dimensions, values) in columns.items():
         listed = np.array([plan.listed(key, value) for value in values.tolist()])
         found[key] = (dimensions, listed, {"units": plan.unit(key), "long_name": key})
-    ranks = {"long_name": "modes of a point by rising frequency; mode_coordinate tells which one each is"}
+    ranks = {"long_name": "modes of a point by rising frequency; mode_coordinate names them"}
     found["mode"] = (("mode",), np.arange(MODES, dtype="i1"), ranks)
     if plan.transient:
         found["coordinate"] = (("coordinate",), np.array(COORDINATES, dtype=object), {})
@@ -143,3 +145,19 @@ def to_dataset(plan: Plan, columns: Columns, outcome: str) -> xarray.Dataset:
         shape = (*plan.shape, *shape_of(each, 1)[1:])
         data[name] = ((*plan.dimensions, *each.dimensions), columns[name].reshape(shape), each.attributes())
     return xarray.Dataset(data, axes(plan), attributes(plan) | {"outcome": outcome})
+
+
+def squealing(sweep: xarray.Dataset) -> NDArray[np.bool_]:
+    """At which points the steady-state response of the transient is squeal.
+
+    The motion has settled and is sustained. What changes by less than a tenth below the contact boundary, where all
+    modes decay, decays slowly.
+    """
+    below = np.maximum(sweep["separation_share"].values, sweep["reversal_share"].values) < BEYOND
+    sustained = (sweep["trend"].values == TRENDS.index("settled")) & (sweep["settled"].values == 1)
+    return sustained & ~(below & (sweep["squeal"].values == 0))
+
+
+def undecided(sweep: xarray.Dataset) -> NDArray[np.bool_]:
+    """At which points the motion has not settled: it may go on as it is, grow or decay."""
+    return sweep["settled"].values == 0

@@ -47,8 +47,8 @@ def panels(figure: Figure, sweep: xarray.Dataset, plan: Plan, rows: int = 1) -> 
     found = []
     for row, (_, below) in zip(grid, itertools.product(range(rows), fourth), strict=True):
         found.append([])
-        for axes, beside in zip(row, third, strict=True):
-            select = fixed | dict(zip(plan.keys[2:4], (beside, below), strict=False))
+        for axes, across in zip(row, third, strict=True):
+            select = fixed | dict(zip(plan.keys[2:4], (across, below), strict=False))
             found[-1].append(Panel(axes, select))
     numbers = len(plan.keys)
     if numbers > 2:
@@ -69,8 +69,8 @@ def _held(sweep: xarray.Dataset, key: str, at: int) -> str:
 
 def fixed_in_words(sweep: xarray.Dataset, plan: Plan) -> str:
     """What the numbers beyond the fourth are held at, for the heading; empty where there are none."""
-    told = [_held(sweep, key, plan.shape[4 + k] // 2) for k, key in enumerate(plan.keys[4:])]
-    return f"; at {', '.join(told)}" if told else ""
+    held = [_held(sweep, key, plan.shape[4 + k] // 2) for k, key in enumerate(plan.keys[4:])]
+    return f"; at {', '.join(held)}" if held else ""
 
 
 def value_of(sweep: xarray.Dataset, key: str, at: int) -> str:

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from drumsqueal.questions.sweep.endings import squealing, undecided
+from drumsqueal.questions.sweep.points import squealing, undecided
 from drumsqueal.questions.sweep.slices import (
     fixed_in_words,
     hold_to,
@@ -25,7 +25,7 @@ from drumsqueal.scene.plan import Plan
 from drumsqueal.terminal import style
 from drumsqueal.terminal.style import frame, new_figure, styled
 
-COLOURS = "PuOr_r"  # orange grows, purple decays; the colour-blind tell them apart
+COLOURS = "PuOr_r"  # orange grows, purple decays; the colour-blind can distinguish them
 GROWTH = "largest growth rate (1/s)"
 BOUNDARY, OF_A_MODE = 2.2, 1.0  # line widths
 ROOM = 1.3  # of an axis of growth rates, over the largest
@@ -122,7 +122,7 @@ def _draw_curves(sweep: xarray.Dataset, plan: Plan) -> Figure:
         if own is not None:
             axes.axvline(own, color=style.FAINT, linewidth=0.8, zorder=0.5)
     frame(upper, None, "growth rate (1/s)")
-    dots = "; dots: main line of transients that last" if plan.transient else ""
+    dots = "; dots: main frequency of sustained transients" if plan.transient else ""
     frame(lower, label_of(sweep, plan.keys[0]), "frequency (Hz)")
     lower.set_title(f"thick: unstable{dots}", fontsize=style.SMALL_SIZE, loc="left")
     upper.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(COORDINATES), borderaxespad=0.2)

@@ -1,21 +1,22 @@
-"""Many scenes: the stability of each and, where it is asked for, how its transient ends."""
+"""Many scenes: the stability of each and, where it is asked for, its steady-state response."""
 
 import math
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 import xarray
 from numpy.typing import NDArray
 
-from drumsqueal.errors import SteadyStateError
+from drumsqueal.errors import NoSteadySliding, SteadyStateError
 from drumsqueal.findings.decay import BEYOND
 from drumsqueal.findings.history import COMPLETE
 from drumsqueal.findings.saturated import Saturated, saturated_motions
-from drumsqueal.interrupts import noted_interrupts, stop_if_interrupted
 from drumsqueal.physics.composition import compose, moved_coordinates
 from drumsqueal.physics.model import Model, build_model
+from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.sweep.points import (
     AT_REST,
     COMPUTED,
@@ -34,16 +35,17 @@ from drumsqueal.scene import COORDINATES, Profile, Scene, SceneError
 from drumsqueal.scene.plan import Plan, grid, sample
 from drumsqueal.scene.quantities import parse_quantity
 from drumsqueal.scene.variation import Variation, unit_of
-from drumsqueal.solve.linear import modes
 from drumsqueal.solve.linear.many import BLOCK, analyse_many
 from drumsqueal.solve.linear.modes import Stability
 
 STILL = 0.1  # of the linear growth rate: what changes so slowly has settled
 MOST_ROUNDS = 16  # times the scene's duration that a transient may take to settle
 BATCH, BATCH_OF_TRANSIENTS = 8 * BLOCK, 32  # points
-_REASONS = {modes.AT_REST: AT_REST, modes.NOT_FOUND: NOT_FOUND, modes.NOT_FINITE: NOT_FINITE}
-
-OnBatch = Callable[[int], None]  # how many points are computed
+_REASONS = {
+    NoSteadySliding.AT_REST: AT_REST,
+    NoSteadySliding.NOT_FOUND: NOT_FOUND,
+    NoSteadySliding.NOT_FINITE: NOT_FINITE,
+}
 
 
 def sweep_parameters(
@@ -53,16 +55,16 @@ def sweep_parameters(
     random: int = 0,
     seed: int = 0,
     transient: bool = False,
-    on_batch: OnBatch | None = None,
+    progress: Progress = silent,
 ) -> xarray.Dataset:
-    """Eigenvalues, and with `transient` how the motion ends, of a scene with other numbers.
+    """Eigenvalues, and with `transient` the steady-state response, of a scene with other numbers.
 
     `vary` has the values of each number by its dotted key, in SI or with a unit: the results lie along every
     combination of them, `sweep_parameters(scene, {"drum.speed": [1, 2, 5]})["growth_rate"]`. With `random`, so many
-    draws: of the scene's table `uncertain` and, uniformly, between the smallest and the largest value of each in
-    `vary`. Draw k depends on k and `seed` alone. The variables and their units are in the Dataset; a number that is NaN
-    has its reason in `outcome`. Raises SceneError and RequestError for what cannot be swept, KeyboardInterrupt between
-    two batches.
+    random samples: of the scene's table `uncertain` and, uniformly, between the smallest and the largest value of each
+    in `vary`. Sample k depends on k and `seed` alone. The variables and their units are in the Dataset; a number that
+    is NaN has its reason in `outcome`. `progress` takes how many points are computed. Raises SceneError and
+    RequestError for what cannot be swept.
     """
     variations = [_variation(scene, key, values) for key, values in (vary or {}).items()]
     if random:
@@ -71,13 +73,11 @@ def sweep_parameters(
         plan = grid(scene, variations, transient=transient)
     check_plan(plan)
     columns = blank(plan, plan.points)
-    with noted_interrupts():
-        for first, stop in batches(plan):
-            for name, values in compute(plan, first, stop).items():
-                columns[name][first:stop] = values
-            if on_batch is not None:
-                on_batch(stop)
-            stop_if_interrupted()
+    for first, stop in batches(plan):
+        look = partial(progress, "sweeping", first, plan.points)
+        for name, values in compute(plan, first, stop, look=look).items():
+            columns[name][first:stop] = values
+        progress("sweeping", stop, plan.points)
     return to_dataset(plan, columns, COMPLETE)
 
 
@@ -101,7 +101,7 @@ def batches(plan: Plan) -> list[tuple[int, int]]:
 
 
 def check_plan(plan: Plan) -> None:
-    """Raise SceneError where no transient would tell anything."""
+    """Raise SceneError where no transient can be computed."""
     if not plan.transient:
         return
     if not moved_coordinates(plan.scene):
@@ -109,12 +109,17 @@ def check_plan(plan: Plan) -> None:
         raise SceneError(f"nothing moves in the transients; {cure}", ("start",))
     speed = plan.scene.drum.speed
     if isinstance(speed, Profile) and speed.value[0] == 0:
-        told = "the transients of a sweep start from steady sliding; give the drum a speed at t = 0"
-        raise SceneError(told, ("drum", "speed"))
+        cure = "the transients of a sweep start from steady sliding; give the drum a speed at t = 0"
+        raise SceneError(cure, ("drum", "speed"))
 
 
-def compute(plan: Plan, first: int, stop: int, threads: int | None = None) -> Columns:
-    """Every variable at the points from number `first` to `stop`; the batch they come in changes not a bit of them."""
+def compute(
+    plan: Plan, first: int, stop: int, threads: int | None = None, look: Callable[[], None] = lambda: None
+) -> Columns:
+    """Every variable at the points from number `first` to `stop`; the batch they come in changes not a bit of them.
+
+    `look` is called between two steps.
+    """
     columns = blank(plan, stop - first)
     scenes: dict[int, Scene] = {}
     for k, values in enumerate(plan.values(first, stop)):
@@ -125,13 +130,13 @@ def compute(plan: Plan, first: int, stop: int, threads: int | None = None) -> Co
     found = dict(zip(scenes, analyse_many(list(scenes.values())), strict=True))
     for k, stability in found.items():
         if isinstance(stability, SteadyStateError):
-            columns["outcome"][k] = _REASONS[str(stability)]
+            columns["outcome"][k] = _REASONS[stability.reason]
         else:
             _note_stability(columns, k, stability)
     if plan.transient:
-        stop_if_interrupted()
+        look()
         sound = {k: each for k, each in found.items() if isinstance(each, Stability)}
-        _transients(columns, scenes, sound, threads or os.cpu_count() or 1)
+        _transients(columns, scenes, sound, threads or os.cpu_count() or 1, look)
     return columns
 
 
@@ -150,7 +155,13 @@ def _note_stability(columns: Columns, k: int, stability: Stability) -> None:
     columns["outcome"][k] = COMPUTED
 
 
-def _transients(columns: Columns, scenes: Mapping[int, Scene], found: Mapping[int, Stability], threads: int) -> None:
+def _transients(
+    columns: Columns,
+    scenes: Mapping[int, Scene],
+    found: Mapping[int, Stability],
+    threads: int,
+    look: Callable[[], None],
+) -> None:
     """Integrate the scenes, those that call for the same effects together."""
     groups: dict[Any, list[int]] = {}
     for k, stability in found.items():
@@ -168,6 +179,7 @@ def _transients(columns: Columns, scenes: Mapping[int, Scene], found: Mapping[in
         starts = [Start(*each) for each in zip(models, np.array(steady), displacement, velocity, strict=True)]
         left = dict(zip(members, starts, strict=True))
         for number in range(1, most_rounds(some) + 1):
+            look()
             motions = _round(list(left.values()), some, threads)
             for k, motion in zip(list(left), motions, strict=True):
                 settled = has_settled(motion, found[k], left[k].rate_to(motion, some.simulate.duration))
@@ -224,11 +236,11 @@ def most_rounds(scene: Scene) -> int:
 
 
 def has_settled(motion: Saturated, stability: Stability, earlier_rate: float = math.inf) -> bool:
-    """Whether it is plain where a transient leads: a motion that lasts or, where every mode decays, steady sliding.
+    """Whether the attractor of a transient is known: a sustained motion or, where every mode decays, steady sliding.
 
-    Where a mode grows, motion below the edges has not settled, however slowly it changes; beyond them it has where its
-    rate, from half to half of what is looked at or since the round before (`earlier_rate`, 1/s), is below a tenth of
-    the linear one: of a slow growth a tenth of the motion is soon gained.
+    Where a mode grows, motion below the contact boundary has not settled, however slowly it changes. Motion beyond it
+    has where its rate, from half to half of what is looked at or since the round before (`earlier_rate`, 1/s), is below
+    a tenth of the linear one: of a slow growth a tenth of the motion is soon gained.
     """
     if motion.failed or motion.at_rest:
         return True

@@ -10,11 +10,11 @@ import scipy.linalg
 from jax import Array
 from numpy.typing import NDArray
 
-from drumsqueal.errors import SteadyStateError
+from drumsqueal.errors import NoSteadySliding, SteadyStateError
 from drumsqueal.physics.effects.action import ZERO
 from drumsqueal.physics.effects.schedule import Profile
 from drumsqueal.physics.model import Model
-from drumsqueal.solve.linear.steady import NOT_FOUND, Linear, linear_model, linearise, steady_sliding
+from drumsqueal.solve.linear.steady import Linear, linear_model, linearise, steady_sliding
 
 # An eigenvalue oscillates when its imaginary part exceeds this share of the largest modulus: a real one, and the zero
 # of the free Z motion, come out of the solver with an imaginary part of round-off size.
@@ -25,13 +25,6 @@ UNDAMPED_SHARE = 1e-12
 DRIFT_SHARE = 1e-7
 # A growth rate below this share of the frequency is none, and has no relative error.
 NEUTRAL_SHARE = 1e-9
-
-# Why there is no steady sliding.
-AT_REST = "drum.speed is 0 all the time: there is no steady sliding; give the drum a speed"
-NOT_FINITE = (
-    "the linear model is not finite: a number is out of all proportion; check the shoe's lengths and density, "
-    "the stiffnesses, contact.normal_load, friction, drum.speed and damping.ratio"
-)
 
 
 class Mode(NamedTuple):
@@ -138,9 +131,9 @@ def stability_of(names: tuple[str, ...], found: AboutSteady, time: float = 0.0) 
     steady, mass, matrix = (np.asarray(each) for each in (found.steady, found.mass, found.matrix))
     low, high = (float(each) for each in found.pressure_range)
     if not np.all(np.isfinite(steady)):
-        raise SteadyStateError(NOT_FOUND)
+        raise SteadyStateError(NoSteadySliding.NOT_FOUND)
     if not (np.all(np.isfinite(matrix)) and np.isfinite(low) and np.isfinite(high)):
-        raise SteadyStateError(NOT_FINITE)
+        raise SteadyStateError(NoSteadySliding.NOT_FINITE)
     eigenvalues, modes = _solve(names, mass, matrix)
     return Stability(
         coordinates=names,
@@ -166,7 +159,7 @@ def while_sliding(model: Model) -> tuple[Model, float]:
         time = np.asarray(speed.time)[(np.asarray(speed.value) != 0) & (np.asarray(speed.time) > 0)]
         if time.size:
             return model.frozen(float(time[0])), float(time[0])
-    raise SteadyStateError(AT_REST)
+    raise SteadyStateError(NoSteadySliding.AT_REST)
 
 
 def growing_without_oscillation(eigenvalues: NDArray[np.complex128]) -> float | None:

@@ -10,7 +10,7 @@ import numpy as np
 from jax import Array
 from jax.core import Tracer
 
-from drumsqueal.errors import SteadyStateError
+from drumsqueal.errors import NoSteadySliding, SteadyStateError
 from drumsqueal.physics.bodies.rigid_shoe import IN_PLANE
 from drumsqueal.physics.effects.action import ZERO
 from drumsqueal.physics.effects.assembly import Balance
@@ -20,10 +20,6 @@ from drumsqueal.physics.model import Model
 from drumsqueal.physics.quadrature.smooth import WholeSurface
 from drumsqueal.solve.linear.equilibrium import find_equilibrium
 
-NOT_FOUND = (
-    "no self-consistent steady sliding was found, neither directly nor by raising friction step by step from zero: "
-    "the shoe may jam (self-locking), or its supports and the drum may not hold it at this load and speed"
-)
 COUPLED_SHARE = 1e-10  # of the largest coupling: below it is round-off
 
 
@@ -73,7 +69,7 @@ def steady_sliding(model: Model) -> Array:
         tangent_solve=lambda linear, force: jnp.linalg.solve(jax.jacfwd(linear)(force), force),
     )
     if not isinstance(q, Tracer) and not np.all(np.isfinite(q)):
-        raise SteadyStateError(NOT_FOUND)
+        raise SteadyStateError(NoSteadySliding.NOT_FOUND)
     return jnp.zeros(n).at[moving].set(q)
 
 

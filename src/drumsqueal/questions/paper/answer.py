@@ -1,6 +1,6 @@
-"""The paper's figures as rows of numbers, and its statements as a table: on the terminal, as CSV and as plain data."""
+"""What the paper's figures and statements are written, drawn and printed as."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from typing import Any
 
 from rich import box
@@ -9,15 +9,25 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
+from drumsqueal.files.output_folder import PAPER_TABLE, STATEMENTS, STATEMENTS_TABLE
 from drumsqueal.questions.paper.curves import Curve, FrictionCurve
-from drumsqueal.questions.paper.statement import Reading, Statement, Verdict
+from drumsqueal.questions.paper.figure import PAPER_DRAWINGS
+from drumsqueal.questions.paper.statement import Reading, Verdict
+from drumsqueal.questions.paper.study import PaperStudy
 from drumsqueal.questions.paper.transients import Point
+from drumsqueal.terminal.runner import Answer
 from drumsqueal.terminal.tables import print_table, rows_to_csv
 
 HEADS = {Verdict.DEPENDS: "depends"}  # in the table, for whose width the whole verdict is too long
+COUNTED = {  # one statement, and several
+    Verdict.CONFIRMED: ("is confirmed", "are confirmed"),
+    Verdict.NOT_CONFIRMED: ("is not confirmed", "are not confirmed"),
+    Verdict.DEPENDS: (Verdict.DEPENDS.value, "depend on a reading that the text does not fix"),
+    Verdict.NOT_DECIDED: ("is not decided", "are not decided"),
+}
 
 
-def print_statements(console: Console, statements: Sequence[Statement]) -> None:
+def print_study(console: Console, study: PaperStudy) -> None:
     """Print every statement with the numbers that decide it, then why those are not confirmed that are not."""
     table = Table(title="What Seo & Kang (2023) state", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     table.add_column("fig.")
@@ -25,31 +35,24 @@ def print_statements(console: Console, statements: Sequence[Statement]) -> None:
     table.add_column("number", justify="right")
     table.add_column("holds if")
     table.add_column("")
-    for each in statements:
-        told = Text(HEADS.get(each.verdict, each.verdict), "" if each.verdict is Verdict.CONFIRMED else "bold")
+    for each in study.statements:
+        shown = Text(HEADS.get(each.verdict, each.verdict), "" if each.verdict is Verdict.CONFIRMED else "bold")
         for k, reading in enumerate(each.readings):
-            first = (each.figure, each.says) if k == 0 else ("", "   or read otherwise")
-            table.add_row(*first, _value(reading), _limit(reading), told if k == 0 else "")
+            first = (each.figure, each.statement) if k == 0 else ("", "   or read otherwise")
+            table.add_row(*first, _value(reading), _limit(reading), shown if k == 0 else "")
     print_table(console, table)
     for verdict in (Verdict.NOT_CONFIRMED, Verdict.DEPENDS, Verdict.NOT_DECIDED):
-        chosen = [each for each in statements if each.verdict is verdict]
+        chosen = [each for each in study.statements if each.verdict is verdict]
         if chosen:
             console.print(f"{verdict.capitalize()}", style="bold")
         for each in chosen:
-            console.print(f"Figure {each.figure}: {each.says}", style="dim")
+            console.print(f"Figure {each.figure}: {each.statement}", style="dim")
             for reading in each.readings:
-                console.print(Padding(_describe(reading), (0, 0, 0, 2), style="dim", expand=False))
-    counts = {verdict: sum(each.verdict is verdict for each in statements) for verdict in Verdict}
-    listed = [f"{count} {_each(verdict, count)}" for verdict, count in counts.items() if count]
-    told = " and ".join(part for part in (", ".join(listed[:-1]), listed[-1]) if part)
-    console.print(f"Of {len(statements)} statements {told}.", style="bold")
-
-
-def _each(verdict: Verdict, count: int) -> str:
-    """What so many statements are or do."""
-    if verdict is Verdict.DEPENDS:
-        return f"{verdict}" if count == 1 else "depend" + verdict.removeprefix("depends")
-    return f"{'is' if count == 1 else 'are'} {verdict}"
+                console.print(Padding(_in_words(reading), (0, 0, 0, 2), style="dim", expand=False))
+    counts = {verdict: sum(each.verdict is verdict for each in study.statements) for verdict in Verdict}
+    listed = [f"{count} {COUNTED[verdict][count > 1]}" for verdict, count in counts.items() if count]
+    summary = " and ".join(part for part in (", ".join(listed[:-1]), listed[-1]) if part)
+    console.print(f"Of {len(study.statements)} statements {summary}.", style="bold")
 
 
 def _value(reading: Reading) -> str:
@@ -60,7 +63,7 @@ def _limit(reading: Reading) -> str:
     return f"{reading.bound} {reading.limit:g} {reading.unit}".rstrip()
 
 
-def _describe(reading: Reading) -> str:
+def _in_words(reading: Reading) -> str:
     """A reading with its number, and whether the statement holds in it."""
     number = "unknown" if reading.value is None else f"{_value(reading)} {reading.unit}".rstrip()
     holds = {True: "holds", False: "does not hold", None: "is not decided"}[reading.holds]
@@ -68,42 +71,22 @@ def _describe(reading: Reading) -> str:
     return f"{holds}: {reading.measure}{where} is {number}, limit {_limit(reading)}"
 
 
-def statements_to_csv(statements: Sequence[Statement]) -> str:
-    """One row a reading, with the verdict on its statement."""
-    return rows_to_csv(
-        [
-            {"figure": each.figure, "statement": each.says, "verdict": str(each.verdict)} | _describe_reading(reading)
-            for each in statements
-            for reading in each.readings
+def statements_table(study: PaperStudy) -> str:
+    """One row a reading, with the verdict on its statement, as CSV."""
+    rows = []
+    for each in study.model_dump()["statements"]:
+        rows += [
+            {key: each[key] for key in ("figure", "statement", "verdict")} | reading for reading in each["readings"]
         ]
-    )
+    return rows_to_csv(rows)
 
 
-def describe_statements(statements: Sequence[Statement]) -> list[dict[str, Any]]:
-    """Every statement as plain data: its verdict, and the readings that it rests on."""
-    return [
-        {
-            "figure": each.figure,
-            "statement": each.says,
-            "verdict": str(each.verdict),
-            "readings": [_describe_reading(reading) for reading in each.readings],
-        }
-        for each in statements
-    ]
-
-
-def _describe_reading(reading: Reading) -> dict[str, Any]:
-    """A reading as plain data; the margin is the distance from the limit, negative where the statement fails."""
-    value = None if reading.value is None else float(reading.value)
-    return reading._asdict() | {"value": value, "holds": reading.holds, "margin": reading.margin}
-
-
-def curves_to_csv(friction: FrictionCurve, curves: Mapping[str, Curve], points: Mapping[str, Sequence[Point]]) -> str:
-    """All figures in one table: the friction curve, eigenvalues mode by mode, and what the transients measured."""
-    rows = [*_friction_rows(friction)]
-    for figure, curve in curves.items():
+def paper_table(study: PaperStudy) -> str:
+    """All figures in one CSV table: the friction curve, eigenvalues mode by mode, and what the transients measured."""
+    rows = [] if study.friction is None else [*_friction_rows(study.friction)]
+    for figure, curve in study.curves.items():
         rows += _curve_rows(figure, curve)
-        for point in points.get(figure, ()):
+        for point in study.points[figure]:
             rows += _point_rows(figure, point)
     return rows_to_csv(rows)
 
@@ -138,7 +121,7 @@ def _curve_rows(figure: str, curve: Curve) -> Iterator[dict[str, Any]]:
 def _point_rows(figure: str, point: Point) -> Iterator[dict[str, Any]]:
     common = {"figure": figure, "source": "transient", "varied": point.key, "value_SI": point.value}
     if point.comparison is None:
-        yield common | {"note": point.outcome}
+        yield common | {"note": point.why_not}
         return
     for mode in point.comparison.modes:
         growth = mode.measured_growth
@@ -151,7 +134,8 @@ def _point_rows(figure: str, point: Point) -> Iterator[dict[str, Any]]:
         }
     saturation = point.comparison.saturation
     if saturation is None or saturation.main is None:
-        why = "reaches no edge" if point.comparison.edge_reached_s is None else "too short to tell what it settles to"
+        linear = point.comparison.edge_reached_s is None
+        why = "neither lift-off nor slip reversal" if linear else "too short to identify the steady-state response"
         yield common | {"source": "saturated motion", "note": why}
         return
     yield common | {
@@ -162,3 +146,11 @@ def _point_rows(figure: str, point: Point) -> Iterator[dict[str, Any]]:
         "amplitude_SI": saturation.main.amplitude,
         "note": saturation.regime.kind,
     }
+
+
+PAPER_ANSWER = Answer(
+    words=print_study,
+    summary=STATEMENTS,
+    tables={PAPER_TABLE: paper_table, STATEMENTS_TABLE: statements_table},
+    figures=PAPER_DRAWINGS,
+)

@@ -1,0 +1,145 @@
+"""A sweep into one folder: its file fills on disk batch by batch; then what is written, drawn and printed."""
+
+from collections.abc import Callable, Iterator
+from contextlib import closing
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from drumsqueal.files.output_folder import AMPLITUDE, CHANCE, STABILITY, SWEEP, SWEEP_SUMMARY
+from drumsqueal.progress import Progress
+from drumsqueal.questions.sweep.amplitude_figure import draw_amplitude
+from drumsqueal.questions.sweep.chance import ChanceStudy
+from drumsqueal.questions.sweep.chance_figure import draw_chance
+from drumsqueal.questions.sweep.file import SweepFile
+from drumsqueal.questions.sweep.points import COMPUTED, OUTCOMES, Columns
+from drumsqueal.questions.sweep.stability_figure import draw_stability
+from drumsqueal.questions.sweep.study import batches, compute
+from drumsqueal.questions.sweep.summary import Responses, SweepStudy, summarise
+from drumsqueal.scene.plan import Plan
+from drumsqueal.scene.quantities import printable
+from drumsqueal.terminal.reply import Reply
+from drumsqueal.terminal.runner import Answer, answer
+from drumsqueal.terminal.tables import print_table
+
+Batches = list[tuple[int, int]]  # the first point of each, and the one after the last
+Source = Callable[[Plan, Batches, Callable[[], None]], Iterator[tuple[int, Columns]]]
+
+
+def sweep_into(reply: Reply, plan: Plan, source: Source, *, resume: bool = False) -> SweepStudy:
+    """Compute a sweep into the folder of a command, or go on with the one that is there.
+
+    `source` computes the batches, in any order, and calls the function that it is given now and then. Raises
+    IntegrationError for a sweep that failed, was interrupted or did not fit on the disk: the points computed until then
+    are in the file.
+    """
+    file = SweepFile(reply.folder / SWEEP, plan)
+
+    def find(progress: Progress, _: Callable[[SweepStudy], None]) -> SweepStudy:
+        if resume:
+            file.take_up()
+        else:
+            file.create(progress)
+        _fill(file, plan, source, progress)
+        return summarise(file.read(), plan)
+
+    return answer(reply, SWEEP_ANSWER, find, record=file, resume=resume)
+
+
+def here(plan: Plan, left: Batches, look: Callable[[], None]) -> Iterator[tuple[int, Columns]]:
+    """Compute the batches in this process: the first point of each, and its results."""
+    for first, stop in left:
+        yield first, compute(plan, first, stop, look=look)
+
+
+def _fill(file: SweepFile, plan: Plan, source: Source, progress: Progress) -> None:
+    """Compute what is missing, each batch once."""
+    computed = file.computed()
+    left = {first: stop for first, stop in batches(plan) if not computed[first:stop].all()}
+
+    def look() -> None:
+        progress("sweeping", plan.points - sum(stop - first for first, stop in left.items()), plan.points)
+
+    look()
+    with closing(source(plan, list(left.items()), look)) as stream:  # pyright: ignore[reportArgumentType]
+        for first, columns in stream:
+            file.write(first, columns)
+            del left[first]
+            look()
+
+
+def print_study(console: Console, study: SweepStudy) -> None:
+    """Print how often each mode squeals and, of random samples, how likely that is and what it depends on."""
+    print_table(console, _grid_table(study) if study.chance is None else _chance_table(study, study.chance))
+    if study.chance is not None:
+        _print_correlations(console, study.chance)
+    if study.transients is not None:
+        _print_responses(console, study.transients)
+    if study.points_with_divergence:
+        console.print(f"Diverges without oscillation at {study.points_with_divergence} points")
+    for name, count in study.outcomes.items():
+        if name != OUTCOMES[COMPUTED]:
+            console.print(f"{count} of {study.points} points: {name}")
+
+
+def _print_responses(console: Console, found: Responses) -> None:
+    """Print how many of the transients squeal, and how many may still turn out to squeal or to decay."""
+    points, squeal, open_ones = sum(found.trends.values()), found.points_with_squeal, found.points_not_settled
+    trends = ", ".join(f"{count} {name}" for name, count in found.trends.items())
+    console.print(f"Transients at their end: {trends or 'none'}")
+    percentage = f" ({100 * squeal / points:.3g} %)" if points else ""
+    console.print(f"By the transients, from the scene's own start: squeal at {squeal} of {points} points{percentage}")
+    if open_ones:
+        have = "has" if open_ones == 1 else "have"
+        console.print(
+            f"{open_ones} of {points} transients {have} not settled after {found.longest_of_them_s:.3g} s and may "
+            "squeal or decay: amplitude and frequency there are those at the end; the figures mark them, and settled "
+            "is 0 in sweep.nc"
+        )
+
+
+def _grid_table(study: SweepStudy) -> Table:
+    title = f"Squeal at {study.points_with_squeal} of {study.points} points, by eigenvalues"
+    table = Table(title=title, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    for heading in ("mode", "points", "most 1/s", "Hz there", "where"):
+        table.add_column(heading, justify="left" if heading in ("mode", "where") else "right")
+    units = {key: "" if unit == "1" else f" {unit}" for key, unit in study.units.items()}
+    for name, mode in study.modes.items():
+        where = ", ".join(f"{key} {value:.4g}{units[key]}" for key, value in mode.where.items())
+        growth, frequency = f"{mode.largest_growth_rate_1_per_s:+.3f}", f"{mode.frequency_there_Hz:.2f}"
+        table.add_row(name, str(mode.unstable_points), growth, frequency, where)
+    return table
+
+
+def _chance_table(study: SweepStudy, chance: ChanceStudy) -> Table:
+    title = f"Probability of squeal by eigenvalues, {chance.squeal.total} samples"
+    table = Table(title=title, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    for heading in ("mode", "probability", "95 % from", "to", "most 1/s"):
+        table.add_column(heading, justify="left" if heading == "mode" else "right")
+    for name, each in {"any": chance.squeal, **chance.modes}.items():
+        mode = study.modes.get(name)
+        growth = "" if mode is None else f"{mode.largest_growth_rate_1_per_s:+.3f}"
+        table.add_row(name, *(f"{100 * value:.2f} %" for value in (each.share, each.low, each.high)), growth)
+    return table
+
+
+def _print_correlations(console: Console, chance: ChanceStudy) -> None:
+    known = {key: value for key, value in chance.correlations.items() if value is not None}
+    ordered = sorted(known, key=lambda key: -abs(known[key]))
+    listed = ", ".join(f"{key} {known[key]:+.2f}" for key in ordered)
+    if listed:
+        insignificant = f"below {chance.noise:.2f} it is not significant"
+        console.print(printable(f"Rank correlation with the largest growth rate ({insignificant}): {listed}"))
+
+
+SWEEP_ANSWER = Answer(
+    words=print_study,
+    summary=SWEEP_SUMMARY,
+    figures={
+        STABILITY: lambda study: None if study.plan.draws else draw_stability(study.data, study.plan),
+        CHANCE: lambda study: study.chance and draw_chance(study.data, study.plan, study.chance),
+        AMPLITUDE: lambda study: draw_amplitude(study.data, study.plan) if study.plan.transient else None,
+    },
+    filled=SWEEP,
+)

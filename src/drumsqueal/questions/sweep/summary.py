@@ -1,0 +1,109 @@
+"""What a sweep found: how often each mode squeals and where most, and how likely that is."""
+
+from typing import Any
+
+import numpy as np
+import xarray
+
+from drumsqueal.findings.schema import Finding, Findings, Held
+from drumsqueal.questions.sweep.chance import ChanceStudy, study_chance
+from drumsqueal.questions.sweep.points import COMPUTED, OUTCOMES, TRENDS, squealing, undecided
+from drumsqueal.scene import COORDINATES
+from drumsqueal.scene.plan import Plan
+
+NOT_SETTLED = "not settled"
+
+
+class UnstableMode(Finding):
+    """At how many points a mode grows, and where most, by the numbers that are swept."""
+
+    unstable_points: int
+    largest_growth_rate_1_per_s: float
+    frequency_there_Hz: float
+    where: dict[str, float]
+
+
+class Responses(Finding):
+    """How many transients squeal, have not settled after `longest_of_them_s`, or have each trend; largest amplitudes.
+
+    Amplitudes are in m (X, Y, Z) and rad (Tx, Ty, Tz).
+    """
+
+    points_with_squeal: int
+    points_not_settled: int
+    longest_of_them_s: float
+    trends: dict[str, int]
+    largest_amplitude: dict[str, float]
+
+
+class SweepStudy(Findings):
+    """What is swept, in SI, and the units of the results; how many points had each outcome, squeal, or divergence.
+
+    `modes` has those that grow anywhere, `chance` the probabilities of a random sweep, `transients` is None without
+    them. `data` are the results at all points, and `plan` is what was swept.
+    """
+
+    sweep: dict[str, Any]
+    units: dict[str, str]
+    points: int
+    outcomes: dict[str, int]
+    points_with_squeal: int
+    points_with_divergence: int
+    modes: dict[str, UnstableMode]
+    chance: ChanceStudy | None
+    transients: Responses | None
+    data: Any = Held
+    plan: Any = Held
+
+
+def summarise(data: xarray.Dataset, plan: Plan) -> SweepStudy:
+    """Summarise the results at all points of a sweep."""
+    outcomes = data["outcome"].values
+    return SweepStudy(
+        scene=plan.scene,
+        sweep=plan.describe(),
+        units={key: plan.unit(key) for key in plan.keys},
+        points=plan.points,
+        outcomes={OUTCOMES[code]: int((outcomes == code).sum()) for code in OUTCOMES if np.any(outcomes == code)},
+        points_with_squeal=int((data["squeal"].values == 1).sum()),
+        points_with_divergence=int((data["divergence_rate"].values > 0).sum()),
+        modes=_unstable_modes(data, plan),
+        chance=study_chance(data) if plan.draws else None,
+        transients=_responses(data) if plan.transient else None,
+        data=data,
+        plan=plan,
+    )
+
+
+def _unstable_modes(data: xarray.Dataset, plan: Plan) -> dict[str, UnstableMode]:
+    unstable, which = data["unstable"].values == 1, data["mode_coordinate"].values
+    growth, frequency = data["growth_rate"].values, data["frequency"].values
+    modes = {}
+    for index, name in enumerate(COORDINATES):
+        here = unstable & (which == index)
+        if not here.any():
+            continue
+        place = np.unravel_index(np.argmax(np.where(here, growth, -np.inf)), here.shape)
+        point = [place[0]] * len(plan.keys) if plan.draws else place[:-1]
+        modes[name] = UnstableMode(
+            unstable_points=int(here.any(axis=-1).sum()),
+            largest_growth_rate_1_per_s=float(growth[place]),
+            frequency_there_Hz=float(frequency[place]),
+            where={key: float(data[key].values[at]) for key, at in zip(plan.keys, point, strict=True)},
+        )
+    return modes
+
+
+def _responses(data: xarray.Dataset) -> Responses:
+    trend, unsettled = data["trend"].values, undecided(data)
+    counts = {name: int(((trend == code) & ~unsettled).sum()) for code, name in enumerate(TRENDS)}
+    counts[NOT_SETTLED] = int(unsettled.sum())
+    done = data["outcome"].values == COMPUTED
+    largest = np.max(data["amplitude"].values[done], axis=0, initial=0.0)
+    return Responses(
+        points_with_squeal=int(squealing(data).sum()),
+        points_not_settled=counts[NOT_SETTLED],
+        longest_of_them_s=float(np.max(data["simulated"].values[unsettled], initial=0.0)),
+        trends={name: count for name, count in counts.items() if count},
+        largest_amplitude=dict(zip(COORDINATES, largest.tolist(), strict=True)),
+    )
