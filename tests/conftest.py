@@ -1,14 +1,19 @@
 """Set-up that several test files share."""
 
+import hashlib
 import os
+import shutil
+import signal
 import sys
 from collections.abc import Callable
+from importlib.metadata import version
 from pathlib import Path
 
 import jax
 import pytest
 from jax.experimental.compilation_cache import compilation_cache
 
+import drumsqueal
 import drumsqueal.precision  # noqa: F401 (switches it on before any test, also where a file runs alone)
 from drumsqueal import command_line as cli
 from drumsqueal.interrupts import noted_interrupts
@@ -18,17 +23,28 @@ from drumsqueal.scene import Scene, load_scene
 assert "EQX_ON_ERROR" not in os.environ, "unset EQX_ON_ERROR to run the tests"
 
 
-@pytest.fixture(scope="session", autouse=True)
-def _compiled_once(tmp_path_factory):
-    """What takes long to compile is compiled once in a session, also where several processes share it.
+# XLA leaves out what makes programs fast: it takes half of the time, and what is computed is the same to round-off.
+QUICKLY = "--xla_backend_optimization_level=0 --xla_llvm_disable_expensive_passes=true"
 
-    The folder is new in every session, so that nothing hangs on what an earlier one left.
-    """
-    folder = tmp_path_factory.getbasetemp()
-    if "PYTEST_XDIST_WORKER" in os.environ:
-        folder = folder.parent  # that of one process lies in that of all
-    jax.config.update("jax_compilation_cache_dir", str(folder / "compiled"))
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
+
+def pytest_addoption(parser):
+    parser.addoption("--optimised", action="store_true", help="compile as for users, which takes twice as long")
+
+
+def pytest_configure(config):
+    if not config.getoption("--optimised"):
+        os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {QUICKLY}"  # of the processes started, too
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in a job in the background
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+    # What is printed is as wide as on a terminal.
+    os.environ["COLUMNS"] = "80"
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _compiled_once(cache):
+    """What takes long to compile is compiled once, also where several processes share it."""
+    jax.config.update("jax_compilation_cache_dir", str(cache))
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
     compilation_cache.reset_cache()  # what was compiled before settled that there is none
 
@@ -47,9 +63,21 @@ def nominal() -> Scene:
 
 
 @pytest.fixture(scope="session")
-def cache(tmp_path_factory) -> Path:
-    """Folder of compiled programs: only the first process that a test starts has to compile them."""
-    return tmp_path_factory.mktemp("cache")
+def cache(request) -> Path:
+    """Folder of compiled programs, which the processes of a session share and later sessions find again.
+
+    It goes by the sources and by what compiles them, so that nothing hangs on what others left.
+    """
+    digest = hashlib.sha256()
+    for source in sorted(Path(drumsqueal.__file__).parent.rglob("*.py")):
+        digest.update(source.read_bytes())
+    for name in ("jax", "jaxlib", "equinox", "diffrax"):
+        digest.update(version(name).encode())
+    folders = request.config.cache.mkdir("compiled")
+    for folder in folders.iterdir():
+        if folder.name != digest.hexdigest():
+            shutil.rmtree(folder, ignore_errors=True)
+    return folders / digest.hexdigest()
 
 
 @pytest.fixture(name="drumsqueal")
