@@ -2,6 +2,7 @@
 
 import hashlib
 import os
+import re
 import shutil
 import signal
 import sys
@@ -16,6 +17,7 @@ from jax.experimental.compilation_cache import compilation_cache
 import drumsqueal
 import drumsqueal.precision  # noqa: F401 (switches it on before any test, also where a file runs alone)
 from drumsqueal import command_line as cli
+from drumsqueal.compilation import _processor
 from drumsqueal.interrupts import noted_interrupts
 from drumsqueal.scene import Scene, load_scene
 
@@ -40,10 +42,24 @@ def pytest_configure(config):
     os.environ["COLUMNS"] = "80"
 
 
+# What to run after a change: by the folder of a test, and by what it says of itself.
+AREAS = {"scene": "scenes", "physics": "physics", "solve": "physics", "hard": "physics", "findings": "physics"}
+DRAWS = re.compile("animation|axes|axis|colour|draw|figure|frame|painted|picture|report")
+
+
+def pytest_collection_modifyitems(items):
+    for item in items:
+        folder = item.path.relative_to(Path(__file__).parent).parts[0]
+        item.add_marker(AREAS.get(folder, "commands"))
+        if DRAWS.search(f"{item.path.stem} {item.originalname}"):
+            item.add_marker("figures")
+
+
 @pytest.fixture(scope="session", autouse=True)
 def _compiled_once(cache):
     """What takes long to compile is compiled once, also where several processes share it."""
-    jax.config.update("jax_compilation_cache_dir", str(cache))
+    # Where the program keeps its own below a folder of caches.
+    jax.config.update("jax_compilation_cache_dir", str(cache / "drumsqueal" / _processor()))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
     compilation_cache.reset_cache()  # what was compiled before settled that there is none
@@ -64,7 +80,7 @@ def nominal() -> Scene:
 
 @pytest.fixture(scope="session")
 def cache(request) -> Path:
-    """Folder of compiled programs, which the processes of a session share and later sessions find again.
+    """Folder of caches, with the compiled programs that a session's processes share and later sessions find again.
 
     It goes by the sources and by what compiles them, so that nothing hangs on what others left.
     """
