@@ -13,20 +13,21 @@ from pathlib import Path
 import jax
 import pytest
 from jax.experimental.compilation_cache import compilation_cache
+from matplotlib.figure import Figure
 
 import drumsqueal
 import drumsqueal.precision  # noqa: F401 (switches it on before any test, also where a file runs alone)
 from drumsqueal import command_line as cli
 from drumsqueal.compilation import _processor
 from drumsqueal.interrupts import noted_interrupts
+from drumsqueal.questions.run import figures
 from drumsqueal.scene import Scene, load_scene
 
 # Error checks that are compiled in would hide behind NaN, or change what is compiled, were this set from outside.
 assert "EQX_ON_ERROR" not in os.environ, "unset EQX_ON_ERROR to run the tests"
 
-
-# XLA leaves out what makes programs fast: it takes half of the time, and what is computed is the same to round-off.
-QUICKLY = "--xla_backend_optimization_level=0 --xla_llvm_disable_expensive_passes=true"
+# XLA then leaves out most of what makes programs fast; what they compute is the same to round-off.
+QUICKLY = "jax_disable_most_optimizations"
 
 
 def pytest_addoption(parser):
@@ -34,8 +35,7 @@ def pytest_addoption(parser):
 
 
 def pytest_configure(config):
-    if not config.getoption("--optimised"):
-        os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {QUICKLY}"  # of the processes started, too
+    jax.config.update(QUICKLY, not config.getoption("--optimised"))
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in a job in the background
         signal.signal(signal.SIGINT, signal.default_int_handler)
     # What is printed is as wide as on a terminal.
@@ -63,6 +63,21 @@ def _compiled_once(cache):
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
     compilation_cache.reset_cache()  # what was compiled before settled that there is none
+
+
+@pytest.fixture(scope="module")
+def optimised():
+    """Programs are compiled as for users: for tests that compute for long, or go by the last digits."""
+    quickly = jax.config.read(QUICKLY)
+    _compile(quickly=False)
+    yield
+    _compile(quickly=quickly)
+
+
+def _compile(*, quickly: bool) -> None:
+    if quickly != jax.config.read(QUICKLY):
+        jax.config.update(QUICKLY, quickly)
+        jax.clear_caches()  # they go by what is computed alone
 
 
 @pytest.fixture(autouse=True)
@@ -94,6 +109,13 @@ def cache(request) -> Path:
         if folder.name != digest.hexdigest():
             shutil.rmtree(folder, ignore_errors=True)
     return folders / digest.hexdigest()
+
+
+@pytest.fixture
+def empty_figures(monkeypatch) -> None:
+    """Have runs draw empty figures, for tests of what else they do: to draw takes nine tenths of a short run."""
+    drawings = dict.fromkeys(figures._DRAWINGS, lambda view: Figure(figsize=(1, 1)))
+    monkeypatch.setattr(figures, "_DRAWINGS", drawings)
 
 
 @pytest.fixture(name="drumsqueal")

@@ -24,6 +24,7 @@ from drumsqueal.questions.run import results as results
 from drumsqueal.simulation import run
 from processes import MAIN, posix, start, wait_for
 
+pytestmark = pytest.mark.usefixtures("empty_figures")
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 NOMINAL = str(SCENARIOS / "nominal.toml")
 THREE_CHUNKS = ("--set", "simulate.duration=0.03")
