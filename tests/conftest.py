@@ -16,7 +16,7 @@ from jax.experimental.compilation_cache import compilation_cache
 from matplotlib.figure import Figure
 
 import drumsqueal
-import drumsqueal.precision  # noqa: F401 (switches it on before any test, also where a file runs alone)
+import drumsqueal.precision  # switches it on before any test, also where a file runs alone
 from drumsqueal import command_line as cli
 from drumsqueal.compilation import _processor
 from drumsqueal.interrupts import noted_interrupts
@@ -35,20 +35,23 @@ def pytest_addoption(parser):
 
 
 def pytest_configure(config):
-    jax.config.update(QUICKLY, not config.getoption("--optimised"))
+    # What takes minutes computes for longer than it compiles.
+    jax.config.update(QUICKLY, not (config.getoption("--optimised") or config.option.markexpr == "slow"))
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in a job in the background
         signal.signal(signal.SIGINT, signal.default_int_handler)
     # What is printed is as wide as on a terminal.
     os.environ["COLUMNS"] = "80"
 
 
-# What to run after a change: by the folder of a test, and by what it says of itself.
+# What to run after a change, by the folder of a test and by what it says of itself; what is slow is asked for by that.
 AREAS = {"scene": "scenes", "physics": "physics", "solve": "physics", "hard": "physics", "findings": "physics"}
 DRAWS = re.compile("animation|axes|axis|colour|draw|figure|frame|painted|picture|report")
 
 
 def pytest_collection_modifyitems(items):
     for item in items:
+        if item.get_closest_marker("slow"):
+            continue
         folder = item.path.relative_to(Path(__file__).parent).parts[0]
         item.add_marker(AREAS.get(folder, "commands"))
         if DRAWS.search(f"{item.path.stem} {item.originalname}"):
