@@ -56,6 +56,7 @@ def pytest_collection_modifyitems(items):
         item.add_marker(AREAS.get(folder, "commands"))
         if DRAWS.search(f"{item.path.stem} {item.originalname}"):
             item.add_marker("figures")
+    items.sort(key=lambda item: "optimised" in item.fixturenames)  # last, as what others compiled is lost with them
 
 
 @pytest.fixture(scope="session", autouse=True)
