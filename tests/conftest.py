@@ -35,8 +35,6 @@ def pytest_addoption(parser):
 
 
 def pytest_configure(config):
-    # What takes minutes computes for longer than it compiles.
-    jax.config.update(QUICKLY, not (config.getoption("--optimised") or config.option.markexpr == "slow"))
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in a job in the background
         signal.signal(signal.SIGINT, signal.default_int_handler)
     # What is printed is as wide as on a terminal.
@@ -45,18 +43,23 @@ def pytest_configure(config):
 
 # What to run after a change, by the folder of a test and by what it says of itself; what is slow is asked for by that.
 AREAS = {"scene": "scenes", "physics": "physics", "solve": "physics", "hard": "physics", "findings": "physics"}
+# What these prove, they prove of the programs that users run.
+EXACT = {"physics", "solve", "hard"}
 DRAWS = re.compile("animation|axes|axis|colour|draw|figure|frame|painted|picture|report")
 
 
 def pytest_collection_modifyitems(items):
     for item in items:
+        folder = item.path.relative_to(Path(__file__).parent).parts[0]
+        if folder in EXACT:
+            item.add_marker("optimised")
         if item.get_closest_marker("slow"):
             continue
-        folder = item.path.relative_to(Path(__file__).parent).parts[0]
         item.add_marker(AREAS.get(folder, "commands"))
         if DRAWS.search(f"{item.path.stem} {item.originalname}"):
             item.add_marker("figures")
-    items.sort(key=lambda item: "optimised" in item.fixturenames)  # last, as what others compiled is lost with them
+    # Last, as what others compiled is lost with them.
+    items.sort(key=lambda item: item.get_closest_marker("optimised") is not None)
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -69,13 +72,11 @@ def _compiled_once(cache):
     compilation_cache.reset_cache()  # what was compiled before settled that there is none
 
 
-@pytest.fixture(scope="module")
-def optimised():
-    """Programs are compiled as for users: for tests that compute for long, or go by the last digits."""
-    quickly = jax.config.read(QUICKLY)
-    _compile(quickly=False)
-    yield
-    _compile(quickly=quickly)
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item):
+    # What takes minutes computes for longer than it compiles.
+    as_for_users = item.config.getoption("--optimised") or item.get_closest_marker("slow")
+    _compile(quickly=not (as_for_users or item.get_closest_marker("optimised")))
 
 
 def _compile(*, quickly: bool) -> None:

@@ -21,9 +21,6 @@ from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
 from drumsqueal.solve.linear.equilibrium import find_equilibrium
 from drumsqueal.solve.linear.steady import steady_sliding
 
-# Whether an equilibrium of odd proportions is found at all goes by the last digits of its forces.
-pytestmark = pytest.mark.usefixtures("optimised")
-
 # --- the search alone ------------------------------------------------------------------------------------------------
 
 
