@@ -1,36 +1,88 @@
 """Set-up that several test files share."""
 
+import hashlib
 import os
+import re
+import shutil
+import signal
 import sys
 from collections.abc import Callable
+from importlib.metadata import version
 from pathlib import Path
 
 import jax
 import pytest
 from jax.experimental.compilation_cache import compilation_cache
+from matplotlib.figure import Figure
 
-import drumsqueal.precision  # noqa: F401 (switches it on before any test, also where a file runs alone)
+import drumsqueal
+import drumsqueal.precision  # switches it on before any test, also where a file runs alone
 from drumsqueal import command_line as cli
+from drumsqueal.compilation import _processor
 from drumsqueal.interrupts import noted_interrupts
+from drumsqueal.questions.run import figures
 from drumsqueal.scene import Scene, load_scene
 
 # Error checks that are compiled in would hide behind NaN, or change what is compiled, were this set from outside.
 assert "EQX_ON_ERROR" not in os.environ, "unset EQX_ON_ERROR to run the tests"
 
+# XLA then leaves out most of what makes programs fast; what they compute is the same to round-off.
+QUICKLY = "jax_disable_most_optimizations"
+
+
+def pytest_addoption(parser):
+    parser.addoption("--optimised", action="store_true", help="compile as for users, which takes twice as long")
+
+
+def pytest_configure(config):
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in a job in the background
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+    # What is printed is as wide as on a terminal.
+    os.environ["COLUMNS"] = "80"
+
+
+# What to run after a change, by the folder of a test and by what it says of itself; what is slow is asked for by that.
+AREAS = {"scene": "scenes", "physics": "physics", "solve": "physics", "hard": "physics", "findings": "physics"}
+# What these prove, they prove of the programs that users run.
+EXACT = {"physics", "solve", "hard"}
+DRAWS = re.compile("animation|axes|axis|colour|draw|figure|frame|painted|picture|report")
+
+
+def pytest_collection_modifyitems(items):
+    for item in items:
+        folder = item.path.relative_to(Path(__file__).parent).parts[0]
+        if folder in EXACT:
+            item.add_marker("optimised")
+        if item.get_closest_marker("slow"):
+            continue
+        item.add_marker(AREAS.get(folder, "commands"))
+        if DRAWS.search(f"{item.path.stem} {item.originalname}"):
+            item.add_marker("figures")
+    # Last, as what others compiled is lost with them.
+    items.sort(key=lambda item: item.get_closest_marker("optimised") is not None)
+
 
 @pytest.fixture(scope="session", autouse=True)
-def _compiled_once(tmp_path_factory):
-    """What takes long to compile is compiled once in a session, also where several processes share it.
-
-    The folder is new in every session, so that nothing hangs on what an earlier one left.
-    """
-    folder = tmp_path_factory.getbasetemp()
-    if "PYTEST_XDIST_WORKER" in os.environ:
-        folder = folder.parent  # that of one process lies in that of all
-    jax.config.update("jax_compilation_cache_dir", str(folder / "compiled"))
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
+def _compiled_once(cache):
+    """What takes long to compile is compiled once, also where several processes share it."""
+    # Where the program keeps its own below a folder of caches.
+    jax.config.update("jax_compilation_cache_dir", str(cache / "drumsqueal" / _processor()))
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
     compilation_cache.reset_cache()  # what was compiled before settled that there is none
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item):
+    # What takes minutes computes for longer than it compiles.
+    as_for_users = item.config.getoption("--optimised") or item.get_closest_marker("slow")
+    _compile(quickly=not (as_for_users or item.get_closest_marker("optimised")))
+
+
+def _compile(*, quickly: bool) -> None:
+    if quickly != jax.config.read(QUICKLY):
+        jax.config.update(QUICKLY, quickly)
+        jax.clear_caches()  # they go by what is computed alone
 
 
 @pytest.fixture(autouse=True)
@@ -47,9 +99,31 @@ def nominal() -> Scene:
 
 
 @pytest.fixture(scope="session")
-def cache(tmp_path_factory) -> Path:
-    """Folder of compiled programs: only the first process that a test starts has to compile them."""
-    return tmp_path_factory.mktemp("cache")
+def cache(request, tmp_path_factory) -> Path:
+    """Folder of caches, with the compiled programs that a session's processes share and later sessions find again.
+
+    It goes by the sources and by what compiles them, so that nothing hangs on what others left.
+    """
+    digest = hashlib.sha256()
+    for source in sorted(Path(drumsqueal.__file__).parent.rglob("*.py")):
+        digest.update(source.read_bytes())
+    for name in ("jax", "jaxlib", "equinox", "diffrax"):
+        digest.update(version(name).encode())
+    kept = getattr(request.config, "cache", None)
+    if kept is None:  # as by `-p no:cacheprovider`
+        return tmp_path_factory.mktemp("cache")
+    folders = kept.mkdir("compiled")
+    for folder in folders.iterdir():
+        if folder.name != digest.hexdigest():
+            shutil.rmtree(folder, ignore_errors=True)
+    return folders / digest.hexdigest()
+
+
+@pytest.fixture
+def empty_figures(monkeypatch) -> None:
+    """Have runs draw empty figures, for tests of what else they do: to draw takes nine tenths of a short run."""
+    drawings = dict.fromkeys(figures._DRAWINGS, lambda view: Figure(figsize=(1, 1)))
+    monkeypatch.setattr(figures, "_DRAWINGS", drawings)
 
 
 @pytest.fixture(name="drumsqueal")

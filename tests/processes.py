@@ -6,6 +6,7 @@ import sys
 import time
 from pathlib import Path
 
+import jax
 import pytest
 
 MAIN = "from drumsqueal.__main__ import main; main()"
@@ -17,6 +18,9 @@ def start(cache: Path, *arguments: str, code: str = MAIN) -> subprocess.Popen:
     # Without what JAX has put into the environment of this process when it was imported.
     environment = {name: value for name, value in os.environ.items() if not name.startswith(("JAX_", "EQX_", "TF_"))}
     environment["XDG_CACHE_HOME"] = str(cache)
+    # Compiled as in this process: then it computes the same to the last bit.
+    quickly = "jax_disable_most_optimizations"
+    environment[quickly.upper()] = str(int(jax.config.read(quickly)))
     command = [sys.executable, "-c", code, *arguments]
     return subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 

@@ -27,6 +27,9 @@ value = st.floats(-1e3, 1e3)
 steps = st.lists(st.tuples(st.floats(1e-3, 10.0), value), min_size=1, max_size=6)
 
 
+at = jax.jit(jax.vmap(lambda profile, time: profile.at(time), in_axes=(None, 0)))  # compiled once a number of points
+
+
 @given(st.floats(-5.0, 5.0), value, steps)
 @settings(derandomize=True, max_examples=60, deadline=None)
 def test_a_profile_is_what_interpolation_gives(start, first, rest):
@@ -34,7 +37,7 @@ def test_a_profile_is_what_interpolation_gives(start, first, rest):
     values = np.array([first, *(v for _, v in rest)])
     profile = Profile(time, values)
     sought = np.concatenate([time, (time[1:] + time[:-1]) / 2, [time[0] - 1.0, time[-1] + 1.0]])
-    found, rate = (np.asarray(x) for x in jax.jit(jax.vmap(profile.at))(sought))
+    found, rate = (np.asarray(x) for x in at(profile, sought))
     np.testing.assert_allclose(found, np.interp(sought, time, values), rtol=1e-12, atol=1e-9)
     # The slope is that of the piece to the right; before the first and from the last point on there is none.
     slopes = np.append(np.diff(values) / np.diff(time), 0.0)

@@ -287,6 +287,10 @@ def test_shares_are_told_in_two_digits(share, text):
     assert percent(share) == text
 
 
+def only(effect: str):
+    return lambda scene: tuple(reduction for reduction in reductions_of(scene) if reduction.effect == effect)
+
+
 def test_a_reduced_scene_that_fails_is_needed_and_told(quick, monkeypatch):
     stream = variants.transient
 
@@ -296,13 +300,10 @@ def test_a_reduced_scene_that_fails_is_needed_and_told(quick, monkeypatch):
             raise IntegrationError("the shoe is gone")
 
     monkeypatch.setattr(variants, "transient", failing)
+    monkeypatch.setattr(effects, "reductions_of", only("support springs"))
     found = study_effects(quick)
     assert "support springs" in [reduction.effect for reduction in found.needed]
     assert "support springs → none: failed: the shoe is gone" in remarks(found)
-
-
-def only(effect: str):
-    return lambda scene: tuple(reduction for reduction in reductions_of(scene) if reduction.effect == effect)
 
 
 def test_a_reduced_scene_that_cannot_be_run_is_needed_and_told(quick, monkeypatch):

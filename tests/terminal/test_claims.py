@@ -277,7 +277,7 @@ def test_a_command_that_runs_holds_its_folder_from_the_start(cache, tmp_path):
     assert process.returncode == 1
     assert "jax" in errors
     assert not folder.exists()
-    stopped = "import os, signal; from drumsqueal.command_line import run; "
+    stopped = "import os, signal; from drumsqueal.questions.run import command as run; "
     stopped += f"run.stop_if_interrupted = lambda: (os.kill(os.getpid(), signal.SIGSTOP)); {MAIN}"
     process = start(cache, "run", NOMINAL, "-o", str(folder), code=stopped)
     wait_for(folder / LOCK)

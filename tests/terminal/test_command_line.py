@@ -73,6 +73,7 @@ def _without_none(tables: dict) -> dict:
     return {key: value for key, value in tables.items() if value is not None}
 
 
+@pytest.mark.usefixtures("empty_figures")
 def test_history_is_not_overwritten_unasked(drumsqueal, tmp_path):
     assert drumsqueal("run", NOMINAL, "-o", str(tmp_path), *SHORT)[0] == 0
     before = (tmp_path / "history.nc").read_bytes()
@@ -167,6 +168,7 @@ def test_a_folder_in_the_place_of_a_result_is_refused_before_anything_is_cleared
     assert (status, errors.count("is a folder")) == (2, 1)
 
 
+@pytest.mark.usefixtures("empty_figures")
 def test_no_name_of_a_scene_leads_out_of_the_folder_of_results(drumsqueal, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "...toml").write_text(Path(NOMINAL).read_text().replace("Nominal squeal", "../../elsewhere"))
@@ -176,6 +178,7 @@ def test_no_name_of_a_scene_leads_out_of_the_folder_of_results(drumsqueal, tmp_p
 
 
 @pytest.mark.parametrize("name", ["[red]x[/nope]", ":smile:"])
+@pytest.mark.usefixtures("empty_figures")
 def test_a_name_is_printed_as_it_is(drumsqueal, tmp_path, name):
     folder = tmp_path / name
     status, printed, errors = drumsqueal("run", NOMINAL, "-o", str(folder), *SHORT)
@@ -184,6 +187,7 @@ def test_a_name_is_printed_as_it_is(drumsqueal, tmp_path, name):
     assert str(folder) in drumsqueal("run", NOMINAL, "-o", str(folder), *SHORT)[2]
 
 
+@pytest.mark.usefixtures("empty_figures")
 def test_escapes_in_a_name_reach_no_terminal(drumsqueal, tmp_path):
     folder = tmp_path / "a\x1b[2J\udcffb"
     status, printed, errors = drumsqueal("run", NOMINAL, "-o", str(folder), *SHORT)

@@ -25,6 +25,7 @@ from drumsqueal.scene import Scene, load_scene
 from drumsqueal.terminal import style
 from processes import MAIN, posix, start, wait_for
 
+pytestmark = pytest.mark.usefixtures("empty_figures")
 NOMINAL = str(Path(__file__).parents[2] / "scenarios" / "nominal.toml")
 SHORT = ("--set", "simulate.duration=0.0301")  # three chunks, and a fourth of five samples
 SEED = 7

@@ -22,6 +22,7 @@ from drumsqueal.questions.run import answer, figures
 from drumsqueal.simulation import run
 from processes import MAIN, posix, start, wait_for
 
+pytestmark = pytest.mark.usefixtures("empty_figures")
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 NOMINAL = str(SCENARIOS / "nominal.toml")
 THREE_CHUNKS = ("--set", "simulate.duration=0.03")
@@ -140,8 +141,8 @@ def test_control_c_before_the_first_chunk(cache, tmp_path):
 
 
 @posix
-def test_second_start_compiles_nothing_and_control_c_keeps_data(cache, tmp_path):
-    first, second = tmp_path / "first", tmp_path / "second"
+def test_second_start_compiles_nothing_and_control_c_keeps_data(tmp_path):
+    first, second, cache = tmp_path / "first", tmp_path / "second", tmp_path / "cache"
     process = start(cache, "run", NOMINAL, "-o", str(first), "--set", "simulate.duration=0.002")
     _, errors = process.communicate(timeout=300)
     assert (process.returncode, errors) == (0, "")

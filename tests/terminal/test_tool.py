@@ -158,6 +158,7 @@ def test_completion_in_a_process_of_its_own():
 # Answers.
 
 
+@pytest.mark.usefixtures("empty_figures")
 def test_a_run_answers_as_json_alone_or_not_at_all(drumsqueal, tmp_path):
     status, printed, errors = drumsqueal("run", NOMINAL, "-o", str(tmp_path / "a"), *SHORT, "--json", "-")
     assert (status, errors) == (0, "")
