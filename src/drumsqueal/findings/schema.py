@@ -1,6 +1,8 @@
 """What every command finds, as one frozen model a question: made once, written as JSON, read back by the same class."""
 
 import json
+import math
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
@@ -12,6 +14,13 @@ from drumsqueal.findings.history import versions
 from drumsqueal.scene import Scene, SceneError, scene_from_dict
 
 LARGEST = 100 * 2**20  # bytes of a file of findings; those of the longest runs and studies have less than 1 MB
+
+
+class Outcome(StrEnum):
+    """Whether a study came to its end."""
+
+    COMPLETE = "complete"
+    CUT_OFF = "cut off"
 
 
 class Finding(BaseModel):
@@ -39,6 +48,8 @@ class Findings(Finding):
 
 Held = Field(default=None, exclude=True)
 """The default of a field that figures need and the file does not hold: it is None where findings were read."""
+Number = Annotated[float, BeforeValidator(lambda value: math.nan if value is None else value)]
+"""NaN where the file has null."""
 Found = TypeVar("Found", bound=BaseModel)
 
 
