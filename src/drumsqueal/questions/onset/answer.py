@@ -35,9 +35,8 @@ def print_study(console: Console, study: OnsetStudy) -> None:
     for row in study.in_order:
         if row.asked:
             kind = Text(row.kind, style=STYLES.get(row.kind, ""))
-            rate = row.largest_growth_rate_1_per_s
-            growth = f"{rate:+.2f}" if math.isfinite(rate) else "-"  # nothing oscillates
-            strongest = _shown(row.strongest, name) if row.strongest or not row.starts else ("-", "")
+            growth = "-" if row.growth_rate is None else f"{row.growth_rate:+.2f}"
+            strongest = ("-", "") if row.strongest is None else _shown(row.strongest, name)
             table.add_row(f"{along.shown(row.value):.5g}", kind, growth, *_after_small(row, name), *strongest)
     print_table(console, table)
     if any(row.smallest_kick for row in study.values):
@@ -103,7 +102,7 @@ def onset_table(study: OnsetStudy) -> str:
             study.variation.column: study.variation.listed(row.value),
             "kind": row.kind,
             "asked": "yes" if row.asked else "no",
-            "largest_growth_rate_1_per_s": _finite(row.largest_growth_rate_1_per_s),
+            "largest_growth_rate_1_per_s": row.growth_rate,
         }
         for label, values in modes.items():
             frequency, rate = values.get(row.value, (None, None))

@@ -232,8 +232,7 @@ def _legend(study: OnsetStudy) -> list[Line2D | Patch]:
 
 
 def _growth_limits(study: OnsetStudy) -> tuple[float, float]:
-    rates = [row.largest_growth_rate_1_per_s for row in study.values]
-    rates = [rate for rate in rates if np.isfinite(rate)]
+    rates = [row.growth_rate for row in study.values if row.growth_rate is not None]
     size = max(max(rates, default=1.0), -min(rates, default=-1.0))
     fastest = max((2 * np.pi * each for mode in study.modes for each in mode.frequency_Hz), default=0.0)
     if size <= UNDAMPED_SHARE * fastest:

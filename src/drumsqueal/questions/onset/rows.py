@@ -1,5 +1,6 @@
 """What a study of the onset has at each value, and the ranges that follow."""
 
+import math
 from collections.abc import Sequence
 from enum import StrEnum
 from itertools import pairwise
@@ -188,6 +189,12 @@ class Row(Finding):
         if leads & {Leads.UNDECIDED, Leads.RUNS_AWAY, Leads.FAILED}:
             return Kind.UNDECIDED
         return Kind.NEUTRAL if Leads.NEUTRAL in leads else Kind.STABLE
+
+    @property
+    def growth_rate(self) -> float | None:
+        """The largest Re λ (1/s), None where nothing oscillates or grows."""
+        rate = self.largest_growth_rate_1_per_s
+        return rate if math.isfinite(rate) else None
 
     @property
     def small(self) -> Ending | None:

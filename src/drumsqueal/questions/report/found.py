@@ -1,7 +1,5 @@
-"""What a page is made from: summary.json and onset.json as they were written, checked key by key."""
+"""What the page of a run is made from: summary.json as it was written, checked key by key."""
 
-import csv
-import io
 import json
 import math
 from pathlib import Path
@@ -12,9 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from drumsqueal.errors import RequestError
 from drumsqueal.files.ordinary import read_ordinary
 from drumsqueal.files.output_folder import HISTORY, ONSET_SUMMARY, ONSET_TABLE, SUMMARY
-from drumsqueal.findings.history import COMPLETE
 from drumsqueal.scene import Scene, SceneError, scene_from_dict
-from drumsqueal.scene.variation import Variation
 
 LARGEST = 100 * 2**20  # bytes of a summary or a table; those of the longest runs and studies have less than 1 MB
 
@@ -162,58 +158,6 @@ class Summary(_Found):
     versions: dict[str, str]
 
 
-class Parameter(_Found):
-    """The number that was varied; its values in SI, the unit in which they were given, and what that is in SI."""
-
-    key: str
-    unit: str
-    values: list[float] = Field(min_length=2)
-    given_unit: str = ""
-    given_unit_in_SI: float = Field(default=1.0, gt=0)
-
-    @property
-    def variation(self) -> Variation:
-        """The same as the command line takes it."""
-        return Variation(self.key, self.unit, tuple(self.values), self.given_unit, self.given_unit_in_SI)
-
-
-class Critical(_Found):
-    """A value at which a mode changes its stability."""
-
-    value: float
-    uncertainty: float
-    label: str
-    frequency_Hz: float
-    destabilises: bool
-
-
-class Range(_Found):
-    """A range of values of one kind; an end without uncertainty is one of what was asked for."""
-
-    kind: str
-    first: float
-    last: float
-    first_uncertainty: float | None
-    last_uncertainty: float | None
-
-
-class Onset(_Found):
-    """What is read of onset.json."""
-
-    outcome: str = COMPLETE
-    verdict: str | None
-    reservations: list[str]
-    parameter: Parameter
-    critical_values: list[Critical]
-    ranges: list[Range]
-    kicked_range_sought_within: float
-    smallest_kick_sought: bool
-    coordinates: list[str]
-    cycles: Any = None
-    scene: dict[str, Any]
-    versions: dict[str, str]
-
-
 RUN, ONSET = "run", "onset"
 Read = TypeVar("Read", bound=_Found)
 
@@ -262,28 +206,6 @@ def scene_of(path: Path, tables: dict[str, Any]) -> Scene:
     except SceneError as error:
         told = f"{path}: the scene in it is not one that this version of drumsqueal takes ({error})"
         raise RequestError(f"{told}; run the scene anew") from None
-
-
-def read_rows(path: Path) -> list[dict[str, str]]:
-    """The rows of onset.csv. Raises RequestError where a column that the page shows is missing."""
-    try:
-        text = io.StringIO(read_ordinary(path, LARGEST).decode(), newline="")
-        reader = csv.DictReader(text, restkey="", restval="")
-        rows, columns = list(reader), reader.fieldnames or ()
-    except (OSError, ValueError, csv.Error) as error:
-        raise RequestError(f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})") from None
-    wanted = (
-        "kind",
-        "asked",
-        "largest_growth_rate_1_per_s",
-        "small_start_leads_to",
-        "strongest_frequency_Hz",
-        "motions",
-    )
-    missing = [name for name in wanted if name not in columns]
-    if missing:
-        raise RequestError(f"{path}: it has no column {missing[0]}; study the onset anew with this version")
-    return rows
 
 
 def _version(data: Any) -> str:
