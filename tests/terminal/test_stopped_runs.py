@@ -339,8 +339,10 @@ def test_a_command_that_is_stopped_at_once_leaves_no_folder(drumsqueal, tmp_path
         raise KeyboardInterrupt
 
     step, *options = AT_ONCE[command]
-    importlib.import_module(f"drumsqueal.questions.{command}.job")
-    monkeypatch.setattr(f"drumsqueal.questions.{command}.job.{step}", pressed)
+    module = {"motion": "study", "onset": "study", "cycle": "search"}.get(command, "job")
+    home = f"drumsqueal.questions.{command}.{module}"
+    importlib.import_module(home)
+    monkeypatch.setattr(f"{home}.{step}", pressed)
     damped, folder = str(SCENARIOS / "damped.toml"), tmp_path / "deep" / "out"
     status, printed, errors = drumsqueal(command, damped, "-o", str(folder), *options)
     assert (status, printed) == (1, "")

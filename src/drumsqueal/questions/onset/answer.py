@@ -49,7 +49,7 @@ def print_study(console: Console, study: OnsetStudy) -> None:
     if study.cycles is not None:
         for note in study.cycles.notes:
             console.print(f"Not found: {note}", style="dim")
-        console.print(f"Limit cycles: {study.cycles.verdict}", style="bold")
+        console.print(study.cycles.verdict, style="bold")
 
 
 def _after_small(row: Row, name: str) -> tuple[str, str]:
