@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from drumsqueal.errors import CycleError, IntegrationError, SteadyStateError
-    from drumsqueal.findings.compare import Comparison, compare
+    from drumsqueal.findings.compare import RunFindings, compare
     from drumsqueal.physics.laws.custom_friction import TabulatedLaw
     from drumsqueal.physics.laws.friction_law import FrictionLaw
     from drumsqueal.physics.model import Model, build_model
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "solve.transient.batch": ("integrate_many",),
-    "findings.compare": ("Comparison", "compare"),
+    "findings.compare": ("RunFindings", "compare"),
     "physics.laws.custom_friction": ("TabulatedLaw",),
     "physics.laws.friction_law": ("FrictionLaw",),
     "errors": ("CycleError", "IntegrationError", "SteadyStateError"),
@@ -75,7 +75,6 @@ _HOME = {name: module for module, names in _HOMES.items() for name in names}
 
 __all__ = [
     "AccuracyStudy",
-    "Comparison",
     "CycleBranches",
     "CycleError",
     "CycleStudy",
@@ -92,6 +91,7 @@ __all__ = [
     "Playback",
     "Quieting",
     "Result",
+    "RunFindings",
     "Scene",
     "SceneError",
     "SensitivityStudy",

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from drumsqueal.errors import IntegrationError, SteadyStateError
 from drumsqueal.findings.history import COMPLETE, to_dataset
+from drumsqueal.findings.outcome import Ending, Outcome
 from drumsqueal.interrupts import noted_interrupts, stop_if_interrupted
 from drumsqueal.physics.composition import (
     ALL,
@@ -34,7 +35,7 @@ from drumsqueal.solve.linear.steady import coupling
 from drumsqueal.solve.transient.integrate import Checkpoint, Chunk, integrate
 
 if TYPE_CHECKING:
-    from drumsqueal.findings.compare import Comparison
+    from drumsqueal.findings.compare import RunFindings
 
 
 class Prepared(NamedTuple):
@@ -54,19 +55,17 @@ class Prepared(NamedTuple):
 
 
 class Result(NamedTuple):
-    """What a run leaves: the linear prediction, the history (xarray), the comparison, and how the run ended.
-
-    `inventory` says what the transient included and left out, `held` names the coordinates that the scene left out
-    though they would have moved.
-    """
+    """What a run leaves: the linear prediction, the history (xarray) and the findings, as `summary.json` holds them."""
 
     scene: Scene
     stability: Stability
     history: xarray.Dataset
-    comparison: Comparison
-    outcome: str
-    inventory: Inventory
-    held: tuple[str, ...]
+    findings: RunFindings
+
+    @property
+    def comparison(self) -> RunFindings:
+        """What was found, as `summary.json` holds it."""
+        return self.findings
 
 
 def prepare(scene: Scene, friction_law: FrictionLaw | Callable[[Array], Array] | None = None) -> Prepared:
@@ -151,28 +150,22 @@ def transient(prepared: Prepared, since: Checkpoint | None = None) -> Generator[
 
 def run(
     scene: Scene,
-    on_chunk: Callable[[Chunk], None] | None = None,
+    progress: Progress = silent,
     *,
     friction_law: FrictionLaw | Callable[[Array], Array] | None = None,
 ) -> Result:
     """Run a scene: `run(load_scene("scenarios/nominal.toml")).history` is its time history.
 
     `friction_law`, a function of the slip speed or a law with the method `coefficient`, replaces the scene's;
-    the history's attributes and the inventory say so. `on_chunk` is called with every chunk as it comes. Ctrl-C, which
-    waits for the end of a chunk, and a failed integration keep what was computed and say so in `outcome`. The whole
-    history is held in memory, some 200 bytes a sample. Raises SceneError for a scene that cannot be run, TypeError for
-    a law that JAX cannot trace, and IntegrationError when nothing was computed.
+    the history's attributes and the inventory say so. `progress` is called after every chunk with the time reached (s).
+    Ctrl-C, which waits for the end of a chunk, and a failed integration keep what was computed, and
+    `findings.outcome` says so. The whole history is held in memory, some 200 bytes a sample. Raises SceneError for a
+    scene that cannot be run, TypeError for a law that JAX cannot trace, and IntegrationError when nothing was computed.
     """
     prepared = prepare(scene, friction_law)
     check_sample_rate(prepared)
     chunks: list[Chunk] = []
-
-    def keep(chunk: Chunk) -> None:
-        if on_chunk is not None:
-            on_chunk(chunk)
-        chunks.append(chunk)
-
-    outcome = collect(prepared, keep)
+    outcome = collect(prepared, chunks.append, progress)
     return finish(prepared, chunks, outcome)
 
 
@@ -210,33 +203,39 @@ def follow(
                 return
 
 
-def collect(prepared: Prepared, keep: Callable[[Chunk], None], since: Checkpoint | None = None) -> str:
-    """Integrate to the end, to the first failure or to Ctrl-C, and return the outcome in words.
-
-    `keep` takes each chunk.
-    """
+def collect(
+    prepared: Prepared,
+    keep: Callable[[Chunk], None],
+    progress: Progress = silent,
+    since: Checkpoint | None = None,
+) -> Outcome:
+    """Integrate to the end, to the first failure or to Ctrl-C, and return the outcome; `keep` takes each chunk."""
     reached = None if since is None else since.intervals / prepared.scene.simulate.sample_rate
+
+    def take(chunk: Chunk) -> None:
+        nonlocal reached
+        keep(chunk)
+        reached = float(chunk.time[-1])
+        stop_if_interrupted()
+
     try:
-        with noted_interrupts(), closing(transient(prepared, since)) as stream:
-            for chunk in stream:
-                keep(chunk)
-                reached = float(chunk.time[-1])
-                stop_if_interrupted()
+        with noted_interrupts():
+            follow(prepared, take, progress, since=since)
     except IntegrationError as error:
-        return f"failed: {error}"
+        return Outcome(Ending.FAILED, f"failed: {error}")
     except KeyboardInterrupt:
-        told = "before the first samples were computed" if reached is None else f"after t = {reached:.6g} s"
-        return f"interrupted by the user {told}"
+        when = "before the first samples were computed" if reached is None else f"after t = {reached:.6g} s"
+        return Outcome(Ending.INTERRUPTED, f"interrupted by the user {when}")
     return COMPLETE
 
 
-def finish(prepared: Prepared, chunks: list[Chunk], outcome: str) -> Result:
+def finish(prepared: Prepared, chunks: list[Chunk], outcome: Outcome) -> Result:
     """Put the chunks into one history and compare it with the prediction."""
     if not chunks:
         raise IntegrationError(outcome)
     history = to_dataset(chunks, prepared.scene, prepared.model.names, outcome)
     if prepared.given_law:
-        history.attrs["friction_law"] = f"{prepared.given_law}, given in Python"
+        history.attrs["friction_law"] = prepared.given_law
     return compared(prepared, history)
 
 
@@ -245,6 +244,6 @@ def compared(prepared: Prepared, history: xarray.Dataset) -> Result:
     from drumsqueal.findings.compare import compare
     from drumsqueal.findings.quadrature import estimate_quadrature_error
 
-    error = estimate_quadrature_error(history, prepared.model, prepared.scene.simulate.tolerance)
-    comparison, outcome = compare(history, prepared.stability, prepared.linear, error), history.attrs["outcome"]
-    return Result(prepared.scene, prepared.stability, history, comparison, outcome, prepared.inventory, prepared.held)
+    error = estimate_quadrature_error(history, prepared.model)
+    findings = compare(history, prepared.stability, prepared.linear, error, prepared.held)
+    return Result(prepared.scene, prepared.stability, history, findings)

@@ -43,7 +43,9 @@ def test_what_is_held_moves_when_it_is_let_go(nominal):
     free = run(nominal.with_values(short | {"simulate.coordinates": ["X", "Y", "Z", "Tx", "Ty", "Tz"]}))
     moved = free.history["displacement"]
     largest = {str(name): float(np.abs(moved.sel(coordinate=name)).max()) for name in moved["coordinate"].values}
-    assert {name for name, size in largest.items() if size > 1e-15 and name != "Y"} == set(held.held)
+    assert {name for name, size in largest.items() if size > 1e-15 and name != "Y"} == set(
+        held.findings.held_though_they_would_move
+    )
 
 
 def test_the_inventory_of_the_nominal_scene(nominal):

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from drumsqueal import TabulatedLaw, build_model, growth_rate, run
-from drumsqueal.questions.run.summary import summarise
 from drumsqueal.solve.linear.modes import analyse_stability
 
 
@@ -99,8 +98,7 @@ def test_a_law_that_is_not_finite_at_slow_slip_is_refused(nominal):
 def test_history_and_inventory_say_that_a_law_was_given(nominal):
     result = run(nominal.with_values(SHORT), friction_law=exponential)
     assert result.history.attrs["friction_law"] == "exponential, given in Python"
-    assert "friction: law exponential, given in Python" in result.inventory.includes
-    assert "friction: law exponential, given in Python" in summarise(result)["model"]["includes"]
+    assert "friction: law exponential, given in Python" in result.findings.model["includes"]
     assert "friction_law" not in run(nominal.with_values(SHORT)).history.attrs
 
 

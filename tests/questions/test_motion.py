@@ -2,7 +2,6 @@
 
 import json
 import re
-from dataclasses import replace
 from functools import cache
 from types import SimpleNamespace
 from typing import Any
@@ -17,6 +16,7 @@ from drumsqueal.findings import decay
 from drumsqueal.findings.schema import read_findings
 from drumsqueal.findings.signals import Bases, Regime, classify, find_bases, find_lines
 from drumsqueal.findings.signals.lyapunov import Exponents, lyapunov_exponents, orthonormalised
+from drumsqueal.findings.signals.regime_words import Cause
 from drumsqueal.questions.motion import study as study_module
 from drumsqueal.questions.motion.attractor import Doubt, Kind, decide_attractor, describe_attractor
 from drumsqueal.questions.motion.figure import draw_section
@@ -159,8 +159,15 @@ def exponents(*values: float, error: float = 0.5) -> Exponents:
 
 
 def regime(kind, *bases: float, needed: float | None = None) -> Regime:
-    found = Regime(kind, None, bases, 0.1, 0.0, "As said.", tuple(1e-3 for _ in bases))
-    return replace(found, record_needed_s=needed)
+    return Regime(
+        kind=kind,
+        cause=Cause.TOO_SLOW,
+        base_frequencies_Hz=bases,
+        recurrence_error=0.1,
+        amplitude_drift=0.0,
+        base_uncertainties_Hz=tuple(1e-3 for _ in bases),
+        record_needed_s=needed,
+    )
 
 
 TORUS = regime("quasi-periodic", 900.0, 70.0)

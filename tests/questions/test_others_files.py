@@ -33,7 +33,7 @@ def ran(tmp_path_factory, nominal) -> Path:
     """The folder of a short run, without its figures."""
     from rich.console import Console
 
-    from drumsqueal.questions.run.job import run_into
+    from drumsqueal.questions.run.answer import run_into
     from drumsqueal.simulation import prepare
 
     folder = tmp_path_factory.mktemp("ran")

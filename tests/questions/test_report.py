@@ -21,6 +21,7 @@ from rich.console import Console
 from browser import BROWSER, Browser
 from drumsqueal.files.output_folder import FIGURES, ONSET_FILES, REPORT, RUN_FILES, figure_file
 from drumsqueal.files.saved_history import read_history
+from drumsqueal.findings.compare import RunFindings
 from drumsqueal.findings.saturated import Saturated
 from drumsqueal.findings.signals import amplitude_spectrum, peak_near
 from drumsqueal.physics.composition import ALL
@@ -32,11 +33,10 @@ from drumsqueal.questions.onset.study import study_onset
 from drumsqueal.questions.report import onset_page as onset_page_module
 from drumsqueal.questions.report import page
 from drumsqueal.questions.report import run_page as run_page_module
-from drumsqueal.questions.report.found import Summary
 from drumsqueal.questions.report.job import report_into
 from drumsqueal.questions.report.sound import RECORD_S, _played
 from drumsqueal.questions.report.words import figure_words
-from drumsqueal.questions.run import job as run_job
+from drumsqueal.questions.run import answer as run_job
 from drumsqueal.scene import load_scene
 from drumsqueal.scene.variation import read_variation
 from drumsqueal.simulation import prepare
@@ -793,7 +793,7 @@ def test_the_lines_of_stable_modes_are_not_called_unstable(run_folder, nominal):
     data = json.loads((run_folder / "summary.json").read_text())
     for mode in data["prediction"]["modes"]:
         mode["unstable"] = mode["name"] == "Y"
-    told = figure_words("spectrogram", Summary.model_validate(data), nominal)[1]
+    told = figure_words("spectrogram", RunFindings.model_validate(data), nominal)[1]
     unstable, stable = re.search(r"modes that move: unstable (.*?); stable (.*?)\.", told).groups()  # pyright: ignore
     assert re.fullmatch(r"Y \d+ Hz", unstable)
     assert re.fullmatch(r"X \d+ Hz, Tz \d+ Hz", stable)

@@ -353,13 +353,13 @@ def test_a_stuck_integration_keeps_what_it_has(nominal):
     assert chunks[0].steps == 400
 
     result = run(scene)
-    assert result.outcome == f"failed: {failure.value}"
-    assert result.history.attrs["outcome"] == result.outcome
+    assert result.findings.outcome == f"failed: {failure.value}"
+    assert result.history.attrs["outcome"] == result.findings.outcome
     time, displacement = result.history["time"].values, result.history["displacement"].values
     np.testing.assert_array_equal(time, chunks[0].time)
     assert 10 < time.size < 500
     np.testing.assert_allclose(time, np.arange(time.size) / 5e4, rtol=1e-15)
-    assert f"t = {time[-1]:.6g} s" in result.outcome
+    assert f"t = {time[-1]:.6g} s" in result.findings.outcome
     # What was kept is good: every tenth sample is one of the reference's.
     reference_time, wanted = load_reference("transient_inplane_large")
     kept = reference_time <= time[-1]

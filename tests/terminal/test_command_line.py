@@ -24,8 +24,8 @@ from drumsqueal.files.output_folder import (
 )
 from drumsqueal.questions.animate.file import GIF
 from drumsqueal.questions.export.formats import FORMATS
+from drumsqueal.questions.run.answer import run_into
 from drumsqueal.questions.run.bistable import bistable_words
-from drumsqueal.questions.run.job import run_into
 from drumsqueal.scene import load_scene, scene_from_dict
 from drumsqueal.scene.variation import read_variation
 from drumsqueal.simulation import prepare

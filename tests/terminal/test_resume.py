@@ -20,8 +20,9 @@ from drumsqueal.errors import IntegrationError
 from drumsqueal.files import history_file, output_folder, resumption
 from drumsqueal.files.claims import LOCK
 from drumsqueal.files.resumption import ResumeFile, find_point
-from drumsqueal.questions.run import results as results
+from drumsqueal.findings.outcome import Ending, Outcome
 from drumsqueal.scene import Scene, load_scene
+from drumsqueal.terminal import style
 from processes import MAIN, posix, start, wait_for
 
 NOMINAL = str(Path(__file__).parents[2] / "scenarios" / "nominal.toml")
@@ -210,7 +211,7 @@ def test_a_disk_that_fails_and_is_mended_loses_nothing(drumsqueal, tmp_path, uni
 
 def test_a_run_that_only_lacks_its_figures_gets_them(drumsqueal, tmp_path, uninterrupted, monkeypatch):
     with monkeypatch.context() as patch:
-        patch.setattr(results, "save_figures", lambda *_: (_ for _ in ()).throw(OSError(errno.ENOSPC, "No space left")))
+        patch.setattr(style, "save_figure", lambda *_: (_ for _ in ()).throw(OSError(errno.ENOSPC, "No space left")))
         assert drumsqueal("run", NOMINAL, "-o", str(tmp_path), *SHORT)[0] == 1
     assert drumsqueal("run", NOMINAL, "-o", str(tmp_path), *SHORT, "--resume")[0] == 0
     xarray.testing.assert_identical(load(tmp_path), uninterrupted)
@@ -341,7 +342,7 @@ def stopped(tmp_path_factory, nominal) -> Path:
         assert chunk.end is not None
         resume.note(resumption.Point(history.reached, chunk.end))
     resume.write()
-    history.end("interrupted by the user after t = 0.02 s")
+    history.end(Outcome(Ending.INTERRUPTED, "interrupted by the user after t = 0.02 s"))
     return folder
 
 

@@ -18,9 +18,7 @@ from drumsqueal.files.claims import claim_folder, claims_released
 from drumsqueal.files.output_folder import RUN_FILES, part_of
 from drumsqueal.interrupts import AGAIN as AGAIN_ENDS
 from drumsqueal.interrupts import ENDED, HEARD, noted_interrupts, stop_if_interrupted
-from drumsqueal.questions.run import figures
-from drumsqueal.questions.run import job as job
-from drumsqueal.questions.run import results as results
+from drumsqueal.questions.run import answer, figures
 from drumsqueal.simulation import run
 from processes import MAIN, posix, start, wait_for
 
@@ -77,7 +75,7 @@ def test_a_run_without_samples_keeps_the_prediction(drumsqueal, tmp_path, monkey
 
 
 def test_what_nobody_foresaw_is_told_in_one_line(drumsqueal, tmp_path, monkeypatch):
-    monkeypatch.setattr(results, "draw_all", lambda *_: 1 / 0)
+    monkeypatch.setattr(figures, "drawings", lambda *_: 1 / 0)
     status, _, errors = drumsqueal("run", NOMINAL, "-o", str(tmp_path), *THREE_CHUNKS)
     assert (status, errors) == (1, "drumsqueal: failed unexpectedly, ZeroDivisionError: division by zero\n")
     assert assert_whole(tmp_path, "complete") == 1501
@@ -179,7 +177,7 @@ def test_control_c_while_a_chunk_is_written(drumsqueal, tmp_path, monkeypatch):
     assert assert_whole(tmp_path, outcome) == 1001
 
 
-@pytest.mark.parametrize(("module", "step"), [(job, "compared"), (results, "draw_all")])
+@pytest.mark.parametrize(("module", "step"), [(answer, "compared"), (figures, "drawings")])
 def test_control_c_after_the_integration(drumsqueal, tmp_path, monkeypatch, module, step):
     function = getattr(module, step)
     monkeypatch.setattr(module, step, lambda *arguments: (press(), function(*arguments))[1])
@@ -192,7 +190,7 @@ def test_control_c_after_the_integration(drumsqueal, tmp_path, monkeypatch, modu
 
 
 def test_control_c_again_while_an_interrupted_run_is_written_out_tells_how_to_go_on(drumsqueal, tmp_path, monkeypatch):
-    write, compare = history_file.fill, job.compared
+    write, compare = history_file.fill, answer.compared
 
     def interrupted(path, places, first, values):
         write(path, places, first, values)
@@ -200,13 +198,13 @@ def test_control_c_again_while_an_interrupted_run_is_written_out_tells_how_to_go
             press()
 
     monkeypatch.setattr(history_file, "fill", interrupted)
-    monkeypatch.setattr(job, "compared", lambda *arguments: (press(), compare(*arguments))[1])
+    monkeypatch.setattr(answer, "compared", lambda *arguments: (press(), compare(*arguments))[1])
     arguments = ("run", NOMINAL, "-o", str(tmp_path), *THREE_CHUNKS)
     status, _, errors = drumsqueal(*arguments)
     told = f"interrupted by the user; the history is in {tmp_path / 'history.nc'}; {AGAIN}"
     assert (status, errors) == (1, f"drumsqueal: {told}\n")
     monkeypatch.setattr(history_file, "fill", write)
-    monkeypatch.setattr(job, "compared", compare)
+    monkeypatch.setattr(answer, "compared", compare)
     assert drumsqueal(*arguments, "--resume")[0] == 0
     assert assert_whole(tmp_path, "complete") == 1501
 
@@ -273,12 +271,14 @@ def test_a_disk_that_fails_keeps_what_was_computed(drumsqueal, tmp_path, monkeyp
     assert {path.name for path in tmp_path.iterdir()} <= set(RUN_FILES)
 
 
-@pytest.mark.parametrize("writer", ["write_json", "save_figures"])
+@pytest.mark.parametrize(
+    "writer", ["drumsqueal.questions.run.answer.write_json", "drumsqueal.terminal.style.save_figure"]
+)
 def test_a_disk_without_room_for_the_results_keeps_the_history(drumsqueal, tmp_path, monkeypatch, writer):
     def fail(*_):
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(results, writer, fail)
+    monkeypatch.setattr(f"drumsqueal.{writer}", fail)
     status, printed, errors = drumsqueal("run", NOMINAL, "-o", str(tmp_path), *THREE_CHUNKS)
     cause = f"failed: the disk does not take the results ({tmp_path}: No space left on device)"
     assert (status, printed) == (1, "")
@@ -317,7 +317,7 @@ def test_a_press_that_was_not_granted_ends_nothing_later(nominal, monkeypatch):
         patch.setattr(simulation, "integrate", pressed_and_failed)
         with pytest.raises(IntegrationError, match="failed at once"):
             run(short)
-    assert run(short).outcome == "complete"
+    assert run(short).findings.outcome == "complete"
 
 
 # --- before anything is written -------------------------------------------------------------------------------------

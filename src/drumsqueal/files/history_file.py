@@ -17,15 +17,21 @@ import xarray
 
 from drumsqueal.files.in_place import fill, fixed_text, opened, placed, variable
 from drumsqueal.files.output_folder import part_of
-from drumsqueal.findings.history import columns, empty_dataset
+from drumsqueal.findings.history import RUNNING, columns, empty_dataset
+from drumsqueal.findings.outcome import Ending, Outcome
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import Scene
 from drumsqueal.solve.transient.integrate import Chunk
 
-RUNNING = "incomplete: the run was cut off without a word"
 _LONGEST = 512  # bytes of the outcome in the file: of fixed length, so that it can be changed in place
+_WORD = 16  # bytes of its ending
 # Shape and type in the file of the attributes that change.
-_TOLD = {"steps": ((1,), np.dtype("i8")), "rejected_steps": ((1,), np.dtype("i8")), "outcome": ((), f"S{_LONGEST}")}
+_TOLD = {
+    "steps": ((1,), np.dtype("i8")),
+    "rejected_steps": ((1,), np.dtype("i8")),
+    "outcome": ((), f"S{_LONGEST}"),
+    "ending": ((), f"S{_WORD}"),
+}
 _STRUCTURE = 64 * 2**10  # bytes; more than twice what HDF5 has been seen to take beside data and attributes
 _BLOCK = 2**16  # samples at a time, where many are written: half a MB a signal
 
@@ -75,7 +81,7 @@ class HistoryFile:
             _tell(path, after, self._so_far(after))
         self.reached = after
 
-    def end(self, outcome: str) -> None:
+    def end(self, outcome: Outcome) -> None:
         """Write how the run ended, and cut off what it has not computed; nothing where there is no file."""
         if not self.exists:
             return
@@ -91,13 +97,13 @@ class HistoryFile:
         with xarray.open_dataset(self.path, engine="h5netcdf", cache=False) as whole:
             yield whole.isel(time=slice(self.reached.samples))
 
-    def _so_far(self, reached: Reached) -> str:
+    def _so_far(self, reached: Reached) -> Outcome:
         """The outcome of a run that is killed before it has any."""
         last = (reached.samples - 1) / self._scene.simulate.sample_rate
         samples = f"{reached.samples} of {self._rows} samples were computed, the others are NaN"
-        return f"{RUNNING} after t = {last:.6g} s; {samples}"
+        return Outcome(Ending.CUT_OFF, f"{RUNNING} after t = {last:.6g} s; {samples}")
 
-    def _rewrite(self, rows: int, outcome: str) -> None:
+    def _rewrite(self, rows: int, outcome: Outcome) -> None:
         """Put a file of so many rows, with the samples computed, in the place of this one."""
         with self._anew(rows) as (part, places), opened(self.path, "r") as source:
             for first, stop in _blocks(self.reached.samples):
@@ -168,12 +174,13 @@ def _find_places(file: h5py.File) -> dict[str, int]:
     return {str(name): variable(file, str(name)).id.get_offset() for name in file if name != "coordinate"}
 
 
-def _tell(path: Path, reached: Reached, outcome: str) -> None:
+def _tell(path: Path, reached: Reached, outcome: Outcome) -> None:
     """Write how far the run has come, and how it ended should that be all."""
     with opened(path) as file:
         file.attrs.modify("steps", np.int64(reached.steps))
         file.attrs.modify("rejected_steps", np.int64(reached.rejected_steps))
         file.attrs.modify("outcome", fixed_text(outcome, _LONGEST))
+        file.attrs.modify("ending", fixed_text(outcome.ending, _WORD))
 
 
 def _blocks(rows: int) -> Iterator[tuple[int, int]]:

@@ -20,7 +20,8 @@ from drumsqueal.files.history_file import Reached
 from drumsqueal.files.in_place import opened, own_variable, read_texts, variable
 from drumsqueal.files.ordinary import read_ordinary
 from drumsqueal.files.output_folder import HISTORY, RESUME, write_whole
-from drumsqueal.findings.history import COMPLETE, MOTION, SIGNALS, empty_dataset, versions
+from drumsqueal.findings.history import MOTION, SIGNALS, empty_dataset, versions
+from drumsqueal.findings.outcome import Ending
 from drumsqueal.physics.composition import kept_coordinates
 from drumsqueal.precision import real
 from drumsqueal.scene import Scene, scene_from_dict
@@ -94,7 +95,7 @@ def find_point(folder: Path, scene: Scene) -> Point:
     if there != scene:
         raise RequestError(f"{folder}: {difference(there, scene)}; resume with the scene as it was run, or {_ANEW}")
     if not file.exists():
-        raise RequestError(f"{folder}: {_why_not(attributes['outcome'])}")
+        raise RequestError(f"{folder}: {_why_not(Ending(attributes['ending']), attributes['outcome'])}")
     if attributes["versions"] != json.dumps(versions()):
         raise RequestError(f"{folder}: {changed_versions(attributes['versions'])}; go back to those, or {_ANEW}")
     try:
@@ -114,7 +115,7 @@ def _read_history(path: Path, template: xarray.Dataset) -> tuple[int, dict[str, 
         for name, values in template.variables.items():
             shape = tuple(rows if dimension == "time" else template.sizes[dimension] for dimension in values.dims)
             own_variable(file, str(name), shape)
-    return rows, read_texts(path, ("scene", "versions", "outcome"))
+    return rows, read_texts(path, ("scene", "versions", "outcome", "ending"))
 
 
 def _is_computed(path: Path, row: int) -> bool:
@@ -122,10 +123,10 @@ def _is_computed(path: Path, row: int) -> bool:
         return all(np.isfinite(variable(file, name)[row]).all() for name in (*MOTION, *SIGNALS))
 
 
-def _why_not(outcome: str) -> str:
-    if outcome == COMPLETE:
+def _why_not(ending: Ending, outcome: str) -> str:
+    if ending is Ending.COMPLETE:
         return "the run is complete, there is nothing to resume"
-    if outcome.startswith("failed"):
+    if ending is Ending.FAILED:
         return f"the run {outcome}, and would fail there again; change the scene, or {_ANEW}"
     return f"there is no {RESUME}, without which the run cannot be resumed; {_ANEW}"
 

@@ -11,7 +11,8 @@ import xarray
 from drumsqueal.errors import RequestError
 from drumsqueal.files.in_place import as_text, content_of, opened, variable
 from drumsqueal.files.output_folder import history_file
-from drumsqueal.findings.history import COMPLETE, MOTION, SIGNALS
+from drumsqueal.findings.history import MOTION, SIGNALS
+from drumsqueal.findings.outcome import Ending, Outcome
 from drumsqueal.scene import COORDINATES, Scene, SceneError, scene_from_dict
 
 UNEVEN = 1e-6  # of a sampling interval, that a sample may lie off its place; round-off is below 1e-9 in an hour
@@ -32,9 +33,9 @@ class SavedHistory(NamedTuple):
         return (time.size - 1) / float(time[-1] - time[0])
 
     @property
-    def outcome(self) -> str:
-        """How the run ended, in words; "complete" where it got to its end."""
-        return str(self.data.attrs["outcome"])
+    def outcome(self) -> Outcome:
+        """How the run ended."""
+        return Outcome(Ending(self.data.attrs["ending"]), self.data.attrs["outcome"])
 
     @property
     def given_law(self) -> bool:
@@ -44,7 +45,7 @@ class SavedHistory(NamedTuple):
     @property
     def complete(self) -> bool:
         """Whether the run got to its end."""
-        return self.outcome == COMPLETE
+        return self.outcome.ending is Ending.COMPLETE
 
 
 def read_history(path: Path) -> SavedHistory:
@@ -99,7 +100,8 @@ def _load(path: Path) -> tuple[xarray.Dataset, Scene]:
     dimensions = dict.fromkeys(SIGNALS, ("time",)) | dict.fromkeys(MOTION, ("time", "coordinate"))
     if any(data[name].dims != wanted for name, wanted in dimensions.items()):
         raise ValueError("dimensions")
-    data.attrs["outcome"] = as_text(data.attrs["outcome"])
+    data.attrs |= {name: as_text(data.attrs[name]) for name in ("outcome", "ending")}
+    Ending(data.attrs["ending"])  # or it is no history of ours
     return data, scene_from_dict(tomllib.loads(as_text(data.attrs["scene"])))
 
 

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from drumsqueal.findings.departure import Departure, changes, edge_share
 from drumsqueal.findings.signals import STEADY, Regime
 from drumsqueal.findings.signals.regime import Kind
+from drumsqueal.findings.signals.regime_words import Cause
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.linear.modes import NEUTRAL_SHARE, Mode, Stability
 
@@ -40,22 +41,26 @@ def decay_to_rest(
     `modes` are those that take part; all of them must decay. Rest stays rest, and what is left of it grows no more.
     """
     mode = slowest(stability, modes)
-    if regime.kind not in ("unknown", "steady") or mode is None or model.forced or changes(model, departure.time[part]):
+    if (
+        regime.kind not in (Kind.UNKNOWN, Kind.STEADY)
+        or mode is None
+        or model.forced
+        or changes(model, departure.time[part])
+    ):
         return regime
-    slow = f"every mode decays, {mode.label} slowest at {mode.growth_rate:.4g} 1/s".replace("-", "−")
     share = float(edge_share(departure, model)[part].max())
-    if regime.kind == "steady" or share < STEADY:
-        reason = regime.reason.split(":")[0] if regime.kind == "steady" else "Nothing moves"
-        return _steady(regime, f"{reason}: what is left is {share:.2g} of what reaches an edge, and {slow}.")
+    if regime.kind is Kind.STEADY or share < STEADY:
+        return _steady(regime, Cause.RESIDUAL_MOTION, mode, boundary_fraction=share)
     rate = _rate(departure, part, stability.mass)
     if not is_decaying(share, rate, mode.growth_rate):
         return regime
-    told = f"the rms velocity changes by {rate:.4g} 1/s".replace("-", "−")
-    return _steady(regime, f"The motion decays to rest: below the edges {told}, and {slow}.")
+    return _steady(regime, Cause.DECAYS, mode, rate_1_per_s=rate)
 
 
-def _steady(regime: Regime, reason: str) -> Regime:
-    return Regime(Kind.STEADY, None, (), None, regime.amplitude_drift, reason)
+def _steady(regime: Regime, cause: Cause, mode: Mode, **numbers: float) -> Regime:
+    numbers["mode_growth_rate_1_per_s"] = mode.growth_rate
+    drift = regime.amplitude_drift
+    return Regime(kind=Kind.STEADY, cause=cause, numbers=numbers, mode=mode.label, amplitude_drift=drift)
 
 
 def _rate(departure: Departure, part: slice, mass: NDArray[np.float64]) -> float:

@@ -1,48 +1,63 @@
 """How the frequency of the leading mode goes from its onset to the saturated motion, and why."""
 
-from typing import NamedTuple
-
 import numpy as np
+from pydantic import computed_field
 
 from drumsqueal.findings.departure import Departure
+from drumsqueal.findings.part import Finding, Held
 from drumsqueal.findings.saturation import Saturation
 from drumsqueal.findings.signals import Ridge, follow_line
-from drumsqueal.findings.softening import Softening, explain_frequency
+from drumsqueal.findings.softening import explain_frequency
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.linear.modes import Stability
 
+MOST_INSTANTS = 100  # of the frequency over time that are written down
 PERIODS = 16.0  # a window over which the frequency is a mean
 ROOM = 1.5  # the line is looked for from the lower of the two frequencies over this to the higher one times it
 
 
-class FrequencyDrift(NamedTuple):
+class OverTime(Finding):
+    """A frequency over time."""
+
+    time_s: tuple[float, ...]
+    frequency_Hz: tuple[float, ...]
+
+
+class FrequencyDrift(Finding):
     """The frequency (Hz) of a mode at onset (predicted), in the saturated motion (its line), and over time.
 
-    `ridge` follows the strongest line of `coordinate` about it; `softening` is what the contact as it was on average
-    makes of the mode's frequency.
+    `over_time` has some instants of `ridge`, which follows the strongest line of `coordinate` about it. What the
+    contact as it was on average makes of the mode's frequency is predicted with loss of contact alone, with friction as
+    it acted, and by the cruder onset frequency × √(mean fraction of the lining in contact).
     """
 
     mode: str
     coordinate: str
     onset_Hz: float
     saturated_Hz: float
-    ridge: Ridge
-    softening: Softening
+    predicted_by_contact_loss_Hz: float
+    predicted_with_friction_Hz: float
+    predicted_by_root_of_contact_share_Hz: float
+    over_time: OverTime
+    ridge: Ridge | None = Held
 
+    @computed_field
     @property
     def shift(self) -> float:
         """Saturated frequency over that at onset, less 1."""
         return self.saturated_Hz / self.onset_Hz - 1
 
+    @computed_field
     @property
-    def contact_loss_shift(self) -> float:
+    def predicted_by_contact_loss_shift(self) -> float:
         """What the loss of contact alone predicts of it."""
-        return self.softening.contact_loss_Hz / self.onset_Hz - 1
+        return self.predicted_by_contact_loss_Hz / self.onset_Hz - 1
 
+    @computed_field
     @property
-    def predicted_shift(self) -> float:
+    def predicted_with_friction_shift(self) -> float:
         """What contact and friction as they were on average predict."""
-        return self.softening.with_friction_Hz / self.onset_Hz - 1
+        return self.predicted_with_friction_Hz / self.onset_Hz - 1
 
 
 def follow_frequency(
@@ -65,4 +80,16 @@ def follow_frequency(
     softening = explain_frequency(departure, part, model, stability.steady_state, mode, saturation.contact_fraction)
     if not np.all(np.isfinite(softening)):
         return None
-    return FrequencyDrift(mode.label, main.coordinate, mode.frequency_Hz, main.frequency_Hz, ridge, softening)
+    every = max(1, -(-ridge.time_s.size // MOST_INSTANTS))
+    some = (tuple(values[::every].tolist()) for values in (ridge.time_s, ridge.frequency_Hz))
+    return FrequencyDrift(
+        mode=mode.label,
+        coordinate=main.coordinate,
+        onset_Hz=mode.frequency_Hz,
+        saturated_Hz=main.frequency_Hz,
+        predicted_by_contact_loss_Hz=softening.contact_loss_Hz,
+        predicted_with_friction_Hz=softening.with_friction_Hz,
+        predicted_by_root_of_contact_share_Hz=softening.by_share_Hz,
+        over_time=OverTime(**dict(zip(("time_s", "frequency_Hz"), some, strict=True))),
+        ridge=ridge,
+    )

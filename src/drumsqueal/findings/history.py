@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import xarray
 
+from drumsqueal.findings.outcome import COMPLETE, Ending, Outcome
 from drumsqueal.scene import COORDINATES, Scene
 from drumsqueal.solve.transient.integrate import Chunk
 
@@ -34,8 +35,10 @@ SIGNALS = {
     "potential_energy": ("J", "energy stored in lining, supports and preload, relative to q = 0"),
     "energy_balance_error": ("J", "change of stored energy less the work that friction, damping and loads fed in"),
 }
-COMPLETE = "complete"
+RUNNING = Outcome(Ending.CUT_OFF, "incomplete: the run was cut off without a word")
 _PACKAGES = ("drumsqueal", "jax", "jaxlib", "diffrax", "equinox", "numpy", "scipy", "xarray")
+
+__all__ = ["COMPLETE", "MOTION", "RUNNING", "SIGNALS", "columns", "empty_dataset", "to_dataset", "versions"]
 
 
 def versions() -> dict[str, str]:
@@ -43,7 +46,7 @@ def versions() -> dict[str, str]:
     return {"python": platform.python_version()} | {name: importlib.metadata.version(name) for name in _PACKAGES}
 
 
-def to_dataset(chunks: Sequence[Chunk], scene: Scene, kept: Sequence[str], outcome: str) -> xarray.Dataset:
+def to_dataset(chunks: Sequence[Chunk], scene: Scene, kept: Sequence[str], outcome: Outcome) -> xarray.Dataset:
     """Put the chunks of one run, over the kept coordinates, into one Dataset; left-out coordinates are zero.
 
     Dimensions time (s) and coordinate (six names). The scene as it was run, the versions and the outcome are in the
@@ -58,7 +61,7 @@ def to_dataset(chunks: Sequence[Chunk], scene: Scene, kept: Sequence[str], outco
 def empty_dataset(scene: Scene) -> xarray.Dataset:
     """The same of a run that has not begun: no samples, no steps, no outcome."""
     wide, narrow = np.empty((0, len(COORDINATES))), np.empty(0)
-    return _dataset(dict.fromkeys(MOTION, wide) | dict.fromkeys(("time", *SIGNALS), narrow), scene, "", 0, 0)
+    return _dataset(dict.fromkeys(MOTION, wide) | dict.fromkeys(("time", *SIGNALS), narrow), scene, RUNNING, 0, 0)
 
 
 def columns(chunk: Chunk, kept: Sequence[str]) -> dict[str, np.ndarray]:
@@ -69,7 +72,7 @@ def columns(chunk: Chunk, kept: Sequence[str]) -> dict[str, np.ndarray]:
 
 
 def _dataset(
-    values: Mapping[str, np.ndarray], scene: Scene, outcome: str, steps: int, rejected_steps: int
+    values: Mapping[str, np.ndarray], scene: Scene, outcome: Outcome, steps: int, rejected_steps: int
 ) -> xarray.Dataset:
     data: dict[str, tuple[tuple[str, ...], np.ndarray, dict[str, str]]] = {}
     for name, (units, meaning) in MOTION.items():
@@ -84,7 +87,8 @@ def _dataset(
         "title": scene.title,
         "scene": scene.to_toml(),
         "versions": json.dumps(versions()),
-        "outcome": outcome,
+        "outcome": str(outcome),
+        "ending": outcome.ending.value,
         "steps": steps,
         "rejected_steps": rejected_steps,
         "measured_from": "q = 0 of the model; a self-consistent steady state shows as an offset",

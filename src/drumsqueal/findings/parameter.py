@@ -4,7 +4,7 @@ from typing import Self
 
 from pydantic import Field
 
-from drumsqueal.findings.schema import Finding
+from drumsqueal.findings.part import Finding
 from drumsqueal.scene.variation import Variation
 
 

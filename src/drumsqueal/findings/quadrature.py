@@ -4,7 +4,6 @@ The energy balance cannot tell, for it takes its forces and its friction power f
 """
 
 import dataclasses
-from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -25,18 +24,10 @@ IN_PLANE = IndependentSurface(TANH_SINH, spatial=False, panels=32)
 IN_SPACE = AreaSurface(along=36, across=18, sections=5, always_split=True)
 
 
-class QuadratureError(NamedTuple):
-    """Largest error of normal force, and of brake torque over R, as a fraction of the largest normal force.
+def estimate_quadrature_error(history: xarray.Dataset, model: Model) -> float | None:
+    """Estimate the largest error of normal force, and of brake torque over R, over the largest normal force.
 
-    It is to be well below the run's relative tolerance.
-    """
-
-    fraction: float
-    tolerance: float
-
-
-def estimate_quadrature_error(history: xarray.Dataset, model: Model, tolerance: float) -> QuadratureError | None:
-    """Estimate it at some instants of a history; `model` is that of the transient.
+    It is to be well below the run's relative tolerance. `model` is that of the transient.
 
     None where the lining never slips or nothing presses it.
     """
@@ -64,7 +55,7 @@ def estimate_quadrature_error(history: xarray.Dataset, model: Model, tolerance: 
         np.abs(history[name].values[instants] - np.asarray(getattr(found, name))) / reach
         for name, reach in (("normal_force", 1.0), ("brake_torque", radius))
     )
-    return QuadratureError(float(max(error.max() for error in errors)) / largest, tolerance)
+    return float(max(error.max() for error in errors)) / largest
 
 
 @compiled

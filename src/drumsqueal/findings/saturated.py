@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from drumsqueal.errors import IntegrationError
 from drumsqueal.findings.edges import edge_shares
 from drumsqueal.findings.history import COMPLETE
+from drumsqueal.findings.outcome import Ending, Outcome
 from drumsqueal.findings.signals import amplitude_spectrum, spectral_peaks
 from drumsqueal.physics.model import Model
 from drumsqueal.progress import Progress, silent
@@ -188,7 +189,7 @@ def _alone(part: _Part, model: Model, steady: NDArray[np.float64], progress: Pro
                 progress(WHAT, float(chunk.time[-1]), how["duration"])
                 part.add(chunk.displacement - steady, chunk.velocity)
     except IntegrationError as error:
-        part.outcome = f"failed: {error}"
+        part.outcome = Outcome(Ending.FAILED, f"failed: {error}")
 
 
 def _looked_at(part: _Part, model: Model, sample_rate: float) -> Saturated:

@@ -1,6 +1,6 @@
 """The motion after growth: its kind, its main lines, its size, and how far its frequency lies from the onset's."""
 
-from dataclasses import replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -9,7 +9,10 @@ from numpy.typing import NDArray
 
 from drumsqueal.findings.decay import decay_to_rest
 from drumsqueal.findings.departure import Departure, changes, levers
+from drumsqueal.findings.part import Finding
 from drumsqueal.findings.signals import PERIODS_NEEDED, STEADY, Regime, classify, spectral_peaks
+from drumsqueal.findings.signals.regime import Kind
+from drumsqueal.findings.signals.regime_words import Cause
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.linear.modes import Mode, Stability
 
@@ -18,7 +21,8 @@ FEWEST_SAMPLES = 64  # of the saturated part
 PEAKS, PEAK_FLOOR = 8, 1e-2  # lines a coordinate at most, and their smallest amplitude over the strongest
 
 
-class Line(NamedTuple):
+@dataclass(frozen=True)
+class Line:
     """One line in the spectrum of a coordinate's displacement (m or rad)."""
 
     coordinate: str
@@ -39,7 +43,7 @@ class Motion(NamedTuple):
     main: Line | None
 
 
-class Saturation(NamedTuple):
+class Saturation(Finding):
     """The motion after growth: from when (s), of which kind, its lines and half its peak-to-peak values (m, rad).
 
     `main` is the line that holds most kinetic energy, `nearest_mode` the unstable mode whose onset frequency it is
@@ -59,7 +63,7 @@ class Saturation(NamedTuple):
     @property
     def vibrates(self) -> bool:
         """Whether it has settled to a motion that goes on."""
-        return self.regime.kind not in ("unknown", "steady")
+        return self.regime.kind not in (Kind.UNKNOWN, Kind.STEADY)
 
 
 def saturated_part(time: NDArray[np.float64], edge: float) -> slice:
@@ -89,9 +93,9 @@ def describe_saturation(
     scale = size_of_motion(departure, stability, model)
     regime = classify(departure.displacement_in(part), departure.sample_rate, scale=scale, lowest_frequency=lowest)
     regime = decay_to_rest(regime, departure, part, stability, modes, model)
-    drifts = regime.kind == "unknown" and regime.amplitude_drift is not None
+    drifts = regime.kind is Kind.UNKNOWN and regime.amplitude_drift is not None
     if drifts and changes(model, departure.time[part]):
-        regime = replace(regime, reason="Drum speed or load change, and the motion with them.")
+        regime = regime.model_copy(update={"cause": Cause.BRAKE_CHANGES})
     motion = describe_motion(departure, part, stability, model)
     main = motion.main
     mode = _nearest(main, modes) if main is not None and modes else None

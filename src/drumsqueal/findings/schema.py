@@ -1,32 +1,18 @@
 """What every command finds, as one frozen model a question: made once, written as JSON, read back by the same class."""
 
 import json
-import math
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainSerializer, ValidationError, computed_field
+from pydantic import BaseModel, BeforeValidator, Field, PlainSerializer, ValidationError, computed_field
 
 from drumsqueal.errors import RequestError
 from drumsqueal.files.ordinary import read_ordinary
 from drumsqueal.findings.history import versions
+from drumsqueal.findings.part import Finding
 from drumsqueal.scene import Scene, SceneError, scene_from_dict
 
 LARGEST = 100 * 2**20  # bytes of a file of findings; those of the longest runs and studies have less than 1 MB
-
-
-class Outcome(StrEnum):
-    """Whether a study came to its end."""
-
-    COMPLETE = "complete"
-    CUT_OFF = "cut off"
-
-
-class Finding(BaseModel):
-    """A part of what was found. Keys that are not named are left aside: a newer version may add some."""
-
-    model_config = ConfigDict(frozen=True, arbitrary_types_allowed=True)
 
 
 def _scene(value: Any) -> Any:
@@ -46,10 +32,6 @@ class Findings(Finding):
         return self.scene.title
 
 
-Held = Field(default=None, exclude=True)
-"""The default of a field that figures need and the file does not hold: it is None where findings were read."""
-Number = Annotated[float, BeforeValidator(lambda value: math.nan if value is None else value)]
-"""NaN where the file has null."""
 Found = TypeVar("Found", bound=BaseModel)
 
 

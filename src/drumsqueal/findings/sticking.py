@@ -1,29 +1,34 @@
-"""When the lining sticks to the drum as a whole, as the samples of a history tell."""
-
-from typing import NamedTuple
+"""When the whole lining sticks to the drum, as the samples of a history show."""
 
 import numpy as np
 import xarray
 
+from drumsqueal.findings.part import Finding
 
-class Sticking(NamedTuple):
-    """Share of the time in which the lining sticks, and the first and last time (s) of each spell of it.
 
-    A spell begins and ends with samples that stick; one of a single sample has no length. `to_the_end` tells whether
-    the last of them lasts to the end of the record.
+class Sticking(Finding):
+    """Fraction of the time in which the lining sticks, how often it does, and since when (s).
+
+    A spell begins and ends with samples that stick; one of a single sample has no length. `first_s` is when the first
+    begins, and `to_the_end_from_s` when one does that lasts to the end of the record; None where there is none.
     """
 
     share: float
-    spells: tuple[tuple[float, float], ...]
-    to_the_end: bool
+    spells: int
+    first_s: float | None
+    to_the_end_from_s: float | None
 
 
 def find_sticking(history: xarray.Dataset) -> Sticking:
     """Read off the signal "sticking"."""
     sticks, time = history["sticking"].values > 0, history["time"].values
     padded = np.concatenate([[False], sticks, [False]])
-    first = np.flatnonzero(padded[1:-1] & ~padded[:-2])
-    last = np.flatnonzero(padded[1:-1] & ~padded[2:])
-    spells = tuple((float(time[a]), float(time[b])) for a, b in zip(first, last, strict=True))
-    length = time[-1] - time[0]
-    return Sticking(sum(b - a for a, b in spells) / length if length > 0 else 0.0, spells, bool(sticks[-1]))
+    first = time[np.flatnonzero(padded[1:-1] & ~padded[:-2])]
+    last = time[np.flatnonzero(padded[1:-1] & ~padded[2:])]
+    length = float(time[-1] - time[0])
+    return Sticking(
+        share=float(np.sum(last - first)) / length if length > 0 else 0.0,
+        spells=first.size,
+        first_s=float(first[0]) if first.size else None,
+        to_the_end_from_s=float(first[-1]) if sticks[-1] else None,
+    )

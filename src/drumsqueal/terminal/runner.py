@@ -46,15 +46,22 @@ class Answer(Generic[F]):
             if content is not None:
                 write_whole(folder / name, content.encode() if isinstance(content, str) else content)
 
-    def draw(self, folder: Path, found: F) -> None:
-        """Write the figures, each whole or not at all. Raises OSError, and KeyboardInterrupt between two figures."""
+    def draw(self, folder: Path, found: F) -> list[str]:
+        """Write the figures, each whole or not at all, and return the names of those that had nothing to show.
+
+        Raises OSError, and KeyboardInterrupt between two figures.
+        """
         from drumsqueal.terminal.style import save_figure
 
+        left_out = []
         for name, make in self.figures.items():
             stop_if_interrupted()
             figure = make(found)
-            if figure is not None:
+            if figure is None:
+                left_out.append(figure_file(name))
+            else:
                 save_figure(figure, folder / figure_file(name))
+        return left_out
 
     @property
     def files(self) -> tuple[str, ...]:
@@ -74,10 +81,10 @@ def answer(reply: Reply, how: Answer[F], find: Callable[[Hook, Callable[[F], Non
         with shown_progress(reply.console) as progress:
             found = find(progress, lambda so_far: how.write(folder, so_far))
         how.write(folder, found)
-        how.draw(folder, found)
+        left_out = how.draw(folder, found)
         stop_if_interrupted()
     how.words(reply.console, found)
-    print_place(reply.console, folder, how.files)
+    print_place(reply.console, folder, how.files, left_out)
     reply.send(found)
     return found
 
@@ -100,8 +107,10 @@ def _kept(folder: Path, files: Sequence[str]) -> str:
     return f"what was done until then is in {folder / there[0]}" if there else "nothing was kept"
 
 
-def print_place(console: Console, folder: Path, files: Sequence[str]) -> None:
-    """Print where the files are."""
+def print_place(console: Console, folder: Path, files: Sequence[str], left_out: Sequence[str] = ()) -> None:
+    """Print where the files are, and which figures had nothing to show."""
+    if left_out:
+        console.print(f"Not written, nothing to show: {', '.join(left_out)}", style="dim")
     there = [name for name in files if (folder / name).exists()]
     console.print(printable(f"Results are in {folder}: {', '.join(there)}"), soft_wrap=True)
 

@@ -5,7 +5,8 @@ from drumsqueal.findings.signals.decibels import level_dB, level_reference
 from drumsqueal.findings.signals.growth import Growth, fit_growth, modal_amplitudes, modal_frequency
 from drumsqueal.findings.signals.harmonics import Harmonic, find_harmonics
 from drumsqueal.findings.signals.lines import Lines, find_lines
-from drumsqueal.findings.signals.regime import PERIODS_NEEDED, STEADY, Regime, classify, told_frequencies
+from drumsqueal.findings.signals.regime import PERIODS_NEEDED, STEADY, Regime, classify
+from drumsqueal.findings.signals.regime_words import told_frequencies
 from drumsqueal.findings.signals.resampling import resample
 from drumsqueal.findings.signals.ridge import Ridge, follow_line
 from drumsqueal.findings.signals.sound import Sound, to_sound, wav_bytes

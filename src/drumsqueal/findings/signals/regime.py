@@ -1,17 +1,18 @@
 """Which regime a saturated record shows: steady, periodic, quasi-periodic, irregular, or too little to tell."""
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from pydantic import Field, computed_field
 
+from drumsqueal.findings.part import Finding
 from drumsqueal.findings.signals.bases import find_bases
 from drumsqueal.findings.signals.checks import below_nyquist, finite_record, positive
 from drumsqueal.findings.signals.lines import find_lines
 from drumsqueal.findings.signals.recurrence import RECURRENCE, find_recurrences, recurrence_after
+from drumsqueal.findings.signals.regime_words import Cause, describe_cause
 
 # Motion below this fraction of the size that would count as motion is none.
 STEADY = 1e-6
@@ -40,29 +41,37 @@ class Kind(StrEnum):
     UNKNOWN = "unknown"
 
 
-@dataclass(frozen=True)
-class Regime:
-    """The kind of motion and what it was told by; None where a number has no meaning or could not be found.
+class Regime(Finding):
+    """The kind of a motion, what decided on it and the numbers of that; None where a number was not found.
 
     `recurrence_error` is rms |y(t+T) − y(t)| / rms y at the period found (the larger of those after one period and
     after many), or the smallest at any lag searched when no period was found. `amplitude_drift` is the rms of the
-    second half over that of the first, minus 1, of the signal in which it is farthest from 0. Base frequencies are one
-    of a periodic motion, two or three of a quasi-periodic one, with uncertainties where they were told by lines;
-    `explained_share` is the share of the variance in lines that are combinations of those that were found, None where
-    lines were not looked for, and `resolution_Hz` the lowest base frequency that the record could have told.
+    second half over that of the first, minus 1, of the signal in which it is farthest from 0. Fundamental frequencies
+    are one of a periodic motion, two or three of a quasi-periodic one, with uncertainties where they come from lines;
+    `explained_share` is the fraction of the variance in lines that are combinations of those that were found, None
+    where lines were not looked for, and `resolution_Hz` the lowest fundamental frequency that the record could show.
     `record_needed_s` is the length of record that holds enough periods, where this one is known to be too short.
     """
 
     kind: Kind
-    period_s: float | None
-    base_frequencies_Hz: tuple[float, ...]
-    recurrence_error: float | None
-    amplitude_drift: float | None
-    reason: str
+    cause: Cause
+    numbers: dict[str, float] = Field(default_factory=dict)
+    mode: str = ""
+    period_s: float | None = None
+    base_frequencies_Hz: tuple[float, ...] = ()
+    recurrence_error: float | None = None
+    amplitude_drift: float | None = None
     base_uncertainties_Hz: tuple[float, ...] = ()
     explained_share: float | None = None
     resolution_Hz: float | None = None
     record_needed_s: float | None = None
+
+    @computed_field
+    @property
+    def reason(self) -> str:
+        """What decided on the kind, in a sentence."""
+        known = self.base_uncertainties_Hz or (0.0,) * len(self.base_frequencies_Hz)
+        return describe_cause(self.cause, self.numbers, self.mode, self.base_frequencies_Hz, known)
 
 
 def classify(signals: ArrayLike, sample_rate: float, *, scale: ArrayLike, lowest_frequency: float) -> Regime:
@@ -108,12 +117,8 @@ def classify(signals: ArrayLike, sample_rate: float, *, scale: ArrayLike, lowest
     sizes = _checked_scale(scale, record.shape[1])
     duration = record.shape[0] / rate
     if duration * lowest < PERIODS_NEEDED * (1.0 - 1e-9):
-        return _unknown(
-            f"The record is too short to tell: {duration:.4g} s hold {duration * lowest:.1f} periods of the lowest "
-            f"frequency of {lowest:.5g} Hz, and {PERIODS_NEEDED} are needed; record at least "
-            f"{PERIODS_NEEDED / lowest:.4g} s.",
-            needed=PERIODS_NEEDED / lowest,
-        )
+        short = {"duration_s": duration, "lowest_frequency_Hz": lowest}
+        return _unknown(Cause.RECORD_TOO_SHORT, short, needed=PERIODS_NEEDED / lowest)
     motion = record - record.mean(axis=0)
     del record
     relative = 0.5 * np.ptp(motion, axis=0) / sizes
@@ -136,84 +141,72 @@ def _moving_regime(unit: NDArray[np.float64], rate: float, longest_period: float
     allowed = IRREGULAR_DRIFT if first is None else PERIODIC_DRIFT
     error = smallest if lasting is None else max(lasting.error, lasting.later_error)
     if abs(amplitude_drift) > allowed or mean_drift > allowed:
-        return _drifting(amplitude_drift, mean_drift, error)
+        drifts = {"amplitude_drift": amplitude_drift, "mean_drift": mean_drift}
+        return _unknown(Cause.DRIFTS, drifts, error, amplitude_drift)
     if error is None:
-        return _unknown(
-            "The record is too short to tell: its strongest component is slower than any period that could be looked "
-            "for; record for longer or lower the lowest frequency.",
-            drift=amplitude_drift,
-        )
+        return _unknown(Cause.TOO_SLOW, {}, drift=amplitude_drift)
     if lasting is None or period is None:
         return _not_periodic(unit, rate, error, amplitude_drift, nearly=first is not None)
-    held = unit.shape[0] / rate / period
-    if held < PERIODS_NEEDED:
-        return _unknown(
-            f"The record is too short to tell: the motion seems to repeat every {period:.5g} s, but only {held:.1f} "
-            f"such periods are recorded, and {PERIODS_NEEDED} are needed; "
-            f"record at least {PERIODS_NEEDED * period:.4g} s.",
-            error,
-            amplitude_drift,
-            PERIODS_NEEDED * period,
-        )
-    every = f"every {period:.6g} s ({1.0 / period:.6g} Hz)"
-    reason = f"The motion repeats {every} with a recurrence error of {100 * error:.2g}% of rms."
-    return Regime(Kind.PERIODIC, period, (1.0 / period,), error, amplitude_drift, reason)
-
-
-def _not_periodic(unit: NDArray[np.float64], rate: float, error: float, drift: float, *, nearly: bool) -> Regime:
-    """Tell a torus, or a long cycle, from irregular motion by the lines of a stationary record."""
-    lines = find_lines(unit, rate, floor=FLOOR)
-    bases, duration = find_bases(lines), unit.shape[0] / rate
-    found, known = bases.frequency_Hz.tolist(), bases.uncertainty_Hz.tolist()
-    if nearly:
-        what = f"its recurrence error is {100 * error:.2g}% of rms after one period, but larger after many"
-    else:
-        what = (
-            f"its recurrence error is {100 * error:.2g}% of rms at best, and up to {RECURRENCE:.0%} would be periodic"
-        )
-    what = f"The motion is stationary but not periodic: {what}."
-    slower = f"frequencies below {lines.resolution_Hz:.2g} Hz cannot be resolved in {duration:.2g} s"
-    share, base = f"hold {bases.explained:.2%} of its variance", told_frequencies(found, known, 6)
-
-    def told(kind: Kind, reason: str, period: float | None = None) -> Regime:
-        kept = slice(None) if bases.explained >= EXPLAINED else slice(0)
-        return Regime(
-            kind, period, tuple(found[kept]), error, drift, reason, tuple(known[kept]), bases.explained,
-            lines.resolution_Hz,
-        )  # fmt: skip
-
-    if bases.explained < EXPLAINED:
-        held = f"its {lines.frequency_Hz.size} strongest lines hold {1.0 - lines.left:.2%} of its variance"
-        which = f"{held}, those that are combinations of three frequencies {bases.explained:.2%}"
-        apart = f"lines closer than {lines.resolution_Hz:.2g} Hz are one in {duration:.2g} s"
-        return told(Kind.IRREGULAR, f"{what} It is irregular: {which}; {apart}.")
-    if len(found) > 1:
-        return told(
-            Kind.QUASI_PERIODIC, f"{what} Combinations of the fundamental frequencies {base} {share}; {slower}."
-        )
-    if duration * found[0] < PERIODS_NEEDED:
-        needed = PERIODS_NEEDED / found[0]
-        longer = f"record at least {needed:.4g} s, {PERIODS_NEEDED} periods of it"
-        return replace(told(Kind.UNKNOWN, f"{what} Multiples of {base} {share}; {longer}."), record_needed_s=needed)
-    back = recurrence_after(unit, rate / found[0])
-    left = math.inf if back is None else max(back.error, back.later_error)
-    if left > RECURRENCE:
-        against = f"but the recurrence error after {1.0 / found[0]:.6g} s is {100 * left:.2g}% of rms"
-        return replace(told(Kind.UNKNOWN, f"Multiples of {base} {share}, {against}."), recurrence_error=left)
-    repeats = f"the motion repeats every {1.0 / found[0]:.6g} s with a recurrence error of {100 * left:.2g}% of rms"
-    return replace(
-        told(Kind.PERIODIC, f"Multiples of {base} {share}: {repeats}.", 1.0 / found[0]), recurrence_error=left
+    duration = unit.shape[0] / rate
+    if duration / period < PERIODS_NEEDED:
+        few = {"period_s": period, "duration_s": duration}
+        return _unknown(Cause.TOO_FEW_PERIODS, few, error, amplitude_drift, PERIODS_NEEDED * period)
+    return Regime(
+        kind=Kind.PERIODIC,
+        cause=Cause.REPEATS,
+        numbers={"period_s": period, "recurrence_error": error},
+        period_s=period,
+        base_frequencies_Hz=(1.0 / period,),
+        recurrence_error=error,
+        amplitude_drift=amplitude_drift,
     )
 
 
-def told_frequencies(frequencies: Sequence[float], uncertainties: Sequence[float], most: int) -> str:
-    """Frequencies in words, to the digits that they are known to, `most` significant ones."""
-    told = []
-    for frequency, uncertainty in zip(frequencies, uncertainties, strict=True):
-        known = math.floor(math.log10(frequency)) - math.floor(math.log10(max(uncertainty, 1e-9 * frequency)))
-        digits = max(1, min(most, known + 1))
-        told.append(f"{frequency:.{max(0, digits - 1 - math.floor(math.log10(frequency)))}f}")
-    return f"{', '.join(told[:-1])} and {told[-1]} Hz" if len(told) > 1 else f"{told[0]} Hz" if told else ""
+def _not_periodic(unit: NDArray[np.float64], rate: float, error: float, drift: float, *, nearly: bool) -> Regime:
+    """Classify a torus, or a long cycle, against irregular motion by the lines of a stationary record."""
+    lines = find_lines(unit, rate, floor=FLOOR)
+    bases, duration = find_bases(lines), unit.shape[0] / rate
+    found, known = bases.frequency_Hz.tolist(), bases.uncertainty_Hz.tolist()
+    numbers = {
+        "recurrence_error": error,
+        "nearly": float(nearly),
+        "recurrence_limit": RECURRENCE,
+        "lines": float(lines.frequency_Hz.size),
+        "in_lines": 1.0 - lines.left,
+        "explained": bases.explained,
+        "resolution_Hz": lines.resolution_Hz,
+        "duration_s": duration,
+    }
+
+    def classified(kind: Kind, cause: Cause, **more: float) -> Regime:
+        kept = slice(None) if bases.explained >= EXPLAINED else slice(0)
+        return Regime(
+            kind=kind,
+            cause=cause,
+            numbers=numbers | more,
+            period_s=more["period_s"] if kind is Kind.PERIODIC else None,
+            base_frequencies_Hz=tuple(found[kept]),
+            recurrence_error=more.get("recurrence_error", error),
+            amplitude_drift=drift,
+            base_uncertainties_Hz=tuple(known[kept]),
+            explained_share=bases.explained,
+            resolution_Hz=lines.resolution_Hz,
+            record_needed_s=more.get("record_needed_s"),
+        )
+
+    if bases.explained < EXPLAINED:
+        return classified(Kind.IRREGULAR, Cause.NO_COMBINATIONS)
+    if len(found) > 1:
+        return classified(Kind.QUASI_PERIODIC, Cause.COMBINATIONS)
+    if duration * found[0] < PERIODS_NEEDED:
+        needed = {"record_needed_s": PERIODS_NEEDED / found[0], "periods_needed": PERIODS_NEEDED}
+        return classified(Kind.UNKNOWN, Cause.MULTIPLES_TOO_SHORT, **needed)
+    back = recurrence_after(unit, rate / found[0])
+    left = math.inf if back is None else max(back.error, back.later_error)
+    period = {"period_s": 1.0 / found[0], "recurrence_error": left}
+    if left > RECURRENCE:
+        return classified(Kind.UNKNOWN, Cause.MULTIPLES_DO_NOT_REPEAT, **period)
+    return classified(Kind.PERIODIC, Cause.MULTIPLES_REPEAT, **period)
 
 
 def _checked_scale(scale: ArrayLike, columns: int) -> NDArray[np.float64]:
@@ -228,25 +221,27 @@ def _checked_scale(scale: ArrayLike, columns: int) -> NDArray[np.float64]:
 def _steady(motion: NDArray[np.float64], largest: float) -> Regime:
     moved = motion[:, np.any(motion != 0.0, axis=0)]
     drift = _drift(moved, None)[0] if moved.size else 0.0
-    reason = f"Nothing moves: the largest amplitude is {largest:.2g} of its scale, and {STEADY:g} would be motion."
-    if drift > IRREGULAR_DRIFT:
-        reason += " What little there is still grows, so a longer record may show motion."
-    return Regime(Kind.STEADY, None, (), None, drift, reason)
+    numbers = {"amplitude": largest, "least": STEADY, "grows": float(drift > IRREGULAR_DRIFT)}
+    return Regime(kind=Kind.STEADY, cause=Cause.NOTHING_MOVES, numbers=numbers, amplitude_drift=drift)
 
 
 def _unknown(
-    reason: str, error: float | None = None, drift: float | None = None, needed: float | None = None
+    cause: Cause,
+    numbers: dict[str, float],
+    error: float | None = None,
+    drift: float | None = None,
+    needed: float | None = None,
 ) -> Regime:
-    return Regime(Kind.UNKNOWN, None, (), error, drift, reason, record_needed_s=needed)
-
-
-def _drifting(amplitude_drift: float, mean_drift: float, error: float | None) -> Regime:
-    if abs(amplitude_drift) >= mean_drift:
-        what = f"the rms {'grows' if amplitude_drift > 0 else 'falls'} by {abs(amplitude_drift):.2g} of itself"
-    else:
-        what = f"the mean moves by {mean_drift:.2g} of the rms"
-    reason = f"The motion still drifts: {what} from the first half of the record to the second; record for longer."
-    return _unknown(reason, error, amplitude_drift)
+    if needed is not None:
+        numbers = numbers | {"record_needed_s": needed, "periods_needed": PERIODS_NEEDED}
+    return Regime(
+        kind=Kind.UNKNOWN,
+        cause=cause,
+        numbers=numbers,
+        recurrence_error=error,
+        amplitude_drift=drift,
+        record_needed_s=needed,
+    )
 
 
 def _drift(motion: NDArray[np.float64], period: float | None) -> tuple[float, float]:

@@ -27,10 +27,10 @@ def check_command(
     stop_if_interrupted()
     begun = time.process_time()
     from drumsqueal.questions.check.job import check
-    from drumsqueal.questions.run.bistable import tell_bistable
+    from drumsqueal.questions.run.bistable import print_bistable
 
     loading = time.process_time() - begun
     stop_if_interrupted()
     found, data = check(loaded, reply.console, loading)
-    tell_bistable(reply.console, loaded, found.prepared.stability, scene, settings or ())
+    print_bistable(reply.console, loaded, found.prepared.stability, scene, settings or ())
     reply.send(data)

@@ -8,8 +8,8 @@ from rich.console import Console
 from rich.table import Table
 
 from drumsqueal.findings.history import versions
+from drumsqueal.findings.prediction import predict
 from drumsqueal.questions.check.study import Check, Growth, check_scene
-from drumsqueal.questions.run.summary import describe_stability
 from drumsqueal.scene import Scene, SceneError
 from drumsqueal.scene.quantities import printable
 from drumsqueal.scene.usual import unusual
@@ -107,7 +107,7 @@ def to_data(found: Check, whole: float | None) -> dict[str, Any]:
     return {
         "title": found.scene.title,
         "numbers": {each.name: {"value": each.value, "unit": each.unit} for each in found.numbers},
-        "prediction": describe_stability(prepared.stability),
+        "prediction": predict(prepared.stability).model_dump(mode="json"),
         "growing": [each._asdict() for each in found.growing],
         "start_share_of_contact_loss": found.start_shares[0],
         "start_share_of_slip_reversal": found.start_shares[1],

@@ -7,7 +7,7 @@ import jax
 import numpy as np
 
 from drumsqueal.errors import CycleError
-from drumsqueal.findings.schema import Outcome
+from drumsqueal.findings.part import Outcome
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.cycle.continuation import Branch, End, Track, is_between

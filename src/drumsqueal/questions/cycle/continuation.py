@@ -16,7 +16,7 @@ from pydantic import computed_field
 from scipy.optimize import brentq
 
 from drumsqueal.errors import CycleError
-from drumsqueal.findings.schema import Finding
+from drumsqueal.findings.part import Finding
 from drumsqueal.questions.cycle.orbit import Cycle, Event, describe, floquet_of
 from drumsqueal.questions.cycle.shooting import SINGULAR, Closed, Shooting, Vector
 

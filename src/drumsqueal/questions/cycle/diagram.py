@@ -6,7 +6,8 @@ from typing import Any
 from pydantic import computed_field
 
 from drumsqueal.findings.parameter import Parameter
-from drumsqueal.findings.schema import Finding, Findings, Held, Outcome
+from drumsqueal.findings.part import Finding, Held, Outcome
+from drumsqueal.findings.schema import Findings
 from drumsqueal.questions.cycle.continuation import Branch
 from drumsqueal.questions.cycle.orbit import Event
 from drumsqueal.solve.linear.branches import Branches, Critical

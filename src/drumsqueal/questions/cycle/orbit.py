@@ -9,7 +9,7 @@ from pydantic import AfterValidator, BeforeValidator, PlainSerializer, computed_
 from scipy.interpolate import CubicHermiteSpline
 
 from drumsqueal.errors import CycleError, IntegrationError
-from drumsqueal.findings.schema import Finding, Held, Number
+from drumsqueal.findings.part import Finding, Held, Number
 from drumsqueal.physics.model import Model
 from drumsqueal.questions.cycle.shooting import TOLERANCE, Closed, Shooting, Vector
 from drumsqueal.solve.transient.flow import neighbours

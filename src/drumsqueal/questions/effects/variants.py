@@ -90,7 +90,7 @@ class Bench:
             outcome = f"cannot be run: {error}"
         variant = Variant(label, reductions, scene, outcome, *_cost(chunks, seconds), None, None)
         if prepared is not None and outcome == COMPLETE:
-            answer = answer_of(finish(prepared, chunks, outcome), prepared.linear)
+            answer = answer_of(finish(prepared, chunks, COMPLETE), prepared.linear)
             change = None if self._whole is None else change_of(self._whole, answer)
             variant = variant._replace(answer=answer, change=change)
         self._runs.append(_Run(variant, prepared, seconds))

@@ -19,8 +19,9 @@ from drumsqueal.findings.decay import decay_to_rest, slowest
 from drumsqueal.findings.departure import Departure
 from drumsqueal.findings.edges import edge_shares
 from drumsqueal.findings.history import COMPLETE, to_dataset
+from drumsqueal.findings.part import Finding, Held
 from drumsqueal.findings.saturation import size_of_motion
-from drumsqueal.findings.schema import Finding, Findings, Held
+from drumsqueal.findings.schema import Findings
 from drumsqueal.findings.signals import (
     PERIODS_NEEDED,
     STEADY,

@@ -5,7 +5,8 @@ from collections.abc import Sequence
 from typing import Self
 
 from drumsqueal.findings.parameter import Parameter
-from drumsqueal.findings.schema import Finding, Findings, Number, Outcome
+from drumsqueal.findings.part import Finding, Number, Outcome
+from drumsqueal.findings.schema import Findings
 from drumsqueal.questions.cycle.diagram import Diagram
 from drumsqueal.questions.onset.rows import Range, Row
 from drumsqueal.scene.variation import Variation

@@ -9,8 +9,8 @@ from typing import Any, Self
 import numpy as np
 from pydantic import Field, computed_field
 
+from drumsqueal.findings.part import Finding, Held, Number
 from drumsqueal.findings.saturated import Saturated
-from drumsqueal.findings.schema import Finding, Held, Number
 from drumsqueal.solve.linear.branches import Critical, Point
 
 # Two motions are alike where the logarithms of their kinetic energy and of their frequency differ by less.

@@ -9,7 +9,7 @@ import numpy as np
 
 from drumsqueal.errors import RequestError
 from drumsqueal.findings.parameter import Parameter
-from drumsqueal.findings.schema import Outcome
+from drumsqueal.findings.part import Outcome
 from drumsqueal.physics.composition import linear_coordinates
 from drumsqueal.physics.model import build_model
 from drumsqueal.progress import Progress, silent

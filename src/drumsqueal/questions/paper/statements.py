@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from drumsqueal.findings.compare import Comparison
+from drumsqueal.findings.compare import RunFindings
 from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
 from drumsqueal.questions.paper.curves import CONSTANT_FRICTION, Curve, FrictionCurve
 from drumsqueal.questions.paper.design import design_statements
@@ -198,11 +198,11 @@ def _constant(falling: Curve, constant: Curve) -> tuple[Statement, ...]:
 
 def _nonlinear(points: Mapping[str, tuple[Point, ...]], kick: Point, damped: Point) -> tuple[Statement, ...]:
     errors = [
-        (abs(mode.growth_error), f"{mode.label}, {point.key} {point.value:.4g}", mode)
+        (abs(mode.growth_rate_error), f"{mode.label}, {point.key} {point.value:.4g}", mode)
         for each in points.values()
         for point in each
         for mode in (point.comparison.modes if point.comparison else ())
-        if mode.unstable and mode.growth_error is not None
+        if mode.unstable and mode.growth_rate_error is not None
     ]
     worst = max(errors, default=None, key=lambda error: error[0])
     scatter = worst[2].measured_growth if worst is not None else None
@@ -259,7 +259,7 @@ def _nonlinear(points: Mapping[str, tuple[Point, ...]], kick: Point, damped: Poi
     )
 
 
-def _lifted(comparison: Comparison) -> float:
+def _lifted(comparison: RunFindings) -> float:
     """Mean fraction of the lining out of contact in the steady-state response."""
     saturation = comparison.saturation
     return 0.0 if saturation is None else 1.0 - saturation.contact_fraction

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from drumsqueal.errors import IntegrationError
-from drumsqueal.findings.compare import Comparison
+from drumsqueal.findings.compare import RunFindings
 from drumsqueal.findings.history import COMPLETE
 from drumsqueal.physics.composition import ALL
 from drumsqueal.physics.model import build_model
@@ -29,7 +29,7 @@ class Point(NamedTuple):
     key: str
     value: float
     scene: Scene
-    comparison: Comparison | None
+    comparison: RunFindings | None
     outcome: str
 
 
@@ -50,7 +50,7 @@ def paper_transients(scene: Scene, on_point: OnPoint) -> tuple[dict[str, tuple[P
             if axis.figure == "6":
                 changes |= constant_friction(scene)
             wanted.append((axis, value, scene.with_values(changes)))
-    runs: dict[str, tuple[Comparison | None, str]] = {}
+    runs: dict[str, tuple[RunFindings | None, str]] = {}
     ratio = damping_needed(scene)
     kick = kicked(scene.with_values(constant_friction(scene)))
     damped = kicked(scene.with_values({"damping": {"ratio": ratio}}))
@@ -74,7 +74,7 @@ def damping_needed(scene: Scene) -> float:
     return known + MORE * max(0.0, *(mode.growth_rate / abs(mode.eigenvalue) for mode in modes))
 
 
-def _run(scene: Scene) -> tuple[Comparison | None, str]:
+def _run(scene: Scene) -> tuple[RunFindings | None, str]:
     try:
         return run_whole(prepare(scene)).comparison, COMPLETE
     except IntegrationError as error:

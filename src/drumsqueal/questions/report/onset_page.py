@@ -7,7 +7,8 @@ from typing import Any
 
 from drumsqueal.errors import RequestError
 from drumsqueal.files.output_folder import ONSET, ONSET_SUMMARY, ONSET_TABLE, figure_file
-from drumsqueal.findings.schema import Outcome, read_findings
+from drumsqueal.findings.part import Outcome
+from drumsqueal.findings.schema import read_findings
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.questions.onset.found import OnsetStudy
 from drumsqueal.questions.onset.rows import Kind

@@ -1,27 +1,23 @@
 """The page of a run: what its folder holds, and the shapes of its modes computed anew from its scene."""
 
-import json
 import math
 from pathlib import Path
 from typing import Any
 
 from drumsqueal.errors import RequestError
-from drumsqueal.files.json_file import to_json
 from drumsqueal.files.output_folder import FIGURES, HISTORY, RESUME, SUMMARY, figure_file
-from drumsqueal.files.saved_history import SavedHistory, read_history
+from drumsqueal.files.saved_history import read_history
+from drumsqueal.findings.compare import RunFindings
 from drumsqueal.findings.departure import ROTATIONS
-from drumsqueal.findings.history import COMPLETE
+from drumsqueal.findings.outcome import Ending
+from drumsqueal.findings.schema import read_findings
 from drumsqueal.findings.verdict import difference_is_no_error
-from drumsqueal.interrupts import stop_if_interrupted
-from drumsqueal.questions.report.found import Prediction, Summary, read_summary, scene_of
 from drumsqueal.questions.report.inline import data_uri, picture
 from drumsqueal.questions.report.moving import animate, most_unstable
 from drumsqueal.questions.report.sound import SLOWER, clips
 from drumsqueal.questions.report.words import figure_words, headline, hertz
-from drumsqueal.questions.run.summary import summarise
 from drumsqueal.scene import Profile, Scene
 from drumsqueal.simulation import Prepared, compared, prepare
-from drumsqueal.solve.linear.modes import OSCILLATING_SHARE
 
 SAME = 1e-6  # relative, of the largest eigenvalue: another version may differ by round-off
 GIVEN_LAW = "The friction law was given in Python and is not in the folder: the shapes cannot be computed without it."
@@ -34,8 +30,8 @@ def run_content(folder: Path) -> dict[str, Any]:
     history = read_history(folder / HISTORY) if (folder / HISTORY).exists() else None
     given_law = history is not None and history.given_law
     if (folder / SUMMARY).exists():
-        summary = read_summary(folder / SUMMARY, Summary)
-        scene = scene_of(folder / SUMMARY, summary.scene)
+        summary = read_findings(folder / SUMMARY, RunFindings)
+        scene = summary.scene
         if history is not None and history.scene != scene:
             raise RequestError(f"{folder}: {SUMMARY} and {HISTORY} are of different scenes; report on one run's folder")
         prepared = None if given_law else prepare(scene)
@@ -47,9 +43,7 @@ def run_content(folder: Path) -> dict[str, Any]:
             )
         scene = history.scene
         prepared = prepare(scene)
-        stop_if_interrupted()
-        summary = _judged(prepared, history)
-    stop_if_interrupted()
+        summary = compared(prepared, history.data).findings
     pictures = {name: picture(folder / figure_file(name), figure_words(name, summary, scene)) for name in FIGURES}
     since = None if summary.saturation is None else summary.saturation.start_s
     toml = scene.to_toml()
@@ -63,11 +57,10 @@ def run_content(folder: Path) -> dict[str, Any]:
         "computed_now": not (folder / SUMMARY).exists(),
         "modes": modes,
         "changes": "; speed or load change, and these are of the beginning" if _changes(scene) else "",
-        "changing": _changes(scene),
-        "predicted_at": None if prepared is None else prepared.stability.time,
-        "no_error": difference_is_no_error,
-        "unstable": ", ".join(label for label, mode in modes if mode.unstable),
-        "without_oscillation": _without_oscillation(summary.prediction),
+        "changing": summary.changing,
+        "no_error": difference_is_no_error(summary),
+        "unstable": ", ".join(summary.prediction.unstable),
+        "without_oscillation": summary.prediction.without_oscillation,
         "animation": None if prepared is None else _animation(prepared, summary),
         "animation_note": GIVEN_LAW if prepared is None else OTHER_MODES,
         "about": ABOUT,
@@ -87,18 +80,18 @@ def _changes(scene: Scene) -> bool:
     return isinstance(scene.drum.speed, Profile) or isinstance(scene.contact.normal_load, Profile)
 
 
-def _warning(summary: Summary, folder: Path) -> str | None:
+def _warning(summary: RunFindings, folder: Path) -> str | None:
     again = " drumsqueal run with --resume goes on from there." if (folder / RESUME).exists() else ""
-    if summary.outcome != COMPLETE:
+    if summary.ending is not Ending.COMPLETE:
         return f"This run is not complete: {summary.outcome}.{again}"
     return f"This run was cut off once its record was complete, before all was drawn.{again}" if again else None
 
 
-def _missing(files: list[str], summary: Summary, folder: Path) -> str:
+def _missing(files: list[str], summary: RunFindings, folder: Path) -> str:
     """Why figures are not in the folder."""
     if not files:
         return ""
-    if summary.outcome != COMPLETE:
+    if summary.ending is not Ending.COMPLETE:
         early = "its record ends too early for them, or they were not drawn"
         why = f"The run is not complete ({summary.outcome}): {early}"
     elif (folder / RESUME).exists():
@@ -108,18 +101,7 @@ def _missing(files: list[str], summary: Summary, folder: Path) -> str:
     return f"Not in the folder: {', '.join(files)}. {why}."
 
 
-def _judged(prepared: Prepared, history: SavedHistory) -> Summary:
-    """The summary that the run would have written, had it come to that."""
-    return Summary.model_validate(json.loads(to_json(summarise(compared(prepared, history.data)))))
-
-
-def _without_oscillation(prediction: Prediction) -> list[float]:
-    """Eigenvalues (1/s) that are real."""
-    largest = max((abs(complex(*value)) for value in prediction.eigenvalues), default=0.0)
-    return [real for real, imaginary in prediction.eigenvalues if abs(imaginary) <= OSCILLATING_SHARE * largest]
-
-
-def _animation(prepared: Prepared, summary: Summary) -> dict[str, Any] | None:
+def _animation(prepared: Prepared, summary: RunFindings) -> dict[str, Any] | None:
     """The modes, moving; None where they are not those of the summary."""
     stability = prepared.stability
     told = [complex(mode.growth_rate_1_per_s, math.tau * mode.frequency_Hz) for mode in summary.prediction.modes]
@@ -145,7 +127,7 @@ def _size(mode: dict[str, Any], reached: float) -> str:
     return f"{mode['name']} is drawn {times:.10g} times as large as {here}."
 
 
-def _heard(summary: Summary) -> str:
+def _heard(summary: RunFindings) -> str:
     """What pitch to listen for."""
     saturation = summary.saturation
     if saturation is None or saturation.main is None:
@@ -154,7 +136,7 @@ def _heard(summary: Summary) -> str:
     return f"The main line is a tone of {hertz(line)}, {hertz(line / SLOWER)} where it is slower."
 
 
-def _left_out(summary: Summary) -> list[str]:
+def _left_out(summary: RunFindings) -> list[str]:
     """What the model leaves out, in words."""
     left = summary.model.get("leaves_out", [])
     return [f"Left out of this run: {'; '.join(left)}."] if left else []

@@ -4,8 +4,11 @@ import math
 from collections.abc import Callable
 
 from drumsqueal.files import output_folder
+from drumsqueal.findings.compare import ModeComparison, RunFindings
+from drumsqueal.findings.frequency import FrequencyDrift
+from drumsqueal.findings.prediction import PredictedMode
+from drumsqueal.findings.saturation import Saturation
 from drumsqueal.questions.onset.found import OnsetStudy
-from drumsqueal.questions.report.found import Frequency, MeasuredMode, PredictedMode, Saturation, Summary
 from drumsqueal.scene import Scene
 from drumsqueal.scene.quantities import percent
 from drumsqueal.solve.linear.modes import NEUTRAL_SHARE
@@ -20,7 +23,7 @@ _VERB = {
 }
 
 
-def headline(summary: Summary, scene: Scene) -> str:
+def headline(summary: RunFindings, scene: Scene) -> str:
     """The finding in one sentence, the whole verdict where there is no frequency to tell."""
     saturation, sticking = summary.saturation, summary.sticking
     if sticking is not None and sticking.to_the_end_from_s is not None:
@@ -33,8 +36,8 @@ def headline(summary: Summary, scene: Scene) -> str:
     return f"{told}{_shifted(saturation, summary)}{_because(saturation, summary.frequency)}."
 
 
-def _squeals_at_first(summary: Summary) -> bool:
-    edge = None if summary.growth is None else summary.growth.edge_reached_s
+def _squeals_at_first(summary: RunFindings) -> bool:
+    edge = summary.edge_reached_s
     return bool(edge) and any(mode.unstable for mode in summary.prediction.modes)
 
 
@@ -43,7 +46,7 @@ def hertz(frequency: float) -> str:
     return f"{frequency / 1e3:.3g} kHz" if frequency >= 999.5 else f"{frequency:.3g} Hz"
 
 
-def _shifted(saturation: Saturation, summary: Summary) -> str:
+def _shifted(saturation: Saturation, summary: RunFindings) -> str:
     shift, mode = saturation.frequency_shift, saturation.nearest_mode
     if shift is None or mode is None:
         return ""
@@ -60,7 +63,7 @@ def _shifted(saturation: Saturation, summary: Summary) -> str:
     return f", {percent(abs(shift))} {'below' if shift < 0 else 'above'} {of}{where}"
 
 
-def _because(saturation: Saturation, frequency: Frequency | None) -> str:
+def _because(saturation: Saturation, frequency: FrequencyDrift | None) -> str:
     """The cause, where loss of contact gives the shift."""
     if frequency is None or abs(frequency.shift) < SHIFT:
         return ""
@@ -73,7 +76,7 @@ def _because(saturation: Saturation, frequency: Frequency | None) -> str:
     )
 
 
-def figure_words(name: str, summary: Summary, scene: Scene) -> tuple[str, str]:
+def figure_words(name: str, summary: RunFindings, scene: Scene) -> tuple[str, str]:
     """A heading for a figure of a run, and what it shows in words and numbers."""
     heading, told = _FIGURES[name]
     return heading, " ".join(told(summary, scene))
@@ -92,18 +95,16 @@ def onset_words(found: OnsetStudy) -> tuple[str, str]:
     return heading, " ".join(parts)
 
 
-def _growth(summary: Summary, _: Scene) -> list[str]:
+def _growth(summary: RunFindings, _: Scene) -> list[str]:
     told = ["Amplitude of each mode over time on a logarithmic axis, with the predicted growth as dashed lines."]
     growth = summary.growth
-    if growth is None:
-        return told
     told += [_rates(mode) for mode in growth.modes if mode.measured_growth_rate_1_per_s is not None]
     if growth.edge_reached_s is not None:
         told.append(f"The straight lines bend after {growth.edge_reached_s:.4g} s, the first edge.")
     return told + _contact_share(summary)
 
 
-def _rates(mode: MeasuredMode) -> str:
+def _rates(mode: ModeComparison) -> str:
     verb = "rises" if (mode.measured_growth_rate_1_per_s or 0.0) > 0 else "falls"
     return (
         f"{mode.label} {verb} at {signed(mode.measured_growth_rate_1_per_s or 0.0, mode.predicted_frequency_Hz)} per "
@@ -116,7 +117,7 @@ def signed(rate: float, frequency: float) -> str:
     return "0" if abs(rate) < NEUTRAL_SHARE * frequency else f"{rate:+.4g}".replace("-", "−")
 
 
-def _contact_share(summary: Summary) -> list[str]:
+def _contact_share(summary: RunFindings) -> list[str]:
     saturation = summary.saturation
     if saturation is None:
         return ["Below it, the share of the lining in contact."]
@@ -126,7 +127,7 @@ def _contact_share(summary: Summary) -> list[str]:
     ]
 
 
-def _spectrogram(summary: Summary, _: Scene) -> list[str]:
+def _spectrogram(summary: RunFindings, _: Scene) -> list[str]:
     told = ["Frequencies over time; brighter is stronger."]
     pairs = list(zip(summary.prediction.labels, summary.prediction.modes, strict=True))
     kinds = []
@@ -138,15 +139,15 @@ def _spectrogram(summary: Summary, _: Scene) -> list[str]:
     return told + _main_line(summary)
 
 
-def _moves(mode: PredictedMode, summary: Summary) -> bool:
+def _moves(mode: PredictedMode, summary: RunFindings) -> bool:
     """Whether the coordinate of a mode moves after growth or, without such a part, grows or decays measurably."""
     if summary.saturation is not None:
         return summary.saturation.amplitude.get(mode.name, 0.0) > 0
-    measured = [] if summary.growth is None else summary.growth.modes
+    measured = summary.modes
     return any(m.label.split()[0] == mode.name and m.measured_growth_rate_1_per_s is not None for m in measured)
 
 
-def _main_line(summary: Summary) -> list[str]:
+def _main_line(summary: RunFindings) -> list[str]:
     saturation = summary.saturation
     if saturation is None or saturation.main is None:
         return []
@@ -157,16 +158,16 @@ def _main_line(summary: Summary) -> list[str]:
     return [f"{told}."]
 
 
-def _spectra(summary: Summary, _: Scene) -> list[str]:
+def _spectra(summary: RunFindings, _: Scene) -> list[str]:
     told = ["Spectra of the displacement, in the growth phase and after it."]
-    measured = [] if summary.growth is None else summary.growth.modes
+    measured = summary.modes
     peaks = [f"{m.label} at {m.measured_frequency_Hz:.0f} Hz" for m in measured if m.measured_frequency_Hz is not None]
     if peaks:
         told.append(f"In the growth phase there are peaks of {', '.join(peaks)}.")
     return told + _main_line(summary)
 
 
-def _phase(summary: Summary, scene: Scene) -> list[str]:
+def _phase(summary: RunFindings, scene: Scene) -> list[str]:
     told = ["Velocity of the lining's surface against its displacement at the end of the record."]
     if summary.saturation is not None:
         sticks = summary.sticking is not None and summary.sticking.to_the_end_from_s is not None
@@ -182,7 +183,7 @@ def _kind(saturation: Saturation) -> str:
     return {"unknown": "not settled", "steady": "at rest, or on its way there"}.get(kind, kind)
 
 
-def _contact(summary: Summary, scene: Scene) -> list[str]:
+def _contact(summary: RunFindings, scene: Scene) -> list[str]:
     if summary.sticking is not None and summary.sticking.to_the_end_from_s is not None:
         return ["Contact pressure along the arc at the end of the record, where the whole lining sticks to the drum."]
     half = math.degrees(scene.shoe.arc_angle) / 2
@@ -195,7 +196,7 @@ def _contact(summary: Summary, scene: Scene) -> list[str]:
     return told
 
 
-def _eigenvalues(summary: Summary, _: Scene) -> list[str]:
+def _eigenvalues(summary: RunFindings, _: Scene) -> list[str]:
     told = ["Eigenvalues in the complex plane: growth rate to the right, frequency upwards."]
     for unstable, place in ((True, "Unstable, right of the axis"), (False, "Stable, left of it or on it")):
         found = [m for m in summary.prediction.modes if m.unstable is unstable]
@@ -209,12 +210,12 @@ def _eigenvalue(mode: PredictedMode) -> str:
     return f"{mode.name} with {mode.frequency_Hz:.0f} Hz and {rate} per second"
 
 
-def _frequency(summary: Summary, _: Scene) -> list[str]:
+def _frequency(summary: RunFindings, _: Scene) -> list[str]:
     found = summary.frequency
     if found is None:
-        return ["Frequency of the leading mode over time."]
+        return ["FrequencyDrift of the leading mode over time."]
     return [
-        f"Frequency of {found.mode} over time: from {found.onset_Hz:.0f} Hz, its eigenvalue, to "
+        f"FrequencyDrift of {found.mode} over time: from {found.onset_Hz:.0f} Hz, its eigenvalue, to "
         f"{found.saturated_Hz:.0f} Hz.",
         f"Loss of contact alone predicts {found.predicted_by_contact_loss_Hz:.0f} Hz; √(contact share) is a cruder "
         "estimate, the eigenvalue's frequency times the root of the mean share of the lining in contact.",
@@ -222,12 +223,12 @@ def _frequency(summary: Summary, _: Scene) -> list[str]:
     ]
 
 
-_FIGURES: dict[str, tuple[str, Callable[[Summary, Scene], list[str]]]] = {
+_FIGURES: dict[str, tuple[str, Callable[[RunFindings, Scene], list[str]]]] = {
     output_folder.GROWTH: ("Growth of the modes", _growth),
     output_folder.SPECTROGRAM: ("Spectrogram", _spectrogram),
     output_folder.SPECTRA: ("Spectra", _spectra),
     output_folder.PHASE: ("Phase portrait", _phase),
     output_folder.CONTACT: ("Contact along the arc", _contact),
     output_folder.EIGENVALUES: ("Eigenvalues", _eigenvalues),
-    output_folder.FREQUENCY: ("Frequency over time", _frequency),
+    output_folder.FREQUENCY: ("FrequencyDrift over time", _frequency),
 }

@@ -37,7 +37,7 @@ def bistable_words(scene: Scene, stability: Stability, file: Path, settings: Seq
     )
 
 
-def tell_bistable(console: Console, scene: Scene, stability: Stability, file: Path, settings: Sequence[str]) -> None:
+def print_bistable(console: Console, scene: Scene, stability: Stability, file: Path, settings: Sequence[str]) -> None:
     """Print the sentence, where there is one."""
     told = bistable_words(scene, stability, file, settings)
     if told is not None:

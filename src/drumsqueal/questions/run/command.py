@@ -4,7 +4,6 @@ from pathlib import Path
 from typing import Annotated
 
 from drumsqueal.files.output_folder import HISTORY, RESUME, RUN_FILES
-from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import load_scene
 from drumsqueal.terminal.options import (
     JsonFile,
@@ -40,24 +39,20 @@ def run_command(
     # A file "...toml" is called "..", which would lead out of the folder out.
     folder = output if output is not None else Path("out") / (scene.stem if scene.stem.strip(".") else "scene")
     reply = Reply.beside(folder, RUN_FILES, (scene,), quiet, json_file, overwrite=overwrite or resume)
-    stop_if_interrupted()
     from drumsqueal.files.resumption import find_point
-    from drumsqueal.questions.run.bistable import tell_bistable
     from drumsqueal.scene.usual import unusual
     from drumsqueal.terminal.tables import print_notes
 
     print_notes(reply.console, unusual(loaded))
-    from drumsqueal.questions.run.job import run_into
+    from drumsqueal.questions.run.answer import run_into
+    from drumsqueal.questions.run.bistable import print_bistable
     from drumsqueal.simulation import check_sample_rate, prepare
 
-    stop_if_interrupted()
     since = find_point(folder, loaded) if resume else None
     prepared = prepare(loaded)
     check_sample_rate(prepared)
-    stop_if_interrupted()
     reply.clear(but=(HISTORY, RESUME) if resume else ())
-    summary = run_into(folder, prepared, reply.console, since)
-    # Otherwise it squeals already.
-    if summary["saturation"] is None or summary["saturation"]["regime"]["kind"] == "steady":
-        tell_bistable(reply.console, loaded, prepared.stability, scene, settings or ())
-    reply.send(summary)
+    found = run_into(folder, prepared, reply.console, since)
+    if found.saturation is None or not found.saturation.vibrates:  # otherwise it squeals already
+        print_bistable(reply.console, loaded, prepared.stability, scene, settings or ())
+    reply.send(found)

@@ -1,6 +1,5 @@
 """`drumsqueal stability SCENE`."""
 
-from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import load_scene
 from drumsqueal.terminal.options import JsonFile, Overwrite, Quiet, SceneFile, Settings
 from drumsqueal.terminal.reply import Reply
@@ -19,12 +18,10 @@ def stability_command(
     """
     loaded = load_scene(scene, settings or ())
     reply = Reply(quiet, json_file, overwrite=overwrite, apart_from=(scene,))
-    stop_if_interrupted()
-    from drumsqueal.questions.run.summary import describe_stability
-    from drumsqueal.questions.run.tables import print_stability
+    from drumsqueal.findings.prediction import predict
+    from drumsqueal.questions.run.words import print_stability
     from drumsqueal.simulation import prepare
 
-    stop_if_interrupted()
     stability = prepare(loaded).stability
     print_stability(reply.console, stability)
-    reply.send(describe_stability(stability))
+    reply.send(predict(stability))

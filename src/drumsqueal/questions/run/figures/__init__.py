@@ -1,9 +1,10 @@
 """Figures of a run, good enough to print: growth, spectra, phase portrait, contact, eigenvalues and frequency."""
 
+from collections.abc import Callable
+
 from matplotlib.figure import Figure
 
 from drumsqueal.files import output_folder
-from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.physics.model import Model
 from drumsqueal.questions.run.figures.contact import draw_contact
 from drumsqueal.questions.run.figures.eigenvalues import draw_eigenvalues
@@ -26,15 +27,16 @@ _DRAWINGS = {
 }
 
 
-def draw_all(result: Result, model: Model) -> dict[str, Figure]:
-    """Draw every figure that the run supports, by name; `model` is the one over the coordinates that moved.
+def drawings(result: Result, model: Model) -> dict[str, Callable[[object], Figure | None]]:
+    """What draws each figure of a run, by name; `model` is the one over the coordinates that moved.
 
-    A record that is too short, or in which nothing moves, leaves out those figures that would show nothing. Raises
-    KeyboardInterrupt between two figures.
+    It gives None for a record that is too short, or in which nothing moves, to show anything there.
     """
     view = View(result, model)
-    drawn = {}
-    for name, draw in _DRAWINGS.items():
-        stop_if_interrupted()
-        drawn[name] = draw(view)
+    return {name: lambda _, draw=draw: draw(view) for name, draw in _DRAWINGS.items()}
+
+
+def draw_all(result: Result, model: Model) -> dict[str, Figure]:
+    """Draw every figure that a run supports, by name."""
+    drawn = {name: draw(None) for name, draw in drawings(result, model).items()}
     return {name: figure for name, figure in drawn.items() if figure is not None}

@@ -53,13 +53,13 @@ def _measured(view: View) -> list[tuple[float, float]]:
     """Growth rate (1/s) and frequency (kHz) of each mode for which the transient showed both."""
     return [
         (found.measured_growth.rate_1_per_s, found.measured_frequency_Hz / 1e3)
-        for found in view.result.comparison.modes
+        for found in view.result.findings.modes
         if found.measured_growth is not None and found.measured_frequency_Hz is not None
     ]
 
 
 def _predicted(view: View) -> str:
-    return f"mode at t = {view.result.stability.time:g} s" if view.result.comparison.changing else "predicted mode"
+    return f"mode at t = {view.result.stability.time:g} s" if view.result.findings.changing else "predicted mode"
 
 
 def _text(mode: Mode, *, full: bool) -> str:
@@ -106,5 +106,5 @@ def _draw_panel(view: View, axes: Axes, limits: tuple[float, float], top: float)
             linestyle="",
             color=style.DARK,
             markeredgewidth=0.7,
-            label="mean over the growth phase" if view.result.comparison.changing else "measured in the transient",
+            label="mean over the growth phase" if view.result.findings.changing else "measured in the transient",
         )

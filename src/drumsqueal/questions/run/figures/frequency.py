@@ -14,8 +14,8 @@ ROOM = 0.06  # of the range of frequencies, above and below
 @style.styled()
 def draw_frequency(view: View) -> Figure | None:
     """Draw the frequency with what predicts it; None where no mode was followed from onset to saturation."""
-    drift = view.result.comparison.frequency
-    if drift is None or drift.ridge.time_s.size < 2:
+    drift = view.result.findings.frequency
+    if drift is None or drift.ridge is None or drift.ridge.time_s.size < 2:
         return None
     figure = style.new_figure(view.title, f"frequency of {drift.mode}, in the motion of {drift.coordinate}")
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
@@ -23,11 +23,11 @@ def draw_frequency(view: View) -> Figure | None:
     upper.plot(
         (view.time[0] + drift.ridge.time_s) * factor, drift.ridge.frequency_Hz, color=style.COLOUR[drift.coordinate]
     )
-    when = f" at t = {view.result.stability.time:g} s" if view.result.comparison.changing else ""
+    when = f" at t = {view.result.stability.time:g} s" if view.result.findings.changing else ""
     levels = [
         (drift.onset_Hz, f"eigenvalue{when}", style.DARK, "-"),
-        (drift.softening.contact_loss_Hz, "loss of contact", style.TOUCHING, "--"),
-        (drift.softening.by_share_Hz, "√(contact share)", style.TOUCHING, ":"),
+        (drift.predicted_by_contact_loss_Hz, "loss of contact", style.TOUCHING, "--"),
+        (drift.predicted_by_root_of_contact_share_Hz, "√(contact share)", style.TOUCHING, ":"),
         (drift.saturated_Hz, "saturated line", style.COLOUR[drift.coordinate], "-"),
     ]
     for frequency, _, colour, dashes in levels:

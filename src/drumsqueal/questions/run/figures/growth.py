@@ -72,10 +72,10 @@ def _draw_mode(view: View, axes: Axes, mode: Mode, shown: slice) -> Artist:
 
 def _compared(view: View) -> str:
     """What stands on both sides of the stroke in the legend."""
-    if not view.result.comparison.changing:
+    if not view.result.findings.changing:
         return "Re λ predicted / measured"
     factor, unit = style.time_unit(view.time[-1])
-    end = view.result.comparison.growth_end_s * factor
+    end = view.result.findings.growth.linear_until_s * factor
     return f"Re λ at t = {view.result.stability.time:g} s / mean from 0 to {end:.4g} {unit}"
 
 
@@ -87,7 +87,7 @@ def _entry(mode: Mode, compared: ModeComparison) -> str:
 
 def _slope(view: View, mode: Mode, compared: ModeComparison) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Times (s) and the predicted exponential through the fitted start, as far as twice the time of the first edge."""
-    edge, growth = view.result.comparison.edge_reached_s, compared.measured_growth
+    edge, growth = view.result.findings.edge_reached_s, compared.measured_growth
     time = np.array([view.time[0], view.time[-1] if edge is None else min(2 * edge, view.time[-1])])
     first = view.amplitude(mode, slice(0, 1))[0]
     start = first if growth is None else growth.amplitude_at_start * view.micrometres(mode.name)
@@ -106,11 +106,11 @@ def _set_limits(view: View, axes: Axes, shown: slice) -> None:
 
 def _mark_phases(view: View, axes: Axes) -> list[Artist]:
     """Shade the growth phase and mark the first edge; return what to name in the legend."""
-    comparison, (factor, unit) = view.result.comparison, style.time_unit(view.time[-1])
+    comparison, (factor, unit) = view.result.findings, style.time_unit(view.time[-1])
     marks: list[Artist] = []
-    if 0 < comparison.growth_end_s < view.time[-1]:
+    if 0 < comparison.growth.linear_until_s < view.time[-1]:
         span = axes.axvspan(
-            view.time[0] * factor, comparison.growth_end_s * factor, color=style.PALE, zorder=0, linewidth=0
+            view.time[0] * factor, comparison.growth.linear_until_s * factor, color=style.PALE, zorder=0, linewidth=0
         )
         span.set_label("growth phase")
         marks.append(span)
@@ -122,7 +122,7 @@ def _mark_phases(view: View, axes: Axes) -> list[Artist]:
 
 
 def _explained(view: View, marks: list[Artist]) -> list[Artist]:
-    changing = view.result.comparison.changing
+    changing = view.result.findings.changing
     label = f"growth as predicted at t = {view.result.stability.time:g} s" if changing else "predicted growth"
     predicted = Line2D([], [], color=style.DARK, linewidth=0.7, linestyle=DASHES, label=label)
     band = Patch(color=style.FAINT, label=f"smallest to largest in {PERIODS} periods")

@@ -60,9 +60,9 @@ def _path(view: View, part: slice) -> NDArray[np.float64]:
 
 def _growth_path(view: View) -> NDArray[np.float64] | None:
     """The end of the spiral that leads to the first edge, if the motion got there."""
-    edge = view.result.comparison.edge_reached_s
+    edge = view.result.findings.edge_reached_s
     if (
-        edge is None or view.saturation is None or view.result.comparison.changing
+        edge is None or view.saturation is None or view.result.findings.changing
     ):  # the limit drawn is that of the last part
         return None
     part = slice(*np.searchsorted(view.time, [edge - BEFORE_S, edge]).tolist())

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from drumsqueal.findings.compare import UNEXCITED_SHARE, ModeComparison
 from drumsqueal.findings.departure import FEWEST_FOR_SPECTRUM, ROTATIONS, Departure
-from drumsqueal.findings.history import COMPLETE
+from drumsqueal.findings.outcome import Ending
 from drumsqueal.findings.saturation import Saturation
 from drumsqueal.physics.bodies.rigid_shoe import TZ, Y
 from drumsqueal.physics.model import Model
@@ -31,7 +31,7 @@ class View:
     def title(self) -> str:
         """The title of the scene, and whether the run was cut off."""
         title = self.result.scene.title
-        return title if self.result.outcome == COMPLETE else f"{title} (incomplete run)".strip()
+        return title if self.result.findings.ending is Ending.COMPLETE else f"{title} (incomplete run)".strip()
 
     @property
     def time(self) -> NDArray[np.float64]:
@@ -46,12 +46,12 @@ class View:
     @property
     def growing(self) -> slice:
         """The samples of the growth phase."""
-        return slice(0, int(np.searchsorted(self.time, self.result.comparison.growth_end_s, side="right")))
+        return slice(0, int(np.searchsorted(self.time, self.result.findings.growth.linear_until_s, side="right")))
 
     @property
     def saturation(self) -> Saturation | None:
         """The saturated motion, if there is one."""
-        return self.result.comparison.saturation
+        return self.result.findings.saturation
 
     @property
     def saturated(self) -> slice:
@@ -72,7 +72,7 @@ class View:
 
     def compared(self, mode: Mode) -> ModeComparison:
         """What the transient did with a mode."""
-        return next(found for found in self.result.comparison.modes if found.label == mode.label)
+        return next(found for found in self.result.findings.modes if found.label == mode.label)
 
     def micrometres(self, coordinate: str) -> float:
         """Factor from a coordinate's unit to µm at the drum's surface."""

@@ -1,0 +1,76 @@
+"""The eigenvalue problem of steady sliding as it is written down: `stability --json`, and part of every run."""
+
+import math
+
+import numpy as np
+
+from drumsqueal.findings.part import Finding
+from drumsqueal.solve.linear.modes import OSCILLATING_SHARE, Stability, growing_without_oscillation
+
+
+class PredictedMode(Finding):
+    """A mode that oscillates, named by its largest mass-weighted coordinate, with ζ = −Re λ/|λ|."""
+
+    name: str
+    frequency_Hz: float
+    growth_rate_1_per_s: float
+    damping_ratio: float
+    unstable: bool
+
+    @property
+    def abaqus_damping_ratio(self) -> float:
+        """−2 Re λ/|Im λ|, some twice of ζ; negative where the mode is unstable."""
+        return -2 * self.growth_rate_1_per_s / (math.tau * self.frequency_Hz)
+
+
+class Prediction(Finding):
+    """All eigenvalues (1/s), the modes, steady sliding (m, rad) and the range of its pressure (Pa)."""
+
+    eigenvalues: tuple[tuple[float, float], ...]
+    modes: tuple[PredictedMode, ...]
+    steady_state: dict[str, float]
+    pressure_range_Pa: tuple[float, float]
+
+    @property
+    def labels(self) -> list[str]:
+        """The names of the modes, with a number for every further one of a name."""
+        names = [mode.name for mode in self.modes]
+        earlier = [names[:k].count(name) for k, name in enumerate(names)]
+        return [f"{name} ({count + 1})" if count else name for name, count in zip(names, earlier, strict=True)]
+
+    @property
+    def unstable(self) -> list[str]:
+        """The labels of the modes that grow."""
+        return [label for label, mode in zip(self.labels, self.modes, strict=True) if mode.unstable]
+
+    @property
+    def without_oscillation(self) -> list[float]:
+        """Eigenvalues (1/s) that are real."""
+        values = [complex(*value) for value in self.eigenvalues]
+        largest = max(map(abs, values), default=0.0)
+        return [value.real for value in values if abs(value.imag) <= OSCILLATING_SHARE * largest]
+
+    @property
+    def divergence(self) -> float | None:
+        """Largest real eigenvalue that grows without oscillation (1/s), None where there is none."""
+        return growing_without_oscillation(np.array([complex(*value) for value in self.eigenvalues]))
+
+
+def predict(stability: Stability) -> Prediction:
+    """The prediction that steady sliding and its eigenvalues are."""
+    modes = (
+        PredictedMode(
+            name=mode.name,
+            frequency_Hz=mode.frequency_Hz,
+            growth_rate_1_per_s=mode.growth_rate,
+            damping_ratio=mode.damping_ratio,
+            unstable=mode.unstable,
+        )
+        for mode in stability.modes
+    )
+    return Prediction(
+        eigenvalues=tuple((value.real, value.imag) for value in stability.eigenvalues.tolist()),
+        modes=tuple(modes),
+        steady_state=dict(zip(stability.coordinates, stability.steady_state.tolist(), strict=True)),
+        pressure_range_Pa=stability.pressure_range,
+    )

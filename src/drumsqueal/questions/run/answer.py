@@ -1,0 +1,117 @@
+"""One run into one folder: the history grows on disk while it is integrated, then findings and figures."""
+
+import importlib
+import threading
+from contextlib import ExitStack
+from pathlib import Path
+
+from rich.console import Console
+
+from drumsqueal.errors import IntegrationError
+from drumsqueal.files.history_file import HistoryFile, Reached
+from drumsqueal.files.json_file import write_json
+from drumsqueal.files.output_folder import HISTORY, RESUME, SUMMARY, not_taken
+from drumsqueal.files.resumption import Point, ResumeFile
+from drumsqueal.findings.compare import RunFindings
+from drumsqueal.findings.outcome import Ending, Outcome
+from drumsqueal.findings.prediction import predict
+from drumsqueal.progress import Progress
+from drumsqueal.questions.run.words import print_findings
+from drumsqueal.simulation import Prepared, collect, compared
+from drumsqueal.solve.transient.integrate import Chunk
+from drumsqueal.terminal.runner import Answer, print_place, shown_progress
+
+DRAWING = "drumsqueal.questions.run.figures"
+
+
+def run_into(folder: Path, prepared: Prepared, console: Console, since: Point | None = None) -> RunFindings:
+    """Run a prepared scene, write history, findings and figures into the folder, print and return the findings.
+
+    `since` a point that an earlier run in this folder has reached, it goes on from there. Raises IntegrationError for a
+    run that failed, was interrupted or did not fit on the disk, after writing what was computed; the message says why
+    and what is where.
+    """
+    reached = Reached() if since is None else since.reached
+    history = HistoryFile(folder / HISTORY, prepared.scene, prepared.model.names, reached)
+    resume, outcome = ResumeFile(folder / RESUME, prepared.scene), None
+    with ExitStack() as files:
+        try:
+            with shown_progress(console) as progress:
+                outcome = _integrate(history, resume, prepared, progress, since)
+                progress("comparing", 0.0, None)
+                found, answer = _find(files, history, prepared, outcome, folder)
+            left_out = answer.draw(folder, found)
+            if outcome.ending is Ending.COMPLETE:
+                resume.remove()
+        except KeyboardInterrupt:
+            raise IntegrationError(f"interrupted by the user; {_kept(history, outcome)}{_again(resume)}") from None
+        except OSError as error:
+            raise IntegrationError(f"{not_taken(error, folder)}; {_kept(history, outcome)}{_again(resume)}") from None
+    answer.words(console, found)
+    print_place(console, folder, (HISTORY, *answer.files), left_out)
+    if outcome.ending is not Ending.COMPLETE:
+        raise IntegrationError(f"{outcome}; what was computed is in {folder}{_again(resume)}")
+    return found
+
+
+def _find(
+    files: ExitStack, history: HistoryFile, prepared: Prepared, outcome: Outcome, folder: Path
+) -> tuple[RunFindings, Answer[RunFindings]]:
+    """Compare with the prediction and write what was found, which of a run without samples is the prediction alone."""
+    if not history.exists:
+        found = RunFindings(
+            scene=prepared.scene,
+            outcome=outcome,
+            ending=outcome.ending,
+            prediction=predict(prepared.stability),
+            model=prepared.inventory._asdict(),
+        )
+        write_json(found, folder / SUMMARY)
+        raise IntegrationError(f"{outcome}; what was computed is in {folder}")
+    result = compared(prepared, files.enter_context(history.reading()))
+    write_json(result.findings, folder / SUMMARY)
+    figures = importlib.import_module(DRAWING).drawings(result, prepared.model)
+    return result.findings, Answer(words=print_findings, summary=SUMMARY, figures=figures)
+
+
+def _integrate(
+    history: HistoryFile, resume: ResumeFile, prepared: Prepared, progress: Progress, since: Point | None
+) -> Outcome:
+    """Integrate into the history, and return the outcome."""
+    # What compares and draws is loaded while compiled code runs: a second that nobody waits for.
+    loading = threading.Thread(target=importlib.import_module, args=(DRAWING,))
+    if since is not None:
+        history.take_up()
+
+    def keep(chunk: Chunk) -> None:
+        if loading.ident is None:
+            loading.start()
+        history.append(chunk)
+        if chunk.end is not None:
+            resume.note(Point(history.reached, chunk.end))
+
+    try:
+        outcome = collect(prepared, keep, progress, since and since.checkpoint)
+    except OSError as error:
+        first = history.reached.samples / prepared.scene.simulate.sample_rate
+        cause = f"the disk did not take the samples from t = {first:.6g} s on"
+        outcome = Outcome(Ending.FAILED, f"failed: {cause} ({error.strerror or error})")
+        resume.write()
+        history.end(outcome)
+        return outcome
+    resume.write()
+    history.end(outcome)
+    if outcome.ending is Ending.FAILED:  # and would fail again
+        resume.remove()
+    return outcome
+
+
+def _again(resume: ResumeFile) -> str:
+    return "; --resume goes on from there" if resume.exists else ""
+
+
+def _kept(history: HistoryFile, outcome: Outcome | None) -> str:
+    if not history.exists:
+        return "nothing was kept"
+    complete = outcome is not None and outcome.ending is Ending.COMPLETE
+    return f"the {'complete ' if complete else ''}history is in {history.path}"

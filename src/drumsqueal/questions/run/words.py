@@ -1,0 +1,139 @@
+"""What a run or an eigenvalue problem prints on the terminal, on a console that takes no markup: text is text."""
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from drumsqueal.findings.compare import Accuracy, ModeComparison, RunFindings
+from drumsqueal.findings.departure import unit_of
+from drumsqueal.findings.quadrature import INSTANTS
+from drumsqueal.findings.saturation import duration_for
+from drumsqueal.findings.signals.regime import Kind
+from drumsqueal.findings.verdict import difference_is_no_error
+from drumsqueal.solve.linear.modes import OSCILLATING_SHARE, UNDAMPED_SHARE, Stability
+from drumsqueal.solve.transient.runge_kutta import AUTO, IMPLICIT
+from drumsqueal.terminal.tables import print_table
+
+
+def print_stability(console: Console, stability: Stability) -> None:
+    """Print the modes, the other eigenvalues and the steady state."""
+    table = Table(title="Modes of steady sliding", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    for heading in ("mode", "frequency", "growth rate", "damping ratio", ""):
+        table.add_column(heading, justify="left" if heading in ("mode", "") else "right")
+    for mode in stability.modes:
+        table.add_row(
+            mode.label,
+            f"{mode.frequency_Hz:.2f} Hz",
+            f"{mode.growth_rate:+.3f} 1/s",
+            f"{mode.damping_ratio:+.3%}",
+            Text("unstable", style="bold red") if mode.unstable else "stable",
+        )
+    print_table(console, table)
+    largest = max(abs(stability.eigenvalues), default=0.0)
+    real = [value.real for value in stability.eigenvalues if abs(value.imag) <= OSCILLATING_SHARE * largest]
+    if real:
+        console.print("Without oscillation: " + ", ".join(f"{_rounded(value, largest):.3f} 1/s" for value in real))
+    moved = {n: q for n, q in zip(stability.coordinates, stability.steady_state, strict=True) if q != 0}
+    if moved:
+        console.print("Steady sliding at " + ", ".join(f"{n} = {q:.4g} {unit_of(n)}" for n, q in moved.items()))
+    if stability.time > 0:
+        console.print(f"This is for the drum's speed at t = {stability.time:g} s: at t = 0 it is at rest")
+    low, high = stability.pressure_range
+    console.print(f"Steady pressure from {low / 1e3:.2f} to {high / 1e3:.2f} kPa along the lining")
+
+
+def print_findings(console: Console, found: RunFindings) -> None:
+    """Print what the model holds, and the comparison of prediction and transient."""
+    console.print(f"Includes: {'; '.join(found.model['includes'])}", style="dim")
+    console.print(f"Leaves out: {'; '.join(found.model['leaves_out']) or 'nothing'}", style="dim")
+    if found.held_though_they_would_move:
+        held = ", ".join(found.held_though_they_would_move)
+        console.print(f"Held though the others would move them: {held}", style="bold")
+    print_table(console, _growth_table(found))
+    resolution = [mode.frequency_resolution_Hz for mode in found.modes if mode.frequency_resolution_Hz]
+    if resolution:
+        console.print(
+            f"Measured from 0 to {found.growth.linear_until_s:.4g} s; spectral resolution {_range(resolution)} Hz, "
+            "peaks interpolated"
+        )
+    if found.changing:
+        console.print(difference_is_no_error(found))
+    for note in dict.fromkeys(mode.note for mode in found.modes if mode.note):
+        labels = ", ".join(mode.label for mode in found.modes if mode.note is note)
+        console.print(f"{labels}: {note}", style="dim")
+    _print_saturation(console, found)
+    if found.integration is not None and found.integration.implicit_share > 0 and found.scene.simulate.solver == AUTO:
+        took = f"{100 * found.integration.implicit_share:.3g} % of the time"
+        console.print(f"Friction is stiff: the implicit method {IMPLICIT} took {took}")
+    if found.accuracy is not None:
+        _print_accuracy(console, found.accuracy)
+    console.print(found.verdict, style="bold")
+
+
+def _growth_table(found: RunFindings) -> Table:
+    table = Table(title="Onset: eigenvalues against the transient", box=box.SIMPLE_HEAD)
+    table.add_column("mode")
+    predicted = f"at t = {found.predicted_at_s:g} s" if found.changing else "predicted"
+    for quantity, unit in (("frequency", "Hz"), ("growth", "1/s")):
+        table.add_column(f"{quantity}\n{predicted}\n{unit}", justify="right")
+        table.add_column(f"{quantity}\n{'mean' if found.changing else 'measured'}\n{unit}", justify="right")
+        if not found.changing:  # or it would compare one time with a mean over many
+            table.add_column("error", justify="right")
+    for mode in found.modes:
+        cells = _cells(mode)
+        table.add_row(mode.label, *(cell for k, cell in enumerate(cells) if not (found.changing and k in (2, 5))))
+    return table
+
+
+def _cells(mode: ModeComparison) -> list[str]:
+    return [
+        f"{mode.predicted_frequency_Hz:.2f}",
+        _shown(mode.measured_frequency_Hz, "{:.2f}"),
+        _shown(mode.frequency_error, "{:+.1e}"),
+        f"{mode.predicted_growth_rate_1_per_s:+.3f}",
+        _shown(mode.measured_growth_rate_1_per_s, "{:+.3f}"),
+        _shown(mode.growth_rate_error, "{:+.1e}"),
+    ]
+
+
+def _print_saturation(console: Console, found: RunFindings) -> None:
+    saturation = found.saturation
+    if saturation is None:
+        return
+    when = "At its end" if saturation.regime.kind is Kind.STEADY else "After growth"
+    console.print(f"{when}, from {saturation.start_s:.4g} s: {saturation.regime.reason}")
+    needed, boundary = saturation.regime.record_needed_s, found.edge_reached_s
+    if needed is not None and boundary is not None:
+        duration = f"{duration_for(needed, boundary):.4g} s"
+        console.print(f"To record so much after growth, set simulate.duration to {duration}")
+
+
+def _print_accuracy(console: Console, accuracy: Accuracy) -> None:
+    of_motion = accuracy.energy_balance_error_over_kinetic_energy
+    of_friction = accuracy.energy_balance_error_over_friction_work
+    parts = [f"{of_motion:.1e} of the largest kinetic energy"] if of_motion < 1 else []  # or there is next to no motion
+    parts += [f"{of_friction:.1e} of the work of friction"] if of_friction > 0 else []
+    if parts:
+        console.print(f"Energy balance closes to {', '.join(parts)}")
+    error = accuracy.quadrature_error_over_normal_force
+    if error is not None:
+        console.print(
+            f"Contact forces: quadrature error {error:.1e} of the largest normal force, estimated with a finer rule at "
+            f"{INSTANTS} instants"
+        )
+
+
+def _range(values: list[float]) -> str:
+    """Smallest to largest, or the one value that both are."""
+    low, high = f"{min(values):.3g}", f"{max(values):.3g}"
+    return low if low == high else f"{low} to {high}"
+
+
+def _shown(value: float | None, form: str) -> str:
+    return "-" if value is None else form.format(value)
+
+
+def _rounded(value: float, largest: float) -> float:
+    """Zero for what is round-off beside the largest eigenvalue."""
+    return 0.0 if abs(value) < UNDAMPED_SHARE * largest else value
