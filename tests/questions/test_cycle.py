@@ -35,7 +35,7 @@ from drumsqueal.questions.cycle.branch_figure import _shade
 from drumsqueal.questions.cycle.branches import _both_ways, follow_cycles, follow_models
 from drumsqueal.questions.cycle.continuation import Branch, End, _kind
 from drumsqueal.questions.cycle.diagram import CycleBranches, Span
-from drumsqueal.questions.cycle.orbit import Event, floquet, floquet_of
+from drumsqueal.questions.cycle.orbit import Cycle, Event, floquet, floquet_of
 from drumsqueal.questions.cycle.search import CycleStudy, cycle_from, find_cycle, is_same
 from drumsqueal.questions.cycle.shooting import Scales, Shooting
 from drumsqueal.questions.cycle.starts import Start, modal_starts, returns
@@ -618,8 +618,9 @@ def test_where_nothing_else_leads_to_a_cycle_a_kick_does(damped, monkeypatch):
 
 
 def test_where_only_an_unstable_cycle_is_found_a_kick_is_tried_too(damped, search, monkeypatch):
-    unstable = search.model_copy(update={"multipliers": 2 * search.multipliers / search.largest})
-    kicked = search.model_copy(update={"period_s": 1.1 * search.period_s})
+    cycle = Cycle(**{name: getattr(search, name) for name in Cycle.model_fields})
+    unstable = cycle.model_copy(update={"multipliers": 2 * cycle.multipliers / cycle.largest})
+    kicked = cycle.model_copy(update={"period_s": 1.1 * cycle.period_s})
     recorded: list[str] = []
 
     def transient(prepared, *_):
