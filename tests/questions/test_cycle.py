@@ -610,8 +610,8 @@ def test_where_nothing_else_leads_to_a_cycle_a_kick_does(damped, monkeypatch):
     values = {"drum.speed": 20.0, "simulate.coordinates": ["Y"], "simulate.duration": 0.3}
     small, large = ({"start": {"displacement": {"Y": y}, "velocity": {}}} for y in (1e-7, 5e-4))
     kicked, known = (find_cycle(damped.with_values(values | start)) for start in (small, large))
-    assert kicked.origin == "the end of a transient after a large disturbance along mode Y"
-    assert known.origin == "the end of the transient"
+    assert kicked.found_from == "the end of a transient after a large disturbance along mode Y"
+    assert known.found_from == "the end of the transient"
     assert kicked.stable
     # Both are closed to 1e-9 of the motion.
     assert kicked.frequency_Hz == pytest.approx(known.frequency_Hz, rel=1e-8)
@@ -637,7 +637,7 @@ def test_where_only_an_unstable_cycle_is_found_a_kick_is_tried_too(damped, searc
     found = find_cycle(damped)
     # The second kick leads to a cycle, so that the third mode is not kicked.
     assert len(recorded) == 3
-    assert found.origin.startswith("the end of a transient after a large disturbance along mode")
+    assert found.found_from.startswith("the end of a transient after a large disturbance along mode")
     assert (found.period_s, found.others) == (kicked.period_s, (unstable,))
     # Where no kick leads anywhere the unstable one is what there is.
     monkeypatch.setattr(search_module, "_recorded", lambda prepared, *_: replace(transient(prepared), period=None))
