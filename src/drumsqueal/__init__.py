@@ -25,11 +25,13 @@ if TYPE_CHECKING:
     from drumsqueal.questions.compare.measured.reader import read_measured
     from drumsqueal.questions.compare.measured.record import Measured
     from drumsqueal.questions.compare.study import MeasuredComparison, compare_measured
-    from drumsqueal.questions.cycle.branches import Diagram, follow_cycle
-    from drumsqueal.questions.cycle.search import Search, find_cycle
+    from drumsqueal.questions.cycle.branches import follow_cycles
+    from drumsqueal.questions.cycle.diagram import CycleBranches
+    from drumsqueal.questions.cycle.search import CycleStudy, find_cycle
     from drumsqueal.questions.effects.study import EffectStudy, study_effects
     from drumsqueal.questions.motion.study import MotionStudy, study_motion
-    from drumsqueal.questions.onset.study import OnsetStudy, study_onset
+    from drumsqueal.questions.onset.found import OnsetStudy
+    from drumsqueal.questions.onset.study import study_onset
     from drumsqueal.questions.paper.study import PaperStudy, study_paper
     from drumsqueal.questions.sensitivity.quieting import Quieting, quieten
     from drumsqueal.questions.sensitivity.study import SensitivityStudy, study_sensitivity
@@ -55,12 +57,14 @@ _HOMES = {
     "scene": ("Scene", "SceneError", "load_scene", "scene_from_dict"),
     "simulation": ("Result", "run"),
     "questions.accuracy.study": ("AccuracyStudy", "study_accuracy"),
-    "questions.cycle.branches": ("Diagram", "follow_cycle"),
-    "questions.cycle.search": ("Search", "find_cycle"),
+    "questions.cycle.branches": ("follow_cycles",),
+    "questions.cycle.diagram": ("CycleBranches",),
+    "questions.cycle.search": ("CycleStudy", "find_cycle"),
     "questions.effects.study": ("EffectStudy", "study_effects"),
     "questions.compare.study": ("MeasuredComparison", "compare_measured"),
     "questions.motion.study": ("MotionStudy", "study_motion"),
-    "questions.onset.study": ("OnsetStudy", "study_onset"),
+    "questions.onset.found": ("OnsetStudy",),
+    "questions.onset.study": ("study_onset",),
     "questions.paper.study": ("PaperStudy", "study_paper"),
     "questions.sensitivity.quieting": ("Quieting", "quieten"),
     "questions.sensitivity.study": ("SensitivityStudy", "study_sensitivity"),
@@ -71,8 +75,9 @@ _HOME = {name: module for module, names in _HOMES.items() for name in names}
 
 __all__ = [
     "AccuracyStudy",
+    "CycleBranches",
     "CycleError",
-    "Diagram",
+    "CycleStudy",
     "EffectStudy",
     "FrictionLaw",
     "IntegrationError",
@@ -89,7 +94,6 @@ __all__ = [
     "RunFindings",
     "Scene",
     "SceneError",
-    "Search",
     "SensitivityStudy",
     "Stability",
     "SteadyStateError",
@@ -99,7 +103,7 @@ __all__ = [
     "compare",
     "compare_measured",
     "find_cycle",
-    "follow_cycle",
+    "follow_cycles",
     "growth_rate",
     "integrate_many",
     "load_scene",

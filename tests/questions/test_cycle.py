@@ -1,6 +1,7 @@
 """Limit cycles: the flow map and its derivatives, cycles and multipliers, branches and folds."""
 
 import json
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -21,31 +22,21 @@ from scipy.optimize import brentq, minimize_scalar
 from scipy.special import i1
 
 from drumsqueal.errors import CycleError
+from drumsqueal.files.json_file import to_json
+from drumsqueal.findings.schema import read_findings
 from drumsqueal.physics.effects.damping import Damping
 from drumsqueal.physics.laws.friction_law import ExponentialLaw
 from drumsqueal.physics.model import build_model
 from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
 from drumsqueal.questions.cycle import branches, orbit
 from drumsqueal.questions.cycle import search as search_module
+from drumsqueal.questions.cycle.answer import branches_table, milestones
 from drumsqueal.questions.cycle.branch_figure import _shade
-from drumsqueal.questions.cycle.branch_table import _milestones, to_csv
-from drumsqueal.questions.cycle.branches import _both_ways, follow_cycle, follow_models
-from drumsqueal.questions.cycle.continuation import (
-    BOUND,
-    BRANCHING,
-    CORNER,
-    DOUBLING,
-    FOLD,
-    HOPF,
-    LOOP,
-    NEIMARK_SACKER,
-    Branch,
-    Special,
-    _kind,
-)
-from drumsqueal.questions.cycle.kicked import kicked, pieces
-from drumsqueal.questions.cycle.orbit import floquet, floquet_of
-from drumsqueal.questions.cycle.search import cycle_from, find_cycle, is_same
+from drumsqueal.questions.cycle.branches import _both_ways, follow_cycles, follow_models
+from drumsqueal.questions.cycle.continuation import Branch, End, _kind
+from drumsqueal.questions.cycle.diagram import CycleBranches, Span
+from drumsqueal.questions.cycle.orbit import Cycle, Event, floquet, floquet_of
+from drumsqueal.questions.cycle.search import CycleStudy, cycle_from, find_cycle, is_same
 from drumsqueal.questions.cycle.shooting import Scales, Shooting
 from drumsqueal.questions.cycle.starts import Start, modal_starts, returns
 from drumsqueal.scene import SceneError, load_scene
@@ -196,7 +187,7 @@ class Independent:
 
 
 def test_the_cycle_and_its_multipliers_are_those_of_an_independent_code(damped, search):
-    brake, cycle = Independent(damped), search.cycle
+    brake, cycle = Independent(damped), search
     # The two codes' forces differ by 1e-12 of the load, and so do their steps.
     closed = (brake.after(cycle.state, cycle.period_s) - cycle.state) / SIZE
     assert np.max(np.abs(closed)) < 1e-9
@@ -208,13 +199,13 @@ def test_the_cycle_and_its_multipliers_are_those_of_an_independent_code(damped, 
     # Central differences: the square of the step, 1e-8, times a curvature of some hundred: 2e-6 in the unit multiplier.
     assert unit_error < 5e-6
     np.testing.assert_allclose(multipliers, cycle.multipliers, rtol=0, atol=5e-6)
-    assert cycle.unit_error < 1e-9
+    assert cycle.unit_multiplier_error < 1e-9
     assert cycle.residual < 1e-10
     assert cycle.stable
 
 
 def test_a_long_transient_ends_on_the_cycle(damped, search):
-    cycle = search.cycle
+    cycle = search
     assert search.transient == "settles to a periodic motion"
     # Of the largest multiplier, 0.903, twenty periods leave 0.13 of a departure: from 0.4 s on it is round-off.
     long = damped.with_values({"simulate.duration": 0.8, "simulate.tolerance": 1e-9, "simulate.sample_rate": 2e5})
@@ -246,7 +237,7 @@ def test_a_long_transient_ends_on_the_cycle(damped, search):
 
 
 def test_one_period_balances_energy(search):
-    samples = search.cycle.samples
+    samples = search.samples
     assert np.abs(samples.energy_balance_error).max() < 1e-8 * samples.kinetic_energy.max()
 
 
@@ -270,26 +261,26 @@ def block():
 def test_the_branch_leaves_a_subcritical_hopf_point_as_its_normal_form_says(block):
     (critical,), (branch,) = block.linear.critical, block.branches
     assert critical.value == pytest.approx(0.5 * np.log(10.0), abs=1e-11)
-    assert branch.start == HOPF
+    assert branch.start == End.HOPF
     for cycle in branch.cycles[:8]:
         amplitude = cycle.amplitude["X"]
         # Averaged: ξ A = Δμ e^(−v_d/v0) I1(A/v0), of which A²/(8 v0) = v_d − v_H is the beginning; to second order in
         # friction, which is 0.05.
         averaged = 0.5 * np.log(0.5 * i1(2 * amplitude) / (0.05 * amplitude))
-        assert cycle.parameter - critical.value == pytest.approx(averaged - critical.value, rel=5e-3)
+        assert cycle.value - critical.value == pytest.approx(averaged - critical.value, rel=5e-3)
         assert not cycle.stable
-        assert cycle.unit_error < 1e-9
+        assert cycle.unit_multiplier_error < 1e-9
     first = branch.cycles[0]
-    assert first.parameter - critical.value == pytest.approx(first.amplitude["X"] ** 2 / 4, rel=1e-3)
+    assert first.value - critical.value == pytest.approx(first.amplitude["X"] ** 2 / 4, rel=1e-3)
     assert first.frequency_Hz == pytest.approx(critical.frequency_Hz, rel=1e-5)
-    assert not kicked(block)
+    assert not block.squeals_only_when_kicked
 
 
 def test_multipliers_and_period_of_the_unstable_cycle_are_those_of_a_return_map(block):
     cycle = block.branches[0].cycles[6]
 
     def rate(_, y):
-        v = cycle.parameter - y[1]
+        v = cycle.value - y[1]
         return [y[1], 0.5 * (1 + np.exp(-2 * abs(v))) * np.sign(v) - 0.1 * y[1] - y[0]]
 
     def upwards(_, y):
@@ -316,7 +307,7 @@ def test_a_branch_ends_where_the_block_would_stick(block):
     assert "comes to rest on the drum" in branch.end
     last = branch.cycles[-1]
     # There its largest speed is that of the belt.
-    assert last.samples.velocity.max() == pytest.approx(last.parameter, rel=1e-3)
+    assert last.samples.velocity.max() == pytest.approx(last.value, rel=1e-3)
 
 
 class Polynomial(eqx.Module):
@@ -339,7 +330,7 @@ def test_a_fold_is_found_where_an_independent_code_has_it():
 
     diagram = follow_models(with_derivative(model), -0.02, 0.12, 12)
     (branch,) = diagram.branches
-    folds = [special for special in branch.special if special.kind == FOLD]
+    folds = [special for special in branch.special if special.what == Event.FOLD]
     assert len(folds) == 1
 
     def closing(amplitude):
@@ -361,12 +352,12 @@ def test_a_fold_is_found_where_an_independent_code_has_it():
         return damping
 
     best: Any = minimize_scalar(lambda amplitude: -closing(amplitude), bounds=(0.5, 0.9), method="bounded")
-    assert folds[0].parameter == pytest.approx(-best.fun, rel=1e-6)
-    assert folds[0].cycle.multipliers[0].real == pytest.approx(1.0, abs=1e-4)
+    assert folds[0].value == pytest.approx(-best.fun, rel=1e-6)
+    assert folds[0].multipliers[0].real == pytest.approx(1.0, abs=1e-4)
     # Between the Hopf point and the fold it squeals only when it is kicked.
-    ((low, high),) = kicked(diagram)
+    ((low, high),) = diagram.squeals_only_when_kicked
     assert low == pytest.approx(0.0, abs=1e-10)
-    assert high == pytest.approx(folds[0].parameter)
+    assert high == pytest.approx(folds[0].value)
 
 
 def test_a_branch_ends_at_the_other_hopf_point():
@@ -376,13 +367,13 @@ def test_a_branch_ends_at_the_other_hopf_point():
     diagram = follow_models(with_derivative(model), 0.0, 1.0, 12)
     assert [each.value for each in diagram.linear.critical] == pytest.approx([0.3, 0.7], abs=1e-10)
     (branch,) = diagram.branches
-    assert (branch.start, branch.end) == (HOPF, HOPF)
+    assert (branch.start, branch.end) == (End.HOPF, End.HOPF)
     assert not branch.special
     for cycle in branch.cycles:
         assert cycle.stable
-        assert 0.3 < cycle.parameter < 0.7
+        assert 0.3 < cycle.value < 0.7
         # Averaged; to second order in damping and friction, of 0.04.
-        wanted = np.sqrt(-(cycle.parameter - 0.3) * (cycle.parameter - 0.7) / 0.3)
+        wanted = np.sqrt(-(cycle.value - 0.3) * (cycle.value - 0.7) / 0.3)
         assert cycle.amplitude["X"] == pytest.approx(wanted, rel=5e-3)
 
 
@@ -394,13 +385,13 @@ def test_a_branch_that_comes_back_is_a_loop():
     start = Start(np.array([1.81, 0.0]), 2 * np.pi, "")
     cycle = cycle_from(models(0.01)[0], start, np.array([1.0]))
     branch = _both_ways(models, cycle, 0.01, (-1.0, 1.0), lambda _: None)
-    assert (branch.start, branch.end) == (LOOP, LOOP)
-    assert [special.kind for special in branch.special] == [FOLD, FOLD]
+    assert (branch.start, branch.end) == (End.LOOP, End.LOOP)
+    assert [special.what for special in branch.special] == [Event.FOLD, Event.FOLD]
     # Averaged, the fold lies at a damping of 0.072.
-    low, high = sorted(special.parameter for special in branch.special)
+    low, high = sorted(special.value for special in branch.special)
     assert -low == pytest.approx(high, rel=1e-6)
     assert high == pytest.approx(np.sqrt(0.012), rel=1e-2)
-    assert [stable for _, stable in pieces(branch)] == [True, False, True]
+    assert [stable for _, stable in branch.pieces()] == [True, False, True]
     assert is_same(branch.cycles[0], branch.cycles[-1])
 
 
@@ -455,27 +446,27 @@ def test_a_neimark_sacker_point_is_found_and_named():
     start = Start(np.array([1.863, 0.0, 0.0, 0.0]), 2 * np.pi, "")
     cycle = cycle_from(models(0.02)[0], start, steady)
     branch = _both_ways(models, cycle, 0.02, (-0.05, 0.05), lambda _: None)
-    ((kind, value, marginal),) = branch.special
-    assert kind == NEIMARK_SACKER
-    assert value == pytest.approx(0.0, abs=1e-6)  # 1e-5 of a step, which is 0.015 at most
-    for each in (*branch.cycles, marginal):
-        squared = 0.3 - each.parameter**2 / 4
-        pair = np.exp((-each.parameter / 2 + 1j * np.sqrt(squared) * np.array([1, -1])) * each.period_s)
+    (marginal,) = branch.special
+    assert marginal.what is Event.NEIMARK_SACKER
+    assert marginal.value == pytest.approx(0.0, abs=1e-6)  # 1e-5 of a step, which is 0.015 at most
+    for each in branch.cycles:
+        squared = 0.3 - each.value**2 / 4
+        pair = np.exp((-each.value / 2 + 1j * np.sqrt(squared) * np.array([1, -1])) * each.period_s)
         away = np.min(np.abs(each.multipliers[:, None] - pair), axis=0)
         assert np.max(away) < 1e-8  # tolerances of 1e-10, and the derivative's
         if each is not marginal:
-            assert each.unstable_directions == (2 if each.parameter < 0 else 0)
-    assert (branch.start, branch.end) == (BOUND, BOUND)
-    assert [branch.cycles[k].parameter for k in (0, -1)] == pytest.approx([-0.05, 0.05], rel=1e-12)
-    assert [stable for _, stable in pieces(branch)] == [False, True]
+            assert each.unstable_directions == (2 if each.value < 0 else 0)
+    assert (branch.start, branch.end) == (End.BOUND, End.BOUND)
+    assert [branch.cycles[k].value for k in (0, -1)] == pytest.approx([-0.05, 0.05], rel=1e-12)
+    assert [stable for _, stable in branch.pieces()] == [False, True]
 
 
 @pytest.mark.parametrize(
     ("multipliers", "name"),
     [
-        ([1.3, 0.6 + 0.8j, 0.6 - 0.8j], NEIMARK_SACKER),
-        ([-1.0 - 1e-9, 0.9, 0.1], DOUBLING),
-        ([1.0 + 1e-9, 0.9, -0.8], BRANCHING),
+        ([1.3, 0.6 + 0.8j, 0.6 - 0.8j], Event.NEIMARK_SACKER),
+        ([-1.0 - 1e-9, 0.9, 0.1], Event.DOUBLING),
+        ([1.0 + 1e-9, 0.9, -0.8], Event.BRANCHING),
     ],
 )
 def test_what_leaves_the_unit_circle_names_the_point(multipliers, name):
@@ -539,31 +530,38 @@ def test_a_cycle_that_all_but_grazes_has_the_multipliers_of_its_side(damped):
 
 def test_between_two_corners_nothing_is_called_stable_unseen(block):
     unstable = block.branches[0].cycles[:3]
-    branch = Branch(unstable, tuple(Special(CORNER, each.parameter, each) for each in unstable), HOPF, BOUND)
-    assert [stable for _, stable in pieces(branch)] == [False]
+    corners = tuple(each.model_copy(update={"what": Event.CORNER}) for each in unstable)
+    branch = Branch(start=End.HOPF, end=End.BOUND, cycles=corners)
+    assert [stable for _, stable in branch.pieces()] == [False]
 
 
 def test_a_marginal_cycle_is_neutral_in_the_table_too(block):
     first = block.branches[0].cycles[0]
-    shown = []
-    for largest in (0.5, 1 - 1e-8, 1 + 1e-8, 2.0):
-        shown.append((0, first._replace(multipliers=np.array([largest, 0.1], dtype=complex))))
+    shown = tuple(
+        first.model_copy(update={"multipliers": np.array([largest, 0.1], dtype=complex)})
+        for largest in (0.5, 1 - 1e-8, 1 + 1e-8, 2.0)
+    )
+    branch = Branch(start=End.HOPF, end=End.BOUND, cycles=shown)
     speed = Variation("drum.speed", "rad/s", (0.8, 2.4))
-    header, *rows = (line.split(",") for line in to_csv(speed, shown).splitlines())
+    scene = load_scene(SCENARIOS / "damped.toml")
+    found = CycleBranches(
+        scene=scene, parameter=Span.of(speed), critical_values=(), **dict(block) | {"branches": (branch,)}
+    )
+    header, *rows = (line.split(",") for line in branches_table(found).splitlines())
     assert [row[header.index("stable")] for row in rows] == ["yes", "neutral", "neutral", "no"]
     assert [row[header.index("unstable_directions")] for row in rows] == ["0", "0", "0", "1"]
 
 
 def test_what_begins_at_a_hopf_point_is_named_as_the_cycle_that_it_is(block):
     branch = block.branches[0]
-    (what, first), *_ = _milestones(branch)
+    (what, first), *_ = milestones(branch)
     assert (what, first) == ("first cycle", branch.cycles[0])
-    assert first.parameter != block.linear.critical[0].value
+    assert first.value != block.linear.critical[0].value
 
 
 def test_nothing_is_painted_where_nothing_is_known(block):
     axes = Figure().subplots()
-    axes.set_xlim(block.low - 0.1, block.high + 0.1)
+    axes.set_xlim(0.7, 2.5)
     _shade(axes, block)
     edges = [
         x
@@ -571,8 +569,8 @@ def test_nothing_is_painted_where_nothing_is_known(block):
         if isinstance(patch, Rectangle)
         for x in (patch.get_x(), patch.get_x() + patch.get_width())
     ]
-    assert min(edges) == pytest.approx(block.low, abs=1e-12)
-    assert max(edges) == pytest.approx(block.high, abs=1e-12)
+    assert min(edges) == pytest.approx(0.8, abs=1e-12)
+    assert max(edges) == pytest.approx(2.4, abs=1e-12)
 
 
 def test_a_branch_goes_on_where_steady_sliding_is_not_found(block, monkeypatch):
@@ -582,11 +580,11 @@ def test_a_branch_goes_on_where_steady_sliding_is_not_found(block, monkeypatch):
 
 
 def test_a_cycle_of_the_scene_that_cannot_be_followed_leaves_the_others(damped, search, block, monkeypatch):
-    monkeypatch.setattr(branches, "follow_models", lambda *_: block._replace(low=1.0, high=9.0))
-    monkeypatch.setattr(branches, "find_cycle", lambda scene: search)
+    monkeypatch.setattr(branches, "follow_models", lambda *_, **__: block)
+    monkeypatch.setattr(branches, "find_cycle", lambda scene, progress: search)
     monkeypatch.setattr(branches, "is_between", lambda *_: False)
     monkeypatch.setattr(branches, "_both_ways", partial(_raised, CycleError("lost")))
-    diagram = follow_cycle(damped, "drum.speed", 1.0, 9.0)
+    diagram = follow_cycles(damped, "drum.speed=1..9")
     assert diagram.branches == block.branches
     assert diagram.notes == ("from the scene's own cycle of 1028.85 Hz: lost",)
 
@@ -614,25 +612,26 @@ def test_where_nothing_else_leads_to_a_cycle_a_kick_does(damped, monkeypatch):
     values = {"drum.speed": 20.0, "simulate.coordinates": ["Y"], "simulate.duration": 0.3}
     small, large = ({"start": {"displacement": {"Y": y}, "velocity": {}}} for y in (1e-7, 5e-4))
     kicked, known = (find_cycle(damped.with_values(values | start)) for start in (small, large))
-    assert kicked.origin == "the end of a transient kicked along mode Y"
-    assert known.origin == "the end of the transient"
-    assert kicked.cycle.stable
+    assert kicked.found_from == "the end of a transient after a large disturbance along mode Y"
+    assert known.found_from == "the end of the transient"
+    assert kicked.stable
     # Both are closed to 1e-9 of the motion.
-    assert kicked.cycle.frequency_Hz == pytest.approx(known.cycle.frequency_Hz, rel=1e-8)
+    assert kicked.frequency_Hz == pytest.approx(known.frequency_Hz, rel=1e-8)
 
 
 def test_where_only_an_unstable_cycle_is_found_a_kick_is_tried_too(damped, search, monkeypatch):
-    unstable = search.cycle._replace(multipliers=2 * search.cycle.multipliers / search.cycle.largest)
-    kicked = search.cycle._replace(period_s=1.1 * search.cycle.period_s)
+    cycle = Cycle(**{name: getattr(search, name) for name in Cycle.model_fields})
+    unstable = cycle.model_copy(update={"multipliers": 2 * cycle.multipliers / cycle.largest})
+    kicked = cycle.model_copy(update={"period_s": 1.1 * cycle.period_s})
     recorded: list[str] = []
 
-    def transient(prepared):
+    def transient(prepared, *_):
         recorded.append(prepared.scene.start.displacement)
         period = None if len(recorded) < 3 else kicked.period_s
         return search_module._Record(np.zeros(1), np.zeros((1, 6)), "comes to rest in steady sliding", period)
 
-    def close(model, start, steady):
-        return kicked if "kicked" in start.origin else unstable
+    def close(model, start, steady, on_flow):
+        return kicked if "disturbance" in start.origin else unstable
 
     monkeypatch.setattr(search_module, "_recorded", transient)
     monkeypatch.setattr(search_module, "modal_starts", lambda *_: iter([Start(np.zeros(6), 1e-3, "along mode Y")]))
@@ -640,16 +639,17 @@ def test_where_only_an_unstable_cycle_is_found_a_kick_is_tried_too(damped, searc
     found = find_cycle(damped)
     # The second kick leads to a cycle, so that the third mode is not kicked.
     assert len(recorded) == 3
-    assert found.origin.startswith("the end of a transient kicked along mode")
-    assert (found.cycle.period_s, found.others) == (kicked.period_s, (unstable,))
+    assert found.found_from.startswith("the end of a transient after a large disturbance along mode")
+    assert (found.period_s, found.others) == (kicked.period_s, (unstable,))
     # Where no kick leads anywhere the unstable one is what there is.
-    monkeypatch.setattr(search_module, "_recorded", lambda prepared: transient(prepared)._replace(period=None))
-    assert find_cycle(damped).cycle is unstable
+    monkeypatch.setattr(search_module, "_recorded", lambda prepared, *_: replace(transient(prepared), period=None))
+    assert find_cycle(damped).multipliers is not kicked.multipliers
+    assert not find_cycle(damped).stable
 
 
 def test_a_range_through_a_drum_at_rest_is_refused(damped):
     with pytest.raises(SceneError, match="drum at rest"):
-        follow_cycle(damped, "drum.speed", -1.0, 5.0)
+        follow_cycles(damped, "drum.speed=-1..5")
 
 
 @pytest.mark.slow
@@ -678,15 +678,16 @@ def test_wrong_requests_are_told_and_write_nothing(drumsqueal, monkeypatch, tmp_
 
 
 def test_the_command_writes_the_cycle(drumsqueal, tmp_path, search, monkeypatch):
-    monkeypatch.setattr("drumsqueal.questions.cycle.job.find_cycle", lambda scene, show: search)
+    monkeypatch.setattr(search_module, "find_cycle", lambda scene, progress: search)
     status, out, err = drumsqueal("cycle", str(SCENARIOS / "damped.toml"), "-o", str(tmp_path))
     assert (status, err) == (0, "")
-    assert "stable cycle at 1028.854 Hz" in " ".join(out.split())
+    assert "stable limit cycle at 1028.854 Hz" in " ".join(out.split())
     data = json.loads((tmp_path / "cycle.json").read_text())
-    assert data["period_s"] == search.cycle.period_s
+    assert data["period_s"] == search.period_s
     assert data["stable"] is True
+    assert to_json(read_findings(tmp_path / "cycle.json", CycleStudy)) == (tmp_path / "cycle.json").read_text()
     with xarray.open_dataset(tmp_path / "cycle.nc") as period:
-        assert period["time"][-1] == pytest.approx(search.cycle.period_s)
+        assert period["time"][-1] == pytest.approx(search.period_s)
         first, last = (period["displacement"].isel(time=k).values for k in (0, -1))
         assert np.max(np.abs(first - last)) < 1e-9 * np.abs(period["displacement"]).max()
     assert (tmp_path / "cycle.png").stat().st_size > 10_000
@@ -699,11 +700,12 @@ def test_the_command_follows_cycles(drumsqueal, tmp_path):
     status, out, err = drumsqueal("cycle", scene, "--along", along, "-o", str(tmp_path))
     assert (status, err) == (0, "")
     data = json.loads((tmp_path / "branch.json").read_text())
+    assert to_json(read_findings(tmp_path / "branch.json", CycleBranches)) == (tmp_path / "branch.json").read_text()
     (critical,) = data["critical_values"]
     (branch,) = data["branches"]
     assert critical["value"] == pytest.approx(10.612287, abs=1e-5)
-    assert branch["start"] == HOPF
-    folds = [each for each in branch["special"] if each["what"] == FOLD]
+    assert branch["start"] == End.HOPF
+    folds = [each for each in branch["special"] if each["what"] == Event.FOLD]
     assert folds[0]["value"] == pytest.approx(10.618092, abs=1e-5)
     rows = (tmp_path / "branch.csv").read_text().splitlines()
     assert len(rows) == 1 + len(branch["cycles"])
@@ -715,14 +717,14 @@ def test_the_command_follows_cycles(drumsqueal, tmp_path):
 
 
 def test_a_search_without_a_cycle_ends_with_its_reason(drumsqueal, tmp_path, monkeypatch):
-    monkeypatch.setattr("drumsqueal.questions.cycle.job.find_cycle", partial(_raised, CycleError("no cycle")))
+    monkeypatch.setattr(search_module, "find_cycle", partial(_raised, CycleError("no cycle")))
     status, _, err = drumsqueal("cycle", str(SCENARIOS / "damped.toml"), "-o", str(tmp_path))
     assert status == 1
     assert err.startswith("drumsqueal: no cycle")
     assert not (tmp_path / "cycle.json").exists()
 
 
-def _raised(error, *_):
+def _raised(error, *_, **__):
     raise error
 
 

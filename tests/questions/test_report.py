@@ -27,9 +27,9 @@ from drumsqueal.findings.signals import amplitude_spectrum, peak_near
 from drumsqueal.physics.composition import ALL
 from drumsqueal.physics.model import build_model
 from drumsqueal.questions.onset import study as study_module
-from drumsqueal.questions.onset.attractors import DECAYS, SQUEALS, Ending
-from drumsqueal.questions.onset.job import study_into
-from drumsqueal.questions.onset.study import predict
+from drumsqueal.questions.onset.answer import ONSET
+from drumsqueal.questions.onset.rows import Ending, Leads
+from drumsqueal.questions.onset.study import study_onset
 from drumsqueal.questions.report import onset_page as onset_page_module
 from drumsqueal.questions.report import page
 from drumsqueal.questions.report import run_page as run_page_module
@@ -102,20 +102,21 @@ def run_folder(nominal, tmp_path_factory):
 def onset_folder(tmp_path_factory):
     """The critical value is real; where the transients lead is made up."""
 
-    def made_up(family, tasks, how, *, rounds):
+    def made_up(family, tasks, how, *, rounds, progress):
         for point, start in tasks:
             lasts = point.value < 25 and (point.unstable or start.name != "small")
             one = np.array([1e-5])
             motion = Saturated(one, one, (0.0, 1.5), 1000.0, "Y", 1.0, 0.0, 1.0, one, one, "complete", False)
-            yield Ending(point.value, start.name, SQUEALS if lasts else DECAYS, motion, 0.1)
+            yield Ending.of(point.value, start.name, Leads.SQUEALS if lasts else Leads.DECAYS, motion, 0.1, ("Y",))
 
     folder = tmp_path_factory.mktemp("onset")
     alone = ['simulate.coordinates=["Y"]', "start.displacement={Y = 1e-7}"]
     scene = load_scene(DAMPED, alone)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(study_module, "find_endings", made_up)
-        predicted = predict(scene, read_variation("drum.speed=10 rpm..400 rpm x4", scene))
-        study_into(folder, predicted, 0.02, Console(file=io.StringIO()), cycles=False)
+        study = study_onset(scene, "drum.speed=10 rpm..400 rpm x4", within=0.02)
+    ONSET.write(folder, study)
+    ONSET.draw(folder, study)
     return reported(folder, "onset")
 
 
@@ -447,21 +448,18 @@ def test_a_range_goes_into_the_command_in_its_unit_only_where_that_gives_the_sam
     assert onset_page_module._range(asked._replace(given="fathoms"), nominal) == in_si
 
 
-def test_a_study_that_was_cut_off_shows_the_values_done(onset_folder, report, tmp_path):
+def test_a_table_without_its_summary_is_refused(onset_folder, drumsqueal, tmp_path):
     shutil.copy(onset_folder / "onset.csv", tmp_path)
-    page = report(tmp_path)
-    assert "not complete" in page.one("warning")["text"]
-    assert len([each for each in page.all("tr") if "tbody" in each["inside"]]) == 4
-    assert "drum.<wbr>speed_<wbr>rpm</th>" in page.source
+    status, _, errors = drumsqueal("report", str(tmp_path))
+    assert (status, errors.count("\n")) == (2, 1)
+    assert "there is onset.csv, but no onset.json" in errors
 
 
 def test_a_study_that_was_cut_off_says_what_was_asked_and_predicted(onset_folder, report, tmp_path):
     whole = json.loads((onset_folder / "onset.json").read_text())
-    cut = {"outcome": "cut off", "verdict": None, "reservations": [], "ranges": [], "values": [], "cycles": None}
+    done = [each for each in whole["values"] if each["asked"]][:3]
+    cut = {"outcome": "cut off", "verdict": None, "reservations": [], "ranges": [], "values": done, "cycles": None}
     (tmp_path / "onset.json").write_text(json.dumps(whole | cut))
-    lines = (onset_folder / "onset.csv").read_text().splitlines()
-    asked = [line for line in lines[1:] if ",yes," in line]
-    (tmp_path / "onset.csv").write_text("\n".join([lines[0], *asked[:3]]) + "\n")
     page = report(tmp_path)
     assert "not complete" in page.one("warning")["text"]
     (critical,) = whole["critical_values"]
@@ -477,7 +475,9 @@ def test_a_study_that_was_cut_off_says_what_was_asked_and_predicted(onset_folder
     assert "cut off before it was drawn" in page.one("missing")["text"]
     assert not [each for each in page.elements if each.get("id") == "ranges"]
     # A whole study without its figure is not called cut off.
-    (tmp_path / "onset.json").write_text(json.dumps(whole | {"cycles": {"branches": []}}))
+    (tmp_path / "onset.json").write_text(
+        json.dumps(whole | {"cycles": {"branches": [], "steady_sliding_stable": [], "steady_sliding_unstable": []}})
+    )
     page = report(tmp_path)
     assert "or the figure was taken away" in page.one("missing")["text"]
     assert page.one("command")["text"].endswith(" --cycles")

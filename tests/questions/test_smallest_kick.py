@@ -19,14 +19,14 @@ from drumsqueal.physics.model import build_model
 from drumsqueal.physics.small_bodies import block_on_belt
 from drumsqueal.questions.cycle.search import cycle_from
 from drumsqueal.questions.cycle.starts import Start as Beginning
-from drumsqueal.questions.onset import kick as kick_module
+from drumsqueal.questions.onset import disturbance as disturbance_module
 from drumsqueal.questions.onset import study as study_module
-from drumsqueal.questions.onset.attractors import DECAYS, SQUEALS, Ending, Family, How, Start, find_endings
+from drumsqueal.questions.onset.attractors import Family, How, Start, find_endings
+from drumsqueal.questions.onset.disturbance import PRECISION, smallest_disturbances, surface_speed
 from drumsqueal.questions.onset.figure import draw_onset
-from drumsqueal.questions.onset.kick import PRECISION, smallest_kicks, surface_speed
-from drumsqueal.questions.onset.rows import Row
+from drumsqueal.questions.onset.rows import Ending, Leads, Row
 from drumsqueal.questions.onset.study import predict, study_onset
-from drumsqueal.questions.onset.verdict import reservations, verdict
+from drumsqueal.questions.onset.words import reservations, verdict
 from drumsqueal.scene import load_scene
 from drumsqueal.scene.variation import Variation
 from drumsqueal.solve.linear.branches import point_at
@@ -73,41 +73,45 @@ def unstable_cycle() -> float:
 
 
 def test_the_smallest_kick_of_the_block_leads_onto_its_unstable_cycle():
-    row = Row(point_at(block, DAMPING), (), asked=True)
+    row = Row.at(point_at(block, DAMPING), asked=True)
     seen = []
-    *coarse, last = smallest_kicks(FAMILY, [row], HOW, lambda *told: seen.append(told))
+    *coarse, last = smallest_disturbances(FAMILY, [row], HOW, lambda *told: seen.append(told))
     (kick,) = last.values()
     wanted = unstable_cycle()
     assert wanted == pytest.approx(0.4, rel=0.01)  # averaged, to second order in friction
     # Where the two that enclose it are 2 % apart, the middle is right to 1 %.
-    assert kick.speed_uncertainty <= PRECISION / 2 * kick.speed
-    assert abs(kick.speed - wanted) <= kick.speed_uncertainty
-    assert kick.energy == pytest.approx(kick.speed**2 / 2, rel=1e-12)  # 1 kg
+    assert kick.speed_uncertainty_m_per_s <= PRECISION / 2 * kick.speed_m_per_s
+    assert abs(kick.speed_m_per_s - wanted) <= kick.speed_uncertainty_m_per_s
+    assert kick.energy_J == pytest.approx(kick.speed_m_per_s**2 / 2, rel=1e-12)  # 1 kg
     # The drum's speed is 1 m/s, and so is the edge.
-    assert kick.edge_share == pytest.approx(kick.speed, rel=1e-2)
-    assert kick.velocity == pytest.approx([math.copysign(kick.speed, kick.velocity[0])])
+    assert kick.edge_share == pytest.approx(kick.speed_m_per_s, rel=1e-2)
+    assert kick.velocity == pytest.approx({"X": math.copysign(kick.speed_m_per_s, kick.velocity["X"])})
     assert kick.mode == "X"
     # Averaged 0.894 m; sampled ten times a radian.
-    assert kick.ending.motion.amplitude == pytest.approx([math.sqrt(0.8)], rel=0.01)
+    assert kick.leads_to.amplitude == pytest.approx({"X": math.sqrt(0.8)}, rel=0.01)
     # What is known before is less certain, and right, too.
     for found in coarse:
         (before,) = found.values()
-        assert abs(before.speed - wanted) <= before.speed_uncertainty
-        assert before.speed_uncertainty > kick.speed_uncertainty
-    assert all(what == "kicks" and done <= total for what, done, total in seen)
+        assert abs(before.speed_m_per_s - wanted) <= before.speed_uncertainty_m_per_s
+        assert before.speed_uncertainty_m_per_s > kick.speed_uncertainty_m_per_s
+    assert all(what == "smallest disturbance" and done <= total for what, done, total in seen)
 
 
 def test_a_kick_that_is_enough_below_all_that_were_tried_is_sought_below(monkeypatch):
-    monkeypatch.setattr(kick_module, "LEAST", 0.8)  # of the edge: twice the unstable cycle
-    *_, last = smallest_kicks(FAMILY, [Row(point_at(block, DAMPING), (), asked=True)], HOW, lambda *_: None)
+    monkeypatch.setattr(disturbance_module, "LEAST", 0.8)  # of the edge: twice the unstable cycle
+    *_, last = smallest_disturbances(FAMILY, [Row.at(point_at(block, DAMPING), asked=True)], HOW, lambda *_: None)
     (kick,) = last.values()
-    assert abs(kick.speed - unstable_cycle()) <= kick.speed_uncertainty <= PRECISION / 2 * kick.speed
+    assert (
+        abs(kick.speed_m_per_s - unstable_cycle())
+        <= kick.speed_uncertainty_m_per_s
+        <= PRECISION / 2 * kick.speed_m_per_s
+    )
 
 
 def test_where_no_kick_leads_to_squeal_there_is_none():
     # Beyond the fold, at c = 0.072, all motion dies away.
-    row = Row(point_at(block, 0.09), (), asked=True)
-    assert all(not found for found in smallest_kicks(FAMILY, [row], HOW, lambda *_: None))
+    row = Row.at(point_at(block, 0.09), asked=True)
+    assert all(not found for found in smallest_disturbances(FAMILY, [row], HOW, lambda *_: None))
 
 
 def test_the_fastest_point_of_the_lining():
@@ -150,17 +154,17 @@ def test_the_smallest_kick_of_the_brake_is_that_of_its_unstable_cycle():
     # On either side of it motion dies away, and squeals.
     starts = [Start(f"{size}", size * departure[at], size * velocity[at]) for size in (0.98, 1.02)]
     ends = {each.start: each for each in find_endings(family, [(point, start) for start in starts], predicted.how)}
-    assert (ends["0.98"].kind, ends["1.02"].kind) == (DECAYS, SQUEALS)
-    row = Row(point, (ends["1.02"],), asked=True)
-    *_, last = smallest_kicks(family, [row], predicted.how, lambda *_: None)
+    assert (ends["0.98"].leads_to, ends["1.02"].leads_to) == (Leads.DECAYS, Leads.SQUEALS)
+    row = Row.at(point, ends["1.02"], asked=True)
+    *_, last = smallest_disturbances(family, [row], predicted.how, lambda *_: None)
     (kick,) = last.values()
     assert kick.mode == "Y"
     # A kick along the mode has a part that dies away first: it takes a little more. Found: 11.5 ± 0.1 J over 11.36 J.
-    assert energy[at] - kick.energy_uncertainty < kick.energy < 1.05 * energy[at]
-    for size, kind in ((1 - PRECISION, DECAYS), (1 + PRECISION, SQUEALS)):
-        start = Start("kick", 0 * departure[at], size * kick.velocity)
+    assert energy[at] - kick.energy_uncertainty_J < kick.energy_J < 1.05 * energy[at]
+    for size, kind in ((1 - PRECISION, Leads.DECAYS), (1 + PRECISION, Leads.SQUEALS)):
+        start = Start("kick", 0 * departure[at], size * np.array(list(kick.velocity.values())))
         (found,) = find_endings(family, [(point, start)], predicted.how)
-        assert found.kind == kind
+        assert found.leads_to == kind
 
 
 # --- how it is told --------------------------------------------------------------------------------------------------
@@ -175,24 +179,22 @@ def table(folder: Path) -> list[dict[str, str]]:
 def made_up(threshold):
     """Squeal below 25 rad/s, above the critical value from kicks beyond a velocity of Y alone, or none at all."""
 
-    def find(family, tasks, how, *, rounds):
+    def find(family, tasks, how, *, rounds, progress=None):
         for point, start in tasks:
             enough = start.name.startswith("kick Y") and abs(start.velocity[0]) > threshold(point.value)
             lasts = point.value < 25 and (point.unstable or "from" in start.name or enough)
             one = np.array([1e-5])
             motion = Saturated(one, one, (0.0, 1.5), 1000.0, "Y", 1.0, 0.0, 1.0, one, one, COMPLETE, False)
-            yield Ending(point.value, start.name, SQUEALS if lasts else DECAYS, motion, 0.1)
+            yield Ending.of(point.value, start.name, Leads.SQUEALS if lasts else Leads.DECAYS, motion, 0.1, ("Y",))
 
     return find
 
 
 def test_the_smallest_kick_is_told_written_and_drawn(drumsqueal, tmp_path, monkeypatch):
     drawn = []
-    for module in (study_module, kick_module):
+    for module in (study_module, disturbance_module):
         monkeypatch.setattr(module, "find_endings", made_up(lambda value: value / 20))
-    monkeypatch.setattr(
-        "drumsqueal.questions.onset.job.save_figures", lambda figures, folder: drawn.append(figures["onset"])
-    )
+    monkeypatch.setattr("drumsqueal.terminal.style.save_figure", lambda figure, path: drawn.append(figure))
     arguments = ["onset", str(DAMPED), *QUICK, "--along", "drum.speed=1..40x14", "-o", str(tmp_path)]
     status, printed, error = drumsqueal(*arguments, "--smallest-kick")
     assert (status, error) == (0, "")
@@ -210,13 +212,13 @@ def test_the_smallest_kick_is_told_written_and_drawn(drumsqueal, tmp_path, monke
     told = {value: row["smallest_kick_speed_m_per_s"] for value, row in rows.items()}
     assert told == {value: str(kicks[value]["speed_m_per_s"]) if value in kicks else "" for value in rows}
     words = " ".join(printed.split())
-    assert "Smallest kick that starts squeal" in words
+    assert "Smallest disturbance that starts squeal" in words
     assert summary["verdict"] in words
     first, last = min(kicks), max(kicks)
-    assert f"J) at {first:g} rad/s, and up to " in summary["verdict"]
-    assert f"J) at {last:g} rad/s." in summary["verdict"]
+    assert f"J) at {first:g} rad/s to " in summary["verdict"]
+    assert f"J) at {last:g} rad/s at the values tried." in summary["verdict"]
     axes = drawn[0].axes[3]
-    assert axes.get_ylabel() == "Smallest kick\n(m/s)"
+    assert axes.get_ylabel() == "Smallest disturb-\nance (m/s)"
     points = [line.get_xydata()[0].tolist() for line in axes.lines if line.get_marker() == "s"]
     assert points == [[value, kick["speed_m_per_s"]] for value, kick in kicks.items()]
     # Without the option nothing is sought, or drawn.
@@ -230,13 +232,17 @@ def test_the_smallest_kick_is_told_written_and_drawn(drumsqueal, tmp_path, monke
 
 def test_squeal_that_no_kick_along_a_mode_starts_is_told(monkeypatch):
     scene = load_scene(DAMPED).with_values({"simulate.coordinates": ["Y"], "start.displacement": {"Y": 1e-7}})
-    for module in (study_module, kick_module):
+    for module in (study_module, disturbance_module):
         monkeypatch.setattr(module, "find_endings", made_up(lambda value: math.inf))
     study = study_onset(scene, "drum.speed=1..40x14", smallest_kick=True)
-    assert any(row.kind == "bistable" for row in study.rows)
-    assert not any(row.kick for row in study.rows)
-    (told,) = (line for line in reservations(study) if "No kick" in line)
-    assert told.startswith("No kick along a mode that was tried starts the squeal that a neighbour's motion leads to: ")
-    assert "smallest kick" not in verdict(study)
+    assert any(row.kind == "bistable" for row in study.values)
+    assert not any(row.smallest_kick for row in study.values)
+    (told,) = (line for line in reservations(study) if "No disturbance" in line)
+    assert told.startswith(
+        "No disturbance along a mode that was tried starts the squeal that a neighbouring value's motion leads to: "
+    )
+    assert "smallest disturbance" not in verdict(study)
     assert len(draw_onset(study).axes) == 3
-    assert not any("No kick" in line for line in reservations(study._replace(smallest_kick=False)))
+    assert not any(
+        "No disturbance" in line for line in reservations(study.model_copy(update={"smallest_kick_sought": False}))
+    )

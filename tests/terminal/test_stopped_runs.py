@@ -325,11 +325,11 @@ def test_a_press_that_was_not_granted_ends_nothing_later(nominal, monkeypatch):
 
 AT_ONCE = {
     "sensitivity": ("study.study_sensitivity",),
-    "cycle": ("job.find_cycle",),
+    "cycle": ("search.find_cycle",),
     "motion": ("study.study_motion",),
     "effects": ("job.study_effects",),
     "accuracy": ("job.study_accuracy",),
-    "onset": ("job.compare", "--along", "drum.speed=4..6x2"),
+    "onset": ("study.compare", "--along", "drum.speed=4..6x2"),
     "sweep": ("file.SweepFile.create", "--vary", "drum.speed=4..6x2"),
 }
 

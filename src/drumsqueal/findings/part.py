@@ -1,6 +1,17 @@
 """A part of what was found: a frozen model of numbers."""
 
-from pydantic import BaseModel, ConfigDict, Field
+import math
+from enum import StrEnum
+from typing import Annotated
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+
+
+class Outcome(StrEnum):
+    """Whether a study came to its end."""
+
+    COMPLETE = "complete"
+    CUT_OFF = "cut off"
 
 
 class Finding(BaseModel):
@@ -11,3 +22,5 @@ class Finding(BaseModel):
 
 Held = Field(default=None, exclude=True)
 """The default of a field that figures need and the file does not hold: it is None where findings were read."""
+Number = Annotated[float, BeforeValidator(lambda value: math.nan if value is None else value)]
+"""NaN where the file has null."""

@@ -1,7 +1,7 @@
 """How many transients of one composition end: run together, only the last part of each looked at."""
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import closing
 from typing import NamedTuple
 
@@ -14,8 +14,8 @@ from drumsqueal.findings.edges import edge_shares
 from drumsqueal.findings.history import COMPLETE
 from drumsqueal.findings.outcome import Ending, Outcome
 from drumsqueal.findings.signals import amplitude_spectrum, spectral_peaks
-from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.physics.model import Model
+from drumsqueal.progress import Progress, silent
 from drumsqueal.solve.transient.batch import integrate_many
 from drumsqueal.solve.transient.integrate import Checkpoint, integrate
 from drumsqueal.solve.transient.runge_kutta import AUTO, DEFAULT, is_explicit
@@ -27,9 +27,8 @@ from drumsqueal.solve.transient.state import CHUNK_SAMPLES, State
 SLOTS = 16
 LAST_SHARE = 0.5  # of the duration that is looked at
 FEWEST_SAMPLES = 16  # of what is looked at, for a spectrum
+WHAT = "transients"
 DRIFT = 0.1  # change of the rms from half to half of what is looked at, below which the motion has settled
-
-OnProgress = Callable[[int, float], None]  # how many transients have ended, and the time (s) of those at hand
 
 
 class Saturated(NamedTuple):
@@ -97,32 +96,31 @@ def saturated_motions(
     last: float = LAST_SHARE,
     threads: int | None = None,
     by_themselves: Sequence[bool] | None = None,
-    on_progress: OnProgress | None = None,
+    progress: Progress = silent,
 ) -> Iterator[Saturated]:
     """Integrate m models of one composition from departures (m, n) and yield how each ended, in order.
 
     Arguments as of `integrate_many`, which takes them some at a time, so that memory does not grow with m; `last` is
     the share of the duration that is looked at. A transient that those methods give up (its lining would stick) or
     that asks for an implicit one goes on by itself, from the last chunk of samples that was whole; one that is known to
-    (`by_themselves`, (m,)) does so from its start. Raises ValueError as
-    `integrate_many` does, and KeyboardInterrupt between two chunks.
+    (`by_themselves`, (m,)) does so from its start. `progress` is called after each chunk with the time reached (s).
+    Raises ValueError as `integrate_many` does.
     """
     steady, displacement, velocity = (np.asarray(x, dtype=np.float64) for x in (steady, displacement, velocity))
     threads = threads or os.cpu_count() or 1
     samples = round(duration * sample_rate)
     how = {"duration": duration, "sample_rate": sample_rate, "tolerance": tolerance}
-    told = on_progress or (lambda *_: None)
     for first in range(0, len(models), at_once(threads)):
         batch = range(first, min(first + at_once(threads), len(models)))
         parts = {i: _Part(displacement[i], velocity[i], samples - round(samples * last)) for i in batch}
         if solver == AUTO or is_explicit(solver):
             explicit = DEFAULT if solver == AUTO else solver
             several = {i: part for i, part in parts.items() if by_themselves is None or not by_themselves[i]}
-            _together(several, models, steady, threads, lambda t, done=first: told(done, t), how | {"solver": explicit})
+            _together(several, models, steady, threads, progress, how | {"solver": explicit})
         for i in batch:
             if parts[i].intervals < samples:
                 parts[i].by_itself = True
-                _alone(parts[i], models[i], steady[i], how | {"solver": solver})
+                _alone(parts[i], models[i], steady[i], progress, how | {"solver": solver})
             yield _looked_at(parts[i], models[i], sample_rate)
 
 
@@ -154,7 +152,7 @@ def _together(
     models: Sequence[Model],
     steady: NDArray[np.float64],
     threads: int,
-    told: Callable[[float], None],
+    progress: Progress,
     how: dict,
 ) -> None:
     """Fill the parts; one that is given up is left at its last whole chunk."""
@@ -170,17 +168,16 @@ def _together(
         departure[slot], velocity[slot] = parts[i].departure, parts[i].velocity
     with closing(integrate_many(used, places, departure, velocity, threads=threads, **how)) as stream:
         for chunk in stream:
-            stop_if_interrupted()
+            progress(WHAT, float(chunk.time[-1]), how["duration"])
             for i, slot in slots.items():
                 parts[i].stopped |= not chunk.reached[slot]
                 if not parts[i].stopped:
                     parts[i].add(chunk.departure[slot], chunk.velocity[slot])
             if all(part.stopped for part in parts.values()):
                 return
-            told(float(chunk.time[-1]))
 
 
-def _alone(part: _Part, model: Model, steady: NDArray[np.float64], how: dict) -> None:
+def _alone(part: _Part, model: Model, steady: NDArray[np.float64], progress: Progress, how: dict) -> None:
     """Go on with one transient by itself, by the methods that can stick."""
     state = State(jnp.asarray(part.departure), jnp.asarray(part.velocity), jnp.zeros(()))
     since = Checkpoint(part.intervals, state, first_step(model), 0.0, sticks=False, method=None)
@@ -189,7 +186,7 @@ def _alone(part: _Part, model: Model, steady: NDArray[np.float64], how: dict) ->
         stream = integrate(model, steady, part.departure, part.velocity, since=since, **how)
         with closing(stream):
             for chunk in stream:
-                stop_if_interrupted()
+                progress(WHAT, float(chunk.time[-1]), how["duration"])
                 part.add(chunk.displacement - steady, chunk.velocity)
     except IntegrationError as error:
         part.outcome = Outcome(Ending.FAILED, f"failed: {error}")

@@ -1,12 +1,12 @@
 """`drumsqueal cycle SCENE -o DIR [--along KEY=FROM..TO]`."""
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from drumsqueal.files.output_folder import BRANCH_FILES, CYCLE_FILES
-from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import load_scene
 from drumsqueal.scene.variation import read_variation
 from drumsqueal.terminal.completion import complete_range
@@ -34,7 +34,7 @@ def cycle_command(
     quiet: Quiet = False,
     json_file: JsonFile = None,
 ) -> None:
-    """Find limit cycles, stable or not, and their folds.
+    """Find limit cycles, stable or unstable, and their folds.
 
     Period, amplitudes and Floquet multipliers of the periodic motion itself.
 
@@ -48,19 +48,16 @@ def cycle_command(
     files = CYCLE_FILES if variation is None else BRANCH_FILES
     folder = output if output is not None else Path("out") / f"{scene.stem}-cycle"
     reply = Reply.beside(folder, files, (scene,), quiet, json_file, overwrite=overwrite)
-    stop_if_interrupted()
-    from drumsqueal.questions.cycle.branches import checked_range
-    from drumsqueal.questions.cycle.job import find_into, follow_into
-    from drumsqueal.questions.cycle.search import checked
+    from drumsqueal.questions.cycle.answer import BRANCHES, CYCLES
+    from drumsqueal.questions.cycle.branches import checked_range, follow_cycles, found_some
+    from drumsqueal.questions.cycle.search import checked, find_cycle
     from drumsqueal.simulation import check_sample_rate, prepare
+    from drumsqueal.terminal.runner import answer
 
-    stop_if_interrupted()
-    # What cannot be done is told before there is a folder.
-    check_sample_rate(prepare(checked(loaded)))
-    if variation is not None:
-        checked_range(loaded, variation)
-    reply.clear()
+    check_sample_rate(prepare(checked(loaded)))  # what cannot be done is reported before there is a folder
     if variation is None:
-        reply.send(find_into(folder, loaded, reply.console))
+        answer(reply, CYCLES, lambda progress, _: find_cycle(loaded, progress=progress))
     else:
-        reply.send(follow_into(folder, loaded, variation, reply.console))
+        checked_range(loaded, variation)
+        follow = partial(follow_cycles, loaded, variation)
+        answer(reply, BRANCHES, lambda progress, keep: found_some(follow(progress=progress, keep=keep)))

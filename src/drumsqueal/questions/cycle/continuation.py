@@ -7,13 +7,17 @@ of Bifurcation Theory, Academic Press 1977; of the names: Y. A. Kuznetsov, Eleme
 """
 
 from collections.abc import Callable
+from enum import StrEnum
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+from pydantic import computed_field
 from scipy.optimize import brentq
 
 from drumsqueal.errors import CycleError
-from drumsqueal.questions.cycle.orbit import Cycle, describe, floquet_of
+from drumsqueal.findings.part import Finding
+from drumsqueal.questions.cycle.orbit import Cycle, Event, describe, floquet_of
 from drumsqueal.questions.cycle.shooting import SINGULAR, Closed, Shooting, Vector
 
 FIRST_STEP, LEAST_STEP, LONGEST_STEP = 0.02, 1e-5, 0.15  # of arclength, in the scaled unknowns
@@ -29,29 +33,45 @@ MOST_POINTS = 400
 FEWEST = 4  # points of a closed loop
 SAME = 0.02  # relative difference in period and amplitudes of what is taken for the same cycle
 CLOSE_TO_REST = 2e-3  # scaled amplitude at which a branch ends at the steady sliding that it came from
-FOLD, NEIMARK_SACKER, DOUBLING, BRANCHING = "fold", "Neimark-Sacker", "period doubling", "branch point"
-CORNER = "corner"  # where slip just comes to reverse
-HOPF, BOUND, LOOP = "Hopf", "end of the range", "closed loop"
 
 
-class Special(NamedTuple):
-    """Something that happens on a branch: what (a name of this module), the parameter, and the cycle there."""
+class End(StrEnum):
+    """Where a branch begins or ends, if Newton's method does not fail there."""
 
-    kind: str
-    parameter: float
-    cycle: Cycle
+    HOPF = "Hopf"
+    BOUND = "end of the range"
+    LOOP = "closed loop"
+    CUT_OFF = "cut off"
 
 
-class Branch(NamedTuple):
-    """Cycles in the order in which they follow one another, what happens between them, and why it ends on either side.
+class Branch(Finding):
+    """Cycles in the order in which they follow one another, and why the branch ends on either side.
 
-    `start` and `end` are `HOPF`, `BOUND`, `LOOP` or a reason in words.
+    `start` and `end` are an `End` or a reason in words.
     """
 
-    cycles: tuple[Cycle, ...]
-    special: tuple[Special, ...]
     start: str
     end: str
+    cycles: tuple[Cycle, ...]
+
+    @computed_field
+    @property
+    def special(self) -> tuple[Cycle, ...]:
+        """The cycles at which something happens."""
+        return tuple(cycle for cycle in self.cycles if cycle.what is not None)
+
+    def pieces(self) -> list[tuple[list[Cycle], bool]]:
+        """The branch in pieces that are stable or not, in order; neighbours share the cycle at which it changes."""
+        found: list[tuple[list[Cycle], bool]] = []
+        for a, b in pairwise(self.cycles):
+            # Of two corners in a row both count: that nothing is known is no reason to call it stable.
+            known = [cycle for cycle in (a, b) if cycle.what is None] or [a, b]
+            stable = all(cycle.stable for cycle in known)
+            if found and found[-1][1] == stable:
+                found[-1][0].append(b)
+            else:
+                found.append(([a, b], stable))
+        return found
 
 
 class _Place(NamedTuple):
@@ -68,18 +88,19 @@ class Track:
         shooting: Shooting,
         bounds: tuple[float, float],
         steady_at: Callable[[float], Vector | None],
-        on_cycle: Callable[[Cycle], None] | None = None,
+        on_cycle: "Callable[[Track], object]" = lambda _: None,
     ) -> None:
-        """Follow within bounds of the parameter; `steady_at` gives steady sliding q* (n,), None where there is none."""
-        self._shooting, self._bounds, self._steady_at = shooting, bounds, steady_at
-        self._tell = on_cycle or (lambda _: None)
+        """Follow within bounds of the parameter; `steady_at` gives steady sliding q* (n,), None where there is none.
+
+        `on_cycle` is called after each cycle.
+        """
+        self._shooting, self._bounds, self._steady_at, self._on_cycle = shooting, bounds, steady_at, on_cycle
         self.cycles: list[Cycle] = []
-        self.special: list[Special] = []
 
     def follow(self, closed: Closed, ahead: Vector) -> str:
         """Follow from a cycle in the direction that has a part along `ahead` (2n + 2,); says why it ended.
 
-        `cycles` and `special` grow as it goes, the cycle of the start included.
+        `cycles` grows as it goes, the cycle of the start included.
         """
         try:
             place = self._place(closed, ahead)
@@ -94,7 +115,7 @@ class Track:
                     following, step, corner = self._around(place), CORNER_STEPS[0], True
                     if following is None:
                         return self._why
-                    self.special.append(Special(CORNER, place.cycle.parameter, place.cycle))
+                    self.cycles[-1] = place.cycle.model_copy(update={"what": Event.CORNER})
                     break
                 following = self._advance(place, step)
                 if isinstance(following, str):
@@ -105,10 +126,10 @@ class Track:
             if outside is not None:
                 return self._to_bound(place, following, outside)
             if self._at_rest(place, following):
-                return HOPF
+                return End.HOPF
             if self._is_back(start, place, following):
                 self._keep(start.cycle)
-                return LOOP
+                return End.LOOP
             if not corner:  # whatever changes there does so at the corner
                 self._look_between(place, following, step)
             self._keep(following.cycle)
@@ -119,7 +140,7 @@ class Track:
 
     def _keep(self, cycle: Cycle) -> None:
         self.cycles.append(cycle)
-        self._tell(cycle)
+        self._on_cycle(self)
 
     def _place(self, closed: Closed, ahead: Vector) -> _Place:
         return _Place(closed, self._tangent(closed, ahead), describe(self._shooting, closed))
@@ -136,7 +157,7 @@ class Track:
 
     def _advance(self, place: _Place, step: float) -> "_Place | str | None":
         """The next place, None where the step is too long, or why there is none."""
-        self._why = f"Newton's method fails with the smallest step at {place.cycle.parameter:.6g}"
+        self._why = f"Newton's method fails with the smallest step at {place.cycle.value:.6g}"
         closed = self._corrected(place, step)
         if closed is None:
             return None
@@ -182,12 +203,12 @@ class Track:
     def _outside(self, place: _Place) -> float | None:
         """The bound that a place lies beyond, if any."""
         low, high = self._bounds
-        value = place.cycle.parameter
+        value = place.cycle.value
         return low if value < low else high if value > high else None
 
     def _to_bound(self, place: _Place, beyond: _Place, bound: float) -> str:
         """Keep the cycle at the bound itself."""
-        before, after = place.cycle.parameter, beyond.cycle.parameter
+        before, after = place.cycle.value, beyond.cycle.value
         share = (bound - before) / (after - before)
         guess = (1 - share) * place.closed.unknowns + share * beyond.closed.unknowns
         fixed = np.zeros_like(guess)
@@ -197,13 +218,13 @@ class Track:
             try:
                 last = self._place(closed, beyond.tangent)
             except CycleError:
-                return BOUND
+                return End.BOUND
             self._look_between(place, last, float(np.linalg.norm(closed.unknowns - place.closed.unknowns)))
             self._keep(last.cycle)
-        return BOUND
+        return End.BOUND
 
     def _departure(self, place: _Place) -> Vector | None:
-        steady = self._steady_at(place.cycle.parameter)
+        steady = self._steady_at(place.cycle.value)
         if steady is None:
             return None
         return place.closed.unknowns[:-2] - np.concatenate([steady, 0 * steady]) / self._shooting.scales.state
@@ -223,7 +244,7 @@ class Track:
     def _look_between(self, a: _Place, b: _Place, step: float) -> None:
         """Find a fold, and where multipliers cross the unit circle, on the way from one place to the next."""
         if a.tangent[-1] * b.tangent[-1] < 0:
-            self._locate(a, step, FOLD, lambda closed: float(self._tangent(closed, a.tangent)[-1]))
+            self._locate(a, step, Event.FOLD, lambda closed: float(self._tangent(closed, a.tangent)[-1]))
             return
         one, other = a.cycle.unstable_directions, b.cycle.unstable_directions
         if one == other or min(abs(a.cycle.largest - 1), abs(b.cycle.largest - 1)) < LOCATED**2:
@@ -234,7 +255,7 @@ class Track:
     def _modulus(self, closed: Closed, rank: int) -> float:
         return float(np.abs(floquet_of(self._shooting, closed)[0][rank]))
 
-    def _locate(self, a: _Place, step: float, kind: str | None, measure: Callable[[Closed], float]) -> None:
+    def _locate(self, a: _Place, step: float, kind: Event | None, measure: Callable[[Closed], float]) -> None:
         """Keep the cycle at which a measure vanishes, between a place and the end of the step from it."""
         last: Closed | None = None
 
@@ -253,24 +274,23 @@ class Track:
             cycle = describe(self._shooting, last)
         except (CycleError, ValueError):
             return  # the branch itself goes on, without the name of what happened
-        self._keep(cycle)
-        self.special.append(Special(kind or _kind(cycle), cycle.parameter, cycle))
+        self._keep(cycle.model_copy(update={"what": kind or _kind(cycle)}))
 
 
 def is_between(a: Cycle, b: Cycle, cycle: Cycle) -> bool:
     """Whether a cycle lies on the way from one to another, by parameter, period and amplitudes."""
-    width = b.parameter - a.parameter
-    if width == 0 or (a.parameter - cycle.parameter) * (b.parameter - cycle.parameter) > 0:
+    width = b.value - a.value
+    if width == 0 or (a.value - cycle.value) * (b.value - cycle.value) > 0:
         return False
-    share = (cycle.parameter - a.parameter) / width
+    share = (cycle.value - a.value) / width
     first, last, wanted = (np.array([each.period_s, *each.amplitude.values()]) for each in (a, b, cycle))
     between = (1 - share) * first + share * last
     return bool(np.all(np.abs(between - wanted) < SAME * np.maximum(between, wanted)))
 
 
-def _kind(cycle: Cycle) -> str:
+def _kind(cycle: Cycle) -> Event:
     """What the multiplier that lies on the unit circle says."""
     nearest = cycle.multipliers[np.argmin(np.abs(np.abs(cycle.multipliers) - 1))]
     if abs(nearest.imag) > BENT:
-        return NEIMARK_SACKER
-    return DOUBLING if nearest.real < 0 else BRANCHING
+        return Event.NEIMARK_SACKER
+    return Event.DOUBLING if nearest.real < 0 else Event.BRANCHING

@@ -10,7 +10,7 @@ from drumsqueal.findings.departure import ROTATIONS
 from drumsqueal.physics.bodies.rigid_shoe import TZ, Y
 from drumsqueal.physics.effects.pressure import Unilateral
 from drumsqueal.questions.cycle.orbit import Cycle
-from drumsqueal.questions.cycle.search import Search
+from drumsqueal.questions.cycle.search import CycleStudy
 from drumsqueal.questions.run.figures.contact import along_arc
 from drumsqueal.terminal import style
 from drumsqueal.terminal.style import frame, new_figure, styled
@@ -21,11 +21,10 @@ NEAR = 0.3  # the slip limit is drawn where the motion comes to this share of it
 
 
 @styled()
-def draw_cycle(search: Search) -> Figure:
+def draw_cycle(cycle: CycleStudy) -> Figure:
     """Draw u̇_θ against u_θ at the middle of the lining, the displacements, and the contact along the arc."""
-    cycle = search.cycle
     kind = "stable" if cycle.stable else "unstable"
-    figure = new_figure(search.scene.title, f"{kind} cycle of {cycle.frequency_Hz:.6g} Hz")
+    figure = new_figure(cycle.title, f"{kind} limit cycle of {cycle.frequency_Hz:.6g} Hz")
     grid = figure.add_gridspec(2, 2, width_ratios=[1, 1.25])
     _draw_phase(figure.add_subplot(grid[:, 0]), cycle)
     above = figure.add_subplot(grid[0, 1])

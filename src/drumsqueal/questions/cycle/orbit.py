@@ -1,13 +1,15 @@
 """A periodic motion as it was computed: one period of samples, Floquet multipliers, and whether it is stable."""
 
-from collections.abc import Mapping
-from typing import Any, NamedTuple
+from enum import StrEnum
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import AfterValidator, BeforeValidator, PlainSerializer, computed_field
 from scipy.interpolate import CubicHermiteSpline
 
 from drumsqueal.errors import CycleError, IntegrationError
+from drumsqueal.findings.part import Finding, Held, Number
 from drumsqueal.physics.model import Model
 from drumsqueal.questions.cycle.shooting import TOLERANCE, Closed, Shooting, Vector
 from drumsqueal.solve.transient.flow import neighbours
@@ -19,31 +21,71 @@ ASTRAY = 1e-3  # of what a period does to a disturbance: neighbours are good to 
 NEUTRAL = 1e-6  # a multiplier that is this near to the unit circle is on it, for all that can be told
 
 
-class Cycle(NamedTuple):
-    """A periodic motion of a model: its period (s) and a state on it (2n,), displacement from q = 0 and velocity.
+def _pairs(values: Any) -> Any:
+    """Real and imaginary parts of complex numbers (k,), as the file has them."""
+    return [[value.real, value.imag] for value in values.tolist()] if isinstance(values, np.ndarray) else values
 
-    `multipliers` are the Floquet multipliers, the largest first, without the one that belongs to the motion along the
-    cycle. That one must be 1; by how much it is off is `unit_error`. `tangent_error` is by how much tangents and
-    neighbouring motions disagree about what a period does to a disturbance, of the largest (see `floquet_of`).
-    `residual` is how far the state is from closed after a period, in the scale of the motion. `samples` holds one
-    period; fractions are means over it, `amplitude` half the peak-to-peak values (m, rad). `parameter` is where on a
-    branch the cycle lies.
+
+if TYPE_CHECKING:
+    Multipliers = NDArray[np.complex128]
+else:
+    Multipliers = Annotated[
+        tuple[tuple[Number, Number], ...],
+        BeforeValidator(_pairs),
+        AfterValidator(lambda pairs: np.array([complex(*pair) for pair in pairs], dtype=np.complex128)),
+        PlainSerializer(_pairs),
+    ]
+
+
+class Event(StrEnum):
+    """What happens at a cycle on a branch; at a corner slip just comes to reverse."""
+
+    FOLD = "fold"
+    NEIMARK_SACKER = "Neimark-Sacker"
+    DOUBLING = "period doubling"
+    BRANCHING = "branch point"
+    CORNER = "corner"
+
+
+class Cycle(Finding):
+    """A periodic motion of a model: its period (s) and a state on it, displacement from q = 0 and velocity.
+
+    `multipliers` are the Floquet multipliers, the largest first, without the trivial one that belongs to the motion
+    along the cycle. That one must be 1; its error is `unit_multiplier_error`. `tangent_error` is by how much tangents
+    and neighbouring motions disagree about what a period does to a disturbance, of the largest (see `floquet_of`).
+    `residual` is the periodicity residual: how far the state is from itself after a period, in the scale of the motion.
+    `amplitude` is half the peak-to-peak values (m, rad), the fractions are means over the period, and
+    `main_coordinate` has most kinetic energy. On a branch, `value` is the parameter and `what` happens there.
+    `samples` holds one period.
     """
 
-    names: tuple[str, ...]
     period_s: float
-    state: Vector
-    multipliers: NDArray[np.complex128]
-    unit_error: float
-    tangent_error: float
-    residual: float
-    amplitude: Mapping[str, float]
+    amplitude: dict[str, float]
+    main_coordinate: str
+    multipliers: Multipliers
+    unit_multiplier_error: Number
+    tangent_error: Number
+    residual: Number
     contact_fraction: float
     slip_reversed_fraction: float
-    samples: Chunk
-    model: Model
-    parameter: float = np.nan
+    displacement: dict[str, float]
+    velocity: dict[str, float]
+    value: Number = np.nan
+    what: Event | None = None
+    samples: Any = Held
+    model: Any = Held
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The coordinates that move."""
+        return tuple(self.amplitude)
+
+    @property
+    def state(self) -> Vector:
+        """Displacement from q = 0 and velocity (2n,)."""
+        return np.array([*self.displacement.values(), *self.velocity.values()])
+
+    @computed_field
     @property
     def frequency_Hz(self) -> float:
         """1/T (Hz)."""
@@ -59,11 +101,13 @@ class Cycle(NamedTuple):
         """How many multipliers lie outside the unit circle."""
         return int(np.sum(np.abs(self.multipliers) > 1))
 
+    @computed_field
     @property
     def stable(self) -> bool:
         """Whether every small disturbance dies out."""
         return self.largest < 1
 
+    @computed_field
     @property
     def neutral(self) -> bool:
         """Whether a multiplier is too near to the unit circle to tell."""
@@ -77,24 +121,27 @@ def describe(shooting: Shooting, closed: Closed) -> Cycle:
     """
     state, period, parameter = shooting.unscaled(closed.unknowns)
     model = shooting.models(parameter)[0]
+    names, values = model.names, state.tolist()
     samples = sample(model, state, period)
     multipliers, unit_error, tangent_error = floquet_of(shooting, closed)
     observed = samples.observation
+    kinetic = np.asarray(model.mass) * np.mean(samples.velocity**2, axis=0)
     return Cycle(
-        names=model.names,
         period_s=period,
-        state=state,
+        amplitude={name: _amplitude(samples, k) for k, name in enumerate(names)},
+        main_coordinate=names[int(np.argmax(kinetic))],
         multipliers=multipliers,
-        unit_error=unit_error,
+        unit_multiplier_error=unit_error,
         tangent_error=tangent_error,
         residual=closed.residual,
-        amplitude={name: _amplitude(samples, k) for k, name in enumerate(model.names)},
         # Over one period of even samples the mean leaves out the last, which is the first again.
         contact_fraction=float(np.mean(observed.contact_fraction[:-1])),
         slip_reversed_fraction=float(np.mean(observed.slip_reversed_fraction[:-1])),
+        displacement=dict(zip(names, values[: len(names)], strict=True)),
+        velocity=dict(zip(names, values[len(names) :], strict=True)),
+        value=parameter,
         samples=samples,
         model=model,
-        parameter=parameter,
     )
 
 

@@ -6,7 +6,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.transient.flow import Flow, flow
 
@@ -50,9 +49,9 @@ class Closed(NamedTuple):
 class Shooting:
     """The equations φ(y, T, p) − y = 0 with a phase condition and one more condition that fixes the parameter."""
 
-    def __init__(self, models: Models, scales: Scales) -> None:
-        """Take the models along the parameter, and the scales."""
-        self.models, self.scales = models, scales
+    def __init__(self, models: Models, scales: Scales, on_flow: Callable[[], object] = lambda: None) -> None:
+        """Take the models along the parameter, and the scales; `on_flow` is called before each integration."""
+        self.models, self.scales, self._on_flow = models, scales, on_flow
 
     def scaled(self, state: Vector, period: float, parameter: float) -> Vector:
         """The unknowns (2n + 2,) of a state (m, m/s, rad, rad/s), a period (s) and a parameter."""
@@ -66,7 +65,7 @@ class Shooting:
 
     def flow(self, unknowns: Vector) -> Flow:
         """The flow over a period, as NumPy arrays."""
-        stop_if_interrupted()
+        self._on_flow()
         _, period, parameter = self.unscaled(unknowns)
         model, change = self.models(parameter)
         found = flow(model, self.scales.state, unknowns[:-2], period, TOLERANCE, change)

@@ -15,24 +15,20 @@ from drumsqueal.findings.edges import edge_shares
 from drumsqueal.findings.saturated import DRIFT, Saturated, at_once, saturated_motions
 from drumsqueal.findings.verdict import SMALL_ROTATION
 from drumsqueal.physics.model import Model
+from drumsqueal.progress import Progress, silent
+from drumsqueal.questions.onset.rows import Ending, Leads, Motion
 from drumsqueal.solve.linear.branches import ModelAt, Point
 from drumsqueal.solve.linear.modes import UNDAMPED_SHARE, Mode
 from drumsqueal.solve.transient.runge_kutta import AUTO
 
-KICK = 3.0  # of the farther edge: a large departure, contact is lost and slip reversed
+LARGE = 3.0  # of the farther contact boundary: contact is lost and slip reversed
 ROUND_PERIODS = 100  # of the slowest mode that oscillates freely
 FREE = 0.5  # damping ratio below which a mode does
 MOST_ROUNDS = 60
 PERSISTENT, LASTING = 3, 10  # rounds a motion must last to count as settled, on the grid and at a boundary
 IRREGULAR = 20  # rounds over which one whose rms comes and goes must go on as it was
-STILL = 0.1  # of the linear rate: a motion below the edges that changes so slowly has settled
-# Two motions are alike where the logarithms of their kinetic energy and of their frequency differ by less.
-ALIKE_ENERGY, ALIKE_FREQUENCY = 0.5, 0.05
-
+STILL = 0.1  # of the linear rate: a motion below the contact boundaries that changes so slowly has settled
 PROBE = 0.7  # a motion made so much smaller comes back where it is an attractor, and stays where it is one of many
-
-DECAYS, SQUEALS, GROWS, UNDECIDED, FAILED = "decays", "squeals", "grows", "undecided", "failed"
-NEUTRAL, RUNS_AWAY = "neutral", "runs away"
 
 
 class Start(NamedTuple):
@@ -43,42 +39,10 @@ class Start(NamedTuple):
     velocity: NDArray[np.float64]
 
 
-class Ending(NamedTuple):
-    """Where a start led at a value, and after how long.
-
-    It decays, squeals, grows (still, at the end), is neutral (its size hangs on the start), runs away (the shoe turns
-    further than rotations are small), is undecided or failed.
-    """
-
-    value: float
-    start: str
-    kind: str
-    motion: Saturated
-    seconds: float
-
-    @property
-    def lasts(self) -> bool:
-        """Whether motion is left, or still grows."""
-        return self.kind in (SQUEALS, GROWS)
-
-    @property
-    def settled(self) -> bool:
-        """Whether motion is left that neither grows nor decays."""
-        return self.kind == SQUEALS
-
-    def like(self, other: "Ending") -> bool:
-        """Whether two motions, at one value or at neighbouring ones, are alike in size and frequency."""
-        mine, others = self.motion, other.motion
-        sizes = [max(each.kinetic_energy, 1e-300) for each in (mine, others)]
-        near = abs(np.log(sizes[0] / sizes[1])) < ALIKE_ENERGY
-        if mine.frequency_Hz is None or others.frequency_Hz is None:
-            return near
-        return near and abs(np.log(mine.frequency_Hz / others.frequency_Hz)) < ALIKE_FREQUENCY
-
-    def again(self, size: float = 1.0) -> Start:
-        """The state at its end, or a multiple of it, as a start at another value."""
-        name = f"from {self.value:.6g}" if size == 1 else f"{size:g} times from {self.value:.6g}"
-        return Start(name, size * self.motion.departure, size * self.motion.velocity)
+def go_on(value: float, motion: Motion, size: float = 1.0) -> Start:
+    """The end of a motion at a value, or a multiple of it, as a start at another value."""
+    name = f"from {value:.6g}" if size == 1 else f"{size:g} times from {value:.6g}"
+    return Start(name, *(size * motion.state))
 
 
 class How(NamedTuple):
@@ -130,19 +94,19 @@ class Family:
         return np.array([vector[self.names.index(name)] for name in self.moving])
 
     def small_start(self, point: Point, model: Model) -> Start:
-        """All modes at once, within `SMALL` of the nearer edge."""
+        """All modes at once, within `SMALL` of the nearer contact boundary."""
         modes = self.modes(point)
         parts = [self._scaled(mode, model, SMALL / len(modes), max) for mode in modes]
         total = np.sum(parts, axis=0) if parts else np.zeros((2, len(self.moving)))
         return Start("small", total[0], total[1])
 
-    def kicks(self, point: Point, model: Model) -> list[Start]:
-        """Each mode by itself, `KICK` times beyond the farther edge."""
+    def large_starts(self, point: Point, model: Model) -> list[Start]:
+        """Each mode by itself, `LARGE` times beyond the farther contact boundary."""
         modes = self.modes(point)
-        return [Start(f"kick {mode.label}", *self._scaled(mode, model, KICK, min)) for mode in modes]
+        return [Start(f"kick {mode.label}", *self._scaled(mode, model, LARGE, min)) for mode in modes]
 
     def reach(self, mode: Mode, model: Model) -> tuple[NDArray[np.complex128], list[float]]:
-        """Displacement and velocity (2, n) of a mode, and the shares of the edges it comes to, none where it cannot."""
+        """Displacement and velocity (2, n) of a mode, and the shares of the boundaries that it can come to."""
         half = len(self.names)
         shape = np.array([self.shown(part) for part in (mode.right[:half], mode.right[half:])])
         turns = np.exp(2j * np.pi * np.arange(32) / 32)
@@ -152,7 +116,7 @@ class Family:
     def _scaled(
         self, mode: Mode, model: Model, share: float, which: Callable[[Iterable[float]], float]
     ) -> NDArray[np.float64]:
-        """Departure and velocity (2, n) of a mode, at a size at which one of the edges is reached to that share."""
+        """Departure and velocity (2, n) of a mode, at a size at which a contact boundary is reached to that share."""
         shape, reached = self.reach(mode, model)
         return np.real(shape) * (share / which(reached) if reached else 0.0)
 
@@ -165,19 +129,24 @@ def round_seconds(points: Iterable[Point], moving: tuple[str, ...]) -> float:
 
 
 def find_endings(
-    family: Family, tasks: Sequence[tuple[Point, Start]], how: How, *, rounds: int = PERSISTENT
+    family: Family,
+    tasks: Sequence[tuple[Point, Start]],
+    how: How,
+    *,
+    rounds: int = PERSISTENT,
+    progress: Progress = silent,
 ) -> Iterator[Ending]:
     """Run each start at its point until it is plain where it leads, and yield the endings as they come.
 
     A motion has settled when for `rounds` rounds its rms velocity has changed by less than a tenth and, below the
-    edges, by less than a tenth of what the linear growth rate would make of it. A motion within a tenth of the edges
-    that falls where the linear model is stable has decayed, as has one below the edges that falls as fast as half the
-    linear rate; what is below the resolved size is at rest. One that comes and goes beyond the edges has settled when
-    its mean energy over ten rounds is that over the ten before, to a fifth. After `MOST_ROUNDS` rounds one beyond the
-    edges counts as squeal, too. Where no mode decays or grows by more than round-off, motion below the edges that has
-    settled is neutral, and so is one beyond them that stays smaller when it has been made smaller. A shoe that has
-    turned by more than `SMALL_ROTATION` has run away: it may do so without coming near an edge. Raises
-    KeyboardInterrupt.
+    contact boundaries, by less than a tenth of what the linear growth rate would make of it. A motion within a tenth of
+    the boundaries that falls where the linear model is stable has decayed, as has one below them that falls as fast as
+    half the linear rate; what is below the resolved size is at rest. One that comes and goes beyond the boundaries has
+    settled when its mean energy over ten rounds is that over the ten before, to a fifth. After `MOST_ROUNDS` rounds one
+    beyond them counts as squeal, too. Where no mode decays or grows by more than round-off, motion below the boundaries
+    that has settled is neutral, and so is one beyond them that stays smaller when it has been made smaller. A shoe that
+    has turned by more than `SMALL_ROTATION` has run away: it may do so without coming near a boundary. `progress` is
+    called after each chunk.
     """
     pending = []
     for point, start in tasks:
@@ -197,6 +166,7 @@ def find_endings(
             solver=how.solver,
             threads=how.threads,
             by_themselves=[job.by_itself for job in jobs],
+            progress=progress,
         )
         left = []
         for job, motion in zip(jobs, motions, strict=True):
@@ -206,16 +176,17 @@ def find_endings(
             if kind is None:
                 left.append(job)
             else:
-                yield Ending(job.point.value, job.start.name, kind, motion, job.rounds * how.round_seconds)
+                seconds = job.rounds * how.round_seconds
+                yield Ending.of(job.point.value, job.start.name, kind, motion, seconds, family.moving)
         pending = left + pending
 
 
-def _judge(job: _Job, motion: Saturated, family: Family, rounds: int) -> str | None:
+def _judge(job: _Job, motion: Saturated, family: Family, rounds: int) -> Leads | None:
     """Where a transient leads, None while that is not plain."""
     if motion.failed:
-        return FAILED
+        return Leads.FAILED
     if any(abs(turn) > SMALL_ROTATION for turn in motion.departure[[name[0] == "T" for name in family.moving]]):
-        return RUNS_AWAY
+        return Leads.RUNS_AWAY
     share = max(motion.edge_shares)
     rates = [mode.growth_rate for mode in family.modes(job.point)]
     if job.point.divergence is not None:
@@ -224,24 +195,24 @@ def _judge(job: _Job, motion: Saturated, family: Family, rounds: int) -> str | N
     noise = UNDAMPED_SHARE * job.point.largest
     stable, neutral = linear <= noise, bool(rates) and abs(linear) <= noise
     if stable and (share == 0 or motion.at_rest):
-        return DECAYS
+        return Leads.DECAYS
     if stable and not neutral and is_decaying(share, motion.rate, linear):
-        return DECAYS
+        return Leads.DECAYS
     if _settled(job, motion, rounds, STILL * abs(linear) if not neutral else np.inf):
         if not neutral:
-            return SQUEALS
+            return Leads.SQUEALS
         if share < BEYOND:
-            return NEUTRAL
+            return Leads.NEUTRAL
         if job.probed is not None:
-            return NEUTRAL if motion.kinetic_energy < PROBE * job.probed else SQUEALS
+            return Leads.NEUTRAL if motion.kinetic_energy < PROBE * job.probed else Leads.SQUEALS
         job.probe(motion.kinetic_energy)
     if job.rounds < MOST_ROUNDS:
         return None
-    return SQUEALS if share >= BEYOND else GROWS if not stable else UNDECIDED
+    return Leads.SQUEALS if share >= BEYOND else Leads.GROWS if not stable else Leads.UNDECIDED
 
 
 def _settled(job: _Job, motion: Saturated, rounds: int, still: float) -> bool:
-    """Whether it has, a motion below the edges at a rate (1/s) below `still`; notes its energy."""
+    """Whether it has, a motion below the contact boundaries at a rate (1/s) below `still`; notes its energy."""
     share = max(motion.edge_shares)
     if abs(motion.drift) > DRIFT:
         job.energies.clear()

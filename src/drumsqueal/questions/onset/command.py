@@ -1,12 +1,12 @@
 """`drumsqueal onset SCENE -o DIR --along KEY=FROM..TO`."""
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from drumsqueal.files.output_folder import ONSET_FILES
-from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import load_scene
 from drumsqueal.scene.variation import POINTS, SYNTAX, read_variation
 from drumsqueal.terminal.completion import complete_range
@@ -35,18 +35,21 @@ def onset_command(
     within: Annotated[
         str,
         typer.Option(
-            "--within", metavar="SHARE", help="Share of the range within which ends of the bistable range are sought."
+            "--within", metavar="FRACTION", help="Find the ends of the bistable range to this fraction of the range."
         ),
     ] = "0.1 %",
     smallest_kick: Annotated[
         bool,
         typer.Option(
             "--smallest-kick",
-            help="Find the smallest disturbance along a mode that starts squeal, too, at each bistable value.",
+            help="Also find the smallest disturbance along a mode that starts squeal at each bistable value.",
         ),
     ] = False,
     cycles: Annotated[
-        bool, typer.Option("--cycles", help="Follow the cycles, too, stable or not, and draw them into the figure.")
+        bool,
+        typer.Option(
+            "--cycles", help="Also follow the limit cycles, stable and unstable, and draw them into the figure."
+        ),
     ] = False,
     settings: Settings = None,
     overwrite: Overwrite = False,
@@ -56,7 +59,7 @@ def onset_command(
     """Where does it squeal, and where only after a large disturbance?
 
     Finds the critical values of the eigenvalues, runs transients from small and large disturbances at each value, and
-    follows what lasts to the neighbouring ones. Writes onset.csv, onset.json and onset.png into DIR.
+    continues each lasting motion at the neighbouring values. Writes onset.csv, onset.json and onset.png into DIR.
 
     Example: drumsqueal onset scenarios/damped.toml -o out/onset --along drum.speed=1..60
     """
@@ -65,15 +68,14 @@ def onset_command(
     share = read_share(within, "--within")
     folder = output if output is not None else Path("out") / f"{scene.stem}-onset"
     reply = Reply.beside(folder, ONSET_FILES, (scene,), quiet, json_file, overwrite=overwrite)
-    stop_if_interrupted()
     from drumsqueal.questions.cycle.branches import checked_range
-    from drumsqueal.questions.onset.job import study_into
-    from drumsqueal.questions.onset.study import predict
+    from drumsqueal.questions.onset.answer import ONSET
+    from drumsqueal.questions.onset.study import compare, predict
+    from drumsqueal.terminal.runner import answer, shown_progress
 
-    stop_if_interrupted()
-    predicted = predict(loaded, variation)  # what cannot be studied is told before there is a folder
     if cycles:
         checked_range(loaded, variation)
-    reply.clear()
-    found = study_into(folder, predicted, share, reply.console, smallest_kick=smallest_kick, cycles=cycles)
-    reply.send(found)
+    with shown_progress(reply.console) as shown:  # what cannot be studied is reported before there is a folder
+        predicted = predict(loaded, variation, shown)
+    study = partial(compare, predicted, share, smallest_kick=smallest_kick, cycles=cycles)
+    answer(reply, ONSET, lambda progress, keep: study(progress=progress, keep=keep))

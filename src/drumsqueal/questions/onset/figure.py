@@ -12,12 +12,10 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 from drumsqueal.findings.departure import unit_of
-from drumsqueal.questions.cycle.branches import Diagram
-from drumsqueal.questions.cycle.kicked import pieces
+from drumsqueal.questions.cycle.diagram import Diagram
 from drumsqueal.questions.cycle.orbit import Cycle
-from drumsqueal.questions.onset.attractors import DECAYS, Ending
-from drumsqueal.questions.onset.rows import KICKED, NEUTRAL, SQUEALS, STABLE, Row
-from drumsqueal.questions.onset.study import OnsetStudy
+from drumsqueal.questions.onset.found import OnsetStudy
+from drumsqueal.questions.onset.rows import Kind, Leads, Motion, Row
 from drumsqueal.questions.run.figures.eigenvalues import STABLE as STABLE_COLOUR
 from drumsqueal.questions.run.figures.eigenvalues import UNSTABLE as UNSTABLE_COLOUR
 from drumsqueal.solve.linear.modes import UNDAMPED_SHARE
@@ -26,47 +24,52 @@ from drumsqueal.terminal.placement import label_top_edge, tick_in_units
 from drumsqueal.terminal.style import frame, new_figure, styled
 
 # Told apart in print by lightness, too.
-SHADES = {STABLE: STABLE_COLOUR, NEUTRAL: "#E3EEDC", KICKED: "#F2E6CC", SQUEALS: UNSTABLE_COLOUR}
+SHADES = {
+    Kind.STABLE: STABLE_COLOUR,
+    Kind.NEUTRAL: "#E3EEDC",
+    Kind.BISTABLE: "#F2E6CC",
+    Kind.SQUEALS: UNSTABLE_COLOUR,
+}
 OTHER = style.PALE
 MARKER = {"marker": "o", "markersize": 3.2, "linestyle": "", "markeredgewidth": 0.7}
-SQUARE: dict[str, Any] = MARKER | {"marker": "s"}  # of kicks: these are no motions
+SQUARE: dict[str, Any] = MARKER | {"marker": "s"}  # of disturbances: these are no motions
 DASHES = (0, (3, 2))  # of unstable cycles
 ROOM = 0.25  # of the height, above the largest amplitude, for the names of the ranges
 SCALE = 3.5  # the sum of the panels' heights that the usual height of a figure is for
 WIDE, FAR = 3, 100  # ratios of amplitudes: for a log axis, and for its ticks to be decades alone
 BELOW = 2  # how far below the smallest amplitude zero stands on a log axis
-NARROW = 0.14  # share of the width below which a range has no name of its own
+NARROW = 0.14  # of the width below which a range has no name of its own
 MARGIN = 0.012  # of the width, for a marker at either end
 MICRO = 1e6
 
 
 @styled()
-def draw_onset(study: OnsetStudy, diagram: Diagram | None = None) -> Figure:
-    """Draw amplitudes, frequencies, growth rates and the smallest kicks over the parameter, the ranges behind them.
+def draw_onset(study: OnsetStudy) -> Figure:
+    """Draw amplitudes, frequencies, growth rates and the smallest disturbances over the parameter, before the ranges.
 
     A filled marker is a motion that a small perturbation leads to, an empty one takes a large disturbance or the motion
-    at a neighbouring value. The cycles of `diagram`, where it is given, run through them.
+    at a neighbouring value. Cycles that were followed run through them.
     """
-    figure = new_figure(study.scene.title, f"onset along {study.variation.key}")
-    kicks = any(row.kick for row in study.rows)
-    heights = [2.2, 1.0, 1.0, *[1.0] * kicks]
+    figure = new_figure(study.title, f"onset along {study.variation.key}")
+    disturbances = any(row.smallest_kick for row in study.values)
+    heights = [2.2, 1.0, 1.0, *[1.0] * disturbances]
     figure.set_figheight(figure.get_figheight() * sum(heights) / SCALE)
     panels = figure.subplots(len(heights), 1, sharex=True, height_ratios=heights)
-    values = [row.value for row in study.rows]
+    values = [row.value for row in study.values]
     margin = MARGIN * (max(values) - min(values))
     panels[0].set_xlim(min(values) - margin, max(values) + margin)
     for axes in panels:
         _shade(axes, study)
-    _draw_amplitudes(panels[0], study, diagram)
+    _draw_amplitudes(panels[0], study)
     _draw_frequencies(panels[1], study)
     _draw_growth(panels[2], study)
-    if kicks:
-        _draw_kicks(panels[3], study)
+    if disturbances:
+        _draw_disturbances(panels[3], study)
     unit = f" ({study.variation.shown_unit})" if study.variation.shown_unit else ""
     tick_in_units(panels[-1].xaxis, study.variation.size)
     panels[-1].set_xlabel(f"{study.variation.key}{unit}")
     figure.align_ylabels(panels)
-    figure.legend(handles=_legend(study, diagram), loc="outside lower center", ncols=3)
+    figure.legend(handles=_legend(study), loc="outside lower center", ncols=3)
     label_top_edge(panels[0], [(at, text, style.DARK) for at, text in _ends(study)], reach=4.0)
     return figure
 
@@ -74,8 +77,8 @@ def draw_onset(study: OnsetStudy, diagram: Diagram | None = None) -> Figure:
 def draw_cycles(axes: Axes, diagram: Diagram, colour: str, measure: Callable[[Cycle], float]) -> None:
     """Draw what is measured of the cycles over the parameter, unstable ones dashed."""
     for branch in diagram.branches:
-        for cycles, stable in pieces(branch):
-            values = [cycle.parameter for cycle in cycles]
+        for cycles, stable in branch.pieces():
+            values = [cycle.value for cycle in cycles]
             shown = [measure(cycle) for cycle in cycles]
             axes.plot(values, shown, color=colour, linewidth=1.2, linestyle="-" if stable else DASHES, zorder=1.5)
 
@@ -101,20 +104,19 @@ def limit_amplitudes(axes: Axes, amplitudes: list[float], room: float) -> float:
     return rest
 
 
-def _draw_amplitudes(axes: Axes, study: OnsetStudy, diagram: Diagram | None) -> None:
+def _draw_amplitudes(axes: Axes, study: OnsetStudy) -> None:
     """Half the peak-to-peak value of `study.coordinate` (µm, µrad) of each motion, and zero where sliding is stable."""
-    column, colour = study.names.index(study.coordinate), style.COLOUR[study.coordinate]
+    name, colour = study.coordinate, style.COLOUR[study.coordinate]
     amplitudes = []
-    if diagram is not None:
-        cycles = [cycle for branch in diagram.branches for cycle in branch.cycles]
-        amplitudes += [MICRO * cycle.amplitude[study.coordinate] for cycle in cycles]
-        draw_cycles(axes, diagram, colour, lambda cycle: MICRO * cycle.amplitude[study.coordinate])
-    for row in study.rows:
-        for ending in row.attractors:
-            amplitudes.append(MICRO * ending.motion.amplitude[column])
-            axes.plot(row.value, amplitudes[-1], color=colour, markerfacecolor=_face(row, ending, colour), **MARKER)
+    if study.cycles is not None:
+        amplitudes += [MICRO * cycle.amplitude[name] for branch in study.cycles.branches for cycle in branch.cycles]
+        draw_cycles(axes, study.cycles, colour, lambda cycle: MICRO * cycle.amplitude[name])
+    for row in study.values:
+        for motion in row.motions:
+            amplitudes.append(MICRO * motion.amplitude[name])
+            axes.plot(row.value, amplitudes[-1], color=colour, markerfacecolor=_face(row, motion, colour), **MARKER)
     rest = limit_amplitudes(axes, amplitudes, ROOM)
-    quiet = [row.value for row in study.rows if _quiet(row)]
+    quiet = [row.value for row in study.values if _quiet(row)]
     if quiet:  # an empty line that is not clipped counts as one at the corner of the figure, and the layout collapses
         axes.plot(quiet, np.full(len(quiet), rest), color=style.DARK, clip_on=False, zorder=3, **MARKER)
     low, high = axes.get_xlim()
@@ -122,29 +124,30 @@ def _draw_amplitudes(axes: Axes, study: OnsetStudy, diagram: Diagram | None) -> 
         if each.last - each.first > NARROW * (high - low):
             place = {"transform": axes.get_xaxis_transform(), "ha": "center", "va": "top"}
             axes.text((each.first + each.last) / 2, 0.97, each.kind, fontsize=style.SMALL_SIZE, **place)
-    frame(axes, None, f"{study.coordinate}, half peak\nto peak ({unit_of(study.coordinate, 'µ')})")
+    frame(axes, None, f"{name}, half peak\nto peak ({unit_of(name, 'µ')})")
 
 
 def _quiet(row: Row) -> bool:
-    """Whether the small departure decays."""
-    return row.small is not None and row.small.kind == DECAYS
+    """Whether the small perturbation decays."""
+    return row.small is not None and row.small.leads_to is Leads.DECAYS
 
 
-def _face(row: Row, ending: Ending, colour: str) -> str:
-    small = row.small
-    return colour if small is not None and small.settled and ending.like(small) else "white"
+def _face(row: Row, motion: Motion, colour: str) -> str:
+    small = None if row.small is None else row.small.motion
+    return colour if small is not None and motion.like(small) else "white"
 
 
 def _draw_frequencies(axes: Axes, study: OnsetStudy) -> None:
     """The lines that hold most kinetic energy, before the modes that are near them."""
-    heard = [(r.value, e.motion.frequency_Hz, r, e) for r in study.rows for e in r.attractors if e.motion.frequency_Hz]
     axes.set_ylim(*_frequency_limits(study))
-    for branch in study.linear.branches:
-        frequency = branch.eigenvalues.imag / (2 * np.pi) / 1e3
-        axes.plot(branch.values, frequency, color=style.COLOUR[branch.label.split()[0]])
-    for value, frequency, row, ending in heard:
-        colour = style.COLOUR[ending.motion.line or study.coordinate]
-        axes.plot(value, frequency / 1e3, color=colour, markerfacecolor=_face(row, ending, colour), **MARKER)
+    for mode in study.modes:
+        axes.plot(mode.values, np.array(mode.frequency_Hz) / 1e3, color=style.COLOUR[mode.name])
+    for row in study.values:
+        for motion in row.motions:
+            if motion.frequency_Hz:
+                colour = style.COLOUR[motion.line_of or study.coordinate]
+                face = _face(row, motion, colour)
+                axes.plot(row.value, motion.frequency_Hz / 1e3, color=colour, markerfacecolor=face, **MARKER)
     frame(axes, None, "Frequency\n(kHz)")
 
 
@@ -152,26 +155,30 @@ def _draw_growth(axes: Axes, study: OnsetStudy) -> None:
     """Re λ of the modes, as far down as the least stable one goes."""
     axes.set_ylim(*_growth_limits(study))
     axes.axhline(0, color=style.DARK, linewidth=0.6)
-    for branch in study.linear.branches:
-        zeros = [each.value for each in study.linear.critical if each.label == branch.label]  # between few values, too
-        values, rates = np.append(branch.values, zeros), np.append(branch.eigenvalues.real, np.zeros(len(zeros)))
+    for mode in study.modes:
+        zeros = [each.value for each in study.critical_values if each.label == mode.label]  # between few values, too
+        values = np.array([*mode.values, *zeros])
+        rates = np.array([*mode.growth_rate_1_per_s, *(0.0 for _ in zeros)])
         order = np.argsort(values)
-        axes.plot(values[order], rates[order], color=style.COLOUR[branch.label.split()[0]])
-    for critical in study.linear.critical:
+        axes.plot(values[order], rates[order], color=style.COLOUR[mode.name])
+    for critical in study.critical_values:
         axes.plot(critical.value, 0, marker="D", markersize=3.5, color=style.DARK, linestyle="", zorder=4)
     frame(axes, None, "Growth rate\n(1/s)")
 
 
-def _draw_kicks(axes: Axes, study: OnsetStudy) -> None:
-    """Velocity of the lining's surface in the smallest kick that starts squeal, in the colour of the mode."""
-    kicks = [(row.value, row.kick) for row in study.rows if row.kick is not None]
-    for value, kick in kicks:
-        colour = style.COLOUR[kick.mode.split()[0]]
-        axes.plot(value, kick.speed, color=colour, **SQUARE)
-        ends = [kick.speed - kick.speed_uncertainty, kick.speed + kick.speed_uncertainty]
-        axes.plot([value, value], ends, color=colour, linewidth=0.7)
-    axes.set_ylim(0, (1 + ROOM) * max(kick.speed + kick.speed_uncertainty for _, kick in kicks))
-    frame(axes, None, "Smallest kick\n(m/s)")
+def _draw_disturbances(axes: Axes, study: OnsetStudy) -> None:
+    """Velocity of the lining's surface in the smallest disturbance that starts squeal, in the colour of the mode."""
+    largest = 0.0
+    for row in study.values:
+        found = row.smallest_kick
+        if found is not None:
+            colour, speed = style.COLOUR[found.mode.split()[0]], found.speed_m_per_s
+            ends = [speed - found.speed_uncertainty_m_per_s, speed + found.speed_uncertainty_m_per_s]
+            axes.plot(row.value, speed, color=colour, **SQUARE)
+            axes.plot([row.value] * 2, ends, color=colour, linewidth=0.7)
+            largest = max(largest, *ends)
+    axes.set_ylim(0, (1 + ROOM) * largest)
+    frame(axes, None, "Smallest disturb-\nance (m/s)")
 
 
 def _shade(axes: Axes, study: OnsetStudy) -> None:
@@ -193,30 +200,31 @@ def _ends(study: OnsetStudy) -> list[tuple[float, str]]:
     ]
 
 
-def _legend(study: OnsetStudy, diagram: Diagram | None) -> list[Line2D | Patch]:
+def _legend(study: OnsetStudy) -> list[Line2D | Patch]:
     colour = style.COLOUR[study.coordinate]
     shown = []
-    for branch in study.linear.branches:
-        frequency, rate = branch.eigenvalues.imag / (2 * np.pi) / 1e3, branch.eigenvalues.real
+    for mode in study.modes:
+        frequency, rate = np.array(mode.frequency_Hz) / 1e3, np.array(mode.growth_rate_1_per_s)
         if _any_within(frequency, _frequency_limits(study)) or _any_within(rate, _growth_limits(study)):
-            shown.append(branch.label.split()[0])
-    shown += [row.kick.mode.split()[0] for row in study.rows if row.kick]
+            shown.append(mode.name)
+    shown += [row.smallest_kick.mode.split()[0] for row in study.values if row.smallest_kick]
     handles: list[Line2D | Patch] = []
-    faces = {_face(row, each, colour) for row in study.rows for each in row.attractors}
+    faces = {_face(row, each, colour) for row in study.values for each in row.motions}
     if colour in faces:
         handles.append(Line2D([], [], color=colour, label="after a small perturbation", **MARKER))
-    if any(_quiet(row) for row in study.rows):
+    if any(_quiet(row) for row in study.values):
         label = "steady sliding, after a small perturbation"
         handles.append(Line2D([], [], color=style.DARK, label=label, **MARKER))
     if "white" in faces:
         label = "after a large disturbance only"
         handles.append(Line2D([], [], color=colour, markerfacecolor="white", label=label, **MARKER))
-    if study.linear.critical:
+    if study.critical_values:
         label = "critical value"
         handles.append(Line2D([], [], marker="D", markersize=3.5, color=style.DARK, linestyle="", label=label))
-    stable = {each for branch in (diagram.branches if diagram else ()) for _, each in pieces(branch)}
+    branches = study.cycles.branches if study.cycles else ()
+    stable = {each for branch in branches for _, each in branch.pieces()}
     for kind in sorted(stable, reverse=True):
-        label, line = ("stable cycle", "-") if kind else ("unstable cycle", DASHES)
+        label, line = ("stable limit cycle", "-") if kind else ("unstable limit cycle", DASHES)
         handles.append(Line2D([], [], color=colour, linewidth=1.2, linestyle=line, label=label))
     handles += [Line2D([], [], color=style.COLOUR[name], label=f"mode {name}") for name in dict.fromkeys(shown)]
     kinds = dict.fromkeys(each.kind for each in study.ranges)
@@ -224,19 +232,20 @@ def _legend(study: OnsetStudy, diagram: Diagram | None) -> list[Line2D | Patch]:
 
 
 def _growth_limits(study: OnsetStudy) -> tuple[float, float]:
-    rates = [row.point.growth_rate for row in study.rows if np.isfinite(row.point.growth_rate)]
+    rates = [row.growth_rate for row in study.values if row.growth_rate is not None]
     size = max(max(rates, default=1.0), -min(rates, default=-1.0))
-    if size <= UNDAMPED_SHARE * max((row.point.largest for row in study.rows), default=0.0):
+    fastest = max((2 * np.pi * each for mode in study.modes for each in mode.frequency_Hz), default=0.0)
+    if size <= UNDAMPED_SHARE * fastest:
         return -1.0, 1.0  # neither growth nor decay, but round-off
     return min([*rates, 0.0]) - 0.35 * size, max([*rates, 0.0]) + 0.2 * size
 
 
 def _frequency_limits(study: OnsetStudy) -> tuple[float, float]:
     """Of all lines heard and of the modes that become critical (kHz); of all modes where there are none."""
-    near = [each.motion.frequency_Hz for row in study.rows for each in row.attractors if each.motion.frequency_Hz]
-    near += [each.frequency_Hz for each in study.linear.critical if each.frequency_Hz > 0]
+    near = [motion.frequency_Hz for row in study.values for motion in row.motions if motion.frequency_Hz]
+    near += [each.frequency_Hz for each in study.critical_values if each.frequency_Hz > 0]
     if not near:
-        near = [mode.frequency_Hz for row in study.rows for mode in row.point.modes]
+        near = [each for mode in study.modes for each in mode.frequency_Hz if np.isfinite(each)]
     return 0.8 * min(near, default=0.5) / 1e3, 1.15 * max(near, default=1.0) / 1e3
 
 

@@ -7,66 +7,59 @@ from typing import Any
 
 from drumsqueal.errors import RequestError
 from drumsqueal.files.output_folder import ONSET, ONSET_SUMMARY, ONSET_TABLE, figure_file
-from drumsqueal.findings.history import COMPLETE
+from drumsqueal.findings.part import Outcome
 from drumsqueal.findings.schema import read_findings
 from drumsqueal.interrupts import stop_if_interrupted
-from drumsqueal.questions.onset.rows import KICKED, NEUTRAL, NOWHERE, STABLE, UNKNOWN
-from drumsqueal.questions.report.found import Critical, Onset, read_rows
+from drumsqueal.questions.onset.found import OnsetStudy
+from drumsqueal.questions.onset.rows import Kind
 from drumsqueal.questions.report.inline import data_uri, picture
 from drumsqueal.questions.report.moving import animate
 from drumsqueal.questions.report.words import hertz, onset_words
 from drumsqueal.scene import Scene, SceneError
 from drumsqueal.scene.variation import Variation, read_variation
 from drumsqueal.simulation import prepare
+from drumsqueal.solve.linear.branches import Critical
 
 SAME = 1e-6  # relative: a mode at a critical value is the one with this frequency
 CUT_OFF = "This study is not complete: it was cut off before the ranges were found."
-NO_SUMMARY = "This study is not complete: it was cut off, and only the table of the values that were done is left."
 NOT_DRAWN = "The figure is not in the folder: the study was cut off before it was drawn."
 NO_FIGURE = "The figure is not in the folder: the study was cut off before it was drawn, or the figure was taken away."
 NO_MODES = "There is no critical value with a mode that oscillates, so that no shape is shown."
 IT = {
-    NOWHERE: "there is no steady sliding",
-    STABLE: "it is stable",
-    NEUTRAL: "it is neutral",
-    UNKNOWN: "it is undecided",
-    KICKED: "it is bistable",
+    Kind.NOWHERE: "there is no steady sliding",
+    Kind.STABLE: "it is stable",
+    Kind.NEUTRAL: "it is neutral",
+    Kind.UNDECIDED: "it is undecided",
+    Kind.BISTABLE: "it is bistable",
+    Kind.SQUEALS: "it squeals",
 }
 ABOUT = "The shapes were computed anew from the scene, at the critical values, as this page was made."
 
 
 def onset_content(folder: Path) -> dict[str, Any]:
     """What the template takes, from the folder of a study. Raises RequestError for files that are none of a study."""
-    found = read_findings(folder / ONSET_SUMMARY, Onset) if (folder / ONSET_SUMMARY).exists() else None
-    table = read_rows(folder / ONSET_TABLE) if (folder / ONSET_TABLE).exists() else []
-    rows = [_row(row, folder / ONSET_TABLE) for row in table if row["asked"] == "yes"]
+    if not (folder / ONSET_SUMMARY).exists():
+        raise RequestError(f"{folder}: there is {ONSET_TABLE}, but no {ONSET_SUMMARY}; study the onset anew")
+    found = read_findings(folder / ONSET_SUMMARY, OnsetStudy)
     drawn = picture(folder / figure_file(ONSET), onset_words(found))
-    complete = found is not None and found.outcome == COMPLETE
-    content: dict[str, Any] = {
+    complete = found.outcome is Outcome.COMPLETE
+    scene, along = found.scene, found.variation
+    toml = scene.to_toml()
+    unit = f", {along.shown_unit}" if along.shown_unit else ""
+    return {
         "kind": "report of a study of the onset",
         "found": found,
         "complete": complete,
         "pictures": [] if drawn is None else [drawn],
         "missing": "" if drawn is not None else NO_FIGURE if complete else NOT_DRAWN,
-        "rows": rows,
-    }
-    if found is None:
-        content |= {"column": next(iter(table[0])) if table else "", "per": 1.0, "equals": ""}
-        return content | {"title": "Onset", "warning": NO_SUMMARY, "headline": f"{len(rows)} values were done."}
-    scene = found.scene
-    toml, along = scene.to_toml(), found.parameter.variation
-    if table and next(iter(table[0])) != along.column:  # of an earlier version, in SI
-        rows = [row | {"value": along.listed(row["value"])} for row in rows]
-    unit = f", {along.shown_unit}" if along.shown_unit else ""
-    return content | {
-        "rows": rows,
+        "rows": [row for row in found.in_order if row.asked],
         "column": f"{along.key}{unit}",
         "per": 1 / along.size,
         "equals": f" (1 {along.given} is {along.size:.6g} {along.unit})" if along.given else "",
         "title": scene.title or "Untitled scene",
         "warning": None if complete else CUT_OFF,
-        "headline": found.verdict or _so_far(found, rows),
-        "animation": _animation(scene, found),
+        "headline": found.verdict or _so_far(found),
+        "animation": _animation(found),
         "animation_note": NO_MODES,
         "about": ABOUT,
         "tolerance": scene.simulate.tolerance,
@@ -78,17 +71,18 @@ def onset_content(folder: Path) -> dict[str, Any]:
     }
 
 
-def _so_far(found: Onset, rows: list[dict[str, Any]]) -> str:
+def _so_far(found: OnsetStudy) -> str:
     """What a study has that was cut off: how many values do what, and what the eigenvalues say of all."""
-    along = found.parameter.variation
+    along = found.variation
     low, high = sorted((along.first, along.last))
-    kinds = Counter(row["kind"] for row in rows)
-    told = ", ".join(f"{IT.get(kind, f'it {kind}')} at {count} of them" for kind, count in kinds.items())
-    done = f"{len(rows)} of {len(along.values)} values of {along.key} from {along.shown(low):.6g} to {along.told(high)}"
-    return f"{done} are done{f': {told}' if told else ''}. By the eigenvalues {_critical(found, along)}."
+    kinds = Counter(row.kind for row in found.in_order if row.asked)
+    each = ", ".join(f"{IT[kind]} at {count} of them" for kind, count in kinds.items())
+    values = f"{len(along.values)} values of {along.key} from {along.shown(low):.6g} to {along.told(high)}"
+    done = f"{kinds.total()} of {values} are done{f': {each}' if each else ''}"
+    return f"{done}. By the eigenvalues {_critical(found, along)}."
 
 
-def _critical(found: Onset, along: Variation) -> str:
+def _critical(found: OnsetStudy, along: Variation) -> str:
     if not found.critical_values:
         return "no mode gains or loses stability there"
     return " and ".join(
@@ -112,32 +106,13 @@ def _range(along: Variation, scene: Scene) -> str:
     return f"{along.key}={along.first!r}..{along.last!r}x{count}"
 
 
-def _row(row: dict[str, str], path: Path) -> dict[str, Any]:
-    """One value as the page shows it."""
-    try:
-        return {
-            "value": float(next(iter(row.values()))),
-            "kind": row["kind"],
-            "growth": _maybe(row["largest_growth_rate_1_per_s"]),
-            "small": row["small_start_leads_to"],
-            "frequency": _maybe(row["strongest_frequency_Hz"]),
-            "motions": row["motions"],
-        }
-    except ValueError:
-        raise RequestError(f"{path} is damaged: there is no number where one was to be; study the onset anew") from None
-
-
-def _maybe(text: str) -> float | None:
-    return float(text) if text else None
-
-
-def _animation(scene: Scene, found: Onset) -> dict[str, Any] | None:
+def _animation(found: OnsetStudy) -> dict[str, Any] | None:
     """The mode at each critical value that oscillates; None where there is none."""
     made: list[dict[str, Any]] = []
     animation: dict[str, Any] = {}
-    along = found.parameter.variation
+    along = found.variation
     for critical in found.critical_values:
-        moving = _at(scene, along.key, critical)
+        moving = _at(found.scene, along.key, critical)
         stop_if_interrupted()
         if moving is not None:
             animation = moving

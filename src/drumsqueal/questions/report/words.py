@@ -8,7 +8,7 @@ from drumsqueal.findings.compare import ModeComparison, RunFindings
 from drumsqueal.findings.frequency import FrequencyDrift
 from drumsqueal.findings.prediction import PredictedMode
 from drumsqueal.findings.saturation import Saturation
-from drumsqueal.questions.report.found import Onset
+from drumsqueal.questions.onset.found import OnsetStudy
 from drumsqueal.scene import Scene
 from drumsqueal.scene.quantities import percent
 from drumsqueal.solve.linear.modes import NEUTRAL_SHARE
@@ -82,19 +82,16 @@ def figure_words(name: str, summary: RunFindings, scene: Scene) -> tuple[str, st
     return heading, " ".join(told(summary, scene))
 
 
-def onset_words(found: Onset | None) -> tuple[str, str]:
+def onset_words(found: OnsetStudy) -> tuple[str, str]:
     """The same for the figure of an onset."""
-    heading = "Amplitude, frequency and growth rate along the parameter"
-    if found is None:
-        return heading, "Amplitude, frequency and growth rate along the parameter that was varied."
-    along = found.parameter.variation
+    heading, along = "Amplitude, frequency and growth rate along the parameter", found.variation
     low, high = (along.told(end) for end in sorted((along.first, along.last)))
     parts = [f"Three plots over {along.key} from {low} to {high}: amplitude, frequency and growth rate."]
     if found.smallest_kick_sought:
-        parts.append("Below them the smallest kick that starts squeal, where one was found.")
+        parts.append("Below them the smallest disturbance that starts squeal, where one was found.")
     ranges = [(each.kind.capitalize(), along.told(each.first), along.told(each.last)) for each in found.ranges]
     parts += [f"{kind} from {first} to {last}." for kind, first, last in ranges]
-    parts += [f"{each.label} has no growth at {along.told(each.value)}." for each in found.critical_values]
+    parts += [f"{each.label} has zero growth rate at {along.told(each.value)}." for each in found.critical_values]
     return heading, " ".join(parts)
 
 

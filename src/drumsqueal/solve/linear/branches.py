@@ -1,6 +1,7 @@
 """Modes along a parameter: followed by their shapes, not by their order, and the values at which one turns unstable."""
 
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -9,8 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq, linear_sum_assignment, minimize_scalar
 
 from drumsqueal.errors import SteadyStateError
-from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.physics.model import Model
+from drumsqueal.progress import Progress, silent
 from drumsqueal.solve.linear.modes import (
     UNDAMPED_SHARE,
     Mode,
@@ -65,7 +66,8 @@ class Branch(NamedTuple):
     eigenvalues: NDArray[np.complex128]
 
 
-class Critical(NamedTuple):
+@dataclass(frozen=True, order=True)
+class Critical:
     """A value at which Re λ of a mode is zero; `destabilises` where it grows at values above.
 
     `uncertainty` is that of the value, in its own unit. A divergence has no frequency.
@@ -86,7 +88,7 @@ class Branches(NamedTuple):
     critical: tuple[Critical, ...]
 
 
-def follow_modes(model_at: ModelAt, values: ArrayLike) -> Branches:
+def follow_modes(model_at: ModelAt, values: ArrayLike, progress: Progress = silent) -> Branches:
     """Follow all modes over the values and find where Re λ = 0, on the eigenvalue itself.
 
     The models are of one composition. Two modes are the same where √|l_iᴴ r_j · l_jᴴ r_i| is near 1, with left and
@@ -95,8 +97,9 @@ def follow_modes(model_at: ModelAt, values: ArrayLike) -> Branches:
     goes unseen unless it is the least stable one's.
     """
     points: list[Point] = []
-    for value in np.sort(np.asarray(values, dtype=np.float64)).tolist():
-        stop_if_interrupted()
+    ordered = np.sort(np.asarray(values, dtype=np.float64)).tolist()
+    for value in ordered:
+        progress("eigenvalues", len(points), len(ordered))
         points.append(point_at(model_at, value))
     width = points[-1].value - points[0].value
     points = _with_turns(model_at, points)
@@ -106,7 +109,7 @@ def follow_modes(model_at: ModelAt, values: ArrayLike) -> Branches:
     critical = [each for pair in pairwise(fine) for each in _critical(model_at, *pair, PRECISION * width)]
     fine = _with_middles(model_at, fine, sorted(each.value for each in critical))
     branches, labels = _branches(fine)
-    named = [each._replace(label=_label(model_at, each, fine, labels)) for each in critical]
+    named = [replace(each, label=_label(model_at, each, fine, labels)) for each in critical]
     return Branches(tuple(fine), branches, tuple(sorted(named)))
 
 

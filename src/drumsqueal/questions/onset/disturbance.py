@@ -1,63 +1,56 @@
-"""How hard a brake must be kicked before it squeals, where steady sliding is stable: the smallest kick that is enough.
+"""How large a disturbance must be to start squeal where steady sliding is stable: the smallest one that is enough.
 
-A kick is a velocity from steady sliding along the shape of a mode, one way or the other. Each is tried in sizes from
-below, twice as large each time. Between the largest that dies away and the smallest that leads to squeal it is then
-closed in on, as long as a kick that takes less energy may lie there.
+A disturbance is a velocity from steady sliding along the shape of a mode, one way or the other. Each is tried in sizes
+from below, twice as large each time. Between the largest that decays and the smallest that leads to squeal the search
+then goes on, as long as a disturbance that takes less energy may lie there.
 """
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.findings.edges import wide
-from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.physics.bodies.rigid_shoe import TX, TZ, X, Z
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.model import Model
+from drumsqueal.progress import Progress
 from drumsqueal.questions.onset.attractors import (
-    DECAYS,
-    KICK,
+    LARGE,
     LASTING,
-    NEUTRAL,
     PERSISTENT,
-    Ending,
     Family,
     How,
     Start,
     find_endings,
 )
-from drumsqueal.questions.onset.rows import Kick, Row
+from drumsqueal.questions.onset.rows import Disturbance, Ending, Leads, Row
 from drumsqueal.solve.linear.branches import Point
 from drumsqueal.solve.linear.modes import Mode
 
-LEAST = 0.1  # of the nearer edge: the smallest kick that is tried at first; the largest is `KICK` of the farther one
+LEAST = 0.1  # of the nearer contact boundary: the smallest at first; the largest is `LARGE` of the farther one
 SMALLER = 10  # halvings below that, where it squeals already
 SECTIONS = 3  # sizes tried at once between two
 PRECISION = 0.02  # of a velocity: how far the two may be apart in the end
 TURNS = 64  # phases of a mode's period, of which the one with most kinetic energy is taken
 POINTS = 181  # of the lining along the arc, at which its velocity is looked at
 
-OnProgress = Callable[[str, int, int], None]
 
+def smallest_disturbances(
+    family: Family, rows: Sequence[Row], how: How, progress: Progress
+) -> Iterator[dict[float, Disturbance]]:
+    """Find the smallest disturbance that leads to squeal at each row: all of them by value, known better each time.
 
-def smallest_kicks(
-    family: Family, rows: Sequence[Row], how: How, on_progress: OnProgress
-) -> Iterator[dict[float, Kick]]:
-    """Find the smallest kick that leads to squeal at each row: all of them by value, known better each time.
-
-    A value is not among them where none of those tried does. Raises KeyboardInterrupt.
+    A value is not among them where none of those tried does.
     """
     searches = [_AtRow(row, family.model_at(row.value), family) for row in rows]
     while True:
         tasks = [(search, *task) for search in searches for task in search.untried()]
         if not tasks:
             return
-        for done, _ in enumerate(_run(family, tasks, how), start=1):
-            stop_if_interrupted()
-            on_progress("kicks", done, len(tasks))
-        yield {search.row.value: search.kick() for search in searches if search.squeals}
+        _run(family, tasks, how, progress)
+        yield {search.row.value: search.smallest() for search in searches if search.squeals}
 
 
 def surface_speed(model: Model, velocity: NDArray[np.float64]) -> float:
@@ -74,7 +67,7 @@ def surface_speed(model: Model, velocity: NDArray[np.float64]) -> float:
 
 
 class _Direction:
-    """Kicks along a mode one way, as multiples √J of the one of 1 J, and where those that were tried led."""
+    """Disturbances along a mode one way, as multiples √J of the one of 1 J, and where those that were tried led."""
 
     def __init__(self, mode: Mode, sign: int, model: Model, family: Family) -> None:
         shape, shares = family.reach(mode, model)
@@ -85,7 +78,7 @@ class _Direction:
         self.name = f"kick {mode.label} {'forwards' if sign > 0 else 'backwards'}"
         self.mode, self.velocity = mode, sign * of_one_joule * velocities[np.argmax(energies)]
         self.edge_share = of_one_joule * max(shares)
-        self.least, self.most = LEAST / self.edge_share, KICK / (of_one_joule * min(shares))
+        self.least, self.most = LEAST / self.edge_share, LARGE / (of_one_joule * min(shares))
         self.quiet: set[float] = set()
         self.loud: dict[float, Ending] = {}
         self.tried: set[float] = set()
@@ -119,7 +112,7 @@ class _AtRow:
     """The search at one value."""
 
     def __init__(self, row: Row, model: Model, family: Family) -> None:
-        self.row, self.model, self.known = row, model, row.attractors
+        self.row, self.model, self.names = row, model, family.moving
         self.directions = [
             _Direction(mode, sign, model, family)
             for mode in family.modes(row.point)
@@ -136,54 +129,55 @@ class _AtRow:
         best = min((direction.squeals_at for direction in self.directions), default=math.inf)
         return [(direction, size) for direction in self.directions for size in direction.next_sizes(best)]
 
-    def kick(self) -> Kick:
+    def smallest(self) -> Disturbance:
         """The smallest, as far as it is known."""
         direction = min(self.directions, key=lambda each: each.squeals_at)
         low, high = direction.quiet_below, direction.squeals_at
         size = (low + high) / 2
         speed = surface_speed(self.model, direction.velocity)
-        return Kick(
+        motion = direction.loud[high].motion
+        assert motion is not None
+        return Disturbance(
             mode=direction.mode.label,
-            velocity=size * direction.velocity,
-            speed=size * speed,
-            speed_uncertainty=(high - low) / 2 * speed,
-            energy=size**2,
-            energy_uncertainty=(high**2 - low**2) / 2,
+            velocity=dict(zip(self.names, (size * direction.velocity).tolist(), strict=True)),
+            speed_m_per_s=size * speed,
+            speed_uncertainty_m_per_s=(high - low) / 2 * speed,
+            energy_J=size**2,
+            energy_uncertainty_J=(high**2 - low**2) / 2,
             edge_share=size * direction.edge_share,
-            ending=direction.loud[high],
+            leads_to=motion,
         )
 
 
-def _run(family: Family, tasks: Sequence[tuple[_AtRow, _Direction, float]], how: How) -> Iterator[None]:
+def _run(family: Family, tasks: Sequence[tuple[_AtRow, _Direction, float]], how: How, progress: Progress) -> None:
     """Try sizes, and note where each leads.
 
-    Near the smallest kick that squeals motion dwells on the unstable cycle, which may look settled: what is none of the
-    motions known at the value must last longer.
+    Near the smallest disturbance that starts squeal motion dwells on the unstable cycle, which may look settled: what
+    is none of the motions known at the value must last longer.
     """
-    meant = {}
+    meant, done = {}, 0
     for search, direction, size in tasks:
         direction.tried.add(size)
         meant[search.row.value, f"{direction.name} {size!r}"] = search, direction, size
+
+    def report(*_: object) -> None:
+        progress("smallest disturbance", done, len(tasks))
+
     starts: list[tuple[Point, Start]] = [
         (search.row.point, Start(name, 0 * direction.velocity, size * direction.velocity))
         for (_, name), (search, direction, size) in meant.items()
     ]
     doubtful = []
-    for ending in find_endings(family, starts, how, rounds=PERSISTENT):
-        search, direction, size = meant[ending.value, ending.start]
-        if ending.settled and not any(ending.like(known) for known in search.known):
-            doubtful.append((search.row.point, ending.again()._replace(name=ending.start)))
-            continue
-        _note(direction, size, ending)
-        yield
-    for ending in find_endings(family, doubtful, how, rounds=LASTING):
-        _, direction, size = meant[ending.value, ending.start]
-        _note(direction, size, ending)
-        yield
-
-
-def _note(direction: _Direction, size: float, ending: Ending) -> None:
-    if ending.settled:
-        direction.loud[size] = ending
-    elif ending.kind in (DECAYS, NEUTRAL):
-        direction.quiet.add(size)
+    for rounds, some in ((PERSISTENT, starts), (LASTING, doubtful)):
+        for ending in find_endings(family, some, how, rounds=rounds, progress=report):
+            search, direction, size = meant[ending.value, ending.start]
+            motion = ending.motion
+            if rounds == PERSISTENT and motion and not any(motion.like(known) for known in search.row.motions):
+                doubtful.append((search.row.point, Start(ending.start, *motion.state)))
+                continue
+            if motion is not None:
+                direction.loud[size] = ending
+            elif ending.leads_to in (Leads.DECAYS, Leads.NEUTRAL):
+                direction.quiet.add(size)
+            done += 1
+            report()

@@ -1,0 +1,131 @@
+"""What the search for a cycle, and cycles along a parameter, write and print."""
+
+from typing import Any
+
+import numpy as np
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from drumsqueal.files.output_folder import BRANCH, BRANCH_SUMMARY, BRANCH_TABLE, CYCLE, CYCLE_HISTORY, CYCLE_SUMMARY
+from drumsqueal.findings.departure import unit_of
+from drumsqueal.findings.history import COMPLETE, to_dataset
+from drumsqueal.questions.cycle.branch_figure import draw_branch
+from drumsqueal.questions.cycle.continuation import Branch, End
+from drumsqueal.questions.cycle.diagram import CycleBranches
+from drumsqueal.questions.cycle.figure import draw_cycle
+from drumsqueal.questions.cycle.orbit import NEUTRAL, Cycle
+from drumsqueal.questions.cycle.search import CycleStudy
+from drumsqueal.questions.cycle.words import accuracy_words, describe_briefly, unit_after
+from drumsqueal.scene.variation import Variation
+from drumsqueal.terminal.runner import Answer
+from drumsqueal.terminal.tables import print_table, rows_to_csv
+
+
+def print_cycle(console: Console, found: CycleStudy) -> None:
+    """Print amplitudes, multipliers, how accurate they are, the other cycles, and the verdict."""
+    table = Table(title="Limit cycle", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    table.add_column("coordinate")
+    table.add_column("half peak\nto peak", justify="right")
+    for name, amplitude in found.amplitude.items():
+        table.add_row(name, f"{1e6 * amplitude:.6g} {unit_of(name, 'µ')}")
+    print_table(console, table)
+    table = Table(title="Floquet multipliers", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    for heading in ("modulus", "angle\ndegrees"):
+        table.add_column(heading, justify="right")
+    for value in found.multipliers:
+        if value.imag >= 0:
+            table.add_row(f"{abs(value):.6f}", f"{'±' if value.imag else ''}{np.degrees(np.angle(value)):.2f}")
+    print_table(console, table)
+    console.print(accuracy_words(found), style="dim")
+    console.print(f"Found from: {found.found_from}. The transient {found.transient}.", style="dim")
+    for other in found.others:
+        console.print(f"Another cycle: {describe_briefly(other)}.", style="dim")
+    console.print(found.verdict, style="bold")
+
+
+def period_file(found: CycleStudy) -> bytes:
+    """One period of samples, with the signals of a history, as NetCDF."""
+    period = to_dataset([found.samples], found.scene, found.names, COMPLETE)
+    period.attrs |= {"period_s": found.period_s, "stable": "yes" if found.stable else "no"}
+    return bytes(period.to_netcdf(engine="h5netcdf"))
+
+
+def print_branches(console: Console, found: CycleBranches) -> None:
+    """Print where branches begin and end and what happens on them, and what follows from that."""
+    variation = found.parameter.variation
+    unit = f"\n{variation.shown_unit}" if variation.shown_unit else ""
+    names = found.branches[0].cycles[0].names
+    table = Table(title=f"Limit cycles along {variation.key}", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    table.add_column("", justify="right")
+    table.add_column("")
+    table.add_column(f"value{unit}", justify="right")
+    table.add_column("freq.\nHz", justify="right")
+    for name in names:
+        table.add_column(f"{name}\n{unit_of(name, 'µ')}", justify="right")
+    table.add_column("largest\n|μ|", justify="right")
+    for number, branch in enumerate(found.branches, start=1):
+        for what, cycle in milestones(branch):
+            amplitudes = (f"{1e6 * cycle.amplitude[name]:.3g}" for name in names)
+            value = f"{variation.shown(cycle.value):.7g}"
+            table.add_row(str(number), what, value, f"{cycle.frequency_Hz:.1f}", *amplitudes, f"{cycle.largest:.4f}")
+    print_table(console, table)
+    for critical in found.critical_values:
+        becomes = "unstable" if critical.destabilises else "stable"
+        where = f"{variation.key} = {variation.shown(critical.value):.7g}{unit_after(variation)}"
+        console.print(f"Steady sliding becomes {becomes} in {critical.label} as the value rises past {where}")
+    for number, branch in enumerate(found.branches, start=1):
+        for verb, end in (("begins", branch.start), ("ends", branch.end)):
+            if end not in set(End):
+                console.print(f"Branch {number} ends: {end}", style="dim")
+            elif end == End.HOPF:
+                console.print(f"Branch {number} {verb} next to a Hopf point, where cycles have no size", style="dim")
+    for note in found.notes:
+        console.print(f"Not found: {note}", style="dim")
+    console.print(found.verdict, style="bold")
+
+
+def milestones(branch: Branch) -> list[tuple[str, Cycle]]:
+    """The ends of a branch and what happens on it, in order."""
+    last = len(branch.cycles) - 1
+    ends = {last: _end(branch.end, "last")} | {0: _end(branch.start, "first")}
+    found = [(cycle.what or ends.get(k), cycle) for k, cycle in enumerate(branch.cycles)]
+    return [(what, cycle) for what, cycle in found if what is not None]
+
+
+def _end(reason: str, which: str) -> str:
+    """What an end is; at a Hopf point it is the cycle next to it, which has a size."""
+    if reason == End.HOPF:
+        return f"{which} cycle"
+    return reason if reason in set(End) else "end"
+
+
+def branches_table(found: CycleBranches) -> str:
+    """One row a cycle, in the order of its branch, as CSV."""
+    rows = [(k, cycle) for k, branch in enumerate(found.branches, start=1) for cycle in branch.cycles]
+    return rows_to_csv([_row(found.parameter.variation, number, cycle) for number, cycle in rows])
+
+
+def _row(variation: Variation, number: int, cycle: Cycle) -> dict[str, Any]:
+    row: dict[str, Any] = {
+        "branch": number,
+        variation.column: variation.listed(cycle.value),
+        "what": cycle.what or "",
+        "frequency_Hz": cycle.frequency_Hz,
+        "stable": "neutral" if cycle.neutral else "yes" if cycle.stable else "no",
+        "unstable_directions": int(np.sum(np.abs(cycle.multipliers) > 1 + NEUTRAL)),  # one on the circle is none
+    }
+    row |= {f"amplitude_{name}_{unit_of(name)}": a for name, a in cycle.amplitude.items()}
+    row |= {"contact_fraction": cycle.contact_fraction, "slip_reversed_fraction": cycle.slip_reversed_fraction}
+    for k, value in enumerate(cycle.multipliers.tolist(), start=1):
+        row |= {f"multiplier_{k}_re": value.real, f"multiplier_{k}_im": value.imag}
+    names = ("residual", "unit_multiplier_error", "tangent_error")
+    return row | {name: getattr(cycle, name) for name in names}
+
+
+CYCLES = Answer(
+    words=print_cycle, summary=CYCLE_SUMMARY, tables={CYCLE_HISTORY: period_file}, figures={CYCLE: draw_cycle}
+)
+BRANCHES = Answer(
+    words=print_branches, summary=BRANCH_SUMMARY, tables={BRANCH_TABLE: branches_table}, figures={BRANCH: draw_branch}
+)

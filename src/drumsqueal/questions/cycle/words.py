@@ -1,0 +1,99 @@
+"""What cycles are and what they say of squeal, in sentences."""
+
+from collections.abc import Sequence
+
+from drumsqueal.findings.departure import unit_of
+from drumsqueal.findings.signals import Regime
+from drumsqueal.findings.signals.regime import Kind
+from drumsqueal.questions.cycle.diagram import Diagram, Interval
+from drumsqueal.questions.cycle.orbit import Cycle
+from drumsqueal.scene.quantities import percent
+from drumsqueal.scene.variation import Variation
+
+
+def cycle_verdict(cycle: Cycle) -> str:
+    """What the cycle is, and what a small disturbance does on it."""
+    brief = describe_briefly(cycle)
+    return (
+        f"{brief[0].upper()}{brief[1:]}, with {percent(cycle.contact_fraction)} of the lining in contact and the slip "
+        f"reversed on {percent(cycle.slip_reversed_fraction)} of it on average: {_disturbed(cycle)}."
+    )
+
+
+def describe_briefly(cycle: Cycle) -> str:
+    """Stability, frequency and amplitude of a cycle."""
+    name = cycle.main_coordinate
+    amplitude = f"{1e6 * cycle.amplitude[name]:.4g} {unit_of(name, 'µ')} in {name}"
+    kind = "a neutral" if cycle.neutral else "a stable" if cycle.stable else "an unstable"
+    return f"{kind} limit cycle at {cycle.frequency_Hz:.7g} Hz, {amplitude}"
+
+
+def _disturbed(cycle: Cycle) -> str:
+    factor = f"{cycle.largest:.4g} times its size"
+    if cycle.neutral:
+        return "within the accuracy, a small disturbance neither grows nor decays"
+    if cycle.stable:
+        return f"a small disturbance decays to {factor} in a period"
+    largest, count = cycle.multipliers[0], cycle.unstable_directions
+    turning = "turning" if largest.imag else "changing its sign" if largest.real < 0 else "keeping its sign"
+    directions = "one direction" if count == 1 else f"{count} directions"
+    return f"a small disturbance grows to {factor} in a period, {turning}, in {directions}"
+
+
+def accuracy_words(cycle: Cycle) -> str:
+    """How accurate a cycle is."""
+    return (
+        f"Periodicity residual {cycle.residual:.1e} of the motion; error of the trivial Floquet multiplier "
+        f"{cycle.unit_multiplier_error:.1e}"
+    )
+
+
+def regime_words(regime: Regime) -> str:
+    """What a transient does."""
+    match regime.kind:
+        case Kind.UNKNOWN:
+            return f"has not settled ({regime.reason.rstrip('.')})"
+        case Kind.STEADY:
+            return "comes to rest in steady sliding"
+        case Kind.PERIODIC:
+            return "settles to a periodic motion"
+        case _:
+            return f"settles to no periodic motion (the motion is {regime.kind})"
+
+
+def decay_words(rate: float, mode: str, predicted: float) -> str:
+    """What a transient does that decays at a rate (1/s), where a mode is predicted to decay slowest."""
+    slowest = f"mode {mode} decays slowest by its eigenvalue, {signed(predicted)} 1/s"
+    return f"decays to steady sliding, at the end at {signed(rate)} 1/s ({slowest})"
+
+
+def signed(number: float) -> str:
+    """A number in four digits with a true minus sign."""
+    return f"{'−' if number < 0 else ''}{abs(number):.4g}"
+
+
+def diagram_verdict(diagram: Diagram, along: Variation) -> str:
+    """Where steady sliding is unstable, where stable cycles are, and where both are stable."""
+    if not diagram.branches:
+        return "No cycle was found."
+    unstable, cycles, both = diagram.steady_sliding_unstable, diagram.stable_cycles, diagram.squeals_only_when_kicked
+    sliding = f"is unstable for {along.key} {_ranges(unstable, along)}" if unstable else "is stable throughout"
+    lives = f"stable cycles exist {_ranges(cycles, along)}" if cycles else "no cycle that was found is stable"
+    where = ", ".join(f"{along.shown(value):.6g}" for value in diagram.folds)
+    folded = f" (folds at {where}{unit_after(along)})" if where else ""
+    bistable = (
+        f"{_ranges(both, along)} the brake squeals only after a large disturbance (bistable)"
+        if both
+        else "none of them coexists with stable steady sliding"
+    )
+    return f"Steady sliding {sliding}; {lives}{folded}; {bistable}."
+
+
+def _ranges(intervals: Sequence[Interval], along: Variation) -> str:
+    ranges = (f"from {along.shown(low):.6g} to {along.shown(high):.6g}" for low, high in intervals)
+    return f"{' and '.join(ranges)}{unit_after(along)}"
+
+
+def unit_after(along: Variation) -> str:
+    """The unit of values that are shown, after a space."""
+    return f" {along.shown_unit}" if along.shown_unit else ""

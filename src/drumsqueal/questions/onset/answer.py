@@ -1,0 +1,144 @@
+"""What a study of the onset writes and prints."""
+
+import math
+from typing import Any
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from drumsqueal.files.output_folder import ONSET as FIGURE
+from drumsqueal.files.output_folder import ONSET_SUMMARY, ONSET_TABLE
+from drumsqueal.findings.departure import unit_of
+from drumsqueal.findings.part import Outcome
+from drumsqueal.questions.onset.figure import draw_onset
+from drumsqueal.questions.onset.found import OnsetStudy
+from drumsqueal.questions.onset.rows import Disturbance, Ending, Kind, Motion, Row
+from drumsqueal.questions.onset.words import critical_words, with_uncertainty
+from drumsqueal.terminal.runner import Answer
+from drumsqueal.terminal.tables import print_table, rows_to_csv
+
+STYLES = {Kind.SQUEALS: "bold red", Kind.BISTABLE: "bold"}
+
+
+def print_study(console: Console, study: OnsetStudy) -> None:
+    """Print a row for each value that was asked for, critical values, what follows, and what the cycles say of it."""
+    name, unit, along = study.coordinate, unit_of(study.coordinate, "µ"), study.variation
+    table = Table(title=f"Onset along {along.key}", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    table.add_column(f"\n\n{along.shown_unit}", justify="right")
+    table.add_column("")
+    table.add_column("growth\nrate\n1/s", justify="right")
+    for heading in (f"{name} after a small\nperturbation", f"{name} of the\nstrongest motion"):
+        table.add_column(f"{heading}\n{unit}", justify="right")
+        table.add_column("line\n\nHz", justify="right")
+    for row in study.in_order:
+        if row.asked:
+            kind = Text(row.kind, style=STYLES.get(row.kind, ""))
+            growth = "-" if row.growth_rate is None else f"{row.growth_rate:+.2f}"
+            strongest = ("-", "") if row.strongest is None else _shown(row.strongest, name)
+            table.add_row(f"{along.shown(row.value):.5g}", kind, growth, *_after_small(row, name), *strongest)
+    print_table(console, table)
+    if any(row.smallest_kick for row in study.values):
+        print_table(console, _disturbances(study))
+    for critical in study.critical_values:
+        console.print(critical_words(critical, along))
+    for line in study.reservations:
+        console.print(line, style="dim")
+    console.print(study.verdict, style="bold")
+    if study.cycles is not None:
+        for note in study.cycles.notes:
+            console.print(f"Not found: {note}", style="dim")
+        console.print(study.cycles.verdict, style="bold")
+
+
+def _after_small(row: Row, name: str) -> tuple[str, str]:
+    """Amplitude and line after the small perturbation, or where it led instead."""
+    small = row.small
+    return (small.leads_to, "") if small is not None and small.motion is None else _shown(small and small.motion, name)
+
+
+def _shown(motion: Motion | None, name: str) -> tuple[str, str]:
+    """Amplitude and line of a motion."""
+    if motion is None:
+        return "", ""
+    return f"{1e6 * motion.amplitude[name]:.4g}", "" if motion.frequency_Hz is None else f"{motion.frequency_Hz:.1f}"
+
+
+def _disturbances(study: OnsetStudy) -> Table:
+    """How large a disturbance must be, and along which mode, at each value where it was found."""
+    table = Table(title="Smallest disturbance that starts squeal", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    table.add_column(f"\n\n{study.variation.shown_unit}", justify="right")
+    table.add_column("along\nmode\n")
+    table.add_column("velocity of\nthe lining\nm/s", justify="right")
+    table.add_column("energy\n\nJ", justify="right")
+    table.add_column("times the\nnearer contact\nboundary", justify="right")
+    table.add_column(f"leads to\n{study.coordinate}\n{unit_of(study.coordinate, 'µ')}", justify="right")
+    table.add_column("line\n\nHz", justify="right")
+    for row in study.in_order:
+        found = row.smallest_kick
+        if found is not None:
+            table.add_row(
+                f"{study.variation.shown(row.value):.5g}",
+                found.mode,
+                with_uncertainty(found.speed_m_per_s, found.speed_uncertainty_m_per_s),
+                with_uncertainty(found.energy_J, found.energy_uncertainty_J),
+                f"{found.edge_share:.3g}",
+                *_shown(found.leads_to, study.coordinate),
+            )
+    return table
+
+
+def onset_table(study: OnsetStudy) -> str:
+    """One row a value, as CSV: its kind, the modes, where the small perturbation led, and the largest motion found."""
+    modes = {
+        mode.label: dict(zip(mode.values, zip(mode.frequency_Hz, mode.growth_rate_1_per_s, strict=True), strict=True))
+        for mode in study.modes
+    }
+    sought = any(row.smallest_kick for row in study.values)
+    rows = []
+    for row in study.in_order:
+        cells: dict[str, Any] = {
+            study.variation.column: study.variation.listed(row.value),
+            "kind": row.kind,
+            "asked": "yes" if row.asked else "no",
+            "largest_growth_rate_1_per_s": row.growth_rate,
+        }
+        for label, values in modes.items():
+            frequency, rate = values.get(row.value, (None, None))
+            cells[f"frequency_{label}_Hz"] = _finite(frequency)
+            cells[f"growth_rate_{label}_1_per_s"] = _finite(rate)
+        strongest = next((each for each in row.starts if each.motion is row.strongest), None) if row.strongest else None
+        cells |= _cells("small", row.small, study) | _cells("strongest", strongest, study)
+        cells["motions"] = len(row.motions)
+        cells |= _disturbance_cells(row.smallest_kick) if sought else {}
+        failed = [f"{each.start}: {each.outcome}" for each in row.starts if each.outcome != Outcome.COMPLETE]
+        cells["note"] = row.no_steady_sliding or "; ".join(failed)
+        rows.append(cells)
+    return rows_to_csv(rows)
+
+
+def _finite(number: float | None) -> float | None:
+    return number if number is not None and math.isfinite(number) else None
+
+
+def _cells(which: str, ending: Ending | None, study: OnsetStudy) -> dict[str, Any]:
+    motion = None if ending is None else ending.motion
+    cells: dict[str, Any] = {f"{which}_start": "" if ending is None else ending.start}
+    cells[f"{which}_start_leads_to"] = "" if ending is None else ending.leads_to
+    for name in study.coordinates:
+        cells[f"{which}_amplitude_{name}_{unit_of(name)}"] = None if motion is None else motion.amplitude[name]
+    cells[f"{which}_frequency_Hz"] = None if motion is None else motion.frequency_Hz
+    cells[f"{which}_simulated_s"] = None if ending is None else ending.simulated_s
+    return cells
+
+
+def _disturbance_cells(found: Disturbance | None) -> dict[str, Any]:
+    numbers = ("speed_m_per_s", "speed_uncertainty_m_per_s", "energy_J", "energy_uncertainty_J", "edge_share")
+    cells: dict[str, Any] = {"smallest_kick_mode": "" if found is None else found.mode}
+    return cells | {f"smallest_kick_{name}": None if found is None else getattr(found, name) for name in numbers}
+
+
+ONSET = Answer(
+    words=print_study, summary=ONSET_SUMMARY, tables={ONSET_TABLE: onset_table}, figures={FIGURE: draw_onset}
+)

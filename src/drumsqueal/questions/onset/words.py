@@ -1,0 +1,169 @@
+"""What a study of the onset found, in plain words, and what limits it."""
+
+import math
+from collections.abc import Sequence
+
+from drumsqueal.findings.verdict import SMALL_ROTATION
+from drumsqueal.questions.onset.found import OnsetStudy
+from drumsqueal.questions.onset.rows import Disturbance, Kind, Leads, Range
+from drumsqueal.scene.variation import Variation
+from drumsqueal.solve.linear.branches import DIVERGENCE, Critical
+
+EXACT = 1e-6  # relative uncertainty that is not worth stating
+
+
+def verdict(study: OnsetStudy) -> str:
+    """State where the eigenvalues predict squeal, where only a large disturbance leads to it, and its frequency."""
+    along = study.variation
+    low, high = sorted((along.first, along.last))
+    found = f"Along {along.key} from {along.shown(low):.6g} to {along.told(high)} {_linear(study)}; {_bistable(study)}."
+    return " ".join([found, *_smallest_disturbances(study)])
+
+
+def _linear(study: OnsetStudy) -> str:
+    unstable = [each for each in study.ranges if each.kind is Kind.SQUEALS]
+    if not unstable:
+        return "the eigenvalues predict no squeal"
+    if len(study.ranges) == 1:
+        return "the eigenvalues predict squeal everywhere"
+    return f"the eigenvalues predict squeal {_joined([_place(study, each) for each in unstable])}"
+
+
+def _place(study: OnsetStudy, found: Range) -> str:
+    """Where a range is: below, above or from one value to another, and whose critical values they are."""
+    along = study.variation
+    unit = f" {along.shown_unit}" if along.shown_unit else ""
+    below = f"{_value(along, found.last, found.last_uncertainty)}{unit}"
+    above = _value(along, found.first, found.first_uncertainty)
+    if found.first_uncertainty is None and found.last_uncertainty is None:
+        return "all along"
+    ends = [found.first] * (found.first_uncertainty is not None) + [found.last] * (found.last_uncertainty is not None)
+    modes = [_mode(each) for each in study.critical_values if any(_is_at(each, end) for end in ends)]
+    told = f" ({', '.join(modes)})" if modes and found.kind is Kind.SQUEALS else ""
+    if found.first_uncertainty is None:
+        return f"below {below}{told}"
+    if found.last_uncertainty is None:
+        return f"above {above}{unit}{told}"
+    return f"from {above} to {below}{told}"
+
+
+def _is_at(critical: Critical, end: float) -> bool:
+    return abs(critical.value - end) <= critical.uncertainty
+
+
+def _mode(critical: Critical) -> str:
+    return critical.label if critical.label == DIVERGENCE else f"{critical.label}, {critical.frequency_Hz:.0f} Hz"
+
+
+def _bistable(study: OnsetStudy) -> str:
+    kicked = [each for each in study.ranges if each.kind is Kind.BISTABLE]
+    if not kicked:
+        kinds = {each.kind for each in study.ranges}
+        elsewhere = "elsewhere " if Kind.SQUEALS in kinds else ""
+        if Kind.STABLE in kinds:
+            return f"{elsewhere}no start that was tried squeals"
+        if Kind.NEUTRAL in kinds:
+            return (
+                f"{elsewhere}motion neither grows nor decays, and is as large as its start made it: that is not squeal"
+            )
+        return "there is nothing else to find"
+    places = _joined([_place(study, each) for each in kicked])
+    text = f"steady sliding is stable {places}, but a large disturbance leads to squeal there (bistable)"
+    rows = [row for row in study.values if row.kind is Kind.BISTABLE and row.strongest is not None]
+    found = [row.strongest.frequency_Hz for row in rows if row.strongest is not None]
+    lines = [frequency for frequency in found if frequency is not None]
+    if not lines:
+        return text
+    low, high = min(lines), max(lines)
+    heard = f"{low:.0f} Hz" if high - low < 1 else f"{low:.0f} to {high:.0f} Hz"
+    ends = {end for each in kicked for end in (each.first, each.last)}
+    onset = next((each.frequency_Hz for each in study.critical_values if each.value in ends), 0.0)
+    compared = f" (eigenvalue at the critical value: {onset:.0f} Hz)" if onset > 0 else ""
+    return f"{text}, at the values tried at {heard}{compared}"
+
+
+def _smallest_disturbances(study: OnsetStudy) -> list[str]:
+    """How large a disturbance must be at least and at most, over the values."""
+    found = [(row.value, row.smallest_kick) for row in study.values if row.smallest_kick]
+    found.sort(key=lambda each: each[1].energy_J)
+    if not found:
+        return []
+    ends = [found[0], found[-1]] if len(found) > 1 else found
+    sizes = " to ".join(f"{_size(each)} at {study.variation.told(value)}" for value, each in ends)
+    return [
+        "The smallest disturbance along a mode that starts squeal, as the velocity of the lining's surface, is "
+        f"{sizes} at the values tried."
+    ]
+
+
+def _size(smallest: Disturbance) -> str:
+    speed = with_uncertainty(smallest.speed_m_per_s, smallest.speed_uncertainty_m_per_s)
+    return f"{speed} m/s ({smallest.energy_J:.2g} J)"
+
+
+def _value(along: Variation, value: float, uncertainty: float | None) -> str:
+    if not uncertainty or uncertainty < EXACT * abs(value):
+        return f"{along.shown(value):.6g}"
+    return with_uncertainty(along.shown(value), along.shown(uncertainty))
+
+
+def with_uncertainty(value: float, uncertainty: float) -> str:
+    """A value in as many digits as its uncertainty leaves it, in one: 47.94 ± 0.02."""
+    digits = -math.floor(math.log10(uncertainty))
+    return f"{value:.{max(0, digits)}f} ± {float(f'{uncertainty:.1g}'):g}"
+
+
+def _joined(texts: Sequence[str]) -> str:
+    return texts[0] if len(texts) == 1 else f"{', '.join(texts[:-1])} and {texts[-1]}"
+
+
+def critical_words(critical: Critical, along: Variation) -> str:
+    """Which mode gains or loses stability at which value."""
+    becomes = "loses stability" if critical.destabilises else "gains stability"
+    value = with_uncertainty(along.shown(critical.value), along.shown(critical.uncertainty))
+    line = f" at {critical.frequency_Hz:.2f} Hz" if critical.frequency_Hz > 0 else ""
+    unit = f" {along.shown_unit}" if along.shown_unit else ""
+    return f"{critical.label} {becomes}{line} as the value rises past {along.key} = {value}{unit}"
+
+
+def reservations(study: OnsetStudy) -> tuple[str, ...]:
+    """State what limits the verdict: modes that cannot be started, transients without an answer, ends not found."""
+    found = []
+    unstable = {mode.name for row in study.values for mode in row.point.modes if mode.unstable}
+    unseen = sorted(unstable - set(study.coordinates))
+    if unseen:
+        moving = f"{', '.join(unseen)} becomes unstable, but the transients hold {', '.join(study.coordinates)} only"
+        found.append(f"{moving}: start those coordinates, too.")
+    asked = [row for row in study.values if row.asked]
+    quiet = [row.value for row in asked if row.kind is Kind.SQUEALS and not any(each.lasts for each in row.starts)]
+    if quiet:
+        found.append(f"Unstable by its eigenvalues, but no transient squealed: {_values(study, quiet)}.")
+    away = f"ran away, with the shoe turned by more than {SMALL_ROTATION:g} rad,"
+    still = "was still decaying or growing at its end"
+    for leads, words in ((Leads.UNDECIDED, still), (Leads.RUNS_AWAY, away), (Leads.FAILED, "failed")):
+        values = [row.value for row in study.values if any(each.leads_to is leads for each in row.starts)]
+        if values:
+            found.append(f"A transient {words} at {_values(study, values)}; see the table.")
+    nowhere = [row.value for row in asked if row.kind is Kind.NOWHERE]
+    if nowhere:
+        found.append(f"No steady sliding at {_values(study, nowhere)}.")
+    bistable = [each for each in study.ranges if each.kind is Kind.BISTABLE]
+    ends = [(each.first, each.first_uncertainty) for each in bistable]
+    ends += [(each.last, each.last_uncertainty) for each in bistable]
+    open_ends = [study.variation.told(end) for end, uncertainty in ends if uncertainty is None]
+    if open_ends:
+        which = "the ends" if len(open_ends) > 1 else "the end"
+        found.append(f"The bistable range may go on beyond {_joined(open_ends)}, {which} of the range asked for.")
+    not_started = [row.value for row in asked if row.kind is Kind.BISTABLE and row.smallest_kick is None]
+    if study.smallest_kick_sought and not_started:
+        squeal = "squeal that a neighbouring value's motion leads to"
+        found.append(f"No disturbance along a mode that was tried starts the {squeal}: {_values(study, not_started)}.")
+    if bistable:
+        other = "Disturbances that were not tried may lead to squeal elsewhere, too"
+        found.append(f"{other}: no range called stable has been proved stable.")
+    return tuple(found)
+
+
+def _values(study: OnsetStudy, values: Sequence[float]) -> str:
+    shown = [study.variation.told(value) for value in values[:3]]
+    return _joined(shown) if len(values) <= 3 else f"{', '.join(shown)} and {len(values) - 3} more"
