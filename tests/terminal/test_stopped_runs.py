@@ -323,13 +323,13 @@ def test_a_press_that_was_not_granted_ends_nothing_later(nominal, monkeypatch):
 # --- before anything is written -------------------------------------------------------------------------------------
 
 AT_ONCE = {
-    "sensitivity": ("study_sensitivity",),
-    "cycle": ("find_cycle",),
-    "motion": ("study_motion",),
-    "effects": ("study_effects",),
-    "accuracy": ("study_accuracy",),
-    "onset": ("compare", "--along", "drum.speed=4..6x2"),
-    "sweep": ("SweepFile.create", "--vary", "drum.speed=4..6x2"),
+    "sensitivity": ("job.study_sensitivity",),
+    "cycle": ("job.find_cycle",),
+    "motion": ("study.study_motion",),
+    "effects": ("study.study_effects",),
+    "accuracy": ("study.study_accuracy",),
+    "onset": ("job.compare", "--along", "drum.speed=4..6x2"),
+    "sweep": ("job.SweepFile.create", "--vary", "drum.speed=4..6x2"),
 }
 
 
@@ -339,8 +339,8 @@ def test_a_command_that_is_stopped_at_once_leaves_no_folder(drumsqueal, tmp_path
         raise KeyboardInterrupt
 
     step, *options = AT_ONCE[command]
-    importlib.import_module(f"drumsqueal.questions.{command}.job")
-    monkeypatch.setattr(f"drumsqueal.questions.{command}.job.{step}", pressed)
+    importlib.import_module(f"drumsqueal.questions.{command}.{step.split('.')[0]}")
+    monkeypatch.setattr(f"drumsqueal.questions.{command}.{step}", pressed)
     damped, folder = str(SCENARIOS / "damped.toml"), tmp_path / "deep" / "out"
     status, printed, errors = drumsqueal(command, damped, "-o", str(folder), *options)
     assert (status, printed) == (1, "")

@@ -24,10 +24,14 @@ def _scene(value: Any) -> Any:
     return scene_from_dict(_without_none(value)) if isinstance(value, dict) else value
 
 
+SavedScene = Annotated[Scene, BeforeValidator(_scene), PlainSerializer(lambda scene: scene.model_dump(mode="json"))]
+"""A scene as a field of findings."""
+
+
 class Findings(Finding):
     """What a command found: the scene as it was run, the versions, and what each question adds."""
 
-    scene: Annotated[Scene, BeforeValidator(_scene), PlainSerializer(lambda scene: scene.model_dump(mode="json"))]
+    scene: SavedScene
     versions: dict[str, str] = Field(default_factory=versions)
 
     @computed_field

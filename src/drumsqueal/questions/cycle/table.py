@@ -11,7 +11,7 @@ from drumsqueal.findings.departure import unit_of
 from drumsqueal.findings.history import versions
 from drumsqueal.questions.cycle.orbit import Cycle
 from drumsqueal.questions.cycle.search import Search
-from drumsqueal.questions.effects.study import percent
+from drumsqueal.scene.quantities import percent
 from drumsqueal.terminal.tables import print_table
 
 

@@ -7,8 +7,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from drumsqueal.findings.answers import QUANTITIES
-from drumsqueal.questions.effects.study import EffectStudy, percent
+from drumsqueal.questions.effects.study import EffectStudy
 from drumsqueal.questions.effects.variants import Variant
+from drumsqueal.scene.quantities import percent
 from drumsqueal.terminal import style
 from drumsqueal.terminal.style import frame, new_figure, styled
 
