@@ -14,7 +14,7 @@ import pytest
 from drumsqueal import simulation
 from drumsqueal.errors import IntegrationError
 from drumsqueal.files.json_file import to_json, write_json
-from drumsqueal.findings.answers import Answer, Change, ModeAnswer, change_of
+from drumsqueal.findings.answers import Answer, Change, ModeAnswer, Outcome, change_of
 from drumsqueal.findings.saturation import Line
 from drumsqueal.findings.schema import read_findings
 from drumsqueal.physics.composition import ALL
@@ -23,7 +23,7 @@ from drumsqueal.questions.effects import study as effects
 from drumsqueal.questions.effects import variants
 from drumsqueal.questions.effects.reductions import Reduction, reduce, reductions_of
 from drumsqueal.questions.effects.study import TOGETHER, EffectStudy, excess_of, study_effects
-from drumsqueal.questions.effects.variants import Outcome, Variant
+from drumsqueal.questions.effects.variants import Variant
 from drumsqueal.questions.effects.words import describe_limits, describe_runs
 from drumsqueal.scene import load_scene
 from drumsqueal.scene.quantities import percent
@@ -353,6 +353,7 @@ def test_six_coordinates_by_name_are_spared_where_the_plane_will_do(nominal, mon
     monkeypatch.setattr(effects, "reductions_of", only("space"))
     values = {"simulate.duration": 0.001, "simulate.coordinates": ["X", "Y", "Z", "Tx", "Ty", "Tz"]}
     found = study_effects(nominal.with_values(values))
+    assert found.reduced_scene is not None
     assert found.reduced_scene.simulate.coordinates == "auto"
     assert [reduction.effect for reduction in found.spared] == ["space"]
 

@@ -20,14 +20,14 @@ from matplotlib.text import Text
 
 import drumsqueal as ds
 from drumsqueal.files.output_folder import FIGURES, figure_file
-from drumsqueal.findings.answers import Answer, Change
+from drumsqueal.findings.answers import Answer, Change, Outcome
 from drumsqueal.findings.departure import Departure, edge_share
 from drumsqueal.findings.history import COMPLETE, SIGNALS
 from drumsqueal.physics.composition import take_inventory
 from drumsqueal.questions.effects.figure import draw_effects
 from drumsqueal.questions.effects.reductions import reductions_of
 from drumsqueal.questions.effects.study import EffectStudy
-from drumsqueal.questions.effects.variants import Outcome, Variant
+from drumsqueal.questions.effects.variants import Variant
 from drumsqueal.questions.onset.figure import limit_amplitudes
 from drumsqueal.questions.run.figures import draw_all
 from drumsqueal.questions.run.figures.shares import running

@@ -2,8 +2,10 @@
 
 import math
 from dataclasses import dataclass
+from enum import StrEnum
 
 from drumsqueal.findings.departure import Departure
+from drumsqueal.findings.history import COMPLETE
 from drumsqueal.findings.saturation import Line, describe_motion, saturated_part
 from drumsqueal.physics.model import Model
 from drumsqueal.simulation import Result
@@ -11,6 +13,19 @@ from drumsqueal.simulation import Result
 LOST = math.inf  # the change of what one of two runs lacks
 NEGLIGIBLE_RATIO = 1e-6  # damping ratio below which growth or decay is none to speak of
 CARRIED = 0.01  # share of the kinetic energy from which the amplitude of a coordinate is compared
+
+
+class Outcome(StrEnum):
+    """How one run of a study ended."""
+
+    COMPLETE = COMPLETE
+    FAILED = "failed"
+    IMPOSSIBLE = "cannot be run"
+    SKIPPED = "not made"
+
+    def because(self, reason: str) -> str:
+        """Outcome and reason in words."""
+        return f"{self}: {reason}" if reason else str(self)
 
 
 @dataclass(frozen=True)
@@ -40,7 +55,7 @@ class Answer:
 
 @dataclass(frozen=True)
 class Change:
-    """Relative changes, each the largest: over the modes, over the carriers of the motion at the end, of its main line.
+    """Relative changes or errors, each the largest: over the modes, the carriers of the motion at the end, its line.
 
     None where neither run has the quantity, infinite where one of them lacks it.
     """

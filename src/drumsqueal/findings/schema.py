@@ -4,7 +4,17 @@ import json
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainSerializer, ValidationError, computed_field
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    GetPydanticSchema,
+    PlainSerializer,
+    ValidationError,
+    computed_field,
+)
+from pydantic_core.core_schema import any_schema
 
 from drumsqueal.errors import RequestError
 from drumsqueal.files.ordinary import read_ordinary
@@ -43,6 +53,9 @@ class Findings(Finding):
 
 Held = Field(default=None, exclude=True)
 """The default of a field that figures need and the file does not hold: it is None where findings were read."""
+T = TypeVar("T")
+InMemory = Annotated[T, GetPydanticSchema(lambda _source, _handler: any_schema())]
+"""The type of such a field that pydantic is not to look into."""
 Found = TypeVar("Found", bound=BaseModel)
 
 

@@ -9,9 +9,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, astuple
 from typing import Any
 
+from pydantic import Field
+
 from drumsqueal.findings.answers import Change
 from drumsqueal.findings.departure import unit_of
-from drumsqueal.findings.schema import Findings, Held, SavedScene
+from drumsqueal.findings.schema import Findings, Held, InMemory, SavedScene
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.effects.reductions import Reduction, reduce, reductions_of
 from drumsqueal.questions.effects.variants import Bench, Variant
@@ -34,10 +36,10 @@ class EffectStudy(Findings):
     verdict: str = ""
     remarks: tuple[str, ...] = ()
     reduced_scene: SavedScene | None = None
-    variants: tuple[Variant, ...] = Held
+    variants: InMemory[tuple[Variant, ...]] = Field(default=(), exclude=True)
     noise: Change | None = Held
-    needed: tuple[Reduction, ...] = Held
-    spared: tuple[Reduction, ...] = Held
+    needed: tuple[Reduction, ...] = Field(default=(), exclude=True)
+    spared: tuple[Reduction, ...] = Field(default=(), exclude=True)
 
     def needs(self, variant: Variant) -> bool:
         """Whether the variant leaves out a single effect, which the scene needs."""

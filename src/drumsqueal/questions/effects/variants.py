@@ -3,13 +3,12 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from enum import StrEnum
 from typing import NamedTuple
 
 import numpy as np
 
 from drumsqueal.errors import IntegrationError
-from drumsqueal.findings.answers import Answer, Change, answer_of, change_of
+from drumsqueal.findings.answers import Answer, Change, Outcome, answer_of, change_of
 from drumsqueal.findings.history import COMPLETE
 from drumsqueal.progress import Progress
 from drumsqueal.questions.effects.reductions import Reduction, reduce
@@ -24,14 +23,6 @@ TIGHTER = 0.1  # fraction of the tolerance for the noise
 SLOWEST, PATIENCE = 20.0, 10.0
 LONG = 10.0  # s; a run that takes longer is timed once, a shorter one twice, and of each chunk the faster time counts
 WHOLE, NOISE = "whole scene", "tolerance / 10"
-
-
-class Outcome(StrEnum):
-    """How a run of a variant ended."""
-
-    COMPLETE = COMPLETE
-    FAILED = "failed"
-    NOT_RUN = "cannot be run"
 
 
 @dataclass(frozen=True)
@@ -55,7 +46,7 @@ class Variant:
     @property
     def ended(self) -> str:
         """Outcome and reason in words."""
-        return f"{self.outcome}: {self.reason}" if self.reason else str(self.outcome)
+        return self.outcome.because(self.reason)
 
 
 class _Run(NamedTuple):
@@ -100,7 +91,7 @@ class Bench:
         except SceneError as error:  # such as: no steady sliding is left
             if not self._runs:
                 raise
-            outcome, reason = Outcome.NOT_RUN, str(error)
+            outcome, reason = Outcome.IMPOSSIBLE, str(error)
         except IntegrationError as error:
             outcome, reason = Outcome.FAILED, str(error)
         if prepared is not None and outcome is Outcome.COMPLETE:
