@@ -8,13 +8,14 @@ import scipy.io
 from numpy.typing import NDArray
 
 from drumsqueal.errors import RequestError
+from drumsqueal.progress import Progress
 from drumsqueal.questions.export.channels import Channels
 from drumsqueal.questions.export.modes import mode_arrays, steady_arrays
 
 _MOST = 2**31 - 2**20  # bytes of one variable that the format takes
 
 
-def write(channels: Channels, path: Path) -> str:
+def write(channels: Channels, path: Path, progress: Progress) -> str:
     """Write t (s), fs (Hz), each signal by its name, units.NAME, eigenvalues, modes.NAME and the texts. Raises OSError.
 
     Raises RequestError for a signal that is longer than the format takes.
@@ -29,6 +30,7 @@ def write(channels: Channels, path: Path) -> str:
         modes = {name: _told(values) for name, values in mode_arrays(channels.stability).items()}
         units |= {"eigenvalues": "1/s", "steady_state": steady.pop("coordinate_units")}
         variables |= steady | {"modes": modes}
+    progress("writing", 0.0, None)
     with path.open("wb") as file:
         scipy.io.savemat(file, variables | channels.texts | {"units": units}, oned_as="column")
     return ""

@@ -14,7 +14,7 @@ import numpy as np
 import pyuff
 
 from drumsqueal.files.universal import SI_SYSTEM, TIME_AXIS, TIME_RESPONSE, type_of
-from drumsqueal.interrupts import stop_if_interrupted
+from drumsqueal.progress import Progress
 from drumsqueal.questions.export.channels import Channel, Channels
 from drumsqueal.questions.export.points import CENTRE_OF_GRAVITY, OUTLINE, POINTS, moved, positions
 from drumsqueal.scene import COORDINATES
@@ -30,13 +30,13 @@ _COLOUR = 1
 _COMPLEX_MODE, _TRANSLATIONS = 3, 2  # type of the analysis, and of the data at nodes
 
 
-def write(channels: Channels, path: Path) -> str:
+def write(channels: Channels, path: Path, progress: Progress) -> str:
     """Write geometry, modes and every signal in ASCII, signals in double precision. Raises OSError."""
     file = pyuff.UFF(str(path))
     mode = "overwrite"
     try:
-        for dataset in _datasets(channels):
-            stop_if_interrupted()
+        for done, dataset in enumerate(_datasets(channels)):
+            progress("writing data sets", done, None)
             file.write_sets(dataset, mode)
             mode = "add"
     except Exception as error:  # pyuff hides what the disk says in an exception of its own
