@@ -46,7 +46,7 @@ class RunTime(NamedTuple):
 def estimate(
     prepared: Prepared, edge_time: float | None, at_the_edges: NDArray[np.float64], progress: Progress = silent
 ) -> RunTime:
-    """Time pieces from the start and from a state (2n,) at a contact boundary, and take so many of each as the run is long.
+    """Time pieces from the start and from a state (2n,) at a contact boundary, and add them up to a run.
 
     It is below these until `edge_time` (s; None: all along) and beyond them from then on. A lining that sticks
     takes other programs, which are not timed.
