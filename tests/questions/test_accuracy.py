@@ -176,7 +176,7 @@ def test_every_line_of_the_study_gets_better(study):
         assert each.errors is not None
         lines.setdefault(each.contender.line, []).append(each.errors.beyond or each.errors.trajectory or 0.0)
         assert each.time_per_ms > 0
-    assert set(lines) == {"tsit5", "dopri5", "dopri8", "sdirk4", "split at boundaries", "fixed grid", "smoothed"}
+    assert set(lines) == {"tsit5", "dopri5", "dopri8", "sdirk4", "split lining", "fixed grid", "smoothed"}
     for errors in lines.values():
         assert all(later < earlier / 5 for earlier, later in pairwise(errors))
 

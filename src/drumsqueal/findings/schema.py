@@ -51,7 +51,7 @@ class Findings(Finding):
         return self.scene.title
 
 
-Held = Field(default=None, exclude=True)
+Held: Any = Field(default=None, exclude=True)
 """The default of a field that figures need and the file does not hold: it is None where findings were read."""
 T = TypeVar("T")
 InMemory = Annotated[T, GetPydanticSchema(lambda _source, _handler: any_schema())]

@@ -31,7 +31,7 @@ NODES = (
 GRID = (20, 40, 80, 160, 320, 640)  # nodes of a grid that does not know the contact boundaries
 WIDTHS = (1e-1, 1e-2, 1e-3, 1e-4)  # of the smoothing, over the speed of the drum's surface
 OTHERS = 1e-6  # tolerance of those that are not about time stepping; at less a fixed grid does not get through
-SPLIT, FIXED, SMOOTHED = "split at boundaries", "fixed grid", "smoothed"
+SPLIT, FIXED, SMOOTHED = "split lining", "fixed grid", "smoothed"
 
 
 class SmoothedDirection(eqx.Module):

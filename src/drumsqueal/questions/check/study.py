@@ -102,7 +102,9 @@ def check_scene(scene: Scene, loading: float = 0.0, *, progress: Progress = sile
     growing = tuple(_growth(prepared, mode) for mode in prepared.stability.unstable)
     edge = first_edge(growing, shares)
     time = estimate(prepared, edge, _at_the_edges(prepared, growing), progress)
-    known = time.seconds is not None and loading >= LOADED
+    whole = None
+    if time.seconds is not None and loading >= LOADED:
+        whole = time.seconds + (1 + BESIDE) * loading
     samples = round(scene.simulate.duration * scene.simulate.sample_rate) + 1
     return Check(
         scene=scene,
@@ -116,7 +118,7 @@ def check_scene(scene: Scene, loading: float = 0.0, *, progress: Progress = sile
         least_sample_rate_Hz=2 * prepared.stability.highest_frequency_Hz,
         samples=samples,
         history_bytes=samples * BYTES_PER_SAMPLE,
-        estimate=Estimate(time.seconds, time.evaluations, time.seconds + (1 + BESIDE) * loading if known else None),
+        estimate=Estimate(time.seconds, time.evaluations, whole),
         warnings=tuple(warnings_of(prepared, growing, shares)),
         model={key: tuple(words) for key, words in prepared.inventory._asdict().items()},
         prepared=prepared,
