@@ -437,7 +437,7 @@ def test_a_record_without_a_line_is_told(drumsqueal, history, tmp_path):
         "compare", str(history), str(file), "-o", str(tmp_path / "out"), "--signal", "velocity_Y"
     )
     assert (status, error) == (0, "")
-    assert "No line stands out of the noise of the measured record." in " ".join(out.split())
+    assert "No line of the measured record stands out of its noise." in " ".join(out.split())
     assert "Measured lines" not in out  # nor an empty table
     assert "in parentheses" not in out
 

@@ -134,7 +134,7 @@ def _draw_lines(
 
 
 def _label_time(axes: Axes, point: tuple[float, float, Measurement]) -> None:
-    """Write the time of the last of a line beside it: on the left where it may be the last of the panel."""
+    """Write the time of the last of a line next to it: on the left where it may be the last of the panel."""
     x, y, measurement = point
     left = measurement.contender.line == FIXED
     axes.annotate(

@@ -30,7 +30,7 @@ PATIENCE = 40.0  # s of computing for each of the three; a reference that takes 
 
 @dataclasses.dataclass(frozen=True)
 class Reference:
-    """States (k, 2n), departure and velocity, at times (k,), and those of the two runs that tell how good they are.
+    """States (k, 2n), departure and velocity, at times (k,), and those of the two runs that show how good they are.
 
     `other` is from ten times the tolerance and another quadrature, `confirming` from another method on top.
     """

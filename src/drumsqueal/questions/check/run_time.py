@@ -44,7 +44,7 @@ class RunTime(NamedTuple):
 
 
 def estimate(
-    prepared: Prepared, edge_time: float | None, at_the_edges: NDArray[np.float64], progress: Progress = silent
+    prepared: Prepared, edge_time: float | None, at_the_boundaries: NDArray[np.float64], progress: Progress = silent
 ) -> RunTime:
     """Time pieces from the start and from a state (2n,) at a contact boundary, and add them up to a run.
 
@@ -59,9 +59,8 @@ def estimate(
     try:
         compiling = _timed(prepared, own, PIECES[0], progress)[0]
         below = _pace(prepared, own, progress)
-        beyond = (
-            _pace(prepared, BEYOND * at_the_edges if np.any(at_the_edges) else own, progress) if share < 1 else None
-        )
+        further = BEYOND * at_the_boundaries if np.any(at_the_boundaries) else own
+        beyond = _pace(prepared, further, progress) if share < 1 else None
     except IntegrationError:
         return RunTime(None, None, compiling, None, None)
     paces = [(share, below)] + ([(1 - share, beyond)] if beyond is not None else [])
@@ -89,7 +88,7 @@ def _pace(prepared: Prepared, state: NDArray[np.float64], progress: Progress) ->
 
 
 def _timed(prepared: Prepared, state: NDArray[np.float64], samples: int, progress: Progress) -> tuple[float, float]:
-    """Computing time (s) and evaluations of so many samples from a departure and velocity (2n,)."""
+    """Computing time (s) and evaluations of so many samples from a displacement and velocity (2n,)."""
     progress(f"timing {samples} samples", 0.0, None)
     model, simulate = prepared.model, prepared.scene.simulate
     n = len(model.names)

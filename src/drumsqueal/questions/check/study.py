@@ -101,7 +101,7 @@ def check_scene(scene: Scene, loading: float = 0.0, *, progress: Progress = sile
     shares = start_shares(prepared)
     growing = tuple(_growth(prepared, mode) for mode in prepared.stability.unstable)
     edge = first_edge(growing, shares)
-    time = estimate(prepared, edge, _at_the_edges(prepared, growing), progress)
+    time = estimate(prepared, edge, _at_the_boundaries(prepared, growing), progress)
     whole = None
     if time.seconds is not None and loading >= LOADED:
         whole = time.seconds + (1 + BESIDE) * loading
@@ -171,19 +171,19 @@ def start_shares(prepared: Prepared) -> tuple[float, float]:
 
 
 def first_edge(growing: tuple[Growth, ...], shares: tuple[float, float]) -> float | None:
-    """When the first edge is reached (s): at once, by the growth of a mode, or never."""
+    """When the first contact boundary is reached (s): at once, by the growth of a mode, or never."""
     if max(shares) >= 1:
         return 0.0
     return min((each.edge_time for each in growing if each.edge_time is not None), default=None)
 
 
 def _start(prepared: Prepared, names: tuple[str, ...]) -> NDArray[np.float64]:
-    """The departure from steady sliding and the velocity at the start (2n,)."""
+    """The displacement from steady sliding and the velocity at the start (2n,)."""
     return np.concatenate(start_of(prepared.scene, names))
 
 
 def _growth(prepared: Prepared, mode: Mode) -> Growth:
-    """A mode that grows, and a_j(0) = 2 leftᴴ y of the start over its amplitude at the nearest edge."""
+    """A mode that grows, and a_j(0) = 2 leftᴴ y of the start over its amplitude at the nearest contact boundary."""
     coordinates = prepared.stability.coordinates
     amplitude = abs(2 * np.vdot(mode.left, _start(prepared, coordinates)))
     share = float(amplitude * _share_of_shape(prepared, mode))
@@ -192,14 +192,14 @@ def _growth(prepared: Prepared, mode: Mode) -> Growth:
 
 
 def _share_of_shape(prepared: Prepared, mode: Mode) -> float:
-    """How far a mode of amplitude 1 comes towards the nearer edge: it is proportional to the amplitude."""
+    """How far a mode of amplitude 1 comes towards the nearer contact boundary: it is proportional to the amplitude."""
     turning = np.exp(2j * np.pi * np.arange(PHASES) / PHASES)
     states, n = np.real(turning[:, None] * mode.right), len(prepared.stability.coordinates)
     return max(edge_shares(while_sliding(prepared.linear)[0], states[:, :n], states[:, n:]))
 
 
-def _at_the_edges(prepared: Prepared, growing: tuple[Growth, ...]) -> NDArray[np.float64]:
-    """A state (2n,), over the coordinates of the model, with each mode that the start excites at its nearest edge."""
+def _at_the_boundaries(prepared: Prepared, growing: tuple[Growth, ...]) -> NDArray[np.float64]:
+    """A state (2n,) over the model's coordinates: each mode that the start excites, at its nearest contact boundary."""
     names, wide = prepared.model.names, prepared.stability.coordinates
     state = np.zeros(2 * len(wide))
     for mode, growth in zip(prepared.stability.unstable, growing, strict=True):

@@ -20,7 +20,7 @@ NOTHING = "-"
 
 
 def print_comparison(console: Console, comparison: MeasuredComparison) -> None:
-    """Print every measured line beside the nearest simulated one and the nearest eigenvalue, and the verdict."""
+    """Print every measured line with the nearest simulated one and the nearest eigenvalue, and the verdict."""
     if comparison.matched:
         _print_table(console, comparison)
     console.print(printable(f"Measured: {comparison.measured.short_name}, {_part(comparison.measured)}"), style="dim")

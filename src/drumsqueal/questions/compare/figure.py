@@ -100,7 +100,7 @@ def _draw_spectra(comparison: MeasuredComparison, axes: Axes, highest: float) ->
 
 
 def _fundamental(comparison: MeasuredComparison) -> float | None:
-    """The strongest line that has harmonics (Hz): theirs are told in the figure."""
+    """The strongest line that has harmonics (Hz): theirs are labelled in the figure."""
     found = {
         line.harmonic.fundamental_Hz for line in comparison.matched if line.harmonic and not line.harmonic.simulated
     }

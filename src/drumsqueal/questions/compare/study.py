@@ -163,8 +163,8 @@ def compare_measured(
     """
     saved = history if isinstance(history, SavedHistory) else read_history(Path(history))
     if saved.given_law:
-        told = "its friction law was given in Python and is not in it, so that its eigenvalues are not known"
-        raise RequestError(f"{saved.path}: {told}; run the scene with a law that it names")
+        why = "its friction law was given in Python and is not in it, so that its eigenvalues are not known"
+        raise RequestError(f"{saved.path}: {why}; run the scene with a law that it names")
     name = _one_signal(saved, signal)
     progress("eigenvalues", 0.0, None)
     prepared = prepare(saved.scene)
@@ -179,13 +179,13 @@ def compare_measured(
     if not np.ptp(values) > 0:
         raise RequestError(f"{saved.path}: {signal} does not move in this history; take another with --signal")
     if not measured.sample_rate > 2 * LOWEST:
-        told = f"its sample rate, {measured.sample_rate:.6g} Hz, holds nothing that is heard, from {LOWEST:g} Hz on"
-        raise RequestError(f"the measured {measured.name!r}: {told}; take a faster record, or mend --rate")
+        why = f"its sample rate, {measured.sample_rate:.6g} Hz, holds nothing that is heard, from {LOWEST:g} Hz on"
+        raise RequestError(f"the measured {measured.name!r}: {why}; take a faster record, or mend --rate")
     segment = min(measured.duration_s, values.size / saved.sample_rate, LONGEST_SEGMENT)
     for which, rate in ((f"the measured {measured.name!r}", measured.sample_rate), (saved.path, saved.sample_rate)):
         if round(segment * rate) < FEWEST_IN_SEGMENT:
-            told = f"{round(segment * rate)} samples in {segment:.4g} s, as long as the shorter record, are too few"
-            raise RequestError(f"{which}: {told} at {rate:.6g} Hz; take longer records, or mend --rate")
+            why = f"{round(segment * rate)} samples in {segment:.4g} s, as long as the shorter record, are too few"
+            raise RequestError(f"{which}: {why} at {rate:.6g} Hz; take longer records, or mend --rate")
     found = find_tones(measured.values, measured.sample_rate, segment=segment, lowest=LOWEST)
     progress("spectra", 0.0, None)
     unit, order = common_unit(channel.units, measured.unit)
@@ -368,7 +368,7 @@ def _overtones(measured: Spectral, simulated: Spectral, to_lines: list[Match | N
 def _notes(saved: SavedHistory, measured: Measured, edge: float | None, unit: str, order: int) -> tuple[str, ...]:
     notes = list(measured.told)
     if not saved.complete:
-        notes.append(f"the run did not get to its end ({saved.outcome})")
+        notes.append(f"the run is incomplete ({saved.outcome})")
     if edge is None:
         notes.append(
             "the simulated motion reaches no contact boundary: its lines are those of linear motion, not of squeal"

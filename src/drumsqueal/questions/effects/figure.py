@@ -1,4 +1,4 @@
-"""What each effect of a scene costs and changes: bars of time beside changes on a log axis."""
+"""What each effect of a scene costs and changes: bars of time next to changes on a log axis."""
 
 import math
 

@@ -26,8 +26,8 @@ def write(channels: Channels, path: Path, progress: Progress) -> str:
     variables |= {"t": channels.time, "fs": np.array(channels.sample_rate)}
     units: dict[str, Any] = {channel.name: channel.units for channel in channels.channels} | {"t": "s", "fs": "Hz"}
     if channels.stability is not None:
-        steady = {name: _told(values) for name, values in steady_arrays(channels.stability).items()}
-        modes = {name: _told(values) for name, values in mode_arrays(channels.stability).items()}
+        steady = {name: _as_matlab(values) for name, values in steady_arrays(channels.stability).items()}
+        modes = {name: _as_matlab(values) for name, values in mode_arrays(channels.stability).items()}
         units |= {"eigenvalues": "1/s", "steady_state": steady.pop("coordinate_units")}
         variables |= steady | {"modes": modes}
     progress("writing", 0.0, None)
@@ -36,6 +36,6 @@ def write(channels: Channels, path: Path, progress: Progress) -> str:
     return ""
 
 
-def _told(values: NDArray[Any]) -> NDArray[Any]:
+def _as_matlab(values: NDArray[Any]) -> NDArray[Any]:
     """Numbers as they are, and text as a cell array, as MATLAB has it."""
     return values.astype(object) if values.dtype.kind == "U" else values

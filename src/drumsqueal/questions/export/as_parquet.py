@@ -16,8 +16,8 @@ def write(channels: Channels, path: Path, progress: Progress) -> str:
     """
     fields = [pyarrow.field("time", pyarrow.float64(), nullable=False, metadata={"units": "s"})]
     for channel in channels.channels:
-        told = {"units": channel.units, "meaning": channel.meaning}
-        fields.append(pyarrow.field(channel.name, pyarrow.float64(), nullable=False, metadata=told))
+        described = {"units": channel.units, "meaning": channel.meaning}
+        fields.append(pyarrow.field(channel.name, pyarrow.float64(), nullable=False, metadata=described))
     texts = channels.texts | {
         "sample_rate": repr(channels.sample_rate),
         "eigenvalues": "\n".join(channels.prediction),

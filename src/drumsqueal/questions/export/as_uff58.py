@@ -159,7 +159,7 @@ def _mode(channels: Channels, number: int) -> dict[str, Any]:
 
 
 def _function(channels: Channels, channel: Channel, number: int) -> dict[str, Any]:
-    """Dataset 58 of one signal; `number` is its version number, which tells functions at one point apart."""
+    """Dataset 58 of one signal; `number` is its version number, which distinguishes functions at one point."""
     rate = f"sample rate {channels.sample_rate!r} Hz from {channels.start:.12g} s; {channels.texts['source']}"
     lines = [channels.prediction[k : k + _MODES_A_LINE] for k in (0, _MODES_A_LINE)]
     modes = ["; ".join(line) for line in lines]

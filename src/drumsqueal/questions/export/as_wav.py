@@ -11,8 +11,8 @@ from drumsqueal.questions.export.channels import Channels
 def write(channels: Channels, path: Path, progress: Progress) -> str:
     """Write the one signal at sample_rate / slow (Hz). Raises OSError, and RequestError for one that is silent."""
     if len(channels.channels) != 1:
-        told = "a sound is of one signal, such as surface_velocity"
-        raise RequestError(f"--signals {', '.join(each.name for each in channels.channels)}: {told}")
+        why = "a sound is of one signal, such as surface_velocity"
+        raise RequestError(f"--signals {', '.join(each.name for each in channels.channels)}: {why}")
     (channel,) = channels.channels
     rate = round(channels.sample_rate / channels.slow)
     try:

@@ -93,5 +93,5 @@ def export_command(
 
 def _check_rate_of_sound(rate: float) -> None:
     if not (rate == round(rate) and LEAST_RATE <= rate <= MOST_RATE):
-        told = f"that of a sound must be a whole number of Hz, from {LEAST_RATE / 1e3:g} to {MOST_RATE / 1e3:g} kHz"
-        raise RequestError(f"--rate {rate:.10g} Hz: {told}")
+        why = f"that of a sound must be a whole number of Hz, from {LEAST_RATE / 1e3:g} to {MOST_RATE / 1e3:g} kHz"
+        raise RequestError(f"--rate {rate:.10g} Hz: {why}")

@@ -26,7 +26,7 @@ class Format(NamedTuple):
 
     @property
     def endings(self) -> tuple[str, ...]:
-        """How the name of a file of this format may end: as one that is given none, or as others are wont to."""
+        """How the name of a file of this format may end: as the default does, or as in other programs."""
         return self.suffix, *self.others
 
     def writer(self) -> Callable[[Channels, Path, Progress], str]:
