@@ -13,16 +13,18 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from drumsqueal.files.json_file import to_json, write_json
 from drumsqueal.files.output_folder import ACCURACY_FILES
-from drumsqueal.findings.history import COMPLETE
+from drumsqueal.findings.outcome import Ending
+from drumsqueal.findings.schema import read_findings
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.physics.quadrature.independent import FEJER, TANH_SINH, FixedGrid, IndependentSurface, rule_of
 from drumsqueal.physics.quadrature.surface import Surface
 from drumsqueal.questions.accuracy import contenders
+from drumsqueal.questions.accuracy.answer import simulate_block, to_csv
 from drumsqueal.questions.accuracy.features import feature_errors
 from drumsqueal.questions.accuracy.reference import find_reference, sizes_of, trajectory_error
 from drumsqueal.questions.accuracy.study import AccuracyStudy, study_accuracy
-from drumsqueal.questions.accuracy.table import remarks, simulate_block, to_csv, verdict
 from drumsqueal.scene import Scene, load_scene
 from drumsqueal.simulation import prepare, transient
 
@@ -171,11 +173,11 @@ def study() -> AccuracyStudy:
 def test_every_line_of_the_study_gets_better(study):
     lines: dict[str, list[float]] = {}
     for each in study.measurements:
-        assert each.outcome == COMPLETE
+        assert each.outcome == Ending.COMPLETE
         assert each.errors is not None
         lines.setdefault(each.contender.line, []).append(each.errors.beyond or each.errors.trajectory or 0.0)
         assert each.time_per_ms > 0
-    assert set(lines) == {"tsit5", "dopri5", "dopri8", "sdirk4", "split at edges", "fixed grid", "smoothed"}
+    assert set(lines) == {"tsit5", "dopri5", "dopri8", "sdirk4", "split lining", "fixed grid", "smoothed"}
     for errors in lines.values():
         assert all(later < earlier / 5 for earlier, later in pairwise(errors))
 
@@ -200,21 +202,26 @@ def test_the_cheapest_meets_the_target_and_nothing_that_does_is_cheaper(study):
     values = {f"simulate.{key}": value for key, value in tomllib.loads(simulate_block(study))["simulate"].items()}
     simulate = study.scene.with_values(values).simulate
     assert (simulate.solver, simulate.tolerance) == (best.contender.solver, best.contender.tolerance)
-    assert best.contender.solver in verdict(study)
+    assert best.contender.solver in study.verdict
 
 
 def test_the_reference_is_better_than_what_it_judges(study):
     finest = min(each.errors.trajectory for each in study.measurements if each.errors and each.errors.trajectory)
     assert study.reference.uncertainty(study.growth_end) < finest
-    assert any("uncertain" in remark or "differs by" in remark for remark in remarks(study))
+    assert any("uncertain" in remark or "differs by" in remark for remark in study.remarks)
 
 
 def test_the_table_has_every_run_with_versions_and_machine(study):
-    rows = list(csv.DictReader(io.StringIO(to_csv(study.measurements))))
+    rows = list(csv.DictReader(io.StringIO(to_csv(study))))
     assert len(rows) == len(study.measurements)
     assert all(row["processor"] and row["jax"] and row["cores"] for row in rows)
     assert [float(row["setting"]) for row in rows[:3]] == [1e-2, 1e-4, 1e-6]
     assert {row["evaluations"] for row in rows if row["line"] == "sdirk4"} == {""}
+
+
+def test_the_findings_read_back_as_what_was_written(study, tmp_path):
+    write_json(study, tmp_path / "accuracy.json")
+    assert to_json(read_findings(tmp_path / "accuracy.json", AccuracyStudy)) == to_json(study)
 
 
 def test_the_growth_rate_of_a_neutral_mode_is_measured_against_the_record():

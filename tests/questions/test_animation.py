@@ -1,6 +1,7 @@
 """Animations: geometry of the section, what is marked along the arc, times and sizes of frames, files as read back."""
 
 import shutil
+import signal
 import subprocess
 from io import BytesIO
 from itertools import pairwise
@@ -428,12 +429,32 @@ def test_the_command_writes_a_history_beside_it_and_says_what_it_shows(drumsquea
     file.with_suffix(".gif").unlink()
 
 
+def test_ctrl_c_between_two_frames_leaves_what_was_there(drumsqueal, file, tmp_path, monkeypatch):
+    draw, shown = MovingSection.image, []
+
+    def pressed(self, frame):
+        shown.append(frame)
+        if len(shown) == 3:
+            signal.raise_signal(signal.SIGINT)
+        return draw(self, frame)
+
+    there = tmp_path / "there.gif"
+    there.write_text("mine")
+    monkeypatch.setattr(MovingSection, "image", pressed)
+    status, _, errors = drumsqueal("animate", str(file), "--slow", "500", "-o", str(there), "--overwrite")
+    assert status == 1
+    assert errors.endswith("interrupted before anything was written\n")
+    assert len(shown) == 3
+    assert [path.read_text() for path in tmp_path.iterdir()] == ["mine"]
+
+
 def test_the_command_writes_a_mode(drumsqueal, tmp_path):
     path = tmp_path / "mode.gif"
     scene = str(SCENARIOS / "nominal.toml")
     status, printed, errors = drumsqueal("animate", scene, "--mode", "Tz", "--slow", "2400", "-o", str(path))
     assert (status, errors) == (0, "")
     assert "7398.71 Hz" in printed
+    assert printed.endswith(f"Results are in {path}\n")
     with Image.open(path) as image:
         assert getattr(image, "n_frames", 0) == 8  # a period of 7399 Hz, 2400 times slower, takes 0.32 s
 

@@ -11,8 +11,10 @@ from hypothesis import strategies as st
 
 import drumsqueal as package
 from drumsqueal.errors import RequestError
+from drumsqueal.files.json_file import to_json, write_json
 from drumsqueal.files.saved_history import read_history
 from drumsqueal.findings.history import COMPLETE, MOTION, SIGNALS
+from drumsqueal.findings.schema import read_findings
 from drumsqueal.findings.signals import (
     Spectrum,
     amplitude_spectrum,
@@ -25,7 +27,7 @@ from drumsqueal.findings.signals import (
 from drumsqueal.questions.compare.figure import draw_comparison
 from drumsqueal.questions.compare.matching import WIDEST, match_lines, share_covered
 from drumsqueal.questions.compare.measured.reader import read_measured
-from drumsqueal.questions.compare.study import Spectral, _largest, common_unit, compare_measured
+from drumsqueal.questions.compare.study import MeasuredComparison, Spectral, _largest, common_unit, compare_measured
 from drumsqueal.scene import COORDINATES
 
 RATE = 25_600.0
@@ -181,23 +183,30 @@ def csv_file(path, columns, header):
 
 def test_the_saturated_part_and_its_lines_are_those_that_were_put_in(history, simulated, tmp_path):
     found = compare_measured(history, read_measured(csv_file(tmp_path / "v", simulated, "time,v")), "velocity_Y")
-    assert found.saturated
+    assert found.simulated.saturated
     # The last 60 % of what follows the edge.
-    assert (found.simulated.start_s, found.simulated.end_s) == pytest.approx((END - 0.6 * (END - EDGE), END), abs=1e-4)
+    assert (found.simulated.from_s, found.simulated.until_s) == pytest.approx((END - 0.6 * (END - EDGE), END), abs=1e-4)
     strongest = sorted(LINES, key=lambda line: -line[1])
     # The vertex of a parabola in steps of an eighth of a bin of 4 Hz; neighbours 100 bins away pull by less.
     assert found.simulated.frequency_Hz == pytest.approx([f for f, _ in strongest], abs=2e-3)
     assert found.simulated.amplitude == pytest.approx([a for _, a in strongest], rel=1e-3)
     # Each covers 5 % to either side, of what lies between 20 Hz and the end of the last one's.
     covered, highest = sum(0.1 * f for f, _ in LINES), 1.05 * max(f for f, _ in LINES)
-    assert found.chance == pytest.approx(covered / (highest - 20.0), rel=1e-5)
+    assert found.chance_of_a_pair == pytest.approx(covered / (highest - 20.0), rel=1e-5)
+
+
+def test_the_findings_read_back_as_what_was_written(history, simulated, tmp_path):
+    found = compare_measured(history, read_measured(csv_file(tmp_path / "v", simulated, "time,v")), "velocity_Y")
+    write_json(found, tmp_path / "compare.json")
+    assert to_json(read_findings(tmp_path / "compare.json", MeasuredComparison)) == to_json(found)
 
 
 def test_relative_levels_are_to_the_largest_line_that_both_can_hold():
     records = []
     for rate, parts in ((8000.0, [(1000.0, 1.0)]), (RATE, [(1000.0, 0.5), (6000.0, 2.0)])):
         found = find_tones(tones(parts, 0.5, rate)[1], rate, segment=0.5)
-        records.append(Spectral(0.0, 0.5, rate, found))
+        spectrum = {"resolution_Hz": found.spectrum.resolution_Hz, "segments": found.segments}
+        records.append(Spectral(from_s=0.0, until_s=0.5, sample_rate_Hz=rate, tones=found, **spectrum))
     assert _largest(*records) == pytest.approx((1.0, 0.5), rel=1e-3)
 
 
@@ -268,10 +277,10 @@ def test_other_rates_of_change_are_compared_line_by_line(history, tmp_path, unit
     parts = [(f, a * (2 * np.pi * f) ** order) for f, a in LINES]
     file = csv_file(tmp_path / "a", tones(parts), f"time (s),x ({unit})")
     found = compare_measured(history, read_measured(file), "velocity_Y")
-    assert found.unit == unit
-    assert any("line by line" in told for told in found.told)
-    assert len(found.lines) == 3
-    for line in found.lines:
+    assert found.amplitudes_in == unit
+    assert any("line by line" in told for told in found.notes)
+    assert len(found.matched) == 3
+    for line in found.matched:
         assert line.simulated is not None
         assert abs(line.simulated.difference) * line.frequency_Hz < 1e-2
         assert line.level_difference_dB == pytest.approx(0.0, abs=0.01)
@@ -282,9 +291,9 @@ def test_a_record_of_no_quantity_is_compared_by_relative_levels(history, tmp_pat
     parts = [(f * (1 + error), gain * a) for f, a in LINES]
     file = csv_file(tmp_path / "m", tones([*parts, (9123.4, 2.0)], noise=noise, offset=5.0), "time (s),microphone (V)")
     found = compare_measured(history, read_measured(file), "velocity_Y")
-    assert found.unit == ""
-    assert found.references[0] == pytest.approx(gain * LINES[0][1] / np.sqrt(2), rel=0.01)
-    by_frequency = {round(line.frequency_Hz): line for line in found.lines}
+    assert found.amplitudes_in is None
+    assert found.rms_of_0_dB["measured"] == pytest.approx(gain * LINES[0][1] / np.sqrt(2), rel=0.01)
+    by_frequency = {round(line.frequency_Hz): line for line in found.matched}
     assert sorted(by_frequency) == sorted(round(f) for f in [*(f for f, _ in parts), 9123.4])
     for f, a in parts:
         line = by_frequency[round(f)]
@@ -305,9 +314,8 @@ def test_a_record_of_no_quantity_is_compared_by_relative_levels(history, tmp_pat
 def test_what_the_record_cannot_hold_is_named(history, tmp_path):
     time, signal = tones([(950.0, 1.0)], rate=4000.0)
     found = compare_measured(history, read_measured(csv_file(tmp_path / "s", [time, signal], "time,x")), "velocity_Y")
-    modes, lines = found.out_of_reach
-    assert {found.modes[k].label for k in modes} == {"X", "Tz"}
-    assert {round(found.simulated.frequency_Hz[k]) for k in lines} == {2103, 7212}
+    assert {mode.label for mode in found.modes if mode.not_measurable} == {"X", "Tz"}
+    assert {round(line.frequency_Hz) for line in found.simulated.lines if line.not_measurable} == {2103, 7212}
     assert [round(found.simulated.frequency_Hz[k]) for k in found.not_measured] == [1052]  # 950 Hz is 9.7 % off
 
 
@@ -321,8 +329,8 @@ def test_simulated_lines_are_those_of_the_quantity_that_was_measured(nominal, hi
     parts = [(f, a * 2 * np.pi * f) for f, a in (*LINES, high)]
     record = read_measured(csv_file(tmp_path / "a", tones(parts), "time (s),a (m/s^2)"))
     found = compare_measured(saved._replace(data=data), record, "velocity_Y")
-    assert len(found.lines) == len(found.simulated.frequency_Hz) == 4
-    assert all(line.simulated and line.simulated.paired for line in found.lines)
+    assert len(found.matched) == len(found.simulated.frequency_Hz) == 4
+    assert all(line.simulated and line.simulated.paired for line in found.matched)
     assert list(found.simulated.amplitude) == sorted(found.simulated.amplitude, reverse=True)
     record = read_measured(csv_file(tmp_path / "v", tones([*LINES, high]), "time (s),v (m/s)"))
     assert len(compare_measured(saved._replace(data=data), record, "velocity_Y").simulated.frequency_Hz) == 3
@@ -429,7 +437,7 @@ def test_a_record_without_a_line_is_told(drumsqueal, history, tmp_path):
         "compare", str(history), str(file), "-o", str(tmp_path / "out"), "--signal", "velocity_Y"
     )
     assert (status, error) == (0, "")
-    assert "No line stands out of the noise of the measured record." in " ".join(out.split())
+    assert "No line of the measured record stands out of its noise." in " ".join(out.split())
     assert "Measured lines" not in out  # nor an empty table
     assert "in parentheses" not in out
 
@@ -469,9 +477,9 @@ def test_a_line_is_no_harmonic_where_the_fundamental_was_measured_and_it_is_no_m
     # The simulated pair of 2103.4 Hz is a harmonic of 1051.7 Hz, whose own pair is 1045 Hz: half of 2090.
     record = read_measured(csv_file(tmp_path / "v", tones([(1045.0, 2e-2), (2103.4, 5e-3)]), "time (s),v (m/s)"))
     found = compare_measured(history, record, "velocity_Y")
-    assert [line.harmonic for line in found.lines] == [None, None]
-    assert all(line.simulated and line.simulated.paired for line in found.lines)
-    assert all(line.mode is not None for line in found.lines)
+    assert [line.harmonic for line in found.matched] == [None, None]
+    assert all(line.simulated and line.simulated.paired for line in found.matched)
+    assert all(line.mode is not None for line in found.matched)
 
 
 def test_every_heading_of_the_table_is_another(drumsqueal, history, rig, tmp_path):
@@ -488,7 +496,7 @@ def test_relative_levels_tell_what_0_dB_is(history, tmp_path):
         file = csv_file(tmp_path / "m", tones([(1051.7, 1.0)]), f"time (s),microphone ({unit})")
         found = compare_measured(history, read_measured(file), "velocity_Y")
         # 2e-2 m/s, the strongest of the simulated lines: 20 lg(2e-2/√2/1e-9) dB.
-        assert told + "simulated 0.01414 m/s rms, 143.0 dB re 1 nm/s (ISO 1683)" in found.told[0]
+        assert told + "simulated 0.01414 m/s rms, 143.0 dB re 1 nm/s (ISO 1683)" in found.notes[0]
 
 
 def test_harmonics_are_multiples_of_lines_that_stand_on_their_own():

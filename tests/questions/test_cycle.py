@@ -544,9 +544,8 @@ def test_a_marginal_cycle_is_neutral_in_the_table_too(block):
     branch = Branch(start=End.HOPF, end=End.BOUND, cycles=shown)
     speed = Variation("drum.speed", "rad/s", (0.8, 2.4))
     scene = load_scene(SCENARIOS / "damped.toml")
-    found = CycleBranches(
-        scene=scene, parameter=Span.of(speed), critical_values=(), **dict(block) | {"branches": (branch,)}
-    )
+    more: Any = dict(block) | {"branches": (branch,)}
+    found = CycleBranches(scene=scene, parameter=Span.of(speed), critical_values=(), **more)
     header, *rows = (line.split(",") for line in branches_table(found).splitlines())
     assert [row[header.index("stable")] for row in rows] == ["yes", "neutral", "neutral", "no"]
     assert [row[header.index("unstable_directions")] for row in rows] == ["0", "0", "0", "1"]

@@ -4,32 +4,30 @@ import csv
 import itertools
 import math
 import signal
+from dataclasses import astuple, replace
 from pathlib import Path
 
 import jax
 import numpy as np
 import pytest
 
+from drumsqueal import simulation
 from drumsqueal.errors import IntegrationError
+from drumsqueal.files.json_file import to_json, write_json
 from drumsqueal.findings.answers import Answer, Change, ModeAnswer, change_of
+from drumsqueal.findings.outcome import Ending
 from drumsqueal.findings.saturation import Line
+from drumsqueal.findings.schema import read_findings
 from drumsqueal.physics.composition import ALL
 from drumsqueal.physics.model import Model, build_model
-from drumsqueal.questions.effects import job as effects_job
 from drumsqueal.questions.effects import study as effects
 from drumsqueal.questions.effects import variants
 from drumsqueal.questions.effects.reductions import Reduction, reduce, reductions_of
-from drumsqueal.questions.effects.study import (
-    TOGETHER,
-    excess_of,
-    percent,
-    remarks,
-    reservations,
-    study_effects,
-    verdict,
-)
+from drumsqueal.questions.effects.study import TOGETHER, EffectStudy, excess_of, study_effects
 from drumsqueal.questions.effects.variants import Variant
+from drumsqueal.questions.effects.words import describe_limits, describe_runs
 from drumsqueal.scene import load_scene
+from drumsqueal.scene.quantities import percent
 from drumsqueal.simulation import prepare, run, transient
 from drumsqueal.solve.linear.modes import analyse_stability
 from drumsqueal.solve.transient import segment as integration
@@ -132,13 +130,13 @@ def answer(growth: float, frequency: float, amplitude: float | None, main: float
 )
 def test_changes_are_relative_and_signed(whole, other, wanted):
     found = change_of(answer(*whole), answer(*other))
-    assert tuple(found) == tuple(x and pytest.approx(x) for x in wanted)
+    assert astuple(found) == tuple(x and pytest.approx(x) for x in wanted)
 
 
 def test_a_mode_that_is_lost_is_an_infinite_change():
     whole, other = answer(50, 1000, 1e-5), answer(50, 1000, 1e-5)
     del other.modes["X"]
-    assert change_of(whole, other)[:2] == (math.inf, math.inf)
+    assert astuple(change_of(whole, other))[:2] == (math.inf, math.inf)
 
 
 def test_noise_above_the_accuracy_counts_instead_of_it():
@@ -154,7 +152,7 @@ def test_the_amplitudes_of_all_that_carry_the_motion_count():
     whole, other = answer(50, 1000, 1e-5), answer(50, 1000, 1e-5)
     other.amplitude["X"] = 0.5
     assert change_of(whole, other).amplitude == 0.0
-    assert change_of(whole._replace(carriers=("Y", "X")), other).amplitude == -0.5
+    assert change_of(replace(whole, carriers=("Y", "X")), other).amplitude == -0.5
 
 
 # --- the study -------------------------------------------------------------------------------------------------------
@@ -163,8 +161,9 @@ def test_the_amplitudes_of_all_that_carry_the_motion_count():
 def test_what_does_nothing_can_be_spared_and_what_counts_cannot(study, quick):
     assert [reduction.effect for reduction in study.spared] == ["damping"]
     assert [reduction.effect for reduction in study.needed] == ["separation", "exponential law", "support springs"]
-    assert study.reduced == quick.with_values({"damping": None})
-    assert "can do without damping. That changes nothing" in verdict(study)
+    assert study.reduced_scene == quick.with_values({"damping": None})
+    assert "but not damping. Without that, growth rates" in study.verdict
+    assert "do not change, and the run takes" in study.verdict
 
 
 def test_the_changes_are_those_of_the_scenes_run_by_themselves(study, quick):
@@ -190,19 +189,18 @@ def test_the_changes_are_those_of_the_scenes_run_by_themselves(study, quick):
 
 
 def test_a_run_tells_of_other_squeal_and_of_large_rotations(study):
-    told = remarks(study)
+    told = study.remarks
     assert "exponential law → μ 0.4213: no squeal instead of squeal in Tx, Ty, Y, X, Tz" in told
     assert any(text.startswith("support springs → none: squeal in Tx, Ty, X, Tz instead of") for text in told)
-    turned = study.variants[0].answer._replace(rotation=0.2)
-    assert "whole scene: the shoe turns by 0.2 rad, where the model no longer holds" in remarks(
-        study._replace(variants=(study.variants[0]._replace(answer=turned),))
-    )
+    turned = replace(study.variants[0], answer=replace(study.variants[0].answer, rotation=0.2))
+    assert "whole scene: the shoe turns by 0.2 rad, where the model no longer holds" in describe_runs([turned])
 
 
 def test_profiles_are_told_to_be_compared_at_the_start(nominal, study):
     changing = nominal.with_values({"drum.speed": {"time": [0, 1], "value": [5, 4]}})
-    assert reservations(study) == ()
-    assert "at t = 0" in reservations(study._replace(scene=changing))[0]
+    known = study.variants[0].answer, study.noise, study.within
+    assert describe_limits(study.scene, *known) == ()
+    assert "at t = 0" in describe_limits(changing, *known)[0]
 
 
 def test_costs_are_those_of_the_run(study, quick):
@@ -249,7 +247,9 @@ def test_what_is_too_much_together_comes_back(nominal, monkeypatch, within, spar
 
         def run(self, label, reductions=()):
             change = Change(0.0, 0.0, sum(ALONE[reduction.effect] for reduction in reductions), None)
-            variant = Variant(label, tuple(reductions), nominal, "complete", 2.0 - len(reductions) / 2, 1, None, change)
+            variant = Variant(
+                label, tuple(reductions), nominal, Ending.COMPLETE, 2.0 - len(reductions) / 2, 1, None, change
+            )
             self.ran = [*getattr(self, "ran", []), variant]
             return variant
 
@@ -266,7 +266,7 @@ def test_what_is_too_much_together_comes_back(nominal, monkeypatch, within, spar
         labels = [variant.label for variant in found.variants[len(ALONE) + 1 :]]
         assert labels == ([TOGETHER] if wanted[-1] != "middling" else [TOGETHER, "less heavy"])
         assert [reduction.effect for reduction in found.variants[-1].reductions] == wanted
-    text = verdict(found)
+    text = found.verdict
     assert ("needs all of its effects" in text) == (not wanted)
     assert ("needs none of its effects" in text) == (len(wanted) == len(ALONE))
 
@@ -292,25 +292,25 @@ def only(effect: str):
 
 
 def test_a_reduced_scene_that_fails_is_needed_and_told(quick, monkeypatch):
-    stream = variants.transient
+    stream = simulation.transient
 
-    def failing(prepared):
+    def failing(prepared, since=None):
         yield from itertools.islice(stream(prepared), 1)
         if prepared.scene.support is None:
             raise IntegrationError("the shoe is gone")
 
-    monkeypatch.setattr(variants, "transient", failing)
     monkeypatch.setattr(effects, "reductions_of", only("support springs"))
+    monkeypatch.setattr(simulation, "transient", failing)
     found = study_effects(quick)
     assert "support springs" in [reduction.effect for reduction in found.needed]
-    assert "support springs → none: failed: the shoe is gone" in remarks(found)
+    assert "support springs → none: failed: the shoe is gone" in found.remarks
 
 
 def test_a_reduced_scene_that_cannot_be_run_is_needed_and_told(quick, monkeypatch):
     monkeypatch.setattr(effects, "reductions_of", only("support springs"))
     # Bonded, which compiles in a third of the time.
     found = study_effects(quick.with_values({"steady.state": "self-consistent", "contact.separation": False}))
-    (told,) = remarks(found)
+    (told,) = found.remarks
     assert told.startswith("support springs → none: cannot be run: no self-consistent steady sliding was found")
     assert "support springs" in [reduction.effect for reduction in found.needed]
 
@@ -321,15 +321,15 @@ def test_a_reduced_scene_that_takes_for_ever_is_stopped(quick, monkeypatch):
     monkeypatch.setattr(variants, "SLOWEST", 1e-6)
     found = study_effects(quick)
     assert found.spared == ()
-    assert all("it takes more than 1e-06 times as long" in variant.outcome for variant in found.variants[1:])
+    assert all("it takes more than 1e-06 times as long" in variant.reason for variant in found.variants[1:])
 
 
 def test_a_scene_at_rest_has_eigenvalues_alone_to_compare(quick, monkeypatch):
     monkeypatch.setattr(effects, "reductions_of", only("separation"))
     found = study_effects(quick.with_values({"start.displacement": {}}))
     assert [reduction.effect for reduction in found.spared] == ["separation"]
-    assert "That changes nothing in growth rates, onset frequencies and takes" in verdict(found)
-    assert reservations(found) == ("The whole scene is at rest at the end: eigenvalues alone are compared.",)
+    assert "Without that, growth rates, onset frequencies do not change" in found.verdict
+    assert found.remarks == ("The whole scene is at rest at the end: only its eigenvalues are compared.",)
 
 
 def test_a_record_too_short_for_a_line_has_its_amplitude_compared(quick, monkeypatch):
@@ -340,7 +340,7 @@ def test_a_record_too_short_for_a_line_has_its_amplitude_compared(quick, monkeyp
     assert change is not None
     assert change.main_frequency is None
     assert abs(change.amplitude or 0.0) > 0.01
-    assert reservations(found)[0].startswith("The record is too short, or the motion has no line")
+    assert any(text.startswith("The frequency at the end is not compared: the record is") for text in found.remarks)
 
 
 def test_without_a_tenth_of_the_tolerance_the_noise_is_not_known(quick, monkeypatch):
@@ -348,14 +348,15 @@ def test_without_a_tenth_of_the_tolerance_the_noise_is_not_known(quick, monkeypa
     found = study_effects(quick.with_values({"simulate.tolerance": 5e-12, "simulate.duration": 0.001}))
     assert found.noise is None
     assert [variant.label for variant in found.variants] == ["whole scene", "damping → none"]
-    assert "What the tolerance is worth is not known" in reservations(found)[0]
+    assert "The effect of the tolerance is unknown" in found.remarks[0]
 
 
 def test_six_coordinates_by_name_are_spared_where_the_plane_will_do(nominal, monkeypatch):
     monkeypatch.setattr(effects, "reductions_of", only("space"))
     values = {"simulate.duration": 0.001, "simulate.coordinates": ["X", "Y", "Z", "Tx", "Ty", "Tz"]}
     found = study_effects(nominal.with_values(values))
-    assert found.reduced.simulate.coordinates == "auto"
+    assert found.reduced_scene is not None
+    assert found.reduced_scene.simulate.coordinates == "auto"
     assert [reduction.effect for reduction in found.spared] == ["space"]
 
 
@@ -380,7 +381,7 @@ def test_the_command_writes_table_figure_and_reduced_scene(drumsqueal, quick_fil
     status, printed, errors = drumsqueal("effects", str(quick_file), "-o", str(folder), "--within", "1", "%")
     assert (status, errors) == (0, "")
     assert {path.name for path in folder.iterdir()} == {"effects.csv", "effects.png", "reduced.toml"}
-    assert "can do without damping" in " ".join(printed.split())
+    assert "but not damping" in " ".join(printed.split())
     assert load_scene(folder / "reduced.toml") == quick.with_values({"damping": None})
     rows = list(csv.DictReader((folder / "effects.csv").read_text(encoding="utf-8").splitlines()))
     assert [row["run"] for row in rows][:3] == ["whole scene", "tolerance / 10", "separation → bonded"]
@@ -400,8 +401,13 @@ def test_the_command_writes_table_figure_and_reduced_scene(drumsqueal, quick_fil
 @pytest.mark.parametrize(("within", "share"), [(("1e-2",), 0.01), (("1", "%"), 0.01), (("2.5%",), 0.025)])
 def test_an_accuracy_is_read_as_a_share_or_in_per_cent(drumsqueal, quick_file, tmp_path, monkeypatch, within, share):
     asked = []
-    monkeypatch.setattr(effects_job, "study_into", lambda folder, scene, within, console: asked.append(within))
-    assert drumsqueal("effects", str(quick_file), "-o", str(tmp_path / "out"), "--within", *within)[0] == 0
+
+    def study(scene, within, **_):
+        asked.append(within)
+        raise IntegrationError("enough")
+
+    monkeypatch.setattr(effects, "study_effects", study)
+    assert drumsqueal("effects", str(quick_file), "-o", str(tmp_path / "out"), "--within", *within)[0] == 1
     assert asked == [pytest.approx(share)]
 
 
@@ -432,10 +438,10 @@ def test_an_argument_too_many_is_refused(drumsqueal, quick_file, tmp_path):
 
 @pytest.mark.parametrize("fails", ["whole", "interrupted", "disk"])
 def test_a_study_that_is_cut_off_keeps_the_runs_made(drumsqueal, quick_file, tmp_path, monkeypatch, fails):
-    stream, folder = variants.transient, tmp_path / "out"
+    stream, folder = simulation.transient, tmp_path / "out"
     calls = []
 
-    def cut_off(prepared):
+    def cut_off(prepared, since=None):
         calls.append(1)
         if fails == "whole":
             raise IntegrationError("the step size collapsed")
@@ -443,7 +449,7 @@ def test_a_study_that_is_cut_off_keeps_the_runs_made(drumsqueal, quick_file, tmp
             signal.raise_signal(signal.SIGINT)
         yield from stream(prepared)
 
-    monkeypatch.setattr(variants, "transient", cut_off)
+    monkeypatch.setattr(simulation, "transient", cut_off)
     if fails == "disk":
         monkeypatch.setattr(variants.Bench, "timed_again", lambda self: (_ for _ in ()).throw(OSError(28, "No space")))
     status, _, errors = drumsqueal("effects", str(quick_file), "-o", str(folder))
@@ -487,4 +493,9 @@ def test_a_full_disk_leaves_the_runs_that_were_written(drumsqueal, quick_file, t
 
 def test_numbers_of_the_table_are_finite_or_empty(study):
     for variant in study.variants:
-        assert variant.change is None or not any(x is not None and np.isnan(x) for x in variant.change)
+        assert variant.change is None or not any(x is not None and np.isnan(x) for x in astuple(variant.change))
+
+
+def test_the_findings_read_back_as_what_was_written(study, tmp_path):
+    write_json(study, tmp_path / "effects.json")
+    assert to_json(read_findings(tmp_path / "effects.json", EffectStudy)) == to_json(study)

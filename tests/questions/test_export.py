@@ -73,6 +73,7 @@ def test_csv_reads_back_to_the_last_bit(ran, exported):
     path, printed, errors = exported("csv")
     assert errors == ""
     assert "26 signals, 1501 samples at 50000 Hz from 0 to 0.03 s" in printed
+    assert printed.endswith(f"Results are in {path}\n")
     with path.open(newline="") as file:
         head, *rows = csv.reader(file)
     values = np.array(rows, dtype=float)
@@ -479,7 +480,7 @@ def test_what_a_low_rate_loses_is_told(exported):
     assert errors.count("\n") == 1
     assert "a rate of 5000 Hz holds what is below 2500 Hz" in errors
     assert "% of the energy of velocity_X lies above, most at" in errors
-    assert "it is filtered out, as it would fold" in errors
+    assert "it is filtered out, as it would be aliased" in errors
     assert exported("csv", "--signals", "velocity_X", "--rate", "100 kHz", "--overwrite")[2] == ""
 
 
@@ -493,7 +494,7 @@ def test_a_run_that_was_cut_off_goes_out_as_far_as_it_got(history, drumsqueal):
     status, printed, errors = drumsqueal("export", str(history.parent), "--to", "npz", "--signals", "velocity")
     assert status == 0
     assert "700 samples" in printed
-    assert "did not get to its end (interrupted by the user" in errors
+    assert "the run is incomplete (interrupted by the user" in errors
     with np.load(history.with_suffix(".npz")) as file:
         assert str(file["outcome"]).startswith("interrupted")
 

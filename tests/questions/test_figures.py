@@ -1,5 +1,6 @@
 """Figures of made-up histories: they are made whenever they can be, say the right numbers, and no text overlaps."""
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
@@ -150,12 +151,14 @@ def made_up_study(title: str, times: list[float]) -> EffectStudy:
     labels = ["whole scene", "tolerance / 10", *map(str, reductions)]
     answer = Answer({}, (), {}, (), None, 0.0)
     rows = [
-        Variant(label, () if k < 2 else (reductions[k - 2],), scene, "complete", time, 1.0, answer, change)
+        Variant(label, () if k < 2 else (reductions[k - 2],), scene, Ending.COMPLETE, time, 1.0, answer, change)
         for k, (label, time, change) in enumerate(zip(labels, times, changes, strict=True))
     ]
-    rows[-1] = rows[-1]._replace(answer=None, change=None, outcome="failed: no steady sliding", time_per_ms=np.nan)
-    rows.append(rows[0]._replace(label="together", reductions=reductions[:3], change=rows[1].change))
-    return EffectStudy(scene, 0.01, rows[1].change, tuple(rows), reductions[2:], reductions[:2], scene)
+    rows[-1] = replace(rows[-1], answer=None, change=None, outcome=Ending.FAILED, time_per_ms=np.nan)
+    rows.append(replace(rows[0], label="together", reductions=reductions[:3], change=rows[1].change))
+    return EffectStudy(
+        scene=scene, within=0.01, runs=(), variants=tuple(rows), needed=reductions[2:], spared=reductions[:2]
+    )
 
 
 PROFILES = {

@@ -33,7 +33,7 @@ from drumsqueal.questions.onset import study as study_module
 from drumsqueal.questions.onset.attractors import Family, How, Start, find_endings, go_on
 from drumsqueal.questions.onset.figure import draw_onset
 from drumsqueal.questions.onset.found import OnsetStudy
-from drumsqueal.questions.onset.rows import Ending, Kind, Leads, Range, Row, find_ranges
+from drumsqueal.questions.onset.rows import Kind, Leads, Range, Response, Row, find_ranges
 from drumsqueal.questions.onset.study import Prediction, compare, predict, study_onset
 from drumsqueal.questions.onset.words import reservations, verdict, with_uncertainty
 from drumsqueal.scene import SceneError, load_scene
@@ -411,10 +411,10 @@ def test_the_kicked_range_of_the_block_ends_where_scipy_says(nominal, monkeypatc
 # --- the search, on made-up endings ----------------------------------------------------------------------------------
 
 
-def ending(value: float, start: str, kind: Leads, size: float = 1.0) -> Ending:
+def ending(value: float, start: str, kind: Leads, size: float = 1.0) -> Response:
     one = np.array([size])
     motion = Saturated(one, one, (0.0, 1.5), 1.0, "X", size**2, 0.0, 1.0, one, one, COMPLETE, False)
-    return Ending.of(value, start, kind, motion, 1.0, ("X",))
+    return Response.of(value, start, kind, motion, 1.0, ("X",))
 
 
 def made_up(found, fold: float, reach: float):
@@ -639,7 +639,7 @@ def made_up_for_y(family, tasks, how, *, rounds, progress=None):
         lasts = point.value < 25 and (point.unstable or start.name != "small")
         one = np.array([1e-5])
         motion = Saturated(one, one, (0.0, 1.5), 1000.0, "Y", 1.0, 0.0, 1.0, one, one, COMPLETE, False)
-        yield Ending.of(point.value, start.name, Leads.SQUEALS if lasts else Leads.DECAYS, motion, 0.1, ("Y",))
+        yield Response.of(point.value, start.name, Leads.SQUEALS if lasts else Leads.DECAYS, motion, 0.1, ("Y",))
 
 
 def made_up_cycles(speeds: list[float]) -> Branch:
@@ -809,12 +809,12 @@ def test_the_panels_of_the_figure_keep_their_heights(monkeypatch, scenario, alon
     assert {label: label in legend for label in told} == told
 
 
-def ending_in(moving: tuple[str, ...], point, start: str) -> Ending:
+def ending_in(moving: tuple[str, ...], point, start: str) -> Response:
     """Squeal where the eigenvalues say so and, where they do not, from a kick up to the value 25."""
     lasts = point.unstable or (2 < point.value < 25 and start != "small")
     one = np.full(len(moving), 1e-5)
     motion = Saturated(one, one, (0.0, 1.5), 1000.0, moving[0], 1.0, 0.0, 1.0, one, one, COMPLETE, False)
-    return Ending.of(point.value, start, Leads.SQUEALS if lasts else Leads.DECAYS, motion, 0.1, moving)
+    return Response.of(point.value, start, Leads.SQUEALS if lasts else Leads.DECAYS, motion, 0.1, moving)
 
 
 def test_a_bistable_range_that_goes_on_names_each_end_that_is_open():

@@ -28,7 +28,7 @@ from drumsqueal.physics.composition import ALL
 from drumsqueal.physics.model import build_model
 from drumsqueal.questions.onset import study as study_module
 from drumsqueal.questions.onset.answer import ONSET
-from drumsqueal.questions.onset.rows import Ending, Leads
+from drumsqueal.questions.onset.rows import Leads, Response
 from drumsqueal.questions.onset.study import study_onset
 from drumsqueal.questions.report import onset_page as onset_page_module
 from drumsqueal.questions.report import page
@@ -107,7 +107,7 @@ def onset_folder(tmp_path_factory):
             lasts = point.value < 25 and (point.unstable or start.name != "small")
             one = np.array([1e-5])
             motion = Saturated(one, one, (0.0, 1.5), 1000.0, "Y", 1.0, 0.0, 1.0, one, one, "complete", False)
-            yield Ending.of(point.value, start.name, Leads.SQUEALS if lasts else Leads.DECAYS, motion, 0.1, ("Y",))
+            yield Response.of(point.value, start.name, Leads.SQUEALS if lasts else Leads.DECAYS, motion, 0.1, ("Y",))
 
     folder = tmp_path_factory.mktemp("onset")
     alone = ['simulate.coordinates=["Y"]', "start.displacement={Y = 1e-7}"]

@@ -24,7 +24,7 @@ from drumsqueal.questions.onset import study as study_module
 from drumsqueal.questions.onset.attractors import Family, How, Start, find_endings
 from drumsqueal.questions.onset.disturbance import PRECISION, smallest_disturbances, surface_speed
 from drumsqueal.questions.onset.figure import draw_onset
-from drumsqueal.questions.onset.rows import Ending, Leads, Row
+from drumsqueal.questions.onset.rows import Leads, Response, Row
 from drumsqueal.questions.onset.study import predict, study_onset
 from drumsqueal.questions.onset.words import reservations, verdict
 from drumsqueal.scene import load_scene
@@ -185,7 +185,7 @@ def made_up(threshold):
             lasts = point.value < 25 and (point.unstable or "from" in start.name or enough)
             one = np.array([1e-5])
             motion = Saturated(one, one, (0.0, 1.5), 1000.0, "Y", 1.0, 0.0, 1.0, one, one, COMPLETE, False)
-            yield Ending.of(point.value, start.name, Leads.SQUEALS if lasts else Leads.DECAYS, motion, 0.1, ("Y",))
+            yield Response.of(point.value, start.name, Leads.SQUEALS if lasts else Leads.DECAYS, motion, 0.1, ("Y",))
 
     return find
 

@@ -327,8 +327,8 @@ AT_ONCE = {
     "sensitivity": ("study.study_sensitivity",),
     "cycle": ("search.find_cycle",),
     "motion": ("study.study_motion",),
-    "effects": ("job.study_effects",),
-    "accuracy": ("job.study_accuracy",),
+    "effects": ("study.study_effects",),
+    "accuracy": ("study.study_accuracy",),
     "onset": ("study.compare", "--along", "drum.speed=4..6x2"),
     "sweep": ("file.SweepFile.create", "--vary", "drum.speed=4..6x2"),
 }

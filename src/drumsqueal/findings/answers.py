@@ -1,7 +1,7 @@
 """What users quote of a run, and how far two runs differ in it."""
 
 import math
-from typing import NamedTuple
+from dataclasses import dataclass
 
 from drumsqueal.findings.departure import Departure
 from drumsqueal.findings.saturation import Line, describe_motion, saturated_part
@@ -13,14 +13,16 @@ NEGLIGIBLE_RATIO = 1e-6  # damping ratio below which growth or decay is none to 
 CARRIED = 0.01  # share of the kinetic energy from which the amplitude of a coordinate is compared
 
 
-class ModeAnswer(NamedTuple):
+@dataclass(frozen=True)
+class ModeAnswer:
     """Onset frequency (Hz) and growth rate (1/s) of a mode."""
 
     frequency_Hz: float
     growth_rate: float
 
 
-class Answer(NamedTuple):
+@dataclass(frozen=True)
+class Answer:
     """Modes by label, and the motion at the end: half its peak-to-peak values (m, rad) and its main line.
 
     The end is the saturated part or, where that cannot be told, the last 60 % of the record. `carriers` are the
@@ -36,8 +38,9 @@ class Answer(NamedTuple):
     rotation: float
 
 
-class Change(NamedTuple):
-    """Relative changes, each the largest: over the modes, over the carriers of the motion at the end, of its main line.
+@dataclass(frozen=True)
+class Change:
+    """Relative changes or errors, each the largest: over the modes, the carriers of the motion at the end, its line.
 
     None where neither run has the quantity, infinite where one of them lacks it.
     """

@@ -1,4 +1,4 @@
-"""How a run ended: one of a few ways, and the words that go with it."""
+"""How a run, or a study, ended: one of a few ways, and the words that go with it."""
 
 from enum import StrEnum
 
@@ -10,6 +10,12 @@ class Ending(StrEnum):
     FAILED = "failed"
     INTERRUPTED = "interrupted"
     CUT_OFF = "cut off"
+    IMPOSSIBLE = "cannot be run"
+    SKIPPED = "not made"
+
+    def because(self, reason: str) -> str:
+        """Ending and reason in words."""
+        return f"{self}: {reason}" if reason else str(self)
 
 
 class Outcome(str):

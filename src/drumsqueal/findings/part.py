@@ -1,17 +1,9 @@
 """A part of what was found: a frozen model of numbers."""
 
 import math
-from enum import StrEnum
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
-
-
-class Outcome(StrEnum):
-    """Whether a study came to its end."""
-
-    COMPLETE = "complete"
-    CUT_OFF = "cut off"
 
 
 class Finding(BaseModel):
@@ -20,7 +12,7 @@ class Finding(BaseModel):
     model_config = ConfigDict(frozen=True, arbitrary_types_allowed=True)
 
 
-Held = Field(default=None, exclude=True)
+Held: Any = Field(default=None, exclude=True)
 """The default of a field that figures need and the file does not hold: it is None where findings were read."""
 Number = Annotated[float, BeforeValidator(lambda value: math.nan if value is None else value)]
 """NaN where the file has null."""

@@ -4,7 +4,16 @@ import json
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
-from pydantic import BaseModel, BeforeValidator, Field, PlainSerializer, ValidationError, computed_field
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    Field,
+    GetPydanticSchema,
+    PlainSerializer,
+    ValidationError,
+    computed_field,
+)
+from pydantic_core.core_schema import any_schema
 
 from drumsqueal.errors import RequestError
 from drumsqueal.files.ordinary import read_ordinary
@@ -12,7 +21,7 @@ from drumsqueal.findings.history import versions
 from drumsqueal.findings.part import Finding, Held
 from drumsqueal.scene import Scene, SceneError, scene_from_dict
 
-__all__ = ["Finding", "Findings", "Held", "SceneInFile", "read_findings"]
+__all__ = ["Finding", "Findings", "Held", "InMemory", "SceneInFile", "read_findings"]
 
 LARGEST = 100 * 2**20  # bytes of a file of findings; those of the longest runs and studies have less than 1 MB
 
@@ -38,6 +47,9 @@ class Findings(Finding):
         return self.scene.title
 
 
+T = TypeVar("T")
+InMemory = Annotated[T, GetPydanticSchema(lambda _source, _handler: any_schema())]
+"""The type of such a field that pydantic is not to look into."""
 Found = TypeVar("Found", bound=BaseModel)
 
 

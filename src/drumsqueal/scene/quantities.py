@@ -35,6 +35,7 @@ _EXPECTED = {
 DECIMAL_POINT = "a number takes a decimal point and no comma"
 _LONGEST = 64  # characters in a value
 _LONGEST_PART = 300  # characters of a path that are shown
+ROUND_OFF, _MANY = 1e-9, 100.0  # a fraction below it is written as zero, one above as a power of ten
 
 # The unit expression is held to names, "*", "/" and one-digit powers: pint evaluates arithmetic, and a tower of powers
 # (9**9**9) would keep it busy for ever.
@@ -71,9 +72,12 @@ def printable(text: str) -> str:
     return "".join(letter if letter.isprintable() else "?" for letter in text)
 
 
-def percent(share: float) -> str:
-    """A share in per cent, in two digits or, from ten per cent on, in whole ones."""
-    return f"{100 * share:.0f} %" if abs(share) >= 0.0995 else f"{100 * share:.2g} %"
+def percent(share: float, sign: str = "") -> str:
+    """A fraction in per cent, of two digits where it is small, with a sign if `sign` is "+": 1 %, +32 %, 0.0013 %."""
+    if abs(share) < ROUND_OFF:
+        return "0 %"
+    digits = ".2g" if abs(share) < 0.0995 or abs(share) > _MANY else ".0f"  # no exponent for hundreds
+    return f"{100 * share:{sign}{digits}} %"
 
 
 def dotted(path: KeyPath) -> str:

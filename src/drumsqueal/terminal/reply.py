@@ -24,6 +24,7 @@ class Reply:
     """
 
     folder, _files = Path(), ()
+    file: Path | None = None  # the one that the command writes, where that is no folder
 
     def __init__(self, quiet: bool, json_file: str | None, *, overwrite: bool, apart_from: Iterable[Path] = ()) -> None:
         """Raises RequestError where the JSON file cannot be written, is there and is not to be overwritten, or would
@@ -75,6 +76,7 @@ class Reply:
         check_apart(file, read)
         reply = cls(quiet, json_file, overwrite=overwrite, apart_from=(*read, file))
         reply._claim_file(file, overwrite=overwrite, option="-o")
+        reply.file = file
         return reply
 
     def clear(self, *, but: Iterable[str] = ()) -> None:

@@ -114,6 +114,20 @@ def answer(
     return found
 
 
+def answer_without_folder(reply: Reply, words: Callable[[Console, F], None], find: Callable[[Hook], F]) -> F:
+    """Find, print and send what was found, and say where the file is that `find` has written, if it is one; return it.
+
+    `find` takes a hook for progress, which raises KeyboardInterrupt after Ctrl-C.
+    """
+    with shown_progress(reply.console) as progress:
+        found = find(progress)
+    words(reply.console, found)
+    if reply.file is not None:
+        reply.console.print(printable(f"Results are in {reply.file}"), soft_wrap=True)
+    reply.send(found)
+    return found
+
+
 @contextmanager
 def kept_in(folder: Path, files: Sequence[str], record: Record | None = None) -> Iterator[None]:
     """Turn Ctrl-C, a failure and a full disk into an IntegrationError that says where what was done until then is."""

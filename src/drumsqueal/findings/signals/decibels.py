@@ -9,19 +9,25 @@ STANDARD = "ISO 1683"
 
 
 class LevelReference(NamedTuple):
-    """The rms value of 0 dB, in the SI unit, and as it is written."""
+    """The rms value of 0 dB in the SI unit, as an amount with its unit, and the standard that it is from, if any."""
 
     rms: float
-    written: str
+    amount: str
+    standard: str = ""
+
+    @property
+    def written(self) -> str:
+        """Amount and standard."""
+        return f"{self.amount} ({self.standard})" if self.standard else self.amount
 
 
 # Source: ISO 1683:2015, Acoustics — Preferred reference values for acoustical and vibratory levels; for sound in air.
 _STANDARD = {
-    "m": LevelReference(1e-12, f"1 pm ({STANDARD})"),
-    "m/s": LevelReference(1e-9, f"1 nm/s ({STANDARD})"),
-    "m/s^2": LevelReference(1e-6, f"1 µm/s² ({STANDARD})"),
-    "Pa": LevelReference(2e-5, f"20 µPa ({STANDARD})"),
-    "N": LevelReference(1e-6, f"1 µN ({STANDARD})"),
+    "m": LevelReference(1e-12, "1 pm", STANDARD),
+    "m/s": LevelReference(1e-9, "1 nm/s", STANDARD),
+    "m/s^2": LevelReference(1e-6, "1 µm/s²", STANDARD),
+    "Pa": LevelReference(2e-5, "20 µPa", STANDARD),
+    "N": LevelReference(1e-6, "1 µN", STANDARD),
 }
 
 

@@ -1,12 +1,12 @@
 """`drumsqueal accuracy SCENE -o DIR`."""
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from drumsqueal.files.output_folder import ACCURACY_FILES
-from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import load_scene
 from drumsqueal.terminal.options import JsonFile, Overwrite, Quiet, SceneFile, Settings, output_option, read_share
 from drumsqueal.terminal.reply import Reply
@@ -35,13 +35,12 @@ def accuracy_command(
     wanted = read_share(target, "--target")
     folder = output if output is not None else Path("out") / f"{scene.stem}-accuracy"
     reply = Reply.beside(folder, ACCURACY_FILES, (scene,), quiet, json_file, overwrite=overwrite)
-    stop_if_interrupted()
-    from drumsqueal.questions.accuracy.job import study_into
-    from drumsqueal.questions.accuracy.study import check_motion
+    from drumsqueal.questions.accuracy.answer import ACCURACY
+    from drumsqueal.questions.accuracy.study import check_motion, study_accuracy
     from drumsqueal.simulation import check_sample_rate, prepare
+    from drumsqueal.terminal.runner import answer
 
-    stop_if_interrupted()
-    check_motion(loaded)
+    check_motion(loaded)  # what cannot be done is reported before there is a folder
     check_sample_rate(prepare(loaded))
-    reply.clear()
-    reply.send(study_into(folder, loaded, wanted, reply.console))
+    study = partial(study_accuracy, loaded, wanted)
+    answer(reply, ACCURACY, lambda progress, keep: study(progress=progress, keep=keep))

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Iterator
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -20,11 +20,18 @@ from drumsqueal.solve.transient.runge_kutta import DEFAULT, SOLVERS, is_explicit
 
 STEPPING, QUADRATURE, SMOOTHING = "time stepping", "contact quadrature", "smoothed friction"
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
-NODES = (2, 4, 6, 8, 12, 16)  # along each piece of the arc, or each half of it in space, split at the edges
-GRID = (20, 40, 80, 160, 320, 640)  # nodes of a grid that does not know the edges
+NODES = (
+    2,
+    4,
+    6,
+    8,
+    12,
+    16,
+)  # along each piece of the arc, or each half of it in space, split at the contact boundaries
+GRID = (20, 40, 80, 160, 320, 640)  # nodes of a grid that does not know the contact boundaries
 WIDTHS = (1e-1, 1e-2, 1e-3, 1e-4)  # of the smoothing, over the speed of the drum's surface
 OTHERS = 1e-6  # tolerance of those that are not about time stepping; at less a fixed grid does not get through
-SPLIT, FIXED, SMOOTHED = "split at edges", "fixed grid", "smoothed"
+SPLIT, FIXED, SMOOTHED = "split lining", "fixed grid", "smoothed"
 
 
 class SmoothedDirection(eqx.Module):
@@ -44,7 +51,8 @@ class SmoothedDirection(eqx.Module):
         return share * slip, None if axial is None else share * axial
 
 
-class Contender(NamedTuple):
+@dataclass(frozen=True)
+class Contender:
     """One way to run a scene: the cause of error it is about, its line in the figure and its place on it."""
 
     cause: str

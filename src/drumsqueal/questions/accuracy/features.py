@@ -1,27 +1,15 @@
 """What users quote of a transient: measured growth rate and onset frequency, and frequency and size at the end."""
 
 import math
-from typing import NamedTuple
+from dataclasses import fields
 
-from drumsqueal.findings.answers import answer_of
+from drumsqueal.findings.answers import Change, answer_of
 from drumsqueal.physics.model import Model
 from drumsqueal.simulation import Result
 
-
-class Features(NamedTuple):
-    """Relative errors, each the largest over the modes, or over the coordinates that carry the motion at the end.
-
-    None where the tightest run lacks the quantity, infinite where only the other does.
-    """
-
-    growth_rate: float | None
-    onset_frequency: float | None
-    amplitude: float | None
-    main_frequency: float | None
-
-
 SMALLEST = 1e-300  # keeps zero off the denominator
-NONE = Features(None, None, None, None)
+NONE = Change(None, None, None, None)
+NAMES = tuple(field.name for field in fields(Change))
 
 
 def features_of(result: Result, model: Model) -> dict[str, float]:
@@ -39,11 +27,12 @@ def features_of(result: Result, model: Model) -> dict[str, float]:
     return found
 
 
-def feature_errors(best: dict[str, float], found: dict[str, float], duration: float) -> Features:
+def feature_errors(best: dict[str, float], found: dict[str, float], duration: float) -> Change:
     """Errors of features against the best ones, of a record of that duration (s).
 
     A growth rate is measured against itself or, where that is more, against one e-fold over the record: the rate of a
-    mode that neither grows nor decays has no relative error.
+    mode that neither grows nor decays has no relative error. None where the best ones lack the quantity, infinite where
+    only the others do.
     """
     errors: dict[str, list[float]] = {}
     for name, value in best.items():
@@ -51,4 +40,4 @@ def feature_errors(best: dict[str, float], found: dict[str, float], duration: fl
         least = 1 / duration if name.startswith("growth_rate") else SMALLEST
         error = math.inf if there is None else abs(there - value) / max(abs(value), least)
         errors.setdefault(name.split()[0], []).append(error)
-    return Features(*(max(errors[field], default=None) if field in errors else None for field in Features._fields))
+    return Change(*(max(errors[field], default=None) if field in errors else None for field in NAMES))

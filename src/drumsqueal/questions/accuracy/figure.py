@@ -1,4 +1,4 @@
-"""What accuracy costs: error against time and evaluations, and each cause of error by itself."""
+"""What accuracy costs: error against time and evaluations, and each cause of error alone."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -31,7 +31,7 @@ MARKER = {
     FIXED: "o",
     SMOOTHED: "s",
 }
-WORD = 10.0  # tolerance keeps its word within this factor
+KEPT = 10.0  # factor within which the error is the tolerance
 Value = Callable[[Measurement], float | None]
 
 
@@ -51,7 +51,7 @@ def draw_work(study: AccuracyStudy, *, against: Literal["time", "evaluations"]) 
         _draw_lines(axes, study, STEPPING, cost, error)
         axes.set_title(title)
         if not any(error(m) for m in study.measurements):
-            _say(axes, "none in so short a record")
+            _explain(axes, "none: the record is too short")
         axes.axhline(study.target, color=style.DARK, linewidth=0.6, linestyle="--")
         frame(axes, label, "relative error" if axes is panels[0] else None)
     _whole_decades(panels[0])
@@ -65,17 +65,17 @@ def draw_work(study: AccuracyStudy, *, against: Literal["time", "evaluations"]) 
 
 @styled()
 def draw_causes(study: AccuracyStudy) -> Figure:
-    """Draw tolerance asked against error got, the quadratures against their time, and the price of smoothing."""
-    figure = new_figure(study.scene.title, "causes of error apart")
+    """Draw error against tolerance, against the nodes of quadratures with their time, and against smoothing."""
+    figure = new_figure(study.scene.title, "causes of error, each alone")
     asked, quadrature, smoothing = figure.subplots(1, 3)
     _draw_lines(asked, study, STEPPING, lambda m: m.contender.tolerance, _trajectory)
     ends = np.array([1e-11, 1e-1])
-    band = f"within {WORD:g} times"
-    asked.fill_between(ends, ends / WORD, ends * WORD, color=style.PALE, linewidth=0, zorder=0, label=band)
+    band = f"within {KEPT:g} times"
+    asked.fill_between(ends, ends / KEPT, ends * KEPT, color=style.PALE, linewidth=0, zorder=0, label=band)
     asked.plot(ends, ends, color=style.DARK, linewidth=0.6)
     asked.invert_xaxis()
-    asked.set_title("tolerance: asked and got")
-    frame(asked, "tolerance asked for", "relative error of the trajectory")
+    asked.set_title("tolerance and error")
+    frame(asked, "tolerance", "relative error of the trajectory")
     _draw_lines(quadrature, study, QUADRATURE, lambda m: m.contender.setting, _farthest, timed=True)
     _whole_decades(quadrature)
     quadrature.set_title(_title("nodes", study, QUADRATURE))
@@ -92,7 +92,7 @@ def draw_causes(study: AccuracyStudy) -> Figure:
             else:
                 axes.legend(loc="upper right")
         else:
-            _say(axes, "this scene has no friction")
+            _explain(axes, "this scene has no friction")
     return figure
 
 
@@ -106,7 +106,7 @@ def _trajectory(measurement: Measurement) -> float | None:
 
 
 def _farthest(measurement: Measurement) -> float | None:
-    """Error of the trajectory to the end of the reference, with the edges in it."""
+    """Error of the trajectory to the end of the reference, beyond the first contact boundary."""
     errors = measurement.errors
     return None if errors is None else errors.trajectory if errors.beyond is None else errors.beyond
 
@@ -134,7 +134,7 @@ def _draw_lines(
 
 
 def _label_time(axes: Axes, point: tuple[float, float, Measurement]) -> None:
-    """Write the time of the last of a line beside it: on the left where it may be the last of the panel."""
+    """Write the time of the last of a line next to it: on the left where it may be the last of the panel."""
     x, y, measurement = point
     left = measurement.contender.line == FIXED
     axes.annotate(
@@ -150,12 +150,12 @@ def _label_time(axes: Axes, point: tuple[float, float, Measurement]) -> None:
 
 def _why(line: Sequence[Measurement]) -> str:
     if all(m.errors is None for m in line):
-        return "no run got through"
+        return "no run was completed"
     return "not counted"
 
 
-def _say(axes: Axes, why: str) -> None:
-    """Tell why a panel is empty."""
+def _explain(axes: Axes, why: str) -> None:
+    """Write why a panel is empty."""
     axes.text(0.5, 0.6, why, transform=axes.transAxes, ha="center", fontsize=style.SMALL_SIZE)
 
 
@@ -180,7 +180,7 @@ def _name_target(axes: Axes, target: float) -> None:
 
 
 def _draw_floor(axes: Axes, floor: float) -> None:
-    """What lies in the grey is not known: the reference is no better."""
+    """Grey: below the uncertainty of the reference."""
     if floor > 0:
         low = min(axes.get_ylim()[0], floor / 10)
         axes.axhspan(low, floor, color=style.PALE, linewidth=0, zorder=0)

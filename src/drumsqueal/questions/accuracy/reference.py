@@ -3,7 +3,7 @@
 import dataclasses
 import time
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -11,12 +11,12 @@ import numpy as np
 from jax import Array
 from scipy.integrate import DOP853, LSODA
 
-from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.physics.bodies.rigid_shoe import IN_PLANE
 from drumsqueal.physics.kernel import one_kernel
 from drumsqueal.physics.laws.friction_law import breakpoints
 from drumsqueal.physics.model import Model
 from drumsqueal.physics.quadrature.independent import FEJER, TANH_SINH, IndependentSurface
+from drumsqueal.progress import Progress, silent
 from drumsqueal.solve.transient.segment import motion_scale
 from drumsqueal.solve.transient.state import State
 
@@ -28,8 +28,9 @@ STEEP_PANELS = 8  # of the arc: 2e-12 of the load where the law falls with 1000 
 PATIENCE = 40.0  # s of computing for each of the three; a reference that takes longer ends where it has come to
 
 
-class Reference(NamedTuple):
-    """States (k, 2n), departure and velocity, at times (k,), and those of the two runs that tell how good they are.
+@dataclasses.dataclass(frozen=True)
+class Reference:
+    """States (k, 2n), departure and velocity, at times (k,), and those of the two runs that show how good they are.
 
     `other` is from ten times the tolerance and another quadrature, `confirming` from another method on top.
     """
@@ -59,7 +60,12 @@ class Reference(NamedTuple):
 
 
 def find_reference(
-    model: Model, steady: np.ndarray, displacement: np.ndarray, velocity: np.ndarray, times: np.ndarray
+    model: Model,
+    steady: np.ndarray,
+    displacement: np.ndarray,
+    velocity: np.ndarray,
+    times: np.ndarray,
+    progress: Progress = silent,
 ) -> Reference:
     """Integrate a departure from steady sliding (n,) with SciPy: DOP853 at 1e-13 and 1e-12, and LSODA at 1e-12.
 
@@ -69,10 +75,10 @@ def find_reference(
     start = np.concatenate([displacement, velocity])
     first_state = State(jnp.asarray(displacement), jnp.asarray(velocity), jnp.zeros(()))
     scale = np.asarray(motion_scale(model, first_state).flat())[:-1]
-    first = _solve(DOP853, FIRST, _with(model, TANH_SINH), steady, start / scale, scale, times)
+    first = _solve(DOP853, FIRST, _with(model, TANH_SINH), steady, start / scale, scale, times, progress)
     other = _with(model, FEJER)
-    second = _solve(DOP853, SECOND, other, steady, start / scale, scale, times[: len(first)])
-    third = _solve(LSODA, THIRD, other, steady, start / scale, scale, times[: len(second)])
+    second = _solve(DOP853, SECOND, other, steady, start / scale, scale, times[: len(first)], progress)
+    third = _solve(LSODA, THIRD, other, steady, start / scale, scale, times[: len(second)], progress)
     common = len(third)
     states, other, confirming = (found[:common] * scale for found in (first, second, third))
     return Reference(times[:common], states, other, confirming, model)
@@ -116,6 +122,7 @@ def _solve(
     start: np.ndarray,
     scale: np.ndarray,
     times: np.ndarray,
+    progress: Progress,
 ) -> np.ndarray:
     """Scaled states at the times that were reached."""
 
@@ -130,7 +137,7 @@ def _solve(
     solver = method(slope, 0.0, start, times[-1], rtol=tolerance, atol=tolerance)
     states = [start]
     while solver.status == "running" and time.perf_counter() < patience:
-        stop_if_interrupted()
+        progress(f"reference, {method.__name__} at {tolerance:g}", solver.t, float(times[-1]))
         solver.step()
         if solver.status == "failed":
             break

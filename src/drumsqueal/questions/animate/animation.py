@@ -1,6 +1,5 @@
 """The moving section: shoe and drum, contact along the arc, and the displacements with the time in them."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -13,13 +12,16 @@ from matplotlib.colors import ListedColormap
 from matplotlib.patches import FancyArrowPatch, Patch
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
+from rich.console import Console
 
 from drumsqueal.findings.departure import ROTATIONS
-from drumsqueal.interrupts import noted_interrupts, stop_if_interrupted
+from drumsqueal.findings.schema import Finding
+from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.animate.file import write_animation
 from drumsqueal.questions.animate.playback import REVERSED, SEPARATED, STUCK, TICK, TOUCHING, Playback
 from drumsqueal.questions.animate.section import MILLI, displaced, lining_parts, on_circle, shoe_outline
 from drumsqueal.questions.animate.window import FRAMES_PER_SECOND
+from drumsqueal.scene.quantities import printable
 from drumsqueal.terminal import style
 
 PIXELS, DOTS_PER_INCH = (700, 760), 115
@@ -31,7 +33,7 @@ STATES = {
     STUCK: (style.STUCK, "sticks"),
 }
 UNITS = {"MPa": 1e6, "kPa": 1e3}
-# Shares of the thickness: the ring that stands for the drum, and depths of what shows state and pressure.
+# Fractions of the thickness: the ring that stands for the drum, and depths of what shows state and pressure.
 RING, STATE_DEPTH, PRESSURE_DEPTH = 0.5, 0.09, 0.36
 ROOM = 1.35  # of the thickness, around the drum
 ARROW = {"arrowstyle": "-|>", "mutation_scale": 8, "linewidth": 0.9, "color": style.DARK}
@@ -218,19 +220,44 @@ class MovingSection:
         )
 
 
-def save_animation(playback: Playback, path: Path | str, on_frame: Callable[[], None] | None = None) -> None:
-    """Write an animation as .gif, or as .mp4 where there is ffmpeg; `on_frame` is called after each frame.
+class Animation(Finding):
+    """What an animation file shows: frames, the times of the first and last (s), magnification (None: no size)."""
 
-    Raises RequestError for another name, OSError where it cannot be written, and KeyboardInterrupt between two frames.
+    file: str
+    frames: int
+    frames_per_second: int
+    from_s: float
+    until_s: float
+    magnification: float | None
+    notes: tuple[str, ...]
+
+
+def save_animation(playback: Playback, path: Path | str, progress: Progress = silent) -> Animation:
+    """Write an animation as .gif, or as .mp4 where there is ffmpeg, whole or not at all; return what it shows.
+
+    `progress` is called before each frame. Raises RequestError for another name, OSError where it cannot be written.
     """
     section = MovingSection(playback)
 
     def render(frame: int) -> NDArray[np.uint8]:
-        stop_if_interrupted()
-        image = section.image(frame)
-        if on_frame is not None:
-            on_frame()
-        return image
+        progress(f"frame {frame + 1} of {section.frames}", frame, section.frames)
+        return section.image(frame)
 
-    with noted_interrupts():
-        write_animation(Path(path), render, section.frames, FRAMES_PER_SECOND)
+    write_animation(Path(path), render, section.frames, FRAMES_PER_SECOND)
+    return Animation(
+        file=str(path),
+        frames=section.frames,
+        frames_per_second=FRAMES_PER_SECOND,
+        from_s=playback.time[0],
+        until_s=playback.time[-1],
+        magnification=None if playback.relative else playback.magnification,
+        notes=playback.notes,
+    )
+
+
+def print_animation(console: Console, shown: Animation) -> None:
+    """Print what an animation shows."""
+    for note in shown.notes:
+        console.print(printable(note))
+    size = Path(shown.file).stat().st_size / 1e6
+    console.print(f"{shown.frames} frames, {shown.frames / shown.frames_per_second:.3g} s, {size:.2g} MB")

@@ -9,7 +9,7 @@ import typer
 from drumsqueal.errors import RequestError
 from drumsqueal.files.claims import claim_folder, claim_results
 from drumsqueal.files.output_folder import HISTORY, history_file
-from drumsqueal.interrupts import stop_if_interrupted
+from drumsqueal.progress import Progress
 from drumsqueal.scene import COORDINATES, load_scene
 from drumsqueal.scene.shipped import find_scene
 from drumsqueal.terminal.completion import complete_source, words
@@ -74,74 +74,62 @@ def animate_command(
 ) -> None:
     """Shoe and drum in section, moving slowly: a history or a mode.
 
-    Shows the last periods of a history, or one period of a mode. Displacement is magnified; colours along the arc tell
-    the pressure, and what lifts off, slips backwards or sticks.
+    Shows the last periods of a history, or one period of a mode. Displacement is magnified; colours along the arc show
+    the pressure, lift-off, slip reversal and sticking.
 
     Example: drumsqueal animate scenarios/nominal.toml --mode Y
     """
     slowness, magnification = _factor(slow, "--slow"), _factor(magnify, "--magnify")
     if mode is not None:
         _refuse_with_mode({"--from": since, "--until": until, "--magnify": None if magnify == AUTO else magnify})
-        _animate_mode(source, mode, settings or [], output, slowness, overwrite, quiet, json_file)
-        return
-    if settings:
+    # With --mode a folder is a run's, whose scene need not be the shipped one of that name.
+    read = history_file(source) if mode is None or source.is_dir() else find_scene(str(source))
+    recorded = mode is None or read.suffix == Path(HISTORY).suffix
+    if recorded and settings:
         raise UsageError(SCENE_AS_RUN)
-    if source.suffix == ".toml":
+    if mode is None and source.suffix == ".toml":
         raise RequestError(f"{source} is a scene: name one of its modes with --mode, or give a history that it left")
     first, last = read_time(since, "--from"), read_time(until, "--until")
-    history = history_file(source)
-    file = output or history.with_suffix(".gif")
-    reply = Reply.with_file(file, (history,), quiet, json_file, overwrite=overwrite)
-    claim_results(history.parent)
-    stop_if_interrupted()
-    from drumsqueal.files.saved_history import read_history
-    from drumsqueal.questions.animate.file import check_animation_name
-    from drumsqueal.questions.animate.job import animate_history
-
-    stop_if_interrupted()
-    check_animation_name(file)
-    saved = read_history(source)
-    stop_if_interrupted()
-    reply.send(animate_history(file, saved, first, last, slowness, magnification, reply.console))
-
-
-def _animate_mode(
-    source: Path,
-    mode: str,
-    settings: list[str],
-    output: Path | None,
-    slowness: float | None,
-    overwrite: bool,
-    quiet: bool,
-    json_file: str | None,
-) -> None:
-    """Animate a mode of a scene file or, where the source is a history or its folder, of the scene that was run."""
-    file_name = f"{mode.replace(' ', '').replace('/', '')}.gif"
-    # A folder here is a run's, whose scene need not be the shipped one of that name.
-    read = history_file(source) if source.is_dir() else find_scene(str(source))
-    if read.suffix == Path(HISTORY).suffix:
-        if settings:
-            raise UsageError(SCENE_AS_RUN)
-        stop_if_interrupted()
-        from drumsqueal.files.saved_history import read_history
-
-        claim_results(read.parent)
-        saved = read_history(read)
-        if saved.given_law:
-            told = "its friction law was given in Python and is not in it, so that its modes are not known"
-            raise RequestError(f"{read}: {told}; name a scene file")
-        scene, file = saved.scene, output or read.with_name(f"mode-{file_name}")
-    else:
-        scene, file = load_scene(read, settings), output or Path("out") / f"{source.stem}-{file_name}"
-    if output is None and not file.parent.exists():
+    file = output or _default_file(source, read, mode, recorded=recorded)
+    loaded = None if recorded else load_scene(read, settings or ())
+    if output is None and not recorded and not file.parent.exists():
         claim_folder(file.parent)  # `out`, which is made, and goes again where nothing comes of it
     reply = Reply.with_file(file, (read,), quiet, json_file, overwrite=overwrite)
-    stop_if_interrupted()
+    if recorded:
+        claim_results(read.parent)
+    from drumsqueal.files.saved_history import read_history
+    from drumsqueal.questions.animate.animation import Animation, print_animation, save_animation
     from drumsqueal.questions.animate.file import check_animation_name
-    from drumsqueal.questions.animate.job import animate_mode
+    from drumsqueal.questions.animate.playback import find_mode, play_history, play_mode
+    from drumsqueal.simulation import prepare
+    from drumsqueal.terminal.runner import answer_without_folder
 
     check_animation_name(file)
-    reply.send(animate_mode(file, scene, mode, slowness, reply.console))
+
+    def find(progress: Progress) -> Animation:
+        saved = read_history(read) if loaded is None else None
+        if saved is not None and mode is None:
+            times = {"start": first, "end": last}
+            shown = play_history(saved.data, saved.scene, **times, slow=slowness, magnification=magnification)
+            return save_animation(shown, file, progress)
+        if saved is not None and saved.given_law:
+            why = "its friction law was given in Python and is not in it, so that its modes are not known"
+            raise RequestError(f"{read}: {why}; name a scene file")
+        scene = loaded if saved is None else saved.scene
+        assert scene is not None
+        assert mode is not None
+        stability = prepare(scene).stability
+        return save_animation(play_mode(scene, stability, find_mode(stability, mode), slow=slowness), file, progress)
+
+    answer_without_folder(reply, print_animation, find)
+
+
+def _default_file(source: Path, read: Path, mode: str | None, *, recorded: bool) -> Path:
+    """Where it goes unless a file is named: into the folder of the history, or into `out`."""
+    if mode is None:
+        return read.with_suffix(".gif")
+    name = f"{mode.replace(' ', '').replace('/', '')}.gif"
+    return read.with_name(f"mode-{name}") if recorded else Path("out") / f"{source.stem}-{name}"
 
 
 def _factor(text: str, option: str) -> float | None:

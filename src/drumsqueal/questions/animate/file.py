@@ -62,12 +62,12 @@ def _mp4(render: Render, frames: int, frames_per_second: int) -> bytes:
             command, stdin=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True
         ) as process:
             try:
-                told = _fed(process, render, frames)
+                complaint = _fed(process, render, frames)
             except BaseException:
                 process.kill()
                 raise
         if process.returncode:
-            raise OSError(f"ffmpeg failed: {told or f'exit status {process.returncode}'}")
+            raise OSError(f"ffmpeg failed: {complaint or f'exit status {process.returncode}'}")
         return file.read_bytes()
 
 

@@ -144,6 +144,15 @@ def play_history(
     )  # fmt: skip
 
 
+def find_mode(stability: Stability, label: str) -> Mode:
+    """The mode of that label. Raises RequestError where there is none."""
+    found = {mode.label: mode for mode in stability.modes}
+    if label not in found:
+        there = f"it has {', '.join(found)}" if found else "no mode of it oscillates"
+        raise RequestError(f"--mode {label}: the scene has no such mode; {there}")
+    return found[label]
+
+
 def play_mode(scene: Scene, stability: Stability, mode: Mode, *, slow: float | None = None) -> Playback:
     """Play one period of a mode about steady sliding, without its growth: q = Re(q̂ exp(iωt)); the size is arbitrary.
 

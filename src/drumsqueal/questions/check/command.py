@@ -2,8 +2,7 @@
 
 import time
 
-from drumsqueal.interrupts import stop_if_interrupted
-from drumsqueal.scene import load_scene
+from drumsqueal.scene import SceneError, load_scene
 from drumsqueal.terminal.options import JsonFile, Overwrite, Quiet, SceneFile, Settings
 from drumsqueal.terminal.reply import Reply
 
@@ -17,20 +16,27 @@ def check_command(
 ) -> None:
     """Is a scene right, what follows from it, how long will it run?
 
-    Finds mistakes, tells derived numbers with their units, what the start will come to, and what is odd, in words, and
-    times short pieces of the transient. Writes nothing but the file of --json.
+    Finds mistakes, derives numbers with their units, estimates growth and computing time from the eigenvalues and from
+    short pieces of the transient, and warns of what is unusual. Writes nothing but the file of --json.
 
     Example: drumsqueal check scenarios/nominal.toml --set start.displacement.Y=1e-5
     """
     loaded = load_scene(scene, settings or ())
     reply = Reply(quiet, json_file, overwrite=overwrite, apart_from=(scene,))
-    stop_if_interrupted()
     begun = time.process_time()
-    from drumsqueal.questions.check.job import check
+    from drumsqueal.questions.check.answer import print_check
+    from drumsqueal.questions.check.study import check_scene
     from drumsqueal.questions.run.bistable import print_bistable
+    from drumsqueal.scene.usual import unusual
+    from drumsqueal.terminal.runner import answer_without_folder
+    from drumsqueal.terminal.tables import print_notes
 
     loading = time.process_time() - begun
-    stop_if_interrupted()
-    found, data = check(loaded, reply.console, loading)
+    try:
+        found = answer_without_folder(
+            reply, print_check, lambda progress: check_scene(loaded, loading, progress=progress)
+        )
+    except SceneError:  # which a number in a wrong unit may have brought about
+        print_notes(reply.console, unusual(loaded))
+        raise
     print_bistable(reply.console, loaded, found.prepared.stability, scene, settings or ())
-    reply.send(data)

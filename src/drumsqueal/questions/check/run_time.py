@@ -1,4 +1,4 @@
-"""How long a run will take on this machine: short pieces of it are timed, below the edges and at them.
+"""How long a run will take on this machine: short pieces of it are timed, below the contact boundaries and at them.
 
 It is processor time that is taken, so that what else the machine does counts little.
 """
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.errors import IntegrationError
-from drumsqueal.interrupts import stop_if_interrupted
+from drumsqueal.progress import Progress, silent
 from drumsqueal.simulation import Prepared, start_of, steady_at_start
 from drumsqueal.solve.transient.integrate import integrate
 from drumsqueal.solve.transient.state import CHUNK_SAMPLES
@@ -20,7 +20,7 @@ from drumsqueal.solve.transient.state import CHUNK_SAMPLES
 PIECES = (4, 20, 100, CHUNK_SAMPLES)  # samples
 LONG_ENOUGH = 0.3  # s; a piece that takes longer is not made five times as long
 REPEATS = 3
-BEYOND = 1.5  # of the edges, where the second pieces begin
+BEYOND = 1.5  # of the way to a contact boundary, where the second pieces begin
 
 
 class Pace(NamedTuple):
@@ -33,7 +33,7 @@ class Pace(NamedTuple):
 class RunTime(NamedTuple):
     """An estimate: of the integration (s) and its evaluations, and what compiling took (s); None where it failed.
 
-    `below` and `beyond` are the pace below the edges and, where the run gets there, beyond them.
+    `below` and `beyond` are the pace below the contact boundaries and, where the run gets there, beyond.
     """
 
     seconds: float | None
@@ -43,10 +43,12 @@ class RunTime(NamedTuple):
     beyond: Pace | None
 
 
-def estimate(prepared: Prepared, edge_time: float | None, at_the_edges: NDArray[np.float64]) -> RunTime:
-    """Time pieces from the start and from a state (2n,) at the edges, and take so many of each as the run is long.
+def estimate(
+    prepared: Prepared, edge_time: float | None, at_the_boundaries: NDArray[np.float64], progress: Progress = silent
+) -> RunTime:
+    """Time pieces from the start and from a state (2n,) at a contact boundary, and add them up to a run.
 
-    It is below the edges until `edge_time` (s; None: all along) and beyond them from then on. A lining that sticks
+    It is below these until `edge_time` (s; None: all along) and beyond them from then on. A lining that sticks
     takes other programs, which are not timed.
     """
     simulate = prepared.scene.simulate
@@ -55,9 +57,10 @@ def estimate(prepared: Prepared, edge_time: float | None, at_the_edges: NDArray[
     compiling = math.nan
     share = 1.0 if edge_time is None else min(1.0, edge_time / simulate.duration)
     try:
-        compiling = _timed(prepared, own, PIECES[0])[0]
-        below = _pace(prepared, own)
-        beyond = _pace(prepared, BEYOND * at_the_edges if np.any(at_the_edges) else own) if share < 1 else None
+        compiling = _timed(prepared, own, PIECES[0], progress)[0]
+        below = _pace(prepared, own, progress)
+        further = BEYOND * at_the_boundaries if np.any(at_the_boundaries) else own
+        beyond = _pace(prepared, further, progress) if share < 1 else None
     except IntegrationError:
         return RunTime(None, None, compiling, None, None)
     paces = [(share, below)] + ([(1 - share, beyond)] if beyond is not None else [])
@@ -66,13 +69,13 @@ def estimate(prepared: Prepared, edge_time: float | None, at_the_edges: NDArray[
     return RunTime(seconds, evaluations, compiling, below, beyond)
 
 
-def _pace(prepared: Prepared, state: NDArray[np.float64]) -> Pace:
+def _pace(prepared: Prepared, state: NDArray[np.float64], progress: Progress) -> Pace:
     """The pace of a whole chunk, from pieces of it that are long enough to be timed; a piece observes a whole chunk."""
     found: list[tuple[int, float, float]] = []
     for samples in PIECES:
-        timed = [_timed(prepared, state, samples)]
+        timed = [_timed(prepared, state, samples, progress)]
         while len(timed) < REPEATS and timed[0][0] < LONG_ENOUGH:
-            timed.append(_timed(prepared, state, samples))
+            timed.append(_timed(prepared, state, samples, progress))
         found.append((samples, *min(timed)))  # whatever else the machine does makes it longer, never shorter
         if found[-1][1] > LONG_ENOUGH:
             break
@@ -84,9 +87,9 @@ def _pace(prepared: Prepared, state: NDArray[np.float64]) -> Pace:
     return Pace(much + further * max(much - little, 0.0), more + further * (more - some))
 
 
-def _timed(prepared: Prepared, state: NDArray[np.float64], samples: int) -> tuple[float, float]:
-    """Computing time (s) and evaluations of so many samples from a departure and velocity (2n,)."""
-    stop_if_interrupted()
+def _timed(prepared: Prepared, state: NDArray[np.float64], samples: int, progress: Progress) -> tuple[float, float]:
+    """Computing time (s) and evaluations of so many samples from a displacement and velocity (2n,)."""
+    progress(f"timing {samples} samples", 0.0, None)
     model, simulate = prepared.model, prepared.scene.simulate
     n = len(model.names)
     begun = time.process_time()

@@ -2,44 +2,52 @@
 
 import math
 from collections.abc import Iterator
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from drumsqueal.findings.departure import moved_by
 from drumsqueal.findings.edges import edge_shares
+from drumsqueal.findings.prediction import Prediction, predict
+from drumsqueal.findings.schema import Finding, Findings, Held, InMemory
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.effects.operation import Moment
 from drumsqueal.physics.effects.pressure import Unilateral
-from drumsqueal.questions.check.run_time import RunTime, estimate
+from drumsqueal.progress import Progress, silent
+from drumsqueal.questions.check.run_time import estimate
 from drumsqueal.scene import Profile, Scene
 from drumsqueal.scene.tables import BYTES_PER_SAMPLE
 from drumsqueal.scene.usual import unusual
 from drumsqueal.simulation import Prepared, check_sample_rate, prepare, start_of
 from drumsqueal.solve.linear.modes import Mode, while_sliding
 
+# What a run takes next to its integration goes with the speed of the machine, as does loading the package: comparison,
+# figures and programs fetched from the cache took so many times as long, for the shipped scenes.
+BESIDE = 4.0
+LOADED = 0.3  # s; loading that is faster did not happen, for all was loaded before
 HARMONICS = 2  # of the highest frequency that a record should hold: contact that comes and goes makes them
-PHASES = 64  # of an oscillation, at which its distance from the edges is looked at
-SMALL = 0.5  # of the edges: a start from there on leaves next to no linear growth
-EXCITED = 1e-6  # of the edges; less is round-off
+PHASES = 64  # of an oscillation, at which its distance from the contact boundaries is looked at
+SMALL = 0.5  # of the way to a contact boundary: a start from there on leaves next to no linear growth
+EXCITED = 1e-6  # of the way to a contact boundary; less is round-off
 
 
-class Number(NamedTuple):
-    """A derived number in SI: its name, its value, its unit, and what it is in a few words."""
+class Number(Finding):
+    """A derived number in SI: its value, its unit, and what it is in a few words."""
 
-    name: str
     value: float
     unit: str
-    meaning: str
+    meaning: str = Field(default="", exclude=True)
 
 
-class Growth(NamedTuple):
-    """A mode that grows: its frequency (Hz), growth rate (1/s), and when it would reach an edge from this start (s).
+@dataclass(frozen=True)
+class Growth:
+    """A mode that grows: frequency (Hz), growth rate (1/s), and when it would reach a contact boundary (s).
 
-    `start_share` is how far the start comes towards the nearest edge in this mode; 0 and None where it leaves it alone.
+    `start_share` is how far the start comes towards the nearest one in this mode; 0 and None where it is not excited.
     """
 
     label: str
@@ -49,89 +57,109 @@ class Growth(NamedTuple):
     edge_time: float | None
 
 
-class Check(NamedTuple):
-    """What a scene amounts to: numbers, growing modes, the size of its record, the time it takes, and warnings."""
+@dataclass(frozen=True)
+class Estimate:
+    """Time of the integration and of a whole `drumsqueal run` once compiled (s), and evaluations; None if unknown."""
 
-    prepared: Prepared
-    numbers: tuple[Number, ...]
+    integration_s: float | None
+    evaluations: float | None
+    run_s: float | None
+
+
+class Check(Findings):
+    """What a scene amounts to: numbers, growing modes, the size of its record, the time it takes, and warnings.
+
+    `first_edge_s` is when the first mode reaches a contact boundary by the eigenvalues (s); None where none does.
+    """
+
+    numbers: dict[str, Number]
+    prediction: Prediction
     growing: tuple[Growth, ...]
-    start_shares: tuple[float, float]
-    least_sample_rate: float
+    start_share_of_contact_loss: float | None
+    start_share_of_slip_reversal: float | None
+    first_edge_s: float | None
+    highest_frequency_Hz: float
+    least_sample_rate_Hz: float
     samples: int
     history_bytes: int
-    run_time: RunTime
+    estimate: Estimate
     warnings: tuple[str, ...]
-
-    @property
-    def scene(self) -> Scene:
-        """The scene."""
-        return self.prepared.scene
-
-    @property
-    def edge_time(self) -> float | None:
-        """When the first mode reaches an edge by the eigenvalues (s); None where none does."""
-        return first_edge(self.growing, self.start_shares)
+    model: dict[str, tuple[str, ...]]
+    prepared: InMemory[Prepared] = Held
 
 
-def check_scene(scene: Scene) -> Check:
+def check_scene(scene: Scene, loading: float = 0.0, *, progress: Progress = silent) -> Check:
     """Explain a scene and estimate what its run takes on this machine, from short pieces of it.
 
-    Raises SceneError for what `run` refuses, too.
+    `loading` (s) is what it took to load the package, 0 where it was loaded before. Raises SceneError for what `run`
+    refuses, too.
     """
+    progress("compiling and timing pieces of the transient", 0.0, None)
     prepared = prepare(scene)
     check_sample_rate(prepared)
     shares = start_shares(prepared)
     growing = tuple(_growth(prepared, mode) for mode in prepared.stability.unstable)
     edge = first_edge(growing, shares)
-    time = estimate(prepared, edge, _at_the_edges(prepared, growing))
+    time = estimate(prepared, edge, _at_the_boundaries(prepared, growing), progress)
+    whole = None
+    if time.seconds is not None and loading >= LOADED:
+        whole = time.seconds + (1 + BESIDE) * loading
     samples = round(scene.simulate.duration * scene.simulate.sample_rate) + 1
     return Check(
-        prepared,
-        numbers=tuple(derived_numbers(prepared)),
+        scene=scene,
+        numbers={name: Number(value=value, unit=unit, meaning=said) for name, value, unit, said in _numbers(prepared)},
+        prediction=predict(prepared.stability),
         growing=growing,
-        start_shares=shares,
-        least_sample_rate=2 * prepared.stability.highest_frequency_Hz,
+        start_share_of_contact_loss=shares[0],
+        start_share_of_slip_reversal=shares[1],
+        first_edge_s=edge,
+        highest_frequency_Hz=prepared.stability.highest_frequency_Hz,
+        least_sample_rate_Hz=2 * prepared.stability.highest_frequency_Hz,
         samples=samples,
         history_bytes=samples * BYTES_PER_SAMPLE,
-        run_time=time,
+        estimate=Estimate(time.seconds, time.evaluations, whole),
         warnings=tuple(warnings_of(prepared, growing, shares)),
+        model={key: tuple(words) for key, words in prepared.inventory._asdict().items()},
+        prepared=prepared,
     )
 
 
-def derived_numbers(prepared: Prepared) -> Iterator[Number]:
+def _numbers(prepared: Prepared) -> Iterator[tuple[str, float, str, str]]:
     """What follows from the numbers of a scene, for the drum's speed and the load for which the eigenvalues are."""
     model = while_sliding(prepared.linear)[0]
     contact, shoe = model.lining, model.shoe
     moment = model.operation.at(0.0)
     radius, centroid, half = (float(each) for each in (shoe.outer_radius, shoe.centroid, shoe.half_angle))
-    yield Number("arc length", 2 * half * radius, "m", "of the lining, R β")
-    yield Number("lining area", float(shoe.area), "m^2", "R β b")
-    yield Number("mass", float(shoe.mass[0]), "kg", "of the shoe")
-    yield Number("centre of gravity", centroid, "m", "from the drum's axis")
+    yield ("arc length", 2 * half * radius, "m", "of the lining, R β")
+    yield ("lining area", float(shoe.area), "m^2", "R β b")
+    yield ("mass", float(shoe.mass[0]), "kg", "of the shoe")
+    yield ("centre of gravity", centroid, "m", "from the drum's axis")
     for k, axis in enumerate(("Tx", "Ty", "Tz"), start=1):
-        yield Number(f"moment of inertia I{k}", float(shoe.mass[2 + k]), "kg m^2", f"about the centre, for {axis}")
+        yield (f"moment of inertia I{k}", float(shoe.mass[2 + k]), "kg m^2", f"about the centre, for {axis}")
     yield from _of_contact(contact, moment, centroid, half)
     if contact.friction is not None:
         speed = abs(float(moment.drum_speed))
         sliding = radius * speed
-        yield Number("sliding speed", sliding, "m/s", "R Ω; as a velocity along the drum, slip begins to reverse there")
+        yield ("sliding speed", sliding, "m/s", "R Ω; as a velocity along the drum, slip begins to reverse there")
         farthest = radius - centroid * math.cos(half)
-        yield Number("reversing rotation", sliding / farthest, "rad/s", "the rate of Tz alone at which slip reverses")
+        yield ("reversing rotation", sliding / farthest, "rad/s", "the rate of Tz alone at which slip reverses")
         law = contact.friction.law
         slope = jax.grad(lambda s: jnp.sum(law.coefficient(s)))(jnp.asarray(sliding))
-        yield Number("friction coefficient", float(law.coefficient(jnp.asarray(sliding))), "1", "at the sliding speed")
-        yield Number("slope of friction", float(slope), "s/m", "of its curve there; falling friction feeds squeal")
+        yield ("friction coefficient", float(law.coefficient(jnp.asarray(sliding))), "1", "at the sliding speed")
+        yield ("slope of friction", float(slope), "s/m", "of its curve there; falling friction feeds squeal")
 
 
-def _of_contact(contact: Contact, moment: Moment, centroid: float, half: float) -> Iterator[Number]:
+def _of_contact(
+    contact: Contact, moment: Moment, centroid: float, half: float
+) -> Iterator[tuple[str, float, str, str]]:
     preload, stiffness = float(moment.preload), float(contact.law.stiffness)
-    yield Number("mean pressure p0", preload, "Pa", "normal load / (R β b)")
+    yield ("mean pressure p0", preload, "Pa", "normal load / (R β b)")
     if isinstance(contact.law, Unilateral) and stiffness > 0:
         depth = preload / stiffness
-        yield Number("lifting displacement", depth, "m", "p0/k_c: away from the drum, at which pressure p0 is lost")
+        yield ("lifting displacement", depth, "m", "p0/k_c: away from the drum, at which pressure p0 is lost")
         arm = centroid * (math.sin(half) if half < math.pi / 2 else 1.0)
         if arm > 0:
-            yield Number("lifting rotation", depth / arm, "rad", "Tz alone at which an end of the lining lifts off")
+            yield ("lifting rotation", depth / arm, "rad", "Tz alone at which an end of the lining lifts off")
 
 
 def start_shares(prepared: Prepared) -> tuple[float, float]:
@@ -142,19 +170,19 @@ def start_shares(prepared: Prepared) -> tuple[float, float]:
 
 
 def first_edge(growing: tuple[Growth, ...], shares: tuple[float, float]) -> float | None:
-    """When the first edge is reached (s): at once, by the growth of a mode, or never."""
+    """When the first contact boundary is reached (s): at once, by the growth of a mode, or never."""
     if max(shares) >= 1:
         return 0.0
     return min((each.edge_time for each in growing if each.edge_time is not None), default=None)
 
 
 def _start(prepared: Prepared, names: tuple[str, ...]) -> NDArray[np.float64]:
-    """The departure from steady sliding and the velocity at the start (2n,)."""
+    """The displacement from steady sliding and the velocity at the start (2n,)."""
     return np.concatenate(start_of(prepared.scene, names))
 
 
 def _growth(prepared: Prepared, mode: Mode) -> Growth:
-    """A mode that grows, and a_j(0) = 2 leftᴴ y of the start over its amplitude at the nearest edge."""
+    """A mode that grows, and a_j(0) = 2 leftᴴ y of the start over its amplitude at the nearest contact boundary."""
     coordinates = prepared.stability.coordinates
     amplitude = abs(2 * np.vdot(mode.left, _start(prepared, coordinates)))
     share = float(amplitude * _share_of_shape(prepared, mode))
@@ -163,14 +191,14 @@ def _growth(prepared: Prepared, mode: Mode) -> Growth:
 
 
 def _share_of_shape(prepared: Prepared, mode: Mode) -> float:
-    """How far a mode of amplitude 1 comes towards the nearer edge: it is proportional to the amplitude."""
+    """How far a mode of amplitude 1 comes towards the nearer contact boundary: it is proportional to the amplitude."""
     turning = np.exp(2j * np.pi * np.arange(PHASES) / PHASES)
     states, n = np.real(turning[:, None] * mode.right), len(prepared.stability.coordinates)
     return max(edge_shares(while_sliding(prepared.linear)[0], states[:, :n], states[:, n:]))
 
 
-def _at_the_edges(prepared: Prepared, growing: tuple[Growth, ...]) -> NDArray[np.float64]:
-    """A state (2n,), over the coordinates of the model, with each mode that the start excites at its nearest edge."""
+def _at_the_boundaries(prepared: Prepared, growing: tuple[Growth, ...]) -> NDArray[np.float64]:
+    """A state (2n,) over the model's coordinates: each mode that the start excites, at its nearest contact boundary."""
     names, wide = prepared.model.names, prepared.stability.coordinates
     state = np.zeros(2 * len(wide))
     for mode, growth in zip(prepared.stability.unstable, growing, strict=True):
@@ -213,21 +241,21 @@ def _about_the_start(prepared: Prepared, growing: tuple[Growth, ...], shares: tu
     if not np.any(_start(prepared, prepared.stability.coordinates)) and prepared.scene.forcing is None:
         moving = moved_by(prepared.linear, prepared.stability, prepared.scene.simulate.duration)
         if moving:
-            yield f"Nothing is started, but the {moving} moves the shoe out of steady sliding."
+            yield f"No start, but the {moving} moves the shoe out of steady sliding."
         else:
-            yield "Nothing is started and no force acts: the shoe stays in steady sliding; give start a displacement."
+            yield "No start and no force: the shoe stays in steady sliding; give start a displacement."
         return
     lost, reversed_slip = shares
     if max(shares) >= SMALL:
-        which = "contact loss" if lost >= reversed_slip else "slip reversal"
-        beyond = "beyond the edges" if max(shares) >= 1 else "near the edges"
+        which = "loss of contact" if lost >= reversed_slip else "slip reversal"
+        where = "beyond" if max(shares) >= 1 else "close to"
         yield (
-            f"The start is {beyond}, at {max(shares):.3g} times {which}: there is next to no linear growth to compare "
-            "with the eigenvalues; make it smaller, or take it as a large disturbance."
+            f"The start is {where} the contact boundaries, at {max(shares):.3g} times {which}: there is next to no "
+            "linear growth to compare with the eigenvalues; make it smaller, or take it as a large disturbance."
         )
     still = [each.label for each in growing if each.edge_time is None]
     if still:
-        yield f"The start leaves {', '.join(still)} alone, which would grow: it is not in the transient."
+        yield f"The start does not excite {', '.join(still)}, which would grow: it is not in the transient."
 
 
 def _about_the_record(prepared: Prepared, growing: tuple[Growth, ...], shares: tuple[float, float]) -> Iterator[str]:
@@ -235,7 +263,7 @@ def _about_the_record(prepared: Prepared, growing: tuple[Growth, ...], shares: t
     if simulate.sample_rate < 2 * (HARMONICS + 1) * highest:
         yield (
             f"The sample rate is {simulate.sample_rate / highest:.3g} times the highest frequency, {highest:.5g} Hz: "
-            f"of a motion that meets the edges what lies above {simulate.sample_rate / 2:.5g} Hz folds back; "
+            f"with lift-off or slip reversal, motion above {simulate.sample_rate / 2:.5g} Hz is aliased; "
             f"{2 * (HARMONICS + 1) * highest:.3g} Hz would hold its third harmonic."
         )
     edge, rates = first_edge(growing, shares), [each.growth_rate for each in growing if each.edge_time is not None]
@@ -244,6 +272,6 @@ def _about_the_record(prepared: Prepared, growing: tuple[Growth, ...], shares: t
         saturates = "will not saturate" if edge > simulate.duration else "may not have settled by its end"
         yield (
             f"The duration of {simulate.duration:g} s is {simulate.duration * max(rates):.3g} growth times: the "
-            f"eigenvalues put the first edge at {edge:.3g} s, so squeal {saturates}; take at least "
+            f"eigenvalues put the first contact boundary at {edge:.3g} s, so squeal {saturates}; take at least "
             f"{enough:g} s, or a larger start."
         )

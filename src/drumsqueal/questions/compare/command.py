@@ -9,7 +9,6 @@ from drumsqueal.errors import RequestError
 from drumsqueal.files.claims import claim_results
 from drumsqueal.files.ordinary import open_ordinary
 from drumsqueal.files.output_folder import COMPARE_FILES, HISTORY, history_file
-from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.terminal.completion import SIGNALS, words
 from drumsqueal.terminal.options import (
     JsonFile,
@@ -67,7 +66,7 @@ def compare_command(
 ) -> None:
     """Which lines of a measured record are simulated?
 
-    Lays the record over a history and tells how far its lines are from the simulated ones and from the eigenvalues.
+    Compares the lines of the record with the simulated ones and with the eigenvalues.
 
     Writes compare.csv, compare.json and compare.png into DIR. A measured acceleration or displacement is compared with
     a simulated velocity line by line; a record without a unit, such as a microphone's, by frequency and relative level.
@@ -82,27 +81,22 @@ def compare_command(
     claim_results(read[0].parent)
     widest = read_share(within, "--within")
     begin, end, sampled = read_time(since, "--from"), read_time(until, "--until"), read_rate(rate, "--rate")
-    stop_if_interrupted()
+    from drumsqueal.questions.compare.answer import COMPARED
     from drumsqueal.questions.compare.measured.reader import read_measured
+    from drumsqueal.questions.compare.study import compare_measured
+    from drumsqueal.terminal.runner import answer, shown_progress
 
     record = read_measured(measured, channel, rate=sampled, unit=unit, first=begin, last=end)
-    stop_if_interrupted()
-    from drumsqueal.questions.compare.job import compare_into
-    from drumsqueal.questions.compare.study import compare_measured
-
-    stop_if_interrupted()
-    # What cannot be done is told before there is a folder.
-    comparison = compare_measured(history, record, signal, within=widest)
-    stop_if_interrupted()
-    reply.clear()
-    reply.send(compare_into(folder, comparison, measured, reply.console))
+    with shown_progress(reply.console) as progress:  # what cannot be done is reported before there is a folder
+        found = compare_measured(history, record, signal, within=widest, file=measured, progress=progress)
+    answer(reply, COMPARED, lambda *_: found)
 
 
 def _check_order(history: Path, measured: Path) -> None:
     """Raise RequestError where the second argument is a history and the first is none."""
     if _is_history(measured) and not _is_history(history):
-        told = f"{measured} is a history and {history} is not: the history comes first"
-        raise RequestError(f"{told}; write drumsqueal compare {measured} {history}")
+        why = f"{measured} is a history and {history} is not: the history comes first"
+        raise RequestError(f"{why}; write drumsqueal compare {measured} {history}")
 
 
 def _is_history(path: Path) -> bool:

@@ -4,9 +4,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from drumsqueal.findings.signals import level_dB, level_reference
+from drumsqueal.findings.signals import level_dB
 from drumsqueal.questions.compare.measured.record import QUANTITIES
 from drumsqueal.questions.compare.study import LOWEST, MeasuredComparison, Spectral
+from drumsqueal.questions.compare.words import zero_level
 from drumsqueal.terminal import style
 from drumsqueal.terminal.placement import extremes, label_top_edge
 
@@ -16,22 +17,20 @@ DEEPEST_DB = 80.0  # below the largest line
 HEADROOM_DB, BELOW_DB = 12.0, 10.0
 LEAST_SEEN_DB = 40.0  # of the lower spectrum, below its largest line
 OVER_DB = 3.0  # of the mark over its line
-LABEL_SHARE = 0.025  # of the width, between two orders
+LABEL_ROOM = 0.025  # of the width, between two orders
 LEAST_PERCENT = 0.1  # half the height of the lower panel at least
 
 
 @style.styled()
 def draw_comparison(comparison: MeasuredComparison) -> Figure:
     """Draw both spectra in dB over each other and, below, the differences of the lines that are pairs."""
-    figure = style.new_figure(
-        comparison.scene.title, f"measured {comparison.measured_record.short_name} over the simulation"
-    )
+    figure = style.new_figure(comparison.scene.title, f"measured {comparison.measured.short_name} over the simulation")
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
     highest = _highest(comparison)
     upper.set_xlim(0, highest / 1e3)
     _draw_spectra(comparison, upper, highest)
     _draw_differences(comparison, lower)
-    nyquist = comparison.measured.sample_rate / 2
+    nyquist = comparison.measured.sample_rate_Hz / 2
     for axes in (upper, lower):
         for mode in comparison.modes:
             if mode.frequency_Hz < highest:
@@ -60,14 +59,14 @@ def _highest(comparison: MeasuredComparison) -> float:
     """Highest frequency shown (Hz)."""
     found = [mode.frequency_Hz for mode in comparison.modes]
     found += [float(f) for record in (comparison.measured, comparison.simulated) for f in record.frequency_Hz]
-    top = max(comparison.measured.sample_rate, comparison.simulated.sample_rate) / 2
+    top = max(comparison.measured.sample_rate_Hz, comparison.simulated.sample_rate_Hz) / 2
     return min(top, ABOVE * max(found, default=top))
 
 
 def _draw_spectra(comparison: MeasuredComparison, axes: Axes, highest: float) -> None:
     records, fundamental = (comparison.simulated, comparison.measured), _fundamental(comparison)
-    references = comparison.references[::-1]
-    colours, names = (SIMULATED, MEASURED), (comparison.signal, comparison.measured_record.short_name)
+    references = [comparison.rms_of_0_dB[which] for which in ("simulated", "measured")]
+    colours, names = (SIMULATED, MEASURED), (comparison.simulated.signal, comparison.measured.short_name)
     tops, bottoms = [], []
     for record, reference, colour, name in zip(records, references, colours, names, strict=True):
         spectrum = record.tones.spectrum
@@ -85,7 +84,7 @@ def _draw_spectra(comparison: MeasuredComparison, axes: Axes, highest: float) ->
         )
         tops.append(float(largest.max()))
         bottoms.append(float(np.percentile(largest, 2)))
-    for line in comparison.lines:
+    for line in comparison.matched:
         axes.plot(
             [line.frequency_Hz / 1e3], [line.level_dB + OVER_DB], marker=7, color=MEASURED, markersize=3, linestyle=""
         )  # 7: a triangle that points down to it
@@ -93,18 +92,19 @@ def _draw_spectra(comparison: MeasuredComparison, axes: Axes, highest: float) ->
     # However far apart the levels are, the lines of both are seen.
     axes.set_ylim(min(max(min(bottoms) - BELOW_DB, top - DEEPEST_DB), min(tops) - LEAST_SEEN_DB), top + HEADROOM_DB)
     label = "Level (dB re largest line)"
-    if comparison.unit:
-        reference = level_reference(comparison.unit).written.partition(" (")[0]
-        label = f"{QUANTITIES[comparison.unit].capitalize()}, rms (dB re {reference})"
+    if comparison.amplitudes_in:
+        label = f"{QUANTITIES[comparison.amplitudes_in].capitalize()}, rms (dB re {zero_level(comparison)})"
     style.frame(axes, None, label)
     handles, labels = axes.get_legend_handles_labels()
     axes.legend(handles[::-1], labels[::-1], loc="lower left", bbox_to_anchor=(0.0, 1.12), borderaxespad=0, ncols=1)
 
 
 def _fundamental(comparison: MeasuredComparison) -> float | None:
-    """The strongest line that has harmonics (Hz): theirs are told in the figure."""
-    found = {line.harmonic.fundamental_Hz for line in comparison.lines if line.harmonic and not line.harmonic.simulated}
-    return next((line.frequency_Hz for line in comparison.lines if line.frequency_Hz in found), None)
+    """The strongest line that has harmonics (Hz): theirs are labelled in the figure."""
+    found = {
+        line.harmonic.fundamental_Hz for line in comparison.matched if line.harmonic and not line.harmonic.simulated
+    }
+    return next((line.frequency_Hz for line in comparison.matched if line.frequency_Hz in found), None)
 
 
 def _label_harmonics(comparison: MeasuredComparison, axes: Axes) -> None:
@@ -112,12 +112,12 @@ def _label_harmonics(comparison: MeasuredComparison, axes: Axes) -> None:
     fundamental, (lowest, highest) = _fundamental(comparison), axes.get_xlim()
     orders = {
         line.harmonic.order: line.frequency_Hz / 1e3
-        for line in comparison.lines
+        for line in comparison.matched
         if line.harmonic is not None and line.harmonic.fundamental_Hz == fundamental
     }
     taken = -np.inf
     for order, place in sorted(orders.items()):
-        if place - taken >= LABEL_SHARE * (highest - lowest) and place < highest:
+        if place - taken >= LABEL_ROOM * (highest - lowest) and place < highest:
             axes.annotate(
                 f"{order}×",
                 (place, 0.99),
@@ -132,17 +132,16 @@ def _label_harmonics(comparison: MeasuredComparison, axes: Axes) -> None:
 
 
 def _caption(name: str, record: Spectral) -> str:
-    factor, unit = style.time_unit(record.end_s)
-    resolution = record.tones.spectrum.resolution_Hz
-    span = f"{record.start_s * factor:.4g} to {record.end_s * factor:.4g} {unit}"
-    return f"{name}, {span}, resolution {resolution:.2g} Hz"
+    factor, unit = style.time_unit(record.until_s)
+    span = f"{record.from_s * factor:.4g} to {record.until_s * factor:.4g} {unit}"
+    return f"{name}, {span}, resolution {record.resolution_Hz:.2g} Hz"
 
 
 def _draw_differences(comparison: MeasuredComparison, axes: Axes) -> None:
     """Of the pairs alone."""
     axes.axhline(0, color=style.DARK, linewidth=0.6)
     largest = LEAST_PERCENT
-    for line in comparison.lines:
+    for line in comparison.matched:
         for match, marker in ((line.simulated, "o"), (line.mode, "D")):
             if match is None or not match.paired:
                 continue

@@ -1,6 +1,6 @@
 """Lines of two records paired one to one; none is forced into a pair."""
 
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,7 +11,8 @@ WIDEST = 0.05  # relative: what lies further apart is not the same line
 APART_DB = 40.0
 
 
-class Match(NamedTuple):
+@dataclass(frozen=True)
+class Match:
     """The reference that a line goes with (an index), measured over reference less 1, and whether they are a pair.
 
     Where they are none it is the reference nearest in frequency.
@@ -55,7 +56,7 @@ def match_lines(
 
 
 def share_covered(references: ArrayLike, lowest: float, highest: float, *, widest: float = WIDEST) -> float:
-    """The share of the frequencies from lowest to highest (Hz) that lie within `widest` of a reference.
+    """The fraction of the frequencies from lowest to highest (Hz) that lie within `widest` of a reference.
 
     It is the probability that a line which has nothing to do with the references finds one all the same.
     """

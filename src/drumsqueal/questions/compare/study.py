@@ -1,23 +1,25 @@
-"""A measured record beside a history: their lines, the eigenvalues' frequencies, and which are the same."""
+"""A measured record compared with a history: their lines, the eigenvalues' frequencies, and which are the same."""
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from drumsqueal.errors import RequestError
 from drumsqueal.files.saved_history import SavedHistory, read_history
 from drumsqueal.findings.departure import first_edge
 from drumsqueal.findings.saturation import saturated_part
+from drumsqueal.findings.schema import Finding, Findings, Held, InMemory
 from drumsqueal.findings.signals import Tones, find_harmonics, find_tones, level_dB, level_reference
-from drumsqueal.interrupts import stop_if_interrupted
+from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.compare.matching import WIDEST, Match, match_lines, share_covered
 from drumsqueal.questions.compare.measured.record import QUANTITIES, Measured, parse_unit
+from drumsqueal.questions.compare.words import describe_levels, describe_verdict
 from drumsqueal.questions.export.signals import SURFACE, make_channels, names_of
-from drumsqueal.scene import Scene
 from drumsqueal.simulation import prepare
-from drumsqueal.solve.linear.modes import Mode
 
 LONGEST_SEGMENT = 1.0  # s: a line of squeal seldom keeps its frequency for longer than 1 Hz tells
 FEWEST_SAMPLES = 64  # of the simulated part
@@ -26,13 +28,15 @@ LOWEST = 20.0  # Hz: what is slower is no sound, and drifts of a measurement are
 FAMILIES = (("m", "m/s", "m/s^2"), ("rad", "rad/s", "rad/s^2"))  # a quantity and its rates
 
 
-class Spectral(NamedTuple):
+class Spectral(Finding):
     """One of the two records: from when to when (s), its rate (Hz), and its tones; all amplitudes are in one unit."""
 
-    start_s: float
-    end_s: float
-    sample_rate: float
-    tones: Tones
+    from_s: float
+    until_s: float
+    sample_rate_Hz: float
+    resolution_Hz: float
+    segments: int
+    tones: InMemory[Tones] = Held
 
     @property
     def frequency_Hz(self) -> NDArray[np.float64]:
@@ -45,7 +49,46 @@ class Spectral(NamedTuple):
         return self.tones.peaks.amplitude
 
 
-class Overtone(NamedTuple):
+class MeasuredRecord(Spectral):
+    """The measured record, its channel, and what that measures in which unit, as far as it is known."""
+
+    file: str
+    channel: str
+    quantity: str | None
+    unit: str | None
+    short_name: str = Field(default="", exclude=True)
+
+
+class SimulatedLine(Finding):
+    """A simulated line, and whether it is at or above half the measured sample rate."""
+
+    frequency_Hz: float
+    amplitude: float
+    not_measurable: bool
+
+
+class SimulatedRecord(Spectral):
+    """The compared part of the history: the saturated one, or all of it where no contact boundary is reached."""
+
+    file: str
+    signal: str
+    saturated: bool
+    lines: tuple[SimulatedLine, ...]
+
+
+class ComparedMode(Finding):
+    """A mode, and whether it is at or above half the measured sample rate."""
+
+    label: str
+    frequency_Hz: float
+    growth_rate_1_per_s: float
+    unstable: bool
+    not_measurable: bool
+    name: str = Field(default="", exclude=True)
+
+
+@dataclass(frozen=True)
+class Overtone:
     """Which multiple of which frequency (Hz) a line is, and whether that one is simulated, for it is not measured."""
 
     order: int
@@ -53,7 +96,8 @@ class Overtone(NamedTuple):
     simulated: bool
 
 
-class MeasuredLine(NamedTuple):
+@dataclass(frozen=True)
+class MeasuredLine:
     """A measured line: its level (dB), the nearest eigenvalue and the nearest simulated line, level over the latter's.
 
     `level_difference_dB` is None where the line has no simulated one as its pair. A harmonic of another line is none of
@@ -69,73 +113,62 @@ class MeasuredLine(NamedTuple):
     level_difference_dB: float | None
 
 
-class MeasuredComparison(NamedTuple):
-    """What was measured beside what was simulated and predicted.
+class MeasuredComparison(Findings):
+    """What was measured compared with what was simulated and predicted.
 
-    `unit` is that of all amplitudes, "" where the two records have none in common; levels then are relative to each
-    record's own largest line below `highest_Hz`, half the lower of the two sample rates, and otherwise to 1 `unit`. No
-    pair is further apart than `within`, a share of the frequency. `references` are the rms values of 0 dB, measured
-    and simulated. `lines` come strongest first.
+    `amplitudes_in` is the unit of all amplitudes, None where the two records have none in common; levels then are
+    relative to each record's own largest line that both can hold, and otherwise to 1 unit: `rms_of_0_dB`. No pair is
+    further apart than `pairs_within`, a fraction of the frequency; `chance_of_a_pair` is the fraction of the
+    frequencies, up to the highest line of either record, at which a line would find one. `matched` are the measured
+    lines, the strongest first, and `lines` a row for each.
     """
 
-    scene: Scene
-    source: Path
-    measured_record: Measured
-    signal: str
-    unit: str
-    references: tuple[float, float]
-    saturated: bool
-    measured: Spectral
-    simulated: Spectral
-    modes: tuple[Mode, ...]
-    lines: tuple[MeasuredLine, ...]
-    within: float
-    told: tuple[str, ...]
+    verdict: str = ""
+    measured: MeasuredRecord
+    simulated: SimulatedRecord
+    amplitudes_in: str | None
+    rms_of_0_dB: dict[str, float]
+    pairs_within: float
+    chance_of_a_pair: float
+    lowest_frequency_Hz: float = LOWEST
+    lines: tuple[dict[str, Any], ...]
+    modes: tuple[ComparedMode, ...]
+    notes: tuple[str, ...]
+    matched: InMemory[tuple[MeasuredLine, ...]] = Field(default=(), exclude=True)
 
     @property
-    def highest_Hz(self) -> float:
-        """What both records can hold (Hz)."""
-        return min(self.measured.sample_rate, self.simulated.sample_rate) / 2
-
-    @property
-    def chance(self) -> float:
-        """Share of the frequencies, up to the highest line of either record, at which a line would find a pair."""
-        found = [float(f) for record in (self.measured, self.simulated) for f in record.frequency_Hz]
-        highest = min(self.measured.sample_rate / 2, max(found, default=LOWEST) * (1 + self.within))
-        return share_covered(self.simulated.frequency_Hz, LOWEST, highest, widest=self.within)
-
-    @property
-    def not_measured(self) -> tuple[int, ...]:
+    def not_measured(self) -> list[int]:
         """Simulated lines (indices) below half the measured sample rate that no measured one is."""
-        paired = {line.simulated.reference for line in self.lines if line.simulated and line.simulated.paired}
-        below = self.simulated.frequency_Hz < self.measured.sample_rate / 2
-        return tuple(k for k in range(below.size) if below[k] and k not in paired)
-
-    @property
-    def out_of_reach(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
-        """Modes and simulated lines (indices) above half the measured sample rate, which it cannot show."""
-        nyquist = self.measured.sample_rate / 2
-        modes = tuple(k for k, mode in enumerate(self.modes) if mode.frequency_Hz >= nyquist)
-        return modes, tuple(int(k) for k in np.flatnonzero(self.simulated.frequency_Hz >= nyquist))
+        paired = {line.simulated.reference for line in self.matched if line.simulated and line.simulated.paired}
+        lines = self.simulated.lines
+        return [k for k, line in enumerate(lines) if not line.not_measurable and k not in paired]
 
 
 def compare_measured(
-    history: SavedHistory | Path | str, measured: Measured, signal: str = SURFACE, *, within: float = WIDEST
+    history: SavedHistory | Path | str,
+    measured: Measured,
+    signal: str = SURFACE,
+    *,
+    within: float = WIDEST,
+    file: Path | str = "",
+    progress: Progress = silent,
 ) -> MeasuredComparison:
     """Compare a measured record with a signal of a history, and with the eigenvalues of its scene.
 
-    Of the history the saturated part is taken, or all of it where it reaches no edge. Both spectra are averaged over
-    segments as long as the shorter record, 1 s at most. A simulated velocity is compared with a measured acceleration
-    or displacement by 2πf, line by line. Pairs lie within the share `within` of the frequency. Raises RequestError for
-    a signal that is not there or does not move, and for a history whose friction law is not in it.
+    Of the history the saturated part is taken, or all of it where it reaches no contact boundary. Both spectra are
+    averaged over segments as long as the shorter record, 1 s at most. A simulated velocity is compared with a measured
+    acceleration or displacement by 2πf, line by line. Pairs lie within the fraction `within` of the frequency. `file`
+    is the name of the measured one. Raises RequestError for a signal that is not there or does not move, and for a
+    history whose friction law is not in it.
     """
     saved = history if isinstance(history, SavedHistory) else read_history(Path(history))
     if saved.given_law:
-        told = "its friction law was given in Python and is not in it, so that its eigenvalues are not known"
-        raise RequestError(f"{saved.path}: {told}; run the scene with a law that it names")
+        why = "its friction law was given in Python and is not in it, so that its eigenvalues are not known"
+        raise RequestError(f"{saved.path}: {why}; run the scene with a law that it names")
     name = _one_signal(saved, signal)
+    progress("eigenvalues", 0.0, None)
     prepared = prepare(saved.scene)
-    stop_if_interrupted()
+    progress("spectra", 0.0, None)
     edge = first_edge(saved.data, prepared.stability, prepared.linear)
     time = saved.data["time"].values
     part = slice(0, time.size) if edge is None else saturated_part(time, edge)
@@ -146,48 +179,113 @@ def compare_measured(
     if not np.ptp(values) > 0:
         raise RequestError(f"{saved.path}: {signal} does not move in this history; take another with --signal")
     if not measured.sample_rate > 2 * LOWEST:
-        told = f"its sample rate, {measured.sample_rate:.6g} Hz, holds nothing that is heard, from {LOWEST:g} Hz on"
-        raise RequestError(f"the measured {measured.name!r}: {told}; take a faster record, or mend --rate")
+        why = f"its sample rate, {measured.sample_rate:.6g} Hz, holds nothing that is heard, from {LOWEST:g} Hz on"
+        raise RequestError(f"the measured {measured.name!r}: {why}; take a faster record, or mend --rate")
     segment = min(measured.duration_s, values.size / saved.sample_rate, LONGEST_SEGMENT)
     for which, rate in ((f"the measured {measured.name!r}", measured.sample_rate), (saved.path, saved.sample_rate)):
         if round(segment * rate) < FEWEST_IN_SEGMENT:
-            told = f"{round(segment * rate)} samples in {segment:.4g} s, as long as the shorter record, are too few"
-            raise RequestError(f"{which}: {told} at {rate:.6g} Hz; take longer records, or mend --rate")
+            why = f"{round(segment * rate)} samples in {segment:.4g} s, as long as the shorter record, are too few"
+            raise RequestError(f"{which}: {why} at {rate:.6g} Hz; take longer records, or mend --rate")
     found = find_tones(measured.values, measured.sample_rate, segment=segment, lowest=LOWEST)
-    stop_if_interrupted()
+    progress("spectra", 0.0, None)
     unit, order = common_unit(channel.units, measured.unit)
     tones = find_tones(values, saved.sample_rate, segment=segment, lowest=LOWEST, order=order)
-    ends = (measured.start_s, measured.start_s + (measured.values.size - 1) / measured.sample_rate)
-    records = (
-        Spectral(*ends, measured.sample_rate, found),
-        Spectral(float(time[part][0]), float(time[part][-1]), saved.sample_rate, tones),
+    nyquist = measured.sample_rate / 2
+    there = MeasuredRecord(
+        **_spectral(measured.start_s, (measured.values.size - 1) / measured.sample_rate, measured.sample_rate, found),
+        file=str(file),
+        channel=measured.name,
+        quantity=measured.quantity or None,
+        unit=measured.unit or None,
+        short_name=measured.short_name,
     )
-    largest = _largest(*records)
+    here = SimulatedRecord(
+        **_spectral(float(time[part][0]), float(time[part][-1] - time[part][0]), saved.sample_rate, tones),
+        file=str(saved.path),
+        signal=signal,
+        saturated=edge is not None,
+        lines=tuple(
+            SimulatedLine(frequency_Hz=f, amplitude=a, not_measurable=bool(f >= nyquist))
+            for f, a in zip(tones.peaks.frequency_Hz, tones.peaks.amplitude, strict=True)
+        ),
+    )
+    modes = tuple(
+        ComparedMode(
+            label=mode.label,
+            frequency_Hz=mode.frequency_Hz,
+            growth_rate_1_per_s=mode.growth_rate,
+            unstable=mode.unstable,
+            not_measurable=mode.frequency_Hz >= nyquist,
+            name=mode.name,
+        )
+        for mode in prepared.stability.modes
+    )
+    largest = _largest(there, here)
     zero = (level_reference(unit).rms,) * 2 if unit else (largest[0] / np.sqrt(2), largest[1] / np.sqrt(2))
     references = (float(zero[0]), float(zero[1]))
-    return MeasuredComparison(
+    frequencies = [*there.frequency_Hz.tolist(), *here.frequency_Hz.tolist()]
+    highest = min(nyquist, max(frequencies, default=LOWEST) * (1 + within))
+    matched = _matched(there, here, modes, references, within)
+    comparison = MeasuredComparison(
         scene=saved.scene,
-        source=saved.path,
-        measured_record=measured,
-        signal=signal,
-        unit=unit,
-        references=references,
-        saturated=edge is not None,
-        measured=records[0],
-        simulated=records[1],
-        modes=prepared.stability.modes,
-        lines=_matched(*records, prepared.stability.modes, references, within),
-        within=within,
-        told=(_told_levels(measured.unit, channel.units, unit, largest), *_told(saved, measured, edge, unit, order)),
+        measured=there,
+        simulated=here,
+        amplitudes_in=unit or None,
+        rms_of_0_dB={"measured": references[0], "simulated": references[1]},
+        pairs_within=within,
+        chance_of_a_pair=share_covered(here.frequency_Hz, LOWEST, highest, widest=within),
+        lines=(),
+        modes=modes,
+        notes=(
+            describe_levels(measured.unit, channel.units, unit, largest),
+            *_notes(saved, measured, edge, unit, order),
+        ),
+        matched=matched,
     )
+    rows = tuple(line_row(comparison, line) for line in matched)
+    return comparison.model_copy(update={"lines": rows, "verdict": describe_verdict(comparison)})
+
+
+def _spectral(start: float, duration: float, rate: float, tones: Tones) -> dict[str, Any]:
+    return {
+        "from_s": start,
+        "until_s": start + duration,
+        "sample_rate_Hz": rate,
+        "resolution_Hz": tones.spectrum.resolution_Hz,
+        "segments": tones.segments,
+        "tones": tones,
+    }
+
+
+def line_row(comparison: MeasuredComparison, line: MeasuredLine | None) -> dict[str, Any]:
+    """A measured line, the nearest simulated one and the nearest mode as a row; differences are measured over the other
+    less 1. Without a line the row is empty.
+    """
+    simulated, mode = (None, None) if line is None else (line.simulated, line.mode)
+    return {
+        "line": "measured",
+        "measured_Hz": line and line.frequency_Hz,
+        "amplitude": line and line.amplitude,
+        "unit": comparison.measured.unit or "",
+        "level_dB" if comparison.amplitudes_in else "level_dB_re_largest": line and line.level_dB,
+        "rms_of_0_dB": line and comparison.rms_of_0_dB["measured"],
+        "harmonic_order": line and line.harmonic and line.harmonic.order,
+        "fundamental_Hz": line and line.harmonic and line.harmonic.fundamental_Hz,
+        "fundamental_is_simulated": line and line.harmonic and line.harmonic.simulated,
+        "nearest_simulated_Hz": simulated and comparison.simulated.lines[simulated.reference].frequency_Hz,
+        "over_simulated": simulated and simulated.difference,
+        "simulated_is_pair": simulated and simulated.paired,
+        "level_over_simulated_dB": line and line.level_difference_dB,
+        "nearest_mode": mode and comparison.modes[mode.reference].label,
+        "nearest_mode_Hz": mode and comparison.modes[mode.reference].frequency_Hz,
+        "over_mode": mode and mode.difference,
+        "mode_is_pair": mode and mode.paired,
+    }
 
 
 def _one_signal(saved: SavedHistory, signal: str) -> str:
     """The name of the one signal that is asked for, as `drumsqueal export` names them."""
-    try:
-        names, _ = names_of([signal], saved)
-    except RequestError as error:
-        raise RequestError(str(error).replace("--signals", "--signal", 1)) from None
+    names, _ = names_of([signal], saved, option="--signal")
     if len(names) != 1:
         raise RequestError(f"--signal {signal}: there are several such, {', '.join(names)}; take one of them")
     return names[0]
@@ -211,7 +309,7 @@ def common_unit(simulated: str, measured: str) -> tuple[str, int]:
 
 def _largest(measured: Spectral, simulated: Spectral) -> tuple[float, float]:
     """Amplitude of the largest line of each that both can hold; without one, of the spectrum."""
-    highest = min(measured.sample_rate, simulated.sample_rate) / 2
+    highest = min(measured.sample_rate_Hz, simulated.sample_rate_Hz) / 2
     found = []
     for record in (measured, simulated):
         common = record.amplitude[record.frequency_Hz < highest]
@@ -222,7 +320,11 @@ def _largest(measured: Spectral, simulated: Spectral) -> tuple[float, float]:
 
 
 def _matched(
-    measured: Spectral, simulated: Spectral, modes: tuple[Mode, ...], references: tuple[float, float], within: float
+    measured: Spectral,
+    simulated: Spectral,
+    modes: tuple[ComparedMode, ...],
+    references: tuple[float, float],
+    within: float,
 ) -> tuple[MeasuredLine, ...]:
     # Relative to the largest: a gain that both records share, or do not, is no reason to part their lines.
     largest = _largest(measured, simulated)
@@ -263,27 +365,16 @@ def _overtones(measured: Spectral, simulated: Spectral, to_lines: list[Match | N
     return overtones
 
 
-def _told_levels(measured: str, simulated: str, unit: str, largest: tuple[float, float]) -> str:
-    """What 0 dB is."""
-    if unit:
-        return f"levels are those of rms values, in dB re {level_reference(unit).written}"
-    own = parse_unit(simulated)
-    each = []
-    for name, si, amplitude in (("measured", measured, largest[0]), ("simulated", own.si if own else "", largest[1])):
-        reference = level_reference(si)
-        level = f"{si} rms, {float(level_dB(amplitude, reference.rms)):.1f} dB re {reference.written}"
-        each.append(f"{name} {amplitude / np.sqrt(2):.4g} {level if si else 'rms without a unit'}")
-    return f"0 dB is the largest line of each record: {'; '.join(each)}"
-
-
-def _told(saved: SavedHistory, measured: Measured, edge: float | None, unit: str, order: int) -> tuple[str, ...]:
-    told = list(measured.told)
+def _notes(saved: SavedHistory, measured: Measured, edge: float | None, unit: str, order: int) -> tuple[str, ...]:
+    notes = list(measured.told)
     if not saved.complete:
-        told.append(f"the run did not get to its end ({saved.outcome})")
+        notes.append(f"the run is incomplete ({saved.outcome})")
     if edge is None:
-        told.append("the simulated motion reaches no edge: its lines are those of linear motion, not of squeal")
+        notes.append(
+            "the simulated motion reaches no contact boundary: its lines are those of linear motion, not of squeal"
+        )
     if order:
         quantity = QUANTITIES[unit]
         how = "differentiated" if order > 0 else "integrated"
-        told.append(f"the simulated signal is {how} to {quantity}, line by line")
-    return tuple(told)
+        notes.append(f"the simulated signal is {how} to {quantity}, line by line")
+    return tuple(notes)

@@ -65,6 +65,7 @@ def _draw(axes: Axes, diagram: Diagram, colour: str, measure: Callable[[Cycle], 
     draw_cycles(axes, diagram, colour, measure)
     for branch in diagram.branches:
         for special in branch.special:
+            assert special.what is not None
             axes.plot(
                 special.value,
                 measure(special),
@@ -103,7 +104,7 @@ def _legend(found: CycleBranches, colour: str) -> list[Line2D | Patch]:
     ]
     if found.critical_values:
         handles.append(Line2D([], [], marker="D", color=style.DARK, linestyle="", markersize=4, label="Hopf point"))
-    kinds = dict.fromkeys(special.what for branch in found.branches for special in branch.special)
+    kinds = dict.fromkeys(special.what for branch in found.branches for special in branch.special if special.what)
     for kind in kinds:
         look = {"marker": MARKERS[kind], "markerfacecolor": "white", "markersize": 4, "linestyle": ""}
         handles.append(Line2D([], [], color=style.DARK, label=kind, **look))

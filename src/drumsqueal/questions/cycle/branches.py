@@ -7,7 +7,7 @@ import jax
 import numpy as np
 
 from drumsqueal.errors import CycleError
-from drumsqueal.findings.part import Outcome
+from drumsqueal.findings.outcome import Ending
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.cycle.continuation import Branch, End, Track, is_between
@@ -53,12 +53,12 @@ def follow_cycles(
     models = jax.jit(lambda value: jax.jvp(lambda number: build_model(whole, {key: number}), (value,), (1.0,)))
     span = Span.of(variation._replace(values=(variation.first, variation.last)))
 
-    def found(diagram: Diagram, outcome: Outcome) -> CycleBranches:
+    def found(diagram: Diagram, outcome: Ending) -> CycleBranches:
         critical = diagram.linear.critical
         branches = CycleBranches(
             scene=scene, outcome=outcome, parameter=span, critical_values=critical, **dict(diagram)
         )
-        complete = outcome is Outcome.COMPLETE
+        complete = outcome is Ending.COMPLETE
         return branches.model_copy(update={"verdict": diagram_verdict(branches, variation)}) if complete else branches
 
     where = ""
@@ -68,7 +68,7 @@ def follow_cycles(
         branch = diagram.branches[-1]
         where = f", branch {len(diagram.branches)}, {key} = {variation.told(branch.cycles[-1].value, '.4g')}"
         if len(branch.cycles) % KEPT_EVERY == 1:
-            keep(found(diagram, Outcome.CUT_OFF))
+            keep(found(diagram, Ending.CUT_OFF))
 
     def report(what: str, done: float = 0.0, total: float | None = None) -> None:
         progress(f"{what}{where}", done, total)
@@ -77,7 +77,7 @@ def follow_cycles(
     if low <= own <= high:
         where = ""
         diagram = _with_own(diagram, scene, models, own, (low, high), report, on_diagram)
-    return found(diagram, Outcome.COMPLETE)
+    return found(diagram, Ending.COMPLETE)
 
 
 def found_some(found: CycleBranches) -> CycleBranches:
@@ -111,13 +111,16 @@ def follow_models(
     linear = follow_modes(lambda value: models(value)[0], np.linspace(low, high, values).tolist(), progress)
     branches: list[Branch] = []
     notes: list[str] = []
-    ranges = {
-        f"steady_sliding_{name}": steady_sliding(linear, low, high, stable=stable)
-        for name, stable in (("stable", True), ("unstable", False))
-    }
+    stable, unstable = (steady_sliding(linear, low, high, stable=wanted) for wanted in (True, False))
 
     def found(*others: Branch) -> Diagram:
-        return Diagram(linear=linear, branches=(*branches, *others), notes=tuple(notes), **ranges)
+        return Diagram(
+            linear=linear,
+            branches=(*branches, *others),
+            notes=tuple(notes),
+            steady_sliding_stable=stable,
+            steady_sliding_unstable=unstable,
+        )
 
     def on_track(track: Track) -> None:
         on_diagram(found(Branch(start=End.HOPF, end=End.CUT_OFF, cycles=tuple(track.cycles))))

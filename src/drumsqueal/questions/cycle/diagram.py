@@ -5,8 +5,9 @@ from typing import Any
 
 from pydantic import computed_field
 
+from drumsqueal.findings.outcome import Ending
 from drumsqueal.findings.parameter import Parameter
-from drumsqueal.findings.part import Finding, Held, Outcome
+from drumsqueal.findings.part import Finding, Held
 from drumsqueal.findings.schema import Findings
 from drumsqueal.questions.cycle.continuation import Branch
 from drumsqueal.questions.cycle.orbit import Event
@@ -78,7 +79,7 @@ class Span(Parameter):
 class CycleBranches(Findings, Diagram):
     """The cycles of a scene along one of its numbers, and where modes of steady sliding gain or lose stability."""
 
-    outcome: Outcome = Outcome.COMPLETE
+    outcome: Ending = Ending.COMPLETE
     parameter: Span
     critical_values: tuple[Critical, ...]
 

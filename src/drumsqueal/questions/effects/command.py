@@ -1,12 +1,12 @@
 """`drumsqueal effects SCENE -o DIR`."""
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from drumsqueal.files.output_folder import EFFECT_FILES
-from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.scene import load_scene
 from drumsqueal.terminal.options import (
     JsonFile,
@@ -49,11 +49,11 @@ def effects_command(
     accuracy = read_share(within, "--within")
     folder = output if output is not None else Path("out") / f"{scene.stem}-effects"
     reply = Reply.beside(folder, EFFECT_FILES, (scene,), quiet, json_file, overwrite=overwrite)
-    stop_if_interrupted()
-    from drumsqueal.questions.effects.job import study_into
+    from drumsqueal.questions.effects.answer import EFFECTS_ANSWER
+    from drumsqueal.questions.effects.study import study_effects
     from drumsqueal.simulation import check_sample_rate, prepare
+    from drumsqueal.terminal.runner import answer
 
-    stop_if_interrupted()
-    check_sample_rate(prepare(loaded))  # a scene that cannot be run is told before there is a folder
-    reply.clear()
-    reply.send(study_into(folder, loaded, accuracy, reply.console))
+    check_sample_rate(prepare(loaded))  # a scene that cannot be run is reported before there is a folder
+    study = partial(study_effects, loaded, accuracy)
+    answer(reply, EFFECTS_ANSWER, lambda progress, keep: study(progress=progress, keep=keep))

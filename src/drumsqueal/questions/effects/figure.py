@@ -1,4 +1,4 @@
-"""What each effect of a scene costs and changes: bars of time beside changes on a log axis."""
+"""What each effect of a scene costs and changes: bars of time next to changes on a log axis."""
 
 import math
 
@@ -7,8 +7,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from drumsqueal.findings.answers import QUANTITIES
-from drumsqueal.questions.effects.study import EffectStudy, percent
+from drumsqueal.questions.effects.study import EffectStudy
 from drumsqueal.questions.effects.variants import Variant
+from drumsqueal.scene.quantities import percent
 from drumsqueal.terminal import style
 from drumsqueal.terminal.style import frame, new_figure, styled
 

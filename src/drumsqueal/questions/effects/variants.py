@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable
-from contextlib import closing
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -10,14 +10,15 @@ import numpy as np
 from drumsqueal.errors import IntegrationError
 from drumsqueal.findings.answers import Answer, Change, answer_of, change_of
 from drumsqueal.findings.history import COMPLETE
-from drumsqueal.interrupts import stop_if_interrupted
+from drumsqueal.findings.outcome import Ending
+from drumsqueal.progress import Progress
 from drumsqueal.questions.effects.reductions import Reduction, reduce
 from drumsqueal.scene import Scene, SceneError
 from drumsqueal.scene.tables import LEAST_TOLERANCE
-from drumsqueal.simulation import Prepared, check_sample_rate, finish, prepare, transient
+from drumsqueal.simulation import Prepared, check_sample_rate, finish, follow, prepare
 from drumsqueal.solve.transient.integrate import Chunk
 
-TIGHTER = 0.1  # share of the tolerance for the noise
+TIGHTER = 0.1  # fraction of the tolerance for the noise
 # A reduced scene that takes this many times the time of the whole one is stopped: without separation or supports a
 # motion may run away. Never before so many seconds.
 SLOWEST, PATIENCE = 20.0, 10.0
@@ -25,21 +26,28 @@ LONG = 10.0  # s; a run that takes longer is timed once, a shorter one twice, an
 WHOLE, NOISE = "whole scene", "tolerance / 10"
 
 
-class Variant(NamedTuple):
+@dataclass(frozen=True)
+class Variant:
     """One run: which reductions it has, what it costs, its answer, and its change from the whole scene's.
 
     `time_per_ms` is the computing time (ms) and `evaluations_per_ms` the number of evaluations of the forces that a
-    simulated millisecond takes, compilation apart. A run that failed has no answer and says why in `outcome`.
+    simulated millisecond takes, compilation apart. A run that is not complete has no answer, and a `reason`.
     """
 
     label: str
     reductions: tuple[Reduction, ...]
     scene: Scene
-    outcome: str
+    outcome: Ending
     time_per_ms: float
     evaluations_per_ms: float
-    answer: Answer | None
-    change: Change | None
+    answer: Answer | None = None
+    change: Change | None = None
+    reason: str = ""
+
+    @property
+    def ended(self) -> str:
+        """Ending and reason in words."""
+        return self.outcome.because(self.reason)
 
 
 class _Run(NamedTuple):
@@ -48,27 +56,22 @@ class _Run(NamedTuple):
     seconds: list[float]
 
 
-OnVariant = Callable[[Variant], None]
-OnProgress = Callable[[str, float], None]
-
-
 class Bench:
     """Runs variants of one scene and compares them with the whole, which is run first, and again for the noise.
 
     `noise` is what a tenth of the tolerance changes: an estimate, from one run. None if that run fails, or if no tenth
-    is left. `on_variant` is called with each run as
-    it ends, `on_progress` with its label and the time (s) it has reached. Raises SceneError for a scene that cannot be
-    run and IntegrationError when it fails; both, once the first run is over, are outcomes of a variant.
+    is left. `report` is called with each run as it ends. Raises SceneError for a scene that cannot be run and
+    IntegrationError when it fails; both, once the first run is over, are outcomes of a variant.
     """
 
-    def __init__(self, scene: Scene, on_variant: OnVariant, on_progress: OnProgress) -> None:
+    def __init__(self, scene: Scene, report: Callable[[Variant], None], progress: Progress) -> None:
         """Run the whole scene twice, at its own tolerance and at a tenth of it."""
-        self._scene, self._on_variant, self._on_progress = scene, on_variant, on_progress
+        self._scene, self._report, self._progress = scene, report, progress
         self._runs: list[_Run] = []
         self._limit, self._whole = np.inf, None
         whole = self.run(WHOLE)
         if whole.answer is None:
-            raise IntegrationError(f"the whole scene {whole.outcome}")
+            raise IntegrationError(f"the whole scene {whole.ended}")
         self._whole, self._limit = whole.answer, max(SLOWEST * sum(self._runs[0].seconds), PATIENCE)
         tighter = TIGHTER * scene.simulate.tolerance
         self.noise = self.run(NOISE, tolerance=tighter).change if tighter >= LEAST_TOLERANCE else None
@@ -78,57 +81,60 @@ class Bench:
         scene = reduce(self._scene, reductions)
         if tolerance is not None:
             scene = scene.with_values({"simulate.tolerance": tolerance})
-        self._on_progress(label, 0.0)
-        prepared, chunks, seconds = None, [], []
+        self._progress(label, 0.0, None)
+        outcome, reason, prepared, answer, change = Ending.COMPLETE, "", None, None, None
+        chunks: list[Chunk] = []
+        seconds: list[float] = []
         try:
             prepared = prepare(scene)
             check_sample_rate(prepared)
-            chunks, seconds, outcome = self._timed(label, prepared)
+            self._time(label, prepared, chunks, seconds)
         except SceneError as error:  # such as: no steady sliding is left
             if not self._runs:
                 raise
-            outcome = f"cannot be run: {error}"
-        variant = Variant(label, reductions, scene, outcome, *_cost(chunks, seconds), None, None)
-        if prepared is not None and outcome == COMPLETE:
+            outcome, reason = Ending.IMPOSSIBLE, str(error)
+        except IntegrationError as error:
+            outcome, reason = Ending.FAILED, str(error)
+        if prepared is not None and outcome is Ending.COMPLETE:
             answer = answer_of(finish(prepared, chunks, COMPLETE), prepared.linear)
             change = None if self._whole is None else change_of(self._whole, answer)
-            variant = variant._replace(answer=answer, change=change)
+        variant = Variant(label, reductions, scene, outcome, *_cost(chunks, seconds), answer, change, reason)
         self._runs.append(_Run(variant, prepared, seconds))
-        self._on_variant(variant)
+        self._report(variant)
         return variant
 
     def timed_again(self) -> tuple[Variant, ...]:
         """Time all short runs once more, one after the other; of each chunk the faster time counts."""
-        variants = []
-        for variant, prepared, seconds in self._runs:
-            if prepared is not None and variant.answer is not None and sum(seconds) < LONG:
-                _, again, outcome = self._timed(f"{variant.label}, timed again", prepared)
-                if outcome == COMPLETE:
-                    faster = sum(min(pair) for pair in zip(seconds, again, strict=True))
-                    variant = variant._replace(time_per_ms=faster / variant.scene.simulate.duration)
-            variants.append(variant)
-        return tuple(variants)
+        return tuple(self._faster(*run) for run in self._runs)
 
-    def _timed(self, label: str, prepared: Prepared) -> tuple[list[Chunk], list[float], str]:
-        """Chunks, the seconds each took, and the outcome; compiled beforehand."""
-        chunks, seconds = [], []
+    def _faster(self, variant: Variant, prepared: Prepared | None, seconds: list[float]) -> Variant:
+        if prepared is None or variant.answer is None or sum(seconds) >= LONG:
+            return variant
+        again: list[float] = []
         try:
-            with closing(transient(prepared)) as stream:
-                next(stream, None)
-            with closing(transient(prepared)) as stream:
-                before = time.perf_counter()
-                for chunk in stream:
-                    now = time.perf_counter()
-                    chunks.append(chunk)
-                    seconds.append(now - before)
-                    stop_if_interrupted()
-                    self._on_progress(label, float(chunk.time[-1]))
-                    if sum(seconds) > self._limit:
-                        raise IntegrationError(f"it takes more than {SLOWEST:g} times as long as the whole scene")
-                    before = time.perf_counter()
-        except IntegrationError as error:
-            return chunks, seconds, f"failed: {error}"
-        return chunks, seconds, COMPLETE
+            self._time(f"{variant.label}, timed again", prepared, [], again)
+        except IntegrationError:
+            return variant
+        faster = sum(min(pair) for pair in zip(seconds, again, strict=True))
+        return replace(variant, time_per_ms=faster / variant.scene.simulate.duration)
+
+    def _time(self, label: str, prepared: Prepared, chunks: list[Chunk], seconds: list[float]) -> None:
+        """Add the chunks and the seconds that each took; compiled beforehand. Raises IntegrationError."""
+        follow(prepared, lambda _: True, self._progress, what=label)
+        before = time.perf_counter()
+
+        def take(chunk: Chunk) -> None:
+            chunks.append(chunk)
+            seconds.append(time.perf_counter() - before)
+
+        def go_on(what: str, reached: float, duration: float | None) -> None:
+            nonlocal before
+            self._progress(what, reached, duration)
+            if sum(seconds) > self._limit:
+                raise IntegrationError(f"it takes more than {SLOWEST:g} times as long as the whole scene")
+            before = time.perf_counter()
+
+        follow(prepared, take, go_on, what=label)
 
 
 def _cost(chunks: list[Chunk], seconds: list[float]) -> tuple[float, float]:

@@ -4,11 +4,12 @@ from pathlib import Path
 
 import numpy as np
 
+from drumsqueal.progress import Progress
 from drumsqueal.questions.export.channels import Channels
 from drumsqueal.questions.export.modes import mode_arrays, steady_arrays
 
 
-def write(channels: Channels, path: Path) -> str:
+def write(channels: Channels, path: Path, progress: Progress) -> str:
     """Write time (s), sample_rate (Hz), each signal by its name, `signals` with `units`, and the texts. Raises OSError.
 
     `signals` and `units` are arrays of text in the same order. Where eigenvalues are known there are those, and
@@ -25,6 +26,7 @@ def write(channels: Channels, path: Path) -> str:
         arrays |= steady_arrays(channels.stability)
         arrays |= {f"mode_{name}": values for name, values in mode_arrays(channels.stability).items()}
     arrays |= {name: np.array(text) for name, text in channels.texts.items()}
+    progress("writing", 0.0, None)
     with path.open("wb") as file:
         np.savez(file, allow_pickle=False, **arrays)
     return ""

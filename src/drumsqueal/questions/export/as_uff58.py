@@ -14,7 +14,7 @@ import numpy as np
 import pyuff
 
 from drumsqueal.files.universal import SI_SYSTEM, TIME_AXIS, TIME_RESPONSE, type_of
-from drumsqueal.interrupts import stop_if_interrupted
+from drumsqueal.progress import Progress
 from drumsqueal.questions.export.channels import Channel, Channels
 from drumsqueal.questions.export.points import CENTRE_OF_GRAVITY, OUTLINE, POINTS, moved, positions
 from drumsqueal.scene import COORDINATES
@@ -30,13 +30,13 @@ _COLOUR = 1
 _COMPLEX_MODE, _TRANSLATIONS = 3, 2  # type of the analysis, and of the data at nodes
 
 
-def write(channels: Channels, path: Path) -> str:
+def write(channels: Channels, path: Path, progress: Progress) -> str:
     """Write geometry, modes and every signal in ASCII, signals in double precision. Raises OSError."""
     file = pyuff.UFF(str(path))
     mode = "overwrite"
     try:
-        for dataset in _datasets(channels):
-            stop_if_interrupted()
+        for done, dataset in enumerate(_datasets(channels)):
+            progress("writing data sets", done, None)
             file.write_sets(dataset, mode)
             mode = "add"
     except Exception as error:  # pyuff hides what the disk says in an exception of its own
@@ -159,7 +159,7 @@ def _mode(channels: Channels, number: int) -> dict[str, Any]:
 
 
 def _function(channels: Channels, channel: Channel, number: int) -> dict[str, Any]:
-    """Dataset 58 of one signal; `number` is its version number, which tells functions at one point apart."""
+    """Dataset 58 of one signal; `number` is its version number, which distinguishes functions at one point."""
     rate = f"sample rate {channels.sample_rate!r} Hz from {channels.start:.12g} s; {channels.texts['source']}"
     lines = [channels.prediction[k : k + _MODES_A_LINE] for k in (0, _MODES_A_LINE)]
     modes = ["; ".join(line) for line in lines]

@@ -4,14 +4,15 @@ from pathlib import Path
 
 from drumsqueal.errors import RequestError
 from drumsqueal.findings.signals.sound import FULL_SCALE, HEADROOM_DB, to_sound, wav_bytes
+from drumsqueal.progress import Progress
 from drumsqueal.questions.export.channels import Channels
 
 
-def write(channels: Channels, path: Path) -> str:
+def write(channels: Channels, path: Path, progress: Progress) -> str:
     """Write the one signal at sample_rate / slow (Hz). Raises OSError, and RequestError for one that is silent."""
     if len(channels.channels) != 1:
-        told = "a sound is of one signal, such as surface_velocity"
-        raise RequestError(f"--signals {', '.join(each.name for each in channels.channels)}: {told}")
+        why = "a sound is of one signal, such as surface_velocity"
+        raise RequestError(f"--signals {', '.join(each.name for each in channels.channels)}: {why}")
     (channel,) = channels.channels
     rate = round(channels.sample_rate / channels.slow)
     try:
@@ -21,6 +22,7 @@ def write(channels: Channels, path: Path) -> str:
     replay = "" if channels.slow == 1 else f" played {channels.slow:g} times slower than it was,"
     scale = f"one step of the samples is {sound.scale:.9g} {channel.units}"
     comment = f"{channel.name}, {channel.meaning},{replay} {scale}, steady part left out"
+    progress("writing", 0.0, None)
     path.write_bytes(wav_bytes(sound, channels.texts.get("title", ""), comment))
     return (
         f"{sound.samples.size / rate:.4g} s of sound at {rate} Hz,{replay} peak {sound.peak:.4g} {channel.units} at "

@@ -9,7 +9,6 @@ import typer
 from drumsqueal.errors import RequestError
 from drumsqueal.files.claims import claim_results
 from drumsqueal.files.output_folder import check_ending, history_file
-from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.questions.export.formats import FORMATS, find_format
 from drumsqueal.terminal.completion import complete_signals, words
 from drumsqueal.terminal.options import JsonFile, Overwrite, Quiet, Since, Until, read_file, read_rate, read_time
@@ -72,24 +71,27 @@ def export_command(
     file = output if output is not None else source.with_suffix(wanted.suffix)
     reply = Reply.with_file(file, (source,), quiet, json_file, overwrite=overwrite)
     claim_results(source.parent)
-    stop_if_interrupted()
     from drumsqueal.files.saved_history import read_history
     from drumsqueal.findings.signals.sound import CD_RATE
-    from drumsqueal.questions.export.job import export_into
+    from drumsqueal.questions.export.export import export_history, print_exported
     from drumsqueal.questions.export.selection import Part
     from drumsqueal.questions.export.signals import SURFACE
+    from drumsqueal.terminal.runner import answer_without_folder
 
-    stop_if_interrupted()
     saved = read_history(history)
     check_ending(file, wanted.endings, f"a file of --to {to}")
     if sound:
         asked, sampled = asked or (SURFACE,), sampled or float(CD_RATE)
     part = Part(asked, begin, end, rate=sampled, slow=1.0 if slow is None else slow)
     complaints = make_console(stderr=True, quiet=quiet)
-    reply.send(export_into(file, saved, wanted, part, reply.console, complaints))
+    answer_without_folder(
+        reply,
+        lambda console, done: print_exported(console, complaints, done),
+        lambda progress: export_history(saved, file, wanted, part, progress=progress),
+    )
 
 
 def _check_rate_of_sound(rate: float) -> None:
     if not (rate == round(rate) and LEAST_RATE <= rate <= MOST_RATE):
-        told = f"that of a sound is a whole number of Hz, from {LEAST_RATE / 1e3:g} to {MOST_RATE / 1e3:g} kHz"
-        raise RequestError(f"--rate {rate:.10g} Hz: {told}")
+        why = f"that of a sound must be a whole number of Hz, from {LEAST_RATE / 1e3:g} to {MOST_RATE / 1e3:g} kHz"
+        raise RequestError(f"--rate {rate:.10g} Hz: {why}")

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from drumsqueal.errors import RequestError, missing_extra
+from drumsqueal.progress import Progress
 from drumsqueal.questions.export.channels import Channels
 
 
@@ -25,11 +26,11 @@ class Format(NamedTuple):
 
     @property
     def endings(self) -> tuple[str, ...]:
-        """How the name of a file of this format may end: as one that is given none, or as others are wont to."""
+        """How the name of a file of this format may end: as the default does, or as in other programs."""
         return self.suffix, *self.others
 
-    def writer(self) -> Callable[[Channels, Path], str]:
-        """The function that writes a file, and returns what is to be said of it on the terminal ("" for nothing)."""
+    def writer(self) -> Callable[[Channels, Path, Progress], str]:
+        """The function that writes a file, calling a hook for progress, and returns a note on it ("" for none)."""
         return importlib.import_module(f"drumsqueal.questions.export.{self.module}").write
 
 

@@ -1,4 +1,4 @@
-"""Which part of a history goes out, and at which rate; what a lower rate cannot hold is told."""
+"""Which part of a history goes out, and at which rate; what a lower rate cannot hold is reported."""
 
 import json
 from collections.abc import Sequence
@@ -52,17 +52,17 @@ def select(saved: SavedHistory, part: Part, *, predicts: bool) -> tuple[Channels
         end = np.floor(end + UNEVEN)
     count = int((end - place) * rate / own + UNEVEN) + 1
     if rate < own / LOWEST:
-        told = f"--rate {rate / part.slow:.6g} Hz is less than 1/{LOWEST} of the history's {own:.6g} Hz"
-        raise RequestError(f"{told}; take at least {own / LOWEST / part.slow:.6g} Hz")
+        why = f"--rate {rate / part.slow:.6g} Hz is less than 1/{LOWEST} of the history's {own:.6g} Hz"
+        raise RequestError(f"{why}; take at least {own / LOWEST / part.slow:.6g} Hz")
     if count < 2:
-        told = f"{first:.6g} to {last:.6g} s hold {count} samples at {rate:.6g} Hz, at least two are needed"
-        raise RequestError(f"{told}; take more of the history, or a higher --rate")
+        why = f"{first:.6g} to {last:.6g} s hold {count} samples at {rate:.6g} Hz, at least two are needed"
+        raise RequestError(f"{why}; take more of the history, or a higher --rate")
     if count * len(names[0]) > MOST_SAMPLES:
-        told = f"{count} samples of {len(names[0])} signals are more than are written at a time"
-        raise RequestError(f"{told}; take a part with --from, --until, --signals, or a lower --rate")
+        why = f"{count} samples of {len(names[0])} signals are more than are written at a time"
+        raise RequestError(f"{why}; take a part with --from, --until, --signals, or a lower --rate")
     remarks = list(names[1])
     if not saved.complete:
-        remarks.append(f"the run did not get to its end ({saved.outcome}); what it computed is taken")
+        remarks.append(f"the run is incomplete ({saved.outcome}); what it computed is exported")
     if rate == own:
         channels = make_channels(saved, names[0], slice(int(place), int(place) + count))
     else:
@@ -111,12 +111,12 @@ def _lost(recorded: Sequence[Channel], own: float, rate: float, part: Part) -> l
     name, share, line = lost[0]
     others = f", and some of {len(lost) - 1} more" if len(lost) > 1 else ""
     slower = "" if part.slow == 1 else f", {part.slow:g} times slower,"
-    told = (
+    why = (
         f"a rate of {rate / part.slow:.6g} Hz{slower} holds what is below {rate / 2:.6g} Hz: {percent(share)} of "
-        f"the energy of {name} lies above, most at {line:.5g} Hz{others}; it is filtered out, as it would fold"
+        f"the energy of {name} lies above, most at {line:.5g} Hz{others}; it is filtered out, as it would be aliased"
     )
     keeps = line / PASSES / part.slow
-    return [f"{told}; {np.ceil(keeps):.6g} Hz would keep that line" if line / PASSES < own else told]
+    return [f"{why}; {np.ceil(keeps):.6g} Hz would keep that line" if line / PASSES < own else why]
 
 
 def _is_smooth(channel: Channel) -> bool:

@@ -67,20 +67,22 @@ _SURFACE = {
 }
 
 
-def names_of(asked: Sequence[str] | None, saved: SavedHistory) -> tuple[list[str], list[str]]:
+def names_of(
+    asked: Sequence[str] | None, saved: SavedHistory, *, option: str = "--signals"
+) -> tuple[list[str], list[str]]:
     """Names of the signals that are asked for, and of those left out with the reason; None asks for all that move.
 
     "displacement", "velocity" and "acceleration" stand for those of all coordinates that the scene moves. Raises
-    RequestError for an unknown name, and for what the history does not hold.
+    RequestError, naming the `option`, for an unknown name, and for what the history does not hold.
     """
     moving = [COORDINATES[i] for i in kept_coordinates(saved.scene)]
     if asked is None:
         groups = [kind for kind in _UNITS if kind != ACCELERATION or not saved.given_law]
-        names = [name for group in (*groups, *_SURFACE, *SIGNALS) for name in _members(group, moving)]
+        names = [name for group in (*groups, *_SURFACE, *SIGNALS) for name in _members(group, moving, option)]
         return names, [] if ACCELERATION in groups else [f"accelerations are left out: {_GIVEN_LAW}"]
-    names = list(dict.fromkeys(name for group in asked for name in _members(group, moving)))
+    names = list(dict.fromkeys(name for group in asked for name in _members(group, moving, option)))
     if saved.given_law and any(name.startswith(ACCELERATION) for name in names):
-        raise RequestError(f"--signals: there are no accelerations for this history: {_GIVEN_LAW}; leave them out")
+        raise RequestError(f"{option}: there are no accelerations for this history: {_GIVEN_LAW}; leave them out")
     return names, []
 
 
@@ -90,7 +92,7 @@ def known_signals() -> list[str]:
     return [*_UNITS, *every, *_SURFACE, *SIGNALS]
 
 
-def _members(name: str, moving: Sequence[str]) -> list[str]:
+def _members(name: str, moving: Sequence[str], option: str) -> list[str]:
     if name in _UNITS:
         return [f"{name}_{coordinate}" for coordinate in moving]
     known = known_signals()
@@ -98,7 +100,7 @@ def _members(name: str, moving: Sequence[str]) -> list[str]:
         return [name]
     near = nearest(name, known)
     meant = f"did you mean {near[0]}?" if near else f"there are {', '.join((*_UNITS, *_SURFACE, *SIGNALS))}"
-    raise RequestError(f"--signals {name}: there is no such signal; {meant}")
+    raise RequestError(f"{option} {name}: there is no such signal; {meant}")
 
 
 def make_channels(saved: SavedHistory, names: Sequence[str], rows: slice) -> list[Channel]:

@@ -11,10 +11,10 @@ from rich.text import Text
 from drumsqueal.files.output_folder import ONSET as FIGURE
 from drumsqueal.files.output_folder import ONSET_SUMMARY, ONSET_TABLE
 from drumsqueal.findings.departure import unit_of
-from drumsqueal.findings.part import Outcome
+from drumsqueal.findings.outcome import Ending
 from drumsqueal.questions.onset.figure import draw_onset
 from drumsqueal.questions.onset.found import OnsetStudy
-from drumsqueal.questions.onset.rows import Disturbance, Ending, Kind, Motion, Row
+from drumsqueal.questions.onset.rows import Disturbance, Kind, Motion, Response, Row
 from drumsqueal.questions.onset.words import critical_words, with_uncertainty
 from drumsqueal.terminal.runner import Answer
 from drumsqueal.terminal.tables import print_table, rows_to_csv
@@ -112,7 +112,7 @@ def onset_table(study: OnsetStudy) -> str:
         cells |= _cells("small", row.small, study) | _cells("strongest", strongest, study)
         cells["motions"] = len(row.motions)
         cells |= _disturbance_cells(row.smallest_kick) if sought else {}
-        failed = [f"{each.start}: {each.outcome}" for each in row.starts if each.outcome != Outcome.COMPLETE]
+        failed = [f"{each.start}: {each.outcome}" for each in row.starts if each.outcome != Ending.COMPLETE]
         cells["note"] = row.no_steady_sliding or "; ".join(failed)
         rows.append(cells)
     return rows_to_csv(rows)
@@ -122,7 +122,7 @@ def _finite(number: float | None) -> float | None:
     return number if number is not None and math.isfinite(number) else None
 
 
-def _cells(which: str, ending: Ending | None, study: OnsetStudy) -> dict[str, Any]:
+def _cells(which: str, ending: Response | None, study: OnsetStudy) -> dict[str, Any]:
     motion = None if ending is None else ending.motion
     cells: dict[str, Any] = {f"{which}_start": "" if ending is None else ending.start}
     cells[f"{which}_start_leads_to"] = "" if ending is None else ending.leads_to

@@ -16,7 +16,7 @@ from drumsqueal.findings.saturated import DRIFT, Saturated, at_once, saturated_m
 from drumsqueal.findings.verdict import SMALL_ROTATION
 from drumsqueal.physics.model import Model
 from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.onset.rows import Ending, Leads, Motion
+from drumsqueal.questions.onset.rows import Leads, Motion, Response
 from drumsqueal.solve.linear.branches import ModelAt, Point
 from drumsqueal.solve.linear.modes import UNDAMPED_SHARE, Mode
 from drumsqueal.solve.transient.runge_kutta import AUTO
@@ -135,7 +135,7 @@ def find_endings(
     *,
     rounds: int = PERSISTENT,
     progress: Progress = silent,
-) -> Iterator[Ending]:
+) -> Iterator[Response]:
     """Run each start at its point until it is plain where it leads, and yield the endings as they come.
 
     A motion has settled when for `rounds` rounds its rms velocity has changed by less than a tenth and, below the
@@ -177,7 +177,7 @@ def find_endings(
                 left.append(job)
             else:
                 seconds = job.rounds * how.round_seconds
-                yield Ending.of(job.point.value, job.start.name, kind, motion, seconds, family.moving)
+                yield Response.of(job.point.value, job.start.name, kind, motion, seconds, family.moving)
         pending = left + pending
 
 

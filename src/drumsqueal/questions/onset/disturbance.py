@@ -25,7 +25,7 @@ from drumsqueal.questions.onset.attractors import (
     Start,
     find_endings,
 )
-from drumsqueal.questions.onset.rows import Disturbance, Ending, Leads, Row
+from drumsqueal.questions.onset.rows import Disturbance, Leads, Response, Row
 from drumsqueal.solve.linear.branches import Point
 from drumsqueal.solve.linear.modes import Mode
 
@@ -80,7 +80,7 @@ class _Direction:
         self.edge_share = of_one_joule * max(shares)
         self.least, self.most = LEAST / self.edge_share, LARGE / (of_one_joule * min(shares))
         self.quiet: set[float] = set()
-        self.loud: dict[float, Ending] = {}
+        self.loud: dict[float, Response] = {}
         self.tried: set[float] = set()
 
     @property

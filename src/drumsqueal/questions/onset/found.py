@@ -4,8 +4,9 @@ import math
 from collections.abc import Sequence
 from typing import Self
 
+from drumsqueal.findings.outcome import Ending
 from drumsqueal.findings.parameter import Parameter
-from drumsqueal.findings.part import Finding, Number, Outcome
+from drumsqueal.findings.part import Finding, Number
 from drumsqueal.findings.schema import Findings
 from drumsqueal.questions.cycle.diagram import Diagram
 from drumsqueal.questions.onset.rows import Range, Row
@@ -43,7 +44,7 @@ class OnsetStudy(Findings):
     value. `cycles` is None where they were not followed; verdict and ranges are missing until all transients are run.
     """
 
-    outcome: Outcome = Outcome.COMPLETE
+    outcome: Ending = Ending.COMPLETE
     verdict: str | None = None
     reservations: tuple[str, ...] = ()
     parameter: Parameter

@@ -77,7 +77,7 @@ class Motion(Finding):
         return bool(near and abs(np.log(self.frequency_Hz / other.frequency_Hz)) < ALIKE_FREQUENCY)
 
 
-class Ending(Finding):
+class Response(Finding):
     """Where a start led at a value, after how long (s), and the motion that it squeals with.
 
     `saturated` is how the transient ended.
@@ -158,12 +158,12 @@ class Row(Finding):
     no_steady_sliding: str | None
     unstable: bool
     largest_growth_rate_1_per_s: Number
-    starts: tuple[Ending, ...] = ()
+    starts: tuple[Response, ...] = ()
     smallest_kick: Disturbance | None = None
     point: Any = Held
 
     @classmethod
-    def at(cls, point: Point, *starts: Ending, asked: bool) -> Self:
+    def at(cls, point: Point, *starts: Response, asked: bool) -> Self:
         """That of a linear point."""
         return cls(
             value=point.value,
@@ -197,7 +197,7 @@ class Row(Finding):
         return rate if math.isfinite(rate) else None
 
     @property
-    def small(self) -> Ending | None:
+    def small(self) -> Response | None:
         """Where the small perturbation led."""
         return next((each for each in self.starts if each.start == "small"), None)
 

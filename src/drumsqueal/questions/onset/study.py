@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from drumsqueal.errors import RequestError
+from drumsqueal.findings.outcome import Ending
 from drumsqueal.findings.parameter import Parameter
-from drumsqueal.findings.part import Outcome
 from drumsqueal.physics.composition import linear_coordinates
 from drumsqueal.physics.model import build_model
 from drumsqueal.progress import Progress, silent
@@ -136,7 +136,7 @@ def compare(
     linear = predicted.linear
     study = OnsetStudy(
         scene=predicted.scene,
-        outcome=Outcome.CUT_OFF,
+        outcome=Ending.CUT_OFF,
         parameter=Parameter.of(predicted.variation),
         critical_values=linear.critical,
         kicked_range_sought_within=within,
@@ -152,7 +152,7 @@ def compare(
         search.smallest_disturbances()
     ranges = find_ranges(search.rows, linear.critical, search.resolved(within))
     study = study.model_copy(
-        update={"outcome": Outcome.COMPLETE, "values": tuple(search.rows), "ranges": ranges},
+        update={"outcome": Ending.COMPLETE, "values": tuple(search.rows), "ranges": ranges},
     )
     study = study.model_copy(update={"verdict": verdict(study), "reservations": reservations(study)})
     if not cycles:

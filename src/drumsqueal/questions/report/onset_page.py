@@ -7,7 +7,7 @@ from typing import Any
 
 from drumsqueal.errors import RequestError
 from drumsqueal.files.output_folder import ONSET, ONSET_SUMMARY, ONSET_TABLE, figure_file
-from drumsqueal.findings.part import Outcome
+from drumsqueal.findings.outcome import Ending
 from drumsqueal.findings.schema import read_findings
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.questions.onset.found import OnsetStudy
@@ -42,7 +42,7 @@ def onset_content(folder: Path) -> dict[str, Any]:
         raise RequestError(f"{folder}: there is {ONSET_TABLE}, but no {ONSET_SUMMARY}; study the onset anew")
     found = read_findings(folder / ONSET_SUMMARY, OnsetStudy)
     drawn = picture(folder / figure_file(ONSET), onset_words(found))
-    complete = found.outcome is Outcome.COMPLETE
+    complete = found.outcome is Ending.COMPLETE
     scene, along = found.scene, found.variation
     toml = scene.to_toml()
     unit = f", {along.shown_unit}" if along.shown_unit else ""

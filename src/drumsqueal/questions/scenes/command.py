@@ -5,11 +5,13 @@ from typing import Annotated
 
 import typer
 
-from drumsqueal.questions.scenes.job import copy_scene, list_scenes
-from drumsqueal.scene.shipped import shipped_path
+from drumsqueal.files.output_folder import write_whole
+from drumsqueal.questions.scenes.answer import print_copy, print_scenes
+from drumsqueal.scene.shipped import shipped_path, shipped_scenes
 from drumsqueal.terminal.completion import complete_name
 from drumsqueal.terminal.options import JsonFile, Overwrite, Quiet, UsageError
 from drumsqueal.terminal.reply import Reply
+from drumsqueal.terminal.runner import answer_without_folder
 
 
 def scenes_command(
@@ -29,12 +31,15 @@ def scenes_command(
     Example: drumsqueal scenes damped -o out.toml
     """
     if name is None and output is not None:
-        raise UsageError(f"-o {output} says where a scene is copied to; name the scene, too")
+        raise UsageError(f"-o {output} is where a scene is copied to; name the scene, too")
     source = None if name is None else shipped_path(name)
     target = output or (source and Path(source.name))
     if source is None or target is None:
         reply = Reply(quiet, json_file, overwrite=overwrite)
-        reply.send(list_scenes(reply.console))
+        shown = [{"name": each.name, "title": each.title, "shows": each.shows} for each in shipped_scenes()]
+        answer_without_folder(reply, print_scenes, lambda _: shown)
     else:
         reply = Reply.with_file(target, (source,), quiet, json_file, overwrite=overwrite)
-        reply.send(copy_scene(source, target, reply.console))
+        write_whole(target, source.read_bytes())
+        copied = {"name": source.stem, "file": str(target)}
+        answer_without_folder(reply, print_copy, lambda _: copied)

@@ -1,0 +1,65 @@
+"""What a check prints."""
+
+import math
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from drumsqueal.questions.check.study import Check, Growth
+from drumsqueal.scene.quantities import printable
+from drumsqueal.terminal.tables import print_notes, print_table
+
+
+def print_check(console: Console, found: Check) -> None:
+    """Print numbers, growing modes, the record, the time it takes, and the warnings."""
+    simulate = found.scene.simulate
+    console.print(printable(f"{found.title or 'The scene'}: no mistakes found"), style="bold")
+    console.print(f"Includes: {'; '.join(found.model['includes'])}", style="dim")
+    console.print(f"Leaves out: {'; '.join(found.model['leaves_out']) or 'nothing'}", style="dim")
+    table = Table(title="What follows from it", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    table.add_column("number")
+    table.add_column("value", justify="right")
+    table.add_column("unit")
+    table.add_column("meaning")
+    for name, number in found.numbers.items():
+        table.add_row(name, f"{number.value:.6g}", number.unit, number.meaning)
+    print_table(console, table)
+    if not found.growing:
+        console.print("No mode grows.")
+    for growth in found.growing:
+        console.print(_grows(growth))
+    console.print(
+        f"Highest frequency {found.highest_frequency_Hz:.5g} Hz: at least {found.least_sample_rate_Hz:.5g} samples a "
+        f"second are needed, and {simulate.sample_rate:g} are taken"
+    )
+    size = f"about {found.history_bytes / 1e6:.2g} MB"
+    console.print(f"{found.samples} samples in {simulate.duration:g} s, history.nc of {size}")
+    console.print(_takes(found))
+    print_notes(console, found.warnings)
+
+
+def _grows(growth: Growth) -> str:
+    grows = f"{growth.label} grows: {growth.frequency_Hz:.2f} Hz, {growth.growth_rate:+.3f} 1/s"
+    if growth.edge_time is None:
+        return f"{grows}; the start does not excite it"
+    start = f"{grows}; the start is {growth.start_share:.2g} of the way to the nearest contact boundary"
+    if growth.edge_time == 0:
+        return f"{start}, and so beyond it"
+    return f"{start}, which this mode alone reaches after {growth.edge_time:.3g} s"
+
+
+def _takes(found: Check) -> str:
+    """The time of a run, as the estimate that it is."""
+    seconds, evaluations, whole = found.estimate.integration_s, found.estimate.evaluations, found.estimate.run_s
+    if seconds is None:
+        return "Computing time unknown: the integration fails soon after the start"
+    counted = "" if evaluations is None or math.isnan(evaluations) else f" ({evaluations:.2g} evaluations)"
+    text = f"Estimated from short pieces of the run: about {_duration(seconds)} of integration{counted}"
+    return text if whole is None else f"{text}, {_duration(whole)} in all once it is compiled"
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 120:
+        return f"{seconds:.1g} s" if seconds < 1 else f"{seconds:.2g} s"
+    return f"{seconds / 60:.2g} min" if seconds < 7200 else f"{seconds / 3600:.2g} h"
