@@ -11,7 +11,8 @@ from jax import Array
 from numpy.typing import NDArray
 
 from drumsqueal.errors import SteadyStateError
-from drumsqueal.physics.effects.action import ZERO
+from drumsqueal.physics.bodies.body import scalars
+from drumsqueal.physics.effects.action import at_rest
 from drumsqueal.physics.effects.schedule import Profile
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.linear.steady import NOT_FOUND, Linear, linear_model, linearise, steady_sliding
@@ -127,9 +128,9 @@ class AboutSteady(NamedTuple):
 @jax.jit
 def about_steady(model: Model, steady: Array, linear: Linear) -> AboutSteady:
     """Matrix, pressure and contact at steady sliding q* (n,), not yet looked at."""
-    moment, wide = model.operation.at(0.0), model.widen(steady)
-    pressure_range = model.lining.pressure_range(moment, wide)
-    touching = model.middle_contact.observe(moment, wide, ZERO).contact_fraction
+    moment, q = model.operation.at(0.0), scalars(steady)
+    pressure_range = model.contact.pressure_range(moment, q)
+    touching = model.contact.in_plane().observe(moment, q, at_rest(q)).contact_fraction
     return AboutSteady(steady, model.mass, linear.state_matrix(), pressure_range, touching)
 
 

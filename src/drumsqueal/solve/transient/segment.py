@@ -8,6 +8,7 @@ import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
+from drumsqueal.physics.bodies.body import scalars
 from drumsqueal.physics.effects.damping import frictionless_modes
 from drumsqueal.physics.effects.touching import Observation
 from drumsqueal.physics.kernel import compiled, one_kernel
@@ -100,7 +101,7 @@ def least_slip(model: Model, state: State, span: Span, tolerance: ArrayLike) -> 
 def _slip_of(model: Model, span: Span, velocity: Array) -> Array:
     """Slip speed (m/s) that a velocity (n,) makes on a drum at rest."""
     still = model.operation.at(jnp.asarray(span.start))._replace(drum_speed=jnp.zeros(()))
-    return model.contact.fastest_slip(still, model.widen(velocity))
+    return model.contact.fastest_slip(still, scalars(velocity))
 
 
 def local_tolerance(tolerance: ArrayLike, solver: str) -> Array:

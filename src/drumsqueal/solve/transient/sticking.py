@@ -17,8 +17,7 @@ from jax import Array
 from jax.typing import ArrayLike
 from scipy.optimize import minimize, nnls
 
-from drumsqueal.physics.bodies.rigid_shoe import TZ, Y
-from drumsqueal.physics.effects.contact import Contact
+from drumsqueal.physics.bodies.body import dot, scalars
 from drumsqueal.physics.effects.friction import Friction
 from drumsqueal.physics.effects.operation import Moment
 from drumsqueal.physics.effects.touching import Observation
@@ -32,16 +31,8 @@ JUST = 1e-6  # of the reserve: so little beyond it, the lining slips the way tha
 
 
 def can_stick(model: Model, *, at_rest: bool) -> bool:
-    """Whether the lining can move as one with the drum: with friction, and the coordinates to follow it unless at rest.
-
-    A shoe follows a drum that turns in Y and Tz.
-    """
-    follows = all(isinstance(d, float) and d == 0 for i, d in enumerate(model.contact.following) if _left_out(model, i))
-    return model.contact.friction is not None and (follows or at_rest)
-
-
-def _left_out(model: Model, coordinate: int) -> bool:
-    return coordinate not in model.coordinates
+    """Whether the lining can move as one with the drum: with friction, and the coordinates to follow it unless at rest."""
+    return model.contact.friction is not None and (model.contact.follows or at_rest)
 
 
 class Held(Model):
@@ -61,14 +52,11 @@ class Held(Model):
     def observe(self, time: ArrayLike, q: Array, v: Array) -> Observation:
         """Torque, forces and extent of the contact at one instant; nothing slips, nothing is turned into heat."""
         moment = self.operation.at(time)
-        observation = self.contact.with_friction(None).observe(moment, self.widen(q), self.widen(v))
-        observation = observation._replace(sticking=jnp.ones(()))
-        if not isinstance(self.contact, Contact):
-            return observation
-        wide = self.widen(_grip(self, moment, _without_friction(self, time, q, v)[0]))
-        # Of R ∫F_θ dA − c ∫F_θ cos θ dA, the force on Tz, and ∫F_θ cos θ dA, that on Y.
-        torque = jnp.asarray(wide[TZ] + self.shoe.centroid * wide[Y] + jnp.zeros(()))
-        return observation._replace(brake_torque=torque)
+        observation = self.contact.with_friction(None).observe(moment, scalars(q), scalars(v))
+        # Of turning with the drum at 1 rad/s, the work of what holds the lining.
+        grip = scalars(_grip(self, moment, _without_friction(self, time, q, v)[0]))
+        torque = jnp.asarray(dot(self.contact.following, grip) + jnp.zeros(()))
+        return observation._replace(sticking=jnp.ones(()), brake_torque=torque)
 
 
 def held(model: Model) -> Held:
@@ -79,7 +67,7 @@ def held(model: Model) -> Held:
 @jax.jit
 def slip(model: Model, time: ArrayLike, v: Array) -> Array:
     """A bound on the slip speed (m/s) anywhere on the lining at velocities v (n,), reached up to a small factor."""
-    return model.contact.fastest_slip(model.operation.at(time), model.widen(v))
+    return model.contact.fastest_slip(model.operation.at(time), scalars(v))
 
 
 def slip_motion(model: Model, time: ArrayLike, v: Array) -> Array:
@@ -124,9 +112,10 @@ def grip(model: Model, time: ArrayLike, q: Array, v: Array, directions: Array) -
     still = moment._replace(drum_speed=jnp.zeros(()))
 
     def farthest(direction: Array) -> Array:
-        with_friction = sliding.act(still, model.widen(q), model.widen(-direction)).force
-        without = smooth.act(still, model.widen(q), model.widen(jnp.zeros_like(q))).force
-        return jnp.stack([jnp.asarray(with_friction[i] - without[i] + jnp.zeros(())) for i in model.coordinates])
+        with_friction = sliding.act(still, scalars(q), scalars(-direction)).force
+        without = smooth.act(still, scalars(q), scalars(jnp.zeros_like(q))).force
+        difference = (a - b for a, b in zip(with_friction, without, strict=True))
+        return jnp.stack([jnp.asarray(each + jnp.zeros(())) for each in difference])
 
     return Grip(needed, jax.lax.map(farthest, directions))
 
@@ -145,12 +134,12 @@ def _grip(model: Model, moment: Moment, free: Array) -> Array:
 
 def _following(model: Model) -> Array:
     """Velocities d of a shoe that turns with the drum at 1 rad/s."""
-    return jnp.stack([jnp.asarray(model.contact.following[i]) for i in model.coordinates])
+    return jnp.stack([jnp.asarray(each) for each in model.contact.following])
 
 
 def _slips(model: Model) -> np.ndarray:
     """Which coordinates have a slip velocity of their own (n,)."""
-    return np.array([model.contact.slipping[i] for i in model.coordinates])
+    return np.array(model.contact.slipping)
 
 
 class Hold(NamedTuple):
@@ -170,7 +159,7 @@ def hold_surely(model: Model, times: Array, q: Array, v: Array) -> np.ndarray:
     """
     if len(times) > 1 and not model.forced and _rests(model, times, q, v):
         return np.repeat(hold_surely(model, times[:1], q[:1], v[:1]), len(times))
-    count, root = len(model.coordinates), np.sqrt(np.asarray(model.mass))
+    count, root = len(model.names), np.sqrt(np.asarray(model.mass))
     directions = np.random.default_rng(SEED).standard_normal((ENOUGH * count, count)) * _slips(model) / root
     needed, farthest = (np.asarray(x) / root for x in _grips(model, times, q, v, jnp.asarray(directions)))
     answers: list[bool] = []
