@@ -89,7 +89,7 @@ def prepare(scene: Scene, friction_law: FrictionLaw | Callable[[Array], Array] |
 def held_coordinates(scene: Scene) -> tuple[str, ...]:
     """Coordinates that a scene's list leaves out though what starts or forces the others would move them, too.
 
-    Followed through the linear model of all coordinates about their own steady sliding, from one coordinate to the next.
+    Followed through the linear model of all of them about their own steady sliding, from one coordinate to the next.
     """
     if scene.simulate.coordinates == "auto":
         return ()

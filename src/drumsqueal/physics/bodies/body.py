@@ -5,7 +5,7 @@ Displacements, velocities and generalised forces have one entry for each coordin
 """
 
 from collections.abc import Mapping
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from jax import Array
@@ -38,7 +38,6 @@ class Body(Protocol):
     def symmetric(self) -> tuple[bool, ...]:
         """Which coordinates move every line across the sliding direction alike: the others rest in steady sliding."""
         ...
-
 
     def largest(self, q: Mapping[str, NDArray[np.float64]]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Bounds of the displacement into what rubs on the body, and along it, anywhere in the contact.
@@ -80,7 +79,7 @@ class LinedBody(Body, Lining, Protocol):
     def displacement(
         self, q: Mapping[str, ArrayLike], angle: ArrayLike, z: ArrayLike = 0.0, radius: ArrayLike | None = None
     ) -> tuple:
-        """(u_r, u_θ, u_z) at angles (rad), z and, unless on the lining, a radius (m): coordinates by name, else zero."""
+        """(u_r, u_θ, u_z) at angles (rad), z and a radius (m; the lining's unless given), of coordinates by name."""
         ...
 
     def tractions(self, nodes: Nodes, load: Array, drag: Array | None, lateral: Array | None) -> Densities:
@@ -102,6 +101,14 @@ class LinedBody(Body, Lining, Protocol):
     def radial_stiffness(self) -> Array:
         """∫ φ^r φ^r dA, shape (n, n): the stiffness of full contact per unit contact stiffness."""
         ...
+
+
+def displace(body: LinedBody, q: Mapping[str, Any], x: Any, y: Any, z: Any) -> tuple[Any, Any, Any]:
+    """(u_x, u_y, u_z) of points of a body (m, from the drum's axis), of coordinates by name, zero where not named."""
+    angle = np.arctan2(y, x)
+    radial, along, axial = body.displacement(q, angle, z, np.hypot(x, y))
+    cosine, sine = np.cos(angle), np.sin(angle)
+    return radial * cosine - along * sine, radial * sine + along * cosine, axial
 
 
 def dot(force: Motion, motion: Motion) -> Scalar:

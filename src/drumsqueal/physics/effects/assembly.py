@@ -1,6 +1,7 @@
 """What the assembly applies to the shoe at rest: the two readings of the state q = 0."""
 
 import equinox as eqx
+
 from drumsqueal.physics.bodies.body import LinedBody, Motion, Scalar, dot
 from drumsqueal.physics.effects.action import Action
 from drumsqueal.physics.effects.friction import Friction
@@ -52,4 +53,3 @@ class Balance(eqx.Module):
     def potential_energy(self, moment: Moment, q: Motion) -> Scalar:
         """U of the preload (J)."""
         return self.preload.potential_energy(moment, q)
-

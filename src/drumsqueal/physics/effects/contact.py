@@ -192,11 +192,13 @@ class Contact(eqx.Module):
         low, high = self._pressure_range(moment, q)
         return self.law.pressure(low), self.law.pressure(high)
 
-    def along_arc(self, moment: Moment, q: Motion, v: Motion, theta: Array) -> tuple[Array, Array]:
-        """Pressure N (Pa) and slip velocity V_θ (m/s) at angles θ (rad) of the middle line z = 0."""
+    def along_arc(
+        self, moment: Moment, q: Motion, v: Motion, theta: Array, z: Array | None = None
+    ) -> tuple[Array, Array]:
+        """Pressure N (Pa) and slip velocity V_θ (m/s) at angles θ (rad) of a line z (m), or of the middle line."""
         cosine, sine = jnp.cos(theta), jnp.sin(theta)
-        pressure = self.law.pressure(self._pressure_level(moment, q).at(cosine, sine, None))
-        return pressure, self._slip_level(moment, v).at(cosine, sine, None)
+        pressure = self.law.pressure(self._pressure_level(moment, q).at(cosine, sine, z))
+        return pressure, self._slip_level(moment, v).at(cosine, sine, z)
 
     def _pressure_level(self, moment: Moment, q: Motion) -> Level:
         """p0 + k_c u_r."""

@@ -48,11 +48,7 @@ class Level(NamedTuple):
 
     def value(self, cosine: Any, sine: Any, z: Any) -> Any:
         """Evaluate at cos θ, sin θ and z (m): numbers, arrays of NumPy or of JAX."""
-        return (
-            self.constant
-            + (self.cosine + self.cosine_slope * z) * cosine
-            + (self.sine + self.sine_slope * z) * sine
-        )
+        return self.constant + (self.cosine + self.cosine_slope * z) * cosine + (self.sine + self.sine_slope * z) * sine
 
     def at(self, cosine: Array, sine: Array, z: Array | None) -> Array:
         """Evaluate at nodes given by cos θ, sin θ and z (None on the line z = 0)."""

@@ -106,10 +106,11 @@ def derived_numbers(prepared: Prepared) -> Iterator[Number]:
     radius, centroid, half = (float(each) for each in (shoe.outer_radius, shoe.centroid, shoe.half_angle))
     yield Number("arc length", 2 * half * radius, "m", "of the lining, R β")
     yield Number("lining area", float(shoe.area), "m^2", "R β b")
-    yield Number("mass", float(shoe.mass[0]), "kg", "of the shoe")
+    yield Number("mass", float(shoe.inertia.X), "kg", "of the shoe")
     yield Number("centre of gravity", centroid, "m", "from the drum's axis")
     for k, axis in enumerate(("Tx", "Ty", "Tz"), start=1):
-        yield Number(f"moment of inertia I{k}", float(shoe.mass[2 + k]), "kg m^2", f"about the centre, for {axis}")
+        inertia = float(getattr(shoe.inertia, axis))
+        yield Number(f"moment of inertia I{k}", inertia, "kg m^2", f"about the centre, for {axis}")
     yield from _of_contact(contact, moment, centroid, half)
     if contact.friction is not None:
         speed = abs(float(moment.drum_speed))

@@ -12,7 +12,6 @@ from drumsqueal.physics.laws.friction_law import ExponentialLaw
 from drumsqueal.scene import COORDINATES, ConstantFriction, ExponentialFriction, Profile, Scene, Schedule
 
 NOTHING = "none"  # what becomes of an effect that is left out
-PLANE = tuple(COORDINATES[i] for i in IN_PLANE)
 
 
 class Reduction(NamedTuple):
@@ -41,8 +40,8 @@ def reduce(scene: Scene, reductions: Iterable[Reduction]) -> Scene:
 
 
 def _reductions(scene: Scene) -> Iterator[Reduction]:
-    kept = {COORDINATES[i] for i in kept_coordinates(scene)}
-    if kept - set(PLANE) and kept & set(PLANE):
+    kept = set(kept_coordinates(scene))
+    if kept - set(IN_PLANE) and kept & set(IN_PLANE):
         yield Reduction("space", "plane", _plane(scene))
     if scene.contact.separation:
         yield Reduction("separation", "bonded", {"contact.separation": False})
@@ -89,12 +88,12 @@ def _plane(scene: Scene) -> dict[str, Any]:
     if scene.simulate.coordinates == COORDINATES:
         values["simulate.coordinates"] = "auto"  # which keeps the eigenvalues of all six
     elif scene.simulate.coordinates != "auto":
-        values["simulate.coordinates"] = [name for name in scene.simulate.coordinates if name in PLANE]
+        values["simulate.coordinates"] = [name for name in scene.simulate.coordinates if name in IN_PLANE]
     return values
 
 
 def _in_plane(table: Mapping[str, float]) -> dict[str, float]:
-    return {name: value for name, value in table.items() if name in PLANE}
+    return {name: value for name, value in table.items() if name in IN_PLANE}
 
 
 def _at_start(schedule: Schedule) -> float:

@@ -33,7 +33,6 @@ from drumsqueal.findings.signals import (
 )
 from drumsqueal.findings.signals.lyapunov import Exponents, lyapunov_exponents, orthonormalised
 from drumsqueal.interrupts import noted_interrupts, stop_if_interrupted
-from drumsqueal.physics.bodies.rigid_shoe import IN_PLANE
 from drumsqueal.questions.motion.attractor import Attractor, Kind, decide_attractor, describe_attractor
 from drumsqueal.scene import Profile, Scene, SceneError
 from drumsqueal.simulation import Prepared, check_sample_rate, prepare, steady_at_start, transient
@@ -235,7 +234,7 @@ def _at_rest(prepared: Prepared, chunks: list[Chunk]) -> bool:
 
 def _no_tangents(prepared: Prepared, chunks: list[Chunk]) -> str:
     """Why nearby motions cannot be followed, empty where they can."""
-    if any(i not in IN_PLANE for i in prepared.model.coordinates):
+    if not all(prepared.model.body.symmetric):
         return "the motion is in space, where nearby motions take too long"
     if prepared.model.forced:
         return "a harmonic force acts, and nearby motions are followed along steady drives only"

@@ -6,7 +6,6 @@ from typing import NamedTuple
 from drumsqueal.errors import IntegrationError
 from drumsqueal.findings.compare import Comparison
 from drumsqueal.findings.history import COMPLETE
-from drumsqueal.physics.composition import ALL
 from drumsqueal.physics.model import build_model
 from drumsqueal.questions.paper.curves import AXES, constant_friction
 from drumsqueal.questions.sensitivity.decay import KICK, kicked
@@ -70,7 +69,7 @@ def paper_transients(scene: Scene, on_point: OnPoint) -> tuple[dict[str, tuple[P
 def damping_needed(scene: Scene) -> float:
     """Structural damping ratio that makes every mode of a brake decay, by a twentieth more than the least."""
     known = 0.0 if scene.damping is None else float(scene.damping.ratio)
-    modes = analyse_stability(build_model(scene, coordinates=ALL)).modes
+    modes = analyse_stability(build_model(scene, coordinates=COORDINATES)).modes
     return known + MORE * max(0.0, *(mode.growth_rate / abs(mode.eigenvalue) for mode in modes))
 
 

@@ -61,7 +61,8 @@ def _together(composition: Composition, scenes: list[Scene]) -> list[Stability |
     filled = [scene.numbers() for scene in scenes + scenes[-1:] * (BLOCK - len(scenes))]
     stacked = {key: np.array([numbers[key] for numbers in filled]) for key in filled[0]}
     found = jax.tree.map(np.asarray, _about_many(stacked, composition))
-    return [_solved(composition.coordinates, jax.tree.map(lambda values, k=k: values[k], found)) for k in range(len(scenes))]
+    each = [jax.tree.map(lambda values, k=k: values[k], found) for k in range(len(scenes))]
+    return [_solved(composition.coordinates, one) for one in each]
 
 
 def _solved(names: tuple[str, ...], found: AboutSteady) -> Stability | SteadyStateError:

@@ -1,5 +1,6 @@
 """Complex eigenvalues of steady sliding: modes, growth rates, frequencies."""
 
+from collections.abc import Sequence
 from functools import partial
 from typing import NamedTuple, cast
 
@@ -50,6 +51,10 @@ class Mode(NamedTuple):
     unstable: bool
     right: NDArray[np.complex128]
     left: NDArray[np.complex128]
+
+    def shape(self, coordinates: Sequence[str]) -> dict[str, complex]:
+        """Displacements by the names of the coordinates."""
+        return dict(zip(coordinates, self.right[: len(coordinates)].tolist(), strict=True))
 
     @property
     def frequency_Hz(self) -> float:

@@ -31,7 +31,7 @@ JUST = 1e-6  # of the reserve: so little beyond it, the lining slips the way tha
 
 
 def can_stick(model: Model, *, at_rest: bool) -> bool:
-    """Whether the lining can move as one with the drum: with friction, and the coordinates to follow it unless at rest."""
+    """Whether the lining can move as one with the drum: with friction, and coordinates to follow it unless at rest."""
     return model.contact.friction is not None and (model.contact.follows or at_rest)
 
 
