@@ -17,7 +17,6 @@ from hypothesis import Phase, example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from drumsqueal.physics.composition import ALL
 from drumsqueal.physics.effects.touching import Observation
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.scene import Scene

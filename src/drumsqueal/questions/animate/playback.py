@@ -70,8 +70,8 @@ class Playback(NamedTuple):
     """All that is drawn. The motion (frames,) is that of the coordinates, by name; the section is at z (m).
 
     `faces` are the places of the front and the back face where those move otherwise, else None. `drum_turn` (frames,)
-    is the drum's turn as drawn (rad), None where it is not. `curves` are displacements over `curve_time` (s) in µm at the
-    drum's surface; `relative` says that their size, as that of a mode, means nothing.
+    is the drum's turn as drawn (rad), None where it is not. `curves` are displacements over `curve_time` (s) in µm at
+    the drum's surface; `relative` says that their size, as that of a mode, means nothing.
     """
 
     title: str
