@@ -24,7 +24,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from drumsqueal.physics.bodies.body import scalars
+from drumsqueal.physics.bodies.body import Motion, scalars
 from drumsqueal.physics.bodies.rigid_shoe import IN_PLANE
 from drumsqueal.physics.kernel import compiled, one_kernel
 from drumsqueal.physics.laws.friction_law import FrictionLaw
@@ -92,7 +92,7 @@ def forces(model: Model, q: Array, v: Array) -> Array:
     return wide(q, v)
 
 
-def _contact(model: Model, q: Array, v: Array) -> tuple:
+def _contact(model: Model, q: Array, v: Array) -> Motion:
     return model.contact.act(model.operation.at(0.0), scalars(q), scalars(v)).force
 
 

@@ -54,7 +54,7 @@ class Motion(NamedTuple):
         return float(np.max(np.abs(self.balance_error)) / self.kinetic.max())
 
 
-def follow(scene: Scene, numbers: dict[str, Any] | None = None, coordinates: tuple[int, ...] | None = None) -> Motion:
+def follow(scene: Scene, numbers: dict[str, Any] | None = None, coordinates: tuple[str, ...] | None = None) -> Motion:
     """Integrate a scene's start; what differs by `numbers` alone shares its compiled programs."""
     model = build_model(scene, numbers, coordinates)
     steady = np.asarray(eqx.filter_jit(steady_sliding)(model))

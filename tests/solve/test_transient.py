@@ -35,7 +35,7 @@ class Record(NamedTuple):
     chunks: int
 
 
-def simulate(scene: Scene, coordinates: tuple[int, ...] | None = None) -> Record:
+def simulate(scene: Scene, coordinates: tuple[str, ...] | None = None) -> Record:
     """Integrate a scene's start over its own coordinates, or over others."""
     model = build_model(scene, coordinates=coordinates)
     steady = np.asarray(eqx.filter_jit(steady_sliding)(model))

@@ -11,7 +11,7 @@ import xarray
 from drumsqueal.errors import RequestError
 from drumsqueal.files.in_place import as_text, content_of, opened, variable
 from drumsqueal.files.output_folder import history_file
-from drumsqueal.findings.history import COMPLETE, MOTION, SIGNALS
+from drumsqueal.findings.history import COMPLETE, MOTION, SIGNALS, signals_of
 from drumsqueal.scene import COORDINATES, Scene, SceneError, scene_from_dict
 
 UNEVEN = 1e-6  # of a sampling interval, that a sample may lie off its place; round-off is below 1e-9 in an hour
@@ -94,19 +94,20 @@ def _load(path: Path) -> tuple[xarray.Dataset, Scene]:
                 variable(file, name)
         # Of something without dimensions, which no run writes, xarray would warn that it made some up.
         data = xarray.load_dataset(content, engine="h5netcdf", decode_timedelta=False, phony_dims="access")
+    scene = scene_from_dict(tomllib.loads(as_text(data.attrs["scene"])))
     if list(data["coordinate"].values) != list(COORDINATES):
         raise ValueError("coordinate")
-    dimensions = dict.fromkeys(SIGNALS, ("time",)) | dict.fromkeys(MOTION, ("time", "coordinate"))
+    dimensions = dict.fromkeys(signals_of(scene), ("time",)) | dict.fromkeys(MOTION, ("time", "coordinate"))
     if any(data[name].dims != wanted for name, wanted in dimensions.items()):
         raise ValueError("dimensions")
     data.attrs["outcome"] = as_text(data.attrs["outcome"])
-    return data, scene_from_dict(tomllib.loads(as_text(data.attrs["scene"])))
+    return data, scene
 
 
-def _computed(path: Path, data: xarray.Dataset) -> xarray.Dataset:
+def _computed(path: Path, data: xarray.Dataset, scene: Scene) -> xarray.Dataset:
     """The samples up to the first of which anything was not computed, or not yet written."""
     finite = np.isfinite(data["time"].values)
-    for name in (*MOTION, *SIGNALS):
+    for name in (*MOTION, *signals_of(scene)):
         finite &= np.isfinite(data[name].values.reshape(finite.size, -1)).all(axis=1)
     rows = finite.size if finite.all() else int(np.argmin(finite))
     if rows < 2:

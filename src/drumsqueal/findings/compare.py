@@ -2,17 +2,18 @@
 
 from typing import NamedTuple
 
+import jax.numpy as jnp
 import numpy as np
 import xarray
 
 from drumsqueal.findings.departure import FEWEST_FOR_SPECTRUM, Departure, changes, edge_share, first_edge, moved_by
 from drumsqueal.findings.frequency import FrequencyDrift, follow_frequency
-from drumsqueal.findings.history import COMPLETE
+from drumsqueal.findings.history import COMPLETE, memory_of
 from drumsqueal.findings.quadrature import QuadratureError
 from drumsqueal.findings.saturation import Saturation, describe_saturation, saturated_part
 from drumsqueal.findings.signals import Growth, amplitude_spectrum, fit_growth, modal_frequency, peak_near
 from drumsqueal.findings.sticking import find_sticking
-from drumsqueal.findings.verdict import state_verdict
+from drumsqueal.findings.verdict import Temperature, state_verdict
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.linear.modes import NEUTRAL_SHARE, Mode, Stability
 
@@ -144,8 +145,17 @@ def compare(
             sticking=find_sticking(history),
             cut_off=None if outcome == COMPLETE else outcome,
             quadrature=quadrature,
+            temperature=_temperature(history, model),
         ),
     )
+
+
+def _temperature(history: xarray.Dataset, model: Model) -> Temperature | None:
+    memory = memory_of(history.isel(time=[-1]), model.remembered)
+    if memory is None:
+        return None
+    share = model.moment(float(history["time"].values[-1]), jnp.asarray(memory[0])).friction_share
+    return Temperature(float(memory[0, 0]), 1.0 if share is None else float(share))
 
 
 def _motion_ratio(departure: Departure, stability: Stability, model: Model) -> float | None:

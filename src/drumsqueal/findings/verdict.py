@@ -1,12 +1,14 @@
 """What a run says in one sentence: the prediction, and what the transient did with it."""
 
 import math
+from typing import NamedTuple
 
 from drumsqueal.findings.frequency import FrequencyDrift
 from drumsqueal.findings.quadrature import QuadratureError
 from drumsqueal.findings.saturation import Saturation
 from drumsqueal.findings.signals import told_frequencies
 from drumsqueal.findings.sticking import Sticking
+from drumsqueal.scene.quantities import percent
 from drumsqueal.solve.linear.modes import Mode, Stability
 
 GROWN = 1.1  # times the start: what the motion must reach by the end to have grown
@@ -21,6 +23,13 @@ _SETTLED = {
     "irregular": "settles to an irregular motion",
     "unknown": "has not settled by the end of the record",
 }
+
+
+class Temperature(NamedTuple):
+    """Rise of the lining's temperature at the end (K), and the fraction of friction that is then left."""
+
+    end: float
+    friction_left: float
 
 
 def state_verdict(
@@ -39,6 +48,7 @@ def state_verdict(
     sticking: Sticking,
     cut_off: str | None,
     quadrature: QuadratureError | None,
+    temperature: Temperature | None = None,
 ) -> str:
     """Return prediction and outcome in one sentence.
 
@@ -47,7 +57,7 @@ def state_verdict(
     at the end over that at the start (None without a start), `edge` the time of the first edge (s), `frequency` how a
     mode's frequency went from onset to saturation, `duration` that of the record (s), `rotation` the largest rotation
     of the shoe (rad), `sticking` tells when the lining sticks, `cut_off` says why it ends early, and `quadrature` is
-    the error of the contact forces.
+    the error of the contact forces. `temperature` is how far the lining warms up, where the scene follows it.
     """
     time = f" at t = {stability.time:g} s" if changing else ""
     predicted = f"The linear model predicts {_prediction(stability)}{time}"
@@ -68,7 +78,7 @@ def state_verdict(
         done += f"; the shoe turns by {rotation:.2g} rad, where small rotations, and so the model, no longer hold"
     if cut_off:
         done += f" (the run {'was ' if cut_off.startswith('interrupted') else ''}{cut_off})"
-    return f"{predicted}; {done}.{_why(frequency)}{_inaccurate(quadrature)}"
+    return f"{predicted}; {done}.{_why(frequency)}{_warmed(temperature)}{_inaccurate(quadrature)}"
 
 
 def difference_is_no_error(time: float | None, until: float) -> str:
@@ -78,6 +88,15 @@ def difference_is_no_error(time: float | None, until: float) -> str:
         f"Drum speed or load change: the prediction is for {at}, the mean is that from 0 to {until:.4g} s, so that "
         "their difference is no error"
     )
+
+
+def _warmed(temperature: Temperature | None) -> str:
+    if temperature is None:
+        return ""
+    warm = f" The lining warms up by {temperature.end:.3g} K by the end"
+    if temperature.friction_left < 1:
+        warm += f", and friction falls to {percent(temperature.friction_left)} of that of the cold lining"
+    return f"{warm}; the linear model is that of the cold lining."
 
 
 def _inaccurate(quadrature: QuadratureError | None) -> str:

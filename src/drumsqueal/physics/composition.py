@@ -20,6 +20,7 @@ class Composition(NamedTuple):
     steady_state: str
     support: bool
     damping: bool
+    temperature: bool
     forced: tuple[str, ...]
 
 
@@ -42,6 +43,7 @@ def compose(scene: Scene) -> Composition:
         steady_state=scene.steady.state,
         support=scene.support is not None,
         damping=scene.damping is not None,
+        temperature=scene.temperature is not None,
         forced=forced_coordinates(scene),
     )
 
@@ -98,6 +100,7 @@ def take_inventory(scene: Scene, given_law: str = "") -> Inventory:
     place(composition.support, "support springs", "support springs")
     place(composition.damping, "structural damping", "structural damping")
     place(bool(composition.forced), "harmonic force", "harmonic force")
+    place(composition.temperature, "lining temperature and fade of friction", "lining temperature and fade of friction")
     if friction is not None:
         place(
             composition.steady_state == "self-consistent",

@@ -1,14 +1,14 @@
 """Body and effects as one vector field: the steady state, the eigenvalues, the transient and the gradients share it."""
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 
 import equinox as eqx
 import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
-from drumsqueal.physics.bodies.body import Body, scalars
+from drumsqueal.physics.bodies.body import Body, Scalar, scalars
 from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
 from drumsqueal.physics.composition import GIVEN, Composition, compose
 from drumsqueal.physics.effects.action import Effect
@@ -18,10 +18,11 @@ from drumsqueal.physics.effects.damping import Damping
 from drumsqueal.physics.effects.forcing import Forcing
 from drumsqueal.physics.effects.friction import Friction
 from drumsqueal.physics.effects.friction_direction import Tangential, UnitVelocity
-from drumsqueal.physics.effects.operation import Operation
+from drumsqueal.physics.effects.operation import Moment, Operation
 from drumsqueal.physics.effects.pressure import Bonded, Unilateral
 from drumsqueal.physics.effects.schedule import Constant, Profile, Schedule
 from drumsqueal.physics.effects.support import Support
+from drumsqueal.physics.effects.temperature import Remembering, Temperature
 from drumsqueal.physics.effects.touching import Observation, Touching
 from drumsqueal.physics.laws.custom_friction import as_law, with_breakpoints
 from drumsqueal.physics.laws.friction_law import ConstantLaw, ExponentialLaw, FrictionLaw
@@ -36,7 +37,8 @@ Numbers = Mapping[str, ArrayLike]
 class Model(eqx.Module):
     """M q̈ = Σ effects, over the n kept coordinates of the body.
 
-    `mass` is the diagonal of M (n,) and `stiffness` the frictionless stiffness in full contact (n, n).
+    `mass` is the diagonal of M (n,) and `stiffness` the frictionless stiffness in full contact (n, n). What effects
+    remember (m,) is part of the state where `remembering` is not empty, and None elsewhere.
     """
 
     operation: Operation
@@ -44,6 +46,7 @@ class Model(eqx.Module):
     others: tuple[Effect, ...]
     mass: Array = eqx.field(converter=real)
     stiffness: Array = eqx.field(converter=real)
+    remembering: tuple[Remembering, ...] = ()
 
     @property
     def body(self) -> Body:
@@ -95,12 +98,57 @@ class Model(eqx.Module):
         """The same model for motion that is the same on every line across: a line integral instead of an area."""
         return dataclasses.replace(self, contact=self.contact.in_plane())
 
+    @property
+    def remembered(self) -> tuple[str, ...]:
+        """Names of what effects remember."""
+        return tuple(name for effect in self.remembering for name in effect.names)
+
+    @property
+    def first_memory(self) -> Array | None:
+        """What effects remember at the start: zeros (m,), None where none does."""
+        return jnp.zeros(len(self.remembered)) if self.remembering else None
+
+    def _memories(self, memory: Array) -> Iterator[tuple[Remembering, Array]]:
+        first = 0
+        for effect in self.remembering:
+            yield effect, memory[first : first + len(effect.names)]
+            first += len(effect.names)
+
+    def memory_size(self, memory: Array | None) -> Array | None:
+        """What errors of what effects remember (m,) are measured against."""
+        if memory is None:
+            return None
+        return jnp.concatenate([effect.size(part) for effect, part in self._memories(memory)])
+
+    def memory_rate(self, memory: Array | None, heat: Scalar) -> Array | None:
+        """Its rate (m,) while friction turns so much power into heat (W)."""
+        if memory is None:
+            return None
+        return jnp.concatenate([effect.rate(part, heat) for effect, part in self._memories(memory)])
+
+    def moment(self, time: ArrayLike, memory: Array | None = None) -> Moment:
+        """What all effects see of an instant; without a memory, as it is at the start."""
+        moment = self.operation.at(time)
+        for effect, part in () if memory is None else self._memories(memory):
+            moment = effect.influence(moment, part)
+        return moment
+
     def act(self, time: ArrayLike, q: Array, v: Array) -> tuple[Array, Array]:
-        """Generalised force (n,) and power beyond the stored energy (W), at displacement q (n,) and velocity v (n,)."""
-        moment, motion = self.operation.at(time), (scalars(q), scalars(v))
+        """Generalised force (n,) and power (W) as `rates` has them, by what effects remember at the start."""
+        return self.rates(time, q, v)[:2]
+
+    def rates(
+        self, time: ArrayLike, q: Array, v: Array, memory: Array | None = None
+    ) -> tuple[Array, Array, Array | None]:
+        """Generalised force (n,), power beyond the stored energy (W) and rate of the memory (m,).
+
+        At displacement q (n,), velocity v (n,) and memory (m,).
+        """
+        moment, motion = self.moment(time, memory), (scalars(q), scalars(v))
         actions = [effect.act(moment, *motion) for effect in self.effects]
         force = [sum(parts) + jnp.zeros(()) for parts in zip(*(action.force for action in actions), strict=True)]
-        return jnp.stack(force), jnp.asarray(sum(action.power for action in actions) + jnp.zeros(()))
+        power = jnp.asarray(sum(action.power for action in actions) + jnp.zeros(()))
+        return jnp.stack(force), power, self.memory_rate(memory, sum(action.heat for action in actions))
 
     def energy(self, time: ArrayLike, q: Array, v: Array) -> tuple[Array, Array]:
         """Kinetic energy ½ vᵀ M v and potential energy Σ U (J)."""
@@ -108,9 +156,9 @@ class Model(eqx.Module):
         potential = sum(effect.potential_energy(moment, motion) for effect in self.effects)
         return jnp.sum(self.mass * v * v) / 2, jnp.asarray(potential + jnp.zeros(()))
 
-    def observe(self, time: ArrayLike, q: Array, v: Array) -> Observation:
+    def observe(self, time: ArrayLike, q: Array, v: Array, memory: Array | None = None) -> Observation:
         """Torque, forces and extent of the contact at one instant."""
-        return self.contact.observe(self.operation.at(time), scalars(q), scalars(v))
+        return self.contact.observe(self.moment(time, memory), scalars(q), scalars(v))
 
 
 def build_model(
@@ -171,7 +219,10 @@ def assemble(composition: Composition, value: Mapping[str, Array], law: Friction
         amplitude = jnp.stack([value[f"forcing.amplitude.{name}"] for name in forced])
         places = tuple(shoe.names.index(name) for name in forced)
         others.append(Forcing(amplitude, value["forcing.frequency"], value["forcing.phase"], places))
-    return Model(operation, contact, tuple(others), shoe.mass, stiffness)
+    remembering: list[Remembering] = []
+    if composition.temperature:
+        remembering.append(Temperature(*(value[f"temperature.{key}"] for key in ("heat_capacity", "cooling", "fade"))))
+    return Model(operation, contact, tuple(others), shoe.mass, stiffness, tuple(remembering))
 
 
 def _contact(

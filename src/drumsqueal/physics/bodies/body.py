@@ -30,7 +30,7 @@ class Body(Protocol):
         ...
 
     @property
-    def mass(self) -> Array:
+    def mass(self) -> Any:
         """Diagonal of the mass matrix (n,)."""
         ...
 

@@ -7,10 +7,11 @@ from drumsqueal.physics.effects.operation import Moment
 
 
 class Action(NamedTuple):
-    """Generalised force (N, N m) and the power it feeds in beyond its potential energy (W)."""
+    """Generalised force (N, N m), the power it feeds in beyond its potential energy, and what becomes heat (W)."""
 
     force: Motion
     power: Scalar
+    heat: Scalar = 0.0
 
 
 class Effect(Protocol):

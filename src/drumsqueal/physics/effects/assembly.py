@@ -46,7 +46,7 @@ class Balance(eqx.Module):
         if self.friction is None:
             return Action(force, power)
         body = self.preload.body
-        friction = self.friction.steady_coefficient(body.outer_radius * moment.drum_speed)
+        friction = self.friction.steady_coefficient(moment, body.outer_radius * moment.drum_speed)
         drag = tuple(-friction * moment.preload * each for each in body.tangential_resultant())
         return Action(tuple(f + d for f, d in zip(force, drag, strict=True)), power + dot(drag, v))
 

@@ -123,7 +123,7 @@ class Contact(eqx.Module):
         edges = Edges(self.law.edges(levels.pressure), levels.slip, levels.axial, *cuts)
         return self.surface.integrate(self.body, edges, densities)
 
-    def _field(self, levels: Levels, nodes: Nodes) -> ContactField:
+    def _field(self, moment: Moment, levels: Levels, nodes: Nodes) -> ContactField:
         """Evaluate the contact at quadrature nodes."""
         level, slip, axial = levels
         value = level.at(nodes.cosine, nodes.sine, nodes.z)
@@ -132,7 +132,7 @@ class Contact(eqx.Module):
             return ContactField(nodes, value, pressure, None, None, None, None)
         tangential = slip.at(nodes.cosine, nodes.sine, nodes.z)
         lateral = None if axial is None else axial.at(nodes.cosine, nodes.sine, nodes.z)
-        along, across = self.friction.traction(pressure, tangential, lateral)
+        along, across = self.friction.traction(moment, pressure, tangential, lateral)
         return ContactField(nodes, value, pressure, tangential, lateral, along, across)
 
     def act(self, moment: Moment, q: Motion, v: Motion) -> Action:
@@ -140,7 +140,7 @@ class Contact(eqx.Module):
         levels = self.levels(moment, q, v)
 
         def densities(nodes: Nodes) -> Densities:
-            field = self._field(levels, nodes)
+            field = self._field(moment, levels, nodes)
             found = {**self._force_densities(field), **self._drag_densities(field)}
             if moment.preload_rate is not None:
                 found["compression"] = self._stored(moment, q, nodes)[1] * nodes.weight
@@ -152,7 +152,7 @@ class Contact(eqx.Module):
             power = self.body.outer_radius * total["drag"] * moment.drum_speed - total["heat"]
         if moment.preload_rate is not None:
             power = power + moment.preload_rate * total["compression"]
-        return Action(self.body.resultant(total), power)
+        return Action(self.body.resultant(total), power, total.get("heat", 0.0))
 
     def potential_energy(self, moment: Moment, q: Motion) -> Array:
         """U = ∫(p0 e + ½ k_c e²) dA with e the compression: its force is −∫ N φ^r dA (J)."""
@@ -167,7 +167,7 @@ class Contact(eqx.Module):
         smallest = self.law.pressure(self._pressure_range(moment, q)[0])
 
         def densities(nodes: Nodes) -> Densities:
-            field, weight = self._field(levels, nodes), nodes.weight
+            field, weight = self._field(moment, levels, nodes), nodes.weight
             touching = self.law.touches(field.level)
             found = {"normal": field.pressure * weight, "touching": jnp.where(touching, weight, 0.0)}
             if field.slip is not None:

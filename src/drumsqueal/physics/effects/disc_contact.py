@@ -90,7 +90,7 @@ class DiscContact(eqx.Module):
         """Force and torque of friction and their power."""
         del q
         force = self._friction(moment, v)
-        return Action(force, dot(force, v))
+        return Action(force, dot(force, v), -dot(force, self._slip(moment, v)))
 
     def potential_energy(self, moment: Moment, q: Motion) -> float:
         """None is stored."""
@@ -100,11 +100,14 @@ class DiscContact(eqx.Module):
     def observe(self, moment: Moment, q: Motion, v: Motion) -> Observation:
         """Forces at one instant; in place of a brake torque the force that holds the plate back (N)."""
         del q
-        along, across, torque = self._friction(moment, v)
-        ux, uy, _ = self._motion(moment, v)
-        heat = -(along * ux + across * uy + torque * v[2])
+        force = self._friction(moment, v)
+        heat, along = -dot(force, self._slip(moment, v)), force[0]
         load, none = moment.preload * self.body.area, jnp.zeros(())
         return Observation(along, load, none + 1, none, moment.preload, heat, none)
+
+    def _slip(self, moment: Moment, v: Motion) -> Motion:
+        """The motion relative to the plate's."""
+        return v[0] - moment.drum_speed, v[1], v[2]
 
     def _motion(self, moment: Moment, v: Motion) -> tuple[Array, Array, Array]:
         """Slip velocity of the centre along X and Y, and that of the rim from the spin, Rω (m/s)."""
@@ -122,7 +125,7 @@ class DiscContact(eqx.Module):
         sliding, spinning = jnp.sqrt(slid), jnp.sqrt(spun)
         nodes = disc_nodes(self.body.radius, sliding, spinning, breakpoints(self.friction.law))
         pressure = jnp.broadcast_to(moment.preload, nodes.speed.shape)
-        traction, other = self.friction.traction(pressure, nodes.speed * nodes.cosine, nodes.speed * nodes.sine)
+        traction, other = self.friction.traction(moment, pressure, nodes.speed * nodes.cosine, nodes.speed * nodes.sine)
         assert other is not None
         # The other half of the disc takes away what is at right angles to the sliding. Tractions are at right angles
         # to their line, so that the place on it is the lever's arm.

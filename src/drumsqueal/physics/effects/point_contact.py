@@ -87,7 +87,7 @@ class PointContact(eqx.Module):
         power = drag * v[0]
         if moment.preload_rate is not None:
             power = power + moment.preload_rate * (self._compression(moment, q) - _depth(q))
-        return Action((drag, moment.preload - load)[: len(q)], power)
+        return Action((drag, moment.preload - load)[: len(q)], power, -drag * _slip(moment, v))
 
     def potential_energy(self, moment: Moment, q: Motion) -> Array:
         """U = p0 e + ½ k e² − p0 y, with e the compression of the contact spring (J)."""
@@ -113,7 +113,7 @@ class PointContact(eqx.Module):
         load = self.law.pressure(self._level(moment, q))
         if self.friction is None:
             return load, jnp.zeros(())
-        return load, self.friction.traction(load, _slip(moment, v), None)[0]
+        return load, self.friction.traction(moment, load, _slip(moment, v), None)[0]
 
 
 def _slip(moment: Moment, v: Motion) -> Array:

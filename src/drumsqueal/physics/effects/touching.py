@@ -81,7 +81,7 @@ class Touching(Protocol):
         """The same contact for motion that is the same on every line across, so that one line serves."""
         ...
 
-    def pressure_range(self, moment: Moment, q: Motion) -> tuple[Scalar, Scalar]:
+    def pressure_range(self, moment: Moment, q: Motion) -> tuple[Array, Array]:
         """Smallest and largest pressure (Pa; of a point contact the force in N)."""
         ...
 

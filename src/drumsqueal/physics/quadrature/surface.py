@@ -1,7 +1,7 @@
 """What the contact asks of a quadrature over the lining."""
 
 from collections.abc import Callable
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import jax.numpy as jnp
 from jax import Array
@@ -14,7 +14,7 @@ class Lining(Protocol):
     """The surface that is integrated over: |θ| ≤ half_angle (rad) on a radius (m), and a width (m) across."""
 
     @property
-    def outer_radius(self) -> Array:
+    def outer_radius(self) -> Any:
         """R (m)."""
         ...
 
@@ -24,7 +24,7 @@ class Lining(Protocol):
         ...
 
     @property
-    def width(self) -> Array:
+    def width(self) -> Any:
         """b (m)."""
         ...
 

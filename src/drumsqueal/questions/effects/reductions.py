@@ -46,7 +46,7 @@ def _reductions(scene: Scene) -> Iterator[Reduction]:
     if scene.contact.separation:
         yield Reduction("separation", "bonded", {"contact.separation": False})
     yield from _friction(scene)
-    for table, effect in (("support", "support springs"), ("damping", "damping")):
+    for table, effect in (("support", "support springs"), ("damping", "damping"), ("temperature", "temperature")):
         if getattr(scene, table) is not None:
             yield Reduction(effect, NOTHING, {table: None})
     if forced_coordinates(scene):

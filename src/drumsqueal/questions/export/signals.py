@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from drumsqueal.errors import RequestError, nearest
 from drumsqueal.files.saved_history import SavedHistory
 from drumsqueal.findings.departure import ROTATIONS
-from drumsqueal.findings.history import SIGNALS
+from drumsqueal.findings.history import SIGNALS as ALWAYS
+from drumsqueal.findings.history import TEMPERATURE, memory_of, signals_of
 from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
 from drumsqueal.physics.composition import kept_coordinates
 from drumsqueal.questions.export.channels import (
@@ -40,7 +41,11 @@ _RECORDED = {
     "kinetic_energy": ("e_kinetic", "energy", (1, 1)),
     "potential_energy": ("e_potent", "energy", (1, 1)),
     "energy_balance_error": ("e_error", "energy", (1, 1)),
+    "lining_temperature": ("temp", "temperature", NO_UNITS),
 }
+
+
+SIGNALS = ALWAYS | TEMPERATURE
 
 
 class _SurfacePoint(NamedTuple):
@@ -77,9 +82,12 @@ def names_of(asked: Sequence[str] | None, saved: SavedHistory) -> tuple[list[str
     moving = kept_coordinates(saved.scene)
     if asked is None:
         groups = [kind for kind in _UNITS if kind != ACCELERATION or not saved.given_law]
-        names = [name for group in (*groups, *_SURFACE, *SIGNALS) for name in _members(group, moving)]
+        names = [name for group in (*groups, *_SURFACE, *signals_of(saved.scene)) for name in _members(group, moving)]
         return names, [] if ACCELERATION in groups else [f"accelerations are left out: {_GIVEN_LAW}"]
     names = list(dict.fromkeys(name for group in asked for name in _members(group, moving)))
+    absent = next((name for name in names if name in TEMPERATURE and saved.scene.temperature is None), None)
+    if absent is not None:
+        raise RequestError(f"--signals {absent}: the scene of this history has no temperature; leave it out")
     if saved.given_law and any(name.startswith(ACCELERATION) for name in names):
         raise RequestError(f"--signals: there are no accelerations for this history: {_GIVEN_LAW}; leave them out")
     return names, []
@@ -175,8 +183,11 @@ def _accelerations(saved: SavedHistory) -> NDArray[np.float64]:
     from drumsqueal.physics.model import build_model
     from drumsqueal.solve.transient.accelerations import accelerations
 
+    model = build_model(saved.scene)
     data, kept = saved.data, [COORDINATES.index(name) for name in kept_coordinates(saved.scene)]
     wide = np.zeros((data.sizes["time"], len(COORDINATES)))
     q, v = (data[name].values[:, kept] for name in (DISPLACEMENT, VELOCITY))
-    wide[:, kept] = accelerations(build_model(saved.scene), data["time"].values, q, v, data["sticking"].values > 0)
+    wide[:, kept] = accelerations(
+        model, data["time"].values, q, v, data["sticking"].values > 0, memory_of(data, model.remembered)
+    )
     return wide

@@ -93,6 +93,11 @@ def checked(scene: Scene) -> Scene:
     for keys, value in ((("drum", "speed"), scene.drum.speed), (("contact", "normal_load"), scene.contact.normal_load)):
         if isinstance(value, Profile):
             raise SceneError("this changes with time, and the motion with it; give one value to ask for its kind", keys)
+    if scene.temperature is not None:
+        raise SceneError(
+            "the lining warms up, and its motion is of no one kind; leave the temperature out (temperature=none)",
+            ("temperature",),
+        )
     return scene
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.composition import linear_coordinates
 from drumsqueal.physics.model import build_model
-from drumsqueal.scene import Scene
+from drumsqueal.scene import COORDINATES, Scene
 from drumsqueal.solve.linear.family import Spectrum, spectra_of
 
 POINTS = 121

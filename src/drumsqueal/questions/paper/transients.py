@@ -9,7 +9,7 @@ from drumsqueal.findings.history import COMPLETE
 from drumsqueal.physics.model import build_model
 from drumsqueal.questions.paper.curves import AXES, constant_friction
 from drumsqueal.questions.sensitivity.decay import KICK, kicked
-from drumsqueal.scene import Scene
+from drumsqueal.scene import COORDINATES, Scene
 from drumsqueal.simulation import prepare, run_whole
 from drumsqueal.solve.linear.modes import analyse_stability
 

@@ -49,6 +49,7 @@ def summarise(result: Result) -> dict[str, Any]:
             "implicit_share": float(result.history["implicit"].mean()),
         },
         "sticking": _sticking(find_sticking(result.history)),
+        "lining_temperature": _temperature(result),
     }
 
 
@@ -65,6 +66,7 @@ def summarise_prediction(source: Prepared | Result, outcome: str) -> dict[str, A
         "accuracy": None,
         "integration": None,
         "sticking": None,
+        "lining_temperature": None,
         "held_though_they_would_move": None,
         "model": {key: list(words) for key, words in source.inventory._asdict().items()},
         "scene": source.scene.model_dump(mode="json"),
@@ -79,6 +81,14 @@ def _sticking(sticking: Sticking) -> dict[str, Any]:
         "first_s": sticking.spells[0][0] if sticking.spells else None,
         "to_the_end_from_s": sticking.spells[-1][0] if sticking.to_the_end else None,
     }
+
+
+def _temperature(result: Result) -> dict[str, float] | None:
+    """The largest rise and that at the end (K); None without [temperature]."""
+    if result.scene.temperature is None:
+        return None
+    rise = result.history["lining_temperature"].values
+    return {"largest_K": float(rise.max()), "end_K": float(rise[-1])}
 
 
 def energy_balance(result: Result) -> dict[str, float]:

@@ -14,7 +14,6 @@ from drumsqueal.errors import SteadyStateError
 from drumsqueal.physics.effects.action import at_rest
 from drumsqueal.physics.effects.assembly import Balance
 from drumsqueal.physics.effects.contact import Contact
-from drumsqueal.physics.effects.friction import Friction
 from drumsqueal.physics.model import Model
 from drumsqueal.physics.quadrature.smooth import WholeSurface
 from drumsqueal.solve.linear.equilibrium import find_equilibrium
@@ -39,17 +38,6 @@ class Linear(NamedTuple):
         top = jnp.concatenate([jnp.zeros((n, n)), jnp.eye(n)], axis=1)
         bottom = -jnp.concatenate([self.stiffness, self.damping], axis=1) / self.mass[:, None]
         return jnp.concatenate([top, bottom])
-
-
-class _Reduced(Friction):
-    """Friction of which only a fraction acts."""
-
-    fraction: Array
-
-    def traction(self, pressure: Array, slip: Array, axial: Array | None) -> tuple[Array, Array | None]:
-        """Tractions on the lining along θ and z (Pa)."""
-        along, across = super().traction(pressure, slip, axial)
-        return self.fraction * along, None if across is None else self.fraction * across
 
 
 def steady_sliding(model: Model) -> Array:
@@ -82,11 +70,9 @@ def _static_forces(model: Model, z: Array) -> tuple[Array, Array]:
     """
     moving = [int(k) for k in np.flatnonzero(model.body.symmetric)]
     q = tuple(z[moving.index(k)] if k in moving else 0.0 for k in range(len(model.names)))
-    contact, friction = model.contact, model.contact.friction
-    if friction is not None:
-        contact = contact.with_friction(_Reduced(friction.law, friction.direction, z[-1]))
-    actions = [effect.act(model.operation.at(0.0), q, at_rest(q)).force for effect in (contact, *model.others)]
-    parts = jnp.stack([jnp.stack([jnp.asarray(force[k] + jnp.zeros(())) for k in moving]) for force in actions])
+    moment = model.operation.at(0.0)._replace(friction_share=z[-1])
+    forces = [effect.act(moment, q, at_rest(q)).force for effect in model.effects]
+    parts = jnp.stack([jnp.stack([jnp.asarray(force[k] + jnp.zeros(())) for k in moving]) for force in forces])
     return jnp.sum(parts, axis=0), jnp.sum(jnp.abs(parts), axis=0)
 
 
