@@ -4,7 +4,7 @@ import numpy as np
 
 from drumsqueal.physics.composition import kept_coordinates
 from drumsqueal.physics.model import build_model
-from drumsqueal.scene import load_scene
+from drumsqueal.scene import COORDINATES, load_scene
 from drumsqueal.simulation import run
 from drumsqueal.solve.transient.accelerations import accelerations
 

@@ -71,7 +71,7 @@ def read_history(path: Path) -> SavedHistory:
         raise MemoryError(f"to read {file}") from None
     except Exception:  # h5py raises nearly all there is on a file that is damaged
         raise RequestError(f"{file}: this is no history of drumsqueal, or a damaged one; {_OURS}") from None
-    return SavedHistory(file, _computed(file, data), scene)
+    return SavedHistory(file, _computed(file, data, scene), scene)
 
 
 def _check_container(path: Path) -> None:

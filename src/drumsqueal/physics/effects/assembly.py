@@ -42,13 +42,14 @@ class Balance(eqx.Module):
 
     def act(self, moment: Moment, q: Motion, v: Motion) -> Action:
         """Force −Q(0, 0) and the power of its part against the drag."""
-        force, power = self.preload.act(moment, q, v)
+        action = self.preload.act(moment, q, v)
         if self.friction is None:
-            return Action(force, power)
+            return action
         body = self.preload.body
         friction = self.friction.steady_coefficient(moment, body.outer_radius * moment.drum_speed)
         drag = tuple(-friction * moment.preload * each for each in body.tangential_resultant())
-        return Action(tuple(f + d for f, d in zip(force, drag, strict=True)), power + dot(drag, v))
+        force = tuple(f + d for f, d in zip(action.force, drag, strict=True))
+        return Action(force, action.power + dot(drag, v))
 
     def potential_energy(self, moment: Moment, q: Motion) -> Scalar:
         """U of the preload (J)."""

@@ -101,7 +101,7 @@ class DiscContact(eqx.Module):
         """Forces at one instant; in place of a brake torque the force that holds the plate back (N)."""
         del q
         force = self._friction(moment, v)
-        heat, along = -dot(force, self._slip(moment, v)), force[0]
+        heat, along = -jnp.asarray(dot(force, self._slip(moment, v))), force[0]
         load, none = moment.preload * self.body.area, jnp.zeros(())
         return Observation(along, load, none + 1, none, moment.preload, heat, none)
 

@@ -189,7 +189,7 @@ def advance_scaled(
         memory = None if size.memory is None else x[q.size :] * size.memory
         force, power, changed = model.rates(span.inside(span.start + t), steady + q * size.departure, velocity, memory)
         accelerations = force / model.mass / size.velocity
-        if changed is None:
+        if changed is None or size.memory is None:
             return accelerations, power / size.work
         return jnp.concatenate([accelerations, changed / size.memory]), power / size.work
 
