@@ -75,7 +75,8 @@ def _friction(scene: Scene) -> Iterator[Reduction]:
     if friction is not None and friction.direction == "unit-velocity":
         yield Reduction("unit velocity", "tangential", {"friction.direction": "tangential"})
     if isinstance(friction, ConstantFriction):
-        yield Reduction("friction", NOTHING, {"friction": None})
+        heated = {} if scene.temperature is None else {"temperature": None}  # which nothing else heats
+        yield Reduction("friction", NOTHING, {"friction": None, **heated})
 
 
 def _plane(scene: Scene) -> dict[str, Any]:
