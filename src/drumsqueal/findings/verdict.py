@@ -94,9 +94,8 @@ def _warmed(temperature: Temperature | None) -> str:
     if temperature is None:
         return ""
     warm = f" The lining warms up by {temperature.end:.3g} K by the end"
-    if temperature.friction_left < 1:
-        warm += f", and friction falls to {percent(temperature.friction_left)} of that of the cold lining"
-    return f"{warm}; the linear model is that of the cold lining."
+    lost = 1 - temperature.friction_left
+    return f"{warm}, by which friction loses {percent(lost)}; the linear model is that of the cold lining."
 
 
 def _inaccurate(quadrature: QuadratureError | None) -> str:

@@ -30,7 +30,7 @@ class Format(NamedTuple):
 
     def writer(self) -> Callable[[Channels, Path], str]:
         """The function that writes a file, and returns what is to be said of it on the terminal ("" for nothing)."""
-        return importlib.import_module(f"drumsqueal.export.{self.module}").write
+        return importlib.import_module(f"drumsqueal.questions.export.{self.module}").write
 
 
 FORMATS = {
