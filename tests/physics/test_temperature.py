@@ -4,6 +4,7 @@ import dataclasses
 import itertools
 import json
 import math
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -31,6 +32,11 @@ def warm(model, heat_capacity, cooling, fade=0.0):
     return dataclasses.replace(model, remembering=(Temperature(heat_capacity, cooling, fade),))
 
 
+def follow(model, steady, displacement, velocity, **how: Any):
+    """Chunks of a transient."""
+    return integrate(model, np.array(steady), np.array(displacement), np.array(velocity), **how)
+
+
 def joined(chunks):
     """Time, displacement (k,), temperature (k,) and error of the energy balance (k,)."""
     parts = [(c.time, c.displacement[:, 0], c.remembered["lining_temperature"], c.energy_balance_error) for c in chunks]
@@ -41,7 +47,7 @@ def joined(chunks):
 def test_a_constant_heat_flow_warms_as_the_closed_form_says(solver):
     """A block at rest beside a belt of 2 m/s under 10 N: P = μ N V = 8 W, ϑ = P/h (1 − exp(−h t/C))."""
     model = warm(block_on_belt(ConstantLaw(0.4), load=10.0, belt_speed=2.0), 5.0, 3.0)
-    chunks = integrate(model, [4.0], [0.0], [0.0], duration=8.0, sample_rate=100.0, tolerance=1e-8, solver=solver)
+    chunks = follow(model, [4.0], [0.0], [0.0], duration=8.0, sample_rate=100.0, tolerance=1e-8, solver=solver)
     time, place, rise, error = joined(chunks)
     np.testing.assert_allclose(place, 4.0, rtol=1e-12)
     # Steps err by a hundredth of the tolerance each, of 1 K or of the rise; there are at most some hundred of them.
@@ -64,7 +70,7 @@ def test_fading_friction_agrees_with_an_independent_integration(solver):
         friction = (0.3 + 0.3 * math.exp(-1.5 * slip)) * 3 * max(0.0, 1 - 0.05 * rise)
         return [v, friction - 0.05 * v - 4 * x, (friction * slip - 0.3 * rise) / 2]
 
-    chunks = integrate(model, steady, [0.1], [0.3], duration=20.0, sample_rate=50.0, tolerance=1e-9, solver=solver)
+    chunks = follow(model, steady, [0.1], [0.3], duration=20.0, sample_rate=50.0, tolerance=1e-9, solver=solver)
     time, place, rise, error = joined(chunks)
     wanted = solve_ivp(rates, (0, 20), [steady[0] + 0.1, 0.3, 0.0], "DOP853", time, rtol=1e-12, atol=1e-13).y
     assert wanted[2].max() > 3.9  # K: a fifth of the friction has gone
@@ -78,7 +84,7 @@ def test_a_lining_that_sticks_cools_and_its_grip_has_faded():
     """Coulomb's block: while it sticks ϑ falls like exp(−h t/C), and it slips where k x = μs N (1 − γ ϑ)."""
     model = warm(block_on_belt(StepLaw(1.0, 0.5), belt_speed=0.2), 0.5, 0.05, 0.2)
     how = {"duration": 40.0, "sample_rate": 50.0, "tolerance": 1e-9}
-    chunks = list(integrate(model, [0.0], [0.0], [0.0], **how))
+    chunks = list(follow(model, [0.0], [0.0], [0.0], **how))
     time, place, rise, _ = joined(chunks)
     changes = [change for chunk in chunks for change in chunk.changes]
     spells = [(a, b) for (a, sticks), (b, slips) in itertools.pairwise(changes) if sticks and not slips]
@@ -95,17 +101,18 @@ def test_a_lining_that_sticks_cools_and_its_grip_has_faded():
     # From a checkpoint within, it goes on as without a break.
     checkpoint = chunks[1].end
     assert checkpoint is not None
-    again = joined(integrate(model, [0.0], [0.0], [0.0], **how, since=checkpoint))
+    again = joined(follow(model, [0.0], [0.0], [0.0], **how, since=checkpoint))
     np.testing.assert_array_equal(again[2], rise[-again[2].size :])
 
 
 def test_many_at_once_are_what_each_is_alone():
     models = [warm(block_on_belt(ConstantLaw(mu), load=10.0, belt_speed=2.0), 5.0, 3.0, 0.1) for mu in (0.2, 0.4)]
-    start, how = np.array([[0.1], [0.2]]), {"duration": 3.0, "sample_rate": 100.0, "tolerance": 1e-8}
+    start = np.array([[0.1], [0.2]])
+    how: Any = {"duration": 3.0, "sample_rate": 100.0, "tolerance": 1e-8}
     steady, rest = np.array([[2.0], [4.0]]), np.zeros((2, 1))
     together = np.concatenate([c.departure for c in integrate_many(models, steady, start, rest, **how)], axis=1)
     for k, model in enumerate(models):
-        alone = joined(integrate(model, steady[k], start[k], rest[k], **how, solver="dopri8"))[1]
+        alone = joined(follow(model, steady[k], start[k], rest[k], **how, solver="dopri8"))[1]
         # What is left of the friction moves the block by more than the tolerance; they differ by the rounding.
         assert np.ptp(alone) > 0.2
         np.testing.assert_allclose(together[k, :, 0] + steady[k], alone, rtol=0, atol=1e-12)
@@ -152,7 +159,7 @@ def test_without_it_nothing_is_in_the_program(nominal):
 
 def test_a_point_to_go_on_from_keeps_the_temperature(nominal):
     scene = nominal.with_values({"temperature": TABLE, "simulate.duration": 0.02, "start.displacement.Y": 1e-7})
-    chunk = next(iter(integrate(build_model(scene), np.zeros(3), [0, 1e-7, 0], np.zeros(3), duration=0.02,
+    chunk = next(iter(follow(build_model(scene), np.zeros(3), [0, 1e-7, 0], np.zeros(3), duration=0.02,
                                 sample_rate=50e3, tolerance=1e-6)))  # fmt: skip
     assert chunk.end is not None
     point = Point(Reached(501, chunk.steps, chunk.rejected_steps), chunk.end)
