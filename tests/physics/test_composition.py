@@ -60,6 +60,7 @@ def test_the_inventory_of_the_nominal_scene(nominal):
         "coordinates Z, Tx, Ty",
         "structural damping",
         "harmonic force",
+        "lining temperature and fade of friction",
         "drag of friction on the steady state",
         "changes of the drum speed",
         "changes of the load",
