@@ -71,6 +71,7 @@ def test_every_effect_is_either_included_or_left_out(nominal):
     everything = nominal.with_values(
         {
             "damping": {"ratio": 0.01},
+            "temperature": {"heat_capacity": 300.0},
             "forcing": {"amplitude": {"Z": 1.0}, "frequency": 100.0},
             "steady.state": "self-consistent",
             "drum.speed": {"time": [0, 1], "value": [5, 4]},
