@@ -19,7 +19,6 @@ from drumsqueal.findings.history import COMPLETE, to_dataset
 from drumsqueal.findings.outcome import Ending, Outcome
 from drumsqueal.interrupts import noted_interrupts, stop_if_interrupted
 from drumsqueal.physics.composition import (
-    ALL,
     Inventory,
     kept_coordinates,
     linear_coordinates,
@@ -90,16 +89,16 @@ def prepare(scene: Scene, friction_law: FrictionLaw | Callable[[Array], Array] |
 def held_coordinates(scene: Scene) -> tuple[str, ...]:
     """Coordinates that a scene's list leaves out though what starts or forces the others would move them, too.
 
-    Followed through the linear model of all six about their own steady sliding, from one coordinate to the next.
+    Followed through the linear model of all of them about their own steady sliding, from one coordinate to the next.
     """
     if scene.simulate.coordinates == "auto":
         return ()
-    pushes = coupling(while_sliding(build_model(scene, coordinates=ALL))[0])
-    moving = np.isin(ALL, list(moved_coordinates(scene)))
-    for _ in ALL:
+    pushes = coupling(while_sliding(build_model(scene, coordinates=COORDINATES))[0])
+    moving = np.isin(COORDINATES, list(moved_coordinates(scene)))
+    for _ in COORDINATES:
         moving = moving | (pushes @ moving)
     kept = kept_coordinates(scene)
-    return tuple(COORDINATES[i] for i in ALL if moving[i] and i not in kept)
+    return tuple(name for name, moves in zip(COORDINATES, moving, strict=True) if moves and name not in kept)
 
 
 def check_sample_rate(prepared: Prepared) -> None:

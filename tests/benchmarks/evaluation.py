@@ -24,12 +24,14 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from drumsqueal.physics.bodies.body import Motion, scalars
+from drumsqueal.physics.bodies.rigid_shoe import IN_PLANE
 from drumsqueal.physics.kernel import compiled, one_kernel
 from drumsqueal.physics.laws.friction_law import FrictionLaw
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.physics.quadrature.arc import ArcSurface
 from drumsqueal.physics.quadrature.area import AreaSurface
-from drumsqueal.scene import load_scene
+from drumsqueal.scene import COORDINATES, load_scene
 
 SCENE = Path(__file__).parents[2] / "scenarios" / "nominal.toml"
 ROUNDS, STATES = 15, 64
@@ -90,8 +92,8 @@ def forces(model: Model, q: Array, v: Array) -> Array:
     return wide(q, v)
 
 
-def _contact(model: Model, q: Array, v: Array) -> tuple:
-    return model.contact.act(model.operation.at(0.0), model.widen(q), model.widen(v)).force
+def _contact(model: Model, q: Array, v: Array) -> Motion:
+    return model.contact.act(model.operation.at(0.0), scalars(q), scalars(v)).force
 
 
 def contenders() -> list[Contender]:
@@ -101,8 +103,8 @@ def contenders() -> list[Contender]:
     found = []
     for regime, size in SIZES.items():
         q, v = size * SHAPE * np.sin(phase), size * SHAPE * FREQUENCY * np.cos(phase)
-        for kept in ((0, 1, 5), tuple(range(6))):
-            model = build_model(scene, coordinates=kept)
+        for names in (IN_PLANE, COORDINATES):
+            model, kept = build_model(scene, coordinates=names), [COORDINATES.index(name) for name in names]
             found.append(Contender(str(len(kept)), regime, model, jnp.asarray(q[:, kept]), jnp.asarray(v[:, kept])))
     return found
 

@@ -16,6 +16,7 @@ from drumsqueal.physics.laws.friction_law import ExponentialLaw, FrictionLaw
 from drumsqueal.physics.model import build_model
 from drumsqueal.questions.accuracy.reference import find_reference
 from drumsqueal.questions.run.words import print_findings
+from drumsqueal.scene import COORDINATES
 from drumsqueal.simulation import Result, prepare, run, start_of
 from drumsqueal.solve.linear.modes import analyse_stability
 
@@ -338,13 +339,13 @@ def test_a_displaced_free_coordinate_stays(nominal):
 
 def test_a_run_that_was_cut_off_says_why(nominal):
     history = run(nominal.with_values({"simulate.duration": 0.02})).history
-    stability = analyse_stability(build_model(nominal, coordinates=tuple(range(6))))
+    stability = analyse_stability(build_model(nominal, coordinates=COORDINATES))
     for outcome, told in (
         ("failed: the step size collapsed", "(the run failed: the step size collapsed)."),
         ("interrupted by the user after t = 0.02 s", "(the run was interrupted by the user after t = 0.02 s)."),
     ):
         cut = history.assign_attrs(outcome=outcome)
-        found = compare(cut, stability, build_model(nominal, coordinates=tuple(range(6))))
+        found = compare(cut, stability, build_model(nominal, coordinates=COORDINATES))
         assert found.verdict.endswith(told)
 
 

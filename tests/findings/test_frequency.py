@@ -29,7 +29,7 @@ def test_a_frequency_that_drifts_is_followed():
 def motion_of_x(nominal, size: float):
     """The frictionless shoe in X alone, whose lining touches and lifts off: its model, and an exact solution."""
     scene = nominal.with_values({"friction": None})
-    model = build_model(scene, coordinates=(0,))
+    model = build_model(scene, coordinates=("X",))
     stability = analyse_stability(model)
     theta, weights = np.polynomial.legendre.leggauss(100)
     theta, weights = theta * np.radians(65), weights * np.radians(65)

@@ -34,7 +34,7 @@ class Run(NamedTuple):
 
 def run(model: Model, displacement, velocity, *, steady=None, **how) -> Run:
     """Integrate a small body from a departure from steady sliding, or from where its springs have no load."""
-    steady = np.zeros(len(model.coordinates)) if steady is None else steady
+    steady = np.zeros(len(model.names)) if steady is None else steady
     chunks = list(integrate(model, steady, np.array(displacement), np.array(velocity), **how))
     time, place, speed, error = (
         np.concatenate([getattr(chunk, name) for chunk in chunks])

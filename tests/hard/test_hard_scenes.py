@@ -17,10 +17,10 @@ from hypothesis import Phase, example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from drumsqueal.physics.composition import ALL
+from drumsqueal.physics.bodies.rigid_shoe import IN_PLANE
 from drumsqueal.physics.effects.touching import Observation
 from drumsqueal.physics.model import Model, build_model
-from drumsqueal.scene import Scene
+from drumsqueal.scene import COORDINATES, Scene
 from drumsqueal.solve.linear.steady import linear_model, steady_sliding
 from drumsqueal.solve.transient.integrate import integrate
 from drumsqueal.solve.transient.runge_kutta import DEFAULT
@@ -55,7 +55,7 @@ class Motion(NamedTuple):
         return float(np.max(np.abs(self.balance_error)) / self.kinetic.max())
 
 
-def follow(scene: Scene, numbers: dict[str, Any] | None = None, coordinates: tuple[int, ...] | None = None) -> Motion:
+def follow(scene: Scene, numbers: dict[str, Any] | None = None, coordinates: tuple[str, ...] | None = None) -> Motion:
     """Integrate a scene's start; what differs by `numbers` alone shares its compiled programs."""
     model = build_model(scene, numbers, coordinates)
     steady = np.asarray(eqx.filter_jit(steady_sliding)(model))
@@ -537,11 +537,13 @@ def test_random_scenes_below_the_edges_are_linear(nominal, values, thickness, di
 # --- gradients -------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("coordinates", [(0, 1, 5), pytest.param(ALL, marks=pytest.mark.slow)], ids=["plane", "space"])
+@pytest.mark.parametrize(
+    "coordinates", [IN_PLANE, pytest.param(COORDINATES, marks=pytest.mark.slow)], ids=["plane", "space"]
+)
 def test_the_contact_force_has_a_derivative_where_nothing_slips(nominal, coordinates):
     model = build_model(nominal, coordinates=coordinates)
     c, n = float(model.shoe.centroid), len(coordinates)
-    drum = jnp.array([{1: 5 * c, 5: 5.0}.get(i, 0.0) for i in coordinates])
+    drum = jnp.array([{"Y": 5 * c, "Tz": 5.0}.get(name, 0.0) for name in coordinates])
 
     def force(v):
         return model.act(0.0, jnp.zeros(n), v)[0]

@@ -17,7 +17,7 @@ from drumsqueal.physics.effects.operation import Operation
 from drumsqueal.physics.effects.schedule import Constant, Profile
 from drumsqueal.physics.laws.friction_law import ConstantLaw, StepLaw
 from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
-from drumsqueal.solve.linear.modes import growth_rate
+from drumsqueal.solve.linear.modes import analyse_stability, growth_rate
 from drumsqueal.solve.transient.integrate import integrate
 
 BELT = 0.2  # m/s
@@ -184,6 +184,9 @@ def test_friction_that_follows_the_load_makes_two_modes_merge():
     assert np.max(np.abs(np.abs(found.imag) - wanted.imag)) < 1e-13
     assert wanted.real == pytest.approx(0.2020718, abs=5e-8)
     assert wanted.imag == pytest.approx(1.4285773, abs=5e-8)
+    stability = analyse_stability(follower(1.0))
+    assert sorted(mode.unstable for mode in stability.modes) == [False, True]  # of one frequency, and opposite growth
+    assert np.max(np.abs(np.abs(stability.eigenvalues.real) - wanted.real)) < 1e-13
 
 
 def test_falling_friction_loses_stability_where_it_should():
@@ -194,6 +197,13 @@ def test_falling_friction_loses_stability_where_it_should():
     found = eigenvalues(falling_friction(0.8))[0]
     assert found.real == pytest.approx(0.0509483, abs=5e-8)
     assert abs(found.imag) == pytest.approx(0.9987013, abs=5e-8)
+    stability = analyse_stability(falling_friction(0.8))
+    (mode,) = stability.modes
+    assert (mode.label, mode.unstable) == ("X", True)
+    assert mode.eigenvalue == pytest.approx(0.0509483 + 0.9987013j, abs=8e-8)  # half of the last digit of each
+    assert stability.steady_state == pytest.approx([0.5 + 0.5 * np.exp(-1.6)], rel=1e-12)  # μ N / k
+    assert stability.pressure_range == (1.0, 1.0)
+    assert stability.contact_fraction == 1.0
 
 
 def test_falling_friction_grows_at_its_rate_and_keeps_oscillating_where_it_is_stable():

@@ -12,6 +12,7 @@ import pytest
 
 from drumsqueal.physics.composition import take_inventory
 from drumsqueal.physics.model import Model, build_model
+from drumsqueal.scene import COORDINATES
 from drumsqueal.simulation import held_coordinates, run
 
 
@@ -61,6 +62,7 @@ def test_the_inventory_of_the_nominal_scene(nominal):
         "coordinates Z, Tx, Ty",
         "structural damping",
         "harmonic force",
+        "lining temperature and fade of friction",
         "drag of friction on the steady state",
         "changes of the drum speed",
         "changes of the load",
@@ -71,6 +73,7 @@ def test_every_effect_is_either_included_or_left_out(nominal):
     everything = nominal.with_values(
         {
             "damping": {"ratio": 0.01},
+            "temperature": {"heat_capacity": 300.0},
             "forcing": {"amplitude": {"Z": 1.0}, "frequency": 100.0},
             "steady.state": "self-consistent",
             "drum.speed": {"time": [0, 1], "value": [5, 4]},
@@ -87,7 +90,7 @@ def test_every_effect_is_either_included_or_left_out(nominal):
 @pytest.mark.parametrize(("size", "tolerance"), [(0.2, 5e-15), (3.0, 2e-8)], ids=["below the edges", "beyond them"])
 def test_forces_of_the_plane_are_those_of_all_six_coordinates(nominal, size, tolerance):
     force = jax.jit(lambda model, q, v: model.act(0.0, q, v)[0])
-    plane, space = build_model(nominal), build_model(nominal, coordinates=tuple(range(6)))
+    plane, space = build_model(nominal), build_model(nominal, coordinates=COORDINATES)
     generator, scale = np.random.default_rng(3), np.array([2000.0, 2000.0, 200.0])
     for _ in range(50):
         q = generator.uniform(-1, 1, 3) * size * 6.9e-6 / 3 * [1, 1, 10]
@@ -172,7 +175,7 @@ def test_what_a_scene_does_not_name_is_not_in_the_program(nominal, name):
 def test_tangential_friction_knows_nothing_of_the_velocity_across(nominal):
     # In space: |V| is a root, at the nodes with edges and at those without, and where it is least takes others to find.
     unit, tangential = (
-        traced(build_model(nominal.with_values({"friction.direction": direction}), coordinates=tuple(range(6))))
+        traced(build_model(nominal.with_values({"friction.direction": direction}), coordinates=COORDINATES))
         for direction in ("unit-velocity", "tangential")
     )
     assert unit["sqrt"] - tangential["sqrt"] >= 2
@@ -199,7 +202,7 @@ def test_a_sweep_of_an_effect_traces_its_program_once(nominal, name):
 
 def test_in_the_plane_there_is_no_area(nominal):
     # To sort the 19 bounds of the arc where friction is steep, each with each, against 24 lines of 24 nodes.
-    in_plane, in_space = build_model(nominal), build_model(nominal, coordinates=tuple(range(6)))
+    in_plane, in_space = build_model(nominal), build_model(nominal, coordinates=COORDINATES)
     sizes = [max(out.aval.size for each in equations(model) for out in each.outvars) for model in (in_plane, in_space)]
     assert sizes[0] == 19**2
     assert sizes[1] == 576

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from drumsqueal import TabulatedLaw, build_model, growth_rate, run
+from drumsqueal.scene import COORDINATES
 from drumsqueal.solve.linear.modes import analyse_stability
 
 
@@ -27,7 +28,7 @@ class Stribeck(eqx.Module):
         return exponential(slip_speed) + self.viscous * slip_speed
 
 
-ALL = tuple(range(6))
+ALL = COORDINATES
 SHORT = {"simulate.duration": 0.004, "start.displacement": {"Y": 2e-5, "Tz": 1e-4}}  # beyond both edges
 
 

@@ -6,6 +6,7 @@ import pytest
 import scipy.linalg
 
 from drumsqueal.physics.model import build_model
+from drumsqueal.scene import COORDINATES
 from drumsqueal.simulation import run
 from drumsqueal.solve.linear.modes import analyse_stability
 from drumsqueal.solve.linear.steady import linearise
@@ -58,7 +59,7 @@ def test_its_work_is_in_the_energy_balance(nominal):
 def test_steady_sliding_and_eigenvalues_do_not_know_it(nominal, state):
     scene = nominal.with_values({"steady.state": state})
     without, under = (
-        analyse_stability(build_model(each, coordinates=tuple(range(6))))
+        analyse_stability(build_model(each, coordinates=COORDINATES))
         for each in (scene, scene.with_values({"forcing": FORCE}))
     )
     np.testing.assert_array_equal(under.steady_state, without.steady_state)

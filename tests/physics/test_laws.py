@@ -21,7 +21,7 @@ from drumsqueal.questions.effects.reductions import reduce, reductions_of
 from drumsqueal.questions.paper.curves import CONSTANT_FRICTION, constant_friction
 from drumsqueal.questions.sensitivity.quieting import LEAST, _bounds, variable_numbers
 from drumsqueal.questions.sensitivity.study import numbers_of
-from drumsqueal.scene import Scene, SceneError, quantity_of, setting_choices
+from drumsqueal.scene import COORDINATES, Scene, SceneError, quantity_of, setting_choices
 from drumsqueal.scene.laws import LAWS, lacking
 from drumsqueal.scene.tables import Friction
 from drumsqueal.scene.usual import unusual
@@ -271,9 +271,7 @@ def test_a_stribeck_speed_is_swept(nominal):
     scene, speeds = scene_of(nominal, "stribeck"), [0.3, 0.5]
     swept = sweep_parameters(scene, {"friction.stribeck_speed": speeds})["growth_rate"]
     for speed, found in zip(speeds, swept.values, strict=True):
-        alone = analyse_stability(
-            build_model(scene, {"friction.stribeck_speed": speed}, coordinates=tuple(range(6)))
-        ).modes
+        alone = analyse_stability(build_model(scene, {"friction.stribeck_speed": speed}, coordinates=COORDINATES)).modes
         np.testing.assert_allclose(
             np.sort(found[np.isfinite(found)]), np.sort([m.growth_rate for m in alone]), rtol=1e-9
         )

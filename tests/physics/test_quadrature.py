@@ -546,14 +546,14 @@ def edges_of(contact: Contact, moment: Moment, q, v):
 
 @eqx.filter_jit
 def smooth_at(contact: Contact, moment: Moment, q, v):
-    return is_smooth(contact.shoe, edges_of(contact, moment, q, v))
+    return is_smooth(contact.body, edges_of(contact, moment, q, v))
 
 
 @eqx.filter_jit
 def split_force(contact: Contact, moment: Moment, q, v):
     """The force with the edges looked for, also where there are none."""
     assert contact.friction is not None
-    law = Cut(contact.friction.law, contact.shoe.outer_radius * jnp.abs(moment.drum_speed))
+    law = Cut(contact.friction.law, contact.body.outer_radius * jnp.abs(moment.drum_speed))
     return force_of(with_law(contact, law), moment, q, v)
 
 

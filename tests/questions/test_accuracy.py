@@ -25,7 +25,7 @@ from drumsqueal.questions.accuracy.answer import simulate_block, to_csv
 from drumsqueal.questions.accuracy.features import feature_errors
 from drumsqueal.questions.accuracy.reference import find_reference, sizes_of, trajectory_error
 from drumsqueal.questions.accuracy.study import AccuracyStudy, study_accuracy
-from drumsqueal.scene import Scene, load_scene
+from drumsqueal.scene import COORDINATES, Scene, load_scene
 from drumsqueal.simulation import prepare, transient
 
 pytestmark = pytest.mark.optimised  # it computes for long
@@ -76,7 +76,7 @@ def test_independent_quadratures_agree_with_the_engine_in_the_plane(nominal, rul
 
 def test_independent_quadrature_agrees_with_the_engine_in_space(nominal):
     # Below the edges, where both are exact; beyond them the fixed lines are not.
-    model = build_model(nominal, coordinates=tuple(range(6)))
+    model = build_model(nominal, coordinates=COORDINATES)
     generator = np.random.default_rng(6)
     q = jnp.asarray(generator.uniform(-1, 1, 6) * 1e-7 * np.array([1, 1, 1, 10, 10, 10]))
     v = jnp.asarray(generator.uniform(-1, 1, 6) * 1e-2 * np.array([1, 1, 1, 10, 10, 10]))

@@ -23,11 +23,10 @@ from drumsqueal.questions.animate.animation import PIXELS, MovingSection
 from drumsqueal.questions.animate.file import write_animation
 from drumsqueal.questions.animate.playback import REVERSED, SEPARATED, STUCK, TOUCHING, play_history, play_mode
 from drumsqueal.questions.animate.section import (
-    displaced,
     largest_displacement,
     lining_parts,
+    moved,
     on_circle,
-    on_line,
     shoe_outline,
 )
 from drumsqueal.scene import COORDINATES, load_scene
@@ -88,10 +87,11 @@ def test_a_small_motion_is_the_exact_one_of_a_rigid_body(shoe):
     gravity = 1e3 * np.array([float(shoe.centroid), 0.0])
     exact = (shoe_outline(shoe) - gravity) @ rotation.T + gravity + 1e3 * np.array([X, Y])
     # What is linear in the rotation lacks its square, times an arm of up to 97 mm: 97 × 1e-8 / 2 mm.
-    np.testing.assert_allclose(shoe_outline(shoe, (X, Y, turn)), exact, rtol=0, atol=5e-7)
+    motion = {"X": X, "Y": Y, "Tz": turn}
+    np.testing.assert_allclose(shoe_outline(shoe, motion), exact, rtol=0, atol=5e-7)
     # Magnified, it is further away by the factor exactly.
-    place, moved, far = (shoe_outline(shoe, (X, Y, turn), factor) for factor in (0, 1, 50))
-    np.testing.assert_allclose(far - place, 50 * (moved - place), rtol=0, atol=1e-10)
+    place, once, far = (shoe_outline(shoe, motion, factor) for factor in (0, 1, 50))
+    np.testing.assert_allclose(far - place, 50 * (once - place), rtol=0, atol=1e-10)
 
 
 def test_the_lining_moves_as_the_model_says(shoe):
@@ -101,19 +101,21 @@ def test_the_lining_moves_as_the_model_says(shoe):
     c, A = float(shoe.centroid), q[0] + z * q[4]
     B = q[1] - z * q[3] - c * q[5]
     place = on_circle(0.1, theta)
-    moved = (displaced(place, c, on_line(q, z)) - place) / 1e3
+    along_line = moved(place, shoe, dict(zip(COORDINATES, q, strict=True)), z) / 1e3
     e_r = np.stack([np.cos(theta), np.sin(theta)], axis=-1)
     e_t = np.stack([-np.sin(theta), np.cos(theta)], axis=-1)
-    np.testing.assert_allclose(np.sum(moved * e_r, axis=-1), A * np.cos(theta) + B * np.sin(theta), atol=1e-13)
+    np.testing.assert_allclose(np.sum(along_line * e_r, axis=-1), A * np.cos(theta) + B * np.sin(theta), atol=1e-13)
     wanted = 0.1 * q[5] - A * np.sin(theta) + B * np.cos(theta)
-    np.testing.assert_allclose(np.sum(moved * e_t, axis=-1), wanted, atol=1e-13)
+    np.testing.assert_allclose(np.sum(along_line * e_t, axis=-1), wanted, atol=1e-13)
 
 
 def test_the_largest_displacement_is_that_of_the_furthest_point(shoe):
     motions = np.random.default_rng(2).normal(size=(20, 3)) * [1e-5, 1e-5, 1e-4]
     place = shoe_outline(shoe)
-    wanted = max(np.hypot(*(shoe_outline(shoe, motion) - place).T).max() for motion in motions) / 1e3
-    assert largest_displacement(shoe, motions) == pytest.approx(wanted, rel=1e-9)
+    names = ("X", "Y", "Tz")
+    moved_so = [shoe_outline(shoe, dict(zip(names, motion, strict=True))) for motion in motions]
+    wanted = max(np.hypot(*(outline - place).T).max() for outline in moved_so) / 1e3
+    assert largest_displacement(shoe, dict(zip(names, motions.T, strict=True))) == pytest.approx(wanted, rel=1e-9)
 
 
 def test_parts_of_the_lining_fill_it(shoe):
@@ -140,7 +142,7 @@ def test_frames_are_the_motion_at_their_times(nominal, lifting):
     shown = play_history(lifting, nominal, start=0.01, end=0.0123)
     exact = LIFTS * np.cos(2 * np.pi * FREQUENCY * shown.time)
     # A quintic spline through 50 samples a period is good to (2π/50)^6/6 or so: 1e-6.
-    np.testing.assert_allclose(shown.motion[:, 1], exact, rtol=0, atol=1e-6 * LIFTS)
+    np.testing.assert_allclose(shown.motion["Y"], exact, rtol=0, atol=1e-6 * LIFTS)
     np.testing.assert_allclose(
         shown.curves["Y"], 1e6 * LIFTS * np.cos(2 * np.pi * FREQUENCY * shown.curve_time), atol=1e-4
     )
@@ -168,7 +170,7 @@ def test_separated_pressed_and_reversed_parts_are_those_of_the_model(nominal, li
     observe = jax.jit(lambda q, v: model.observe(0.0, q, v))
     for frame in range(0, 150, 13):
         velocity = np.array([0.0, *np.real(2j * np.pi * FREQUENCY * np.stack([Y, Tz])[:, frame, 0])])
-        seen = observe(jnp.asarray(shown.motion[frame]), jnp.asarray(velocity))
+        seen = observe(jnp.asarray([shown.motion[name][frame] for name in IN_PLANE]), jnp.asarray(velocity))
         state = shown.arc.state[frame]
         assert np.mean(state != SEPARATED) == pytest.approx(float(seen.contact_fraction), abs=1 / 130)
         assert np.mean(state == REVERSED) == pytest.approx(float(seen.slip_reversed_fraction), abs=1.5 / 130)
@@ -196,7 +198,7 @@ def test_the_displacement_is_the_departure_from_steady_sliding(nominal):
     history["displacement"].values[:] += [-3.055e-7, 7.591e-6, 0, 0, 0, 1.161e-5]  # as `stability` prints it
     shown = play_history(history, scene)
     # Printed with four digits: to within half of 1e-9 m.
-    np.testing.assert_allclose(shown.motion[:, 1], 1e-7 * np.cos(2 * np.pi * FREQUENCY * shown.time), atol=6e-10)
+    np.testing.assert_allclose(shown.motion["Y"], 1e-7 * np.cos(2 * np.pi * FREQUENCY * shown.time), atol=6e-10)
     # Pressure is that of the whole displacement: 0.094 to 1.87 times p0 along the arc.
     assert shown.arc.pressure.max() / shown.arc.pressure.min() > 10
 
@@ -204,7 +206,8 @@ def test_the_displacement_is_the_departure_from_steady_sliding(nominal):
 def test_the_magnification_draws_the_largest_as_stated(nominal, lifting, shoe):
     shown = play_history(lifting, nominal)
     place = shoe_outline(shoe)
-    drawn = max(np.hypot(*(shoe_outline(shoe, motion, shown.magnification) - place).T).max() for motion in shown.motion)
+    frames = ({name: values[k] for name, values in shown.motion.items()} for k in range(shown.time.size))
+    drawn = max(np.hypot(*(shoe_outline(shoe, motion, shown.magnification) - place).T).max() for motion in frames)
     assert 0.9 * 0.3 * 20 <= drawn <= 0.3 * 20  # mm; the factor has two digits, and is rounded down
     assert f"magnified {shown.magnification:g} times" in shown.notes[1]
     assert play_history(lifting, nominal, magnification=7.0).magnification == 7
@@ -240,7 +243,9 @@ def test_motion_out_of_the_plane_shows_both_faces():
     half = 0.0365 / 2
     turn = np.cos(2 * np.pi * FREQUENCY * shown.time)
     for face, side in ((front, 1), (back, -1)):
-        np.testing.assert_allclose(face[:, 1], (1e-5 - side * half * 2e-4) * turn, atol=1e-10)
+        assert face == pytest.approx(side * half)
+        middle = moved(np.array([1e3 * float(shown.shoe.centroid), 0.0]), shown.shoe, shown.motion, face)
+        np.testing.assert_allclose(middle[:, 1] / 1e3, (1e-5 - side * half * 2e-4) * turn, atol=1e-10)
     assert "Section at mid-width" in shown.notes[-1]
     assert "Z, along the drum's axis, is not drawn" in shown.notes[-1]
     assert len(MovingSection(shown)._face_lines) == 2
@@ -280,7 +285,8 @@ def test_a_mode_is_played_with_its_phases(nominal, stability):
     assert shown.time.size == 50
     assert 50 * np.diff(shown.time)[0] == pytest.approx(1 / mode.frequency_Hz)  # the loop closes
     # Each coordinate is as large and as late as its part of the eigenvector, seen through its first harmonic.
-    first = 2 * np.mean(shown.motion * np.exp(-2j * np.pi * np.arange(50) / 50)[:, None], axis=0)
+    motion = np.stack([shown.motion[name] for name in IN_PLANE], axis=1)
+    first = 2 * np.mean(motion * np.exp(-2j * np.pi * np.arange(50) / 50)[:, None], axis=0)
     wanted = mode.right[[0, 1, 5]]
     np.testing.assert_allclose(first, wanted, rtol=0, atol=1e-12)
     assert abs(np.angle(wanted[0])) > 1e-3  # X is not in phase
@@ -296,7 +302,8 @@ def test_the_pressure_of_a_mode_follows_the_gap(nominal, stability):
     shown = play_mode(nominal, stability, stability.modes[-1])
     theta = (shown.arc.edges[1:] + shown.arc.edges[:-1]) / 2
     c = float(shown.shoe.centroid)
-    gap = shown.motion[:, :1] * np.cos(theta) + (shown.motion[:, 1:2] - c * shown.motion[:, 2:]) * np.sin(theta)
+    X, Y, Tz = (shown.motion[name][:, None] for name in IN_PLANE)
+    gap = X * np.cos(theta) + (Y - c * Tz) * np.sin(theta)
     np.testing.assert_allclose(shown.arc.pressure, gap / np.abs(gap).max(), rtol=0, atol=1e-9)
 
 
@@ -304,7 +311,7 @@ def test_a_mode_out_of_the_plane_is_seen_at_the_front_face(nominal, stability):
     mode = next(mode for mode in stability.modes if mode.label == "Tx")
     shown = play_mode(nominal, stability, mode, slow=300)
     assert shown.faces is not None
-    np.testing.assert_array_equal(shown.motion, shown.faces[0])
+    assert shown.z == shown.faces[0] == pytest.approx(0.0365 / 2)
     assert np.abs(shown.arc.pressure).max() == 1
     assert shown.time.size == round(300 * 25 / mode.frequency_Hz)
 

@@ -439,7 +439,7 @@ def test_a_neimark_sacker_point_is_found_and_named():
     def model(damping):
         springs, dashpots = jnp.diag(jnp.array([1.0, 0.3])), jnp.diag(jnp.stack([jnp.asarray(0.05), damping]))
         block = sprung_block_on_belt(Polynomial(), mass=np.ones(2), springs=springs, contact_stiffness=0.0)
-        return eqx.tree_at(lambda each: each.others, block, (*block.others, Damping(dashpots, block.coordinates)))
+        return eqx.tree_at(lambda each: each.others, block, (*block.others, Damping(dashpots)))
 
     models, steady = with_derivative(model), np.array([1.0, 0.0])
     # Averaged: c = 0.3 A² − 0.3125 A⁴ along x.

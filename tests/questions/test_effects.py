@@ -18,7 +18,6 @@ from drumsqueal.findings.answers import Answer, Change, ModeAnswer, change_of
 from drumsqueal.findings.outcome import Ending
 from drumsqueal.findings.saturation import Line
 from drumsqueal.findings.schema import read_findings
-from drumsqueal.physics.composition import ALL
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.questions.effects import study as effects
 from drumsqueal.questions.effects import variants
@@ -26,7 +25,7 @@ from drumsqueal.questions.effects.reductions import Reduction, reduce, reduction
 from drumsqueal.questions.effects.study import TOGETHER, EffectStudy, excess_of, study_effects
 from drumsqueal.questions.effects.variants import Variant
 from drumsqueal.questions.effects.words import describe_limits, describe_runs
-from drumsqueal.scene import load_scene
+from drumsqueal.scene import COORDINATES, load_scene
 from drumsqueal.scene.quantities import percent
 from drumsqueal.simulation import prepare, run, transient
 from drumsqueal.solve.linear.modes import analyse_stability
@@ -182,8 +181,10 @@ def test_the_changes_are_those_of_the_scenes_run_by_themselves(study, quick):
     assert abs(change.growth_rate) < 1e-12
     assert abs(change.onset_frequency) < 1e-14
     constant = {"law": "constant", "coefficient": 0.3 + 0.2 * math.exp(-0.5), "direction": "tangential"}
-    stability = analyse_stability(build_model(quick.with_values({"friction": constant}), coordinates=ALL))
-    before = {mode.label: mode.growth_rate for mode in analyse_stability(build_model(quick, coordinates=ALL)).modes}
+    stability = analyse_stability(build_model(quick.with_values({"friction": constant}), coordinates=COORDINATES))
+    before = {
+        mode.label: mode.growth_rate for mode in analyse_stability(build_model(quick, coordinates=COORDINATES)).modes
+    }
     wanted = max(abs(mode.growth_rate / before[mode.label] - 1) for mode in stability.modes)
     assert abs(by_label["exponential law → μ 0.4213"].change.growth_rate) == pytest.approx(wanted, rel=1e-9)
 
@@ -388,7 +389,7 @@ def test_the_command_writes_table_figure_and_reduced_scene(drumsqueal, quick_fil
     whole = rows[0]
     assert [row["run"] for row in rows if row["needed"] == "no"] == ["damping → none"]
     assert "separation → bonded *" in printed
-    modes = {mode.label: mode for mode in analyse_stability(build_model(quick, coordinates=ALL)).modes}
+    modes = {mode.label: mode for mode in analyse_stability(build_model(quick, coordinates=COORDINATES)).modes}
     for label, mode in modes.items():
         assert float(whole[f"frequency_{label}_Hz"]) == mode.frequency_Hz
         assert float(whole[f"growth_rate_{label}_1_per_s"]) == mode.growth_rate

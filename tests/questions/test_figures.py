@@ -58,7 +58,7 @@ CASES = {
 @cache
 def basis(name: str):
     scene = ds.load_scene(SCENARIOS / f"{name}.toml")
-    return scene, ds.build_model(scene), ds.analyse_stability(ds.build_model(scene, coordinates=tuple(range(6))))
+    return scene, ds.build_model(scene), ds.analyse_stability(ds.build_model(scene, coordinates=COORDINATES))
 
 
 def made_up(name: str, samples: int, outcome: Outcome, title: str | None = None, scale: float = 1.0):
@@ -84,7 +84,7 @@ def made_up(name: str, samples: int, outcome: Outcome, title: str | None = None,
         coordinates,
         {"outcome": outcome, "ending": outcome.ending.value, "steps": 1, "rejected_steps": 0, "scene": scene.to_toml()},
     )
-    linear = ds.build_model(scene, coordinates=tuple(range(6)))
+    linear = ds.build_model(scene, coordinates=COORDINATES)
     beyond = edge_share(Departure(history, stability), linear) >= 1
     history["contact_fraction"].values[:] = np.where(beyond, 0.6, 1.0)
     history["slip_reversed_fraction"].values[:] = np.where(beyond, 0.02, 0.0)
@@ -456,8 +456,8 @@ def test_contact_image_is_the_pressure_along_the_arc(case):
     axes = figures["contact"].axes[0]
     image = np.asarray(axes.images[0].get_array())
     last = result.history.isel(time=-1)
-    kept = list(model.coordinates)
-    q, v = (model.widen(jnp.asarray(last[key].values[kept])) for key in ("displacement", "velocity"))
+    kept = list(model.names)
+    q, v = (jnp.asarray(last[key].sel(coordinate=kept).values) for key in ("displacement", "velocity"))
     angles = np.deg2rad(np.linspace(-65, 65, len(image)))
     pressure, _ = model.lining.along_arc(model.operation.at(float(last["time"])), q, v, jnp.asarray(angles))
     p0 = 2000 / (0.1 * np.deg2rad(130) * 0.0365)

@@ -162,7 +162,7 @@ def test_between_two_critical_values_there_is_a_point():
     def model_at(p):
         block = sprung(np.array([[1.0, 0.0], [0.0, 2.0]]))
         dashpots = jnp.diag(0.2 * jnp.array([p - 0.51, 0.53 - p]))
-        return dataclasses.replace(block, others=(*block.others, Damping(dashpots, block.coordinates)))
+        return dataclasses.replace(block, others=(*block.others, Damping(dashpots)))
 
     found = follow_modes(model_at, np.linspace(0, 1, 5))
     assert [each.value for each in found.critical] == pytest.approx([0.51, 0.53], rel=1e-9)
@@ -200,7 +200,7 @@ def test_modes_that_leave_neutral_motion_at_once_are_told_apart():
     def model_at(p):
         block = sprung(np.array([[1.0, 0.0], [0.0, 2.0]]))
         dashpots = jnp.diag((0.3 - p) * jnp.array([1.0, 0.6]))
-        return dataclasses.replace(block, others=(*block.others, Damping(dashpots, block.coordinates)))
+        return dataclasses.replace(block, others=(*block.others, Damping(dashpots)))
 
     found = follow_modes(model_at, np.linspace(0.3, 0.6, 4)).critical
     assert {each.label for each in found} == {"X", "Y"}

@@ -18,7 +18,6 @@ from drumsqueal.files.output_folder import (
     figure_file,
 )
 from drumsqueal.findings.schema import read_findings
-from drumsqueal.physics.composition import ALL
 from drumsqueal.physics.model import build_model
 from drumsqueal.questions.paper import curves as paper_curves
 from drumsqueal.questions.paper import transients as paper_transients
@@ -26,7 +25,7 @@ from drumsqueal.questions.paper.curves import AXIS, check_brake, friction_curve
 from drumsqueal.questions.paper.statement import SQUEALING, Statement, Verdict, largest_rise, off_line, state
 from drumsqueal.questions.paper.statements import check_statements
 from drumsqueal.questions.paper.study import PaperStudy, study_paper
-from drumsqueal.scene import load_scene
+from drumsqueal.scene import COORDINATES, load_scene
 from drumsqueal.scene.seo_kang import seo_kang_brake
 from drumsqueal.solve.linear.modes import analyse_stability
 
@@ -79,7 +78,7 @@ def test_one_program_for_many_numbers_gives_the_eigenvalues_of_each(study):
     for figure, k in (("7", 3), ("9", 20), ("5", 24)):
         curve = study.curves[figure]
         alone = analyse_stability(
-            build_model(seo_kang_brake().with_values({curve.axis.key: curve.values[k]}), coordinates=ALL)
+            build_model(seo_kang_brake().with_values({curve.axis.key: curve.values[k]}), coordinates=COORDINATES)
         )
         for name in SQUEALING:
             (mode,) = (mode for mode in alone.modes if mode.name == name)
@@ -143,7 +142,7 @@ def test_a_brake_that_damping_makes_stable_squeals_after_a_large_disturbance(stu
     constant, damped = statement(study, "Without linear instability").readings
     assert constant.holds
     assert not damped.holds
-    model = build_model(study.disturbed[1].scene, coordinates=ALL)
+    model = build_model(study.disturbed[1].scene, coordinates=COORDINATES)
     rates = [mode.growth_rate for mode in analyse_stability(model).modes]
     assert -2 < max(rates) < 0  # a twentieth more damping than Y's 0.0085 takes 76 1/s × 0.05 = 3.8, less what X adds
     assert damped.value is not None

@@ -24,7 +24,6 @@ from drumsqueal.files.saved_history import read_history
 from drumsqueal.findings.compare import RunFindings
 from drumsqueal.findings.saturated import Saturated
 from drumsqueal.findings.signals import amplitude_spectrum, peak_near
-from drumsqueal.physics.composition import ALL
 from drumsqueal.physics.model import build_model
 from drumsqueal.questions.onset import study as study_module
 from drumsqueal.questions.onset.answer import ONSET
@@ -37,7 +36,7 @@ from drumsqueal.questions.report.job import report_into
 from drumsqueal.questions.report.sound import RECORD_S, _played
 from drumsqueal.questions.report.words import figure_words
 from drumsqueal.questions.run import answer as run_job
-from drumsqueal.scene import load_scene
+from drumsqueal.scene import COORDINATES, load_scene
 from drumsqueal.scene.variation import read_variation
 from drumsqueal.simulation import prepare
 from drumsqueal.solve.linear.modes import analyse_stability
@@ -261,7 +260,7 @@ def shoe(run_folder):
 
 
 def test_the_modes_move_as_rigid_bodies_with_the_shapes_of_the_eigenvectors(run_folder, run_page, shoe):
-    stability = analyse_stability(build_model(read_history(run_folder).scene, coordinates=ALL))
+    stability = analyse_stability(build_model(read_history(run_folder).scene, coordinates=COORDINATES))
     data = json.loads(run_page.one("animation")["text"])
     assert [mode["label"] for mode in data["modes"]] == [mode.label for mode in stability.modes]
     assert data["modes"][data["first"]]["label"] == "Y"  # which grows fastest
@@ -308,7 +307,7 @@ def test_a_mode_across_the_drum_is_seen_at_a_slant(run_folder, run_page, shoe):
     """A corner of the shoe in Tx: u = (z Ty, −z Tx, Z + y Tx − (x − c) Ty), seen as x − z/2 and y − 0.4 z."""
     mode = json.loads(run_page.one("animation")["text"])["modes"][0]
     assert mode["name"] == "Tx"
-    stability = analyse_stability(build_model(read_history(run_folder).scene, coordinates=ALL))
+    stability = analyse_stability(build_model(read_history(run_folder).scene, coordinates=COORDINATES))
     along, tx, ty = (stability.modes[0].right[stability.coordinates.index(name)] for name in ("Z", "Tx", "Ty"))
     x, y, z = 100 * np.cos(np.radians(65)), 100 * np.sin(np.radians(65)), 36.5 / 2
     u, v, w = z * ty, -z * tx, 1e3 * along + y * tx - (x - 1e3 * float(shoe.centroid)) * ty

@@ -12,12 +12,11 @@ from drumsqueal.files.json_file import to_json
 from drumsqueal.files.output_folder import QUIET_SCENE, SENSITIVITY_FILES, SENSITIVITY_TABLE
 from drumsqueal.findings.departure import beyond_edges
 from drumsqueal.findings.schema import read_findings
-from drumsqueal.physics.composition import ALL
 from drumsqueal.physics.model import build_model
 from drumsqueal.questions.sensitivity.decay import DISTURBANCE, Outcome, disturbed, nonlinear_decay
 from drumsqueal.questions.sensitivity.quieting import LEAST, MARGIN, largest_growth, quieten, variable_numbers
 from drumsqueal.questions.sensitivity.study import SensitivityStudy, at_one_time, study_sensitivity
-from drumsqueal.scene import load_scene
+from drumsqueal.scene import COORDINATES, load_scene
 from drumsqueal.simulation import run
 from drumsqueal.solve.linear.gradients import eigenvalue_gradient, state_matrix_of
 from drumsqueal.solve.linear.modes import analyse_stability
@@ -69,7 +68,9 @@ def test_derivatives_agree_with_whole_analyses_on_both_sides(damped, study):
     for key in ("friction.static", "shoe.arc_angle", "damping.ratio", "contact.stiffness"):
         value = damped.numbers()[key]
         sides = [
-            analyse_stability(build_model(damped.with_values({key: value * (1 + sign * step)}), coordinates=ALL)).modes
+            analyse_stability(
+                build_model(damped.with_values({key: value * (1 + sign * step)}), coordinates=COORDINATES)
+            ).modes
             for sign in (1, -1)
         ]
         rates = [np.array([mode.growth_rate for mode in modes]) for modes in sides]
@@ -147,7 +148,7 @@ def test_the_smallest_change_is_smaller_than_along_any_single_number_or_the_grad
     for key in keys:
         alone = quieten(study.scene, [key], state_matrix=study.state_matrix)
         assert not alone.found or together.norm_of_relative_changes < alone.norm_of_relative_changes
-    again = analyse_stability(build_model(together.scene, coordinates=ALL))
+    again = analyse_stability(build_model(together.scene, coordinates=COORDINATES))
     assert largest_growth(again.eigenvalues) <= -MARGIN * (1 - 2e-3)
 
 
@@ -209,7 +210,7 @@ def test_the_command_writes_a_quiet_scene_that_is_one(drumsqueal, tmp_path):
     assert {path.name for path in out.iterdir()} == set(SENSITIVITY_FILES)
     assert "every growth rate is -1 1/s or below" in " ".join(printed.split())
     quiet = load_scene(out / QUIET_SCENE)
-    assert not analyse_stability(build_model(quiet, coordinates=ALL)).unstable
+    assert not analyse_stability(build_model(quiet, coordinates=COORDINATES)).unstable
     found = json.loads((out / "sensitivity.json").read_text())
     assert found["quiet"]["transients"][0]["start"] == "its own start"
     assert "…" not in printed  # no number is cut off

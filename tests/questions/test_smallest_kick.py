@@ -14,7 +14,6 @@ from scipy.integrate import solve_ivp
 
 from drumsqueal.findings.history import COMPLETE
 from drumsqueal.findings.saturated import Saturated
-from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.model import build_model
 from drumsqueal.physics.small_bodies import block_on_belt
 from drumsqueal.questions.cycle.search import cycle_from
@@ -116,8 +115,7 @@ def test_where_no_kick_leads_to_squeal_there_is_none():
 
 def test_the_fastest_point_of_the_lining():
     model = build_model(load_scene(DAMPED))
-    assert isinstance(model.contact, Contact)
-    shoe = model.contact.shoe
+    shoe = model.shoe
     assert surface_speed(model, np.array([3.0, 4.0, 0.0])) == pytest.approx(5.0)
     # Turning about its centre of gravity, the ends of the lining are farthest from it.
     radius, half, centroid = (float(x) for x in (shoe.outer_radius, shoe.half_angle, shoe.centroid))
@@ -128,8 +126,7 @@ def test_the_fastest_point_of_the_lining():
 
 def test_along_the_axis_the_edges_of_the_lining_move_too():
     model = build_model(load_scene(DAMPED.with_name("out_of_plane.toml")))
-    assert isinstance(model.contact, Contact)
-    shoe = model.contact.shoe
+    shoe = model.shoe
     turning = np.zeros(6)
     turning[model.names.index("Tx")] = 2.0  # about x: the arm is hypot(y, z)
     arm = math.hypot(

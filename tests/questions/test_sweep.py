@@ -33,7 +33,7 @@ from processes import posix, start, wait_for
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 NOMINAL, UNCERTAIN = str(SCENARIOS / "nominal.toml"), str(SCENARIOS / "uncertain.toml")
-SIX = tuple(range(6))
+SIX = COORDINATES
 
 
 @pytest.fixture(scope="module")

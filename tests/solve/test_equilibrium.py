@@ -12,8 +12,9 @@ from jax import Array
 from scipy.integrate import quad
 
 from drumsqueal.errors import SteadyStateError
+from drumsqueal.physics.bodies.body import dot
 from drumsqueal.physics.bodies.rigid_shoe import IN_PLANE
-from drumsqueal.physics.effects.action import ZERO, Action
+from drumsqueal.physics.effects.action import Action
 from drumsqueal.physics.effects.springs import Springs
 from drumsqueal.physics.laws.friction_law import ConstantLaw
 from drumsqueal.physics.model import build_model
@@ -129,14 +130,11 @@ class Push(eqx.Module):
 
     def act(self, moment, q, v):
         del moment, q, v
-        force = list(ZERO)
-        for row, i in enumerate(IN_PLANE):
-            force[i] = self.force[row]
-        return Action(tuple(force), 0.0)
+        return Action(tuple(self.force), 0.0)
 
     def potential_energy(self, moment, q):
         del moment
-        return -sum(self.force[row] * q[i] for row, i in enumerate(IN_PLANE))
+        return -dot(self.force, q)
 
 
 def pinned(nominal, mu, speed, lining):
@@ -148,7 +146,7 @@ def pinned(nominal, mu, speed, lining):
     def motion(at):  # of a point, by X, Y and Tz
         return jnp.array([[1, 0, -at[1]], [0, 1, at[0] - model.shoe.centroid]])
 
-    springs = Springs(PIN_STIFFNESS * motion(PIN).T @ motion(PIN), IN_PLANE)
+    springs = Springs(PIN_STIFFNESS * motion(PIN).T @ motion(PIN))
     push = Push(jnp.array([PUSH, 0.0]) @ motion(TIP))
     return dataclasses.replace(model, others=(*model.others, springs, push))
 

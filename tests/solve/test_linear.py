@@ -11,13 +11,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drumsqueal.errors import SteadyStateError
+from drumsqueal.physics.bodies.rigid_shoe import IN_PLANE
 from drumsqueal.physics.effects.support import Support
 from drumsqueal.physics.model import build_model
+from drumsqueal.scene import COORDINATES
 from drumsqueal.solve.linear.modes import analyse_stability, growth_rate
 from drumsqueal.solve.linear.steady import linear_model, steady_sliding
 
-ALL = tuple(range(6))
-PLANE = (0, 1, 5)
+ALL = COORDINATES
+PLANE = tuple(COORDINATES.index(name) for name in IN_PLANE)
 SLOW = {"steady.state": "self-consistent", "drum.speed": 0.5}
 
 # --- equation (29) by hand -------------------------------------------------------------------------------------------
@@ -406,7 +408,7 @@ def test_forces_vanish_in_the_steady_state(nominal, speed, edges):
 def test_steady_sliding_is_found_at_every_speed(nominal):
     # Also where the first steps leave nothing but round-off, at 1 % of the speeds, which its solver calls a failure.
     scene = nominal.with_values({"steady.state": "self-consistent"})
-    solve = jax.jit(lambda speed: steady_sliding(build_model(scene, {"drum.speed": speed}, PLANE)))
+    solve = jax.jit(lambda speed: steady_sliding(build_model(scene, {"drum.speed": speed}, IN_PLANE)))
     speeds = np.random.default_rng(0).uniform(1.5, 3.0, 500)
     found = np.array([solve(speed) for speed in np.sort(speeds)])
     assert np.all(np.isfinite(found))
@@ -451,7 +453,7 @@ def test_supports_are_the_slope_of_their_potential(nominal):
 
 def test_self_consistent_without_friction_is_not_displaced(nominal):
     scene = nominal.with_values({"friction": None, "steady.state": "self-consistent"})
-    stability = analyse_stability(build_model(scene, coordinates=PLANE))
+    stability = analyse_stability(build_model(scene, coordinates=IN_PLANE))
     np.testing.assert_allclose(stability.steady_state, 0, atol=1e-18)
 
 
@@ -484,7 +486,7 @@ def test_growth_rates_are_differentiable_by_every_number(nominal, state, mode):
     @jax.jit
     @jax.value_and_grad
     def rate(change):  # relative changes, so that one step suits all numbers
-        model = build_model(scene, dict(zip(keys, values * (1 + change), strict=True)), PLANE)
+        model = build_model(scene, dict(zip(keys, values * (1 + change), strict=True)), IN_PLANE)
         return growth_rate(model, mode)
 
     gradient = np.asarray(rate(jnp.zeros(len(keys)))[1])
@@ -568,7 +570,7 @@ def test_growth_is_proportional_to_the_load(nominal):
     # departure from proportion is of second order in Re λ/Im λ.
     loads = np.linspace(100.0, 6000.0, 30)
     for name in ("X", "Y", "Tz"):
-        rates = growth_over(nominal, name, PLANE, contact__normal_load=loads) / loads
+        rates = growth_over(nominal, name, IN_PLANE, contact__normal_load=loads) / loads
         assert np.all(rates > 0)
         np.testing.assert_allclose(rates, rates[0], rtol=1e-3)
 
@@ -576,7 +578,7 @@ def test_growth_is_proportional_to_the_load(nominal):
 def test_a_larger_arc_calms_y_strongly_and_the_others_little(nominal):
     # Figure 9.
     arcs = np.radians(np.linspace(90, 150, 13))
-    change = {name: growth_over(nominal, name, PLANE, shoe__arc_angle=arcs) for name in ("X", "Y", "Tz")}
+    change = {name: growth_over(nominal, name, IN_PLANE, shoe__arc_angle=arcs) for name in ("X", "Y", "Tz")}
     assert np.all(np.diff(change["Y"]) < 0)
     fall = {name: 1 - rates[-1] / rates[0] for name, rates in change.items()}
     assert fall["Y"] > 0.5
@@ -588,5 +590,5 @@ def test_a_larger_radius_or_width_calms_all_three(nominal, key, value):
     # Figures 10 and 11.
     sizes = value * np.linspace(0.7, 1.3, 13)
     for name in ("X", "Y", "Tz"):
-        rates = growth_over(nominal, name, PLANE, **{f"shoe__{key}": sizes})
+        rates = growth_over(nominal, name, IN_PLANE, **{f"shoe__{key}": sizes})
         assert np.all(np.diff(rates) < 0)

@@ -10,6 +10,7 @@ import pytest
 
 from drumsqueal.physics.kernel import compiled, one_kernel
 from drumsqueal.physics.model import build_model
+from drumsqueal.scene import COORDINATES
 from drumsqueal.scene.tables import Simulate
 from drumsqueal.simulation import prepare, run, transient
 from drumsqueal.solve.transient import batch
@@ -123,7 +124,7 @@ def test_one_kernel_computes_what_the_function_does():
     assert float(inside(x, jnp.asarray(3))["sum"]) == float(sums(x, 3, -1.0)["sum"]) == -30.0
 
 
-@pytest.mark.parametrize("coordinates", [None, tuple(range(6))], ids=["plane", "space"])
+@pytest.mark.parametrize("coordinates", [None, COORDINATES], ids=["plane", "space"])
 def test_the_transient_is_one_kernel(nominal, coordinates):
     # Without it a step takes five times as long, and nothing but a benchmark would tell.
     model = build_model(nominal, coordinates=coordinates)

@@ -11,7 +11,7 @@ import scipy.linalg
 
 from drumsqueal.errors import IntegrationError
 from drumsqueal.physics.model import build_model
-from drumsqueal.scene import Scene
+from drumsqueal.scene import COORDINATES, Scene
 from drumsqueal.simulation import run
 from drumsqueal.solve.linear.steady import linearise, steady_sliding
 from drumsqueal.solve.transient import choice
@@ -19,7 +19,7 @@ from drumsqueal.solve.transient import integrate as integration
 from drumsqueal.solve.transient.integrate import integrate
 from drumsqueal.solve.transient.state import CHUNK_SAMPLES
 
-ALL = tuple(range(6))
+ALL = COORDINATES
 REFERENCE = Path(__file__).parent / "reference"
 
 
@@ -35,7 +35,7 @@ class Record(NamedTuple):
     chunks: int
 
 
-def simulate(scene: Scene, coordinates: tuple[int, ...] | None = None) -> Record:
+def simulate(scene: Scene, coordinates: tuple[str, ...] | None = None) -> Record:
     """Integrate a scene's start over its own coordinates, or over others."""
     model = build_model(scene, coordinates=coordinates)
     steady = np.asarray(eqx.filter_jit(steady_sliding)(model))
@@ -141,7 +141,7 @@ def test_errors_fall_with_the_tolerance(nominal):
 def exact(scene: Scene, record: Record, coordinates=None) -> np.ndarray:
     """Departures and velocities (k, 2n) of the linear model, by the matrix exponential."""
     model = build_model(scene, coordinates=coordinates)
-    linear = eqx.filter_jit(linearise)(model, jnp.zeros(len(model.coordinates)))
+    linear = eqx.filter_jit(linearise)(model, jnp.zeros(len(model.names)))
     start = np.concatenate([record.departure[0], record.velocity[0]])
     step = scipy.linalg.expm(np.asarray(linear.state_matrix()) * (record.time[1] - record.time[0]))
     states = [start]

@@ -8,6 +8,7 @@ import json
 import operator
 import time
 import tomllib
+from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -20,7 +21,7 @@ from drumsqueal.files.history_file import Reached
 from drumsqueal.files.in_place import opened, own_variable, read_texts, variable
 from drumsqueal.files.ordinary import read_ordinary
 from drumsqueal.files.output_folder import HISTORY, RESUME, write_whole
-from drumsqueal.findings.history import MOTION, SIGNALS, empty_dataset, versions
+from drumsqueal.findings.history import MOTION, TEMPERATURE, empty_dataset, signals_of, versions
 from drumsqueal.findings.outcome import Ending
 from drumsqueal.physics.composition import kept_coordinates
 from drumsqueal.precision import real
@@ -100,7 +101,7 @@ def find_point(folder: Path, scene: Scene) -> Point:
         raise RequestError(f"{folder}: {changed_versions(attributes['versions'])}; go back to those, or {_ANEW}")
     try:
         point = _from_plain(_read_plain(file), scene)
-        if not point.reached.samples <= rows or not _is_computed(history, point.reached.samples - 1):
+        if not point.reached.samples <= rows or not _is_computed(history, point.reached.samples - 1, signals_of(scene)):
             raise ValueError("ahead of the history")
     except (OSError, ValueError, KeyError, TypeError, OverflowError, RecursionError):
         told = f"{file} is damaged, of another run or of another version of drumsqueal"
@@ -118,9 +119,9 @@ def _read_history(path: Path, template: xarray.Dataset) -> tuple[int, dict[str, 
     return rows, read_texts(path, ("scene", "versions", "outcome", "ending"))
 
 
-def _is_computed(path: Path, row: int) -> bool:
+def _is_computed(path: Path, row: int, signals: Iterable[str]) -> bool:
     with opened(path, "r") as file:
-        return all(np.isfinite(variable(file, name)[row]).all() for name in (*MOTION, *SIGNALS))
+        return all(np.isfinite(variable(file, name)[row]).all() for name in (*MOTION, *signals))
 
 
 def _why_not(ending: Ending, outcome: str) -> str:
@@ -166,7 +167,7 @@ def _to_plain(point: Point, scene: str) -> dict[str, Any]:
     return point.reached._asdict() | {
         "format": FORMAT,
         "scene": scene,
-        **{name: np.asarray(value).tolist() for name, value in checkpoint.state._asdict().items()},
+        **{name: np.asarray(value).tolist() for name, value in checkpoint.state._asdict().items() if value is not None},
         "step": float(checkpoint.step),
         "first_energy": checkpoint.first_energy,
         "sticks": checkpoint.sticks,
@@ -183,7 +184,11 @@ def _from_plain(data: dict[str, Any], scene: Scene) -> Point:
     reached = Reached(**{name: operator.index(data[name]) for name in Reached._fields})
     departure, velocity = (real(np.array(data[name], dtype=float)) for name in ("departure", "velocity"))
     work, step, first_energy = (float(data[name]) for name in ("work", "step", "first_energy"))
+    memory = None if scene.temperature is None else real(np.array(data["memory"], dtype=float))
+    if memory is not None and memory.shape != (len(TEMPERATURE),):
+        raise ValueError("another memory")
     numbers = [*departure.tolist(), *velocity.tolist(), work, step, first_energy]
+    numbers += [] if memory is None else memory.tolist()
     intervals, whole = reached.samples - 1, round(scene.simulate.duration * scene.simulate.sample_rate)
     if not (
         (data["format"], data["scene"]) == (FORMAT, _digest(scene))
@@ -199,5 +204,5 @@ def _from_plain(data: dict[str, Any], scene: Scene) -> Point:
     if not fits or not isinstance(sticks, bool) or (sticks and scene.friction is None):
         raise ValueError("this is no point of the run")
     method = Method(name, operator.index(patience), operator.index(waited))
-    state = State(departure, velocity, real(work))
+    state = State(departure, velocity, real(work), memory)
     return Point(reached, Checkpoint(intervals, state, real(step), first_energy, sticks, method))

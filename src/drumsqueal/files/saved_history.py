@@ -11,7 +11,7 @@ import xarray
 from drumsqueal.errors import RequestError
 from drumsqueal.files.in_place import as_text, content_of, opened, variable
 from drumsqueal.files.output_folder import history_file
-from drumsqueal.findings.history import MOTION, SIGNALS
+from drumsqueal.findings.history import MOTION, SIGNALS, signals_of
 from drumsqueal.findings.outcome import Ending, Outcome
 from drumsqueal.scene import COORDINATES, Scene, SceneError, scene_from_dict
 
@@ -72,7 +72,7 @@ def read_history(path: Path) -> SavedHistory:
         raise MemoryError(f"to read {file}") from None
     except Exception:  # h5py raises nearly all there is on a file that is damaged
         raise RequestError(f"{file}: this is no history of drumsqueal, or a damaged one; {_OURS}") from None
-    return SavedHistory(file, _computed(file, data), scene)
+    return SavedHistory(file, _computed(file, data, scene), scene)
 
 
 def _check_container(path: Path) -> None:
@@ -95,20 +95,21 @@ def _load(path: Path) -> tuple[xarray.Dataset, Scene]:
                 variable(file, name)
         # Of something without dimensions, which no run writes, xarray would warn that it made some up.
         data = xarray.load_dataset(content, engine="h5netcdf", decode_timedelta=False, phony_dims="access")
+    scene = scene_from_dict(tomllib.loads(as_text(data.attrs["scene"])))
     if list(data["coordinate"].values) != list(COORDINATES):
         raise ValueError("coordinate")
-    dimensions = dict.fromkeys(SIGNALS, ("time",)) | dict.fromkeys(MOTION, ("time", "coordinate"))
+    dimensions = dict.fromkeys(signals_of(scene), ("time",)) | dict.fromkeys(MOTION, ("time", "coordinate"))
     if any(data[name].dims != wanted for name, wanted in dimensions.items()):
         raise ValueError("dimensions")
     data.attrs |= {name: as_text(data.attrs[name]) for name in ("outcome", "ending")}
     Ending(data.attrs["ending"])  # or it is no history of ours
-    return data, scene_from_dict(tomllib.loads(as_text(data.attrs["scene"])))
+    return data, scene
 
 
-def _computed(path: Path, data: xarray.Dataset) -> xarray.Dataset:
+def _computed(path: Path, data: xarray.Dataset, scene: Scene) -> xarray.Dataset:
     """The samples up to the first of which anything was not computed, or not yet written."""
     finite = np.isfinite(data["time"].values)
-    for name in (*MOTION, *SIGNALS):
+    for name in (*MOTION, *signals_of(scene)):
         finite &= np.isfinite(data[name].values.reshape(finite.size, -1)).all(axis=1)
     rows = finite.size if finite.all() else int(np.argmin(finite))
     if rows < 2:

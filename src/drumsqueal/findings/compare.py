@@ -4,12 +4,14 @@ import tomllib
 from enum import StrEnum
 from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
 import xarray
 from pydantic import Field, computed_field
 
 from drumsqueal.findings.departure import FEWEST_FOR_SPECTRUM, Departure, changes, edge_share, first_edge, moved_by
 from drumsqueal.findings.frequency import FrequencyDrift, follow_frequency
+from drumsqueal.findings.history import memory_of
 from drumsqueal.findings.outcome import COMPLETE, Ending
 from drumsqueal.findings.part import Finding, Held
 from drumsqueal.findings.prediction import Prediction, predict
@@ -126,6 +128,14 @@ class Integration(Finding):
     implicit_share: float
 
 
+class LiningTemperature(Finding):
+    """Largest rise of the lining's temperature and that at the end (K), and the fraction of friction left then."""
+
+    largest_K: float
+    end_K: float
+    friction_left: float
+
+
 class RunFindings(Findings):
     """What a run found, as `summary.json` holds it; where it recorded no samples, the prediction alone.
 
@@ -147,6 +157,7 @@ class RunFindings(Findings):
     accuracy: Accuracy | None = None
     integration: Integration | None = None
     sticking: Sticking | None = None
+    lining_temperature: LiningTemperature | None = None
     motion_ratio: float | None = None
     changing: bool = False
     forced: bool = False
@@ -219,6 +230,7 @@ def compare(
             implicit_share=float(history["implicit"].mean()),
         ),
         sticking=find_sticking(history),
+        lining_temperature=_temperature(history, model),
         motion_ratio=_motion_ratio(departure, stability, model),
         changing=changing,
         forced=model.forced,
@@ -228,6 +240,16 @@ def compare(
         held_though_they_would_move=held,
         model=take_inventory(scene, history.attrs.get("friction_law", ""))._asdict(),
     )
+
+
+def _temperature(history: xarray.Dataset, model: Model) -> LiningTemperature | None:
+    memory = memory_of(history, model.remembered)
+    if memory is None:
+        return None
+    left = model.moment(float(history["time"].values[-1]), jnp.asarray(memory[-1])).friction_share
+    rise = memory[:, 0]
+    friction_left = 1.0 if left is None else float(left)
+    return LiningTemperature(largest_K=float(rise.max()), end_K=float(rise[-1]), friction_left=friction_left)
 
 
 def _accuracy(history: xarray.Dataset, quadrature_error: float | None) -> Accuracy:

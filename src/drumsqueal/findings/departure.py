@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 from drumsqueal.findings.edges import pressure_share, slip_share
 from drumsqueal.findings.signals import Spectrum, amplitude_spectrum, modal_amplitudes
-from drumsqueal.physics.bodies.rigid_shoe import IN_PLANE, RigidShoe
+from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
 from drumsqueal.physics.effects.operation import Operation
-from drumsqueal.physics.effects.pressure import Unilateral
 from drumsqueal.physics.effects.schedule import Constant, Profile
 from drumsqueal.physics.model import Model
 from drumsqueal.scene import COORDINATES
@@ -133,11 +132,9 @@ class Departure:
             found[rows] = 2 * modal_amplitudes(mode.left[:, None], np.hstack([displacement, velocity]))[:, 0]
         return found
 
-    def wide(self, columns: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-        """Displacements or velocities (time, n) of all six coordinates, zero where left out: six arrays (time,)."""
-        zero = np.zeros(len(columns))
-        found = {name: k for k, name in enumerate(self.coordinates)}
-        return [columns[:, found[name]] if name in found else zero for name in COORDINATES]
+    def named(self, columns: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
+        """Displacements or velocities (time, n) by name: (time,) each."""
+        return dict(zip(self.coordinates, columns.T, strict=True))
 
     def spectra(self, part: slice) -> Iterator[tuple[str, Spectrum]]:
         """Displacement spectra of the coordinates that move in a part of the record (none if it is too short)."""
@@ -168,10 +165,10 @@ def moved_by(model: Model, stability: Stability, until: float) -> str:
     """
     prescribed = {"drum speed": model.operation.drum_speed, "load": model.operation.preload}
     kept = {name: np.asarray(each.at(stability.time)[0]) for name, each in prescribed.items()}
-    if not (any(isinstance(each, Profile) for each in prescribed.values()) and set(model.coordinates) & set(IN_PLANE)):
+    if not (any(isinstance(each, Profile) for each in prescribed.values()) and any(model.body.symmetric)):
         return ""
     middle, found = model.in_plane(), []  # where steady sliding is
-    q = jnp.asarray([stability.steady_state[model.coordinates.index(i)] for i in middle.coordinates])
+    q = jnp.asarray([stability.steady_state[stability.coordinates.index(name)] for name in model.names])
     for name, schedule in prescribed.items():
         if isinstance(schedule, Profile):
             values = _values(schedule, 0.0, until)
@@ -201,7 +198,7 @@ def edge_share(departure: Departure, model: Model) -> NDArray[np.float64]:
     """
     share = np.empty(departure.time.size)
     for rows, displacement, velocity in departure.pieces():
-        q, v = departure.wide(displacement), departure.wide(velocity)
+        q, v = departure.named(displacement), departure.named(velocity)
         moments = jax.vmap(model.operation.at)(departure.time[rows])
         share[rows] = np.maximum(pressure_share(model, q, moments.preload), slip_share(model, v, moments.drum_speed))
     return share
@@ -221,7 +218,7 @@ def beyond_edges(history: xarray.Dataset, stability: Stability, model: Model) ->
     """
     touching = history["contact_fraction"].values
     reached = np.zeros(touching.size, dtype=bool)
-    if isinstance(model.lining.law, Unilateral):
+    if float(model.contact.lifting_stiffness) > 0:
         steady = stability.contact_fraction
         most = FRACTION_ROUND_OFF if steady > 1 - FRACTION_ROUND_OFF else LIFTED_SHARE
         reached |= np.abs(touching - steady) > most

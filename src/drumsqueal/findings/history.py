@@ -35,15 +35,38 @@ SIGNALS = {
     "potential_energy": ("J", "energy stored in lining, supports and preload, relative to q = 0"),
     "energy_balance_error": ("J", "change of stored energy less the work that friction, damping and loads fed in"),
 }
+TEMPERATURE = {"lining_temperature": ("K", "rise of the lining's temperature over that of its surroundings")}
 RUNNING = Outcome(Ending.CUT_OFF, "incomplete: the run was cut off without a word")
 _PACKAGES = ("drumsqueal", "jax", "jaxlib", "diffrax", "equinox", "numpy", "scipy", "xarray")
 
-__all__ = ["COMPLETE", "MOTION", "RUNNING", "SIGNALS", "columns", "empty_dataset", "to_dataset", "versions"]
+__all__ = [
+    "COMPLETE",
+    "MOTION",
+    "RUNNING",
+    "SIGNALS",
+    "TEMPERATURE",
+    "columns",
+    "empty_dataset",
+    "memory_of",
+    "signals_of",
+    "to_dataset",
+    "versions",
+]
 
 
 def versions() -> dict[str, str]:
     """Versions of Python and of the packages that make the numbers."""
     return {"python": platform.python_version()} | {name: importlib.metadata.version(name) for name in _PACKAGES}
+
+
+def signals_of(scene: Scene) -> dict[str, tuple[str, str]]:
+    """Signals that the history of a scene has, beside the motion: units and meaning by name."""
+    return SIGNALS | ({} if scene.temperature is None else TEMPERATURE)
+
+
+def memory_of(history: xarray.Dataset, names: Sequence[str]) -> np.ndarray | None:
+    """What effects remembered (time, m), by the names that these give it; None where there are no names."""
+    return np.stack([history[name].values for name in names], axis=1) if names else None
 
 
 def to_dataset(chunks: Sequence[Chunk], scene: Scene, kept: Sequence[str], outcome: Outcome) -> xarray.Dataset:
@@ -61,14 +84,15 @@ def to_dataset(chunks: Sequence[Chunk], scene: Scene, kept: Sequence[str], outco
 def empty_dataset(scene: Scene) -> xarray.Dataset:
     """The same of a run that has not begun: no samples, no steps, no outcome."""
     wide, narrow = np.empty((0, len(COORDINATES))), np.empty(0)
-    return _dataset(dict.fromkeys(MOTION, wide) | dict.fromkeys(("time", *SIGNALS), narrow), scene, RUNNING, 0, 0)
+    signals = ("time", *signals_of(scene))
+    return _dataset(dict.fromkeys(MOTION, wide) | dict.fromkeys(signals, narrow), scene, RUNNING, 0, 0)
 
 
 def columns(chunk: Chunk, kept: Sequence[str]) -> dict[str, np.ndarray]:
     """What every variable of the history gets from a chunk."""
-    recorded = chunk.observation._asdict() | chunk._asdict()
+    recorded = chunk.observation._asdict() | chunk._asdict() | dict(chunk.remembered)
     wide = {name: _widen(recorded[name], kept) for name in MOTION}
-    return wide | {name: recorded[name] for name in ("time", *SIGNALS)}
+    return wide | {name: recorded[name] for name in ("time", *SIGNALS, *chunk.remembered)}
 
 
 def _dataset(
@@ -77,7 +101,7 @@ def _dataset(
     data: dict[str, tuple[tuple[str, ...], np.ndarray, dict[str, str]]] = {}
     for name, (units, meaning) in MOTION.items():
         data[name] = (("time", "coordinate"), values[name], {"units": units, "long_name": meaning})
-    for name, (units, meaning) in SIGNALS.items():
+    for name, (units, meaning) in signals_of(scene).items():
         data[name] = (("time",), values[name], {"units": units, "long_name": meaning})
     coordinates = {
         "time": ("time", values["time"], {"units": "s", "axis": "T"}),

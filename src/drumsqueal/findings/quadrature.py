@@ -11,6 +11,7 @@ import numpy as np
 import xarray
 from jax import Array
 
+from drumsqueal.findings.history import memory_of
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.effects.touching import Observation
 from drumsqueal.physics.kernel import compiled
@@ -46,7 +47,8 @@ def estimate_quadrature_error(history: xarray.Dataset, model: Model) -> float | 
     )
     surface = IN_SPACE if model.contact.surface.spatial else IN_PLANE
     finer = dataclasses.replace(model, contact=dataclasses.replace(model.contact, surface=surface))
-    found = _observe(finer, history["time"].values[instants], *motion)
+    memory = memory_of(history.isel(time=instants), model.remembered)
+    found = _observe(finer, history["time"].values[instants], *motion, memory)
     largest = float(np.max(np.asarray(found.normal_force)))
     if not largest > 0:
         return None
@@ -59,6 +61,6 @@ def estimate_quadrature_error(history: xarray.Dataset, model: Model) -> float | 
 
 
 @compiled
-def _observe(model: Model, times: Array, displacement: Array, velocity: Array) -> Observation:
-    states = tuple(jnp.asarray(each) for each in (times, displacement, velocity))
+def _observe(model: Model, times: Array, displacement: Array, velocity: Array, memory: Array | None) -> Observation:
+    states = jax.tree.map(jnp.asarray, (times, displacement, velocity, memory))
     return jax.lax.map(lambda state: model.observe(*state), states)

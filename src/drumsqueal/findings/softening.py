@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.findings.departure import Departure
-from drumsqueal.physics.bodies.rigid_shoe import TX, TY, TZ, X, Y, Z
 from drumsqueal.physics.effects.friction_direction import UnitVelocity
 from drumsqueal.physics.effects.pressure import Unilateral
 from drumsqueal.physics.model import Model
@@ -83,22 +82,15 @@ def _points(
     model: Model, q: NDArray[np.float64], index: dict[str, int]
 ) -> tuple[dict[str, NDArray[np.float64]], NDArray[np.float64]]:
     """Shape functions φ^r, φ^θ, φ^z (points, n) at Gauss points of the lining, and the area of each point (m²)."""
-    radius, c = float(model.shoe.outer_radius), float(model.shoe.centroid)
-    flat = not any(np.any(q[:, index[name]]) for name in ("Z", "Tx", "Ty") if name in index)
+    still = [k for name, k in index.items() if not dict(zip(model.names, model.body.symmetric, strict=True))[name]]
+    shoe, flat = model.lining.body, not np.any(q[:, still])
     along, of_along = np.polynomial.legendre.leggauss(ALONG)
     across, of_across = np.polynomial.legendre.leggauss(1 if flat else ACROSS)
-    theta, z = (axis.ravel() for axis in np.meshgrid(along * float(model.shoe.half_angle), across, indexing="ij"))
-    z = z * float(model.shoe.width) / 2
-    area = np.outer(of_along, of_across).ravel() / 4 * float(model.shoe.area)
-    cos, sin = np.cos(theta), np.sin(theta)
-    zero = np.zeros_like(theta)
-    six = {
-        "r": {X: cos, Y: sin, Z: zero, TX: -z * sin, TY: z * cos, TZ: -c * sin},
-        "θ": {X: -sin, Y: cos, Z: zero, TX: -z * cos, TY: -z * sin, TZ: radius - c * cos},
-        "z": {X: zero, Y: zero, Z: zero + 1, TX: radius * sin, TY: c - radius * cos, TZ: zero},
-    }
-    order = [(X, Y, Z, TX, TY, TZ)[["X", "Y", "Z", "Tx", "Ty", "Tz"].index(name)] for name in index]
-    return {key: np.stack([shape[i] for i in order], axis=1) for key, shape in six.items()}, area
+    theta, z = (axis.ravel() for axis in np.meshgrid(along * float(shoe.half_angle), across, indexing="ij"))
+    z = z * float(shoe.width) / 2
+    area = np.outer(of_along, of_across).ravel() / 4 * float(shoe.area)
+    shapes = [np.broadcast_arrays(*shoe.displacement({name: 1.0}, theta, z), theta)[:3] for name in index]
+    return {key: np.stack([shape[k] for shape in shapes], axis=1) for k, key in enumerate("rθz")}, area
 
 
 def _signed(model: Model, slip: NDArray[np.float64], across: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -33,9 +33,8 @@ _SETTLED = {
 def state_verdict(found: RunFindings) -> str:
     """Return prediction and transient in one paragraph."""
     time = f" at t = {found.predicted_at_s:g} s" if found.changing else ""
-    return (
-        f"The linear model predicts {_prediction(found)}{time}; {_transient(found)}.{_why(found)}{_inaccurate(found)}"
-    )
+    why = f"{_why(found)}{_warmed(found)}{_inaccurate(found)}"
+    return f"The linear model predicts {_prediction(found)}{time}; {_transient(found)}.{why}"
 
 
 def difference_is_no_error(found: RunFindings) -> str:
@@ -70,6 +69,15 @@ def _transient(found: RunFindings) -> str:
     if found.ending is not Ending.COMPLETE:
         done += f" (the run {'was ' if found.ending is Ending.INTERRUPTED else ''}{found.outcome})"
     return done
+
+
+def _warmed(found: RunFindings) -> str:
+    warm = found.lining_temperature
+    if warm is None:
+        return ""
+    lost = percent(1 - warm.friction_left)
+    rise = f" The lining warms up by {warm.end_K:.3g} K by the end"
+    return f"{rise}, by which friction loses {lost}; the linear model is that of the cold lining."
 
 
 def _inaccurate(found: RunFindings) -> str:

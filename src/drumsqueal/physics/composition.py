@@ -6,14 +6,13 @@ from drumsqueal.physics.bodies.rigid_shoe import IN_PLANE
 from drumsqueal.physics.quadrature.arc import LONG_ARC
 from drumsqueal.scene import COORDINATES, Profile, Scene
 
-ALL = tuple(range(6))
 GIVEN = "given in Python"  # in place of the name of a friction law
 
 
 class Composition(NamedTuple):
-    """Coordinates (indices into X, Y, Z, Tx, Ty, Tz) and effects of a model; hashable, so that it can be static."""
+    """Coordinates (by name) and effects of a model; hashable, so that it can be static."""
 
-    coordinates: tuple[int, ...]
+    coordinates: tuple[str, ...]
     long_arc: bool
     separation: bool
     friction_law: str | None
@@ -21,7 +20,8 @@ class Composition(NamedTuple):
     steady_state: str
     support: bool
     damping: bool
-    forced: tuple[int, ...]
+    temperature: bool
+    forced: tuple[str, ...]
 
 
 class Inventory(NamedTuple):
@@ -43,39 +43,39 @@ def compose(scene: Scene) -> Composition:
         steady_state=scene.steady.state,
         support=scene.support is not None,
         damping=scene.damping is not None,
-        forced=tuple(sorted(forced_coordinates(scene))),
+        temperature=scene.temperature is not None,
+        forced=forced_coordinates(scene),
     )
 
 
-def kept_coordinates(scene: Scene) -> tuple[int, ...]:
+def kept_coordinates(scene: Scene) -> tuple[str, ...]:
     """Coordinates that can move: those listed, or for "auto" the plane's three unless something moves out of it."""
     if scene.simulate.coordinates != "auto":
-        return tuple(sorted(COORDINATES.index(name) for name in scene.simulate.coordinates))
-    return IN_PLANE if moved_coordinates(scene) <= set(IN_PLANE) else ALL
+        return scene.simulate.coordinates
+    return IN_PLANE if moved_coordinates(scene) <= set(IN_PLANE) else COORDINATES
 
 
-def moved_coordinates(scene: Scene) -> set[int]:
+def moved_coordinates(scene: Scene) -> set[str]:
     """Coordinates that the start or a force sets in motion by itself."""
     tables = (scene.start.displacement, scene.start.velocity)
-    started = {COORDINATES.index(name) for table in tables for name, value in table.items() if value != 0}
-    return started | forced_coordinates(scene)
+    return {name for table in tables for name, value in table.items() if value != 0} | set(forced_coordinates(scene))
 
 
-def forced_coordinates(scene: Scene) -> set[int]:
-    """Coordinates that a harmonic force acts on."""
+def forced_coordinates(scene: Scene) -> tuple[str, ...]:
+    """Coordinates that a harmonic force acts on, in their order."""
     amplitude = {} if scene.forcing is None else scene.forcing.amplitude
-    return {COORDINATES.index(name) for name, value in amplitude.items() if value != 0}
+    return tuple(name for name in COORDINATES if amplitude.get(name, 0.0) != 0)
 
 
-def linear_coordinates(scene: Scene) -> tuple[int, ...]:
-    """Coordinates of the eigenvalue problem: those listed, or all six: a mode is unstable whether started or not."""
-    return ALL if scene.simulate.coordinates == "auto" else kept_coordinates(scene)
+def linear_coordinates(scene: Scene) -> tuple[str, ...]:
+    """Coordinates of the eigenvalue problem: those listed, or all: a mode is unstable whether started or not."""
+    return COORDINATES if scene.simulate.coordinates == "auto" else kept_coordinates(scene)
 
 
 def take_inventory(scene: Scene, given_law: str = "") -> Inventory:
     """Say what a scene's transient includes and leaves out; `given_law` names a friction law given in Python."""
     composition, friction = compose(scene), scene.friction
-    kept = [COORDINATES[i] for i in composition.coordinates]
+    kept = composition.coordinates
     includes = [f"coordinates {', '.join(kept)}"]
     leaves_out = []
     if len(kept) < len(COORDINATES):
@@ -100,6 +100,7 @@ def take_inventory(scene: Scene, given_law: str = "") -> Inventory:
     place(composition.support, "support springs", "support springs")
     place(composition.damping, "structural damping", "structural damping")
     place(bool(composition.forced), "harmonic force", "harmonic force")
+    place(composition.temperature, "lining temperature and fade of friction", "lining temperature and fade of friction")
     if friction is not None:
         place(
             composition.steady_state == "self-consistent",

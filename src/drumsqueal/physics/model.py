@@ -1,43 +1,44 @@
 """Body and effects as one vector field: the steady state, the eigenvalues, the transient and the gradients share it."""
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 
 import equinox as eqx
 import jax.numpy as jnp
-import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
-from drumsqueal.physics.bodies.rigid_shoe import IN_PLANE, RigidShoe
+from drumsqueal.physics.bodies.body import Body, Scalar, scalars
+from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
 from drumsqueal.physics.composition import GIVEN, Composition, compose
-from drumsqueal.physics.effects.action import Effect, Six
+from drumsqueal.physics.effects.action import Effect
 from drumsqueal.physics.effects.assembly import Balance, Preload
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.effects.damping import Damping
 from drumsqueal.physics.effects.forcing import Forcing
 from drumsqueal.physics.effects.friction import Friction
 from drumsqueal.physics.effects.friction_direction import Tangential, UnitVelocity
-from drumsqueal.physics.effects.operation import Operation
+from drumsqueal.physics.effects.operation import Moment, Operation
 from drumsqueal.physics.effects.pressure import Bonded, Unilateral
 from drumsqueal.physics.effects.schedule import Constant, Profile, Schedule
 from drumsqueal.physics.effects.support import Support
+from drumsqueal.physics.effects.temperature import Remembering, Temperature
 from drumsqueal.physics.effects.touching import Observation, Touching
 from drumsqueal.physics.laws.custom_friction import as_law, with_breakpoints
 from drumsqueal.physics.laws.friction_law import FrictionLaw, friction_law
 from drumsqueal.physics.quadrature.arc import NODES, NODES_LONG_ARC, ArcSurface
 from drumsqueal.physics.quadrature.area import AreaSurface
 from drumsqueal.precision import real
-from drumsqueal.scene import COORDINATES, Scene
+from drumsqueal.scene import Scene
 
 Numbers = Mapping[str, ArrayLike]
 
 
 class Model(eqx.Module):
-    """M q̈ = Σ effects, over the kept coordinates only.
+    """M q̈ = Σ effects, over the n kept coordinates of the body.
 
-    `coordinates` are indices into (X, Y, Z, Tx, Ty, Tz); n of them are kept. `mass` is the diagonal of M (n,) and
-    `stiffness` the frictionless stiffness in full contact (n, n).
+    `mass` is the diagonal of M (n,) and `stiffness` the frictionless stiffness in full contact (n, n). What effects
+    remember (m,) is part of the state where `remembering` is not empty, and None elsewhere.
     """
 
     operation: Operation
@@ -45,18 +46,32 @@ class Model(eqx.Module):
     others: tuple[Effect, ...]
     mass: Array = eqx.field(converter=real)
     stiffness: Array = eqx.field(converter=real)
-    coordinates: tuple[int, ...] = eqx.field(static=True)
+    remembering: tuple[Remembering, ...] = ()
+
+    @property
+    def body(self) -> Body:
+        """What moves."""
+        return self.contact.body
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the kept coordinates."""
+        return self.body.names
 
     @property
     def lining(self) -> Contact:
-        """The contact of a shoe, as what asks for its shape wants it."""
-        assert isinstance(self.contact, Contact)
+        """The contact, for what asks for the shape of a lining. Raises TypeError for a body without one."""
+        if not isinstance(self.contact, Contact):
+            raise TypeError(f"a {type(self.body).__name__} has no lining; this is for models of a shoe on a drum")
         return self.contact
 
     @property
     def shoe(self) -> RigidShoe:
-        """The body."""
-        return self.lining.shoe
+        """The body, for what asks for its own dimensions. Raises TypeError where it is no rigid shoe."""
+        body = self.lining.body
+        if not isinstance(body, RigidShoe):
+            raise TypeError(f"a {type(body).__name__} is not a rigid shoe")
+        return body
 
     @property
     def effects(self) -> tuple[Effect, ...]:
@@ -67,20 +82,6 @@ class Model(eqx.Module):
     def forced(self) -> bool:
         """Whether a harmonic force acts."""
         return any(isinstance(effect, Forcing) for effect in self.others)
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the kept coordinates."""
-        return tuple(COORDINATES[i] for i in self.coordinates)
-
-    def widen(self, kept: Array) -> Six:
-        """Six scalars from the kept coordinates (n,): literal zeros elsewhere, which cost nothing when compiled."""
-        return tuple(kept[self.coordinates.index(i)] if i in self.coordinates else 0.0 for i in range(6))
-
-    @property
-    def middle_contact(self) -> Contact:
-        """The contact as motion in the plane has it: the same on every line across, so that one line serves."""
-        return dataclasses.replace(self.lining, surface=ArcSurface(NODES_LONG_ARC, compact=True))
 
     def undisturbed(self) -> "Model":
         """The same model without its harmonic force: what steady sliding is the equilibrium of."""
@@ -94,40 +95,76 @@ class Model(eqx.Module):
         return dataclasses.replace(self, operation=operation)
 
     def in_plane(self) -> "Model":
-        """The same model with its out-of-plane coordinates held at zero: a line integral instead of an area."""
-        kept = [k for k, i in enumerate(self.coordinates) if i in IN_PLANE]
-        stiffness = self.stiffness[np.ix_(kept, kept)]
-        return dataclasses.replace(
-            self,
-            contact=self.middle_contact if isinstance(self.contact, Contact) else self.contact,
-            mass=self.mass[np.asarray(kept)],
-            stiffness=stiffness,
-            coordinates=tuple(self.coordinates[k] for k in kept),
-        )
+        """The same model for motion that is the same on every line across: a line integral instead of an area."""
+        return dataclasses.replace(self, contact=self.contact.in_plane())
+
+    @property
+    def remembered(self) -> tuple[str, ...]:
+        """Names of what effects remember."""
+        return tuple(name for effect in self.remembering for name in effect.names)
+
+    @property
+    def first_memory(self) -> Array | None:
+        """What effects remember at the start: zeros (m,), None where none does."""
+        return jnp.zeros(len(self.remembered)) if self.remembering else None
+
+    def _memories(self, memory: Array) -> Iterator[tuple[Remembering, Array]]:
+        first = 0
+        for effect in self.remembering:
+            yield effect, memory[first : first + len(effect.names)]
+            first += len(effect.names)
+
+    def memory_size(self, memory: Array | None) -> Array | None:
+        """What errors of what effects remember (m,) are measured against."""
+        if memory is None:
+            return None
+        return jnp.concatenate([effect.size(part) for effect, part in self._memories(memory)])
+
+    def memory_rate(self, memory: Array | None, heat: Scalar) -> Array | None:
+        """Its rate (m,) while friction turns so much power into heat (W)."""
+        if memory is None:
+            return None
+        return jnp.concatenate([effect.rate(part, heat) for effect, part in self._memories(memory)])
+
+    def moment(self, time: ArrayLike, memory: Array | None = None) -> Moment:
+        """What all effects see of an instant; without a memory, as it is at the start."""
+        moment = self.operation.at(time)
+        for effect, part in () if memory is None else self._memories(memory):
+            moment = effect.influence(moment, part)
+        return moment
 
     def act(self, time: ArrayLike, q: Array, v: Array) -> tuple[Array, Array]:
-        """Generalised force (n,) and power beyond the stored energy (W), at displacement q (n,) and velocity v (n,)."""
-        wide_q, wide_v = self.widen(q), self.widen(v)
-        moment = self.operation.at(time)
-        actions = [effect.act(moment, wide_q, wide_v) for effect in self.effects]
-        force = [sum(action.force[i] for action in actions) + jnp.zeros(()) for i in self.coordinates]
-        return jnp.stack(force), jnp.asarray(sum(action.power for action in actions) + jnp.zeros(()))
+        """Generalised force (n,) and power (W) as `rates` has them, by what effects remember at the start."""
+        return self.rates(time, q, v)[:2]
+
+    def rates(
+        self, time: ArrayLike, q: Array, v: Array, memory: Array | None = None
+    ) -> tuple[Array, Array, Array | None]:
+        """Generalised force (n,), power beyond the stored energy (W) and rate of the memory (m,).
+
+        At displacement q (n,), velocity v (n,) and memory (m,).
+        """
+        moment, motion = self.moment(time, memory), (scalars(q), scalars(v))
+        actions = [effect.act(moment, *motion) for effect in self.effects]
+        force = [sum(parts) + jnp.zeros(()) for parts in zip(*(action.force for action in actions), strict=True)]
+        power = jnp.asarray(sum(action.power for action in actions) + jnp.zeros(()))
+        return jnp.stack(force), power, self.memory_rate(memory, sum(action.heat for action in actions))
 
     def energy(self, time: ArrayLike, q: Array, v: Array) -> tuple[Array, Array]:
         """Kinetic energy ½ vᵀ M v and potential energy Σ U (J)."""
-        moment, wide = self.operation.at(time), self.widen(q)
-        potential = sum(effect.potential_energy(moment, wide) for effect in self.effects)
+        moment, motion = self.operation.at(time), scalars(q)
+        potential = sum(effect.potential_energy(moment, motion) for effect in self.effects)
         return jnp.sum(self.mass * v * v) / 2, jnp.asarray(potential + jnp.zeros(()))
 
-    def observe(self, time: ArrayLike, q: Array, v: Array) -> Observation:
+    def observe(self, time: ArrayLike, q: Array, v: Array, memory: Array | None = None) -> Observation:
         """Torque, forces and extent of the contact at one instant."""
-        return self.contact.observe(self.operation.at(time), self.widen(q), self.widen(v))
+        return self.contact.observe(self.moment(time, memory), scalars(q), scalars(v))
 
 
 def build_model(
     scene: Scene,
     numbers: Numbers | None = None,
-    coordinates: tuple[int, ...] | None = None,
+    coordinates: tuple[str, ...] | None = None,
     friction_law: FrictionLaw | Callable[[Array], Array] | None = None,
 ) -> Model:
     """Build the model that a scene calls for, over its kept coordinates unless others are asked for.
@@ -163,6 +200,7 @@ def assemble(composition: Composition, value: Mapping[str, Array], law: Friction
         width=value["shoe.width"],
         arc_angle=value["shoe.arc_angle"],
         density=value["shoe.density"],
+        names=composition.coordinates,
     )
     # The load is spread evenly, p0 = load / (R β b): our reading of the paper's "uniformly distributed".
     preload = _schedule("contact.normal_load", value, 1 / shoe.area)
@@ -171,27 +209,28 @@ def assemble(composition: Composition, value: Mapping[str, Array], law: Friction
     others: list[Effect] = [_assembly(composition, contact)]
     stiffness = contact.law.stiffness * shoe.radial_stiffness()
     if composition.support:
-        support = Support(value["support.upper_stiffness"], value["support.lower_stiffness"], shoe.outer_radius)
+        support = Support(value["support.upper_stiffness"], value["support.lower_stiffness"], shoe)
         others.append(support)
         stiffness = stiffness + support.stiffness()
-    kept = np.asarray(composition.coordinates)
-    mass, stiffness = shoe.mass[kept], stiffness[np.ix_(kept, kept)]
     if composition.damping:
-        others.append(Damping.from_ratio(value["damping.ratio"], mass, stiffness, composition.coordinates))
-    if composition.forced:
-        amplitude = [value[f"forcing.amplitude.{COORDINATES[i]}"] for i in composition.forced]
-        others.append(
-            Forcing(jnp.stack(amplitude), value["forcing.frequency"], value["forcing.phase"], composition.forced)
-        )
-    return Model(operation, contact, tuple(others), mass, stiffness, composition.coordinates)
+        others.append(Damping.from_ratio(value["damping.ratio"], shoe.mass, stiffness))
+    forced = [name for name in composition.forced if name in shoe.names]
+    if forced:
+        amplitude = jnp.stack([value[f"forcing.amplitude.{name}"] for name in forced])
+        places = tuple(shoe.names.index(name) for name in forced)
+        others.append(Forcing(amplitude, value["forcing.frequency"], value["forcing.phase"], places))
+    remembering: list[Remembering] = []
+    if composition.temperature:
+        remembering.append(Temperature(*(value[f"temperature.{key}"] for key in ("heat_capacity", "cooling", "fade"))))
+    return Model(operation, contact, tuple(others), shoe.mass, stiffness, tuple(remembering))
 
 
 def _contact(
     composition: Composition, value: Mapping[str, Array], shoe: RigidShoe, friction_law: FrictionLaw | None
 ) -> Contact:
     law = Unilateral if composition.separation else Bonded
-    in_plane = set(composition.coordinates) <= set(IN_PLANE)
-    surface = ArcSurface(NODES_LONG_ARC if composition.long_arc else NODES) if in_plane else AreaSurface()
+    nodes = NODES_LONG_ARC if composition.long_arc else NODES
+    surface = ArcSurface(nodes) if all(shoe.symmetric) else AreaSurface()
     friction = _friction(composition, value, friction_law)
     return Contact(shoe, law(value["contact.stiffness"]), friction, surface)
 
@@ -207,7 +246,7 @@ def _friction(composition: Composition, value: Mapping[str, Array], law: Frictio
 
 
 def _assembly(composition: Composition, contact: Contact) -> Effect:
-    preload = Preload(contact.shoe)
+    preload = Preload(contact.body)
     if composition.steady_state == "self-consistent":
         return preload
     return Balance(preload, contact.friction)

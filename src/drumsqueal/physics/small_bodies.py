@@ -3,8 +3,8 @@
 import jax.numpy as jnp
 from jax.typing import ArrayLike
 
+from drumsqueal.physics.bodies.block import Block
 from drumsqueal.physics.bodies.disc import Disc
-from drumsqueal.physics.bodies.rigid_shoe import TZ, X, Y
 from drumsqueal.physics.effects.damping import Damping
 from drumsqueal.physics.effects.disc_contact import DiscContact
 from drumsqueal.physics.effects.friction import Friction
@@ -31,12 +31,12 @@ def block_on_belt(
     direction: Direction | None = None,
 ) -> Model:
     """m ẍ + c ẋ + k x = −μ(|s|) N sgn(s), s = ẋ − V: mass in kg, k in N/m, c in N s/m, load N in N, V in m/s."""
-    along = (X,)
     spring, dashpot = real(stiffness).reshape(1, 1), real(damping).reshape(1, 1)
-    others = (Springs(spring, along), Damping(dashpot, along))
-    contact = PointContact(Bonded(0.0), Friction(as_law(law), Tangential() if direction is None else direction))
+    others = (Springs(spring), Damping(dashpot))
+    block = Block(real(mass).reshape(1))
+    contact = PointContact(block, Bonded(0.0), Friction(as_law(law), Tangential() if direction is None else direction))
     operation = Operation(Constant(belt_speed), Constant(load))
-    return Model(operation, contact, others, real(mass).reshape(1), spring, along)
+    return Model(operation, contact, others, block.mass, spring)
 
 
 def sprung_block_on_belt(
@@ -53,11 +53,11 @@ def sprung_block_on_belt(
     `mass` (2,) in kg and `springs` (2, 2) in N/m belong to x and y; the contact spring k3 (N/m) comes on top. Source:
     Hoffmann et al., Journal of Sound and Vibration 257 (2002) 1.
     """
-    both = (X, Y)
-    contact = PointContact(Bonded(contact_stiffness), Friction(as_law(law), Tangential()))
+    block = Block(mass)
+    contact = PointContact(block, Bonded(contact_stiffness), Friction(as_law(law), Tangential()))
     operation = Operation(Constant(belt_speed), Constant(load))
     stiffness = real(springs) + jnp.diag(jnp.stack([jnp.zeros(()), real(contact_stiffness)]))
-    return Model(operation, contact, (Springs(springs, both),), real(mass), stiffness, both)
+    return Model(operation, contact, (Springs(springs),), block.mass, stiffness)
 
 
 def disc_on_plate(
@@ -75,4 +75,4 @@ def disc_on_plate(
     disc = Disc(radius, mass)
     contact = DiscContact(disc, Friction(with_breakpoints(as_law(law)), UnitVelocity()))
     operation = Operation(Constant(plate_speed), Constant(load / disc.area))
-    return Model(operation, contact, (), disc.mass, jnp.zeros((3, 3)), (X, Y, TZ))
+    return Model(operation, contact, (), disc.mass, jnp.zeros((3, 3)))

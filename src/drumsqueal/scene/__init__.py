@@ -29,6 +29,7 @@ from drumsqueal.scene.tables import (
     Steady,
     Support,
     Table,
+    Temperature,
     Title,
 )
 from drumsqueal.scene.uncertain import Distribution, Distributions, reach
@@ -49,6 +50,7 @@ __all__ = [
     "Start",
     "Steady",
     "Support",
+    "Temperature",
     "load_scene",
     "number_keys",
     "quantity_of",
@@ -62,14 +64,14 @@ if TYPE_CHECKING:
 else:
     AnyLaw = Annotated[Union[tuple(LAWS.values())], Field(discriminator="law")]  # noqa: UP007 (of what is found)
 
-_PHYSICAL_TABLES = ("shoe", "support", "contact", "friction", "drum", "damping", "forcing")
+_PHYSICAL_TABLES = ("shoe", "support", "contact", "friction", "drum", "damping", "temperature", "forcing")
 
 
 class Scene(Table):
     """One scene, checked, in SI: what brake, what acts on it, how it starts and how long it runs.
 
-    A table that is None (support, friction, damping, forcing) is an effect the scene does not call for. `uncertain`
-    holds distributions of its numbers, which a random sweep draws from and everything else leaves aside.
+    A table that is None (support, friction, damping, temperature, forcing) is an effect the scene does not call for.
+    `uncertain` holds distributions of its numbers, which a random sweep draws from and everything else leaves aside.
     """
 
     title: Title = ""
@@ -79,6 +81,7 @@ class Scene(Table):
     friction: AnyLaw | None = None
     drum: Drum
     damping: Damping | None = None
+    temperature: Temperature | None = None
     forcing: Forcing | None = None
     steady: Steady = Field(default_factory=Steady)
     start: Start = Field(default_factory=Start)
@@ -97,6 +100,15 @@ class Scene(Table):
                     done = "started" if path[0] == "start" else "forced"
                     reason = f"{name} is {done} but not among simulate.coordinates; add it there, or remove it here"
                     raise SceneError(reason, (*path, name), value)
+        return self
+
+    @model_validator(mode="after")
+    def _rubs_where_it_heats(self) -> "Scene":
+        if self.temperature is not None and self.friction is None:
+            raise SceneError(
+                "without friction nothing heats the lining; leave temperature out, or add a table friction",
+                ("temperature",),
+            )
         return self
 
     @model_validator(mode="after")
@@ -120,7 +132,7 @@ class Scene(Table):
         """Return the scene with values put in by dotted key: `scene.with_values({"drum.speed": "3 rad/s"})`.
 
         The values are as in a file: numbers in SI, strings with a unit, whole tables as mappings; None leaves out one
-        of the tables support, friction, damping, forcing and uncertain. Raises SceneError.
+        of the tables support, friction, damping, temperature, forcing and uncertain. Raises SceneError.
         """
         tables = self._tables()
         for key, value in values.items():
@@ -197,6 +209,7 @@ _MODELS: dict[str, tuple[type[BaseModel], ...]] = {
     "friction": tuple(LAWS.values()),
     "drum": (Drum,),
     "damping": (Damping,),
+    "temperature": (Temperature,),
     "forcing": (Forcing,),
     "steady": (Steady,),
     "start": (Start,),

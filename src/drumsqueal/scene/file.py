@@ -11,7 +11,7 @@ from drumsqueal.errors import nearest
 from drumsqueal.files.ordinary import NotOrdinaryError, read_ordinary
 from drumsqueal.scene.quantities import DECIMAL_POINT, SceneError
 
-OPTIONAL_TABLES = ("support", "friction", "damping", "forcing", "uncertain")
+OPTIONAL_TABLES = ("support", "friction", "damping", "temperature", "forcing", "uncertain")
 """The tables that a scene may leave out; `--set friction=none` leaves one out."""
 
 _DEEPEST = 10  # parts of a dotted key

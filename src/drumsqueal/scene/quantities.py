@@ -31,6 +31,9 @@ _EXPECTED = {
     "s/m": ("an inverse velocity", "1 s/m"),
     "s": ("a time", "40 ms"),
     "Hz": ("a frequency", "50 kHz"),
+    "J/K": ("a heat capacity", "300 J/K"),
+    "W/K": ("a cooling power per temperature", "2 W/K"),
+    "1/K": ("a share per temperature", "0.001 1/K"),
 }
 DECIMAL_POINT = "a number takes a decimal point and no comma"
 _LONGEST = 64  # characters in a value

@@ -280,6 +280,14 @@ class Drum(Table):
     speed: Annotated[Schedule, Scheduled("rad/s")]
 
 
+class Temperature(Table):
+    """Temperature of the lining: heat capacity in J/K, cooling in W/K, and the fade of friction in 1/K."""
+
+    heat_capacity: Annotated[float, Quantity("J/K", above=0)]
+    cooling: Annotated[float, Quantity("W/K", least=0)] = 0.0
+    fade: Annotated[float, Quantity("1/K", least=0)] = 0.0
+
+
 class Damping(Table):
     """Structural damping: the fraction of critical damping of every mode."""
 

@@ -15,7 +15,7 @@ from pydantic_core import core_schema
 from drumsqueal.errors import nearest
 from drumsqueal.scene.laws import LAWS
 from drumsqueal.scene.quantities import SceneError, parse_quantity
-from drumsqueal.scene.tables import Contact, Damping, Drum, PerCoordinate, Quantity, Shoe, Support
+from drumsqueal.scene.tables import Contact, Damping, Drum, PerCoordinate, Quantity, Shoe, Support, Temperature
 
 # What is drawn is a quantile at one of 2³² places, each in the middle of its share: so no draw lies farther out than
 # 6.4 deviations, and whether a distribution can reach a value that the scene does not take is a plain question.
@@ -35,6 +35,7 @@ _MODELS = {
     "friction": tuple(LAWS.values()),
     "drum": (Drum,),
     "damping": (Damping,),
+    "temperature": (Temperature,),
 }
 
 

@@ -29,6 +29,7 @@ SIGNALS = (
     "kinetic_energy",
     "potential_energy",
     "energy_balance_error",
+    "lining_temperature",
 )
 """The signals that `export` knows, which to ask takes it seconds to load."""
 

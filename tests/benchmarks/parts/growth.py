@@ -15,7 +15,7 @@ import numpy as np
 
 from drumsqueal.physics.bodies.rigid_shoe import IN_PLANE
 from drumsqueal.physics.model import build_model
-from drumsqueal.scene import load_scene
+from drumsqueal.scene import COORDINATES, load_scene
 from drumsqueal.solve.transient.batch import integrate_many
 
 from .pictures import draw_growth
@@ -29,7 +29,7 @@ ROUNDS, PATIENCE = 3, 2.0  # s; what takes longer is not repeated
 SHAPE = np.array([2.5e-6, 5e-5, 1e-6, 1e-5, 1e-5, 1e-4])
 FREQUENCY = 2 * np.pi * np.array([4400.0, 1100.0, 300.0, 300.0, 1100.0, 1100.0])
 SIZES = {"below the edges": 0.02, "beyond them": 1.0}
-SPACE = tuple(range(6))
+SPACE = COORDINATES
 # Trajectories of the comparison of space with the plane, in one thread: enough to forget what a call takes.
 FEW, FEW_IN_SPACE_BEYOND = 32, 2
 
@@ -53,17 +53,17 @@ def measure(record: Record, folder: Path) -> None:
     draw_growth(counts, motions, threads, folder / "speed_growth.png")
 
 
-def few(kept: tuple[int, ...], regime: str) -> int:
+def few(kept: tuple[str, ...], regime: str) -> int:
     """How many trajectories of a kind are enough: in space beyond the edges one takes a second."""
     return FEW_IN_SPACE_BEYOND if kept == SPACE and regime == "beyond them" else FEW
 
 
-def several(kept: tuple[int, ...], regime: str, count: int, threads: int) -> Callable[[], object]:
+def several(kept: tuple[str, ...], regime: str, count: int, threads: int) -> Callable[[], object]:
     """A call that integrates that many trajectories, each from a state of its own."""
     model = build_model(load_scene(SCENARIOS / "nominal.toml"), coordinates=kept)
     phase = np.random.default_rng(0).uniform(0, 2 * np.pi, (count, 6))
     q, v = SIZES[regime] * SHAPE * np.sin(phase), SIZES[regime] * SHAPE * FREQUENCY * np.cos(phase)
-    picked = np.asarray(kept)
+    picked = [COORDINATES.index(name) for name in kept]
     options = {"duration": DURATION, "sample_rate": SAMPLE_RATE, "tolerance": TOLERANCE, "threads": threads}
 
     def call() -> object:

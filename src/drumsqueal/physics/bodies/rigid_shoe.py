@@ -3,21 +3,44 @@
 Source of all formulas: Seo & Kang, Lubricants 2023, 11(12), 496, equations (1) to (10) and (23) to (28).
 """
 
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
+from jax.core import Tracer
+from jax.typing import ArrayLike
+from numpy.typing import NDArray
 
+from drumsqueal.physics.bodies.body import Motion, Scalar
+from drumsqueal.physics.quadrature.levels import Level
+from drumsqueal.physics.quadrature.sums import Densities
+from drumsqueal.physics.quadrature.surface import Nodes
 from drumsqueal.precision import real
+from drumsqueal.scene import COORDINATES
 
-X, Y, Z, TX, TY, TZ = range(6)
-IN_PLANE, OUT_OF_PLANE = (X, Y, TZ), (Z, TX, TY)
+IN_PLANE, OUT_OF_PLANE = ("X", "Y", "Tz"), ("Z", "Tx", "Ty")
+
+
+class Six(NamedTuple):
+    """One scalar for each coordinate of the shoe."""
+
+    X: Scalar = 0.0
+    Y: Scalar = 0.0
+    Z: Scalar = 0.0
+    Tx: Scalar = 0.0
+    Ty: Scalar = 0.0
+    Tz: Scalar = 0.0
 
 
 class RigidShoe(eqx.Module):
     """Annular sector of outer radius R, thickness h, width b, arc angle β and density ρ (SI units, rad).
 
     The six coordinates q = (X, Y, Z, Tx, Ty, Tz) are the displacement and the small rotation at the centre of gravity,
-    in m and rad. θ = 0 is the x axis; the lining covers |θ| ≤ β/2 and |z| ≤ b/2 on the outer radius.
+    in m and rad; `names` are those of them that are kept, the others rest. θ = 0 is the x axis; the lining covers
+    |θ| ≤ β/2 and |z| ≤ b/2 on the outer radius.
     """
 
     outer_radius: Array = eqx.field(converter=real)
@@ -25,6 +48,20 @@ class RigidShoe(eqx.Module):
     width: Array = eqx.field(converter=real)
     arc_angle: Array = eqx.field(converter=real)
     density: Array = eqx.field(converter=real)
+    names: tuple[str, ...] = eqx.field(static=True, default=COORDINATES)
+
+    def widen(self, kept: Motion) -> Six:
+        """All six from the kept coordinates: literal zeros elsewhere, which cost nothing when compiled."""
+        return Six(**{name: kept[k] for k, name in enumerate(self.names)})
+
+    def keep(self, six: Six) -> Motion:
+        """The kept coordinates of all six."""
+        return tuple(getattr(six, name) for name in self.names)
+
+    @property
+    def symmetric(self) -> tuple[bool, ...]:
+        """Which coordinates move every line across the lining alike: those in the plane."""
+        return tuple(name in IN_PLANE for name in self.names)
 
     def radial_moment(self, power: int) -> Array:
         """∫ r^power dr from R − h to R (m^(power + 1))."""
@@ -52,7 +89,12 @@ class RigidShoe(eqx.Module):
 
     @property
     def mass(self) -> Array:
-        """Diagonal of the mass matrix, (m, m, m, I1, I2, I3), shape (6,), in kg and kg m²; equations (26) to (28).
+        """Diagonal of the mass matrix (n,), in kg and kg m²."""
+        return jnp.stack(self.keep(self.inertia))  # pyright: ignore[reportArgumentType]
+
+    @property
+    def inertia(self) -> Six:
+        """Mass m and moments of inertia I1, I2, I3 of all six, in kg and kg m²; equations (26) to (28).
 
         The products of inertia vanish by symmetry. With c_k, s_k the integrals of cos² and sin² over the arc:
         I1 = ρ (b s ∫r³ + β b³/12 ∫r), I2 = ρ (b (c ∫r³ − 4 c sin(β/2) ∫r² + c² β ∫r) + β b³/12 ∫r),
@@ -64,39 +106,140 @@ class RigidShoe(eqx.Module):
         across = beta * b**3 / 12 * first
         offset = c**2 * beta * first - 4 * c * jnp.sin(self.half_angle) * second
         body = rho * beta * b * first
-        return jnp.stack(
-            [
-                body,
-                body,
-                body,
-                rho * (b * sine_squared * third + across),
-                rho * (b * (cosine_squared * third + offset) + across),
-                rho * b * (beta * third + offset),
-            ]
+        return Six(
+            body,
+            body,
+            body,
+            rho * (b * sine_squared * third + across),
+            rho * (b * (cosine_squared * third + offset) + across),
+            rho * b * (beta * third + offset),
         )
 
     def _squares(self) -> tuple[Array, Array]:
         """∫cos²θ dθ and ∫sin²θ dθ over the arc (rad)."""
         return (self.arc_angle + jnp.sin(self.arc_angle)) / 2, (self.arc_angle - jnp.sin(self.arc_angle)) / 2
 
-    def radial_resultant(self) -> Array:
-        """∫ φ^r dA, shape (6,): the generalised force of unit pressure is its negative (m², m³ for rotations)."""
-        chord = 2 * jnp.sin(self.half_angle) * self.outer_radius * self.width
-        return jnp.zeros(6).at[X].set(chord)
+    def radial_resultant(self) -> Motion:
+        """∫ φ^r dA: the generalised force of unit pressure is its negative (m², m³ for rotations)."""
+        return self.keep(Six(X=2 * jnp.sin(self.half_angle) * self.outer_radius * self.width))
 
-    def tangential_resultant(self) -> Array:
-        """∫ φ^θ dA, shape (6,): the generalised force of unit traction along θ (m², m³ for rotations)."""
+    def tangential_resultant(self) -> Motion:
+        """∫ φ^θ dA: the generalised force of unit traction along θ (m², m³ for rotations)."""
         chord = 2 * jnp.sin(self.half_angle) * self.outer_radius * self.width
-        moment = self.outer_radius * self.area - self.centroid * chord
-        return jnp.zeros(6).at[Y].set(chord).at[TZ].set(moment)
+        return self.keep(Six(Y=chord, Tz=self.outer_radius * self.area - self.centroid * chord))
 
     def radial_stiffness(self) -> Array:
-        """∫ φ^r φ^r dA, shape (6, 6): the full-contact stiffness per unit contact stiffness (SI units)."""
+        """∫ φ^r φ^r dA, shape (n, n): the full-contact stiffness per unit contact stiffness (SI units)."""
         cosine_squared, sine_squared = self._squares()
         R, b, c = self.outer_radius, self.width, self.centroid
         along, across = R * b, R * b**3 / 12
-        matrix = jnp.zeros((6, 6))
-        matrix = matrix.at[X, X].set(along * cosine_squared).at[Y, Y].set(along * sine_squared)
-        matrix = matrix.at[Y, TZ].set(-c * along * sine_squared).at[TZ, Y].set(-c * along * sine_squared)
-        matrix = matrix.at[TZ, TZ].set(c**2 * along * sine_squared)
-        return matrix.at[TX, TX].set(across * sine_squared).at[TY, TY].set(across * cosine_squared)
+        coupled = -c * along * sine_squared
+        entries = {
+            ("X", "X"): along * cosine_squared,
+            ("Y", "Y"): along * sine_squared,
+            ("Y", "Tz"): coupled,
+            ("Tz", "Y"): coupled,
+            ("Tz", "Tz"): c**2 * along * sine_squared,
+            ("Tx", "Tx"): across * sine_squared,
+            ("Ty", "Ty"): across * cosine_squared,
+        }
+        return jnp.array([[entries.get((i, j), 0.0) for j in self.names] for i in self.names])
+
+    @property
+    def following(self) -> Motion:
+        """Velocities of a shoe that turns with a drum of 1 rad/s: Tz about the drum's axis, and Y = c."""
+        return self.keep(Six(Y=self.centroid, Tz=1.0))
+
+    @property
+    def follows(self) -> bool:
+        """Whether Y and Tz are kept, in which the shoe turns with the drum."""
+        return {"Y", "Tz"} <= set(self.names)
+
+    def slides(self, *, axially: bool) -> tuple[bool, ...]:
+        """Which coordinates move the lining along the drum or, if asked, also along its axis: all but Z, or all."""
+        return tuple(axially or name != "Z" for name in self.names)
+
+    def radial(self, q: Motion) -> Level:
+        """u_r of the lining (m)."""
+        return _radial(self.widen(q), self.centroid)
+
+    def along(self, v: Motion, turning: Scalar = 0.0) -> Level:
+        """u_θ of the lining (m), or of velocities V_θ (m/s), equation (13), on a drum that turns (rad/s)."""
+        return _along(self.widen(v), self.outer_radius, self.centroid, turning)
+
+    def axial(self, v: Motion) -> Level:
+        """u_z of the lining (m), or its rate."""
+        return _axial(self.widen(v), self.outer_radius, self.centroid)
+
+    def displacement(
+        self, q: Mapping[str, ArrayLike], angle: ArrayLike, z: ArrayLike = 0.0, radius: ArrayLike | None = None
+    ) -> tuple:
+        """(u_r, u_θ, u_z) at angles θ (rad), z (m) and a radius (m; the lining's unless given).
+
+        `q` has coordinates by name (m, rad), zero where not named, or their rates: numbers and arrays of NumPy or of
+        JAX, which broadcast with the points.
+        """
+        trigonometry = jnp if isinstance(angle, Array) else np
+        cosine, sine = trigonometry.cos(angle), trigonometry.sin(angle)
+        return tuple(level.value(cosine, sine, z) for level in self._levels(q, radius))
+
+    def largest(self, q: Mapping[str, NDArray[np.float64]]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Bounds of |u_r| and |u_θ|, over the whole circle, of coordinates or their rates (time,) by name."""
+        half_width = float(self.width) / 2
+        radial, along, _ = self._levels(q)
+        return _bound(radial, half_width), _bound(along, half_width)
+
+    def _levels(self, q: Mapping[str, Any], radius: Any = None) -> tuple[Level, Level, Level]:
+        """u_r, u_θ, u_z on a radius (m) of coordinates by name; of NumPy where all is."""
+        lengths = (self.outer_radius if radius is None else radius, self.centroid)
+        R, c = (float(x) if isinstance(x, Array) and not isinstance(x, Tracer) else x for x in lengths)
+        six = Six(**q)
+        return _radial(six, c), _along(six, R, c), _axial(six, R, c)
+
+    def tractions(self, nodes: Nodes, load: Array, drag: Array | None, lateral: Array | None) -> Densities:
+        """Forces on the lining (N) and moments without Tz's (N m) at the nodes.
+
+        The force in the plane is (x, y) = −load e_r + drag e_θ.
+        """
+        R, c = self.outer_radius, self.centroid
+        cosine, sine, z, _ = nodes
+        x, y = -load * cosine, -load * sine
+        if drag is not None:
+            x, y = x - drag * sine, y + drag * cosine
+        if z is None:
+            return {"x": x, "y": y}
+        if lateral is None:
+            return {"x": x, "y": y, "moment_x": -z * y, "moment_y": z * x}
+        moment_x, moment_y = -z * y + R * sine * lateral, z * x - (R * cosine - c) * lateral
+        return {"x": x, "y": y, "z": lateral, "moment_x": moment_x, "moment_y": moment_y}
+
+    def resultant(self, total: Densities) -> Motion:
+        """Generalised force from the sums of the tractions; that of Tz is R ∫F_θ dA − c ∫y dA."""
+        spin = self.outer_radius * total["drag"] if "drag" in total else 0.0
+        moment_z = spin - self.centroid * total["y"]
+        lateral, moment_x, moment_y = (total.get(key, 0.0) for key in ("z", "moment_x", "moment_y"))
+        return self.keep(Six(total["x"], total["y"], lateral, moment_x, moment_y, moment_z))
+
+
+# The displacement of a point at θ and z on the radius R: its coefficients are the shape functions.
+
+
+def _radial(q: Six, c: Any) -> Level:
+    """u_r = (X + z Ty) cos θ + (Y − z Tx − c Tz) sin θ, equation (10)."""
+    return Level(0.0, q.X, q.Y - c * q.Tz, q.Ty, -1.0 * q.Tx)
+
+
+def _along(q: Six, R: Any, c: Any, turning: Scalar = 0.0) -> Level:
+    """u_θ = R Tz − (X + z Ty) sin θ + (Y − z Tx − c Tz) cos θ, equation (9)."""
+    return Level(R * (q.Tz - turning), q.Y - c * q.Tz, -1.0 * q.X, -1.0 * q.Tx, -1.0 * q.Ty)
+
+
+def _axial(q: Six, R: Any, c: Any) -> Level:
+    """u_z = Z + R Tx sin θ − (R cos θ − c) Ty."""
+    return Level(q.Z + c * q.Ty, -R * q.Ty, R * q.Tx)
+
+
+def _bound(level: Level, half_width: float) -> NDArray[np.float64]:
+    """Largest size of a level over the whole circle, or somewhat more: its slopes may peak elsewhere."""
+    slopes = np.hypot(level.cosine_slope, level.sine_slope)
+    return np.abs(level.constant) + np.hypot(level.cosine, level.sine) + half_width * slopes

@@ -1,11 +1,9 @@
 """What the assembly applies to the shoe at rest: the two readings of the state q = 0."""
 
 import equinox as eqx
-import jax.numpy as jnp
-from jax import Array
 
-from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
-from drumsqueal.physics.effects.action import Action, Six
+from drumsqueal.physics.bodies.body import LinedBody, Motion, Scalar, dot
+from drumsqueal.physics.effects.action import Action
 from drumsqueal.physics.effects.friction import Friction
 from drumsqueal.physics.effects.operation import Moment
 
@@ -17,19 +15,19 @@ class Preload(eqx.Module):
     second order in the departure, and the energy balance stays sharp at small amplitudes.
     """
 
-    shoe: RigidShoe
+    body: LinedBody
 
-    def act(self, moment: Moment, q: Six, v: Six) -> Action:
+    def act(self, moment: Moment, q: Motion, v: Motion) -> Action:
         """Force p0(t) ∫φ^r dA, and the power −ṗ0 q·∫φ^r dA where the load changes."""
         del v
-        resultant = self.shoe.radial_resultant()
-        force = tuple(moment.preload * resultant[i] for i in range(6))
+        resultant = self.body.radial_resultant()
+        force = tuple(moment.preload * each for each in resultant)
         power = 0.0 if moment.preload_rate is None else -moment.preload_rate * dot(resultant, q)
         return Action(force, power)
 
-    def potential_energy(self, moment: Moment, q: Six) -> Array:
+    def potential_energy(self, moment: Moment, q: Motion) -> Scalar:
         """U (J)."""
-        return -moment.preload * dot(self.shoe.radial_resultant(), q)
+        return -moment.preload * dot(self.body.radial_resultant(), q)
 
 
 class Balance(eqx.Module):
@@ -42,21 +40,17 @@ class Balance(eqx.Module):
     preload: Preload
     friction: Friction | None
 
-    def act(self, moment: Moment, q: Six, v: Six) -> Action:
+    def act(self, moment: Moment, q: Motion, v: Motion) -> Action:
         """Force −Q(0, 0) and the power of its part against the drag."""
-        force, power = self.preload.act(moment, q, v)
+        action = self.preload.act(moment, q, v)
         if self.friction is None:
-            return Action(force, power)
-        shoe = self.preload.shoe
-        friction = self.friction.steady_coefficient(shoe.outer_radius * moment.drum_speed)
-        drag = -friction * moment.preload * shoe.tangential_resultant()
-        return Action(tuple(f + drag[i] for i, f in enumerate(force)), power + dot(drag, v))
+            return action
+        body = self.preload.body
+        friction = self.friction.steady_coefficient(moment, body.outer_radius * moment.drum_speed)
+        drag = tuple(-friction * moment.preload * each for each in body.tangential_resultant())
+        force = tuple(f + d for f, d in zip(action.force, drag, strict=True))
+        return Action(force, action.power + dot(drag, v))
 
-    def potential_energy(self, moment: Moment, q: Six) -> Array:
+    def potential_energy(self, moment: Moment, q: Motion) -> Scalar:
         """U of the preload (J)."""
         return self.preload.potential_energy(moment, q)
-
-
-def dot(force: Array, motion: Six) -> Array:
-    """Sum of force (6,) times motion over the six coordinates."""
-    return sum((force[i] * x for i, x in enumerate(motion)), start=jnp.zeros(()))

@@ -5,7 +5,8 @@ import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
-from drumsqueal.physics.effects.action import ZERO, Action, Six
+from drumsqueal.physics.bodies.body import Motion, dot
+from drumsqueal.physics.effects.action import Action
 from drumsqueal.physics.effects.operation import Moment
 from drumsqueal.precision import real
 
@@ -26,29 +27,24 @@ def frictionless_modes(mass: Array, stiffness: Array) -> tuple[Array, Array]:
 
 
 class Damping(eqx.Module):
-    """F = −C v with C = M Φ diag(2 ζ ω) Φᵀ M over the coordinates that are kept."""
+    """F = −C v with C = M Φ diag(2 ζ ω) Φᵀ M over the kept coordinates."""
 
     matrix: Array = eqx.field(converter=real)
-    coordinates: tuple[int, ...] = eqx.field(static=True)
 
     @staticmethod
-    def from_ratio(ratio: ArrayLike, mass: Array, stiffness: Array, coordinates: tuple[int, ...]) -> "Damping":
+    def from_ratio(ratio: ArrayLike, mass: Array, stiffness: Array) -> "Damping":
         """Build C for the ratio ζ from the kept part of mass (n,) and frictionless stiffness (n, n)."""
         omega, modes = frictionless_modes(mass, stiffness)
         shaped = mass[:, None] * modes
-        return Damping((shaped * (2 * ratio * omega)) @ shaped.T, coordinates)
+        return Damping((shaped * (2 * ratio * omega)) @ shaped.T)
 
-    def act(self, moment: Moment, q: Six, v: Six) -> Action:
+    def act(self, moment: Moment, q: Motion, v: Motion) -> Action:
         """Force −C v and its power −vᵀ C v."""
         del moment, q
-        force = list(ZERO)
-        power = 0.0
-        for row, i in enumerate(self.coordinates):
-            force[i] = -sum(self.matrix[row, column] * v[j] for column, j in enumerate(self.coordinates))
-            power = power + force[i] * v[i]
-        return Action(tuple(force), power)
+        force = tuple(-dot(self.matrix[row], v) for row in range(len(v)))
+        return Action(force, dot(force, v))
 
-    def potential_energy(self, moment: Moment, q: Six) -> float:
+    def potential_energy(self, moment: Moment, q: Motion) -> float:
         """None is stored."""
         del moment, q
         return 0.0

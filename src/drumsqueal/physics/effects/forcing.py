@@ -4,7 +4,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jax import Array
 
-from drumsqueal.physics.effects.action import ZERO, Action, Six
+from drumsqueal.physics.bodies.body import Motion
+from drumsqueal.physics.effects.action import Action, at_rest
 from drumsqueal.physics.effects.operation import Moment
 from drumsqueal.precision import real
 
@@ -12,7 +13,7 @@ from drumsqueal.precision import real
 class Forcing(eqx.Module):
     """F_i = A_i sin(2π f t + ψ): amplitude A (m,) in N (N m for rotations), f in Hz, ψ in rad.
 
-    `coordinates` are the indices that the amplitudes belong to.
+    `coordinates` are the places of the amplitudes among the kept coordinates.
     """
 
     amplitude: Array = eqx.field(converter=real)
@@ -20,18 +21,18 @@ class Forcing(eqx.Module):
     phase: Array = eqx.field(converter=real)
     coordinates: tuple[int, ...] = eqx.field(static=True)
 
-    def act(self, moment: Moment, q: Six, v: Six) -> Action:
+    def act(self, moment: Moment, q: Motion, v: Motion) -> Action:
         """Force at a moment and its power F·v."""
         del q
         swing = jnp.sin(2 * jnp.pi * self.frequency * moment.time + self.phase)
-        force = list(ZERO)
+        force = list(at_rest(v))
         power = 0.0
         for k, i in enumerate(self.coordinates):
             force[i] = self.amplitude[k] * swing
             power = power + force[i] * v[i]
         return Action(tuple(force), power)
 
-    def potential_energy(self, moment: Moment, q: Six) -> float:
+    def potential_energy(self, moment: Moment, q: Motion) -> float:
         """None is stored: what the force feeds in is counted as power."""
         del moment, q
         return 0.0

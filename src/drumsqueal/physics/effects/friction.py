@@ -6,6 +6,7 @@ from jax import Array
 from jax.typing import ArrayLike
 
 from drumsqueal.physics.effects.friction_direction import Direction
+from drumsqueal.physics.effects.operation import Moment
 from drumsqueal.physics.laws.friction_law import FrictionLaw
 
 
@@ -15,10 +16,15 @@ class Friction(eqx.Module):
     law: FrictionLaw
     direction: Direction
 
-    def traction(self, pressure: Array, slip: Array, axial: Array | None) -> tuple[Array, Array | None]:
+    def traction(self, moment: Moment, pressure: Array, slip: Array, axial: Array | None) -> tuple[Array, Array | None]:
         """Tractions on the lining along θ and z (Pa); the latter None where it is not called for."""
-        return self.direction.traction(self.law, pressure, slip, axial)
+        along, across = self.direction.traction(self.law, pressure, slip, axial)
+        share = moment.friction_share
+        if share is None:
+            return along, across
+        return share * along, None if across is None else share * across
 
-    def steady_coefficient(self, speed: ArrayLike) -> Array:
+    def steady_coefficient(self, moment: Moment, speed: ArrayLike) -> Array:
         """Signed μ at steady sliding with drum surface speed RΩ (m/s): positive drags the shoe along +θ."""
-        return self.law.coefficient(jnp.abs(speed)) * jnp.sign(speed)
+        coefficient = self.law.coefficient(jnp.abs(speed)) * jnp.sign(speed)
+        return coefficient if moment.friction_share is None else moment.friction_share * coefficient

@@ -11,32 +11,49 @@ import equinox as eqx
 import jax.numpy as jnp
 from jax import Array
 
-from drumsqueal.physics.bodies.rigid_shoe import X, Y
-from drumsqueal.physics.effects.action import ZERO, Action, Six
+from drumsqueal.physics.bodies.block import Block
+from drumsqueal.physics.bodies.body import Motion, Scalar
+from drumsqueal.physics.effects.action import Action
 from drumsqueal.physics.effects.friction import Friction
 from drumsqueal.physics.effects.operation import Moment
-from drumsqueal.physics.effects.pressure import PressureLaw, yielding
+from drumsqueal.physics.effects.pressure import PressureLaw, Unilateral, yielding
 from drumsqueal.physics.effects.touching import Observation
 
 
 class PointContact(eqx.Module):
-    """N = p0 + k q2 (its part above zero, where the law lets it separate) and F = −μ(|s|) N sgn(s), s = q̇1 − V.
+    """N = p0 + k y (its part above zero, where the law lets it separate) and F = −μ(|s|) N sgn(s), s = ẋ − V.
 
     All is in N, N/m and m/s: the stiffness of the law is that of a spring.
     """
 
+    body: Block
     law: PressureLaw
     friction: Friction | None
 
     @property
     def slipping(self) -> tuple[bool, ...]:
         """Which coordinates slip: X."""
-        return tuple(i == X for i in range(6))
+        return (True, False)[: len(self.body.names)]
 
     @property
-    def following(self) -> Six:
-        """Velocities of a block that moves with a belt of 1 m/s: q̇1 = 1."""
-        return tuple(float(i == X) for i in range(6))
+    def following(self) -> Motion:
+        """Velocities of a block that moves with a belt of 1 m/s."""
+        return (1.0, 0.0)[: len(self.body.names)]
+
+    @property
+    def follows(self) -> bool:
+        """Whether it can: always."""
+        return True
+
+    @property
+    def radius(self) -> float:
+        """One: the speed is the belt's own."""
+        return 1.0
+
+    @property
+    def lifting_stiffness(self) -> Scalar:
+        """k (N/m) where the block can leave the belt, else zero."""
+        return self.law.stiffness if isinstance(self.law, Unilateral) else 0.0
 
     @property
     def area(self) -> float:
@@ -47,7 +64,7 @@ class PointContact(eqx.Module):
         """The same contact with other friction."""
         return dataclasses.replace(self, friction=friction)
 
-    def fastest_slip(self, moment: Moment, v: Six) -> Array:
+    def fastest_slip(self, moment: Moment, v: Motion) -> Array:
         """|s| (m/s)."""
         return jnp.abs(_slip(moment, v))
 
@@ -55,22 +72,29 @@ class PointContact(eqx.Module):
         """How far the contact spring yields under the load (m): p0/k."""
         return yielding(self.law, moment.preload)
 
-    def act(self, moment: Moment, q: Six, v: Six) -> Action:
+    def in_plane(self) -> "PointContact":
+        """The same contact: it has no lines across."""
+        return self
+
+    def pressure_range(self, moment: Moment, q: Motion) -> tuple[Array, Array]:
+        """The force N (N), twice."""
+        load = self.law.pressure(self._level(moment, q))
+        return load, load
+
+    def act(self, moment: Moment, q: Motion, v: Motion) -> Action:
         """Friction along X, p0 − N along Y: the load and what answers it; and their power beyond the stored energy."""
         load, drag = self._forces(moment, q, v)
-        force = list(ZERO)
-        force[X], force[Y] = drag, moment.preload - load
-        power = drag * v[X]
+        power = drag * v[0]
         if moment.preload_rate is not None:
-            power = power + moment.preload_rate * (self.law.compression(moment.preload, q[Y] + jnp.zeros(())) - q[Y])
-        return Action(tuple(force), power)
+            power = power + moment.preload_rate * (self._compression(moment, q) - _depth(q))
+        return Action((drag, moment.preload - load)[: len(q)], power, -drag * _slip(moment, v))
 
-    def potential_energy(self, moment: Moment, q: Six) -> Array:
-        """U = p0 e + ½ k e² − p0 q2, with e the compression of the contact spring (J)."""
-        compression = self.law.compression(moment.preload, q[Y] + jnp.zeros(()))
-        return compression * (moment.preload + self.law.stiffness * compression / 2) - moment.preload * q[Y]
+    def potential_energy(self, moment: Moment, q: Motion) -> Array:
+        """U = p0 e + ½ k e² − p0 y, with e the compression of the contact spring (J)."""
+        compression = self._compression(moment, q)
+        return compression * (moment.preload + self.law.stiffness * compression / 2) - moment.preload * _depth(q)
 
-    def observe(self, moment: Moment, q: Six, v: Six) -> Observation:
+    def observe(self, moment: Moment, q: Motion, v: Motion) -> Observation:
         """Forces at one instant; in place of a brake torque the force that holds the belt back (N)."""
         load, drag = self._forces(moment, q, v)
         slip, touches = _slip(moment, v), self.law.touches(self._level(moment, q))
@@ -78,17 +102,25 @@ class PointContact(eqx.Module):
         share, back = (jnp.where(each, 1.0, 0.0) for each in (touches, reversed_slip))
         return Observation(drag, load, share, back, load, -drag * slip, jnp.zeros(()))
 
-    def _level(self, moment: Moment, q: Six) -> Array:
-        return moment.preload + self.law.stiffness * q[Y]
+    def _level(self, moment: Moment, q: Motion) -> Array:
+        return moment.preload + self.law.stiffness * _depth(q)
 
-    def _forces(self, moment: Moment, q: Six, v: Six) -> tuple[Array, Array]:
+    def _compression(self, moment: Moment, q: Motion) -> Array:
+        return self.law.compression(moment.preload, _depth(q) + jnp.zeros(()))
+
+    def _forces(self, moment: Moment, q: Motion, v: Motion) -> tuple[Array, Array]:
         """N and F (N)."""
         load = self.law.pressure(self._level(moment, q))
         if self.friction is None:
             return load, jnp.zeros(())
-        return load, self.friction.traction(load, _slip(moment, v), None)[0]
+        return load, self.friction.traction(moment, load, _slip(moment, v), None)[0]
 
 
-def _slip(moment: Moment, v: Six) -> Array:
-    """s = q̇1 − V (m/s)."""
-    return v[X] - moment.drum_speed
+def _slip(moment: Moment, v: Motion) -> Array:
+    """s = ẋ − V (m/s)."""
+    return v[0] - moment.drum_speed
+
+
+def _depth(q: Motion) -> Scalar:
+    """y (m), how far the block has moved into the belt."""
+    return q[1] if len(q) > 1 else 0.0

@@ -3,26 +3,22 @@
 import equinox as eqx
 from jax import Array
 
-from drumsqueal.physics.effects.action import ZERO, Action, Scalar, Six
+from drumsqueal.physics.bodies.body import Motion, Scalar, dot
+from drumsqueal.physics.effects.action import Action
 from drumsqueal.physics.effects.operation import Moment
 from drumsqueal.precision import real
 
 
 class Springs(eqx.Module):
-    """U = ½ qᵀ K q with K symmetric (m, m) in N/m; `coordinates` are the indices that its rows belong to."""
+    """U = ½ qᵀ K q with K symmetric (n, n) in N/m over the kept coordinates."""
 
     matrix: Array = eqx.field(converter=real)
-    coordinates: tuple[int, ...] = eqx.field(static=True)
 
-    def act(self, moment: Moment, q: Six, v: Six) -> Action:
+    def act(self, moment: Moment, q: Motion, v: Motion) -> Action:
         """Force −K q; all of it comes from the potential."""
         del moment, v
-        force = list(ZERO)
-        for row, i in enumerate(self.coordinates):
-            force[i] = -sum(self.matrix[row, column] * q[j] for column, j in enumerate(self.coordinates))
-        return Action(tuple(force), 0.0)
+        return Action(tuple(-dot(self.matrix[row], q) for row in range(len(q))), 0.0)
 
-    def potential_energy(self, moment: Moment, q: Six) -> Scalar:
+    def potential_energy(self, moment: Moment, q: Motion) -> Scalar:
         """U (J)."""
-        force = self.act(moment, q, ZERO).force
-        return -sum(force[i] * q[i] for i in self.coordinates) / 2
+        return -dot(self.act(moment, q, q).force, q) / 2

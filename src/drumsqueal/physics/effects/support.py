@@ -4,8 +4,9 @@ import equinox as eqx
 import jax.numpy as jnp
 from jax import Array
 
-from drumsqueal.physics.bodies.rigid_shoe import TZ, X
-from drumsqueal.physics.effects.action import Action, Six
+from drumsqueal.physics.bodies.body import Motion, Scalar
+from drumsqueal.physics.bodies.rigid_shoe import RigidShoe, Six
+from drumsqueal.physics.effects.action import Action
 from drumsqueal.physics.effects.operation import Moment
 from drumsqueal.precision import real
 
@@ -15,22 +16,25 @@ class Support(eqx.Module):
 
     upper_stiffness: Array = eqx.field(converter=real)
     lower_stiffness: Array = eqx.field(converter=real)
-    radius: Array = eqx.field(converter=real)
+    shoe: RigidShoe
 
-    def act(self, moment: Moment, q: Six, v: Six) -> Action:
+    @property
+    def _stiffness(self) -> Array:
+        return self.upper_stiffness + self.lower_stiffness
+
+    def act(self, moment: Moment, q: Motion, v: Motion) -> Action:
         """Force −∂U/∂q; all of it comes from the potential."""
         del moment, v
-        k = self.upper_stiffness + self.lower_stiffness
-        force = (-k * q[X], 0.0, 0.0, 0.0, 0.0, -k * self.radius**2 * jnp.sin(q[TZ]) * jnp.cos(q[TZ]))
-        return Action(force, 0.0)
+        k, R, six = self._stiffness, self.shoe.outer_radius, self.shoe.widen(q)
+        return Action(self.shoe.keep(Six(X=-k * six.X, Tz=-k * R**2 * jnp.sin(six.Tz) * jnp.cos(six.Tz))), 0.0)
 
-    def potential_energy(self, moment: Moment, q: Six) -> Array:
+    def potential_energy(self, moment: Moment, q: Motion) -> Scalar:
         """U (J)."""
         del moment
-        k = self.upper_stiffness + self.lower_stiffness
-        return k / 2 * (jnp.square(q[X]) + (self.radius * jnp.sin(q[TZ])) ** 2)
+        six = self.shoe.widen(q)
+        return self._stiffness / 2 * (jnp.square(six.X) + (self.shoe.outer_radius * jnp.sin(six.Tz)) ** 2)
 
     def stiffness(self) -> Array:
-        """∂²U/∂q² at q = 0, shape (6, 6)."""
-        k = self.upper_stiffness + self.lower_stiffness
-        return jnp.zeros((6, 6)).at[X, X].set(k).at[TZ, TZ].set(k * self.radius**2)
+        """∂²U/∂q² at q = 0, shape (n, n)."""
+        k = self._stiffness
+        return jnp.diag(jnp.array(self.shoe.keep(Six(X=k, Tz=k * self.shoe.outer_radius**2))))

@@ -4,7 +4,8 @@ from typing import NamedTuple, Protocol
 
 from jax import Array
 
-from drumsqueal.physics.effects.action import Action, Scalar, Six
+from drumsqueal.physics.bodies.body import Body, Motion, Scalar
+from drumsqueal.physics.effects.action import Action
 from drumsqueal.physics.effects.friction import Friction
 from drumsqueal.physics.effects.operation import Moment
 
@@ -30,13 +31,33 @@ class Touching(Protocol):
         ...
 
     @property
-    def slipping(self) -> tuple[bool, ...]:
-        """Which of the six coordinates have a slip velocity of their own; the others go on freely while it sticks."""
+    def body(self) -> Body:
+        """What moves."""
         ...
 
     @property
-    def following(self) -> Six:
+    def slipping(self) -> tuple[bool, ...]:
+        """Which coordinates have a slip velocity of their own; the others go on freely while it sticks."""
+        ...
+
+    @property
+    def following(self) -> Motion:
         """Velocities of a body that moves with a drum of 1 rad/s, or with a belt of 1 m/s."""
+        ...
+
+    @property
+    def follows(self) -> bool:
+        """Whether the kept coordinates can move so."""
+        ...
+
+    @property
+    def radius(self) -> Scalar:
+        """What the drum's speed is multiplied by to be that of its surface (m); one for a belt."""
+        ...
+
+    @property
+    def lifting_stiffness(self) -> Scalar:
+        """Stiffness of a contact that can be lost; zero where it cannot."""
         ...
 
     @property
@@ -48,7 +69,7 @@ class Touching(Protocol):
         """The same contact with other friction."""
         ...
 
-    def fastest_slip(self, moment: Moment, v: Six) -> Array:
+    def fastest_slip(self, moment: Moment, v: Motion) -> Array:
         """A bound on the slip speed (m/s) anywhere in the contact, which is reached up to a small factor."""
         ...
 
@@ -56,14 +77,22 @@ class Touching(Protocol):
         """How far the contact yields under its load (m), which tells how large the round-off of its forces is."""
         ...
 
-    def act(self, moment: Moment, q: Six, v: Six) -> Action:
+    def in_plane(self) -> "Touching":
+        """The same contact for motion that is the same on every line across, so that one line serves."""
+        ...
+
+    def pressure_range(self, moment: Moment, q: Motion) -> tuple[Array, Array]:
+        """Smallest and largest pressure (Pa; of a point contact the force in N)."""
+        ...
+
+    def act(self, moment: Moment, q: Motion, v: Motion) -> Action:
         """Generalised force and power."""
         ...
 
-    def potential_energy(self, moment: Moment, q: Six) -> Scalar:
+    def potential_energy(self, moment: Moment, q: Motion) -> Scalar:
         """Energy stored (J)."""
         ...
 
-    def observe(self, moment: Moment, q: Six, v: Six) -> Observation:
+    def observe(self, moment: Moment, q: Motion, v: Motion) -> Observation:
         """Integrals and extremes that describe the contact at one instant."""
         ...

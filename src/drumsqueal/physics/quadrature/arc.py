@@ -10,10 +10,9 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
 from drumsqueal.physics.quadrature.levels import Level, crosses_zero, quarter_tangents
 from drumsqueal.physics.quadrature.sums import Densities, sum_together
-from drumsqueal.physics.quadrature.surface import Edges, Nodes, resolved
+from drumsqueal.physics.quadrature.surface import Edges, Lining, Nodes, resolved
 
 # Gauss nodes a piece. The arc is split at its middle and twice for each level that may have edges; the longest piece is
 # half of it. Errors of the contact force, largest of 300 random states with edges, over p0 times the area, unilateral
@@ -40,7 +39,7 @@ class ArcSurface(eqx.Module):
         """Whether the nodes differ across the lining."""
         return False
 
-    def integrate(self, shoe: RigidShoe, edges: Edges, densities: Callable[[Nodes], Densities]) -> Densities:
+    def integrate(self, lining: Lining, edges: Edges, densities: Callable[[Nodes], Densities]) -> Densities:
         """Sums over nodes that are split at the edges, and at the friction law's slip speeds where it is steep.
 
         What has none is not split, which makes an evaluation below all edges more than twice as fast. Many motions at
@@ -49,13 +48,13 @@ class ArcSurface(eqx.Module):
         levels = [level for level in (edges.pressure, edges.slip) if level is not None]
 
         def split(kept: Sequence[Level]) -> Densities:
-            bounds = _edge_bounds(kept, jnp.tan(shoe.half_angle / 4))
-            return sum_together([densities(_piece(shoe, *ends, self.nodes_per_piece)) for ends in pairwise(bounds)])
+            bounds = _edge_bounds(kept, jnp.tan(lining.half_angle / 4))
+            return sum_together([densities(_piece(lining, *ends, self.nodes_per_piece)) for ends in pairwise(bounds)])
 
         def split_everywhere() -> Densities:
-            bounds = _all_bounds(edges, jnp.tan(shoe.half_angle / 4))
+            bounds = _all_bounds(edges, jnp.tan(lining.half_angle / 4))
             nodes = max(self.nodes_per_piece, STEEP_NODES)
-            return sum_together([densities(_piece(shoe, bounds[:-1, None], bounds[1:, None], nodes))])
+            return sum_together([densities(_piece(lining, bounds[:-1, None], bounds[1:, None], nodes))])
 
         if self.compact:
             return split_everywhere()
@@ -68,7 +67,7 @@ class ArcSurface(eqx.Module):
         return jax.lax.switch(way, branches)
 
 
-def _piece(shoe: RigidShoe, low: Array, high: Array, count: int) -> Nodes:
+def _piece(lining: Lining, low: Array, high: Array, count: int) -> Nodes:
     """Nodes of the pieces of the arc from low to high, both tan(θ/4).
 
     They are Gauss nodes in u = tan(θ/4): cos θ and sin θ are rational in it, and so are the roots but for square
@@ -80,7 +79,7 @@ def _piece(shoe: RigidShoe, low: Array, high: Array, count: int) -> Nodes:
     share = 1 / (1 + u * u)
     half_cosine, half_sine = (1 - u * u) * share, 2 * u * share
     sine, cosine = 2 * half_sine * half_cosine, 1 - 2 * half_sine * half_sine
-    return Nodes(cosine, sine, None, half * weight * share * (4 * shoe.outer_radius * shoe.width))
+    return Nodes(cosine, sine, None, half * weight * share * (4 * lining.outer_radius * lining.width))
 
 
 def _edge_bounds(levels: Sequence[Level], end: Array) -> list[Array]:

@@ -14,14 +14,13 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
 from drumsqueal.physics.quadrature.arc import sort_by_counting
 from drumsqueal.physics.quadrature.breaks import distances, find_breaks
 from drumsqueal.physics.quadrature.grading import graded
 from drumsqueal.physics.quadrature.levels import Level, sine_cosine
 from drumsqueal.physics.quadrature.smooth import is_smooth, smooth_nodes
 from drumsqueal.physics.quadrature.sums import Densities, sum_together
-from drumsqueal.physics.quadrature.surface import Edges, Nodes
+from drumsqueal.physics.quadrature.surface import Edges, Lining, Nodes
 
 # Nodes on each half piece of the arc, and on each of the two stretches of a line beside the turn of V/|V|; and sections
 # that the arc is split into in any case. At the worst state found for a rule with two sections the error over p0 times
@@ -48,22 +47,22 @@ class AreaSurface(eqx.Module):
         """Whether the nodes differ across the lining."""
         return True
 
-    def integrate(self, shoe: RigidShoe, edges: Edges, densities: Callable[[Nodes], Densities]) -> Densities:
+    def integrate(self, lining: Lining, edges: Edges, densities: Callable[[Nodes], Densities]) -> Densities:
         """Sums over nodes that are split at the edges; where there are none over far fewer, unless always split."""
 
         def split() -> Densities:
-            return self._over_pieces(shoe, edges, densities)
+            return self._over_pieces(lining, edges, densities)
 
         if self.always_split:
             return split()
-        return jax.lax.cond(is_smooth(shoe, edges), lambda: sum_together([densities(smooth_nodes(shoe))]), split)
+        return jax.lax.cond(is_smooth(lining, edges), lambda: sum_together([densities(smooth_nodes(lining))]), split)
 
-    def _over_pieces(self, shoe: RigidShoe, edges: Edges, densities: Callable[[Nodes], Densities]) -> Densities:
+    def _over_pieces(self, lining: Lining, edges: Edges, densities: Callable[[Nodes], Densities]) -> Densities:
         """Sum over the pieces of the arc, one after the other, for most of those there may be are empty."""
-        bounds, distance = self._bounds(shoe, edges)
+        bounds, distance = self._bounds(lining, edges)
 
         def piece(low: Array, high: Array, gap: Array) -> Densities:
-            groups = self._parts(shoe, edges, low, high, gap)
+            groups = self._parts(lining, edges, low, high, gap)
             sums = [sum_together([densities(nodes) for nodes in group]) for group in groups]
             return jax.tree.map(lambda *parts: sum(parts[1:], start=parts[0]), *sums)
 
@@ -79,15 +78,15 @@ class AreaSurface(eqx.Module):
         )
         return jax.lax.scan(add, nothing, each)[0]
 
-    def _bounds(self, shoe: RigidShoe, edges: Edges) -> tuple[Array, Array]:
+    def _bounds(self, lining: Lining, edges: Edges) -> tuple[Array, Array]:
         """Sorted bounds of the pieces, the empty ones last, and how far each is from a singularity (rad)."""
-        half_angle = shoe.half_angle
-        found = find_breaks(shoe, edges)
+        half_angle = lining.half_angle
+        found = find_breaks(lining, edges)
         even = half_angle * np.linspace(-1, 1, self.sections + 1)
         bounds = sort_by_counting(jnp.concatenate([even, jnp.where(found.split, found.angle, half_angle)]))
         return bounds, distances(found, bounds)
 
-    def _parts(self, shoe: RigidShoe, edges: Edges, low: Array, high: Array, gap: Array) -> list[list[Nodes]]:
+    def _parts(self, lining: Lining, edges: Edges, low: Array, high: Array, gap: Array) -> list[list[Nodes]]:
         """Nodes of a piece of the arc, whose halves are graded towards its ends, in groups of one shape.
 
         They are (2, lines, nodes a line); the parts are not joined, for a joint would be a branch at each node.
@@ -96,8 +95,8 @@ class AreaSurface(eqx.Module):
         share, share_weight = graded(gap / jax.lax.stop_gradient(half), self.along, self.narrowest[0])
         theta = jnp.stack([low, high])[:, None] + half * np.array([[1.0], [-1.0]]) * share
         sine, cosine = sine_cosine(theta)
-        line = shoe.outer_radius * half * share_weight
-        groups = self._across(shoe.width / 2, edges, cosine, sine)
+        line = lining.outer_radius * half * share_weight
+        groups = self._across(lining.width / 2, edges, cosine, sine)
 
         def nodes(z: Array, weight: Array) -> Nodes:
             return Nodes(cosine[..., None], sine[..., None], z, line[..., None] * weight)

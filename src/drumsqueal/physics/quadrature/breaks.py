@@ -21,10 +21,9 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
 from drumsqueal.physics.quadrature.levels import Level, complex_roots, real_roots
 from drumsqueal.physics.quadrature.quartic import quartic_roots
-from drumsqueal.physics.quadrature.surface import Edges
+from drumsqueal.physics.quadrature.surface import Edges, Lining
 
 CLOSE = 0.5  # half arcs; singularities further off the real axis need no split: Gauss nodes converge like 2.4^(−2 n)
 FAR = 1e3  # rad; a split without a singularity (finite, so that gradients stay so)
@@ -41,10 +40,10 @@ class Breaks(NamedTuple):
     split: Array
 
 
-def find_breaks(shoe: RigidShoe, edges: Edges) -> Breaks:
+def find_breaks(lining: Lining, edges: Edges) -> Breaks:
     """All of them. Their number depends on what edges there may be, not on the state."""
     pressure, slip, axial, _, kinks = edges
-    half_angle, half_width = shoe.half_angle, shoe.width / 2
+    half_angle, half_width = lining.half_angle, lining.width / 2
     sides = half_width * np.array([-1.0, 1.0])
     found = []
     if pressure is not None:

@@ -10,11 +10,10 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
 from drumsqueal.physics.quadrature.arc import sort_by_counting
 from drumsqueal.physics.quadrature.levels import Level
 from drumsqueal.physics.quadrature.sums import Densities, sum_together
-from drumsqueal.physics.quadrature.surface import Edges, Nodes
+from drumsqueal.physics.quadrature.surface import Edges, Lining, Nodes
 
 TANH_SINH, FEJER = "tanh-sinh", "Fejér"
 TANH_SINH_STEP, TANH_SINH_REACH = 0.11, 3.2  # 59 nodes; the outermost weight is 1e-15 of the largest
@@ -32,20 +31,20 @@ class IndependentSurface(eqx.Module):
     spatial: bool = eqx.field(static=True)
     panels: int = eqx.field(static=True, default=2)
 
-    def integrate(self, shoe: RigidShoe, edges: Edges, densities: Callable[[Nodes], Densities]) -> Densities:
+    def integrate(self, lining: Lining, edges: Edges, densities: Callable[[Nodes], Densities]) -> Densities:
         """Sums of the densities."""
-        z, across = _lines(shoe.width) if self.spatial else (jnp.zeros(1), shoe.width * jnp.ones(1))
+        z, across = _lines(lining.width) if self.spatial else (jnp.zeros(1), lining.width * jnp.ones(1))
         levels = [level.on_line(z) for level in (edges.pressure, edges.slip) if level is not None]
         if edges.slip is not None and edges.kinks.size:
             signed = jnp.concatenate([-edges.kinks, edges.kinks])[:, None]
             constant, cosine, sine, *_ = edges.slip.on_line(z)
             levels.append(Level(constant + signed, cosine, sine))
-        even = shoe.half_angle * np.linspace(-1, 1, self.panels + 1)[:, None] + 0 * z
-        bounds = sort_by_counting(jnp.concatenate([even, *_edges(levels, shoe.half_angle)]))
+        even = lining.half_angle * np.linspace(-1, 1, self.panels + 1)[:, None] + 0 * z
+        bounds = sort_by_counting(jnp.concatenate([even, *_edges(levels, lining.half_angle)]))
         middle, half = (bounds[1:] + bounds[:-1]) / 2, (bounds[1:] - bounds[:-1]) / 2
         point, weight = rule_of(self.rule)
         theta = middle[..., None] + half[..., None] * point
-        area = half[..., None] * weight * shoe.outer_radius * across[:, None]
+        area = half[..., None] * weight * lining.outer_radius * across[:, None]
         line = jnp.broadcast_to(z[:, None], theta.shape) if self.spatial else None
         return sum_together([densities(Nodes(jnp.cos(theta), jnp.sin(theta), line, area))])
 
@@ -59,14 +58,14 @@ class FixedGrid(eqx.Module):
     along: int = eqx.field(static=True)
     spatial: bool = eqx.field(static=True)
 
-    def integrate(self, shoe: RigidShoe, edges: Edges, densities: Callable[[Nodes], Densities]) -> Densities:
+    def integrate(self, lining: Lining, edges: Edges, densities: Callable[[Nodes], Densities]) -> Densities:
         """Sums of the densities."""
         del edges
-        theta = shoe.half_angle * _midpoints(self.along)
+        theta = lining.half_angle * _midpoints(self.along)
         lines = max(1, self.along // 4) if self.spatial else 1
-        z = shoe.width / 2 * _midpoints(lines)[:, None]
+        z = lining.width / 2 * _midpoints(lines)[:, None]
         cosine, sine = (jnp.broadcast_to(f(theta), (lines, self.along)) for f in (jnp.cos, jnp.sin))
-        area = jnp.full((lines, self.along), 1.0) * shoe.area / (lines * self.along)
+        area = jnp.full((lines, self.along), 1.0) * lining.area / (lines * self.along)
         line = jnp.broadcast_to(z, (lines, self.along)) if self.spatial else None
         return sum_together([densities(Nodes(cosine, sine, line, area))])
 

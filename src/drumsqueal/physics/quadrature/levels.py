@@ -6,7 +6,7 @@ few nodes; one that does not puts a kink into the motion whenever an edge passes
 """
 
 from math import factorial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 from jax import Array
@@ -45,6 +45,10 @@ class Level(NamedTuple):
         cosine = self.cosine + self.cosine_slope * z
         sine = self.sine + self.sine_slope * z
         return Level(self.constant + jnp.zeros_like(cosine), cosine, sine)
+
+    def value(self, cosine: Any, sine: Any, z: Any) -> Any:
+        """Evaluate at cos θ, sin θ and z (m): numbers, arrays of NumPy or of JAX."""
+        return self.constant + (self.cosine + self.cosine_slope * z) * cosine + (self.sine + self.sine_slope * z) * sine
 
     def at(self, cosine: Array, sine: Array, z: Array | None) -> Array:
         """Evaluate at nodes given by cos θ, sin θ and z (None on the line z = 0)."""

@@ -11,10 +11,9 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
 from drumsqueal.physics.quadrature.levels import Level, sine_cosine
 from drumsqueal.physics.quadrature.sums import Densities, sum_together
-from drumsqueal.physics.quadrature.surface import Edges, Nodes, resolved
+from drumsqueal.physics.quadrature.surface import Edges, Lining, Nodes, resolved
 
 ALONG, ACROSS = 16, 8  # nodes along the arc and across the lining
 # How far off the branch points of |V| must be. Along the arc, at least this many half arcs from the real axis: Gauss
@@ -24,13 +23,13 @@ CLEARANCE = 1.65
 LARGEST_SWING = 0.3
 
 
-def smooth_nodes(shoe: RigidShoe) -> Nodes:
+def smooth_nodes(lining: Lining) -> Nodes:
     """Nodes (across, along); nothing is split."""
     along, along_weight = np.polynomial.legendre.leggauss(ALONG)
     across, across_weight = np.polynomial.legendre.leggauss(ACROSS)
-    half_angle, half_width = shoe.half_angle, shoe.width / 2
+    half_angle, half_width = lining.half_angle, lining.width / 2
     sine, cosine = sine_cosine(half_angle * along)
-    weight = shoe.outer_radius * half_angle * half_width * across_weight[:, None] * along_weight
+    weight = lining.outer_radius * half_angle * half_width * across_weight[:, None] * along_weight
     return Nodes(cosine[None], sine[None], (half_width * across)[:, None], weight)
 
 
@@ -45,13 +44,13 @@ class WholeSurface(eqx.Module):
         """Whether the nodes differ across the lining."""
         return True
 
-    def integrate(self, shoe: RigidShoe, edges: Edges, densities: Callable[[Nodes], Densities]) -> Densities:
+    def integrate(self, lining: Lining, edges: Edges, densities: Callable[[Nodes], Densities]) -> Densities:
         """Sums of the densities."""
         del edges
-        return sum_together([densities(smooth_nodes(shoe))])
+        return sum_together([densities(smooth_nodes(lining))])
 
 
-def is_smooth(shoe: RigidShoe, edges: Edges) -> Array:
+def is_smooth(lining: Lining, edges: Edges) -> Array:
     """Whether the lining has no edge, pressed and slipping one way everywhere, nor a branch point of |V| near it.
 
     With V_θ + i V_z = a + (p e^{iθ} + m e^{−iθ})/2 there is none with |Im θ| < y as long as max(|p|, |m|) cosh y < |a|.
@@ -60,12 +59,12 @@ def is_smooth(shoe: RigidShoe, edges: Edges) -> Array:
     pressure, slip, axial, breakpoints, _ = edges
     smooth = jnp.asarray(True)
     if pressure is not None:
-        smooth &= pressure.constant >= _swing(pressure, shoe.width / 2)
+        smooth &= pressure.constant >= _swing(pressure, lining.width / 2)
     if slip is not None:
-        smooth &= jnp.abs(slip.constant) >= _swing(slip, shoe.width / 2)
+        smooth &= jnp.abs(slip.constant) >= _swing(slip, lining.width / 2)
         turn = slip if axial is None else Level(*(u + 1j * w for u, w in zip(slip, axial, strict=True)))
-        swing, mean = _swing(turn, shoe.width / 2), jnp.abs(turn.constant)
-        share = jnp.minimum(LARGEST_SWING, 1 / jnp.cosh(CLEARANCE * shoe.half_angle))
+        swing, mean = _swing(turn, lining.width / 2), jnp.abs(turn.constant)
+        share = jnp.minimum(LARGEST_SWING, 1 / jnp.cosh(CLEARANCE * lining.half_angle))
         smooth &= (swing <= share * mean) & resolved(breakpoints, mean - swing, mean + swing)
     return smooth
 

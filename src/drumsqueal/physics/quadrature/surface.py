@@ -1,14 +1,37 @@
 """What the contact asks of a quadrature over the lining."""
 
 from collections.abc import Callable
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import jax.numpy as jnp
 from jax import Array
 
-from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
 from drumsqueal.physics.quadrature.levels import Level
 from drumsqueal.physics.quadrature.sums import Densities
+
+
+class Lining(Protocol):
+    """The surface that is integrated over: |θ| ≤ half_angle (rad) on a radius (m), and a width (m) across."""
+
+    @property
+    def outer_radius(self) -> Any:
+        """R (m)."""
+        ...
+
+    @property
+    def half_angle(self) -> Array:
+        """β/2 (rad)."""
+        ...
+
+    @property
+    def width(self) -> Any:
+        """b (m)."""
+        ...
+
+    @property
+    def area(self) -> Array:
+        """R β b (m²)."""
+        ...
 
 
 class Nodes(NamedTuple):
@@ -58,6 +81,6 @@ class Surface(Protocol):
         """Whether the nodes differ across the lining."""
         ...
 
-    def integrate(self, shoe: RigidShoe, edges: Edges, densities: Callable[[Nodes], Densities]) -> Densities:
+    def integrate(self, lining: Lining, edges: Edges, densities: Callable[[Nodes], Densities]) -> Densities:
         """Sums over the lining of densities times weights, which are smooth between the edges."""
         ...

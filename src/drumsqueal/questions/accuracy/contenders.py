@@ -8,7 +8,6 @@ import equinox as eqx
 import jax.numpy as jnp
 from jax import Array
 
-from drumsqueal.physics.bodies.rigid_shoe import IN_PLANE
 from drumsqueal.physics.laws.friction_law import FrictionLaw
 from drumsqueal.physics.model import Model
 from drumsqueal.physics.quadrature.arc import ArcSurface
@@ -78,13 +77,13 @@ def contenders_of(model: Model) -> Iterator[list[Contender]]:
     """The lines of the study, each from its cheapest contender to its dearest."""
     for solver in SOLVERS:
         yield [Contender(STEPPING, solver, tolerance, solver, tolerance, model) for tolerance in TOLERANCES]
-    spatial = not set(model.coordinates) <= set(IN_PLANE)
+    spatial = model.lining.surface.spatial
     split: list[Surface] = [AreaSurface(n, max(2, n // 2)) if spatial else ArcSurface(n) for n in NODES]
     yield [_quadrature(SPLIT, n, model, surface) for n, surface in zip(NODES, split, strict=True)]
     yield [_quadrature(FIXED, n, model, FixedGrid(n, spatial)) for n in GRID]
     friction = model.contact.friction
     if friction is not None:
-        surface_speed = float(model.shoe.outer_radius * jnp.abs(model.operation.at(0.0).drum_speed))
+        surface_speed = float(model.contact.radius * jnp.abs(model.operation.at(0.0).drum_speed))
         smoothed = []
         for width in WIDTHS:
             direction = SmoothedDirection(width * surface_speed, friction.direction.knows_axial)

@@ -11,7 +11,6 @@ import numpy as np
 from jax import Array
 from scipy.integrate import DOP853, LSODA
 
-from drumsqueal.physics.bodies.rigid_shoe import IN_PLANE
 from drumsqueal.physics.kernel import one_kernel
 from drumsqueal.physics.laws.friction_law import breakpoints
 from drumsqueal.physics.model import Model
@@ -89,7 +88,7 @@ def sizes_of(states: np.ndarray, model: Model) -> np.ndarray:
 
     A state that only round-off moves is measured against a share of what the vibration energy would give it.
     """
-    n = len(model.coordinates)
+    n = len(model.names)
     mass, stiffness = np.asarray(model.mass), np.asarray(model.stiffness)
     energy = states[:, n:] ** 2 @ mass + np.einsum("ti,ij,tj->t", states[:, :n], stiffness, states[:, :n])
     most = states[np.argmax(energy)]
@@ -107,7 +106,7 @@ def _with(model: Model, rule: str) -> Model:
 
     In space that would take too long: where the two rules then differ, the uncertainty says so.
     """
-    spatial, friction = not set(model.coordinates) <= set(IN_PLANE), model.contact.friction
+    spatial, friction = model.lining.surface.spatial, model.contact.friction
     speeds = np.zeros(0) if friction is None else np.asarray(breakpoints(friction.law))
     steep = not spatial and bool(np.any(speeds < GENTLE))
     surface = IndependentSurface(rule, spatial, panels=STEEP_PANELS if steep else 2)

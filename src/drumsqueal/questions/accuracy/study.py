@@ -127,10 +127,14 @@ class AccuracyStudy(Findings):
 
 
 def check_motion(scene: Scene) -> None:
-    """Raise SceneError for a scene in which nothing moves: there is nothing to measure an error of."""
+    """Raise SceneError for a scene in which nothing moves, or the lining warms up: no errors can be measured there."""
     profiles = any(isinstance(value, Profile) for value in (scene.drum.speed, scene.contact.normal_load))
     if not moved_coordinates(scene) and not profiles:
         raise SceneError("nothing moves; give a start, such as displacement = { Y = 1e-7 }, or a force", ("start",))
+    if scene.temperature is not None:
+        raise SceneError(
+            "the independent references know no temperature; leave it out (temperature=none)", ("temperature",)
+        )
 
 
 class _Bench:

@@ -19,7 +19,7 @@ from drumsqueal.findings.schema import Finding
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.animate.file import write_animation
 from drumsqueal.questions.animate.playback import REVERSED, SEPARATED, STUCK, TICK, TOUCHING, Playback
-from drumsqueal.questions.animate.section import MILLI, displaced, lining_parts, on_circle, shoe_outline
+from drumsqueal.questions.animate.section import MILLI, Motion, lining_parts, moved, on_circle, shoe_outline
 from drumsqueal.questions.animate.window import FRAMES_PER_SECOND
 from drumsqueal.scene.quantities import printable
 from drumsqueal.terminal import style
@@ -48,7 +48,7 @@ class MovingSection:
     def __init__(self, playback: Playback) -> None:
         """Draw everything, at the first frame."""
         self.playback = playback
-        self._shoe, self._centroid = playback.shoe, float(playback.shoe.centroid)
+        self._shoe = playback.shoe
         self._thickness = float(playback.shoe.thickness)
         self._outline = shoe_outline(playback.shoe)
         depths = np.array([0.0, STATE_DEPTH, PRESSURE_DEPTH]) * self._thickness
@@ -86,14 +86,14 @@ class MovingSection:
     def show(self, frame: int) -> None:
         """Move everything to a frame."""
         shown = self.playback
-        motion = shown.motion[frame]
-        self._body.set_xy(self._drawn(self._outline, motion))
+        motion = {name: values[frame] for name, values in shown.motion.items()}
+        self._body.set_xy(self._drawn(self._outline, motion, shown.z))
         for parts, corners in zip((self._state, self._pressure), self._lining, strict=True):
-            parts.set_verts(list(self._drawn(corners, motion)))
+            parts.set_verts(list(self._drawn(corners, motion, shown.z)))
         self._state.set_array(shown.arc.state[frame])
         self._pressure.set_array(self._colour_values[frame])
         for line, face in zip(self._face_lines, shown.faces or (), strict=True):
-            line.set_data(*self._drawn(self._outline, face[frame]).T)
+            line.set_data(*self._drawn(self._outline, motion, face).T)
         if shown.drum_turn is not None:
             self._ticks.set_segments(list(self._tick_lines(shown.drum_turn[frame])))
         moment = MILLI * shown.time[frame]
@@ -109,8 +109,8 @@ class MovingSection:
             artist.draw(self._canvas.get_renderer())
         return np.asarray(self._canvas.buffer_rgba())[..., :3].copy()
 
-    def _drawn(self, points: NDArray[np.float64], motion: NDArray[np.float64]) -> NDArray[np.float64]:
-        return displaced(points, self._centroid, motion, self.playback.magnification)
+    def _drawn(self, points: NDArray[np.float64], motion: Motion, z: float) -> NDArray[np.float64]:
+        return points + self.playback.magnification * moved(points, self._shoe, motion, z)
 
     def _draw_drum(self) -> None:
         """The ring, its marks, the limits of the picture, and angles along the arc."""

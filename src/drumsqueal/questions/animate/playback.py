@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 from drumsqueal.errors import RequestError
 from drumsqueal.findings.departure import levers
 from drumsqueal.findings.history import COMPLETE
-from drumsqueal.physics.bodies.rigid_shoe import IN_PLANE, OUT_OF_PLANE, TX, TY, RigidShoe
-from drumsqueal.physics.effects.pressure import Unilateral
+from drumsqueal.physics.bodies.rigid_shoe import OUT_OF_PLANE, RigidShoe
 from drumsqueal.physics.model import Model, build_model
-from drumsqueal.questions.animate.section import largest_displacement, on_line, whole_shape
+from drumsqueal.questions.animate.section import largest_displacement
 from drumsqueal.questions.animate.window import (
     FRAMES_PER_SECOND,
     MODE_FRAMES,
@@ -48,11 +47,10 @@ _steady_sliding = jax.jit(steady_sliding)  # as one program, which the command l
 
 
 class _Section(NamedTuple):
-    """Motion of the section that is drawn and of the faces, if they are, and the largest displacement (m) of all."""
+    """Where it is (z in m) and where the faces are, if they are drawn, and the largest displacement (m) of all."""
 
-    motion: Values
-    faces: tuple[Values, Values] | None
-    front: bool
+    z: float
+    faces: tuple[float, float] | None
     largest: float
 
 
@@ -69,11 +67,11 @@ class Arc(NamedTuple):
 
 
 class Playback(NamedTuple):
-    """All that is drawn. The motion (frames, 3) is X, Y (m) and Tz (rad) of the section that is drawn.
+    """All that is drawn. The motion (frames,) is that of the coordinates, by name; the section is at z (m).
 
-    `faces` are the same of the front and the back face where those move otherwise, else None. `drum_turn` (frames,) is
-    the drum's turn as drawn (rad), None where it is not. `curves` are displacements over `curve_time` (s) in µm at the
-    drum's surface; `relative` says that their size, as that of a mode, means nothing.
+    `faces` are the places of the front and the back face where those move otherwise, else None. `drum_turn` (frames,)
+    is the drum's turn as drawn (rad), None where it is not. `curves` are displacements over `curve_time` (s) in µm at
+    the drum's surface; `relative` says that their size, as that of a mode, means nothing.
     """
 
     title: str
@@ -82,8 +80,9 @@ class Playback(NamedTuple):
     shoe: RigidShoe
     drum_sense: float
     time: Values
-    motion: Values
-    faces: tuple[Values, Values] | None
+    motion: dict[str, Values]
+    z: float
+    faces: tuple[float, float] | None
     magnification: float
     drum_turn: Values | None
     arc: Arc
@@ -107,11 +106,12 @@ def play_history(
     from steady sliding is drawn as 30 % of the shoe's thickness. Raises RequestError where nothing moves, where the
     times are not the history's, and where a period would have fewer than 8 frames.
     """
-    model = build_model(scene, coordinates=IN_PLANE)
+    model = build_model(scene, coordinates=COORDINATES)
+    names, n = list(model.names), len(model.names)
     time: Values = history["time"].values
-    states = np.concatenate([history[kind].values for kind in ("displacement", "velocity")], axis=1)
-    steady = _steady(model)
-    states[:, list(IN_PLANE)] -= steady
+    both = (history[kind].sel(coordinate=names).values for kind in ("displacement", "velocity"))
+    states, steady = np.concatenate(list(both), axis=1), _steady(model)
+    states[:, :n] -= steady
     main = main_frequency(model, time, states, start, end)
     start, end = find_window(time, main, start, end)
     frames = count_frames(end - start, main, slow)
@@ -122,11 +122,12 @@ def play_history(
 
     shown, curve_time = np.linspace(start, end, frames), np.linspace(start, end, CURVE_POINTS)
     moved = between(time[near], states[near], shown)
-    section = _section(model.shoe, moved[:, :6])
+    motion = dict(zip(names, moved[:, :n].T, strict=True))
+    section = _section(model.shoe, motion)
     factor = find_magnification(model.shoe, section.largest, magnification, (start, end))
     sticks = history["sticking"].sel(time=shown, method="nearest").values > 0
-    arc = _contact(model, shown, np.concatenate([section.motion + steady, on_line(moved[:, 6:], 0.0)], axis=1), sticks)
-    curves = _curves(between(time[near], states[near, :6], curve_time), model.shoe)
+    arc = _contact(model, shown, moved + np.append(steady, np.zeros(n)), sticks)
+    curves = _curves(model, between(time[near], states[near, :n], curve_time))
     drum, drum_factor = _drum_turn(model, shown, factor)
     periods = f", {(end - start) * main:.3g} periods of {main:.4g} Hz" if main else ""
     turn = "the drum's turn as well" if drum_factor == factor else f"the drum's turn {_digits(drum_factor)} times"
@@ -139,8 +140,8 @@ def play_history(
     )
     title = scene.title if history.attrs["outcome"] == COMPLETE else f"{scene.title} (incomplete run)"
     return Playback(
-        title, "motion in section", notes, model.shoe, _sense(model, start), shown, section.motion, section.faces,
-        factor, drum, arc, curve_time, curves, relative=False,
+        title, "motion in section", notes, model.shoe, _sense(model, start), shown, motion, section.z,
+        section.faces, factor, drum, arc, curve_time, curves, relative=False,
     )  # fmt: skip
 
 
@@ -159,20 +160,21 @@ def play_mode(scene: Scene, stability: Stability, mode: Mode, *, slow: float | N
     Without `slow` it has 50 frames. The section of a mode out of the plane is that of the front face, z = b/2. Raises
     RequestError for fewer than 8 frames.
     """
-    model = while_sliding(build_model(scene, coordinates=IN_PLANE))[0]
+    model = while_sliding(build_model(scene, coordinates=stability.coordinates))[0]
     period = 1 / mode.frequency_Hz
     frames = count_frames(period, mode.frequency_Hz, slow, MODE_FRAMES, closed=True)
-    shape = whole_shape(stability.coordinates, mode)
+    names, shape = stability.coordinates, mode.right[: len(stability.coordinates)]
 
     def over(phases: Values) -> Values:
         return np.real(shape * np.exp(2j * np.pi * phases)[:, None])
 
     phases = np.arange(frames) / frames
     moved = over(phases)
-    section = _section(model.shoe, moved, front=COORDINATES.index(mode.name) in OUT_OF_PLANE)
+    motion = dict(zip(names, moved.T, strict=True))
+    section = _section(model.shoe, motion, front=mode.name in OUT_OF_PLANE)
     factor = SHARE * float(model.shoe.thickness) / section.largest
     curve_phases = np.linspace(0.0, 1.0, CURVE_POINTS)
-    curves = _curves(over(curve_phases), model.shoe)
+    curves = _curves(model, over(curve_phases))
     rate = f"{mode.growth_rate:+.4g}".replace("-", "−")
     notes = (
         f"{mode.frequency_Hz:.6g} Hz, growth rate {rate} 1/s, which is left out; "
@@ -182,45 +184,43 @@ def play_mode(scene: Scene, stability: Stability, mode: Mode, *, slow: float | N
         *_section_notes(section, curves),
     )
     return Playback(
-        scene.title, f"mode {mode.label}", notes, model.shoe, _sense(model, 0.0), period * phases, section.motion,
-        section.faces, factor, None, _mode_contact(model, section.motion), period * curve_phases,
+        scene.title, f"mode {mode.label}", notes, model.shoe, _sense(model, 0.0), period * phases, motion, section.z,
+        section.faces, factor, None, _mode_contact(model, moved, section.z), period * curve_phases,
         curves, relative=True,
     )  # fmt: skip
 
 
 def _steady(model: Model) -> Values:
-    """X, Y, Tz of steady sliding; zero where the drum is at rest at first, as a transient begins there."""
+    """Steady sliding (n,); zero where the drum is at rest at first, as a transient begins there."""
     if while_sliding(model)[1] > 0:
-        return np.zeros(3)
+        return np.zeros(len(model.names))
     return np.asarray(_steady_sliding(model))
 
 
-def _section(shoe: RigidShoe, states: Values, *, front: bool = False) -> _Section:
-    """What the displacements (frames, 6) are in section, at mid-width or at the front face."""
-    motion = on_line(states, float(shoe.width) / 2 if front else 0.0)
-    faces = _faces(shoe, states)
-    largest = max(largest_displacement(shoe, each) for each in (motion, *(faces or ())))
-    return _Section(motion, faces, front, largest)
-
-
-def _faces(shoe: RigidShoe, states: Values) -> tuple[Values, Values] | None:
-    """Motion of the front and the back face where the shoe tilts so far that one sees it."""
+def _section(shoe: RigidShoe, motion: dict[str, Values], *, front: bool = False) -> _Section:
+    """What is seen of a motion (frames,) in section, at mid-width or at the front face."""
     half = float(shoe.width) / 2
-    tilted = half * np.abs(states[:, [TX, TY]]).max()
-    if not tilted > MOVES * largest_displacement(shoe, on_line(states, 0.0)):
-        return None
-    return on_line(states, half), on_line(states, -half)
+    z, middle = half if front else 0.0, largest_displacement(shoe, motion)
+    tilted = max(abs(largest_displacement(shoe, _tilt(motion), at)) for at in (half, -half))
+    faces = (half, -half) if tilted > MOVES * middle else None
+    largest = max(largest_displacement(shoe, motion, at) for at in (z, *(faces or ())))
+    return _Section(z, faces, largest)
+
+
+def _tilt(motion: dict[str, Values]) -> dict[str, Values]:
+    """What of a motion is out of the plane: it moves the faces otherwise than the middle."""
+    return {name: values for name, values in motion.items() if name in OUT_OF_PLANE}
 
 
 def _contact(model: Model, time: Values, states: Values, sticks: NDArray[np.bool_]) -> Arc:
-    """Contact at every frame, of states (frames, 6) of X, Y, Tz and their rates, and whether the lining sticks."""
+    """Contact at every frame, of states (frames, 2n), and whether the lining sticks."""
     edges = _edges(model)
     level, slip, preload = (np.asarray(part) for part in _evaluated(model, time, states, edges))
     state = np.full(level.shape, TOUCHING)
     if model.contact.friction is not None:
         state[slip > 0] = REVERSED
         state[sticks] = STUCK
-    if isinstance(model.lining.law, Unilateral):
+    if float(model.contact.lifting_stiffness) > 0:
         state[level < 0] = SEPARATED
     departure = level - preload[:, None]
     change = float(np.abs(departure).max()) < SMALL * float(preload.max())
@@ -228,13 +228,13 @@ def _contact(model: Model, time: Values, states: Values, sticks: NDArray[np.bool
     return Arc(edges, pressure, change, state)
 
 
-def _mode_contact(model: Model, motion: Values) -> Arc:
-    """Change of the pressure, relative to its largest, with the motion (frames, 3) of a mode, where it touches."""
-    edges = _edges(model)
-    steady = np.concatenate([np.asarray(_steady_sliding(model)), np.zeros(3)])
-    states = steady + np.pad(motion, ((1, 0), (0, 3)))  # before all, steady sliding itself
-    level = np.asarray(_evaluated(model, np.zeros(len(states)), states, edges)[0])
-    lifted = (level[0] < 0) & isinstance(model.lining.law, Unilateral)
+def _mode_contact(model: Model, motion: Values, z: float) -> Arc:
+    """Change of the pressure, relative to its largest, with the motion (frames, n) of a mode, where it touches."""
+    edges, n = _edges(model), len(model.names)
+    steady = np.append(np.asarray(_steady_sliding(model)), np.zeros(n))
+    states = steady + np.pad(motion, ((1, 0), (0, n)))  # before all, steady sliding itself
+    level = np.asarray(_evaluated(model, np.zeros(len(states)), states, edges, z)[0])
+    lifted = (level[0] < 0) & (float(model.contact.lifting_stiffness) > 0)
     change = np.where(lifted, 0.0, level[1:] - level[0])
     state = np.broadcast_to(np.where(lifted, SEPARATED, TOUCHING), change.shape)
     return Arc(edges, change / (np.abs(change).max() or 1.0), True, state)
@@ -245,9 +245,10 @@ def _edges(model: Model) -> Values:
     return np.linspace(-half, half, PARTS + 1)
 
 
-def _evaluated(model: Model, time: Values, states: Values, edges: Values) -> tuple[Array, Array, Array]:
-    """Level, slip and preload in the middle of each part."""
-    return along_arc(model, jnp.asarray(time), jnp.asarray(states), jnp.asarray((edges[1:] + edges[:-1]) / 2))
+def _evaluated(model: Model, time: Values, states: Values, edges: Values, z: float = 0.0) -> tuple[Array, Array, Array]:
+    """Level, slip and preload in the middle of each part, on a line z (m)."""
+    middles = (edges[1:] + edges[:-1]) / 2
+    return along_arc(model, *(jnp.asarray(each) for each in (time, states, middles, z)))
 
 
 def _drum_turn(model: Model, time: Values, factor: float) -> tuple[Values, float]:
@@ -263,12 +264,11 @@ def _sense(model: Model, time: float) -> float:
     return float(np.sign(float(model.operation.at(time).drum_speed)))
 
 
-def _curves(displacement: Values, shoe: RigidShoe) -> dict[str, Values]:
-    """The displacements (points, 6) that are worth a curve, in µm at the drum's surface, by their labels."""
-    values = MICRO * levers(COORDINATES, shoe) * displacement
+def _curves(model: Model, displacement: Values) -> dict[str, Values]:
+    """The displacements (points, n) that are worth a curve, in µm at the drum's surface, by their labels."""
+    values = MICRO * levers(model.names, model.shoe) * displacement
     sizes = np.ptp(values, axis=0)
-    shown = [k for k in range(6) if sizes[k] >= MOVES * sizes.max()]
-    return {COORDINATES[k]: values[:, k] for k in shown}
+    return {name: values[:, k] for k, name in enumerate(model.names) if sizes[k] >= MOVES * sizes.max()}
 
 
 def _section_notes(section: _Section, curves: dict[str, Values]) -> tuple[str, ...]:
@@ -276,7 +276,7 @@ def _section_notes(section: _Section, curves: dict[str, Values]) -> tuple[str, .
     notes = []
     if section.faces is not None:
         where = (
-            "Section: the front face (z = b/2); " if section.front else "Section at mid-width; the front face solid, "
+            "Section: the front face (z = b/2); " if section.z > 0 else "Section at mid-width; the front face solid, "
         )
         notes.append(f"{where}the back face dashed")
     if "Z" in curves:

@@ -30,7 +30,7 @@ def main_frequency(model: Model, time: Values, states: Values, start: float | No
     part = slice(*np.searchsorted(time, [begin - 1e-12, end + 1e-12]).tolist())
     if time[part].size < FEWEST_FOR_SPECTRUM:
         return None
-    energy = np.asarray(model.shoe.mass) * np.var(states[part, 6:], axis=0)
+    energy = np.asarray(model.mass) * np.var(states[part, len(model.names) :], axis=0)
     record = states[part, int(np.argmax(energy))]
     if not np.ptp(record) > REST:
         return None

@@ -132,10 +132,11 @@ def _numbers(prepared: Prepared) -> Iterator[tuple[str, float, str, str]]:
     radius, centroid, half = (float(each) for each in (shoe.outer_radius, shoe.centroid, shoe.half_angle))
     yield ("arc length", 2 * half * radius, "m", "of the lining, R β")
     yield ("lining area", float(shoe.area), "m^2", "R β b")
-    yield ("mass", float(shoe.mass[0]), "kg", "of the shoe")
+    yield ("mass", float(shoe.inertia.X), "kg", "of the shoe")
     yield ("centre of gravity", centroid, "m", "from the drum's axis")
     for k, axis in enumerate(("Tx", "Ty", "Tz"), start=1):
-        yield (f"moment of inertia I{k}", float(shoe.mass[2 + k]), "kg m^2", f"about the centre, for {axis}")
+        inertia = float(getattr(shoe.inertia, axis))
+        yield (f"moment of inertia I{k}", inertia, "kg m^2", f"about the centre, for {axis}")
     yield from _of_contact(contact, moment, centroid, half)
     if contact.friction is not None:
         speed = abs(float(moment.drum_speed))

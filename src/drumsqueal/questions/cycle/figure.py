@@ -7,8 +7,6 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from drumsqueal.findings.departure import ROTATIONS
-from drumsqueal.physics.bodies.rigid_shoe import TZ, Y
-from drumsqueal.physics.effects.pressure import Unilateral
 from drumsqueal.questions.cycle.orbit import Cycle
 from drumsqueal.questions.cycle.search import CycleStudy
 from drumsqueal.questions.run.figures.contact import along_arc
@@ -35,9 +33,9 @@ def draw_cycle(cycle: CycleStudy) -> Figure:
 
 
 def _draw_phase(axes: Axes, cycle: Cycle) -> None:
-    offset = float(cycle.model.shoe.outer_radius) - float(cycle.model.shoe.centroid)
-    states = (cycle.samples.displacement, cycle.samples.velocity)
-    moved, speed = (offset * _column(cycle, values, TZ) + _column(cycle, values, Y) for values in states)
+    samples, shape = cycle.samples, cycle.samples.time.shape
+    states = (dict(zip(cycle.names, each.T, strict=True)) for each in (samples.displacement, samples.velocity))
+    moved, speed = (np.broadcast_to(cycle.model.lining.body.displacement(q, 0.0)[1], shape) for q in states)
     axes.plot(MICRO * moved, speed, color=style.DARK, linewidth=1.0)
     limit = float(cycle.model.shoe.outer_radius * cycle.model.operation.at(0.0).drum_speed)
     if np.abs(speed).max() > NEAR * abs(limit):
@@ -50,12 +48,6 @@ def _draw_phase(axes: Axes, cycle: Cycle) -> None:
     frame(axes, r"Displacement $u_\theta$, middle of the lining (µm)", r"Velocity $\dot u_\theta$ (m/s)")
 
 
-def _column(cycle: Cycle, values: np.ndarray, coordinate: int) -> np.ndarray:
-    """Of one of the six coordinates, zero where it is left out."""
-    kept = cycle.model.coordinates
-    return values[:, kept.index(coordinate)] if coordinate in kept else np.zeros(len(values))
-
-
 def _draw_displacements(axes: Axes, cycle: Cycle) -> None:
     """All in µm at the drum's surface."""
     radius = float(cycle.model.shoe.outer_radius)
@@ -65,7 +57,7 @@ def _draw_displacements(axes: Axes, cycle: Cycle) -> None:
         if np.ptp(values) > 0:
             axes.plot(_time(cycle), values, color=style.COLOUR[name], label=f"R {name}" if turned else name)
     axes.set_xlim(0, _time(cycle)[-1])
-    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=6, borderaxespad=0.2)
+    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=len(cycle.names), borderaxespad=0.2)
     frame(axes, None, "Displacement (µm)")
 
 
@@ -83,7 +75,7 @@ def _draw_contact(axes: Axes, cycle: Cycle) -> None:
     extent, handles = (_time(cycle), np.rad2deg(angles)), [Patch(color=style.TOUCHING, label="touches and slips")]
     axes.set_facecolor(style.TOUCHING)
     states = [(slip, style.REVERSED, "slip reversed", cycle.model.contact.friction is not None)]
-    states.append((-level, style.SEPARATED, "lifted off", isinstance(cycle.model.lining.law, Unilateral)))
+    states.append((-level, style.SEPARATED, "lifted off", float(cycle.model.contact.lifting_stiffness) > 0))
     for values, colour, name, possible in states:
         if possible and values.max() > 0:
             axes.contourf(*extent, values, levels=[0.0, 2 * values.max()], colors=[colour])

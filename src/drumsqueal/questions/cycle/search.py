@@ -100,6 +100,11 @@ def checked(scene: Scene) -> Scene:
             raise SceneError("a cycle takes a constant value, not a profile", path)
     if scene.forcing is not None:
         raise SceneError("a cycle is free motion; leave the force out (forcing=none)", ("forcing",))
+    if scene.temperature is not None:
+        raise SceneError(
+            "the lining warms up and nothing repeats exactly; leave the temperature out (temperature=none)",
+            ("temperature",),
+        )
     return scene
 
 

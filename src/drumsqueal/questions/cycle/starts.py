@@ -80,11 +80,8 @@ def _reach(model: Model, velocity: Array) -> Array:
     """Amplitude at which the fastest point of the contact would be as fast as the drum."""
     moment = model.operation.at(0.0)
     still = moment._replace(drum_speed=jnp.zeros(()))
-    rest = model.widen(jnp.zeros(len(model.names)))
-    fastest = jnp.hypot(
-        *(model.contact.fastest_slip(still, model.widen(part)) for part in (velocity.real, velocity.imag))
-    )
-    return model.contact.fastest_slip(moment, rest) / jnp.where(fastest > 0, fastest, 1.0)
+    fastest = jnp.hypot(*(model.contact.fastest_slip(still, part) for part in (velocity.real, velocity.imag)))
+    return model.contact.fastest_slip(moment, jnp.zeros(len(model.names))) / jnp.where(fastest > 0, fastest, 1.0)
 
 
 @compiled

@@ -11,7 +11,6 @@ from drumsqueal.scene import COORDINATES, Profile, Scene, Schedule
 from drumsqueal.scene.laws.constant import ConstantFriction
 
 NOTHING = "none"  # what becomes of an effect that is left out
-PLANE = tuple(COORDINATES[i] for i in IN_PLANE)
 
 
 class Reduction(NamedTuple):
@@ -40,13 +39,13 @@ def reduce(scene: Scene, reductions: Iterable[Reduction]) -> Scene:
 
 
 def _reductions(scene: Scene) -> Iterator[Reduction]:
-    kept = {COORDINATES[i] for i in kept_coordinates(scene)}
-    if kept - set(PLANE) and kept & set(PLANE):
+    kept = set(kept_coordinates(scene))
+    if kept - set(IN_PLANE) and kept & set(IN_PLANE):
         yield Reduction("space", "plane", _plane(scene))
     if scene.contact.separation:
         yield Reduction("separation", "bonded", {"contact.separation": False})
     yield from _friction(scene)
-    for table, effect in (("support", "support springs"), ("damping", "damping")):
+    for table, effect in (("support", "support springs"), ("damping", "damping"), ("temperature", "temperature")):
         if getattr(scene, table) is not None:
             yield Reduction(effect, NOTHING, {table: None})
     if forced_coordinates(scene):
@@ -72,7 +71,8 @@ def _friction(scene: Scene) -> Iterator[Reduction]:
     if friction is not None and friction.direction == "unit-velocity":
         yield Reduction("unit velocity", "tangential", {"friction.direction": "tangential"})
     if isinstance(friction, ConstantFriction):
-        yield Reduction("friction", NOTHING, {"friction": None})
+        heated = {} if scene.temperature is None else {"temperature": None}  # which nothing else heats
+        yield Reduction("friction", NOTHING, {"friction": None, **heated})
 
 
 def _plane(scene: Scene) -> dict[str, Any]:
@@ -85,12 +85,12 @@ def _plane(scene: Scene) -> dict[str, Any]:
     if scene.simulate.coordinates == COORDINATES:
         values["simulate.coordinates"] = "auto"  # which keeps the eigenvalues of all six
     elif scene.simulate.coordinates != "auto":
-        values["simulate.coordinates"] = [name for name in scene.simulate.coordinates if name in PLANE]
+        values["simulate.coordinates"] = [name for name in scene.simulate.coordinates if name in IN_PLANE]
     return values
 
 
 def _in_plane(table: Mapping[str, float]) -> dict[str, float]:
-    return {name: value for name, value in table.items() if name in PLANE}
+    return {name: value for name, value in table.items() if name in IN_PLANE}
 
 
 def _at_start(schedule: Schedule) -> float:

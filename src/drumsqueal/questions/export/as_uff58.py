@@ -14,10 +14,10 @@ import numpy as np
 import pyuff
 
 from drumsqueal.files.universal import SI_SYSTEM, TIME_AXIS, TIME_RESPONSE, type_of
+from drumsqueal.findings.departure import unit_of
 from drumsqueal.progress import Progress
 from drumsqueal.questions.export.channels import Channel, Channels
 from drumsqueal.questions.export.points import CENTRE_OF_GRAVITY, OUTLINE, POINTS, moved, positions
-from drumsqueal.scene import COORDINATES
 
 EXACT = 1e-9  # of the interval between samples, that six digits of a time may be off without a word
 _EVEN = 1
@@ -134,10 +134,8 @@ def _mode(channels: Channels, number: int) -> dict[str, Any]:
     stability = channels.stability
     assert stability is not None
     mode = stability.modes[number]
-    shape = np.zeros(len(COORDINATES), dtype=np.complex128)
-    shape[[COORDINATES.index(name) for name in stability.coordinates]] = mode.right[: len(stability.coordinates)]
-    x, y, z = moved(channels.scene, shape).T
-    unit = "rad" if mode.name.startswith("T") else "m"
+    x, y, z = moved(channels.scene, mode.shape(stability.coordinates)).T
+    unit = unit_of(mode.name)
     return pyuff.prepare_55(
         id1=_fitted(f"mode {channels.prediction[number]}", _ID_LINE),
         id2=_fitted(channels.texts["title"], _ID_LINE),

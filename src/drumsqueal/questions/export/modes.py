@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from drumsqueal.findings.departure import unit_of
+
 if TYPE_CHECKING:
     from drumsqueal.solve.linear.modes import Stability
 
@@ -27,10 +29,9 @@ def mode_arrays(stability: "Stability") -> dict[str, NDArray[Any]]:
 
 def steady_arrays(stability: "Stability") -> dict[str, NDArray[Any]]:
     """All 2n eigenvalues (1/s), and the n coordinates of steady sliding with names and units."""
-    rotations = [name.startswith("T") for name in stability.coordinates]
     return {
         "eigenvalues": stability.eigenvalues,
         "coordinates": np.array(stability.coordinates),
-        "coordinate_units": np.array(["rad" if rotation else "m" for rotation in rotations]),
+        "coordinate_units": np.array([unit_of(name) for name in stability.coordinates]),
         "steady_state": stability.steady_state,
     }

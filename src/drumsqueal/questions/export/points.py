@@ -1,8 +1,11 @@
 """The numbered points of the shoe, for formats that know of geometry: where they are, and how they move."""
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from drumsqueal.physics.bodies.body import displace
 from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
 from drumsqueal.scene import Scene
 
@@ -29,7 +32,7 @@ def positions(scene: Scene) -> NDArray[np.float64]:
     return np.vstack([[float(RigidShoe(**shoe.model_dump()).centroid), 0.0, 0.0], lining])
 
 
-def moved(scene: Scene, q: ArrayLike) -> NDArray[np.complex128]:
-    """Displacements (4, 3) of the points along x, y and z (m), of coordinates (6,): u + φ × (p − g)."""
-    q, places = np.asarray(q, dtype=np.complex128), positions(scene)
-    return q[:3] + np.cross(q[3:], places - places[0])
+def moved(scene: Scene, q: Mapping[str, ArrayLike]) -> NDArray[np.complex128]:
+    """Displacements (4, 3) of the points along x, y and z (m), of coordinates by name."""
+    found = displace(RigidShoe(**scene.shoe.model_dump()), q, *positions(scene).T)
+    return np.stack([np.broadcast_to(part, len(POINTS)) for part in found], axis=1).astype(np.complex128)

@@ -8,8 +8,10 @@ from numpy.typing import NDArray
 
 from drumsqueal.errors import RequestError, nearest
 from drumsqueal.files.saved_history import SavedHistory
-from drumsqueal.findings.history import SIGNALS
-from drumsqueal.physics.bodies.rigid_shoe import TZ, RigidShoe, X, Y
+from drumsqueal.findings.departure import ROTATIONS
+from drumsqueal.findings.history import SIGNALS as ALWAYS
+from drumsqueal.findings.history import TEMPERATURE, memory_of, signals_of
+from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
 from drumsqueal.physics.composition import kept_coordinates
 from drumsqueal.questions.export.channels import (
     ACCELERATION,
@@ -39,7 +41,11 @@ _RECORDED = {
     "kinetic_energy": ("e_kinetic", "energy", (1, 1)),
     "potential_energy": ("e_potent", "energy", (1, 1)),
     "energy_balance_error": ("e_error", "energy", (1, 1)),
+    "lining_temperature": ("temp", "temperature", NO_UNITS),
 }
+
+
+SIGNALS = ALWAYS | TEMPERATURE
 
 
 class _SurfacePoint(NamedTuple):
@@ -75,12 +81,16 @@ def names_of(
     "displacement", "velocity" and "acceleration" stand for those of all coordinates that the scene moves. Raises
     RequestError, naming the `option`, for an unknown name, and for what the history does not hold.
     """
-    moving = [COORDINATES[i] for i in kept_coordinates(saved.scene)]
+    moving = kept_coordinates(saved.scene)
     if asked is None:
         groups = [kind for kind in _UNITS if kind != ACCELERATION or not saved.given_law]
-        names = [name for group in (*groups, *_SURFACE, *SIGNALS) for name in _members(group, moving, option)]
+        signals = (*groups, *_SURFACE, *signals_of(saved.scene))
+        names = [name for group in signals for name in _members(group, moving, option)]
         return names, [] if ACCELERATION in groups else [f"accelerations are left out: {_GIVEN_LAW}"]
     names = list(dict.fromkeys(name for group in asked for name in _members(group, moving, option)))
+    absent = next((name for name in names if name in TEMPERATURE and saved.scene.temperature is None), None)
+    if absent is not None:
+        raise RequestError(f"{option} {absent}: the scene of this history has no temperature; leave it out")
     if saved.given_law and any(name.startswith(ACCELERATION) for name in names):
         raise RequestError(f"{option}: there are no accelerations for this history: {_GIVEN_LAW}; leave them out")
     return names, []
@@ -128,21 +138,17 @@ def surface_velocity(
 ) -> NDArray[np.float64]:
     """Velocity (k,) in m/s of the lining's surface at an angle θ (rad) in the middle of its width (z = 0).
 
-    Radial u̇_r = Ẋ cos θ + (Ẏ − c Ṫz) sin θ or, along the drum, u̇_θ = R Ṫz − Ẋ sin θ + (Ẏ − c Ṫz) cos θ, of
-    velocities (k, 6) of the coordinates, with c the distance of the centre of gravity from the drum's axis, equation
-    (2) of Seo & Kang.
+    Radial or along the drum, of velocities (k, m) of all coordinates.
     """
-    shoe = RigidShoe(**scene.shoe.model_dump())
-    x, turn = velocity[:, X], velocity[:, TZ]
-    y = velocity[:, Y] - float(shoe.centroid) * turn
-    if along_drum:
-        return float(shoe.outer_radius) * turn - x * np.sin(angle) + y * np.cos(angle)
-    return x * np.cos(angle) + y * np.sin(angle)
+    radial, along, _ = RigidShoe(**scene.shoe.model_dump()).displacement(
+        dict(zip(COORDINATES, velocity.T, strict=True)), angle
+    )
+    return along if along_drum else radial
 
 
 def _motion(kind: str, coordinate: str, recorded: NDArray[np.float64]) -> Channel:
     i = COORDINATES.index(coordinate)
-    rotation = i >= 3
+    rotation = coordinate in ROTATIONS
     what = f"{kind} of rotation" if rotation else kind
     meaning = f"{what} {coordinate} at the centre of gravity"
     return Channel(
@@ -176,12 +182,15 @@ def _recorded(saved: SavedHistory, name: str) -> Channel:
 
 
 def _accelerations(saved: SavedHistory) -> NDArray[np.float64]:
-    """Of all six coordinates (k, 6); zero where one was left out."""
+    """Of all coordinates (k, m); zero where one was left out."""
     from drumsqueal.physics.model import build_model
     from drumsqueal.solve.transient.accelerations import accelerations
 
-    data, kept = saved.data, list(kept_coordinates(saved.scene))
+    model = build_model(saved.scene)
+    data, kept = saved.data, [COORDINATES.index(name) for name in kept_coordinates(saved.scene)]
     wide = np.zeros((data.sizes["time"], len(COORDINATES)))
     q, v = (data[name].values[:, kept] for name in (DISPLACEMENT, VELOCITY))
-    wide[:, kept] = accelerations(build_model(saved.scene), data["time"].values, q, v, data["sticking"].values > 0)
+    wide[:, kept] = accelerations(
+        model, data["time"].values, q, v, data["sticking"].values > 0, memory_of(data, model.remembered)
+    )
     return wide

@@ -34,7 +34,6 @@ from drumsqueal.findings.signals import (
     fit_growth,
 )
 from drumsqueal.findings.signals.lyapunov import Exponents, lyapunov_exponents, orthonormalised
-from drumsqueal.physics.bodies.rigid_shoe import IN_PLANE
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.motion.attractor import Attractor, Kind, decide_attractor, describe_attractor
 from drumsqueal.scene import Profile, Scene, SceneError
@@ -111,6 +110,11 @@ def checked(scene: Scene) -> Scene:
     for keys, value in ((("drum", "speed"), scene.drum.speed), (("contact", "normal_load"), scene.contact.normal_load)):
         if isinstance(value, Profile):
             raise SceneError("this changes with time, and the motion with it; give one value to ask for its kind", keys)
+    if scene.temperature is not None:
+        raise SceneError(
+            "the lining warms up, and its motion is of no one kind; leave the temperature out (temperature=none)",
+            ("temperature",),
+        )
     return scene
 
 
@@ -279,7 +283,7 @@ def _at_rest(prepared: Prepared, chunks: list[Chunk]) -> bool:
 
 def _no_tangents(prepared: Prepared, chunks: list[Chunk]) -> str:
     """Why nearby motions cannot be followed, empty where they can."""
-    if any(i not in IN_PLANE for i in prepared.model.coordinates):
+    if not all(prepared.model.body.symmetric):
         return "the motion is in space, where nearby motions take too long"
     if prepared.model.forced:
         return "a harmonic force acts, and nearby motions are followed along steady drives only"

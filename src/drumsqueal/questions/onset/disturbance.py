@@ -11,8 +11,6 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from drumsqueal.findings.edges import wide
-from drumsqueal.physics.bodies.rigid_shoe import TX, TZ, X, Z
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.model import Model
 from drumsqueal.progress import Progress
@@ -55,15 +53,13 @@ def smallest_disturbances(
 
 def surface_speed(model: Model, velocity: NDArray[np.float64]) -> float:
     """Velocity (m/s) of the fastest point of the lining's surface, max |v + ω × r|, in a motion (n,) of the shoe."""
-    v = np.array([column[0] for column in wide(model, velocity[None, :])])
+    v = dict(zip(model.names, velocity, strict=True))
     if not isinstance(model.contact, Contact):
-        return float(abs(v[X]))
-    shoe = model.contact.shoe
-    angle, radius = float(shoe.half_angle) * np.linspace(-1, 1, POINTS), float(shoe.outer_radius)
-    arc = np.column_stack([radius * np.cos(angle) - float(shoe.centroid), radius * np.sin(angle), 0 * angle])
-    across = np.array([0.0, 0.0, float(shoe.width) / 2])
-    moved = v[X : Z + 1] + np.cross(v[TX : TZ + 1], np.concatenate([arc - across, arc + across]))
-    return float(np.max(np.linalg.norm(moved, axis=1)))
+        return float(abs(v["X"]))
+    body = model.contact.body
+    angle, across = float(body.half_angle) * np.linspace(-1, 1, POINTS), float(body.width) / 2 * np.array([[-1], [1]])
+    squares = sum(np.square(part) for part in body.displacement(v, angle, across))
+    return float(np.sqrt(np.max(squares)))
 
 
 class _Direction:

@@ -6,12 +6,11 @@ from dataclasses import dataclass, replace
 
 from drumsqueal.errors import IntegrationError
 from drumsqueal.findings.compare import RunFindings
-from drumsqueal.physics.composition import ALL
 from drumsqueal.physics.model import build_model
 from drumsqueal.progress import Progress
 from drumsqueal.questions.paper.curves import AXES, constant_friction
 from drumsqueal.questions.sensitivity.decay import DISTURBANCE, disturbed
-from drumsqueal.scene import Scene
+from drumsqueal.scene import COORDINATES, Scene
 from drumsqueal.simulation import prepare, run_whole
 from drumsqueal.solve.linear.modes import analyse_stability
 
@@ -61,7 +60,7 @@ def disturbed_points(scene: Scene) -> tuple[Point, Point]:
 def damping_needed(scene: Scene) -> float:
     """Structural damping ratio that makes every mode of a brake decay, by a twentieth more than the least."""
     known = 0.0 if scene.damping is None else float(scene.damping.ratio)
-    modes = analyse_stability(build_model(scene, coordinates=ALL)).modes
+    modes = analyse_stability(build_model(scene, coordinates=COORDINATES)).modes
     return known + MORE * max(0.0, *(mode.growth_rate / abs(mode.eigenvalue) for mode in modes))
 
 

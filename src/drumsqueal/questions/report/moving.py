@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.findings.departure import levers
-from drumsqueal.physics.bodies.rigid_shoe import OUT_OF_PLANE, TX, TY, RigidShoe, Z
-from drumsqueal.questions.animate.section import MILLI, displaced, on_circle, on_line, shoe_outline, whole_shape
-from drumsqueal.scene import COORDINATES
+from drumsqueal.physics.bodies.body import displace
+from drumsqueal.physics.bodies.rigid_shoe import OUT_OF_PLANE, RigidShoe
+from drumsqueal.questions.animate.section import MILLI, moved, on_circle, shoe_outline
 from drumsqueal.solve.linear.modes import NEUTRAL_SHARE, Mode
 
 DRAWN = 0.08  # of the outer radius: the largest motion as it is drawn
@@ -22,6 +22,7 @@ LEAST_SHARE = 5e-3  # of the kinetic energy, that is told
 OBLIQUE = (-0.5, -0.4)
 ROUND = 3  # digits after the point, of mm
 Complex = NDArray[np.complex128]
+Shape = Mapping[str, complex]
 
 
 def animate(
@@ -45,9 +46,10 @@ def animate(
 
 
 def _moving(shoe: RigidShoe, coordinates: Sequence[str], mass: NDArray[np.float64], mode: Mode) -> dict[str, Any]:
-    shape = whole_shape(coordinates, mode)
-    sizes = np.abs(shape * levers(COORDINATES, shoe))
-    flat = bool(sizes[list(OUT_OF_PLANE)].max() < FLAT * sizes.max())
+    shape = mode.shape(coordinates)
+    sizes = np.abs(mode.right[: len(coordinates)] * levers(coordinates, shoe))
+    across = [size for name, size in zip(coordinates, sizes, strict=True) if name in OUT_OF_PLANE]
+    flat = bool(max(across, default=0.0) < FLAT * sizes.max())
     lines = _section(shoe, shape) if flat else _body(shoe, shape)
     drawn = DRAWN * MILLI * float(shoe.outer_radius)
     magnification = drawn / max(_largest(moved) for _, moved in lines)
@@ -76,9 +78,9 @@ def _moving(shoe: RigidShoe, coordinates: Sequence[str], mass: NDArray[np.float6
     }
 
 
-def _section(shoe: RigidShoe, shape: Complex) -> list[tuple[NDArray[np.float64], Complex]]:
+def _section(shoe: RigidShoe, shape: Shape) -> list[tuple[NDArray[np.float64], Complex]]:
     """The outline in section at z = 0, and a cross at the centre of gravity."""
-    return [(at, _in_plane(at, shoe, shape, 0.0)) for at in (shoe_outline(shoe), *_cross(shoe))]
+    return [(at, moved(at, shoe, shape)) for at in (shoe_outline(shoe), *_cross(shoe))]
 
 
 def _cross(shoe: RigidShoe) -> list[NDArray[np.float64]]:
@@ -89,14 +91,7 @@ def _cross(shoe: RigidShoe) -> list[NDArray[np.float64]]:
     ]
 
 
-def _in_plane(at: NDArray[np.float64], shoe: RigidShoe, shape: Complex, z: float) -> Complex:
-    """Displacement (n, 2), mm for a shape in m and rad, of points (n, 2) in mm at z (m)."""
-    centroid = float(shoe.centroid)
-    parts = [displaced(at, centroid, on_line(part, z)) - at for part in (shape.real, shape.imag)]
-    return parts[0] + 1j * parts[1]
-
-
-def _body(shoe: RigidShoe, shape: Complex) -> list[tuple[NDArray[np.float64], Complex]]:
+def _body(shoe: RigidShoe, shape: Shape) -> list[tuple[NDArray[np.float64], Complex]]:
     """Back and front face and the edges between them, projected on the picture."""
     half, beta = float(shoe.width) / 2, float(shoe.half_angle)
     radii = (float(shoe.outer_radius), float(shoe.outer_radius) - float(shoe.thickness))
@@ -111,13 +106,11 @@ def _body(shoe: RigidShoe, shape: Complex) -> list[tuple[NDArray[np.float64], Co
 
 
 def _projected(
-    at: NDArray[np.float64], z: NDArray[np.float64], shoe: RigidShoe, shape: Complex
+    at: NDArray[np.float64], z: NDArray[np.float64], shoe: RigidShoe, shape: Shape
 ) -> tuple[NDArray[np.float64], Complex]:
-    plane = np.concatenate([_in_plane(p[None], shoe, shape, float(h)) for p, h in zip(at, z, strict=True)])
-    # u_z = Z + y Tx − (x − c) Ty
-    across = MILLI * shape[Z] + at[:, 1] * shape[TX] - (at[:, 0] - MILLI * float(shoe.centroid)) * shape[TY]
     place = np.column_stack([at, MILLI * z])
-    return _project(place), _project(np.column_stack([plane, across]))
+    found = [np.broadcast_to(part, z.shape) for part in displace(shoe, shape, *place.T / MILLI)]
+    return _project(place), _project(MILLI * np.stack(found, axis=1))
 
 
 def _project(points: Any) -> Any:

@@ -12,7 +12,7 @@ from drumsqueal.findings.schema import Finding
 from drumsqueal.findings.signals.regime import Kind
 from drumsqueal.physics.composition import kept_coordinates
 from drumsqueal.progress import Progress, silent
-from drumsqueal.scene import COORDINATES, Profile, Scene
+from drumsqueal.scene import Profile, Scene
 from drumsqueal.simulation import prepare, run_whole
 
 DISTURBANCE = 3.0  # times the displacement p0/k_c at which the pressure is lost
@@ -73,8 +73,8 @@ def disturbed(scene: Scene) -> Scene:
     shoe, load = scene.shoe, scene.contact.normal_load
     most = max(load.value) if isinstance(load, Profile) else load
     size = DISTURBANCE * most / (shoe.outer_radius * shoe.arc_angle * shoe.width) / max(scene.contact.stiffness, 1.0)
-    kept = [COORDINATES[i] for i in kept_coordinates(scene)]
-    moved = [name for name in kept if name in ("Y", "Tz")] or kept
+    kept = kept_coordinates(scene)
+    moved = [name for name in kept if name in ("Y", "Tz")] or list(kept)
     start = {name: size / shoe.outer_radius if name.startswith("T") else size for name in moved}
     return scene.with_values({"start": {"displacement": start, "velocity": {}}})
 

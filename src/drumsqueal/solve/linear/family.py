@@ -13,7 +13,7 @@ from scipy.optimize import linear_sum_assignment
 
 from drumsqueal.physics.composition import linear_coordinates
 from drumsqueal.physics.model import Numbers, build_model
-from drumsqueal.scene import COORDINATES, Scene
+from drumsqueal.scene import Scene
 from drumsqueal.solve.linear.modes import DRIFT_SHARE, OSCILLATING_SHARE
 from drumsqueal.solve.linear.steady import Linear, linearise, steady_sliding
 
@@ -76,7 +76,7 @@ def spectra_of(scene: Scene, numbers: Mapping[str, ArrayLike]) -> Spectrum:
 
     linear, matrices = all_of(stacked)
     eigenvalues, right = np.linalg.eig(np.asarray(matrices))
-    names = tuple(COORDINATES[i] for i in linear_coordinates(scene))
+    names = linear_coordinates(scene)
     mass, damping = np.asarray(linear.mass), np.asarray(linear.damping)
     own = np.array([_own(*each) for each in zip(eigenvalues, right, mass, strict=True)])
     return Spectrum(names, mass, damping, eigenvalues, right, own)

@@ -15,7 +15,7 @@ from jax import Array
 from drumsqueal.errors import SteadyStateError
 from drumsqueal.physics.composition import Composition, compose, linear_coordinates
 from drumsqueal.physics.model import assemble, build_model
-from drumsqueal.scene import COORDINATES, Scene
+from drumsqueal.scene import Scene
 from drumsqueal.solve.linear.modes import AboutSteady, Stability, about_steady, analyse_stability, stability_of
 from drumsqueal.solve.linear.steady import linear_model
 
@@ -61,8 +61,8 @@ def _together(composition: Composition, scenes: list[Scene]) -> list[Stability |
     filled = [scene.numbers() for scene in scenes + scenes[-1:] * (BLOCK - len(scenes))]
     stacked = {key: np.array([numbers[key] for numbers in filled]) for key in filled[0]}
     found = jax.tree.map(np.asarray, _about_many(stacked, composition))
-    names = tuple(COORDINATES[i] for i in composition.coordinates)
-    return [_solved(names, jax.tree.map(lambda values, k=k: values[k], found)) for k in range(len(scenes))]
+    each = [jax.tree.map(lambda values, k=k: values[k], found) for k in range(len(scenes))]
+    return [_solved(composition.coordinates, one) for one in each]
 
 
 def _solved(names: tuple[str, ...], found: AboutSteady) -> Stability | SteadyStateError:

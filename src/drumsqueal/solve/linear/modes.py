@@ -1,5 +1,6 @@
 """Complex eigenvalues of steady sliding: modes, growth rates, frequencies."""
 
+from collections.abc import Sequence
 from functools import partial
 from typing import NamedTuple, cast
 
@@ -11,7 +12,8 @@ from jax import Array
 from numpy.typing import NDArray
 
 from drumsqueal.errors import NoSteadySliding, SteadyStateError
-from drumsqueal.physics.effects.action import ZERO
+from drumsqueal.physics.bodies.body import scalars
+from drumsqueal.physics.effects.action import at_rest
 from drumsqueal.physics.effects.schedule import Profile
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.linear.steady import Linear, linear_model, linearise, steady_sliding
@@ -42,6 +44,10 @@ class Mode(NamedTuple):
     unstable: bool
     right: NDArray[np.complex128]
     left: NDArray[np.complex128]
+
+    def shape(self, coordinates: Sequence[str]) -> dict[str, complex]:
+        """Displacements by the names of the coordinates."""
+        return dict(zip(coordinates, self.right[: len(coordinates)].tolist(), strict=True))
 
     @property
     def frequency_Hz(self) -> float:
@@ -120,9 +126,9 @@ class AboutSteady(NamedTuple):
 @jax.jit
 def about_steady(model: Model, steady: Array, linear: Linear) -> AboutSteady:
     """Matrix, pressure and contact at steady sliding q* (n,), not yet looked at."""
-    moment, wide = model.operation.at(0.0), model.widen(steady)
-    pressure_range = model.lining.pressure_range(moment, wide)
-    touching = model.middle_contact.observe(moment, wide, ZERO).contact_fraction
+    moment, q = model.operation.at(0.0), scalars(steady)
+    pressure_range = model.contact.pressure_range(moment, q)
+    touching = model.contact.in_plane().observe(moment, q, at_rest(q)).contact_fraction
     return AboutSteady(steady, model.mass, linear.state_matrix(), pressure_range, touching)
 
 

@@ -11,11 +11,9 @@ from jax import Array
 from jax.core import Tracer
 
 from drumsqueal.errors import NoSteadySliding, SteadyStateError
-from drumsqueal.physics.bodies.rigid_shoe import IN_PLANE
-from drumsqueal.physics.effects.action import ZERO
+from drumsqueal.physics.effects.action import at_rest
 from drumsqueal.physics.effects.assembly import Balance
 from drumsqueal.physics.effects.contact import Contact
-from drumsqueal.physics.effects.friction import Friction
 from drumsqueal.physics.model import Model
 from drumsqueal.physics.quadrature.smooth import WholeSurface
 from drumsqueal.solve.linear.equilibrium import find_equilibrium
@@ -38,17 +36,6 @@ class Linear(NamedTuple):
         return jnp.concatenate([top, bottom])
 
 
-class _Reduced(Friction):
-    """Friction of which only a fraction acts."""
-
-    fraction: Array
-
-    def traction(self, pressure: Array, slip: Array, axial: Array | None) -> tuple[Array, Array | None]:
-        """Tractions on the lining along θ and z (Pa)."""
-        along, across = super().traction(pressure, slip, axial)
-        return self.fraction * along, None if across is None else self.fraction * across
-
-
 def steady_sliding(model: Model) -> Array:
     """Displacement q* (n,) of steady sliding at t = 0: Q(q*, 0) = 0 (physics: m, rad).
 
@@ -56,33 +43,32 @@ def steady_sliding(model: Model) -> Array:
     q* = 0 without iteration. The out-of-plane coordinates stay zero by symmetry. Raises SteadyStateError
     where none is found; inside `jax.jit` and the like, where nothing can be raised, q* is NaN then.
     """
-    n = len(model.coordinates)
-    moving = np.asarray([k for k, i in enumerate(model.coordinates) if i in IN_PLANE], dtype=int)
-    if moving.size == 0 or any(isinstance(effect, Balance) for effect in model.others):
-        return jnp.zeros(n)
+    symmetric = model.body.symmetric
+    if not any(symmetric) or any(isinstance(effect, Balance) for effect in model.others):
+        return jnp.zeros(len(symmetric))
     plane = model.undisturbed().in_plane()
-    found = find_equilibrium(partial(_static_forces, jax.lax.stop_gradient(plane)), moving.size)
+    found = find_equilibrium(partial(_static_forces, jax.lax.stop_gradient(plane)), sum(symmetric))
     q = jax.lax.custom_root(
-        lambda q: plane.act(0.0, q, jnp.zeros(moving.size))[0],
+        lambda q: _static_forces(plane, jnp.append(q, 1.0))[0],
         found,
         solve=lambda _, q: q,
         tangent_solve=lambda linear, force: jnp.linalg.solve(jax.jacfwd(linear)(force), force),
     )
     if not isinstance(q, Tracer) and not np.all(np.isfinite(q)):
         raise SteadyStateError(NoSteadySliding.NOT_FOUND)
-    return jnp.zeros(n).at[moving].set(q)
+    return jnp.zeros(len(symmetric)).at[np.flatnonzero(symmetric)].set(q)
 
 
 def _static_forces(model: Model, z: Array) -> tuple[Array, Array]:
-    """Sum of the forces at rest and of their magnitudes (n,), from displacement and fraction of friction (n + 1,)."""
-    q, friction = model.widen(z[:-1]), model.contact.friction
-    contact = model.contact
-    if friction is not None:
-        contact = contact.with_friction(_Reduced(friction.law, friction.direction, z[-1]))
-    actions = [effect.act(model.operation.at(0.0), q, ZERO).force for effect in (contact, *model.others)]
-    parts = jnp.stack(
-        [jnp.stack([jnp.asarray(force[i] + jnp.zeros(())) for i in model.coordinates]) for force in actions]
-    )
+    """Sum of the forces at rest and of their magnitudes (n,), from displacement and fraction of friction (n + 1,).
+
+    Over the coordinates that need not rest by symmetry.
+    """
+    moving = [int(k) for k in np.flatnonzero(model.body.symmetric)]
+    q = tuple(z[moving.index(k)] if k in moving else 0.0 for k in range(len(model.names)))
+    moment = model.operation.at(0.0)._replace(friction_share=z[-1])
+    forces = [effect.act(moment, q, at_rest(q)).force for effect in model.effects]
+    parts = jnp.stack([jnp.stack([jnp.asarray(force[k] + jnp.zeros(())) for k in moving]) for force in forces])
     return jnp.sum(parts, axis=0), jnp.sum(jnp.abs(parts), axis=0)
 
 

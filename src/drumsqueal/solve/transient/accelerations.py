@@ -15,10 +15,16 @@ _BLOCK = 512  # states at a time, so that one program serves records of every le
 
 
 def accelerations(
-    model: Model, times: ArrayLike, displacement: ArrayLike, velocity: ArrayLike, sticks: ArrayLike
+    model: Model,
+    times: ArrayLike,
+    displacement: ArrayLike,
+    velocity: ArrayLike,
+    sticks: ArrayLike,
+    memory: NDArray[np.float64] | None = None,
 ) -> NDArray[np.float64]:
     """q̈ = M⁻¹ Σ Q(t, q, q̇) at k times (s), displacements and velocities (k, n) in SI, shape (k, n).
 
+    `memory` (k, m) is what effects remembered, if any does.
     Where the lining `sticks` (k,) to the drum as a whole, friction is what makes the motion the drum's own. Raises
     KeyboardInterrupt between two blocks.
     """
@@ -31,13 +37,13 @@ def accelerations(
             stop_if_interrupted()
             block = rows[first : first + _BLOCK]
             filled = np.resize(block, _BLOCK)
-            result[block] = np.asarray(_accelerations(acting, t[filled], q[filled], v[filled]))[: block.size]
+            result[block] = np.asarray(
+                _accelerations(acting, t[filled], q[filled], v[filled], None if memory is None else memory[filled])
+            )[: block.size]
     return result
 
 
 @compiled
-def _accelerations(model: Model, times: Array, displacement: Array, velocity: Array) -> Array:
-    def one(state: tuple[Array, Array, Array]) -> Array:
-        return model.act(*state)[0] / model.mass
-
-    return jax.lax.map(one, (jnp.asarray(times), jnp.asarray(displacement), jnp.asarray(velocity)))
+def _accelerations(model: Model, times: Array, displacement: Array, velocity: Array, memory: Array | None) -> Array:
+    states = jax.tree.map(jnp.asarray, (times, displacement, velocity, memory))
+    return jax.lax.map(lambda state: model.rates(*state)[0] / model.mass, states)

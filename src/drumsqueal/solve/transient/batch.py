@@ -86,7 +86,8 @@ def integrate_many(
     shares = []
     for part in parts:
         stacked: Model = jax.tree.map(lambda *leaves: np.stack(leaves), *(models[i] for i in part))
-        state = State(jnp.asarray(displacement[part]), jnp.asarray(velocity[part]), jnp.zeros(len(part)))
+        memory = jnp.zeros((len(part), len(models[0].remembered))) if models[0].remembering else None
+        state = State(jnp.asarray(displacement[part]), jnp.asarray(velocity[part]), jnp.zeros(len(part)), memory)
         shares.append(_Share(stacked, jnp.asarray(steady[part]), state, jax.block_until_ready(_first_steps(stacked))))
     with ThreadPoolExecutor(len(shares)) as pool:
         for first in range(0, samples, CHUNK_SAMPLES):

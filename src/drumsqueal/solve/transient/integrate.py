@@ -4,7 +4,8 @@ A Python loop over chunks keeps memory flat, lets an interrupted run keep its da
 compiled program, which would bar it from the persistent compilation cache.
 """
 
-from collections.abc import Generator
+from collections.abc import Generator, Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 import jax
@@ -40,6 +41,7 @@ class Checkpoint(NamedTuple):
 class Chunk(NamedTuple):
     """Samples of one chunk: time (k,), displacement and velocity (k, n), observations and energies (k,).
 
+    `remembered` is what effects remember (k,), by the names that these give it.
     `implicit` (k,) is 1 in chunks that took the implicit method, and `end` where to go on from; None where it fails.
     """
 
@@ -55,6 +57,7 @@ class Chunk(NamedTuple):
     evaluations: float  # NaN: not counted, for an implicit method and where the lining sticks
     implicit: np.ndarray
     end: Checkpoint | None
+    remembered: Mapping[str, np.ndarray] = MappingProxyType({})
     changes: tuple[tuple[float, bool], ...] = ()  # when the lining changed (s), and whether it stuck from then on
 
 
@@ -80,7 +83,7 @@ def integrate(
     samples = round(duration * sample_rate)
     steady = real(steady)
     if since is None:
-        state = State(real(displacement), real(velocity), jnp.zeros(()))
+        state = State(real(displacement), real(velocity), jnp.zeros(()), model.first_memory)
         first_energy = sum(float(e) for e in _energy(model, steady, state))
         since = Checkpoint(0, state, first_step(model), first_energy, sticks=False, method=None)
     state, step, first_energy = since.state, since.step, since.first_energy
@@ -90,7 +93,7 @@ def integrate(
         # NumPy's numbers go into a compiled call at a tenth of what it takes to make arrays of them.
         span = Span(np.float64(first / sample_rate), np.float64(1 / sample_rate), np.int64(count))
         segment = run.through(state, span, step)
-        chunk = _to_chunk(segment, first_energy, sample_rate, first, count, np.asarray(steady))
+        chunk = _to_chunk(segment, first_energy, sample_rate, first, count, np.asarray(steady), model.remembered)
         chunk = chunk._replace(evaluations=_evaluations(segment, run.solvers), changes=tuple(run.changes))
         chunk.implicit[:] = IMPLICIT in run.solvers
         good = np.isfinite(chunk.displacement).all(axis=1) & np.isfinite(chunk.velocity).all(axis=1)
@@ -112,7 +115,13 @@ def _energy(model: Model, steady: Array, state: State) -> tuple[Array, Array]:
 
 
 def _to_chunk(
-    segment: Segment, first_energy: float, sample_rate: float, first: int, count: int, steady: np.ndarray
+    segment: Segment,
+    first_energy: float,
+    sample_rate: float,
+    first: int,
+    count: int,
+    steady: np.ndarray,
+    remembered: tuple[str, ...],
 ) -> Chunk:
     states = jax.tree.map(lambda x: np.asarray(x)[: count + 1], segment.states)
     observation = jax.tree.map(lambda x: np.asarray(x)[: count + 1], segment.observation)
@@ -130,6 +139,7 @@ def _to_chunk(
         evaluations=np.nan,
         implicit=np.zeros(count + 1),
         end=None,
+        remembered=dict(zip(remembered, () if states.memory is None else states.memory.T, strict=True)),
     )
 
 

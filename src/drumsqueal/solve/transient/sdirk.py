@@ -27,9 +27,10 @@ ENOUGH = 0.5  # of the slope along a step: what may be left of it, or turned rou
 
 
 class Stages(NamedTuple):
-    """What the stages of a second-order system ask for: y = (q, v, w) (2n + 1,) in scaled units, with q̇ = ratio · v.
+    """What the stages of a second-order system ask for: y = (q, v, w) (2n + m + 1,) in scaled units, w a number.
 
-    `rates` gives v̇ (n,) and ẇ at (t, q, v); `metric` (n,) is the mass, in which friction is the gradient of something.
+    q̇ = ratio · v with `ratio` (n,), of the first n of v (n + m,): the others have rates alone. `rates` gives v̇ and ẇ at
+    (t, q, v); `metric` (n + m,) is the mass, in which friction is the gradient of something, zero for the others.
     A stage is solved to a share of tolerance · (1 + size(y)).
     """
 
@@ -111,11 +112,11 @@ class Sdirk4:
 
     def _stage(self, t: Array, base: Array, h: Array, guess: Array) -> tuple[Array, Array, Array]:
         """Slope k and state Y = base + h k at time t, and whether they were found; from a guess of k."""
-        stages, n = self._stages, base.size // 2
-        q, v, w = base[:n], base[n : 2 * n], base[2 * n]
+        stages, n = self._stages, self._stages.ratio.size
+        q, v, w = base[:n], base[n:-1], base[-1]
 
         def residual(x: Array) -> tuple[Array, Array]:
-            rate, power = stages.rates(t, q + h * stages.ratio * x, x)
+            rate, power = stages.rates(t, q + h * stages.ratio * x[:n], x)
             return x - v - h * rate, power
 
         def with_value(x: Array) -> tuple[Array, tuple[Array, Array]]:
@@ -133,17 +134,17 @@ class Sdirk4:
             share = _turn(lambda share: residual(now.v - share * now.change)[0], here, now, past, stages.metric)
             change = jnp.where(past, -share * now.change, -_solved(matrix, value))
             slope = jnp.sum(stages.metric * change * value)
-            y = jnp.concatenate([q + h * stages.ratio * now.v, now.v, w[None]])
-            error = jnp.where(past, jnp.inf, jnp.max(jnp.abs(change) / (1 + stages.size(y)[n : 2 * n])))
+            y = jnp.concatenate([q + h * stages.ratio * now.v[:n], now.v, w[None]])
+            error = jnp.where(past, jnp.inf, jnp.max(jnp.abs(change) / (1 + stages.size(y)[n:-1])))
             return _Found(now.v + change, change, slope, past, power, error, now.iterations + 1)
 
-        x, nothing = v + h * guess[n : 2 * n], jnp.zeros(n)
+        x, nothing = v + h * guess[n:-1], jnp.zeros(v.size)
         start = _Found(
             x, nothing, jnp.zeros(()), jnp.asarray(False), jnp.zeros(()), jnp.asarray(jnp.inf), jnp.zeros((), int)
         )
         found = jax.lax.while_loop(unfinished, iterate, start)
-        slope = jnp.concatenate([stages.ratio * found.v, (found.v - v) / h, found.power[None]])
-        y = jnp.concatenate([q + h * stages.ratio * found.v, found.v, (w + h * found.power)[None]])
+        slope = jnp.concatenate([stages.ratio * found.v[:n], (found.v - v) / h, found.power[None]])
+        y = jnp.concatenate([q + h * stages.ratio * found.v[:n], found.v, (w + h * found.power)[None]])
         return slope, y, found.error <= SOLVED * stages.tolerance
 
 

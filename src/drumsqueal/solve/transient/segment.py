@@ -1,5 +1,6 @@
 """One chunk of a transient as one compiled call: its state, what its errors are measured against, and its samples."""
 
+from functools import partial
 from typing import Any, NamedTuple
 
 import jax
@@ -8,6 +9,7 @@ import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
+from drumsqueal.physics.bodies.body import scalars
 from drumsqueal.physics.effects.damping import frictionless_modes
 from drumsqueal.physics.effects.touching import Observation
 from drumsqueal.physics.kernel import compiled, one_kernel
@@ -100,7 +102,7 @@ def least_slip(model: Model, state: State, span: Span, tolerance: ArrayLike) -> 
 def _slip_of(model: Model, span: Span, velocity: Array) -> Array:
     """Slip speed (m/s) that a velocity (n,) makes on a drum at rest."""
     still = model.operation.at(jnp.asarray(span.start))._replace(drum_speed=jnp.zeros(()))
-    return model.contact.fastest_slip(still, model.widen(velocity))
+    return model.contact.fastest_slip(still, scalars(velocity))
 
 
 def local_tolerance(tolerance: ArrayLike, solver: str) -> Array:
@@ -130,7 +132,12 @@ class Resolution(NamedTuple):
         # A mode without stiffness drifts; it is given the slowest of the other frequencies.
         slowest = jnp.min(jnp.where(self.omega > 0, self.omega, _highest(self.omega)))
         size, period = jnp.abs(self.modes), 1 / jnp.where(self.omega > 0, self.omega, slowest)
-        return State(jnp.sum(size * amplitude * period, axis=1), jnp.sum(size * amplitude, axis=1), total**2 / 2)
+        return State(
+            jnp.sum(size * amplitude * period, axis=1),
+            jnp.sum(size * amplitude, axis=1),
+            total**2 / 2,
+            model.memory_size(state.memory),
+        )
 
 
 def resolution(model: Model, span: Span, local: Array) -> Resolution:
@@ -164,41 +171,51 @@ def advance_scaled(
     # Powers of two, so that no state changes by rounding when it is scaled: what rests does not creep.
     scale = jnp.ldexp(1.0, jnp.frexp(first)[1] - 1)
     inverse = 1 / scale
+    split = partial(State.split, remembered=len(model.remembered))
     # Time is counted from the start of the chunk: a step is then known to more digits.
     time = span.grid
 
     def vector_field(t: Array, scaled: Array) -> Array:
-        now = State.split(scaled * scale)
-        force, power = model.act(span.inside(span.start + t), steady + now.departure, now.velocity)
-        return State(now.velocity, force / model.mass, power).flat() * inverse
+        now = split(scaled * scale)
+        force, power, changed = model.rates(
+            span.inside(span.start + t), steady + now.departure, now.velocity, now.memory
+        )
+        return State(now.velocity, force / model.mass, power, changed).flat() * inverse
 
-    size = State.split(scale)
+    size = split(scale)
 
-    def rates(t: Array, q: Array, v: Array) -> tuple[Array, Array]:
-        velocity = v * size.velocity
-        force, power = model.act(span.inside(span.start + t), steady + q * size.departure, velocity)
-        return force / model.mass / size.velocity, power / size.work
+    def rates(t: Array, q: Array, x: Array) -> tuple[Array, Array]:
+        velocity = x[: q.size] * size.velocity
+        memory = None if size.memory is None else x[q.size :] * size.memory
+        force, power, changed = model.rates(span.inside(span.start + t), steady + q * size.departure, velocity, memory)
+        accelerations = force / model.mass / size.velocity
+        if changed is None or size.memory is None:
+            return accelerations, power / size.work
+        return jnp.concatenate([accelerations, changed / size.memory]), power / size.work
 
     def amplitudes(scaled: Array) -> Array:
         """Amplitudes (2n + 1,) of the present motion, scaled."""
-        return measure.amplitudes(model, State.split(scaled * scale)).flat() * inverse
+        return measure.amplitudes(model, split(scaled * scale)).flat() * inverse
 
     def least(scaled: Array) -> Array:
-        fastest = jnp.maximum(State.split(amplitudes(scaled) * scale).velocity, State.split(first).velocity)
+        fastest = jnp.maximum(split(amplitudes(scaled) * scale).velocity, split(first).velocity)
         return SLIP_SHARE * jnp.asarray(slip_tolerance) * _slip_of(model, span, fastest)
 
     def size_of(scaled: Array) -> Array:
         # A motion that has outgrown the one at the start is measured by itself, at any phase.
         return jnp.maximum(jnp.abs(scaled) + first * inverse, amplitudes(scaled)) - 1
 
-    stages = Stages(rates, size.velocity / size.departure, model.mass * size.velocity**2, local, size_of)
+    metric = model.mass * size.velocity**2
+    if size.memory is not None:
+        metric = jnp.concatenate([metric, jnp.zeros_like(size.memory)])
+    stages = Stages(rates, size.velocity / size.departure, metric, local, size_of)
 
     def halts(t: Array, scaled: Array) -> Array:
-        return slip(model, span.inside(span.start + t), State.split(scaled * scale).velocity) < least(scaled)
+        return slip(model, span.inside(span.start + t), split(scaled * scale).velocity) < least(scaled)
 
     def passes(attempt: Attempt) -> Array:
         def motion(t: Array, scaled: Array) -> Array:
-            return slip_motion(model, span.inside(span.start + t), State.split(scaled * scale).velocity) / size.velocity
+            return slip_motion(model, span.inside(span.start + t), split(scaled * scale).velocity) / size.velocity
 
         def inside(share: Array) -> Array:
             t = attempt.start + share * (attempt.end - attempt.start)
@@ -206,7 +223,7 @@ def advance_scaled(
 
         h, now = attempt.end - attempt.start, span.inside(span.start + (attempt.start + attempt.end) / 2)
         changes = (
-            h * slip_acceleration(model, now, State.split(slope).velocity * size.velocity) / size.velocity
+            h * slip_acceleration(model, now, split(slope).velocity * size.velocity) / size.velocity
             for slope in (attempt.slope_before, attempt.slope_after)
         )
         step = Step(motion(attempt.start, attempt.before), motion(attempt.end, attempt.after), *changes)
@@ -232,13 +249,13 @@ def advance_scaled(
 
 def _observed(model: Model, steady: Array, work: Array, time: Array, scale: Array, stepped: Stepped) -> Segment:
     """The samples in their units, the work from the start of the transient on, and what each of them looks like."""
-    states, final = (State.split(ys * scale) for ys in (stepped.samples, stepped.last))
+    states, final = (State.split(ys * scale, len(model.remembered)) for ys in (stepped.samples, stepped.last))
     states, final = (s._replace(work=s.work + work) for s in (states, final))
 
     def observe(sample: tuple[Array, State]) -> tuple[Observation, Array, Array]:
         t, now = sample
         q = steady + now.departure
-        return model.observe(t, q, now.velocity), *model.energy(t, q, now.velocity)
+        return model.observe(t, q, now.velocity, now.memory), *model.energy(t, q, now.velocity)
 
     observation, kinetic, potential = jax.lax.map(observe, (time, states))
     return Segment(

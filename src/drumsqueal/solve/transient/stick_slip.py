@@ -148,7 +148,10 @@ class StickSlip:
         times = np.concatenate([each for each, _ in looks])
         states = jax.tree.map(lambda *parts: np.concatenate(parts), *(each for _, each in looks))
         surely = np.concatenate(
-            [hold_surely(self._model, span.inside(t), self._steady + s.departure, s.velocity) for t, s in looks]
+            [
+                hold_surely(self._model, span.inside(t), self._steady + s.departure, s.velocity, s.memory)
+                for t, s in looks
+            ]
         )
         before = float(span.start + span.offset)
         for look in np.argsort(times, kind="stable"):
@@ -186,7 +189,8 @@ class StickSlip:
         )
 
     def _reserve(self, state: State, span: Span, time: float) -> float:
-        return hold(self._model, span.inside(time), self._steady + state.departure, state.velocity).reserve
+        q = self._steady + state.departure
+        return hold(self._model, span.inside(time), q, state.velocity, state.memory).reserve
 
     def _released(
         self, segment: Segment, state: State, span: Span, step: Array, before: float, after: float
@@ -214,7 +218,8 @@ class StickSlip:
 
     def _changed(self, state: State, span: Span, least: float, *, ends: bool = False) -> State:
         """The state to go on with where hardly anything slips: at rest on the drum, or slipping off it."""
-        found = hold(self._model, span.now, self._steady + state.departure, state.velocity, ends=ends)
+        q = self._steady + state.departure
+        found = hold(self._model, span.now, q, state.velocity, state.memory, ends=ends)
         velocity = drum_motion(self._model, span.now, state.velocity)
         if found.reserve >= 1 and not ends:
             self._held = held(self._model)

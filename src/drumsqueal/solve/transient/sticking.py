@@ -17,8 +17,7 @@ from jax import Array
 from jax.typing import ArrayLike
 from scipy.optimize import minimize, nnls
 
-from drumsqueal.physics.bodies.rigid_shoe import TZ, Y
-from drumsqueal.physics.effects.contact import Contact
+from drumsqueal.physics.bodies.body import dot, scalars
 from drumsqueal.physics.effects.friction import Friction
 from drumsqueal.physics.effects.operation import Moment
 from drumsqueal.physics.effects.touching import Observation
@@ -32,16 +31,8 @@ JUST = 1e-6  # of the reserve: so little beyond it, the lining slips the way tha
 
 
 def can_stick(model: Model, *, at_rest: bool) -> bool:
-    """Whether the lining can move as one with the drum: with friction, and the coordinates to follow it unless at rest.
-
-    A shoe follows a drum that turns in Y and Tz.
-    """
-    follows = all(isinstance(d, float) and d == 0 for i, d in enumerate(model.contact.following) if _left_out(model, i))
-    return model.contact.friction is not None and (follows or at_rest)
-
-
-def _left_out(model: Model, coordinate: int) -> bool:
-    return coordinate not in model.coordinates
+    """Whether the lining can move as one with the drum: with friction, and coordinates to follow it unless at rest."""
+    return model.contact.friction is not None and (model.contact.follows or at_rest)
 
 
 class Held(Model):
@@ -51,24 +42,27 @@ class Held(Model):
     freely.
     """
 
-    def act(self, time: ArrayLike, q: Array, v: Array) -> tuple[Array, Array]:
-        """Force (n,) that makes the motion the drum's, and the power beyond the stored energy (W)."""
+    def rates(
+        self, time: ArrayLike, q: Array, v: Array, memory: Array | None = None
+    ) -> tuple[Array, Array, Array | None]:
+        """Force (n,) that makes the motion the drum's, the power beyond the stored energy (W) and rate of the memory.
+
+        Nothing slips, nothing is turned into heat.
+        """
         moment = self.operation.at(time)
         free, power = _without_friction(self, time, q, v)
         held = _grip(self, moment, free)
-        return free + held, power + held @ v
+        return free + held, power + held @ v, self.memory_rate(memory, 0.0)
 
-    def observe(self, time: ArrayLike, q: Array, v: Array) -> Observation:
+    def observe(self, time: ArrayLike, q: Array, v: Array, memory: Array | None = None) -> Observation:
         """Torque, forces and extent of the contact at one instant; nothing slips, nothing is turned into heat."""
+        del memory
         moment = self.operation.at(time)
-        observation = self.contact.with_friction(None).observe(moment, self.widen(q), self.widen(v))
-        observation = observation._replace(sticking=jnp.ones(()))
-        if not isinstance(self.contact, Contact):
-            return observation
-        wide = self.widen(_grip(self, moment, _without_friction(self, time, q, v)[0]))
-        # Of R ∫F_θ dA − c ∫F_θ cos θ dA, the force on Tz, and ∫F_θ cos θ dA, that on Y.
-        torque = jnp.asarray(wide[TZ] + self.shoe.centroid * wide[Y] + jnp.zeros(()))
-        return observation._replace(brake_torque=torque)
+        observation = self.contact.with_friction(None).observe(moment, scalars(q), scalars(v))
+        # Of turning with the drum at 1 rad/s, the work of what holds the lining.
+        grip = scalars(_grip(self, moment, _without_friction(self, time, q, v)[0]))
+        torque = jnp.asarray(dot(self.contact.following, grip) + jnp.zeros(()))
+        return observation._replace(sticking=jnp.ones(()), brake_torque=torque)
 
 
 def held(model: Model) -> Held:
@@ -79,7 +73,7 @@ def held(model: Model) -> Held:
 @jax.jit
 def slip(model: Model, time: ArrayLike, v: Array) -> Array:
     """A bound on the slip speed (m/s) anywhere on the lining at velocities v (n,), reached up to a small factor."""
-    return model.contact.fastest_slip(model.operation.at(time), model.widen(v))
+    return model.contact.fastest_slip(model.operation.at(time), scalars(v))
 
 
 def slip_motion(model: Model, time: ArrayLike, v: Array) -> Array:
@@ -113,9 +107,9 @@ class Grip(NamedTuple):
 
 
 @jax.jit
-def grip(model: Model, time: ArrayLike, q: Array, v: Array, directions: Array) -> Grip:
+def grip(model: Model, time: ArrayLike, q: Array, v: Array, directions: Array, memory: Array | None = None) -> Grip:
     """The force needed at a displacement q (n,), and the farthest points of the limit surface; v tells what is free."""
-    moment = model.operation.at(time)
+    moment = model.moment(time, memory)
     needed = _grip(model, moment, _without_friction(model, time, q, v)[0])
     friction = model.contact.friction
     assert friction is not None
@@ -124,16 +118,17 @@ def grip(model: Model, time: ArrayLike, q: Array, v: Array, directions: Array) -
     still = moment._replace(drum_speed=jnp.zeros(()))
 
     def farthest(direction: Array) -> Array:
-        with_friction = sliding.act(still, model.widen(q), model.widen(-direction)).force
-        without = smooth.act(still, model.widen(q), model.widen(jnp.zeros_like(q))).force
-        return jnp.stack([jnp.asarray(with_friction[i] - without[i] + jnp.zeros(())) for i in model.coordinates])
+        with_friction = sliding.act(still, scalars(q), scalars(-direction)).force
+        without = smooth.act(still, scalars(q), scalars(jnp.zeros_like(q))).force
+        difference = (a - b for a, b in zip(with_friction, without, strict=True))
+        return jnp.stack([jnp.asarray(each + jnp.zeros(())) for each in difference])
 
     return Grip(needed, jax.lax.map(farthest, directions))
 
 
 def _without_friction(model: Model, time: ArrayLike, q: Array, v: Array) -> tuple[Array, Array]:
     smooth = dataclasses.replace(model, contact=model.contact.with_friction(None))
-    return Model.act(smooth, time, q, v)  # not that of a model held, which asks for this
+    return Model.rates(smooth, time, q, v)[:2]  # not those of a model held, which asks for this
 
 
 def _grip(model: Model, moment: Moment, free: Array) -> Array:
@@ -145,12 +140,12 @@ def _grip(model: Model, moment: Moment, free: Array) -> Array:
 
 def _following(model: Model) -> Array:
     """Velocities d of a shoe that turns with the drum at 1 rad/s."""
-    return jnp.stack([jnp.asarray(model.contact.following[i]) for i in model.coordinates])
+    return jnp.stack([jnp.asarray(each) for each in model.contact.following])
 
 
 def _slips(model: Model) -> np.ndarray:
     """Which coordinates have a slip velocity of their own (n,)."""
-    return np.array([model.contact.slipping[i] for i in model.coordinates])
+    return np.array(model.contact.slipping)
 
 
 class Hold(NamedTuple):
@@ -163,16 +158,16 @@ class Hold(NamedTuple):
     direction: np.ndarray
 
 
-def hold_surely(model: Model, times: Array, q: Array, v: Array) -> np.ndarray:
+def hold_surely(model: Model, times: Array, q: Array, v: Array, memory: Array | None = None) -> np.ndarray:
     """Whether what is needed lies among some points of the limit surface: a quick answer, where it is yes (k,).
 
-    For many times (k,) with displacements and velocities (k, n).
+    For many times (k,) with displacements and velocities (k, n) and memories (k, m).
     """
-    if len(times) > 1 and not model.forced and _rests(model, times, q, v):
+    if len(times) > 1 and not model.forced and memory is None and _rests(model, times, q, v):
         return np.repeat(hold_surely(model, times[:1], q[:1], v[:1]), len(times))
-    count, root = len(model.coordinates), np.sqrt(np.asarray(model.mass))
+    count, root = len(model.names), np.sqrt(np.asarray(model.mass))
     directions = np.random.default_rng(SEED).standard_normal((ENOUGH * count, count)) * _slips(model) / root
-    needed, farthest = (np.asarray(x) / root for x in _grips(model, times, q, v, jnp.asarray(directions)))
+    needed, farthest = (np.asarray(x) / root for x in _grips(model, times, q, v, memory, jnp.asarray(directions)))
     answers: list[bool] = []
     for k in range(len(needed)):
         same = k > 0 and np.array_equal(needed[k], needed[k - 1]) and np.array_equal(farthest[k], farthest[k - 1])
@@ -188,8 +183,8 @@ def _rests(model: Model, times: Array, q: Array, v: Array) -> bool:
 
 
 @jax.jit
-def _grips(model: Model, times: Array, q: Array, v: Array, directions: Array) -> Grip:
-    return jax.lax.map(lambda now: grip(model, *now, directions), (times, q, v))
+def _grips(model: Model, times: Array, q: Array, v: Array, memory: Array | None, directions: Array) -> Grip:
+    return jax.lax.map(lambda now: grip(model, *now[:3], directions, now[3]), (times, q, v, memory))
 
 
 def _lies_among(wanted: np.ndarray, points: np.ndarray) -> bool:
@@ -202,7 +197,9 @@ def _lies_among(wanted: np.ndarray, points: np.ndarray) -> bool:
     return nnls(table, np.append(wanted / size, 1.0))[1] < INSIDE
 
 
-def hold(model: Model, time: ArrayLike, q: ArrayLike, v: ArrayLike, *, ends: bool = False) -> Hold:
+def hold(
+    model: Model, time: ArrayLike, q: ArrayLike, v: ArrayLike, memory: Array | None = None, *, ends: bool = False
+) -> Hold:
     """Decide whether the lining sticks at a displacement q (n,), moving with the drum.
 
     The reserve is min h(u) over the motions u with Q·u = 1, Q the force that is needed: at least one where it lies in
@@ -215,9 +212,9 @@ def hold(model: Model, time: ArrayLike, q: ArrayLike, v: ArrayLike, *, ends: boo
     time, q, v = jnp.asarray(time), jnp.asarray(q), jnp.asarray(v)
 
     def farthest(direction: np.ndarray) -> np.ndarray:
-        return np.asarray(grip(model, time, q, v, jnp.asarray(direction[None])).farthest[0])
+        return np.asarray(grip(model, time, q, v, jnp.asarray(direction[None]), memory).farthest[0])
 
-    needed = np.asarray(grip(model, time, q, v, jnp.zeros((1, count))).needed)
+    needed = np.asarray(grip(model, time, q, v, jnp.zeros((1, count)), memory).needed)
     root = np.sqrt(np.asarray(model.mass))
     size = float(np.linalg.norm((needed / root)[moving]))
     if size == 0:

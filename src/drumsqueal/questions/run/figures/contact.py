@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from drumsqueal.physics.effects.pressure import Bonded, Unilateral
+from drumsqueal.physics.effects.pressure import Bonded
 from drumsqueal.physics.model import Model
 from drumsqueal.questions.run.figures.view import View
 from drumsqueal.terminal import style
@@ -95,14 +95,19 @@ def _evaluate(view: View) -> _Field | None:
 
 
 @eqx.filter_jit
-def along_arc(model: Model, time: Array, motion: Array, angles: Array) -> tuple[Array, Array, Array]:
-    """Level p0 + k_c u_r (Pa), slip speed in the drum's sense (m/s) and preload (Pa) at all times and angles."""
+def along_arc(
+    model: Model, time: Array, motion: Array, angles: Array, z: Array | None = None
+) -> tuple[Array, Array, Array]:
+    """Level p0 + k_c u_r (Pa), slip speed in the drum's sense (m/s) and preload (Pa) at all times and angles.
+
+    On a line z (m), or on the middle line.
+    """
     # A bonded lining's pressure is the level itself, also where it is negative.
     contact, n = dataclasses.replace(model.lining, law=Bonded(model.lining.law.stiffness)), len(model.names)
 
     def at(time: Array, state: Array) -> tuple[Array, Array, Array]:
         moment = model.operation.at(time)
-        level, slip = contact.along_arc(moment, model.widen(state[:n]), model.widen(state[n:]), angles)
+        level, slip = contact.along_arc(moment, state[:n], state[n:], angles, z)
         return level, slip * jnp.sign(moment.drum_speed), moment.preload
 
     return jax.vmap(at)(time, motion)
@@ -113,7 +118,7 @@ def _power_of_ten(power: int) -> str:
 
 
 def _can_lift(view: View) -> bool:
-    return isinstance(view.model.lining.law, Unilateral)
+    return float(view.model.contact.lifting_stiffness) > 0
 
 
 def _mark_states(view: View, axes: Axes, field: _Field, factor: float) -> None:

@@ -9,7 +9,6 @@ from drumsqueal.findings.compare import UNEXCITED_SHARE, ModeComparison
 from drumsqueal.findings.departure import FEWEST_FOR_SPECTRUM, ROTATIONS, Departure
 from drumsqueal.findings.outcome import Ending
 from drumsqueal.findings.saturation import Saturation
-from drumsqueal.physics.bodies.rigid_shoe import TZ, Y
 from drumsqueal.physics.model import Model
 from drumsqueal.simulation import Result
 from drumsqueal.solve.linear.modes import NEUTRAL_SHARE, Mode
@@ -103,10 +102,10 @@ class View:
 
     def surface_motion(self, part: slice) -> NDArray[np.float64]:
         """u_θ (m) and its rate (m/s) at the middle of the lining, θ = z = 0, for a part of the record (time, 2)."""
-        offset = self.radius - float(self.model.shoe.centroid)
-        departure = self.departure
-        both = (departure.wide(columns) for columns in (departure.displacement_in(part), departure.velocity_in(part)))
-        return np.stack([offset * q[TZ] + q[Y] for q in both], axis=1)
+        departure, body = self.departure, self.model.lining.body
+        both = (departure.named(columns) for columns in (departure.displacement_in(part), departure.velocity_in(part)))
+        along = (np.broadcast_to(body.displacement(q, 0.0)[1], self.time[part].shape) for q in both)
+        return np.stack(list(along), axis=1)
 
 
 def rate_text(rate: float, mode: Mode) -> str:

@@ -1,0 +1,63 @@
+"""The lining's temperature, and the fade of friction that comes with it: an effect that remembers.
+
+C ϑ̇ = P − h ϑ with P the heat of friction (W) and ϑ the rise over the surroundings (K), zero at the start, lumped over
+lining and shoe; friction falls with it, μ(s, ϑ) = μ(s) max(0, 1 − γ ϑ).
+"""
+
+from typing import Protocol
+
+import equinox as eqx
+import jax.numpy as jnp
+from jax import Array
+
+from drumsqueal.physics.bodies.body import Scalar
+from drumsqueal.physics.effects.operation import Moment
+from drumsqueal.precision import real
+
+RESOLVED = 1.0  # K; the error of a step is measured against a rise of at least this
+
+
+class Remembering(Protocol):
+    """What a model asks of an effect with a state of its own, which a transient integrates beside the motion."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of its variables in the history; their start is zero."""
+        ...
+
+    def influence(self, moment: Moment, memory: Array) -> Moment:
+        """The moment as all other effects see it, by what is remembered (m,)."""
+        ...
+
+    def rate(self, memory: Array, heat: Scalar) -> Array:
+        """How fast what is remembered (m,) changes while friction turns so much power into heat (W)."""
+        ...
+
+    def size(self, memory: Array) -> Array:
+        """What errors of it (m,) are measured against."""
+        ...
+
+
+class Temperature(eqx.Module):
+    """Heat capacity C (J/K), cooling h (W/K) and fade γ (1/K)."""
+
+    heat_capacity: Array = eqx.field(converter=real)
+    cooling: Array = eqx.field(converter=real)
+    fade: Array = eqx.field(converter=real)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The rise of temperature (K)."""
+        return ("lining_temperature",)
+
+    def influence(self, moment: Moment, memory: Array) -> Moment:
+        """The moment with the share of friction that is left, max(0, 1 − γ ϑ)."""
+        return moment._replace(friction_share=jnp.maximum(0.0, 1 - self.fade * memory[0]))
+
+    def rate(self, memory: Array, heat: Scalar) -> Array:
+        """ϑ̇ (1,) in K/s."""
+        return (heat - self.cooling * memory) / self.heat_capacity
+
+    def size(self, memory: Array) -> Array:
+        """ϑ itself, from `RESOLVED` on."""
+        return jnp.maximum(jnp.abs(memory), RESOLVED)
