@@ -29,7 +29,7 @@ from drumsqueal.questions.effects.reductions import reductions_of
 from drumsqueal.questions.effects.study import EffectStudy
 from drumsqueal.questions.effects.variants import Variant
 from drumsqueal.questions.onset.figure import limit_amplitudes
-from drumsqueal.questions.run.figures import draw_all
+from drumsqueal.questions.run.figures import draw_all, drawings
 from drumsqueal.questions.run.figures.shares import running
 from drumsqueal.questions.run.figures.view import View
 from drumsqueal.questions.sweep.amplitude_figure import draw_amplitude
@@ -39,7 +39,8 @@ from drumsqueal.scene import COORDINATES
 from drumsqueal.scene.plan import Plan, grid, sample
 from drumsqueal.scene.variation import read_variation
 from drumsqueal.terminal.placement import spread
-from drumsqueal.terminal.style import save_figures
+from drumsqueal.terminal.runner import Answer
+from drumsqueal.terminal.style import save_figure
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 ALL = {"growth", "spectrogram", "spectra", "phase", "contact", "eigenvalues"}
@@ -318,9 +319,11 @@ def test_no_motion_leaves_the_eigenvalues():
 
 
 def test_figures_are_saved_under_their_names(tmp_path):
-    paths = save_figures(drawn("growing")[2], tmp_path)
-    assert [path.name for path in paths] == [figure_file(name) for name in FIGURES]
-    for path in paths:
+    result, model, _ = drawn("growing")
+    answer = Answer(words=lambda *_: None, figures=drawings(result, model))
+    assert answer.draw(tmp_path, None) == []
+    assert {path.name for path in tmp_path.iterdir()} == {figure_file(name) for name in FIGURES}
+    for path in tmp_path.iterdir():
         assert path.read_bytes().startswith(b"\x89PNG")
 
 
@@ -332,7 +335,7 @@ def test_no_half_of_a_figure_is_left(tmp_path, monkeypatch):
 
     monkeypatch.setattr(Path, "write_bytes", write_half)
     with pytest.raises(KeyboardInterrupt):
-        save_figures({"phase": drawn("short")[2]["phase"]}, tmp_path)
+        save_figure(drawn("short")[2]["phase"], tmp_path / "phase.png")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -367,7 +370,8 @@ def test_any_title_fits(title):
 
 def test_letters_that_the_font_lacks_become_boxes_without_a_warning(tmp_path):
     figures = draw_all(*made_up("nominal", 40, COMPLETE, title="制动 μ 🚗"))
-    save_figures(figures, tmp_path)
+    for name, figure in figures.items():
+        save_figure(figure, tmp_path / figure_file(name))
     for figure in figures.values():
         assert figure.get_suptitle().startswith("□□ μ □: ")
 

@@ -32,7 +32,7 @@ from drumsqueal.questions.onset.study import study_onset
 from drumsqueal.questions.report import onset_page as onset_page_module
 from drumsqueal.questions.report import page
 from drumsqueal.questions.report import run_page as run_page_module
-from drumsqueal.questions.report.job import report_into
+from drumsqueal.questions.report.answer import write_page
 from drumsqueal.questions.report.sound import RECORD_S, _played
 from drumsqueal.questions.report.words import figure_words
 from drumsqueal.questions.run import answer as run_job
@@ -121,7 +121,7 @@ def onset_folder(tmp_path_factory):
 
 def reported(folder: Path, kind: str) -> Path:
     """The folder with the page about it, which is made once."""
-    report_into(folder / REPORT, folder, kind, Console(file=io.StringIO()))
+    write_page(folder / REPORT, folder, kind)
     return folder
 
 

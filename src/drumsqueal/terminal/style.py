@@ -12,7 +12,6 @@ from matplotlib.figure import Figure
 from matplotlib.font_manager import findfont, get_font
 
 from drumsqueal.files import output_folder
-from drumsqueal.interrupts import stop_if_interrupted
 
 WIDTH_MM, HEIGHT_MM = 170.0, 110.0
 DOTS_PER_INCH = 200
@@ -99,18 +98,6 @@ def frame(axes: Axes, x_label: str | None, y_label: str | None) -> None:
 def time_unit(duration: float) -> tuple[float, str]:
     """Return the factor from seconds and the unit in which a time axis of that length (s) reads well."""
     return (1.0, "s") if duration > SHORTEST_IN_SECONDS else (1e3, "ms")
-
-
-def save_figures(figures: Mapping[str, Figure], folder: Path) -> list[Path]:
-    """Save figures into a folder, each whole or not at all, and return the paths; 200 dpi.
-
-    Raises OSError, and KeyboardInterrupt between two figures.
-    """
-    paths = [folder / output_folder.figure_file(name) for name in figures]
-    for path, figure in zip(paths, figures.values(), strict=True):
-        stop_if_interrupted()
-        save_figure(figure, path)
-    return paths
 
 
 @styled()

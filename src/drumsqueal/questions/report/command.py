@@ -7,7 +7,6 @@ import typer
 
 from drumsqueal.files.claims import claim_results
 from drumsqueal.files.output_folder import ONSET_FILES, REPORT, RUN_FILES, check_ending
-from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.terminal.options import JsonFile, Overwrite, Quiet, read_file, read_folder
 from drumsqueal.terminal.reply import Reply
 
@@ -41,8 +40,7 @@ def report_command(
     read = [folder / name for name in (*RUN_FILES, *ONSET_FILES) if name != REPORT]
     reply = Reply.with_file(file, read, quiet, json_file, overwrite=overwrite)
     claim_results(folder)
-    stop_if_interrupted()
-    from drumsqueal.questions.report.job import report_into
+    from drumsqueal.questions.report.answer import print_page, write_page
+    from drumsqueal.terminal.runner import answer_without_folder
 
-    stop_if_interrupted()
-    reply.send(report_into(file, folder, kind, reply.console))
+    answer_without_folder(reply, print_page, lambda progress: write_page(file, folder, kind, progress))

@@ -9,7 +9,7 @@ from drumsqueal.errors import RequestError
 from drumsqueal.files.output_folder import ONSET, ONSET_SUMMARY, ONSET_TABLE, figure_file
 from drumsqueal.findings.outcome import Ending
 from drumsqueal.findings.schema import read_findings
-from drumsqueal.interrupts import stop_if_interrupted
+from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.onset.found import OnsetStudy
 from drumsqueal.questions.onset.rows import Kind
 from drumsqueal.questions.report.inline import data_uri, picture
@@ -36,7 +36,7 @@ IT = {
 ABOUT = "The shapes were computed anew from the scene, at the critical values, as this page was made."
 
 
-def onset_content(folder: Path) -> dict[str, Any]:
+def onset_content(folder: Path, progress: Progress = silent) -> dict[str, Any]:
     """What the template takes, from the folder of a study. Raises RequestError for files that are none of a study."""
     if not (folder / ONSET_SUMMARY).exists():
         raise RequestError(f"{folder}: there is {ONSET_TABLE}, but no {ONSET_SUMMARY}; study the onset anew")
@@ -59,7 +59,7 @@ def onset_content(folder: Path) -> dict[str, Any]:
         "title": scene.title or "Untitled scene",
         "warning": None if complete else CUT_OFF,
         "headline": found.verdict or _so_far(found),
-        "animation": _animation(found),
+        "animation": _animation(found, progress),
         "animation_note": NO_MODES,
         "about": ABOUT,
         "tolerance": scene.simulate.tolerance,
@@ -106,14 +106,14 @@ def _range(along: Variation, scene: Scene) -> str:
     return f"{along.key}={along.first!r}..{along.last!r}x{count}"
 
 
-def _animation(found: OnsetStudy) -> dict[str, Any] | None:
+def _animation(found: OnsetStudy, progress: Progress) -> dict[str, Any] | None:
     """The mode at each critical value that oscillates; None where there is none."""
     made: list[dict[str, Any]] = []
     animation: dict[str, Any] = {}
     along = found.variation
     for critical in found.critical_values:
         moving = _at(found.scene, along.key, critical)
-        stop_if_interrupted()
+        progress("modes", 0.0, None)
         if moving is not None:
             animation = moving
             made += [mode | {"label": critical.label} for mode in moving["modes"]]

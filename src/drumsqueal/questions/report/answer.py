@@ -1,0 +1,46 @@
+"""A page about what a folder holds: read, filled in and written as one file."""
+
+import importlib.metadata
+from pathlib import Path
+
+from rich.console import Console
+
+from drumsqueal.files.output_folder import write_whole
+from drumsqueal.findings.part import Finding
+from drumsqueal.progress import Progress, silent
+from drumsqueal.questions.report.found import RUN
+from drumsqueal.questions.report.onset_page import onset_content
+from drumsqueal.questions.report.page import MEGABYTE, render
+from drumsqueal.questions.report.run_page import run_content
+from drumsqueal.scene.quantities import printable
+
+
+class Page(Finding):
+    """A page: the finding at its head, the warning below it (None: none), the file and its size in bytes."""
+
+    finding: str
+    warning: str | None
+    page: str
+    bytes: int
+
+
+def write_page(file: Path, folder: Path, kind: str, progress: Progress = silent) -> Page:
+    """Write the page of a folder that holds a run or a study of the onset.
+
+    Raises RequestError for files that this version does not take, and OSError.
+    """
+    progress("reading", 0.0, None)
+    content = run_content(folder) if kind == RUN else onset_content(folder, progress)
+    progress("writing the page", 0.0, None)
+    page = render(f"{kind}.html", content | {"maker": importlib.metadata.version("drumsqueal")}).encode()
+    progress("writing the page", 1.0, 1.0)
+    write_whole(file, page)
+    return Page(finding=content["headline"], warning=content["warning"], page=str(file), bytes=len(page))
+
+
+def print_page(console: Console, page: Page) -> None:
+    """Print the finding, the warning and how large the page is."""
+    console.print(printable(page.finding), style="bold")
+    if page.warning:
+        console.print(printable(page.warning))
+    console.print(f"The page has {page.bytes / MEGABYTE:.2f} MB and opens without a network")
