@@ -11,6 +11,7 @@ from pydantic import (
     GetPydanticSchema,
     PlainSerializer,
     ValidationError,
+    WithJsonSchema,
     computed_field,
 )
 from pydantic_core.core_schema import any_schema
@@ -30,7 +31,12 @@ def _scene(value: Any) -> Any:
     return scene_from_dict(_without_none(value)) if isinstance(value, dict) else value
 
 
-SceneInFile = Annotated[Scene, BeforeValidator(_scene), PlainSerializer(lambda scene: scene.model_dump(mode="json"))]
+SceneInFile = Annotated[
+    Scene,
+    BeforeValidator(_scene),
+    PlainSerializer(lambda scene: scene.model_dump(mode="json")),
+    WithJsonSchema({"type": "object", "description": "The tables of a scene file, in SI."}),
+]
 """A scene as a field of findings."""
 
 
