@@ -19,6 +19,7 @@ from drumsqueal.findings.history import COMPLETE, to_dataset
 from drumsqueal.findings.outcome import Ending, Outcome
 from drumsqueal.interrupts import noted_interrupts, stop_if_interrupted
 from drumsqueal.physics.composition import (
+    GIVEN,
     Inventory,
     kept_coordinates,
     linear_coordinates,
@@ -80,7 +81,8 @@ def prepare(scene: Scene, friction_law: FrictionLaw | Callable[[Array], Array] |
         raise SceneError(str(error)) from None
     stop_if_interrupted()
     model = build_model(scene, friction_law=friction_law)
-    given_law = "" if friction_law is None else getattr(friction_law, "__name__", type(friction_law).__name__)
+    name = getattr(friction_law, "__name__", type(friction_law).__name__)
+    given_law = "" if friction_law is None else f"{name}, {GIVEN}"
     return Prepared(
         scene, model, linear, stability, take_inventory(scene, given_law), held_coordinates(scene), given_law
     )

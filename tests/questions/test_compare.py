@@ -162,7 +162,7 @@ def history(nominal, tmp_path_factory):
     data |= {name: (("time",), np.zeros(time.size)) for name in SIGNALS}
     data["velocity"][1][:, 1] = tones(LINES, END, 50_000.0, samples=time.size)[1]
     data["contact_fraction"][1][:] = np.where(time < EDGE, 1.0, 0.7)
-    attributes = {"scene": nominal.to_toml(), "outcome": COMPLETE}
+    attributes = {"scene": nominal.to_toml(), "outcome": str(COMPLETE)}
     coordinates = {"time": time, "coordinate": list(COORDINATES)}
     path = tmp_path_factory.mktemp("run") / "history.nc"
     xarray.Dataset(data, coordinates, attributes).to_netcdf(path, engine="h5netcdf")

@@ -216,15 +216,15 @@ def test_costs_are_those_of_the_run(study, quick):
 
 def test_evaluations_are_counted_as_they_are_made(quick, monkeypatch):
     made = []
-    act = Model.act
+    rates = Model.rates
 
     def counted(self, *arguments):
         jax.debug.callback(lambda: made.append(1))
-        return act(self, *arguments)
+        return rates(self, *arguments)
 
     # This scene is taken by no other method in these tests, so that it is traced here: with what counts in it.
     prepared = prepare(quick.with_values({"simulate.solver": "dopri5", "simulate.duration": 0.03}))
-    monkeypatch.setattr(Model, "act", counted)
+    monkeypatch.setattr(Model, "rates", counted)
     monkeypatch.setattr(integration, "one_kernel", lambda function, *inputs: function(*inputs))  # it takes no callbacks
     chunks = list(transient(prepared))
     jax.effects_barrier()

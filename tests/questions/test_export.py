@@ -19,7 +19,7 @@ import scipy.signal
 
 from drumsqueal.errors import RequestError
 from drumsqueal.files.output_folder import part_of
-from drumsqueal.findings.history import SIGNALS
+from drumsqueal.findings.history import SIGNALS, TEMPERATURE
 from drumsqueal.physics.model import build_model
 from drumsqueal.questions.export.formats import FORMATS, find_format
 from drumsqueal.questions.export.signals import _RECORDED, surface_velocity
@@ -490,7 +490,7 @@ def test_a_run_that_was_cut_off_goes_out_as_far_as_it_got(history, drumsqueal):
             variable = file[name]
             assert isinstance(variable, h5py.Dataset)
             variable[700:] = np.nan
-        file.attrs["outcome"] = "interrupted by the user after t = 0.01398 s"
+        file.attrs["outcome"], file.attrs["ending"] = "interrupted by the user after t = 0.01398 s", "interrupted"
     status, printed, errors = drumsqueal("export", str(history.parent), "--to", "npz", "--signals", "velocity")
     assert status == 0
     assert "700 samples" in printed
@@ -598,7 +598,7 @@ def test_an_extra_that_is_not_installed_is_named(history, drumsqueal, monkeypatc
 
 
 def test_every_recorded_signal_can_go_out():
-    assert list(_RECORDED) == list(SIGNALS)
+    assert list(_RECORDED) == [*SIGNALS, *TEMPERATURE]
 
 
 @pytest.mark.parametrize("to", FORMATS)

@@ -447,7 +447,8 @@ def test_an_optional_table_left_out_is_no_effect_and_no_number():
 def test_only_optional_tables_can_be_left_out():
     for key in ("drum", "drum.speed", "friction.law"):
         with pytest.raises(
-            SceneError, match="only the tables support, friction, damping, forcing, uncertain can be left out"
+            SceneError,
+            match="only the tables support, friction, damping, temperature, forcing, uncertain can be left out",
         ):
             nominal().with_values({key: None})
 

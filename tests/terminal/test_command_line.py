@@ -183,7 +183,7 @@ def test_a_name_is_printed_as_it_is(drumsqueal, tmp_path, name):
     folder = tmp_path / name
     status, printed, errors = drumsqueal("run", NOMINAL, "-o", str(folder), *SHORT)
     assert (status, errors) == (0, "")
-    assert printed.endswith(f"are in {folder}\n")
+    assert f"Results are in {folder}: " in printed
     assert str(folder) in drumsqueal("run", NOMINAL, "-o", str(folder), *SHORT)[2]
 
 
@@ -192,7 +192,7 @@ def test_escapes_in_a_name_reach_no_terminal(drumsqueal, tmp_path):
     folder = tmp_path / "a\x1b[2J\udcffb"
     status, printed, errors = drumsqueal("run", NOMINAL, "-o", str(folder), *SHORT)
     assert (status, errors) == (0, "")
-    assert printed.endswith("a?[2J?b\n")
+    assert "a?[2J?b: history.nc" in printed
     assert "a?[2J?b/history.nc exists" in drumsqueal("run", NOMINAL, "-o", str(folder), *SHORT)[2]
 
 

@@ -163,7 +163,7 @@ def test_a_run_that_was_interrupted_goes_on_to_the_same_end(drumsqueal, interrup
     assert find_point(interrupted, scene_of(interrupted)).reached.samples == 1001
     status, printed, errors = drumsqueal("run", NOMINAL, "-o", str(interrupted), *SHORT, "--resume")
     assert (status, errors) == (0, "")
-    assert printed.endswith(f"are in {interrupted}\n")
+    assert f"Results are in {interrupted}: " in printed
     xarray.testing.assert_identical(load(interrupted), uninterrupted)
     summary = json.loads((interrupted / "summary.json").read_text())
     assert summary["outcome"] == "complete"
@@ -306,11 +306,15 @@ REFUSED = {
     "data elsewhere": (lead_elsewhere, "history.nc is cut short or damaged"),
     "scene no scene": (lambda folder: attribute(folder, "scene", "x = 1"), "history.nc is cut short or damaged"),
     "complete": (
-        lambda folder: ((folder / "resume.json").unlink(), attribute(folder, "outcome", "complete")),
+        lambda folder: ((folder / "resume.json").unlink(), attribute(folder, "ending", "complete")),
         "the run is complete, there is nothing to resume",
     ),
     "failed": (
-        lambda folder: ((folder / "resume.json").unlink(), attribute(folder, "outcome", "failed: no step")),
+        lambda folder: (
+            (folder / "resume.json").unlink(),
+            attribute(folder, "outcome", "failed: no step"),
+            attribute(folder, "ending", "failed"),
+        ),
         "the run failed: no step, and would fail there again",
     ),
     "point gone": (lambda folder: (folder / "resume.json").unlink(), "there is no resume.json"),

@@ -72,7 +72,9 @@ def test_a_run_without_samples_keeps_the_prediction(drumsqueal, tmp_path, monkey
     summary = json.loads((tmp_path / "summary.json").read_text())
     assert summary["outcome"] == "failed: there is no step"
     assert len(summary["prediction"]["eigenvalues"]) == 12
-    assert summary["growth"] is summary["verdict"] is summary["accuracy"] is None
+    assert summary["growth"]["modes"] == []
+    assert summary["saturation"] is summary["sticking"] is summary["accuracy"] is None
+    assert summary["verdict"].endswith("nothing was computed beyond the prediction (failed: there is no step).")
 
 
 def test_what_nobody_foresaw_is_told_in_one_line(drumsqueal, tmp_path, monkeypatch):
@@ -187,7 +189,7 @@ def test_control_c_after_the_integration(drumsqueal, tmp_path, monkeypatch, modu
     assert (status, printed) == (1, "")
     assert errors == f"drumsqueal: interrupted by the user; the complete history is in {history}; {AGAIN}\n"
     assert assert_whole(tmp_path, "complete") == 1501
-    assert (tmp_path / "summary.json").exists() == (step == "draw_all")
+    assert (tmp_path / "summary.json").exists() == (step == "drawings")
 
 
 def test_control_c_again_while_an_interrupted_run_is_written_out_tells_how_to_go_on(drumsqueal, tmp_path, monkeypatch):
@@ -272,9 +274,7 @@ def test_a_disk_that_fails_keeps_what_was_computed(drumsqueal, tmp_path, monkeyp
     assert {path.name for path in tmp_path.iterdir()} <= set(RUN_FILES)
 
 
-@pytest.mark.parametrize(
-    "writer", ["drumsqueal.questions.run.answer.write_json", "drumsqueal.terminal.style.save_figure"]
-)
+@pytest.mark.parametrize("writer", ["questions.run.answer.write_json", "terminal.style.save_figure"])
 def test_a_disk_without_room_for_the_results_keeps_the_history(drumsqueal, tmp_path, monkeypatch, writer):
     def fail(*_):
         raise OSError(errno.ENOSPC, "No space left on device")

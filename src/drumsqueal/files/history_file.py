@@ -180,7 +180,9 @@ def _tell(path: Path, reached: Reached, outcome: Outcome) -> None:
         file.attrs.modify("steps", np.int64(reached.steps))
         file.attrs.modify("rejected_steps", np.int64(reached.rejected_steps))
         file.attrs.modify("outcome", fixed_text(outcome, _LONGEST))
-        file.attrs.modify("ending", fixed_text(outcome.ending, _WORD))
+        ending = fixed_text(outcome.ending, _WORD)
+        if file.attrs["ending"] != ending:  # between two chunks it stays
+            file.attrs.modify("ending", ending)
 
 
 def _blocks(rows: int) -> Iterator[tuple[int, int]]:

@@ -12,7 +12,7 @@ from drumsqueal.errors import RequestError
 from drumsqueal.files.in_place import as_text, content_of, opened, variable
 from drumsqueal.files.output_folder import history_file
 from drumsqueal.findings.history import MOTION, SIGNALS, signals_of
-from drumsqueal.findings.outcome import Ending, Outcome
+from drumsqueal.findings.outcome import COMPLETE, Ending, Outcome
 from drumsqueal.scene import COORDINATES, Scene, SceneError, scene_from_dict
 
 UNEVEN = 1e-6  # of a sampling interval, that a sample may lie off its place; round-off is below 1e-9 in an hour
@@ -101,8 +101,10 @@ def _load(path: Path) -> tuple[xarray.Dataset, Scene]:
     dimensions = dict.fromkeys(signals_of(scene), ("time",)) | dict.fromkeys(MOTION, ("time", "coordinate"))
     if any(data[name].dims != wanted for name, wanted in dimensions.items()):
         raise ValueError("dimensions")
-    data.attrs |= {name: as_text(data.attrs[name]) for name in ("outcome", "ending")}
-    Ending(data.attrs["ending"])  # or it is no history of ours
+    data.attrs["outcome"] = as_text(data.attrs["outcome"])
+    complete = data.attrs["outcome"] == COMPLETE  # of an earlier version, which wrote the words alone
+    ending = data.attrs.get("ending", Ending.COMPLETE if complete else Ending.CUT_OFF)
+    data.attrs["ending"] = Ending(as_text(ending)).value
     return data, scene
 
 

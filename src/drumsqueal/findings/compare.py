@@ -13,7 +13,7 @@ from drumsqueal.findings.departure import FEWEST_FOR_SPECTRUM, Departure, change
 from drumsqueal.findings.frequency import FrequencyDrift, follow_frequency
 from drumsqueal.findings.history import memory_of
 from drumsqueal.findings.outcome import COMPLETE, Ending
-from drumsqueal.findings.part import Finding, Held
+from drumsqueal.findings.part import Finding, Held, Positive
 from drumsqueal.findings.prediction import Prediction, predict
 from drumsqueal.findings.saturation import Saturation, describe_saturation, saturated_part
 from drumsqueal.findings.schema import Findings
@@ -65,7 +65,7 @@ class ModeComparison(Finding):
     name: str
     label: str
     unstable: bool
-    predicted_frequency_Hz: float
+    predicted_frequency_Hz: Positive
     measured_frequency_Hz: float | None = None
     frequency_resolution_Hz: float | None = None
     frequency_from_phase_Hz: float | None = None

@@ -14,5 +14,6 @@ class Finding(BaseModel):
 
 Held: Any = Field(default=None, exclude=True)
 """The default of a field that figures need and the file does not hold: it is None where findings were read."""
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Number = Annotated[float, BeforeValidator(lambda value: math.nan if value is None else value)]
 """NaN where the file has null."""

@@ -3,8 +3,9 @@
 import math
 
 import numpy as np
+from pydantic import FiniteFloat
 
-from drumsqueal.findings.part import Finding
+from drumsqueal.findings.part import Finding, Positive
 from drumsqueal.solve.linear.modes import OSCILLATING_SHARE, Stability, growing_without_oscillation
 
 
@@ -12,9 +13,9 @@ class PredictedMode(Finding):
     """A mode that oscillates, named by its largest mass-weighted coordinate, with ζ = −Re λ/|λ|."""
 
     name: str
-    frequency_Hz: float
-    growth_rate_1_per_s: float
-    damping_ratio: float
+    frequency_Hz: Positive
+    growth_rate_1_per_s: FiniteFloat
+    damping_ratio: FiniteFloat
     unstable: bool
 
     @property

@@ -73,7 +73,7 @@ def linear_coordinates(scene: Scene) -> tuple[str, ...]:
 
 
 def take_inventory(scene: Scene, given_law: str = "") -> Inventory:
-    """Say what a scene's transient includes and leaves out; `given_law` names a friction law given in Python."""
+    """Say what a scene's transient includes and leaves out; `given_law` is the one given in Python."""
     composition, friction = compose(scene), scene.friction
     kept = composition.coordinates
     includes = [f"coordinates {', '.join(kept)}"]
@@ -91,7 +91,7 @@ def take_inventory(scene: Scene, given_law: str = "") -> Inventory:
     if friction is None:
         leaves_out.append("friction")
     else:
-        includes.append(f"friction: law {given_law}, {GIVEN}" if given_law else f"friction: {friction.name}")
+        includes.append(f"friction: law {given_law}" if given_law else f"friction: {friction.name}")
         place(
             friction.direction == "unit-velocity",
             "friction along the unit slip velocity",
