@@ -84,9 +84,9 @@ def _decays(n: Numbers, mode: str) -> str:
 
 def _drifts(n: Numbers, _: str) -> str:
     if abs(n["amplitude_drift"]) >= n["mean_drift"]:
-        what = f"the rms {'grows' if n['amplitude_drift'] > 0 else 'falls'} by {abs(n['amplitude_drift']):.1%}"
+        what = f"the rms {'grows' if n['amplitude_drift'] > 0 else 'falls'} by {100 * abs(n['amplitude_drift']):.1f} %"
     else:
-        what = f"the mean moves by {n['mean_drift']:.1%} of the rms"
+        what = f"the mean moves by {100 * n['mean_drift']:.1f} % of the rms"
     return f"The motion still drifts: {what} from the first half of the record to the second; record for longer."
 
 
@@ -99,12 +99,12 @@ def _not_periodic(n: Numbers) -> str:
     error = f"its recurrence error is {percent(n['recurrence_error'])} of rms"
     if n["nearly"]:
         return f"The motion is stationary but not periodic: {error} after one period, but larger after many."
-    limit = f"{n['recurrence_limit']:.0%} would be periodic"
+    limit = f"{100 * n['recurrence_limit']:.0f} % would be periodic"
     return f"The motion is stationary but not periodic: {error} at best, and up to {limit}."
 
 
 def _variance(n: Numbers) -> str:
-    return f"hold {n['explained']:.2%} of its variance"
+    return f"hold {100 * n['explained']:.2f} % of its variance"
 
 
 def _combinations(n: Numbers, listed: str) -> str:
@@ -113,8 +113,8 @@ def _combinations(n: Numbers, listed: str) -> str:
 
 
 def _no_combinations(n: Numbers, _: str) -> str:
-    held = f"its {n['lines']:.0f} strongest lines hold {n['in_lines']:.2%} of its variance"
-    combined = f"those that are combinations of three frequencies {n['explained']:.2%}"
+    held = f"its {n['lines']:.0f} strongest lines hold {100 * n['in_lines']:.2f} % of its variance"
+    combined = f"those that are combinations of three frequencies {100 * n['explained']:.2f} %"
     apart = f"lines closer than {n['resolution_Hz']:.2g} Hz are one in {n['duration_s']:.2g} s"
     return f"{_not_periodic(n)} It is irregular: {held}, {combined}; {apart}."
 
