@@ -71,7 +71,7 @@ class Scene(Table):
     """One scene, checked, in SI: what brake, what acts on it, how it starts and how long it runs.
 
     A table that is None (support, friction, damping, temperature, forcing) is an effect the scene does not call for.
-    `uncertain` holds distributions of its numbers, which a random sweep draws from and everything else leaves aside.
+    `uncertain` holds distributions of its numbers, which a random sweep samples and all other commands ignore.
     """
 
     title: Title = ""

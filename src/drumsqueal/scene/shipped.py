@@ -1,4 +1,4 @@
-"""The scenes that come with the package: in a wheel among its files, in a clone in the folder beside src."""
+"""The shipped scenes: in a wheel among its files, in a clone in the folder next to src."""
 
 from importlib.resources import files
 from pathlib import Path
