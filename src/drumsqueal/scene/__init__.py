@@ -123,8 +123,8 @@ class Scene(Table):
                 try:
                     certain.with_values({key: value})
                 except SceneError as error:
-                    told = error.reason.removeprefix(f"{key} = {value!r}: ")
-                    truncate = f"draws reach {value:.6g}, and {told}; truncate the distribution with low and high"
+                    reason = error.reason.removeprefix(f"{key} = {value!r}: ")
+                    truncate = f"samples reach {value:.6g}, and {reason}; truncate the distribution with low and high"
                     raise SceneError(truncate, ("uncertain", key)) from None
         return self
 

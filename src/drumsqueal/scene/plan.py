@@ -109,10 +109,10 @@ def sample(
     uniform = {each.key: Uniform(min(each.values), max(each.values)) for each in variations}
     distributions = {**(scene.uncertain or {}), **uniform}
     if not distributions:
-        told = "nothing in this scene is uncertain; add a table [uncertain] to it, or --vary drum.speed=1..40"
-        raise RequestError(f"--random {draws}: {told}")
+        message = "nothing in this scene is uncertain; add a table [uncertain] to it, or --vary drum.speed=1..40"
+        raise RequestError(f"--random {draws}: {message}")
     if draws < 1:
-        raise RequestError(f"--random {draws}: write a number of draws, such as 1000")
+        raise RequestError(f"--random {draws}: write a number of samples, such as 1000")
     if not 0 <= seed < 2**63:
         raise RequestError(f"--seed {seed}: write a whole number from 0 to 2**63 - 1")
     given = {each.key: each for each in variations}

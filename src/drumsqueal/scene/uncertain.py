@@ -201,8 +201,8 @@ def _read(key: str, written: Any, unit: str) -> Distribution:
     for given in written:
         if given != "distribution" and given not in known:
             near = nearest(str(given), known)
-            told = f"did you mean {near[0]}?" if near else f"this distribution has {', '.join(known)}"
-            raise SceneError(f"unknown key; {told}", (key, str(given)))
+            message = f"did you mean {near[0]}?" if near else f"this distribution has {', '.join(known)}"
+            raise SceneError(f"unknown key; {message}", (key, str(given)))
     numbers = {}
     for field in fields(kind):
         if field.name in written:
@@ -224,10 +224,10 @@ def _number(value: Any, unit: str, path: tuple[str, str]) -> float:
 
 def _check(key: str, distribution: Distribution) -> None:
     """Raise SceneError for parameters that make no distribution."""
-    for name, (least, told) in _LEAST.items():
+    for name, (least, message) in _LEAST.items():
         value = getattr(distribution, name, None)
         if value is not None and not value > least:
-            raise SceneError(told, (key, name), value)
+            raise SceneError(message, (key, name), value)
     if distribution.low is not None and distribution.high is not None and not distribution.low < distribution.high:
         raise SceneError(f"high must be above low, {distribution.low!r}", (key, "high"), distribution.high)
     if isinstance(distribution, LogNormal) and distribution.high is not None and distribution.high <= 0:

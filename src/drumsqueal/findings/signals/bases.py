@@ -56,7 +56,7 @@ def find_bases(lines: Lines) -> Bases:
     lattice = _Lattice(lines)
     for j in range(lines.frequency_Hz.size):
         lattice.take(j)
-    return lattice.told()
+    return lattice.fitted()
 
 
 class _Lattice:
@@ -96,7 +96,7 @@ class _Lattice:
         if self.count > MOST_BASES:
             self.combinations = before
 
-    def told(self) -> Bases:
+    def fitted(self) -> Bases:
         """The strongest lines, or distances from them, that generate all lines; fitted, positive, rising."""
         if self.count == 0:
             return Bases(np.zeros(0), np.zeros(0), self.combinations, 0.0, self.lines.frequency_Hz.size == 0)

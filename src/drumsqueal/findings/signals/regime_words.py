@@ -36,12 +36,12 @@ def describe_cause(
 
 def told_frequencies(frequencies: Sequence[float], uncertainties: Sequence[float], most: int) -> str:
     """Frequencies in words, to the digits that they are known to, `most` significant ones."""
-    told = []
+    texts = []
     for frequency, uncertainty in zip(frequencies, uncertainties, strict=True):
         known = math.floor(math.log10(frequency)) - math.floor(math.log10(max(uncertainty, 1e-9 * frequency)))
         digits = max(1, min(most, known + 1))
-        told.append(f"{frequency:.{max(0, digits - 1 - math.floor(math.log10(frequency)))}f}")
-    return f"{', '.join(told[:-1])} and {told[-1]} Hz" if len(told) > 1 else f"{told[0]} Hz" if told else ""
+        texts.append(f"{frequency:.{max(0, digits - 1 - math.floor(math.log10(frequency)))}f}")
+    return f"{', '.join(texts[:-1])} and {texts[-1]} Hz" if len(texts) > 1 else f"{texts[0]} Hz" if texts else ""
 
 
 def _too_short(n: Numbers, _: str) -> str:

@@ -95,5 +95,5 @@ def _tones(spectrum: Spectrum, threshold: NDArray[np.float64], lowest: float, or
     frequency = found.frequency_Hz[fast]
     amplitude = found.amplitude[fast] * (2 * np.pi * frequency) ** order
     strongest = np.argsort(-amplitude, kind="stable")[:MOST]
-    told = strongest[amplitude[strongest] >= FAINTEST * amplitude.max(initial=0.0)]
-    return Peaks(frequency[told], amplitude[told])
+    kept = strongest[amplitude[strongest] >= FAINTEST * amplitude.max(initial=0.0)]
+    return Peaks(frequency[kept], amplitude[kept])

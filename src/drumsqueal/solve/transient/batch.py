@@ -139,7 +139,7 @@ def _resolutions(models: Model, span: Span, local: Array) -> Resolution:
 def _advance(
     share: _Share, measures: Resolution, span: Span, local: Array, solver: str
 ) -> tuple[_Share, State, Array, Array]:
-    """A chunk of one thread's part: the next state, samples (m, k, n), steps made (m,) and whether the end was reached."""
+    """A chunk of a thread's part: next state, samples (m, k, n), steps made (m,) and whether the end was reached."""
     corners = jax.vmap(lambda model: model.operation.corners)(share.models)
     items = (share, measures, corners)
     final, step, states, steps, reached = one_kernel(_one_after_the_other, items, span, local, solver)
