@@ -56,7 +56,7 @@ def check_address_space() -> None:
     needed = LEAST_ADDRESSES + ADDRESSES_A_CORE * cores
     if limit != resource.RLIM_INFINITY and limit < needed:
         text = f"the address space is limited to {limit / 1e9:.3g} GB, and computing here takes {needed / 1e9:.3g} GB"
-        raise RequestError(f"{message} (most of it is never touched); raise the limit, as in ulimit -v unlimited")
+        raise RequestError(f"{text} (most of it is never touched); raise the limit, as in ulimit -v unlimited")
 
 
 def _processor() -> str:

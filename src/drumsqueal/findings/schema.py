@@ -62,14 +62,14 @@ def read_findings(path: Path, kind: type[Found]) -> Found:
     except OSError as error:
         raise RequestError(f"{path}: cannot be read ({error.strerror or error})") from None
     except SceneError as error:
-        message = f"{path}: the scene in it is not one that this version of drumsqueal takes ({error})"
-        raise RequestError(f"{message}; run the scene anew") from None
+        told = f"{path}: the scene in it is not one that this version of drumsqueal takes ({error})"
+        raise RequestError(f"{told}; run the scene anew") from None
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(str(part) for part in first["loc"]) or "the whole of it"
         by = _version(data)
-        message = f"{path}: {place}: {first['msg'][0].lower()}{first['msg'][1:]}; it was written by {by} of drumsqueal"
-        raise RequestError(f"{message}: run the scene anew with this one, or use that one") from None
+        told = f"{path}: {place}: {first['msg'][0].lower()}{first['msg'][1:]}; it was written by {by} of drumsqueal"
+        raise RequestError(f"{told}: run the scene anew with this one, or use that one") from None
     except (ValueError, RecursionError):
         raise RequestError(f"{path} is damaged: this is no JSON; run the scene anew") from None
 
