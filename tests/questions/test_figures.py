@@ -38,8 +38,8 @@ from drumsqueal.questions.sweep.stability_figure import draw_stability
 from drumsqueal.scene import COORDINATES
 from drumsqueal.scene.plan import Plan, grid, sample
 from drumsqueal.scene.variation import read_variation
+from drumsqueal.terminal import runner
 from drumsqueal.terminal.placement import spread
-from drumsqueal.terminal.runner import Answer
 from drumsqueal.terminal.style import save_figure
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
@@ -320,7 +320,7 @@ def test_no_motion_leaves_the_eigenvalues():
 
 def test_figures_are_saved_under_their_names(tmp_path):
     result, model, _ = drawn("growing")
-    answer = Answer(words=lambda *_: None, figures=drawings(result, model))
+    answer = runner.Answer(words=lambda *_: None, figures=drawings(result, model))
     assert answer.draw(tmp_path, None) == []
     assert {path.name for path in tmp_path.iterdir()} == {figure_file(name) for name in FIGURES}
     for path in tmp_path.iterdir():

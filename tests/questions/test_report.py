@@ -146,7 +146,7 @@ def report(drumsqueal):
     def make(folder, *more):
         status, printed, errors = drumsqueal("report", str(folder), "--overwrite", *more)
         assert (status, errors) == (0, "")
-        assert "MB, opens without a network" in printed
+        assert "MB and opens without a network" in printed
         return Page(folder / REPORT)
 
     return make
@@ -342,6 +342,8 @@ def test_the_end_of_a_stop_is_not_heard_again_and_again(folder, report, nominal,
     assert run_page_module._changes(load_scene(DAMPED.with_name("stop.toml")))
     assert not run_page_module._changes(nominal)
     monkeypatch.setattr(run_page_module, "_changes", lambda scene: True)
+    summary = json.loads((folder / "summary.json").read_text()) | {"changing": True}
+    (folder / "summary.json").write_text(json.dumps(summary))
     page = report(folder)
     assert len(sounds(page)) == 2
     assert "these are of the beginning" in page.one("prediction-caption")["text"]
@@ -389,7 +391,7 @@ def test_what_does_not_move_has_no_sound(report, nominal, tmp_path):
 
 def test_a_run_that_was_cut_off_says_so_on_top(folder, report):
     summary = json.loads((folder / "summary.json").read_text())
-    summary["outcome"] = "interrupted by the user after t = 0.25 s"
+    summary |= {"outcome": "interrupted by the user after t = 0.25 s", "ending": "interrupted"}
     (folder / "history.nc").unlink()  # only to be quicker
     (folder / "summary.json").write_text(json.dumps(summary))
     page = report(folder)
@@ -403,6 +405,7 @@ def test_a_history_without_a_summary_is_judged_now(folder, report, run_page):
     (folder / "phase.png").unlink()
     with h5py.File(folder / "history.nc", "r+") as history:
         history.attrs["outcome"] = "incomplete: the run was cut off without a word"
+        history.attrs["ending"] = "cut off"
     page = report(folder)
     assert "cut off without a word" in page.one("warning")["text"]
     assert "phase.png" in page.source
@@ -412,8 +415,9 @@ def test_a_history_without_a_summary_is_judged_now(folder, report, run_page):
 
 def test_a_run_without_samples_shows_its_prediction(folder, report):
     summary = json.loads((folder / "summary.json").read_text())
-    gone = ("verdict", "growth", "saturation", "frequency", "accuracy", "integration", "sticking")
-    summary |= dict.fromkeys(gone, None) | {"outcome": "failed: the step size collapsed"}
+    summary |= dict.fromkeys(("saturation", "frequency", "accuracy", "integration", "sticking"), None)
+    summary |= {"outcome": "failed: the step size collapsed", "ending": "failed"}
+    summary["growth"] = {"linear_until_s": 0.0, "edge_reached_s": None, "modes": []}
     (folder / "summary.json").write_text(json.dumps(summary))
     for path in (folder / "history.nc", *folder.glob("*.png")):
         path.unlink()
@@ -494,7 +498,7 @@ def test_why_a_figure_is_missing(folder, report):
     )
     assert "--resume goes on" in page.one("warning")["text"]
     summary = json.loads((folder / "summary.json").read_text())
-    summary["outcome"] = "interrupted by the user after t = 0.02 s"
+    summary |= {"outcome": "interrupted by the user after t = 0.02 s", "ending": "interrupted"}
     (folder / "summary.json").write_text(json.dumps(summary))
     page = report(folder)
     assert "interrupted by the user after t = 0.02 s" in page.one("missing")["text"]
@@ -503,7 +507,7 @@ def test_why_a_figure_is_missing(folder, report):
 
 def test_a_run_that_ends_sticking_says_so(folder, report):
     summary = json.loads((folder / "summary.json").read_text())
-    summary["sticking"] = {"share": 0.1, "to_the_end_from_s": 0.2}
+    summary["sticking"] = {"share": 0.1, "spells": 1, "first_s": 0.2, "to_the_end_from_s": 0.2}
     (folder / "summary.json").write_text(json.dumps(summary))
     (folder / "history.nc").unlink()  # only to be quicker
     page = report(folder)

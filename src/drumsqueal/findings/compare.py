@@ -102,9 +102,9 @@ class ModeComparison(Finding):
 class Growth(Finding):
     """The growth phase: its end, when the motion reaches a contact boundary (s; None where never), and the modes."""
 
-    linear_until_s: float = 0.0
-    edge_reached_s: float | None = None
-    modes: tuple[ModeComparison, ...] = ()
+    linear_until_s: float
+    edge_reached_s: float | None
+    modes: tuple[ModeComparison, ...]
 
 
 class Accuracy(Finding):
@@ -151,7 +151,7 @@ class RunFindings(Findings):
     ending: Ending = Ending.COMPLETE
     prediction: Prediction
     predicted_at_s: float = 0.0
-    growth: Growth = Growth()
+    growth: Growth = Growth(linear_until_s=0.0, edge_reached_s=None, modes=())
     saturation: Saturation | None = None
     frequency: FrequencyDrift | None = None
     accuracy: Accuracy | None = None

@@ -11,6 +11,7 @@ from pydantic import (
     GetPydanticSchema,
     PlainSerializer,
     ValidationError,
+    WithJsonSchema,
     computed_field,
 )
 from pydantic_core.core_schema import any_schema
@@ -30,7 +31,12 @@ def _scene(value: Any) -> Any:
     return scene_from_dict(_without_none(value)) if isinstance(value, dict) else value
 
 
-SceneInFile = Annotated[Scene, BeforeValidator(_scene), PlainSerializer(lambda scene: scene.model_dump(mode="json"))]
+SceneInFile = Annotated[
+    Scene,
+    BeforeValidator(_scene),
+    PlainSerializer(lambda scene: scene.model_dump(mode="json")),
+    WithJsonSchema({"type": "object", "description": "The tables of a scene file, in SI."}),
+]
 """A scene as a field of findings."""
 
 
@@ -58,20 +64,29 @@ def read_findings(path: Path, kind: type[Found]) -> Found:
     data: Any = None
     try:
         data = json.loads(read_ordinary(path, LARGEST))
-        return kind.model_validate(data)
+        found = kind.model_validate(data)
     except OSError as error:
         raise RequestError(f"{path}: cannot be read ({error.strerror or error})") from None
-    except SceneError as error:
-        told = f"{path}: the scene in it is not one that this version of drumsqueal takes ({error})"
-        raise RequestError(f"{told}; run the scene anew") from None
     except ValidationError as error:
         first = error.errors()[0]
+        cause = first.get("ctx", {}).get("error")
+        if isinstance(cause, SceneError):
+            told = f"{path}: the scene in it is not one that this version of drumsqueal takes ({cause})"
+            raise RequestError(f"{told}; run the scene anew") from None
         place = ".".join(str(part) for part in first["loc"]) or "the whole of it"
-        by = _version(data)
-        told = f"{path}: {place}: {first['msg'][0].lower()}{first['msg'][1:]}; it was written by {by} of drumsqueal"
-        raise RequestError(f"{told}: run the scene anew with this one, or use that one") from None
+        raise _of_another_version(path, data, f"{place}: {first['msg'][0].lower()}{first['msg'][1:]}") from None
     except (ValueError, RecursionError):
         raise RequestError(f"{path} is damaged: this is no JSON; run the scene anew") from None
+    # What has a default where it is made must be there where it is read.
+    missing = [name for name, field in kind.model_fields.items() if not field.exclude and name not in data]
+    if missing:
+        raise _of_another_version(path, data, f"{missing[0]}: field required")
+    return found
+
+
+def _of_another_version(path: Path, data: Any, told: str) -> RequestError:
+    by = f"it was written by {_version(data)} of drumsqueal"
+    return RequestError(f"{path}: {told}; {by}: run the scene anew with this one, or use that one")
 
 
 def _version(data: Any) -> str:

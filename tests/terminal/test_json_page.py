@@ -1,0 +1,54 @@
+"""docs/json.md lists what every command writes as JSON: the page against the models that write it."""
+
+import re
+from pathlib import Path
+
+import pytest
+from pydantic import BaseModel
+
+from drumsqueal.findings.compare import RunFindings
+from drumsqueal.findings.prediction import Prediction
+from drumsqueal.questions.accuracy.study import AccuracyStudy
+from drumsqueal.questions.animate.animation import Animation
+from drumsqueal.questions.check.study import Check
+from drumsqueal.questions.compare.study import MeasuredComparison
+from drumsqueal.questions.cycle.diagram import CycleBranches
+from drumsqueal.questions.cycle.search import CycleStudy
+from drumsqueal.questions.effects.study import EffectStudy
+from drumsqueal.questions.export.export import Exported
+from drumsqueal.questions.motion.study import MotionStudy
+from drumsqueal.questions.onset.found import OnsetStudy
+from drumsqueal.questions.paper.study import PaperStudy
+from drumsqueal.questions.report.answer import Page
+from drumsqueal.questions.sensitivity.study import SensitivityStudy
+from drumsqueal.questions.sweep.summary import SweepStudy
+
+PAGE = (Path(__file__).parents[2] / "docs" / "json.md").read_text()
+MODELS: dict[str, type[BaseModel]] = {
+    "run": RunFindings,
+    "stability": Prediction,
+    "check": Check,
+    "motion": MotionStudy,
+    "onset": OnsetStudy,
+    "cycle": CycleStudy,
+    "cycle --along": CycleBranches,
+    "sweep": SweepStudy,
+    "sensitivity": SensitivityStudy,
+    "paper": PaperStudy,
+    "effects": EffectStudy,
+    "accuracy": AccuracyStudy,
+    "compare": MeasuredComparison,
+    "animate": Animation,
+    "export": Exported,
+    "report": Page,
+}
+
+
+@pytest.mark.parametrize("command", MODELS)
+def test_the_page_names_every_key_of_every_command(command):
+    section = re.search(rf"^### {re.escape(command)}\n(.*?)(?=^###|\Z)", PAGE, flags=re.M | re.S)
+    assert section is not None
+    keys = re.findall(r"`(\w+)`", section[1].partition("Keys: ")[2])
+    model = MODELS[command]
+    assert f"`{model.__module__}.{model.__name__}`" in section[1]
+    assert keys == list(model.model_json_schema(mode="serialization")["properties"])
