@@ -1,10 +1,10 @@
-"""drumsqueal: friction-induced vibration of a drum-brake shoe in time, beside the eigenvalues that predict it.
+"""drumsqueal: when does a drum brake squeal, how, and do eigenvalues and nonlinear transient agree?
 
-A scene is read by `load_scene`, run by `run`, asked what its accuracy or its effects cost by `study_accuracy` and
-`study_effects`, and where along a parameter it squeals by `study_onset`. `build_model`, `analyse_stability` and
-`growth_rate` are the linear side of it, for any numbers; `integrate_many` takes many models at once,
-`sweep_parameters` many scenes. `read_measured` and `compare_measured` lay a measured record over a history.
-`help(drumsqueal.run)` and so on tell more.
+`load_scene` reads a scene and `run` runs it. `study_onset` finds where along a parameter it squeals, `study_accuracy`
+how large its errors are, and `study_effects` which effects it needs. `build_model`, `analyse_stability` and
+`growth_rate` are the linear analysis, for any parameters. `integrate_many` integrates many models at once,
+`sweep_parameters` many scenes. `read_measured` and `compare_measured` compare a measured record with a history.
+`help(drumsqueal.run)` describes `run`.
 
 The names below are imported when they are first used: reading a scene does not load JAX, and the command line can
 prepare its environment first.

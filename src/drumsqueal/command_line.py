@@ -1,7 +1,7 @@
 """The command line: `drumsqueal run SCENE -o DIR` and the other commands, one module each.
 
 What computes is imported inside the commands, once the scene has been read: JAX must find its environment prepared,
-and a mistake in a scene is told at once.
+and a mistake in a scene is reported at once.
 """
 
 import errno
@@ -61,7 +61,7 @@ GROUPS: dict[str, dict[str, Callable[..., None]]] = {
         "paper": paper_command,
     },
     "Quality": {"effects": effects_command, "accuracy": accuracy_command},
-    "Look, listen, take along": {
+    "Report, view, listen, export, compare with measurements": {
         "report": report_command,
         "animate": animate_command,
         "export": export_command,
@@ -70,7 +70,7 @@ GROUPS: dict[str, dict[str, Callable[..., None]]] = {
 }
 """The commands in the order of the help, by the panel they stand in."""
 _WITHOUT_JAX = (scenes_command,)
-_MORE_ARGUMENTS = {"effects"}  # it makes sense of --within 1 %
+_MORE_ARGUMENTS = {"effects"}  # so that --within 1 % is read without quotes
 
 
 def _add(group: str, name: str, command: Callable[..., None]) -> None:
@@ -80,7 +80,7 @@ def _add(group: str, name: str, command: Callable[..., None]) -> None:
 
 
 def _naming_the_scene(command: Callable[..., None]) -> Callable[..., None]:
-    """The command, telling which file it is where a scene turns out to be wrong only after it was read."""
+    """The command, naming the file where a scene turns out to be wrong only after it was read."""
 
     @functools.wraps(command)
     def named(**values: Any) -> None:
@@ -112,7 +112,7 @@ for _group, _commands in GROUPS.items():
         _add(_group, _name, _command)
 
 
-def _tell_version(wanted: bool) -> None:
+def _print_version(wanted: bool) -> None:
     if wanted:
         typer.echo(f"drumsqueal {version('drumsqueal')}")
         raise typer.Exit
@@ -122,10 +122,10 @@ def _tell_version(wanted: bool) -> None:
 def _main(
     version: Annotated[
         bool,
-        typer.Option("--version", callback=_tell_version, is_eager=True, help="Show the version and exit."),
+        typer.Option("--version", callback=_print_version, is_eager=True, help="Show the version and exit."),
     ] = False,
 ) -> None:
-    """Friction-induced vibration of a drum-brake shoe in time, beside the eigenvalues that predict it."""
+    """Does this drum brake squeal, at what frequency and amplitude, and do eigenvalues and transient agree?"""
 
 
 def command_tree() -> Any:

@@ -55,8 +55,8 @@ def check_address_space() -> None:
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     needed = LEAST_ADDRESSES + ADDRESSES_A_CORE * cores
     if limit != resource.RLIM_INFINITY and limit < needed:
-        told = f"the address space is limited to {limit / 1e9:.3g} GB, and computing here takes {needed / 1e9:.3g} GB"
-        raise RequestError(f"{told} (most of it is never touched); raise the limit, as in ulimit -v unlimited")
+        text = f"the address space is limited to {limit / 1e9:.3g} GB, and computing here takes {needed / 1e9:.3g} GB"
+        raise RequestError(f"{text} (most of it is never touched); raise the limit, as in ulimit -v unlimited")
 
 
 def _processor() -> str:

@@ -1,4 +1,4 @@
-"""The main job: a scene in, the linear prediction, the nonlinear transient and their comparison out.
+"""A run: a scene in, the linear prediction, the nonlinear transient and their comparison out.
 
 What compares is imported when it is needed: it brings half a second of SciPy that eigenvalues do without.
 """

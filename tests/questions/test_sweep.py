@@ -398,7 +398,7 @@ REFUSED = [
     (("--vary", "drum.sped=1..4"), "did you mean drum.speed?"),
     (("--vary", "drum.speed=1..4", "--vary", "drum.speed=2..3"), "drum.speed: this is varied twice"),
     (("--random", "10"), "nothing in this scene is uncertain"),
-    (("--random", "0", "--vary", "drum.speed=1..4"), "write a number of draws"),
+    (("--random", "0", "--vary", "drum.speed=1..4"), "write a number of samples"),
     (("--seed", "1", "--vary", "drum.speed=1..4"), "is the seed of --random"),
     (("--random", "10", "--vary", "drum.speed=1..4x5"), "leave out x5"),
     (("--vary", "shoe.thickness=0.01..0.08", "--vary", "shoe.outer_radius=0.05..0.1"), "the thickness must be smaller"),

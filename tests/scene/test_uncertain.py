@@ -91,12 +91,12 @@ def test_a_wrong_table_is_refused_in_one_line(nominal, table, told):
 
 def test_a_distribution_that_reaches_an_invalid_value_is_refused_until_it_is_truncated(nominal):
     # 0.5 less 6.36 deviations is below 0; 0.5 less 6.36 times 0.07 is not.
-    with pytest.raises(SceneError, match=r"draws reach -0\.13.*must not be below 0; truncate"):
+    with pytest.raises(SceneError, match=r"samples reach -0\.13.*must not be below 0; truncate"):
         nominal.with_values({"uncertain": {"friction.static": normal(mean=0.5, deviation=0.1)}})
     nominal.with_values({"uncertain": {"friction.static": normal(mean=0.5, deviation=0.07)}})
     cut = nominal.with_values({"uncertain": {"friction.static": normal(mean=0.5, deviation=0.1, low=0)}})
     assert reach(cut.uncertain["friction.static"])[0] >= 0
-    with pytest.raises(SceneError, match=r"draws reach 0\.2, and the thickness must be smaller than shoe"):
+    with pytest.raises(SceneError, match=r"samples reach 0\.2, and the thickness must be smaller than shoe"):
         nominal.with_values({"uncertain": {"shoe.thickness": {"distribution": "uniform", "low": 0.01, "high": 0.2}}})
 
 

@@ -162,12 +162,12 @@ def _notes(descriptor: int) -> list[str]:
 
 def _holder(lock: Path) -> str:
     """Who has a lock file, as it says itself."""
-    told: list[str] = []
+    lines: list[str] = []
     with suppress(OSError):
         descriptor = _opened(lock, create=False)
-        told = [line for line in _notes(descriptor) if not line.startswith(_MADE)]
+        lines = [line for line in _notes(descriptor) if not line.startswith(_MADE)]
         os.close(descriptor)
-    return told[-1] if told else "another command"
+    return lines[-1] if lines else "another command"
 
 
 def _hand_over(lock: Path, made: list[Path]) -> None:

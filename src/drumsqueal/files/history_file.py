@@ -146,8 +146,8 @@ def _lay_out(path: Path, rows: int, scene: Scene) -> dict[str, int]:
             if stop < rows:  # gigabytes
                 stop_if_interrupted()
     except OSError as error:
-        told = f"{error.strerror or error}; the whole history takes {size / 1e6:.3g} MB"
-        raise OSError(error.errno or 0, told) from None
+        message = f"{error.strerror or error}; the whole history takes {size / 1e6:.3g} MB"
+        raise OSError(error.errno or 0, message) from None
     return places
 
 

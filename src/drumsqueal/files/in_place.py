@@ -93,7 +93,7 @@ def placed() -> h5py.h5p.PropDCID:
 def fill(path: Path, places: Mapping[str, int], first: int, columns: Mapping[str, np.ndarray]) -> None:
     """Write rows from number `first` on where the variables lie (bytes).
 
-    Past HDF5, in a fiftieth of the time, and errors of the disk are told as OSError.
+    Past HDF5, in a fiftieth of the time, and errors of the disk are raised as OSError.
     """
     with path.open("r+b") as file:
         for name, column in columns.items():

@@ -17,9 +17,9 @@ _KINDS = {
 class NotOrdinaryError(OSError):
     """What is in a file's place is not read; `strerror` says why, as of any OSError."""
 
-    def __init__(self, told: str) -> None:
+    def __init__(self, message: str) -> None:
         """Say why."""
-        super().__init__(errno.EINVAL, told)
+        super().__init__(errno.EINVAL, message)
 
 
 def open_ordinary(path: Path, most: int) -> BinaryIO:

@@ -30,7 +30,7 @@ def history_file(place: Path) -> Path:
     """The history in a folder that a run has left, or the file itself."""
     try:
         return place / HISTORY if place.is_dir() else place
-    except OSError:  # such as a name that is too long, which is told where the file is opened
+    except OSError:  # such as a name that is too long, which is reported where the file is opened
         return place
 
 
@@ -141,8 +141,8 @@ def check_output_file(path: Path, *, overwrite: bool, option: str = "-o") -> Non
             raise RequestError(f"{path}: there is no folder {path.parent}; make it, or name another file with {option}")
         _try_to_write(path.parent)
     except OSError as error:
-        told = f"{path}: this file cannot be written ({error.strerror or error}); name another with {option}"
-        raise RequestError(told) from None
+        message = f"{path}: this file cannot be written ({error.strerror or error}); name another with {option}"
+        raise RequestError(message) from None
 
 
 def check_apart(path: Path, others: Iterable[Path], *, option: str = "-o") -> None:

@@ -104,8 +104,8 @@ def find_point(folder: Path, scene: Scene) -> Point:
         if not point.reached.samples <= rows or not _is_computed(history, point.reached.samples - 1, signals_of(scene)):
             raise ValueError("ahead of the history")
     except (OSError, ValueError, KeyError, TypeError, OverflowError, RecursionError):
-        told = f"{file} is damaged, of another run or of another version of drumsqueal"
-        raise RequestError(f"{told}, so the run cannot be resumed; {_ANEW}") from None
+        message = f"{file} is damaged, of another run or of another version of drumsqueal"
+        raise RequestError(f"{message}, so the run cannot be resumed; {_ANEW}") from None
     return point
 
 
@@ -153,8 +153,8 @@ def changed_versions(text: str) -> str:
     here = versions()
     there = dict.fromkeys(here) | json.loads(text)
     changed = [name for name, version in there.items() if version != here.get(name)]
-    told = ", ".join(f"{name} {there[name]}, here {here.get(name)}" for name in changed)
-    return f"the run was made with other versions ({told})"
+    changes = ", ".join(f"{name} {there[name]}, here {here.get(name)}" for name in changed)
+    return f"the run was made with other versions ({changes})"
 
 
 def _digest(scene: Scene) -> str:

@@ -66,8 +66,8 @@ def read_history(path: Path) -> SavedHistory:
     try:
         data, scene = _load(file)
     except SceneError as error:
-        told = f"{file}: the scene in it is not one that this version of drumsqueal takes ({error})"
-        raise RequestError(f"{told}; read it with the version that wrote it") from None
+        message = f"{file}: the scene in it is not one that this version of drumsqueal takes ({error})"
+        raise RequestError(f"{message}; read it with the version that wrote it") from None
     except MemoryError:
         raise MemoryError(f"to read {file}") from None
     except Exception:  # h5py raises nearly all there is on a file that is damaged

@@ -44,5 +44,5 @@ SYSTEMS = {
 
 
 def type_of(quantity: str) -> int:
-    """The first specific data type of a quantity; general for one that has none, and is told by its units alone."""
+    """The first specific data type of a quantity; general for one that has none, and is known by its units alone."""
     return next((code for code, known in DATA_TYPES.items() if known.quantity == quantity), GENERAL)

@@ -10,7 +10,7 @@ from drumsqueal.simulation import Result
 
 LOST = math.inf  # the change of what one of two runs lacks
 NEGLIGIBLE_RATIO = 1e-6  # damping ratio below which growth or decay is none to speak of
-CARRIED = 0.01  # share of the kinetic energy from which the amplitude of a coordinate is compared
+CARRIED = 0.01  # fraction of the kinetic energy from which the amplitude of a coordinate is compared
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class ModeAnswer:
 class Answer:
     """Modes by label, and the motion at the end: half its peak-to-peak values (m, rad) and its main line.
 
-    The end is the saturated part or, where that cannot be told, the last 60 % of the record. `carriers` are the
+    The end is the saturated part or, where that cannot be determined, the last 60 % of the record. `carriers` are the
     coordinates that hold a hundredth or more of the kinetic energy there; none at rest. `unstable` are the labels of
     the unstable modes, `rotation` (rad) is the shoe's largest.
     """

@@ -26,10 +26,10 @@ from drumsqueal.physics.model import Model
 from drumsqueal.scene import scene_from_dict
 from drumsqueal.solve.linear.modes import NEUTRAL_SHARE, Mode, Stability
 
-# The motion counts as linear while it stays below this share of the edges, contact loss at the mean pressure and slip
-# reversal.
+# The motion counts as linear while it stays below this fraction of the contact boundaries, contact loss at the mean
+# pressure and slip reversal.
 LINEAR_SHARE = 0.1
-# A mode is followed while it makes up at least this share of what its own coordinate has done so far: a weaker one
+# A mode is followed while it makes up at least this fraction of what its own coordinate has done so far: a weaker one
 # drowns in what the others feed into it at second order of their size.
 CLEAN_SHARE = 3e-2
 UNEXCITED_SHARE = 1e-12  # of the largest displacement: a mode below it is not there

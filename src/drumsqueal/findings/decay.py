@@ -1,4 +1,4 @@
-"""Whether a motion that has not settled is on its way to rest: what is left of it below the edges, where all decays."""
+"""Whether a motion that has not settled decays to rest: whether it is below the contact boundaries and falls."""
 
 from collections.abc import Sequence
 
@@ -12,15 +12,16 @@ from drumsqueal.findings.signals.regime_words import Cause
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.linear.modes import NEUTRAL_SHARE, Mode, Stability
 
-SMALL = 0.1  # of the nearer edge, below which the motion is nearly linear
-BEYOND = 0.9  # of an edge, from which on the linear model is no guide; a block that sticks just reaches it
-NEARLY_LINEAR = 0.5  # of the linear rate: a motion below the edges that decays so fast is linear
+SMALL = 0.1  # of the nearer contact boundary, below which the motion is nearly linear
+BEYOND = 0.9  # of a contact boundary, from which on the linear model is no guide; a block that sticks just reaches it
+NEARLY_LINEAR = 0.5  # of the linear rate: a motion below the contact boundaries that decays so fast is linear
 
 
 def is_decaying(share: float, rate: float, linear: float) -> bool:
-    """Whether a motion that has come this `share` of the way to the edges, and changes at this rate (1/s), decays.
+    """Whether a motion at this fraction `share` of the contact boundaries that changes at this rate (1/s) decays.
 
-    Within a tenth of the edges it must fall, below them at least half as fast as the slowest mode at `linear` (1/s).
+    Within a tenth of the contact boundaries it must fall, below them at least half as fast as the slowest mode at
+    `linear` (1/s).
     """
     return (share < SMALL and rate < 0) or (share < BEYOND and rate < NEARLY_LINEAR * linear)
 

@@ -1,4 +1,4 @@
-"""The departure from steady sliding, and how far it has come towards the edges."""
+"""The displacement from steady sliding, and how far it has come towards the contact boundaries."""
 
 import dataclasses
 from collections.abc import Iterator, Sequence
@@ -23,7 +23,7 @@ ROTATIONS = ("Tx", "Ty", "Tz")
 FEWEST_FOR_SPECTRUM = 16  # samples
 PIECE = 2**14  # samples that are read at a time
 LIFTED_SHARE = 0.1  # of the lining
-FRACTION_ROUND_OFF = 1e-12  # of a share of the lining, which is a sum over some hundred nodes
+FRACTION_ROUND_OFF = 1e-12  # of a fraction of the lining, which is a sum over some hundred nodes
 FORCE_ROUND_OFF = 1e-10  # of the load: forces that cancel leave so much at most
 
 
@@ -194,7 +194,7 @@ def edge_share(departure: Departure, model: Model) -> NDArray[np.float64]:
 
     The larger of k_c max|u_r − u_r*| over the mean pressure p0 and max|u̇_θ| over R|Ω|; both maxima are bounds over the
     whole circle, so where the steady pressure is uniform neither has happened below 1. Without separation, or without
-    friction, there is no such edge.
+    friction, there is no such boundary.
     """
     share = np.empty(departure.time.size)
     for rows, displacement, velocity in departure.pieces():
@@ -213,8 +213,8 @@ def first_edge(history: xarray.Dataset, stability: Stability, model: Model) -> f
 def beyond_edges(history: xarray.Dataset, stability: Stability, model: Model) -> NDArray[np.bool_]:
     """At which samples (time,) part of the lining is off the drum or slips backwards.
 
-    Read off what was recorded. Where part of the lining is off the drum in steady sliding already, so that its edge
-    moves with every motion, another tenth of the lining must leave or touch it.
+    Read off what was recorded. Where part of the lining is off the drum in steady sliding already, so that its contact
+    boundary moves with every motion, another tenth of the lining must leave or touch it.
     """
     touching = history["contact_fraction"].values
     reached = np.zeros(touching.size, dtype=bool)

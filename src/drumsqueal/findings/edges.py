@@ -1,4 +1,4 @@
-"""How far a motion comes towards the edges, contact loss and slip reversal, below which it is nearly linear."""
+"""How far a motion comes towards lift-off and slip reversal, below which it is nearly linear."""
 
 from collections.abc import Mapping
 
@@ -11,7 +11,7 @@ Columns = Mapping[str, NDArray[np.float64]]
 
 
 def edge_shares(model: Model, departure: NDArray[np.float64], velocity: NDArray[np.float64]) -> tuple[float, float]:
-    """The largest share of contact loss and of slip reversal in a motion, by the speed and the load at t = 0.
+    """The largest fraction of contact loss and of slip reversal in a motion, by the speed and the load at t = 0.
 
     `departure` from steady sliding (m, rad) and `velocity` are (time, n) in the order of `model.names`.
     """
@@ -22,7 +22,7 @@ def edge_shares(model: Model, departure: NDArray[np.float64], velocity: NDArray[
 
 
 def pressure_share(model: Model, q: Columns, preload: ArrayLike) -> NDArray[np.float64]:
-    """k_c max|u_r − u_r*| over the mean pressure p0 (time,), q departures (time,) by name; 0 without separation.
+    """k_c max|u_r − u_r*| over the mean pressure p0 (time,), q displacements (time,) by name; 0 without separation.
 
     The maximum is a bound over the whole circle: where the steady pressure is uniform nothing has lifted off below 1.
     """

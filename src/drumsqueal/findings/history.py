@@ -60,7 +60,7 @@ def versions() -> dict[str, str]:
 
 
 def signals_of(scene: Scene) -> dict[str, tuple[str, str]]:
-    """Signals that the history of a scene has, beside the motion: units and meaning by name."""
+    """Signals that the history of a scene has besides the motion: units and meaning by name."""
     return SIGNALS | ({} if scene.temperature is None else TEMPERATURE)
 
 

@@ -1,6 +1,7 @@
 """How well the contact was integrated over the lining: recorded forces against those of another, finer rule.
 
-The energy balance cannot tell, for it takes its forces and its friction power from the same quadrature.
+The energy balance does not show this error, because it takes its forces and its friction power from the same
+quadrature.
 """
 
 import dataclasses

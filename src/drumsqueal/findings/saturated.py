@@ -32,14 +32,14 @@ DRIFT = 0.1  # change of the rms from half to half of what is looked at, below w
 
 
 class Saturated(NamedTuple):
-    """How a transient ended, by the last part of it: departures from steady sliding in m and rad, in `model.names`.
+    """How a transient ended, by the last part of it: displacements from steady sliding in m and rad, in `model.names`.
 
     `amplitude` (n,) is half the peak-to-peak value of each coordinate and `rms` (n,) its rms about the mean;
     `edge_shares` how far the motion comes towards contact loss and towards slip reversal, which have not happened
     below 1 where the steady pressure is uniform. `frequency_Hz` is that of the line with most kinetic energy, of the
     coordinate `line`; None where nothing moves. `kinetic_energy` (J) is the mean, `rate` (1/s) the mean growth rate of
     the rms velocity, weighted by mass, from the first half of the part to the second. `departure` and `velocity` (n,)
-    are where it ended: another transient can go on from there. `by_itself` tells one that was not run together with
+    are where it ended: another transient can go on from there. `by_itself` marks one that was not run together with
     others, `at_rest` one whose motion is below what is resolved (`least_energy`): its numbers are round-off. One that
     failed has NaN for all numbers, and says why in `outcome`.
     """
@@ -98,10 +98,10 @@ def saturated_motions(
     by_themselves: Sequence[bool] | None = None,
     progress: Progress = silent,
 ) -> Iterator[Saturated]:
-    """Integrate m models of one composition from departures (m, n) and yield how each ended, in order.
+    """Integrate m models of one composition from displacements (m, n) and yield how each ended, in order.
 
     Arguments as of `integrate_many`, which takes them some at a time, so that memory does not grow with m; `last` is
-    the share of the duration that is looked at. A transient that those methods give up (its lining would stick) or
+    the fraction of the duration that is looked at. A transient that those methods give up (its lining would stick) or
     that asks for an implicit one goes on by itself, from the last chunk of samples that was whole; one that is known to
     (`by_themselves`, (m,)) does so from its start. `progress` is called after each chunk with the time reached (s).
     Raises ValueError as `integrate_many` does.
@@ -142,7 +142,7 @@ class _Part:
         self.departure, self.velocity = departure[-1], velocity[-1]
 
     def samples(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Departure and velocity (k, n)."""
+        """Displacement and velocity (k, n)."""
         departures, velocities = zip(*self._kept, strict=True)
         return np.concatenate(departures), np.concatenate(velocities)
 
@@ -205,7 +205,7 @@ def _looked_at(part: _Part, model: Model, sample_rate: float) -> Saturated:
     before, after = (float(mass @ np.mean(each**2, axis=0)) for each in (velocity[:half], velocity[half:]))
     rate = np.log(after / before) / seconds if min(before, after) > 0 else 0.0  # half the logarithm over half the time
     kinetic = (before + after) / 4
-    # Of a vibration half the energy is kinetic. What moves without stiffness has no other, and is told by any motion.
+    # Of a vibration half the energy is kinetic. What moves without stiffness has no other, and any motion of it counts.
     at_rest = not np.any(np.ptp(departure, axis=0)) or 2 * kinetic < float(least_energy(model))
     frequency, line = (None, None) if at_rest else _strongest(velocity, mass, model.names, sample_rate)
     return Saturated(

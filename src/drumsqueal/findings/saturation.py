@@ -16,7 +16,7 @@ from drumsqueal.findings.signals.regime_words import Cause
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.linear.modes import Mode, Stability
 
-SATURATED_SHARE = 0.6  # last part of what follows the first edge that is called saturated
+SATURATED_SHARE = 0.6  # last part of what follows the first contact boundary that is called saturated
 FEWEST_SAMPLES = 64  # of the saturated part
 PEAKS, PEAK_FLOOR = 8, 1e-2  # lines a coordinate at most, and their smallest amplitude over the strongest
 
@@ -33,8 +33,8 @@ class Line:
 class Motion(NamedTuple):
     """What a part of the record holds: half its peak-to-peak values (m, rad), its lines and its main line.
 
-    `kinetic_share` is each coordinate's share of the mean kinetic energy, empty at rest. `main` is the line that holds
-    most of it; None at rest, and where the part is too short for a spectrum or the motion has no line in it.
+    `kinetic_share` is each coordinate's fraction of the mean kinetic energy, empty at rest. `main` is the line that
+    holds most of it; None at rest, and where the part is too short for a spectrum or the motion has no line in it.
     """
 
     amplitude: dict[str, float]
@@ -67,7 +67,7 @@ class Saturation(Finding):
 
 
 def saturated_part(time: NDArray[np.float64], edge: float) -> slice:
-    """The last part of the record after the first edge (s), by when the growth is taken to be over."""
+    """The last part of the record after the first contact boundary (s), by when the growth is taken to be over."""
     start = time[-1] - SATURATED_SHARE * (time[-1] - edge)
     return slice(int(np.searchsorted(time, start)), time.size)
 
@@ -80,14 +80,14 @@ def duration_for(saturated: float, edge: float) -> float:
 def describe_saturation(
     history: xarray.Dataset, departure: Departure, stability: Stability, model: Model, edge: float
 ) -> Saturation | None:
-    """Describe the motion after the first edge at `edge` (s); None where too little was recorded to look at."""
+    """Describe the motion after the first contact boundary at `edge` (s); None where the record is too short."""
     part = saturated_part(departure.time, edge)
     modes = _taking_part(departure, stability)
     count = departure.time[part].size
     if count < FEWEST_SAMPLES:
         return None
     # Half the lowest onset frequency leaves room for the drop that contact loss brings. Where nothing oscillates, rest
-    # can be told all the same.
+    # can be determined all the same.
     duration = count / departure.sample_rate
     lowest = min((mode.frequency_Hz for mode in modes), default=2 * PERIODS_NEEDED / duration) / 2
     scale = size_of_motion(departure, stability, model)
@@ -134,9 +134,9 @@ def _lines(departure: Departure, part: slice) -> tuple[Line, ...]:
 
 
 def size_of_motion(departure: Departure, stability: Stability, model: Model) -> NDArray[np.float64]:
-    """What counts as motion of each coordinate (m, rad): the departure at which the steady pressure is lost.
+    """What counts as motion of each coordinate (m, rad): the displacement at which the steady pressure is lost.
 
-    Without pressure or without contact stiffness it is the largest departure of the record.
+    Without pressure or without contact stiffness it is the largest displacement of the record.
     """
     largest = departure.largest()
     stiffness = float(model.lining.law.stiffness)

@@ -19,7 +19,7 @@ MOST_SAMPLES = 4000
 class Softening(NamedTuple):
     """A mode's frequency (Hz) with the averaged stiffness: with loss of contact alone, and with friction as it acted.
 
-    `by_share_Hz` is the cruder estimate onset frequency × √(mean share of the lining in contact).
+    `by_share_Hz` is the cruder estimate onset frequency × √(mean fraction of the lining in contact).
     """
 
     contact_loss_Hz: float
@@ -94,7 +94,7 @@ def _points(
 
 
 def _signed(model: Model, slip: NDArray[np.float64], across: NDArray[np.float64]) -> NDArray[np.float64]:
-    """g, the share of the pressure that friction is along θ."""
+    """g, the fraction of the pressure that friction is along θ."""
     friction = model.contact.friction
     if friction is None:
         return np.zeros_like(slip)
@@ -111,7 +111,7 @@ def _frequency(
     normal: NDArray[np.float64],
     drag: NDArray[np.float64],
 ) -> float:
-    """Frequency (Hz) of the mode most like the given one, with the contact's share and friction at each point."""
+    """Frequency (Hz) of the mode most like the given one, with the contact's fraction and friction at each point."""
     stiffness = float(model.lining.law.stiffness)
     radial = shapes["r"]
     contact = stiffness * np.einsum("p,pi,pj->ij", area * normal, radial, radial)

@@ -71,7 +71,7 @@ class Scene(Table):
     """One scene, checked, in SI: what brake, what acts on it, how it starts and how long it runs.
 
     A table that is None (support, friction, damping, temperature, forcing) is an effect the scene does not call for.
-    `uncertain` holds distributions of its numbers, which a random sweep draws from and everything else leaves aside.
+    `uncertain` holds distributions of its numbers, which a random sweep samples and all other commands ignore.
     """
 
     title: Title = ""
@@ -123,8 +123,8 @@ class Scene(Table):
                 try:
                     certain.with_values({key: value})
                 except SceneError as error:
-                    told = error.reason.removeprefix(f"{key} = {value!r}: ")
-                    truncate = f"draws reach {value:.6g}, and {told}; truncate the distribution with low and high"
+                    reason = error.reason.removeprefix(f"{key} = {value!r}: ")
+                    truncate = f"samples reach {value:.6g}, and {reason}; truncate the distribution with low and high"
                     raise SceneError(truncate, ("uncertain", key)) from None
         return self
 

@@ -51,9 +51,9 @@ def read_tables(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 def _parsed(content: bytes, name: str) -> dict[str, Any]:
     if content.startswith(_NETCDF):
-        told = "this is a NetCDF file, such as a history, and no scene; name the scene's TOML file"
+        message = "this is a NetCDF file, such as a history, and no scene; name the scene's TOML file"
         takes = "animate, compare and export take a history, whose attribute scene is the scene that was run"
-        raise SceneError(f"{told} ({takes})", (name,))
+        raise SceneError(f"{message} ({takes})", (name,))
     try:
         return _loads(content.decode())
     except UnicodeDecodeError as error:

@@ -1,4 +1,4 @@
-"""Which points a sweep has: every combination of some values, or draws from what is uncertain. Knows no JAX."""
+"""Which points a sweep has: every combination of values, or samples of uncertain parameters. Knows no JAX."""
 
 import itertools
 import math
@@ -16,15 +16,16 @@ from drumsqueal.scene.variation import Variation, unit_of
 MOST_POINTS = 10**7
 BYTES_PER_POINT, MORE_WITH_TRANSIENT = 160, 80  # of the file, about
 POINTS_PER_HOUR = 10**7  # of the linear part, about, on one processor
-_SHIFT = np.uint64(32)  # of the 64 bits that a draw comes with, the upper 32 tell its place
+_SHIFT = np.uint64(32)  # of the 64 bits of a sample, the upper 32 decide its place
 
 
 class Plan(NamedTuple):
-    """The points of a sweep of a scene: a grid, or for `draws` above 0 as many draws that depend on the seed alone.
+    """The points of a sweep of a scene: a grid, or for `draws` above 0 as many samples that depend on the seed alone.
 
-    `variations` has the values of each number of a grid; `distributions` what each is drawn from, independently. Points
-    are counted from 0, the last number of a grid running fastest. `transient` asks for the nonlinear motion, too.
-    `given` has the ranges as they were written, by their keys: results are listed in their units, the others in SI.
+    `variations` has the values of each number of a grid; `distributions` what each is sampled from, independently.
+    Points are counted from 0, the last number of a grid running fastest. `transient` asks for the nonlinear motion,
+    too. `given` has the ranges as they were written, by their keys: results are listed in their units, the others in
+    SI.
     """
 
     scene: Scene
@@ -42,7 +43,7 @@ class Plan(NamedTuple):
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Number of values of each number of a grid, or the number of draws."""
+        """Number of values of each number of a grid, or the number of samples."""
         return (self.draws,) if self.draws else tuple(len(each.values) for each in self.variations)
 
     @property
@@ -58,7 +59,7 @@ class Plan(NamedTuple):
     def values(self, first: int, stop: int) -> NDArray[np.float64]:
         """The numbers (SI) at the points from `first` to `stop`, (stop − first, number of keys).
 
-        A draw is a quantile at a share that the seed and the number of the draw decide, by PCG64.
+        A sample is a quantile at a probability that the seed and the number of the sample decide, by PCG64.
         """
         if not self.draws:
             places = np.unravel_index(np.arange(first, stop), self.shape)
@@ -104,14 +105,14 @@ def grid(scene: Scene, variations: Sequence[Variation], *, transient: bool = Fal
 def sample(
     scene: Scene, variations: Sequence[Variation], draws: int, *, seed: int = 0, transient: bool = False
 ) -> Plan:
-    """Draws from the scene's table `uncertain` and, uniformly, from the ranges, which go first. Raises as `grid`."""
+    """Samples from the scene's table `uncertain` and, uniformly, from the ranges, which go first. Raises as `grid`."""
     uniform = {each.key: Uniform(min(each.values), max(each.values)) for each in variations}
     distributions = {**(scene.uncertain or {}), **uniform}
     if not distributions:
-        told = "nothing in this scene is uncertain; add a table [uncertain] to it, or --vary drum.speed=1..40"
-        raise RequestError(f"--random {draws}: {told}")
+        message = "nothing in this scene is uncertain; add a table [uncertain] to it, or --vary drum.speed=1..40"
+        raise RequestError(f"--random {draws}: {message}")
     if draws < 1:
-        raise RequestError(f"--random {draws}: write a number of draws, such as 1000")
+        raise RequestError(f"--random {draws}: write a number of samples, such as 1000")
     if not 0 <= seed < 2**63:
         raise RequestError(f"--seed {seed}: write a whole number from 0 to 2**63 - 1")
     given = {each.key: each for each in variations}

@@ -19,7 +19,7 @@ TABLE_1: dict[str, Any] = {
     "contact": {"stiffness": "0.35e11 N/m^3", "normal_load": "2000 N"},
     "friction": {"law": "exponential", "static": 0.5, "kinetic": 0.3, "decay": "1 s/m"},
     "drum": {"speed": "5 rad/s"},
-    # Not of the table: a small departure that holds all three modes of the plane, and time for it to grow and settle.
+    # Not in the table: a small perturbation of all three modes of the plane, and time for it to grow and settle.
     "start": {"displacement": {"Y": "1e-7 m", "Tz": "1e-6 rad"}},
     "simulate": {"duration": "0.4 s", "sample_rate": "50 kHz"},
 }

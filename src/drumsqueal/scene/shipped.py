@@ -1,4 +1,4 @@
-"""The scenes that come with the package: in a wheel among its files, in a clone in the folder beside src."""
+"""The shipped scenes: in a wheel among its files, in a clone in the folder next to src."""
 
 from importlib.resources import files
 from pathlib import Path
@@ -29,8 +29,8 @@ def shipped_path(name: str) -> Path:
     """The file of a shipped scene. Raises SceneError for a name that none has."""
     if name not in shipped_names():
         meant = nearest(name, shipped_names())
-        told = f"did you mean {meant[0]}?" if meant else f"there are {', '.join(shipped_names())}"
-        raise SceneError(f"no shipped scene has this name; {told}", (name,))
+        message = f"did you mean {meant[0]}?" if meant else f"there are {', '.join(shipped_names())}"
+        raise SceneError(f"no shipped scene has this name; {message}", (name,))
     return _folder() / f"{name}.toml"
 
 

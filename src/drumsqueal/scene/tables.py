@@ -315,7 +315,7 @@ class Steady(Table):
 
 
 class Start(Table):
-    """The departure from steady sliding at time 0, coordinate by coordinate: m and rad, m/s and rad/s."""
+    """The initial perturbation of steady sliding, coordinate by coordinate: m and rad, m/s and rad/s."""
 
     displacement: Annotated[dict[str, float], PerCoordinate("m", "rad")] = Field(default_factory=dict)
     velocity: Annotated[dict[str, float], PerCoordinate("m/s", "rad/s")] = Field(default_factory=dict)

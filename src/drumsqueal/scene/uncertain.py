@@ -1,7 +1,7 @@
 """Numbers of a scene that are not known exactly: the table `uncertain`, a distribution for each, in SI.
 
 Quantiles are by scipy.special: those of scipy.stats load for 0.4 s longer, take 200 times as long where a distribution
-is truncated, and differ in the last digit, which would change the draws of a seed.
+is truncated, and differ in the last digit, which would change the samples of a seed.
 """
 
 from collections.abc import Iterator, Mapping
@@ -17,11 +17,11 @@ from drumsqueal.scene.laws import LAWS
 from drumsqueal.scene.quantities import SceneError, parse_quantity
 from drumsqueal.scene.tables import Contact, Damping, Drum, PerCoordinate, Quantity, Shoe, Support, Temperature
 
-# What is drawn is a quantile at one of 2³² places, each in the middle of its share: so no draw lies farther out than
+# A sample is a quantile at one of 2³² places, each in the middle of its interval: so no sample lies farther out than
 # 6.4 deviations, and whether a distribution can reach a value that the scene does not take is a plain question.
 PLACES = 2**32
 OUTERMOST = 0.5 / PLACES
-LEAST_LEFT = 1e-6  # share of a distribution that a truncation must leave: of less, the quantiles are rounded off
+LEAST_LEFT = 1e-6  # probability that a truncation must leave: of less, the quantiles are rounded off
 
 _LEAST = {
     "deviation": (0, "the deviation must be above 0"),
@@ -47,7 +47,7 @@ class Uniform:
     high: float
 
     def quantile(self, share: ArrayLike) -> NDArray[np.float64]:
-        """The value below which a share (0 to 1) of all values lies."""
+        """The value at a cumulative probability (0 to 1)."""
         return self.low + np.asarray(share) * (self.high - self.low)
 
 
@@ -64,7 +64,7 @@ class Normal:
     high: float | None = None
 
     def quantile(self, share: ArrayLike) -> NDArray[np.float64]:
-        """The value below which a share (0 to 1) of all values lies."""
+        """The value at a cumulative probability (0 to 1)."""
         from scipy.special import ndtri  # a quarter of a second, which reading a scene does not need
 
         below, left = self.kept()
@@ -73,7 +73,7 @@ class Normal:
         return np.clip(values, self.low, self.high) if (self.low, self.high) != (None, None) else values
 
     def kept(self) -> tuple[float, float]:
-        """The share of the whole distribution that lies below `low`, and the one from `low` to `high`."""
+        """The probability below `low`, and that from `low` to `high`, of the whole distribution."""
         from scipy.special import ndtr
 
         below = 0.0 if self.low is None else float(ndtr((self.low - self.mean) / self.deviation))
@@ -94,13 +94,13 @@ class LogNormal:
     high: float | None = None
 
     def quantile(self, share: ArrayLike) -> NDArray[np.float64]:
-        """The value below which a share (0 to 1) of all values lies."""
+        """The value at a cumulative probability (0 to 1)."""
         with np.errstate(over="ignore"):  # what reaches infinity is refused where it is read
             values = np.exp(self._logarithm().quantile(share))
         return np.clip(values, self.low, self.high) if (self.low, self.high) != (None, None) else values
 
     def kept(self) -> tuple[float, float]:
-        """The share of the whole distribution that lies below `low`, and the one from `low` to `high`."""
+        """The probability below `low`, and that from `low` to `high`, of the whole distribution."""
         return self._logarithm().kept()
 
     def _logarithm(self) -> Normal:
@@ -114,7 +114,7 @@ KINDS: Mapping[str, type[Distribution]] = {"uniform": Uniform, "normal": Normal,
 
 
 def reach(distribution: Distribution) -> tuple[float, float]:
-    """The smallest and the largest value that can be drawn."""
+    """The smallest and the largest possible value."""
     low, high = distribution.quantile([OUTERMOST, 1 - OUTERMOST])
     return float(low), float(high)
 
@@ -201,8 +201,8 @@ def _read(key: str, written: Any, unit: str) -> Distribution:
     for given in written:
         if given != "distribution" and given not in known:
             near = nearest(str(given), known)
-            told = f"did you mean {near[0]}?" if near else f"this distribution has {', '.join(known)}"
-            raise SceneError(f"unknown key; {told}", (key, str(given)))
+            message = f"did you mean {near[0]}?" if near else f"this distribution has {', '.join(known)}"
+            raise SceneError(f"unknown key; {message}", (key, str(given)))
     numbers = {}
     for field in fields(kind):
         if field.name in written:
@@ -224,10 +224,10 @@ def _number(value: Any, unit: str, path: tuple[str, str]) -> float:
 
 def _check(key: str, distribution: Distribution) -> None:
     """Raise SceneError for parameters that make no distribution."""
-    for name, (least, told) in _LEAST.items():
+    for name, (least, message) in _LEAST.items():
         value = getattr(distribution, name, None)
         if value is not None and not value > least:
-            raise SceneError(told, (key, name), value)
+            raise SceneError(message, (key, name), value)
     if distribution.low is not None and distribution.high is not None and not distribution.low < distribution.high:
         raise SceneError(f"high must be above low, {distribution.low!r}", (key, "high"), distribution.high)
     if isinstance(distribution, LogNormal) and distribution.high is not None and distribution.high <= 0:

@@ -83,8 +83,8 @@ def unusual(scene: "Scene") -> Iterator[str]:
 
 def _told(place: str, value: float, usual: Usual) -> str:
     unit = f" {usual.unit}" if usual.unit else ""
-    told = f"{place} = {value:g}{unit} is far from what drum brakes have, {usual.written}"
+    message = f"{place} = {value:g}{unit} is far from what drum brakes have, {usual.written}"
     for other, size in usual.meant:
         if usual.low < abs(value) * size <= usual.high:
-            return f"{told}; did you mean {value:g} {other}?"
-    return f"{told}."
+            return f"{message}; did you mean {value:g} {other}?"
+    return f"{message}."

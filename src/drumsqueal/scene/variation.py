@@ -109,8 +109,8 @@ def read_variation(text: str, scene: Scene, *, option: str = "--along", points: 
 def may_not_rest(variation: Variation) -> None:
     """Raise SceneError for drum speeds that reach or cross zero, where nothing slides."""
     if variation.key == "drum.speed" and min(variation.values) <= 0 <= max(variation.values):
-        told = "the range may not reach or cross a drum at rest, where nothing slides; keep to one side of 0"
-        raise SceneError(told, ("drum", "speed"))
+        message = "the range may not reach or cross a drum at rest, where nothing slides; keep to one side of 0"
+        raise SceneError(message, ("drum", "speed"))
 
 
 def _headed(place: str, error: SceneError) -> SceneError:
@@ -134,8 +134,8 @@ def unit_of(key: str, scene: Scene) -> str:
     plain = [each for each in numbers if not isinstance(numbers[each], tuple)]
     same_name = [each for each in plain if each.split(".", 1)[1] in (key, name)]
     near = same_name or nearest(key, plain)
-    told = f"did you mean {near[0]}?" if near else f"its numbers are {', '.join(plain)}"
-    raise SceneError(f"{key or 'nothing'} is no number of this scene's brake; {told}")
+    message = f"did you mean {near[0]}?" if near else f"its numbers are {', '.join(plain)}"
+    raise SceneError(f"{key or 'nothing'} is no number of this scene's brake; {message}")
 
 
 def _found(scene: Scene, key: str) -> Any:

@@ -12,7 +12,7 @@ from drumsqueal.scene.shipped import find_scene
 from drumsqueal.terminal.completion import complete_scene, complete_setting
 
 UsageError: type[typer.BadParameter] = typer.BadParameter.__mro__[1]  # any misuse; it has no public name of its own
-LONGEST = 1000.0  # s, of what is recorded or computed at an option's wish
+LONGEST = 1000.0  # s, of what an option may ask to record or compute
 
 
 def read_folder(text: str) -> Path:
@@ -31,8 +31,8 @@ def read_file(text: str) -> Path:
 
 def output_option(default: str) -> Any:
     """The option -o of a command whose results go to out/`default` without it."""
-    told = f"Folder of the results (default: out/{default})."
-    return typer.Option("-o", "--output", metavar="DIR", parser=read_folder, help=told)
+    text = f"Folder of the results (default: out/{default})."
+    return typer.Option("-o", "--output", metavar="DIR", parser=read_folder, help=text)
 
 
 SceneFile = Annotated[
@@ -54,13 +54,11 @@ Settings = Annotated[
         autocompletion=complete_setting,
     ),
 ]
-Since = Annotated[
-    str | None, typer.Option("--from", metavar="TIME", help='From this time of the record on, e.g. "0.1 s".')
-]
-Until = Annotated[str | None, typer.Option("--until", metavar="TIME", help='Until this time of it, e.g. "200 ms".')]
-Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace results that are there already.")]
-Resume = Annotated[bool, typer.Option("--resume", help="Go on with a run that was cut off.")]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
+Since = Annotated[str | None, typer.Option("--from", metavar="TIME", help='Start of the part, e.g. "0.1 s".')]
+Until = Annotated[str | None, typer.Option("--until", metavar="TIME", help='End of the part, e.g. "200 ms".')]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace existing results.")]
+Resume = Annotated[bool, typer.Option("--resume", help="Continue a run that was interrupted.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print only errors.")]
 JsonFile = Annotated[
     str | None,
     typer.Option("--json", metavar="FILE", help="Write the result as JSON instead of printing; - for standard output."),
@@ -68,7 +66,7 @@ JsonFile = Annotated[
 
 
 def read_share(text: str, option: str) -> float:
-    """A share between 0 and 1 from "1 %" or "0.01"."""
+    """A fraction between 0 and 1 from "1 %" or "0.01"."""
     wrong = f'{option} {text}: write a share between 0 and 100 %, such as "1 %" or 0.01'
     share = _read(text, "", wrong)
     if not 0 < share < 1:
@@ -82,7 +80,7 @@ def read_time(text: str | None, option: str) -> float | None:
 
 
 def read_duration(text: str, option: str) -> float:
-    """How long (s) from "20 ms" or "0.02"."""
+    """A duration (s) from "20 ms" or "0.02"."""
     wrong = f'{option} {text}: write a time up to {LONGEST:g} s, such as "5 s"'
     time = _read(text, "s", wrong)
     if not 0 < time <= LONGEST:
@@ -102,7 +100,7 @@ def read_rate(text: str | None, option: str) -> float | None:
 
 
 def _read(text: str, unit: str, wrong: str) -> float:
-    """A finite number in an SI unit; `wrong` is said of what is none."""
+    """A finite number in an SI unit; `wrong` is the message where the text is none."""
     try:
         value = float(text)
     except ValueError:

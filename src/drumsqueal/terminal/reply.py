@@ -93,8 +93,8 @@ class Reply:
         try:
             remark = claim_file(path, f"name another file with {option}")
         except OSError as error:
-            told = f"{path}: this file cannot be written ({error.strerror or error}); name another with {option}"
-            raise RequestError(told) from None
+            message = f"{path}: this file cannot be written ({error.strerror or error}); name another with {option}"
+            raise RequestError(message) from None
         check_output_file(path, overwrite=overwrite, option=option)  # again: another command may just have ended
         self._remark(remark)
 

@@ -1,4 +1,4 @@
-"""What a recorded motion says: spectra, lines, growth rates and the regime; arrays in, arrays out."""
+"""Analysis of a recorded motion: spectra, lines, growth rates and the regime; arrays in, arrays out."""
 
 from drumsqueal.findings.signals.bases import Bases, find_bases
 from drumsqueal.findings.signals.decibels import level_dB, level_reference

@@ -1,4 +1,4 @@
-"""Base frequencies of a motion: the fewest of which all its lines are integer combinations."""
+"""Fundamental frequencies of a motion: the fewest of which all its lines are integer combinations."""
 
 import itertools
 from functools import cache
@@ -10,22 +10,23 @@ from numpy.typing import NDArray
 from drumsqueal.findings.signals.lines import Lines
 
 MOST_BASES = 3
-# Highest order |k1| + |k2| + … of a combination that a line may be, by how many bases there are.
+# Highest order |k1| + |k2| + … of a combination that a line may be, by how many fundamentals there are.
 ORDERS = {1: 2000, 2: 40, 3: 20}
-# The same of a relation Σ k_i b_i = 0 that locks bases to one another: 3 f1 = 2 f2 leaves one of two.
+# The same of a relation Σ k_i b_i = 0 that locks fundamentals to one another: 3 f1 = 2 f2 leaves one of two.
 RELATIONS = {2: 200, 3: 40, 4: 12}
 # Combinations up to some order lie so dense that a line is near one of them by chance. Where that is likelier than
 # this, the line's frequency is not known well enough to say so.
 CHANCE = 0.02
-# A base closer to a stronger line than this share of itself is told as the distance from it: as slow modulation.
+# A fundamental closer to a stronger line than this fraction of itself is replaced by its distance from it, a slow
+# modulation.
 BESIDE = 0.1
 
 
 class Bases(NamedTuple):
-    """Base frequencies (d,) with their uncertainty in Hz, by rising frequency, and what of the motion they explain.
+    """Fundamental frequencies (d,) with uncertainty in Hz, by rising frequency, and what of the motion they explain.
 
     `combinations` (m, d) are the integers k of each of the m lines, f = Σ k_i base_i; zeros where a line is none of
-    them. `explained` is the share of the variance in lines that are, `all_lines` whether every line is.
+    them. `explained` is the fraction of the variance in lines that are, `all_lines` whether every line is.
     """
 
     frequency_Hz: NDArray[np.float64]
@@ -36,29 +37,30 @@ class Bases(NamedTuple):
 
 
 def find_bases(lines: Lines) -> Bases:
-    """Find the smallest set of base frequencies of which the lines are integer combinations, three of them at most.
+    """Find the fewest fundamental frequencies of which the lines are integer combinations, at most three.
 
-    The lines are taken one after the other, the strongest first. One at f_j is Σ_i k_ji b_i of the bases there are so
-    far when it lies within their joint uncertainty, for the k of lowest order Σ|k|. One that is nowhere near
-    any combination is another base, or its distance from a stronger line is, where that is less than a tenth of f_j. A
-    line whose uncertainty lets it be near some combination by chance, with N combinations of that order or less below
-    the highest line F with a probability of 2 N u/F above 2 %, is neither: it stays unexplained. Bases that are locked,
-    Σ k_i b_i = 0 within their uncertainty and beyond chance, are rewritten as one base fewer. Bases are told by the
-    strongest lines that generate all, and fitted to all lines that they explain, weighted by their uncertainties.
+    The lines are taken one after the other, the strongest first. One at f_j is Σ_i k_ji b_i of the fundamentals there
+    are so far when it lies within their joint uncertainty, for the k of lowest order Σ|k|. One that is nowhere near any
+    combination is another fundamental, or its distance from a stronger line is, where that is less than a tenth of f_j.
+    A line whose uncertainty lets it be near some combination by chance, with N combinations of that order or less below
+    the highest line F with a probability of 2 N u/F above 2 %, is neither: it stays unexplained. Fundamentals that are
+    locked, Σ k_i b_i = 0 within their uncertainty and beyond chance, are rewritten as one fundamental fewer.
+    Fundamentals are reported as the strongest lines that generate all, and fitted to all lines that they explain,
+    weighted by their uncertainties.
 
-    No base below the lines' resolution is told, and of lines beyond three bases none.
+    No fundamental below the lines' resolution is reported, and none where the lines need more than three.
 
-    Source: the strongest independent lines as bases, J. Laskar, "Introduction to frequency map analysis", in
+    Source: the strongest independent lines as fundamentals, J. Laskar, "Introduction to frequency map analysis", in
     Hamiltonian Systems with Three or More Degrees of Freedom, NATO ASI Series C 533, 1999.
     """
     lattice = _Lattice(lines)
     for j in range(lines.frequency_Hz.size):
         lattice.take(j)
-    return lattice.told()
+    return lattice.fitted()
 
 
 class _Lattice:
-    """What some bases generate, and which of the lines are in it."""
+    """What some fundamentals generate, and which of the lines are in it."""
 
     def __init__(self, lines: Lines) -> None:
         self.lines = lines
@@ -71,11 +73,11 @@ class _Lattice:
 
     @property
     def count(self) -> int:
-        """How many bases there are."""
+        """How many fundamentals there are."""
         return self.combinations.shape[1]
 
     def take(self, j: int) -> None:
-        """Find the next line among the combinations, or make another base of it."""
+        """Find the next line among the combinations, or make another fundamental of it."""
         near, clear = self._nearest(j)
         if near is not None:
             if clear:
@@ -94,8 +96,8 @@ class _Lattice:
         if self.count > MOST_BASES:
             self.combinations = before
 
-    def told(self) -> Bases:
-        """The bases as the strongest lines, or distances from them, that generate all; fitted, positive, rising."""
+    def fitted(self) -> Bases:
+        """The strongest lines, or distances from them, that generate all lines; fitted, positive, rising."""
         if self.count == 0:
             return Bases(np.zeros(0), np.zeros(0), self.combinations, 0.0, self.lines.frequency_Hz.size == 0)
         self._rewrite()
@@ -108,7 +110,7 @@ class _Lattice:
         )
 
     def _fit(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Bases and their uncertainty by least squares from the lines that they explain."""
+        """Fundamentals and their uncertainty by least squares from the lines that they explain."""
         weight = 1.0 / self.lines.uncertainty_Hz[self.matched]
         matrix = self.combinations[self.matched] * weight[:, None]
         right = self.lines.frequency_Hz[self.matched] * weight
@@ -134,7 +136,7 @@ class _Lattice:
         return grid[near[0]] * (-1 if frequency[near[0]] < 0.0 else 1), clear
 
     def _unlock(self) -> None:
-        """Rewrite bases between which there is an integer relation as one base fewer."""
+        """Rewrite fundamentals between which there is an integer relation as one fundamental fewer."""
         if self.count < 2:
             return
         values, spread = self._fit()
@@ -149,7 +151,7 @@ class _Lattice:
             self._unlock()
 
     def _rewrite(self) -> None:
-        """Take the strongest lines as bases where they generate all: the determinant of their integers is ±1."""
+        """Take the strongest lines as fundamentals where they generate all: the determinant of their integers is ±1."""
         lines = np.flatnonzero(self.matched)
         vectors = self.combinations[lines]
         sets = np.array(list(itertools.combinations(range(lines.size), self.count)))
@@ -181,7 +183,7 @@ def _vectors(count: int, most: int) -> tuple[NDArray[np.int64], NDArray[np.int64
 def _kernel(relation: NDArray[np.int64]) -> NDArray[np.int64]:
     """Integer vectors (d, d − 1) that span all x with relation · x = 0, by Euclid's algorithm on columns.
 
-    Where relation · b = 0 the bases are b = kernel · b', and the b' generate what the b do.
+    Where relation · b = 0 the fundamentals are b = kernel · b', and the b' generate what the b do.
     """
     left, unimodular = relation.copy(), np.eye(relation.size, dtype=np.int64)
     while np.count_nonzero(left) > 1:

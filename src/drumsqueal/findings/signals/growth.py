@@ -86,7 +86,7 @@ def modal_frequency(time: ArrayLike, modal_signal: ArrayLike) -> float:
 
     `time` (samples,) in s, increasing; `modal_signal` (samples,) complex and nowhere zero. The slope is fitted by least
     squares, and is negative for an amplitude that turns clockwise. Neighbouring samples must lie less than half a turn
-    apart: a coarser sampling cannot be told from a slower turn.
+    apart: with a coarser sampling a fast rotation looks like a slower one.
 
     Raises ValueError for fewer than 2 samples, for NaN, for zeros and for times out of order.
     """

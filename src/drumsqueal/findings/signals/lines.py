@@ -13,7 +13,7 @@ from drumsqueal.findings.signals.checks import finite_record, positive
 
 # Half the width of the main lobe of the Hann window, in bins 1/T: lines closer than this are one to it.
 MAIN_LOBE = 2.0
-# What hides beside a line stands this far from it at most (bins): there it could pull the line's frequency.
+# A weak component next to a line stands this far from it at most (bins): there it could pull the line's frequency.
 NEIGHBOURHOOD = 4.0
 # Shift, in bins, of the maximum of a Hann-windowed line by a neighbour, over the ratio of their amplitudes where that
 # is small: max |∫ w τ sin(uτ) dτ| / ∫ w τ² dτ / 2π over the neighbour's distance u, with ∫ w = 1; it is 0.58.
@@ -30,7 +30,7 @@ class Lines(NamedTuple):
 
     Line j of signal c is Re(amplitude_jc e^(2πi f_j t)) with t from the first sample. `share` (m,) is what each line
     holds of the variance of the signals scaled to unit rms, `left` what no line holds. Lines closer than
-    `resolution_Hz` are not told apart.
+    `resolution_Hz` are not resolved.
     """
 
     frequency_Hz: NDArray[np.float64]
@@ -48,12 +48,12 @@ def find_lines(signals: ArrayLike, sample_rate: float, *, count: int = 40, floor
 
         P(f) = Σ_c |Σ_t w(t) r_c(t) e^(−2πi f t)|²,   w the Hann window,
 
-    is largest, refined by Newton's method, and all amplitudes are fitted anew by least squares with the weight w.
-    Then every frequency is refined again beside all others until none moves. At most `count` lines are taken, down
-    to `floor` times the strongest amplitude (0 < floor < 1), and none closer to another one, to zero or to half the
-    sample rate (Hz) than the main lobe of the window, 2/T.
+    is largest, refined by Newton's method, and all amplitudes are fitted anew by least squares with the weight w. Then
+    every frequency is refined again together with all others until none moves. At most `count` lines are taken, down to
+    `floor` times the strongest amplitude (0 < floor < 1), and none closer to another one, to zero or to half the sample
+    rate (Hz) than the main lobe of the window, 2/T.
 
-    The uncertainty of a frequency is 0.6/T times what is left beside the line (largest amplitude within four bins)
+    The uncertainty of a frequency is 0.6/T times the residual next to the line (largest amplitude within four bins)
     over the line's own amplitude: how far a line hidden there would pull it. That is an estimate, to a factor of three
     for a neighbour a bin away; what is nearer than that is the same line.
 
@@ -117,7 +117,7 @@ class _Search:
             open_bins &= np.abs(self.bins - own) >= MAIN_LOBE
 
     def settle(self) -> None:
-        """Refine every frequency beside all the others until none moves."""
+        """Refine every frequency together with all others until none moves."""
         for _ in range(SWEEPS):
             moved = 0.0
             for j in range(self.frequency.size):

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from drumsqueal.findings.signals.checks import finite_record, positive
 
-ALIGNING = 0.1  # first share of the record, in which tangents turn to where they grow
+ALIGNING = 0.1  # first fraction of the record, in which tangents turn to where they grow
 BLOCKS = 10
 SURE = 3.0  # standard errors
 FOLD = 5.0  # e-folds in the whole record; what grows or decays by less cannot be distinguished from zero

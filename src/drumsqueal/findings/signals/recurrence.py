@@ -103,7 +103,7 @@ def _shortest_lag(unit: NDArray[np.float64]) -> int:
 
 
 def _followed(fine: _Finer, lag: float, error: float) -> Recurrence:
-    """Double the lag as long as it fits in half the record; the last one fixes the period, its error tells a cycle."""
+    """Double the lag up to half the record: the last one fixes the period, and its error identifies a cycle."""
     turns, reached = 1, lag
     while round(2.0 * reached) + 3 < fine.size // 2:
         turns, middle = 2 * turns, round(2.0 * reached)

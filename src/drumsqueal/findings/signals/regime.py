@@ -1,4 +1,4 @@
-"""Which regime a saturated record shows: steady, periodic, quasi-periodic, irregular, or too little to tell."""
+"""Which regime a saturated record shows: steady, periodic, quasi-periodic, irregular, or too short to decide."""
 
 import math
 from enum import StrEnum
@@ -16,7 +16,7 @@ from drumsqueal.findings.signals.regime_words import Cause, describe_cause
 
 # Motion below this fraction of the size that would count as motion is none.
 STEADY = 1e-6
-# A regime can only be told from this many periods: of the lowest frequency of interest, and of the period found.
+# A regime can only be decided from this many periods: of the lowest frequency of interest, and of the period found.
 PERIODS_NEEDED = 20
 # A period longer than this many periods of the lowest frequency is not looked for: among so many lags every torus
 # nearly closes.
@@ -25,8 +25,8 @@ LONGEST_PERIOD = 20
 PERIODIC_DRIFT = RECURRENCE
 # The rms of an irregular motion fluctuates by itself; only more than this between the halves is called drift.
 IRREGULAR_DRIFT = 0.1
-# A motion that does not come back is quasi-periodic when lines that are combinations of the base frequencies hold this
-# share of its variance; the smallest lines that are looked for hold 1e-4 of what the strongest does.
+# A motion that does not recur is quasi-periodic when lines that are combinations of the fundamental frequencies hold
+# this fraction of its variance; the smallest lines that are looked for hold 1e-4 of what the strongest does.
 EXPLAINED = 0.99
 FLOOR = 1e-2
 
@@ -75,7 +75,7 @@ class Regime(Finding):
 
 
 def classify(signals: ArrayLike, sample_rate: float, *, scale: ArrayLike, lowest_frequency: float) -> Regime:
-    """Tell the regime of the saturated part of a record, a word for it and what it was told by.
+    """Classify the regime of the saturated part of a record, with the evidence.
 
     `signals` (time, k), each column in its own unit; `scale` (k,), what would count as motion in each of them;
     `sample_rate` and `lowest_frequency`, the lowest that matters, in Hz. The start-up must have been cut off.
@@ -87,24 +87,24 @@ def classify(signals: ArrayLike, sample_rate: float, *, scale: ArrayLike, lowest
 
           e(T) = rms |y(t + T) − y(t)| / rms y ≤ 1e-2
 
-      and this still holds after many periods (2^j T, as far as half the record). That tells a cycle, whose error
+      and this still holds after many periods (2^j T, as far as half the record). That identifies a cycle, whose error
       stays, from a torus that nearly closes or a slow beat, whose error grows with every turn. The shortest such T
       is returned, so a subharmonic weaker than half a per cent of the rms is not seen.
-    - quasi-periodic: stationary, does not come back, and lines that are integer combinations of two or three base
+    - quasi-periodic: stationary, not recurrent, and lines that are integer combinations of two or three fundamental
       frequencies (`find_lines`, `find_bases`) hold 99 % of its variance.
-    - irregular: stationary and neither: chaos, noise, or a torus of more bases. Chaos so weak that its lines are sharp
-      within this record counts as quasi-periodic; only the largest Lyapunov exponent tells them apart.
+    - irregular: stationary and neither: chaos, noise, or a torus of more fundamentals. Chaos so weak that its lines are
+      sharp within this record counts as quasi-periodic; only the largest Lyapunov exponent distinguishes them.
 
-    Where the lines have one base frequency alone, the motion is a cycle longer than was looked for: periodic if it was
-    recorded 20 times and comes back after that period, too, or else unknown.
+    Where the lines have one fundamental frequency alone, the motion is a cycle longer than was looked for: periodic if
+    it was recorded 20 times and comes back after that period, too, or else unknown.
 
     Drift is a change of rms between the halves, or of the mean relative to the rms, by more than 1e-2 in a motion
     that comes back after T (measured over whole periods), by more than 0.1 in one that does not.
 
-    e is computed on a record interpolated band-limited to 8 times the rate, at all lags through the
-    autocorrelation, from half a period of the strongest spectral peak to a third of the record or 20 periods of
-    `lowest_frequency`, whichever is less, then refined between the lags. A cycle longer than that is not told from
-    a torus. A component above 0.84 of the Nyquist frequency is damped by the interpolation.
+    e is computed on a record interpolated band-limited to 8 times the rate, at all lags through the autocorrelation,
+    from half a period of the strongest spectral peak to a third of the record or 20 periods of `lowest_frequency`,
+    whichever is less, then refined between the lags. A cycle longer than that is not distinguished from a torus. A
+    component above 0.84 of the Nyquist frequency is damped by the interpolation.
 
     Raises ValueError for NaN, for fewer than 16 samples, and for arguments of wrong shape or sign.
 
@@ -132,7 +132,7 @@ def classify(signals: ArrayLike, sample_rate: float, *, scale: ArrayLike, lowest
 
 
 def _moving_regime(unit: NDArray[np.float64], rate: float, longest_period: float) -> Regime:
-    """Tell the regime of signals (time, k) of zero mean and unit rms."""
+    """Classify the regime of signals (time, k) of zero mean and unit rms."""
     returns, smallest = find_recurrences(unit, longest_period * rate)
     lasting = next((item for item in returns if item.lasts), None)
     first = lasting or next(iter(returns), None)

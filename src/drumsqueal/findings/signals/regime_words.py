@@ -36,12 +36,12 @@ def describe_cause(
 
 def told_frequencies(frequencies: Sequence[float], uncertainties: Sequence[float], most: int) -> str:
     """Frequencies in words, to the digits that they are known to, `most` significant ones."""
-    told = []
+    texts = []
     for frequency, uncertainty in zip(frequencies, uncertainties, strict=True):
         known = math.floor(math.log10(frequency)) - math.floor(math.log10(max(uncertainty, 1e-9 * frequency)))
         digits = max(1, min(most, known + 1))
-        told.append(f"{frequency:.{max(0, digits - 1 - math.floor(math.log10(frequency)))}f}")
-    return f"{', '.join(told[:-1])} and {told[-1]} Hz" if len(told) > 1 else f"{told[0]} Hz" if told else ""
+        texts.append(f"{frequency:.{max(0, digits - 1 - math.floor(math.log10(frequency)))}f}")
+    return f"{', '.join(texts[:-1])} and {texts[-1]} Hz" if len(texts) > 1 else f"{texts[0]} Hz" if texts else ""
 
 
 def _too_short(n: Numbers, _: str) -> str:
@@ -84,9 +84,9 @@ def _decays(n: Numbers, mode: str) -> str:
 
 def _drifts(n: Numbers, _: str) -> str:
     if abs(n["amplitude_drift"]) >= n["mean_drift"]:
-        what = f"the rms {'grows' if n['amplitude_drift'] > 0 else 'falls'} by {abs(n['amplitude_drift']):.1%}"
+        what = f"the rms {'grows' if n['amplitude_drift'] > 0 else 'falls'} by {100 * abs(n['amplitude_drift']):.1f} %"
     else:
-        what = f"the mean moves by {n['mean_drift']:.1%} of the rms"
+        what = f"the mean moves by {100 * n['mean_drift']:.1f} % of the rms"
     return f"The motion still drifts: {what} from the first half of the record to the second; record for longer."
 
 
@@ -99,12 +99,12 @@ def _not_periodic(n: Numbers) -> str:
     error = f"its recurrence error is {percent(n['recurrence_error'])} of rms"
     if n["nearly"]:
         return f"The motion is stationary but not periodic: {error} after one period, but larger after many."
-    limit = f"{n['recurrence_limit']:.0%} would be periodic"
+    limit = f"{100 * n['recurrence_limit']:.0f} % would be periodic"
     return f"The motion is stationary but not periodic: {error} at best, and up to {limit}."
 
 
 def _variance(n: Numbers) -> str:
-    return f"hold {n['explained']:.2%} of its variance"
+    return f"hold {100 * n['explained']:.2f} % of its variance"
 
 
 def _combinations(n: Numbers, listed: str) -> str:
@@ -113,8 +113,8 @@ def _combinations(n: Numbers, listed: str) -> str:
 
 
 def _no_combinations(n: Numbers, _: str) -> str:
-    held = f"its {n['lines']:.0f} strongest lines hold {n['in_lines']:.2%} of its variance"
-    combined = f"those that are combinations of three frequencies {n['explained']:.2%}"
+    held = f"its {n['lines']:.0f} strongest lines hold {100 * n['in_lines']:.2f} % of its variance"
+    combined = f"those that are combinations of three frequencies {100 * n['explained']:.2f} %"
     apart = f"lines closer than {n['resolution_Hz']:.2g} Hz are one in {n['duration_s']:.2g} s"
     return f"{_not_periodic(n)} It is irregular: {held}, {combined}; {apart}."
 

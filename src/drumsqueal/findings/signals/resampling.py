@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from drumsqueal.findings.signals.checks import finite_record, positive
 
-# In shares of the lower of the two rates: what passes, to 5e-5, and what is stopped, to 1e-5 (100 dB). The window's
+# In fractions of the lower of the two rates: what passes, to 5e-5, and what is stopped, to 1e-5 (100 dB). The window's
 # shape and length for these are those of Kaiser's formulas: A = 2.285 Δω N + 7.95 dB, shape 0.1102 (A − 8.7),
 # and a few samples more, for the window here ends at zero.
 PASSES, STOPS = 0.45, 0.5
@@ -78,9 +78,9 @@ def _predicted(values: NDArray[np.float64], count: int) -> NDArray[np.float64]:
 
 
 def share_above(values: ArrayLike, sample_rate: float, frequency: float) -> tuple[float, float]:
-    """Share of the energy of a signal (n,), its mean left out, above a frequency (Hz), and the strongest line there.
+    """Fraction of the energy of a signal (n,), its mean left out, above a frequency (Hz), and the strongest line there.
 
-    From the periodogram with a Hann window; the share is 0 for a signal that is constant. Raises ValueError.
+    From the periodogram with a Hann window; the fraction is 0 for a signal that is constant. Raises ValueError.
     """
     signal = finite_record("values", values, minimum=2)
     frequencies, power = scipy.signal.periodogram(signal, positive("sample_rate", sample_rate), window="hann")

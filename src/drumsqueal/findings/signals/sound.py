@@ -54,8 +54,8 @@ def wav_bytes(sound: Sound, title: str = "", comment: str = "") -> bytes:
     """
     rate = sound.sample_rate
     description = struct.pack("<HHIIHH", 1, 1, rate, 2 * rate, 2, 16)  # PCM, one channel, two bytes a sample
-    told = {b"INAM": title, b"ICMT": comment, b"ISFT": "drumsqueal"}
-    texts = b"".join(_chunk(name, text.encode() + b"\0") for name, text in told.items() if text)
+    fields = {b"INAM": title, b"ICMT": comment, b"ISFT": "drumsqueal"}
+    texts = b"".join(_chunk(name, text.encode() + b"\0") for name, text in fields.items() if text)
     data = sound.samples.astype("<i2").tobytes()
     chunks = _chunk(b"fmt ", description) + _chunk(b"LIST", b"INFO" + texts) + _chunk(b"data", data)
     return _chunk(b"RIFF", b"WAVE" + chunks)

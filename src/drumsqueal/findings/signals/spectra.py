@@ -131,7 +131,7 @@ def peak_near(spectrum: Spectrum, frequency: float, *, half_width: float) -> Pea
 
     None means that the amplitude has no maximum of its own in the band: it only rises or falls through it, as on
     the flank of a peak outside. The band is searched as it is, without the side-lobe test of `spectral_peaks`:
-    where nothing but lobes is in it, a lobe is returned, and its small amplitude says so.
+    where nothing but lobes is in it, a lobe is returned; its small amplitude shows that.
 
     Exponential growth does not move the peak. The windowed transform of e^(σt) e^(iωt) is ∫ w e^(σt) e^(i(ω−ω')t)
     dt with a positive weight w e^(σt), so its magnitude is largest where the phase factor is 1: exactly at ω' = ω,

@@ -11,7 +11,7 @@ from drumsqueal.findings.signals.checks import finite_record, positive
 from drumsqueal.findings.signals.spectra import Peaks, Spectrum, amplitude_spectrum, spectral_peaks
 
 PADDING = 8
-# Share of what Hann segments that overlap by half are worth as independent ones: 1/(1 + 2 ρ²), with ρ = 1/6 the
+# Fraction of what Hann segments that overlap by half are worth as independent ones: 1/(1 + 2 ρ²), with ρ = 1/6 the
 # correlation of the windows (Welch 1967).
 INDEPENDENT = 1 / (1 + 2 / 36)
 FLOOR_WIDTH = 120.0  # resolutions about a frequency, over which the floor is the median
@@ -88,12 +88,12 @@ def _noise_threshold(spectrum: Spectrum, segments: int) -> NDArray[np.float64]:
 
 
 def _tones(spectrum: Spectrum, threshold: NDArray[np.float64], lowest: float, order: int) -> Peaks:
-    """Peaks above the threshold, as many as are told, of the rate of change of that order."""
+    """Peaks above the threshold, as many as are reported, of the rate of change of that order."""
     # What is slower than `lowest` is found first, and with it its side lobes, which may lie above.
     found = spectral_peaks(spectrum, count=4 * MOST, floor=FAINTEST**2, threshold=threshold)
     fast = found.frequency_Hz >= lowest
     frequency = found.frequency_Hz[fast]
     amplitude = found.amplitude[fast] * (2 * np.pi * frequency) ** order
     strongest = np.argsort(-amplitude, kind="stable")[:MOST]
-    told = strongest[amplitude[strongest] >= FAINTEST * amplitude.max(initial=0.0)]
-    return Peaks(frequency[told], amplitude[told])
+    kept = strongest[amplitude[strongest] >= FAINTEST * amplitude.max(initial=0.0)]
+    return Peaks(frequency[kept], amplitude[kept])

@@ -12,7 +12,7 @@ class Preload(eqx.Module):
     """The load alone, +∫ p0 φ^r dA: friction drags the shoe to a steady state of its own ("self-consistent").
 
     U = −p0 q·∫φ^r dA. Kept as a potential so that it cancels the linear part of the contact's: what is left is of
-    second order in the departure, and the energy balance stays sharp at small amplitudes.
+    second order in the displacement, and the energy balance stays sharp at small amplitudes.
     """
 
     body: LinedBody

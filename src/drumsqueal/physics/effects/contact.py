@@ -1,6 +1,6 @@
 """Distributed contact between lining and drum: pressure, and the friction that rides on it.
 
-Source: Seo & Kang 2023, equations (8) to (14) and (20); separation and the exact edges are ours.
+Source: Seo & Kang 2023, equations (8) to (14) and (20); separation and the exact contact boundaries are ours.
 """
 
 import dataclasses
@@ -25,7 +25,7 @@ from drumsqueal.physics.quadrature.surface import Edges, Nodes, Surface
 
 
 class Levels(NamedTuple):
-    """What makes the edges: p0 + k_c u_r (Pa), V_θ and V_z (m/s; None where they are not called for)."""
+    """Levels whose roots are the boundaries: p0 + k_c u_r (Pa), V_θ and V_z (m/s; None where not needed)."""
 
     pressure: Level
     slip: Level | None
@@ -45,7 +45,7 @@ class ContactField(NamedTuple):
 
 
 class Contact(eqx.Module):
-    """Pressure and friction over the lining, integrated exactly between its edges."""
+    """Pressure and friction over the lining, integrated exactly between its contact boundaries."""
 
     body: LinedBody
     law: PressureLaw
@@ -109,7 +109,7 @@ class Contact(eqx.Module):
         return yielding(self.law, moment.preload)
 
     def levels(self, moment: Moment, q: Motion, v: Motion) -> Levels:
-        """What makes the edges, at the present state."""
+        """The levels at the present state."""
         level = self._pressure_level(moment, q)
         if self.friction is None:
             return Levels(level, None, None)
@@ -117,7 +117,7 @@ class Contact(eqx.Module):
         return Levels(level, self._slip_level(moment, v), axial)
 
     def _integrated(self, levels: Levels, densities: Callable[[Nodes], Densities]) -> Densities:
-        """The integrals of densities over the lining, exact between its edges."""
+        """The integrals of densities over the lining, exact between its contact boundaries."""
         law = None if self.friction is None or levels.slip is None else self.friction.law
         cuts = (jnp.zeros(0), jnp.zeros(0)) if law is None else (breakpoints(law), kinks(law))
         edges = Edges(self.law.edges(levels.pressure), levels.slip, levels.axial, *cuts)

@@ -10,7 +10,7 @@ from drumsqueal.physics.effects.action import Action
 from drumsqueal.physics.effects.operation import Moment
 from drumsqueal.precision import real
 
-# A mode below this share of the highest squared frequency has no stiffness (the free Z motion) and stays undamped.
+# A mode below this fraction of the highest squared frequency has no stiffness (the free Z motion) and stays undamped.
 FREE_MODE_SHARE = 1e-12
 
 

@@ -20,7 +20,7 @@ class Bonded(eqx.Module):
     stiffness: Array = eqx.field(converter=real)
 
     def edges(self, level: Level) -> None:
-        """No edges: contact is never lost."""
+        """No contact boundaries: contact is never lost."""
         del level
 
     def pressure(self, level: Array) -> Array:
@@ -43,7 +43,7 @@ class Unilateral(eqx.Module):
     stiffness: Array = eqx.field(converter=real)
 
     def edges(self, level: Level) -> Level:
-        """The level whose roots are the edges of contact."""
+        """The level whose roots are the contact boundaries."""
         return level
 
     def pressure(self, level: Array) -> Array:

@@ -18,7 +18,7 @@ RESOLVED = 1.0  # K; the error of a step is measured against a rise of at least 
 
 
 class Remembering(Protocol):
-    """What a model asks of an effect with a state of its own, which a transient integrates beside the motion."""
+    """What a model asks of an effect with a state of its own, which a transient integrates with the motion."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -51,7 +51,7 @@ class Temperature(eqx.Module):
         return ("lining_temperature",)
 
     def influence(self, moment: Moment, memory: Array) -> Moment:
-        """The moment with the share of friction that is left, max(0, 1 − γ ϑ)."""
+        """The moment with the fraction of friction that is left, max(0, 1 − γ ϑ)."""
         return moment._replace(friction_share=jnp.maximum(0.0, 1 - self.fade * memory[0]))
 
     def rate(self, memory: Array, heat: Scalar) -> Array:

@@ -74,7 +74,7 @@ class Touching(Protocol):
         ...
 
     def yielding(self, moment: Moment) -> Scalar:
-        """How far the contact yields under its load (m), which tells how large the round-off of its forces is."""
+        """How far the contact yields under its load (m), which scales the round-off of its forces."""
         ...
 
     def in_plane(self) -> "Touching":

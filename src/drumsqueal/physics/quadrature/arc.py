@@ -1,4 +1,4 @@
-"""Quadrature over the arc at z = 0, split at the edges of contact and of slip reversal (motion in the plane)."""
+"""Quadrature over the arc at z = 0, split at the boundaries of contact and of slip reversal (motion in the plane)."""
 
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -14,10 +14,10 @@ from drumsqueal.physics.quadrature.levels import Level, crosses_zero, quarter_ta
 from drumsqueal.physics.quadrature.sums import Densities, sum_together
 from drumsqueal.physics.quadrature.surface import Edges, Lining, Nodes, resolved
 
-# Gauss nodes a piece. The arc is split at its middle and twice for each level that may have edges; the longest piece is
-# half of it. Errors of the contact force, largest of 300 random states with edges, over p0 times the area, unilateral
-# and bonded: up to 130° with eight nodes 8e-13, 1e-12; up to 360° with 24 nodes 4e-15, 8e-15. Multiples of eight fill
-# the processor's lanes.
+# Gauss nodes a piece. The arc is split at its middle and twice for each level that may have boundaries; the longest
+# piece is half of it. Errors of the contact force, largest of 300 random states with boundaries, over p0 times the
+# area, unilateral and bonded: up to 130° with eight nodes 8e-13, 1e-12; up to 360° with 24 nodes 4e-15, 8e-15.
+# Multiples of eight fill the processor's lanes.
 NODES, NODES_LONG_ARC = 8, 24
 # On the many pieces that a steep friction law cuts it into, at least so many.
 STEEP_NODES = 16
@@ -40,10 +40,10 @@ class ArcSurface(eqx.Module):
         return False
 
     def integrate(self, lining: Lining, edges: Edges, densities: Callable[[Nodes], Densities]) -> Densities:
-        """Sums over nodes that are split at the edges, and at the friction law's slip speeds where it is steep.
+        """Sums over nodes that are split at the boundaries, and at the friction law's slip speeds where it is steep.
 
-        What has none is not split, which makes an evaluation below all edges more than twice as fast. Many motions at
-        once are better run one after the other (`batch.py`): under `jax.vmap` each of them takes all ways.
+        What has none is not split, which makes an evaluation below all boundaries more than twice as fast. Many motions
+        at once are better run one after the other (`batch.py`): under `jax.vmap` each of them takes all ways.
         """
         levels = [level for level in (edges.pressure, edges.slip) if level is not None]
 
@@ -94,8 +94,8 @@ def _edge_bounds(levels: Sequence[Level], end: Array) -> list[Array]:
 def _all_bounds(edges: Edges, end: Array) -> Array:
     """Sorted bounds tan(θ/4) of as many pieces as there may be; those that are not there are empty, at the end.
 
-    They are quarters of the arc, the edges, and where the slip speed is largest, smallest or one that cuts the friction
-    law: between those, it is resolved.
+    They are quarters of the arc, the boundaries, and where the slip speed is largest, smallest or one that cuts the
+    friction law: between those, it is resolved.
     """
     roots = [] if edges.pressure is None else quarter_tangents(edges.pressure)
     if edges.slip is not None:

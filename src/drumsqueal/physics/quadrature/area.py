@@ -1,4 +1,4 @@
-"""Quadrature over the whole lining, split along and across at the edges of contact and of slip reversal.
+"""Quadrature over the whole lining, split along and across at the boundaries of contact and of slip reversal.
 
 Lines θ = const run across the lining. On each the levels are linear in z, so that it has one stretch in contact at
 most, and one point about which the direction V/|V| turns. The arc is split wherever the integral across is singular
@@ -22,9 +22,10 @@ from drumsqueal.physics.quadrature.smooth import is_smooth, smooth_nodes
 from drumsqueal.physics.quadrature.sums import Densities, sum_together
 from drumsqueal.physics.quadrature.surface import Edges, Lining, Nodes
 
-# Nodes on each half piece of the arc, and on each of the two stretches of a line beside the turn of V/|V|; and sections
-# that the arc is split into in any case. At the worst state found for a rule with two sections the error over p0 times
-# the area is 2e-7 with 18 nodes along, 1e-8 with 24, and 2e-9 with three sections. Across, 40 nodes do no better.
+# Nodes on each half piece of the arc, and on each of the two stretches of a line next to the turn of V/|V|; and
+# sections that the arc is split into in any case. At the worst state found for a rule with two sections the error over
+# p0 times the area is 2e-7 with 18 nodes along, 1e-8 with 24, and 2e-9 with three sections. Across, 40 nodes do no
+# better.
 ALONG, ACROSS, SECTIONS = 24, 12, 3
 # A singularity closer to an end than so many lengths of the half piece counts as being so far off. With 1e-5 along
 # instead, up to 2e-7 is lost, with 2e-6 5e-8.
@@ -48,7 +49,7 @@ class AreaSurface(eqx.Module):
         return True
 
     def integrate(self, lining: Lining, edges: Edges, densities: Callable[[Nodes], Densities]) -> Densities:
-        """Sums over nodes that are split at the edges; where there are none over far fewer, unless always split."""
+        """Sums over nodes split at the boundaries; where there are none over far fewer, unless always split."""
 
         def split() -> Densities:
             return self._over_pieces(lining, edges, densities)

@@ -1,17 +1,17 @@
 """Where along the arc the integral across the lining is singular, or nearly so, as a function of θ.
 
 On a line θ = const all levels are linear in z: the pressure A + zB, and the velocity W = V_θ + iV_z = C + zD. So there
-are at most one edge of contact z = −A/B and one branch point z = −C/D of |V| with its conjugate, and the integral is
+are at most one contact boundary z = −A/B and one branch point z = −C/D of |V| with its conjugate, and the integral is
 singular, at real or complex θ, only where one of them meets something:
 
-- the edge of contact reaches an edge of the lining: A ± wB = 0 with w = b/2,
+- the contact boundary reaches an edge of the lining: A ± wB = 0 with w = b/2,
 - the branch point does: C ± wD = 0,
 - it meets its conjugate: V_z = 0, where all velocity vanishes,
-- it meets the edge of contact: C B − D A = 0, a quartic in e^{iθ},
+- it meets the contact boundary: C B − D A = 0, a quartic in e^{iθ},
 - the line of a slip speed at which the friction law has a kink reaches an edge of the lining, C C* = s² at ±w, a
   quartic, too, or it turns back, V_z = ±s,
-- an edge runs off to infinity: B = 0 or D = 0. No such point lies on the lining, but there may be one close to where
-  the edge leaves it.
+- a boundary runs off to infinity: B = 0 or D = 0. No such point lies on the lining, but there may be one close to where
+  the boundary leaves it.
 """
 
 from typing import NamedTuple
@@ -27,8 +27,8 @@ from drumsqueal.physics.quadrature.surface import Edges, Lining
 
 CLOSE = 0.5  # half arcs; singularities further off the real axis need no split: Gauss nodes converge like 2.4^(−2 n)
 FAR = 1e3  # rad; a split without a singularity (finite, so that gradients stay so)
-# Half widths from the middle line within which two edges are taken to meet on the lining: complex roots are looked at
-# where they are closest to the real axis, which may put them somewhat off it.
+# Half widths from the middle line within which two boundaries are taken to meet on the lining: complex roots are looked
+# at where they are closest to the real axis, which may put them somewhat off it.
 REACH = 1.5
 
 
@@ -41,7 +41,7 @@ class Breaks(NamedTuple):
 
 
 def find_breaks(lining: Lining, edges: Edges) -> Breaks:
-    """All of them. Their number depends on what edges there may be, not on the state."""
+    """All of them. Their number depends on what boundaries there may be, not on the state."""
     pressure, slip, axial, _, kinks = edges
     half_angle, half_width = lining.half_angle, lining.width / 2
     sides = half_width * np.array([-1.0, 1.0])
@@ -87,7 +87,7 @@ def _near(half_angle: Array, there: Array, angle: Array, distance: Array) -> Bre
 
 
 def _on_lining(found: Breaks, level: Level, half_width: Array) -> Breaks:
-    """Split only where the edge of the level runs over the lining; the singularities stay."""
+    """Split only where the boundary of the level runs over the lining; the singularities stay."""
     a, b, c, b1, c1 = level
     cosine, sine = jnp.cos(found.angle), jnp.sin(found.angle)
     value, slope = a + b * cosine + c * sine, b1 * cosine + c1 * sine

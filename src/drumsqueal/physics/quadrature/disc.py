@@ -39,7 +39,7 @@ class DiscNodes(NamedTuple):
 def disc_nodes(radius: Array, sliding: Array, spinning: Array, speeds: Array) -> DiscNodes:
     """Nodes for a centre that slides at u ≥ 0 along X and a spin of ω ≥ 0, given by u and Rω (m/s), not both zero.
 
-    A line at angle φ passes the disc's centre at h = (u/ω) sin φ. Where Rω ≥ u the lines are told apart by φ = χ, and
+    A line at angle φ passes the disc's centre at h = (u/ω) sin φ. Where Rω ≥ u the lines are parametrised by φ = χ, and
     elsewhere by h = R sin χ. A line is cut at the centre of rotation, or at its middle where that is off the disc, and
     where the slip speed is one of those that cut the friction law (K,).
     """
@@ -64,7 +64,7 @@ def disc_nodes(radius: Array, sliding: Array, spinning: Array, speeds: Array) ->
     low, high = ends[:-1], ends[1:]
     place = (low + high) / 2 + (high - low) / 2 * x
     level = lean[:, None] + slope * place
-    # dA = |level| dx dφ, of which dφ = dχ, or cos χ/√(…) dχ where lines are told apart by h; dχ = cos χ dt.
+    # dA = |level| dx dφ, of which dφ = dχ, or cos χ/√(…) dχ where lines are parametrised by h; dχ = cos χ dt.
     step = STEP * np.where(t == 0, 1.0, 2.0) * cosine * jnp.where(outside, 1 / quotient, 1.0)
     weight = (high - low) / 2 * share * step[:, None] * jnp.abs(level)
     angle = (jnp.where(outside, root, cosine), jnp.where(outside, ratio * sine, sine))

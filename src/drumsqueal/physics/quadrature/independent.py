@@ -1,6 +1,7 @@
 """Quadratures that share nothing with the engine's: two to check it against, and the fixed grid that it replaces.
 
-They find the edges another way and take many more nodes, of other rules. Nothing but studies of accuracy uses them.
+They find the boundaries another way and take many more nodes, of other rules. Nothing but studies of accuracy uses
+them.
 """
 
 from collections.abc import Callable, Sequence
@@ -22,7 +23,7 @@ PANELS = 6  # across the lining, each with half as many of Fejér's nodes
 
 
 class IndependentSurface(eqx.Module):
-    """The lining split at its edges, with the nodes of a rule on each piece; across it, if spatial, on fixed lines.
+    """The lining split at its boundaries, with a rule on each piece; across it, if spatial, on fixed lines.
 
     The arc is split into equal `panels`, besides: many of them resolve a steep friction law that it knows nothing of.
     """
@@ -50,7 +51,7 @@ class IndependentSurface(eqx.Module):
 
 
 class FixedGrid(eqx.Module):
-    """Midpoints of a grid that does not know the edges: what one writes first, and a kink whenever one passes a node.
+    """Midpoints of a grid without regard to the boundaries: a kink in the forces whenever one passes a node.
 
     In space there are a quarter as many lines across.
     """
@@ -102,7 +103,7 @@ def _midpoints(count: int) -> np.ndarray:
 
 
 def _edges(levels: Sequence[Level], half_angle: Array) -> list[Array]:
-    """Edges (k, lines) of each level: a + r cos(θ − φ) vanishes at φ ± arccos(−a/r); 0 for one that is not there."""
+    """Boundaries (k, lines) of each level: a + r cos(θ − φ) vanishes at φ ± arccos(−a/r); 0 where there is none."""
     edges = []
     for a, b, c, _, _ in levels:
         amplitude, phase = jnp.hypot(b, c), jnp.arctan2(c, b)

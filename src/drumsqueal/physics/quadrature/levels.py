@@ -1,8 +1,8 @@
 """Level functions of the lining: constant + cosine + sine on every line z = const, and where they vanish.
 
-Both the pressure before separation and the slip velocity of a rigid shoe are of this form, so the edges of the contact
-and of the slip-reversed region are roots in closed form. A quadrature that splits there is exact to round-off with a
-few nodes; one that does not puts a kink into the motion whenever an edge passes a node.
+Both the pressure before separation and the slip velocity of a rigid shoe are of this form, so the boundaries of the
+contact and of the slip-reversed region are roots in closed form. A quadrature that splits there is exact to round-off
+with a few nodes; one that does not puts a kink into the motion whenever a boundary passes a node.
 """
 
 from math import factorial

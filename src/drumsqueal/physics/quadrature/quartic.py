@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-# Aberth's iteration triples the right digits of simple roots and halves the error of a double one, where the edges
+# Aberth's iteration triples the right digits of simple roots and halves the error of a double one, where the boundaries
 # that meet only touch.
 ITERATIONS = 16
 # Near the unit circle, where the roots are that count, and without a symmetry, which the iteration would keep.

@@ -1,7 +1,7 @@
-"""Quadrature over the whole lining where nothing has an edge: pressed everywhere, and slip far from its reversal.
+"""Quadrature over the whole lining where nothing has a boundary: pressed everywhere, and slip far from its reversal.
 
 What then is integrated is smooth all over the lining, and a fixed product of Gauss rules is exact to round-off with a
-tenth of the nodes that a single piece of the arc takes where there are edges.
+tenth of the nodes that a single piece of the arc takes where there are boundaries.
 """
 
 from collections.abc import Callable
@@ -17,7 +17,7 @@ from drumsqueal.physics.quadrature.surface import Edges, Lining, Nodes, resolved
 
 ALONG, ACROSS = 16, 8  # nodes along the arc and across the lining
 # How far off the branch points of |V| must be. Along the arc, at least this many half arcs from the real axis: Gauss
-# rules then converge like 3.6^(−2 n), to 1e-18. Across, the swing of the velocity, at most this share of its mean,
+# rules then converge like 3.6^(−2 n), to 1e-18. Across, the swing of the velocity, at most this fraction of its mean,
 # leaves them 3.3 half widths away: 6.5^(−2 n), 1e-13.
 CLEARANCE = 1.65
 LARGEST_SWING = 0.3
@@ -34,9 +34,9 @@ def smooth_nodes(lining: Lining) -> Nodes:
 
 
 class WholeSurface(eqx.Module):
-    """The lining where nothing has an edge: steady sliding under uniform pressure, and motion infinitely near to it.
+    """The lining where nothing has a boundary: steady sliding under uniform pressure, and motion infinitely near to it.
 
-    Neither looks for edges nor splits anything: a tenth of the program to compile.
+    Neither looks for boundaries nor splits anything: a tenth of the program to compile.
     """
 
     @property
@@ -51,7 +51,7 @@ class WholeSurface(eqx.Module):
 
 
 def is_smooth(lining: Lining, edges: Edges) -> Array:
-    """Whether the lining has no edge, pressed and slipping one way everywhere, nor a branch point of |V| near it.
+    """Whether the lining has no boundary, pressed and slipping one way everywhere, nor a branch point of |V| near it.
 
     With V_θ + i V_z = a + (p e^{iθ} + m e^{−iθ})/2 there is none with |Im θ| < y as long as max(|p|, |m|) cosh y < |a|.
     Nor may the friction law be steep. The condition is sufficient, not necessary: its bounds are over the whole circle.

@@ -44,7 +44,7 @@ class Nodes(NamedTuple):
 
 
 class Edges(NamedTuple):
-    """The levels whose roots are edges: p0 + k_c u_r, V_θ, and V_z beside it (None: no edges of that kind).
+    """The levels whose roots are boundaries: p0 + k_c u_r, V_θ, and V_z (None: no boundaries of that kind).
 
     Where the pressure's level is negative the lining does not press; V_z is the same all across the lining. The slip
     speeds that cut the friction law are its `breakpoints` (K,), rising, in m/s; `kinks` are those of them that a
@@ -82,5 +82,5 @@ class Surface(Protocol):
         ...
 
     def integrate(self, lining: Lining, edges: Edges, densities: Callable[[Nodes], Densities]) -> Densities:
-        """Sums over the lining of densities times weights, which are smooth between the edges."""
+        """Sums over the lining of densities times weights, which are smooth between the boundaries."""
         ...

@@ -17,16 +17,16 @@ def accuracy_command(
     output: Annotated[Path | None, output_option("SCENE-accuracy")] = None,
     target: Annotated[
         str,
-        typer.Option("--target", metavar="SHARE", help='Relative accuracy that is asked for, such as 1e-4 or "1 %".'),
+        typer.Option("--target", metavar="FRACTION", help='Required relative accuracy, such as 1e-4 or "1 %".'),
     ] = "1e-4",
     settings: Settings = None,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
     json_file: JsonFile = None,
 ) -> None:
-    """How wrong is a transient, and what would better cost?
+    """How large is the error, and what does a smaller one cost?
 
-    Runs methods, tolerances and quadratures against an independent reference. Writes accuracy.csv, three figures and
+    Compares methods, tolerances and quadratures with an independent reference. Writes accuracy.csv, three figures and
     simulate.toml, the cheapest settings that meet the target, into DIR.
 
     Example: drumsqueal accuracy scenarios/nominal.toml -o out/accuracy --target 1e-5

@@ -47,7 +47,7 @@ def animate_command(
             "--output",
             metavar="FILE",
             parser=read_file,
-            help="File, .gif or .mp4 (default: beside the history, or out/SCENE-MODE.gif).",
+            help="File, .gif or .mp4 (default: next to the history, or out/SCENE-MODE.gif).",
         ),
     ] = None,
     mode: Annotated[
@@ -62,7 +62,7 @@ def animate_command(
     since: Since = None,
     until: Until = None,
     slow: Annotated[
-        str, typer.Option("--slow", metavar="FACTOR", help="How many times slower than it was; auto: in 6 s.")
+        str, typer.Option("--slow", metavar="FACTOR", help="How many times slower than real time; auto: in 6 s.")
     ] = AUTO,
     magnify: Annotated[
         str, typer.Option("--magnify", metavar="FACTOR", help="Magnify the displacement; auto: 30 % of the thickness.")
@@ -72,7 +72,7 @@ def animate_command(
     quiet: Quiet = False,
     json_file: JsonFile = None,
 ) -> None:
-    """Shoe and drum in section, moving slowly: a history or a mode.
+    """Animate shoe and drum in section: a history or a mode.
 
     Shows the last periods of a history, or one period of a mode. Displacement is magnified; colours along the arc show
     the pressure, lift-off, slip reversal and sticking.
@@ -88,7 +88,7 @@ def animate_command(
     if recorded and settings:
         raise UsageError(SCENE_AS_RUN)
     if mode is None and source.suffix == ".toml":
-        raise RequestError(f"{source} is a scene: name one of its modes with --mode, or give a history that it left")
+        raise RequestError(f"{source} is a scene: name one of its modes with --mode, or give a history of a run of it")
     first, last = read_time(since, "--from"), read_time(until, "--until")
     file = output or _default_file(source, read, mode, recorded=recorded)
     loaded = None if recorded else load_scene(read, settings or ())
@@ -113,7 +113,7 @@ def animate_command(
             shown = play_history(saved.data, saved.scene, **times, slow=slowness, magnification=magnification)
             return save_animation(shown, file, progress)
         if saved is not None and saved.given_law:
-            why = "its friction law was given in Python and is not in it, so that its modes are not known"
+            why = "its friction law was given in Python and is not in the file, so that its modes are not known"
             raise RequestError(f"{read}: {why}; name a scene file")
         scene = loaded if saved is None else saved.scene
         assert scene is not None
@@ -125,7 +125,7 @@ def animate_command(
 
 
 def _default_file(source: Path, read: Path, mode: str | None, *, recorded: bool) -> Path:
-    """Where it goes unless a file is named: into the folder of the history, or into `out`."""
+    """The default file: in the folder of the history, or in `out`."""
     if mode is None:
         return read.with_suffix(".gif")
     name = f"{mode.replace(' ', '').replace('/', '')}.gif"

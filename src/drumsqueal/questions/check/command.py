@@ -14,10 +14,10 @@ def check_command(
     quiet: Quiet = False,
     json_file: JsonFile = None,
 ) -> None:
-    """Is a scene right, what follows from it, how long will it run?
+    """Is a scene valid, what follows from it, how long will it run?
 
     Finds mistakes, derives numbers with their units, estimates growth and computing time from the eigenvalues and from
-    short pieces of the transient, and warns of what is unusual. Writes nothing but the file of --json.
+    short pieces of the transient, and warns of unusual numbers. Writes only the file of --json.
 
     Example: drumsqueal check scenarios/nominal.toml --set start.displacement.Y=1e-5
     """

@@ -24,13 +24,13 @@ from drumsqueal.terminal.options import (
 from drumsqueal.terminal.reply import Reply
 
 HistoryFile = Annotated[
-    Path, typer.Argument(metavar="HISTORY", help="What a run has left: history.nc, or its folder.", show_default=False)
+    Path, typer.Argument(metavar="HISTORY", help="The history.nc of a run, or its folder.", show_default=False)
 ]
 MeasuredFile = Annotated[
     Path, typer.Argument(metavar="MEASURED", help="Measured record: CSV, UFF58 or WAV.", show_default=False)
 ]
 HDF5 = b"\x89HDF"  # how the files begin
-UNIT = 'What 1 in the file stands for, where it does not say so, such as "mm/s", g or, calibrated, "50 mm/s".'
+UNIT = 'Unit of the values where the file states none, such as "mm/s", g or, calibrated, "50 mm/s".'
 
 
 def compare_command(
@@ -58,15 +58,15 @@ def compare_command(
     since: Since = None,
     until: Until = None,
     within: Annotated[
-        str, typer.Option("--within", metavar="SHARE", help="How far apart two lines that are a pair may lie.")
+        str, typer.Option("--within", metavar="FRACTION", help="Largest distance between the two lines of a pair.")
     ] = "5%",
     overwrite: Overwrite = False,
     quiet: Quiet = False,
     json_file: JsonFile = None,
 ) -> None:
-    """Which lines of a measured record are simulated?
+    """Which measured lines does the simulation have, and how far off?
 
-    Compares the lines of the record with the simulated ones and with the eigenvalues.
+    Compares the lines of a measured record with the simulated ones and with the eigenvalues.
 
     Writes compare.csv, compare.json and compare.png into DIR. A measured acceleration or displacement is compared with
     a simulated velocity line by line; a record without a unit, such as a microphone's, by frequency and relative level.

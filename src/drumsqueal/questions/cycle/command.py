@@ -13,7 +13,7 @@ from drumsqueal.terminal.completion import complete_range
 from drumsqueal.terminal.options import JsonFile, Overwrite, Quiet, SceneFile, Settings, output_option
 from drumsqueal.terminal.reply import Reply
 
-ALONG = "Follow the cycles along a number of the scene instead, in SI or with units, as in drum.speed=1..40."
+ALONG = "Follow the cycles along a parameter of the scene instead, in SI units or with units, as in drum.speed=1..40."
 
 
 def cycle_command(

@@ -26,7 +26,7 @@ def effects_command(
     scene: SceneFile,
     output: Annotated[Path | None, output_option("SCENE-effects")] = None,
     within: Annotated[
-        str, typer.Option("--within", metavar="SHARE", help="Accuracy that decides what is needed, such as 1 %.")
+        str, typer.Option("--within", metavar="FRACTION", help="Required accuracy, such as 1 %.")
     ] = "1 %",
     settings: Settings = None,
     overwrite: Overwrite = False,
@@ -35,9 +35,9 @@ def effects_command(
 ) -> None:
     """Which effects does a scene need, and what does each cost?
 
-    Leaves out each effect in turn.
+    Leaves out each effect in turn, and compares growth rates, frequencies, amplitudes and computing time.
 
-    Writes effects.csv, effects.png and reduced.toml, the scene with what it needs, into DIR.
+    Writes effects.csv, effects.png and reduced.toml, the scene with only the effects that it needs, into DIR.
 
     Example: drumsqueal effects scenarios/nominal.toml -o out/effects --within 2%
     """

@@ -17,7 +17,7 @@ from drumsqueal.terminal.reply import Reply, make_console
 SOUND = "wav"
 LEAST_RATE, MOST_RATE = 1000.0, 192_000.0  # Hz, that players take
 _SIGNALS = (
-    "Names with commas between, e.g. velocity,brake_torque,displacement_Y (default: all; of a sound surface_velocity)."
+    "Names with commas between, e.g. velocity,brake_torque,displacement_Y (default: all; for sound surface_velocity)."
 )
 
 
@@ -36,14 +36,14 @@ def export_command(
     until: Until = None,
     rate: Annotated[
         str | None,
-        typer.Option("--rate", metavar="RATE", help="Resample (default: as recorded; of a sound 44.1 kHz)."),
+        typer.Option("--rate", metavar="RATE", help="Resample (default: as recorded; for sound 44.1 kHz)."),
     ] = None,
     slow: Annotated[
-        float | None, typer.Option("--slow", metavar="TIMES", help="Of a sound: so many times slower, and lower.")
+        float | None, typer.Option("--slow", metavar="TIMES", help="Sound only: so many times slower, and lower.")
     ] = None,
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", metavar="FILE", parser=read_file, help="File (default: beside HISTORY)."),
+        typer.Option("-o", "--output", metavar="FILE", parser=read_file, help="File (default: next to HISTORY)."),
     ] = None,
     overwrite: Overwrite = False,
     quiet: Quiet = False,

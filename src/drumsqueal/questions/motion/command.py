@@ -16,23 +16,23 @@ def motion_command(
     scene: SceneFile,
     output: Annotated[Path | None, output_option("SCENE-motion")] = None,
     duration: Annotated[
-        str, typer.Option("--duration", metavar="TIME", help="How long to record once it has settled.")
+        str, typer.Option("--duration", metavar="TIME", help="Duration of the record, after the motion has settled.")
     ] = "5 s",
     at_most: Annotated[
         str,
-        typer.Option("--at-most", metavar="TIME", help="Computing time to make do with."),
+        typer.Option("--at-most", metavar="TIME", help="Limit of the computing time."),
     ] = "600 s",
     settings: Settings = None,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
     json_file: JsonFile = None,
 ) -> None:
-    """Periodic, quasi-periodic or chaotic? With the evidence.
+    """Is the motion periodic, quasi-periodic or chaotic?
 
-    Recurrence, fundamental frequencies and Lyapunov exponents must agree; where they do not, it says how long a record
-    it takes.
+    Recurrence, fundamental frequencies and Lyapunov exponents must agree; where they do not, the
+    command reports how long a record is needed.
 
-    Writes motion.json, motion.csv (lines and what they are combinations of) and figures into DIR.
+    Writes motion.json, motion.csv (spectral lines with their combinations) and figures into DIR.
 
     Example: drumsqueal motion scenarios/nominal.toml -o out/motion --duration "3 s"
     """
@@ -45,6 +45,6 @@ def motion_command(
     from drumsqueal.simulation import check_sample_rate, prepare
     from drumsqueal.terminal.runner import answer
 
-    check_sample_rate(prepare(checked(loaded)))  # what cannot be done is told before there is a folder
+    check_sample_rate(prepare(checked(loaded)))  # what cannot be done is reported before there is a folder
     study = partial(study_motion, loaded, length, at_most=limit)
     answer(reply, MOTION, lambda progress, keep: study(progress=progress, keep=keep))

@@ -14,7 +14,7 @@ from drumsqueal.terminal.options import JsonFile, Overwrite, Quiet, SceneFile, S
 from drumsqueal.terminal.reply import Reply
 
 ALONG = (
-    f"The number of the scene that is varied and its range, in SI or with units; N values, {POINTS} without xN. "
+    f"The parameter that is varied and its range, in SI units or with units; N values, {POINTS} without xN. "
     'Put a range with spaces in quotes: --along "drum.speed=10 rpm..400 rpm x20".'
 )
 
@@ -59,7 +59,7 @@ def onset_command(
     """Where does it squeal, and where only after a large disturbance?
 
     Finds the critical values of the eigenvalues, runs transients from small and large disturbances at each value, and
-    continues each lasting motion at the neighbouring values. Writes onset.csv, onset.json and onset.png into DIR.
+    continues each attractor at the neighbouring values. Writes onset.csv, onset.json and onset.png into DIR.
 
     Example: drumsqueal onset scenarios/damped.toml -o out/onset --along drum.speed=1..60
     """

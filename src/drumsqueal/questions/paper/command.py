@@ -18,8 +18,8 @@ def paper_command(
 ) -> None:
     """Redraw Figures 4 to 11 of Seo & Kang; check its statements.
 
-    Transients are laid over the figures of the paper (2023). A number decides each of its statements, or one number
-    for each reading that the text leaves open.
+    Draws results of transients over the figures of the paper (2023). A number decides each of its statements, or one
+    number for each reading that the text leaves open.
 
     Writes the figures, paper.csv with their data, and statements.csv and statements.json into DIR.
 

@@ -15,7 +15,7 @@ def report_command(
     folder: Annotated[
         Path,
         typer.Argument(
-            metavar="DIR", parser=read_folder, help="Folder that a run or an onset has left.", show_default=False
+            metavar="DIR", parser=read_folder, help="Folder with the results of run or onset.", show_default=False
         ),
     ],
     output: Annotated[
@@ -26,9 +26,9 @@ def report_command(
     quiet: Quiet = False,
     json_file: JsonFile = None,
 ) -> None:
-    """Put a run or an onset on one page that opens anywhere.
+    """Make one HTML page of the results of run or onset.
 
-    Writes one HTML file that needs no network: verdict, figures, moving modes, sound, accuracy, scene, versions.
+    The page needs no network. It holds the verdict, figures, animated modes, sound, accuracy, scene and versions.
 
     Example: drumsqueal report out/nominal
     """

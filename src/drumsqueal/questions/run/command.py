@@ -27,9 +27,10 @@ def run_command(
     quiet: Quiet = False,
     json_file: JsonFile = None,
 ) -> None:
-    """Predict, integrate, compare: the main job.
+    """Does the transient squeal as the eigenvalues predict?
 
-    Linear prediction, transient and their comparison: writes history.nc, summary.json and figures into DIR.
+    Predicts onset by complex eigenvalues, integrates the nonlinear transient, and compares growth, frequency and final
+    motion. Writes history.nc, summary.json and figures into DIR.
 
     Example: drumsqueal run scenarios/nominal.toml -o out/fast --set drum.speed=8
     """

@@ -42,7 +42,7 @@ def sensitivity_command(
 ) -> None:
     """What to change to make this brake quiet?
 
-    How every growth rate changes with every number of the scene.
+    Differentiates every growth rate with respect to every parameter of the scene.
 
     Writes sensitivity.csv, sensitivity.json, sensitivity.png and, with --until stable, quiet.toml, the changed scene.
 

@@ -12,7 +12,7 @@ def stability_command(
     quiet: Quiet = False,
     json_file: JsonFile = None,
 ) -> None:
-    """Find steady sliding, its eigenvalues and modes.
+    """Which modes of steady sliding are unstable, by eigenvalues?
 
     Example: drumsqueal stability scenarios/nominal.toml --set drum.speed=2 --json -
     """

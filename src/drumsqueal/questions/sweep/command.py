@@ -24,8 +24,8 @@ from drumsqueal.terminal.options import (
 )
 from drumsqueal.terminal.reply import Reply
 
-_VARY = "Take these values, e.g. drum.speed=1..40x20; with --random, any between, e.g. drum.speed=1..40. Repeatable."
-_RANDOM = "Take so many random samples from the scene's table [uncertain] and from the ranges of --vary."
+_VARY = "Values of a parameter, e.g. drum.speed=1..40x20; with --random a range, e.g. drum.speed=1..40. Repeatable."
+_RANDOM = "Number of random samples from the scene's table [uncertain] and from the ranges of --vary."
 _CLUSTER = "Compute in several processes: local, or the address of a Dask scheduler, e.g. tcp://host:8786."
 
 
@@ -55,9 +55,9 @@ def sweep_command(
     quiet: Quiet = False,
     json_file: JsonFile = None,
 ) -> None:
-    """Map squeal over parameters; how likely is it?
+    """Where in a map of parameters is squeal, and how likely is it?
 
-    Many scenes: where the brake squeals, how loudly, and how likely that is where numbers are uncertain.
+    Computes growth rates, and with --transient amplitudes and frequencies, over a grid or for uncertain parameters.
 
     Writes sweep.nc, sweep.json and figures into DIR.
 

@@ -29,11 +29,11 @@ class TableFriction(Friction):
     def _is_a_curve(self) -> "TableFriction":
         speeds, coefficients = len(self.speed), len(self.coefficient)
         if speeds != coefficients:
-            told = f"{coefficients} coefficients for {speeds} speeds; write one for every speed"
-            raise SceneError(told, ("coefficient",), self.coefficient)
+            message = f"{coefficients} coefficients for {speeds} speeds; write one for every speed"
+            raise SceneError(message, ("coefficient",), self.coefficient)
         if not 2 <= speeds <= MOST_POINTS:
-            told = f"{speeds} point{'s' if speeds != 1 else ''}; write 2 to {MOST_POINTS}"
-            cure = f'{told}, or law = "constant" if the coefficient is the same at every speed'
+            message = f"{speeds} point{'s' if speeds != 1 else ''}; write 2 to {MOST_POINTS}"
+            cure = f'{message}, or law = "constant" if the coefficient is the same at every speed'
             raise SceneError(cure, ("speed",), self.speed)
         for index in range(1, speeds):
             before, after = self.speed[index - 1], self.speed[index]

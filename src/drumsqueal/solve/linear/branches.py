@@ -239,7 +239,7 @@ def _critical(model_at: ModelAt, a: Point, b: Point, precision: float) -> list[C
 
 
 def _with_middles(model_at: ModelAt, points: list[Point], critical: list[float]) -> list[Point]:
-    """The points, with one at least between any two critical values, to tell whether anything grows there."""
+    """The points, with one at least between any two critical values, to decide whether anything grows there."""
     gaps = [(a, b) for a, b in pairwise(critical) if a < b and not any(a < each.value < b for each in points)]
     return sorted([*points, *(point_at(model_at, (a + b) / 2) for a, b in gaps)], key=lambda point: point.value)
 
@@ -274,7 +274,7 @@ def _rate(point: Point, rank: int) -> float:
 
 
 def _swapped(a: Point, b: Point) -> bool:
-    """Whether one mode sets in and another ends between two points, so that their number tells of neither."""
+    """Whether one mode sets in and another ends between two points, so that their number shows neither."""
     changes = [b.modes[j].unstable - a.modes[i].unstable for i, j in _links(a, b)[0].items()]
     return 1 in changes and -1 in changes
 

@@ -1,7 +1,7 @@
 """Equilibria under friction: damped Newton, and where that fails the path of equilibria from no friction to all of it.
 
 Coordinates are scaled by the roots of their own stiffness, so that neither units nor proportions count: a rotation
-beside a translation, a soft support beside a stiff pin.
+next to a translation, a soft support next to a stiff pin.
 """
 
 from collections.abc import Callable

@@ -18,14 +18,14 @@ from drumsqueal.physics.effects.schedule import Profile
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.linear.steady import Linear, linear_model, linearise, steady_sliding
 
-# An eigenvalue oscillates when its imaginary part exceeds this share of the largest modulus: a real one, and the zero
-# of the free Z motion, come out of the solver with an imaginary part of round-off size.
+# An eigenvalue oscillates when its imaginary part exceeds this fraction of the largest modulus: a real one, and the
+# zero of the free Z motion, come out of the solver with an imaginary part of round-off size.
 OSCILLATING_SHARE = 1e-9
-# A real part below this share of the largest modulus is round-off, neither growth nor decay.
+# A real part below this fraction of the largest modulus is round-off, neither growth nor decay.
 UNDAMPED_SHARE = 1e-12
 # A double zero (a free coordinate without friction) comes out of the solver split by the root of round-off.
 DRIFT_SHARE = 1e-7
-# A growth rate below this share of the frequency is none, and has no relative error.
+# A growth rate below this fraction of the frequency is none, and has no relative error.
 NEUTRAL_SHARE = 1e-9
 
 
@@ -69,8 +69,8 @@ class Stability(NamedTuple):
     """Steady sliding and its eigenvalues: q* (n,), all eigenvalues (2n,), oscillating modes by rising frequency.
 
     `mass` is the diagonal of the mass matrix (n,), `pressure_range` the smallest and largest steady pressure (Pa),
-    `contact_fraction` the share of the lining that touches the drum in steady sliding. All of it is for the drum speed
-    and the load at `time` (s): 0, or later where the drum is at rest then.
+    `contact_fraction` the fraction of the lining that touches the drum in steady sliding. All of it is for the drum
+    speed and the load at `time` (s): 0, or later where the drum is at rest then.
     """
 
     coordinates: tuple[str, ...]
@@ -113,7 +113,7 @@ class AboutSteady(NamedTuple):
     """What the eigenvalue problem at steady sliding q* (n,) is made of.
 
     The diagonal of the mass matrix (n,), the state matrix (2n, 2n), the smallest and largest pressure (Pa) and the
-    share of the lining that touches the drum.
+    fraction of the lining that touches the drum.
     """
 
     steady: Array

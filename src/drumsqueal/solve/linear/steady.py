@@ -80,7 +80,7 @@ def linear_model(model: Model) -> tuple[Array, Linear]:
 
 
 def coupling(model: Model) -> np.ndarray:
-    """Which coordinate moves which (n, n) at steady sliding: entry i, j tells whether q_j or q̇_j pushes q_i."""
+    """Which coordinate moves which (n, n) at steady sliding: entry i, j states whether q_j or q̇_j pushes q_i."""
     mass, damping, stiffness = (np.asarray(part) for part in linear_model(model)[1])
     # In coordinates scaled by √M all entries of one matrix are in one unit.
     scaled = (np.abs(each) / np.sqrt(np.outer(mass, mass)) for each in (damping, stiffness))
@@ -90,7 +90,8 @@ def coupling(model: Model) -> np.ndarray:
 def _without_edges(model: Model) -> Model:
     """The model for motion infinitely near to q = 0, if that is its steady sliding.
 
-    The whole lining then presses and slips one way. What does not look for edges is a tenth of the program to compile.
+    The whole lining then presses and slips one way. What does not look for contact boundaries is a tenth of the program
+    to compile.
     """
     balanced = any(isinstance(effect, Balance) for effect in model.others)
     if not (balanced and isinstance(model.contact, Contact) and model.contact.surface.spatial):

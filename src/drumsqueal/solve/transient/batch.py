@@ -1,6 +1,6 @@
 """Many transients of one composition: the same compiled program, with other numbers in it.
 
-They are integrated one after the other within the program, one share of them a thread. Side by side (`jax.vmap`) all
+They are integrated one after the other within the program, one part of them a thread. Side by side (`jax.vmap`) all
 would make as many steps as the one that needs most, and take every way of the contact integral at each of them.
 """
 
@@ -33,7 +33,7 @@ from drumsqueal.solve.transient.state import CHUNK_SAMPLES, Span, State
 
 
 class Batch(NamedTuple):
-    """A chunk of m transients: time (k,), departure from steady sliding and velocity (m, k, n), and evaluations (m,).
+    """A chunk of m transients: time (k,), displacement from steady sliding, velocity (m, k, n), evaluations (m,).
 
     Where `reached` (m,) is False a transient has failed: its samples are NaN from there on.
     """
@@ -66,12 +66,12 @@ def integrate_many(
     solver: str = DEFAULT,
     threads: int | None = None,
 ) -> Generator[Batch]:
-    """Integrate m models of one composition from departures (m, n) from their steady states (m, n), chunk by chunk.
+    """Integrate m models of one composition from displacements (m, n) from their steady states (m, n), chunk by chunk.
 
     Displacements (m, rad) and velocities (m/s, rad/s) are in the order of `model.names`; a steady state is
     `analyse_stability(model).steady_state`, zero for the steady state "uniform-pressure". Samples lie at
     k / sample_rate (Hz) from 0 to the duration (s), both included; `tolerance` and `solver` are those of a scene. There
-    is a thread for each processor unless told otherwise. A transient that fails does not stop the others. Raises
+    is a thread for each processor unless given. A transient that fails does not stop the others. Raises
     ValueError where there are no models, where they are not of one composition, for an implicit method, and for numbers
     or shapes that make no sense.
     """
@@ -139,7 +139,7 @@ def _resolutions(models: Model, span: Span, local: Array) -> Resolution:
 def _advance(
     share: _Share, measures: Resolution, span: Span, local: Array, solver: str
 ) -> tuple[_Share, State, Array, Array]:
-    """One chunk of a share: what comes next, samples (m, k, n), steps made (m,) and whether the end was reached."""
+    """A chunk of a thread's part: next state, samples (m, k, n), steps made (m,) and whether the end was reached."""
     corners = jax.vmap(lambda model: model.operation.corners)(share.models)
     items = (share, measures, corners)
     final, step, states, steps, reached = one_kernel(_one_after_the_other, items, span, local, solver)

@@ -6,7 +6,8 @@ from drumsqueal.solve.transient.runge_kutta import AUTO, DEFAULT, IMPLICIT, is_e
 from drumsqueal.solve.transient.segment import STEP_BUDGET
 
 # Steps a chunk that the explicit method gets where another may take over, at a tolerance of 1e-6: five times what the
-# shipped scenes take beyond edges. A method of order eight takes 1.33 times as many for a tenth of the tolerance.
+# shipped scenes take beyond contact boundaries. A method of order eight takes 1.33 times as many for a tenth of the
+# tolerance.
 EXPLICIT_BUDGET = 10_000
 MORE_STEPS = 1 / 8
 MOST_PATIENCE = 64  # chunks

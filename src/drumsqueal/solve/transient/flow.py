@@ -1,7 +1,7 @@
 """The flow map of a model whose drum and load are steady, and its derivatives, by the variational equations.
 
-The tangents are integrated beside the motion, step for step by the same method: they are derivatives of the motion as
-it was computed, also where edges come and go.
+The tangents are integrated with the motion, step for step by the same method: they are derivatives of the motion as
+it was computed, also where contact boundaries appear and vanish.
 """
 
 from collections.abc import Callable
@@ -70,7 +70,7 @@ def neighbours(
     """Where a motion is after a time, y(T) (2n,), and ∂y(T)/∂y(0) times directions (2n, k), by central differences.
 
     All scaled as in `flow`; NaN where a motion is not followed to the end. Exact to some 1e-5 of the largest derivative
-    also where pairs of edges are born, which tangents may stumble over.
+    also where pairs of contact boundaries appear, where tangents may fail.
     """
     local = jnp.asarray(local_tolerance(np.float64(TIGHT), DEFAULT))
     steps = APART * np.asarray(directions).T
@@ -197,10 +197,10 @@ def _pushed(
 def _time_shift(step: Attempt, of_tangents: Array, of_rate: Array, local: Array, longest: Array) -> Array:
     """How far in time (k, 1) each tangent is best displaced along the motion while it goes through a step.
 
-    Where an edge comes onto the lining the Jacobian J jumps, where a pair of them is born it grows without bound (like
-    1/√t), in one direction of the state space only. A tangent δ less α times the motion's own rate f, which solves the
-    variational equation, too, does not feel that if it lies in the surface of the event. That is the α for which the
-    change of J over the step moves it least: α = ΔJf·ΔJδ / |ΔJf|².
+    Where a contact boundary enters the lining the Jacobian J jumps, where a pair of them appears it grows without bound
+    (like 1/√t), in one direction of the state space only. A tangent δ less α times the motion's own rate f, which
+    solves the variational equation, too, does not feel that if it lies in the surface of the event. That is the α for
+    which the change of J over the step moves it least: α = ΔJf·ΔJδ / |ΔJf|².
     """
     # What it costs is α times the error of f, as the motion has it: where that is more than it gains, α is little.
     h, error = step.end - step.start, local / longest

@@ -73,7 +73,7 @@ def integrate(
     solver: str = AUTO,
     since: Checkpoint | None = None,
 ) -> Generator[Chunk]:
-    """Integrate M q̈ = Σ Q from a departure (n,) from steady sliding q* (n,) and yield the samples chunk by chunk.
+    """Integrate M q̈ = Σ Q from a displacement (n,) from steady sliding q* (n,) and yield the samples chunk by chunk.
 
     An adaptive Runge-Kutta method, its error per step measured against the amplitude that the vibration energy gives
     each coordinate. Samples lie at k / sample_rate from 0 to the duration, both included; `since` the end of an earlier

@@ -1,7 +1,7 @@
 """Whether a step of the transient went past an instant at which nothing slips, and how far it should have gone.
 
-An error estimate does not tell: the evaluations of a step may all lie on one side of the jump of friction there, or the
-jump be small beside the other forces.
+An error estimate does not show this: the evaluations of a step may all lie on one side of the jump of friction there,
+or the jump be small compared with the other forces.
 """
 
 from collections.abc import Callable
@@ -25,10 +25,10 @@ class Step(NamedTuple):
 
 
 def share_to_rest(step: Step, inside: Callable[[Array], Array], slip: Callable[[Array], Array], least: Array) -> Array:
-    """Share of the step after which slip is below `least`, or 1 where it does not get there before the end.
+    """Fraction of the step after which slip is below `least`, or 1 where it does not get there before the end.
 
-    `inside` gives the slip motion (n,) at a share of the step, `slip` the slip speed of a motion. Along straight lines
-    from the start to the end, or by way of the instant between where slip is least.
+    `inside` gives the slip motion (n,) at a fraction of the step, `slip` the slip speed of a motion. Along straight
+    lines from the start to the end, or by way of the instant between where slip is least.
     """
     return jax.lax.cond(_gets_near(step), lambda: _share(step, inside, slip, least), lambda: jnp.ones(()))
 
@@ -54,11 +54,11 @@ def _share(step: Step, inside: Callable[[Array], Array], slip: Callable[[Array],
     second, found_later = _nearest(middle, step.after, slip, least)
     later = jnp.where((turn < 1) & found_later, turn + second * (1 - turn), 1.0)
     share = jnp.where(found, first * turn, later)
-    return jnp.where(slip(step.before) < least, 1.0, share)  # at its start it is told already
+    return jnp.where(slip(step.before) < least, 1.0, share)  # at its start it is known already
 
 
 def _nearest(start: Array, end: Array, slip: Callable[[Array], Array], least: Array) -> tuple[Array, Array]:
-    """Share of a straight line between two motions at which it is nearest to rest, and whether that is rest."""
+    """Fraction of a straight line between two motions at which it is nearest to rest, and whether that is rest."""
     change = end - start
     size = jnp.sum(change * change)
     share = jnp.clip(-jnp.sum(start * change) / jnp.where(size > 0, size, 1.0), 0.0, 1.0)
@@ -66,7 +66,7 @@ def _nearest(start: Array, end: Array, slip: Callable[[Array], Array], least: Ar
 
 
 def _turn(step: Step) -> Array:
-    """Share of the step at which slip is least, where it falls at first and rises in the end; else 1.
+    """Fraction of the step at which slip is least, where it falls at first and rises in the end; else 1.
 
     Of the cubic through the motions and their rates at both ends, by halving.
     """

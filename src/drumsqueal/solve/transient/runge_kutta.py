@@ -81,16 +81,16 @@ DEFAULT = "dopri8"
 IMPLICIT = "sdirk4"
 AUTO = "auto"  # one of these two, as it comes
 SOLVERS = (*_EXPLICIT, IMPLICIT)
-"""What `simulate.solver` can be, beside "auto"."""
+"""What `simulate.solver` can be, besides "auto"."""
 STAGES: Mapping[str, int] = {"tsit5": 6, "dopri5": 6, "dopri8": 13}
 """Evaluations of the vector field a step, of the explicit methods."""
 
 
 LOCAL_SHARE: Mapping[str, float] = {"tsit5": 0.005, "dopri5": 0.002, "dopri8": 0.01, "sdirk4": 0.01}
-"""Share of a scene's tolerance that one step may err: errors add up over some thousand steps.
+"""Fraction of a scene's tolerance that one step may err: errors add up over some thousand steps.
 
 Over the growth phase of the shipped scenes the trajectory is then off by no more than ten times the tolerance, and
-mostly by about as much (`drumsqueal accuracy` draws it).
+mostly by about as much (see `drumsqueal accuracy`).
 """
 
 

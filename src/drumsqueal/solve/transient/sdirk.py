@@ -29,9 +29,9 @@ ENOUGH = 0.5  # of the slope along a step: what may be left of it, or turned rou
 class Stages(NamedTuple):
     """What the stages of a second-order system ask for: y = (q, v, w) (2n + m + 1,) in scaled units, w a number.
 
-    q̇ = ratio · v with `ratio` (n,), of the first n of v (n + m,): the others have rates alone. `rates` gives v̇ and ẇ at
-    (t, q, v); `metric` (n + m,) is the mass, in which friction is the gradient of something, zero for the others.
-    A stage is solved to a share of tolerance · (1 + size(y)).
+    q̇ = ratio · v with `ratio` (n,), of the first n of v (n + m,): the others have rates alone. `rates` gives v̇ and ẇ
+    at (t, q, v); `metric` (n + m,) is the mass, in which friction is the gradient of something, zero for the others. A
+    stage is solved to a fraction of tolerance · (1 + size(y)).
     """
 
     rates: Callable[[Array, Array, Array], tuple[Array, Array]]
@@ -149,7 +149,7 @@ class Sdirk4:
 
 
 def _turn(residual: Callable[[Array], Array], here: Array, now: _Found, past: Array, metric: Array) -> Array:
-    """Share of the last change to take back, so that the slope along it is about to turn round; Illinois' rule."""
+    """Fraction of the last change to take back, so that the slope along it is about to turn round; Illinois' rule."""
 
     def unfinished(search: tuple[Array, ...]) -> Array:
         *_, value, count = search

@@ -21,12 +21,13 @@ from drumsqueal.solve.transient.state import Span, State
 from drumsqueal.solve.transient.stepping import Attempt, Stepped, step_through
 from drumsqueal.solve.transient.sticking import slip, slip_acceleration, slip_motion
 
-# Steps a chunk: a run that exceeds it is stuck, and says so. Samples hold two to a period at least, so 500 of them take
-# some thousand steps; a tolerance of 1e-13 takes ten times as many, and so do edges.
+# Steps a chunk: a run that exceeds it is stuck, and is reported as failed. Samples hold two to a period at least, so
+# 500 of them take some thousand steps; a tolerance of 1e-13 takes ten times as many, and so do crossings of contact
+# boundaries.
 STEP_BUDGET = 100_000
 CORNER_BUDGET = 20  # more steps for each corner of what is prescribed: one ends there, and the next ones begin small
 LEAST_LOCAL = 1e-14  # of the motion, that one step may err; less would be round-off
-# A coordinate is resolved at least to this share of what it would do if all vibration energy were in each mode.
+# A coordinate is resolved at least to this fraction of what it would do if all vibration energy were in each mode.
 COUPLING_SHARE = 1e-3
 QUIET = 1e-12  # m; motion below a picometre counts as rest, and is resolved as if it were that large
 # Round-offs of the load's forces that a step gathers: a motion is not resolved finer than they let it be.
@@ -309,7 +310,7 @@ def _least_speed(model: Model, highest: Array, quiet: ArrayLike) -> Array:
 def _largest(scaled_error: Array) -> Array:
     """Largest error of any coordinate relative to its tolerance.
 
-    The work, the last entry, has no say: it follows from the motion, and beside the drum's power of hundreds of watts
+    The work, the last entry, is ignored: it follows from the motion, and next to the drum's power of hundreds of watts
     its round-off would drown a small motion.
     """
     return jnp.max(jnp.abs(scaled_error[:-1]))

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-# A proportional part in the step-size control halves the rejected steps where edges make kinks.
+# A proportional part in the step-size control halves the rejected steps where contact boundaries make kinks.
 PROPORTIONAL, INTEGRAL = 0.3, 0.4
 JUST_SHORT = 1 - 1e-9  # of a step: one that ends so little after rest ends at rest, for again it would be no shorter
 BESIDE = 2  # round-offs of a time: stages at a corner look at what is prescribed from so far inside their piece
@@ -39,7 +39,7 @@ class Attempt(NamedTuple):
 class Stepped(NamedTuple):
     """Samples (k, n), NaN where not reached; the last state (n,) and its time; the next step; how many made and kept.
 
-    `reached` tells whether the end was reached within the budget of steps, `halted` whether it was told to stop;
+    `reached` states whether the end was reached within the budget of steps, `halted` whether a stop was requested;
     `beside` is what was taken along, in the end.
     """
 
@@ -94,7 +94,7 @@ def step_through(
     unless given. `step` is the first one, and no other is longer than `longest`; the budget is in steps, kept or not.
     Steps end at all `corners` (c,) on the way, ascending times from another `origin`: f may jump there, and is asked
     for on each side of them in turn. It ends early after a step whose time and state make `halts` true. Of a step
-    `passes` gives the share after which that would have been so, or 1: it is then made again so far only. With every
+    `passes` gives the fraction after which that would have been so, or 1: it is then made again so far only. With every
     step that is kept `along` takes `beside`, a tree of arrays, from its start to its end.
     """
     terms: Any = diffrax.ODETerm(lambda t, y, piece: vector_field(jnp.clip(t, *piece), y))

@@ -108,7 +108,7 @@ class Grip(NamedTuple):
 
 @jax.jit
 def grip(model: Model, time: ArrayLike, q: Array, v: Array, directions: Array, memory: Array | None = None) -> Grip:
-    """The force needed at a displacement q (n,), and the farthest points of the limit surface; v tells what is free."""
+    """The force needed at a displacement q (n,), and the farthest points of the limit surface; v: what is free."""
     moment = model.moment(time, memory)
     needed = _grip(model, moment, _without_friction(model, time, q, v)[0])
     friction = model.contact.friction
@@ -176,7 +176,7 @@ def hold_surely(model: Model, times: Array, q: Array, v: Array, memory: Array | 
 
 
 def _rests(model: Model, times: Array, q: Array, v: Array) -> bool:
-    """Whether neither the motion nor what is prescribed changes, as where a drum rests: one sample tells all."""
+    """Whether neither the motion nor what is prescribed changes, as where a drum rests: one sample is then all."""
     speed, rate = jax.vmap(model.operation.drum_speed.at)(times)
     prescribed = (speed, jax.vmap(model.operation.preload.at)(times)[0], *(() if rate is None else (rate,)))
     return all(not np.ptp(np.asarray(x), axis=0).any() for x in (q, v, *prescribed))
@@ -193,7 +193,7 @@ def _lies_among(wanted: np.ndarray, points: np.ndarray) -> bool:
     if size == 0 or not np.isfinite([size, *wanted]).all():
         return False
     table = np.vstack([np.hstack([points.T, -points.T]) / size, np.ones(2 * len(points))])
-    table = np.hstack([table, np.eye(len(table))[:, -1:]])  # the shares add up to one or less
+    table = np.hstack([table, np.eye(len(table))[:, -1:]])  # the fractions add up to one or less
     return nnls(table, np.append(wanted / size, 1.0))[1] < INSIDE
 
 
@@ -204,7 +204,7 @@ def hold(
 
     The reserve is min h(u) over the motions u with Q·u = 1, Q the force that is needed: at least one where it lies in
     the limit surface. h is convex, and the minimum found to the square of what its gradient is found to. Where sticking
-    `ends`, the direction is told also at a reserve of just one.
+    `ends`, the direction is given also at a reserve of just one.
     """
     moving = _slips(model)
     count = len(moving)
