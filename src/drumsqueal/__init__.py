@@ -17,8 +17,9 @@ if TYPE_CHECKING:
     from drumsqueal.errors import CycleError, IntegrationError, SteadyStateError
     from drumsqueal.findings.compare import RunFindings, compare
     from drumsqueal.physics.laws.custom_friction import TabulatedLaw
-    from drumsqueal.physics.laws.friction_law import FrictionLaw
+    from drumsqueal.physics.laws.friction_law import ConstantLaw, ExponentialLaw, FrictionLaw, StepLaw, friction_law
     from drumsqueal.physics.model import Model, build_model
+    from drumsqueal.physics.small_bodies import block_on_belt, disc_on_plate, sprung_block_on_belt
     from drumsqueal.questions.accuracy.study import AccuracyStudy, study_accuracy
     from drumsqueal.questions.animate.animation import save_animation
     from drumsqueal.questions.animate.playback import Playback, play_history, play_mode
@@ -40,19 +41,22 @@ if TYPE_CHECKING:
     from drumsqueal.scene.seo_kang import seo_kang_brake
     from drumsqueal.simulation import Result, run
     from drumsqueal.solve.linear.modes import Mode, Stability, analyse_stability, growth_rate
+    from drumsqueal.solve.motion import Motion, integrate
     from drumsqueal.solve.transient.batch import integrate_many
 
 _HOMES = {
     "solve.transient.batch": ("integrate_many",),
     "findings.compare": ("RunFindings", "compare"),
     "physics.laws.custom_friction": ("TabulatedLaw",),
-    "physics.laws.friction_law": ("FrictionLaw",),
+    "physics.laws.friction_law": ("ConstantLaw", "ExponentialLaw", "FrictionLaw", "StepLaw", "friction_law"),
     "errors": ("CycleError", "IntegrationError", "SteadyStateError"),
     "questions.compare.measured.reader": ("read_measured",),
     "questions.compare.measured.record": ("Measured",),
     "questions.animate.animation": ("save_animation",),
     "questions.animate.playback": ("Playback", "play_history", "play_mode"),
     "physics.model": ("Model", "build_model"),
+    "physics.small_bodies": ("block_on_belt", "disc_on_plate", "sprung_block_on_belt"),
+    "solve.motion": ("Motion", "integrate"),
     "solve.linear.modes": ("Mode", "Stability", "analyse_stability", "growth_rate"),
     "scene": ("Scene", "SceneError", "load_scene", "scene_from_dict"),
     "simulation": ("Result", "run"),
@@ -75,16 +79,19 @@ _HOME = {name: module for module, names in _HOMES.items() for name in names}
 
 __all__ = [
     "AccuracyStudy",
+    "ConstantLaw",
     "CycleBranches",
     "CycleError",
     "CycleStudy",
     "EffectStudy",
+    "ExponentialLaw",
     "FrictionLaw",
     "IntegrationError",
     "Measured",
     "MeasuredComparison",
     "Mode",
     "Model",
+    "Motion",
     "MotionStudy",
     "OnsetStudy",
     "PaperStudy",
@@ -97,14 +104,19 @@ __all__ = [
     "SensitivityStudy",
     "Stability",
     "SteadyStateError",
+    "StepLaw",
     "TabulatedLaw",
     "analyse_stability",
+    "block_on_belt",
     "build_model",
     "compare",
     "compare_measured",
+    "disc_on_plate",
     "find_cycle",
     "follow_cycles",
+    "friction_law",
     "growth_rate",
+    "integrate",
     "integrate_many",
     "load_scene",
     "play_history",
@@ -115,6 +127,7 @@ __all__ = [
     "save_animation",
     "scene_from_dict",
     "seo_kang_brake",
+    "sprung_block_on_belt",
     "study_accuracy",
     "study_effects",
     "study_motion",
