@@ -27,9 +27,9 @@ from drumsqueal.precision import real
 Law = FrictionLaw | Callable[[Array], Array]
 """A friction law, or μ as a function of the slip speed (m/s)."""
 Forces = Mapping[str, ArrayLike | tuple[ArrayLike, ...]]
-"""Forces by coordinate: constant ones in N (N m), or harmonic ones (A in N (N m), f in Hz, ψ in rad) of A sin(2πft + ψ).
+"""Forces by coordinate: a constant one F in N (N m), or a harmonic one A sin(2πft + ψ) as (A, f) or (A, f, ψ).
 
-The phase ψ may be left out.
+A in N (N m), f in Hz, ψ in rad.
 """
 
 
@@ -93,7 +93,8 @@ def disc_on_plate(
 ) -> Model:
     """A uniform disc under an even load (N), on a plate that moves along X (m/s); radius in m, mass in kg.
 
-    Nothing else holds it but `forces` by coordinate (N, N m). Source: Farkas et al., Physical Review Letters 90 (2003) 248302.
+    Nothing else acts on it but `forces` by coordinate (N, N m). Source: Farkas et al., Physical Review Letters 90
+    (2003) 248302.
     """
     disc = Disc(radius, mass)
     contact = DiscContact(disc, Friction(with_breakpoints(as_law(law)), UnitVelocity()))

@@ -41,13 +41,20 @@ class Motion:
     outcome: Outcome
 
     def turning_points(self, name: str) -> tuple[Vector, Vector]:
-        """When a coordinate turns round (s), and where: of the cubic through displacements and velocities."""
+        """When a coordinate turns round (s), and where, by the cubic through displacements and velocities.
+
+        Of the fourth order in the interval of samples, and of the second where friction reverses with it.
+        """
         from scipy.interpolate import CubicHermiteSpline  # which a run does without
 
         k = self.names.index(name)
-        curve = CubicHermiteSpline(self.time, self.displacement[:, k], self.velocity[:, k])
+        place, speed = self.displacement[:, k], self.velocity[:, k]
+        curve = CubicHermiteSpline(self.time, place, speed)
         times = curve.derivative().roots(extrapolate=False)
-        return times[np.isfinite(times)], curve(times[np.isfinite(times)])
+        times = times[np.isfinite(times)]
+        before = np.clip(np.searchsorted(self.time, times) - 1, 0, None)
+        times = times[speed[before] * speed[before + 1] < 0]  # at rest it turns nowhere
+        return times, curve(times)
 
 
 def integrate(
@@ -63,9 +70,10 @@ def integrate(
 ) -> Motion:
     """Integrate a model in time: `integrate(model, {"velocity": {"X": 0.2}}, 50.0, sample_rate=100.0).changes`.
 
-    The start's displacement departs from `origin` (n,), by default steady sliding, where a start {} is at rest. Samples lie at k / sample_rate (Hz) from 0 to the duration (s). Ctrl-C and a failed integration keep
-    what was computed, and `outcome` says so. Raises ValueError for a wrong start or duration, SteadyStateError where
-    there is no steady sliding to depart from, and IntegrationError when nothing was computed.
+    The start's displacement departs from `origin` (n,), by default steady sliding; {} starts there at rest. Samples lie
+    at k / sample_rate (Hz) from 0 to the duration (s). Ctrl-C and a failed integration keep what was computed, and
+    `outcome` says so. Raises ValueError for a wrong start or duration, SteadyStateError where there is no steady
+    sliding to depart from, and IntegrationError when nothing was computed.
     """
     if not (np.isfinite(duration * sample_rate) and round(duration * sample_rate) >= 1 and sample_rate > 0):
         raise ValueError(f"duration times sample_rate must be one sample at least, got {duration} s × {sample_rate} Hz")
@@ -155,9 +163,9 @@ def collect(
     progress: Progress = silent,
     reached: float | None = None,
 ) -> Outcome:
-    """Follow a transient to the end, to the first failure or to Ctrl-C, and return the outcome; `keep` takes each chunk.
+    """Follow a transient to the end, to the first failure or to Ctrl-C, and return the outcome.
 
-    `reached` is the time (s) that an earlier part of it had reached.
+    `keep` takes each chunk, and `reached` is the time (s) that an earlier part of it had reached.
     """
 
     def take(chunk: Chunk) -> None:
