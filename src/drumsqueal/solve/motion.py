@@ -3,6 +3,7 @@
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from jax.typing import ArrayLike
@@ -80,8 +81,8 @@ def integrate(
     displacement, velocity = start_of(model.names, start)
     steady = _steady(model) if origin is None else _vector(model.names, "origin", origin)
     chunks: list[Chunk] = []
-    how = {"duration": duration, "sample_rate": sample_rate, "tolerance": tolerance}
-    stream = chunks_of(model, steady, displacement, velocity, **how, solver=solver)
+    how: Any = {"duration": duration, "sample_rate": sample_rate, "tolerance": tolerance, "solver": solver}
+    stream = chunks_of(model, steady, displacement, velocity, **how)
     outcome = collect(stream, duration, chunks.append, progress)
     if not chunks:
         raise IntegrationError(outcome)

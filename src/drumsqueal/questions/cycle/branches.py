@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from itertools import pairwise
-from typing import Any, overload
+from typing import Any, cast, overload
 
 import jax
 import numpy as np
@@ -69,12 +69,11 @@ def follow_cycles(
     SceneError for a scene or a key that cannot be followed.
     """
     if not isinstance(scene, Scene):
-        assert isinstance(along, tuple)
-        low, high = sorted(along)
+        low, high = sorted(cast("tuple[float, float]", along))
         models = jax.jit(lambda value: jax.jvp(scene, (value,), (1.0,)))
         return follow_models(models, low, high, progress=progress, on_diagram=keep)
-    assert not isinstance(along, tuple)
-    variation = read_variation(along, scene, option="along", points=None) if isinstance(along, str) else along
+    known = not isinstance(along, str)
+    variation = cast("Variation", along) if known else read_variation(along, scene, option="along", points=None)
     checked_range(scene, variation)
     key, (low, high) = variation.key, sorted((variation.first, variation.last))
     own = scene.numbers()[key]
