@@ -27,11 +27,11 @@ if TYPE_CHECKING:
     from drumsqueal.questions.compare.measured.record import Measured
     from drumsqueal.questions.compare.study import MeasuredComparison, compare_measured
     from drumsqueal.questions.cycle.branches import follow_cycles
-    from drumsqueal.questions.cycle.diagram import CycleBranches
-    from drumsqueal.questions.cycle.search import CycleStudy, find_cycle
+    from drumsqueal.questions.cycle.diagram import CycleBranches, Diagram
+    from drumsqueal.questions.cycle.search import CycleSearch, CycleStudy, find_cycle
     from drumsqueal.questions.effects.study import EffectStudy, study_effects
     from drumsqueal.questions.motion.study import MotionStudy, study_motion
-    from drumsqueal.questions.onset.found import OnsetStudy
+    from drumsqueal.questions.onset.found import Onset, OnsetStudy
     from drumsqueal.questions.onset.study import study_onset
     from drumsqueal.questions.paper.study import PaperStudy, study_paper
     from drumsqueal.questions.sensitivity.quieting import Quieting, quieten
@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from drumsqueal.questions.sweep.study import sweep_parameters
     from drumsqueal.scene import Scene, SceneError, load_scene, scene_from_dict
     from drumsqueal.scene.seo_kang import seo_kang_brake
+    from drumsqueal.scene.variation import Variation
     from drumsqueal.simulation import Result, run
     from drumsqueal.solve.linear.modes import Mode, Stability, analyse_stability, growth_rate
     from drumsqueal.solve.motion import Motion, integrate
@@ -62,17 +63,18 @@ _HOMES = {
     "simulation": ("Result", "run"),
     "questions.accuracy.study": ("AccuracyStudy", "study_accuracy"),
     "questions.cycle.branches": ("follow_cycles",),
-    "questions.cycle.diagram": ("CycleBranches",),
-    "questions.cycle.search": ("CycleStudy", "find_cycle"),
+    "questions.cycle.diagram": ("CycleBranches", "Diagram"),
+    "questions.cycle.search": ("CycleSearch", "CycleStudy", "find_cycle"),
     "questions.effects.study": ("EffectStudy", "study_effects"),
     "questions.compare.study": ("MeasuredComparison", "compare_measured"),
     "questions.motion.study": ("MotionStudy", "study_motion"),
-    "questions.onset.found": ("OnsetStudy",),
+    "questions.onset.found": ("Onset", "OnsetStudy"),
     "questions.onset.study": ("study_onset",),
     "questions.paper.study": ("PaperStudy", "study_paper"),
     "questions.sensitivity.quieting": ("Quieting", "quieten"),
     "questions.sensitivity.study": ("SensitivityStudy", "study_sensitivity"),
     "scene.seo_kang": ("seo_kang_brake",),
+    "scene.variation": ("Variation",),
     "questions.sweep.study": ("sweep_parameters",),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
@@ -82,7 +84,9 @@ __all__ = [
     "ConstantLaw",
     "CycleBranches",
     "CycleError",
+    "CycleSearch",
     "CycleStudy",
+    "Diagram",
     "EffectStudy",
     "ExponentialLaw",
     "FrictionLaw",
@@ -93,6 +97,7 @@ __all__ = [
     "Model",
     "Motion",
     "MotionStudy",
+    "Onset",
     "OnsetStudy",
     "PaperStudy",
     "Playback",
@@ -106,6 +111,7 @@ __all__ = [
     "SteadyStateError",
     "StepLaw",
     "TabulatedLaw",
+    "Variation",
     "analyse_stability",
     "block_on_belt",
     "build_model",
