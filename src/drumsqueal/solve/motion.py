@@ -20,7 +20,7 @@ from drumsqueal.solve.transient.integrate import integrate as chunks_of
 from drumsqueal.solve.transient.runge_kutta import AUTO
 
 Vector = NDArray[np.float64]
-Start = Mapping[str, Mapping[str, float] | ArrayLike]
+Start = Mapping[str, Mapping[str, float] | Sequence[float] | ArrayLike]
 """`displacement` and `velocity`, each by the names of the coordinates or as an array (n,); zero where not given."""
 
 
@@ -66,7 +66,7 @@ def integrate(
     sample_rate: float,
     tolerance: float = 1e-6,
     solver: str = AUTO,
-    origin: ArrayLike | None = None,
+    origin: Sequence[float] | ArrayLike | None = None,
     progress: Progress = silent,
 ) -> Motion:
     """Integrate a model in time: `integrate(model, {"velocity": {"X": 0.2}}, 50.0, sample_rate=100.0).changes`.
@@ -116,7 +116,7 @@ def start_of(names: tuple[str, ...], start: Start) -> tuple[Vector, Vector]:
     return displacement, velocity
 
 
-def _vector(names: tuple[str, ...], key: str, given: Mapping[str, float] | ArrayLike) -> Vector:
+def _vector(names: tuple[str, ...], key: str, given: Mapping[str, float] | Sequence[float] | ArrayLike) -> Vector:
     if isinstance(given, Mapping):
         unknown = sorted(set(given) - set(names))
         if unknown:

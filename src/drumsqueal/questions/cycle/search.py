@@ -10,6 +10,7 @@ import numpy as np
 from drumsqueal.errors import CycleError, IntegrationError
 from drumsqueal.findings.decay import is_decaying, rms_rate, slowest
 from drumsqueal.findings.edges import edge_shares
+from drumsqueal.findings.part import Finding
 from drumsqueal.findings.schema import Findings
 from drumsqueal.findings.signals import classify
 from drumsqueal.findings.signals.regime import Kind
@@ -36,16 +37,18 @@ MOST_PARTS = 7  # a motion may repeat so many times within a period that was fou
 SAME = 1e-6  # relative difference of period and amplitudes below which two cycles are one
 
 
-class CycleSearch(Cycle):
-    """The cycle that a search found, where it was started from, what the transient does, and the other cycles."""
-
+class _Found(Finding):
     verdict: str
     found_from: str
     transient: str
     others: tuple[Cycle, ...] = ()
 
 
-class CycleStudy(Findings, CycleSearch):
+class CycleSearch(_Found, Cycle):
+    """The cycle that a search found, where it was started from, what the transient does, and the other cycles."""
+
+
+class CycleStudy(_Found, Findings, Cycle):
     """The same for a scene."""
 
 
@@ -94,7 +97,7 @@ def find_cycle(
     tolerance: float = 1e-6,
     solver: str = AUTO,
     progress: Progress = silent,
-) -> CycleSearch:
+) -> CycleSearch | CycleStudy:
     """Find a periodic motion and its Floquet multipliers: `find_cycle(scene).multipliers`.
 
     Newton's method on the flow map over a period, started where the scene's transient ends and, where that is not
