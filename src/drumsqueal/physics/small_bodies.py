@@ -60,12 +60,12 @@ def block_on_belt(
 def sprung_block_on_belt(
     law: Law,
     *,
-    mass: ArrayLike,
-    springs: ArrayLike,
+    mass: ArrayLike | Sequence[float],
+    springs: ArrayLike | Sequence[Sequence[float]],
     contact_stiffness: ArrayLike,
     load: ArrayLike = 1.0,
     belt_speed: ArrayLike = 1.0,
-    damping: ArrayLike | None = None,
+    damping: ArrayLike | Sequence[Sequence[float]] | None = None,
     forces: Forces | None = None,
 ) -> Model:
     """A block that also moves into the belt, N = p0 + k3 y, by which friction follows its normal motion.
@@ -73,12 +73,12 @@ def sprung_block_on_belt(
     `mass` (2,) in kg, `springs` (2, 2) in N/m and `damping` (2, 2) in N s/m belong to X and Y, as `forces` by name do;
     the contact spring k3 (N/m) comes on top. Source: Hoffmann et al., Journal of Sound and Vibration 257 (2002) 1.
     """
-    block = Block(mass)
+    block = Block(real(mass))
     contact = PointContact(block, Bonded(contact_stiffness), Friction(as_law(law), Tangential()))
     operation = Operation(Constant(belt_speed), Constant(load))
     stiffness = real(springs) + jnp.diag(jnp.stack([jnp.zeros(()), real(contact_stiffness)]))
-    dashpots = () if damping is None else (Damping(damping),)
-    others = (Springs(springs), *dashpots, *_pushing(block.names, forces))
+    dashpots = () if damping is None else (Damping(real(damping)),)
+    others = (Springs(real(springs)), *dashpots, *_pushing(block.names, forces))
     return Model(operation, contact, others, block.mass, stiffness)
 
 
