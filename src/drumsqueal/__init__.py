@@ -17,8 +17,9 @@ if TYPE_CHECKING:
     from drumsqueal.errors import CycleError, IntegrationError, SteadyStateError
     from drumsqueal.findings.compare import RunFindings, compare
     from drumsqueal.physics.laws.custom_friction import TabulatedLaw
-    from drumsqueal.physics.laws.friction_law import FrictionLaw
+    from drumsqueal.physics.laws.friction_law import ConstantLaw, ExponentialLaw, FrictionLaw, StepLaw, friction_law
     from drumsqueal.physics.model import Model, build_model
+    from drumsqueal.physics.small_bodies import block_on_belt, disc_on_plate, sprung_block_on_belt
     from drumsqueal.questions.accuracy.study import AccuracyStudy, study_accuracy
     from drumsqueal.questions.animate.animation import save_animation
     from drumsqueal.questions.animate.playback import Playback, play_history, play_mode
@@ -26,11 +27,11 @@ if TYPE_CHECKING:
     from drumsqueal.questions.compare.measured.record import Measured
     from drumsqueal.questions.compare.study import MeasuredComparison, compare_measured
     from drumsqueal.questions.cycle.branches import follow_cycles
-    from drumsqueal.questions.cycle.diagram import CycleBranches
-    from drumsqueal.questions.cycle.search import CycleStudy, find_cycle
+    from drumsqueal.questions.cycle.diagram import CycleBranches, Diagram
+    from drumsqueal.questions.cycle.search import CycleSearch, CycleStudy, find_cycle
     from drumsqueal.questions.effects.study import EffectStudy, study_effects
     from drumsqueal.questions.motion.study import MotionStudy, study_motion
-    from drumsqueal.questions.onset.found import OnsetStudy
+    from drumsqueal.questions.onset.found import Onset, OnsetStudy
     from drumsqueal.questions.onset.study import study_onset
     from drumsqueal.questions.paper.study import PaperStudy, study_paper
     from drumsqueal.questions.sensitivity.quieting import Quieting, quieten
@@ -38,54 +39,65 @@ if TYPE_CHECKING:
     from drumsqueal.questions.sweep.study import sweep_parameters
     from drumsqueal.scene import Scene, SceneError, load_scene, scene_from_dict
     from drumsqueal.scene.seo_kang import seo_kang_brake
+    from drumsqueal.scene.variation import Variation
     from drumsqueal.simulation import Result, run
     from drumsqueal.solve.linear.modes import Mode, Stability, analyse_stability, growth_rate
+    from drumsqueal.solve.motion import Motion, integrate
     from drumsqueal.solve.transient.batch import integrate_many
 
 _HOMES = {
     "solve.transient.batch": ("integrate_many",),
     "findings.compare": ("RunFindings", "compare"),
     "physics.laws.custom_friction": ("TabulatedLaw",),
-    "physics.laws.friction_law": ("FrictionLaw",),
+    "physics.laws.friction_law": ("ConstantLaw", "ExponentialLaw", "FrictionLaw", "StepLaw", "friction_law"),
     "errors": ("CycleError", "IntegrationError", "SteadyStateError"),
     "questions.compare.measured.reader": ("read_measured",),
     "questions.compare.measured.record": ("Measured",),
     "questions.animate.animation": ("save_animation",),
     "questions.animate.playback": ("Playback", "play_history", "play_mode"),
     "physics.model": ("Model", "build_model"),
+    "physics.small_bodies": ("block_on_belt", "disc_on_plate", "sprung_block_on_belt"),
+    "solve.motion": ("Motion", "integrate"),
     "solve.linear.modes": ("Mode", "Stability", "analyse_stability", "growth_rate"),
     "scene": ("Scene", "SceneError", "load_scene", "scene_from_dict"),
     "simulation": ("Result", "run"),
     "questions.accuracy.study": ("AccuracyStudy", "study_accuracy"),
     "questions.cycle.branches": ("follow_cycles",),
-    "questions.cycle.diagram": ("CycleBranches",),
-    "questions.cycle.search": ("CycleStudy", "find_cycle"),
+    "questions.cycle.diagram": ("CycleBranches", "Diagram"),
+    "questions.cycle.search": ("CycleSearch", "CycleStudy", "find_cycle"),
     "questions.effects.study": ("EffectStudy", "study_effects"),
     "questions.compare.study": ("MeasuredComparison", "compare_measured"),
     "questions.motion.study": ("MotionStudy", "study_motion"),
-    "questions.onset.found": ("OnsetStudy",),
+    "questions.onset.found": ("Onset", "OnsetStudy"),
     "questions.onset.study": ("study_onset",),
     "questions.paper.study": ("PaperStudy", "study_paper"),
     "questions.sensitivity.quieting": ("Quieting", "quieten"),
     "questions.sensitivity.study": ("SensitivityStudy", "study_sensitivity"),
     "scene.seo_kang": ("seo_kang_brake",),
+    "scene.variation": ("Variation",),
     "questions.sweep.study": ("sweep_parameters",),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
 
 __all__ = [
     "AccuracyStudy",
+    "ConstantLaw",
     "CycleBranches",
     "CycleError",
+    "CycleSearch",
     "CycleStudy",
+    "Diagram",
     "EffectStudy",
+    "ExponentialLaw",
     "FrictionLaw",
     "IntegrationError",
     "Measured",
     "MeasuredComparison",
     "Mode",
     "Model",
+    "Motion",
     "MotionStudy",
+    "Onset",
     "OnsetStudy",
     "PaperStudy",
     "Playback",
@@ -97,14 +109,20 @@ __all__ = [
     "SensitivityStudy",
     "Stability",
     "SteadyStateError",
+    "StepLaw",
     "TabulatedLaw",
+    "Variation",
     "analyse_stability",
+    "block_on_belt",
     "build_model",
     "compare",
     "compare_measured",
+    "disc_on_plate",
     "find_cycle",
     "follow_cycles",
+    "friction_law",
     "growth_rate",
+    "integrate",
     "integrate_many",
     "load_scene",
     "play_history",
@@ -115,6 +133,7 @@ __all__ = [
     "save_animation",
     "scene_from_dict",
     "seo_kang_brake",
+    "sprung_block_on_belt",
     "study_accuracy",
     "study_effects",
     "study_motion",

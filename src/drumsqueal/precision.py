@@ -4,6 +4,8 @@ The edges of contact are found from differences of nearly equal numbers, and the
 many decades: single precision is of no use here, and JAX falls back to it silently unless told otherwise.
 """
 
+from collections.abc import Sequence
+
 import jax
 import jax.numpy as jnp
 from jax import Array
@@ -12,7 +14,7 @@ from jax.typing import ArrayLike
 jax.config.update("jax_enable_x64", True)
 
 
-def real(value: ArrayLike) -> Array:
+def real(value: ArrayLike | Sequence[float] | Sequence[Sequence[float]]) -> Array:
     """Return `value` as a float64 array leaf, so that changing it never recompiles.
 
     Raises TypeError when JAX has been switched back to single precision.

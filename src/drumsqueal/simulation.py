@@ -6,7 +6,6 @@ What compares is imported when it is needed: it brings half a second of SciPy th
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Sequence
-from contextlib import closing
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -16,8 +15,8 @@ from numpy.typing import NDArray
 
 from drumsqueal.errors import IntegrationError, SteadyStateError
 from drumsqueal.findings.history import COMPLETE, to_dataset
-from drumsqueal.findings.outcome import Ending, Outcome
-from drumsqueal.interrupts import noted_interrupts, stop_if_interrupted
+from drumsqueal.findings.outcome import Outcome
+from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.physics.composition import (
     GIVEN,
     Inventory,
@@ -30,6 +29,7 @@ from drumsqueal.physics.laws.friction_law import FrictionLaw
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.progress import Progress, silent
 from drumsqueal.scene import COORDINATES, Scene, SceneError
+from drumsqueal.solve import motion
 from drumsqueal.solve.linear.modes import Stability, analyse_stability, while_sliding
 from drumsqueal.solve.linear.steady import coupling
 from drumsqueal.solve.transient.integrate import Checkpoint, Chunk, integrate
@@ -194,14 +194,7 @@ def follow(
     `progress` is called after each chunk with the time reached (s), and may stop it by raising an exception. Raises
     IntegrationError where the integration fails.
     """
-    duration = prepared.scene.simulate.duration
-    with closing(transient(prepared, since)) as stream:
-        for chunk in stream:
-            enough = take(chunk)
-            reached = float(chunk.time[-1])
-            progress(f"{what}, {reached:.4f} s", reached, duration)
-            if enough is True:
-                return
+    motion.follow(transient(prepared, since), prepared.scene.simulate.duration, take, progress, what=what)
 
 
 def collect(
@@ -212,22 +205,7 @@ def collect(
 ) -> Outcome:
     """Integrate to the end, to the first failure or to Ctrl-C, and return the outcome; `keep` takes each chunk."""
     reached = None if since is None else since.intervals / prepared.scene.simulate.sample_rate
-
-    def take(chunk: Chunk) -> None:
-        nonlocal reached
-        keep(chunk)
-        reached = float(chunk.time[-1])
-        stop_if_interrupted()
-
-    try:
-        with noted_interrupts():
-            follow(prepared, take, progress, since=since)
-    except IntegrationError as error:
-        return Outcome(Ending.FAILED, f"failed: {error}")
-    except KeyboardInterrupt:
-        when = "before the first samples were computed" if reached is None else f"after t = {reached:.6g} s"
-        return Outcome(Ending.INTERRUPTED, f"interrupted by the user {when}")
-    return COMPLETE
+    return motion.collect(transient(prepared, since), prepared.scene.simulate.duration, keep, progress, reached)
 
 
 def finish(prepared: Prepared, chunks: list[Chunk], outcome: Outcome) -> Result:

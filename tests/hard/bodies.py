@@ -1,47 +1,23 @@
 """Runs of small bodies, and what is read off them."""
 
-from typing import NamedTuple
-
 import equinox as eqx
 import numpy as np
 from jax import Array
 from numpy.typing import NDArray
-from scipy.interpolate import CubicHermiteSpline
 
 from drumsqueal.physics.laws.friction_law import ExponentialLaw
 from drumsqueal.physics.model import Model
 from drumsqueal.physics.small_bodies import block_on_belt
 from drumsqueal.solve.linear.steady import linearise, steady_sliding
-from drumsqueal.solve.transient.integrate import integrate
+from drumsqueal.solve.motion import Motion, integrate
 
 
-class Run(NamedTuple):
-    """A transient: time (k,), displacement and velocity (k, n), energy error (k,), changes of sticking, steps."""
-
-    time: np.ndarray
-    displacement: np.ndarray
-    velocity: np.ndarray
-    balance_error: np.ndarray
-    changes: tuple[tuple[float, bool], ...]
-    steps: int
-
-    def turns(self) -> tuple[np.ndarray, np.ndarray]:
-        """Times at which the first coordinate turns round, and where: of a cubic through its values and velocities."""
-        curve = CubicHermiteSpline(self.time, self.displacement[:, 0], self.velocity[:, 0])
-        times = curve.derivative().roots(extrapolate=False)
-        return times[np.isfinite(times)], curve(times[np.isfinite(times)])
-
-
-def run(model: Model, displacement, velocity, *, steady=None, **how) -> Run:
+def run(model: Model, displacement, velocity, *, steady=None, duration, **how) -> Motion:
     """Integrate a small body from a departure from steady sliding, or from where its springs have no load."""
-    steady = np.zeros(len(model.names)) if steady is None else steady
-    chunks = list(integrate(model, steady, np.array(displacement), np.array(velocity), **how))
-    time, place, speed, error = (
-        np.concatenate([getattr(chunk, name) for chunk in chunks])
-        for name in ("time", "displacement", "velocity", "energy_balance_error")
-    )
-    changes = tuple(change for chunk in chunks for change in chunk.changes)
-    return Run(time, place, speed, error, changes, sum(chunk.steps for chunk in chunks))
+    origin = np.zeros(len(model.names)) if steady is None else steady
+    found = integrate(model, {"displacement": displacement, "velocity": velocity}, duration, origin=origin, **how)
+    assert found.outcome == "complete"
+    return found
 
 
 class HyperbolicLaw(eqx.Module):

@@ -112,7 +112,7 @@ def test_the_disc_comes_to_rest_and_stays(start):
     assert resting.sum() > 20
     np.testing.assert_array_equal(found.velocity[resting], 0.0)
     assert np.max(np.ptp(found.displacement[resting], axis=0)) == 0
-    assert np.max(np.abs(found.balance_error)) < 1e-8  # of an energy of two at most
+    assert np.max(np.abs(found.energy_balance_error)) < 1e-8  # of an energy of two at most
 
 
 @pytest.mark.parametrize("start", [(1.0, 0.0, 0.2), (0.0, 1.0, 1.6)])

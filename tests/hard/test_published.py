@@ -43,13 +43,13 @@ def test_a_block_whose_friction_drops_when_it_slips():
     # Found: 6e-11, 1.3e-10 and, of the amplitude, 5e-10. Changing over takes place at a slip of 1e-10 of the speed.
     np.testing.assert_allclose(sticks, 5.0, rtol=1e-8)
     np.testing.assert_allclose(slips, 2 * (np.pi - np.arctan(2.5)), rtol=1e-8)
-    places = found.turns()[1]
+    places = found.turning_points("X")[1]
     np.testing.assert_allclose(np.abs(places - 0.5), np.sqrt(0.25 + BELT**2), rtol=1e-8)
     # While it sticks it moves with the belt, to the last digit.
     sticking = (found.time > found.changes[0][0]) & (found.time < found.changes[1][0])
     np.testing.assert_array_equal(found.velocity[sticking], BELT)
     # The motion is resolved to 1e-10 a step of its energy, of order one.
-    assert np.max(np.abs(found.balance_error)) < 1e-8
+    assert np.max(np.abs(found.energy_balance_error)) < 1e-8
 
 
 def test_leines_block():
@@ -58,7 +58,7 @@ def test_leines_block():
     sticks, slips = phases(found)
     np.testing.assert_allclose(slips, 4.2959995, rtol=2e-8)  # half of the last digit is 1.2e-8
     np.testing.assert_allclose(sticks + slips[:-1][: len(sticks)], 12.0010313, rtol=2e-8)
-    places = found.turns()[1]
+    places = found.turning_points("X")[1]
     assert places.max() == pytest.approx(1.13394468, rel=2e-8)
     assert places.min() == pytest.approx(-0.55543269, rel=1e-7)
 
@@ -109,7 +109,9 @@ def test_a_forced_block_comes_to_den_hartogs_amplitude(ratio, share):
     model = forced(block_on_belt(StepLaw(share, share)), 1.0, ratio / (2 * np.pi))
     period, turn = 2 * np.pi / ratio, np.pi / ratio
     begun = run(model, [0.0], [0.0], duration=500 * period, sample_rate=10 / period, tolerance=1e-7)
-    found = run(model, *(x[-1] for x in begun[1:3]), duration=period, sample_rate=2000 / period, tolerance=1e-7)
+    found = run(
+        model, begun.displacement[-1], begun.velocity[-1], duration=period, sample_rate=2000 / period, tolerance=1e-7
+    )
     wanted = np.sqrt(1 / (1 - ratio**2) ** 2 - (share * np.sin(turn) / (ratio * (1 + np.cos(turn)))) ** 2)
     # The samples miss the turning point by some (π/2000)²/2 of it, 1e-6.
     assert np.abs(found.displacement).max() == pytest.approx(wanted, rel=5e-6)

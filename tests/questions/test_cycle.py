@@ -430,6 +430,49 @@ def test_of_a_period_found_several_times_over_the_shortest_counts():
     assert is_same(once, thrice)
 
 
+def test_the_cycle_of_a_model_is_found_from_its_own_transient():
+    model = block_on_belt(Polynomial(), damping=0.05, belt_speed=1.0)
+    found = find_cycle(model, {"displacement": {"X": 1.5}}, 600.0, sample_rate=20.0, tolerance=1e-8)
+    # Both are closed to 1e-9 of the motion.
+    assert is_same(found, cycle_from(model, Start(np.array([2.86, 0.0]), 2 * np.pi, ""), np.ones(1)))
+    assert found.stable
+    assert found.found_from == "the end of the transient"
+    assert "m in X" in found.verdict
+
+
+def test_of_a_model_the_unstable_cycle_is_found_along_its_mode():
+    # The stable one sticks, and is not followed; so no disturbance leads to another.
+    found = find_cycle(falling_friction(1.3), {"displacement": {"X": 1e-3}}, 30.0, sample_rate=10.0)
+    averaged = 0.5 * np.log(0.5 * i1(2 * found.amplitude["X"]) / (0.05 * found.amplitude["X"]))
+    assert averaged == pytest.approx(1.3, rel=5e-3)  # to second order in friction, which is 0.05
+    assert not found.stable
+    assert found.found_from.startswith("along mode X")
+
+
+@pytest.mark.parametrize(
+    ("more", "how", "why"),
+    [
+        ({"forces": {"X": (0.1, 0.2)}}, {}, "this model changes with time"),
+        ({}, {"sample_rate": 0.1}, "sample_rate at least"),
+        ({}, {"start": {"velocity": {"Y": 1.0}}}, "no coordinate of this model"),
+    ],
+)
+def test_what_has_no_cycle_of_its_own_is_refused(more, how, why):
+    model = block_on_belt(Polynomial(), damping=0.05, belt_speed=1.0, **more)
+    with pytest.raises(ValueError, match=why):
+        find_cycle(model, **({"start": {}, "duration": 10.0, "sample_rate": 20.0} | how))
+
+
+def test_cycles_of_a_family_of_models_are_followed_by_its_public_name(block):
+    kept = []
+    found = follow_cycles(falling_friction, (2.4, 0.8), keep=kept.append)
+    (branch,), (own,) = found.branches, block.branches
+    # 60 values instead of 12 are looked at for Hopf points, and the same one is found.
+    assert branch.cycles[3].value == pytest.approx(own.cycles[3].value, rel=1e-9)
+    assert branch.start == own.start == End.HOPF
+    assert len(kept) == len(branch.cycles)
+
+
 # What happens on a branch, and how stability is told
 
 
@@ -622,10 +665,10 @@ def test_where_only_an_unstable_cycle_is_found_a_kick_is_tried_too(damped, searc
     cycle = Cycle(**{name: getattr(search, name) for name in Cycle.model_fields})
     unstable = cycle.model_copy(update={"multipliers": 2 * cycle.multipliers / cycle.largest})
     kicked = cycle.model_copy(update={"period_s": 1.1 * cycle.period_s})
-    recorded: list[str] = []
+    recorded: list[np.ndarray] = []
 
-    def transient(prepared, *_):
-        recorded.append(prepared.scene.start.displacement)
+    def transient(sought, *_):
+        recorded.append(sought.displacement)
         period = None if len(recorded) < 3 else kicked.period_s
         return search_module._Record(np.zeros(1), np.zeros((1, 6)), "comes to rest in steady sliding", period)
 
@@ -641,7 +684,7 @@ def test_where_only_an_unstable_cycle_is_found_a_kick_is_tried_too(damped, searc
     assert found.found_from.startswith("the end of a transient after a large disturbance along mode")
     assert (found.period_s, found.others) == (kicked.period_s, (unstable,))
     # Where no kick leads anywhere the unstable one is what there is.
-    monkeypatch.setattr(search_module, "_recorded", lambda prepared, *_: replace(transient(prepared), period=None))
+    monkeypatch.setattr(search_module, "_recorded", lambda sought, *_: replace(transient(sought), period=None))
     assert find_cycle(damped).multipliers is not kicked.multipliers
     assert not find_cycle(damped).stable
 

@@ -472,6 +472,35 @@ def test_a_motion_that_only_lasts_larger_is_tried_larger(nominal, monkeypatch):
     assert [row.kind for row in study.values if row.asked] == [Kind.SQUEALS, Kind.SQUEALS, Kind.BISTABLE, Kind.STABLE]
 
 
+def test_a_family_of_models_is_studied_like_a_scene(monkeypatch):
+    monkeypatch.setattr(study_module, "find_endings", made_up([], fold=1.17, reach=0.2))
+    along = Variation("belt speed", "m/s", (1.0, 1.1, 1.2, 1.3))
+    study = study_onset(falling_friction, along, sample_rate=10.0)
+    assert [each.kind for each in study.ranges] == [Kind.SQUEALS, Kind.BISTABLE, Kind.STABLE]
+    assert study.ranges[1].first == pytest.approx(HOPF, rel=1e-10)
+    assert "Along belt speed from 1 to 1.3 m/s the eigenvalues predict squeal below 1.15129 m/s" in str(study.verdict)
+    assert not isinstance(study, OnsetStudy)
+
+
+@pytest.mark.parametrize(
+    ("model_at", "values", "rate", "why"),
+    [
+        (falling_friction, (1.0, 1.0), 10.0, "two values at least"),
+        (falling_friction, (1.0, 1.2), 0.1, "twice the highest frequency"),
+        (
+            lambda v: block_on_belt(ConstantLaw(0.3), belt_speed=v, forces={"X": (1.0, 1.0)}),
+            (1.0, 1.2),
+            9.0,
+            "harmonic",
+        ),
+        (lambda v: falling_friction(0.0 * v), (1.0, 1.2), 10.0, "no* steady sliding"),
+    ],
+)
+def test_a_family_without_an_onset_is_refused(model_at, values, rate, why):
+    with pytest.raises(RequestError, match=why):
+        study_onset(model_at, Variation("belt speed", "m/s", values), sample_rate=rate)
+
+
 def test_no_hysteresis_leaves_the_critical_value_alone(nominal, monkeypatch):
     monkeypatch.setattr(study_module, "find_endings", made_up([], fold=HOPF, reach=9.0))
     study = compare(predicted(nominal, [1.0, 1.1, 1.2, 1.3]), 1e-3)

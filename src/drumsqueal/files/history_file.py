@@ -1,7 +1,7 @@
 """A history on disk that is filled in place: from its first chunk on it has its full size, and is readable always.
 
 Where nothing has been computed yet it is NaN, and the outcome says so. A disk that is too small is found at the start.
-Of its structure only the outcome, two counts and their checksum change, a thousand bytes.
+Of its structure only the outcome, two counts and their checksum change, within two thousand bytes.
 """
 
 import math

@@ -1,12 +1,17 @@
 """Models of bodies simpler than the shoe, with known solutions: its equations, methods and events."""
 
+from collections.abc import Callable, Mapping, Sequence
+
 import jax.numpy as jnp
+from jax import Array
 from jax.typing import ArrayLike
 
 from drumsqueal.physics.bodies.block import Block
 from drumsqueal.physics.bodies.disc import Disc
+from drumsqueal.physics.effects.action import Effect
 from drumsqueal.physics.effects.damping import Damping
 from drumsqueal.physics.effects.disc_contact import DiscContact
+from drumsqueal.physics.effects.forcing import ConstantForce, Forcing
 from drumsqueal.physics.effects.friction import Friction
 from drumsqueal.physics.effects.friction_direction import Direction, Tangential, UnitVelocity
 from drumsqueal.physics.effects.operation import Operation
@@ -19,60 +24,98 @@ from drumsqueal.physics.laws.friction_law import FrictionLaw
 from drumsqueal.physics.model import Model
 from drumsqueal.precision import real
 
+Law = FrictionLaw | Callable[[Array], Array]
+"""A friction law, or μ as a function of the slip speed (m/s)."""
+Forces = Mapping[str, ArrayLike | tuple[ArrayLike, ...]]
+"""Forces by coordinate: a constant one F in N (N m), or a harmonic one A sin(2πft + ψ) as (A, f) or (A, f, ψ).
+
+A in N (N m), f in Hz, ψ in rad.
+"""
+
 
 def block_on_belt(
-    law: FrictionLaw,
+    law: Law,
     *,
     mass: ArrayLike = 1.0,
     stiffness: ArrayLike = 1.0,
     damping: ArrayLike = 0.0,
     load: ArrayLike = 1.0,
     belt_speed: ArrayLike = 0.0,
+    forces: Forces | None = None,
     direction: Direction | None = None,
 ) -> Model:
-    """m ẍ + c ẋ + k x = −μ(|s|) N sgn(s), s = ẋ − V: mass in kg, k in N/m, c in N s/m, load N in N, V in m/s."""
+    """m ẍ + c ẋ + k x = −μ(|s|) N sgn(s) + F, s = ẋ − V: mass in kg, k in N/m, c in N s/m, load N in N, V in m/s.
+
+    Forces F by coordinate, here X alone: `{"X": 0.2}` is constant (N), `{"X": (0.2, 1.5)}` harmonic with 1.5 Hz. Raises
+    ValueError for a force on another coordinate.
+    """
     spring, dashpot = real(stiffness).reshape(1, 1), real(damping).reshape(1, 1)
-    others = (Springs(spring), Damping(dashpot))
     block = Block(real(mass).reshape(1))
+    others = (Springs(spring), Damping(dashpot), *_pushing(block.names, forces))
     contact = PointContact(block, Bonded(0.0), Friction(as_law(law), Tangential() if direction is None else direction))
     operation = Operation(Constant(belt_speed), Constant(load))
     return Model(operation, contact, others, block.mass, spring)
 
 
 def sprung_block_on_belt(
-    law: FrictionLaw,
+    law: Law,
     *,
-    mass: ArrayLike,
-    springs: ArrayLike,
+    mass: ArrayLike | Sequence[float],
+    springs: ArrayLike | Sequence[Sequence[float]],
     contact_stiffness: ArrayLike,
     load: ArrayLike = 1.0,
     belt_speed: ArrayLike = 1.0,
+    damping: ArrayLike | Sequence[Sequence[float]] | None = None,
+    forces: Forces | None = None,
 ) -> Model:
     """A block that also moves into the belt, N = p0 + k3 y, by which friction follows its normal motion.
 
-    `mass` (2,) in kg and `springs` (2, 2) in N/m belong to x and y; the contact spring k3 (N/m) comes on top. Source:
-    Hoffmann et al., Journal of Sound and Vibration 257 (2002) 1.
+    `mass` (2,) in kg, `springs` (2, 2) in N/m and `damping` (2, 2) in N s/m belong to X and Y, as `forces` by name do;
+    the contact spring k3 (N/m) comes on top. Source: Hoffmann et al., Journal of Sound and Vibration 257 (2002) 1.
     """
-    block = Block(mass)
+    block = Block(real(mass))
     contact = PointContact(block, Bonded(contact_stiffness), Friction(as_law(law), Tangential()))
     operation = Operation(Constant(belt_speed), Constant(load))
     stiffness = real(springs) + jnp.diag(jnp.stack([jnp.zeros(()), real(contact_stiffness)]))
-    return Model(operation, contact, (Springs(springs),), block.mass, stiffness)
+    dashpots = () if damping is None else (Damping(real(damping)),)
+    others = (Springs(real(springs)), *dashpots, *_pushing(block.names, forces))
+    return Model(operation, contact, others, block.mass, stiffness)
 
 
 def disc_on_plate(
-    law: FrictionLaw,
+    law: Law,
     *,
     radius: ArrayLike = 1.0,
     mass: ArrayLike = 1.0,
     load: ArrayLike = 1.0,
     plate_speed: ArrayLike = 0.0,
+    forces: Forces | None = None,
 ) -> Model:
     """A uniform disc under an even load (N), on a plate that moves along X (m/s); radius in m, mass in kg.
 
-    Source: Farkas et al., Physical Review Letters 90 (2003) 248302.
+    Nothing else acts on it but `forces` by coordinate (N, N m). Source: Farkas et al., Physical Review Letters 90
+    (2003) 248302.
     """
     disc = Disc(radius, mass)
     contact = DiscContact(disc, Friction(with_breakpoints(as_law(law)), UnitVelocity()))
     operation = Operation(Constant(plate_speed), Constant(load / disc.area))
-    return Model(operation, contact, (), disc.mass, jnp.zeros((3, 3)))
+    return Model(operation, contact, _pushing(disc.names, forces), disc.mass, jnp.zeros((3, 3)))
+
+
+def _pushing(names: Sequence[str], forces: Forces | None) -> tuple[Effect, ...]:
+    """The effects of forces by coordinate. Raises ValueError for what is no coordinate and no force."""
+    effects: list[Effect] = []
+    for name, force in (forces or {}).items():
+        if name not in names:
+            raise ValueError(f"forces: {name!r} is no coordinate of this body; it has {', '.join(names)}")
+        place = names.index(name)
+        if not isinstance(force, tuple):
+            effects.append(ConstantForce(jnp.zeros(len(names)).at[place].set(force)))
+        elif len(force) in (2, 3):
+            amplitude, frequency, phase = (*force, 0.0)[:3]
+            effects.append(Forcing(real(amplitude).reshape(1), frequency, phase, (place,)))
+        else:
+            raise ValueError(
+                f"forces: {name} must be a number (N) or (amplitude in N, frequency in Hz, phase in rad), got {force}"
+            )
+    return tuple(effects)

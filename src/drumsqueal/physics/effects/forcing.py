@@ -1,10 +1,10 @@
-"""A harmonic force on coordinates: response tests and reference problems."""
+"""A harmonic or a constant force on coordinates: response tests and reference problems."""
 
 import equinox as eqx
 import jax.numpy as jnp
 from jax import Array
 
-from drumsqueal.physics.bodies.body import Motion
+from drumsqueal.physics.bodies.body import Motion, Scalar, dot
 from drumsqueal.physics.effects.action import Action, at_rest
 from drumsqueal.physics.effects.operation import Moment
 from drumsqueal.precision import real
@@ -36,3 +36,18 @@ class Forcing(eqx.Module):
         """None is stored: what the force feeds in is counted as power."""
         del moment, q
         return 0.0
+
+
+class ConstantForce(eqx.Module):
+    """The same force (n,) in N (N m for rotations) at all times; steady sliding is displaced by it."""
+
+    force: Array = eqx.field(converter=real)
+
+    def act(self, moment: Moment, q: Motion, v: Motion) -> Action:
+        """The force; all of it comes from the potential."""
+        del moment, v
+        return Action(tuple(self.force[k] for k in range(len(q))), 0.0)
+
+    def potential_energy(self, moment: Moment, q: Motion) -> Scalar:
+        """U = −F·q (J)."""
+        return -dot(self.act(moment, q, q).force, q)

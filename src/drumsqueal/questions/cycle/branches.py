@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from itertools import pairwise
+from typing import Any, cast, overload
 
 import jax
 import numpy as np
@@ -30,20 +31,49 @@ KEPT_EVERY = 10  # cycles
 OnTrack = Callable[[Track], object]
 
 
+@overload
 def follow_cycles(
     scene: Scene,
     along: str | Variation,
     *,
+    progress: Progress = ...,
+    keep: Callable[[CycleBranches], None] = ...,
+) -> CycleBranches: ...
+
+
+@overload
+def follow_cycles(
+    scene: Callable[[Any], Model],
+    along: tuple[float, float],
+    *,
+    progress: Progress = ...,
+    keep: Callable[[Diagram], None] = ...,
+) -> Diagram: ...
+
+
+def follow_cycles(
+    scene: Scene | Callable[[Any], Model],
+    along: str | Variation | tuple[float, float],
+    *,
     progress: Progress = silent,
-    keep: Callable[[CycleBranches], None] = lambda _: None,
-) -> CycleBranches:
+    keep: Callable[[Any], None] = lambda _: None,
+) -> Diagram:
     """Follow the cycles of a scene along one of its numbers: `follow_cycles(scene, "drum.speed=1..60").folds`.
 
     Branches begin at the Hopf points of steady sliding and, where none of them leads there, at the cycle that
     `find_cycle` finds at the scene's own value. All is over the coordinates that the scene moves. `keep` takes what is
-    known on the way. Raises SceneError for a scene or a key that cannot be followed.
+    known on the way.
+
+    In place of a scene, a function of one number, which JAX can trace, gives a model: `follow_cycles(lambda speed:
+    block_on_belt(law, belt_speed=speed), (0.8, 2.4)).folds`. Branches then begin at the Hopf points alone. Raises
+    SceneError for a scene or a key that cannot be followed.
     """
-    variation = read_variation(along, scene, option="along", points=None) if isinstance(along, str) else along
+    if not isinstance(scene, Scene):
+        low, high = sorted(cast("tuple[float, float]", along))
+        models = jax.jit(lambda value: jax.jvp(scene, (value,), (1.0,)))
+        return follow_models(models, low, high, progress=progress, on_diagram=keep)
+    known = not isinstance(along, str)
+    variation = cast("Variation", along) if known else read_variation(along, scene, option="along", points=None)
     checked_range(scene, variation)
     key, (low, high) = variation.key, sorted((variation.first, variation.last))
     own = scene.numbers()[key]

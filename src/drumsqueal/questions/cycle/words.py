@@ -10,6 +10,8 @@ from drumsqueal.questions.cycle.orbit import Cycle
 from drumsqueal.scene.quantities import percent
 from drumsqueal.scene.variation import Variation
 
+VISIBLE = 1e-2  # m, rad; an amplitude from which on it is not given in millionths
+
 
 def cycle_verdict(cycle: Cycle) -> str:
     """What the cycle is, and what a small disturbance does on it."""
@@ -23,7 +25,8 @@ def cycle_verdict(cycle: Cycle) -> str:
 def describe_briefly(cycle: Cycle) -> str:
     """Stability, frequency and amplitude of a cycle."""
     name = cycle.main_coordinate
-    amplitude = f"{1e6 * cycle.amplitude[name]:.4g} {unit_of(name, 'µ')} in {name}"
+    scale, prefix = (1e6, "µ") if cycle.amplitude[name] < VISIBLE else (1.0, "")
+    amplitude = f"{scale * cycle.amplitude[name]:.4g} {unit_of(name, prefix)} in {name}"
     kind = "a neutral" if cycle.neutral else "a stable" if cycle.stable else "an unstable"
     return f"{kind} limit cycle at {cycle.frequency_Hz:.7g} Hz, {amplitude}"
 

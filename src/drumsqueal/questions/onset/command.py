@@ -2,7 +2,7 @@
 
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, cast
 
 import typer
 
@@ -70,6 +70,7 @@ def onset_command(
     reply = Reply.beside(folder, ONSET_FILES, (scene,), quiet, json_file, overwrite=overwrite)
     from drumsqueal.questions.cycle.branches import checked_range
     from drumsqueal.questions.onset.answer import ONSET
+    from drumsqueal.questions.onset.found import OnsetStudy
     from drumsqueal.questions.onset.study import compare, predict
     from drumsqueal.terminal.runner import answer, shown_progress
 
@@ -78,4 +79,4 @@ def onset_command(
     with shown_progress(reply.console) as shown:  # what cannot be studied is reported before there is a folder
         predicted = predict(loaded, variation, shown)
     study = partial(compare, predicted, share, smallest_kick=smallest_kick, cycles=cycles)
-    answer(reply, ONSET, lambda progress, keep: study(progress=progress, keep=keep))
+    answer(reply, ONSET, lambda progress, keep: cast("OnsetStudy", study(progress=progress, keep=keep)))

@@ -36,7 +36,7 @@ class FollowedMode(Finding):
         return self.label.split()[0]
 
 
-class OnsetStudy(Findings):
+class Onset(Finding):
     """Modes and critical values along a parameter, a row for each value, and the ranges that follow from them.
 
     `coordinates` are those of the transients; `kicked_range_sought_within` is the share of the range to which ends of
@@ -75,3 +75,7 @@ class OnsetStudy(Findings):
         critical = [each.label.split()[0] for each in self.critical_values]
         candidates = [name for name in (*lines, *critical[:1], *shown) if name in self.coordinates]
         return max(candidates, key=lines.count, default=self.coordinates[0])
+
+
+class OnsetStudy(Onset, Findings):
+    """The same for a scene."""

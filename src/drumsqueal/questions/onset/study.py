@@ -2,8 +2,9 @@
 
 from collections import Counter
 from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple, cast, overload
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from drumsqueal.errors import RequestError
 from drumsqueal.findings.outcome import Ending
 from drumsqueal.findings.parameter import Parameter
 from drumsqueal.physics.composition import linear_coordinates
-from drumsqueal.physics.model import build_model
+from drumsqueal.physics.model import Model, build_model
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.cycle.branches import checked_range, follow_cycles
 from drumsqueal.questions.onset.attractors import (
@@ -25,7 +26,7 @@ from drumsqueal.questions.onset.attractors import (
     round_seconds,
 )
 from drumsqueal.questions.onset.disturbance import smallest_disturbances
-from drumsqueal.questions.onset.found import FollowedMode, OnsetStudy
+from drumsqueal.questions.onset.found import FollowedMode, Onset, OnsetStudy
 from drumsqueal.questions.onset.rows import QUIET, Kind, Row, find_ranges
 from drumsqueal.questions.onset.words import reservations, verdict
 from drumsqueal.scene import Profile, Scene, SceneError
@@ -39,9 +40,9 @@ SIZES = (1.0, 1.2, 1.5)
 
 
 class Prediction(NamedTuple):
-    """The linear half of a study: what transients are then compared with."""
+    """The linear half of a study: what transients are then compared with; of a family of models there is no scene."""
 
-    scene: Scene
+    scene: Scene | None
     variation: Variation
     family: Family
     linear_at: ModelAt
@@ -49,30 +50,68 @@ class Prediction(NamedTuple):
     how: How
 
 
-Keep = Callable[[OnsetStudy], None]
+Keep = Callable[[Any], None]
 
 
+@overload
 def study_onset(
     scene: Scene,
     along: str | Variation,
     *,
+    within: float = ...,
+    smallest_kick: bool = ...,
+    cycles: bool = ...,
+    progress: Progress = ...,
+    keep: Keep = ...,
+) -> OnsetStudy: ...
+
+
+@overload
+def study_onset(
+    scene: Callable[[Any], Model],
+    along: Variation,
+    *,
+    sample_rate: float,
+    tolerance: float = ...,
+    within: float = ...,
+    smallest_kick: bool = ...,
+    cycles: bool = ...,
+    progress: Progress = ...,
+    keep: Keep = ...,
+) -> Onset: ...
+
+
+def study_onset(
+    scene: Scene | Callable[[Any], Model],
+    along: str | Variation,
+    *,
+    sample_rate: float = 0.0,
+    tolerance: float = 1e-6,
     within: float = WITHIN,
     smallest_kick: bool = False,
     cycles: bool = False,
     progress: Progress = silent,
     keep: Keep = lambda _: None,
-) -> OnsetStudy:
+) -> Onset:
     """Compare linear with nonlinear onset along a parameter: `study_onset(scene, "drum.speed=1..40").ranges`.
 
     `along` is "KEY=FROM..TOxN" or a `Variation`. Critical values are roots of Re λ. At each value transients start from
     a small perturbation and from a large one along each mode; where none of them lasts though a neighbour's does, it
     goes on from the neighbour's state, upwards and downwards. Ends of the bistable range are then sought `within` that
     share of the whole range and, on demand, the smallest disturbance that leads to squeal at each bistable value, and
-    the limit cycles. `keep` takes what is known on the way. Raises SceneError and RequestError for what cannot be
-    studied, and ValueError for a share that is not between 0 and 1.
+    the limit cycles. `keep` takes what is known on the way.
+
+    In place of a scene, a function of one number gives a model: `study_onset(lambda speed: block_on_belt(law,
+    belt_speed=speed), Variation("belt speed", "m/s", (1.0, 1.1, 1.2)), sample_rate=10.0)`, in Hz, and its `tolerance`.
+
+    Raises SceneError and RequestError for what cannot be studied, and ValueError for a share that is not between 0 and
+    1.
     """
     if not 0 < within < 1:
         raise ValueError(f"the share must be between 0 and 1, got {within}")
+    if not isinstance(scene, Scene):
+        predicted = predict_models(scene, cast("Variation", along), sample_rate, tolerance, progress)
+        return compare(predicted, within, smallest_kick=smallest_kick, cycles=cycles, progress=progress, keep=keep)
     variation = read_variation(along, scene, option="along") if isinstance(along, str) else along
     if cycles:
         checked_range(scene, variation)
@@ -110,6 +149,26 @@ def predict(scene: Scene, variation: Variation, progress: Progress = silent) -> 
     return Prediction(scene, variation, family, linear_at, linear, how)
 
 
+def predict_models(
+    model_at: ModelAt, variation: Variation, sample_rate: float, tolerance: float, progress: Progress = silent
+) -> Prediction:
+    """The same for a family of models. Raises RequestError for what cannot be studied."""
+    if len(set(variation.values)) < 2:
+        raise RequestError(f"{variation.key}: give it a range of two values at least")
+    first = model_at(variation.first)
+    if first.contact.friction is None or first.forced:
+        raise RequestError("the onset of squeal takes models with friction and without a harmonic force")
+    linear = follow_modes(model_at, variation.values, progress)
+    sound = [point for point in linear.points if not point.reason]
+    if not sound:
+        raise RequestError(f"nowhere in the range is there steady sliding: {linear.points[0].reason}")
+    highest = max((mode.frequency_Hz for point in sound for mode in point.modes), default=0.0)
+    if not sample_rate > 0 or sample_rate < 2 * highest:
+        raise RequestError(f"sample_rate must be at least {2 * highest:.5g} Hz, twice the highest frequency")
+    how = How(sample_rate, tolerance, round_seconds(sound, first.names))
+    return Prediction(None, variation, Family(model_at, first.names, first.names), model_at, linear, how)
+
+
 def _check(scene: Scene, variation: Variation) -> None:
     if scene.friction is None:
         raise RequestError("friction: this scene has none, so nothing in it can squeal; add the table")
@@ -131,11 +190,11 @@ def compare(
     cycles: bool = False,
     progress: Progress = silent,
     keep: Keep = lambda _: None,
-) -> OnsetStudy:
+) -> Onset:
     """Run the transients that the prediction is compared with."""
-    linear = predicted.linear
-    study = OnsetStudy(
-        scene=predicted.scene,
+    linear, scene = predicted.linear, predicted.scene
+    begin = Onset if scene is None else partial(OnsetStudy, scene=scene)
+    study = begin(
         outcome=Ending.CUT_OFF,
         parameter=Parameter.of(predicted.variation),
         critical_values=linear.critical,
@@ -158,7 +217,11 @@ def compare(
     if not cycles:
         return study
     keep(study)
-    found = follow_cycles(predicted.scene, predicted.variation, progress=progress)
+    ends = (predicted.variation.first, predicted.variation.last)
+    if scene is None:
+        found = follow_cycles(predicted.family.model_at, ends, progress=progress)
+    else:
+        found = follow_cycles(scene, predicted.variation, progress=progress)
     return study.model_copy(update={"cycles": found})
 
 

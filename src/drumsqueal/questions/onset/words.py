@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 
 from drumsqueal.findings.verdict import SMALL_ROTATION
-from drumsqueal.questions.onset.found import OnsetStudy
+from drumsqueal.questions.onset.found import Onset
 from drumsqueal.questions.onset.rows import Disturbance, Kind, Leads, Range
 from drumsqueal.scene.variation import Variation
 from drumsqueal.solve.linear.branches import DIVERGENCE, Critical
@@ -12,7 +12,7 @@ from drumsqueal.solve.linear.branches import DIVERGENCE, Critical
 EXACT = 1e-6  # relative uncertainty that is not worth stating
 
 
-def verdict(study: OnsetStudy) -> str:
+def verdict(study: Onset) -> str:
     """State where the eigenvalues predict squeal, where only a large disturbance leads to it, and its frequency."""
     along = study.variation
     low, high = sorted((along.first, along.last))
@@ -20,7 +20,7 @@ def verdict(study: OnsetStudy) -> str:
     return " ".join([found, *_smallest_disturbances(study)])
 
 
-def _linear(study: OnsetStudy) -> str:
+def _linear(study: Onset) -> str:
     unstable = [each for each in study.ranges if each.kind is Kind.SQUEALS]
     if not unstable:
         return "the eigenvalues predict no squeal"
@@ -29,7 +29,7 @@ def _linear(study: OnsetStudy) -> str:
     return f"the eigenvalues predict squeal {_joined([_place(study, each) for each in unstable])}"
 
 
-def _place(study: OnsetStudy, found: Range) -> str:
+def _place(study: Onset, found: Range) -> str:
     """Where a range is: below, above or from one value to another, and whose critical values they are."""
     along = study.variation
     unit = f" {along.shown_unit}" if along.shown_unit else ""
@@ -55,7 +55,7 @@ def _mode(critical: Critical) -> str:
     return critical.label if critical.label == DIVERGENCE else f"{critical.label}, {critical.frequency_Hz:.0f} Hz"
 
 
-def _bistable(study: OnsetStudy) -> str:
+def _bistable(study: Onset) -> str:
     kicked = [each for each in study.ranges if each.kind is Kind.BISTABLE]
     if not kicked:
         kinds = {each.kind for each in study.ranges}
@@ -82,7 +82,7 @@ def _bistable(study: OnsetStudy) -> str:
     return f"{text}, at the values tried at {heard}{compared}"
 
 
-def _smallest_disturbances(study: OnsetStudy) -> list[str]:
+def _smallest_disturbances(study: Onset) -> list[str]:
     """How large a disturbance must be at least and at most, over the values."""
     found = [(row.value, row.smallest_kick) for row in study.values if row.smallest_kick]
     found.sort(key=lambda each: each[1].energy_J)
@@ -126,7 +126,7 @@ def critical_words(critical: Critical, along: Variation) -> str:
     return f"{critical.label} {becomes}{line} as the value rises past {along.key} = {value}{unit}"
 
 
-def reservations(study: OnsetStudy) -> tuple[str, ...]:
+def reservations(study: Onset) -> tuple[str, ...]:
     """State what limits the verdict: modes that cannot be started, transients without an answer, ends not found."""
     found = []
     unstable = {mode.name for row in study.values for mode in row.point.modes if mode.unstable}
@@ -164,6 +164,6 @@ def reservations(study: OnsetStudy) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _values(study: OnsetStudy, values: Sequence[float]) -> str:
+def _values(study: Onset, values: Sequence[float]) -> str:
     shown = [study.variation.told(value) for value in values[:3]]
     return _joined(shown) if len(values) <= 3 else f"{', '.join(shown)} and {len(values) - 3} more"

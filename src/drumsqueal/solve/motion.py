@@ -1,0 +1,186 @@
+"""A transient of any model as one object: time history, changes between stick and slip, and how it ended."""
+
+from collections.abc import Callable, Generator, Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jax.typing import ArrayLike
+from numpy.typing import NDArray
+
+from drumsqueal.errors import IntegrationError
+from drumsqueal.findings.outcome import COMPLETE, Ending, Outcome
+from drumsqueal.interrupts import noted_interrupts, stop_if_interrupted
+from drumsqueal.physics.model import Model
+from drumsqueal.progress import Progress, silent
+from drumsqueal.solve.linear.steady import steady_sliding
+from drumsqueal.solve.transient.integrate import Chunk
+from drumsqueal.solve.transient.integrate import integrate as chunks_of
+from drumsqueal.solve.transient.runge_kutta import AUTO
+
+Vector = NDArray[np.float64]
+Start = Mapping[str, Mapping[str, float] | Sequence[float] | ArrayLike]
+"""`displacement` and `velocity`, each by the names of the coordinates or as an array (n,); zero where not given."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A transient: time (k,) in s, displacement and velocity (k, n) of the named coordinates, and how it ended.
+
+    Displacement (m, rad) is measured from where springs are unloaded. `changes` holds when the contact began to stick
+    (True) or to slip (False), in s. `energy_balance_error` (k,) in J is what is missing in the balance of energy.
+    """
+
+    names: tuple[str, ...]
+    time: Vector
+    displacement: Vector
+    velocity: Vector
+    energy_balance_error: Vector
+    changes: tuple[tuple[float, bool], ...]
+    steps: int
+    outcome: Outcome
+
+    def turning_points(self, name: str) -> tuple[Vector, Vector]:
+        """When a coordinate turns round (s), and where, by the cubic through displacements and velocities.
+
+        Of the fourth order in the interval of samples, and of the second where friction reverses with it.
+        """
+        from scipy.interpolate import CubicHermiteSpline  # which a run does without
+
+        k = self.names.index(name)
+        place, speed = self.displacement[:, k], self.velocity[:, k]
+        curve = CubicHermiteSpline(self.time, place, speed)
+        times = curve.derivative().roots(extrapolate=False)
+        times = times[np.isfinite(times)]
+        before = np.clip(np.searchsorted(self.time, times) - 1, 0, None)
+        times = times[speed[before] * speed[before + 1] < 0]  # at rest it turns nowhere
+        return times, curve(times)
+
+
+def integrate(
+    model: Model,
+    start: Start,
+    duration: float,
+    *,
+    sample_rate: float,
+    tolerance: float = 1e-6,
+    solver: str = AUTO,
+    origin: Sequence[float] | ArrayLike | None = None,
+    progress: Progress = silent,
+) -> Motion:
+    """Integrate a model in time: `integrate(model, {"velocity": {"X": 0.2}}, 50.0, sample_rate=100.0).changes`.
+
+    The start's displacement departs from `origin` (n,), by default steady sliding; {} starts there at rest. Samples lie
+    at k / sample_rate (Hz) from 0 to the duration (s). Ctrl-C and a failed integration keep what was computed, and
+    `outcome` says so. Raises ValueError for a wrong start or duration, SteadyStateError where there is no steady
+    sliding to depart from, and IntegrationError when nothing was computed.
+    """
+    if not (np.isfinite(duration * sample_rate) and round(duration * sample_rate) >= 1 and sample_rate > 0):
+        raise ValueError(f"duration times sample_rate must be one sample at least, got {duration} s × {sample_rate} Hz")
+    displacement, velocity = start_of(model.names, start)
+    steady = _steady(model) if origin is None else _vector(model.names, "origin", origin)
+    chunks: list[Chunk] = []
+    how: Any = {"duration": duration, "sample_rate": sample_rate, "tolerance": tolerance, "solver": solver}
+    stream = chunks_of(model, steady, displacement, velocity, **how)
+    outcome = collect(stream, duration, chunks.append, progress)
+    if not chunks:
+        raise IntegrationError(outcome)
+    return joined(model.names, chunks, outcome)
+
+
+def joined(names: tuple[str, ...], chunks: Sequence[Chunk], outcome: Outcome) -> Motion:
+    """Chunks put together."""
+
+    def whole(field: str) -> Vector:
+        return np.concatenate([getattr(chunk, field) for chunk in chunks])
+
+    return Motion(
+        names=names,
+        time=whole("time"),
+        displacement=whole("displacement"),
+        velocity=whole("velocity"),
+        energy_balance_error=whole("energy_balance_error"),
+        changes=tuple(change for chunk in chunks for change in chunk.changes),
+        steps=sum(chunk.steps for chunk in chunks),
+        outcome=outcome,
+    )
+
+
+def start_of(names: tuple[str, ...], start: Start) -> tuple[Vector, Vector]:
+    """Displacement and velocity (n,) of a start. Raises ValueError for what is none."""
+    unknown = sorted(set(start) - {"displacement", "velocity"})
+    if unknown:
+        raise ValueError(f"start: {unknown[0]!r} is neither displacement nor velocity")
+    displacement, velocity = (_vector(names, key, start.get(key, {})) for key in ("displacement", "velocity"))
+    return displacement, velocity
+
+
+def _vector(names: tuple[str, ...], key: str, given: Mapping[str, float] | Sequence[float] | ArrayLike) -> Vector:
+    if isinstance(given, Mapping):
+        unknown = sorted(set(given) - set(names))
+        if unknown:
+            raise ValueError(f"{key}: {unknown[0]!r} is no coordinate of this model; it has {', '.join(names)}")
+        return np.array([float(given.get(name, 0.0)) for name in names])
+    values = np.asarray(given, dtype=np.float64)
+    if values.shape != (len(names),):
+        raise ValueError(f"{key}: a number for each of {', '.join(names)} is needed, got shape {values.shape}")
+    return values
+
+
+def _steady(model: Model) -> Vector:
+    """Steady sliding (n,); where the belt or drum is at rest nothing is dragged along, and its springs are unloaded."""
+    if float(model.operation.at(0.0).drum_speed) == 0:
+        return np.zeros(len(model.names))
+    return np.asarray(steady_sliding(model))
+
+
+def follow(
+    stream: Generator[Chunk],
+    duration: float,
+    take: Callable[[Chunk], object],
+    progress: Progress = silent,
+    *,
+    what: str = "integrating",
+) -> None:
+    """Call `take` with every chunk of a transient, until its end or until `take` returns True.
+
+    `progress` is called after each chunk with the time reached (s), and may stop it by raising an exception. Raises
+    IntegrationError where the integration fails.
+    """
+    with closing(stream):
+        for chunk in stream:
+            enough = take(chunk)
+            reached = float(chunk.time[-1])
+            progress(f"{what}, {reached:.4f} s", reached, duration)
+            if enough is True:
+                return
+
+
+def collect(
+    stream: Generator[Chunk],
+    duration: float,
+    keep: Callable[[Chunk], object],
+    progress: Progress = silent,
+    reached: float | None = None,
+) -> Outcome:
+    """Follow a transient to the end, to the first failure or to Ctrl-C, and return the outcome.
+
+    `keep` takes each chunk, and `reached` is the time (s) that an earlier part of it had reached.
+    """
+
+    def take(chunk: Chunk) -> None:
+        nonlocal reached
+        keep(chunk)
+        reached = float(chunk.time[-1])
+        stop_if_interrupted()
+
+    try:
+        with noted_interrupts():
+            follow(stream, duration, take, progress)
+    except IntegrationError as error:
+        return Outcome(Ending.FAILED, f"failed: {error}")
+    except KeyboardInterrupt:
+        when = "before the first samples were computed" if reached is None else f"after t = {reached:.6g} s"
+        return Outcome(Ending.INTERRUPTED, f"interrupted by the user {when}")
+    return COMPLETE

@@ -1,0 +1,152 @@
+"""The oscillators of the documentation: its examples run as they stand there, and print the published figures."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from drumsqueal import (
+    ConstantLaw,
+    IntegrationError,
+    analyse_stability,
+    block_on_belt,
+    integrate,
+    sprung_block_on_belt,
+)
+from drumsqueal.findings.outcome import Ending
+from drumsqueal.solve import motion as motion_module
+
+PAGE = (Path(__file__).parents[2] / "docs" / "oscillators.md").read_text(encoding="utf-8")
+IMPORTS, *_ = re.findall(r"```python\n(.*?)```", PAGE, flags=re.DOTALL)
+EXAMPLES = re.findall(r"```python\n((?:(?!```).)*?)```\n\n```text\n(.*?)```", PAGE, flags=re.DOTALL)
+NUMBER = re.compile(r"(?<![\w.])[-+]?\d+\.\d+")
+
+LEINE = 1.13394468  # m, the largest displacement
+# What each example prints, as published or in closed form; in a pair, with how far off it may be, elsewhere 1.1e-7, to
+# which the published figure and the printed one are rounded. Nothing is published of None.
+PUBLISHED = [
+    [5.0, 3.9026054, 8.9026054, 0.5385165],
+    # A smoothed law is known to three digits: a period of 11.901 s and 0.92 %.
+    [12.0010313, -0.55543269, LEINE, (11.901, 5e-4), None, ((1 - 0.0092) * LEINE, 5e-5 * LEINE)],
+    [1.03, -0.83, 0.63, -0.43, 0.23, -0.03, -0.03, 5 * np.pi / 2, 5.0],
+    [0.75, np.sqrt(2), 0.2020718, 1.4285773],
+    [
+        *(0.1, 0.0998748, 0.6616761, 0.5, 0.4838438, 0.5477484, 1.0, 8 / 3 / np.pi, 8 / 9 / np.pi),
+        *(None, (0.6530018, 5e-7), (0.6530018, 5e-7)),  # printed with six digits
+    ],
+    [1.1512925, 0.8, 0.0509483, 0.9987013, None],
+]
+
+
+def numbers(text: str) -> list[str]:
+    return NUMBER.findall(text)
+
+
+@pytest.mark.parametrize("k", range(len(PUBLISHED)))
+def test_examples_print_what_stands_below_them_and_that_is_what_was_published(k, capsys):
+    code, shown = EXAMPLES[k]
+    assert len([line for line in code.splitlines() if line]) <= 12
+    names: dict = {}
+    exec(compile(IMPORTS, "oscillators.md", "exec"), names)  # the point of this test
+    exec(compile(code, "oscillators.md", "exec"), names)
+    printed = capsys.readouterr().out
+    assert NUMBER.sub("", printed) == NUMBER.sub("", shown)
+    for value, said in zip(numbers(printed), numbers(shown), strict=True):
+        last = 10.0 ** -len(said.partition(".")[2])  # another machine rounds otherwise
+        assert float(value) == pytest.approx(float(said), abs=1.5 * last)
+    for value, published in zip(numbers(printed), PUBLISHED[k], strict=True):
+        wanted, far = published if isinstance(published, tuple) else (published, 1.1e-7)
+        assert wanted is None or float(value) == pytest.approx(wanted, abs=far)
+
+
+def test_every_example_is_tested():
+    assert len(EXAMPLES) == len(PUBLISHED) == PAGE.count("```text")
+
+
+def test_a_constant_force_displaces_steady_sliding_and_is_in_the_balance_of_energy():
+    block = block_on_belt(ConstantLaw(0.3), stiffness=2.0, belt_speed=1.0, forces={"X": 0.2})
+    assert analyse_stability(block).steady_state == pytest.approx([0.25], rel=1e-12)  # (μN + F)/k
+    motion = integrate(block, {"displacement": {"X": 0.1}}, 20.0, sample_rate=10.0, tolerance=1e-9)
+    # Friction is the same while it slips one way: x = 0.25 + 0.1 cos ωt. The tolerance over three periods.
+    wanted = 0.25 + 0.1 * np.cos(np.sqrt(2) * motion.time)
+    np.testing.assert_allclose(motion.displacement[:, 0], wanted, atol=1e-8)
+    assert np.max(np.abs(motion.energy_balance_error)) < 1e-8
+
+
+def test_a_harmonic_force_by_name_acts_on_its_coordinate():
+    # Without friction and coupling: m y″ + (k + k3) y = A sin(Ωt + ψ) from rest, of which the phase makes a cosine.
+    block = sprung_block_on_belt(
+        ConstantLaw(0.0),
+        mass=[1.0, 1.0],
+        springs=np.diag([1.0, 2.0]),
+        contact_stiffness=2.0,
+        forces={"Y": (3.0, 0.5 / np.pi, np.pi / 2)},
+    )
+    motion = integrate(block, {}, 20.0, sample_rate=10.0, tolerance=1e-9, origin=[0.0, 0.0])
+    wanted = (np.cos(motion.time) - np.cos(2 * motion.time)) * 3.0 / (4.0 - 1.0)
+    np.testing.assert_allclose(motion.displacement[:, 1], wanted, atol=1e-7)  # the tolerance over twenty radians
+    np.testing.assert_array_equal(motion.displacement[:, 0], 0.0)
+
+
+def test_damping_of_a_sprung_block_is_that_of_its_coordinates():
+    block = sprung_block_on_belt(
+        ConstantLaw(0.0), mass=[1.0, 1.0], springs=np.eye(2), contact_stiffness=0.0, damping=np.diag([0.1, 0.4])
+    )
+    rates = sorted(mode.growth_rate for mode in analyse_stability(block).modes)
+    assert rates == pytest.approx([-0.2, -0.05], rel=1e-12)  # −c/2m
+
+
+def test_a_body_that_nothing_drags_starts_where_its_springs_are_unloaded():
+    motion = integrate(block_on_belt(ConstantLaw(0.3)), {"velocity": [0.5]}, 0.2, sample_rate=10.0)
+    assert motion.names == ("X",)
+    assert (motion.displacement[0, 0], motion.velocity[0, 0]) == (0.0, 0.5)
+    assert motion.outcome == "complete"
+
+
+def test_what_was_computed_before_a_failure_is_kept(monkeypatch):
+    chunks = motion_module.chunks_of
+
+    def failing(*arguments, **how):
+        yield next(chunks(*arguments, **how))
+        raise IntegrationError("the step size collapsed")
+
+    monkeypatch.setattr(motion_module, "chunks_of", failing)
+    block = block_on_belt(ConstantLaw(0.3), belt_speed=1.0)
+    motion = integrate(block, {}, 1000.0, sample_rate=10.0)
+    assert motion.outcome.ending is Ending.FAILED
+    assert motion.outcome == "failed: the step size collapsed"
+    assert 0 < motion.time.size < 10_000
+    assert motion.velocity.shape == (motion.time.size, 1)
+
+
+def test_a_block_that_rests_turns_nowhere():
+    motion = integrate(block_on_belt(ConstantLaw(0.3)), {"velocity": [0.2]}, 10.0, sample_rate=20.0)
+    assert motion.changes
+    assert motion.turning_points("X")[0].size == 0
+
+
+@pytest.mark.parametrize(
+    ("wrong", "why"),
+    [
+        ({"start": {"speed": [1.0]}}, "start: 'speed' is neither displacement nor velocity"),
+        ({"start": {"velocity": {"Y": 1.0}}}, "velocity: 'Y' is no coordinate of this model; it has X"),
+        ({"start": {"displacement": [1.0, 2.0]}}, r"displacement: a number for each of X is needed, got shape \(2,\)"),
+        ({"origin": 1.0}, r"origin: a number for each of X"),
+        ({"duration": 0.0}, "one sample at least"),
+        ({"sample_rate": np.nan}, "one sample at least"),
+    ],
+)
+def test_what_cannot_be_integrated_is_refused(wrong, why):
+    block = block_on_belt(ConstantLaw(0.3), belt_speed=1.0)
+    with pytest.raises(ValueError, match=why):
+        integrate(block, **({"start": {}, "duration": 1.0, "sample_rate": 10.0} | wrong))
+
+
+@pytest.mark.parametrize(
+    ("forces", "why"),
+    [({"Y": 1.0}, "forces: 'Y' is no coordinate of this body; it has X"), ({"X": (1.0,)}, "forces: X must be")],
+)
+def test_a_force_that_is_none_is_refused(forces, why):
+    with pytest.raises(ValueError, match=why):
+        block_on_belt(ConstantLaw(0.3), forces=forces)
