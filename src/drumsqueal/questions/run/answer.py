@@ -39,7 +39,7 @@ def run_into(folder: Path, prepared: Prepared, console: Console, since: Point | 
             with shown_progress(console) as progress:
                 outcome = _integrate(history, resume, prepared, progress, since)
                 progress("comparing", 0.0, None)
-                found, answer = _find(files, history, prepared, outcome, folder)
+                found, answer = _find(files, history, prepared, outcome, folder, progress)
             left_out = answer.draw(folder, found)
             if outcome.ending is Ending.COMPLETE:
                 resume.remove()
@@ -55,7 +55,7 @@ def run_into(folder: Path, prepared: Prepared, console: Console, since: Point | 
 
 
 def _find(
-    files: ExitStack, history: HistoryFile, prepared: Prepared, outcome: Outcome, folder: Path
+    files: ExitStack, history: HistoryFile, prepared: Prepared, outcome: Outcome, folder: Path, progress: Progress
 ) -> tuple[RunFindings, Answer[RunFindings]]:
     """Compare with the prediction and write what was found, which of a run without samples is the prediction alone."""
     if not history.exists:
@@ -69,6 +69,7 @@ def _find(
         write_json(found, folder / SUMMARY)
         raise IntegrationError(f"{outcome}; what was computed is in {folder}")
     result = compared(prepared, files.enter_context(history.reading()))
+    progress("writing", 0.0, None)
     write_json(result.findings, folder / SUMMARY)
     figures = importlib.import_module(DRAWING).drawings(result, prepared.model)
     return result.findings, Answer(words=print_findings, summary=SUMMARY, figures=figures)
