@@ -558,17 +558,20 @@ def made_up_motion(transition) -> Any:
 def test_a_cycle_that_all_but_grazes_has_the_multipliers_of_its_side(damped):
     # An unstable cycle at 4.39994 rad/s, 1e-6 from where slip would just come to reverse. Neighbours on either side of
     # that say 7.4. A little farther off, at 4.39990 rad/s, where both agree, the largest multiplier is 1.318792.
-    model = build_model(damped, {"drum.speed": 4.3999443387838335})
     scale = np.array([4.7248519856e-06, 6.6826117505e-05, 8.1191033222e-05, 0.1308357002, 0.58693408468, 1.35985665377])
     state = np.array([-0.38245584384, 0.36546918728, 0.1916228057515, 1.49804676265, -0.62716544141, -0.126752333059])
-    shooting = Shooting(lambda _: (model, None), Scales(scale, 0.0009452191061, 1.0))
-    fixed = np.eye(8)[-1]
-    closed = shooting.close(np.concatenate([state, [1.0, 0.0]]), fixed)
-    assert closed is not None
-    multipliers, unit_error, tangent_error = floquet_of(shooting, closed)
-    assert tangent_error > 1e-2
-    assert unit_error < 1e-9
-    assert multipliers[0].real == pytest.approx(1.318792, abs=1e-4)
+    astray = []
+    # Round-off decides at which of these speeds the neighbours lie on either side.
+    for change in (0.0, 1e-9, -1e-9, 1e-7, -1e-7):
+        model = build_model(damped, {"drum.speed": 4.3999443387838335 + change})
+        shooting = Shooting(lambda _, model=model: (model, None), Scales(scale, 0.0009452191061, 1.0))
+        closed = shooting.close(np.concatenate([state, [1.0, 0.0]]), np.eye(8)[-1])
+        assert closed is not None
+        multipliers, unit_error, tangent_error = floquet_of(shooting, closed)
+        assert unit_error < 1e-9
+        assert multipliers[0].real == pytest.approx(1.318792, abs=1e-4)
+        astray.append(tangent_error > 1e-2)
+    assert any(astray)
 
 
 def test_between_two_corners_nothing_is_called_stable_unseen(block):
