@@ -1,6 +1,6 @@
 """Double precision: switched on once, and asserted wherever numbers enter a model.
 
-The edges of contact are found from differences of nearly equal numbers, and the growth of a squeal is followed over
+The contact boundaries are found from differences of nearly equal numbers, and the growth of a squeal is followed over
 many decades: single precision is of no use here, and JAX falls back to it silently unless told otherwise.
 """
 

@@ -166,20 +166,20 @@ def test_a_run_without_a_start_stays_where_it_is(nominal):
     assert "nothing was started" in result.comparison.verdict
 
 
-def test_the_edge_is_the_first_sample_at_which_contact_is_lost(nominal, squeal):
+def test_the_boundary_is_the_first_sample_at_which_contact_is_lost(nominal, squeal):
     # u_θ and u_r on a fine grid, from the motion alone.
-    edge = squeal.comparison.edge_reached_s
+    boundary = squeal.comparison.edge_reached_s
     q, v = (squeal.history[name].values for name in ("displacement", "velocity"))
     theta = np.linspace(-np.radians(65), np.radians(65), 4001)[:, None]
     c, pressure, stiffness = 72.1956531e-3, 241499.598, 0.35e11
     radial = q[:, 0] * np.cos(theta) + (q[:, 1] - c * q[:, 5]) * np.sin(theta)
     slip = 0.1 * v[:, 5] - v[:, 0] * np.sin(theta) + (v[:, 1] - c * v[:, 5]) * np.cos(theta)
     beyond = (pressure + stiffness * radial < 0).any(axis=0) | (slip > 0.5).any(axis=0)
-    assert edge == squeal.history["time"].values[np.argmax(beyond)]
+    assert boundary == squeal.history["time"].values[np.argmax(beyond)]
 
 
 @pytest.mark.parametrize(("table", "value"), [("friction", None), ("contact.separation", False)])
-def test_an_effect_that_is_not_there_has_no_edge(nominal, table, value):
+def test_an_effect_that_is_not_there_has_no_boundary(nominal, table, value):
     # Bonded: 20 µm would be off the drum. Frictionless: the lining may move at any speed.
     scene = nominal.with_values({table: value, "simulate.duration": 0.01, "start.displacement": {"Y": 5e-6}})
     if table == "friction":
@@ -227,7 +227,7 @@ def test_a_lining_partly_off_the_drum_still_shows_its_growth(nominal):
     assert abs(mode.growth_rate_error) < 5e-4
 
 
-def test_a_motion_that_dies_after_an_edge_settles_to_steady_sliding(nominal):
+def test_a_motion_that_dies_after_an_boundary_settles_to_steady_sliding(nominal):
     # 3 % of damping end the squeal; 10 µm lift the lining off at first. After 0.1 s 1424 Hz has decayed by e^−27.
     scene = nominal.with_values(
         {"damping": {"ratio": 0.03}, "start.displacement": {"Y": 1e-5}, "simulate.duration": 0.25}
@@ -357,10 +357,15 @@ def test_a_run_that_was_cut_off_says_why(nominal):
         ("11111", 1.0, 1, 0.0, 0.0),
     ],
 )
-def test_spells_of_sticking_are_read_off_the_samples(sticks, share, spells, first, to_the_end):
+def test_spells_of_sticking_are_read_off_the_samples(sticks, fraction, spells, first, to_the_end):
     signal = ("time", np.array([float(each) for each in sticks]))
     found = find_sticking(xarray.Dataset({"sticking": signal}, {"time": np.arange(5.0)}))
-    assert (found.share, found.spells, found.first_s, found.to_the_end_from_s) == (share, spells, first, to_the_end)
+    assert (found.share, found.spells, found.first_s, found.to_the_end_from_s) == (
+        fraction,
+        spells,
+        first,
+        to_the_end,
+    )
 
 
 def test_growth_is_not_measured_while_the_lining_sticks_at_the_start(nominal):

@@ -48,8 +48,8 @@ def motion_of_x(nominal, size: float):
     found = (crossing.size - 1) / (crossing[-1] - crossing[0])
     thirds = [slice(k * t.size // 3, (k + 1) * t.size // 3) for k in range(3)]
     pieces = [(rows, y[:1, rows].T, y[1:, rows].T) for rows in thirds]
-    departure = cast("Any", SimpleNamespace(coordinates=("X",), time=t, pieces=lambda part: pieces))
-    return model, stability, departure, found
+    vibration = cast("Any", SimpleNamespace(coordinates=("X",), time=t, pieces=lambda part: pieces))
+    return model, stability, vibration, found
 
 
 # Below the edge nothing softens. Beyond it the describing function of a force that is cut off on one side leaves out
@@ -57,10 +57,10 @@ def motion_of_x(nominal, size: float):
 # shift, a few per cent of it here.
 @pytest.mark.parametrize(("size", "within"), [(5e-6, 1e-5), (1.5e-5, 2e-3), (5e-5, 6e-3)])
 def test_averaged_contact_predicts_the_frequency_of_a_shoe_that_lifts_off(nominal, size, within):
-    model, stability, departure, found = motion_of_x(nominal, size)
+    model, stability, vibration, found = motion_of_x(nominal, size)
     mode = stability.modes[0]
-    predicted = explain_frequency(departure, slice(0, None), model, stability.steady_state, mode, 1.0)
+    predicted = explain_frequency(vibration, slice(0, None), model, stability.steady_state, mode, 1.0)
     # Zero crossings of 88 periods, interpolated linearly, err by 3e-6 of the frequency.
     assert predicted.contact_loss_Hz == pytest.approx(found, rel=within)
     assert predicted.with_friction_Hz == predicted.contact_loss_Hz
-    assert predicted.by_share_Hz == pytest.approx(mode.frequency_Hz)
+    assert predicted.by_fraction_Hz == pytest.approx(mode.frequency_Hz)

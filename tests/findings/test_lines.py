@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from drumsqueal.findings.signals import find_bases, find_lines
+from drumsqueal.findings.signals import find_fundamentals, find_lines
 
 RATE = 50_000.0
 
@@ -60,9 +60,9 @@ def test_what_hides_beside_a_line_pulls_it_by_no_more_than_thrice_its_uncertaint
 
 
 def test_lines_closer_than_the_main_lobe_are_not_told_apart():
-    bases = find_bases(find_lines(torus(0.2, [(1000.0, 1.0), (1005.37, 0.8), (7000.3, 0.5)]), RATE))
-    assert not np.any(np.abs(bases.frequency_Hz - 5.37) < 4.0)
-    told = find_bases(find_lines(torus(0.5, [(1000.0, 1.0), (1008.37, 0.8), (7000.3, 0.5)]), RATE))
+    fundamentals = find_fundamentals(find_lines(torus(0.2, [(1000.0, 1.0), (1005.37, 0.8), (7000.3, 0.5)]), RATE))
+    assert not np.any(np.abs(fundamentals.frequency_Hz - 5.37) < 4.0)
+    told = find_fundamentals(find_lines(torus(0.5, [(1000.0, 1.0), (1008.37, 0.8), (7000.3, 0.5)]), RATE))
     assert told.frequency_Hz == pytest.approx([8.37, 1000.0, 7000.3], abs=1e-3)
 
 
@@ -85,26 +85,30 @@ def test_base_frequencies_of_a_torus(frequencies, wanted, phases):
     amplitudes = [1.0, 0.3, 0.4, 0.1, 0.05, 0.03]
     parts = list(zip(frequencies, amplitudes[: len(frequencies)], strict=True))
     lines = find_lines(torus(0.2 if wanted[0] > 100 else 0.4, parts, phases[: len(parts)]), RATE)
-    bases = find_bases(lines)
-    assert bases.frequency_Hz == pytest.approx(wanted, abs=1e-3)
-    assert bases.all_lines
-    assert bases.combinations @ bases.frequency_Hz == pytest.approx(lines.frequency_Hz, abs=1e-3)
-    assert bases.explained == pytest.approx(1.0, abs=1e-2)
+    fundamentals = find_fundamentals(lines)
+    assert fundamentals.frequency_Hz == pytest.approx(wanted, abs=1e-3)
+    assert fundamentals.all_lines
+    assert fundamentals.combinations @ fundamentals.frequency_Hz == pytest.approx(lines.frequency_Hz, abs=1e-3)
+    assert fundamentals.explained == pytest.approx(1.0, abs=1e-2)
 
 
 @pytest.mark.parametrize("phase", [0.0, 1.0, 4.0])
 def test_slow_modulation_is_a_base_of_its_own(phase):
-    bases = find_bases(find_lines(modulated(times(1.0), 12.6567, phase)[:, None], RATE, floor=3e-3))
-    assert bases.frequency_Hz == pytest.approx([12.6567, 1075.8, 7290.2], abs=1e-3)
+    fundamentals = find_fundamentals(find_lines(modulated(times(1.0), 12.6567, phase)[:, None], RATE, floor=3e-3))
+    assert fundamentals.frequency_Hz == pytest.approx([12.6567, 1075.8, 7290.2], abs=1e-3)
 
 
-def test_bases_that_are_locked_are_one():
+def test_fundamentals_that_are_locked_are_one():
     slow = 1075.8166369 / 85  # 7 f1 − f2 = 19 slow and f1 = 85 slow
-    bases = find_bases(find_lines(torus(1.0, [(85 * slow, 1.0), (576 * slow, 0.5), (84 * slow, 0.1)]), RATE))
-    assert bases.frequency_Hz == pytest.approx([slow], rel=1e-7)
-    assert sorted(bases.combinations[:, 0]) == [84, 85, 576]
+    fundamentals = find_fundamentals(
+        find_lines(torus(1.0, [(85 * slow, 1.0), (576 * slow, 0.5), (84 * slow, 0.1)]), RATE)
+    )
+    assert fundamentals.frequency_Hz == pytest.approx([slow], rel=1e-7)
+    assert sorted(fundamentals.combinations[:, 0]) == [84, 85, 576]
     # The same with bases that are not: off by a hertz in 7290, where the record knows a ten-thousandth.
-    free = find_bases(find_lines(torus(1.0, [(85 * slow, 1.0), (576 * slow + 1.03, 0.5), (84 * slow, 0.1)]), RATE))
+    free = find_fundamentals(
+        find_lines(torus(1.0, [(85 * slow, 1.0), (576 * slow + 1.03, 0.5), (84 * slow, 0.1)]), RATE)
+    )
     assert free.frequency_Hz == pytest.approx([slow, 85 * slow, 576 * slow + 1.03], abs=1e-3)
 
 
@@ -113,11 +117,11 @@ def test_lines_that_are_not_known_well_enough_are_no_combinations():
     t, random = times(0.1), np.random.default_rng(3)
     signal = np.cos(2 * np.pi * 1424.0 * t) + np.cos(2 * np.pi * 4392.37 * t) + 0.3 * random.normal(size=t.size)
     lines = find_lines(signal[:, None], RATE)
-    bases = find_bases(lines)
-    strong = lines.share > 0.1
+    fundamentals = find_fundamentals(lines)
+    strong = lines.fraction > 0.1
     assert np.count_nonzero(strong) == 2
-    assert bases.frequency_Hz[:2] == pytest.approx([1424.0, 4392.37], abs=0.1)
-    assert bases.explained == pytest.approx(lines.share[strong].sum(), abs=0.01)
+    assert fundamentals.frequency_Hz[:2] == pytest.approx([1424.0, 4392.37], abs=0.1)
+    assert fundamentals.explained == pytest.approx(lines.fraction[strong].sum(), abs=0.01)
 
 
 def test_noise_and_chaos_have_no_base_frequencies():
@@ -126,7 +130,7 @@ def test_noise_and_chaos_have_no_base_frequencies():
 
     chaos = solve_ivp(lorenz, (0, 120), [1.0, 1.0, 20.0], t_eval=np.linspace(20, 120, 10_000), rtol=1e-8).y.T
     for record in (chaos, np.random.default_rng(1).normal(size=(10_000, 2))):
-        assert find_bases(find_lines(record, RATE)).explained < 0.5
+        assert find_fundamentals(find_lines(record, RATE)).explained < 0.5
 
 
 @pytest.mark.parametrize(

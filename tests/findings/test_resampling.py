@@ -7,7 +7,7 @@ import wave
 import numpy as np
 import pytest
 
-from drumsqueal.findings.signals.resampling import PASSES, STOPS, reach, resample, share_above
+from drumsqueal.findings.signals.resampling import PASSES, STOPS, fraction_above, reach, resample
 from drumsqueal.findings.signals.sound import to_sound, wav_bytes
 
 RECORDED = 50e3  # Hz
@@ -76,14 +76,14 @@ def test_it_looks_no_farther_than_it_says():
         np.testing.assert_array_equal(known, cut)
 
 
-def test_the_share_above_a_frequency_is_that_of_the_lines_there():
+def test_the_fraction_above_a_frequency_is_that_of_the_lines_there():
     time = np.arange(50_000) / RECORDED
     signal = 5 + 3 * np.sin(2 * np.pi * 1000 * time) + np.sin(2 * np.pi * 7000.3 * time)
-    share, line = share_above(signal, RECORDED, 5000.0)
-    assert share == pytest.approx(0.1, rel=1e-4)  # 1/(9 + 1); the window's leakage over kilohertz is below 1e-10
+    fraction, line = fraction_above(signal, RECORDED, 5000.0)
+    assert fraction == pytest.approx(0.1, rel=1e-4)  # 1/(9 + 1); the window's leakage over kilohertz is below 1e-10
     assert line == pytest.approx(7000.3, abs=0.6)  # half a bin and a bit
-    assert share_above(np.ones(100), RECORDED, 5000.0)[0] == 0
-    assert share_above(signal, RECORDED, 25e3)[0] == 0
+    assert fraction_above(np.ones(100), RECORDED, 5000.0)[0] == 0
+    assert fraction_above(signal, RECORDED, 25e3)[0] == 0
 
 
 @pytest.mark.parametrize("slow", [1.0, 4.0, 0.5])

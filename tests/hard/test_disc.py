@@ -79,8 +79,8 @@ def test_a_law_of_the_slip_speed_over_the_disc():
     for slide, spin in [(0.4, 1.0), (1.5, 0.6)]:
         u, w = slide - spin * y, spin * x
         speed = np.hypot(u, w)
-        share = np.where(inside, -(0.2 + 0.3 * np.exp(-2 * speed)) / speed / inside.sum(), 0.0)
-        wanted = np.sum(share * u), np.sum(share * w), np.sum(share * (w * x - u * y))
+        fraction = np.where(inside, -(0.2 + 0.3 * np.exp(-2 * speed)) / speed / inside.sum(), 0.0)
+        wanted = np.sum(fraction * u), np.sum(fraction * w), np.sum(fraction * (w * x - u * y))
         found = force(disc_on_plate(ExponentialLaw(0.5, 0.2, 2.0)), jnp.asarray([slide, 0.0, spin]))
         np.testing.assert_allclose(found, wanted, atol=2e-5)
 

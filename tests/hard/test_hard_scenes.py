@@ -36,7 +36,7 @@ class Motion(NamedTuple):
     model: Model
     time: NDArray[np.float64]
     displacement: NDArray[np.float64]
-    departure: NDArray[np.float64]
+    vibration: NDArray[np.float64]
     velocity: NDArray[np.float64]
     seen: Observation
     kinetic: NDArray[np.float64]
@@ -47,10 +47,10 @@ class Motion(NamedTuple):
     @property
     def peak(self) -> NDArray[np.float64]:
         """Largest departure of each coordinate."""
-        return np.max(np.abs(self.departure), axis=0)
+        return np.max(np.abs(self.vibration), axis=0)
 
     @property
-    def share_unbalanced(self) -> float:
+    def fraction_unbalanced(self) -> float:
         """The largest error of the balance of energy over the largest kinetic energy."""
         return float(np.max(np.abs(self.balance_error)) / self.kinetic.max())
 
@@ -118,7 +118,7 @@ def scene_of(
 
 def shift(motion: Motion, finer: Motion) -> float:
     """Largest change of any sample over that coordinate's peak."""
-    return float(np.max(np.abs(motion.departure - finer.departure) / finer.peak))
+    return float(np.max(np.abs(motion.vibration - finer.vibration) / finer.peak))
 
 
 def checked(
@@ -126,8 +126,8 @@ def checked(
 ) -> Motion:
     """Follow a start at 1e-6 and at a tenth of it: the energy balances, no sample moves much, the steps suffice."""
     motion, finer = (follow(scene_of(base, displacement, velocity, tolerance=t, **more)) for t in (1e-6, 1e-7))
-    assert motion.share_unbalanced < unbalanced
-    assert finer.share_unbalanced < unbalanced / 2
+    assert motion.fraction_unbalanced < unbalanced
+    assert finer.fraction_unbalanced < unbalanced / 2
     assert shift(motion, finer) < moved
     assert motion.steps < steps
     return motion
@@ -206,7 +206,7 @@ def test_a_start_at_the_drums_speed_sticks_until_friction_gives_way(nominal):
     together = np.all(motion.velocity == drum, axis=1)
     count = int(np.argmin(together))
     assert not together[count:].any()
-    np.testing.assert_allclose(motion.departure[:count], motion.time[:count, None] * drum, rtol=1e-12, atol=1e-20)
+    np.testing.assert_allclose(motion.vibration[:count], motion.time[:count, None] * drum, rtol=1e-12, atol=1e-20)
     held = np.abs(motion.seen.brake_torque[:count]) / 0.1
     assert np.all(held <= 0.5 * motion.seen.normal_force[:count])
     # What is needed reaches the limit surface between the last sample that sticks and the first that does not.
@@ -223,14 +223,14 @@ def linear_motion(motion: Motion) -> NDArray[np.float64]:
     """Departures and velocities (k, 2n) of the linear model from the same start."""
     matrix = np.asarray(linear_model(motion.model)[1].state_matrix())
     step = scipy.linalg.expm(matrix * (motion.time[1] - motion.time[0]))
-    states = [np.concatenate([motion.departure[0], motion.velocity[0]])]
+    states = [np.concatenate([motion.vibration[0], motion.velocity[0]])]
     for _ in motion.time[1:]:
         states.append(step @ states[-1])
     return np.array(states)
 
 
 def from_linear(motion: Motion) -> float:
-    found, wanted = np.hstack([motion.departure, motion.velocity]), linear_motion(motion)
+    found, wanted = np.hstack([motion.vibration, motion.velocity]), linear_motion(motion)
     return float(np.max(np.abs(found - wanted) / np.max(np.abs(wanted), axis=0)))
 
 
@@ -273,8 +273,8 @@ def test_a_flight_without_supports_is_a_parabola(nominal):
     push = 2000 * math.sin(half) / half
     force = np.array([push, -mu * push, -mu * (0.1 * 2000 - c * push)])
     flying = airborne(motion)
-    wanted = motion.departure[0] + force / np.asarray(motion.model.mass) * motion.time[1:, None] ** 2 / 2
-    error = np.abs(motion.departure[1:] - wanted)[flying] / np.abs(wanted[flying]).max(axis=0)
+    wanted = motion.vibration[0] + force / np.asarray(motion.model.mass) * motion.time[1:, None] ** 2 / 2
+    error = np.abs(motion.vibration[1:] - wanted)[flying] / np.abs(wanted[flying]).max(axis=0)
     assert flying.sum() == 19  # samples of 10 µs
     assert error.max() < 1e-12
 
@@ -287,10 +287,10 @@ def test_a_flight_on_the_supports_is_half_a_swing(nominal):
     )  # fmt: skip
     flying, rate = airborne(motion), math.sqrt(7e8 / float(motion.model.mass[0]))
     wanted = -0.5 / rate * np.sin(rate * motion.time[1:])
-    error = np.abs(motion.departure[1:, 0] - wanted)[flying] / (0.5 / rate)
+    error = np.abs(motion.vibration[1:, 0] - wanted)[flying] / (0.5 / rate)
     assert flying.sum() == int(math.pi / rate * 1e6)
     assert error.max() < 1e-7
-    energy = motion.kinetic[1:][flying] + 3.5e8 * motion.departure[1:, 0][flying] ** 2
+    energy = motion.kinetic[1:][flying] + 3.5e8 * motion.vibration[1:, 0][flying] ** 2
     assert np.ptp(energy) < 1e-7 * energy.max()
 
 
@@ -313,8 +313,8 @@ def test_impacts_on_the_turning_drum(nominal, displacement, velocity, load):
 def test_grazing_is_continuous(nominal):
     # Found: balance at most 1.5e-8, moved 5.7e-8, 466 steps. A thousandth of the start moves the samples by 1.7e-3.
     motions = [
-        checked(nominal, {"X": -share * P0_OVER_KC}, duration=0.002, unbalanced=1e-6, moved=1e-5, steps=2000)
-        for share in (0.999, 1.0, 1.001, 1.2)
+        checked(nominal, {"X": -fraction * P0_OVER_KC}, duration=0.002, unbalanced=1e-6, moved=1e-5, steps=2000)
+        for fraction in (0.999, 1.0, 1.001, 1.2)
     ]
     before, at, after, far = motions
     # Its pressure goes to zero in the middle of the arc first.
@@ -412,7 +412,7 @@ def test_an_axial_slip_that_passes_zero_across_a_reversal(nominal):
     passes = (axial.min(axis=1) < 0) & (axial.max(axis=1) > 0)
     both = passes & (motion.seen.slip_reversed_fraction > 0.1)
     assert both.sum() > 10
-    assert motion.share_unbalanced < 1e-6  # 3.0e-8 was found
+    assert motion.fraction_unbalanced < 1e-6  # 3.0e-8 was found
     assert shift(motion, finer) < 1e-6  # 3.0e-8 was found
     assert motion.steps < 1000  # 323 were found
     assert not motion.implicit
@@ -506,8 +506,8 @@ def test_random_scenes_finish_and_balance(nominal, values, thickness, direction,
 
 
 @settings(derandomize=True, deadline=None, max_examples=25, database=None, phases=[Phase.generate])
-@given(values=VALID, thickness=THICKNESS, direction=DIRECTION, share=_powers(-6, -2.5))
-def test_random_scenes_below_the_edges_are_linear(nominal, values, thickness, direction, share):
+@given(values=VALID, thickness=THICKNESS, direction=DIRECTION, fraction=_powers(-6, -2.5))
+def test_random_scenes_below_the_boundaries_are_linear(nominal, values, thickness, direction, fraction):
     # `share` is how much of p0/k_c and of R Ω the motion may take: what is left out is so much smaller than the motion.
     values = values | {"contact.normal_load": max(values["contact.normal_load"], 100.0)}
     model = build_model(nominal, values | {"shoe.thickness": thickness * values["shoe.outer_radius"]})
@@ -515,10 +515,10 @@ def test_random_scenes_below_the_edges_are_linear(nominal, values, thickness, di
     area = radius * values["shoe.arc_angle"] * values["shoe.width"]
     yielding = values["contact.normal_load"] / area / values["contact.stiffness"]
     fastest = float(np.max(np.abs(np.linalg.eigvals(np.asarray(linear_model(model)[1].state_matrix())))))
-    size = share * min(yielding, rim / fastest)
+    size = fraction * min(yielding, rim / fastest)
     motion = follow(scene_from(nominal, values, thickness, direction, size))
     linear = linear_motion(motion)
-    found = np.hstack([motion.departure, motion.velocity])
+    found = np.hstack([motion.vibration, motion.velocity])
     largest = np.max(np.abs(linear), axis=0)
     # Energy moves between coordinates: each is compared with the largest of them, a rotation as that of the rim.
     scale = np.array([1, 1, 1 / radius])
@@ -531,7 +531,7 @@ def test_random_scenes_below_the_edges_are_linear(nominal, values, thickness, di
     # Motion below a picometre, or below what round-off of the load's forces makes of a soft contact, is resolved as if
     # it were that large.
     resolved = max(QUIET, ROUND_OFF * yielding / float(local_tolerance(1e-6, DEFAULT)))
-    assert off < 2 * share * grown + 5e-6 * max(1.0, resolved / size)
+    assert off < 2 * fraction * grown + 5e-6 * max(1.0, resolved / size)
 
 
 # --- gradients -------------------------------------------------------------------------------------------------------
@@ -614,7 +614,7 @@ def test_the_shipped_stop_ends_at_rest(nominal):
         )
     )  # fmt: skip
     rests(motion, 0.3002, 0.5)
-    assert motion.share_unbalanced < 2e-6
+    assert motion.fraction_unbalanced < 2e-6
 
 
 @pytest.mark.slow
@@ -623,5 +623,5 @@ def test_ten_seconds_of_squeal(nominal):
     motion = follow(
         scene_of(nominal, {"Y": 1e-7, "Tz": 1e-6}, duration=10.0, rate=2e4, damping={"ratio": 0.005})
     )  # fmt: skip
-    assert motion.share_unbalanced < 5e-5
+    assert motion.fraction_unbalanced < 5e-5
     assert motion.steps < 4_000_000

@@ -67,10 +67,10 @@ def test_a_block_comes_to_rest_under_coulombs_friction():
     # Elementary: half a period of π/ω between turning points that are 2F/k nearer each; it stops within F_s/k.
     model = block_on_belt(StepLaw(0.15, 0.1), mass=0.5, stiffness=2.0, load=2.0)
     found = run(model, [1.03], [0.0], duration=20.0, **HOW)
-    half, share = np.pi / 2, 0.1  # s, m: π/ω and F/k
+    half, fraction = np.pi / 2, 0.1  # s, m: π/ω and F/k
     swing = np.minimum(np.floor(found.time / half), 4)  # the fifth ends within F_s/k = 0.15 m
-    amplitude, phase = 1.03 - 2 * share * swing, np.minimum(2 * found.time - np.pi * swing, np.pi)
-    wanted = (-1.0) ** swing * ((amplitude - share) * np.cos(phase) + share)
+    amplitude, phase = 1.03 - 2 * fraction * swing, np.minimum(2 * found.time - np.pi * swing, np.pi)
+    wanted = (-1.0) ** swing * ((amplitude - fraction) * np.cos(phase) + fraction)
     assert abs(wanted[-1]) < 0.15 < amplitude[-1]
     # Found: 4e-10 and 1e-10.
     np.testing.assert_allclose(found.displacement[:, 0], wanted, rtol=0, atol=1e-8)
@@ -103,16 +103,16 @@ def test_a_block_at_rest_is_drawn_along_by_its_belt(tolerance):
 
 
 @pytest.mark.parametrize(("ratio", "share"), [(0.8, 0.2), (1.5, 0.2), (2.0, 0.15)])
-def test_a_forced_block_comes_to_den_hartogs_amplitude(ratio, share):
+def test_a_forced_block_comes_to_den_hartogs_amplitude(ratio, fraction):
     # Trans. ASME 53 (1931) APM-107: without a stop x0/a = √(V² − (F/P)² U²), V = 1/(1 − β²), U = sin(π/β)/(β(1 +
     # cos(π/β))), whatever the start; here at rest.
-    model = forced(block_on_belt(StepLaw(share, share)), 1.0, ratio / (2 * np.pi))
+    model = forced(block_on_belt(StepLaw(fraction, fraction)), 1.0, ratio / (2 * np.pi))
     period, turn = 2 * np.pi / ratio, np.pi / ratio
     begun = run(model, [0.0], [0.0], duration=500 * period, sample_rate=10 / period, tolerance=1e-7)
     found = run(
         model, begun.displacement[-1], begun.velocity[-1], duration=period, sample_rate=2000 / period, tolerance=1e-7
     )
-    wanted = np.sqrt(1 / (1 - ratio**2) ** 2 - (share * np.sin(turn) / (ratio * (1 + np.cos(turn)))) ** 2)
+    wanted = np.sqrt(1 / (1 - ratio**2) ** 2 - (fraction * np.sin(turn) / (ratio * (1 + np.cos(turn)))) ** 2)
     # The samples miss the turning point by some (π/2000)²/2 of it, 1e-6.
     assert np.abs(found.displacement).max() == pytest.approx(wanted, rel=5e-6)
 

@@ -26,8 +26,8 @@ geometries = st.tuples(
 
 
 def shoe_of(geometry) -> RigidShoe:
-    radius, share, width, arc, density = geometry
-    return RigidShoe(radius, share * radius, width, arc, density)
+    radius, fraction, width, arc, density = geometry
+    return RigidShoe(radius, fraction * radius, width, arc, density)
 
 
 def on(interval, rule):
@@ -37,8 +37,8 @@ def on(interval, rule):
 
 def volume_integral(geometry, integrand):
     """∫ρ f(r, θ, z) dV by a product of Gauss rules."""
-    radius, share, width, arc, density = geometry
-    r, wr = on((radius * (1 - share), radius), ACROSS)
+    radius, fraction, width, arc, density = geometry
+    r, wr = on((radius * (1 - fraction), radius), ACROSS)
     theta, wt = on((-arc / 2, arc / 2), ALONG)
     z, wz = on((-width / 2, width / 2), ACROSS)
     r, theta, z = (x.reshape(shape) for x, shape in ((r, (-1, 1, 1)), (theta, (1, -1, 1)), (z, (1, 1, -1))))

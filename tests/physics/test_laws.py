@@ -186,8 +186,8 @@ def test_plane_forces_to_round_off(name):
 def test_space_forces(name, tolerance):
     generator = np.random.default_rng(5)
     for slide in (0.6, 1.5):
-        shares, axial = generator.uniform(-1, 1, 12), 10 ** generator.uniform(-4, 0)
-        q, v = scaled_state(Brake(), shares, press=1.5, slide=slide, tilt=1.0, axial=axial)
+        fractions, axial = generator.uniform(-1, 1, 12), 10 ** generator.uniform(-4, 0)
+        q, v = scaled_state(Brake(), fractions, press=1.5, slide=slide, tilt=1.0, axial=axial)
         assert error_of_forces(name, q, v, area=True, within=1e-9) < tolerance
 
 

@@ -26,7 +26,7 @@ from drumsqueal.physics.quadrature.area import AreaSurface
 from drumsqueal.physics.quadrature.levels import Level, complex_roots, real_roots, sine_cosine
 from drumsqueal.physics.quadrature.quartic import quartic_roots
 from drumsqueal.physics.quadrature.smooth import is_smooth
-from drumsqueal.physics.quadrature.surface import Edges
+from drumsqueal.physics.quadrature.surface import Boundaries
 
 # --- brute force -----------------------------------------------------------------------------------------------------
 
@@ -293,16 +293,16 @@ def test_quartic_roots_are_those_of_the_companion_matrix(on_circle):
 
 # --- contact integrals in the plane ----------------------------------------------------------------------------------
 
-share = st.floats(-1.0, 1.0)
-six_shares = st.tuples(*[share] * 6)
+fraction = st.floats(-1.0, 1.0)
+six_fractions = st.tuples(*[fraction] * 6)
 
 
-def scaled_state(brake: Brake, shares, *, press: float, slide: float, tilt: float = 0.0, axial: float = 0.0):
+def scaled_state(brake: Brake, fractions, *, press: float, slide: float, tilt: float = 0.0, axial: float = 0.0):
     """State from twelve numbers in ±1: u_r up to some press × p0/k_c, u̇_θ up to slide × RΩ, V_z up to axial m/s."""
     u, s, R = brake.pressure / brake.stiffness, brake.radius * abs(brake.drum), brake.radius
     lean = tilt * u / (brake.width / 2)
-    q = np.array(shares[:6]) * np.array([press * u, press * u, u, lean, lean, press * u / R])
-    v = np.array(shares[6:]) * np.array([slide * s, slide * s, axial, axial / R, axial / R, slide * s / R])
+    q = np.array(fractions[:6]) * np.array([press * u, press * u, u, lean, lean, press * u / R])
+    v = np.array(fractions[6:]) * np.array([slide * s, slide * s, axial, axial / R, axial / R, slide * s / R])
     if tilt == 0 and axial == 0:
         q[2:5] = v[2:5] = 0
     return q, v
@@ -316,7 +316,7 @@ def scaled_state(brake: Brake, shares, *, press: float, slide: float, tilt: floa
     [(True, 130.0, 1e-11), (True, 360.0, 1e-13), (False, 130.0, 1e-11), (False, 360.0, 1e-13)],
 )
 def test_plane_forces_over_random_states(separation, widest, tolerance):
-    @given(six_shares, six_shares, st.floats(0.1, 1.0), st.sampled_from([5.0, -5.0]))
+    @given(six_fractions, six_fractions, st.floats(0.1, 1.0), st.sampled_from([5.0, -5.0]))
     @settings(derandomize=True, max_examples=100, deadline=None)
     def check(displacement, velocity, arc, drum):
         narrowest = 0.1 if widest == 130.0 else 131.0 / widest
@@ -331,7 +331,7 @@ def test_plane_forces_over_random_states(separation, widest, tolerance):
 # force is continuous there, and the pieces that come and go are empty: as sharp as anywhere else in the plane.
 @pytest.mark.parametrize("beyond", [1e-2, 1e-4, 1e-8, 1e-12, 0.0, -1e-12, -1e-8, -1e-4])
 @pytest.mark.parametrize("touching", [0.0, 0.4, -1.1])
-def test_plane_forces_with_nearly_tangent_edges(beyond, touching):
+def test_plane_forces_with_nearly_tangent_boundaries(beyond, touching):
     brake = Brake()
     u, s = brake.pressure / brake.stiffness, brake.radius * brake.drum
     q, v = np.zeros(6), np.zeros(6)
@@ -417,7 +417,7 @@ def random_states(seed: int, count: int, brake: Brake, **sizes):
 # Below all edges the integrand is smooth: Gauss nodes give it to round-off (5e-15 found; the witness stops at 1e-10).
 @pytest.mark.parametrize("separation", [True, False], ids=["unilateral", "bonded"])
 @pytest.mark.parametrize("drum", [5.0, -5.0])
-def test_space_forces_below_the_edges(separation, drum):
+def test_space_forces_below_the_boundaries(separation, drum):
     brake = Brake(drum=drum)
     for q, v in random_states(1, 8, brake, press=0.15, slide=0.15, tilt=0.15, axial=0.05):
         assert relative_error(brake, q, v, area=True, separation=separation) < 1e-10
@@ -472,7 +472,7 @@ def test_space_forces_at_the_worst_state_found(separation):
 # found with 18 nodes along were 3e-6.
 @pytest.mark.parametrize("axial", [1.0, 1e-2, 1e-4, 1e-6, 1e-9, 1e-12])  # of RΩ
 @pytest.mark.parametrize(("decay", "worst"), [(1.0, 1e-8), (1000.0, 1e-5)])
-def test_space_forces_where_edges_cross_and_velocity_vanishes(axial, decay, worst):
+def test_space_forces_where_boundaries_cross_and_velocity_vanishes(axial, decay, worst):
     brake = Brake(decay=decay)
     u, R, s = brake.pressure / brake.stiffness, brake.radius, brake.radius * brake.drum
     generator = np.random.default_rng(13)
@@ -501,8 +501,8 @@ def test_space_forces_of_laws_given_in_python(name):
     contact, scale = contact_of(brake, area=True), brake.pressure * brake.radius * brake.arc * brake.width
     given_contact, generator = with_law(contact, with_breakpoints(as_law(traced))), np.random.default_rng(5)
     for slide in (0.6, 1.5):
-        shares, axial = generator.uniform(-1, 1, 12), 10 ** generator.uniform(-4, 0)
-        q, v = scaled_state(brake, shares, press=1.5, slide=slide, tilt=1.0, axial=axial)
+        fractions, axial = generator.uniform(-1, 1, 12), 10 ** generator.uniform(-4, 0)
+        q, v = scaled_state(brake, fractions, press=1.5, slide=slide, tilt=1.0, axial=axial)
         wanted = brute_force(brake, q, v, law=law, cuts=cuts, within=1e-8)
         found = np.asarray(force_of(given_contact, moment_of(brake), jnp.asarray(q), jnp.asarray(v)))
         assert np.max(np.abs(found - wanted) / [1, 1, 1, 0.1, 0.1, 0.1]) < 3e-8 * scale
@@ -511,7 +511,7 @@ def test_space_forces_of_laws_given_in_python(name):
 # Edges that are about to be born or have just been. Found: V_z 0.1 and 1e-4 m/s 2e-11, 1e-8 m/s 2e-9.
 @pytest.mark.parametrize("beyond", [1e-3, 1e-6, 1e-9, -1e-9, -1e-3])
 @pytest.mark.parametrize(("axial", "tolerance"), [(1e-1, 2e-10), (1e-4, 2e-10), (1e-8, 2e-8)])
-def test_space_forces_with_nearly_tangent_edges(beyond, axial, tolerance):
+def test_space_forces_with_nearly_tangent_boundaries(beyond, axial, tolerance):
     brake = Brake()
     u, s = brake.pressure / brake.stiffness, brake.radius * brake.drum
     q, v = np.zeros(6), np.zeros(6)
@@ -524,7 +524,7 @@ def test_space_forces_with_nearly_tangent_edges(beyond, axial, tolerance):
 
 # Both surfaces are the same contact: with all motion in the plane they agree to what each is worth. The area grades its
 # nodes towards a reversal even where V_z = 0 and nothing turns, which costs up to 1.4e-8 (of 300 states; mostly 4e-15).
-@given(six_shares, six_shares)
+@given(six_fractions, six_fractions)
 @settings(derandomize=True, max_examples=50, deadline=None)
 def test_area_and_line_agree_in_the_plane(displacement, velocity):
     brake = Brake()
@@ -536,17 +536,17 @@ def test_area_and_line_agree_in_the_plane(displacement, velocity):
 # --- where there are no edges ----------------------------------------------------------------------------------------
 
 
-def edges_of(contact: Contact, moment: Moment, q, v):
+def boundaries_of(contact: Contact, moment: Moment, q, v):
     pressure, slip, axial = contact.levels(moment, tuple(q), tuple(v))
     assert contact.friction is not None
-    return Edges(
-        contact.law.edges(pressure), slip, axial, breakpoints(contact.friction.law), kinks(contact.friction.law)
+    return Boundaries(
+        contact.law.boundaries(pressure), slip, axial, breakpoints(contact.friction.law), kinks(contact.friction.law)
     )
 
 
 @eqx.filter_jit
 def smooth_at(contact: Contact, moment: Moment, q, v):
-    return is_smooth(contact.body, edges_of(contact, moment, q, v))
+    return is_smooth(contact.body, boundaries_of(contact, moment, q, v))
 
 
 @eqx.filter_jit
@@ -601,8 +601,8 @@ def test_forces_at_the_limit_of_smoothness_show_no_seam(arc, decay):
 
 @pytest.mark.parametrize(("arc", "size"), [(130.0, 1.0), (300.0, 0.15)])
 @pytest.mark.parametrize("axial", [0.1, 6.0])  # beside a fast V_z a reversal of V_θ is smooth to |V|, and yet an edge
-def test_no_motion_with_an_edge_is_taken_for_smooth(arc, size, axial):
-    brake, edges = Brake(arc=np.radians(arc)), 0
+def test_no_motion_with_an_boundary_is_taken_for_smooth(arc, size, axial):
+    brake, boundaries = Brake(arc=np.radians(arc)), 0
     contact, moment = contact_of(brake, area=True), moment_of(brake)
     angle = np.linspace(-brake.arc / 2, brake.arc / 2, 300)
     for q, v in random_states(9, 300, brake, press=0.6 * size, slide=1.0, tilt=0.5 * size, axial=axial):
@@ -611,8 +611,8 @@ def test_no_motion_with_an_edge_is_taken_for_smooth(arc, size, axial):
         back = any(np.any(v @ along - brake.radius * brake.drum > 0) for _, along, _ in seen)
         taken = bool(smooth_at(contact, moment, jnp.asarray(q), jnp.asarray(v)))
         assert not (taken and (lifted or back))
-        edges += lifted or back
-    assert edges > 20
+        boundaries += lifted or back
+    assert boundaries > 20
 
 
 def test_small_motions_are_taken_for_smooth():

@@ -146,7 +146,7 @@ def test_many_transients_and_one_that_is_taken_up_again_see_every_corner(nominal
         np.testing.assert_array_equal(again.displacement, chunk.displacement)
     alone = np.concatenate([chunk.displacement for chunk in chunks]) - steady
     many = list(integrate_many([model] * 2, *(np.stack([x, x]) for x in (steady, rest, rest)), **how))
-    found = np.concatenate([batch.departure[1] for batch in many])
+    found = np.concatenate([batch.vibration[1] for batch in many])
     assert np.abs(alone).max() > 1e-8
     assert np.max(np.abs(found - alone)) < 1e-9 * np.abs(alone).max()  # the same method in another program
 

@@ -110,7 +110,7 @@ def test_many_at_once_are_what_each_is_alone():
     start = np.array([[0.1], [0.2]])
     how: Any = {"duration": 3.0, "sample_rate": 100.0, "tolerance": 1e-8}
     steady, rest = np.array([[2.0], [4.0]]), np.zeros((2, 1))
-    together = np.concatenate([c.departure for c in integrate_many(models, steady, start, rest, **how)], axis=1)
+    together = np.concatenate([c.vibration for c in integrate_many(models, steady, start, rest, **how)], axis=1)
     for k, model in enumerate(models):
         alone = joined(follow(model, steady[k], start[k], rest[k], **how, solver="dopri8"))[1]
         # What is left of the friction moves the block by more than the tolerance; they differ by the rounding.

@@ -84,7 +84,7 @@ def test_independent_quadrature_agrees_with_the_engine_in_space(nominal):
     assert np.max(np.abs(engine - other)) < 1e-11 * 2000
 
 
-def test_a_fixed_grid_comes_closer_with_its_square_where_edges_cross_it(nominal):
+def test_a_fixed_grid_comes_closer_with_its_square_where_boundaries_cross_it(nominal):
     # The midpoint rule is of second order, and no better with kinks: ten times the nodes, some hundredth of the error.
     model = build_model(nominal)
     generator = np.random.default_rng(7)
@@ -147,8 +147,8 @@ def test_what_is_got_is_what_tolerance_asks_for(name, solver):
     at_rest = np.concatenate([rest if n == 6 else rest[[0, 1, 5]], np.zeros(n)])
     for tolerance in (1e-3, 1e-5, 1e-7, 1e-9):
         values = {"simulate.tolerance": tolerance, "simulate.solver": solver}
-        departure = states_of(scene.with_values(values))[1] - at_rest
-        got = trajectory_error(departure, wanted - at_rest, sizes_of(wanted - at_rest, prepare(scene).model))
+        vibration = states_of(scene.with_values(values))[1] - at_rest
+        got = trajectory_error(vibration, wanted - at_rest, sizes_of(wanted - at_rest, prepare(scene).model))
         assert got < 10 * tolerance
         assert got > tolerance / 50  # nor is time wasted on more
 

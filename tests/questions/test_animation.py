@@ -192,7 +192,7 @@ def test_a_bonded_lining_never_lifts_off(nominal, lifting):
     assert shown.arc.pressure.min() < 0
 
 
-def test_the_displacement_is_the_departure_from_steady_sliding(nominal):
+def test_the_displacement_is_the_vibration_from_steady_sliding(nominal):
     scene = nominal.with_values({"steady.state": "self-consistent"})
     history = made_up(scene, {"Y": 1e-7})
     history["displacement"].values[:] += [-3.055e-7, 7.591e-6, 0, 0, 0, 1.161e-5]  # as `stability` prints it

@@ -25,7 +25,7 @@ from drumsqueal.findings.signals import (
     spectral_peaks,
 )
 from drumsqueal.questions.compare.figure import draw_comparison
-from drumsqueal.questions.compare.matching import WIDEST, match_lines, share_covered
+from drumsqueal.questions.compare.matching import WIDEST, fraction_covered, match_lines
 from drumsqueal.questions.compare.measured.reader import read_measured
 from drumsqueal.questions.compare.study import MeasuredComparison, Spectral, _largest, common_unit, compare_measured
 from drumsqueal.scene import COORDINATES
@@ -138,20 +138,20 @@ def test_every_pair_is_within_the_bound_and_no_reference_is_taken_twice(lines, r
             assert set(near) <= set(taken)
 
 
-def test_the_share_covered_is_that_of_a_line_anywhere():
+def test_the_fraction_covered_is_that_of_a_line_anywhere():
     references = np.array([1000.0, 1010.0, 3000.0])
     anywhere = np.random.default_rng(2).uniform(20.0, 5000.0, 20_000)
     hits = np.mean(np.abs(anywhere[:, None] / references - 1).min(axis=1) <= WIDEST)
     # Three standard errors of a share of 20 000.
-    assert share_covered(references, 20.0, 5000.0) == pytest.approx(hits, abs=3 * np.sqrt(0.25 / 20_000))
-    assert share_covered([], 20.0, 5000.0) == 0.0
+    assert fraction_covered(references, 20.0, 5000.0) == pytest.approx(hits, abs=3 * np.sqrt(0.25 / 20_000))
+    assert fraction_covered([], 20.0, 5000.0) == 0.0
 
 
 # The comparison
 
 
 LINES = [(1051.7, 2e-2), (2103.4, 5e-3), (7211.9, 8e-3)]  # of the velocity of Y in m/s, after the first edge
-EDGE, END = 0.1, 0.5  # s
+BOUNDARY, END = 0.1, 0.5  # s
 
 
 @pytest.fixture(scope="module")
@@ -161,7 +161,7 @@ def history(nominal, tmp_path_factory):
     data = {name: (("time", "coordinate"), np.zeros((time.size, 6))) for name in MOTION}
     data |= {name: (("time",), np.zeros(time.size)) for name in SIGNALS}
     data["velocity"][1][:, 1] = tones(LINES, END, 50_000.0, samples=time.size)[1]
-    data["contact_fraction"][1][:] = np.where(time < EDGE, 1.0, 0.7)
+    data["contact_fraction"][1][:] = np.where(time < BOUNDARY, 1.0, 0.7)
     attributes = {"scene": nominal.to_toml(), "outcome": str(COMPLETE)}
     coordinates = {"time": time, "coordinate": list(COORDINATES)}
     path = tmp_path_factory.mktemp("run") / "history.nc"
@@ -185,7 +185,9 @@ def test_the_saturated_part_and_its_lines_are_those_that_were_put_in(history, si
     found = compare_measured(history, read_measured(csv_file(tmp_path / "v", simulated, "time,v")), "velocity_Y")
     assert found.simulated.saturated
     # The last 60 % of what follows the edge.
-    assert (found.simulated.from_s, found.simulated.until_s) == pytest.approx((END - 0.6 * (END - EDGE), END), abs=1e-4)
+    assert (found.simulated.from_s, found.simulated.until_s) == pytest.approx(
+        (END - 0.6 * (END - BOUNDARY), END), abs=1e-4
+    )
     strongest = sorted(LINES, key=lambda line: -line[1])
     # The vertex of a parabola in steps of an eighth of a bin of 4 Hz; neighbours 100 bins away pull by less.
     assert found.simulated.frequency_Hz == pytest.approx([f for f, _ in strongest], abs=2e-3)

@@ -79,7 +79,7 @@ def test_the_transition_at_steady_sliding_is_the_matrix_exponential(damped, ampl
     np.testing.assert_allclose(found.transition, exact, rtol=0, atol=1e-10 + amplitude)
 
 
-def test_the_derivatives_through_edges_are_those_of_differences(damped):
+def test_the_derivatives_through_boundaries_are_those_of_differences(damped):
     # Slip reverses and contact is lost and found again in this motion: an edge enters at an end of the lining, and
     # pairs of them are born inside it. Differences of tight flows, of the fourth order.
     model, step = build_model(damped), 2e-4
@@ -156,14 +156,14 @@ class Independent:
         (x, y, t), (u, v, w) = state[:3], state[3:]
         pressure = (self.p0, self.k * x, self.k * (y - self.c * t))
         slip = (self.R * w - self.speed, v - self.c * w, -u)
-        edges = [-self.half, self.half]
+        boundaries = [-self.half, self.half]
         for constant, cosine, sine in (pressure, slip):
             size = np.hypot(cosine, sine)
             if size > abs(constant):
                 middle, reach = np.arctan2(sine, cosine), np.arccos(-constant / size)
-                edges += [(middle + s * reach + np.pi) % (2 * np.pi) - np.pi for s in (-1, 1)]
-        edges = np.sort([edge for edge in edges if abs(edge) <= self.half])
-        centre, reach = (edges[1:] + edges[:-1]) / 2, (edges[1:] - edges[:-1]) / 2
+                boundaries += [(middle + s * reach + np.pi) % (2 * np.pi) - np.pi for s in (-1, 1)]
+        boundaries = np.sort([boundary for boundary in boundaries if abs(boundary) <= self.half])
+        centre, reach = (boundaries[1:] + boundaries[:-1]) / 2, (boundaries[1:] - boundaries[:-1]) / 2
         angle = (centre[:, None] + reach[:, None] * self.nodes).ravel()
         area = (reach[:, None] * self.weights).ravel() * self.line
         cosine, sine = np.cos(angle), np.sin(angle)
@@ -608,14 +608,14 @@ def test_nothing_is_painted_where_nothing_is_known(block):
     axes = Figure().subplots()
     axes.set_xlim(0.7, 2.5)
     _shade(axes, block)
-    edges = [
+    boundaries = [
         x
         for patch in axes.patches
         if isinstance(patch, Rectangle)
         for x in (patch.get_x(), patch.get_x() + patch.get_width())
     ]
-    assert min(edges) == pytest.approx(0.8, abs=1e-12)
-    assert max(edges) == pytest.approx(2.4, abs=1e-12)
+    assert min(boundaries) == pytest.approx(0.8, abs=1e-12)
+    assert max(boundaries) == pytest.approx(2.4, abs=1e-12)
 
 
 def test_a_branch_goes_on_where_steady_sliding_is_not_found(block, monkeypatch):

@@ -284,8 +284,8 @@ def test_what_is_too_much_together_comes_back(nominal, monkeypatch, within, spar
         (-85170.0, "-8.5e+06 %"),
     ],
 )
-def test_shares_are_told_in_two_digits(share, text):
-    assert percent(share) == text
+def test_fractions_are_told_in_two_digits(fraction, text):
+    assert percent(fraction) == text
 
 
 def only(effect: str):
@@ -400,7 +400,9 @@ def test_the_command_writes_table_figure_and_reduced_scene(drumsqueal, quick_fil
 
 
 @pytest.mark.parametrize(("within", "share"), [(("1e-2",), 0.01), (("1", "%"), 0.01), (("2.5%",), 0.025)])
-def test_an_accuracy_is_read_as_a_share_or_in_per_cent(drumsqueal, quick_file, tmp_path, monkeypatch, within, share):
+def test_an_accuracy_is_read_as_a_fraction_or_in_per_cent(
+    drumsqueal, quick_file, tmp_path, monkeypatch, within, fraction
+):
     asked = []
 
     def study(scene, within, **_):
@@ -409,7 +411,7 @@ def test_an_accuracy_is_read_as_a_share_or_in_per_cent(drumsqueal, quick_file, t
 
     monkeypatch.setattr(effects, "study_effects", study)
     assert drumsqueal("effects", str(quick_file), "-o", str(tmp_path / "out"), "--within", *within)[0] == 1
-    assert asked == [pytest.approx(share)]
+    assert asked == [pytest.approx(fraction)]
 
 
 @pytest.mark.parametrize("within", ["1", "0", "-1 %", "100 %", "much", "1 m", "nan", "²", "1 % %"])

@@ -21,16 +21,16 @@ from matplotlib.text import Text
 import drumsqueal as ds
 from drumsqueal.files.output_folder import FIGURES, figure_file
 from drumsqueal.findings.answers import Answer, Change
-from drumsqueal.findings.departure import Departure, edge_share
 from drumsqueal.findings.history import COMPLETE, SIGNALS
 from drumsqueal.findings.outcome import Ending, Outcome
+from drumsqueal.findings.vibration import Vibration, boundary_ratio
 from drumsqueal.questions.effects.figure import draw_effects
 from drumsqueal.questions.effects.reductions import reductions_of
 from drumsqueal.questions.effects.study import EffectStudy
 from drumsqueal.questions.effects.variants import Variant
 from drumsqueal.questions.onset.figure import limit_amplitudes
 from drumsqueal.questions.run.figures import draw_all, drawings
-from drumsqueal.questions.run.figures.shares import running
+from drumsqueal.questions.run.figures.fractions import running
 from drumsqueal.questions.run.figures.view import View
 from drumsqueal.questions.sweep.amplitude_figure import draw_amplitude
 from drumsqueal.questions.sweep.points import TRENDS, blank, squealing, to_dataset, undecided
@@ -86,7 +86,7 @@ def made_up(name: str, samples: int, outcome: Outcome, title: str | None = None,
         {"outcome": outcome, "ending": outcome.ending.value, "steps": 1, "rejected_steps": 0, "scene": scene.to_toml()},
     )
     linear = ds.build_model(scene, coordinates=COORDINATES)
-    beyond = edge_share(Departure(history, stability), linear) >= 1
+    beyond = boundary_ratio(Vibration(history, stability), linear) >= 1
     history["contact_fraction"].values[:] = np.where(beyond, 0.6, 1.0)
     history["slip_reversed_fraction"].values[:] = np.where(beyond, 0.02, 0.0)
     if name == "stop":  # a spell of it, shortly before the end
@@ -265,7 +265,7 @@ def test_the_line_of_what_decays_is_not_drawn():
     decays[:10], below[:5], below[12] = TRENDS.index("decays"), 0.3, 0.3
     settled = sweep["settled"].copy()
     settled[5:10] = 0
-    sweep = sweep.assign(trend=decays, settled=settled, separation_share=below, reversal_share=below)
+    sweep = sweep.assign(trend=decays, settled=settled, separation_fraction=below, reversal_fraction=below)
     # Gone: 5 that decay below the edges, and one that has settled there where no mode grows: it decays, but slowly.
     assert np.flatnonzero(~(squealing(sweep) | undecided(sweep))).tolist() == [0, 1, 2, 3, 4, 12]
     grows = np.flatnonzero(sweep["trend"].values == TRENDS.index("grows")).tolist()
@@ -277,7 +277,7 @@ def test_the_line_of_what_decays_is_not_drawn():
     assert np.flatnonzero(np.isnan(np.asarray(frequency))).tolist() == [0, 1, 2, 3, 4, 12]
     decayed = {"trend": decays * 0 + TRENDS.index("decays"), "settled": settled * 0 + 1}
     everything = sweep.assign(decayed | {"separation_share": below * 0})
-    figure = draw_amplitude(everything.assign(reversal_share=below * 0), plan)
+    figure = draw_amplitude(everything.assign(reversal_fraction=below * 0), plan)
     assert figure is not None
     assert len(figure.axes) == 1  # there is no frequency to be drawn
 
@@ -482,7 +482,7 @@ def test_the_band_over_three_periods_of_a_periodic_motion_does_not_beat():
     """Slip is reversed for a tenth of a period, and the modulus dips to 0.01; a period has 47.05 samples."""
     rate, frequency = 47.05, 1.0
     time = np.arange(20_000) / rate
-    view = cast(View, SimpleNamespace(main_frequency=frequency, departure=SimpleNamespace(sample_rate=rate), time=time))
+    view = cast(View, SimpleNamespace(main_frequency=frequency, vibration=SimpleNamespace(sample_rate=rate), time=time))
     phase = time * frequency % 1
     reversed_slip = np.maximum(0.0, 1 - np.abs(phase - 0.5) / 0.05)
     _, low, _, high = running(view, reversed_slip, slice(None))

@@ -197,7 +197,7 @@ def test_uneven_times_are_refused_unless_a_rate_is_given(file):
         read_measured(file)
     found = read_measured(file, rate=1e4)
     assert found.sample_rate == 1e4
-    assert "the sample rate is that of --rate, not of the column 'time'" in found.told
+    assert "the sample rate is that of --rate, not of the column 'time'" in found.remarks
     np.testing.assert_array_equal(found.values, VALUES)
 
 
@@ -210,7 +210,7 @@ def test_what_is_missing_is_told(file, hole):
     found = read_measured(file)
     np.testing.assert_array_equal(found.values, VALUES[52:390])
     assert found.start_s == pytest.approx(TIME[52])
-    (told,) = found.told
+    (told,) = found.remarks
     assert told.startswith("3 of 400 samples are missing, the first at 0.000976562 s: taken is the longest stretch")
 
 
@@ -235,7 +235,7 @@ def test_a_last_line_that_was_cut_off_is_left_away(file):
     file.write_text("\n".join(["time (s),v (m/s)", *rows[:-1], "0.00"]))
     found = read_measured(file)
     np.testing.assert_array_equal(found.values, VALUES[:-1])
-    assert found.told == ("the last line, 401, is not whole and left away",)
+    assert found.remarks == ("the last line, 401, is not whole and left away",)
 
 
 def test_commas_that_stand_for_two_things_are_refused(file):
@@ -318,9 +318,9 @@ def test_what_is_no_unit_of_a_known_quantity(text):
 
 def test_a_unit_that_is_given_goes_before_that_of_the_file(file):
     write(file, ["time (s),v (V)"], [TIME, VALUES])
-    assert "'V' is no unit of a known quantity" in read_measured(file).told
+    assert "'V' is no unit of a known quantity" in read_measured(file).remarks
     found = read_measured(file, unit="50 mm/s")
-    assert (found.unit, found.quantity, found.told) == ("m/s", "velocity", ())
+    assert (found.unit, found.quantity, found.remarks) == ("m/s", "velocity", ())
     np.testing.assert_allclose(found.values, 0.05 * VALUES, rtol=1e-15)
 
 
@@ -335,10 +335,10 @@ def test_a_unit_that_is_given_goes_before_that_of_the_file(file):
 )
 def test_a_unit_that_contradicts_the_file_is_told(file, own, given, told):
     write(file, [f"time (s),v ({own})"], [TIME, VALUES])
-    assert read_measured(file, unit=given).told == told
+    assert read_measured(file, unit=given).remarks == told
     if own == "m/s":
         write_uff(file, units(1, 1.0), data_set())
-        assert read_measured(file, unit=given).told == told
+        assert read_measured(file, unit=given).remarks == told
 
 
 # WAV
@@ -367,7 +367,7 @@ def test_wav_of_24_bits(file):
 
 def test_wav_that_is_cut_short_or_clipped(file):
     wavfile.write(file, 51_200, np.clip(40_000 * np.sin(2 * np.pi * 1000 * TIME), -32_768, 32_767).astype("i2"))
-    assert "samples are at full scale" in read_measured(file).told[0]
+    assert "samples are at full scale" in read_measured(file).remarks[0]
     file.write_bytes(file.read_bytes()[:-100])
     with pytest.raises(RequestError, match="cut short"):
         read_measured(file)
@@ -444,7 +444,7 @@ def test_the_units_of_uff58(file, system, label, kind, wanted):
     found = read_measured(file)
     assert found.unit == wanted[0]
     np.testing.assert_allclose(found.values, wanted[1] * VALUES, rtol=1e-11)
-    assert bool(found.told) == (label in ("g", "V"))
+    assert bool(found.remarks) == (label in ("g", "V"))
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from drumsqueal import load_scene, run
 from drumsqueal.files.json_file import to_json
 from drumsqueal.findings import decay
 from drumsqueal.findings.schema import read_findings
-from drumsqueal.findings.signals import Bases, Regime, classify, find_bases, find_lines
+from drumsqueal.findings.signals import Fundamentals, Regime, classify, find_fundamentals, find_lines
 from drumsqueal.findings.signals.lyapunov import Exponents, lyapunov_exponents, orthonormalised
 from drumsqueal.findings.signals.regime_words import Cause
 from drumsqueal.questions.motion import study as study_module
@@ -127,8 +127,10 @@ def test_known_attractors_are_recognised_in_the_record_that_was_asked_for_and_ne
         late = record[count * SAMPLES // 2 : count * SAMPLES]
         rate = SAMPLES / interval
         regime = classify(late, rate, scale=np.ones(late.shape[1]), lowest_frequency=lowest)
-        bases = find_bases(find_lines(late, rate, floor=3e-3))
-        found = decide_attractor(regime, bases, lyapunov_exponents(logs[:count], interval), count * interval, 0.0)
+        fundamentals = find_fundamentals(find_lines(late, rate, floor=3e-3))
+        found = decide_attractor(
+            regime, fundamentals, lyapunov_exponents(logs[:count], interval), count * interval, 0.0
+        )
         assert (found.doubt or found.kind) == wanted
         if found.doubt:
             assert found.record_needed_s is not None
@@ -158,14 +160,14 @@ def exponents(*values: float, error: float = 0.5) -> Exponents:
     return Exponents(np.array(values), np.full(k, error), np.array([0.5, 5.0]), np.zeros((2, k)))
 
 
-def regime(kind, *bases: float, needed: float | None = None) -> Regime:
+def regime(kind, *fundamentals: float, needed: float | None = None) -> Regime:
     return Regime(
         kind=kind,
         cause=Cause.TOO_SLOW,
-        base_frequencies_Hz=bases,
+        base_frequencies_Hz=fundamentals,
         recurrence_error=0.1,
         amplitude_drift=0.0,
-        base_uncertainties_Hz=tuple(1e-3 for _ in bases),
+        base_uncertainties_Hz=tuple(1e-3 for _ in fundamentals),
         record_needed_s=needed,
     )
 
@@ -227,8 +229,8 @@ def test_where_no_exponents_can_be_followed_recurrence_and_lines_decide():
 
 @pytest.mark.parametrize(("slow", "kind"), [(70.0, Kind.PERIODIC), (7.0, Kind.NOT_DETERMINED)])
 def test_weak_lines_show_that_frequencies_lock_where_the_cycle_was_recorded_often_enough(slow, kind):
-    bases = Bases(np.array([slow]), np.array([1e-3]), np.ones((1, 1), dtype=np.int64), 1.0, True)
-    found = decide_attractor(regime("quasi-periodic", 900.0, slow), bases, exponents(0.2, -5.0), 5.0, 0.5)
+    fundamentals = Fundamentals(np.array([slow]), np.array([1e-3]), np.ones((1, 1), dtype=np.int64), 1.0, True)
+    found = decide_attractor(regime("quasi-periodic", 900.0, slow), fundamentals, exponents(0.2, -5.0), 5.0, 0.5)
     assert found.kind is kind
     assert found.record_needed_s == (None if kind is Kind.PERIODIC else pytest.approx(40 / slow))
 
@@ -320,7 +322,7 @@ def test_what_decays_to_rest_is_steady():
     assert not study.not_determined
 
 
-def test_a_motion_that_decays_below_the_edges_has_not_failed_to_settle():
+def test_a_motion_that_decays_below_the_boundaries_has_not_failed_to_settle():
     kick = ["drum.speed=55", "start.displacement={Y=5e-4}", "simulate.duration=0.25"]
     found = run(load_scene("scenarios/damped.toml", kick)).comparison
     assert found.edge_reached_s == 0
@@ -346,13 +348,13 @@ def test_a_motion_that_decays_below_the_edges_has_not_failed_to_settle():
         (1e-9, 3.0, -20.0, "steady"),  # round-off may grow
     ],
 )
-def test_only_what_the_linear_model_damps_decays_to_rest(monkeypatch, share, rate, largest, kind):
+def test_only_what_the_linear_model_damps_decays_to_rest(monkeypatch, fraction, rate, largest, kind):
     time = np.arange(2000) / 10_000
     wave = np.exp(rate * time) * np.cos(2 * np.pi * 1000.0 * time)
     record: Any = SimpleNamespace(
         time=time, mean_square_velocity=lambda part: np.mean(wave[part, None] ** 2, axis=0), sample_rate=10_000.0
     )
-    monkeypatch.setattr(decay, "edge_share", lambda *_: np.full(time.size, share))
+    monkeypatch.setattr(decay, "boundary_ratio", lambda *_: np.full(time.size, fraction))
     monkeypatch.setattr(decay, "changes", lambda *_: False)
     stability: Any = SimpleNamespace(divergence=None, mass=np.ones(1))
     modes: Any = [SimpleNamespace(growth_rate=largest, frequency_Hz=1000.0, label="Y")]

@@ -30,7 +30,7 @@ from drumsqueal.questions.cycle.orbit import Cycle, Event
 from drumsqueal.questions.cycle.words import diagram_verdict
 from drumsqueal.questions.onset import attractors
 from drumsqueal.questions.onset import study as study_module
-from drumsqueal.questions.onset.attractors import Family, How, Start, find_endings, go_on
+from drumsqueal.questions.onset.attractors import Family, How, Start, find_attractors, go_on
 from drumsqueal.questions.onset.figure import draw_onset
 from drumsqueal.questions.onset.found import OnsetStudy
 from drumsqueal.questions.onset.rows import Kind, Leads, Range, Response, Row, find_ranges
@@ -232,10 +232,10 @@ def test_saturated_motions_of_linear_oscillators():
     # Sampled every 0.2 rad: the largest sample may miss the crest by 0.5 %.
     assert steady.amplitude == pytest.approx([0.3], rel=6e-3)
     assert steady.rms == pytest.approx([0.3 / math.sqrt(2)], rel=5e-3)
-    assert steady.edge_shares == (0.0, pytest.approx(0.6 / 9, rel=6e-3))
+    assert steady.boundary_ratios == (0.0, pytest.approx(0.6 / 9, rel=6e-3))
     assert steady.frequency_Hz == pytest.approx(2 / math.tau, rel=1e-4)
     assert (steady.line, free.line) == ("X", "X")
-    assert steady.departure == pytest.approx([0.3 * math.cos(200.0)], abs=1e-6)
+    assert steady.vibration == pytest.approx([0.3 * math.cos(200.0)], abs=1e-6)
     assert steady.velocity == pytest.approx([-0.6 * math.sin(200.0)], abs=1e-6)
     # Half the logarithm of the energies, of which 50 s hold no whole number of periods.
     assert free.rate == pytest.approx(-0.005, rel=0.02)
@@ -256,7 +256,7 @@ def test_more_transients_than_run_at_once_come_in_order_and_one_that_sticks_goes
     assert (large[[5, 17]] > 1.0).all()
     assert (np.delete(large, [5, 17]) < 0.1).all()
     assert [each.by_itself for each in found] == [k in (5, 17) for k in range(18)]
-    assert 1 < found[5].edge_shares[1] < 1.3  # it moves with the belt one way, and faster the other
+    assert 1 < found[5].boundary_ratios[1] < 1.3  # it moves with the belt one way, and faster the other
     # The slower the belt, the faster the growth.
     rates = [each.rate for each in found if not each.by_itself]
     assert rates == sorted(rates, reverse=True)
@@ -277,18 +277,18 @@ def test_more_transients_than_run_at_once_come_in_order_and_one_that_sticks_goes
         (1.3, 0.0, 0.0, [0.0], Leads.DECAYS, 1),
     ],
 )
-def test_where_a_transient_leads_is_judged_round_by_round(monkeypatch, speed, share, rate, energies, kind, rounds):
+def test_where_a_transient_leads_is_judged_round_by_round(monkeypatch, speed, fraction, rate, energies, kind, rounds):
     left = iter(energies)
 
     def motions(models, *args, **how):
         one = np.ones(1)
         for _ in models:
-            yield Saturated(one, one, (0.0, share), 1.0, "X", next(left), rate, 60.0, one, one, COMPLETE, False)
+            yield Saturated(one, one, (0.0, fraction), 1.0, "X", next(left), rate, 60.0, one, one, COMPLETE, False)
 
     monkeypatch.setattr(attractors, "saturated_motions", motions)
     start = Start("kick", np.ones(1), np.zeros(1))
     family = Family(falling_friction, ("X",), ("X",))
-    (found,) = find_endings(family, [(point_at(falling_friction, speed), start)], How(10.0, 1e-6, 120.0))
+    (found,) = find_attractors(family, [(point_at(falling_friction, speed), start)], How(10.0, 1e-6, 120.0))
     assert (found.leads_to, found.simulated_s / 120.0) == (kind, rounds)
 
 
@@ -309,7 +309,7 @@ def free(belt_speed: float):
 def test_where_no_mode_grows_or_decays_motion_is_neutral_unless_it_comes_back(model_at, speed, size, kind):
     family = Family(model_at, ("X",), ("X",))
     start = Start("kick", np.array([size]), np.zeros(1))
-    (found,) = find_endings(family, [(point_at(model_at, speed), start)], How(10.0, 1e-6, 60.0))
+    (found,) = find_attractors(family, [(point_at(model_at, speed), start)], How(10.0, 1e-6, 60.0))
     assert found.leads_to == kind
     assert found.lasts == (found.motion is not None) == (kind == Leads.SQUEALS)
     assert found.saturated.at_rest == (found.saturated.frequency_Hz is None) == (kind == Leads.DECAYS)
@@ -324,10 +324,10 @@ def test_a_shoe_that_nothing_holds_runs_away_and_does_not_squeal():
     assert point.divergence == pytest.approx(7.73, rel=1e-2)
     assert all(mode.growth_rate < 0 for mode in point.modes)
     start = predicted.family.small_start(point, predicted.family.model_at(40.0))
-    (found,) = find_endings(predicted.family, [(point, start)], predicted.how)
+    (found,) = find_attractors(predicted.family, [(point, start)], predicted.how)
     assert found.leads_to == Leads.RUNS_AWAY
     assert not found.lasts
-    assert max(found.saturated.edge_shares) < 0.1
+    assert max(found.saturated.boundary_ratios) < 0.1
     # Seldom does a kick make one run away where small motion dies away: such a value is not called stable.
     calm = point._replace(divergence=None)
     row = Row.at(calm, found.model_copy(update={"start": "kick"}), asked=True)
@@ -432,7 +432,7 @@ def made_up(found, fold: float, reach: float):
 
 def test_a_fold_is_found_by_going_on_from_neighbours(nominal, monkeypatch):
     found: list = []
-    monkeypatch.setattr(study_module, "find_endings", made_up(found, fold=1.6789, reach=0.12))
+    monkeypatch.setattr(study_module, "find_attractors", made_up(found, fold=1.6789, reach=0.12))
     rows_seen: list = []
     study = compare(
         predicted(nominal, np.linspace(1, 2, 11)), 1e-3, keep=lambda so_far: rows_seen.append(len(so_far.values))
@@ -448,7 +448,7 @@ def test_a_fold_is_found_by_going_on_from_neighbours(nominal, monkeypatch):
 
 
 def test_a_kicked_range_narrower_than_the_steps_is_found_beside_the_critical_value(nominal, monkeypatch):
-    monkeypatch.setattr(study_module, "find_endings", made_up([], fold=1.17, reach=0.2))
+    monkeypatch.setattr(study_module, "find_attractors", made_up([], fold=1.17, reach=0.2))
     study = compare(predicted(nominal, [1.0, 1.1, 1.2, 1.3]), 1e-3)
     assert [each.kind for each in study.ranges] == [Kind.SQUEALS, Kind.BISTABLE, Kind.STABLE]
     uncertainty = study.ranges[1].last_uncertainty
@@ -467,13 +467,13 @@ def test_a_motion_that_only_lasts_larger_is_tried_larger(nominal, monkeypatch):
                 else each.model_copy(update={"leads_to": Leads.DECAYS, "motion": None})
             )
 
-    monkeypatch.setattr(study_module, "find_endings", find)
+    monkeypatch.setattr(study_module, "find_attractors", find)
     study = compare(predicted(nominal, [1.0, 1.1, 1.2, 1.3]), 0.1)
     assert [row.kind for row in study.values if row.asked] == [Kind.SQUEALS, Kind.SQUEALS, Kind.BISTABLE, Kind.STABLE]
 
 
 def test_a_family_of_models_is_studied_like_a_scene(monkeypatch):
-    monkeypatch.setattr(study_module, "find_endings", made_up([], fold=1.17, reach=0.2))
+    monkeypatch.setattr(study_module, "find_attractors", made_up([], fold=1.17, reach=0.2))
     along = Variation("belt speed", "m/s", (1.0, 1.1, 1.2, 1.3))
     study = study_onset(falling_friction, along, sample_rate=10.0)
     assert [each.kind for each in study.ranges] == [Kind.SQUEALS, Kind.BISTABLE, Kind.STABLE]
@@ -502,7 +502,7 @@ def test_a_family_without_an_onset_is_refused(model_at, values, rate, why):
 
 
 def test_no_hysteresis_leaves_the_critical_value_alone(nominal, monkeypatch):
-    monkeypatch.setattr(study_module, "find_endings", made_up([], fold=HOPF, reach=9.0))
+    monkeypatch.setattr(study_module, "find_attractors", made_up([], fold=HOPF, reach=9.0))
     study = compare(predicted(nominal, [1.0, 1.1, 1.2, 1.3]), 1e-3)
     assert [each.kind for each in study.ranges] == [Kind.SQUEALS, Kind.STABLE]
     assert study.ranges[0].last == pytest.approx(HOPF, rel=1e-10)
@@ -592,7 +592,7 @@ def table(folder: Path) -> list[dict[str, str]]:
 
 
 def test_the_command_writes_what_it_found(drumsqueal, tmp_path, monkeypatch):
-    monkeypatch.setattr(study_module, "find_endings", made_up_for_y)
+    monkeypatch.setattr(study_module, "find_attractors", made_up_for_y)
     folder = tmp_path / "out"
     folder.mkdir()
     (folder / "report.html").touch()
@@ -631,7 +631,7 @@ def test_the_command_writes_what_it_found(drumsqueal, tmp_path, monkeypatch):
 
 def test_a_range_is_shown_in_the_order_and_in_the_unit_in_which_it_was_asked_for(drumsqueal, tmp_path, monkeypatch):
     drawn = []
-    monkeypatch.setattr(study_module, "find_endings", made_up_for_y)
+    monkeypatch.setattr(study_module, "find_attractors", made_up_for_y)
     monkeypatch.setattr("drumsqueal.terminal.style.save_figure", lambda figure, path: drawn.append(figure))
     along = "drum.speed=360 rpm..60 rpm x6"
     status, printed, error = drumsqueal("onset", str(DAMPED), *QUICK, "--along", along, "-o", str(tmp_path))
@@ -708,7 +708,7 @@ def test_cycles_are_laid_over_the_onset(drumsqueal, tmp_path, monkeypatch):
         return found.model_copy(update={"verdict": diagram_verdict(found, variation)})
 
     drawn = []
-    monkeypatch.setattr(study_module, "find_endings", made_up_for_y)
+    monkeypatch.setattr(study_module, "find_attractors", made_up_for_y)
     monkeypatch.setattr("drumsqueal.questions.onset.study.follow_cycles", follow)
     monkeypatch.setattr("drumsqueal.terminal.style.save_figure", lambda figure, path: drawn.append(figure))
     arguments = ["onset", str(DAMPED), *QUICK, "--along", "drum.speed=1..40x14", "-o", str(tmp_path)]
@@ -763,7 +763,7 @@ def test_ctrl_c_keeps_the_values_done(drumsqueal, tmp_path, monkeypatch):
                 raise KeyboardInterrupt
             yield each
 
-    monkeypatch.setattr(study_module, "find_endings", interrupted)
+    monkeypatch.setattr(study_module, "find_attractors", interrupted)
     folder = tmp_path / "out"
     status, _, error = drumsqueal("onset", str(DAMPED), *QUICK, "--along", "drum.speed=1..40x14", "-o", str(folder))
     assert status == 1
@@ -790,7 +790,7 @@ def test_transients_of_a_brake_lead_where_its_eigenvalues_say(quick):
     last = study.values[-1]
     assert last.small is not None
     assert last.small.leads_to == Leads.DECAYS
-    (small,) = find_endings(
+    (small,) = find_attractors(
         Family(lambda value: build_model(quick, {"drum.speed": value}), ("Y",), ("Y",)),
         [(last.point, go_on(2.0, study.values[0].small.motion, 1e-6))],
         How(5e4, 1e-6, 0.05),
@@ -823,7 +823,7 @@ def test_the_panels_of_the_figure_keep_their_heights(monkeypatch, scenario, alon
         for point, start in tasks:
             yield ending_in(family.moving, point, start.name)
 
-    monkeypatch.setattr(study_module, "find_endings", find)
+    monkeypatch.setattr(study_module, "find_attractors", find)
     scene = load_scene(DAMPED.with_name(f"{scenario}.toml"))
     title = "A brake with a title that is longer than a figure is wide, " * 4
     study = study_onset(scene.model_copy(update={"title": title}), along, within=0.5)

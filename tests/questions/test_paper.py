@@ -162,7 +162,7 @@ def test_the_largest_rise_is_that_over_any_distance():
     assert largest_rise(np.array([3.0, 2.0, 0.5])) == -1.0
 
 
-def test_the_shares_of_the_lining_s_motion_are_those_of_pure_translations(study):
+def test_the_fractions_of_the_lining_s_motion_are_those_of_pure_translations(study):
     # Of X alone, with u_r = cos θ and u_θ = −sin θ, the tangential share is (β − sin β)/2β; of Z alone u_z is all.
     beta = study.scene.shoe.arc_angle
     told = dict(part.split() for part in statement(study, "X, Y and Tz move").readings[0].detail.split(", "))

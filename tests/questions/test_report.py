@@ -112,7 +112,7 @@ def onset_folder(tmp_path_factory):
     alone = ['simulate.coordinates=["Y"]', "start.displacement={Y = 1e-7}"]
     scene = load_scene(DAMPED, alone)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(study_module, "find_endings", made_up)
+        patch.setattr(study_module, "find_attractors", made_up)
         study = study_onset(scene, "drum.speed=10 rpm..400 rpm x4", within=0.02)
     ONSET.write(folder, study)
     ONSET.draw(folder, study)
@@ -767,7 +767,7 @@ def test_modes_are_chosen_and_stopped_by_keyboard(browser, run_folder):
     browser.evaluate("document.querySelector('input[name=mode]:checked').focus()")
     browser.press("ArrowDown", 40)
     assert browser.evaluate("document.querySelector('input[name=mode]:checked').value") == "3"
-    assert "Mode X: 4392 Hz" in browser.evaluate("document.getElementById('mode-told').textContent")
+    assert "Mode X: 4392 Hz" in browser.evaluate("document.getElementById('mode-text').textContent")
     assert browser.evaluate(moving) != before
     assert browser.messages == []
 

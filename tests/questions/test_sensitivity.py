@@ -10,8 +10,8 @@ import pytest
 from drumsqueal.errors import RequestError
 from drumsqueal.files.json_file import to_json
 from drumsqueal.files.output_folder import QUIET_SCENE, SENSITIVITY_FILES, SENSITIVITY_TABLE
-from drumsqueal.findings.departure import beyond_edges
 from drumsqueal.findings.schema import read_findings
+from drumsqueal.findings.vibration import beyond_boundaries
 from drumsqueal.physics.model import build_model
 from drumsqueal.questions.sensitivity.decay import DISTURBANCE, Outcome, disturbed, nonlinear_decay
 from drumsqueal.questions.sensitivity.quieting import LEAST, MARGIN, largest_growth, quieten, variable_numbers
@@ -192,7 +192,7 @@ def test_a_disturbance_starts_beyond_the_contact_boundary_and_growth_is_no_decay
     lost = 2000 / (0.1 * scene.shoe.arc_angle * 0.0365) / 0.35e11
     assert start.start.displacement["Y"] == pytest.approx(DISTURBANCE * lost)
     result = run(start)
-    assert beyond_edges(result.history, result.stability, build_model(start)).any()
+    assert beyond_boundaries(result.history, result.stability, build_model(start)).any()
     own, large = nonlinear_decay(scene)
     assert (own.outcome, own.decays) == (Outcome.DECAYS, True)
     assert large.motion_ratio is not None

@@ -20,7 +20,7 @@ from drumsqueal.questions.cycle.search import cycle_from
 from drumsqueal.questions.cycle.starts import Start as Beginning
 from drumsqueal.questions.onset import disturbance as disturbance_module
 from drumsqueal.questions.onset import study as study_module
-from drumsqueal.questions.onset.attractors import Family, How, Start, find_endings
+from drumsqueal.questions.onset.attractors import Family, How, Start, find_attractors
 from drumsqueal.questions.onset.disturbance import PRECISION, smallest_disturbances, surface_speed
 from drumsqueal.questions.onset.figure import draw_onset
 from drumsqueal.questions.onset.rows import Leads, Response, Row
@@ -124,7 +124,7 @@ def test_the_fastest_point_of_the_lining():
     assert surface_speed(block(0.1), np.array([-0.3])) == pytest.approx(0.3)
 
 
-def test_along_the_axis_the_edges_of_the_lining_move_too():
+def test_along_the_axis_the_boundaries_of_the_lining_move_too():
     model = build_model(load_scene(DAMPED.with_name("out_of_plane.toml")))
     shoe = model.shoe
     turning = np.zeros(6)
@@ -145,12 +145,12 @@ def test_the_smallest_kick_of_the_brake_is_that_of_its_unstable_cycle():
     near = np.array([-5.306e-6, 6.503e-6, 4.826e-6, -0.09458, -4.373, -1.166])
     cycle = cycle_from(model, Beginning(near + np.append(steady, np.zeros(3)), 1 / 940, ""), steady)
     assert not cycle.stable
-    departure, velocity = cycle.samples.displacement - steady, cycle.samples.velocity
+    vibration, velocity = cycle.samples.displacement - steady, cycle.samples.velocity
     energy = velocity**2 @ np.asarray(model.mass) / 2
     at = int(np.argmax(energy))
     # On either side of it motion dies away, and squeals.
-    starts = [Start(f"{size}", size * departure[at], size * velocity[at]) for size in (0.98, 1.02)]
-    ends = {each.start: each for each in find_endings(family, [(point, start) for start in starts], predicted.how)}
+    starts = [Start(f"{size}", size * vibration[at], size * velocity[at]) for size in (0.98, 1.02)]
+    ends = {each.start: each for each in find_attractors(family, [(point, start) for start in starts], predicted.how)}
     assert (ends["0.98"].leads_to, ends["1.02"].leads_to) == (Leads.DECAYS, Leads.SQUEALS)
     row = Row.at(point, ends["1.02"], asked=True)
     *_, last = smallest_disturbances(family, [row], predicted.how, lambda *_: None)
@@ -159,8 +159,8 @@ def test_the_smallest_kick_of_the_brake_is_that_of_its_unstable_cycle():
     # A kick along the mode has a part that dies away first: it takes a little more. Found: 11.5 ± 0.1 J over 11.36 J.
     assert energy[at] - kick.energy_uncertainty_J < kick.energy_J < 1.05 * energy[at]
     for size, kind in ((1 - PRECISION, Leads.DECAYS), (1 + PRECISION, Leads.SQUEALS)):
-        start = Start("kick", 0 * departure[at], size * np.array(list(kick.velocity.values())))
-        (found,) = find_endings(family, [(point, start)], predicted.how)
+        start = Start("kick", 0 * vibration[at], size * np.array(list(kick.velocity.values())))
+        (found,) = find_attractors(family, [(point, start)], predicted.how)
         assert found.leads_to == kind
 
 
@@ -190,7 +190,7 @@ def made_up(threshold):
 def test_the_smallest_kick_is_told_written_and_drawn(drumsqueal, tmp_path, monkeypatch):
     drawn = []
     for module in (study_module, disturbance_module):
-        monkeypatch.setattr(module, "find_endings", made_up(lambda value: value / 20))
+        monkeypatch.setattr(module, "find_attractors", made_up(lambda value: value / 20))
     monkeypatch.setattr("drumsqueal.terminal.style.save_figure", lambda figure, path: drawn.append(figure))
     arguments = ["onset", str(DAMPED), *QUICK, "--along", "drum.speed=1..40x14", "-o", str(tmp_path)]
     status, printed, error = drumsqueal(*arguments, "--smallest-kick")
@@ -230,7 +230,7 @@ def test_the_smallest_kick_is_told_written_and_drawn(drumsqueal, tmp_path, monke
 def test_squeal_that_no_kick_along_a_mode_starts_is_told(monkeypatch):
     scene = load_scene(DAMPED).with_values({"simulate.coordinates": ["Y"], "start.displacement": {"Y": 1e-7}})
     for module in (study_module, disturbance_module):
-        monkeypatch.setattr(module, "find_endings", made_up(lambda value: math.inf))
+        monkeypatch.setattr(module, "find_attractors", made_up(lambda value: math.inf))
     study = study_onset(scene, "drum.speed=1..40x14", smallest_kick=True)
     assert any(row.kind == "bistable" for row in study.values)
     assert not any(row.smallest_kick for row in study.values)

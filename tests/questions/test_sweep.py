@@ -109,9 +109,9 @@ def test_draws_hang_on_the_seed_and_their_number_alone(nominal):
     assert (whole.min(axis=0) > [1, 0.4]).all()
     assert (whole.max(axis=0) < [40, 0.6]).all()
     # Independent and uniform: means and correlation within four standard errors.
-    shares = (whole - [1, 0.4]) / [39, 0.2]
-    np.testing.assert_allclose(shares.mean(axis=0), 0.5, atol=4 / np.sqrt(12 * 1000))
-    assert abs(np.asarray(np.corrcoef(shares.T))[0, 1]) < 4 / np.sqrt(1000)
+    fractions = (whole - [1, 0.4]) / [39, 0.2]
+    np.testing.assert_allclose(fractions.mean(axis=0), 0.5, atol=4 / np.sqrt(12 * 1000))
+    assert abs(np.asarray(np.corrcoef(fractions.T))[0, 1]) < 4 / np.sqrt(1000)
 
 
 def test_what_is_computed_hangs_neither_on_the_batch_nor_on_threads(damped):

@@ -118,10 +118,10 @@ def test_a_worker_that_is_killed_costs_nothing(cache, drumsqueal, tmp_path):
             client.wait_for_workers(2, timeout=60)
             process = start(cache, *arguments, "-o", str(cut), "--cluster", place)
             deadline = time.monotonic() + 240
-            while not share(cut) > 0.1 and time.monotonic() < deadline:
+            while not fraction(cut) > 0.1 and time.monotonic() < deadline:
                 time.sleep(0.05)
             workers[0].send_signal(signal.SIGKILL)
-            assert share(cut) < 0.9
+            assert fraction(cut) < 0.9
             _, errors = process.communicate(timeout=300)
             assert (process.returncode, errors) == (0, "")
             assert len(client.scheduler_info()["workers"]) == 1
@@ -138,7 +138,7 @@ def test_control_c_on_a_cluster_keeps_what_is_there(cache, drumsqueal, tmp_path)
     arguments = ("sweep", str(SCENARIOS / "uncertain.toml"), "--random", "20000")
     process = start(cache, *arguments, "-o", str(tmp_path), "--cluster", "local")
     deadline = time.monotonic() + 240
-    while share(tmp_path) == 0 and time.monotonic() < deadline:
+    while fraction(tmp_path) == 0 and time.monotonic() < deadline:
         time.sleep(0.05)
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate(timeout=60)
@@ -146,10 +146,10 @@ def test_control_c_on_a_cluster_keeps_what_is_there(cache, drumsqueal, tmp_path)
     assert (process.returncode, heard) == (1, HEARD + AGAIN)
     assert "interrupted by the user; " in told
     assert "--resume goes on from there" in told
-    assert 0 < share(tmp_path) < 1
+    assert 0 < fraction(tmp_path) < 1
 
 
-def share(folder: Path) -> float:
+def fraction(folder: Path) -> float:
     """Of the points that are computed."""
     if not (folder / "sweep.nc").exists():
         return 0.0

@@ -11,7 +11,7 @@ from scipy import stats
 from drumsqueal.scene import Scene, SceneError, load_scene, scene_from_dict
 from drumsqueal.scene.uncertain import LogNormal, Normal, Uniform, numbers_with_units, reach
 
-SHARES = np.linspace(0.001, 0.999, 201)
+FRACTIONS = np.linspace(0.001, 0.999, 201)
 
 
 def normal(**parameters) -> dict:
@@ -30,13 +30,13 @@ def normal(**parameters) -> dict:
 )
 def test_quantiles_are_those_of_the_distribution(ours, theirs):
     # Two ways to the same inverse of the normal distribution: some rounding of shares near 1.
-    np.testing.assert_allclose(ours.quantile(SHARES), theirs.ppf(SHARES), rtol=1e-12)
+    np.testing.assert_allclose(ours.quantile(FRACTIONS), theirs.ppf(FRACTIONS), rtol=1e-12)
 
 
 def test_a_truncated_lognormal_keeps_its_shape():
     whole, cut = stats.lognorm(np.log(1.5), scale=3), LogNormal(3.0, 1.5, 2.0, 6.0)
     low, high = whole.cdf([2.0, 6.0])
-    np.testing.assert_allclose(cut.quantile(SHARES), whole.ppf(low + SHARES * (high - low)), rtol=1e-12)
+    np.testing.assert_allclose(cut.quantile(FRACTIONS), whole.ppf(low + FRACTIONS * (high - low)), rtol=1e-12)
     assert reach(cut) == pytest.approx((2.0, 6.0), rel=1e-8)
 
 
@@ -138,7 +138,7 @@ def test_no_draw_leaves_the_limits(mean, deviation, low, width, open_above):
     smallest, largest = reach(cut)
     assert low is None or smallest >= low
     assert high is None or largest <= high
-    values = cut.quantile(SHARES)
+    values = cut.quantile(FRACTIONS)
     assert np.all(np.diff(values) >= 0)
     assert smallest <= values[0] <= values[-1] <= largest
 

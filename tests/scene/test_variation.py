@@ -71,7 +71,7 @@ def test_values_are_shown_in_the_unit_that_was_given(nominal, text, unit, shown)
     assert found.shown_unit == unit
     if shown is not None:
         assert [found.shown(value) for value in found.values] == pytest.approx(shown, rel=1e-14)
-    assert found.told(found.last) == f"{found.shown(found.last):.6g} {unit}"
+    assert found.with_unit(found.last) == f"{found.shown(found.last):.6g} {unit}"
 
 
 def test_the_heading_of_a_column_has_the_unit(nominal):

@@ -12,7 +12,7 @@ R, H, B, BETA, RHO, KC, LOAD, SPEED = 0.1, 0.02, 0.0365, np.deg2rad(130), 7820.0
 SPRINGS = 7e8  # N/m, both
 
 
-def test_below_the_edges_they_are_those_of_equation_29(nominal):
+def test_below_the_boundaries_they_are_those_of_equation_29(nominal):
     """In the plane, by Gauss quadrature over the arc and over the shoe's section."""
     angle, weight = np.polynomial.legendre.leggauss(40)
     angle, weight = angle * BETA / 2, weight * BETA / 2
@@ -38,7 +38,7 @@ def test_below_the_edges_they_are_those_of_equation_29(nominal):
     assert np.all(np.abs(found - wanted).max(axis=0) < 1e-5 * np.abs(wanted).max(axis=0))
 
 
-def test_beyond_the_edges_velocities_are_their_integral(nominal):
+def test_beyond_the_boundaries_velocities_are_their_integral(nominal):
     far = {"start.displacement": {"Y": 2e-5, "Tz": 2e-4}, "simulate.sample_rate": 1.6e6, "simulate.duration": 0.002}
     scene = nominal.with_values(far | {"simulate.tolerance": 1e-9})
     history = run(scene).history

@@ -162,13 +162,13 @@ def test_jacobian_is_equation_29_at_random_values(nominal, direction):
         st.sampled_from([1.0, -1.0]),
     )
     @settings(derandomize=True, max_examples=60, deadline=None)
-    def check(factors, arc, share, ratio, sense):
+    def check(factors, arc, fraction, ratio, sense):
         number = dict(own)
         for key, scale in zip(SCALED, factors, strict=True):
             number[key] = own[key] * scale  # type: ignore[operator]
         number["drum.speed"] *= sense  # type: ignore[operator]
         number["shoe.arc_angle"], number["damping.ratio"] = arc, ratio
-        number["shoe.thickness"] = share * number["shoe.outer_radius"]  # type: ignore[operator]
+        number["shoe.thickness"] = fraction * number["shoe.outer_radius"]  # type: ignore[operator]
         # Eigenvectors enter the damping: mixed ones of near modes cost a digit or two of it.
         assert_matrices(
             build_model(scene, number, ALL), *by_hand(number, direction=direction, damping=True), tolerance=2e-12
@@ -393,13 +393,13 @@ def test_self_consistent_steady_state_agrees_with_an_independent_program(nominal
 
 
 @pytest.mark.parametrize(("speed", "edges"), [(5.0, 0), (-5.0, 0), (0.5, 1), (-0.5, 1), (0.05, 1)])
-def test_forces_vanish_in_the_steady_state(nominal, speed, edges):
+def test_forces_vanish_in_the_steady_state(nominal, speed, boundaries):
     scene = nominal.with_values({"steady.state": "self-consistent", "drum.speed": speed})
     stability = analyse_stability(build_model(scene, coordinates=ALL))
     q = stability.steady_state
     force, lifted = static_force(scene.numbers(), q[list(PLANE)])
-    assert lifted == edges
-    assert (stability.pressure_range[0] == 0) == (edges > 0)
+    assert lifted == boundaries
+    assert (stability.pressure_range[0] == 0) == (boundaries > 0)
     # Newton's step tolerance of 1e-13 of p0/k_c-like displacements; forces relative to the load (moments: times R).
     assert np.max(np.abs(force) / [1, 1, 0.1]) < 1e-9 * 2000.0
     np.testing.assert_array_equal(q[[2, 3, 4]], 0)

@@ -17,7 +17,15 @@ from drumsqueal.solve.transient import batch
 from drumsqueal.solve.transient import segment as integration
 from drumsqueal.solve.transient.batch import integrate_many
 from drumsqueal.solve.transient.integrate import integrate
-from drumsqueal.solve.transient.runge_kutta import _EXPLICIT, AUTO, LOCAL_SHARE, SOLVERS, STAGES, Explicit, make_solver
+from drumsqueal.solve.transient.runge_kutta import (
+    _EXPLICIT,
+    AUTO,
+    LOCAL_FRACTION,
+    SOLVERS,
+    STAGES,
+    Explicit,
+    make_solver,
+)
 from drumsqueal.solve.transient.sdirk import Stages
 from drumsqueal.solve.transient.segment import first_step
 from drumsqueal.solve.transient.state import Span, State
@@ -110,7 +118,7 @@ def test_a_spent_budget_leaves_what_was_reached():
 
 def test_methods_are_those_that_a_scene_may_name():
     assert set(get_args(Simulate.model_fields["solver"].annotation)) == {AUTO, *SOLVERS}
-    assert set(SOLVERS) == set(LOCAL_SHARE)
+    assert set(SOLVERS) == set(LOCAL_FRACTION)
     methods: dict[str, Any] = dict(_EXPLICIT)
     assert {name: method.tableau.num_stages - 1 for name, method in methods.items()} == STAGES
 
@@ -143,7 +151,7 @@ def test_many_transients_are_those_run_one_by_one(nominal):
     none = np.zeros((3, 3))
     how: Any = {"duration": 0.012, "sample_rate": 5e4, "tolerance": 1e-9}  # more than one chunk
     batches = list(integrate_many(models, none, displacement, none, threads=2, **how))
-    together = np.concatenate([batch.departure for batch in batches], axis=1)
+    together = np.concatenate([batch.vibration for batch in batches], axis=1)
     assert len(batches) == 2
     assert all(batch.reached.all() for batch in batches)
     for model, start, found in zip(models, displacement, together, strict=True):
@@ -184,8 +192,8 @@ def test_a_failed_transient_stops_none_of_the_others_and_stays_failed(nominal, m
     )
     assert len(found) == 3
     assert all(each.reached.tolist() == [True, False] for each in found)
-    assert all(np.isfinite(each.departure[0]).all() for each in found)
-    assert all(np.isnan(each.departure[1]).all() for each in found[1:])
+    assert all(np.isfinite(each.vibration[0]).all() for each in found)
+    assert all(np.isnan(each.vibration[1]).all() for each in found[1:])
 
 
 @pytest.mark.parametrize(

@@ -27,7 +27,7 @@ class Record(NamedTuple):
     """A transient: time (k,), departure from steady sliding and velocity (k, n), energies (k,), steps."""
 
     time: np.ndarray
-    departure: np.ndarray
+    vibration: np.ndarray
     velocity: np.ndarray
     kinetic: np.ndarray
     balance_error: np.ndarray
@@ -91,7 +91,7 @@ def errors_against(scene: Scene, name: str, every: int) -> np.ndarray:
     record = simulate(scene)
     time, wanted = load_reference(name)
     np.testing.assert_allclose(record.time[::every], time, rtol=1e-12, atol=1e-12)
-    found = np.hstack([record.departure, record.velocity])[::every]
+    found = np.hstack([record.vibration, record.velocity])[::every]
     return np.max(np.abs(found - wanted), axis=0) / np.max(np.abs(wanted), axis=0)
 
 
@@ -142,7 +142,7 @@ def exact(scene: Scene, record: Record, coordinates=None) -> np.ndarray:
     """Departures and velocities (k, 2n) of the linear model, by the matrix exponential."""
     model = build_model(scene, coordinates=coordinates)
     linear = eqx.filter_jit(linearise)(model, jnp.zeros(len(model.names)))
-    start = np.concatenate([record.departure[0], record.velocity[0]])
+    start = np.concatenate([record.vibration[0], record.velocity[0]])
     step = scipy.linalg.expm(np.asarray(linear.state_matrix()) * (record.time[1] - record.time[0]))
     states = [start]
     for _ in record.time[1:]:
@@ -150,8 +150,8 @@ def exact(scene: Scene, record: Record, coordinates=None) -> np.ndarray:
     return np.array(states)
 
 
-def share_of_largest(found: Record, wanted: np.ndarray) -> np.ndarray:
-    difference = np.hstack([found.departure, found.velocity]) - wanted
+def fraction_of_largest(found: Record, wanted: np.ndarray) -> np.ndarray:
+    difference = np.hstack([found.vibration, found.velocity]) - wanted
     largest = np.max(np.abs(wanted), axis=0)
     return np.max(np.abs(difference), axis=0)[largest > 0] / largest[largest > 0]
 
@@ -171,7 +171,7 @@ def test_bonded_without_friction_is_linear(nominal, coordinates):
         simulate__coordinates=coordinates,
     )
     record = simulate(scene)
-    assert np.max(share_of_largest(record, exact(scene, record))) < 2e-8
+    assert np.max(fraction_of_largest(record, exact(scene, record))) < 2e-8
     # Nothing dissipates and nothing drives: the energy stays.
     assert np.max(np.abs(record.balance_error)) < 2e-8 * record.kinetic.max()
 
@@ -185,7 +185,7 @@ def test_axial_motion_decays_as_friction_demands(nominal):
     rate = 0.42130613194252666 * 2000.0 / (1.1657162284483753 * 0.5)
     np.testing.assert_allclose(record.velocity[:, 0], 5e-4 * np.exp(-rate * record.time), rtol=0, atol=2e-6 * 5e-4)
     np.testing.assert_allclose(
-        record.departure[:, 0], 5e-4 / rate * (1 - np.exp(-rate * record.time)), rtol=0, atol=2e-6 * 5e-4 / rate
+        record.vibration[:, 0], 5e-4 / rate * (1 - np.exp(-rate * record.time)), rtol=0, atol=2e-6 * 5e-4 / rate
     )
 
 
@@ -198,8 +198,8 @@ def test_small_motion_departs_from_the_linear_one_by_second_order(nominal):
         )
         record = simulate(scene)
         wanted = exact(scene, record)
-        differences.append(np.max(np.abs(record.departure - wanted[:, :3]), axis=0))
-        assert np.max(share_of_largest(record, wanted)) < 1e-2
+        differences.append(np.max(np.abs(record.vibration - wanted[:, :3]), axis=0))
+        assert np.max(fraction_of_largest(record, wanted)) < 1e-2
     slopes = np.log2(np.array(differences[1:]) / np.array(differences[:-1]))
     np.testing.assert_allclose(slopes, 2.0, atol=0.05)
 
@@ -215,7 +215,7 @@ def test_steady_sliding_is_held(nominal, state, tolerance):
     record = simulate(scene)
     # Round-off of forces of 2000 N, 1e-12 N at most, over stiffnesses of 1e7 N/m and more, and the residual of the
     # steady state, grown by e^1.5 in this time: below a tenth of a femtometre. Squeal starts from 1e-7 m.
-    assert np.max(np.abs(record.departure)) < 1e-16
+    assert np.max(np.abs(record.vibration)) < 1e-16
     assert np.all(np.isfinite(record.velocity))
 
 
@@ -226,7 +226,7 @@ def test_a_tiny_start_is_followed_as_well(nominal, size):
     record = simulate(scene)
     wanted = exact(scene, record)[:, :3]
     # At this amplitude the motion is linear to 1e-5; of 2000 N a round-off of 2e-13 N is 1e-9 of what Y feels.
-    assert np.max(np.abs(record.departure - wanted), axis=0)[1] < 1e-4 * np.max(np.abs(wanted[:, 1]))
+    assert np.max(np.abs(record.vibration - wanted), axis=0)[1] < 1e-4 * np.max(np.abs(wanted[:, 1]))
 
 
 def test_a_decaying_motion_is_followed_down_to_rest(nominal):
@@ -236,8 +236,8 @@ def test_a_decaying_motion_is_followed_down_to_rest(nominal):
     scene = started(nominal.with_values(friction), {"Y": 1e-7}, duration=0.1, sample_rate=2e4)
     record = simulate(scene)
     wanted = exact(scene, record)[:, :3]
-    assert np.max(np.abs(record.departure - wanted)) < 1e-4 * 1e-7
-    assert np.max(np.abs(record.departure[-100:, 1])) == pytest.approx(np.max(np.abs(wanted[-100:, 1])), rel=1e-2)
+    assert np.max(np.abs(record.vibration - wanted)) < 1e-4 * 1e-7
+    assert np.max(np.abs(record.vibration[-100:, 1])) == pytest.approx(np.max(np.abs(wanted[-100:, 1])), rel=1e-2)
     assert np.max(np.abs(wanted[-100:, 1])) < 1e-14
 
 
@@ -280,11 +280,11 @@ def test_left_out_coordinates_would_have_stayed_zero(nominal):
     # of their own; below the edges the integrals are the same to round-off, so that is all that may differ.
     scene = started(nominal, {"Y": 1e-6, "Tz": 1e-5}, duration=0.0045, sample_rate=4e4)
     plane, space = simulate(scene), simulate(scene, ALL)
-    assert plane.departure.shape[1] == 3
-    largest = np.max(np.abs(plane.departure), axis=0)
-    assert np.max(np.abs(space.departure[:, [0, 1, 5]] - plane.departure) / largest) < 5e-8
-    assert np.max(np.abs(space.departure[:, 2])) < 1e-9 * largest[1]
-    assert np.max(np.abs(space.departure[:, [3, 4]])) < 1e-9 * largest[2]
+    assert plane.vibration.shape[1] == 3
+    largest = np.max(np.abs(plane.vibration), axis=0)
+    assert np.max(np.abs(space.vibration[:, [0, 1, 5]] - plane.vibration) / largest) < 5e-8
+    assert np.max(np.abs(space.vibration[:, 2])) < 1e-9 * largest[1]
+    assert np.max(np.abs(space.vibration[:, [3, 4]])) < 1e-9 * largest[2]
 
 
 def test_flat_profiles_are_constants(nominal):
@@ -296,8 +296,8 @@ def test_flat_profiles_are_constants(nominal):
         simulate(started(nominal.with_values(values), LARGE, duration=0.02, sample_rate=1e4)) for values in ({}, flat)
     )
     # The same equations, but compiled apart: round-off, grown over a hundred periods with edges.
-    largest = np.max(np.abs(plain.departure), axis=0)
-    assert np.max(np.abs(profiled.departure - plain.departure) / largest) < 1e-8
+    largest = np.max(np.abs(plain.vibration), axis=0)
+    assert np.max(np.abs(profiled.vibration - plain.vibration) / largest) < 1e-8
 
 
 # --- samples and failures --------------------------------------------------------------------------------------------
@@ -311,11 +311,11 @@ def test_samples_are_uniform_and_chunks_leave_no_seam(nominal, samples):
     np.testing.assert_allclose(record.time, np.arange(samples + 1) / 1e5, rtol=1e-15, atol=0)
     # Nothing happens at a seam: the motion is that of the reference, the linear one to a part in 1e3 at this amplitude,
     # and its difference from it has no jump there.
-    difference = np.hstack([record.departure, record.velocity]) - exact(scene, record)
-    share = np.abs(difference) / np.max(np.abs(np.hstack([record.departure, record.velocity])), axis=0)
-    assert np.max(share) < 1e-3
+    difference = np.hstack([record.vibration, record.velocity]) - exact(scene, record)
+    fraction = np.abs(difference) / np.max(np.abs(np.hstack([record.vibration, record.velocity])), axis=0)
+    assert np.max(fraction) < 1e-3
     for seam in range(CHUNK_SAMPLES, samples, CHUNK_SAMPLES):
-        assert np.all(np.abs(share[seam + 1] - share[seam]) < 1e-4)
+        assert np.all(np.abs(fraction[seam + 1] - fraction[seam]) < 1e-4)
     assert np.max(np.abs(record.balance_error)) < 1e-7 * record.kinetic.max()
 
 
@@ -326,7 +326,7 @@ def test_a_chunked_run_follows_the_reference_as_one_chunk_does(nominal):
     assert record.chunks == 2
     time, wanted = load_reference("transient_inplane_large")
     np.testing.assert_allclose(record.time[::10], time, rtol=1e-12, atol=1e-12)
-    found = np.hstack([record.departure, record.velocity])[::10]
+    found = np.hstack([record.vibration, record.velocity])[::10]
     assert np.max(np.abs(found - wanted) / np.max(np.abs(wanted), axis=0)) < 1e-7
 
 

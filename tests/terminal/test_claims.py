@@ -157,7 +157,7 @@ def test_files_beside_one_another_are_written_at_once_the_same_one_is_not(drumsq
     assert (status, f"{tmp_path} is in use by " in errors) == (2, True)
 
 
-def test_a_share_in_a_folder_waits_for_a_neighbour_that_gives_up_its_own(tmp_path, monkeypatch):
+def test_a_fraction_in_a_folder_waits_for_a_neighbour_that_gives_up_its_own(tmp_path, monkeypatch):
     # Which has the folder alone while it removes the lock; a claim to have it alone is refused at once.
     assert claims.fcntl is not None
     flock, waited = claims.fcntl.flock, []

@@ -57,14 +57,14 @@ def interrupted(drumsqueal, tmp_path, monkeypatch) -> Path:
 
 
 def press_after(patch: pytest.MonkeyPatch, samples: int) -> None:
-    tell = history_file._tell
+    note_progress = history_file._note_progress
 
-    def told(path, reached, outcome):
-        tell(path, reached, outcome)
+    def noted(path, reached, outcome):
+        note_progress(path, reached, outcome)
         if reached.samples == samples and outcome.startswith("incomplete"):
             signal.raise_signal(signal.SIGINT)
 
-    patch.setattr(history_file, "_tell", told)
+    patch.setattr(history_file, "_note_progress", noted)
 
 
 # --- killed ---------------------------------------------------------------------------------------------------------
@@ -329,8 +329,8 @@ REFUSED = {
     "ahead": (lambda folder: change(folder, samples=1501), "resume.json is damaged"),
     "no chunk": (lambda folder: change(folder, samples=777), "resume.json is damaged"),
     "infinite": (lambda folder: change(folder, work=float("inf")), "resume.json is damaged"),
-    "too few": (lambda folder: change(folder, departure=[0.0]), "resume.json is damaged"),
-    "no numbers": (lambda folder: change(folder, departure=[["x"], 1, 2]), "resume.json is damaged"),
+    "too few": (lambda folder: change(folder, vibration=[0.0]), "resume.json is damaged"),
+    "no numbers": (lambda folder: change(folder, vibration=[["x"], 1, 2]), "resume.json is damaged"),
 }
 
 

@@ -327,14 +327,14 @@ def test_check_tells_the_derived_numbers(drumsqueal):
     assert [each["label"] for each in told["growing"]] == ["Y", "X", "Tz"]
 
 
-def test_check_foretells_the_first_edge_and_the_evaluations(nominal):
+def test_check_foretells_the_first_boundary_and_the_evaluations(nominal):
     scene = nominal.with_values({"simulate.duration": 0.1})
     check, result = check_scene(scene), run(scene)
-    edge = result.comparison.edge_reached_s
+    boundary = result.comparison.edge_reached_s
     assert check.first_edge_s is not None
-    assert edge is not None
+    assert boundary is not None
     # One mode alone, against the motion of three together: the others bring it there somewhat sooner.
-    assert edge <= check.first_edge_s <= 1.05 * edge
+    assert boundary <= check.first_edge_s <= 1.05 * boundary
     steps = result.history.attrs["steps"]
     assert check.estimate.evaluations == pytest.approx(12 * steps, rel=0.3)  # the estimate is rough by its nature
     assert check.estimate.integration_s is not None

@@ -26,7 +26,7 @@ from drumsqueal.solve.transient.integrate import Chunk
 _LONGEST = 512  # bytes of the outcome in the file: of fixed length, so that it can be changed in place
 _WORD = 16  # bytes of its ending
 # Shape and type in the file of the attributes that change.
-_TOLD = {
+_PROGRESS = {
     "steps": ((1,), np.dtype("i8")),
     "rejected_steps": ((1,), np.dtype("i8")),
     "outcome": ((), f"S{_LONGEST}"),
@@ -78,7 +78,7 @@ class HistoryFile:
         )
         with nullcontext((self.path, self._places)) if self.exists else self._anew(self._rows) as (path, places):
             fill(path, places, before.samples, columns(chunk, self._kept))
-            _tell(path, after, self._so_far(after))
+            _note_progress(path, after, self._so_far(after))
         self.reached = after
 
     def end(self, outcome: Outcome) -> None:
@@ -89,7 +89,7 @@ class HistoryFile:
             with suppress(OSError):  # without the room for a shorter copy it stays as long as it is
                 self._rewrite(self.reached.samples, outcome)
                 return
-        _tell(self.path, self.reached, outcome)
+        _note_progress(self.path, self.reached, outcome)
 
     @contextmanager
     def reading(self) -> Iterator[xarray.Dataset]:
@@ -108,7 +108,7 @@ class HistoryFile:
         with self._anew(rows) as (part, places), opened(self.path, "r") as source:
             for first, stop in _blocks(self.reached.samples):
                 fill(part, places, first, {name: variable(source, name)[first:stop] for name in places})
-            _tell(part, self.reached, outcome)
+            _note_progress(part, self.reached, outcome)
 
     @contextmanager
     def _anew(self, rows: int) -> Iterator[tuple[Path, dict[str, int]]]:
@@ -161,10 +161,10 @@ def _create(path: Path, rows: int, template: xarray.Dataset) -> dict[str, int]:
             else:  # the names of the coordinates
                 made = file.create_variable(name, values.dims, h5py.string_dtype(), data=values.values.astype("O"))
             made.attrs.update(values.attrs)
-        file.attrs.update({name: value for name, value in template.attrs.items() if name not in _TOLD})
+        file.attrs.update({name: value for name, value in template.attrs.items() if name not in _PROGRESS})
     with opened(path) as file:
         # What will be changed lies together at the end, beyond the texts.
-        for name, (shape, kind) in _TOLD.items():
+        for name, (shape, kind) in _PROGRESS.items():
             file.attrs.create(name, np.zeros(shape, kind), dtype=kind)
         return _find_places(file)
 
@@ -174,7 +174,7 @@ def _find_places(file: h5py.File) -> dict[str, int]:
     return {str(name): variable(file, str(name)).id.get_offset() for name in file if name != "coordinate"}
 
 
-def _tell(path: Path, reached: Reached, outcome: Outcome) -> None:
+def _note_progress(path: Path, reached: Reached, outcome: Outcome) -> None:
     """Write how far the run has come, and how it ended should that be all."""
     with opened(path) as file:
         file.attrs.modify("steps", np.int64(reached.steps))

@@ -32,7 +32,7 @@ from drumsqueal.solve.transient.integrate import Checkpoint
 from drumsqueal.solve.transient.runge_kutta import AUTO, DEFAULT, IMPLICIT
 from drumsqueal.solve.transient.state import CHUNK_SAMPLES, State
 
-FORMAT = 1
+FORMAT = 2
 EVERY = 0.2  # s of computing that may have to be repeated; to write the file takes some 3 ms
 _MOST_BYTES = 2**16  # of the file; ten times what it has with six coordinates
 _ANEW = "add --overwrite instead of --resume to run it anew"
@@ -182,17 +182,17 @@ def _read_plain(path: Path) -> dict[str, Any]:
 def _from_plain(data: dict[str, Any], scene: Scene) -> Point:
     """Raises ValueError, KeyError, TypeError or OverflowError for what `_to_plain` has not written for this scene."""
     reached = Reached(**{name: operator.index(data[name]) for name in Reached._fields})
-    departure, velocity = (real(np.array(data[name], dtype=float)) for name in ("departure", "velocity"))
+    vibration, velocity = (real(np.array(data[name], dtype=float)) for name in ("vibration", "velocity"))
     work, step, first_energy = (float(data[name]) for name in ("work", "step", "first_energy"))
     memory = None if scene.temperature is None else real(np.array(data["memory"], dtype=float))
     if memory is not None and memory.shape != (len(TEMPERATURE),):
         raise ValueError("another memory")
-    numbers = [*departure.tolist(), *velocity.tolist(), work, step, first_energy]
+    numbers = [*vibration.tolist(), *velocity.tolist(), work, step, first_energy]
     numbers += [] if memory is None else memory.tolist()
     intervals, whole = reached.samples - 1, round(scene.simulate.duration * scene.simulate.sample_rate)
     if not (
         (data["format"], data["scene"]) == (FORMAT, _digest(scene))
-        and len(departure) == len(velocity) == len(kept_coordinates(scene))
+        and len(vibration) == len(velocity) == len(kept_coordinates(scene))
         and np.isfinite(numbers).all()
         and step > 0
         and (intervals == whole or (0 < intervals < whole and intervals % CHUNK_SAMPLES == 0))
@@ -204,5 +204,5 @@ def _from_plain(data: dict[str, Any], scene: Scene) -> Point:
     if not fits or not isinstance(sticks, bool) or (sticks and scene.friction is None):
         raise ValueError("this is no point of the run")
     method = Method(name, operator.index(patience), operator.index(waited))
-    state = State(departure, velocity, real(work), memory)
+    state = State(vibration, velocity, real(work), memory)
     return Point(reached, Checkpoint(intervals, state, real(step), first_energy, sticks, method))

@@ -3,8 +3,8 @@
 import math
 from dataclasses import dataclass
 
-from drumsqueal.findings.departure import Departure
 from drumsqueal.findings.saturation import Line, describe_motion, saturated_part
+from drumsqueal.findings.vibration import Vibration
 from drumsqueal.physics.model import Model
 from drumsqueal.simulation import Result
 
@@ -63,13 +63,13 @@ QUANTITIES = {
 def answer_of(result: Result, model: Model) -> Answer:
     """Read the answer off a run; `model` is the one over the coordinates of its eigenvalues."""
     modes = {mode.label: ModeAnswer(mode.frequency_Hz, mode.growth_rate) for mode in result.stability.modes}
-    departure, comparison = Departure(result.history, result.stability), result.comparison
-    edge = comparison.edge_reached_s if comparison.saturation is not None else None
-    part = saturated_part(departure.time, 0.0 if edge is None else edge)
-    motion = describe_motion(departure, part, result.stability, model)
-    carriers = tuple(name for name, share in motion.kinetic_share.items() if share >= CARRIED)
+    vibration, comparison = Vibration(result.history, result.stability), result.comparison
+    boundary = comparison.edge_reached_s if comparison.saturation is not None else None
+    part = saturated_part(vibration.time, 0.0 if boundary is None else boundary)
+    motion = describe_motion(vibration, part, result.stability, model)
+    carriers = tuple(name for name, fraction in motion.kinetic_share.items() if fraction >= CARRIED)
     unstable = tuple(mode.label for mode in result.stability.unstable)
-    return Answer(modes, unstable, motion.amplitude, carriers, motion.main, departure.largest_rotation)
+    return Answer(modes, unstable, motion.amplitude, carriers, motion.main, vibration.largest_rotation)
 
 
 def change_of(whole: Answer, other: Answer) -> Change:

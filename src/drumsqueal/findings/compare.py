@@ -9,7 +9,6 @@ import numpy as np
 import xarray
 from pydantic import Field, computed_field
 
-from drumsqueal.findings.departure import FEWEST_FOR_SPECTRUM, Departure, changes, edge_share, first_edge, moved_by
 from drumsqueal.findings.frequency import FrequencyDrift, follow_frequency
 from drumsqueal.findings.history import memory_of
 from drumsqueal.findings.outcome import COMPLETE, Ending
@@ -21,18 +20,26 @@ from drumsqueal.findings.signals import Growth as GrowthFit
 from drumsqueal.findings.signals import amplitude_spectrum, fit_growth, modal_frequency, peak_near
 from drumsqueal.findings.sticking import Sticking, find_sticking
 from drumsqueal.findings.verdict import state_verdict
+from drumsqueal.findings.vibration import (
+    FEWEST_FOR_SPECTRUM,
+    Vibration,
+    boundary_ratio,
+    changes,
+    first_boundary_time,
+    moved_by,
+)
 from drumsqueal.physics.composition import take_inventory
 from drumsqueal.physics.model import Model
 from drumsqueal.scene import scene_from_dict
-from drumsqueal.solve.linear.modes import NEUTRAL_SHARE, Mode, Stability
+from drumsqueal.solve.linear.modes import NEUTRAL_FRACTION, Mode, Stability
 
 # The motion counts as linear while it stays below this fraction of the contact boundaries, contact loss at the mean
 # pressure and slip reversal.
-LINEAR_SHARE = 0.1
+LINEAR_FRACTION = 0.1
 # A mode is followed while it makes up at least this fraction of what its own coordinate has done so far: a weaker one
 # drowns in what the others feed into it at second order of their size.
-CLEAN_SHARE = 3e-2
-UNEXCITED_SHARE = 1e-12  # of the largest displacement: a mode below it is not there
+CLEAN_FRACTION = 3e-2
+UNEXCITED_FRACTION = 1e-12  # of the largest displacement: a mode below it is not there
 FEWEST_PERIODS = 5  # of a mode, for its frequency and growth to be measured
 
 
@@ -94,7 +101,7 @@ class ModeComparison(Finding):
     def growth_rate_error(self) -> float | None:
         """Measured over predicted growth rate, less 1; None also for a mode that neither grows nor decays."""
         rate, predicted = self.measured_growth_rate_1_per_s, self.predicted_growth_rate_1_per_s
-        if rate is None or self.changing or abs(predicted) < NEUTRAL_SHARE * self.predicted_frequency_Hz:
+        if rate is None or self.changing or abs(predicted) < NEUTRAL_FRACTION * self.predicted_frequency_Hz:
             return None
         return rate / predicted - 1
 
@@ -196,20 +203,20 @@ def compare(
     `stability` may hold more coordinates than moved. The growth phase lasts until the motion comes to 10 % of a contact
     boundary, or the lining sticks. `quadrature_error` and `held` are passed on.
     """
-    departure = Departure(history, stability)
-    time = departure.time
-    fraction = edge_share(departure, model)
+    vibration = Vibration(history, stability)
+    time = vibration.time
+    fraction = boundary_ratio(vibration, model)
     sticks = history["sticking"].values > 0
-    nonlinear = np.flatnonzero((fraction >= LINEAR_SHARE) | sticks)
+    nonlinear = np.flatnonzero((fraction >= LINEAR_FRACTION) | sticks)
     growing = slice(0, int(nonlinear[0]) if nonlinear.size else time.size)
     moving = moved_by(model, stability, float(time[-1]))
     changing = changes(model, time)
-    modes = _compare_modes(departure, stability, model, growing, moving, sticks=bool(sticks[0]))
-    edge = first_edge(history, stability, model)
-    saturation = None if edge is None else describe_saturation(history, departure, stability, model, edge)
+    modes = _compare_modes(vibration, stability, model, growing, moving, sticks=bool(sticks[0]))
+    boundary = first_boundary_time(history, stability, model)
+    saturation = None if boundary is None else describe_saturation(history, vibration, stability, model, boundary)
     drift = None
-    if edge is not None and saturation is not None and not model.forced:
-        drift = follow_frequency(departure, saturated_part(time, edge), stability, model, saturation)
+    if boundary is not None and saturation is not None and not model.forced:
+        drift = follow_frequency(vibration, saturated_part(time, boundary), stability, model, saturation)
     scene = scene_from_dict(tomllib.loads(history.attrs["scene"]))
     return RunFindings(
         scene=scene,
@@ -219,7 +226,7 @@ def compare(
         predicted_at_s=stability.time,
         growth=Growth(
             linear_until_s=float(time[max(growing.stop - 1, 0)]),
-            edge_reached_s=edge,
+            edge_reached_s=boundary,
             modes=tuple(mode.model_copy(update={"changing": changing}) for mode in modes),
         ),
         saturation=saturation,
@@ -231,12 +238,12 @@ def compare(
         ),
         sticking=find_sticking(history),
         lining_temperature=_temperature(history, model),
-        motion_ratio=_motion_ratio(departure, stability, model),
+        motion_ratio=_motion_ratio(vibration, stability, model),
         changing=changing,
         forced=model.forced,
         moved_by=moving,
         recorded_s=float(time[-1]),
-        largest_rotation_rad=departure.largest_rotation,
+        largest_rotation_rad=vibration.largest_rotation,
         held_though_they_would_move=held,
         model=take_inventory(scene, history.attrs.get("friction_law", ""))._asdict(),
     )
@@ -246,7 +253,7 @@ def _temperature(history: xarray.Dataset, model: Model) -> LiningTemperature | N
     memory = memory_of(history, model.remembered)
     if memory is None:
         return None
-    left = model.moment(float(history["time"].values[-1]), jnp.asarray(memory[-1])).friction_share
+    left = model.moment(float(history["time"].values[-1]), jnp.asarray(memory[-1])).friction_left
     rise = memory[:, 0]
     friction_left = 1.0 if left is None else float(left)
     return LiningTemperature(largest_K=float(rise.max()), end_K=float(rise[-1]), friction_left=friction_left)
@@ -265,28 +272,28 @@ def _accuracy(history: xarray.Dataset, quadrature_error: float | None) -> Accura
 
 
 def _compare_modes(
-    departure: Departure, stability: Stability, model: Model, growing: slice, moving: str, *, sticks: bool
+    vibration: Vibration, stability: Stability, model: Model, growing: slice, moving: str, *, sticks: bool
 ) -> list[ModeComparison]:
     if model.forced:  # its growth and frequency would be those of the response
         return [_unmeasured(mode, Note.DRIVEN) for mode in stability.modes]
     still = Note(f"moved by the {moving}") if moving else Note.NOT_STARTED
-    modes = [_compare_mode(mode, stability, departure, growing, still) for mode in stability.modes]
+    modes = [_compare_mode(mode, stability, vibration, growing, still) for mode in stability.modes]
     if not sticks:
         return modes
     return [mode if mode.measured_growth else mode.model_copy(update={"note": Note.STICKING}) for mode in modes]
 
 
-def _motion_ratio(departure: Departure, stability: Stability, model: Model) -> float | None:
+def _motion_ratio(vibration: Vibration, stability: Stability, model: Model) -> float | None:
     """Largest motion in the last tenth of the record over that in the first tenth; None where nothing was started."""
-    if not departure.started:
+    if not vibration.started:
         return None
-    samples = departure.time.size
+    samples = vibration.time.size
     tenth, stiffness = max(1, samples // 10), np.asarray(model.stiffness)
 
     def largest(part: slice) -> float:
         energies = (
             np.max(velocity**2 @ stability.mass + np.einsum("ti,ij,tj->t", displacement, stiffness, displacement))
-            for _, displacement, velocity in departure.pieces(part)
+            for _, displacement, velocity in vibration.pieces(part)
         )
         return float(np.sqrt(max(energies)))
 
@@ -307,22 +314,22 @@ def _unmeasured(mode: Mode, note: Note, **found: Any) -> ModeComparison:
 
 
 def _compare_mode(
-    mode: Mode, stability: Stability, departure: Departure, growing: slice, not_started: Note
+    mode: Mode, stability: Stability, vibration: Vibration, growing: slice, not_started: Note
 ) -> ModeComparison:
-    time = departure.time[growing]
-    if not departure.started:
+    time = vibration.time[growing]
+    if not vibration.started:
         return _unmeasured(mode, not_started)
     if time.size < FEWEST_FOR_SPECTRUM:
-        return _unmeasured(mode, Note.TOO_SHORT if departure.time.size == time.size else Note.NONLINEAR)
-    signal = departure.modal(mode, growing)
-    size, own = np.abs(signal), departure.column(mode.name, growing)
-    if not own.any() or size.max() <= UNEXCITED_SHARE * departure.largest(growing).max():
+        return _unmeasured(mode, Note.TOO_SHORT if vibration.time.size == time.size else Note.NONLINEAR)
+    signal = vibration.modal(mode, growing)
+    size, own = np.abs(signal), vibration.column(mode.name, growing)
+    if not own.any() or size.max() <= UNEXCITED_FRACTION * vibration.largest(growing).max():
         return _unmeasured(mode, Note.NOT_EXCITED)
-    clean = (size > 0) & (size >= CLEAN_SHARE * np.maximum.accumulate(np.abs(own)))
+    clean = (size > 0) & (size >= CLEAN_FRACTION * np.maximum.accumulate(np.abs(own)))
     last = time.size if clean.all() else int(np.argmin(clean))
     if last < FEWEST_FOR_SPECTRUM or (time[last - 1] - time[0]) * mode.frequency_Hz < FEWEST_PERIODS:
-        return _unmeasured(mode, _too_few(last, time.size, departure.time.size))
-    spectrum = amplitude_spectrum(own[:last], departure.sample_rate)
+        return _unmeasured(mode, _too_few(last, time.size, vibration.time.size))
+    spectrum = amplitude_spectrum(own[:last], vibration.sample_rate)
     peak = peak_near(spectrum, mode.frequency_Hz, half_width=_reach(mode, stability))
     fit = fit_growth(time[:last], size[:last])
     return _unmeasured(

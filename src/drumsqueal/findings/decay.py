@@ -5,37 +5,37 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from drumsqueal.findings.departure import Departure, changes, edge_share
 from drumsqueal.findings.signals import STEADY, Regime
 from drumsqueal.findings.signals.regime import Kind
 from drumsqueal.findings.signals.regime_words import Cause
+from drumsqueal.findings.vibration import Vibration, boundary_ratio, changes
 from drumsqueal.physics.model import Model
-from drumsqueal.solve.linear.modes import NEUTRAL_SHARE, Mode, Stability
+from drumsqueal.solve.linear.modes import NEUTRAL_FRACTION, Mode, Stability
 
 SMALL = 0.1  # of the nearer contact boundary, below which the motion is nearly linear
 BEYOND = 0.9  # of a contact boundary, from which on the linear model is no guide; a block that sticks just reaches it
 NEARLY_LINEAR = 0.5  # of the linear rate: a motion below the contact boundaries that decays so fast is linear
 
 
-def is_decaying(share: float, rate: float, linear: float) -> bool:
+def is_decaying(fraction: float, rate: float, linear: float) -> bool:
     """Whether a motion at this fraction `share` of the contact boundaries that changes at this rate (1/s) decays.
 
     Within a tenth of the contact boundaries it must fall, below them at least half as fast as the slowest mode at
     `linear` (1/s).
     """
-    return (share < SMALL and rate < 0) or (share < BEYOND and rate < NEARLY_LINEAR * linear)
+    return (fraction < SMALL and rate < 0) or (fraction < BEYOND and rate < NEARLY_LINEAR * linear)
 
 
 def slowest(stability: Stability, modes: Sequence[Mode]) -> Mode | None:
     """Of these modes the one that decays slowest; None unless all decay and nothing diverges."""
     mode = max(modes, key=lambda each: each.growth_rate, default=None)
-    if mode is None or stability.divergence is not None or mode.growth_rate > -NEUTRAL_SHARE * mode.frequency_Hz:
+    if mode is None or stability.divergence is not None or mode.growth_rate > -NEUTRAL_FRACTION * mode.frequency_Hz:
         return None
     return mode
 
 
 def decay_to_rest(
-    regime: Regime, departure: Departure, part: slice, stability: Stability, modes: Sequence[Mode], model: Model
+    regime: Regime, vibration: Vibration, part: slice, stability: Stability, modes: Sequence[Mode], model: Model
 ) -> Regime:
     """Return the regime of a part of the record, steady where what had not settled decays to rest.
 
@@ -46,14 +46,14 @@ def decay_to_rest(
         regime.kind not in (Kind.UNKNOWN, Kind.STEADY)
         or mode is None
         or model.forced
-        or changes(model, departure.time[part])
+        or changes(model, vibration.time[part])
     ):
         return regime
-    share = float(edge_share(departure, model)[part].max())
-    if regime.kind is Kind.STEADY or share < STEADY:
-        return _steady(regime, Cause.RESIDUAL_MOTION, mode, boundary_fraction=share)
-    rate = _rate(departure, part, stability.mass)
-    if not is_decaying(share, rate, mode.growth_rate):
+    fraction = float(boundary_ratio(vibration, model)[part].max())
+    if regime.kind is Kind.STEADY or fraction < STEADY:
+        return _steady(regime, Cause.RESIDUAL_MOTION, mode, boundary_fraction=fraction)
+    rate = _rate(vibration, part, stability.mass)
+    if not is_decaying(fraction, rate, mode.growth_rate):
         return regime
     return _steady(regime, Cause.DECAYS, mode, rate_1_per_s=rate)
 
@@ -64,11 +64,11 @@ def _steady(regime: Regime, cause: Cause, mode: Mode, **numbers: float) -> Regim
     return Regime(kind=Kind.STEADY, cause=cause, numbers=numbers, mode=mode.label, amplitude_drift=drift)
 
 
-def _rate(departure: Departure, part: slice, mass: NDArray[np.float64]) -> float:
-    first, stop, _ = part.indices(departure.time.size)
+def _rate(vibration: Vibration, part: slice, mass: NDArray[np.float64]) -> float:
+    first, stop, _ = part.indices(vibration.time.size)
     half = first + (stop - first) // 2
-    before, after = (departure.mean_square_velocity(each) for each in (slice(first, half), slice(half, stop)))
-    return _between(before, after, mass, (stop - first) / departure.sample_rate)
+    before, after = (vibration.mean_square_velocity(each) for each in (slice(first, half), slice(half, stop)))
+    return _between(before, after, mass, (stop - first) / vibration.sample_rate)
 
 
 def rms_rate(velocity: NDArray[np.float64], mass: NDArray[np.float64], sample_rate: float) -> float:

@@ -3,11 +3,11 @@
 import numpy as np
 from pydantic import computed_field
 
-from drumsqueal.findings.departure import Departure
 from drumsqueal.findings.part import Finding, Held
 from drumsqueal.findings.saturation import Saturation
 from drumsqueal.findings.signals import Ridge, follow_line
 from drumsqueal.findings.softening import explain_frequency
+from drumsqueal.findings.vibration import Vibration
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.linear.modes import Stability
 
@@ -61,7 +61,7 @@ class FrequencyDrift(Finding):
 
 
 def follow_frequency(
-    departure: Departure, part: slice, stability: Stability, model: Model, saturation: Saturation
+    vibration: Vibration, part: slice, stability: Stability, model: Model, saturation: Saturation
 ) -> FrequencyDrift | None:
     """Follow the mode whose onset frequency the main line is compared with; None where there is no such line or mode.
 
@@ -71,13 +71,13 @@ def follow_frequency(
     mode = next((mode for mode in stability.modes if mode.label == saturation.nearest_mode), None)
     if main is None or mode is None:
         return None
-    signal = departure.column(main.coordinate)
+    signal = vibration.column(main.coordinate)
     ends = sorted((main.frequency_Hz, mode.frequency_Hz))
-    low, high = ends[0] / ROOM, min(ends[1] * ROOM, 0.45 * departure.sample_rate)
-    if signal.size * 0.5 * (low + high) < 2 * PERIODS * departure.sample_rate or high <= low:
+    low, high = ends[0] / ROOM, min(ends[1] * ROOM, 0.45 * vibration.sample_rate)
+    if signal.size * 0.5 * (low + high) < 2 * PERIODS * vibration.sample_rate or high <= low:
         return None
-    ridge = follow_line(signal, departure.sample_rate, low=low, high=high, periods=PERIODS)
-    softening = explain_frequency(departure, part, model, stability.steady_state, mode, saturation.contact_fraction)
+    ridge = follow_line(signal, vibration.sample_rate, low=low, high=high, periods=PERIODS)
+    softening = explain_frequency(vibration, part, model, stability.steady_state, mode, saturation.contact_fraction)
     if not np.all(np.isfinite(softening)):
         return None
     every = max(1, -(-ridge.time_s.size // MOST_INSTANTS))
@@ -89,7 +89,7 @@ def follow_frequency(
         saturated_Hz=main.frequency_Hz,
         predicted_by_contact_loss_Hz=softening.contact_loss_Hz,
         predicted_with_friction_Hz=softening.with_friction_Hz,
-        predicted_by_root_of_contact_share_Hz=softening.by_share_Hz,
+        predicted_by_root_of_contact_share_Hz=softening.by_fraction_Hz,
         over_time=OverTime(**dict(zip(("time_s", "frequency_Hz"), some, strict=True))),
         ridge=ridge,
     )

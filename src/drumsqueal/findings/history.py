@@ -25,8 +25,8 @@ AXES = (
 SIGNALS = {
     "brake_torque": ("N m", "torque of friction that brakes the drum, R times the integral of its tangential traction"),
     "normal_force": ("N", "integral of the contact pressure over the lining"),
-    "contact_fraction": ("1", "share of the lining that touches the drum"),
-    "slip_reversed_fraction": ("1", "share of the lining that touches the drum and moves faster than it"),
+    "contact_fraction": ("1", "fraction of the lining that touches the drum"),
+    "slip_reversed_fraction": ("1", "fraction of the lining that touches the drum and moves faster than it"),
     "smallest_pressure": ("Pa", "smallest contact pressure on the lining"),
     "friction_power": ("W", "power that friction turns into heat"),
     "sticking": ("1", "1 while the whole lining moves with the drum, held by friction, 0 while it slips"),

@@ -6,7 +6,7 @@ import numpy as np
 from pydantic import FiniteFloat
 
 from drumsqueal.findings.part import Finding, Positive
-from drumsqueal.solve.linear.modes import OSCILLATING_SHARE, Stability, growing_without_oscillation
+from drumsqueal.solve.linear.modes import OSCILLATING_FRACTION, Stability, growing_without_oscillation
 
 
 class PredictedMode(Finding):
@@ -49,7 +49,7 @@ class Prediction(Finding):
         """Eigenvalues (1/s) that are real."""
         values = [complex(*value) for value in self.eigenvalues]
         largest = max(map(abs, values), default=0.0)
-        return [value.real for value in values if abs(value.imag) <= OSCILLATING_SHARE * largest]
+        return [value.real for value in values if abs(value.imag) <= OSCILLATING_FRACTION * largest]
 
     @property
     def divergence(self) -> float | None:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from drumsqueal.errors import IntegrationError
-from drumsqueal.findings.edges import edge_shares
+from drumsqueal.findings.boundaries import boundary_ratios
 from drumsqueal.findings.history import COMPLETE
 from drumsqueal.findings.outcome import Ending, Outcome
 from drumsqueal.findings.signals import amplitude_spectrum, spectral_peaks
@@ -25,7 +25,7 @@ from drumsqueal.solve.transient.state import CHUNK_SAMPLES, State
 # Transients a thread at once. A number that never changes: each takes a program of its own, and what is left over
 # starts at NaN, which costs nothing.
 SLOTS = 16
-LAST_SHARE = 0.5  # of the duration that is looked at
+LAST_FRACTION = 0.5  # of the duration that is looked at
 FEWEST_SAMPLES = 16  # of what is looked at, for a spectrum
 WHAT = "transients"
 DRIFT = 0.1  # change of the rms from half to half of what is looked at, below which the motion has settled
@@ -35,10 +35,10 @@ class Saturated(NamedTuple):
     """How a transient ended, by the last part of it: displacements from steady sliding in m and rad, in `model.names`.
 
     `amplitude` (n,) is half the peak-to-peak value of each coordinate and `rms` (n,) its rms about the mean;
-    `edge_shares` how far the motion comes towards contact loss and towards slip reversal, which have not happened
+    `boundary_ratios` how far the motion comes towards contact loss and towards slip reversal, which have not happened
     below 1 where the steady pressure is uniform. `frequency_Hz` is that of the line with most kinetic energy, of the
     coordinate `line`; None where nothing moves. `kinetic_energy` (J) is the mean, `rate` (1/s) the mean growth rate of
-    the rms velocity, weighted by mass, from the first half of the part to the second. `departure` and `velocity` (n,)
+    the rms velocity, weighted by mass, from the first half of the part to the second. `vibration` and `velocity` (n,)
     are where it ended: another transient can go on from there. `by_itself` marks one that was not run together with
     others, `at_rest` one whose motion is below what is resolved (`least_energy`): its numbers are round-off. One that
     failed has NaN for all numbers, and says why in `outcome`.
@@ -46,13 +46,13 @@ class Saturated(NamedTuple):
 
     amplitude: NDArray[np.float64]
     rms: NDArray[np.float64]
-    edge_shares: tuple[float, float]
+    boundary_ratios: tuple[float, float]
     frequency_Hz: float | None
     line: str | None
     kinetic_energy: float
     rate: float
     seconds: float
-    departure: NDArray[np.float64]
+    vibration: NDArray[np.float64]
     velocity: NDArray[np.float64]
     outcome: str
     by_itself: bool
@@ -93,7 +93,7 @@ def saturated_motions(
     sample_rate: float,
     tolerance: float,
     solver: str = AUTO,
-    last: float = LAST_SHARE,
+    last: float = LAST_FRACTION,
     threads: int | None = None,
     by_themselves: Sequence[bool] | None = None,
     progress: Progress = silent,
@@ -127,24 +127,24 @@ def saturated_motions(
 class _Part:
     """The last part of a transient as it comes, chunk by chunk: only samples from number `start` on are kept."""
 
-    def __init__(self, departure: NDArray[np.float64], velocity: NDArray[np.float64], start: int) -> None:
-        self.departure, self.velocity, self.start = departure, velocity, start
+    def __init__(self, vibration: NDArray[np.float64], velocity: NDArray[np.float64], start: int) -> None:
+        self.vibration, self.velocity, self.start = vibration, velocity, start
         self.intervals, self.stopped, self.outcome, self.by_itself = 0, False, COMPLETE, False
         self._kept: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []
 
-    def add(self, departure: NDArray[np.float64], velocity: NDArray[np.float64]) -> None:
+    def add(self, vibration: NDArray[np.float64], velocity: NDArray[np.float64]) -> None:
         """A chunk of samples (k, n); the very first one begins with the start."""
         first = self.intervals + 1 if self.intervals else 0
         fresh = slice(max(self.start - first, 0), None)
-        if len(departure[fresh]):
-            self._kept.append((departure[fresh], velocity[fresh]))
-        self.intervals = first + len(departure) - 1
-        self.departure, self.velocity = departure[-1], velocity[-1]
+        if len(vibration[fresh]):
+            self._kept.append((vibration[fresh], velocity[fresh]))
+        self.intervals = first + len(vibration) - 1
+        self.vibration, self.velocity = vibration[-1], velocity[-1]
 
     def samples(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Displacement and velocity (k, n)."""
-        departures, velocities = zip(*self._kept, strict=True)
-        return np.concatenate(departures), np.concatenate(velocities)
+        vibrations, velocities = zip(*self._kept, strict=True)
+        return np.concatenate(vibrations), np.concatenate(velocities)
 
 
 def _together(
@@ -162,28 +162,28 @@ def _together(
     slots = {i: k % threads * SLOTS + k // threads for k, i in enumerate(parts)}
     some = next(iter(parts))
     used, places = [models[some]] * (threads * SLOTS), np.tile(steady[some], (threads * SLOTS, 1))
-    departure, velocity = np.full_like(places, np.nan), np.full_like(places, np.nan)
+    vibration, velocity = np.full_like(places, np.nan), np.full_like(places, np.nan)
     for i, slot in slots.items():
         used[slot], places[slot] = models[i], steady[i]
-        departure[slot], velocity[slot] = parts[i].departure, parts[i].velocity
-    with closing(integrate_many(used, places, departure, velocity, threads=threads, **how)) as stream:
+        vibration[slot], velocity[slot] = parts[i].vibration, parts[i].velocity
+    with closing(integrate_many(used, places, vibration, velocity, threads=threads, **how)) as stream:
         for chunk in stream:
             progress(WHAT, float(chunk.time[-1]), how["duration"])
             for i, slot in slots.items():
                 parts[i].stopped |= not chunk.reached[slot]
                 if not parts[i].stopped:
-                    parts[i].add(chunk.departure[slot], chunk.velocity[slot])
+                    parts[i].add(chunk.vibration[slot], chunk.velocity[slot])
             if all(part.stopped for part in parts.values()):
                 return
 
 
 def _alone(part: _Part, model: Model, steady: NDArray[np.float64], progress: Progress, how: dict) -> None:
     """Go on with one transient by itself, by the methods that can stick."""
-    state = State(jnp.asarray(part.departure), jnp.asarray(part.velocity), jnp.zeros(()))
+    state = State(jnp.asarray(part.vibration), jnp.asarray(part.velocity), jnp.zeros(()))
     since = Checkpoint(part.intervals, state, first_step(model), 0.0, sticks=False, method=None)
     assert part.intervals % CHUNK_SAMPLES == 0
     try:
-        stream = integrate(model, steady, part.departure, part.velocity, since=since, **how)
+        stream = integrate(model, steady, part.vibration, part.velocity, since=since, **how)
         with closing(stream):
             for chunk in stream:
                 progress(WHAT, float(chunk.time[-1]), how["duration"])
@@ -199,25 +199,25 @@ def _looked_at(part: _Part, model: Model, sample_rate: float) -> Saturated:
         return Saturated(
             lost, lost, (np.nan, np.nan), None, None, np.nan, np.nan, 0.0, lost, lost, part.outcome, part.by_itself
         )
-    departure, velocity = part.samples()
-    seconds, half = (len(departure) - 1) / sample_rate, len(departure) // 2
+    vibration, velocity = part.samples()
+    seconds, half = (len(vibration) - 1) / sample_rate, len(vibration) // 2
     mass = np.asarray(model.mass)
     before, after = (float(mass @ np.mean(each**2, axis=0)) for each in (velocity[:half], velocity[half:]))
     rate = np.log(after / before) / seconds if min(before, after) > 0 else 0.0  # half the logarithm over half the time
     kinetic = (before + after) / 4
     # Of a vibration half the energy is kinetic. What moves without stiffness has no other, and any motion of it counts.
-    at_rest = not np.any(np.ptp(departure, axis=0)) or 2 * kinetic < float(least_energy(model))
+    at_rest = not np.any(np.ptp(vibration, axis=0)) or 2 * kinetic < float(least_energy(model))
     frequency, line = (None, None) if at_rest else _strongest(velocity, mass, model.names, sample_rate)
     return Saturated(
-        amplitude=np.ptp(departure, axis=0) / 2,
-        rms=np.std(departure, axis=0),
-        edge_shares=edge_shares(model, departure, velocity),
+        amplitude=np.ptp(vibration, axis=0) / 2,
+        rms=np.std(vibration, axis=0),
+        boundary_ratios=boundary_ratios(model, vibration, velocity),
         frequency_Hz=frequency,
         line=line,
         kinetic_energy=kinetic,
         rate=float(rate),
         seconds=seconds,
-        departure=part.departure,
+        vibration=part.vibration,
         velocity=part.velocity,
         outcome=part.outcome,
         by_itself=part.by_itself,

@@ -8,15 +8,15 @@ import xarray
 from numpy.typing import NDArray
 
 from drumsqueal.findings.decay import decay_to_rest
-from drumsqueal.findings.departure import Departure, changes, levers
 from drumsqueal.findings.part import Finding
 from drumsqueal.findings.signals import PERIODS_NEEDED, STEADY, Regime, classify, spectral_peaks
 from drumsqueal.findings.signals.regime import Kind
 from drumsqueal.findings.signals.regime_words import Cause
+from drumsqueal.findings.vibration import Vibration, changes, levers
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.linear.modes import Mode, Stability
 
-SATURATED_SHARE = 0.6  # last part of what follows the first contact boundary that is called saturated
+SATURATED_FRACTION = 0.6  # last part of what follows the first contact boundary that is called saturated
 FEWEST_SAMPLES = 64  # of the saturated part
 PEAKS, PEAK_FLOOR = 8, 1e-2  # lines a coordinate at most, and their smallest amplitude over the strongest
 
@@ -66,41 +66,41 @@ class Saturation(Finding):
         return self.regime.kind not in (Kind.UNKNOWN, Kind.STEADY)
 
 
-def saturated_part(time: NDArray[np.float64], edge: float) -> slice:
+def saturated_part(time: NDArray[np.float64], boundary: float) -> slice:
     """The last part of the record after the first contact boundary (s), by when the growth is taken to be over."""
-    start = time[-1] - SATURATED_SHARE * (time[-1] - edge)
+    start = time[-1] - SATURATED_FRACTION * (time[-1] - boundary)
     return slice(int(np.searchsorted(time, start)), time.size)
 
 
-def duration_for(saturated: float, edge: float) -> float:
+def duration_for(saturated: float, boundary: float) -> float:
     """Duration (s) of a record whose saturated part is so long (s), rounded up."""
-    return 1.001 * (edge + saturated / SATURATED_SHARE)
+    return 1.001 * (boundary + saturated / SATURATED_FRACTION)
 
 
 def describe_saturation(
-    history: xarray.Dataset, departure: Departure, stability: Stability, model: Model, edge: float
+    history: xarray.Dataset, vibration: Vibration, stability: Stability, model: Model, boundary: float
 ) -> Saturation | None:
     """Describe the motion after the first contact boundary at `edge` (s); None where the record is too short."""
-    part = saturated_part(departure.time, edge)
-    modes = _taking_part(departure, stability)
-    count = departure.time[part].size
+    part = saturated_part(vibration.time, boundary)
+    modes = _taking_part(vibration, stability)
+    count = vibration.time[part].size
     if count < FEWEST_SAMPLES:
         return None
     # Half the lowest onset frequency leaves room for the drop that contact loss brings. Where nothing oscillates, rest
     # can be determined all the same.
-    duration = count / departure.sample_rate
+    duration = count / vibration.sample_rate
     lowest = min((mode.frequency_Hz for mode in modes), default=2 * PERIODS_NEEDED / duration) / 2
-    scale = size_of_motion(departure, stability, model)
-    regime = classify(departure.displacement_in(part), departure.sample_rate, scale=scale, lowest_frequency=lowest)
-    regime = decay_to_rest(regime, departure, part, stability, modes, model)
+    scale = size_of_motion(vibration, stability, model)
+    regime = classify(vibration.displacement_in(part), vibration.sample_rate, scale=scale, lowest_frequency=lowest)
+    regime = decay_to_rest(regime, vibration, part, stability, modes, model)
     drifts = regime.kind is Kind.UNKNOWN and regime.amplitude_drift is not None
-    if drifts and changes(model, departure.time[part]):
+    if drifts and changes(model, vibration.time[part]):
         regime = regime.model_copy(update={"cause": Cause.BRAKE_CHANGES})
-    motion = describe_motion(departure, part, stability, model)
+    motion = describe_motion(vibration, part, stability, model)
     main = motion.main
     mode = _nearest(main, modes) if main is not None and modes else None
     return Saturation(
-        start_s=float(departure.time[part][0]),
+        start_s=float(vibration.time[part][0]),
         regime=regime,
         lines=motion.lines,
         amplitude=motion.amplitude,
@@ -112,37 +112,37 @@ def describe_saturation(
     )
 
 
-def describe_motion(departure: Departure, part: slice, stability: Stability, model: Model) -> Motion:
+def describe_motion(vibration: Vibration, part: slice, stability: Stability, model: Model) -> Motion:
     """Describe the motion in a part of the record, whatever its kind."""
-    amplitude = np.ptp(departure.extremes(part), axis=0) / 2
+    amplitude = np.ptp(vibration.extremes(part), axis=0) / 2
     named = {name: float(size) for name, size in zip(stability.coordinates, amplitude, strict=True)}
-    if np.all(amplitude < STEADY * size_of_motion(departure, stability, model)):
+    if np.all(amplitude < STEADY * size_of_motion(vibration, stability, model)):
         return Motion(named, {}, (), None)
-    energy = stability.mass * departure.mean_square_velocity(part)
-    shares = {name: float(e / energy.sum()) for name, e in zip(stability.coordinates, energy, strict=True)}
-    lines = _lines(departure, part)
-    return Motion(named, shares, lines, _main_line(lines, stability))
+    energy = stability.mass * vibration.mean_square_velocity(part)
+    fractions = {name: float(e / energy.sum()) for name, e in zip(stability.coordinates, energy, strict=True)}
+    lines = _lines(vibration, part)
+    return Motion(named, fractions, lines, _main_line(lines, stability))
 
 
-def _lines(departure: Departure, part: slice) -> tuple[Line, ...]:
+def _lines(vibration: Vibration, part: slice) -> tuple[Line, ...]:
     found: list[Line] = []
-    for name, spectrum in departure.spectra(part):
+    for name, spectrum in vibration.spectra(part):
         peaks = zip(*spectral_peaks(spectrum, count=PEAKS, floor=PEAK_FLOOR), strict=True)
         found += [Line(name, float(frequency), float(size)) for frequency, size in peaks]
         del spectrum  # before the next is made
     return tuple(found)
 
 
-def size_of_motion(departure: Departure, stability: Stability, model: Model) -> NDArray[np.float64]:
+def size_of_motion(vibration: Vibration, stability: Stability, model: Model) -> NDArray[np.float64]:
     """What counts as motion of each coordinate (m, rad): the displacement at which the steady pressure is lost.
 
     Without pressure or without contact stiffness it is the largest displacement of the record.
     """
-    largest = departure.largest()
+    largest = vibration.largest()
     stiffness = float(model.lining.law.stiffness)
     lost = stability.pressure_range[1] / stiffness if stiffness > 0 else 0.0
     if lost > 0:
-        return lost / levers(departure.coordinates, model.shoe)
+        return lost / levers(vibration.coordinates, model.shoe)
     return np.maximum(largest, np.finfo(np.float64).tiny)
 
 
@@ -152,10 +152,10 @@ def _main_line(lines: tuple[Line, ...], stability: Stability) -> Line | None:
     return max(lines, key=lambda line: mass[line.coordinate] * (line.frequency_Hz * line.amplitude) ** 2, default=None)
 
 
-def _taking_part(departure: Departure, stability: Stability) -> tuple[Mode, ...]:
+def _taking_part(vibration: Vibration, stability: Stability) -> tuple[Mode, ...]:
     """The unstable modes (all modes if none is) whose coordinate moves at some time."""
     moving = {
-        name for name, size in zip(departure.coordinates, np.ptp(departure.extremes(), axis=0), strict=True) if size > 0
+        name for name, size in zip(vibration.coordinates, np.ptp(vibration.extremes(), axis=0), strict=True) if size > 0
     }
     able = tuple(mode for mode in stability.modes if mode.name in moving)
     return tuple(mode for mode in able if mode.unstable) or able

@@ -71,8 +71,8 @@ def read_findings(path: Path, kind: type[Found]) -> Found:
         first = error.errors()[0]
         cause = first.get("ctx", {}).get("error")
         if isinstance(cause, SceneError):
-            told = f"{path}: the scene in it is not one that this version of drumsqueal takes ({cause})"
-            raise RequestError(f"{told}; run the scene anew") from None
+            fault = f"{path}: the scene in it is not one that this version of drumsqueal takes ({cause})"
+            raise RequestError(f"{fault}; run the scene anew") from None
         place = ".".join(str(part) for part in first["loc"]) or "the whole of it"
         raise _of_another_version(path, data, f"{place}: {first['msg'][0].lower()}{first['msg'][1:]}") from None
     except (ValueError, RecursionError):
@@ -84,9 +84,9 @@ def read_findings(path: Path, kind: type[Found]) -> Found:
     return found
 
 
-def _of_another_version(path: Path, data: Any, told: str) -> RequestError:
+def _of_another_version(path: Path, data: Any, fault: str) -> RequestError:
     by = f"it was written by {_version(data)} of drumsqueal"
-    return RequestError(f"{path}: {told}; {by}: run the scene anew with this one, or use that one")
+    return RequestError(f"{path}: {fault}; {by}: run the scene anew with this one, or use that one")
 
 
 def _version(data: Any) -> str:

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from drumsqueal.findings.departure import Departure
+from drumsqueal.findings.vibration import Vibration
 from drumsqueal.physics.effects.friction_direction import UnitVelocity
 from drumsqueal.physics.effects.pressure import Unilateral
 from drumsqueal.physics.model import Model
@@ -24,11 +24,11 @@ class Softening(NamedTuple):
 
     contact_loss_Hz: float
     with_friction_Hz: float
-    by_share_Hz: float
+    by_fraction_Hz: float
 
 
 def explain_frequency(
-    departure: Departure,
+    vibration: Vibration,
     part: slice,
     model: Model,
     steady: NDArray[np.float64],
@@ -50,11 +50,11 @@ def explain_frequency(
     Source: K. Magnus and K. Popp, Schwingungen, 1997, on harmonic balance; of several frequencies it is the equivalent
     linearisation of R. C. Booton, "Nonlinear control systems with random inputs", IRE Transactions 1, 1954.
     """
-    index = {name: k for k, name in enumerate(departure.coordinates)}
-    every = max(1, departure.time[part].size // MOST_SAMPLES)
-    time = departure.time[part][::every]
+    index = {name: k for k, name in enumerate(vibration.coordinates)}
+    every = max(1, vibration.time[part].size // MOST_SAMPLES)
+    time = vibration.time[part][::every]
     q, v = np.empty((time.size, len(index))), np.empty((time.size, len(index)))
-    for rows, displacement, velocity in departure.pieces(part):
+    for rows, displacement, velocity in vibration.pieces(part):
         first = -rows.start % every  # of those that are taken
         taken = slice(-(-rows.start // every), -(-rows.stop // every))
         q[taken], v[taken] = displacement[first::every] + steady, velocity[first::every]
@@ -71,8 +71,12 @@ def explain_frequency(
     slip, across = v @ shapes["θ"].T - radius * speed, v @ shapes["z"].T
     signed, resting = _signed(model, slip, across), _signed(model, np.array([-radius * speed]), np.zeros(1))
     full = np.ones(area.size)
-    share = np.sum(weight * touching, axis=0)
-    cases = ((full, full * resting), (share, share * resting), (share, np.sum(weight * touching * signed, axis=0)))
+    fraction = np.sum(weight * touching, axis=0)
+    cases = (
+        (full, full * resting),
+        (fraction, fraction * resting),
+        (fraction, np.sum(weight * touching * signed, axis=0)),
+    )
     found = [_frequency(model, shapes, area, mode, normal, drag) for normal, drag in cases]
     scale = mode.frequency_Hz / found[0]
     return Softening(found[1] * scale, found[2] * scale, mode.frequency_Hz * float(np.sqrt(contact_fraction)))

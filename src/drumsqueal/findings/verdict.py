@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from drumsqueal.findings.outcome import Ending
 from drumsqueal.findings.signals.regime import Kind
-from drumsqueal.findings.signals.regime_words import told_frequencies
+from drumsqueal.findings.signals.regime_words import written_frequencies
 from drumsqueal.scene.quantities import percent
 
 if TYPE_CHECKING:
@@ -155,7 +155,7 @@ def _settled(saturation: Saturation, unstable: bool) -> str:
         return "decays to steady sliding, within the contact boundaries and where every mode decays"
     what = _SETTLED[regime.kind]
     if regime.kind is Kind.QUASI_PERIODIC:
-        what += f" of {told_frequencies(regime.base_frequencies_Hz, regime.base_uncertainties_Hz, DIGITS)}"
+        what += f" of {written_frequencies(regime.base_frequencies_Hz, regime.base_uncertainties_Hz, DIGITS)}"
     if main is None or shift is None:
         return what
     side = "at" if abs(shift) < UNCHANGED else f"{100 * abs(shift):.1f} % {'below' if shift < 0 else 'above'}"

@@ -66,8 +66,8 @@ class Plan(NamedTuple):
             return np.stack([np.array(each.values)[at] for each, at in zip(self.variations, places, strict=True)], 1)
         bits = np.random.PCG64(self.seed).advance(first * len(self.keys))
         places = np.asarray(bits.random_raw((stop - first) * len(self.keys))) >> _SHIFT
-        shares = ((places + 0.5) / PLACES).reshape(stop - first, len(self.keys))
-        drawn = [each.quantile(shares[:, k]) for k, each in enumerate(self.distributions.values())]
+        fractions = ((places + 0.5) / PLACES).reshape(stop - first, len(self.keys))
+        drawn = [each.quantile(fractions[:, k]) for k, each in enumerate(self.distributions.values())]
         return np.stack(drawn, 1)
 
     def listed(self, key: str, value: float) -> float:

@@ -75,12 +75,12 @@ def printable(text: str) -> str:
     return "".join(letter if letter.isprintable() else "?" for letter in text)
 
 
-def percent(share: float, sign: str = "") -> str:
+def percent(fraction: float, sign: str = "") -> str:
     """A fraction in per cent, of two digits where it is small, with a sign if `sign` is "+": 1 %, +32 %, 0.0013 %."""
-    if abs(share) < ROUND_OFF:
+    if abs(fraction) < ROUND_OFF:
         return "0 %"
-    digits = ".2g" if abs(share) < 0.0995 or abs(share) > _MANY else ".0f"  # no exponent for hundreds
-    return f"{100 * share:{sign}{digits}} %"
+    digits = ".2g" if abs(fraction) < 0.0995 or abs(fraction) > _MANY else ".0f"  # no exponent for hundreds
+    return f"{100 * fraction:{sign}{digits}} %"
 
 
 def dotted(path: KeyPath) -> str:

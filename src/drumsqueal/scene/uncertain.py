@@ -46,9 +46,9 @@ class Uniform:
     low: float
     high: float
 
-    def quantile(self, share: ArrayLike) -> NDArray[np.float64]:
+    def quantile(self, fraction: ArrayLike) -> NDArray[np.float64]:
         """The value at a cumulative probability (0 to 1)."""
-        return self.low + np.asarray(share) * (self.high - self.low)
+        return self.low + np.asarray(fraction) * (self.high - self.low)
 
 
 @dataclass(frozen=True)
@@ -63,12 +63,12 @@ class Normal:
     low: float | None = None
     high: float | None = None
 
-    def quantile(self, share: ArrayLike) -> NDArray[np.float64]:
+    def quantile(self, fraction: ArrayLike) -> NDArray[np.float64]:
         """The value at a cumulative probability (0 to 1)."""
         from scipy.special import ndtri  # a quarter of a second, which reading a scene does not need
 
         below, left = self.kept()
-        values = self.mean + self.deviation * ndtri(below + np.asarray(share) * left)
+        values = self.mean + self.deviation * ndtri(below + np.asarray(fraction) * left)
         # Rounding alone could lead out of the limits.
         return np.clip(values, self.low, self.high) if (self.low, self.high) != (None, None) else values
 
@@ -93,10 +93,10 @@ class LogNormal:
     low: float | None = None
     high: float | None = None
 
-    def quantile(self, share: ArrayLike) -> NDArray[np.float64]:
+    def quantile(self, fraction: ArrayLike) -> NDArray[np.float64]:
         """The value at a cumulative probability (0 to 1)."""
         with np.errstate(over="ignore"):  # what reaches infinity is refused where it is read
-            values = np.exp(self._logarithm().quantile(share))
+            values = np.exp(self._logarithm().quantile(fraction))
         return np.clip(values, self.low, self.high) if (self.low, self.high) != (None, None) else values
 
     def kept(self) -> tuple[float, float]:

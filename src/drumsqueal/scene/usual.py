@@ -71,7 +71,7 @@ def unusual(scene: "Scene") -> Iterator[str]:
             for index, value in enumerate(values if isinstance(values, tuple) else (values,)):
                 if value != 0 and not usual.low <= abs(value) <= usual.high:
                     place = dotted((path, index)) if isinstance(values, tuple) else path
-                    yield _told(place, value, usual)
+                    yield _remark(place, value, usual)
                     break  # of a profile, the first one
     static, kinetic = numbers.get("friction.static"), numbers.get("friction.kinetic")
     if isinstance(static, float) and isinstance(kinetic, float) and static < kinetic:
@@ -81,7 +81,7 @@ def unusual(scene: "Scene") -> Iterator[str]:
         )
 
 
-def _told(place: str, value: float, usual: Usual) -> str:
+def _remark(place: str, value: float, usual: Usual) -> str:
     unit = f" {usual.unit}" if usual.unit else ""
     message = f"{place} = {value:g}{unit} is far from what drum brakes have, {usual.written}"
     for other, size in usual.meant:

@@ -49,7 +49,7 @@ class Variation(NamedTuple):
         """A value (SI), or a difference of two, in that unit."""
         return value / self.size
 
-    def told(self, value: float, form: str = ".6g") -> str:
+    def with_unit(self, value: float, form: str = ".6g") -> str:
         """A value (SI) in that unit, with the unit."""
         return f"{self.shown(value):{form}}{f' {self.shown_unit}' if self.shown_unit else ''}"
 

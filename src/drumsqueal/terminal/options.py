@@ -65,13 +65,13 @@ JsonFile = Annotated[
 ]
 
 
-def read_share(text: str, option: str) -> float:
+def read_fraction(text: str, option: str) -> float:
     """A fraction between 0 and 1 from "1 %" or "0.01"."""
     wrong = f'{option} {text}: write a share between 0 and 100 %, such as "1 %" or 0.01'
-    share = _read(text, "", wrong)
-    if not 0 < share < 1:
+    fraction = _read(text, "", wrong)
+    if not 0 < fraction < 1:
         raise RequestError(wrong)
-    return share
+    return fraction
 
 
 def read_time(text: str | None, option: str) -> float | None:

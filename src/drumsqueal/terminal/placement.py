@@ -76,16 +76,16 @@ def _label_edge(
     box, along = axes.get_window_extent(), 1 if upright else 0
     length = (box.height if upright else box.width) * 72 / figure.dpi
     limits = axes.get_ylim() if upright else axes.get_xlim()
-    shares = (np.array([place for place, _, _ in labels]) - limits[0]) / (limits[1] - limits[0])
-    placed = spread(shares, step / length, 0.0, 1.0)
+    fractions = (np.array([place for place, _, _ in labels]) - limits[0]) / (limits[1] - limits[0])
+    placed = spread(fractions, step / length, 0.0, 1.0)
     made = []
-    for share, place, (_, text, colour) in zip(shares, placed, labels, strict=True):
+    for fraction, place, (_, text, colour) in zip(fractions, placed, labels, strict=True):
         offset = [reach, reach]
-        offset[along] = (place - share) * length
+        offset[along] = (place - fraction) * length
         made.append(
             axes.annotate(
                 text,
-                (1.0, share) if upright else (share, 1.0),
+                (1.0, fraction) if upright else (fraction, 1.0),
                 xycoords="axes fraction",
                 xytext=(offset[0], offset[1]),
                 textcoords="offset points",

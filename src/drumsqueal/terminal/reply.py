@@ -39,7 +39,7 @@ class Reply:
         self.console = make_console(quiet=quiet or json_file is not None)
 
     @classmethod
-    def beside(
+    def next_to(
         cls,
         folder: Path,
         files: Iterable[str],
@@ -72,7 +72,7 @@ class Reply:
     def with_file(
         cls, file: Path, read: Iterable[Path], quiet: bool, json_file: str | None, *, overwrite: bool
     ) -> "Reply":
-        """That of a command which reads some files and writes one. Raises RequestError as `beside` does."""
+        """That of a command which reads some files and writes one. Raises RequestError as `next_to` does."""
         check_apart(file, read)
         reply = cls(quiet, json_file, overwrite=overwrite, apart_from=(*read, file))
         reply._claim_file(file, overwrite=overwrite, option="-o")

@@ -80,11 +80,11 @@ def _per_millisecond(calls: dict[str, Callable[[], object]], counts: Sequence[in
     seconds: dict[str, list[float]] = {name: [] for name in calls}
     for round_number in range(ROUNDS + 1):
         for (name, call), count in zip(calls.items(), counts, strict=True):
-            share = count * DURATION * 1e3
-            if round_number > 1 and seconds[name][0] * share > PATIENCE:
+            fraction = count * DURATION * 1e3
+            if round_number > 1 and seconds[name][0] * fraction > PATIENCE:
                 continue
             before = time.perf_counter()
             call()
             if round_number:
-                seconds[name].append((time.perf_counter() - before) / share)
+                seconds[name].append((time.perf_counter() - before) / fraction)
     return seconds

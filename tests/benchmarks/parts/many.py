@@ -84,7 +84,7 @@ def integrate_all(models: list[Model], tolerance: float) -> tuple[float, np.ndar
     before = time.perf_counter()
     batches = list(integrate_many(models, zero, start[:, :3], start[:, 3:], **options))
     seconds = time.perf_counter() - before
-    return seconds, np.concatenate([np.concatenate([b.departure, b.velocity], axis=2) for b in batches], axis=1)
+    return seconds, np.concatenate([np.concatenate([b.vibration, b.velocity], axis=2) for b in batches], axis=1)
 
 
 def compete(models: list[Model], parameters: np.ndarray) -> Contest:

@@ -119,7 +119,7 @@ def _own(prepared: Prepared) -> list[Runner]:
         start = np.zeros(3), START[:3], START[3:]
         options = {"duration": DURATION, "sample_rate": SAMPLE_RATE, "tolerance": tolerance, "threads": 1}
         batches = list(integrate_many([model], *(each[None] for each in start), **options))
-        return np.concatenate([np.concatenate([each.departure[0], each.velocity[0]], axis=1) for each in batches])
+        return np.concatenate([np.concatenate([each.vibration[0], each.velocity[0]], axis=1) for each in batches])
 
     return [Runner(name, run, HALF_DECADES, _first(run)) for name, run in ((OURS, whole), (BARE, bare))]
 

@@ -37,7 +37,7 @@ from .record import Record
 from .scenes import DURATION, SAMPLE_RATE, growing_scene
 
 TOLERANCE, SHORT = 1e-6, 1e-6  # of the transient; s, over in a step or two
-ROUNDS, LARGEST_SHARE = 15, 0.3
+ROUNDS, LARGEST_FRACTION = 15, 0.3
 
 
 class Springs(Model):
@@ -95,11 +95,11 @@ def _steps(segments: list[Segment]) -> int:
 
 def report(record: Record, step: float, bare_step: float, evaluation: float, fetching: float) -> None:
     """Print what a step is made of (s), and judge."""
-    share = 1 - STAGES[DEFAULT] * evaluation / step
+    fraction = 1 - STAGES[DEFAULT] * evaluation / step
     record.keep("step", "act", "time of an evaluation", "s", evaluation)
     record.keep("step", DEFAULT, "time of a step", "s", step)
     record.keep("step", DEFAULT, "time of a step with springs for forces", "s", bare_step)
-    record.keep("step", DEFAULT, "share outside the right-hand side", "1", share)
+    record.keep("step", DEFAULT, "share outside the right-hand side", "1", fraction)
     record.say(
         f"step: {1e6 * step:.3g} µs a step of {DEFAULT}, {1e9 * evaluation:.3g} ns an evaluation, of which a step has "
         f"{STAGES[DEFAULT]}; {1e9 * fetching:.2g} ns to fetch a state are taken off. With springs for forces a step "
@@ -107,10 +107,10 @@ def report(record: Record, step: float, bare_step: float, evaluation: float, fet
     )
     record.aim(
         "step",
-        f"at most {LARGEST_SHARE:.0%} of a step outside the right-hand side",
-        f"{share:.0%} ({1e6 * share * step:.2g} of {1e6 * step:.3g} µs); {bare_step / step:.0%} with springs",
-        share <= LARGEST_SHARE,
-        f"by {100 * (share - LARGEST_SHARE):.0f} points",
+        f"at most {LARGEST_FRACTION:.0%} of a step outside the right-hand side",
+        f"{fraction:.0%} ({1e6 * fraction * step:.2g} of {1e6 * step:.3g} µs); {bare_step / step:.0%} with springs",
+        fraction <= LARGEST_FRACTION,
+        f"by {100 * (fraction - LARGEST_FRACTION):.0f} points",
     )
 
 

@@ -15,7 +15,7 @@ from .contender import Outcome
 from .parameters import with_drum_speed
 from .solvers import contender
 
-SHARE = 4  # transients a task: small, for slow drums take longer
+FRACTION = 4  # transients a task: small, for slow drums take longer
 
 
 class Task(NamedTuple):
@@ -64,7 +64,7 @@ def solve_batch(
     """The transient at each drum speed (rad/s), from the state `start` (6,), sampled at the times (s)."""
     tasks = [Task(name, with_drum_speed(parameters, speed), start, times, tolerance) for speed in speeds]
     before = time.perf_counter()
-    outcomes = pool.map(_solve, tasks, SHARE)
+    outcomes = pool.map(_solve, tasks, FRACTION)
     seconds = time.perf_counter() - before
     states = np.stack([each.states for each in outcomes])
     return BatchOutcome(states, sum(each.evaluations for each in outcomes), seconds)

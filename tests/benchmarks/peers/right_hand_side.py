@@ -147,7 +147,7 @@ def _whole(a, n0, nc, ns, v0, vc, vs):
 
 
 @njit(fastmath=True)
-def _has_edge(constant, cosine, sine, discriminant, end_cosine, end_sine):
+def _has_boundary(constant, cosine, sine, discriminant, end_cosine, end_sine):
     """Whether a level vanishes on the arc: not if the ends have one sign and a possible extremum lies outside."""
     if discriminant <= 0.0:
         return False
@@ -169,7 +169,7 @@ def right_hand_side(state, parameters, rate):
     v0, vc, vs = a[p.RADIUS] * vt - a[p.DRUM], vy - a[p.CENTROID] * vt, -vx
     ec, es = a[p.COSINE_END], a[p.SINE_END]
     pressure, slip = nc * nc + ns * ns - n0 * n0, vc * vc + vs * vs - v0 * v0
-    if _has_edge(n0, nc, ns, pressure, ec, es) or _has_edge(v0, vc, vs, slip, ec, es):
+    if _has_boundary(n0, nc, ns, pressure, ec, es) or _has_boundary(v0, vc, vs, slip, ec, es):
         x, y, spin = _split(a, n0, nc, ns, v0, vc, vs, pressure, slip)
     else:
         x, y, spin = _whole(a, n0, nc, ns, v0, vc, vs)

@@ -1,12 +1,12 @@
 """Analysis of a recorded motion: spectra, lines, growth rates and the regime; arrays in, arrays out."""
 
-from drumsqueal.findings.signals.bases import Bases, find_bases
 from drumsqueal.findings.signals.decibels import level_dB, level_reference
+from drumsqueal.findings.signals.fundamentals import Fundamentals, find_fundamentals
 from drumsqueal.findings.signals.growth import Growth, fit_growth, modal_amplitudes, modal_frequency
 from drumsqueal.findings.signals.harmonics import Harmonic, find_harmonics
 from drumsqueal.findings.signals.lines import Lines, find_lines
 from drumsqueal.findings.signals.regime import PERIODS_NEEDED, STEADY, Regime, classify
-from drumsqueal.findings.signals.regime_words import told_frequencies
+from drumsqueal.findings.signals.regime_words import written_frequencies
 from drumsqueal.findings.signals.resampling import resample
 from drumsqueal.findings.signals.ridge import Ridge, follow_line
 from drumsqueal.findings.signals.sound import Sound, to_sound, wav_bytes
@@ -26,7 +26,7 @@ from drumsqueal.findings.signals.tones import Tones, find_tones
 __all__ = [
     "PERIODS_NEEDED",
     "STEADY",
-    "Bases",
+    "Fundamentals",
     "Growth",
     "Harmonic",
     "Lines",
@@ -40,7 +40,7 @@ __all__ = [
     "Tones",
     "amplitude_spectrum",
     "classify",
-    "find_bases",
+    "find_fundamentals",
     "find_harmonics",
     "find_lines",
     "find_tones",
@@ -56,6 +56,6 @@ __all__ = [
     "spectrogram",
     "spectrogram_pieces",
     "to_sound",
-    "told_frequencies",
     "wav_bytes",
+    "written_frequencies",
 ]

@@ -36,7 +36,7 @@ class Lines(NamedTuple):
     frequency_Hz: NDArray[np.float64]
     uncertainty_Hz: NDArray[np.float64]
     amplitude: NDArray[np.complex128]
-    share: NDArray[np.float64]
+    fraction: NDArray[np.float64]
     left: float
     resolution_Hz: float
 

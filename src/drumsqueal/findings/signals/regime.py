@@ -8,8 +8,8 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, computed_field
 
 from drumsqueal.findings.part import Finding
-from drumsqueal.findings.signals.bases import find_bases
 from drumsqueal.findings.signals.checks import below_nyquist, finite_record, positive
+from drumsqueal.findings.signals.fundamentals import find_fundamentals
 from drumsqueal.findings.signals.lines import find_lines
 from drumsqueal.findings.signals.recurrence import RECURRENCE, find_recurrences, recurrence_after
 from drumsqueal.findings.signals.regime_words import Cause, describe_cause
@@ -91,7 +91,7 @@ def classify(signals: ArrayLike, sample_rate: float, *, scale: ArrayLike, lowest
       stays, from a torus that nearly closes or a slow beat, whose error grows with every turn. The shortest such T
       is returned, so a subharmonic weaker than half a per cent of the rms is not seen.
     - quasi-periodic: stationary, not recurrent, and lines that are integer combinations of two or three fundamental
-      frequencies (`find_lines`, `find_bases`) hold 99 % of its variance.
+      frequencies (`find_lines`, `find_fundamentals`) hold 99 % of its variance.
     - irregular: stationary and neither: chaos, noise, or a torus of more fundamentals. Chaos so weak that its lines are
       sharp within this record counts as quasi-periodic; only the largest Lyapunov exponent distinguishes them.
 
@@ -165,21 +165,21 @@ def _moving_regime(unit: NDArray[np.float64], rate: float, longest_period: float
 def _not_periodic(unit: NDArray[np.float64], rate: float, error: float, drift: float, *, nearly: bool) -> Regime:
     """Classify a torus, or a long cycle, against irregular motion by the lines of a stationary record."""
     lines = find_lines(unit, rate, floor=FLOOR)
-    bases, duration = find_bases(lines), unit.shape[0] / rate
-    found, known = bases.frequency_Hz.tolist(), bases.uncertainty_Hz.tolist()
+    fundamentals, duration = find_fundamentals(lines), unit.shape[0] / rate
+    found, known = fundamentals.frequency_Hz.tolist(), fundamentals.uncertainty_Hz.tolist()
     numbers = {
         "recurrence_error": error,
         "nearly": float(nearly),
         "recurrence_limit": RECURRENCE,
         "lines": float(lines.frequency_Hz.size),
         "in_lines": 1.0 - lines.left,
-        "explained": bases.explained,
+        "explained": fundamentals.explained,
         "resolution_Hz": lines.resolution_Hz,
         "duration_s": duration,
     }
 
     def classified(kind: Kind, cause: Cause, **more: float) -> Regime:
-        kept = slice(None) if bases.explained >= EXPLAINED else slice(0)
+        kept = slice(None) if fundamentals.explained >= EXPLAINED else slice(0)
         return Regime(
             kind=kind,
             cause=cause,
@@ -189,12 +189,12 @@ def _not_periodic(unit: NDArray[np.float64], rate: float, error: float, drift: f
             recurrence_error=more.get("recurrence_error", error),
             amplitude_drift=drift,
             base_uncertainties_Hz=tuple(known[kept]),
-            explained_share=bases.explained,
+            explained_share=fundamentals.explained,
             resolution_Hz=lines.resolution_Hz,
             record_needed_s=more.get("record_needed_s"),
         )
 
-    if bases.explained < EXPLAINED:
+    if fundamentals.explained < EXPLAINED:
         return classified(Kind.IRREGULAR, Cause.NO_COMBINATIONS)
     if len(found) > 1:
         return classified(Kind.QUASI_PERIODIC, Cause.COMBINATIONS)

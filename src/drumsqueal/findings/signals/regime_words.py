@@ -30,11 +30,11 @@ def describe_cause(
     cause: Cause, numbers: Numbers, mode: str, frequencies: Sequence[float], uncertainties: Sequence[float]
 ) -> str:
     """The sentence of a cause; `mode` is the slowest mode of a motion that decays."""
-    listed = told_frequencies(frequencies, uncertainties, 6)
+    listed = written_frequencies(frequencies, uncertainties, 6)
     return SENTENCES[cause](numbers, listed or mode)
 
 
-def told_frequencies(frequencies: Sequence[float], uncertainties: Sequence[float], most: int) -> str:
+def written_frequencies(frequencies: Sequence[float], uncertainties: Sequence[float], most: int) -> str:
     """Frequencies in words, to the digits that they are known to, `most` significant ones."""
     texts = []
     for frequency, uncertainty in zip(frequencies, uncertainties, strict=True):

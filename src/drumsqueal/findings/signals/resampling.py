@@ -77,7 +77,7 @@ def _predicted(values: NDArray[np.float64], count: int) -> NDArray[np.float64]:
     return result
 
 
-def share_above(values: ArrayLike, sample_rate: float, frequency: float) -> tuple[float, float]:
+def fraction_above(values: ArrayLike, sample_rate: float, frequency: float) -> tuple[float, float]:
     """Fraction of the energy of a signal (n,), its mean left out, above a frequency (Hz), and the strongest line there.
 
     From the periodogram with a Hann window; the fraction is 0 for a signal that is constant. Raises ValueError.

@@ -21,7 +21,7 @@ from drumsqueal.physics.laws.friction_law import breakpoints, kinks
 from drumsqueal.physics.quadrature.arc import NODES_LONG_ARC, ArcSurface
 from drumsqueal.physics.quadrature.levels import Level
 from drumsqueal.physics.quadrature.sums import Densities
-from drumsqueal.physics.quadrature.surface import Edges, Nodes, Surface
+from drumsqueal.physics.quadrature.surface import Boundaries, Nodes, Surface
 
 
 class Levels(NamedTuple):
@@ -120,8 +120,8 @@ class Contact(eqx.Module):
         """The integrals of densities over the lining, exact between its contact boundaries."""
         law = None if self.friction is None or levels.slip is None else self.friction.law
         cuts = (jnp.zeros(0), jnp.zeros(0)) if law is None else (breakpoints(law), kinks(law))
-        edges = Edges(self.law.edges(levels.pressure), levels.slip, levels.axial, *cuts)
-        return self.surface.integrate(self.body, edges, densities)
+        boundaries = Boundaries(self.law.boundaries(levels.pressure), levels.slip, levels.axial, *cuts)
+        return self.surface.integrate(self.body, boundaries, densities)
 
     def _field(self, moment: Moment, levels: Levels, nodes: Nodes) -> ContactField:
         """Evaluate the contact at quadrature nodes."""

@@ -11,7 +11,7 @@ from drumsqueal.physics.effects.operation import Moment
 from drumsqueal.precision import real
 
 # A mode below this fraction of the highest squared frequency has no stiffness (the free Z motion) and stays undamped.
-FREE_MODE_SHARE = 1e-12
+FREE_MODE_FRACTION = 1e-12
 
 
 def frictionless_modes(mass: Array, stiffness: Array) -> tuple[Array, Array]:
@@ -21,7 +21,7 @@ def frictionless_modes(mass: Array, stiffness: Array) -> tuple[Array, Array]:
     """
     root = jnp.sqrt(mass)
     squared, vectors = jnp.linalg.eigh(stiffness / root[:, None] / root[None, :])
-    stiff = squared > FREE_MODE_SHARE * jnp.max(jnp.abs(squared))
+    stiff = squared > FREE_MODE_FRACTION * jnp.max(jnp.abs(squared))
     omega = jnp.where(stiff, jnp.sqrt(jnp.where(stiff, squared, 1.0)), 0.0)
     return omega, vectors / root[:, None]
 

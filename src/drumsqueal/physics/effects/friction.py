@@ -19,12 +19,12 @@ class Friction(eqx.Module):
     def traction(self, moment: Moment, pressure: Array, slip: Array, axial: Array | None) -> tuple[Array, Array | None]:
         """Tractions on the lining along θ and z (Pa); the latter None where it is not called for."""
         along, across = self.direction.traction(self.law, pressure, slip, axial)
-        share = moment.friction_share
-        if share is None:
+        fraction = moment.friction_left
+        if fraction is None:
             return along, across
-        return share * along, None if across is None else share * across
+        return fraction * along, None if across is None else fraction * across
 
     def steady_coefficient(self, moment: Moment, speed: ArrayLike) -> Array:
         """Signed μ at steady sliding with drum surface speed RΩ (m/s): positive drags the shoe along +θ."""
         coefficient = self.law.coefficient(jnp.abs(speed)) * jnp.sign(speed)
-        return coefficient if moment.friction_share is None else moment.friction_share * coefficient
+        return coefficient if moment.friction_left is None else moment.friction_left * coefficient

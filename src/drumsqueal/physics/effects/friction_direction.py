@@ -55,5 +55,5 @@ class UnitVelocity(eqx.Module):
         squared = slip * slip + axial * axial
         sliding = squared > 0
         speed = jnp.sqrt(jnp.where(sliding, squared, 1.0))
-        share = jnp.where(sliding, -law.coefficient(speed) * pressure / speed, 0.0)
-        return share * slip, share * axial
+        fraction = jnp.where(sliding, -law.coefficient(speed) * pressure / speed, 0.0)
+        return fraction * slip, fraction * axial

@@ -13,14 +13,14 @@ from drumsqueal.physics.effects.schedule import Profile, Schedule
 class Moment(NamedTuple):
     """One instant: time (s), drum speed Ω (rad/s), preload p0 (Pa) and its rate (Pa/s; None for a constant load).
 
-    `friction_share` is the fraction of friction that acts; None: all of it.
+    `friction_left` is the fraction of friction that acts; None: all of it.
     """
 
     time: ArrayLike
     drum_speed: Array
     preload: Array
     preload_rate: Array | None
-    friction_share: Array | None = None
+    friction_left: Array | None = None
 
 
 class Operation(eqx.Module):

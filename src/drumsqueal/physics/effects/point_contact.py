@@ -99,8 +99,8 @@ class PointContact(eqx.Module):
         load, drag = self._forces(moment, q, v)
         slip, touches = _slip(moment, v), self.law.touches(self._level(moment, q))
         reversed_slip = touches & (slip * jnp.sign(moment.drum_speed) > 0)
-        share, back = (jnp.where(each, 1.0, 0.0) for each in (touches, reversed_slip))
-        return Observation(drag, load, share, back, load, -drag * slip, jnp.zeros(()))
+        fraction, back = (jnp.where(each, 1.0, 0.0) for each in (touches, reversed_slip))
+        return Observation(drag, load, fraction, back, load, -drag * slip, jnp.zeros(()))
 
     def _level(self, moment: Moment, q: Motion) -> Array:
         return moment.preload + self.law.stiffness * _depth(q)

@@ -19,7 +19,7 @@ class Bonded(eqx.Module):
 
     stiffness: Array = eqx.field(converter=real)
 
-    def edges(self, level: Level) -> None:
+    def boundaries(self, level: Level) -> None:
         """No contact boundaries: contact is never lost."""
         del level
 
@@ -42,7 +42,7 @@ class Unilateral(eqx.Module):
 
     stiffness: Array = eqx.field(converter=real)
 
-    def edges(self, level: Level) -> Level:
+    def boundaries(self, level: Level) -> Level:
         """The level whose roots are the contact boundaries."""
         return level
 

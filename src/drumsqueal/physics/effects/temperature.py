@@ -52,7 +52,7 @@ class Temperature(eqx.Module):
 
     def influence(self, moment: Moment, memory: Array) -> Moment:
         """The moment with the fraction of friction that is left, max(0, 1 − γ ϑ)."""
-        return moment._replace(friction_share=jnp.maximum(0.0, 1 - self.fade * memory[0]))
+        return moment._replace(friction_left=jnp.maximum(0.0, 1 - self.fade * memory[0]))
 
     def rate(self, memory: Array, heat: Scalar) -> Array:
         """ϑ̇ (1,) in K/s."""

@@ -19,7 +19,7 @@ from drumsqueal.precision import real
 # on [0, 1], as where the slip speed has an extremum, to a fraction of its largest value. Sixteen Gauss nodes are exact
 # for that degree. The fraction is the finest that MOST_STRETCHES reach.
 DEGREE, MOST_STRETCHES = 31, 48
-SHARES = 10.0 ** np.arange(-12, -3)
+FRACTIONS = 10.0 ** np.arange(-12, -3)
 GRADUAL = 1e-6  # of the largest μ: what is resolved so well from one of ANY_LAW to the next needs no cuts in space
 SLOWEST, FASTEST = 1e-6, 1e3  # m/s: below the one nothing is looked for, beyond the other μ counts as resolved
 
@@ -111,35 +111,35 @@ def find_breakpoints(law: FrictionLaw) -> NDArray[np.float64]:
     """
     coefficient = eqx.filter_jit(law.coefficient)
     found: list[float] = []
-    for share in SHARES:
+    for fraction in FRACTIONS:
         found = [0.0]
         while found[-1] < FASTEST and len(found) <= MOST_STRETCHES:
-            found.append(_end_of_stretch(coefficient, found[-1], share))
+            found.append(_end_of_stretch(coefficient, found[-1], fraction))
         if found[-1] >= FASTEST:
             break
     return np.array(found[1:-1])
 
 
-def _end_of_stretch(coefficient: Callable[[Array], Array], low: float, share: float) -> float:
+def _end_of_stretch(coefficient: Callable[[Array], Array], low: float, fraction: float) -> float:
     """The largest slip speed up to which the law is resolved from `low` on, to round-off: it may be a kink."""
     good, bad = 0.0, max(SLOWEST, 1e3 * np.spacing(low))
-    while _is_resolved(coefficient, low, bad, share):
+    while _is_resolved(coefficient, low, bad, fraction):
         if low + bad >= FASTEST:
             return FASTEST
         good, bad = bad, min(2 * bad, FASTEST - low)
     while bad - good > 4 * np.spacing(low + bad):
         middle = (good + bad) / 2
-        good, bad = (middle, bad) if _is_resolved(coefficient, low, middle, share) else (good, middle)
+        good, bad = (middle, bad) if _is_resolved(coefficient, low, middle, fraction) else (good, middle)
     return low + bad
 
 
-def _is_resolved(coefficient: Callable[[Array], Array], low: float, length: float, share: float) -> bool:
+def _is_resolved(coefficient: Callable[[Array], Array], low: float, length: float, fraction: float) -> bool:
     speeds = low + length * np.stack([_PLACES**2, 1 - _PLACES**2])
     values = np.broadcast_to(np.asarray(coefficient(jnp.asarray(speeds))), speeds.shape)
     if not np.isfinite(values).all():
         return False
     apart = values[:, : DEGREE + 1] @ _FIT.T - values[:, DEGREE + 1 :]
-    return bool(np.max(np.abs(apart)) <= share * np.max(np.abs(values)))
+    return bool(np.max(np.abs(apart)) <= fraction * np.max(np.abs(values)))
 
 
 def _fit() -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -12,7 +12,7 @@ from jax import Array
 
 from drumsqueal.physics.quadrature.levels import Level, crosses_zero, quarter_tangents
 from drumsqueal.physics.quadrature.sums import Densities, sum_together
-from drumsqueal.physics.quadrature.surface import Edges, Lining, Nodes, resolved
+from drumsqueal.physics.quadrature.surface import Boundaries, Lining, Nodes, resolved
 
 # Gauss nodes a piece. The arc is split at its middle and twice for each level that may have boundaries; the longest
 # piece is half of it. Errors of the contact force, largest of 300 random states with boundaries, over p0 times the
@@ -39,20 +39,20 @@ class ArcSurface(eqx.Module):
         """Whether the nodes differ across the lining."""
         return False
 
-    def integrate(self, lining: Lining, edges: Edges, densities: Callable[[Nodes], Densities]) -> Densities:
+    def integrate(self, lining: Lining, boundaries: Boundaries, densities: Callable[[Nodes], Densities]) -> Densities:
         """Sums over nodes that are split at the boundaries, and at the friction law's slip speeds where it is steep.
 
         What has none is not split, which makes an evaluation below all boundaries more than twice as fast. Many motions
         at once are better run one after the other (`batch.py`): under `jax.vmap` each of them takes all ways.
         """
-        levels = [level for level in (edges.pressure, edges.slip) if level is not None]
+        levels = [level for level in (boundaries.pressure, boundaries.slip) if level is not None]
 
         def split(kept: Sequence[Level]) -> Densities:
-            bounds = _edge_bounds(kept, jnp.tan(lining.half_angle / 4))
+            bounds = _boundary_bounds(kept, jnp.tan(lining.half_angle / 4))
             return sum_together([densities(_piece(lining, *ends, self.nodes_per_piece)) for ends in pairwise(bounds)])
 
         def split_everywhere() -> Densities:
-            bounds = _all_bounds(edges, jnp.tan(lining.half_angle / 4))
+            bounds = _all_bounds(boundaries, jnp.tan(lining.half_angle / 4))
             nodes = max(self.nodes_per_piece, STEEP_NODES)
             return sum_together([densities(_piece(lining, bounds[:-1, None], bounds[1:, None], nodes))])
 
@@ -61,9 +61,9 @@ class ArcSurface(eqx.Module):
         ways = [[level for i, level in enumerate(levels) if way >> i & 1] for way in range(2 ** len(levels))]
         branches = [partial(split, kept) for kept in ways]
         way = sum((jnp.where(crosses_zero(level), 1 << i, 0) for i, level in enumerate(levels)), start=jnp.asarray(0))
-        if edges.slip is not None and edges.breakpoints.size:
+        if boundaries.slip is not None and boundaries.breakpoints.size:
             branches = [*branches, split_everywhere]
-            way = jnp.where(resolved(edges.breakpoints, *_slip_speeds(edges.slip)), way, len(ways))
+            way = jnp.where(resolved(boundaries.breakpoints, *_slip_speeds(boundaries.slip)), way, len(ways))
         return jax.lax.switch(way, branches)
 
 
@@ -76,13 +76,13 @@ def _piece(lining: Lining, low: Array, high: Array, count: int) -> Nodes:
     point, weight = np.polynomial.legendre.leggauss(count)
     half = (high - low) / 2
     u = (high + low) / 2 + half * point
-    share = 1 / (1 + u * u)
-    half_cosine, half_sine = (1 - u * u) * share, 2 * u * share
+    fraction = 1 / (1 + u * u)
+    half_cosine, half_sine = (1 - u * u) * fraction, 2 * u * fraction
     sine, cosine = 2 * half_sine * half_cosine, 1 - 2 * half_sine * half_sine
-    return Nodes(cosine, sine, None, half * weight * share * (4 * lining.outer_radius * lining.width))
+    return Nodes(cosine, sine, None, half * weight * fraction * (4 * lining.outer_radius * lining.width))
 
 
-def _edge_bounds(levels: Sequence[Level], end: Array) -> list[Array]:
+def _boundary_bounds(levels: Sequence[Level], end: Array) -> list[Array]:
     """Sorted bounds tan(θ/4): the ends, the middle and two a level; one that is not on the arc splits it evenly."""
     even = np.delete(_spread_evenly(2 * len(levels) + 1), len(levels))
     spread = (even[len(levels) * j + i] for i in range(len(levels)) for j in range(2))
@@ -91,16 +91,16 @@ def _edge_bounds(levels: Sequence[Level], end: Array) -> list[Array]:
     return [-end, *sort_network([*splits, jnp.zeros(())]), end]
 
 
-def _all_bounds(edges: Edges, end: Array) -> Array:
+def _all_bounds(boundaries: Boundaries, end: Array) -> Array:
     """Sorted bounds tan(θ/4) of as many pieces as there may be; those that are not there are empty, at the end.
 
     They are quarters of the arc, the boundaries, and where the slip speed is largest, smallest or one that cuts the
     friction law: between those, it is resolved.
     """
-    roots = [] if edges.pressure is None else quarter_tangents(edges.pressure)
-    if edges.slip is not None:
-        constant, cosine, sine, *_ = edges.slip
-        signed = jnp.concatenate([-edges.breakpoints, jnp.zeros(1), edges.breakpoints])
+    roots = [] if boundaries.pressure is None else quarter_tangents(boundaries.pressure)
+    if boundaries.slip is not None:
+        constant, cosine, sine, *_ = boundaries.slip
+        signed = jnp.concatenate([-boundaries.breakpoints, jnp.zeros(1), boundaries.breakpoints])
         roots += quarter_tangents(Level(constant + signed, cosine + 0 * signed, sine + 0 * signed))
         roots += quarter_tangents(Level(jnp.zeros(()), sine, -cosine))
     splits = [jnp.ravel(jnp.where(there & (jnp.abs(u) < end), u, end)) for there, u in roots]

@@ -20,7 +20,7 @@ from drumsqueal.physics.quadrature.grading import graded
 from drumsqueal.physics.quadrature.levels import Level, sine_cosine
 from drumsqueal.physics.quadrature.smooth import is_smooth, smooth_nodes
 from drumsqueal.physics.quadrature.sums import Densities, sum_together
-from drumsqueal.physics.quadrature.surface import Edges, Lining, Nodes
+from drumsqueal.physics.quadrature.surface import Boundaries, Lining, Nodes
 
 # Nodes on each half piece of the arc, and on each of the two stretches of a line next to the turn of V/|V|; and
 # sections that the arc is split into in any case. At the worst state found for a rule with two sections the error over
@@ -48,22 +48,26 @@ class AreaSurface(eqx.Module):
         """Whether the nodes differ across the lining."""
         return True
 
-    def integrate(self, lining: Lining, edges: Edges, densities: Callable[[Nodes], Densities]) -> Densities:
+    def integrate(self, lining: Lining, boundaries: Boundaries, densities: Callable[[Nodes], Densities]) -> Densities:
         """Sums over nodes split at the boundaries; where there are none over far fewer, unless always split."""
 
         def split() -> Densities:
-            return self._over_pieces(lining, edges, densities)
+            return self._over_pieces(lining, boundaries, densities)
 
         if self.always_split:
             return split()
-        return jax.lax.cond(is_smooth(lining, edges), lambda: sum_together([densities(smooth_nodes(lining))]), split)
+        return jax.lax.cond(
+            is_smooth(lining, boundaries), lambda: sum_together([densities(smooth_nodes(lining))]), split
+        )
 
-    def _over_pieces(self, lining: Lining, edges: Edges, densities: Callable[[Nodes], Densities]) -> Densities:
+    def _over_pieces(
+        self, lining: Lining, boundaries: Boundaries, densities: Callable[[Nodes], Densities]
+    ) -> Densities:
         """Sum over the pieces of the arc, one after the other, for most of those there may be are empty."""
-        bounds, distance = self._bounds(lining, edges)
+        bounds, distance = self._bounds(lining, boundaries)
 
         def piece(low: Array, high: Array, gap: Array) -> Densities:
-            groups = self._parts(lining, edges, low, high, gap)
+            groups = self._parts(lining, boundaries, low, high, gap)
             sums = [sum_together([densities(nodes) for nodes in group]) for group in groups]
             return jax.tree.map(lambda *parts: sum(parts[1:], start=parts[0]), *sums)
 
@@ -79,45 +83,47 @@ class AreaSurface(eqx.Module):
         )
         return jax.lax.scan(add, nothing, each)[0]
 
-    def _bounds(self, lining: Lining, edges: Edges) -> tuple[Array, Array]:
+    def _bounds(self, lining: Lining, boundaries: Boundaries) -> tuple[Array, Array]:
         """Sorted bounds of the pieces, the empty ones last, and how far each is from a singularity (rad)."""
         half_angle = lining.half_angle
-        found = find_breaks(lining, edges)
+        found = find_breaks(lining, boundaries)
         even = half_angle * np.linspace(-1, 1, self.sections + 1)
         bounds = sort_by_counting(jnp.concatenate([even, jnp.where(found.split, found.angle, half_angle)]))
         return bounds, distances(found, bounds)
 
-    def _parts(self, lining: Lining, edges: Edges, low: Array, high: Array, gap: Array) -> list[list[Nodes]]:
+    def _parts(self, lining: Lining, boundaries: Boundaries, low: Array, high: Array, gap: Array) -> list[list[Nodes]]:
         """Nodes of a piece of the arc, whose halves are graded towards its ends, in groups of one shape.
 
         They are (2, lines, nodes a line); the parts are not joined, for a joint would be a branch at each node.
         """
         half = (high - low) / 2
-        share, share_weight = graded(gap / jax.lax.stop_gradient(half), self.along, self.narrowest[0])
-        theta = jnp.stack([low, high])[:, None] + half * np.array([[1.0], [-1.0]]) * share
+        fraction, fraction_weight = graded(gap / jax.lax.stop_gradient(half), self.along, self.narrowest[0])
+        theta = jnp.stack([low, high])[:, None] + half * np.array([[1.0], [-1.0]]) * fraction
         sine, cosine = sine_cosine(theta)
-        line = lining.outer_radius * half * share_weight
-        groups = self._across(lining.width / 2, edges, cosine, sine)
+        line = lining.outer_radius * half * fraction_weight
+        groups = self._across(lining.width / 2, boundaries, cosine, sine)
 
         def nodes(z: Array, weight: Array) -> Nodes:
             return Nodes(cosine[..., None], sine[..., None], z, line[..., None] * weight)
 
         return [[nodes(*part) for part in group] for group in groups]
 
-    def _across(self, half_width: Array, edges: Edges, cosine: Array, sine: Array) -> list[list[tuple[Array, Array]]]:
+    def _across(
+        self, half_width: Array, boundaries: Boundaries, cosine: Array, sine: Array
+    ) -> list[list[tuple[Array, Array]]]:
         """Nodes z on each line and their weights: what has lifted off, if anything can, and what is pressed."""
         low, high = jnp.full_like(cosine, -half_width), jnp.full_like(cosine, half_width)
         groups = []
-        if edges.pressure is not None:
-            low, high = _pressed(*_across_line(edges.pressure, cosine, sine), half_width)
+        if boundaries.pressure is not None:
+            low, high = _pressed(*_across_line(boundaries.pressure, cosine, sine), half_width)
             start = jnp.where(low > -half_width, -half_width, high)
             groups.append([_gauss(start, 2 * half_width - (high - low), LIFTED)])
-        if edges.slip is None:
+        if boundaries.slip is None:
             return [*groups, [_gauss(low, high - low, FRICTIONLESS)]]
-        slip, slope = _across_line(edges.slip, cosine, sine)
+        slip, slope = _across_line(boundaries.slip, cosine, sine)
         centre, along = _turning(slip, slope, low, high)
-        speed = along if edges.axial is None else along + jnp.abs(_across_line(edges.axial, cosine, sine)[0])
-        cuts = [_where_reached(kink, along, speed - along, slope) for kink in edges.kinks]
+        speed = along if boundaries.axial is None else along + jnp.abs(_across_line(boundaries.axial, cosine, sine)[0])
+        cuts = [_where_reached(kink, along, speed - along, slope) for kink in boundaries.kinks]
         parts = []
         for end in (low, high):
             whole, side = jnp.abs(end - centre), jnp.sign(end - centre)
@@ -125,8 +131,8 @@ class AreaSurface(eqx.Module):
             for start, length in ((start, stop - start) for start, stop in pairwise(bounds)):
                 reach = jnp.maximum(jnp.abs(slope) * length, SMALLEST)
                 distance = jax.lax.stop_gradient((speed + jnp.abs(slope) * start) / reach)
-                share, weight = graded(distance, self.across, self.narrowest[1])
-                z = centre[..., None] + side[..., None] * (start[..., None] + length[..., None] * share)
+                fraction, weight = graded(distance, self.across, self.narrowest[1])
+                z = centre[..., None] + side[..., None] * (start[..., None] + length[..., None] * fraction)
                 parts.append((z, length[..., None] * weight))
         return [*groups, parts]
 
@@ -140,9 +146,9 @@ def _across_line(level: Level, cosine: Array, sine: Array) -> tuple[Array, Array
 def _pressed(value: Array, slope: Array, half_width: Array) -> tuple[Array, Array]:
     """Ends of the stretch on which value + slope z is positive; of an empty one, both at one side."""
     crossing = jnp.abs(value) < jnp.abs(slope) * half_width
-    edge = -value / jnp.where(crossing, slope, 1.0)
-    low = jnp.where(crossing & (slope > 0), edge, -half_width)
-    high = jnp.where(crossing & (slope < 0), edge, jnp.where(crossing | (value >= 0), half_width, -half_width))
+    boundary = -value / jnp.where(crossing, slope, 1.0)
+    low = jnp.where(crossing & (slope > 0), boundary, -half_width)
+    high = jnp.where(crossing & (slope < 0), boundary, jnp.where(crossing | (value >= 0), half_width, -half_width))
     return low, high
 
 

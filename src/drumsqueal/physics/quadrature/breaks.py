@@ -23,7 +23,7 @@ from jax import Array
 
 from drumsqueal.physics.quadrature.levels import Level, complex_roots, real_roots
 from drumsqueal.physics.quadrature.quartic import quartic_roots
-from drumsqueal.physics.quadrature.surface import Edges, Lining
+from drumsqueal.physics.quadrature.surface import Boundaries, Lining
 
 CLOSE = 0.5  # half arcs; singularities further off the real axis need no split: Gauss nodes converge like 2.4^(−2 n)
 FAR = 1e3  # rad; a split without a singularity (finite, so that gradients stay so)
@@ -40,9 +40,9 @@ class Breaks(NamedTuple):
     split: Array
 
 
-def find_breaks(lining: Lining, edges: Edges) -> Breaks:
+def find_breaks(lining: Lining, boundaries: Boundaries) -> Breaks:
     """All of them. Their number depends on what boundaries there may be, not on the state."""
-    pressure, slip, axial, _, kinks = edges
+    pressure, slip, axial, _, kinks = boundaries
     half_angle, half_width = lining.half_angle, lining.width / 2
     sides = half_width * np.array([-1.0, 1.0])
     found = []

@@ -54,7 +54,7 @@ def disc_nodes(radius: Array, sliding: Array, spinning: Array, speeds: Array) ->
     half, lean = jnp.where(outside, cosine, root), jnp.where(outside, root, ratio * cosine)
     slope = jnp.where(outside, ratio, 1.0)
     middle = jnp.where(outside, 0.0, -lean)
-    x, share = np.polynomial.legendre.leggauss(POINTS if speeds.size else POINTS_CONSTANT)
+    x, fraction = np.polynomial.legendre.leggauss(POINTS if speeds.size else POINTS_CONSTANT)
     signed = jnp.concatenate([-speeds, speeds])[:, None] / largest
     varies = slope > 0
     cuts = jnp.where(varies, (signed - lean) / jnp.where(varies, slope, 1.0), 0.0)
@@ -66,7 +66,7 @@ def disc_nodes(radius: Array, sliding: Array, spinning: Array, speeds: Array) ->
     level = lean[:, None] + slope * place
     # dA = |level| dx dφ, of which dφ = dχ, or cos χ/√(…) dχ where lines are parametrised by h; dχ = cos χ dt.
     step = STEP * np.where(t == 0, 1.0, 2.0) * cosine * jnp.where(outside, 1 / quotient, 1.0)
-    weight = (high - low) / 2 * share * step[:, None] * jnp.abs(level)
+    weight = (high - low) / 2 * fraction * step[:, None] * jnp.abs(level)
     angle = (jnp.where(outside, root, cosine), jnp.where(outside, ratio * sine, sine))
     lines = (jnp.broadcast_to(each[:, None], place.shape) for each in angle)
     across, along = (each.ravel() for each in lines)

@@ -14,7 +14,7 @@ from jax import Array
 from drumsqueal.physics.quadrature.arc import sort_by_counting
 from drumsqueal.physics.quadrature.levels import Level
 from drumsqueal.physics.quadrature.sums import Densities, sum_together
-from drumsqueal.physics.quadrature.surface import Edges, Lining, Nodes
+from drumsqueal.physics.quadrature.surface import Boundaries, Lining, Nodes
 
 TANH_SINH, FEJER = "tanh-sinh", "Fejér"
 TANH_SINH_STEP, TANH_SINH_REACH = 0.11, 3.2  # 59 nodes; the outermost weight is 1e-15 of the largest
@@ -32,16 +32,16 @@ class IndependentSurface(eqx.Module):
     spatial: bool = eqx.field(static=True)
     panels: int = eqx.field(static=True, default=2)
 
-    def integrate(self, lining: Lining, edges: Edges, densities: Callable[[Nodes], Densities]) -> Densities:
+    def integrate(self, lining: Lining, boundaries: Boundaries, densities: Callable[[Nodes], Densities]) -> Densities:
         """Sums of the densities."""
         z, across = _lines(lining.width) if self.spatial else (jnp.zeros(1), lining.width * jnp.ones(1))
-        levels = [level.on_line(z) for level in (edges.pressure, edges.slip) if level is not None]
-        if edges.slip is not None and edges.kinks.size:
-            signed = jnp.concatenate([-edges.kinks, edges.kinks])[:, None]
-            constant, cosine, sine, *_ = edges.slip.on_line(z)
+        levels = [level.on_line(z) for level in (boundaries.pressure, boundaries.slip) if level is not None]
+        if boundaries.slip is not None and boundaries.kinks.size:
+            signed = jnp.concatenate([-boundaries.kinks, boundaries.kinks])[:, None]
+            constant, cosine, sine, *_ = boundaries.slip.on_line(z)
             levels.append(Level(constant + signed, cosine, sine))
         even = lining.half_angle * np.linspace(-1, 1, self.panels + 1)[:, None] + 0 * z
-        bounds = sort_by_counting(jnp.concatenate([even, *_edges(levels, lining.half_angle)]))
+        bounds = sort_by_counting(jnp.concatenate([even, *_boundaries(levels, lining.half_angle)]))
         middle, half = (bounds[1:] + bounds[:-1]) / 2, (bounds[1:] - bounds[:-1]) / 2
         point, weight = rule_of(self.rule)
         theta = middle[..., None] + half[..., None] * point
@@ -59,9 +59,9 @@ class FixedGrid(eqx.Module):
     along: int = eqx.field(static=True)
     spatial: bool = eqx.field(static=True)
 
-    def integrate(self, lining: Lining, edges: Edges, densities: Callable[[Nodes], Densities]) -> Densities:
+    def integrate(self, lining: Lining, boundaries: Boundaries, densities: Callable[[Nodes], Densities]) -> Densities:
         """Sums of the densities."""
-        del edges
+        del boundaries
         theta = lining.half_angle * _midpoints(self.along)
         lines = max(1, self.along // 4) if self.spatial else 1
         z = lining.width / 2 * _midpoints(lines)[:, None]
@@ -102,15 +102,15 @@ def _midpoints(count: int) -> np.ndarray:
     return (2 * np.arange(count) + 1) / count - 1
 
 
-def _edges(levels: Sequence[Level], half_angle: Array) -> list[Array]:
+def _boundaries(levels: Sequence[Level], half_angle: Array) -> list[Array]:
     """Boundaries (k, lines) of each level: a + r cos(θ − φ) vanishes at φ ± arccos(−a/r); 0 where there is none."""
-    edges = []
+    boundaries = []
     for a, b, c, _, _ in levels:
         amplitude, phase = jnp.hypot(b, c), jnp.arctan2(c, b)
-        share = -a / jnp.where(amplitude > 0, amplitude, 1.0)
-        there = (amplitude > 0) & (jnp.abs(share) < 1)
-        reach = jnp.arccos(jnp.where(there, share, 0.0))
+        fraction = -a / jnp.where(amplitude > 0, amplitude, 1.0)
+        there = (amplitude > 0) & (jnp.abs(fraction) < 1)
+        reach = jnp.arccos(jnp.where(there, fraction, 0.0))
         turned = (jnp.stack([phase - reach, phase + reach]) + jnp.pi) % (2 * jnp.pi) - jnp.pi
         turned = jnp.where(there & (jnp.abs(turned) < half_angle), turned, 0.0)
-        edges.append(turned.reshape(-1, turned.shape[-1]))
-    return edges
+        boundaries.append(turned.reshape(-1, turned.shape[-1]))
+    return boundaries

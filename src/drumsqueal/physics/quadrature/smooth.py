@@ -13,7 +13,7 @@ from jax import Array
 
 from drumsqueal.physics.quadrature.levels import Level, sine_cosine
 from drumsqueal.physics.quadrature.sums import Densities, sum_together
-from drumsqueal.physics.quadrature.surface import Edges, Lining, Nodes, resolved
+from drumsqueal.physics.quadrature.surface import Boundaries, Lining, Nodes, resolved
 
 ALONG, ACROSS = 16, 8  # nodes along the arc and across the lining
 # How far off the branch points of |V| must be. Along the arc, at least this many half arcs from the real axis: Gauss
@@ -44,19 +44,19 @@ class WholeSurface(eqx.Module):
         """Whether the nodes differ across the lining."""
         return True
 
-    def integrate(self, lining: Lining, edges: Edges, densities: Callable[[Nodes], Densities]) -> Densities:
+    def integrate(self, lining: Lining, boundaries: Boundaries, densities: Callable[[Nodes], Densities]) -> Densities:
         """Sums of the densities."""
-        del edges
+        del boundaries
         return sum_together([densities(smooth_nodes(lining))])
 
 
-def is_smooth(lining: Lining, edges: Edges) -> Array:
+def is_smooth(lining: Lining, boundaries: Boundaries) -> Array:
     """Whether the lining has no boundary, pressed and slipping one way everywhere, nor a branch point of |V| near it.
 
     With V_θ + i V_z = a + (p e^{iθ} + m e^{−iθ})/2 there is none with |Im θ| < y as long as max(|p|, |m|) cosh y < |a|.
     Nor may the friction law be steep. The condition is sufficient, not necessary: its bounds are over the whole circle.
     """
-    pressure, slip, axial, breakpoints, _ = edges
+    pressure, slip, axial, breakpoints, _ = boundaries
     smooth = jnp.asarray(True)
     if pressure is not None:
         smooth &= pressure.constant >= _swing(pressure, lining.width / 2)
@@ -64,8 +64,8 @@ def is_smooth(lining: Lining, edges: Edges) -> Array:
         smooth &= jnp.abs(slip.constant) >= _swing(slip, lining.width / 2)
         turn = slip if axial is None else Level(*(u + 1j * w for u, w in zip(slip, axial, strict=True)))
         swing, mean = _swing(turn, lining.width / 2), jnp.abs(turn.constant)
-        share = jnp.minimum(LARGEST_SWING, 1 / jnp.cosh(CLEARANCE * lining.half_angle))
-        smooth &= (swing <= share * mean) & resolved(breakpoints, mean - swing, mean + swing)
+        fraction = jnp.minimum(LARGEST_SWING, 1 / jnp.cosh(CLEARANCE * lining.half_angle))
+        smooth &= (swing <= fraction * mean) & resolved(breakpoints, mean - swing, mean + swing)
     return smooth
 
 

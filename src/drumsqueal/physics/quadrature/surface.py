@@ -43,7 +43,7 @@ class Nodes(NamedTuple):
     weight: Array
 
 
-class Edges(NamedTuple):
+class Boundaries(NamedTuple):
     """The levels whose roots are boundaries: p0 + k_c u_r, V_θ, and V_z (None: no boundaries of that kind).
 
     Where the pressure's level is negative the lining does not press; V_z is the same all across the lining. The slip
@@ -81,6 +81,6 @@ class Surface(Protocol):
         """Whether the nodes differ across the lining."""
         ...
 
-    def integrate(self, lining: Lining, edges: Edges, densities: Callable[[Nodes], Densities]) -> Densities:
+    def integrate(self, lining: Lining, boundaries: Boundaries, densities: Callable[[Nodes], Densities]) -> Densities:
         """Sums over the lining of densities times weights, which are smooth between the boundaries."""
         ...

@@ -8,7 +8,7 @@ import typer
 
 from drumsqueal.files.output_folder import ACCURACY_FILES
 from drumsqueal.scene import load_scene
-from drumsqueal.terminal.options import JsonFile, Overwrite, Quiet, SceneFile, Settings, output_option, read_share
+from drumsqueal.terminal.options import JsonFile, Overwrite, Quiet, SceneFile, Settings, output_option, read_fraction
 from drumsqueal.terminal.reply import Reply
 
 
@@ -32,9 +32,9 @@ def accuracy_command(
     Example: drumsqueal accuracy scenarios/nominal.toml -o out/accuracy --target 1e-5
     """
     loaded = load_scene(scene, settings or ())
-    wanted = read_share(target, "--target")
+    wanted = read_fraction(target, "--target")
     folder = output if output is not None else Path("out") / f"{scene.stem}-accuracy"
-    reply = Reply.beside(folder, ACCURACY_FILES, (scene,), quiet, json_file, overwrite=overwrite)
+    reply = Reply.next_to(folder, ACCURACY_FILES, (scene,), quiet, json_file, overwrite=overwrite)
     from drumsqueal.questions.accuracy.answer import ACCURACY
     from drumsqueal.questions.accuracy.study import check_motion, study_accuracy
     from drumsqueal.simulation import check_sample_rate, prepare

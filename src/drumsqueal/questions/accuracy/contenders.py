@@ -46,8 +46,8 @@ class SmoothedDirection(eqx.Module):
         squared = slip * slip if axial is None else slip * slip + axial * axial
         moving = squared > 0
         speed = jnp.where(moving, jnp.sqrt(jnp.where(moving, squared, 1.0)), 0.0)
-        share = -law.coefficient(speed) * pressure / jnp.sqrt(squared + self.width**2)
-        return share * slip, None if axial is None else share * axial
+        fraction = -law.coefficient(speed) * pressure / jnp.sqrt(squared + self.width**2)
+        return fraction * slip, None if axial is None else fraction * axial
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,7 @@ PATIENCE = 40.0  # s of computing for each of the three; a reference that takes 
 
 @dataclasses.dataclass(frozen=True)
 class Reference:
-    """States (k, 2n), departure and velocity, at times (k,), and those of the two runs that show how good they are.
+    """States (k, 2n), vibration and velocity, at times (k,), and those of the two runs that show how good they are.
 
     `other` is from ten times the tolerance and another quadrature, `confirming` from another method on top.
     """
@@ -66,7 +66,7 @@ def find_reference(
     times: np.ndarray,
     progress: Progress = silent,
 ) -> Reference:
-    """Integrate a departure from steady sliding (n,) with SciPy: DOP853 at 1e-13 and 1e-12, and LSODA at 1e-12.
+    """Integrate a displacement from steady sliding (n,) with SciPy: DOP853 at 1e-13 and 1e-12, and LSODA at 1e-12.
 
     Their right-hand sides take the model's effects and, for the contact, tanh-sinh or Fejér quadrature. The
     reference ends early where one of them runs out of patience.
@@ -147,6 +147,6 @@ def _solve(
 
 
 def _slope(model: Model, steady: Array, scale: Array, t: Array, y: Array) -> Array:
-    departure, velocity = jnp.split(y * scale, 2)
-    force, _ = model.act(t, steady + departure, velocity)
+    vibration, velocity = jnp.split(y * scale, 2)
+    force, _ = model.act(t, steady + vibration, velocity)
     return jnp.concatenate([velocity, force / model.mass]) / scale

@@ -149,15 +149,15 @@ class _Bench:
         self.scatter = feature_errors(best, self._features(LOOSER)[1], self.prepared.scene.simulate.duration)
         self.time, states = _states(chunks)
         self.steady = steady_at_start(self.prepared)
-        departure = states - np.concatenate([self.steady, np.zeros_like(self.steady)])
+        vibration = states - np.concatenate([self.steady, np.zeros_like(self.steady)])
         comparison = finish(self.prepared, chunks, COMPLETE).comparison
-        edge, end = comparison.edge_reached_s, float(self.time[-1])
-        self.growth_end = end if edge is None else edge
-        self.separation = self._separation(departure)
+        boundary, end = comparison.edge_reached_s, float(self.time[-1])
+        self.growth_end = end if boundary is None else boundary
+        self.separation = self._separation(vibration)
         last = min(BEYOND * self.growth_end, end, math.inf if self.separation is None else self.separation)
         last = max(last, float(self.time[min(FEWEST, len(self.time) - 1)]))
         n, times = len(self.steady), self.time[self.time <= last]
-        start = departure[0, :n], departure[0, n:]
+        start = vibration[0, :n], vibration[0, n:]
         self.reference = find_reference(self.prepared.model, self.steady, *start, times, progress)
 
     def measure(self, contender: Contender, what: str) -> Measurement:
@@ -222,7 +222,7 @@ class _Bench:
         chunks = self._run(prepared, f"run at tolerance {tolerance:g}")
         return chunks, features_of(finish(prepared, chunks, COMPLETE), self.prepared.linear)
 
-    def _separation(self, departure: np.ndarray) -> float | None:
+    def _separation(self, vibration: np.ndarray) -> float | None:
         """When a trajectory from a start that is off by a relative 1e-9 is off by a hundred times as much."""
         scene, model = self.prepared.scene, self.prepared.model
         start = {
@@ -231,11 +231,11 @@ class _Bench:
         }
         nudged = scene.with_values({**start, "simulate.tolerance": TIGHTEST, "simulate.solver": "dopri8"})
         nearby = _states(self._run(self.prepared._replace(scene=nudged), "nearby trajectory"))[1]
-        apart = np.abs(nearby - np.concatenate([self.steady, np.zeros_like(self.steady)]) - departure)
-        largest = np.maximum(np.maximum.accumulate(np.abs(departure), axis=0), UNMOVED * sizes_of(departure, model))
-        share = (apart / largest).max(axis=1)
+        apart = np.abs(nearby - np.concatenate([self.steady, np.zeros_like(self.steady)]) - vibration)
+        largest = np.maximum(np.maximum.accumulate(np.abs(vibration), axis=0), UNMOVED * sizes_of(vibration, model))
+        fraction = (apart / largest).max(axis=1)
         most = max(1, len(scene.start.displacement), len(scene.start.velocity))
-        beyond = np.flatnonzero(share > SEPARATED * NUDGE * most)
+        beyond = np.flatnonzero(fraction > SEPARATED * NUDGE * most)
         return float(self.time[beyond[0]]) if beyond.size else None
 
 

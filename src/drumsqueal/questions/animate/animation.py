@@ -14,8 +14,8 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 from rich.console import Console
 
-from drumsqueal.findings.departure import ROTATIONS
 from drumsqueal.findings.schema import Finding
+from drumsqueal.findings.vibration import ROTATIONS
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.animate.file import write_animation
 from drumsqueal.questions.animate.playback import REVERSED, SEPARATED, STUCK, TICK, TOUCHING, Playback

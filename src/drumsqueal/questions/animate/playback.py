@@ -10,15 +10,15 @@ from jax import Array
 from numpy.typing import NDArray
 
 from drumsqueal.errors import RequestError
-from drumsqueal.findings.departure import levers
 from drumsqueal.findings.history import COMPLETE
+from drumsqueal.findings.vibration import levers
 from drumsqueal.physics.bodies.rigid_shoe import OUT_OF_PLANE, RigidShoe
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.questions.animate.section import largest_displacement
 from drumsqueal.questions.animate.window import (
+    FRACTION,
     FRAMES_PER_SECOND,
     MODE_FRAMES,
-    SHARE,
     count_frames,
     find_magnification,
     find_window,
@@ -57,7 +57,7 @@ class _Section(NamedTuple):
 class Arc(NamedTuple):
     """Contact of the parts of the arc between `edges` (rad): pressure and state (frames, parts).
 
-    The pressure is in Pa, with `change` its departure from the preload; of a mode it is relative, from steady sliding.
+    The pressure is in Pa, with `change` its difference from the preload; of a mode it is relative, from steady sliding.
     """
 
     edges: Values
@@ -131,11 +131,11 @@ def play_history(
     drum, drum_factor = _drum_turn(model, shown, factor)
     periods = f", {(end - start) * main:.3g} periods of {main:.4g} Hz" if main else ""
     turn = "the drum's turn as well" if drum_factor == factor else f"the drum's turn {_digits(drum_factor)} times"
-    share = factor * section.largest / float(model.shoe.thickness)
+    fraction = factor * section.largest / float(model.shoe.thickness)
     notes = (
         f"{1e3 * start:.6g} to {1e3 * end:.6g} ms{periods}, at {_slowness(shown)} of real time",
         f"Displacement magnified {_digits(factor)} times (at most {_digits(MICRO * section.largest)} µm, drawn as "
-        f"{share:.2g} of the thickness), {turn}",
+        f"{fraction:.2g} of the thickness), {turn}",
         *_section_notes(section, curves),
     )
     title = scene.title if history.attrs["outcome"] == COMPLETE else f"{scene.title} (incomplete run)"
@@ -172,14 +172,14 @@ def play_mode(scene: Scene, stability: Stability, mode: Mode, *, slow: float | N
     moved = over(phases)
     motion = dict(zip(names, moved.T, strict=True))
     section = _section(model.shoe, motion, front=mode.name in OUT_OF_PLANE)
-    factor = SHARE * float(model.shoe.thickness) / section.largest
+    factor = FRACTION * float(model.shoe.thickness) / section.largest
     curve_phases = np.linspace(0.0, 1.0, CURVE_POINTS)
     curves = _curves(model, over(curve_phases))
     rate = f"{mode.growth_rate:+.4g}".replace("-", "−")
     notes = (
         f"{mode.frequency_Hz:.6g} Hz, growth rate {rate} 1/s, which is left out; "
         f"one period, at {_slowness(period * phases)} of real time",
-        f"The size is arbitrary: the largest displacement is drawn as {SHARE:.2g} of the thickness. "
+        f"The size is arbitrary: the largest displacement is drawn as {FRACTION:.2g} of the thickness. "
         "The drum's turn is left out, too",
         *_section_notes(section, curves),
     )
@@ -222,9 +222,9 @@ def _contact(model: Model, time: Values, states: Values, sticks: NDArray[np.bool
         state[sticks] = STUCK
     if float(model.contact.lifting_stiffness) > 0:
         state[level < 0] = SEPARATED
-    departure = level - preload[:, None]
-    change = float(np.abs(departure).max()) < SMALL * float(preload.max())
-    pressure = departure if change else np.asarray(model.lining.law.pressure(jnp.asarray(level)))
+    vibration = level - preload[:, None]
+    change = float(np.abs(vibration).max()) < SMALL * float(preload.max())
+    pressure = vibration if change else np.asarray(model.lining.law.pressure(jnp.asarray(level)))
     return Arc(edges, pressure, change, state)
 
 

@@ -4,9 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.errors import RequestError
-from drumsqueal.findings.departure import FEWEST_FOR_SPECTRUM
 from drumsqueal.findings.signals import amplitude_spectrum, spectral_peaks
 from drumsqueal.findings.time_window import time_window
+from drumsqueal.findings.vibration import FEWEST_FOR_SPECTRUM
 from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
 from drumsqueal.physics.model import Model
 from drumsqueal.questions.run.figures.view import REST
@@ -16,7 +16,7 @@ PERIODS = 3  # of the main line, shown unless other times are asked for
 FRAMES, MODE_FRAMES = 150, 50  # unless a speed is asked for
 FEWEST_A_PERIOD, MOST = 8, 750  # frames; with fewer a period, the picture would show another motion than there was
 LOOKED_AT = 0.05  # s, in which the main line is looked for
-SHARE = 0.3  # of the shoe's thickness that the largest displacement takes in the picture
+FRACTION = 0.3  # of the shoe's thickness that the largest displacement takes in the picture
 
 Values = NDArray[np.float64]
 
@@ -75,7 +75,7 @@ def count_frames(
 
 
 def find_magnification(shoe: RigidShoe, largest: float, wanted: float | None, window: tuple[float, float]) -> float:
-    """Factor at which the largest displacement (m) is drawn, if none is wanted as a share of the thickness.
+    """Factor at which the largest displacement (m) is drawn, if none is wanted as a fraction of the thickness.
 
     Raises RequestError where nothing moves, and where it would be drawn further than the shoe is thick.
     """
@@ -83,7 +83,7 @@ def find_magnification(shoe: RigidShoe, largest: float, wanted: float | None, wi
         raise RequestError(f"nothing moves from {window[0]:.6g} to {window[1]:.6g} s; give other times")
     thickness = float(shoe.thickness)
     if wanted is None:
-        exact = SHARE * thickness / largest
+        exact = FRACTION * thickness / largest
         step = 10.0 ** (np.floor(np.log10(exact)) - 1)
         return float(np.floor(exact / step) * step)  # two digits, which can be told in the picture
     if wanted * largest > thickness:

@@ -55,15 +55,15 @@ def estimate(
     chunks = simulate.duration * simulate.sample_rate / CHUNK_SAMPLES
     own = np.concatenate(start_of(prepared.scene, prepared.model.names))
     compiling = math.nan
-    share = 1.0 if edge_time is None else min(1.0, edge_time / simulate.duration)
+    fraction = 1.0 if edge_time is None else min(1.0, edge_time / simulate.duration)
     try:
         compiling = _timed(prepared, own, PIECES[0], progress)[0]
         below = _pace(prepared, own, progress)
         further = BEYOND * at_the_boundaries if np.any(at_the_boundaries) else own
-        beyond = _pace(prepared, further, progress) if share < 1 else None
+        beyond = _pace(prepared, further, progress) if fraction < 1 else None
     except IntegrationError:
         return RunTime(None, None, compiling, None, None)
-    paces = [(share, below)] + ([(1 - share, beyond)] if beyond is not None else [])
+    paces = [(fraction, below)] + ([(1 - fraction, beyond)] if beyond is not None else [])
     seconds = chunks * sum(part * pace.seconds for part, pace in paces)
     evaluations = chunks * sum(part * pace.evaluations for part, pace in paces)
     return RunTime(seconds, evaluations, compiling, below, beyond)

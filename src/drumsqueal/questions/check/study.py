@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from drumsqueal.findings.departure import moved_by
-from drumsqueal.findings.edges import edge_shares
+from drumsqueal.findings.boundaries import boundary_ratios
 from drumsqueal.findings.prediction import Prediction, predict
 from drumsqueal.findings.schema import Finding, Findings, Held, InMemory
+from drumsqueal.findings.vibration import moved_by
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.effects.operation import Moment
 from drumsqueal.physics.effects.pressure import Unilateral
@@ -97,10 +97,10 @@ def check_scene(scene: Scene, loading: float = 0.0, *, progress: Progress = sile
     progress("compiling and timing pieces of the transient", 0.0, None)
     prepared = prepare(scene)
     check_sample_rate(prepared)
-    shares = start_shares(prepared)
+    fractions = start_fractions(prepared)
     growing = tuple(_growth(prepared, mode) for mode in prepared.stability.unstable)
-    edge = first_edge(growing, shares)
-    time = estimate(prepared, edge, _at_the_boundaries(prepared, growing), progress)
+    boundary = first_boundary_time(growing, fractions)
+    time = estimate(prepared, boundary, _at_the_boundaries(prepared, growing), progress)
     whole = None
     if time.seconds is not None and loading >= LOADED:
         whole = time.seconds + (1 + BESIDE) * loading
@@ -110,15 +110,15 @@ def check_scene(scene: Scene, loading: float = 0.0, *, progress: Progress = sile
         numbers={name: Number(value=value, unit=unit, meaning=said) for name, value, unit, said in _numbers(prepared)},
         prediction=predict(prepared.stability),
         growing=growing,
-        start_share_of_contact_loss=shares[0],
-        start_share_of_slip_reversal=shares[1],
-        first_edge_s=edge,
+        start_share_of_contact_loss=fractions[0],
+        start_share_of_slip_reversal=fractions[1],
+        first_edge_s=boundary,
         highest_frequency_Hz=prepared.stability.highest_frequency_Hz,
         least_sample_rate_Hz=2 * prepared.stability.highest_frequency_Hz,
         samples=samples,
         history_bytes=samples * BYTES_PER_SAMPLE,
         estimate=Estimate(time.seconds, time.evaluations, whole),
-        warnings=tuple(warnings_of(prepared, growing, shares)),
+        warnings=tuple(warnings_of(prepared, growing, fractions)),
         model={key: tuple(words) for key, words in prepared.inventory._asdict().items()},
         prepared=prepared,
     )
@@ -163,16 +163,16 @@ def _of_contact(
             yield ("lifting rotation", depth / arm, "rad", "Tz alone at which an end of the lining lifts off")
 
 
-def start_shares(prepared: Prepared) -> tuple[float, float]:
+def start_fractions(prepared: Prepared) -> tuple[float, float]:
     """How far the start comes towards contact loss and slip reversal; from 1 on it may be beyond."""
     n = len(prepared.model.names)
     state = _start(prepared, prepared.model.names)
-    return edge_shares(while_sliding(prepared.model)[0], state[None, :n], state[None, n:])
+    return boundary_ratios(while_sliding(prepared.model)[0], state[None, :n], state[None, n:])
 
 
-def first_edge(growing: tuple[Growth, ...], shares: tuple[float, float]) -> float | None:
+def first_boundary_time(growing: tuple[Growth, ...], fractions: tuple[float, float]) -> float | None:
     """When the first contact boundary is reached (s): at once, by the growth of a mode, or never."""
-    if max(shares) >= 1:
+    if max(fractions) >= 1:
         return 0.0
     return min((each.edge_time for each in growing if each.edge_time is not None), default=None)
 
@@ -186,16 +186,16 @@ def _growth(prepared: Prepared, mode: Mode) -> Growth:
     """A mode that grows, and a_j(0) = 2 leftᴴ y of the start over its amplitude at the nearest contact boundary."""
     coordinates = prepared.stability.coordinates
     amplitude = abs(2 * np.vdot(mode.left, _start(prepared, coordinates)))
-    share = float(amplitude * _share_of_shape(prepared, mode))
-    time = max(0.0, math.log(1 / share) / mode.growth_rate) if share > EXCITED**2 else None
-    return Growth(mode.label, mode.frequency_Hz, mode.growth_rate, share, time)
+    fraction = float(amplitude * _fraction_of_shape(prepared, mode))
+    time = max(0.0, math.log(1 / fraction) / mode.growth_rate) if fraction > EXCITED**2 else None
+    return Growth(mode.label, mode.frequency_Hz, mode.growth_rate, fraction, time)
 
 
-def _share_of_shape(prepared: Prepared, mode: Mode) -> float:
+def _fraction_of_shape(prepared: Prepared, mode: Mode) -> float:
     """How far a mode of amplitude 1 comes towards the nearer contact boundary: it is proportional to the amplitude."""
     turning = np.exp(2j * np.pi * np.arange(PHASES) / PHASES)
     states, n = np.real(turning[:, None] * mode.right), len(prepared.stability.coordinates)
-    return max(edge_shares(while_sliding(prepared.linear)[0], states[:, :n], states[:, n:]))
+    return max(boundary_ratios(while_sliding(prepared.linear)[0], states[:, :n], states[:, n:]))
 
 
 def _at_the_boundaries(prepared: Prepared, growing: tuple[Growth, ...]) -> NDArray[np.float64]:
@@ -203,18 +203,22 @@ def _at_the_boundaries(prepared: Prepared, growing: tuple[Growth, ...]) -> NDArr
     names, wide = prepared.model.names, prepared.stability.coordinates
     state = np.zeros(2 * len(wide))
     for mode, growth in zip(prepared.stability.unstable, growing, strict=True):
-        if growth.edge_time is not None and math.isfinite(share := _share_of_shape(prepared, mode)) and share > 0:
-            state += np.real(mode.right) / share
+        if (
+            growth.edge_time is not None
+            and math.isfinite(fraction := _fraction_of_shape(prepared, mode))
+            and fraction > 0
+        ):
+            state += np.real(mode.right) / fraction
     kept = [wide.index(name) for name in names]
     return state[[*kept, *(len(wide) + k for k in kept)]]
 
 
-def warnings_of(prepared: Prepared, growing: tuple[Growth, ...], shares: tuple[float, float]) -> Iterator[str]:
+def warnings_of(prepared: Prepared, growing: tuple[Growth, ...], fractions: tuple[float, float]) -> Iterator[str]:
     """What users get wrong, in plain words."""
     yield from unusual(prepared.scene)
     yield from _about_the_steady_state(prepared)
-    yield from _about_the_start(prepared, growing, shares)
-    yield from _about_the_record(prepared, growing, shares)
+    yield from _about_the_start(prepared, growing, fractions)
+    yield from _about_the_record(prepared, growing, fractions)
 
 
 def _about_the_steady_state(prepared: Prepared) -> Iterator[str]:
@@ -238,7 +242,7 @@ def _about_the_steady_state(prepared: Prepared) -> Iterator[str]:
         yield "The drum comes to rest: the lining may stick as a whole, which the time below does not count."
 
 
-def _about_the_start(prepared: Prepared, growing: tuple[Growth, ...], shares: tuple[float, float]) -> Iterator[str]:
+def _about_the_start(prepared: Prepared, growing: tuple[Growth, ...], fractions: tuple[float, float]) -> Iterator[str]:
     if not np.any(_start(prepared, prepared.stability.coordinates)) and prepared.scene.forcing is None:
         moving = moved_by(prepared.linear, prepared.stability, prepared.scene.simulate.duration)
         if moving:
@@ -246,12 +250,12 @@ def _about_the_start(prepared: Prepared, growing: tuple[Growth, ...], shares: tu
         else:
             yield "No start and no force: the shoe stays in steady sliding; give start a displacement."
         return
-    lost, reversed_slip = shares
-    if max(shares) >= SMALL:
+    lost, reversed_slip = fractions
+    if max(fractions) >= SMALL:
         which = "loss of contact" if lost >= reversed_slip else "slip reversal"
-        where = "beyond" if max(shares) >= 1 else "close to"
+        where = "beyond" if max(fractions) >= 1 else "close to"
         yield (
-            f"The start is {where} the contact boundaries, at {max(shares):.3g} times {which}: there is next to no "
+            f"The start is {where} the contact boundaries, at {max(fractions):.3g} times {which}: there is next to no "
             "linear growth to compare with the eigenvalues; make it smaller, or take it as a large disturbance."
         )
     still = [each.label for each in growing if each.edge_time is None]
@@ -259,7 +263,7 @@ def _about_the_start(prepared: Prepared, growing: tuple[Growth, ...], shares: tu
         yield f"The start does not excite {', '.join(still)}, which would grow: it is not in the transient."
 
 
-def _about_the_record(prepared: Prepared, growing: tuple[Growth, ...], shares: tuple[float, float]) -> Iterator[str]:
+def _about_the_record(prepared: Prepared, growing: tuple[Growth, ...], fractions: tuple[float, float]) -> Iterator[str]:
     simulate, highest = prepared.scene.simulate, prepared.stability.highest_frequency_Hz
     if simulate.sample_rate < 2 * (HARMONICS + 1) * highest:
         yield (
@@ -267,12 +271,15 @@ def _about_the_record(prepared: Prepared, growing: tuple[Growth, ...], shares: t
             f"with lift-off or slip reversal, motion above {simulate.sample_rate / 2:.5g} Hz is aliased; "
             f"{2 * (HARMONICS + 1) * highest:.3g} Hz would hold its third harmonic."
         )
-    edge, rates = first_edge(growing, shares), [each.growth_rate for each in growing if each.edge_time is not None]
-    enough = math.inf if edge is None else float(f"{1.5 * edge:.2g}")
-    if edge is not None and rates and simulate.duration < enough:
-        saturates = "will not saturate" if edge > simulate.duration else "may not have settled by its end"
+    boundary, rates = (
+        first_boundary_time(growing, fractions),
+        [each.growth_rate for each in growing if each.edge_time is not None],
+    )
+    enough = math.inf if boundary is None else float(f"{1.5 * boundary:.2g}")
+    if boundary is not None and rates and simulate.duration < enough:
+        saturates = "will not saturate" if boundary > simulate.duration else "may not have settled by its end"
         yield (
             f"The duration of {simulate.duration:g} s is {simulate.duration * max(rates):.3g} growth times: the "
-            f"eigenvalues put the first contact boundary at {edge:.3g} s, so squeal {saturates}; take at least "
+            f"eigenvalues put the first contact boundary at {boundary:.3g} s, so squeal {saturates}; take at least "
             f"{enough:g} s, or a larger start."
         )

@@ -17,8 +17,8 @@ from drumsqueal.terminal.options import (
     Since,
     Until,
     output_option,
+    read_fraction,
     read_rate,
-    read_share,
     read_time,
 )
 from drumsqueal.terminal.reply import Reply
@@ -77,9 +77,9 @@ def compare_command(
     _check_order(history, measured)
     folder = output if output is not None else Path("out") / f"{_name(history)}-compare"
     read = (history_file(history), measured)
-    reply = Reply.beside(folder, COMPARE_FILES, read, quiet, json_file, overwrite=overwrite)
+    reply = Reply.next_to(folder, COMPARE_FILES, read, quiet, json_file, overwrite=overwrite)
     claim_results(read[0].parent)
-    widest = read_share(within, "--within")
+    widest = read_fraction(within, "--within")
     begin, end, sampled = read_time(since, "--from"), read_time(until, "--until"), read_rate(rate, "--rate")
     from drumsqueal.questions.compare.answer import COMPARED
     from drumsqueal.questions.compare.measured.reader import read_measured

@@ -55,7 +55,7 @@ def match_lines(
     return matches
 
 
-def share_covered(references: ArrayLike, lowest: float, highest: float, *, widest: float = WIDEST) -> float:
+def fraction_covered(references: ArrayLike, lowest: float, highest: float, *, widest: float = WIDEST) -> float:
     """The fraction of the frequencies from lowest to highest (Hz) that lie within `widest` of a reference.
 
     It is the probability that a line which has nothing to do with the references finds one all the same.

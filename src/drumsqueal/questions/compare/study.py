@@ -10,12 +10,12 @@ from pydantic import Field
 
 from drumsqueal.errors import RequestError
 from drumsqueal.files.saved_history import SavedHistory, read_history
-from drumsqueal.findings.departure import first_edge
 from drumsqueal.findings.saturation import saturated_part
 from drumsqueal.findings.schema import Finding, Findings, Held, InMemory
 from drumsqueal.findings.signals import Tones, find_harmonics, find_tones, level_dB, level_reference
+from drumsqueal.findings.vibration import first_boundary_time
 from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.compare.matching import WIDEST, Match, match_lines, share_covered
+from drumsqueal.questions.compare.matching import WIDEST, Match, fraction_covered, match_lines
 from drumsqueal.questions.compare.measured.record import QUANTITIES, Measured, parse_unit
 from drumsqueal.questions.compare.words import describe_levels, describe_verdict
 from drumsqueal.questions.export.signals import SURFACE, make_channels, names_of
@@ -169,9 +169,9 @@ def compare_measured(
     progress("eigenvalues", 0.0, None)
     prepared = prepare(saved.scene)
     progress("spectra", 0.0, None)
-    edge = first_edge(saved.data, prepared.stability, prepared.linear)
+    boundary = first_boundary_time(saved.data, prepared.stability, prepared.linear)
     time = saved.data["time"].values
-    part = slice(0, time.size) if edge is None else saturated_part(time, edge)
+    part = slice(0, time.size) if boundary is None else saturated_part(time, boundary)
     if part.stop - part.start < FEWEST_SAMPLES:
         raise RequestError(f"{saved.path}: {part.stop - part.start} samples of motion are too few; run it for longer")
     (channel,) = make_channels(saved, [name], part)
@@ -203,7 +203,7 @@ def compare_measured(
         **_spectral(float(time[part][0]), float(time[part][-1] - time[part][0]), saved.sample_rate, tones),
         file=str(saved.path),
         signal=signal,
-        saturated=edge is not None,
+        saturated=boundary is not None,
         lines=tuple(
             SimulatedLine(frequency_Hz=f, amplitude=a, not_measurable=bool(f >= nyquist))
             for f, a in zip(tones.peaks.frequency_Hz, tones.peaks.amplitude, strict=True)
@@ -233,12 +233,12 @@ def compare_measured(
         amplitudes_in=unit or None,
         rms_of_0_dB={"measured": references[0], "simulated": references[1]},
         pairs_within=within,
-        chance_of_a_pair=share_covered(here.frequency_Hz, LOWEST, highest, widest=within),
+        chance_of_a_pair=fraction_covered(here.frequency_Hz, LOWEST, highest, widest=within),
         lines=(),
         modes=modes,
         notes=(
             describe_levels(measured.unit, channel.units, unit, largest),
-            *_notes(saved, measured, edge, unit, order),
+            *_notes(saved, measured, boundary, unit, order),
         ),
         matched=matched,
     )
@@ -365,11 +365,11 @@ def _overtones(measured: Spectral, simulated: Spectral, to_lines: list[Match | N
     return overtones
 
 
-def _notes(saved: SavedHistory, measured: Measured, edge: float | None, unit: str, order: int) -> tuple[str, ...]:
-    notes = list(measured.told)
+def _notes(saved: SavedHistory, measured: Measured, boundary: float | None, unit: str, order: int) -> tuple[str, ...]:
+    notes = list(measured.remarks)
     if not saved.complete:
         notes.append(f"the run is incomplete ({saved.outcome})")
-    if edge is None:
+    if boundary is None:
         notes.append(
             "the simulated motion reaches no contact boundary: its lines are those of linear motion, not of squeal"
         )

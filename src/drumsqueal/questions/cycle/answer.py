@@ -8,8 +8,8 @@ from rich.console import Console
 from rich.table import Table
 
 from drumsqueal.files.output_folder import BRANCH, BRANCH_SUMMARY, BRANCH_TABLE, CYCLE, CYCLE_HISTORY, CYCLE_SUMMARY
-from drumsqueal.findings.departure import unit_of
 from drumsqueal.findings.history import COMPLETE, to_dataset
+from drumsqueal.findings.vibration import unit_of
 from drumsqueal.questions.cycle.branch_figure import draw_branch
 from drumsqueal.questions.cycle.continuation import Branch, End
 from drumsqueal.questions.cycle.diagram import CycleBranches

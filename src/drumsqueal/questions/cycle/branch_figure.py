@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from drumsqueal.findings.departure import unit_of
+from drumsqueal.findings.vibration import unit_of
 from drumsqueal.questions.cycle.diagram import CycleBranches, Diagram, Interval
 from drumsqueal.questions.cycle.orbit import Cycle, Event
 from drumsqueal.questions.onset.figure import DASHES, SHADES, draw_cycles, limit_amplitudes

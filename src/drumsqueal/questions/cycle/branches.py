@@ -96,7 +96,7 @@ def follow_cycles(
     def on_diagram(diagram: Diagram) -> None:
         nonlocal where
         branch = diagram.branches[-1]
-        where = f", branch {len(diagram.branches)}, {key} = {variation.told(branch.cycles[-1].value, '.4g')}"
+        where = f", branch {len(diagram.branches)}, {key} = {variation.with_unit(branch.cycles[-1].value, '.4g')}"
         if len(branch.cycles) % KEPT_EVERY == 1:
             keep(found(diagram, Ending.CUT_OFF))
 

@@ -47,7 +47,7 @@ def cycle_command(
     variation = None if along is None else read_variation(along, loaded, points=None)
     files = CYCLE_FILES if variation is None else BRANCH_FILES
     folder = output if output is not None else Path("out") / f"{scene.stem}-cycle"
-    reply = Reply.beside(folder, files, (scene,), quiet, json_file, overwrite=overwrite)
+    reply = Reply.next_to(folder, files, (scene,), quiet, json_file, overwrite=overwrite)
     from drumsqueal.questions.cycle.answer import BRANCHES, CYCLES
     from drumsqueal.questions.cycle.branches import checked_range, follow_cycles, found_some
     from drumsqueal.questions.cycle.search import checked, find_cycle

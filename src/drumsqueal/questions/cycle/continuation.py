@@ -209,8 +209,8 @@ class Track:
     def _to_bound(self, place: _Place, beyond: _Place, bound: float) -> str:
         """Keep the cycle at the bound itself."""
         before, after = place.cycle.value, beyond.cycle.value
-        share = (bound - before) / (after - before)
-        guess = (1 - share) * place.closed.unknowns + share * beyond.closed.unknowns
+        fraction = (bound - before) / (after - before)
+        guess = (1 - fraction) * place.closed.unknowns + fraction * beyond.closed.unknowns
         fixed = np.zeros_like(guess)
         fixed[-1] = 1.0
         closed = self._shooting.close(guess, fixed)
@@ -223,7 +223,7 @@ class Track:
             self._keep(last.cycle)
         return End.BOUND
 
-    def _departure(self, place: _Place) -> Vector | None:
+    def _vibration(self, place: _Place) -> Vector | None:
         steady = self._steady_at(place.cycle.value)
         if steady is None:
             return None
@@ -231,7 +231,7 @@ class Track:
 
     def _at_rest(self, place: _Place, following: _Place) -> bool:
         """Whether the branch has shrunk to steady sliding: beyond that it would go on as its own mirror image."""
-        before, after = self._departure(place), self._departure(following)
+        before, after = self._vibration(place), self._vibration(following)
         if before is None or after is None:
             return False
         return bool(before @ after < 0 or np.max(np.abs(after)) < CLOSE_TO_REST)
@@ -282,9 +282,9 @@ def is_between(a: Cycle, b: Cycle, cycle: Cycle) -> bool:
     width = b.value - a.value
     if width == 0 or (a.value - cycle.value) * (b.value - cycle.value) > 0:
         return False
-    share = (cycle.value - a.value) / width
+    fraction = (cycle.value - a.value) / width
     first, last, wanted = (np.array([each.period_s, *each.amplitude.values()]) for each in (a, b, cycle))
-    between = (1 - share) * first + share * last
+    between = (1 - fraction) * first + fraction * last
     return bool(np.all(np.abs(between - wanted) < SAME * np.maximum(between, wanted)))
 
 

@@ -6,7 +6,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from drumsqueal.findings.departure import ROTATIONS
+from drumsqueal.findings.vibration import ROTATIONS
 from drumsqueal.questions.cycle.orbit import Cycle
 from drumsqueal.questions.cycle.search import CycleStudy
 from drumsqueal.questions.run.figures.contact import along_arc

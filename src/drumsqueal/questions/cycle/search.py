@@ -8,8 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from drumsqueal.errors import CycleError, IntegrationError
+from drumsqueal.findings.boundaries import boundary_ratios
 from drumsqueal.findings.decay import is_decaying, rms_rate, slowest
-from drumsqueal.findings.edges import edge_shares
 from drumsqueal.findings.part import Finding
 from drumsqueal.findings.schema import Findings
 from drumsqueal.findings.signals import classify
@@ -30,7 +30,7 @@ from drumsqueal.solve.transient.integrate import Chunk, integrate
 from drumsqueal.solve.transient.runge_kutta import AUTO
 
 SMALLEST = 1e-4  # of the scale of the start: what has shrunk to less is steady sliding, not a cycle
-SHARES = (0.6, 0.3, 0.15)  # last parts of a transient that may have settled
+FRACTIONS = (0.6, 0.3, 0.15)  # last parts of a transient that may have settled
 FEWEST_SAMPLES = 64
 FAST = 3.0  # a large disturbance, times the speed of the drum
 MOST_PARTS = 7  # a motion may repeat so many times within a period that was found
@@ -268,10 +268,10 @@ def _recorded(transient: Transient, progress: Progress, what: str) -> _Record:
     moved = (np.concatenate([chunk.displacement, chunk.velocity], axis=1) for chunk in chunks)
     state = np.concatenate([np.empty((0, 2 * n)), *moved])
     lowest = _lowest(transient)
-    if failed or lowest is None or time.size < FEWEST_SAMPLES / SHARES[-1]:
+    if failed or lowest is None or time.size < FEWEST_SAMPLES / FRACTIONS[-1]:
         return _Record(time, state, failed or "is too short to judge")
-    for share in SHARES:
-        part = slice(int((1 - share) * time.size), None)
+    for fraction in FRACTIONS:
+        part = slice(int((1 - fraction) * time.size), None)
         scale = _motion(transient, state[part])[:n]
         rate = transient.sample_rate
         regime = classify(state[part, :n], rate, scale=scale, lowest_frequency=lowest)
@@ -287,9 +287,9 @@ def _decay(transient: Transient, states: Vector) -> str | None:
     mode = slowest(stability, [each for each in stability.modes if each.name in model.names])
     if mode is None:
         return None
-    departure, velocity = states[:, :n] - transient.steady, states[:, n:]
+    vibration, velocity = states[:, :n] - transient.steady, states[:, n:]
     rate = rms_rate(velocity, np.asarray(model.mass), transient.sample_rate)
-    decays = is_decaying(max(edge_shares(model, departure, velocity)), rate, mode.growth_rate)
+    decays = is_decaying(max(boundary_ratios(model, vibration, velocity)), rate, mode.growth_rate)
     return decay_words(rate, mode.label, mode.growth_rate) if decays else None
 
 

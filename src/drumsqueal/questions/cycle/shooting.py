@@ -17,7 +17,7 @@ HALVINGS = 4
 PATIENCE, PROGRESS = 6, 0.1  # after so many steps the residual must have come down to this share
 LONGEST_STEP = 0.3  # of Newton, in the scale of the motion
 WORST = 30.0  # scaled state or ratio of periods beyond which a search is lost
-SINGULAR = 1e-11  # singular values below this share of the largest are none: a coordinate that nothing holds
+SINGULAR = 1e-11  # singular values below this fraction of the largest are none: a coordinate that nothing holds
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]

@@ -52,8 +52,8 @@ def modal_starts(model: Model, stability: Stability) -> Iterator[Start]:
             (np.sign(work[:-1]) * np.sign(work[1:]) < 0) & (np.abs(work) > least)[:-1] & (np.abs(work) > least)[1:]
         )
         for k in reversed(np.flatnonzero(changes)):
-            share = work[k] / (work[k] - work[k + 1])
-            amplitude = float(amplitudes[k] * (amplitudes[k + 1] / amplitudes[k]) ** share)
+            fraction = work[k] / (work[k] - work[k + 1])
+            amplitude = float(amplitudes[k] * (amplitudes[k + 1] / amplitudes[k]) ** fraction)
             yield modal_start(steady, mode, shape, amplitude)
 
 

@@ -2,9 +2,9 @@
 
 from collections.abc import Sequence
 
-from drumsqueal.findings.departure import unit_of
 from drumsqueal.findings.signals import Regime
 from drumsqueal.findings.signals.regime import Kind
+from drumsqueal.findings.vibration import unit_of
 from drumsqueal.questions.cycle.diagram import Diagram, Interval
 from drumsqueal.questions.cycle.orbit import Cycle
 from drumsqueal.scene.quantities import percent

@@ -16,7 +16,7 @@ from drumsqueal.terminal.options import (
     Settings,
     UsageError,
     output_option,
-    read_share,
+    read_fraction,
 )
 from drumsqueal.terminal.reply import Reply
 
@@ -46,9 +46,9 @@ def effects_command(
     elif context.args:
         raise UsageError(f"Got unexpected extra argument ({context.args[0]})")
     loaded = load_scene(scene, settings or ())
-    accuracy = read_share(within, "--within")
+    accuracy = read_fraction(within, "--within")
     folder = output if output is not None else Path("out") / f"{scene.stem}-effects"
-    reply = Reply.beside(folder, EFFECT_FILES, (scene,), quiet, json_file, overwrite=overwrite)
+    reply = Reply.next_to(folder, EFFECT_FILES, (scene,), quiet, json_file, overwrite=overwrite)
     from drumsqueal.questions.effects.answer import EFFECTS_ANSWER
     from drumsqueal.questions.effects.study import study_effects
     from drumsqueal.simulation import check_sample_rate, prepare

@@ -12,8 +12,8 @@ from typing import Any
 from pydantic import Field
 
 from drumsqueal.findings.answers import Change
-from drumsqueal.findings.departure import unit_of
 from drumsqueal.findings.schema import Findings, Held, InMemory, SceneInFile
+from drumsqueal.findings.vibration import unit_of
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.effects.reductions import Reduction, reduce, reductions_of
 from drumsqueal.questions.effects.variants import Bench, Variant

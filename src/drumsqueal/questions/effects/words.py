@@ -42,9 +42,9 @@ def _what_changes(change: Change | None) -> str:
     return f"{what} do not change" if largest < ROUND_OFF else f"{what} change by {percent(largest)} at most"
 
 
-def _time(share: float) -> str:
+def _time(fraction: float) -> str:
     """In one digit: times scatter."""
-    return "as long" if SCATTER < share < 1 / SCATTER else f"about {percent(float(f'{share:.1g}'))} of the time"
+    return "as long" if SCATTER < fraction < 1 / SCATTER else f"about {percent(float(f'{fraction:.1g}'))} of the time"
 
 
 def describe_limits(scene: Scene, whole: Answer | None, noise: Change | None, within: float) -> tuple[str, ...]:

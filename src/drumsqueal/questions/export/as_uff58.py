@@ -14,7 +14,7 @@ import numpy as np
 import pyuff
 
 from drumsqueal.files.universal import SI_SYSTEM, TIME_AXIS, TIME_RESPONSE, type_of
-from drumsqueal.findings.departure import unit_of
+from drumsqueal.findings.vibration import unit_of
 from drumsqueal.progress import Progress
 from drumsqueal.questions.export.channels import Channel, Channels
 from drumsqueal.questions.export.points import CENTRE_OF_GRAVITY, OUTLINE, POINTS, moved, positions

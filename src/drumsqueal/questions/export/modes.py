@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from drumsqueal.findings.departure import unit_of
+from drumsqueal.findings.vibration import unit_of
 
 if TYPE_CHECKING:
     from drumsqueal.solve.linear.modes import Stability

@@ -8,7 +8,7 @@ import numpy as np
 
 from drumsqueal.errors import RequestError, SteadyStateError
 from drumsqueal.files.saved_history import UNEVEN, SavedHistory
-from drumsqueal.findings.signals.resampling import PASSES, reach, resample, share_above
+from drumsqueal.findings.signals.resampling import PASSES, fraction_above, reach, resample
 from drumsqueal.findings.time_window import time_window
 from drumsqueal.questions.export.channels import FLAG, UNKNOWN, Channel, Channels
 from drumsqueal.questions.export.signals import make_channels, names_of
@@ -17,7 +17,7 @@ from drumsqueal.scene.quantities import percent
 if TYPE_CHECKING:
     from drumsqueal.solve.linear.modes import Stability
 
-LEAST_SHARE = 1e-4  # of a signal's energy, a hundredth of its amplitude: less is lost without a word
+LEAST_FRACTION = 1e-4  # of a signal's energy, a hundredth of its amplitude: less is lost without a word
 LOWEST = 200  # times the rate may be below the history's: the filter grows as long
 MOST_SAMPLES = 2 * 10**8  # of all signals together: 1.6 GB
 
@@ -104,15 +104,17 @@ def _lost(recorded: Sequence[Channel], own: float, rate: float, part: Part) -> l
     """One line on what the rate cannot hold; nothing where that is next to nothing."""
     if rate >= own:
         return []
-    lost = [(channel.name, *share_above(channel.values, own, rate / 2)) for channel in recorded if _is_smooth(channel)]
-    lost = sorted((found for found in lost if found[1] > LEAST_SHARE), key=lambda found: -found[1])
+    lost = [
+        (channel.name, *fraction_above(channel.values, own, rate / 2)) for channel in recorded if _is_smooth(channel)
+    ]
+    lost = sorted((found for found in lost if found[1] > LEAST_FRACTION), key=lambda found: -found[1])
     if not lost:
         return []
-    name, share, line = lost[0]
+    name, fraction, line = lost[0]
     others = f", and some of {len(lost) - 1} more" if len(lost) > 1 else ""
     slower = "" if part.slow == 1 else f", {part.slow:g} times slower,"
     why = (
-        f"a rate of {rate / part.slow:.6g} Hz{slower} holds what is below {rate / 2:.6g} Hz: {percent(share)} of "
+        f"a rate of {rate / part.slow:.6g} Hz{slower} holds what is below {rate / 2:.6g} Hz: {percent(fraction)} of "
         f"the energy of {name} lies above, most at {line:.5g} Hz{others}; it is filtered out, as it would be aliased"
     )
     keeps = line / PASSES / part.slow

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from drumsqueal.errors import RequestError, nearest
 from drumsqueal.files.saved_history import SavedHistory
-from drumsqueal.findings.departure import ROTATIONS
 from drumsqueal.findings.history import SIGNALS as ALWAYS
 from drumsqueal.findings.history import TEMPERATURE, memory_of, signals_of
+from drumsqueal.findings.vibration import ROTATIONS
 from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
 from drumsqueal.physics.composition import kept_coordinates
 from drumsqueal.questions.export.channels import (

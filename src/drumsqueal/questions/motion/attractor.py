@@ -14,7 +14,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from drumsqueal.findings.signals import PERIODS_NEEDED, Bases, Regime, told_frequencies
+from drumsqueal.findings.signals import PERIODS_NEEDED, Fundamentals, Regime, written_frequencies
 from drumsqueal.findings.signals.lyapunov import SURE, Exponents
 
 LATER = 2.0  # the regime is read from the later half of a record
@@ -66,13 +66,17 @@ class Attractor:
 
 
 def decide_attractor(
-    regime: Regime, bases: Bases | None, exponents: Exponents | None, record_s: float, exponents_need_s: float | None
+    regime: Regime,
+    fundamentals: Fundamentals | None,
+    exponents: Exponents | None,
+    record_s: float,
+    exponents_need_s: float | None,
 ) -> Attractor:
-    """Decide the kind of attractor from a record (s), of whose later half are regime and bases.
+    """Decide the kind of attractor from a record (s), of whose later half are regime and fundamental frequencies.
 
     `exponents_need_s` is the shortest record (s) that gives exponents, None where none does: there the regime decides.
     """
-    found = _read_regime(regime, bases, record_s)
+    found = _read_regime(regime, fundamentals, record_s)
     if exponents is not None:
         value, sure = exponents.exponent_1_per_s, exponents.significant
         counts = int(exponents.zero.sum()), int((sure & (value > 0)).sum()), int((sure & (value < 0)).sum())
@@ -99,14 +103,14 @@ def _drifts(regime: Regime) -> bool:
     return regime.kind == "unknown" and regime.amplitude_drift is not None and regime.record_needed_s is None
 
 
-def _read_regime(regime: Regime, bases: Bases | None, record_s: float) -> Attractor:
+def _read_regime(regime: Regime, fundamentals: Fundamentals | None, record_s: float) -> Attractor:
     """What recurrence and lines say alone."""
     frequencies, known = regime.base_frequencies_Hz, regime.base_uncertainties_Hz
     if regime.kind == "unknown":
         return Attractor(Kind.NOT_DETERMINED, frequencies, known)
     kind = Kind(regime.kind)
-    if kind is Kind.QUASI_PERIODIC and bases is not None and bases.frequency_Hz.size:
-        frequencies, known = tuple(bases.frequency_Hz.tolist()), tuple(bases.uncertainty_Hz.tolist())
+    if kind is Kind.QUASI_PERIODIC and fundamentals is not None and fundamentals.frequency_Hz.size:
+        frequencies, known = tuple(fundamentals.frequency_Hz.tolist()), tuple(fundamentals.uncertainty_Hz.tolist())
         if len(frequencies) == 1:  # weaker lines than the regime's show that the frequencies are locked
             long_enough = record_s / LATER * frequencies[0] >= PERIODS_NEEDED
             kind = Kind.PERIODIC if long_enough else Kind.NOT_DETERMINED
@@ -177,7 +181,7 @@ def describe_attractor(
 def _evidence(found: Attractor, exponents: Exponents | None) -> tuple[str, ...]:
     if exponents is None or found.zero is None:
         return ()
-    (largest,) = told_exponents(exponents)[:1]
+    (largest,) = written_exponents(exponents)[:1]
     if found.kind is Kind.CHAOTIC:
         return (f"The largest Lyapunov exponent is {largest} 1/s: nearby motions separate exponentially.",)
     zeros = f"{NUMBERS[found.zero].capitalize()} Lyapunov exponent{' is' if found.zero == 1 else 's are'} zero"
@@ -188,40 +192,42 @@ def _evidence(found: Attractor, exponents: Exponents | None) -> tuple[str, ...]:
 
 def _contradiction(found: Attractor, exponents: Exponents) -> str:
     """The contradiction of a motion whose exponents were followed."""
-    told, count = told_exponents(exponents), len(found.frequencies_Hz)
+    shown, count = written_exponents(exponents), len(found.frequencies_Hz)
     unknown = [
-        text for text, sure, zero in zip(told, exponents.significant, exponents.zero, strict=True) if not (sure or zero)
+        text
+        for text, sure, zero in zip(shown, exponents.significant, exponents.zero, strict=True)
+        if not (sure or zero)
     ]
     zeros = f"{NUMBERS[count]} Lyapunov exponent{'s' * (count != 1)} of zero"
     needs = f"{_frequencies(found)} require{'s' * (count == 1)} {zeros}"
     needs = needs[:1].upper() + needs[1:]
     match found.doubt:
         case Doubt.NO_ZERO:
-            return f"Every motion that lasts has a Lyapunov exponent of zero, but none of {_listed(told)} 1/s is."
+            return f"Every motion that lasts has a Lyapunov exponent of zero, but none of {_listed(shown)} 1/s is."
         case Doubt.POSITIVE:
-            return f"{needs} and none above it, but the largest is {told[0]} 1/s, as in chaos."
+            return f"{needs} and none above it, but the largest is {shown[0]} 1/s, as in chaos."
         case Doubt.NOT_POSITIVE:
-            return f"The motion is irregular, but its largest Lyapunov exponent, {told[0]} 1/s, does not show chaos."
+            return f"The motion is irregular, but its largest Lyapunov exponent, {shown[0]} 1/s, does not show chaos."
         case Doubt.FEWER_ZEROS:
             most = (found.zero or 0) + len(unknown)
-            return f"{needs}, but of {_listed(told)} 1/s at most {NUMBERS[most]} can be zero."
+            return f"{needs}, but of {_listed(shown)} 1/s at most {NUMBERS[most]} can be zero."
         case Doubt.MORE_ZEROS:
             return (
-                f"{needs}, but {NUMBERS[found.zero or 0]} of {_listed(told)} 1/s cannot be distinguished from zero: "
+                f"{needs}, but {NUMBERS[found.zero or 0]} of {_listed(shown)} 1/s cannot be distinguished from zero: "
                 "there is another frequency, or a disturbance decays too slowly for this record."
             )
         case _:
-            which = _listed(unknown or told[: (found.zero or 0) + 1])
+            which = _listed(unknown or shown[: (found.zero or 0) + 1])
             return f"{needs}, but the uncertainty of {which} 1/s is too large to distinguish zero from decay."
 
 
-def told_exponents(exponents: Exponents) -> list[str]:
+def written_exponents(exponents: Exponents) -> list[str]:
     """Each exponent with the uncertainty that decides on its sign (1/s), to the digits that this one has."""
-    told = []
+    shown = []
     for value, error in zip(exponents.exponent_1_per_s, exponents.uncertainty_1_per_s, strict=True):
         digits = max(0, 1 - math.floor(math.log10(error)))
-        told.append(f"{value:+.{digits}f} ± {error:.{digits}f}".replace("-", "−"))
-    return told
+        shown.append(f"{value:+.{digits}f} ± {error:.{digits}f}".replace("-", "−"))
+    return shown
 
 
 def _rounded_up(seconds: float) -> str:
@@ -232,7 +238,7 @@ def _rounded_up(seconds: float) -> str:
 
 def _frequencies(found: Attractor) -> str:
     count = len(found.frequencies_Hz)
-    listed = told_frequencies(found.frequencies_Hz, found.uncertainties_Hz, 6)
+    listed = written_frequencies(found.frequencies_Hz, found.uncertainties_Hz, 6)
     return f"{NUMBERS[count]} fundamental frequenc{'y' if count == 1 else 'ies'} ({listed})"
 
 

@@ -39,7 +39,7 @@ def motion_command(
     loaded = load_scene(scene, settings or ())
     length, limit = read_duration(duration, "--duration"), read_duration(at_most, "--at-most")
     folder = output if output is not None else Path("out") / f"{scene.stem}-motion"
-    reply = Reply.beside(folder, MOTION_FILES, (scene,), quiet, json_file, overwrite=overwrite)
+    reply = Reply.next_to(folder, MOTION_FILES, (scene,), quiet, json_file, overwrite=overwrite)
     from drumsqueal.questions.motion.answer import MOTION
     from drumsqueal.questions.motion.study import checked, study_motion
     from drumsqueal.simulation import check_sample_rate, prepare

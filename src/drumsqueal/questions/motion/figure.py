@@ -3,8 +3,8 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from drumsqueal.findings.departure import unit_of
-from drumsqueal.questions.motion.attractor import told_exponents
+from drumsqueal.findings.vibration import unit_of
+from drumsqueal.questions.motion.attractor import written_exponents
 from drumsqueal.questions.motion.study import MotionStudy
 from drumsqueal.terminal import style
 from drumsqueal.terminal.placement import label_right_edge
@@ -27,25 +27,25 @@ def combination(integers: list[int]) -> str:
 
 @style.styled()
 def draw_lines(study: MotionStudy) -> Figure | None:
-    """Draw every line by its share of the variance, the strongest with their integers."""
-    if study.lines is None or study.bases is None:
+    """Draw every line by its fraction of the variance, the strongest with their integers."""
+    if study.lines is None or study.fundamentals is None:
         return None
     figure = style.new_figure(study.title, "lines of the motion, and what they are combinations of")
     axes = figure.subplots()
-    frequency, share = study.lines.frequency_Hz / 1e3, study.lines.share
-    matched = np.any(study.bases.combinations != 0, axis=1)
-    low = share.min() / 3
+    frequency, fraction = study.lines.frequency_Hz / 1e3, study.lines.fraction
+    matched = np.any(study.fundamentals.combinations != 0, axis=1)
+    low = fraction.min() / 3
     for known, colour in ((matched, style.COLOUR["X"]), (~matched, style.SEPARATED)):
-        axes.vlines(frequency[known], low, share[known], color=colour, linewidth=1.0)
-        axes.plot(frequency[known], share[known], "o", color=colour, markersize=2.5)
+        axes.vlines(frequency[known], low, fraction[known], color=colour, linewidth=1.0)
+        axes.plot(frequency[known], fraction[known], "o", color=colour, markersize=2.5)
     axes.set_yscale("log")
     axes.set_ylim(low, 30)
     axes.set_xlim(0, None)
-    if study.bases.frequency_Hz.size:
+    if study.fundamentals.frequency_Hz.size:
         for k in np.flatnonzero(matched)[:LABELLED]:
             axes.annotate(
-                combination(study.bases.combinations[k].tolist()),
-                (frequency[k], share[k]),
+                combination(study.fundamentals.combinations[k].tolist()),
+                (frequency[k], fraction[k]),
                 xytext=(0, 4),
                 textcoords="offset points",
                 rotation=90,
@@ -53,9 +53,9 @@ def draw_lines(study: MotionStudy) -> Figure | None:
                 va="bottom",
                 fontsize=style.SMALL_SIZE,
             )
-    bases = zip(study.bases.frequency_Hz, study.bases.uncertainty_Hz, strict=True)
-    told = ", ".join(f"f{k} = {f:.7g} ± {u:.1g} Hz" for k, (f, u) in enumerate(bases, start=1))
-    axes.set_title(told or "no fundamental frequencies", loc="left", fontsize=style.TEXT_SIZE)
+    fundamentals = zip(study.fundamentals.frequency_Hz, study.fundamentals.uncertainty_Hz, strict=True)
+    shown = ", ".join(f"f{k} = {f:.7g} ± {u:.1g} Hz" for k, (f, u) in enumerate(fundamentals, start=1))
+    axes.set_title(shown or "no fundamental frequencies", loc="left", fontsize=style.TEXT_SIZE)
     style.frame(axes, "Frequency (kHz)", "Share of the variance (coordinates of unit rms)")
     return figure
 
@@ -77,8 +77,8 @@ def draw_section(study: MotionStudy) -> Figure | None:
     middle, half = points.min(axis=0) + spread / 2, np.maximum(0.6 * spread, LEAST / 2 * size)
     axes.set_xlim(middle[0] - half[0], middle[0] + half[0])
     axes.set_ylim(middle[1] - half[1], middle[1] + half[1])
-    told = f"{len(points)} points within {100 * np.max(spread / size):.2g} % of the motion's peak-to-peak values"
-    axes.set_title(told, loc="left", fontsize=style.SMALL_SIZE)
+    shown = f"{len(points)} points within {100 * np.max(spread / size):.2g} % of the motion's peak-to-peak values"
+    axes.set_title(shown, loc="left", fontsize=style.SMALL_SIZE)
     style.frame(axes, f"{other} ({units[0]})", f"Velocity of {across} ({units[1]})")
     return figure
 
@@ -92,9 +92,9 @@ def draw_convergence(study: MotionStudy) -> Figure | None:
     figure = style.new_figure(study.title, "Lyapunov exponents as they converge")
     axes = figure.subplots()
     labels = []
-    for k, (colour, told) in enumerate(zip(COLOURS, told_exponents(exponents), strict=False)):
+    for k, (colour, shown) in enumerate(zip(COLOURS, written_exponents(exponents), strict=False)):
         axes.plot(exponents.time_s, exponents.running_1_per_s[:, k], color=style.COLOUR[colour])
-        labels.append((float(exponents.exponent_1_per_s[k]), told, style.COLOUR[colour]))
+        labels.append((float(exponents.exponent_1_per_s[k]), shown, style.COLOUR[colour]))
     axes.axhline(0, color=style.DARK, linewidth=0.6)
     late = exponents.running_1_per_s[len(exponents.time_s) // 5 :]
     room = 0.1 * float(np.ptp(late)) + 0.5

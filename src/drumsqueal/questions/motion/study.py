@@ -15,9 +15,8 @@ from pydantic import computed_field
 from scipy.interpolate import CubicHermiteSpline
 
 from drumsqueal.errors import IntegrationError
+from drumsqueal.findings.boundaries import boundary_ratios
 from drumsqueal.findings.decay import decay_to_rest, slowest
-from drumsqueal.findings.departure import Departure
-from drumsqueal.findings.edges import edge_shares
 from drumsqueal.findings.history import COMPLETE, to_dataset
 from drumsqueal.findings.part import Finding, Held
 from drumsqueal.findings.saturation import size_of_motion
@@ -25,15 +24,16 @@ from drumsqueal.findings.schema import Findings
 from drumsqueal.findings.signals import (
     PERIODS_NEEDED,
     STEADY,
-    Bases,
+    Fundamentals,
     Lines,
     Regime,
     classify,
-    find_bases,
+    find_fundamentals,
     find_lines,
     fit_growth,
 )
 from drumsqueal.findings.signals.lyapunov import Exponents, lyapunov_exponents, orthonormalised
+from drumsqueal.findings.vibration import Vibration
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.motion.attractor import Attractor, Kind, decide_attractor, describe_attractor
 from drumsqueal.scene import Profile, Scene, SceneError
@@ -73,7 +73,7 @@ class Section(Finding):
 class MotionStudy(Findings):
     """The attractor that a motion is on and what decided it.
 
-    `recorded_from_s` is when the record begins, `settled` whether the motion had settled by then. `lines` and `bases`
+    `recorded_from_s` is when the record begins, `settled` whether the motion had settled by then. `lines` and `fundamentals`
     are None at rest; `exponents` None where they were not determined, and `not_determined` says what was not, and why.
     """
 
@@ -95,7 +95,7 @@ class MotionStudy(Findings):
     lyapunov_uncertainties_1_per_s: tuple[float, ...] | None = None
     chaotic: bool | None = None
     lines: Lines | None = Held
-    bases: Bases | None = Held
+    fundamentals: Fundamentals | None = Held
     exponents: Exponents | None = Held
 
     @computed_field
@@ -126,7 +126,7 @@ def study_motion(
     progress: Progress = silent,
     keep: Callable[[MotionStudy], None] = lambda _: None,
 ) -> MotionStudy:
-    """Tell which kind of motion a scene settles to: `study_motion(scene).kind`, `.bases`, `.exponents`.
+    """Determine which kind of motion a scene settles to: `study_motion(scene).kind`, `.fundamentals`, `.exponents`.
 
     It runs until the trend of every coordinate's rms over half a second is below 1e-3 or within three standard errors
     (five seconds at most), then for `duration` (s), of which the later half is asked for lines, then once more from
@@ -146,27 +146,27 @@ def study_motion(
     limits: list[str] = []
     settled, start, chunks = _record(prepared, duration, at_most, progress, limits)
     history = to_dataset(chunks, whole, prepared.model.names, COMPLETE)
-    departure = Departure(history, prepared.stability)
-    rate, scale = departure.sample_rate, size_of_motion(departure, prepared.stability, prepared.linear)
-    recorded = departure.time.size / rate
+    vibration = Vibration(history, prepared.stability)
+    rate, scale = vibration.sample_rate, size_of_motion(vibration, prepared.stability, prepared.linear)
+    recorded = vibration.time.size / rate
     modes = prepared.stability.unstable or prepared.stability.modes
     able = _able(prepared)
     lowest = min((mode.frequency_Hz for mode in modes), default=2 * PERIODS_NEEDED / recorded) / 2
     # What is left of the start after settling would widen lines; tangents need the whole time.
-    late = slice(departure.time.size // 2, None)
-    regime = classify(departure.displacement[late], rate, scale=scale, lowest_frequency=lowest)
-    regime = decay_to_rest(regime, departure, late, prepared.stability, able, prepared.linear)
-    moving = np.ptp(departure.displacement, axis=0) / 2 >= STEADY * scale
-    coordinates = tuple(name for name, moves in zip(departure.coordinates, moving, strict=True) if moves)
-    section = _section(departure, prepared.stability.mass, coordinates)
-    lines = bases = None
+    late = slice(vibration.time.size // 2, None)
+    regime = classify(vibration.displacement[late], rate, scale=scale, lowest_frequency=lowest)
+    regime = decay_to_rest(regime, vibration, late, prepared.stability, able, prepared.linear)
+    moving = np.ptp(vibration.displacement, axis=0) / 2 >= STEADY * scale
+    coordinates = tuple(name for name, moves in zip(vibration.coordinates, moving, strict=True) if moves)
+    section = _section(vibration, prepared.stability.mass, coordinates)
+    lines = fundamentals = None
     if coordinates and regime.kind != "steady":
         progress("lines", 0.0, None)
-        lines = find_lines(departure.displacement[late][-MOST_FOR_LINES:, moving], rate, floor=FLOOR)
-        bases = find_bases(lines)
+        lines = find_lines(vibration.displacement[late][-MOST_FOR_LINES:, moving], rate, floor=FLOOR)
+        fundamentals = find_fundamentals(lines)
     if not settled and regime.kind != "steady":
         limits.append(f"the motion had not settled after {start:.3g} s")
-    attractor = decide_attractor(regime, bases, None, recorded, None)
+    attractor = decide_attractor(regime, fundamentals, None, recorded, None)
     study = MotionStudy(
         scene=scene,
         attractor=attractor,
@@ -179,10 +179,10 @@ def study_motion(
         not_determined=tuple(limits),
         coordinates=coordinates,
         lines=lines,
-        bases=bases,
-        base_frequencies_Hz=None if bases is None else tuple(bases.frequency_Hz.tolist()),
-        base_uncertainties_Hz=None if bases is None else tuple(bases.uncertainty_Hz.tolist()),
-        explained_share=None if bases is None else bases.explained,
+        fundamentals=fundamentals,
+        base_frequencies_Hz=None if fundamentals is None else tuple(fundamentals.frequency_Hz.tolist()),
+        base_uncertainties_Hz=None if fundamentals is None else tuple(fundamentals.uncertainty_Hz.tolist()),
+        explained_share=None if fundamentals is None else fundamentals.explained,
         resolution_Hz=None if lines is None else lines.resolution_Hz,
     )
     if lines is None:
@@ -192,7 +192,7 @@ def study_motion(
     exponents = _exponents(prepared, chunks[0], duration, at_most, progress, limits) if not why_not else None
     if why_not:
         limits.append(f"Lyapunov exponents were not determined: {why_not}")
-    attractor = decide_attractor(regime, bases, exponents, recorded, None if why_not else LEAST_FOLLOWED)
+    attractor = decide_attractor(regime, fundamentals, exponents, recorded, None if why_not else LEAST_FOLLOWED)
     reached = min(recorded, recorded if exponents is None else float(exponents.time_s[-1]))
     limited = at_most if reached < duration - 2 * INTERVAL else None
     reason = describe_attractor(attractor, regime, exponents, limited)
@@ -277,8 +277,8 @@ def _at_rest(prepared: Prepared, chunks: list[Chunk]) -> bool:
         return False
     whole = chunks[-1].time[-1] - chunks[0].time[0] > BLOCK
     velocity = np.concatenate([chunk.velocity for chunk in chunks])
-    departure = np.concatenate([chunk.displacement for chunk in chunks]) - steady_at_start(prepared)
-    return bool(whole and max(edge_shares(model, departure, velocity)) < STEADY)
+    vibration = np.concatenate([chunk.displacement for chunk in chunks]) - steady_at_start(prepared)
+    return bool(whole and max(boundary_ratios(model, vibration, velocity)) < STEADY)
 
 
 def _no_tangents(prepared: Prepared, chunks: list[Chunk]) -> str:
@@ -323,14 +323,14 @@ def _exponents(
     return lyapunov_exponents(np.array(logs), INTERVAL)
 
 
-def _section(departure: Departure, mass: NDArray[np.float64], coordinates: tuple[str, ...]) -> Section:
+def _section(vibration: Vibration, mass: NDArray[np.float64], coordinates: tuple[str, ...]) -> Section:
     """Find the points where the coordinate with most kinetic energy goes up through its mean."""
     if not coordinates:
         return Section()
-    energy = mass * np.mean(departure.velocity**2, axis=0)
+    energy = mass * np.mean(vibration.velocity**2, axis=0)
     ranked = sorted(range(energy.size), key=lambda k: -energy[k])
     across, other = ranked[0], ranked[min(1, len(ranked) - 1)]
-    time, q, v = departure.time, departure.displacement, departure.velocity
+    time, q, v = vibration.time, vibration.displacement, vibration.velocity
     level = q[:, across] - q[:, across].mean()
     up = np.flatnonzero((level[:-1] < 0) & (level[1:] >= 0))
     if not up.size:
@@ -341,5 +341,5 @@ def _section(departure: Departure, mass: NDArray[np.float64], coordinates: tuple
         at = at - path(at)[:, 0] / path(at, 1)[:, 0]
     points = np.column_stack([path(at)[:, 1], path(at, 1)[:, 0]])
     size = float(np.ptp(q[:, other])), float(np.ptp(v[:, across]))
-    names = departure.coordinates
+    names = vibration.coordinates
     return Section(across=names[across], other=names[other], points=len(points), size=size, values=points)

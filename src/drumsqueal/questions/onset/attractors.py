@@ -10,15 +10,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from drumsqueal.findings.boundaries import boundary_ratios
 from drumsqueal.findings.decay import BEYOND, SMALL, is_decaying
-from drumsqueal.findings.edges import edge_shares
 from drumsqueal.findings.saturated import DRIFT, Saturated, at_once, saturated_motions
 from drumsqueal.findings.verdict import SMALL_ROTATION
 from drumsqueal.physics.model import Model
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.onset.rows import Leads, Motion, Response
 from drumsqueal.solve.linear.branches import ModelAt, Point
-from drumsqueal.solve.linear.modes import UNDAMPED_SHARE, Mode
+from drumsqueal.solve.linear.modes import UNDAMPED_FRACTION, Mode
 from drumsqueal.solve.transient.runge_kutta import AUTO
 
 LARGE = 3.0  # of the farther contact boundary: contact is lost and slip reversed
@@ -32,10 +32,10 @@ PROBE = 0.7  # a motion made so much smaller comes back where it is an attractor
 
 
 class Start(NamedTuple):
-    """A departure (n,) from steady sliding and a velocity (n,), and what to call them."""
+    """A displacement (n,) from steady sliding and a velocity (n,), and what to call them."""
 
     name: str
-    departure: NDArray[np.float64]
+    vibration: NDArray[np.float64]
     velocity: NDArray[np.float64]
 
 
@@ -60,7 +60,7 @@ class _Job:
 
     def __init__(self, point: Point, model: Model, steady: NDArray[np.float64], start: Start) -> None:
         self.point, self.model, self.steady, self.start = point, model, steady, start
-        self.departure, self.velocity = start.departure, start.velocity
+        self.vibration, self.velocity = start.vibration, start.velocity
         self.energies: list[float] = []  # mean kinetic energy of each round (J) since it last changed much
         self.history: list[float] = []  # and of all rounds
         self.rounds = 0
@@ -70,7 +70,7 @@ class _Job:
     def probe(self, energy: float) -> None:
         """Go on from less than what has settled."""
         self.probed = energy
-        self.departure, self.velocity = PROBE * self.departure, PROBE * self.velocity
+        self.vibration, self.velocity = PROBE * self.vibration, PROBE * self.velocity
         self.energies.clear()
         self.history.clear()
 
@@ -110,15 +110,15 @@ class Family:
         half = len(self.names)
         shape = np.array([self.shown(part) for part in (mode.right[:half], mode.right[half:])])
         turns = np.exp(2j * np.pi * np.arange(32) / 32)
-        departure, velocity = ((turns[:, None] * part).real for part in shape)
-        return shape, [each for each in edge_shares(model, departure, velocity) if each > 0]
+        vibration, velocity = ((turns[:, None] * part).real for part in shape)
+        return shape, [each for each in boundary_ratios(model, vibration, velocity) if each > 0]
 
     def _scaled(
-        self, mode: Mode, model: Model, share: float, which: Callable[[Iterable[float]], float]
+        self, mode: Mode, model: Model, fraction: float, which: Callable[[Iterable[float]], float]
     ) -> NDArray[np.float64]:
         """Departure and velocity (2, n) of a mode, at a size at which a contact boundary is reached to that share."""
         shape, reached = self.reach(mode, model)
-        return np.real(shape) * (share / which(reached) if reached else 0.0)
+        return np.real(shape) * (fraction / which(reached) if reached else 0.0)
 
 
 def round_seconds(points: Iterable[Point], moving: tuple[str, ...]) -> float:
@@ -128,7 +128,7 @@ def round_seconds(points: Iterable[Point], moving: tuple[str, ...]) -> float:
     return ROUND_PERIODS / min(free or [mode.frequency_Hz for mode in modes], default=ROUND_PERIODS)
 
 
-def find_endings(
+def find_attractors(
     family: Family,
     tasks: Sequence[tuple[Point, Start]],
     how: How,
@@ -158,7 +158,7 @@ def find_endings(
         motions = saturated_motions(
             [job.model for job in jobs],
             [job.steady for job in jobs],
-            [job.departure for job in jobs],
+            [job.vibration for job in jobs],
             [job.velocity for job in jobs],
             duration=how.round_seconds,
             sample_rate=how.sample_rate,
@@ -171,7 +171,7 @@ def find_endings(
         left = []
         for job, motion in zip(jobs, motions, strict=True):
             job.rounds += 1
-            job.departure, job.velocity, job.by_itself = motion.departure, motion.velocity, motion.by_itself
+            job.vibration, job.velocity, job.by_itself = motion.vibration, motion.velocity, motion.by_itself
             kind = _judge(job, motion, family, rounds)
             if kind is None:
                 left.append(job)
@@ -185,43 +185,43 @@ def _judge(job: _Job, motion: Saturated, family: Family, rounds: int) -> Leads |
     """Where a transient leads, None while that is not plain."""
     if motion.failed:
         return Leads.FAILED
-    if any(abs(turn) > SMALL_ROTATION for turn in motion.departure[[name[0] == "T" for name in family.moving]]):
+    if any(abs(turn) > SMALL_ROTATION for turn in motion.vibration[[name[0] == "T" for name in family.moving]]):
         return Leads.RUNS_AWAY
-    share = max(motion.edge_shares)
+    fraction = max(motion.boundary_ratios)
     rates = [mode.growth_rate for mode in family.modes(job.point)]
     if job.point.divergence is not None:
         rates.append(job.point.divergence)
     linear = max(rates, default=0.0)
-    noise = UNDAMPED_SHARE * job.point.largest
+    noise = UNDAMPED_FRACTION * job.point.largest
     stable, neutral = linear <= noise, bool(rates) and abs(linear) <= noise
-    if stable and (share == 0 or motion.at_rest):
+    if stable and (fraction == 0 or motion.at_rest):
         return Leads.DECAYS
-    if stable and not neutral and is_decaying(share, motion.rate, linear):
+    if stable and not neutral and is_decaying(fraction, motion.rate, linear):
         return Leads.DECAYS
     if _settled(job, motion, rounds, STILL * abs(linear) if not neutral else np.inf):
         if not neutral:
             return Leads.SQUEALS
-        if share < BEYOND:
+        if fraction < BEYOND:
             return Leads.NEUTRAL
         if job.probed is not None:
             return Leads.NEUTRAL if motion.kinetic_energy < PROBE * job.probed else Leads.SQUEALS
         job.probe(motion.kinetic_energy)
     if job.rounds < MOST_ROUNDS:
         return None
-    return Leads.SQUEALS if share >= BEYOND else Leads.GROWS if not stable else Leads.UNDECIDED
+    return Leads.SQUEALS if fraction >= BEYOND else Leads.GROWS if not stable else Leads.UNDECIDED
 
 
 def _settled(job: _Job, motion: Saturated, rounds: int, still: float) -> bool:
     """Whether it has, a motion below the contact boundaries at a rate (1/s) below `still`; notes its energy."""
-    share = max(motion.edge_shares)
+    fraction = max(motion.boundary_ratios)
     if abs(motion.drift) > DRIFT:
         job.energies.clear()
     job.energies.append(motion.kinetic_energy)
     job.history.append(motion.kinetic_energy)
     rate, changed = _over_rounds(job.energies, rounds, motion)
-    if len(job.energies) >= rounds and changed < DRIFT and (share >= BEYOND or abs(rate) < still):
+    if len(job.energies) >= rounds and changed < DRIFT and (fraction >= BEYOND or abs(rate) < still):
         return not motion.at_rest
-    return share >= BEYOND and _stationary(job.history)
+    return fraction >= BEYOND and _stationary(job.history)
 
 
 def _stationary(energies: list[float]) -> bool:

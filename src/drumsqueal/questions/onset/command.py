@@ -10,7 +10,7 @@ from drumsqueal.files.output_folder import ONSET_FILES
 from drumsqueal.scene import load_scene
 from drumsqueal.scene.variation import POINTS, SYNTAX, read_variation
 from drumsqueal.terminal.completion import complete_range
-from drumsqueal.terminal.options import JsonFile, Overwrite, Quiet, SceneFile, Settings, output_option, read_share
+from drumsqueal.terminal.options import JsonFile, Overwrite, Quiet, SceneFile, Settings, output_option, read_fraction
 from drumsqueal.terminal.reply import Reply
 
 ALONG = (
@@ -65,9 +65,9 @@ def onset_command(
     """
     loaded = load_scene(scene, settings or ())
     variation = read_variation(along, loaded)
-    share = read_share(within, "--within")
+    fraction = read_fraction(within, "--within")
     folder = output if output is not None else Path("out") / f"{scene.stem}-onset"
-    reply = Reply.beside(folder, ONSET_FILES, (scene,), quiet, json_file, overwrite=overwrite)
+    reply = Reply.next_to(folder, ONSET_FILES, (scene,), quiet, json_file, overwrite=overwrite)
     from drumsqueal.questions.cycle.branches import checked_range
     from drumsqueal.questions.onset.answer import ONSET
     from drumsqueal.questions.onset.found import OnsetStudy
@@ -78,5 +78,5 @@ def onset_command(
         checked_range(loaded, variation)
     with shown_progress(reply.console) as shown:  # what cannot be studied is reported before there is a folder
         predicted = predict(loaded, variation, shown)
-    study = partial(compare, predicted, share, smallest_kick=smallest_kick, cycles=cycles)
+    study = partial(compare, predicted, fraction, smallest_kick=smallest_kick, cycles=cycles)
     answer(reply, ONSET, lambda progress, keep: cast("OnsetStudy", study(progress=progress, keep=keep)))

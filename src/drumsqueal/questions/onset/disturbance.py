@@ -21,7 +21,7 @@ from drumsqueal.questions.onset.attractors import (
     Family,
     How,
     Start,
-    find_endings,
+    find_attractors,
 )
 from drumsqueal.questions.onset.rows import Disturbance, Leads, Response, Row
 from drumsqueal.solve.linear.branches import Point
@@ -66,15 +66,15 @@ class _Direction:
     """Disturbances along a mode one way, as multiples √J of the one of 1 J, and where those that were tried led."""
 
     def __init__(self, mode: Mode, sign: int, model: Model, family: Family) -> None:
-        shape, shares = family.reach(mode, model)
+        shape, fractions = family.reach(mode, model)
         turns = np.exp(2j * np.pi * np.arange(TURNS) / TURNS)
         velocities = (turns[:, None] * shape[1]).real
         energies = velocities**2 @ np.asarray(model.mass) / 2
         of_one_joule = 1 / math.sqrt(energies.max())
         self.name = f"kick {mode.label} {'forwards' if sign > 0 else 'backwards'}"
         self.mode, self.velocity = mode, sign * of_one_joule * velocities[np.argmax(energies)]
-        self.edge_share = of_one_joule * max(shares)
-        self.least, self.most = LEAST / self.edge_share, LARGE / (of_one_joule * min(shares))
+        self.boundary_ratio = of_one_joule * max(fractions)
+        self.least, self.most = LEAST / self.boundary_ratio, LARGE / (of_one_joule * min(fractions))
         self.quiet: set[float] = set()
         self.loud: dict[float, Response] = {}
         self.tried: set[float] = set()
@@ -140,7 +140,7 @@ class _AtRow:
             speed_uncertainty_m_per_s=(high - low) / 2 * speed,
             energy_J=size**2,
             energy_uncertainty_J=(high**2 - low**2) / 2,
-            edge_share=size * direction.edge_share,
+            edge_share=size * direction.boundary_ratio,
             leads_to=motion,
         )
 
@@ -165,7 +165,7 @@ def _run(family: Family, tasks: Sequence[tuple[_AtRow, _Direction, float]], how:
     ]
     doubtful = []
     for rounds, some in ((PERSISTENT, starts), (LASTING, doubtful)):
-        for ending in find_endings(family, some, how, rounds=rounds, progress=report):
+        for ending in find_attractors(family, some, how, rounds=rounds, progress=report):
             search, direction, size = meant[ending.value, ending.start]
             motion = ending.motion
             if rounds == PERSISTENT and motion and not any(motion.like(known) for known in search.row.motions):

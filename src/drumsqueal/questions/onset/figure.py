@@ -11,14 +11,14 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
-from drumsqueal.findings.departure import unit_of
+from drumsqueal.findings.vibration import unit_of
 from drumsqueal.questions.cycle.diagram import Diagram
 from drumsqueal.questions.cycle.orbit import Cycle
 from drumsqueal.questions.onset.found import OnsetStudy
 from drumsqueal.questions.onset.rows import Kind, Leads, Motion, Row
 from drumsqueal.questions.run.figures.eigenvalues import STABLE as STABLE_COLOUR
 from drumsqueal.questions.run.figures.eigenvalues import UNSTABLE as UNSTABLE_COLOUR
-from drumsqueal.solve.linear.modes import UNDAMPED_SHARE
+from drumsqueal.solve.linear.modes import UNDAMPED_FRACTION
 from drumsqueal.terminal import style
 from drumsqueal.terminal.placement import label_top_edge, tick_in_units
 from drumsqueal.terminal.style import frame, new_figure, styled
@@ -235,7 +235,7 @@ def _growth_limits(study: OnsetStudy) -> tuple[float, float]:
     rates = [row.growth_rate for row in study.values if row.growth_rate is not None]
     size = max(max(rates, default=1.0), -min(rates, default=-1.0))
     fastest = max((2 * np.pi * each for mode in study.modes for each in mode.frequency_Hz), default=0.0)
-    if size <= UNDAMPED_SHARE * fastest:
+    if size <= UNDAMPED_FRACTION * fastest:
         return -1.0, 1.0  # neither growth nor decay, but round-off
     return min([*rates, 0.0]) - 0.35 * size, max([*rates, 0.0]) + 0.2 * size
 

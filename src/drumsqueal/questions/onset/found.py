@@ -39,8 +39,8 @@ class FollowedMode(Finding):
 class Onset(Finding):
     """Modes and critical values along a parameter, a row for each value, and the ranges that follow from them.
 
-    `coordinates` are those of the transients; `kicked_range_sought_within` is the share of the range to which ends of
-    the bistable range were sought; `smallest_kick_sought` says whether the smallest disturbance was at each bistable
+    `coordinates` are those of the transients; `kicked_range_sought_within` is the fraction of the range to which ends
+    of the bistable range were sought; `smallest_kick_sought` says whether the smallest disturbance was at each bistable
     value. `cycles` is None where they were not followed; verdict and ranges are missing until all transients are run.
     """
 

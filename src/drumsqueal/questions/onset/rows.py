@@ -54,7 +54,7 @@ class Motion(Finding):
     """A motion that lasts, by the last part of a transient: half its peak-to-peak values and rms (m, rad).
 
     `frequency_Hz` is that of the line with most kinetic energy, of the coordinate `line_of`; the shares say how far it
-    comes towards loss of contact and towards slip reversal. `state` (2, n) is departure and velocity at its end.
+    comes towards loss of contact and towards slip reversal. `state` (2, n) is vibration and velocity at its end.
     """
 
     start: str
@@ -105,10 +105,10 @@ class Response(Finding):
                 frequency_Hz=ended.frequency_Hz,
                 line_of=ended.line,
                 kinetic_energy_J=ended.kinetic_energy,
-                share_of_contact_loss=ended.edge_shares[0],
-                share_of_slip_reversal=ended.edge_shares[1],
+                share_of_contact_loss=ended.boundary_ratios[0],
+                share_of_slip_reversal=ended.boundary_ratios[1],
                 drift=ended.drift,
-                state=np.array([ended.departure, ended.velocity]),
+                state=np.array([ended.vibration, ended.velocity]),
             )
         return cls(
             start=start,

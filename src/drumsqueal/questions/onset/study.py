@@ -21,7 +21,7 @@ from drumsqueal.questions.onset.attractors import (
     Family,
     How,
     Start,
-    find_endings,
+    find_attractors,
     go_on,
     round_seconds,
 )
@@ -98,8 +98,8 @@ def study_onset(
     `along` is "KEY=FROM..TOxN" or a `Variation`. Critical values are roots of Re λ. At each value transients start from
     a small perturbation and from a large one along each mode; where none of them lasts though a neighbour's does, it
     goes on from the neighbour's state, upwards and downwards. Ends of the bistable range are then sought `within` that
-    share of the whole range and, on demand, the smallest disturbance that leads to squeal at each bistable value, and
-    the limit cycles. `keep` takes what is known on the way.
+    fraction of the whole range and, on demand, the smallest disturbance that leads to squeal at each bistable value,
+    and the limit cycles. `keep` takes what is known on the way.
 
     In place of a scene, a function of one number gives a model: `study_onset(lambda speed: block_on_belt(law,
     belt_speed=speed), Variation("belt speed", "m/s", (1.0, 1.1, 1.2)), sample_rate=10.0)`, in Hz, and its `tolerance`.
@@ -273,7 +273,7 @@ class _Search:
             self._run("from neighbours", tasks, PERSISTENT)
 
     def resolved(self, within: float) -> float:
-        """How far apart values are told apart at a boundary, of a share of the whole range."""
+        """How far apart values are distinguished at a boundary, of a fraction of the whole range."""
         return within * (self.rows[-1].value - self.rows[0].value)
 
     def at_boundaries(self, within: float) -> None:
@@ -309,8 +309,8 @@ class _Search:
     def _close_in(self, lasting: Row, dying: Row, precision: float) -> None:
         a, b = lasting, dying
         while abs(b.value - a.value) > precision and a.strongest is not None:
-            shares = np.arange(1, SECTIONS + 1) / (SECTIONS + 1)
-            values = [float(a.value + share * (b.value - a.value)) for share in shares]
+            fractions = np.arange(1, SECTIONS + 1) / (SECTIONS + 1)
+            values = [float(a.value + fraction * (b.value - a.value)) for fraction in fractions]
             tried = self._try(values, a)
             bistable = [row for row in tried if row.kind is Kind.BISTABLE]
             b = next((row for row in tried if row.kind is not Kind.BISTABLE), b)
@@ -335,7 +335,7 @@ class _Search:
         def report(*_: object) -> None:
             self._progress(what, done, len(tasks))
 
-        for ending in find_endings(self._family, tasks, self._how, rounds=rounds, progress=report):
+        for ending in find_attractors(self._family, tasks, self._how, rounds=rounds, progress=report):
             row = self._rows[ending.value]
             self._rows[ending.value] = row.model_copy(update={"starts": (*row.starts, ending)})
             left[ending.value] -= 1

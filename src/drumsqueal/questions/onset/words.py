@@ -16,7 +16,8 @@ def verdict(study: Onset) -> str:
     """State where the eigenvalues predict squeal, where only a large disturbance leads to it, and its frequency."""
     along = study.variation
     low, high = sorted((along.first, along.last))
-    found = f"Along {along.key} from {along.shown(low):.6g} to {along.told(high)} {_linear(study)}; {_bistable(study)}."
+    over = f"Along {along.key} from {along.shown(low):.6g} to {along.with_unit(high)}"
+    found = f"{over} {_linear(study)}; {_bistable(study)}."
     return " ".join([found, *_smallest_disturbances(study)])
 
 
@@ -39,12 +40,12 @@ def _place(study: Onset, found: Range) -> str:
         return "all along"
     ends = [found.first] * (found.first_uncertainty is not None) + [found.last] * (found.last_uncertainty is not None)
     modes = [_mode(each) for each in study.critical_values if any(_is_at(each, end) for end in ends)]
-    told = f" ({', '.join(modes)})" if modes and found.kind is Kind.SQUEALS else ""
+    named = f" ({', '.join(modes)})" if modes and found.kind is Kind.SQUEALS else ""
     if found.first_uncertainty is None:
-        return f"below {below}{told}"
+        return f"below {below}{named}"
     if found.last_uncertainty is None:
-        return f"above {above}{unit}{told}"
-    return f"from {above} to {below}{told}"
+        return f"above {above}{unit}{named}"
+    return f"from {above} to {below}{named}"
 
 
 def _is_at(critical: Critical, end: float) -> bool:
@@ -56,8 +57,8 @@ def _mode(critical: Critical) -> str:
 
 
 def _bistable(study: Onset) -> str:
-    kicked = [each for each in study.ranges if each.kind is Kind.BISTABLE]
-    if not kicked:
+    bistable = [each for each in study.ranges if each.kind is Kind.BISTABLE]
+    if not bistable:
         kinds = {each.kind for each in study.ranges}
         elsewhere = "elsewhere " if Kind.SQUEALS in kinds else ""
         if Kind.STABLE in kinds:
@@ -67,7 +68,7 @@ def _bistable(study: Onset) -> str:
                 f"{elsewhere}motion neither grows nor decays, and is as large as its start made it: that is not squeal"
             )
         return "there is nothing else to find"
-    places = _joined([_place(study, each) for each in kicked])
+    places = _joined([_place(study, each) for each in bistable])
     text = f"steady sliding is stable {places}, but a large disturbance leads to squeal there (bistable)"
     rows = [row for row in study.values if row.kind is Kind.BISTABLE and row.strongest is not None]
     found = [row.strongest.frequency_Hz for row in rows if row.strongest is not None]
@@ -76,7 +77,7 @@ def _bistable(study: Onset) -> str:
         return text
     low, high = min(lines), max(lines)
     heard = f"{low:.0f} Hz" if high - low < 1 else f"{low:.0f} to {high:.0f} Hz"
-    ends = {end for each in kicked for end in (each.first, each.last)}
+    ends = {end for each in bistable for end in (each.first, each.last)}
     onset = next((each.frequency_Hz for each in study.critical_values if each.value in ends), 0.0)
     compared = f" (eigenvalue at the critical value: {onset:.0f} Hz)" if onset > 0 else ""
     return f"{text}, at the values tried at {heard}{compared}"
@@ -89,7 +90,7 @@ def _smallest_disturbances(study: Onset) -> list[str]:
     if not found:
         return []
     ends = [found[0], found[-1]] if len(found) > 1 else found
-    sizes = " to ".join(f"{_size(each)} at {study.variation.told(value)}" for value, each in ends)
+    sizes = " to ".join(f"{_size(each)} at {study.variation.with_unit(value)}" for value, each in ends)
     return [
         "The smallest disturbance along a mode that starts squeal, as the velocity of the lining's surface, is "
         f"{sizes} at the values tried."
@@ -150,7 +151,7 @@ def reservations(study: Onset) -> tuple[str, ...]:
     bistable = [each for each in study.ranges if each.kind is Kind.BISTABLE]
     ends = [(each.first, each.first_uncertainty) for each in bistable]
     ends += [(each.last, each.last_uncertainty) for each in bistable]
-    open_ends = [study.variation.told(end) for end, uncertainty in ends if uncertainty is None]
+    open_ends = [study.variation.with_unit(end) for end, uncertainty in ends if uncertainty is None]
     if open_ends:
         which = "the ends" if len(open_ends) > 1 else "the end"
         found.append(f"The bistable range may go on beyond {_joined(open_ends)}, {which} of the range asked for.")
@@ -165,5 +166,5 @@ def reservations(study: Onset) -> tuple[str, ...]:
 
 
 def _values(study: Onset, values: Sequence[float]) -> str:
-    shown = [study.variation.told(value) for value in values[:3]]
+    shown = [study.variation.with_unit(value) for value in values[:3]]
     return _joined(shown) if len(values) <= 3 else f"{', '.join(shown)} and {len(values) - 3} more"

@@ -27,7 +27,7 @@ def paper_command(
     """
     scene = seo_kang_brake(settings or ())
     folder = output if output is not None else Path("out") / "paper"
-    reply = Reply.beside(folder, PAPER_FILES, (), quiet, json_file, overwrite=overwrite)
+    reply = Reply.next_to(folder, PAPER_FILES, (), quiet, json_file, overwrite=overwrite)
     from drumsqueal.questions.paper.answer import PAPER_ANSWER
     from drumsqueal.questions.paper.curves import check_brake
     from drumsqueal.questions.paper.study import study_paper

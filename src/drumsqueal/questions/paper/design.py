@@ -36,7 +36,7 @@ def _load(curve: Curve) -> Statement:
 
 def _angle(curve: Curve) -> tuple[Statement, ...]:
     change = {name: float(curve.rate(name)[-1] - curve.rate(name)[0]) for name in SQUEALING}
-    shares = {name: change[name] / abs(float(curve.rate(name)[0])) for name in SQUEALING}
+    fractions = {name: change[name] / abs(float(curve.rate(name)[0])) for name in SQUEALING}
     span = f"from {curve.shown[0]:.0f} to {curve.shown[-1]:.0f}°"
     other = max(("X", "Tz"), key=lambda name: abs(change[name]))
     return (
@@ -45,7 +45,7 @@ def _angle(curve: Curve) -> tuple[Statement, ...]:
             "A larger arc angle lowers the growth rate of Y drastically",
             f"relative change {span}",
             "",
-            shares["Y"],
+            fractions["Y"],
             "<",
             -DRASTIC,
             f"Y {change['Y']:+.3g} 1/s",
@@ -62,10 +62,10 @@ def _angle(curve: Curve) -> tuple[Statement, ...]:
         ).read_also(
             "larger change of the two in percent of its own value over that of Y",
             "",
-            max(abs(shares[name] / shares["Y"]) for name in ("X", "Tz")) if change["Y"] else None,
+            max(abs(fractions[name] / fractions["Y"]) for name in ("X", "Tz")) if change["Y"] else None,
             "<",
             MINOR,
-            ", ".join(f"{name} {shares[name]:+.0%}" for name in SQUEALING),
+            ", ".join(f"{name} {fractions[name]:+.0%}" for name in SQUEALING),
         ),
         falls(curve, "A larger arc angle lowers the growth rates of X, Y and Tz"),
     )

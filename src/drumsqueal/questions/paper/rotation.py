@@ -126,8 +126,12 @@ def _directions(curve: Curve, shoe: RigidShoe) -> tuple[Statement, Statement]:
             tangential[along][1],
             ">",
             MAJOR,
-            ", ".join(f"{name} {share[1]:.2f}" for name, share in tangential.items()),
-        ).read_also(*_of_surface("θ", {name: share[1] / (share[1] + share[2]) for name, share in tangential.items()})),
+            ", ".join(f"{name} {fraction[1]:.2f}" for name, fraction in tangential.items()),
+        ).read_also(
+            *_of_surface(
+                "θ", {name: fraction[1] / (fraction[1] + fraction[2]) for name, fraction in tangential.items()}
+            )
+        ),
         state(
             "7",
             "Z, Tx and Ty move the lining mainly across the sliding direction",
@@ -136,15 +140,17 @@ def _directions(curve: Curve, shoe: RigidShoe) -> tuple[Statement, Statement]:
             axial[across][2],
             ">",
             MAJOR,
-            ", ".join(f"{name} {share[2]:.2f}" for name, share in axial.items()),
-        ).read_also(*_of_surface("z", {name: share[2] / (share[1] + share[2]) for name, share in axial.items()})),
+            ", ".join(f"{name} {fraction[2]:.2f}" for name, fraction in axial.items()),
+        ).read_also(
+            *_of_surface("z", {name: fraction[2] / (fraction[1] + fraction[2]) for name, fraction in axial.items()})
+        ),
     )
 
 
-def _of_surface(direction: str, shares: dict[str, float]) -> tuple[str, str, float, str, float, str]:
+def _of_surface(direction: str, fractions: dict[str, float]) -> tuple[str, str, float, str, float, str]:
     """The same fraction of the motion along the surface alone, u_θ and u_z, which the paper contrasts."""
-    listed = ", ".join(f"{name} {share:.3f}" for name, share in shares.items())
-    return f"least fraction of u_{direction}² in u_θ² + u_z²", "", min(shares.values()), ">", MAJOR, listed
+    listed = ", ".join(f"{name} {fraction:.3f}" for name, fraction in fractions.items())
+    return f"least fraction of u_{direction}² in u_θ² + u_z²", "", min(fractions.values()), ">", MAJOR, listed
 
 
 def _power(curve: Curve, name: str, over: NDArray[np.float64] | float) -> float:
@@ -165,14 +171,14 @@ def _lining_motion(curve: Curve, shoe: RigidShoe, names: tuple[str, ...]) -> dic
     nodes, weights = np.polynomial.legendre.leggauss(24)
     angle, z = np.meshgrid(nodes * float(shoe.half_angle), nodes * float(shoe.width) / 2, indexing="ij")
     weight = np.outer(weights, weights)
-    shares = {}
+    fractions = {}
     for name in names:
         column = int(np.argmin(np.abs(spectrum.eigenvalues[k] - spectrum.of(name)[k])))
         q = spectrum.right[k, : len(spectrum.names), column]
         radial, tangential, axial = _surface_motion(q, angle, z, float(shoe.outer_radius), float(shoe.centroid))
         squares = np.array([np.sum(weight * np.abs(u) ** 2) for u in (radial, tangential, axial)])
-        shares[name] = squares / squares.sum()
-    return shares
+        fractions[name] = squares / squares.sum()
+    return fractions
 
 
 def _surface_motion(q: NDArray, angle: NDArray, z: NDArray, radius: float, centroid: float) -> tuple[NDArray, ...]:

@@ -26,7 +26,7 @@ from drumsqueal.questions.paper.statement import (
     state,
 )
 from drumsqueal.questions.paper.transients import Point
-from drumsqueal.solve.linear.modes import DRIFT_SHARE, OSCILLATING_SHARE, UNDAMPED_SHARE
+from drumsqueal.solve.linear.modes import DRIFT_FRACTION, OSCILLATING_FRACTION, UNDAMPED_FRACTION
 
 
 def check_statements(
@@ -67,7 +67,7 @@ def _stiffness(curve: Curve) -> tuple[Statement, ...]:
     oscillating = {
         name
         for name, value in zip(curve.spectrum.names, at_zero, strict=True)
-        if value.imag > OSCILLATING_SHARE * np.abs(at_zero).max()
+        if value.imag > OSCILLATING_FRACTION * np.abs(at_zero).max()
     }
     falls = {name: largest_rise(-curve.frequency_Hz(name)) for name in curve.spectrum.names}
     falling = max(falls, key=lambda name: falls[name])
@@ -155,8 +155,8 @@ def _stiffness(curve: Curve) -> tuple[Statement, ...]:
 def _constant(falling: Curve, constant: Curve) -> tuple[Statement, ...]:
     values = constant.spectrum.eigenvalues
     largest = np.abs(values).max(axis=1, keepdims=True)
-    oscillates = np.abs(values.imag) > OSCILLATING_SHARE * largest
-    growing = values.real > np.where(oscillates, UNDAMPED_SHARE, DRIFT_SHARE) * largest
+    oscillates = np.abs(values.imag) > OSCILLATING_FRACTION * largest
+    growing = values.real > np.where(oscillates, UNDAMPED_FRACTION, DRIFT_FRACTION) * largest
     top = max(float(falling.frequency_Hz(name).max()) for name in falling.spectrum.names)
     apart = {
         name: float(np.abs(falling.frequency_Hz(name) - constant.frequency_Hz(name)).max()) / top

@@ -21,8 +21,8 @@ def what_is_in(folder: Path) -> str:
             raise
         raise RequestError(f"{folder}: cannot be read ({getattr(error, 'strerror', None) or error})") from None
     if not held:
-        told = f"{folder} holds neither a run ({SUMMARY}, {HISTORY}) nor a study of the onset ({ONSET_SUMMARY})"
-        raise RequestError(f"{told}; name the folder that one of them has left")
+        fault = f"{folder} holds neither a run ({SUMMARY}, {HISTORY}) nor a study of the onset ({ONSET_SUMMARY})"
+        raise RequestError(f"{fault}; name the folder that one of them has left")
     if len(held) > 1:
         raise RequestError(f"{folder} holds a run and a study of the onset; put one of them into a folder of its own")
     return held[0]

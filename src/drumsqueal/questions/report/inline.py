@@ -17,7 +17,7 @@ class Picture(NamedTuple):
     """A picture in the page: heading, what it shows, file name, size in points, and itself."""
 
     heading: str
-    told: str
+    text: str
     file: str
     width: int
     height: int

@@ -6,18 +6,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from drumsqueal.findings.departure import levers
+from drumsqueal.findings.vibration import levers
 from drumsqueal.physics.bodies.body import displace
 from drumsqueal.physics.bodies.rigid_shoe import OUT_OF_PLANE, RigidShoe
 from drumsqueal.questions.animate.section import MILLI, moved, on_circle, shoe_outline
-from drumsqueal.solve.linear.modes import NEUTRAL_SHARE, Mode
+from drumsqueal.solve.linear.modes import NEUTRAL_FRACTION, Mode
 
 DRAWN = 0.08  # of the outer radius: the largest motion as it is drawn
 PERIOD_S = 2.0  # of every mode as it is drawn
 DRUM = 1.1  # outer over inner radius of the drum that is drawn; it has no thickness in the model
-EDGE = 1.02  # of the picture, beyond the drum
+BOUNDARY = 1.02  # of the picture, beyond the drum
 FLAT = 1e-9  # of the displacement: less motion out of the plane is round-off
-LEAST_SHARE = 5e-3  # of the kinetic energy, that is told
+LEAST_FRACTION = 5e-3  # of the kinetic energy, that is told
 # Seen from the front and from above: z comes forward, to the left and down.
 OBLIQUE = (-0.5, -0.4)
 ROUND = 3  # digits after the point, of mm
@@ -38,7 +38,7 @@ def animate(
     return {
         "radius": round(radius, ROUND),
         "outer": round(DRUM * radius, ROUND),
-        "box": round(EDGE * DRUM * radius + beyond, ROUND),
+        "box": round(BOUNDARY * DRUM * radius + beyond, ROUND),
         "turns": float(np.sign(speed)),
         "period_s": PERIOD_S,
         "modes": moving,
@@ -57,12 +57,14 @@ def _moving(shoe: RigidShoe, coordinates: Sequence[str], mass: NDArray[np.float6
         "label": mode.label,
         "name": mode.name,
         "frequency_Hz": mode.frequency_Hz,
-        "growth_rate_1_per_s": 0.0 if abs(mode.growth_rate) < NEUTRAL_SHARE * mode.frequency_Hz else mode.growth_rate,
+        "growth_rate_1_per_s": 0.0
+        if abs(mode.growth_rate) < NEUTRAL_FRACTION * mode.frequency_Hz
+        else mode.growth_rate,
         "unstable": mode.unstable,
         "stability": "unstable" if mode.unstable else "stable",
         "flat": flat,
         "slowed": mode.frequency_Hz * PERIOD_S,
-        "shares": _shares(coordinates, mass, mode),
+        "shares": _fractions(coordinates, mass, mode),
         # What the named coordinate does where the largest motion of the shoe is drawn, in m or rad times `enlarged`.
         "enlarged": magnification,
         "drawn_mm": drawn,
@@ -124,11 +126,15 @@ def _largest(moved: Complex) -> float:
     return float(np.sqrt((both + np.abs(np.sum(moved**2, axis=1))) / 2).max())
 
 
-def _shares(coordinates: Sequence[str], mass: NDArray[np.float64], mode: Mode) -> Mapping[str, float]:
-    """Each coordinate's share of the kinetic energy, the largest first."""
+def _fractions(coordinates: Sequence[str], mass: NDArray[np.float64], mode: Mode) -> Mapping[str, float]:
+    """Each coordinate's fraction of the kinetic energy, the largest first."""
     energy = mass * np.abs(mode.right[: len(coordinates)]) ** 2
-    shares = dict(zip(coordinates, (energy / energy.sum()).tolist(), strict=True))
-    return {name: share for name, share in sorted(shares.items(), key=lambda each: -each[1]) if share > LEAST_SHARE}
+    fractions = dict(zip(coordinates, (energy / energy.sum()).tolist(), strict=True))
+    return {
+        name: fraction
+        for name, fraction in sorted(fractions.items(), key=lambda each: -each[1])
+        if fraction > LEAST_FRACTION
+    }
 
 
 def _rounded(points: NDArray[np.float64]) -> list[float]:

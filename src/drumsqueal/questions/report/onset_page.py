@@ -77,7 +77,7 @@ def _so_far(found: OnsetStudy) -> str:
     low, high = sorted((along.first, along.last))
     kinds = Counter(row.kind for row in found.in_order if row.asked)
     each = ", ".join(f"{IT[kind]} at {count} of them" for kind, count in kinds.items())
-    values = f"{len(along.values)} values of {along.key} from {along.shown(low):.6g} to {along.told(high)}"
+    values = f"{len(along.values)} values of {along.key} from {along.shown(low):.6g} to {along.with_unit(high)}"
     done = f"{kinds.total()} of {values} are done{f': {each}' if each else ''}"
     return f"{done}. By the eigenvalues {_critical(found, along)}."
 
@@ -87,7 +87,7 @@ def _critical(found: OnsetStudy, along: Variation) -> str:
         return "no mode gains or loses stability there"
     return " and ".join(
         f"{each.label} {'loses' if each.destabilises else 'gains'} stability as the value rises past "
-        f"{along.told(each.value)}{f' ({hertz(each.frequency_Hz)})' if each.frequency_Hz > 0 else ''}"
+        f"{along.with_unit(each.value)}{f' ({hertz(each.frequency_Hz)})' if each.frequency_Hz > 0 else ''}"
         for each in found.critical_values
     )
 
@@ -118,8 +118,8 @@ def _animation(found: OnsetStudy, progress: Progress) -> dict[str, Any] | None:
             animation = moving
             made += [mode | {"label": critical.label} for mode in moving["modes"]]
     for mode in made:
-        mode["size"] = f"At {along.key} = {along.told(mode['value'])}, where it neither grows nor decays."
-        mode["at"] = f"at {along.told(mode['value'])}"
+        mode["size"] = f"At {along.key} = {along.with_unit(mode['value'])}, where it neither grows nor decays."
+        mode["at"] = f"at {along.with_unit(mode['value'])}"
     return animation | {"modes": made, "first": 0} if made else None
 
 

@@ -46,7 +46,7 @@ def breakable(text: str) -> str:
 def number(value: float | None, form: str = ".4g", factor: float = 1.0) -> str:
     """A number as it reads well, with the number as it was found beside it for programs; a dash where there is none."""
     if value is None:
-        return Markup('<span class="none">–<span class="unseen"> not told</span></span>')
+        return Markup('<span class="none">–<span class="unseen"> not reported</span></span>')
     shown = format(value if factor == 1 else factor * value, form) if value else "0"
     shown = shown.lstrip("+-") if float(shown) == 0 else shown  # round-off has no sign
     shown = re.sub(r"e([+-])0", r"e\1", shown).replace("e+", "e").replace("-", "−")

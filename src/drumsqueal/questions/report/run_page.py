@@ -8,10 +8,10 @@ from drumsqueal.errors import RequestError
 from drumsqueal.files.output_folder import FIGURES, HISTORY, RESUME, SUMMARY, figure_file
 from drumsqueal.files.saved_history import read_history
 from drumsqueal.findings.compare import RunFindings
-from drumsqueal.findings.departure import ROTATIONS
 from drumsqueal.findings.outcome import Ending
 from drumsqueal.findings.schema import read_findings
 from drumsqueal.findings.verdict import difference_is_no_error
+from drumsqueal.findings.vibration import ROTATIONS
 from drumsqueal.questions.report.inline import data_uri, picture
 from drumsqueal.questions.report.moving import animate, most_unstable
 from drumsqueal.questions.report.sound import SLOWER, clips
@@ -104,10 +104,10 @@ def _missing(files: list[str], summary: RunFindings, folder: Path) -> str:
 def _animation(prepared: Prepared, summary: RunFindings) -> dict[str, Any] | None:
     """The modes, moving; None where they are not those of the summary."""
     stability = prepared.stability
-    told = [complex(mode.growth_rate_1_per_s, math.tau * mode.frequency_Hz) for mode in summary.prediction.modes]
-    largest = max((abs(value) for value in told), default=0.0)
+    stated = [complex(mode.growth_rate_1_per_s, math.tau * mode.frequency_Hz) for mode in summary.prediction.modes]
+    largest = max((abs(value) for value in stated), default=0.0)
     found = [mode.eigenvalue for mode in stability.modes]
-    if len(found) != len(told) or any(abs(a - b) > SAME * largest for a, b in zip(found, told, strict=True)):
+    if len(found) != len(stated) or any(abs(a - b) > SAME * largest for a, b in zip(found, stated, strict=True)):
         return None
     speed = float(prepared.linear.operation.at(stability.time).drum_speed)
     animation = animate(prepared.linear.shoe, stability.coordinates, stability.mass, stability.modes, speed)

@@ -24,7 +24,7 @@ class Clip(NamedTuple):
     """A sound: heading, what is to be heard, its length (s), the velocity (m/s) of its loudest sample, and its WAV."""
 
     heading: str
-    told: str
+    text: str
     seconds: float
     peak: float
     uri: str
@@ -110,9 +110,9 @@ def _repeated(part: NDArray[np.float64], seconds: float) -> tuple[NDArray[np.flo
     return whole, times
 
 
-def _clip(heading: str, told: str, velocity: NDArray[np.float64], slow: int, title: str) -> Clip:
+def _clip(heading: str, text: str, velocity: NDArray[np.float64], slow: int, title: str) -> Clip:
     # What is slower has the same samples at a lower rate.
     sound = to_sound(velocity, CD_RATE, slow=slow, rate=CD_RATE // slow)
     comment = f"{heading}: velocity of the lining's surface; one step is {sound.scale:.6g} m/s"
     seconds = sound.samples.size / sound.sample_rate
-    return Clip(heading, told, seconds, sound.peak, data_uri("audio/wav", wav_bytes(sound, title, comment)))
+    return Clip(heading, text, seconds, sound.peak, data_uri("audio/wav", wav_bytes(sound, title, comment)))

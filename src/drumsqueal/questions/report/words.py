@@ -11,7 +11,7 @@ from drumsqueal.findings.saturation import Saturation
 from drumsqueal.questions.onset.found import OnsetStudy
 from drumsqueal.scene import Scene
 from drumsqueal.scene.quantities import percent
-from drumsqueal.solve.linear.modes import NEUTRAL_SHARE
+from drumsqueal.solve.linear.modes import NEUTRAL_FRACTION
 
 EXPLAINS = 0.3  # relative; loss of contact is named as the cause of a shift that it gives to within this
 SHIFT = 1e-3  # of a frequency: less needs no explanation
@@ -32,13 +32,13 @@ def headline(summary: RunFindings, scene: Scene) -> str:
     if saturation is None or saturation.main is None or saturation.regime.kind == "steady":
         return summary.verdict or "There is no verdict: nothing was computed beyond the prediction."
     verb = "vibrates" if scene.forcing is not None else _VERB.get(saturation.regime.kind, "vibrates")
-    told = f"The brake {verb} at {hertz(saturation.main.frequency_Hz)}"
-    return f"{told}{_shifted(saturation, summary)}{_because(saturation, summary.frequency)}."
+    text = f"The brake {verb} at {hertz(saturation.main.frequency_Hz)}"
+    return f"{text}{_shifted(saturation, summary)}{_because(saturation, summary.frequency)}."
 
 
 def _squeals_at_first(summary: RunFindings) -> bool:
-    edge = summary.edge_reached_s
-    return bool(edge) and any(mode.unstable for mode in summary.prediction.modes)
+    boundary = summary.edge_reached_s
+    return bool(boundary) and any(mode.unstable for mode in summary.prediction.modes)
 
 
 def hertz(frequency: float) -> str:
@@ -78,30 +78,32 @@ def _because(saturation: Saturation, frequency: FrequencyDrift | None) -> str:
 
 def figure_words(name: str, summary: RunFindings, scene: Scene) -> tuple[str, str]:
     """A heading for a figure of a run, and what it shows in words and numbers."""
-    heading, told = _FIGURES[name]
-    return heading, " ".join(told(summary, scene))
+    heading, text = _FIGURES[name]
+    return heading, " ".join(text(summary, scene))
 
 
 def onset_words(found: OnsetStudy) -> tuple[str, str]:
     """The same for the figure of an onset."""
     heading, along = "Amplitude, frequency and growth rate along the parameter", found.variation
-    low, high = (along.told(end) for end in sorted((along.first, along.last)))
+    low, high = (along.with_unit(end) for end in sorted((along.first, along.last)))
     parts = [f"Three plots over {along.key} from {low} to {high}: amplitude, frequency and growth rate."]
     if found.smallest_kick_sought:
         parts.append("Below them the smallest disturbance that starts squeal, where one was found.")
-    ranges = [(each.kind.capitalize(), along.told(each.first), along.told(each.last)) for each in found.ranges]
+    ranges = [
+        (each.kind.capitalize(), along.with_unit(each.first), along.with_unit(each.last)) for each in found.ranges
+    ]
     parts += [f"{kind} from {first} to {last}." for kind, first, last in ranges]
-    parts += [f"{each.label} has zero growth rate at {along.told(each.value)}." for each in found.critical_values]
+    parts += [f"{each.label} has zero growth rate at {along.with_unit(each.value)}." for each in found.critical_values]
     return heading, " ".join(parts)
 
 
 def _growth(summary: RunFindings, _: Scene) -> list[str]:
-    told = ["Amplitude of each mode over time on a logarithmic axis, with the predicted growth as dashed lines."]
+    text = ["Amplitude of each mode over time on a logarithmic axis, with the predicted growth as dashed lines."]
     growth = summary.growth
-    told += [_rates(mode) for mode in growth.modes if mode.measured_growth_rate_1_per_s is not None]
+    text += [_rates(mode) for mode in growth.modes if mode.measured_growth_rate_1_per_s is not None]
     if growth.edge_reached_s is not None:
-        told.append(f"The straight lines bend after {growth.edge_reached_s:.4g} s, the first edge.")
-    return told + _contact_share(summary)
+        text.append(f"The straight lines bend after {growth.edge_reached_s:.4g} s, the first contact boundary.")
+    return text + _contact_fraction(summary)
 
 
 def _rates(mode: ModeComparison) -> str:
@@ -114,29 +116,29 @@ def _rates(mode: ModeComparison) -> str:
 
 def signed(rate: float, frequency: float) -> str:
     """A growth rate (1/s) in four digits with its sign; 0 where it is round-off beside the frequency (Hz)."""
-    return "0" if abs(rate) < NEUTRAL_SHARE * frequency else f"{rate:+.4g}".replace("-", "−")
+    return "0" if abs(rate) < NEUTRAL_FRACTION * frequency else f"{rate:+.4g}".replace("-", "−")
 
 
-def _contact_share(summary: RunFindings) -> list[str]:
+def _contact_fraction(summary: RunFindings) -> list[str]:
     saturation = summary.saturation
     if saturation is None:
-        return ["Below it, the share of the lining in contact."]
+        return ["Below it, the fraction of the lining in contact."]
     return [
-        f"Below it, the share of the lining in contact: {percent(saturation.contact_fraction)} on average after "
+        f"Below it, the fraction of the lining in contact: {percent(saturation.contact_fraction)} on average after "
         f"growth, with the slip reversed on {percent(saturation.slip_reversed_fraction)}."
     ]
 
 
 def _spectrogram(summary: RunFindings, _: Scene) -> list[str]:
-    told = ["Frequencies over time; brighter is stronger."]
+    text = ["Frequencies over time; brighter is stronger."]
     pairs = list(zip(summary.prediction.labels, summary.prediction.modes, strict=True))
     kinds = []
     for kind in (True, False):
         named = [f"{label} {m.frequency_Hz:.0f} Hz" for label, m in pairs if m.unstable is kind and _moves(m, summary)]
         kinds += [f"{'unstable' if kind else 'stable'} {', '.join(named)}"] if named else []
     if kinds:
-        told.append(f"Dotted lines mark the predicted frequencies of the modes that move: {'; '.join(kinds)}.")
-    return told + _main_line(summary)
+        text.append(f"Dotted lines mark the predicted frequencies of the modes that move: {'; '.join(kinds)}.")
+    return text + _main_line(summary)
 
 
 def _moves(mode: PredictedMode, summary: RunFindings) -> bool:
@@ -151,31 +153,31 @@ def _main_line(summary: RunFindings) -> list[str]:
     saturation = summary.saturation
     if saturation is None or saturation.main is None:
         return []
-    told = f"After growth the line with most kinetic energy is at {saturation.main.frequency_Hz:.0f} Hz"
+    text = f"After growth the line with most kinetic energy is at {saturation.main.frequency_Hz:.0f} Hz"
     shift = saturation.frequency_shift
     if shift is not None and abs(shift) >= SHIFT:
-        told += f", {percent(abs(shift))} {'below' if shift < 0 else 'above'} {saturation.nearest_mode}"
-    return [f"{told}."]
+        text += f", {percent(abs(shift))} {'below' if shift < 0 else 'above'} {saturation.nearest_mode}"
+    return [f"{text}."]
 
 
 def _spectra(summary: RunFindings, _: Scene) -> list[str]:
-    told = ["Spectra of the displacement, in the growth phase and after it."]
+    text = ["Spectra of the displacement, in the growth phase and after it."]
     measured = summary.modes
     peaks = [f"{m.label} at {m.measured_frequency_Hz:.0f} Hz" for m in measured if m.measured_frequency_Hz is not None]
     if peaks:
-        told.append(f"In the growth phase there are peaks of {', '.join(peaks)}.")
-    return told + _main_line(summary)
+        text.append(f"In the growth phase there are peaks of {', '.join(peaks)}.")
+    return text + _main_line(summary)
 
 
 def _phase(summary: RunFindings, scene: Scene) -> list[str]:
-    told = ["Velocity of the lining's surface against its displacement at the end of the record."]
+    text = ["Velocity of the lining's surface against its displacement at the end of the record."]
     if summary.saturation is not None:
         sticks = summary.sticking is not None and summary.sticking.to_the_end_from_s is not None
-        told.append("The whole lining sticks." if sticks else f"The motion is {_kind(summary.saturation)}.")
+        text.append("The whole lining sticks." if sticks else f"The motion is {_kind(summary.saturation)}.")
     if isinstance(scene.drum.speed, float):
         limit = abs(scene.shoe.outer_radius * scene.drum.speed)
-        told.append(f"The lining overtakes the drum beyond {limit:.3g} m/s.")
-    return told
+        text.append(f"The lining overtakes the drum beyond {limit:.3g} m/s.")
+    return text
 
 
 def _kind(saturation: Saturation) -> str:
@@ -187,22 +189,22 @@ def _contact(summary: RunFindings, scene: Scene) -> list[str]:
     if summary.sticking is not None and summary.sticking.to_the_end_from_s is not None:
         return ["Contact pressure along the arc at the end of the record, where the whole lining sticks to the drum."]
     half = math.degrees(scene.shoe.arc_angle) / 2
-    told = [f"Contact pressure along the arc, from −{half:.3g} to {half:.3g} degrees, over the last periods."]
+    text = [f"Contact pressure along the arc, from −{half:.3g} to {half:.3g} degrees, over the last periods."]
     if summary.saturation is None:
-        return told
-    share = summary.saturation.contact_fraction
-    told.append(f"Grey is where the lining is off the drum: {percent(1 - share)} of it on average.")
-    told.append(f"The slip is reversed on {percent(summary.saturation.slip_reversed_fraction)}.")
-    return told
+        return text
+    fraction = summary.saturation.contact_fraction
+    text.append(f"Grey is where the lining is off the drum: {percent(1 - fraction)} of it on average.")
+    text.append(f"The slip is reversed on {percent(summary.saturation.slip_reversed_fraction)}.")
+    return text
 
 
 def _eigenvalues(summary: RunFindings, _: Scene) -> list[str]:
-    told = ["Eigenvalues in the complex plane: growth rate to the right, frequency upwards."]
+    text = ["Eigenvalues in the complex plane: growth rate to the right, frequency upwards."]
     for unstable, place in ((True, "Unstable, right of the axis"), (False, "Stable, left of it or on it")):
         found = [m for m in summary.prediction.modes if m.unstable is unstable]
         named = [_eigenvalue(mode) for mode in found]
-        told.append(f"{place}: {'; '.join(named) or 'none'}.")
-    return told
+        text.append(f"{place}: {'; '.join(named) or 'none'}.")
+    return text
 
 
 def _eigenvalue(mode: PredictedMode) -> str:
@@ -217,9 +219,9 @@ def _frequency(summary: RunFindings, _: Scene) -> list[str]:
     return [
         f"FrequencyDrift of {found.mode} over time: from {found.onset_Hz:.0f} Hz, its eigenvalue, to "
         f"{found.saturated_Hz:.0f} Hz.",
-        f"Loss of contact alone predicts {found.predicted_by_contact_loss_Hz:.0f} Hz; √(contact share) is a cruder "
-        "estimate, the eigenvalue's frequency times the root of the mean share of the lining in contact.",
-        *_contact_share(summary),
+        f"Loss of contact alone predicts {found.predicted_by_contact_loss_Hz:.0f} Hz; √(contact fraction) is a cruder "
+        "estimate, the eigenvalue's frequency times the root of the mean fraction of the lining in contact.",
+        *_contact_fraction(summary),
     ]
 
 

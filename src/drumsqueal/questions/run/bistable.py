@@ -21,7 +21,7 @@ def bistable_words(scene: Scene, stability: Stability, file: Path, settings: Seq
     """The sentence for a scene whose modes all decay; None where one grows, where nothing presses, and where
     `onset` does not take the scene.
 
-    `file` and `settings` (those of --set) are what the command that finds out is told.
+    `file` and `settings` (those of --set) are given to the command that finds out.
     """
     speed = scene.drum.speed
     if stability.unstable or stability.divergence is not None or scene.friction is None or scene.forcing is not None:
@@ -39,9 +39,9 @@ def bistable_words(scene: Scene, stability: Stability, file: Path, settings: Seq
 
 def print_bistable(console: Console, scene: Scene, stability: Stability, file: Path, settings: Sequence[str]) -> None:
     """Print the sentence, where there is one."""
-    told = bistable_words(scene, stability, file, settings)
-    if told is not None:
-        console.print(printable(told), soft_wrap=True)
+    sentence = bistable_words(scene, stability, file, settings)
+    if sentence is not None:
+        console.print(printable(sentence), soft_wrap=True)
 
 
 def _range(speed: float) -> str:

@@ -39,7 +39,7 @@ def run_command(
     loaded = load_scene(scene, settings or ())
     # A file "...toml" is called "..", which would lead out of the folder out.
     folder = output if output is not None else Path("out") / (scene.stem if scene.stem.strip(".") else "scene")
-    reply = Reply.beside(folder, RUN_FILES, (scene,), quiet, json_file, overwrite=overwrite or resume)
+    reply = Reply.next_to(folder, RUN_FILES, (scene,), quiet, json_file, overwrite=overwrite or resume)
     from drumsqueal.files.resumption import find_point
     from drumsqueal.scene.usual import unusual
     from drumsqueal.terminal.tables import print_notes

@@ -6,12 +6,12 @@ from rich.table import Table
 from rich.text import Text
 
 from drumsqueal.findings.compare import Accuracy, ModeComparison, RunFindings
-from drumsqueal.findings.departure import unit_of
 from drumsqueal.findings.quadrature import INSTANTS
 from drumsqueal.findings.saturation import duration_for
 from drumsqueal.findings.signals.regime import Kind
 from drumsqueal.findings.verdict import difference_is_no_error
-from drumsqueal.solve.linear.modes import OSCILLATING_SHARE, UNDAMPED_SHARE, Stability
+from drumsqueal.findings.vibration import unit_of
+from drumsqueal.solve.linear.modes import OSCILLATING_FRACTION, UNDAMPED_FRACTION, Stability
 from drumsqueal.solve.transient.runge_kutta import AUTO, IMPLICIT
 from drumsqueal.terminal.tables import print_table
 
@@ -31,7 +31,7 @@ def print_stability(console: Console, stability: Stability) -> None:
         )
     print_table(console, table)
     largest = max(abs(stability.eigenvalues), default=0.0)
-    real = [value.real for value in stability.eigenvalues if abs(value.imag) <= OSCILLATING_SHARE * largest]
+    real = [value.real for value in stability.eigenvalues if abs(value.imag) <= OSCILLATING_FRACTION * largest]
     if real:
         console.print("Without oscillation: " + ", ".join(f"{_rounded(value, largest):.3f} 1/s" for value in real))
     moved = {n: q for n, q in zip(stability.coordinates, stability.steady_state, strict=True) if q != 0}
@@ -136,4 +136,4 @@ def _shown(value: float | None, form: str) -> str:
 
 def _rounded(value: float, largest: float) -> float:
     """Zero for what is round-off beside the largest eigenvalue."""
-    return 0.0 if abs(value) < UNDAMPED_SHARE * largest else value
+    return 0.0 if abs(value) < UNDAMPED_FRACTION * largest else value

@@ -55,7 +55,7 @@ def sensitivity_command(
     loaded = load_scene(scene, settings or ())
     keys = [key.strip() for part in vary for key in part.split(",")] if vary else None
     folder = output if output is not None else Path("out") / f"{scene.stem}-sensitivity"
-    reply = Reply.beside(folder, SENSITIVITY_FILES, (scene,), quiet, json_file, overwrite=overwrite)
+    reply = Reply.next_to(folder, SENSITIVITY_FILES, (scene,), quiet, json_file, overwrite=overwrite)
     from drumsqueal.questions.sensitivity.answer import SENSITIVITY_ANSWER, not_found
     from drumsqueal.questions.sensitivity.study import check_request, study_sensitivity
     from drumsqueal.terminal.runner import answer

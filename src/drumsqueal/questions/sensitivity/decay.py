@@ -7,9 +7,9 @@ import numpy as np
 from pydantic import computed_field
 
 from drumsqueal.errors import IntegrationError
-from drumsqueal.findings.departure import Departure, beyond_edges
 from drumsqueal.findings.schema import Finding
 from drumsqueal.findings.signals.regime import Kind
+from drumsqueal.findings.vibration import Vibration, beyond_boundaries
 from drumsqueal.physics.composition import kept_coordinates
 from drumsqueal.progress import Progress, silent
 from drumsqueal.scene import Profile, Scene
@@ -88,10 +88,10 @@ def _run(start: Start, scene: Scene, progress: Progress) -> Decay:
     ratio = result.comparison.motion_ratio
     if ratio is None:
         return Decay(start=start, outcome=Outcome.NOT_STARTED)
-    departure = Departure(result.history, result.stability)
-    beyond = beyond_edges(result.history, result.stability, prepared.linear)
-    last = slice(departure.time.size - max(1, round(LAST * departure.time.size)), None)
-    found = Decay(start=start, outcome=Outcome.DECAYS, motion_ratio=ratio, duration_s=float(departure.time[-1]))
+    vibration = Vibration(result.history, result.stability)
+    beyond = beyond_boundaries(result.history, result.stability, prepared.linear)
+    last = slice(vibration.time.size - max(1, round(LAST * vibration.time.size)), None)
+    found = Decay(start=start, outcome=Outcome.DECAYS, motion_ratio=ratio, duration_s=float(vibration.time[-1]))
     if ratio < 1 and not np.any(beyond[last]):
         return found
     saturation = result.comparison.saturation

@@ -16,7 +16,7 @@ from drumsqueal.scene import Scene, quantity_of
 from drumsqueal.scene.tables import Scheduled
 from drumsqueal.simulation import prepare
 from drumsqueal.solve.linear.gradients import StateMatrix, eigenvalue_gradient, state_matrix_of
-from drumsqueal.solve.linear.modes import DRIFT_SHARE
+from drumsqueal.solve.linear.modes import DRIFT_FRACTION
 
 MARGIN = 1.0  # 1/s: every growth rate is to be at most minus this
 SLACK = 1e-3  # of the margin that an optimum on its limit may miss
@@ -142,7 +142,7 @@ def quieten(
 
 def largest_growth(eigenvalues: NDArray[np.complex128]) -> float:
     """Largest real part (1/s) of all eigenvalues but those of a free drift."""
-    held = np.abs(eigenvalues) > DRIFT_SHARE * np.abs(eigenvalues).max()
+    held = np.abs(eigenvalues) > DRIFT_FRACTION * np.abs(eigenvalues).max()
     return float(eigenvalues[held].real.max())
 
 
@@ -173,7 +173,7 @@ class _Growth:
         eigenvalues, right = (part.astype(np.complex128) for part in np.linalg.eig(matrix))
         left = np.linalg.pinv(right).conj().T  # leftᴴ right = 1 for each
         order = np.lexsort((eigenvalues.real, eigenvalues.imag))
-        drift = np.abs(eigenvalues) <= DRIFT_SHARE * np.abs(eigenvalues).max()
+        drift = np.abs(eigenvalues) <= DRIFT_FRACTION * np.abs(eigenvalues).max()
         gradients = [eigenvalue_gradient(left[:, k], right[:, k], derivatives[self._own]) for k in order]
         rates = np.where(drift, -self._margin, eigenvalues.real)[order]
         slopes = np.where(drift[order, None], 0.0, np.real(gradients)) * self._scale

@@ -15,7 +15,7 @@ from drumsqueal.questions.sensitivity.quieting import Quieting, numbers_of, quie
 from drumsqueal.scene import Profile, Scene
 from drumsqueal.simulation import check_sample_rate, prepare
 from drumsqueal.solve.linear.gradients import StateMatrix, eigenvalue_gradient, state_matrix_of
-from drumsqueal.solve.linear.modes import UNDAMPED_SHARE, Mode, Stability
+from drumsqueal.solve.linear.modes import UNDAMPED_FRACTION, Mode, Stability
 
 PERCENT = 0.01
 DIFFERENCE_STEP = 1e-3  # of a number, for the central differences that the derivatives are compared with
@@ -151,7 +151,7 @@ def _differentiate(scene: Scene, progress: Progress) -> SensitivityStudy:
         numbers=tuple(rows),
         divergence_rate_1_per_s=stability.divergence,
         largest_deviation_from_central_differences=_deviation(values, derivatives, differences),
-        round_off_1_per_s=UNDAMPED_SHARE * float(np.abs(stability.eigenvalues).max()),
+        round_off_1_per_s=UNDAMPED_FRACTION * float(np.abs(stability.eigenvalues).max()),
         state_matrix=evaluate,
     )
     most = {row.key: max(abs(row.growth_per_percent_1_per_s[k]) for k in study.relevant) for row in rows}

@@ -9,7 +9,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
-from drumsqueal.findings.departure import unit_of
+from drumsqueal.findings.vibration import unit_of
 from drumsqueal.questions.sweep.points import squealing, undecided
 from drumsqueal.questions.sweep.slices import Panel, fixed_in_words, hold_to, label_of, panels, thinned
 from drumsqueal.scene import COORDINATES

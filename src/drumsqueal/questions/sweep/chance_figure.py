@@ -22,8 +22,8 @@ def draw_chance(sweep: xarray.Dataset, plan: Plan, chances: ChanceStudy) -> Figu
     """Draw growth rates and frequencies of the samples on the left, rank correlations on the right."""
     squeal = chances.squeal
     interval = f"{100 * squeal.low:.1f} to {100 * squeal.high:.1f} %"
-    share = f"{100 * squeal.share:.1f} % ({interval} at 95 %)"
-    figure = new_figure(plan.scene.title, f"probability of squeal by eigenvalues {share}, {squeal.total} samples")
+    fraction = f"{100 * squeal.share:.1f} % ({interval} at 95 %)"
+    figure = new_figure(plan.scene.title, f"probability of squeal by eigenvalues {fraction}, {squeal.total} samples")
     left, right = figure.subfigures(1, 2, squeeze=False, width_ratios=[1.25, 1])[0]
     upper, lower = left.subplots(2, 1)
     _draw_growth(upper, sweep)

@@ -67,7 +67,7 @@ def sweep_command(
         raise UsageError("--resume continues what is there, --overwrite replaces it; leave one of them out")
     plan = _plan(load_scene(scene, settings or ()), vary or [], random, seed, transient)
     folder = output if output is not None else Path("out") / f"{scene.stem}-sweep"
-    reply = Reply.beside(folder, SWEEP_FILES, (scene,), quiet, json_file, overwrite=overwrite or resume)
+    reply = Reply.next_to(folder, SWEEP_FILES, (scene,), quiet, json_file, overwrite=overwrite or resume)
     from drumsqueal.questions.sweep.answer import here, sweep_into
     from drumsqueal.questions.sweep.cluster import check_cluster, connected
     from drumsqueal.questions.sweep.file import find_sweep

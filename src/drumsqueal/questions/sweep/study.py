@@ -189,7 +189,7 @@ def _transients(
                     del left[k]
                 else:
                     how = motion.by_itself, motion.kinetic_energy
-                    left[k] = Start(left[k].model, left[k].steady, motion.departure, motion.velocity, *how)
+                    left[k] = Start(left[k].model, left[k].steady, motion.vibration, motion.velocity, *how)
             if not left:
                 break
 
@@ -202,7 +202,7 @@ class Start(NamedTuple):
 
     model: Model
     steady: NDArray[np.float64]
-    departure: NDArray[np.float64]
+    vibration: NDArray[np.float64]
     velocity: NDArray[np.float64]
     by_itself: bool = False
     energy: float = 0.0
@@ -218,7 +218,7 @@ def _round(starts: Sequence[Start], scene: Scene, threads: int) -> Iterator[Satu
     return saturated_motions(
         [each.model for each in starts],
         np.array([each.steady for each in starts]),
-        np.array([each.departure for each in starts]),
+        np.array([each.vibration for each in starts]),
         np.array([each.velocity for each in starts]),
         duration=scene.simulate.duration,
         sample_rate=scene.simulate.sample_rate,
@@ -244,7 +244,7 @@ def has_settled(motion: Saturated, stability: Stability, earlier_rate: float = m
     """
     if motion.failed or motion.at_rest:
         return True
-    beyond = max(motion.edge_shares) >= BEYOND
+    beyond = max(motion.boundary_ratios) >= BEYOND
     growing = [mode.growth_rate for mode in stability.unstable]
     growing += [] if stability.divergence is None else [stability.divergence]
     if not growing:
@@ -261,7 +261,7 @@ def _note_motion(columns: Columns, k: int, motion: Saturated, names: tuple[str, 
     columns["settled"][k] = settled
     columns["amplitude"][k] = 0.0  # of coordinates that the transient leaves out
     columns["amplitude"][k, [COORDINATES.index(name) for name in names]] = motion.amplitude
-    columns["separation_share"][k], columns["reversal_share"][k] = motion.edge_shares
+    columns["separation_share"][k], columns["reversal_share"][k] = motion.boundary_ratios
     if motion.frequency_Hz is not None and motion.line is not None:
         columns["main_frequency"][k] = motion.frequency_Hz
         columns["main_coordinate"][k] = COORDINATES.index(motion.line)

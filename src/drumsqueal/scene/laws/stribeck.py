@@ -32,8 +32,8 @@ class StribeckFriction(Friction):
     @staticmethod
     def mu(slip_speed: Any, xp: Any, *, static: Any, kinetic: Any, stribeck_speed: Any, viscous: Any) -> Any:
         """μ at slip speeds s ≥ 0 (m/s)."""
-        share = slip_speed / stribeck_speed
-        return kinetic + (static - kinetic) * xp.exp(-share * share) + viscous * slip_speed
+        fraction = slip_speed / stribeck_speed
+        return kinetic + (static - kinetic) * xp.exp(-fraction * fraction) + viscous * slip_speed
 
     @staticmethod
     def cuts(xp: Any, *, stribeck_speed: Any, **numbers: Any) -> tuple[Any, Any]:

@@ -52,12 +52,12 @@ class TableFriction(Friction):
         held = xp.clip(slip_speed, speed[0], speed[-1])
         left = xp.sum(held[..., None] >= speed[1:-1], axis=-1)
         width = speed[left + 1] - speed[left]
-        share = (held - speed[left]) / width
-        rest = 1 - share
-        ends = coefficient[left] * rest * rest * (1 + 2 * share) + coefficient[left + 1] * share * share * (
-            3 - 2 * share
+        fraction = (held - speed[left]) / width
+        rest = 1 - fraction
+        ends = coefficient[left] * rest * rest * (1 + 2 * fraction) + coefficient[left + 1] * fraction * fraction * (
+            3 - 2 * fraction
         )
-        return ends + width * share * rest * (slope[left] * rest - slope[left + 1] * share)
+        return ends + width * fraction * rest * (slope[left] * rest - slope[left + 1] * fraction)
 
     @staticmethod
     def cuts(xp: Any, *, speed: Any, **numbers: Any) -> tuple[Any, Any]:

@@ -13,7 +13,7 @@ from drumsqueal.errors import SteadyStateError
 from drumsqueal.physics.model import Model
 from drumsqueal.progress import Progress, silent
 from drumsqueal.solve.linear.modes import (
-    UNDAMPED_SHARE,
+    UNDAMPED_FRACTION,
     Mode,
     growing_without_oscillation,
     solve_modes,
@@ -247,7 +247,7 @@ def _with_middles(model_at: ModelAt, points: list[Point], critical: list[float])
 def _root(model_at: ModelAt, a: Point, b: Point, rank: int, precision: float) -> Critical | None:
     """The value at which the real part number `rank` is zero, without a label; None where its sign does not change."""
     before, after = _rate(a, rank), _rate(b, rank)
-    noise = [UNDAMPED_SHARE * max(a.largest, b.largest), ROUND_OFF * max(a.largest, b.largest)]
+    noise = [UNDAMPED_FRACTION * max(a.largest, b.largest), ROUND_OFF * max(a.largest, b.largest)]
     # Without damping a real part is round-off until two modes merge: only what stands out of it counts as growth.
     least = noise[0] if min(abs(before), abs(after)) < noise[0] else 0.0
     if (before > least) == (after > least):

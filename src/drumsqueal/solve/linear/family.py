@@ -14,7 +14,7 @@ from scipy.optimize import linear_sum_assignment
 from drumsqueal.physics.composition import linear_coordinates
 from drumsqueal.physics.model import Numbers, build_model
 from drumsqueal.scene import Scene
-from drumsqueal.solve.linear.modes import DRIFT_SHARE, OSCILLATING_SHARE
+from drumsqueal.solve.linear.modes import DRIFT_FRACTION, OSCILLATING_FRACTION
 from drumsqueal.solve.linear.steady import Linear, linearise, steady_sliding
 
 Complex = NDArray[np.complex128]
@@ -42,7 +42,7 @@ class Spectrum(NamedTuple):
     @property
     def drifting(self) -> NDArray[np.bool_]:
         """Which eigenvalues (m, 2n) are zero to round-off: a coordinate that nothing holds."""
-        return np.abs(self.eigenvalues) <= DRIFT_SHARE * np.max(np.abs(self.eigenvalues), axis=1, keepdims=True)
+        return np.abs(self.eigenvalues) <= DRIFT_FRACTION * np.max(np.abs(self.eigenvalues), axis=1, keepdims=True)
 
 
 def linear_of(scene: Scene) -> Callable[[Numbers], Linear]:
@@ -85,17 +85,17 @@ def spectra_of(scene: Scene, numbers: Mapping[str, ArrayLike]) -> Spectrum:
 def _own(eigenvalues: Complex, right: Complex, mass: NDArray[np.float64]) -> Complex:
     """Give each coordinate the two eigenvalues that hold most of it, no one to two, and return the telling one (n,)."""
     n = mass.size
-    share = np.abs(right[:n]) ** 2 * mass[:, None]
-    share = share / share.sum(axis=0)
-    rows, columns = linear_sum_assignment(-np.repeat(share, 2, axis=0))
+    fraction = np.abs(right[:n]) ** 2 * mass[:, None]
+    fraction = fraction / fraction.sum(axis=0)
+    rows, columns = linear_sum_assignment(-np.repeat(fraction, 2, axis=0))
     pairs = eigenvalues[columns[np.argsort(rows)]].reshape(n, 2)
     largest = np.max(np.abs(eigenvalues))
-    return np.array([_telling(pair, largest) for pair in pairs])
+    return np.array([_informative(pair, largest) for pair in pairs])
 
 
-def _telling(pair: Complex, largest: float) -> complex:
+def _informative(pair: Complex, largest: float) -> complex:
     upper = complex(pair[np.argmax(pair.imag)])
-    if upper.imag > OSCILLATING_SHARE * largest:
+    if upper.imag > OSCILLATING_FRACTION * largest:
         return upper
-    held = pair[np.abs(pair) > DRIFT_SHARE * largest]
+    held = pair[np.abs(pair) > DRIFT_FRACTION * largest]
     return complex(held[np.argmax(held.real)]) if held.size else 0j

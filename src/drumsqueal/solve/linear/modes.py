@@ -20,13 +20,13 @@ from drumsqueal.solve.linear.steady import Linear, linear_model, linearise, stea
 
 # An eigenvalue oscillates when its imaginary part exceeds this fraction of the largest modulus: a real one, and the
 # zero of the free Z motion, come out of the solver with an imaginary part of round-off size.
-OSCILLATING_SHARE = 1e-9
+OSCILLATING_FRACTION = 1e-9
 # A real part below this fraction of the largest modulus is round-off, neither growth nor decay.
-UNDAMPED_SHARE = 1e-12
+UNDAMPED_FRACTION = 1e-12
 # A double zero (a free coordinate without friction) comes out of the solver split by the root of round-off.
-DRIFT_SHARE = 1e-7
+DRIFT_FRACTION = 1e-7
 # A growth rate below this fraction of the frequency is none, and has no relative error.
-NEUTRAL_SHARE = 1e-9
+NEUTRAL_FRACTION = 1e-9
 
 
 class Mode(NamedTuple):
@@ -171,8 +171,8 @@ def while_sliding(model: Model) -> tuple[Model, float]:
 def growing_without_oscillation(eigenvalues: NDArray[np.complex128]) -> float | None:
     """The largest real eigenvalue above zero (1/s), None where there is none."""
     largest = np.max(np.abs(eigenvalues))
-    real = eigenvalues[np.abs(eigenvalues.imag) <= OSCILLATING_SHARE * largest].real
-    growing = real[real > DRIFT_SHARE * largest]
+    real = eigenvalues[np.abs(eigenvalues.imag) <= OSCILLATING_FRACTION * largest].real
+    growing = real[real > DRIFT_FRACTION * largest]
     return float(growing.max()) if growing.size else None
 
 
@@ -195,7 +195,7 @@ def growth_rate(model: Model, mode: str) -> Array:
     values, vectors = jnp.linalg.eig(jax.lax.stop_gradient(matrix))
     n = len(model.names)
     main = jnp.argmax(jnp.abs(vectors[:n]) * jnp.sqrt(model.mass)[:, None], axis=0)
-    meant = (main == model.names.index(mode)) & (values.imag > OSCILLATING_SHARE * jnp.max(jnp.abs(values)))
+    meant = (main == model.names.index(mode)) & (values.imag > OSCILLATING_FRACTION * jnp.max(jnp.abs(values)))
     target = values[jnp.argmax(jnp.where(meant, values.real, -jnp.inf))]
     eigenvalues = jnp.linalg.eigvals(matrix)
     rate = eigenvalues[jnp.argmin(jnp.abs(eigenvalues - target))].real
@@ -227,12 +227,12 @@ def _modes(
     largest = np.max(np.abs(eigenvalues))
     modes = []
     for k in np.argsort(eigenvalues.imag):
-        if eigenvalues[k].imag <= OSCILLATING_SHARE * largest:
+        if eigenvalues[k].imag <= OSCILLATING_FRACTION * largest:
             continue
         main = int(np.argmax(np.abs(right[:n, k]) * weight))
         shape = right[:, k] / right[main, k]
         projection = left[:, k] / np.conj(np.vdot(left[:, k], shape))
-        unstable = bool(eigenvalues[k].real > UNDAMPED_SHARE * largest)
+        unstable = bool(eigenvalues[k].real > UNDAMPED_FRACTION * largest)
         name = names[main]
         earlier = sum(mode.name == name for mode in modes)
         label = f"{name} ({earlier + 1})" if earlier else name

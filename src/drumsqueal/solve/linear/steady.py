@@ -18,7 +18,7 @@ from drumsqueal.physics.model import Model
 from drumsqueal.physics.quadrature.smooth import WholeSurface
 from drumsqueal.solve.linear.equilibrium import find_equilibrium
 
-COUPLED_SHARE = 1e-10  # of the largest coupling: below it is round-off
+COUPLED_FRACTION = 1e-10  # of the largest coupling: below it is round-off
 
 
 class Linear(NamedTuple):
@@ -66,7 +66,7 @@ def _static_forces(model: Model, z: Array) -> tuple[Array, Array]:
     """
     moving = [int(k) for k in np.flatnonzero(model.body.symmetric)]
     q = tuple(z[moving.index(k)] if k in moving else 0.0 for k in range(len(model.names)))
-    moment = model.operation.at(0.0)._replace(friction_share=z[-1])
+    moment = model.operation.at(0.0)._replace(friction_left=z[-1])
     forces = [effect.act(moment, q, at_rest(q)).force for effect in model.effects]
     parts = jnp.stack([jnp.stack([jnp.asarray(force[k] + jnp.zeros(())) for k in moving]) for force in forces])
     return jnp.sum(parts, axis=0), jnp.sum(jnp.abs(parts), axis=0)
@@ -84,10 +84,10 @@ def coupling(model: Model) -> np.ndarray:
     mass, damping, stiffness = (np.asarray(part) for part in linear_model(model)[1])
     # In coordinates scaled by √M all entries of one matrix are in one unit.
     scaled = (np.abs(each) / np.sqrt(np.outer(mass, mass)) for each in (damping, stiffness))
-    return np.logical_or.reduce([each > COUPLED_SHARE * np.max(each) for each in scaled])
+    return np.logical_or.reduce([each > COUPLED_FRACTION * np.max(each) for each in scaled])
 
 
-def _without_edges(model: Model) -> Model:
+def _without_boundaries(model: Model) -> Model:
     """The model for motion infinitely near to q = 0, if that is its steady sliding.
 
     The whole lining then presses and slips one way. What does not look for contact boundaries is a tenth of the program
@@ -101,7 +101,7 @@ def _without_edges(model: Model) -> Model:
 
 def linearise(model: Model, steady: Array) -> Linear:
     """Mass, damping −∂Q/∂q̇ and stiffness −∂Q/∂q at steady sliding q* (n,); the paper's equation (29) at q* = 0."""
-    n, model = steady.size, _without_edges(model)
+    n, model = steady.size, _without_boundaries(model)
     jacobian = jax.jacfwd(lambda state: model.act(0.0, state[:n], state[n:])[0])(
         jnp.concatenate([steady, jnp.zeros(n)])
     )

@@ -39,13 +39,13 @@ class Batch(NamedTuple):
     """
 
     time: np.ndarray
-    departure: np.ndarray
+    vibration: np.ndarray
     velocity: np.ndarray
     evaluations: np.ndarray
     reached: np.ndarray
 
 
-class _Share(NamedTuple):
+class _Fraction(NamedTuple):
     """What one thread works on: models, steady states, states and next steps, each with a leading axis."""
 
     models: Model
@@ -83,26 +83,30 @@ def integrate_many(
     samples = round(duration * sample_rate)
     steady, displacement, velocity = (np.asarray(x, dtype=np.float64) for x in (steady, displacement, velocity))
     parts = np.array_split(np.arange(len(models)), min(threads or os.cpu_count() or 1, len(models)))
-    shares = []
+    fractions = []
     for part in parts:
         stacked: Model = jax.tree.map(lambda *leaves: np.stack(leaves), *(models[i] for i in part))
         memory = jnp.zeros((len(part), len(models[0].remembered))) if models[0].remembering else None
         state = State(jnp.asarray(displacement[part]), jnp.asarray(velocity[part]), jnp.zeros(len(part)), memory)
-        shares.append(_Share(stacked, jnp.asarray(steady[part]), state, jax.block_until_ready(_first_steps(stacked))))
-    with ThreadPoolExecutor(len(shares)) as pool:
+        fractions.append(
+            _Fraction(stacked, jnp.asarray(steady[part]), state, jax.block_until_ready(_first_steps(stacked)))
+        )
+    with ThreadPoolExecutor(len(fractions)) as pool:
         for first in range(0, samples, CHUNK_SAMPLES):
             count = min(CHUNK_SAMPLES, samples - first)
             span = Span(np.float64(first / sample_rate), np.float64(1 / sample_rate), np.int64(count))
             local = local_tolerance(np.float64(tolerance), solver)
             # Eigenvalues of a batch wait for the threads they run in: two programs at once would wait for each other.
-            measures = [jax.block_until_ready(_resolutions(share.models, span, local)) for share in shares]
-            jobs = [(share, measure, span, local, solver) for share, measure in zip(shares, measures, strict=True)]
+            measures = [jax.block_until_ready(_resolutions(fraction.models, span, local)) for fraction in fractions]
+            jobs = [
+                (fraction, measure, span, local, solver) for fraction, measure in zip(fractions, measures, strict=True)
+            ]
             done = list(pool.map(lambda job: _advance(*job), jobs))
-            shares = [share for share, _, _, _ in done]
+            fractions = [fraction for fraction, _, _, _ in done]
             fresh = slice(0 if first == 0 else 1, count + 1)
             yield Batch(
                 np.arange(first, first + count + 1)[fresh] / sample_rate,
-                _joined([states.departure for _, states, _, _ in done])[:, fresh],
+                _joined([states.vibration for _, states, _, _ in done])[:, fresh],
                 _joined([states.velocity for _, states, _, _ in done])[:, fresh],
                 _joined([steps for _, _, steps, _ in done]) * STAGES[solver] + 1,
                 _joined([reached for _, _, _, reached in done]),
@@ -137,19 +141,19 @@ def _resolutions(models: Model, span: Span, local: Array) -> Resolution:
 
 @compiled
 def _advance(
-    share: _Share, measures: Resolution, span: Span, local: Array, solver: str
-) -> tuple[_Share, State, Array, Array]:
+    fraction: _Fraction, measures: Resolution, span: Span, local: Array, solver: str
+) -> tuple[_Fraction, State, Array, Array]:
     """A chunk of a thread's part: next state, samples (m, k, n), steps made (m,) and whether the end was reached."""
-    corners = jax.vmap(lambda model: model.operation.corners)(share.models)
-    items = (share, measures, corners)
+    corners = jax.vmap(lambda model: model.operation.corners)(fraction.models)
+    items = (fraction, measures, corners)
     final, step, states, steps, reached = one_kernel(_one_after_the_other, items, span, local, solver)
-    return share._replace(states=final, steps=step), states, steps, reached
+    return fraction._replace(states=final, steps=step), states, steps, reached
 
 
 def _one_after_the_other(
-    items: tuple[_Share, Resolution, Array | None], span: Span, local: Array, solver: str
+    items: tuple[_Fraction, Resolution, Array | None], span: Span, local: Array, solver: str
 ) -> tuple:
-    def one(item: tuple[_Share, Resolution, Array | None]) -> tuple[State, Array, State, Array, Array]:
+    def one(item: tuple[_Fraction, Resolution, Array | None]) -> tuple[State, Array, State, Array, Array]:
         each, measure, corners = item
         sound = jnp.isfinite(each.states.flat()).all()
         count = 0 if corners is None else jnp.sum((corners > span.start) & (corners < span.start + span.length))

@@ -110,10 +110,10 @@ def _rate(model: Model, size: Array, scaled: Array) -> Array:
 
 
 @compiled
-def state_size(model: Model, departure: Array, velocity: Array) -> Array:
+def state_size(model: Model, vibration: Array, velocity: Array) -> Array:
     """Amplitudes (2n,) of displacement and velocity that the energy of a motion about steady sliding gives them."""
-    scale = motion_scale(model, State(departure, velocity, jnp.zeros(())))
-    return jnp.concatenate([scale.departure, scale.velocity])
+    scale = motion_scale(model, State(vibration, velocity, jnp.zeros(())))
+    return jnp.concatenate([scale.vibration, scale.velocity])
 
 
 @compiled

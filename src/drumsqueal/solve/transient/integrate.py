@@ -111,7 +111,7 @@ def integrate(
 
 @jax.jit
 def _energy(model: Model, steady: Array, state: State) -> tuple[Array, Array]:
-    return model.energy(0.0, steady + state.departure, state.velocity)
+    return model.energy(0.0, steady + state.vibration, state.velocity)
 
 
 def _to_chunk(
@@ -128,7 +128,7 @@ def _to_chunk(
     kinetic, potential = (np.asarray(x)[: count + 1] for x in (segment.kinetic, segment.potential))
     return Chunk(
         time=np.arange(first, first + count + 1) / sample_rate,
-        displacement=states.departure + steady,
+        displacement=states.vibration + steady,
         velocity=states.velocity,
         observation=observation,
         kinetic_energy=kinetic,

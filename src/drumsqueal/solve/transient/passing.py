@@ -24,13 +24,15 @@ class Step(NamedTuple):
     change_after: Array
 
 
-def share_to_rest(step: Step, inside: Callable[[Array], Array], slip: Callable[[Array], Array], least: Array) -> Array:
+def fraction_to_rest(
+    step: Step, inside: Callable[[Array], Array], slip: Callable[[Array], Array], least: Array
+) -> Array:
     """Fraction of the step after which slip is below `least`, or 1 where it does not get there before the end.
 
     `inside` gives the slip motion (n,) at a fraction of the step, `slip` the slip speed of a motion. Along straight
     lines from the start to the end, or by way of the instant between where slip is least.
     """
-    return jax.lax.cond(_gets_near(step), lambda: _share(step, inside, slip, least), lambda: jnp.ones(()))
+    return jax.lax.cond(_gets_near(step), lambda: _fraction(step, inside, slip, least), lambda: jnp.ones(()))
 
 
 def _gets_near(step: Step) -> Array:
@@ -43,7 +45,7 @@ def _gets_near(step: Step) -> Array:
     return jnp.sum(step.before * step.before) <= NEAR * 3 * jnp.sum(change * change + bow * rates)
 
 
-def _share(step: Step, inside: Callable[[Array], Array], slip: Callable[[Array], Array], least: Array) -> Array:
+def _fraction(step: Step, inside: Callable[[Array], Array], slip: Callable[[Array], Array], least: Array) -> Array:
     turn = _turn(step)
     middle = jax.lax.while_loop(
         lambda now: (turn < 1) & ~now[1],
@@ -53,16 +55,16 @@ def _share(step: Step, inside: Callable[[Array], Array], slip: Callable[[Array],
     first, found = _nearest(step.before, middle, slip, least)
     second, found_later = _nearest(middle, step.after, slip, least)
     later = jnp.where((turn < 1) & found_later, turn + second * (1 - turn), 1.0)
-    share = jnp.where(found, first * turn, later)
-    return jnp.where(slip(step.before) < least, 1.0, share)  # at its start it is known already
+    fraction = jnp.where(found, first * turn, later)
+    return jnp.where(slip(step.before) < least, 1.0, fraction)  # at its start it is known already
 
 
 def _nearest(start: Array, end: Array, slip: Callable[[Array], Array], least: Array) -> tuple[Array, Array]:
     """Fraction of a straight line between two motions at which it is nearest to rest, and whether that is rest."""
     change = end - start
     size = jnp.sum(change * change)
-    share = jnp.clip(-jnp.sum(start * change) / jnp.where(size > 0, size, 1.0), 0.0, 1.0)
-    return share, slip(start + share * change) < least
+    fraction = jnp.clip(-jnp.sum(start * change) / jnp.where(size > 0, size, 1.0), 0.0, 1.0)
+    return fraction, slip(start + fraction * change) < least
 
 
 def _turn(step: Step) -> Array:
@@ -71,12 +73,12 @@ def _turn(step: Step) -> Array:
     Of the cubic through the motions and their rates at both ends, by halving.
     """
 
-    def growth(share: Array) -> Array:
-        rest, ahead = 1 - share, step.after - step.before
+    def growth(fraction: Array) -> Array:
+        rest, ahead = 1 - fraction, step.after - step.before
         slope_before, slope_after = step.change_before, step.change_after
-        bow = rest * (slope_before - ahead) - share * (slope_after - ahead)
-        motion = rest * step.before + share * step.after + share * rest * bow
-        rate = ahead + (rest - share) * bow + share * rest * (2 * ahead - slope_before - slope_after)
+        bow = rest * (slope_before - ahead) - fraction * (slope_after - ahead)
+        motion = rest * step.before + fraction * step.after + fraction * rest * bow
+        rate = ahead + (rest - fraction) * bow + fraction * rest * (2 * ahead - slope_before - slope_after)
         return jnp.sum(motion * rate)
 
     zero, one = jnp.zeros(()), jnp.ones(())

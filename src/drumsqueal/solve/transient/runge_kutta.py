@@ -56,14 +56,14 @@ class Explicit(diffrax.AbstractAdaptiveSolver):
         tableau = self.method.tableau
         assert isinstance(tableau, diffrax.ButcherTableau)
         assert tableau.fsal
-        weights, shares = jnp.asarray(_weights(tableau)), jnp.asarray([0.0, *tableau.c])
+        weights, fractions = jnp.asarray(_weights(tableau)), jnp.asarray([0.0, *tableau.c])
         h = jnp.asarray(t1) - t0
 
         def stage(i: Array, stages: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
             slopes = stages[0]
             # Term by term over all that may come before: a product with the matrix is a loop of its own.
             y = y0 + h * sum(weights[i, j] * slopes[j] for j in range(tableau.num_stages - 1))
-            slope = terms.vf(t0 + shares[i] * h, y, args)
+            slope = terms.vf(t0 + fractions[i] * h, y, args)
             return slopes.at[i].set(slope), y, slope
 
         slopes = jnp.zeros((tableau.num_stages, y0.size)).at[0].set(solver_state)
@@ -86,7 +86,7 @@ STAGES: Mapping[str, int] = {"tsit5": 6, "dopri5": 6, "dopri8": 13}
 """Evaluations of the vector field a step, of the explicit methods."""
 
 
-LOCAL_SHARE: Mapping[str, float] = {"tsit5": 0.005, "dopri5": 0.002, "dopri8": 0.01, "sdirk4": 0.01}
+LOCAL_FRACTION: Mapping[str, float] = {"tsit5": 0.005, "dopri5": 0.002, "dopri8": 0.01, "sdirk4": 0.01}
 """Fraction of a scene's tolerance that one step may err: errors add up over some thousand steps.
 
 Over the growth phase of the shipped scenes the trajectory is then off by no more than ten times the tolerance, and

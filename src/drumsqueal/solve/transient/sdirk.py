@@ -12,7 +12,7 @@ from jax import Array
 # SDIRK of order four with an embedded third (Hairer & Wanner, Solving Ordinary Differential Equations II, table
 # IV.6.5): five stages, L-stable, and the last one is the result: nothing depends on forces where friction jumps.
 GAMMA = 0.25
-SHARES = np.array([1 / 4, 3 / 4, 11 / 20, 1 / 2, 1.0])
+FRACTIONS = np.array([1 / 4, 3 / 4, 11 / 20, 1 / 2, 1.0])
 WEIGHTS = np.zeros((5, 5))  # of earlier stages
 WEIGHTS[1, :1] = 1 / 2
 WEIGHTS[2, :2] = 17 / 50, -1 / 25
@@ -95,12 +95,12 @@ class Sdirk4:
         """
         del terms, made_jump
         start, h = jnp.asarray(t0), jnp.asarray(t1) - t0
-        weights, shares = jnp.asarray(WEIGHTS), jnp.asarray(SHARES)
+        weights, fractions = jnp.asarray(WEIGHTS), jnp.asarray(FRACTIONS)
 
         def stage(i: Array, found: tuple[Array, Array, Array, Array]) -> tuple[Array, Array, Array, Array]:
             slopes, slope, _, sound = found
             base = y0 + h * sum(weights[i, j] * slopes[j] for j in range(4))
-            slope, y, solved = self._stage(jnp.clip(start + shares[i] * h, *args), base, h * GAMMA, slope)
+            slope, y, solved = self._stage(jnp.clip(start + fractions[i] * h, *args), base, h * GAMMA, slope)
             return slopes.at[i].set(slope), slope, y, sound & solved
 
         begin = (jnp.zeros((5, y0.size)), solver_state, y0, jnp.asarray(True))
@@ -131,8 +131,10 @@ class Sdirk4:
             here = jnp.sum(stages.metric * now.change * value)
             # Past a corner the slope along the change turns round and is steep: go back to about where it turns.
             past = ~now.cut & (here * now.slope < 0) & (jnp.abs(here) > ENOUGH * jnp.abs(now.slope))
-            share = _turn(lambda share: residual(now.v - share * now.change)[0], here, now, past, stages.metric)
-            change = jnp.where(past, -share * now.change, -_solved(matrix, value))
+            fraction = _turn(
+                lambda fraction: residual(now.v - fraction * now.change)[0], here, now, past, stages.metric
+            )
+            change = jnp.where(past, -fraction * now.change, -_solved(matrix, value))
             slope = jnp.sum(stages.metric * change * value)
             y = jnp.concatenate([q + h * stages.ratio * now.v[:n], now.v, w[None]])
             error = jnp.where(past, jnp.inf, jnp.max(jnp.abs(change) / (1 + stages.size(y)[n:-1])))
@@ -156,15 +158,15 @@ def _turn(residual: Callable[[Array], Array], here: Array, now: _Found, past: Ar
         return past & (jnp.abs(value) > ENOUGH * jnp.abs(now.slope)) & (count < MOST_HALVINGS)
 
     def narrow(search: tuple[Array, ...]) -> tuple[Array, ...]:
-        low, at_low, high, at_high, share, value, count = search
-        share = low + (high - low) * at_low / (at_low - at_high)
-        value = jnp.sum(metric * now.change * residual(share))
+        low, at_low, high, at_high, fraction, value, count = search
+        fraction = low + (high - low) * at_low / (at_low - at_high)
+        value = jnp.sum(metric * now.change * residual(fraction))
         as_low = value * at_low > 0
         # The end that stays counts half as much each time.
         return (
-            jnp.where(as_low, share, low), jnp.where(as_low, value, at_low / 2),
-            jnp.where(as_low, high, share), jnp.where(as_low, at_high / 2, value),
-            share, value, count + 1,
+            jnp.where(as_low, fraction, low), jnp.where(as_low, value, at_low / 2),
+            jnp.where(as_low, high, fraction), jnp.where(as_low, at_high / 2, value),
+            fraction, value, count + 1,
         )  # fmt: skip
 
     zero, one = jnp.zeros(()), jnp.ones(())

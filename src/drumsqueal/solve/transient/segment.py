@@ -14,8 +14,8 @@ from drumsqueal.physics.effects.damping import frictionless_modes
 from drumsqueal.physics.effects.touching import Observation
 from drumsqueal.physics.kernel import compiled, one_kernel
 from drumsqueal.physics.model import Model
-from drumsqueal.solve.transient.passing import Step, share_to_rest
-from drumsqueal.solve.transient.runge_kutta import DEFAULT, LOCAL_SHARE, make_solver
+from drumsqueal.solve.transient.passing import Step, fraction_to_rest
+from drumsqueal.solve.transient.runge_kutta import DEFAULT, LOCAL_FRACTION, make_solver
 from drumsqueal.solve.transient.sdirk import Stages
 from drumsqueal.solve.transient.state import Span, State
 from drumsqueal.solve.transient.stepping import Attempt, Stepped, step_through
@@ -28,13 +28,13 @@ STEP_BUDGET = 100_000
 CORNER_BUDGET = 20  # more steps for each corner of what is prescribed: one ends there, and the next ones begin small
 LEAST_LOCAL = 1e-14  # of the motion, that one step may err; less would be round-off
 # A coordinate is resolved at least to this fraction of what it would do if all vibration energy were in each mode.
-COUPLING_SHARE = 1e-3
+COUPLING_FRACTION = 1e-3
 QUIET = 1e-12  # m; motion below a picometre counts as rest, and is resolved as if it were that large
 # Round-offs of the load's forces that a step gathers: a motion is not resolved finer than they let it be.
 ROUND_OFF = 16 * np.finfo(np.float64).eps
 # Slip below this many tolerances of the vibration's own counts as none: there the lining sticks, or it slips on.
-SLIP_SHARE = 1.0
-FIRST_STEP_SHARE = 0.01  # first step over the period of the highest frictionless mode, divided by 2π
+SLIP_FRACTION = 1.0
+FIRST_STEP_FRACTION = 0.01  # first step over the period of the highest frictionless mode, divided by 2π
 
 
 class Segment(NamedTuple):
@@ -97,7 +97,7 @@ def least_slip(model: Model, state: State, span: Span, tolerance: ArrayLike) -> 
     """Slip speed (m/s) below which nothing counts as slipping."""
     local = local_tolerance(tolerance, DEFAULT)
     size = resolution(model, span, local).amplitudes(model, state)
-    return SLIP_SHARE * jnp.asarray(tolerance) * _slip_of(model, span, size.velocity)
+    return SLIP_FRACTION * jnp.asarray(tolerance) * _slip_of(model, span, size.velocity)
 
 
 def _slip_of(model: Model, span: Span, velocity: Array) -> Array:
@@ -108,7 +108,7 @@ def _slip_of(model: Model, span: Span, velocity: Array) -> Array:
 
 def local_tolerance(tolerance: ArrayLike, solver: str) -> Array:
     """What one step of a method may err, over the amplitude of the motion."""
-    return jnp.maximum(tolerance * LOCAL_SHARE[solver], LEAST_LOCAL)
+    return jnp.maximum(tolerance * LOCAL_FRACTION[solver], LEAST_LOCAL)
 
 
 class Resolution(NamedTuple):
@@ -126,10 +126,10 @@ class Resolution(NamedTuple):
         present values they do not pass through zero, so an error relative to them is a fair measure at any phase.
         """
         shaped = model.mass[:, None] * self.modes
-        position, speed = (jnp.sum(x[:, None] * shaped, axis=0) for x in (state.departure, state.velocity))
+        position, speed = (jnp.sum(x[:, None] * shaped, axis=0) for x in (state.vibration, state.velocity))
         amplitude = jnp.sqrt((self.omega * position) ** 2 + speed**2)
         total = jnp.sqrt(jnp.sum(amplitude**2) + self.least**2)
-        amplitude = jnp.maximum(amplitude, COUPLING_SHARE * total)
+        amplitude = jnp.maximum(amplitude, COUPLING_FRACTION * total)
         # A mode without stiffness drifts; it is given the slowest of the other frequencies.
         slowest = jnp.min(jnp.where(self.omega > 0, self.omega, _highest(self.omega)))
         size, period = jnp.abs(self.modes), 1 / jnp.where(self.omega > 0, self.omega, slowest)
@@ -179,7 +179,7 @@ def advance_scaled(
     def vector_field(t: Array, scaled: Array) -> Array:
         now = split(scaled * scale)
         force, power, changed = model.rates(
-            span.inside(span.start + t), steady + now.departure, now.velocity, now.memory
+            span.inside(span.start + t), steady + now.vibration, now.velocity, now.memory
         )
         return State(now.velocity, force / model.mass, power, changed).flat() * inverse
 
@@ -188,7 +188,7 @@ def advance_scaled(
     def rates(t: Array, q: Array, x: Array) -> tuple[Array, Array]:
         velocity = x[: q.size] * size.velocity
         memory = None if size.memory is None else x[q.size :] * size.memory
-        force, power, changed = model.rates(span.inside(span.start + t), steady + q * size.departure, velocity, memory)
+        force, power, changed = model.rates(span.inside(span.start + t), steady + q * size.vibration, velocity, memory)
         accelerations = force / model.mass / size.velocity
         if changed is None or size.memory is None:
             return accelerations, power / size.work
@@ -200,7 +200,7 @@ def advance_scaled(
 
     def least(scaled: Array) -> Array:
         fastest = jnp.maximum(split(amplitudes(scaled) * scale).velocity, split(first).velocity)
-        return SLIP_SHARE * jnp.asarray(slip_tolerance) * _slip_of(model, span, fastest)
+        return SLIP_FRACTION * jnp.asarray(slip_tolerance) * _slip_of(model, span, fastest)
 
     def size_of(scaled: Array) -> Array:
         # A motion that has outgrown the one at the start is measured by itself, at any phase.
@@ -209,7 +209,7 @@ def advance_scaled(
     metric = model.mass * size.velocity**2
     if size.memory is not None:
         metric = jnp.concatenate([metric, jnp.zeros_like(size.memory)])
-    stages = Stages(rates, size.velocity / size.departure, metric, local, size_of)
+    stages = Stages(rates, size.velocity / size.vibration, metric, local, size_of)
 
     def halts(t: Array, scaled: Array) -> Array:
         return slip(model, span.inside(span.start + t), split(scaled * scale).velocity) < least(scaled)
@@ -218,8 +218,8 @@ def advance_scaled(
         def motion(t: Array, scaled: Array) -> Array:
             return slip_motion(model, span.inside(span.start + t), split(scaled * scale).velocity) / size.velocity
 
-        def inside(share: Array) -> Array:
-            t = attempt.start + share * (attempt.end - attempt.start)
+        def inside(fraction: Array) -> Array:
+            t = attempt.start + fraction * (attempt.end - attempt.start)
             return motion(t, attempt.inside(t))
 
         h, now = attempt.end - attempt.start, span.inside(span.start + (attempt.start + attempt.end) / 2)
@@ -228,7 +228,7 @@ def advance_scaled(
             for slope in (attempt.slope_before, attempt.slope_after)
         )
         step = Step(motion(attempt.start, attempt.before), motion(attempt.end, attempt.after), *changes)
-        return share_to_rest(step, inside, lambda x: _slip_of(model, span, x * size.velocity), least(attempt.after))
+        return fraction_to_rest(step, inside, lambda x: _slip_of(model, span, x * size.velocity), least(attempt.after))
 
     stepped = step_through(
         make_solver(solver, stages),
@@ -255,7 +255,7 @@ def _observed(model: Model, steady: Array, work: Array, time: Array, scale: Arra
 
     def observe(sample: tuple[Array, State]) -> tuple[Observation, Array, Array]:
         t, now = sample
-        q = steady + now.departure
+        q = steady + now.vibration
         return model.observe(t, q, now.velocity, now.memory), *model.energy(t, q, now.velocity)
 
     observation, kinetic, potential = jax.lax.map(observe, (time, states))
@@ -269,7 +269,7 @@ def _observed(model: Model, steady: Array, work: Array, time: Array, scale: Arra
 def first_step(model: Model) -> Array:
     """A step (s) that resolves the highest frictionless frequency; without any stiffness, one of a microsecond."""
     highest = frictionless_modes(model.mass, model.stiffness)[0][-1]
-    return jnp.where(highest > 0, FIRST_STEP_SHARE / jnp.where(highest > 0, highest, 1.0), 1e-6)
+    return jnp.where(highest > 0, FIRST_STEP_FRACTION / jnp.where(highest > 0, highest, 1.0), 1e-6)
 
 
 def _quiet(model: Model, time: Array, local: Array) -> Array:

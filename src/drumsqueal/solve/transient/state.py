@@ -16,7 +16,7 @@ class State(NamedTuple):
     than half the time of a tree of three.
     """
 
-    departure: Array
+    vibration: Array
     velocity: Array
     work: Array
     memory: Array | None = None
@@ -24,7 +24,7 @@ class State(NamedTuple):
     def flat(self) -> Array:
         """One array (2n + m + 1,), the work last."""
         memory = () if self.memory is None else (self.memory,)
-        return jnp.concatenate([self.departure, self.velocity, *memory, self.work[None]])
+        return jnp.concatenate([self.vibration, self.velocity, *memory, self.work[None]])
 
     @staticmethod
     def split(flat: Array, remembered: int = 0) -> "State":

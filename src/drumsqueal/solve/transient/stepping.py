@@ -127,13 +127,13 @@ def step_through(
         )  # fmt: skip
         rests = jnp.zeros((), bool)
         if passes is not None:
-            share = passes(attempt)
+            fraction = passes(attempt)
             # Nor is one made again that the rounding of times leaves as long as it was.
-            short = (share < JUST_SHORT) & (now.time + share * (there - now.time) < there)
-            rests = jnp.asarray(keep) & (share < 1) & ~short
+            short = (fraction < JUST_SHORT) & (now.time + fraction * (there - now.time) < there)
+            rests = jnp.asarray(keep) & (fraction < 1) & ~short
             again = jnp.asarray(keep) & short
             keep, time = keep & ~again, jnp.where(again, now.time, jnp.asarray(time))
-            next_step = jnp.where(again, share * (there - now.time), next_step)
+            next_step = jnp.where(again, fraction * (there - now.time), next_step)
             controller_state = jax.tree.map(
                 lambda new, old: jnp.where(again, old, new), controller_state, now.controller
             )

@@ -149,7 +149,7 @@ class StickSlip:
         states = jax.tree.map(lambda *parts: np.concatenate(parts), *(each for _, each in looks))
         surely = np.concatenate(
             [
-                hold_surely(self._model, span.inside(t), self._steady + s.departure, s.velocity, s.memory)
+                hold_surely(self._model, span.inside(t), self._steady + s.vibration, s.velocity, s.memory)
                 for t, s in looks
             ]
         )
@@ -189,7 +189,7 @@ class StickSlip:
         )
 
     def _reserve(self, state: State, span: Span, time: float) -> float:
-        q = self._steady + state.departure
+        q = self._steady + state.vibration
         return hold(self._model, span.inside(time), q, state.velocity, state.memory).reserve
 
     def _released(
@@ -218,7 +218,7 @@ class StickSlip:
 
     def _changed(self, state: State, span: Span, least: float, *, ends: bool = False) -> State:
         """The state to go on with where hardly anything slips: at rest on the drum, or slipping off it."""
-        q = self._steady + state.departure
+        q = self._steady + state.vibration
         found = hold(self._model, span.now, q, state.velocity, state.memory, ends=ends)
         velocity = drum_motion(self._model, span.now, state.velocity)
         if found.reserve >= 1 and not ends:
@@ -245,7 +245,7 @@ def _jumps(model: Model) -> tuple[np.ndarray, float]:
 def _only_reached(whole: Segment, span: Span) -> Segment:
     """A chunk that ends early: without samples of what did not come to pass."""
     there = np.arange(len(whole.kinetic)) * float(span.interval) <= float(whole.time)
-    state = whole.states._replace(departure=jnp.where(there[:, None], whole.states.departure, jnp.nan))
+    state = whole.states._replace(vibration=jnp.where(there[:, None], whole.states.vibration, jnp.nan))
     return whole._replace(states=state, reached=jnp.asarray(False))
 
 

@@ -42,11 +42,11 @@ def read_csv(path: Path, channel: str | None, rate: float | None, unit: Unit | N
     a rate, and for a channel that is not there.
     """
     lines, comments = _lines(path)
-    told: list[str] = []
+    remarks: list[str] = []
     layout = find_layout(path, lines, comments)
-    table, numbers = _table(path, lines, layout, told)
+    table, numbers = _table(path, lines, layout, remarks)
     check_count(path, len(table))
-    place, sampling = _sampling(path, layout.columns, table, numbers, rate, told)
+    place, sampling = _sampling(path, layout.columns, table, numbers, rate, remarks)
     beside = [k for k in range(len(layout.columns)) if k != place]
     others = [k for k in beside if not _is_count(table[:, k])] or beside
     if not others:
@@ -55,8 +55,8 @@ def read_csv(path: Path, channel: str | None, rate: float | None, unit: Unit | N
     column = layout.columns[at]
     own = parse_unit(column.unit) if column.unit else None
     if column.unit and own is None and unit is None:
-        told.append(f"{column.unit!r} is no unit of a known quantity")
-    return measured_in(unit, own, column.name, sampling.rate, sampling.start, table[:, at], told)
+        remarks.append(f"{column.unit!r} is no unit of a known quantity")
+    return measured_in(unit, own, column.name, sampling.rate, sampling.start, table[:, at], remarks)
 
 
 def _lines(path: Path) -> tuple[list[Line], list[Line]]:
@@ -77,13 +77,13 @@ def _lines(path: Path) -> tuple[list[Line], list[Line]]:
     return lines, comments
 
 
-def _table(path: Path, lines: list[Line], layout: Layout, told: list[str]) -> tuple[NDArray[np.float64], list[int]]:
+def _table(path: Path, lines: list[Line], layout: Layout, remarks: list[str]) -> tuple[NDArray[np.float64], list[int]]:
     """Numbers (rows, columns), and the lines that they stand in."""
     import pandas
 
     rows, used = lines[layout.first :], len(layout.columns)
     if len(rows) > 2 and fault(rows[-1][1], layout):
-        told.append(f"the last line, {rows[-1][0]}, is not whole and left away")
+        remarks.append(f"the last line, {rows[-1][0]}, is not whole and left away")
         rows = rows[:-1]
     text = re.sub(rf" +(?=[{layout.separator}\n])", "", "\n".join(line for _, line in rows))
     try:
@@ -112,14 +112,14 @@ def _sampling(
     table: NDArray[np.float64],
     lines: list[int],
     rate: float | None,
-    told: list[str],
+    remarks: list[str],
 ) -> tuple[int | None, Sampling]:
     """The time column, None where there is none, and how it is sampled."""
     named = next((k for k, column in enumerate(columns) if column.is_time), None)
     place = named if named is not None else next((k for k in range(len(columns)) if _may_be_time(table[:, k])), None)
     if rate is not None:
         if place is not None:
-            told.append(f"the sample rate is that of --rate, not of the column {columns[place].name!r}")
+            remarks.append(f"the sample rate is that of --rate, not of the column {columns[place].name!r}")
         return place, Sampling(rate, 0.0, 0.0)
     if place is None:
         raise RequestError(f"{path}: neither a time column nor a sample rate is in it; {RATE_CURE}")
@@ -128,11 +128,11 @@ def _sampling(
     if factor is None:
         raise RequestError(f"{path}: {column.unit!r} is no unit of time; write s, ms or µs, or {RATE_CURE}")
     if not column.unit:
-        told.append(f"the column {column.name!r} is taken for the time, in s")
+        remarks.append(f"the column {column.name!r} is taken for the time, in s")
     time = table[:, place] * factor
     missing = np.flatnonzero(~np.isfinite(time))
     if missing.size:
-        told.append(
+        remarks.append(
             f"{missing.size} times are missing, the first in line {lines[missing[0]]}: taken as even there, too"
         )
     try:

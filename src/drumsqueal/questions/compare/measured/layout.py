@@ -70,8 +70,8 @@ def find_layout(path: object, lines: list[Line], comments: list[Line]) -> Layout
     """How the lines (without blank ones and comments) are laid out. Raises RequestError where no numbers are found."""
     found = [(separator, *where) for separator in SEPARATORS if (where := _first_row(lines, separator)) is not None]
     if not found:
-        told = "write one with a column for each signal, and times in seconds, not as dates or clocks"
-        raise RequestError(f"{path}: no table of numbers is found in it; {told}")
+        advice = "write one with a column for each signal, and times in seconds, not as dates or clocks"
+        raise RequestError(f"{path}: no table of numbers is found in it; {advice}")
     separator, first, width = max(found, key=lambda each: each[2])  # of several the first
     rows = [line for _, line in lines[first:]]
     header = [text for _, text in lines[:first]]
@@ -130,8 +130,8 @@ def _not_decimal(path: object, header: list[str], rows: list[str], width: int) -
         return ",", width
     if width == 2:
         return ";", 1
-    told = f"the header names {named} columns, the numbers fill {width}: commas stand for two things"
-    raise RequestError(f"{path}: {told}; write decimal points, or separate the columns by semicolons")
+    advice = f"the header names {named} columns, the numbers fill {width}: commas stand for two things"
+    raise RequestError(f"{path}: {advice}; write decimal points, or separate the columns by semicolons")
 
 
 def _columns(header: list[str], separator: str, width: int, used: int) -> tuple[Column, ...]:
@@ -173,7 +173,7 @@ def _is_unit(cell: str) -> bool:
 def _name_and_unit(cell: str) -> tuple[str, str]:
     """Name and unit of "velocity (mm/s)", "v [mm/s]", "v in mm/s", "v / (mm/s)", "v/(mm/s)", "v, mm/s", "time_ms"."""
     name = cell.strip()
-    if parse_unit(name) is not None:  # the unit is all that is told
+    if parse_unit(name) is not None:  # the unit is all that is advice
         return name, name
     found = re.fullmatch(r"(.*?)\s*/?\s*[\[(]([^\])]*)[\])]\s*", cell) or re.fullmatch(
         r"(.*\S)\s+(?:in|/)\s+(\S+)", cell

@@ -1,4 +1,4 @@
-"""A measured file, told by what is in it and not by its name."""
+"""A measured file, recognised by what is in it and not by its name."""
 
 from pathlib import Path
 
@@ -95,15 +95,15 @@ def _windowed(path: Path, measured: Measured, first: float | None, last: float |
     begin = int(np.clip(np.ceil((since - start) * rate - 1e-3), 0, count))
     stop = int(np.clip(np.floor((until - start) * rate + 1e-3) + 1, begin, count))
     if stop - begin < FEWEST:
-        told = f"{path}: {since:.9g} to {until:.9g} s hold {stop - begin} samples, at least {FEWEST} are needed"
-        raise RequestError(f"{told}; take a longer part of {start:.9g} to {end:.9g} s with --from and --until")
+        fault = f"{path}: {since:.9g} to {until:.9g} s hold {stop - begin} samples, at least {FEWEST} are needed"
+        raise RequestError(f"{fault}; take a longer part of {start:.9g} to {end:.9g} s with --from and --until")
     return measured._replace(values=measured.values[begin:stop], start_s=start + begin / rate)
 
 
 def _whole(measured: Measured, path: Path) -> Measured:
     """The longest stretch in which nothing is missing, with samples enough, not at rest and of a size to be squared."""
     values, part = measured.values, longest_whole(measured.values)
-    left, told = part.stop - part.start, measured.told
+    left, remarks = part.stop - part.start, measured.remarks
     start = measured.start_s + part.start / measured.sample_rate
     if left < values.size:
         gaps = np.flatnonzero(~np.isfinite(values))
@@ -111,11 +111,11 @@ def _whole(measured: Measured, path: Path) -> Measured:
         missing = f"{gaps.size} of {values.size} samples are missing, the first at {when:.6g} s"
         if left < FEWEST:
             raise RequestError(f"{path}: {missing}; at least {FEWEST} without a gap are needed")
-        told += (f"{missing}: taken is the longest stretch without a gap, {left} samples from {start:.6g} s on",)
+        remarks += (f"{missing}: taken is the longest stretch without a gap, {left} samples from {start:.6g} s on",)
     largest = float(np.abs(values[part]).max())
     if not largest < LARGEST or 0 < largest <= SMALLEST:
-        told = f"{measured.name!r} is {largest:.3g} {measured.unit or 'without a unit'} at the most, as nothing is"
-        raise RequestError(f"{path}: {told}; take another channel, or mend the file or --unit")
+        fault = f"{measured.name!r} is {largest:.3g} {measured.unit or 'without a unit'} at the most, as nothing is"
+        raise RequestError(f"{path}: {fault}; take another channel, or mend the file or --unit")
     if not np.ptp(values[part]) > 0:
         raise RequestError(f"{path}: {measured.name!r} is constant there and has no lines; take another channel")
-    return measured._replace(values=values[part], start_s=start, told=told)
+    return measured._replace(values=values[part], start_s=start, remarks=remarks)

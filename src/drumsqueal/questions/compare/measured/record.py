@@ -72,7 +72,7 @@ class Unit(NamedTuple):
 class Measured(NamedTuple):
     """A measured record: `values` (time,) at `sample_rate` (Hz), the first of them at `start_s`, in an SI unit.
 
-    `quantity` and `unit` are empty where nobody says what was measured, or in what. `told` holds what was taken for
+    `quantity` and `unit` are empty where nobody says what was measured, or in what. `remarks` holds what was taken for
     granted, or left away, in reading it.
     """
 
@@ -82,7 +82,7 @@ class Measured(NamedTuple):
     sample_rate: float
     start_s: float
     values: NDArray[np.float64]
-    told: tuple[str, ...]
+    remarks: tuple[str, ...]
 
     @property
     def short_name(self) -> str:
@@ -103,16 +103,16 @@ def measured_in(
     rate: float,
     start: float,
     values: NDArray[np.float64],
-    told: list[str],
+    remarks: list[str],
 ) -> Measured:
     """A record brought to SI from the unit that is given or, without one, its own; None is one that is not known."""
     unit = given or own
     if given is not None and own is not None and not given.same_as(own):
-        told.append(f"the unit is that of --unit, {given.written}, although the file says {own.written}")
+        remarks.append(f"the unit is that of --unit, {given.written}, although the file says {own.written}")
     if unit is None:
-        return Measured(printable(name), "", "", rate, start, values, tuple(told))
+        return Measured(printable(name), "", "", rate, start, values, tuple(remarks))
     with np.errstate(over="ignore"):  # what is too large for a number is as good as missing
-        return Measured(printable(name), unit.quantity, unit.si, rate, start, values * unit.factor, tuple(told))
+        return Measured(printable(name), unit.quantity, unit.si, rate, start, values * unit.factor, tuple(remarks))
 
 
 def check_count(path: object, count: int) -> None:

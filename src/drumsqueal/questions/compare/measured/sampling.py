@@ -11,7 +11,7 @@ JITTER = 0.01
 ROUNDED = 0.75  # of the last digit: half of it, and what the rounding of all of them shifts the fit by
 LOST = 0.4  # intervals; a sample that was lost puts those beside it half an interval off, or more
 MOST_DIGITS = 12  # after the point of a time
-LAST_SHARE = 0.1  # of the times, the largest, whose digits are the coarsest
+LAST_FRACTION = 0.1  # of the times, the largest, whose digits are the coarsest
 
 
 class Sampling(NamedTuple):
@@ -79,7 +79,7 @@ def _gap(times: NDArray[np.float64]) -> str:
 
 def last_digit(times: NDArray[np.float64]) -> float:
     """The place value of the last digit that the largest of these times were written with; 0 where there are many."""
-    largest = np.sort(np.abs(times))[-max(2, round(LAST_SHARE * times.size)) :]
+    largest = np.sort(np.abs(times))[-max(2, round(LAST_FRACTION * times.size)) :]
     for digits in range(MOST_DIGITS):
         scaled = largest * 10.0**digits
         round_off = 4 * np.finfo(np.float64).eps * max(1.0, float(scaled[-1]))

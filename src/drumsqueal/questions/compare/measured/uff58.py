@@ -34,7 +34,7 @@ def read_uff58(path: Path, channel: str | None, rate: float | None, unit: Unit |
     records, system = _data_sets(path)
     names = [_name(record, number) for number, record in enumerate(records, start=1)]
     at = pick_channel(path, names, channel)
-    record, told = records[at], []
+    record, remarks = records[at], []
     values = np.asarray(record["data"])
     if record["ord_data_type"] in COMPLEX or not _over_time(record):
         kind = "complex" if record["ord_data_type"] in COMPLEX else "not over time"
@@ -42,10 +42,10 @@ def read_uff58(path: Path, channel: str | None, rate: float | None, unit: Unit |
     if values.size < record["num_pts"]:
         raise RequestError(f"{path}: {names[at]!r} holds {values.size} of its {record['num_pts']} samples; it is cut")
     values = np.asarray(values[: record["num_pts"]], dtype=np.float64)  # binary ones may have a line break behind
-    sampling = _sampling(path, record, rate, told)
+    sampling = _sampling(path, record, rate, remarks)
     # Where a unit is given, what is to be said of the file's own is that it is another.
-    own = _unit(record, system, [] if unit else told)
-    return measured_in(unit, own, names[at], sampling.rate, sampling.start, values, told)
+    own = _unit(record, system, [] if unit else remarks)
+    return measured_in(unit, own, names[at], sampling.rate, sampling.start, values, remarks)
 
 
 def _data_sets(path: Path) -> tuple[list[dict[str, Any]], dict[str, Any] | None]:
@@ -83,9 +83,9 @@ def _over_time(record: dict[str, Any]) -> bool:
     return axis == TIME_AXIS or (axis in (UNKNOWN, GENERAL) and record.get("func_type") == TIME_RESPONSE)
 
 
-def _sampling(path: Path, record: dict[str, Any], rate: float | None, told: list[str]) -> Sampling:
+def _sampling(path: Path, record: dict[str, Any], rate: float | None, remarks: list[str]) -> Sampling:
     if rate is not None:
-        told.append("the sample rate is that of --rate, not the file's own")
+        remarks.append("the sample rate is that of --rate, not the file's own")
         return Sampling(rate, 0.0, 0.0)
     interval = float(record["abscissa_inc"])
     if record["abscissa_spacing"] == 1:
@@ -102,18 +102,18 @@ def _times(record: dict[str, Any]) -> NDArray[np.float64]:
     return np.asarray(record["x"], dtype=np.float64)[: record["num_pts"]]
 
 
-def _unit(record: dict[str, Any], system: dict[str, Any] | None, told: list[str]) -> Unit | None:
+def _unit(record: dict[str, Any], system: dict[str, Any] | None, remarks: list[str]) -> Unit | None:
     """The unit by the data type with data set 164, and by the label; None where they disagree or say nothing."""
     label = str(record.get("ordinate_axis_units_lab", "")).strip()
     written = parse_unit(label) if label and label.upper() != "NONE" else None
     by_type = _by_type(record, system)
     if written is not None and by_type is not None:
         if not written.same_as(by_type):
-            told.append(f"its label says {label}, data set 164 another unit: taken as unknown; --unit would say")
+            remarks.append(f"its label says {label}, data set 164 another unit: taken as unknown; --unit would say")
             return None
         return by_type
     if written is None and by_type is None and label and label.upper() != "NONE":
-        told.append(f"{label!r} is no unit of a known quantity")
+        remarks.append(f"{label!r} is no unit of a known quantity")
     return written or by_type
 
 

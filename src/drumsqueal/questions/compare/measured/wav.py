@@ -26,9 +26,9 @@ def read_wav(path: Path, channel: str | None, rate: float | None, unit: Unit | N
     columns = data.reshape(len(data), -1)
     names = [f"channel {k + 1}" for k in range(columns.shape[1])]
     at = pick_channel(path, names, channel)
-    told: list[str] = []
+    remarks: list[str] = []
     if rate is not None:
-        told.append(f"the sample rate is that of --rate, not the {own_rate} Hz of the file")
+        remarks.append(f"the sample rate is that of --rate, not the {own_rate} Hz of the file")
     elif not own_rate > 0:
         raise RequestError(f"{path}: the WAV file says a sample rate of {own_rate} Hz; give --rate")
     values = np.asarray(columns[:, at], dtype=np.float64)
@@ -37,5 +37,5 @@ def read_wav(path: Path, channel: str | None, rate: float | None, unit: Unit | N
         values = (values - (128.0 if data.dtype.kind == "u" else 0.0)) / 2.0 ** (bits - 1)
         clipped = int(np.sum(np.abs(values) >= CLIPPED))
         if clipped > 1:
-            told.append(f"{clipped} samples are at full scale: where it is clipped, harmonics and sums are its own")
-    return measured_in(unit, None, names[at], float(rate or own_rate), 0.0, values, told)
+            remarks.append(f"{clipped} samples are at full scale: where it is clipped, harmonics and sums are its own")
+    return measured_in(unit, None, names[at], float(rate or own_rate), 0.0, values, remarks)

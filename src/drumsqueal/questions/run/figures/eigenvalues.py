@@ -10,7 +10,7 @@ from drumsqueal.solve.linear.modes import Mode
 from drumsqueal.terminal import style
 from drumsqueal.terminal.placement import label_points
 
-NEAR_AXIS = 0.3  # modes whose |Re λ| is below this share of the largest are shown enlarged
+NEAR_AXIS = 0.3  # modes whose |Re λ| is below this fraction of the largest are shown enlarged
 LEAST_WIDTH = 1.0  # of the enlarged panel (1/s)
 STABLE, UNSTABLE = "#EAF3FA", "#FBEDE4"
 

@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from drumsqueal.questions.run.figures.shares import draw_shares
+from drumsqueal.questions.run.figures.fractions import draw_fractions
 from drumsqueal.questions.run.figures.view import View
 from drumsqueal.terminal import style
 from drumsqueal.terminal.placement import label_right_edge
@@ -27,7 +27,7 @@ def draw_frequency(view: View) -> Figure | None:
     levels = [
         (drift.onset_Hz, f"eigenvalue{when}", style.DARK, "-"),
         (drift.predicted_by_contact_loss_Hz, "loss of contact", style.TOUCHING, "--"),
-        (drift.predicted_by_root_of_contact_share_Hz, "√(contact share)", style.TOUCHING, ":"),
+        (drift.predicted_by_root_of_contact_share_Hz, "√(contact fraction)", style.TOUCHING, ":"),
         (drift.saturated_Hz, "saturated line", style.COLOUR[drift.coordinate], "-"),
     ]
     for frequency, _, colour, dashes in levels:
@@ -37,7 +37,7 @@ def draw_frequency(view: View) -> Figure | None:
     upper.set_ylim(values.min() - room, values.max() + room)
     style.frame(upper, None, "Frequency (Hz)")
     label_right_edge(upper, [(value, f"{value:.0f} Hz {name}", colour) for value, name, colour, _ in levels], reach=6.0)
-    draw_shares(view, lower, slice(0, view.time.size))
+    draw_fractions(view, lower, slice(0, view.time.size))
     style.frame(lower, f"Time ({unit})", "Lining (%)")
     lower.set_xlim(view.time[0] * factor, view.time[-1] * factor)
     return figure

@@ -10,7 +10,7 @@ from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 
 from drumsqueal.findings.compare import ModeComparison
-from drumsqueal.questions.run.figures.shares import PERIODS, draw_shares, running
+from drumsqueal.questions.run.figures.fractions import PERIODS, draw_fractions, running
 from drumsqueal.questions.run.figures.view import View, rate_text
 from drumsqueal.solve.linear.modes import Mode
 from drumsqueal.terminal import style
@@ -48,7 +48,7 @@ def draw_growth(view: View) -> Figure | None:
     upper.add_artist(legend)
     legend.set_clip_on(False)  # or the layout takes it for hidden and leaves it no room
     upper.legend(handles=_explained(view, marks), loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2)
-    draw_shares(view, lower, shown)
+    draw_fractions(view, lower, shown)
     more = f"; the record goes on to {view.time[-1] * factor:.4g} {unit}" if shown.stop < view.time.size else ""
     style.frame(lower, f"Time ({unit}){more}", "Lining (%)")
     lower.set_xlim(view.time[0] * factor, end * factor)
@@ -59,7 +59,7 @@ def _draw_mode(view: View, axes: Axes, mode: Mode, shown: slice) -> Artist:
     """Draw one mode and return its entry in the legend."""
     factor, colour = style.time_unit(view.time[-1])[0], style.COLOUR[mode.name]
     compared = view.compared(mode)
-    values = view.departure.modal(mode, shown) * view.micrometres(mode.name)
+    values = view.vibration.modal(mode, shown) * view.micrometres(mode.name)
     time, low, mean, high = running(view, values, shown)
     axes.fill_between(time * factor, low, high, color=colour, alpha=0.2, linewidth=0)
     (line,) = axes.plot(time * factor, mean, color=colour, linewidth=1.3, label=_entry(mode, compared))
@@ -86,9 +86,9 @@ def _entry(mode: Mode, compared: ModeComparison) -> str:
 
 
 def _slope(view: View, mode: Mode, compared: ModeComparison) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Times (s) and the predicted exponential through the fitted start, as far as twice the time of the first edge."""
-    edge, growth = view.result.findings.edge_reached_s, compared.measured_growth
-    time = np.array([view.time[0], view.time[-1] if edge is None else min(2 * edge, view.time[-1])])
+    """Times (s), to twice that of the first contact boundary, and the predicted exponential through the fitted start."""
+    boundary, growth = view.result.findings.edge_reached_s, compared.measured_growth
+    time = np.array([view.time[0], view.time[-1] if boundary is None else min(2 * boundary, view.time[-1])])
     first = view.amplitude(mode, slice(0, 1))[0]
     start = first if growth is None else growth.amplitude_at_start * view.micrometres(mode.name)
     # Cut off where the number would leave what a double holds, far outside the frame.
@@ -105,7 +105,7 @@ def _set_limits(view: View, axes: Axes, shown: slice) -> None:
 
 
 def _mark_phases(view: View, axes: Axes) -> list[Artist]:
-    """Shade the growth phase and mark the first edge; return what to name in the legend."""
+    """Shade the growth phase and mark the first contact boundary; return what to name in the legend."""
     comparison, (factor, unit) = view.result.findings, style.time_unit(view.time[-1])
     marks: list[Artist] = []
     if 0 < comparison.growth.linear_until_s < view.time[-1]:
@@ -115,9 +115,9 @@ def _mark_phases(view: View, axes: Axes) -> list[Artist]:
         span.set_label("growth phase")
         marks.append(span)
     if comparison.edge_reached_s is not None:
-        edge = comparison.edge_reached_s * factor
-        label = f"first edge reached, {edge:.4g} {unit}"
-        marks.append(axes.axvline(edge, color=style.DARK, linewidth=0.8, linestyle=":", label=label))
+        boundary = comparison.edge_reached_s * factor
+        label = f"contact boundary reached, {boundary:.4g} {unit}"
+        marks.append(axes.axvline(boundary, color=style.DARK, linewidth=0.8, linestyle=":", label=label))
     return marks
 
 

@@ -10,9 +10,9 @@ from drumsqueal.terminal import style
 from drumsqueal.terminal.placement import finer
 
 LAST_S = 0.03  # of the record that is drawn
-BEFORE_S = 0.01  # of the growth, up to the first edge, that is drawn: more of it would be a filled disc
+BEFORE_S = 0.01  # of the growth, up to the first contact boundary, that is drawn: more of it would be a filled disc
 FINER = 8  # points drawn per sample
-NEAR = 0.3  # the slip limit is drawn where the motion comes to this share of it
+NEAR = 0.3  # the slip limit is drawn where the motion comes to this fraction of it
 CHANGE = 0.01  # relative change of the drum's speed that is drawn as a band
 
 
@@ -36,7 +36,7 @@ def draw_phase(view: View) -> Figure | None:
             color=style.FAINT,
             linewidth=0.5,
             rasterized=True,
-            label=f"{BEFORE_S * 1e3:g} ms before the first edge",
+            label=f"{BEFORE_S * 1e3:g} ms before the first contact boundary",
         )
     factor, time_unit = style.time_unit(view.time[-1])
     label = f"{view.time[part][0] * factor:.4g} to {view.time[-1] * factor:.4g} {time_unit}"
@@ -59,13 +59,13 @@ def _path(view: View, part: slice) -> NDArray[np.float64]:
 
 
 def _growth_path(view: View) -> NDArray[np.float64] | None:
-    """The end of the spiral that leads to the first edge, if the motion got there."""
-    edge = view.result.findings.edge_reached_s
+    """The end of the spiral that leads to the first contact boundary, if the motion got there."""
+    boundary = view.result.findings.edge_reached_s
     if (
-        edge is None or view.saturation is None or view.result.findings.changing
+        boundary is None or view.saturation is None or view.result.findings.changing
     ):  # the limit drawn is that of the last part
         return None
-    part = slice(*np.searchsorted(view.time, [edge - BEFORE_S, edge]).tolist())
+    part = slice(*np.searchsorted(view.time, [boundary - BEFORE_S, boundary]).tolist())
     return _path(view, part) if view.time[part].size >= 8 else None
 
 

@@ -27,7 +27,7 @@ def draw_spectra(view: View) -> Figure | None:
         parts.append(("Saturated motion" if settled else "End of the record", view.saturated))
     if not view.readable or not view.modes:
         return None
-    highest = min(view.departure.sample_rate / 2, ABOVE * max(mode.frequency_Hz for mode in view.modes))
+    highest = min(view.vibration.sample_rate / 2, ABOVE * max(mode.frequency_Hz for mode in view.modes))
     spectra = [(name, part, _outlines(view, part, highest)) for name, part in parts]
     spectra = [entry for entry in spectra if entry[2]]
     if not spectra:
@@ -74,7 +74,7 @@ class _Outline(NamedTuple):
 def _outlines(view: View, part: slice, highest: float) -> dict[str, _Outline]:
     """The spectra of a part of the record, each brought to the size of the figure before the next is computed."""
     found = {}
-    for coordinate, spectrum in view.departure.spectra(part):
+    for coordinate, spectrum in view.vibration.spectra(part):
         stop = int(np.searchsorted(spectrum.frequency_Hz, highest, side="right"))
         starts, _, largest = extremes(spectrum.amplitude[:stop])
         shown = largest * view.micrometres(coordinate)

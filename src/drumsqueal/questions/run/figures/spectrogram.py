@@ -26,12 +26,12 @@ def draw_spectrogram(view: View) -> Figure | None:
     # A mode that dies out within a few periods does not set the length of the windows.
     lasting = [mode for mode in view.modes if mode.growth_rate > -mode.frequency_Hz]
     lowest = min(mode.frequency_Hz for mode in lasting or view.modes)
-    rate = view.departure.sample_rate
+    rate = view.vibration.sample_rate
     periods = min(PERIODS, view.time.size / rate * lowest / WINDOWS)
     if periods < FEWEST_PERIODS:
         return None
     name = view.energetic
-    signal = view.departure.column(name, of="velocity")
+    signal = view.vibration.column(name, of="velocity")
     highest = min(rate / 2, ABOVE * max(mode.frequency_Hz for mode in view.modes))
     columns = max(1, round(signal.size / rate * lowest / periods / (1 - OVERLAP) / MOST_COLUMNS))
     content = _shown(

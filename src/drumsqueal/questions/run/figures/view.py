@@ -5,13 +5,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from drumsqueal.findings.compare import UNEXCITED_SHARE, ModeComparison
-from drumsqueal.findings.departure import FEWEST_FOR_SPECTRUM, ROTATIONS, Departure
+from drumsqueal.findings.compare import UNEXCITED_FRACTION, ModeComparison
 from drumsqueal.findings.outcome import Ending
 from drumsqueal.findings.saturation import Saturation
+from drumsqueal.findings.vibration import FEWEST_FOR_SPECTRUM, ROTATIONS, Vibration
 from drumsqueal.physics.model import Model
 from drumsqueal.simulation import Result
-from drumsqueal.solve.linear.modes import NEUTRAL_SHARE, Mode
+from drumsqueal.solve.linear.modes import NEUTRAL_FRACTION, Mode
 
 MICRO = 1e6
 REST = 1e-15  # m or rad; what moves less is round-off
@@ -23,7 +23,7 @@ class View:
     def __init__(self, result: Result, model: Model) -> None:
         """Take the steady state off the history."""
         self.result, self.model = result, model
-        self.departure = Departure(result.history, result.stability)
+        self.vibration = Vibration(result.history, result.stability)
         self.radius = float(model.shoe.outer_radius)
 
     @property
@@ -35,12 +35,12 @@ class View:
     @property
     def time(self) -> NDArray[np.float64]:
         """Times of the samples (s)."""
-        return self.departure.time
+        return self.vibration.time
 
     @cached_property
     def readable(self) -> bool:
         """Whether there are samples enough, and motion, to draw a history."""
-        return self.time.size >= FEWEST_FOR_SPECTRUM and bool(np.any(np.ptp(self.departure.extremes(), axis=0) > REST))
+        return self.time.size >= FEWEST_FOR_SPECTRUM and bool(np.any(np.ptp(self.vibration.extremes(), axis=0) > REST))
 
     @property
     def growing(self) -> slice:
@@ -60,12 +60,12 @@ class View:
 
     def amplitude(self, mode: Mode, part: slice = slice(None)) -> NDArray[np.float64]:
         """Amplitude (time,) of a mode in a part of the record (µm, rotations times the outer radius), computed anew."""
-        return np.abs(self.departure.modal(mode, part)) * self.micrometres(mode.name)
+        return np.abs(self.vibration.modal(mode, part)) * self.micrometres(mode.name)
 
     @cached_property
     def modes(self) -> tuple[Mode, ...]:
         """The modes that take part in the motion, by rising frequency."""
-        least = UNEXCITED_SHARE * self.departure.largest().max()
+        least = UNEXCITED_FRACTION * self.vibration.largest().max()
         able = [mode for mode in self.result.stability.modes if mode.name in self.model.names]
         return tuple(mode for mode in able if self.amplitude(mode).max() > least * self.micrometres(mode.name))
 
@@ -80,8 +80,8 @@ class View:
     @cached_property
     def energetic(self) -> str:
         """The coordinate with the most kinetic energy."""
-        energy = self.result.stability.mass * self.departure.mean_square_velocity()
-        return self.departure.coordinates[int(np.argmax(energy))]
+        energy = self.result.stability.mass * self.vibration.mean_square_velocity()
+        return self.vibration.coordinates[int(np.argmax(energy))]
 
     @cached_property
     def main_frequency(self) -> float | None:
@@ -102,12 +102,12 @@ class View:
 
     def surface_motion(self, part: slice) -> NDArray[np.float64]:
         """u_θ (m) and its rate (m/s) at the middle of the lining, θ = z = 0, for a part of the record (time, 2)."""
-        departure, body = self.departure, self.model.lining.body
-        both = (departure.named(columns) for columns in (departure.displacement_in(part), departure.velocity_in(part)))
+        vibration, body = self.vibration, self.model.lining.body
+        both = (vibration.named(columns) for columns in (vibration.displacement_in(part), vibration.velocity_in(part)))
         along = (np.broadcast_to(body.displacement(q, 0.0)[1], self.time[part].shape) for q in both)
         return np.stack(list(along), axis=1)
 
 
 def rate_text(rate: float, mode: Mode) -> str:
     """A growth rate of that mode (1/s) in words of four digits, 0 where it is round-off."""
-    return "0" if abs(rate) < NEUTRAL_SHARE * mode.frequency_Hz else f"{rate:+.4g}".replace("-", "−")
+    return "0" if abs(rate) < NEUTRAL_FRACTION * mode.frequency_Hz else f"{rate:+.4g}".replace("-", "−")

@@ -10,18 +10,18 @@ from drumsqueal.physics.model import Model
 Columns = Mapping[str, NDArray[np.float64]]
 
 
-def edge_shares(model: Model, departure: NDArray[np.float64], velocity: NDArray[np.float64]) -> tuple[float, float]:
+def boundary_ratios(model: Model, vibration: NDArray[np.float64], velocity: NDArray[np.float64]) -> tuple[float, float]:
     """The largest fraction of contact loss and of slip reversal in a motion, by the speed and the load at t = 0.
 
-    `departure` from steady sliding (m, rad) and `velocity` are (time, n) in the order of `model.names`.
+    `vibration` from steady sliding (m, rad) and `velocity` are (time, n) in the order of `model.names`.
     """
     moment = model.operation.at(0.0)
-    q, v = (dict(zip(model.names, columns.T, strict=True)) for columns in (departure, velocity))
-    lost, back = pressure_share(model, q, moment.preload), slip_share(model, v, moment.drum_speed)
+    q, v = (dict(zip(model.names, columns.T, strict=True)) for columns in (vibration, velocity))
+    lost, back = pressure_fraction(model, q, moment.preload), slip_fraction(model, v, moment.drum_speed)
     return float(np.max(lost)), float(np.max(back))
 
 
-def pressure_share(model: Model, q: Columns, preload: ArrayLike) -> NDArray[np.float64]:
+def pressure_fraction(model: Model, q: Columns, preload: ArrayLike) -> NDArray[np.float64]:
     """k_c max|u_r − u_r*| over the mean pressure p0 (time,), q displacements (time,) by name; 0 without separation.
 
     The maximum is a bound over the whole circle: where the steady pressure is uniform nothing has lifted off below 1.
@@ -30,7 +30,7 @@ def pressure_share(model: Model, q: Columns, preload: ArrayLike) -> NDArray[np.f
     return _over(float(model.contact.lifting_stiffness) * depth, np.asarray(preload))
 
 
-def slip_share(model: Model, v: Columns, drum_speed: ArrayLike) -> NDArray[np.float64]:
+def slip_fraction(model: Model, v: Columns, drum_speed: ArrayLike) -> NDArray[np.float64]:
     """max|u̇_θ| over R|Ω| (time,), v velocities (time,) by name; 0 without friction, and bounded in the same way."""
     _, along = model.body.largest(v)
     if model.contact.friction is None:

@@ -1,4 +1,4 @@
-"""Shares of the lining over time, in contact and with the slip reversed: a panel of several figures."""
+"""Fractions of the lining over time, in contact and with the slip reversed: a panel of several figures."""
 
 from typing import Any
 
@@ -16,8 +16,8 @@ AT_ONCE = 2**17  # samples in the windows that are looked at together
 FINER, FEWEST = 8, 6  # points for each sample of a window, and samples that it takes
 
 
-def draw_shares(view: View, axes: Axes, shown: slice) -> None:
-    """Draw the share of the lining in contact and that with the slip reversed over time, named at the right."""
+def draw_fractions(view: View, axes: Axes, shown: slice) -> None:
+    """Draw the fraction of the lining in contact and that with the slip reversed over time, named at the right."""
     labels, factor = [], style.time_unit(view.time[-1])[0]
     for name, text, colour in (
         ("contact_fraction", "in contact", style.TOUCHING),
@@ -45,8 +45,8 @@ def running(
     period, as slip reversal does, the few samples that fall on it decide about them, and a periodic motion seems to
     beat.
     """
-    frequency = view.main_frequency or view.departure.sample_rate
-    window = min(max(1, round(PERIODS * view.departure.sample_rate / frequency)), max(1, values.size // 8))
+    frequency = view.main_frequency or view.vibration.sample_rate
+    window = min(max(1, round(PERIODS * view.vibration.sample_rate / frequency)), max(1, values.size // 8))
     step = max(1, window // 4, values.size // COLUMNS)
     windows: Any = sliding_window_view(values, window)[::step]
     low, mean, high = (np.empty(len(windows)) for _ in range(3))

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from drumsqueal.findings.signals.lines import Lines
 
-MOST_BASES = 3
+MOST_FUNDAMENTALS = 3
 # Highest order |k1| + |k2| + … of a combination that a line may be, by how many fundamentals there are.
 ORDERS = {1: 2000, 2: 40, 3: 20}
 # The same of a relation Σ k_i b_i = 0 that locks fundamentals to one another: 3 f1 = 2 f2 leaves one of two.
@@ -22,7 +22,7 @@ CHANCE = 0.02
 BESIDE = 0.1
 
 
-class Bases(NamedTuple):
+class Fundamentals(NamedTuple):
     """Fundamental frequencies (d,) with uncertainty in Hz, by rising frequency, and what of the motion they explain.
 
     `combinations` (m, d) are the integers k of each of the m lines, f = Σ k_i base_i; zeros where a line is none of
@@ -36,7 +36,7 @@ class Bases(NamedTuple):
     all_lines: bool
 
 
-def find_bases(lines: Lines) -> Bases:
+def find_fundamentals(lines: Lines) -> Fundamentals:
     """Find the fewest fundamental frequencies of which the lines are integer combinations, at most three.
 
     The lines are taken one after the other, the strongest first. One at f_j is Σ_i k_ji b_i of the fundamentals there
@@ -93,19 +93,19 @@ class _Lattice:
             beside = stronger[np.argmin(gaps)]
             self.combinations[j] += self.combinations[beside]
         self._unlock()
-        if self.count > MOST_BASES:
+        if self.count > MOST_FUNDAMENTALS:
             self.combinations = before
 
-    def fitted(self) -> Bases:
+    def fitted(self) -> Fundamentals:
         """The strongest lines, or distances from them, that generate all lines; fitted, positive, rising."""
         if self.count == 0:
-            return Bases(np.zeros(0), np.zeros(0), self.combinations, 0.0, self.lines.frequency_Hz.size == 0)
+            return Fundamentals(np.zeros(0), np.zeros(0), self.combinations, 0.0, self.lines.frequency_Hz.size == 0)
         self._rewrite()
         values, spread = self._fit()
         combinations = self.combinations * np.where(values < 0.0, -1, 1)
         rising = np.argsort(np.abs(values))
-        explained = float(self.lines.share[self.matched].sum())
-        return Bases(
+        explained = float(self.lines.fraction[self.matched].sum())
+        return Fundamentals(
             np.abs(values)[rising], spread[rising], combinations[:, rising], explained, bool(self.matched.all())
         )
 
@@ -114,10 +114,10 @@ class _Lattice:
         weight = 1.0 / self.lines.uncertainty_Hz[self.matched]
         matrix = self.combinations[self.matched] * weight[:, None]
         right = self.lines.frequency_Hz[self.matched] * weight
-        bases = np.linalg.lstsq(matrix, right, rcond=None)[0]
-        scatter = float(np.sum((matrix @ bases - right) ** 2)) / max(1, right.size - bases.size)
+        fundamentals = np.linalg.lstsq(matrix, right, rcond=None)[0]
+        scatter = float(np.sum((matrix @ fundamentals - right) ** 2)) / max(1, right.size - fundamentals.size)
         covariance = np.linalg.inv(matrix.T @ matrix)
-        return bases.astype(np.float64), np.sqrt(max(1.0, scatter) * np.diag(covariance))
+        return fundamentals.astype(np.float64), np.sqrt(max(1.0, scatter) * np.diag(covariance))
 
     def _nearest(self, j: int) -> tuple[NDArray[np.int64] | None, bool]:
         """The combination of lowest order within reach of a line, None without one; and whether it is beyond chance."""

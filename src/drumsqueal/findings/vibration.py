@@ -10,7 +10,7 @@ import xarray
 from jax import Array
 from numpy.typing import NDArray
 
-from drumsqueal.findings.edges import pressure_share, slip_share
+from drumsqueal.findings.boundaries import pressure_fraction, slip_fraction
 from drumsqueal.findings.signals import Spectrum, amplitude_spectrum, modal_amplitudes
 from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
 from drumsqueal.physics.effects.operation import Operation
@@ -22,7 +22,7 @@ from drumsqueal.solve.linear.modes import Mode, Stability
 ROTATIONS = ("Tx", "Ty", "Tz")
 FEWEST_FOR_SPECTRUM = 16  # samples
 PIECE = 2**14  # samples that are read at a time
-LIFTED_SHARE = 0.1  # of the lining
+LIFTED_FRACTION = 0.1  # of the lining
 FRACTION_ROUND_OFF = 1e-12  # of a fraction of the lining, which is a sum over some hundred nodes
 FORCE_ROUND_OFF = 1e-10  # of the load: forces that cancel leave so much at most
 
@@ -37,7 +37,7 @@ def levers(coordinates: Sequence[str], shoe: RigidShoe) -> NDArray[np.float64]:
     return np.array([float(shoe.outer_radius) if name in ROTATIONS else 1.0 for name in coordinates])
 
 
-class Departure:
+class Vibration:
     """A history seen from steady sliding, over the stability's coordinates.
 
     It is read where it lies, on disk maybe, piece by piece or column by column: nothing but the times is held.
@@ -189,28 +189,30 @@ def _forces(model: Model, speeds: Array, loads: Array, q: Array) -> Array:
     return jax.lax.map(force, (jnp.asarray(speeds), jnp.asarray(loads)))
 
 
-def edge_share(departure: Departure, model: Model) -> NDArray[np.float64]:
+def boundary_ratio(vibration: Vibration, model: Model) -> NDArray[np.float64]:
     """How far the motion has come towards contact loss or slip reversal (time,).
 
     The larger of k_c max|u_r − u_r*| over the mean pressure p0 and max|u̇_θ| over R|Ω|; both maxima are bounds over the
     whole circle, so where the steady pressure is uniform neither has happened below 1. Without separation, or without
     friction, there is no such boundary.
     """
-    share = np.empty(departure.time.size)
-    for rows, displacement, velocity in departure.pieces():
-        q, v = departure.named(displacement), departure.named(velocity)
-        moments = jax.vmap(model.operation.at)(departure.time[rows])
-        share[rows] = np.maximum(pressure_share(model, q, moments.preload), slip_share(model, v, moments.drum_speed))
-    return share
+    fraction = np.empty(vibration.time.size)
+    for rows, displacement, velocity in vibration.pieces():
+        q, v = vibration.named(displacement), vibration.named(velocity)
+        moments = jax.vmap(model.operation.at)(vibration.time[rows])
+        fraction[rows] = np.maximum(
+            pressure_fraction(model, q, moments.preload), slip_fraction(model, v, moments.drum_speed)
+        )
+    return fraction
 
 
-def first_edge(history: xarray.Dataset, stability: Stability, model: Model) -> float | None:
+def first_boundary_time(history: xarray.Dataset, stability: Stability, model: Model) -> float | None:
     """Time (s) of the first sample at which part of the lining has left the drum or slips backwards; None if never."""
-    reached = beyond_edges(history, stability, model)
+    reached = beyond_boundaries(history, stability, model)
     return float(history["time"].values[np.argmax(reached)]) if reached.any() else None
 
 
-def beyond_edges(history: xarray.Dataset, stability: Stability, model: Model) -> NDArray[np.bool_]:
+def beyond_boundaries(history: xarray.Dataset, stability: Stability, model: Model) -> NDArray[np.bool_]:
     """At which samples (time,) part of the lining is off the drum or slips backwards.
 
     Read off what was recorded. Where part of the lining is off the drum in steady sliding already, so that its contact
@@ -220,7 +222,7 @@ def beyond_edges(history: xarray.Dataset, stability: Stability, model: Model) ->
     reached = np.zeros(touching.size, dtype=bool)
     if float(model.contact.lifting_stiffness) > 0:
         steady = stability.contact_fraction
-        most = FRACTION_ROUND_OFF if steady > 1 - FRACTION_ROUND_OFF else LIFTED_SHARE
+        most = FRACTION_ROUND_OFF if steady > 1 - FRACTION_ROUND_OFF else LIFTED_FRACTION
         reached |= np.abs(touching - steady) > most
     if model.contact.friction is not None:
         reached |= history["slip_reversed_fraction"].values > FRACTION_ROUND_OFF
