@@ -1,13 +1,10 @@
 """Set-up that several test files share."""
 
-import hashlib
 import os
 import re
-import shutil
 import signal
 import sys
 from collections.abc import Callable
-from importlib.metadata import version
 from pathlib import Path
 
 import jax
@@ -15,8 +12,7 @@ import pytest
 from jax.experimental.compilation_cache import compilation_cache
 from matplotlib.figure import Figure
 
-import drumsqueal
-import drumsqueal.precision  # switches it on before any test, also where a file runs alone
+import drumsqueal.precision  # noqa: F401 - switches it on before any test, also where a file runs alone
 from drumsqueal import command_line as cli
 from drumsqueal.compilation import _processor
 from drumsqueal.interrupts import noted_interrupts
@@ -102,21 +98,11 @@ def nominal() -> Scene:
 def cache(request, tmp_path_factory) -> Path:
     """Folder of caches, with the compiled programs that a session's processes share and later sessions find again.
 
-    It goes by the sources and by what compiles them, so that nothing hangs on what others left.
+    JAX finds a program by all of its operations, by how it is compiled and by what compiles it, so that a change of the
+    sources compiles anew what it changes and nothing else; `pytest --cache-clear` empties the folder.
     """
-    digest = hashlib.sha256()
-    for source in sorted(Path(drumsqueal.__file__).parent.rglob("*.py")):
-        digest.update(source.read_bytes())
-    for name in ("jax", "jaxlib", "equinox", "diffrax"):
-        digest.update(version(name).encode())
-    kept = getattr(request.config, "cache", None)
-    if kept is None:  # as by `-p no:cacheprovider`
-        return tmp_path_factory.mktemp("cache")
-    folders = kept.mkdir("compiled")
-    for folder in folders.iterdir():
-        if folder.name != digest.hexdigest():
-            shutil.rmtree(folder, ignore_errors=True)
-    return folders / digest.hexdigest()
+    kept = getattr(request.config, "cache", None)  # None with `-p no:cacheprovider`
+    return tmp_path_factory.mktemp("cache") if kept is None else kept.mkdir("compiled")
 
 
 @pytest.fixture

@@ -73,8 +73,9 @@ class Section(Finding):
 class MotionStudy(Findings):
     """The attractor that a motion is on and what decided it.
 
-    `recorded_from_s` is when the record begins, `settled` whether the motion had settled by then. `lines` and `fundamentals`
-    are None at rest; `exponents` None where they were not determined, and `not_determined` says what was not, and why.
+    `recorded_from_s` is when the record begins, `settled` whether the motion had settled by then. `lines` and
+    `fundamentals` are None at rest; `exponents` None where they were not determined, and `not_determined` says what was
+    not, and why.
     """
 
     attractor: Attractor

@@ -86,7 +86,7 @@ def _entry(mode: Mode, compared: ModeComparison) -> str:
 
 
 def _slope(view: View, mode: Mode, compared: ModeComparison) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Times (s), to twice that of the first contact boundary, and the predicted exponential through the fitted start."""
+    """Times (s), to twice that of the first contact boundary, and the exponential predicted from the fitted start."""
     boundary, growth = view.result.findings.edge_reached_s, compared.measured_growth
     time = np.array([view.time[0], view.time[-1] if boundary is None else min(2 * boundary, view.time[-1])])
     first = view.amplitude(mode, slice(0, 1))[0]
