@@ -22,9 +22,15 @@ from drumsqueal.physics.model import Model, build_model
 from drumsqueal.questions.effects import study as effects
 from drumsqueal.questions.effects import variants
 from drumsqueal.questions.effects.reductions import Reduction, reduce, reductions_of
-from drumsqueal.questions.effects.study import TOGETHER, EffectStudy, excess_of, study_effects
+from drumsqueal.questions.effects.study import (
+    TOGETHER,
+    EffectStudy,
+    describe_limits,
+    describe_runs,
+    excess_of,
+    study_effects,
+)
 from drumsqueal.questions.effects.variants import Variant
-from drumsqueal.questions.effects.words import describe_limits, describe_runs
 from drumsqueal.scene import COORDINATES, load_scene
 from drumsqueal.scene.quantities import percent
 from drumsqueal.simulation import prepare, run, transient

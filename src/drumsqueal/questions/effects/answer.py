@@ -36,7 +36,8 @@ def print_study(console: Console, study: EffectStudy) -> None:
     for variant in study.variants:
         needed = study.needs(variant)
         name = Text(f"{variant.label} *" if needed else variant.label, style="bold" if needed else "")
-        table.add_row(name, *_costs(variant), *_changes(variant))
+        costs = f"{variant.time_per_ms:.3g}", f"{variant.evaluations_per_ms:.0f}"
+        table.add_row(name, *(("-", "-") if math.isnan(variant.time_per_ms) else costs), *_changes(variant))
     print_table(console, table)
     for line in (f"{_explained(study)} * needed within {percent(study.within)}.", *study.remarks):
         console.print(line, style="dim")
@@ -49,12 +50,6 @@ def reduced_scene(study: EffectStudy) -> str | None:
         return None
     remarks = "".join(f"# {printable(remark)}\n" for remark in (study.verdict, *study.remarks))
     return f"{remarks}{study.reduced_scene.to_toml()}"
-
-
-def _costs(variant: Variant) -> tuple[str, str]:
-    if math.isnan(variant.time_per_ms):
-        return "-", "-"
-    return f"{variant.time_per_ms:.3g}", f"{variant.evaluations_per_ms:.0f}"
 
 
 def _changes(variant: Variant) -> list[str]:
