@@ -28,7 +28,7 @@ def _mistake(found: Any, models: Models) -> SceneError:
     loc, kind, value, context = list(found["loc"]), found["type"], found["input"], found.get("ctx", {})
     table = str(loc[0]) if len(loc) > 1 else ""
     # Between table and key pydantic puts the law.
-    model = LAWS[loc.pop(1)] if table == "friction" else models.get(table, models[""])[0]
+    model = LAWS[loc.pop(1)] if table == "friction" else (models.get(table) or models[""])[0]
     path: KeyPath = tuple(loc)
     if isinstance(context.get("error"), SceneError):
         return context["error"].under(path, value)
