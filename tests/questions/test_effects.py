@@ -424,7 +424,9 @@ def test_an_accuracy_is_read_as_a_fraction_or_in_per_cent(
 def test_an_accuracy_that_is_none_is_refused(drumsqueal, quick_file, tmp_path, within):
     status, _, errors = drumsqueal("effects", str(quick_file), "-o", str(tmp_path / "out"), "--within", within)
     assert status == 2
-    assert errors.startswith(f'drumsqueal: --within {within}: write a share between 0 and 100 %, such as "1 %" or 0.01')
+    assert errors.startswith(
+        f'drumsqueal: --within {within}: write a fraction between 0 and 100 %, such as "1 %" or 0.01'
+    )
     assert errors.count("\n") == 1
     assert not (tmp_path / "out").exists()
 
