@@ -158,15 +158,13 @@ def load_scene(path: str | os.PathLike[str], settings: Iterable[str] = ()) -> Sc
     VALUE is read as a TOML value and, if it is none, as a string; it replaces whatever was at KEY.
     `friction=none` leaves the table friction out; so for support and damping. Raises SceneError.
     """
-    stages, sources = [read_tables(path)], [os.fspath(path)]
+    # To blame for tables that are no scene is the file, or the first setting after which they were one no more.
+    tables, source = read_tables(path), os.fspath(path)
     for setting in settings:
-        stages.append(apply_setting(stages[-1], setting))
-        sources.append(f"--set {setting}")
-    # To blame for a scene that is none is the file, or the first setting after which it was one no more.
-    broken = len(stages)
-    while broken and not _is_scene(stages[broken - 1]):
-        broken -= 1
-    return scene_from_dict(stages[-1], source=sources[min(broken, len(sources) - 1)])
+        if _is_scene(tables):
+            source = f"--set {setting}"
+        tables = apply_setting(tables, setting)
+    return scene_from_dict(tables, source)
 
 
 def _is_scene(tables: Mapping[str, Any]) -> bool:

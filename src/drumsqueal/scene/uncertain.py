@@ -171,19 +171,15 @@ def _read(key: str, written: Any, unit: str) -> Distribution:
     for field in fields(kind):
         if field.name in written:
             own = "" if field.name == "geometric_deviation" else unit
-            numbers[field.name] = _number(written[field.name], own, (key, field.name))
+            try:
+                numbers[field.name] = parse_quantity(written[field.name], own)
+            except SceneError as error:
+                raise error.under((key, field.name), written[field.name]) from None
         elif field.default is not None:  # low and high of a distribution that may go on for ever are None
             raise SceneError(f"the key is missing; this distribution has {', '.join(known)}", (key, field.name))
     distribution = kind(**numbers)
     _check(key, distribution)
     return distribution
-
-
-def _number(value: Any, unit: str, path: tuple[str, str]) -> float:
-    try:
-        return parse_quantity(value, unit)
-    except SceneError as error:
-        raise error.under(path, value) from None
 
 
 def _check(key: str, distribution: Distribution) -> None:

@@ -51,6 +51,11 @@ class Reading:
     limit: float
     detail: str = ""
 
+    @property
+    def condition(self) -> str:
+        """What the number must fulfil, as in "> 0.5"."""
+        return f"{self.bound} {self.limit:g} {self.unit}".rstrip()
+
     @computed_field
     @property
     def holds(self) -> bool | None:

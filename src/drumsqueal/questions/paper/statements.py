@@ -213,7 +213,7 @@ def _growth(points: Mapping[str, tuple[Point, ...]]) -> Statement:
         (abs(mode.growth_rate_error), f"{mode.label}, {point.key} {point.value:.4g}", mode.measured_growth)
         for each in points.values()
         for point in each
-        for mode in (point.comparison.modes if point.comparison else ())
+        for mode in point.modes
         if mode.unstable and mode.growth_rate_error is not None
     ]
     worst, where, growth = max(errors, default=(None, "", None), key=lambda error: error[0])
@@ -226,8 +226,7 @@ def _growth(points: Mapping[str, tuple[Point, ...]]) -> Statement:
 
 
 def _squeal_frequency(nominal: Point) -> Statement:
-    shift, detail = None, ""
-    saturation = nominal.comparison and nominal.comparison.saturation
+    shift, detail, saturation = None, "", nominal.saturation
     if saturation is not None and saturation.main is not None and saturation.frequency_shift is not None:
         shift = saturation.frequency_shift
         detail = f"{saturation.main.frequency_Hz:.0f} Hz, {shift:+.1%} from {saturation.nearest_mode}"
@@ -241,12 +240,11 @@ def _squeal_frequency(nominal: Point) -> Statement:
 
 
 def _no_squeal(constant: Point, damped: Point) -> Statement:
-    lifted, response = None, f"damping ratio {damped.value:.2g}"
-    if damped.comparison is not None:
-        saturation = damped.comparison.saturation
-        lifted = 0.0 if saturation is None else 1.0 - saturation.contact_fraction
-        if saturation is not None and saturation.main is not None:
-            response += f"; {saturation.regime.kind}, {saturation.main.frequency_Hz:.0f} Hz"
+    lifted, response = None if damped.comparison is None else 0.0, f"damping ratio {damped.value:.2g}"
+    if damped.saturation is not None:
+        lifted = 1.0 - damped.saturation.contact_fraction
+        if damped.saturation.main is not None:
+            response += f"; {damped.saturation.regime.kind}, {damped.saturation.main.frequency_Hz:.0f} Hz"
     return (
         Statement("6", "Without linear instability there is no squeal")
         .read(

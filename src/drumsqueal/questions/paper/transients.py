@@ -5,7 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from drumsqueal.errors import IntegrationError
-from drumsqueal.findings.compare import RunFindings
+from drumsqueal.findings.compare import ModeComparison, RunFindings
+from drumsqueal.findings.saturation import Saturation
 from drumsqueal.physics.model import build_model
 from drumsqueal.progress import Progress
 from drumsqueal.questions.paper.curves import AXES, constant_friction
@@ -31,6 +32,16 @@ class Point:
     scene: Scene
     comparison: RunFindings | None = None
     why_not: str = NOT_RUN
+
+    @property
+    def modes(self) -> tuple[ModeComparison, ...]:
+        """What was measured of each mode."""
+        return () if self.comparison is None else self.comparison.modes
+
+    @property
+    def saturation(self) -> Saturation | None:
+        """The saturated motion."""
+        return None if self.comparison is None else self.comparison.saturation
 
 
 def points_of_figures(scene: Scene) -> list[Point]:

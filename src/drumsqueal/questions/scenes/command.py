@@ -58,10 +58,9 @@ def _print_scenes(console: Console, scenes: Sequence[dict[str, str]]) -> None:
         for scene in scenes:
             console.print(f"{scene['name']:<{name}}  {scene['title']:<{title}}  {scene['shows']}")
         return
-    table = Table(title="Shipped scenes", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    for heading in ("name", "title", "what it shows"):
-        table.add_column(heading)
+    columns = "name", "title", "what it shows"
+    table = Table(*columns, title="Shipped scenes", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     for scene in scenes:
-        table.add_row(scene["name"], scene["title"], scene["shows"])
+        table.add_row(*scene.values())
     print_table(console, table)
     console.print("`drumsqueal scenes NAME` copies one; every command also takes the name itself.", style="dim")
