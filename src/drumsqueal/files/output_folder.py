@@ -113,7 +113,7 @@ def check_output(folder: Path, files: Iterable[str], *, overwrite: bool) -> None
 
 def check_output_file(path: Path, *, overwrite: bool, option: str = "-o") -> None:
     """Raise RequestError where a file lies at the path already, or where none can be; `option` is what names it."""
-    part, another = part_of(path), f"name another with {option}"
+    another = f"name another with {option}"
     try:
         try:
             _check_place(path.parent, option)
@@ -123,6 +123,7 @@ def check_output_file(path: Path, *, overwrite: bool, option: str = "-o") -> Non
             raise RequestError(f"{path} is a folder, where a file is to go; name the file with {option}")
         if path.exists() and not path.is_file():  # it would be replaced, not written to
             raise RequestError(f"{path} is no ordinary file; {another}")
+        part = part_of(path)
         if part.is_dir():
             raise RequestError(f"{part} is a folder, where the file is written; {another}")
         _is_there(part)  # whose name is longer
