@@ -133,7 +133,7 @@ def check_output_file(path: Path, *, overwrite: bool, option: str = "-o") -> Non
             raise RequestError(f"{path}: there is no folder {path.parent}; make it, or name another file with {option}")
         _try_to_write(path.parent)
     except OSError as error:
-        raise unwritable_file(path, error, option) from None
+        raise unusable(path, error, option, "file") from None
 
 
 def check_apart(path: Path, others: Iterable[Path], *, option: str = "-o") -> None:
@@ -228,11 +228,7 @@ def not_taken(error: OSError, folder: Path) -> str:
     return f"failed: the disk does not take the results ({error.filename or folder}: {error.strerror or error})"
 
 
-def unusable(folder: Path, error: OSError) -> RequestError:
-    """The error of a folder that cannot be written."""
-    return RequestError(f"{folder}: this folder cannot be written ({error.strerror or error}); choose another with -o")
-
-
-def unwritable_file(path: Path, error: OSError, option: str) -> RequestError:
-    """The error of a file that cannot be written."""
-    return RequestError(f"{path}: this file cannot be written ({error.strerror or error}); name another with {option}")
+def unusable(path: Path, error: OSError, option: str = "-o", what: str = "folder") -> RequestError:
+    """The error of a folder, or a file, that cannot be written."""
+    cure = f"{'choose' if what == 'folder' else 'name'} another with {option}"
+    return RequestError(f"{path}: this {what} cannot be written ({error.strerror or error}); {cure}")

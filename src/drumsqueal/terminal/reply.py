@@ -11,15 +11,7 @@ from rich.console import Console
 from drumsqueal.errors import RequestError
 from drumsqueal.files.claims import claim_file, claim_folder
 from drumsqueal.files.json_file import to_json, write_json
-from drumsqueal.files.output_folder import (
-    MADE_FILES,
-    check_apart,
-    check_output,
-    check_output_file,
-    clear,
-    unusable,
-    unwritable_file,
-)
+from drumsqueal.files.output_folder import MADE_FILES, check_apart, check_output, check_output_file, clear, unusable
 from drumsqueal.scene.quantities import printable
 
 UNBROKEN = 10_000  # columns where nobody looks on: a sentence then is one line, and no table is cut
@@ -101,7 +93,7 @@ class Reply:
         try:
             remark = claim_file(path, f"name another file with {option}")
         except OSError as error:
-            raise unwritable_file(path, error, option) from None
+            raise unusable(path, error, option, "file") from None
         check_output_file(path, overwrite=overwrite, option=option)  # again: another command may just have ended
         self._remark(remark)
 
