@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, StrictBool, model_validator
 from pydantic_core import core_schema
 
-from drumsqueal.scene.quantities import KeyPath, SceneError, parse_quantity
+from drumsqueal.scene.quantities import KeyPath, SceneError, example, parse_quantity
 from drumsqueal.scene.usual import Usual
 
 COORDINATES = ("X", "Y", "Z", "Tx", "Ty", "Tz")
@@ -24,7 +24,9 @@ BYTES_PER_SAMPLE = 200  # of the history: six displacements, six velocities and 
 
 
 class Reader(ABC):
-    """What reads a field of a table, as pydantic metadata."""
+    """What reads a field of a table, as pydantic metadata; `example` is a value of it as a file could have it."""
+
+    example = "..."
 
     @abstractmethod
     def read(self, value: Any, /) -> Any:
@@ -43,6 +45,11 @@ class Quantity(Reader):
     above: float | None = None
     least: float | None = None
     most: float | None = None
+
+    @property
+    def example(self) -> str:
+        """A value in its unit."""
+        return example(self.unit)
 
     def read(self, value: Any) -> float:
         """Read one value to an SI float; raises SceneError."""
