@@ -51,7 +51,7 @@ def _slope_in_proportion(curve: FrictionCurve) -> Statement:
     for speed, detail in ((curve.speed, law), (narrow, "")):
         slope = np.interp(speed, curve.speed, curve.slope)
         size = float(np.abs(slope).max())
-        measure = f"departure from a straight line over the largest, from {speed[0]:.3g} to {speed[-1]:.3g} rad/s"
+        measure = f"deviation from a straight line over the largest, from {speed[0]:.3g} to {speed[-1]:.3g} rad/s"
         statement = statement.read(
             measure, off_line(speed, slope) / size if size > 0 else None, "<", STRAIGHT, detail=detail
         )

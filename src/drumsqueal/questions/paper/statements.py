@@ -178,7 +178,7 @@ def _load(curve: Curve) -> Statement:
     if not all(np.all(np.diff(rate) > 0) for rate in rates.values()):
         bent, away = "they do not rise", 1.0
     return Statement("8", "The growth rates of X, Y and Tz rise linearly with the load").read(
-        "departure from a straight line over the largest growth rate", away, "<", STRAIGHT, detail=bent
+        "deviation from a straight line over the largest growth rate", away, "<", STRAIGHT, detail=bent
     )
 
 
