@@ -22,9 +22,15 @@ from drumsqueal.physics.model import Model, build_model
 from drumsqueal.questions.effects import study as effects
 from drumsqueal.questions.effects import variants
 from drumsqueal.questions.effects.reductions import Reduction, reduce, reductions_of
-from drumsqueal.questions.effects.study import TOGETHER, EffectStudy, excess_of, study_effects
+from drumsqueal.questions.effects.study import (
+    TOGETHER,
+    EffectStudy,
+    describe_limits,
+    describe_runs,
+    excess_of,
+    study_effects,
+)
 from drumsqueal.questions.effects.variants import Variant
-from drumsqueal.questions.effects.words import describe_limits, describe_runs
 from drumsqueal.scene import COORDINATES, load_scene
 from drumsqueal.scene.quantities import percent
 from drumsqueal.simulation import prepare, run, transient
@@ -418,7 +424,9 @@ def test_an_accuracy_is_read_as_a_fraction_or_in_per_cent(
 def test_an_accuracy_that_is_none_is_refused(drumsqueal, quick_file, tmp_path, within):
     status, _, errors = drumsqueal("effects", str(quick_file), "-o", str(tmp_path / "out"), "--within", within)
     assert status == 2
-    assert errors.startswith(f'drumsqueal: --within {within}: write a share between 0 and 100 %, such as "1 %" or 0.01')
+    assert errors.startswith(
+        f'drumsqueal: --within {within}: write a fraction between 0 and 100 %, such as "1 %" or 0.01'
+    )
     assert errors.count("\n") == 1
     assert not (tmp_path / "out").exists()
 

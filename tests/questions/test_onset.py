@@ -571,7 +571,7 @@ def test_folded_samples_are_refused(quick):
         (["--along", "drum.speed=-5..5x5"], "may not reach or cross a drum at rest"),
         (["--along", "drum.speed=0..5x5"], "may not reach or cross a drum at rest"),
         (["--along", "drum.speed=1..2", "--nothing"], "(see drumsqueal onset --help)"),
-        (["--along", "drum.speed=1..2", "--within", "2"], "write a share between 0 and 100 %"),
+        (["--along", "drum.speed=1..2", "--within", "2"], "write a fraction between 0 and 100 %"),
         (["--along", "drum.speed=1..2", "--set", "friction=none"], "friction: this scene has none"),
     ],
 )
