@@ -56,9 +56,8 @@ class SteadySurface(eqx.Module):
         arc = compact_nodes(lining, boundaries, NODES_LONG_ARC)
         across, weight = np.polynomial.legendre.leggauss(ACROSS)
         cosine, sine, along = (jnp.ravel(each)[None] for each in (arc.cosine, arc.sine, arc.weight))
-        return sum_together(
-            [densities(Nodes(cosine, sine, (lining.width / 2 * across)[:, None], weight[:, None] / 2 * along))]
-        )
+        z = (lining.width / 2 * across)[:, None]
+        return sum_together([densities(Nodes(cosine, sine, z, along * (weight[:, None] / 2)))])
 
 
 def is_smooth(lining: Lining, boundaries: Boundaries) -> Array:
