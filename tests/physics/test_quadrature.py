@@ -15,8 +15,7 @@ from scipy.optimize import brentq
 
 from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
 from drumsqueal.physics.effects.contact import Contact
-from drumsqueal.physics.effects.friction import Friction
-from drumsqueal.physics.effects.friction_direction import Tangential, UnitVelocity
+from drumsqueal.physics.effects.friction import Friction, Tangential, UnitVelocity
 from drumsqueal.physics.effects.operation import Moment
 from drumsqueal.physics.effects.pressure import Bonded, Unilateral
 from drumsqueal.physics.laws.custom_friction import TabulatedLaw, as_law, with_breakpoints

@@ -9,21 +9,17 @@ from jax import Array
 from jax.typing import ArrayLike
 
 from drumsqueal.physics.bodies.body import Body, Scalar, scalars
-from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
+from drumsqueal.physics.bodies.rigid_shoe import RigidShoe, Support
 from drumsqueal.physics.composition import GIVEN, Composition, compose
-from drumsqueal.physics.effects.action import Effect
 from drumsqueal.physics.effects.assembly import Balance, Preload
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.effects.damping import Damping
+from drumsqueal.physics.effects.effect import Effect, Observation, Touching
 from drumsqueal.physics.effects.forcing import Forcing
-from drumsqueal.physics.effects.friction import Friction
-from drumsqueal.physics.effects.friction_direction import Tangential, UnitVelocity
-from drumsqueal.physics.effects.operation import Moment, Operation
+from drumsqueal.physics.effects.friction import Friction, Tangential, UnitVelocity
+from drumsqueal.physics.effects.operation import Constant, Moment, Operation, Profile, Schedule
 from drumsqueal.physics.effects.pressure import Bonded, Unilateral
-from drumsqueal.physics.effects.schedule import Constant, Profile, Schedule
-from drumsqueal.physics.effects.support import Support
 from drumsqueal.physics.effects.temperature import Remembering, Temperature
-from drumsqueal.physics.effects.touching import Observation, Touching
 from drumsqueal.physics.laws.custom_friction import as_law, with_breakpoints
 from drumsqueal.physics.laws.friction_law import FrictionLaw, friction_law
 from drumsqueal.physics.quadrature.arc import NODES, NODES_LONG_ARC, ArcSurface

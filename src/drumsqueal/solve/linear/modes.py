@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from drumsqueal.errors import NoSteadySliding, SteadyStateError
 from drumsqueal.physics.bodies.body import scalars
-from drumsqueal.physics.effects.action import at_rest
-from drumsqueal.physics.effects.schedule import Profile
+from drumsqueal.physics.effects.effect import at_rest
+from drumsqueal.physics.effects.operation import Profile
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.linear.steady import Linear, linear_model, linearise, steady_sliding
 

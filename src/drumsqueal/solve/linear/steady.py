@@ -11,9 +11,9 @@ from jax import Array
 from jax.core import Tracer
 
 from drumsqueal.errors import NoSteadySliding, SteadyStateError
-from drumsqueal.physics.effects.action import at_rest
 from drumsqueal.physics.effects.assembly import Balance
 from drumsqueal.physics.effects.contact import Contact
+from drumsqueal.physics.effects.effect import at_rest
 from drumsqueal.physics.model import Model
 from drumsqueal.physics.quadrature.smooth import WholeSurface
 from drumsqueal.solve.linear.equilibrium import find_equilibrium

@@ -15,7 +15,7 @@ from jax import Array
 from jax.typing import ArrayLike
 
 from drumsqueal.errors import IntegrationError
-from drumsqueal.physics.effects.touching import Observation
+from drumsqueal.physics.effects.effect import Observation
 from drumsqueal.physics.model import Model
 from drumsqueal.precision import real
 from drumsqueal.solve.transient.choice import Method

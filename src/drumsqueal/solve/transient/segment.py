@@ -11,7 +11,8 @@ from jax.typing import ArrayLike
 
 from drumsqueal.physics.bodies.body import scalars
 from drumsqueal.physics.effects.damping import frictionless_modes
-from drumsqueal.physics.effects.touching import Observation
+from drumsqueal.physics.effects.effect import Observation
+from drumsqueal.physics.effects.pressure import yielding
 from drumsqueal.physics.kernel import compiled, one_kernel
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.transient.passing import Step, fraction_to_rest
@@ -275,11 +276,11 @@ def first_step(model: Model) -> Array:
 def _quiet(model: Model, time: Array, local: Array) -> Array:
     """Amplitude (m) below which motion counts as rest: where round-off of the load's forces exceeds the tolerance."""
     moment, stiffest = model.operation.at(time), jnp.max(jnp.diag(model.stiffness))
-    yielding = jnp.asarray(model.contact.yielding(moment))
+    pressed = yielding(model.contact.law, moment.preload)
     # Where it is not the contact that yields under the load, the springs yield to friction.
-    sprung = (yielding == 0) & (stiffest > 0)
-    drawn = moment.preload * model.contact.area / jnp.where(sprung, stiffest, 1.0)
-    return jnp.maximum(QUIET, ROUND_OFF * jnp.where(sprung, drawn, yielding) / local)
+    sprung = (pressed == 0) & (stiffest > 0)
+    drawn = moment.preload * model.body.area / jnp.where(sprung, stiffest, 1.0)
+    return jnp.maximum(QUIET, ROUND_OFF * jnp.where(sprung, drawn, pressed) / local)
 
 
 def motion_scale(model: Model, state: State, quiet: ArrayLike = QUIET) -> State:

@@ -10,7 +10,7 @@ from jax import Array
 from jax.errors import JaxRuntimeError
 from scipy.optimize import brentq
 
-from drumsqueal.physics.effects.schedule import Constant
+from drumsqueal.physics.effects.operation import Constant
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.transient.choice import Choice, Method
 from drumsqueal.solve.transient.segment import CORNER_BUDGET, STEP_BUDGET, Segment, advance, least_slip
