@@ -13,8 +13,7 @@ from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
 from drumsqueal.physics.quadrature.levels import Level
-from drumsqueal.physics.quadrature.sums import Densities
-from drumsqueal.physics.quadrature.surface import Lining, Nodes
+from drumsqueal.physics.quadrature.surface import Densities, Lining, Nodes
 
 Scalar = Array | float
 Motion = tuple[Scalar, ...] | Array

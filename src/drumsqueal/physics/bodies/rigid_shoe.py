@@ -18,8 +18,7 @@ from drumsqueal.physics.bodies.body import Motion, Scalar
 from drumsqueal.physics.effects.effect import Action, Effect
 from drumsqueal.physics.effects.operation import Moment
 from drumsqueal.physics.quadrature.levels import Level
-from drumsqueal.physics.quadrature.sums import Densities
-from drumsqueal.physics.quadrature.surface import Nodes
+from drumsqueal.physics.quadrature.surface import Densities, Nodes
 from drumsqueal.precision import real
 from drumsqueal.scene import COORDINATES
 

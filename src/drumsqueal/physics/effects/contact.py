@@ -18,8 +18,7 @@ from drumsqueal.physics.effects.pressure import PressureLaw
 from drumsqueal.physics.laws.friction_law import breakpoints, kinks
 from drumsqueal.physics.quadrature.arc import NODES_LONG_ARC, ArcSurface
 from drumsqueal.physics.quadrature.levels import Level
-from drumsqueal.physics.quadrature.sums import Densities
-from drumsqueal.physics.quadrature.surface import Boundaries, Nodes, Surface
+from drumsqueal.physics.quadrature.surface import Boundaries, Densities, Nodes, Surface
 
 
 class Levels(NamedTuple):

@@ -1,6 +1,6 @@
 """Friction between lining and drum: a law, which says how large it is, along a direction."""
 
-from typing import ClassVar, Protocol
+from typing import Protocol
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -29,7 +29,7 @@ class Direction(Protocol):
 class Tangential(eqx.Module):
     """F = −μ(|V_θ|) N sgn(V_θ) e_θ: the reduced form that knows the sliding direction only."""
 
-    knows_axial: ClassVar[bool] = False
+    knows_axial: bool = eqx.field(static=True, default=False, init=False)
 
     def traction(self, law: FrictionLaw, pressure: Array, slip: Array, axial: Array | None) -> tuple[Array, None]:
         """Traction along θ (Pa) at slip velocity V_θ (m/s); none along z."""
@@ -40,7 +40,7 @@ class Tangential(eqx.Module):
 class UnitVelocity(eqx.Module):
     """F = −μ(|V|) N V/|V| (equation (14)); no force where V = 0, and no regularisation elsewhere."""
 
-    knows_axial: ClassVar[bool] = True
+    knows_axial: bool = eqx.field(static=True, default=True, init=False)
 
     def traction(
         self, law: FrictionLaw, pressure: Array, slip: Array, axial: Array | None

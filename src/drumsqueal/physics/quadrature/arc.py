@@ -11,8 +11,7 @@ import numpy as np
 from jax import Array
 
 from drumsqueal.physics.quadrature.levels import Level, crosses_zero, quarter_tangents
-from drumsqueal.physics.quadrature.sums import Densities, sum_together
-from drumsqueal.physics.quadrature.surface import Boundaries, Lining, Nodes, resolved
+from drumsqueal.physics.quadrature.surface import Boundaries, Densities, Lining, Nodes, resolved, sum_together
 
 # Gauss nodes a piece. The arc is split at its middle and twice for each level that may have boundaries; the longest
 # piece is half of it. Errors of the contact force, largest of 300 random states with boundaries, over p0 times the
@@ -34,10 +33,7 @@ class ArcSurface(eqx.Module):
     nodes_per_piece: int = eqx.field(static=True, default=NODES)
     compact: bool = eqx.field(static=True, default=False)
 
-    @property
-    def spatial(self) -> bool:
-        """Whether the nodes differ across the lining."""
-        return False
+    spatial: bool = eqx.field(static=True, default=False, init=False)
 
     def integrate(self, lining: Lining, boundaries: Boundaries, densities: Callable[[Nodes], Densities]) -> Densities:
         """Sums over nodes that are split at the boundaries, and at the friction law's slip speeds where it is steep.

@@ -15,7 +15,7 @@ from drumsqueal.physics.effects.assembly import Balance
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.effects.effect import at_rest
 from drumsqueal.physics.model import Model
-from drumsqueal.physics.quadrature.smooth import WholeSurface
+from drumsqueal.physics.quadrature.area import WholeSurface
 from drumsqueal.solve.linear.equilibrium import find_equilibrium
 
 COUPLED_FRACTION = 1e-10  # of the largest coupling: below it is round-off
