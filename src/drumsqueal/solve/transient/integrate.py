@@ -18,11 +18,10 @@ from drumsqueal.errors import IntegrationError
 from drumsqueal.physics.effects.effect import Observation
 from drumsqueal.physics.model import Model
 from drumsqueal.precision import real
-from drumsqueal.solve.transient.choice import Method
 from drumsqueal.solve.transient.runge_kutta import AUTO, IMPLICIT, STAGES, is_explicit
 from drumsqueal.solve.transient.segment import STEP_BUDGET, Segment, first_step
 from drumsqueal.solve.transient.state import CHUNK_SAMPLES, Span, State
-from drumsqueal.solve.transient.stick_slip import StickSlip
+from drumsqueal.solve.transient.stick_slip import Method, StickSlip
 
 STICKING = 1e-3  # m/s; friction power over normal force below which a collapsed step means a sticking lining
 

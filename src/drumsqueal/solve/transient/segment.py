@@ -16,8 +16,7 @@ from drumsqueal.physics.effects.pressure import yielding
 from drumsqueal.physics.kernel import compiled, one_kernel
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.transient.passing import Step, fraction_to_rest
-from drumsqueal.solve.transient.runge_kutta import DEFAULT, LOCAL_FRACTION, make_solver
-from drumsqueal.solve.transient.sdirk import Stages
+from drumsqueal.solve.transient.runge_kutta import DEFAULT, LOCAL_FRACTION, Stages, make_solver
 from drumsqueal.solve.transient.state import Span, State
 from drumsqueal.solve.transient.stepping import Attempt, Stepped, step_through
 from drumsqueal.solve.transient.sticking import slip, slip_acceleration, slip_motion
