@@ -15,6 +15,7 @@ from drumsqueal.scene import COORDINATES, Scene
 from drumsqueal.simulation import run
 from drumsqueal.solve.linear.steady import linearise, steady_sliding
 from drumsqueal.solve.transient import integrate as integration
+from drumsqueal.solve.transient import stick_slip
 from drumsqueal.solve.transient.integrate import integrate
 from drumsqueal.solve.transient.state import CHUNK_SAMPLES
 

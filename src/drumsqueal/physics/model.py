@@ -79,10 +79,10 @@ class Model(eqx.Module):
         """Whether a harmonic force acts."""
         return any(isinstance(effect, Forcing) for effect in self.others)
 
-    def undisturbed(self) -> "Model":
-        """The same model without its harmonic force: what steady sliding is the equilibrium of."""
-        others = tuple(effect for effect in self.others if not isinstance(effect, Forcing))
-        return dataclasses.replace(self, others=others)
+    @property
+    def balanced(self) -> bool:
+        """Whether the assembly balances every static force, so that steady sliding is q = 0."""
+        return any(isinstance(effect, Balance) for effect in self.others)
 
     def frozen(self, time: float) -> "Model":
         """The same model with the drum speed and the load that it has at a time (s), at all times."""

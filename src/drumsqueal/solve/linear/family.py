@@ -1,4 +1,4 @@
-"""The linear model as a function of a scene's numbers, and its eigenvalues over many sets of them."""
+"""The linear model as a function of a scene's numbers: eigenvalues over many sets of them, and derivatives."""
 
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
@@ -18,6 +18,7 @@ from drumsqueal.solve.linear.modes import DRIFT_FRACTION, OSCILLATING_FRACTION
 from drumsqueal.solve.linear.steady import Linear, linearise, steady_sliding
 
 Complex = NDArray[np.complex128]
+StateMatrix = Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]]
 
 
 class Spectrum(NamedTuple):
@@ -99,3 +100,33 @@ def _informative(pair: Complex, largest: float) -> complex:
         return upper
     held = pair[np.abs(pair) > DRIFT_FRACTION * largest]
     return complex(held[np.argmax(held.real)]) if held.size else 0j
+
+
+def state_matrix_of(scene: Scene, keys: tuple[str, ...]) -> StateMatrix:
+    """The state matrix A (2n, 2n) and ∂A/∂p (k, 2n, 2n) as a function of the numbers p (k,) with these keys, in SI.
+
+    By automatic differentiation of the model's own linearisation, one number after the other in one program, which is
+    compiled at the first call.
+    """
+    linear, size = linear_of(scene), len(keys)
+
+    def matrix(values: Array) -> Array:
+        return linear({key: values[k] for k, key in enumerate(keys)}).state_matrix()
+
+    @jax.jit
+    def with_derivatives(values: Array) -> tuple[Array, Array]:
+        return jax.lax.map(lambda direction: jax.jvp(matrix, (values,), (direction,)), jnp.eye(size))
+
+    def evaluate(values: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        matrices, derivatives = with_derivatives(jnp.asarray(values, dtype=jnp.float64))
+        return np.asarray(matrices[0]), np.asarray(derivatives)
+
+    return evaluate
+
+
+def eigenvalue_gradient(left: NDArray, right: NDArray, derivatives: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """∂λ/∂p (k,) = lᴴ (∂A/∂p) r of one simple eigenvalue, with lᴴ r = 1; `derivatives` (k, 2n, 2n).
+
+    Source: P. Lancaster, "On eigenvalues of matrices dependent on a parameter", Numerische Mathematik 6, 1964.
+    """
+    return np.einsum("i,kij,j->k", left.conj(), derivatives, right)

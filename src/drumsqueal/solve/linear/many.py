@@ -5,8 +5,9 @@ program they take a three-hundredth of that time. A scene's result does not depe
 a bit: the program always takes BLOCK of them.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from typing import Any
 
 import jax
 import numpy as np
@@ -21,8 +22,6 @@ from drumsqueal.solve.linear.steady import linear_model
 
 BLOCK = 32  # scenes that a program takes; the last block is filled up with its last scene
 
-_Numbers = Mapping[str, np.ndarray]
-
 
 def analyse_many(scenes: Sequence[Scene]) -> list[Stability | SteadyStateError]:
     """Steady sliding and complex eigenvalues of each scene, or the error that says why it has none.
@@ -35,7 +34,7 @@ def analyse_many(scenes: Sequence[Scene]) -> list[Stability | SteadyStateError]:
         if isinstance(scene.drum.speed, float) and (scene.drum.speed != 0 or scene.friction is None):
             groups.setdefault(_kind(scene), []).append(index)
         else:  # at rest, now or always: which moment counts is another question
-            results[index] = _alone(scene)
+            results[index] = _or_error(analyse_stability, build_model(scene, coordinates=linear_coordinates(scene)))
     for (composition, _), members in groups.items():
         for first in range(0, len(members), BLOCK):
             block = members[first : first + BLOCK]
@@ -50,9 +49,9 @@ def _kind(scene: Scene) -> tuple[Composition, tuple]:
     return composition, tuple((key, np.shape(value)) for key, value in scene.numbers().items())
 
 
-def _alone(scene: Scene) -> Stability | SteadyStateError:
+def _or_error(analyse: Callable[..., Stability], *arguments: Any) -> Stability | SteadyStateError:
     try:
-        return analyse_stability(build_model(scene, coordinates=linear_coordinates(scene)))
+        return analyse(*arguments)
     except SteadyStateError as error:
         return error
 
@@ -62,18 +61,11 @@ def _together(composition: Composition, scenes: list[Scene]) -> list[Stability |
     stacked = {key: np.array([numbers[key] for numbers in filled]) for key in filled[0]}
     found = jax.tree.map(np.asarray, _about_many(stacked, composition))
     each = [jax.tree.map(lambda values, k=k: values[k], found) for k in range(len(scenes))]
-    return [_solved(composition.coordinates, one) for one in each]
-
-
-def _solved(names: tuple[str, ...], found: AboutSteady) -> Stability | SteadyStateError:
-    try:
-        return stability_of(names, found)
-    except SteadyStateError as error:
-        return error
+    return [_or_error(stability_of, composition.coordinates, one) for one in each]
 
 
 @partial(jax.jit, static_argnums=1)
-def _about_many(numbers: _Numbers, composition: Composition) -> AboutSteady:
+def _about_many(numbers: Mapping[str, np.ndarray], composition: Composition) -> AboutSteady:
     def one(numbers: Mapping[str, Array]) -> AboutSteady:
         model = assemble(composition, numbers)
         return about_steady(model, *linear_model(model))
