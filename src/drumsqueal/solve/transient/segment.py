@@ -76,20 +76,10 @@ def advance(
     ends early where hardly any of it slips.
     """
     local = local_tolerance(tolerance, solver)
-    arguments = (
-        model,
-        steady,
-        state,
-        span,
-        local,
-        step,
-        resolution(model, span, local),
-        model.operation.corners,
-        solver,
-        jnp.asarray(STEP_BUDGET if budget is None else budget),
-        jnp.asarray(tolerance) if sticks else None,
-    )
-    return one_kernel(advance_scaled, *arguments) if in_kernel else advance_scaled(*arguments)
+    measure, corners = resolution(model, span, local), model.operation.corners
+    limits = jnp.asarray(STEP_BUDGET if budget is None else budget), jnp.asarray(tolerance) if sticks else None
+    run = partial(one_kernel, advance_scaled) if in_kernel else advance_scaled
+    return run(model, steady, state, span, local, step, measure, corners, solver, *limits)
 
 
 @compiled
@@ -112,7 +102,10 @@ def local_tolerance(tolerance: ArrayLike, solver: str) -> Array:
 
 
 class Resolution(NamedTuple):
-    """What motion is measured by: frictionless frequencies (n,) in rad/s, mass-normalised modes (n, n), least speed."""
+    """What motion is measured by: frictionless frequencies (n,) in rad/s, mass-normalised modes (n, n), least speed.
+
+    That is the speed of a mass-normalised mode (m/s √kg) that vibrates at the highest frequency as little as rest does.
+    """
 
     omega: Array
     modes: Array
@@ -146,9 +139,9 @@ def resolution(model: Model, span: Span, local: Array) -> Resolution:
     return _resolution(model, _quiet(model, jnp.asarray(span.start), local))
 
 
-def _resolution(model: Model, quiet: ArrayLike) -> Resolution:
+def _resolution(model: Model, quiet: ArrayLike = QUIET) -> Resolution:
     omega, modes = frictionless_modes(model.mass, model.stiffness)
-    return Resolution(omega, modes, _least_speed(model, _highest(omega), quiet))
+    return Resolution(omega, modes, jnp.asarray(quiet) * _highest(omega) * jnp.sqrt(jnp.max(model.mass)))
 
 
 def advance_scaled(
@@ -282,29 +275,20 @@ def _quiet(model: Model, time: Array, local: Array) -> Array:
     return jnp.maximum(QUIET, ROUND_OFF * jnp.where(sprung, drawn, pressed) / local)
 
 
-def motion_scale(model: Model, state: State, quiet: ArrayLike = QUIET) -> State:
-    """Amplitudes that the present vibration energy gives to displacement, velocity (n,) and work, at least `quiet` (m).
-
-    See `Resolution.amplitudes`.
-    """
-    return _resolution(model, quiet).amplitudes(model, state)
+def motion_scale(model: Model, state: State) -> State:
+    """Amplitudes that the present vibration energy gives to displacement, velocity (n,) and work, at least `QUIET`."""
+    return _resolution(model).amplitudes(model, state)
 
 
 @jax.jit
 def least_energy(model: Model) -> Array:
     """Vibration energy (J) below which motion counts as rest: that of a picometre of the highest frictionless mode."""
-    omega, _ = frictionless_modes(model.mass, model.stiffness)
-    return _least_speed(model, _highest(omega), QUIET) ** 2 / 2
+    return _resolution(model).least ** 2 / 2
 
 
 def _highest(omega: Array) -> Array:
     highest = jnp.max(omega)
     return jnp.where(highest > 0, highest, 1.0)
-
-
-def _least_speed(model: Model, highest: Array, quiet: ArrayLike) -> Array:
-    """Speed of a mass-normalised mode (m/s √kg) that vibrates at the highest frequency with `quiet` (m)."""
-    return jnp.asarray(quiet) * highest * jnp.sqrt(jnp.max(model.mass))
 
 
 def _largest(scaled_error: Array) -> Array:
