@@ -202,7 +202,9 @@ def assemble(composition: Composition, value: Mapping[str, Array], law: Friction
     preload = _schedule("contact.normal_load", value, 1 / shoe.area)
     operation = Operation(_schedule("drum.speed", value, jnp.ones(())), preload)
     contact = _contact(composition, value, shoe, law)
-    others: list[Effect] = [_assembly(composition, contact)]
+    preload_alone = Preload(contact.body)
+    self_consistent = composition.steady_state == "self-consistent"
+    others: list[Effect] = [preload_alone if self_consistent else Balance(preload_alone, contact.friction)]
     stiffness = contact.law.stiffness * shoe.radial_stiffness()
     if composition.support:
         support = Support(value["support.upper_stiffness"], value["support.lower_stiffness"], shoe)
@@ -239,13 +241,6 @@ def _friction(composition: Composition, value: Mapping[str, Array], law: Frictio
         numbers = {key.removeprefix("friction."): each for key, each in value.items() if key.startswith("friction.")}
         law = friction_law(composition.friction_law, **numbers)
     return Friction(law, direction)
-
-
-def _assembly(composition: Composition, contact: Contact) -> Effect:
-    preload = Preload(contact.body)
-    if composition.steady_state == "self-consistent":
-        return preload
-    return Balance(preload, contact.friction)
 
 
 def _schedule(key: str, value: Mapping[str, Array], scale: Array) -> Schedule:

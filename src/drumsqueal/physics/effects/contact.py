@@ -105,7 +105,9 @@ class Contact(Touching):
 
         def densities(nodes: Nodes) -> Densities:
             field = self._field(moment, levels, nodes)
-            found = {**self._force_densities(field), **self._drag_densities(field)}
+            drag, lateral = (None if each is None else each * nodes.weight for each in (field.along, field.across))
+            forces = self.body.tractions(nodes, field.pressure * nodes.weight, drag, lateral)
+            found = {**forces, **self._drag_densities(field)}
             if moment.preload_rate is not None:
                 found["compression"] = self._stored(moment, q, nodes)[1] * nodes.weight
             return found
@@ -172,12 +174,6 @@ class Contact(Touching):
     def _slip_level(self, moment: Moment, v: Motion) -> Level:
         """V_θ."""
         return self.body.along(v, moment.drum_speed)
-
-    def _force_densities(self, field: ContactField) -> Densities:
-        """What the tractions give to the generalised force at the nodes."""
-        weight = field.nodes.weight
-        drag, lateral = (None if each is None else each * weight for each in (field.along, field.across))
-        return self.body.tractions(field.nodes, field.pressure * weight, drag, lateral)
 
     def _drag_densities(self, field: ContactField) -> Densities:
         """Drag of friction F_θ (N) and its heat −F·V (W) at the nodes; nothing without friction."""

@@ -80,7 +80,7 @@ def _piece(lining: Lining, low: Array, high: Array, count: int) -> Nodes:
 
 def _boundary_bounds(levels: Sequence[Level], end: Array) -> list[Array]:
     """Sorted bounds tan(θ/4): the ends, the middle and two a level; one that is not on the arc splits it evenly."""
-    even = np.delete(_spread_evenly(2 * len(levels) + 1), len(levels))
+    even = np.delete(np.linspace(-1, 1, 2 * len(levels) + 3)[1:-1], len(levels))
     spread = (even[len(levels) * j + i] for i in range(len(levels)) for j in range(2))
     roots = [root for level in levels for root in quarter_tangents(level)]
     splits = [jnp.where(there & (jnp.abs(u) < end), u, next(spread) * end) for there, u in roots]
@@ -107,11 +107,6 @@ def _slip_speeds(slip: Level) -> tuple[Array, Array]:
     """Bounds of |V_θ| on the arc."""
     mean, swing = jnp.abs(slip.constant), jnp.abs(slip.cosine) + jnp.abs(slip.sine)
     return jnp.maximum(mean - swing, 0.0), mean + swing
-
-
-def _spread_evenly(count: int) -> np.ndarray:
-    """The `count` inner points that cut [−1, 1] into equal pieces."""
-    return np.linspace(-1, 1, count + 2)[1:-1]
 
 
 def sort_network(values: list[Array]) -> list[Array]:
