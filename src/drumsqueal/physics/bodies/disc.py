@@ -25,7 +25,7 @@ from drumsqueal.precision import real
 LEAST = 1e-280  # m²/s²: slower than its root is standing still
 # Of the square of one of the two speeds, added to that of the other: 1e-12 of the forces at most, and where the other
 # is zero they keep their derivatives.
-BESIDE = 1e-12
+MIXED = 1e-12
 
 
 class Disc(eqx.Module):
@@ -108,7 +108,7 @@ class DiscContact(Touching):
         ux, uy, rim = self._motion(moment, v)
         slid, spun = ux * ux + uy * uy, rim * rim
         moves = slid + spun > LEAST
-        slid, spun = (jnp.where(moves, each, 1.0) for each in (slid + BESIDE * spun, spun + BESIDE * slid))
+        slid, spun = (jnp.where(moves, each, 1.0) for each in (slid + MIXED * spun, spun + MIXED * slid))
         sliding, spinning = jnp.sqrt(slid), jnp.sqrt(spun)
         nodes = disc_nodes(self.body.radius, sliding, spinning, breakpoints(self.friction.law))
         pressure = jnp.broadcast_to(moment.preload, nodes.speed.shape)

@@ -134,13 +134,13 @@ def _followed(
 
         return jax.vmap(along)(jnp.eye(unknowns + 1))
 
-    def along(step: Attempt, beside: tuple[Array, Array]) -> tuple[Array, Array]:
-        return _pushed(step, beside[0], derivatives, local, longest), step.slope_after
+    def along(step: Attempt, carried: tuple[Array, Array]) -> tuple[Array, Array]:
+        return _pushed(step, carried[0], derivatives, local, longest), step.slope_after
 
     begin = jnp.eye(unknowns + 1, unknowns), state
-    stepped = _stepped(model, size, state, duration, local, longest=longest, along=along, beside=begin)
+    stepped = _stepped(model, size, state, duration, local, longest=longest, along=along, carried=begin)
     # Tangents come as rows, one for each direction; a derivative has them as columns.
-    tangents, rates = stepped.beside
+    tangents, rates = stepped.carried
     return Flow(stepped.last, rates, tangents[:unknowns].T, tangents[-1], stepped.steps, stepped.reached)
 
 

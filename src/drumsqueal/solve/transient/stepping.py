@@ -16,7 +16,7 @@ from jax import Array
 # A proportional part in the step-size control halves the rejected steps where contact boundaries make kinks.
 PROPORTIONAL, INTEGRAL = 0.3, 0.4
 JUST_SHORT = 1 - 1e-9  # of a step: one that ends so little after rest ends at rest, for again it would be no shorter
-BESIDE = 2  # round-offs of a time: stages at a corner look at what is prescribed from so far inside their piece
+MARGIN = 2  # round-offs of a time: stages at a corner look at what is prescribed from so far inside their piece
 Norm = Callable[[Array], Array]
 
 
@@ -40,7 +40,7 @@ class Stepped(NamedTuple):
     """Samples (k, n), NaN where not reached; the last state (n,) and its time; the next step; how many made and kept.
 
     `reached` states whether the end was reached within the budget of steps, `halted` whether a stop was requested;
-    `beside` is what was taken along, in the end.
+    `carried` is what was taken along, in the end.
     """
 
     samples: Array
@@ -51,7 +51,7 @@ class Stepped(NamedTuple):
     kept: Array
     reached: Array
     halted: Array
-    beside: Any
+    carried: Any
 
 
 class _Now(NamedTuple):
@@ -65,7 +65,7 @@ class _Now(NamedTuple):
     steps: Array
     kept: Array
     halted: Array
-    beside: Any
+    carried: Any
 
 
 def step_through(
@@ -85,7 +85,7 @@ def step_through(
     origin: Any = 0.0,
     corners: Array | None = None,
     along: Callable[[Attempt, Any], Any] | None = None,
-    beside: Any = None,
+    carried: Any = None,
 ) -> Stepped:
     """Integrate ẏ = f(t, y) from a start (n,) at times[0] and sample it at the times (k,), which do not decrease.
 
@@ -94,7 +94,7 @@ def step_through(
     `longest`; the budget is in steps, kept or not. Steps end at all `corners` (c,) on the way, ascending times from
     another `origin`: f may jump there, and is asked for on each side of them in turn. It ends early after a step whose
     time and state make `halts` true. Of a step `passes` gives the fraction after which that would have been so, or 1:
-    it is then made again so far only. With every step that is kept `along` takes `beside`, a tree of arrays, from its
+    it is then made again so far only. With every step that is kept `along` takes `carried`, a tree of arrays, from its
     start to its end.
     """
     controller = diffrax.PIDController(rtol=tolerance, atol=tolerance, norm=norm, pcoeff=PROPORTIONAL, icoeff=INTEGRAL)
@@ -133,17 +133,17 @@ def step_through(
             )
         if longest is not None:
             next_step = jnp.minimum(next_step, longest)
-        beside = now.beside
+        carried = now.carried
         if along is not None:
             taken = along
-            beside = jax.lax.cond(keep, lambda: taken(attempt, now.beside), lambda: now.beside)
+            carried = jax.lax.cond(keep, lambda: taken(attempt, now.carried), lambda: now.carried)
         sampled, samples = _sample(times, interpolation, there, keep, now.sampled, now.samples)
         state, slope = (jnp.where(keep, new, old) for new, old in ((state, now.state), (slope, now.slope)))
         return _Now(
             jnp.asarray(time), next_step, state, slope, controller_state, sampled, samples, now.steps + 1,
             now.kept + jnp.where(keep, 1, 0),
             rests if halts is None else rests | (jnp.asarray(keep) & halts(jnp.asarray(time), state)),
-            beside,
+            carried,
         )  # fmt: skip
 
     firsts, lasts, coming = _pieces(corners, origin)
@@ -162,10 +162,10 @@ def step_through(
     controller_state = jax.tree.map(jnp.asarray, controller_state)
     going = jnp.zeros((), bool)
     slope = jnp.zeros_like(start)
-    now = _Now(times[0], step, start, slope, controller_state, none + 1, samples, none, none, going, beside)
+    now = _Now(times[0], step, start, slope, controller_state, none + 1, samples, none, none, going, carried)
     now = jax.lax.while_loop(unfinished, from_corner_to_corner, now)
     reached = now.time >= end
-    return Stepped(now.samples, now.state, now.time, now.step, now.steps, now.kept, reached, now.halted, now.beside)
+    return Stepped(now.samples, now.state, now.time, now.step, now.steps, now.kept, reached, now.halted, now.carried)
 
 
 def _pieces(corners: Array | None, origin: Any) -> tuple[Array, Array, Array]:
@@ -174,9 +174,9 @@ def _pieces(corners: Array | None, origin: Any) -> tuple[Array, Array, Array]:
     Those two lie so far inside that what is prescribed at origin + time is that of the piece, whatever the rounding.
     """
     inner = jnp.zeros(0) if corners is None else corners
-    beside = BESIDE * np.finfo(np.float64).eps * jnp.abs(inner)
+    margin = MARGIN * np.finfo(np.float64).eps * jnp.abs(inner)
     infinity = jnp.full(1, jnp.inf)
-    firsts, lasts = jnp.concatenate([-infinity, inner + beside]), jnp.concatenate([inner - beside, infinity])
+    firsts, lasts = jnp.concatenate([-infinity, inner + margin]), jnp.concatenate([inner - margin, infinity])
     return firsts - origin, lasts - origin, jnp.concatenate([inner, infinity]) - origin
 
 

@@ -20,7 +20,7 @@ from drumsqueal.solve.transient.sticking import can_stick, drum_motion, drum_mot
 AWAY = 2.0  # times the slip that counts as none: what a lining that cannot stick goes on with
 MOST_CHANGES = 1000  # in one chunk, two a sample: more is a mistake, not a motion
 TIMING = 1e-12  # of a chunk: how well the end of sticking is found
-BESIDE = 1e-12  # of the drum's schedule: its jumps are looked at from so far, beyond round-off
+MARGIN = 1e-12  # of the drum's schedule: its jumps are looked at from so far, beyond round-off
 # Steps a chunk that the explicit method gets where another may take over, at a tolerance of 1e-6: five times what the
 # shipped scenes take beyond contact boundaries. A method of order eight takes 1.33 times as many for a tenth of the
 # tolerance.
@@ -301,7 +301,7 @@ def _jumps(model: Model) -> tuple[np.ndarray, float]:
     padded = np.pad(value, 1, mode="edge")
     rests = time[(value == 0) & ((padded[:-2] != 0) | (padded[2:] != 0))]
     jumps = np.sort(np.concatenate([crossed, rests]))
-    return np.concatenate([[0.0], jumps[jumps > 0]]), BESIDE * float(np.max(np.abs(time)))
+    return np.concatenate([[0.0], jumps[jumps > 0]]), MARGIN * float(np.max(np.abs(time)))
 
 
 def _only_reached(whole: Segment, span: Span) -> Segment:
