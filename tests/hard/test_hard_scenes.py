@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from drumsqueal.physics.bodies.rigid_shoe import IN_PLANE
-from drumsqueal.physics.effects.touching import Observation
+from drumsqueal.physics.effects.effect import Observation
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.scene import COORDINATES, Scene
 from drumsqueal.solve.linear.steady import linear_model, steady_sliding

@@ -15,17 +15,15 @@ from scipy.optimize import brentq
 
 from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
 from drumsqueal.physics.effects.contact import Contact
-from drumsqueal.physics.effects.friction import Friction
-from drumsqueal.physics.effects.friction_direction import Tangential, UnitVelocity
+from drumsqueal.physics.effects.friction import Friction, Tangential, UnitVelocity
 from drumsqueal.physics.effects.operation import Moment
 from drumsqueal.physics.effects.pressure import Bonded, Unilateral
 from drumsqueal.physics.laws.custom_friction import TabulatedLaw, as_law, with_breakpoints
 from drumsqueal.physics.laws.friction_law import ExponentialLaw, FrictionLaw, breakpoints, kinks
 from drumsqueal.physics.quadrature.arc import LONG_ARC, NODES, NODES_LONG_ARC, ArcSurface
-from drumsqueal.physics.quadrature.area import AreaSurface
+from drumsqueal.physics.quadrature.area import AreaSurface, is_smooth
+from drumsqueal.physics.quadrature.breaks import quartic_roots
 from drumsqueal.physics.quadrature.levels import Level, complex_roots, real_roots, sine_cosine
-from drumsqueal.physics.quadrature.quartic import quartic_roots
-from drumsqueal.physics.quadrature.smooth import is_smooth
 from drumsqueal.physics.quadrature.surface import Boundaries
 
 # --- brute force -----------------------------------------------------------------------------------------------------

@@ -12,8 +12,7 @@ import scipy.linalg
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drumsqueal.physics.effects.operation import Operation
-from drumsqueal.physics.effects.schedule import Constant, Profile
+from drumsqueal.physics.effects.operation import Constant, Operation, Profile
 from drumsqueal.physics.laws.friction_law import ConstantLaw, StepLaw
 from drumsqueal.physics.model import build_model
 from drumsqueal.physics.small_bodies import block_on_belt
@@ -95,7 +94,7 @@ def linear_shoe(nominal, **values):
 def exact(scene, times) -> np.ndarray:
     """Displacement (k, 3) from steady sliding by matrix exponentials from corner to corner, load and rate beside it."""
     model, load = build_model(scene), scene.contact.normal_load
-    n, area = len(model.names), float(model.contact.area)
+    n, area = len(model.names), float(model.body.area)
 
     def force(value):
         pressed = dataclasses.replace(model, operation=Operation(model.operation.drum_speed, Constant(value / area)))

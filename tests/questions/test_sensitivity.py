@@ -18,7 +18,7 @@ from drumsqueal.questions.sensitivity.quieting import LEAST, MARGIN, largest_gro
 from drumsqueal.questions.sensitivity.study import SensitivityStudy, at_one_time, study_sensitivity
 from drumsqueal.scene import COORDINATES, load_scene
 from drumsqueal.simulation import run
-from drumsqueal.solve.linear.gradients import eigenvalue_gradient, state_matrix_of
+from drumsqueal.solve.linear.family import eigenvalue_gradient, state_matrix_of
 from drumsqueal.solve.linear.modes import analyse_stability
 
 NOMINAL = Path(__file__).parents[2] / "scenarios" / "nominal.toml"

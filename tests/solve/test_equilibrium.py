@@ -14,7 +14,7 @@ from scipy.integrate import quad
 from drumsqueal.errors import SteadyStateError
 from drumsqueal.physics.bodies.body import dot
 from drumsqueal.physics.bodies.rigid_shoe import IN_PLANE
-from drumsqueal.physics.effects.action import Action
+from drumsqueal.physics.effects.effect import Action
 from drumsqueal.physics.effects.springs import Springs
 from drumsqueal.physics.laws.friction_law import ConstantLaw
 from drumsqueal.physics.model import build_model

@@ -11,8 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drumsqueal.errors import SteadyStateError
-from drumsqueal.physics.bodies.rigid_shoe import IN_PLANE
-from drumsqueal.physics.effects.support import Support
+from drumsqueal.physics.bodies.rigid_shoe import IN_PLANE, Support
 from drumsqueal.physics.model import build_model
 from drumsqueal.scene import COORDINATES
 from drumsqueal.solve.linear.modes import analyse_stability, growth_rate

@@ -24,9 +24,9 @@ from drumsqueal.solve.transient.runge_kutta import (
     SOLVERS,
     STAGES,
     Explicit,
+    Stages,
     make_solver,
 )
-from drumsqueal.solve.transient.sdirk import Stages
 from drumsqueal.solve.transient.segment import first_step
 from drumsqueal.solve.transient.state import Span, State
 from drumsqueal.solve.transient.stepping import step_through
@@ -68,13 +68,17 @@ def test_the_loop_over_stages_makes_the_steps_of_diffrax(name):
     # The same tableau: to the round-off of sums in another order.
     terms, y = diffrax.ODETerm(lambda t, y, _: turn(t, y)), jnp.asarray([0.3, -1.2, 0.1])
     ours, theirs = Explicit(_EXPLICIT[name]), _EXPLICIT[name]
-    solvers: list[Any] = [ours, theirs]
-    steps = [s.step(terms, 0.4, 0.7, y, None, s.init(terms, 0.4, 1.0, y, None), False) for s in solvers]
+    piece = (jnp.asarray(0.4), jnp.asarray(0.7))
+    first: Any = theirs.init(terms, 0.4, 1.0, y, None)
+    steps: list[Any] = [
+        ours.step(lambda t, y, _: turn(t, y), 0.4, 0.7, y, turn(0.4, y), piece),
+        theirs.step(terms, 0.4, 0.7, y, None, first, False),
+    ]
     np.testing.assert_allclose(steps[0][0], steps[1][0], rtol=0, atol=1e-15)
     np.testing.assert_allclose(steps[0][1], steps[1][1], rtol=0, atol=1e-15)
     inside = [
-        solver.interpolation_cls(t0=0.4, t1=0.7, **step[2]).evaluate(0.55)
-        for solver, step in zip(solvers, steps, strict=True)
+        interpolation(t0=0.4, t1=0.7, **step[2]).evaluate(0.55)
+        for interpolation, step in zip((ours.interpolation, theirs.interpolation_cls), steps, strict=True)
     ]
     np.testing.assert_allclose(inside[0], inside[1], rtol=0, atol=1e-14)
 

@@ -27,10 +27,10 @@ from drumsqueal.physics.composition import kept_coordinates
 from drumsqueal.precision import real
 from drumsqueal.scene import Scene, scene_from_dict
 from drumsqueal.scene.quantities import show
-from drumsqueal.solve.transient.choice import MOST_PATIENCE, Method
 from drumsqueal.solve.transient.integrate import Checkpoint
 from drumsqueal.solve.transient.runge_kutta import AUTO, DEFAULT, IMPLICIT
 from drumsqueal.solve.transient.state import CHUNK_SAMPLES, State
+from drumsqueal.solve.transient.stick_slip import MOST_PATIENCE, Method
 
 FORMAT = 2
 EVERY = 0.2  # s of computing that may have to be repeated; to write the file takes some 3 ms

@@ -14,7 +14,7 @@ from jax import Array
 
 from drumsqueal.findings.history import memory_of
 from drumsqueal.physics.effects.contact import Contact
-from drumsqueal.physics.effects.touching import Observation
+from drumsqueal.physics.effects.effect import Observation
 from drumsqueal.physics.kernel import compiled
 from drumsqueal.physics.model import Model
 from drumsqueal.physics.quadrature.area import AreaSurface

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.findings.vibration import Vibration
-from drumsqueal.physics.effects.friction_direction import UnitVelocity
+from drumsqueal.physics.effects.friction import UnitVelocity
 from drumsqueal.physics.effects.pressure import Unilateral
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.linear.modes import Mode

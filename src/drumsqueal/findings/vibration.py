@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from drumsqueal.findings.boundaries import pressure_fraction, slip_fraction
 from drumsqueal.findings.signals import Spectrum, amplitude_spectrum, modal_amplitudes
 from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
-from drumsqueal.physics.effects.operation import Operation
-from drumsqueal.physics.effects.schedule import Constant, Profile
+from drumsqueal.physics.effects.operation import Constant, Operation, Profile
 from drumsqueal.physics.model import Model
 from drumsqueal.scene import COORDINATES
 from drumsqueal.solve.linear.modes import Mode, Stability
@@ -175,7 +174,7 @@ def moved_by(model: Model, stability: Stability, until: float) -> str:
             rows = {other: np.repeat(value, 3) for other, value in kept.items()}
             rows[name] = np.array([kept[name], values.min(), values.max()])
             forces = np.asarray(_forces(middle, rows["drum speed"], rows["load"], q))
-            if np.ptp(forces, axis=0).max() > FORCE_ROUND_OFF * np.abs(rows["load"]).max() * float(model.contact.area):
+            if np.ptp(forces, axis=0).max() > FORCE_ROUND_OFF * np.abs(rows["load"]).max() * float(model.body.area):
                 found.append(name)
     return f"changing {' and '.join(found)}" if found else ""
 

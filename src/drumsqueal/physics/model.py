@@ -9,21 +9,17 @@ from jax import Array
 from jax.typing import ArrayLike
 
 from drumsqueal.physics.bodies.body import Body, Scalar, scalars
-from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
+from drumsqueal.physics.bodies.rigid_shoe import RigidShoe, Support
 from drumsqueal.physics.composition import GIVEN, Composition, compose
-from drumsqueal.physics.effects.action import Effect
 from drumsqueal.physics.effects.assembly import Balance, Preload
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.effects.damping import Damping
+from drumsqueal.physics.effects.effect import Effect, Observation, Touching
 from drumsqueal.physics.effects.forcing import Forcing
-from drumsqueal.physics.effects.friction import Friction
-from drumsqueal.physics.effects.friction_direction import Tangential, UnitVelocity
-from drumsqueal.physics.effects.operation import Moment, Operation
+from drumsqueal.physics.effects.friction import Friction, Tangential, UnitVelocity
+from drumsqueal.physics.effects.operation import Constant, Moment, Operation, Profile, Schedule
 from drumsqueal.physics.effects.pressure import Bonded, Unilateral
-from drumsqueal.physics.effects.schedule import Constant, Profile, Schedule
-from drumsqueal.physics.effects.support import Support
 from drumsqueal.physics.effects.temperature import Remembering, Temperature
-from drumsqueal.physics.effects.touching import Observation, Touching
 from drumsqueal.physics.laws.custom_friction import as_law, with_breakpoints
 from drumsqueal.physics.laws.friction_law import FrictionLaw, friction_law
 from drumsqueal.physics.quadrature.arc import NODES, NODES_LONG_ARC, ArcSurface
@@ -83,10 +79,10 @@ class Model(eqx.Module):
         """Whether a harmonic force acts."""
         return any(isinstance(effect, Forcing) for effect in self.others)
 
-    def undisturbed(self) -> "Model":
-        """The same model without its harmonic force: what steady sliding is the equilibrium of."""
-        others = tuple(effect for effect in self.others if not isinstance(effect, Forcing))
-        return dataclasses.replace(self, others=others)
+    @property
+    def balanced(self) -> bool:
+        """Whether the assembly balances every static force, so that steady sliding is q = 0."""
+        return any(isinstance(effect, Balance) for effect in self.others)
 
     def frozen(self, time: float) -> "Model":
         """The same model with the drum speed and the load that it has at a time (s), at all times."""
@@ -206,7 +202,9 @@ def assemble(composition: Composition, value: Mapping[str, Array], law: Friction
     preload = _schedule("contact.normal_load", value, 1 / shoe.area)
     operation = Operation(_schedule("drum.speed", value, jnp.ones(())), preload)
     contact = _contact(composition, value, shoe, law)
-    others: list[Effect] = [_assembly(composition, contact)]
+    preload_alone = Preload(contact.body)
+    self_consistent = composition.steady_state == "self-consistent"
+    others: list[Effect] = [preload_alone if self_consistent else Balance(preload_alone, contact.friction)]
     stiffness = contact.law.stiffness * shoe.radial_stiffness()
     if composition.support:
         support = Support(value["support.upper_stiffness"], value["support.lower_stiffness"], shoe)
@@ -243,13 +241,6 @@ def _friction(composition: Composition, value: Mapping[str, Array], law: Frictio
         numbers = {key.removeprefix("friction."): each for key, each in value.items() if key.startswith("friction.")}
         law = friction_law(composition.friction_law, **numbers)
     return Friction(law, direction)
-
-
-def _assembly(composition: Composition, contact: Contact) -> Effect:
-    preload = Preload(contact.body)
-    if composition.steady_state == "self-consistent":
-        return preload
-    return Balance(preload, contact.friction)
 
 
 def _schedule(key: str, value: Mapping[str, Array], scale: Array) -> Schedule:

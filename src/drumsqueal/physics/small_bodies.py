@@ -6,18 +6,14 @@ import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
-from drumsqueal.physics.bodies.block import Block
-from drumsqueal.physics.bodies.disc import Disc
-from drumsqueal.physics.effects.action import Effect
+from drumsqueal.physics.bodies.block import Block, PointContact
+from drumsqueal.physics.bodies.disc import Disc, DiscContact
 from drumsqueal.physics.effects.damping import Damping
-from drumsqueal.physics.effects.disc_contact import DiscContact
+from drumsqueal.physics.effects.effect import Effect
 from drumsqueal.physics.effects.forcing import ConstantForce, Forcing
-from drumsqueal.physics.effects.friction import Friction
-from drumsqueal.physics.effects.friction_direction import Direction, Tangential, UnitVelocity
-from drumsqueal.physics.effects.operation import Operation
-from drumsqueal.physics.effects.point_contact import PointContact
+from drumsqueal.physics.effects.friction import Direction, Friction, Tangential, UnitVelocity
+from drumsqueal.physics.effects.operation import Constant, Operation
 from drumsqueal.physics.effects.pressure import Bonded
-from drumsqueal.physics.effects.schedule import Constant
 from drumsqueal.physics.effects.springs import Springs
 from drumsqueal.physics.laws.custom_friction import as_law, with_breakpoints
 from drumsqueal.physics.laws.friction_law import FrictionLaw
@@ -97,7 +93,7 @@ def disc_on_plate(
     (2003) 248302.
     """
     disc = Disc(radius, mass)
-    contact = DiscContact(disc, Friction(with_breakpoints(as_law(law)), UnitVelocity()))
+    contact = DiscContact(disc, Bonded(0.0), Friction(with_breakpoints(as_law(law)), UnitVelocity()))
     operation = Operation(Constant(plate_speed), Constant(load / disc.area))
     return Model(operation, contact, _pushing(disc.names, forces), disc.mass, jnp.zeros((3, 3)))
 

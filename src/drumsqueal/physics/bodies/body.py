@@ -13,8 +13,7 @@ from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
 from drumsqueal.physics.quadrature.levels import Level
-from drumsqueal.physics.quadrature.sums import Densities
-from drumsqueal.physics.quadrature.surface import Lining, Nodes
+from drumsqueal.physics.quadrature.surface import Densities, Lining, Nodes
 
 Scalar = Array | float
 Motion = tuple[Scalar, ...] | Array
@@ -39,6 +38,25 @@ class Body(Protocol):
         """Which coordinates move every line across the sliding direction alike: the others rest in steady sliding."""
         ...
 
+    @property
+    def area(self) -> Any:
+        """What the preload acts on (m²): its force over the preload."""
+        ...
+
+    @property
+    def following(self) -> Motion:
+        """Velocities that move with a drum of 1 rad/s, or a belt of 1 m/s, as well as the kept coordinates can."""
+        ...
+
+    @property
+    def follows(self) -> bool:
+        """Whether the kept coordinates can move so."""
+        ...
+
+    def slides(self, *, axially: bool) -> tuple[bool, ...]:
+        """Which coordinates move what is rubbed along the sliding direction or, if asked, also across it."""
+        ...
+
     def largest(self, q: Mapping[str, NDArray[np.float64]]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Bounds of the displacement into what rubs on the body, and along it, anywhere in the contact.
 
@@ -49,20 +67,6 @@ class Body(Protocol):
 
 class LinedBody(Body, Lining, Protocol):
     """A body whose lining rubs on a drum; its surface moves by levels, constant + cosine + sine on each line."""
-
-    @property
-    def following(self) -> Motion:
-        """Velocities with which the lining moves with a drum of 1 rad/s, as well as the kept coordinates can."""
-        ...
-
-    @property
-    def follows(self) -> bool:
-        """Whether the kept coordinates can move the lining with the drum."""
-        ...
-
-    def slides(self, *, axially: bool) -> tuple[bool, ...]:
-        """Which coordinates move the lining along the drum or, if asked, also along its axis."""
-        ...
 
     def radial(self, q: Motion) -> Level:
         """u_r of the lining (m)."""

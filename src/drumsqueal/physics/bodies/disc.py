@@ -1,6 +1,11 @@
-"""A uniform disc that lies flat on a plate and can slide and spin."""
+"""A uniform disc that lies flat on a plate, evenly loaded: it slides and spins against friction over its area, exactly.
+
+The drum's speed of the operation is that of the plate along X (m/s), its preload the pressure (Pa). With a constant
+coefficient force and torque are elliptic integrals (Farkas et al., Physical Review Letters 90 (2003) 248302).
+"""
 
 from collections.abc import Mapping
+from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -8,7 +13,19 @@ import numpy as np
 from jax import Array
 from numpy.typing import NDArray
 
+from drumsqueal.physics.bodies.body import Motion, dot
+from drumsqueal.physics.effects.effect import Action, Observation, Touching
+from drumsqueal.physics.effects.friction import Friction
+from drumsqueal.physics.effects.operation import Moment
+from drumsqueal.physics.effects.pressure import PressureLaw
+from drumsqueal.physics.laws.friction_law import breakpoints
+from drumsqueal.physics.quadrature.disc import disc_nodes
 from drumsqueal.precision import real
+
+LEAST = 1e-280  # m²/s²: slower than its root is standing still
+# Of the square of one of the two speeds, added to that of the other: 1e-12 of the forces at most, and where the other
+# is zero they keep their derivatives.
+MIXED = 1e-12
 
 
 class Disc(eqx.Module):
@@ -16,16 +33,10 @@ class Disc(eqx.Module):
 
     radius: Array = eqx.field(converter=real)
     weight: Array = eqx.field(converter=real)
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """X along the plate's motion, Y across it, and Tz."""
-        return "X", "Y", "Tz"
-
-    @property
-    def symmetric(self) -> tuple[bool, ...]:
-        """All three stay in the plane."""
-        return True, True, True
+    names: ClassVar[tuple[str, ...]] = ("X", "Y", "Tz")  # along the plate's motion, across it, and the spin
+    symmetric: ClassVar[tuple[bool, ...]] = (True, True, True)
+    following: ClassVar[Motion] = (1.0, 0.0, 0.0)
+    follows: ClassVar[bool] = True
 
     @property
     def area(self) -> Array:
@@ -37,7 +48,75 @@ class Disc(eqx.Module):
         """Diagonal of the mass matrix over X, Y and Tz, (m, m, ½ m R²), shape (3,)."""
         return self.weight * jnp.stack([jnp.ones(()), jnp.ones(()), self.radius**2 / 2])
 
+    def slides(self, *, axially: bool) -> tuple[bool, ...]:
+        """All three."""
+        del axially
+        return True, True, True
+
     def largest(self, q: Mapping[str, NDArray[np.float64]]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Nothing into the plate; along it, on the rim."""
         along = np.hypot(q["X"], q["Y"]) + float(self.radius) * np.abs(q["Tz"])
         return np.zeros_like(along), along
+
+
+class DiscContact(Touching):
+    """F = −∫ μ(|V|) p V/|V| dA with V = u + ω e_z × r."""
+
+    body: Disc
+    law: PressureLaw
+    friction: Friction | None
+
+    def fastest_slip(self, moment: Moment, v: Motion) -> Array:
+        """|u| + R |ω| (m/s), reached on the rim."""
+        ux, uy, rim = self._motion(moment, v)
+        squared = ux * ux + uy * uy
+        sliding = jnp.where(squared > 0, jnp.sqrt(jnp.where(squared > 0, squared, 1.0)), 0.0)
+        return sliding + jnp.abs(rim)
+
+    def pressure_range(self, moment: Moment, q: Motion) -> tuple[Array, Array]:
+        """The pressure (Pa), twice: it is even."""
+        del q
+        return moment.preload, moment.preload
+
+    def act(self, moment: Moment, q: Motion, v: Motion) -> Action:
+        """Force and torque of friction and their power."""
+        del q
+        force = self._friction(moment, v)
+        return Action(force, dot(force, v), -dot(force, self._slip(moment, v)))
+
+    def observe(self, moment: Moment, q: Motion, v: Motion) -> Observation:
+        """Forces at one instant; in place of a brake torque the force that holds the plate back (N)."""
+        del q
+        force = self._friction(moment, v)
+        heat, along = -jnp.asarray(dot(force, self._slip(moment, v))), force[0]
+        load, none = moment.preload * self.body.area, jnp.zeros(())
+        return Observation(along, load, none + 1, none, moment.preload, heat, none)
+
+    def _slip(self, moment: Moment, v: Motion) -> Motion:
+        """The motion relative to the plate's."""
+        return v[0] - moment.drum_speed, v[1], v[2]
+
+    def _motion(self, moment: Moment, v: Motion) -> tuple[Array, Array, Array]:
+        """Slip velocity of the centre along X and Y, and that of the rim from the spin, Rω (m/s)."""
+        zero = jnp.zeros(())
+        return v[0] - moment.drum_speed + zero, v[1] + zero, self.body.radius * v[2] + zero
+
+    def _friction(self, moment: Moment, v: Motion) -> tuple[Array, Array, Array]:
+        """Force along X and Y (N) and torque (N m) on the disc."""
+        if self.friction is None:
+            return jnp.zeros(()), jnp.zeros(()), jnp.zeros(())
+        ux, uy, rim = self._motion(moment, v)
+        slid, spun = ux * ux + uy * uy, rim * rim
+        moves = slid + spun > LEAST
+        slid, spun = (jnp.where(moves, each, 1.0) for each in (slid + MIXED * spun, spun + MIXED * slid))
+        sliding, spinning = jnp.sqrt(slid), jnp.sqrt(spun)
+        nodes = disc_nodes(self.body.radius, sliding, spinning, breakpoints(self.friction.law))
+        pressure = jnp.broadcast_to(moment.preload, nodes.speed.shape)
+        traction, other = self.friction.traction(moment, pressure, nodes.speed * nodes.cosine, nodes.speed * nodes.sine)
+        assert other is not None
+        # The other half of the disc takes away what is at right angles to the sliding. Tractions are at right angles
+        # to their line, so that the place on it is the lever's arm.
+        drag = jnp.sum(traction * nodes.weight) / sliding
+        turn = jnp.sum((traction * nodes.cosine + other * nodes.sine) * nodes.place * nodes.weight) / spinning
+        drag, turn = jnp.where(moves, drag, 0.0), jnp.where(moves, turn, 0.0)
+        return drag * ux, drag * uy, turn * rim

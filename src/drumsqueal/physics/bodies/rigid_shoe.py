@@ -1,4 +1,4 @@
-"""The rigid shoe: a curved plate, an annular sector with its centre of gravity on the x axis.
+"""The rigid shoe, a curved plate (an annular sector with its centre of gravity on the x axis), and its supports.
 
 Source of all formulas: Seo & Kang, Lubricants 2023, 11(12), 496, equations (1) to (10) and (23) to (28).
 """
@@ -15,9 +15,10 @@ from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
 from drumsqueal.physics.bodies.body import Motion, Scalar
+from drumsqueal.physics.effects.effect import Action, Effect
+from drumsqueal.physics.effects.operation import Moment
 from drumsqueal.physics.quadrature.levels import Level
-from drumsqueal.physics.quadrature.sums import Densities
-from drumsqueal.physics.quadrature.surface import Nodes
+from drumsqueal.physics.quadrature.surface import Densities, Nodes
 from drumsqueal.precision import real
 from drumsqueal.scene import COORDINATES
 
@@ -219,6 +220,35 @@ class RigidShoe(eqx.Module):
         moment_z = spin - self.centroid * total["y"]
         lateral, moment_x, moment_y = (total.get(key, 0.0) for key in ("z", "moment_x", "moment_y"))
         return self.keep(Six(total["x"], total["y"], lateral, moment_x, moment_y, moment_z))
+
+
+class Support(Effect):
+    """U = ½ (k1 + k2) q1² + ½ (k1 + k2) R² sin² q6 (Seo & Kang 2023, equation (24)); k1, k2 in N/m, R in m."""
+
+    upper_stiffness: Array = eqx.field(converter=real)
+    lower_stiffness: Array = eqx.field(converter=real)
+    shoe: RigidShoe
+
+    @property
+    def _stiffness(self) -> Array:
+        return self.upper_stiffness + self.lower_stiffness
+
+    def act(self, moment: Moment, q: Motion, v: Motion) -> Action:
+        """Force −∂U/∂q; all of it comes from the potential."""
+        del moment, v
+        k, R, six = self._stiffness, self.shoe.outer_radius, self.shoe.widen(q)
+        return Action(self.shoe.keep(Six(X=-k * six.X, Tz=-k * R**2 * jnp.sin(six.Tz) * jnp.cos(six.Tz))), 0.0)
+
+    def potential_energy(self, moment: Moment, q: Motion) -> Scalar:
+        """U (J)."""
+        del moment
+        six = self.shoe.widen(q)
+        return self._stiffness / 2 * (jnp.square(six.X) + (self.shoe.outer_radius * jnp.sin(six.Tz)) ** 2)
+
+    def stiffness(self) -> Array:
+        """∂²U/∂q² at q = 0, shape (n, n)."""
+        k = self._stiffness
+        return jnp.diag(jnp.array(self.shoe.keep(Six(X=k, Tz=k * self.shoe.outer_radius**2))))
 
 
 # The displacement of a point at θ and z on the radius R: its coefficients are the shape functions.

@@ -1,11 +1,6 @@
-"""What acts on the body, one effect a file.
+"""What acts on the body: one effect a file, but for those that only one body has, which are in that body's file.
 
-An effect is a frozen module with
-
-    act(moment, q, v) -> Action      the generalised force and the power it feeds in beyond its potential energy
-    potential_energy(moment, q)      in J
-
-where q and v have an entry for each kept coordinate of the body. An effect that remembers declares a state of its own,
-which a transient integrates with the motion (`temperature.py`). What a scene does not name is not in the model, and
-so not in the compiled program.
+An effect has the two methods of `effect.Effect`, on motions with an entry for each kept coordinate of the body. An
+effect that remembers declares a state of its own, which a transient integrates with the motion (`temperature.py`).
+What a scene does not name is not in the model, and so not in the compiled program.
 """

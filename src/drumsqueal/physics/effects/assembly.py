@@ -1,14 +1,12 @@
 """What the assembly applies to the shoe at rest: the two readings of the state q = 0."""
 
-import equinox as eqx
-
 from drumsqueal.physics.bodies.body import LinedBody, Motion, Scalar, dot
-from drumsqueal.physics.effects.action import Action
+from drumsqueal.physics.effects.effect import Action, Effect
 from drumsqueal.physics.effects.friction import Friction
 from drumsqueal.physics.effects.operation import Moment
 
 
-class Preload(eqx.Module):
+class Preload(Effect):
     """The load alone, +∫ p0 φ^r dA: friction drags the shoe to a steady state of its own ("self-consistent").
 
     U = −p0 q·∫φ^r dA. Kept as a potential so that it cancels the linear part of the contact's: what is left is of
@@ -30,7 +28,7 @@ class Preload(eqx.Module):
         return -moment.preload * dot(self.body.radial_resultant(), q)
 
 
-class Balance(eqx.Module):
+class Balance(Effect):
     """Every static force, −Q(0, 0) at the current drum speed and load: the pressure is p0 all along the arc.
 
     −Q(0, 0) = p0 ∫φ^r dA − μ0 p0 sgn(Ω) ∫φ^θ dA, the "uniform-pressure" reading of the paper: the preload, and a

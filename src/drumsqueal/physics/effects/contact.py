@@ -7,21 +7,18 @@ import dataclasses
 from collections.abc import Callable
 from typing import NamedTuple
 
-import equinox as eqx
 import jax.numpy as jnp
 from jax import Array
 
-from drumsqueal.physics.bodies.body import LinedBody, Motion, Scalar
-from drumsqueal.physics.effects.action import Action
+from drumsqueal.physics.bodies.body import LinedBody, Motion
+from drumsqueal.physics.effects.effect import Action, Observation, Touching
 from drumsqueal.physics.effects.friction import Friction
 from drumsqueal.physics.effects.operation import Moment
-from drumsqueal.physics.effects.pressure import PressureLaw, Unilateral, yielding
-from drumsqueal.physics.effects.touching import Observation
+from drumsqueal.physics.effects.pressure import PressureLaw
 from drumsqueal.physics.laws.friction_law import breakpoints, kinks
 from drumsqueal.physics.quadrature.arc import NODES_LONG_ARC, ArcSurface
 from drumsqueal.physics.quadrature.levels import Level
-from drumsqueal.physics.quadrature.sums import Densities
-from drumsqueal.physics.quadrature.surface import Boundaries, Nodes, Surface
+from drumsqueal.physics.quadrature.surface import Boundaries, Densities, Nodes, Surface
 
 
 class Levels(NamedTuple):
@@ -44,7 +41,7 @@ class ContactField(NamedTuple):
     across: Array | None
 
 
-class Contact(eqx.Module):
+class Contact(Touching):
     """Pressure and friction over the lining, integrated exactly between its contact boundaries."""
 
     body: LinedBody
@@ -53,42 +50,13 @@ class Contact(eqx.Module):
     surface: Surface
 
     @property
-    def slipping(self) -> tuple[bool, ...]:
-        """Which coordinates slip: those that move the lining along what friction knows of."""
-        return self.body.slides(axially=self._knows_axial)
-
-    @property
-    def following(self) -> Motion:
-        """Velocities of a body that turns with a drum of 1 rad/s."""
-        return self.body.following
-
-    @property
-    def follows(self) -> bool:
-        """Whether its kept coordinates can turn it so."""
-        return self.body.follows
-
-    @property
-    def _knows_axial(self) -> bool:
-        return self.friction is not None and self.friction.direction.knows_axial
-
-    @property
     def radius(self) -> Array:
         """R (m): the drum's speed times it is that of its surface."""
         return self.body.outer_radius
 
     @property
-    def lifting_stiffness(self) -> Scalar:
-        """k_c (N/m³) where the lining can leave the drum, else zero."""
-        return self.law.stiffness if isinstance(self.law, Unilateral) else 0.0
-
-    @property
-    def area(self) -> Array:
-        """Area of the lining (m²)."""
-        return self.body.area
-
-    def with_friction(self, friction: Friction | None) -> "Contact":
-        """The same contact with other friction."""
-        return dataclasses.replace(self, friction=friction)
+    def _knows_axial(self) -> bool:
+        return self.friction is not None and self.friction.direction.knows_axial
 
     def fastest_slip(self, moment: Moment, v: Motion) -> Array:
         """A bound on the slip speed (m/s): |constant| + |cosine| + |sine| of V_θ and V_z, at the edges of the width."""
@@ -103,10 +71,6 @@ class Contact(eqx.Module):
     def in_plane(self) -> "Contact":
         """The same contact for motion that is the same on every line across, so that one line serves."""
         return dataclasses.replace(self, surface=ArcSurface(NODES_LONG_ARC, compact=True))
-
-    def yielding(self, moment: Moment) -> Array:
-        """How far the lining yields under its load (m): p0/k_c."""
-        return yielding(self.law, moment.preload)
 
     def levels(self, moment: Moment, q: Motion, v: Motion) -> Levels:
         """The levels at the present state."""
@@ -141,7 +105,9 @@ class Contact(eqx.Module):
 
         def densities(nodes: Nodes) -> Densities:
             field = self._field(moment, levels, nodes)
-            found = {**self._force_densities(field), **self._drag_densities(field)}
+            drag, lateral = (None if each is None else each * nodes.weight for each in (field.along, field.across))
+            forces = self.body.tractions(nodes, field.pressure * nodes.weight, drag, lateral)
+            found = {**forces, **self._drag_densities(field)}
             if moment.preload_rate is not None:
                 found["compression"] = self._stored(moment, q, nodes)[1] * nodes.weight
             return found
@@ -208,12 +174,6 @@ class Contact(eqx.Module):
     def _slip_level(self, moment: Moment, v: Motion) -> Level:
         """V_θ."""
         return self.body.along(v, moment.drum_speed)
-
-    def _force_densities(self, field: ContactField) -> Densities:
-        """What the tractions give to the generalised force at the nodes."""
-        weight = field.nodes.weight
-        drag, lateral = (None if each is None else each * weight for each in (field.along, field.across))
-        return self.body.tractions(field.nodes, field.pressure * weight, drag, lateral)
 
     def _drag_densities(self, field: ContactField) -> Densities:
         """Drag of friction F_θ (N) and its heat −F·V (W) at the nodes; nothing without friction."""

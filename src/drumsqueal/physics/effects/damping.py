@@ -6,7 +6,7 @@ from jax import Array
 from jax.typing import ArrayLike
 
 from drumsqueal.physics.bodies.body import Motion, dot
-from drumsqueal.physics.effects.action import Action
+from drumsqueal.physics.effects.effect import Action, Effect
 from drumsqueal.physics.effects.operation import Moment
 from drumsqueal.precision import real
 
@@ -26,7 +26,7 @@ def frictionless_modes(mass: Array, stiffness: Array) -> tuple[Array, Array]:
     return omega, vectors / root[:, None]
 
 
-class Damping(eqx.Module):
+class Damping(Effect):
     """F = −C v with C = M Φ diag(2 ζ ω) Φᵀ M over the kept coordinates."""
 
     matrix: Array = eqx.field(converter=real)
@@ -43,8 +43,3 @@ class Damping(eqx.Module):
         del moment, q
         force = tuple(-dot(self.matrix[row], v) for row in range(len(v)))
         return Action(force, dot(force, v))
-
-    def potential_energy(self, moment: Moment, q: Motion) -> float:
-        """None is stored."""
-        del moment, q
-        return 0.0

@@ -5,12 +5,12 @@ import jax.numpy as jnp
 from jax import Array
 
 from drumsqueal.physics.bodies.body import Motion, Scalar, dot
-from drumsqueal.physics.effects.action import Action, at_rest
+from drumsqueal.physics.effects.effect import Action, Effect, at_rest
 from drumsqueal.physics.effects.operation import Moment
 from drumsqueal.precision import real
 
 
-class Forcing(eqx.Module):
+class Forcing(Effect):
     """F_i = A_i sin(2π f t + ψ): amplitude A (m,) in N (N m for rotations), f in Hz, ψ in rad.
 
     `coordinates` are the places of the amplitudes among the kept coordinates.
@@ -32,13 +32,8 @@ class Forcing(eqx.Module):
             power = power + force[i] * v[i]
         return Action(tuple(force), power)
 
-    def potential_energy(self, moment: Moment, q: Motion) -> float:
-        """None is stored: what the force feeds in is counted as power."""
-        del moment, q
-        return 0.0
 
-
-class ConstantForce(eqx.Module):
+class ConstantForce(Effect):
     """The same force (n,) in N (N m for rotations) at all times; steady sliding is displaced by it."""
 
     force: Array = eqx.field(converter=real)

@@ -1,13 +1,58 @@
 """Friction between lining and drum: a law, which says how large it is, along a direction."""
 
+from typing import Protocol
+
 import equinox as eqx
 import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
-from drumsqueal.physics.effects.friction_direction import Direction
 from drumsqueal.physics.effects.operation import Moment
 from drumsqueal.physics.laws.friction_law import FrictionLaw
+
+
+class Direction(Protocol):
+    """What friction asks of a direction: against the slip velocity, or its part along the arc only."""
+
+    @property
+    def knows_axial(self) -> bool:
+        """Whether the slip across the arc, V_z, counts."""
+        ...
+
+    def traction(
+        self, law: FrictionLaw, pressure: Array, slip: Array, axial: Array | None
+    ) -> tuple[Array, Array | None]:
+        """Tractions along θ and z (Pa) at slip velocity V_θ, V_z (m/s; None where it is not known)."""
+        ...
+
+
+class Tangential(eqx.Module):
+    """F = −μ(|V_θ|) N sgn(V_θ) e_θ: the reduced form that knows the sliding direction only."""
+
+    knows_axial: bool = eqx.field(static=True, default=False, init=False)
+
+    def traction(self, law: FrictionLaw, pressure: Array, slip: Array, axial: Array | None) -> tuple[Array, None]:
+        """Traction along θ (Pa) at slip velocity V_θ (m/s); none along z."""
+        del axial
+        return -law.coefficient(jnp.abs(slip)) * pressure * jnp.sign(slip), None
+
+
+class UnitVelocity(eqx.Module):
+    """F = −μ(|V|) N V/|V| (equation (14)); no force where V = 0, and no regularisation elsewhere."""
+
+    knows_axial: bool = eqx.field(static=True, default=True, init=False)
+
+    def traction(
+        self, law: FrictionLaw, pressure: Array, slip: Array, axial: Array | None
+    ) -> tuple[Array, Array | None]:
+        """Tractions along θ and z (Pa) at slip velocity V_θ, V_z (m/s); V_z is None for motion in the plane."""
+        if axial is None:
+            return Tangential().traction(law, pressure, slip, None)
+        squared = slip * slip + axial * axial
+        sliding = squared > 0
+        speed = jnp.sqrt(jnp.where(sliding, squared, 1.0))
+        fraction = jnp.where(sliding, -law.coefficient(speed) * pressure / speed, 0.0)
+        return fraction * slip, fraction * axial
 
 
 class Friction(eqx.Module):

@@ -4,12 +4,12 @@ import equinox as eqx
 from jax import Array
 
 from drumsqueal.physics.bodies.body import Motion, Scalar, dot
-from drumsqueal.physics.effects.action import Action
+from drumsqueal.physics.effects.effect import Action, Effect
 from drumsqueal.physics.effects.operation import Moment
 from drumsqueal.precision import real
 
 
-class Springs(eqx.Module):
+class Springs(Effect):
     """U = ½ qᵀ K q with K symmetric (n, n) in N/m over the kept coordinates."""
 
     matrix: Array = eqx.field(converter=real)

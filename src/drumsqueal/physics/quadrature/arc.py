@@ -11,8 +11,7 @@ import numpy as np
 from jax import Array
 
 from drumsqueal.physics.quadrature.levels import Level, crosses_zero, quarter_tangents
-from drumsqueal.physics.quadrature.sums import Densities, sum_together
-from drumsqueal.physics.quadrature.surface import Boundaries, Lining, Nodes, resolved
+from drumsqueal.physics.quadrature.surface import Boundaries, Densities, Lining, Nodes, resolved, sum_together
 
 # Gauss nodes a piece. The arc is split at its middle and twice for each level that may have boundaries; the longest
 # piece is half of it. Errors of the contact force, largest of 300 random states with boundaries, over p0 times the
@@ -34,10 +33,7 @@ class ArcSurface(eqx.Module):
     nodes_per_piece: int = eqx.field(static=True, default=NODES)
     compact: bool = eqx.field(static=True, default=False)
 
-    @property
-    def spatial(self) -> bool:
-        """Whether the nodes differ across the lining."""
-        return False
+    spatial: bool = eqx.field(static=True, default=False, init=False)
 
     def integrate(self, lining: Lining, boundaries: Boundaries, densities: Callable[[Nodes], Densities]) -> Densities:
         """Sums over nodes that are split at the boundaries, and at the friction law's slip speeds where it is steep.
@@ -88,7 +84,7 @@ def _piece(lining: Lining, low: Array, high: Array, count: int) -> Nodes:
 
 def _boundary_bounds(levels: Sequence[Level], end: Array) -> list[Array]:
     """Sorted bounds tan(θ/4): the ends, the middle and two a level; one that is not on the arc splits it evenly."""
-    even = np.delete(_spread_evenly(2 * len(levels) + 1), len(levels))
+    even = np.delete(np.linspace(-1, 1, 2 * len(levels) + 3)[1:-1], len(levels))
     spread = (even[len(levels) * j + i] for i in range(len(levels)) for j in range(2))
     roots = [root for level in levels for root in quarter_tangents(level)]
     splits = [jnp.where(there & (jnp.abs(u) < end), u, next(spread) * end) for there, u in roots]
@@ -115,11 +111,6 @@ def _slip_speeds(slip: Level) -> tuple[Array, Array]:
     """Bounds of |V_θ| on the arc."""
     mean, swing = jnp.abs(slip.constant), jnp.abs(slip.cosine) + jnp.abs(slip.sine)
     return jnp.maximum(mean - swing, 0.0), mean + swing
-
-
-def _spread_evenly(count: int) -> np.ndarray:
-    """The `count` inner points that cut [−1, 1] into equal pieces."""
-    return np.linspace(-1, 1, count + 2)[1:-1]
 
 
 def sort_network(values: list[Array]) -> list[Array]:

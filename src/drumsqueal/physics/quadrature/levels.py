@@ -75,12 +75,8 @@ def quarter_tangents(level: Level) -> list[tuple[Array, Array]]:
     # The inner `where` keeps gradients finite where there is no root.
     s = jnp.sqrt(jnp.where(real_pair, discriminant, 1.0))
     q = jnp.where(c < 0, s - c, -s - c)
-    return [(real_pair, _quarter_tangent(y, x)) for y, x in ((q, a - b), (a + b, q))]
-
-
-def _quarter_tangent(y: Array, x: Array) -> Array:
-    """tan(θ/4) of the θ in [−π, π] for which tan(θ/2) = y/x."""
-    return jnp.where(x < 0, -y, y) / (jnp.sqrt(x * x + y * y) + jnp.abs(x))
+    halves = ((q, a - b), (a + b, q))  # (y, x) with tan(θ/2) = y/x
+    return [(real_pair, jnp.where(x < 0, -y, y) / (jnp.sqrt(x * x + y * y) + jnp.abs(x))) for y, x in halves]
 
 
 def real_roots(level: Level, half_angle: Array) -> tuple[Array, Array]:

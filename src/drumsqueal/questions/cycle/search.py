@@ -14,7 +14,7 @@ from drumsqueal.findings.part import Finding
 from drumsqueal.findings.schema import Findings
 from drumsqueal.findings.signals import classify
 from drumsqueal.findings.signals.regime import Kind
-from drumsqueal.physics.effects.schedule import Constant
+from drumsqueal.physics.effects.operation import Constant
 from drumsqueal.physics.model import Model
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.cycle.orbit import NEUTRAL, Cycle, describe

@@ -15,7 +15,7 @@ from drumsqueal.questions.sensitivity.decay import Decay
 from drumsqueal.scene import Scene, quantity_of
 from drumsqueal.scene.tables import Scheduled
 from drumsqueal.simulation import prepare
-from drumsqueal.solve.linear.gradients import StateMatrix, eigenvalue_gradient, state_matrix_of
+from drumsqueal.solve.linear.family import StateMatrix, eigenvalue_gradient, state_matrix_of
 from drumsqueal.solve.linear.modes import DRIFT_FRACTION
 
 MARGIN = 1.0  # 1/s: every growth rate is to be at most minus this

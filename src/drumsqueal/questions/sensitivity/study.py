@@ -14,7 +14,7 @@ from drumsqueal.questions.sensitivity.decay import nonlinear_decay
 from drumsqueal.questions.sensitivity.quieting import Quieting, numbers_of, quieten, variable_numbers
 from drumsqueal.scene import Profile, Scene
 from drumsqueal.simulation import check_sample_rate, prepare
-from drumsqueal.solve.linear.gradients import StateMatrix, eigenvalue_gradient, state_matrix_of
+from drumsqueal.solve.linear.family import StateMatrix, eigenvalue_gradient, state_matrix_of
 from drumsqueal.solve.linear.modes import UNDAMPED_FRACTION, Mode, Stability
 
 PERCENT = 0.01

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, NamedTuple
 
+import jax
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq, linear_sum_assignment, minimize_scalar
@@ -19,7 +20,7 @@ from drumsqueal.solve.linear.modes import (
     solve_modes,
     while_sliding,
 )
-from drumsqueal.solve.linear.steady import Linear, linear_model
+from drumsqueal.solve.linear.steady import linear_model
 
 # Two modes at neighbouring values are one where their shapes overlap so much; where they do not, the step is halved.
 CLOSE, LINKED = 0.9, 0.5
@@ -119,27 +120,20 @@ def point_at(model_at: ModelAt, value: float) -> Point:
         model, _ = while_sliding(model_at(value))
     except SteadyStateError as error:
         return _nowhere(value, str(error))
-    steady, linear = linear_model(model)
-    steady, (mass, damping, stiffness) = np.asarray(steady), (np.asarray(part) for part in linear)
-    matrix = _state_matrix(Linear(mass, damping, stiffness))  # pyright: ignore[reportArgumentType]
+    # Of NumPy, so that no operation on its own is a program to compile.
+    steady, linear = jax.tree.map(np.asarray, linear_model(model))
+    matrix = linear.state_matrix()
     if not np.all(np.isfinite(steady)):
         return _nowhere(value, "no self-consistent steady sliding was found")
     if not np.all(np.isfinite(matrix)):
         return _nowhere(value, "the linear model is not finite")
-    eigenvalues, modes = solve_modes(model, matrix)
+    eigenvalues, modes = solve_modes(model.names, linear.mass, matrix)
     divergence, largest = growing_without_oscillation(eigenvalues), float(np.abs(eigenvalues).max())
     return Point(value, steady, modes, divergence, largest)
 
 
 def _nowhere(value: float, reason: str) -> Point:
     return Point(value, np.empty(0), (), None, 0.0, reason)
-
-
-def _state_matrix(linear: Linear) -> NDArray[np.float64]:
-    """As `Linear.state_matrix`, without a compiled program for each of its operations."""
-    n = len(linear.mass)
-    lower = -np.hstack([linear.stiffness, linear.damping]) / np.asarray(linear.mass)[:, None]
-    return np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), lower])
 
 
 def _overlap(a: Point, b: Point) -> NDArray[np.float64]:

@@ -98,30 +98,15 @@ def find_equilibrium(forces: Forces, n: int) -> Array:
             usable = jnp.all(jnp.isfinite(new)) & (damping >= LEAST_DAMPING) & (at.count < NEWTON_STEPS)
             return _Newton(point, matrix, new, point + damping * new, damping, at.count + 1, balanced, ~usable)
 
-        zero = jnp.zeros(n + 1)
-        start = _Newton(
-            guess,
-            jnp.eye(n + 1),
-            zero,
-            guess,
-            jnp.ones(()),
-            jnp.zeros((), int),
-            jnp.zeros((), bool),
-            jnp.zeros((), bool),
-        )
+        no = jnp.zeros((), bool)
+        start = _Newton(guess, jnp.eye(n + 1), jnp.zeros(n + 1), guess, jnp.ones(()), jnp.zeros((), int), no, no)
         return jax.lax.while_loop(lambda at: ~(at.balanced | at.failed), step, start)
 
     def search(path: _Path) -> _Path:
-        found = newton(path.guess, path.row, path.speed)
-        follows, stage = path.stage == FOLLOW, path.stage
-        beyond = follows & found.balanced & (found.point[n] >= 1)
-        # The next equilibrium along the path, and the direction there.
-        tangent = jnp.linalg.solve(found.matrix, all_friction)
-        speed = jnp.where(stage == FRICTIONLESS, jnp.linalg.norm(tangent[:n]), path.speed)
-        speed = jnp.where(speed > 0, speed, 1.0)
-        weight = jnp.append(jnp.full(n, 1 / speed), 1.0)
-        tangent = tangent / jnp.linalg.norm(weight * tangent)
-        onward = found.balanced & ((stage == FRICTIONLESS) | (follows & ~beyond))
+        found, stage = newton(path.guess, path.row, path.speed), path.stage
+        beyond = (stage == FOLLOW) & found.balanced & (found.point[n] >= 1)
+        onward = found.balanced & ((stage == FRICTIONLESS) | ((stage == FOLLOW) & ~beyond))
+        tangent, speed, weight = _heading(path, found, all_friction)
         base, direction = jnp.where(onward, found.point, path.base), jnp.where(onward, tangent, path.direction)
         length = jnp.where(onward, 2 * path.length, jnp.where(beyond, path.length, path.length / 2))
         length = jnp.where(stage <= FRICTIONLESS, FIRST_LENGTH, length)
@@ -129,18 +114,35 @@ def find_equilibrium(forces: Forces, n: int) -> Array:
         lost = lost | (base[n] < 0)  # back where there is no friction
         lost = lost | ((stage == FRICTIONLESS) & ~found.balanced) | ~jnp.all(jnp.isfinite(direction))
         following = jnp.where(beyond, ARRIVE, jnp.where(stage == DIRECT, FRICTIONLESS, FOLLOW))
-        next_stage = jnp.where(lost, NOT_FOUND, following)
-        polished = jnp.max(jnp.abs(found.step)) <= POLISH * jnp.max(jnp.abs(found.point[:n]))
         done = found.balanced & ((stage == DIRECT) | (stage == ARRIVE))
-        # Where it went beyond s = 1, straight back between the two.
-        back = path.base + (found.point - path.base) * (1 - path.base[n]) / (found.point[n] - path.base[n])
-        guess = jnp.where(beyond, back, base + length * direction)
-        guess = jnp.where(stage == DIRECT, 0.0, guess)
-        guess = jnp.where(done, found.point + jnp.where(polished, found.step, 0.0), guess)
+        next_stage = jnp.where(done, FOUND, jnp.where(lost, NOT_FOUND, following))
+        guess = jnp.where(beyond, _back(path, found), base + length * direction)
+        guess = jnp.where(done, _polished(found), jnp.where(stage == DIRECT, 0.0, guess))
         row = jnp.where(beyond | (stage == DIRECT), all_friction, weight**2 * direction)
-        return _Path(jnp.where(done, FOUND, next_stage), base, direction, length, speed, guess, row, path.count + 1)
+        return _Path(next_stage, base, direction, length, speed, guess, row, path.count + 1)
 
     zero, one = jnp.zeros(n + 1), jnp.ones(())
     start = _Path(jnp.asarray(DIRECT), zero, zero, one, one, all_friction, all_friction, jnp.zeros((), int))
     path = jax.lax.while_loop(lambda path: path.stage < FOUND, search, start)
     return jnp.where(path.stage == FOUND, path.guess[:n] / root, jnp.nan)
+
+
+def _heading(path: _Path, found: _Newton, all_friction: Array) -> tuple[Array, Array, Array]:
+    """The direction of the path at an equilibrium, and the speed and weight by which lengths along it count."""
+    n = all_friction.size - 1
+    tangent = jnp.linalg.solve(found.matrix, all_friction)
+    speed = jnp.where(path.stage == FRICTIONLESS, jnp.linalg.norm(tangent[:n]), path.speed)
+    speed = jnp.where(speed > 0, speed, 1.0)
+    weight = jnp.append(jnp.full(n, 1 / speed), 1.0)
+    return tangent / jnp.linalg.norm(weight * tangent), speed, weight
+
+
+def _back(path: _Path, found: _Newton) -> Array:
+    """Where the path went beyond s = 1, straight back between the two."""
+    return path.base + (found.point - path.base) * (1 - path.base[-1]) / (found.point[-1] - path.base[-1])
+
+
+def _polished(found: _Newton) -> Array:
+    """The equilibrium found, with the last Newton step where that is small."""
+    small = jnp.max(jnp.abs(found.step)) <= POLISH * jnp.max(jnp.abs(found.point[:-1]))
+    return found.point + jnp.where(small, found.step, 0.0)

@@ -1,7 +1,8 @@
-"""The linear model as a function of a scene's numbers, and its eigenvalues over many sets of them."""
+"""The linear model as a function of a scene's numbers: eigenvalues of many sets of them or scenes, and derivatives."""
 
-from collections.abc import Callable, Mapping
-from typing import NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -11,13 +12,28 @@ from jax.typing import ArrayLike
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from drumsqueal.physics.composition import linear_coordinates
-from drumsqueal.physics.model import Numbers, build_model
+from drumsqueal.errors import SteadyStateError
+from drumsqueal.physics.composition import Composition, compose, linear_coordinates
+from drumsqueal.physics.model import Numbers, assemble, build_model
 from drumsqueal.scene import Scene
-from drumsqueal.solve.linear.modes import DRIFT_FRACTION, OSCILLATING_FRACTION
-from drumsqueal.solve.linear.steady import Linear, linearise, steady_sliding
+from drumsqueal.solve.linear.modes import (
+    DRIFT_FRACTION,
+    OSCILLATING_FRACTION,
+    AboutSteady,
+    Stability,
+    about_steady,
+    analyse_stability,
+    stability_of,
+)
+from drumsqueal.solve.linear.steady import Linear, linear_model, linearise, steady_sliding
+
+# Side by side (`jax.vmap`) all sets of numbers would take every way of the contact integral: one after the other within
+# a program they take a three-hundredth of that time. So many scenes go into one, always, that a scene's result does not
+# depend on which others go with it, not in a bit; the last block is filled up with its last scene.
+BLOCK = 32
 
 Complex = NDArray[np.complex128]
+StateMatrix = Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]]
 
 
 class Spectrum(NamedTuple):
@@ -62,7 +78,7 @@ def linear_of(scene: Scene) -> Callable[[Numbers], Linear]:
 def spectra_of(scene: Scene, numbers: Mapping[str, ArrayLike]) -> Spectrum:
     """Eigenvalues for m sets of numbers, arrays (m,) by key as in `scene.numbers()`; what is not named is the scene's.
 
-    One program takes one set after the other: side by side they would take every way through the contact integral.
+    One program takes one set after the other.
     """
     stacked = {key: jnp.asarray(value, dtype=jnp.float64) for key, value in numbers.items()}
 
@@ -99,3 +115,83 @@ def _informative(pair: Complex, largest: float) -> complex:
         return upper
     held = pair[np.abs(pair) > DRIFT_FRACTION * largest]
     return complex(held[np.argmax(held.real)]) if held.size else 0j
+
+
+def state_matrix_of(scene: Scene, keys: tuple[str, ...]) -> StateMatrix:
+    """The state matrix A (2n, 2n) and ∂A/∂p (k, 2n, 2n) as a function of the numbers p (k,) with these keys, in SI.
+
+    By automatic differentiation of the model's own linearisation, one number after the other in one program, which is
+    compiled at the first call.
+    """
+    linear, size = linear_of(scene), len(keys)
+
+    def matrix(values: Array) -> Array:
+        return linear({key: values[k] for k, key in enumerate(keys)}).state_matrix()
+
+    @jax.jit
+    def with_derivatives(values: Array) -> tuple[Array, Array]:
+        return jax.lax.map(lambda direction: jax.jvp(matrix, (values,), (direction,)), jnp.eye(size))
+
+    def evaluate(values: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        matrices, derivatives = with_derivatives(jnp.asarray(values, dtype=jnp.float64))
+        return np.asarray(matrices[0]), np.asarray(derivatives)
+
+    return evaluate
+
+
+def eigenvalue_gradient(left: NDArray, right: NDArray, derivatives: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """∂λ/∂p (k,) = lᴴ (∂A/∂p) r of one simple eigenvalue, with lᴴ r = 1; `derivatives` (k, 2n, 2n).
+
+    Source: P. Lancaster, "On eigenvalues of matrices dependent on a parameter", Numerische Mathematik 6, 1964.
+    """
+    return np.einsum("i,kij,j->k", left.conj(), derivatives, right)
+
+
+def analyse_many(scenes: Sequence[Scene]) -> list[Stability | SteadyStateError]:
+    """Steady sliding and complex eigenvalues of each scene, or the error that says why it has none.
+
+    Over the coordinates of the eigenvalue problem, as in `drumsqueal stability`.
+    """
+    results: dict[int, Stability | SteadyStateError] = {}
+    groups: dict[tuple, list[int]] = {}
+    for index, scene in enumerate(scenes):
+        if isinstance(scene.drum.speed, float) and (scene.drum.speed != 0 or scene.friction is None):
+            groups.setdefault(_kind(scene), []).append(index)
+        else:  # at rest, now or always: which moment counts is another question
+            results[index] = _or_error(analyse_stability, build_model(scene, coordinates=linear_coordinates(scene)))
+    for (composition, _), members in groups.items():
+        for first in range(0, len(members), BLOCK):
+            block = members[first : first + BLOCK]
+            results.update(zip(block, _together(composition, [scenes[i] for i in block]), strict=True))
+    return [results[index] for index in range(len(scenes))]
+
+
+def _kind(scene: Scene) -> tuple[Composition, tuple]:
+    """What is static in the program of a scene: its composition, and the lengths of its profiles."""
+    # Forces do not change the linear model; which ones act would only ask for further programs.
+    composition = compose(scene)._replace(coordinates=linear_coordinates(scene), forced=())
+    return composition, tuple((key, np.shape(value)) for key, value in scene.numbers().items())
+
+
+def _or_error(analyse: Callable[..., Stability], *arguments: Any) -> Stability | SteadyStateError:
+    try:
+        return analyse(*arguments)
+    except SteadyStateError as error:
+        return error
+
+
+def _together(composition: Composition, scenes: list[Scene]) -> list[Stability | SteadyStateError]:
+    filled = [scene.numbers() for scene in scenes + scenes[-1:] * (BLOCK - len(scenes))]
+    stacked = {key: np.array([numbers[key] for numbers in filled]) for key in filled[0]}
+    found = jax.tree.map(np.asarray, _about_many(stacked, composition))
+    each = [jax.tree.map(lambda values, k=k: values[k], found) for k in range(len(scenes))]
+    return [_or_error(stability_of, composition.coordinates, one) for one in each]
+
+
+@partial(jax.jit, static_argnums=1)
+def _about_many(numbers: Mapping[str, np.ndarray], composition: Composition) -> AboutSteady:
+    def one(numbers: Mapping[str, Array]) -> AboutSteady:
+        model = assemble(composition, numbers)
+        return about_steady(model, *linear_model(model))
+
+    return jax.lax.map(one, numbers)

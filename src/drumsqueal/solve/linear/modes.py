@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from drumsqueal.errors import NoSteadySliding, SteadyStateError
 from drumsqueal.physics.bodies.body import scalars
-from drumsqueal.physics.effects.action import at_rest
-from drumsqueal.physics.effects.schedule import Profile
+from drumsqueal.physics.effects.effect import at_rest
+from drumsqueal.physics.effects.operation import Profile
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.linear.steady import Linear, linear_model, linearise, steady_sliding
 
@@ -140,17 +140,8 @@ def stability_of(names: tuple[str, ...], found: AboutSteady, time: float = 0.0) 
         raise SteadyStateError(NoSteadySliding.NOT_FOUND)
     if not (np.all(np.isfinite(matrix)) and np.isfinite(low) and np.isfinite(high)):
         raise SteadyStateError(NoSteadySliding.NOT_FINITE)
-    eigenvalues, modes = _solve(names, mass, matrix)
-    return Stability(
-        coordinates=names,
-        mass=mass,
-        steady_state=steady,
-        eigenvalues=eigenvalues,
-        modes=modes,
-        pressure_range=(low, high),
-        contact_fraction=float(found.contact_fraction),
-        time=time,
-    )
+    eigenvalues, modes = solve_modes(names, mass, matrix)
+    return Stability(names, mass, steady, eigenvalues, modes, (low, high), float(found.contact_fraction), time)
 
 
 def while_sliding(model: Model) -> tuple[Model, float]:
@@ -176,11 +167,6 @@ def growing_without_oscillation(eigenvalues: NDArray[np.complex128]) -> float | 
     return float(growing.max()) if growing.size else None
 
 
-def solve_modes(model: Model, matrix: NDArray[np.float64]) -> tuple[NDArray[np.complex128], tuple[Mode, ...]]:
-    """Eigenvalues (2n,), the slowest first, and oscillating modes by rising frequency, of a state matrix (2n, 2n)."""
-    return _solve(model.names, np.asarray(model.mass), matrix)
-
-
 @partial(jax.jit, static_argnames="mode")
 def growth_rate(model: Model, mode: str) -> Array:
     """Re λ (1/s) of the mode with that name, differentiable with respect to the model's numbers.
@@ -202,39 +188,23 @@ def growth_rate(model: Model, mode: str) -> Array:
     return jnp.where(jnp.any(meant), rate, jnp.nan)
 
 
-Complex = NDArray[np.complex128]
-
-
-def _eigen(matrix: NDArray[np.float64]) -> tuple[Complex, Complex, Complex]:
-    """Eigenvalues (2n,), left and right eigenvectors as columns (2n, 2n)."""
-    values, left, right = cast("tuple[Complex, ...]", scipy.linalg.eig(matrix, left=True, right=True))
-    return values, left, right
-
-
-def _solve(
+def solve_modes(
     names: tuple[str, ...], mass: NDArray[np.float64], matrix: NDArray[np.float64]
-) -> tuple[Complex, tuple[Mode, ...]]:
-    eigenvalues, left, right = _eigen(matrix)
-    order = np.lexsort((eigenvalues.imag, np.abs(eigenvalues.imag)))
-    return eigenvalues[order], _modes(names, mass, eigenvalues, left, right)
-
-
-def _modes(
-    names: tuple[str, ...], mass: NDArray[np.float64], eigenvalues: Complex, left: Complex, right: Complex
-) -> tuple[Mode, ...]:
-    n = len(names)
-    weight = np.sqrt(mass)
+) -> tuple[NDArray[np.complex128], tuple[Mode, ...]]:
+    """Eigenvalues (2n,), the slowest first, and oscillating modes by rising frequency, of a state matrix (2n, 2n)."""
+    eigenvalues, left, right = cast(
+        "tuple[NDArray[np.complex128], ...]", scipy.linalg.eig(matrix, left=True, right=True)
+    )
     largest = np.max(np.abs(eigenvalues))
-    modes = []
+    modes: list[Mode] = []
     for k in np.argsort(eigenvalues.imag):
         if eigenvalues[k].imag <= OSCILLATING_FRACTION * largest:
             continue
-        main = int(np.argmax(np.abs(right[:n, k]) * weight))
+        main = int(np.argmax(np.abs(right[: len(names), k]) * np.sqrt(mass)))
         shape = right[:, k] / right[main, k]
         projection = left[:, k] / np.conj(np.vdot(left[:, k], shape))
         unstable = bool(eigenvalues[k].real > UNDAMPED_FRACTION * largest)
-        name = names[main]
-        earlier = sum(mode.name == name for mode in modes)
-        label = f"{name} ({earlier + 1})" if earlier else name
-        modes.append(Mode(name, label, complex(eigenvalues[k]), unstable, shape, projection))
-    return tuple(modes)
+        earlier = sum(mode.name == names[main] for mode in modes)
+        label = f"{names[main]} ({earlier + 1})" if earlier else names[main]
+        modes.append(Mode(names[main], label, complex(eigenvalues[k]), unstable, shape, projection))
+    return eigenvalues[np.lexsort((eigenvalues.imag, np.abs(eigenvalues.imag)))], tuple(modes)

@@ -2,7 +2,7 @@
 
 import dataclasses
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -11,29 +11,29 @@ from jax import Array
 from jax.core import Tracer
 
 from drumsqueal.errors import NoSteadySliding, SteadyStateError
-from drumsqueal.physics.effects.action import at_rest
-from drumsqueal.physics.effects.assembly import Balance
 from drumsqueal.physics.effects.contact import Contact
+from drumsqueal.physics.effects.effect import at_rest
+from drumsqueal.physics.effects.forcing import Forcing
 from drumsqueal.physics.model import Model
-from drumsqueal.physics.quadrature.smooth import SteadySurface
+from drumsqueal.physics.quadrature.area import SteadySurface
 from drumsqueal.solve.linear.equilibrium import find_equilibrium
 
 COUPLED_FRACTION = 1e-10  # of the largest coupling: below it is round-off
 
 
 class Linear(NamedTuple):
-    """M q̈ + C q̇ + K q = 0 about steady sliding: mass (n,), damping and stiffness (n, n)."""
+    """M q̈ + C q̇ + K q = 0 about steady sliding: mass (n,), damping and stiffness (n, n), of JAX or of NumPy."""
 
-    mass: Array
-    damping: Array
-    stiffness: Array
+    mass: Any
+    damping: Any
+    stiffness: Any
 
-    def state_matrix(self) -> Array:
+    def state_matrix(self) -> Any:
         """Matrix A of d/dt (q, q̇) = A (q, q̇), shape (2n, 2n)."""
-        n = self.mass.shape[0]
-        top = jnp.concatenate([jnp.zeros((n, n)), jnp.eye(n)], axis=1)
-        bottom = -jnp.concatenate([self.stiffness, self.damping], axis=1) / self.mass[:, None]
-        return jnp.concatenate([top, bottom])
+        n, jax_or_numpy = self.mass.shape[0], np if isinstance(self.mass, np.ndarray) else jnp
+        top = jax_or_numpy.concatenate([jax_or_numpy.zeros((n, n)), jax_or_numpy.eye(n)], axis=1)
+        bottom = -jax_or_numpy.concatenate([self.stiffness, self.damping], axis=1) / self.mass[:, None]
+        return jax_or_numpy.concatenate([top, bottom])
 
 
 def steady_sliding(model: Model) -> Array:
@@ -44,9 +44,10 @@ def steady_sliding(model: Model) -> Array:
     where none is found; inside `jax.jit` and the like, where nothing can be raised, q* is NaN then.
     """
     symmetric = model.body.symmetric
-    if not any(symmetric) or any(isinstance(effect, Balance) for effect in model.others):
+    if not any(symmetric) or model.balanced:
         return jnp.zeros(len(symmetric))
-    plane = model.undisturbed().in_plane()
+    still = tuple(effect for effect in model.others if not isinstance(effect, Forcing))
+    plane = dataclasses.replace(model.in_plane(), others=still)
     found = find_equilibrium(partial(_static_forces, jax.lax.stop_gradient(plane)), sum(symmetric))
     q = jax.lax.custom_root(
         lambda q: _static_forces(plane, jnp.append(q, 1.0))[0],
@@ -91,8 +92,7 @@ def _near_steady_sliding(model: Model) -> Model:
     """The model for motion infinitely near to steady sliding; balanced forces leave the whole lining pressed there."""
     if not isinstance(model.contact, Contact):
         return model
-    balanced = any(isinstance(effect, Balance) for effect in model.others)
-    surface = SteadySurface(cut=not balanced)
+    surface = SteadySurface(cut=not model.balanced)
     return dataclasses.replace(model, contact=dataclasses.replace(model.contact, surface=surface))
 
 

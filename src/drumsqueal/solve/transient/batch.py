@@ -98,19 +98,14 @@ def integrate_many(
             local = local_tolerance(np.float64(tolerance), solver)
             # Eigenvalues of a batch wait for the threads they run in: two programs at once would wait for each other.
             measures = [jax.block_until_ready(_resolutions(fraction.models, span, local)) for fraction in fractions]
-            jobs = [
-                (fraction, measure, span, local, solver) for fraction, measure in zip(fractions, measures, strict=True)
-            ]
+            jobs = [(*each, span, local, solver) for each in zip(fractions, measures, strict=True)]
             done = list(pool.map(lambda job: _advance(*job), jobs))
-            fractions = [fraction for fraction, _, _, _ in done]
+            fractions = [each[0] for each in done]
+            states, steps, reached = jax.tree.map(lambda *parts: np.concatenate(parts), *(each[1:] for each in done))
             fresh = slice(0 if first == 0 else 1, count + 1)
-            yield Batch(
-                np.arange(first, first + count + 1)[fresh] / sample_rate,
-                _joined([states.vibration for _, states, _, _ in done])[:, fresh],
-                _joined([states.velocity for _, states, _, _ in done])[:, fresh],
-                _joined([steps for _, _, steps, _ in done]) * STAGES[solver] + 1,
-                _joined([reached for _, _, _, reached in done]),
-            )
+            time = np.arange(first, first + count + 1)[fresh] / sample_rate
+            evaluations = steps * STAGES[solver] + 1
+            yield Batch(time, states.vibration[:, fresh], states.velocity[:, fresh], evaluations, reached)
 
 
 def _check(models: Sequence[Model], solver: str, states: Mapping[str, ArrayLike], threads: int | None) -> None:
@@ -165,7 +160,3 @@ def _one_after_the_other(
         return final, segment.step, segment.states, segment.steps, segment.reached
 
     return jax.lax.map(one, items)
-
-
-def _joined(parts: Sequence[Array]) -> np.ndarray:
-    return np.concatenate([np.asarray(part) for part in parts])

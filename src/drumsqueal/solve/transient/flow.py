@@ -15,11 +15,10 @@ from jax.typing import ArrayLike
 
 from drumsqueal.physics.kernel import compiled, one_kernel
 from drumsqueal.physics.model import Model
-from drumsqueal.solve.transient.runge_kutta import DEFAULT, make_solver, stage_weights
-from drumsqueal.solve.transient.sdirk import Stages
+from drumsqueal.solve.transient.runge_kutta import DEFAULT, make_solver
 from drumsqueal.solve.transient.segment import first_step, local_tolerance, motion_scale
 from drumsqueal.solve.transient.state import State
-from drumsqueal.solve.transient.stepping import Attempt, step_through
+from drumsqueal.solve.transient.stepping import Attempt, Stepped, step_through
 
 TIGHT = 1e-11  # tolerance of neighbours that are subtracted from each other
 APART = 1e-6  # of the size of the motion: how far they begin from it
@@ -45,12 +44,7 @@ class Flow(NamedTuple):
 
 
 def flow(
-    model: Model,
-    size: ArrayLike,
-    state: ArrayLike,
-    duration: Any,
-    tolerance: Any,
-    change: Model | None = None,
+    model: Model, size: ArrayLike, state: ArrayLike, duration: Any, tolerance: Any, change: Model | None = None
 ) -> Flow:
     """Follow M q̈ = Σ Q from (q, q̇)/size (2n,) for a duration (s), with q (n,) measured from q = 0.
 
@@ -85,22 +79,25 @@ def _ends(model: Model, size: Array, starts: Array, duration: Array, local: Arra
 
 
 def _each_followed(model: Model, size: Array, starts: Array, duration: Array, local: Array) -> Array:
-    unused: Any = Stages(lambda _, q, v: (q, v), jnp.ones(1), jnp.ones(1), local)  # the method is explicit
-
     def end(start: Array) -> Array:
-        stepped = step_through(
-            make_solver(DEFAULT, unused),
-            lambda _, y: _rate(model, size, y),
-            jnp.stack([jnp.zeros(()), duration]),
-            start,
-            FIRST_STEP * duration,
-            tolerance=local,
-            norm=lambda error: jnp.max(jnp.abs(error)),
-            budget=jnp.asarray(BUDGET),
-        )
+        stepped = _stepped(model, size, start, duration, local)
         return jnp.where(stepped.reached, stepped.last, jnp.nan)
 
     return jax.lax.map(end, starts)
+
+
+def _stepped(model: Model, size: Array, start: Array, duration: Array, local: Array, **tangents: Any) -> Stepped:
+    return step_through(
+        make_solver(DEFAULT),
+        lambda _, y: _rate(model, size, y),
+        jnp.stack([jnp.zeros(()), duration]),
+        start,
+        FIRST_STEP * duration,
+        tolerance=local,
+        norm=lambda error: jnp.max(jnp.abs(error)),
+        budget=jnp.asarray(BUDGET),
+        **tangents,
+    )
 
 
 def _rate(model: Model, size: Array, scaled: Array) -> Array:
@@ -128,50 +125,31 @@ def _followed(
 ) -> Flow:
     unknowns = state.size
 
-    def rate(model: Model, scaled: Array) -> Array:
-        return _rate(model, size, scaled)
-
     def derivatives(state: Array) -> Array:
         """∂ẏ/∂(y, p), direction by direction as rows (2n + 1, 2n)."""
 
         def along(unit: Array) -> Array:
             changed = jax.tree.map(lambda x: x * unit[-1], change)
-            return jax.jvp(rate, (model, state), (changed, unit[:-1]))[1]
+            return jax.jvp(lambda model, y: _rate(model, size, y), (model, state), (changed, unit[:-1]))[1]
 
         return jax.vmap(along)(jnp.eye(unknowns + 1))
 
-    def along(step: Attempt, beside: tuple[Array, Array]) -> tuple[Array, Array]:
-        return _pushed(step, beside[0], derivatives, local, longest), step.slope_after
+    def along(step: Attempt, carried: tuple[Array, Array]) -> tuple[Array, Array]:
+        return _pushed(step, carried[0], derivatives, local, longest), step.slope_after
 
-    unused: Any = Stages(lambda _, q, v: (q, v), jnp.ones(1), jnp.ones(1), local)  # the method is explicit
-    stepped = step_through(
-        make_solver(DEFAULT, unused),
-        lambda _, y: rate(model, y),
-        jnp.stack([jnp.zeros(()), duration]),
-        state,
-        FIRST_STEP * duration,
-        tolerance=local,
-        norm=lambda error: jnp.max(jnp.abs(error)),
-        budget=jnp.asarray(BUDGET),
-        longest=longest,
-        along=along,
-        beside=(jnp.eye(unknowns + 1, unknowns), state),
-    )
+    begin = jnp.eye(unknowns + 1, unknowns), state
+    stepped = _stepped(model, size, state, duration, local, longest=longest, along=along, carried=begin)
     # Tangents come as rows, one for each direction; a derivative has them as columns.
-    tangents, rates = stepped.beside
+    tangents, rates = stepped.carried
     return Flow(stepped.last, rates, tangents[:unknowns].T, tangents[-1], stepped.steps, stepped.reached)
 
 
 def _pushed(
-    step: Attempt,
-    tangents: Array,
-    derivatives: Callable[[Array], Array],
-    local: Array,
-    longest: Array,
+    step: Attempt, tangents: Array, derivatives: Callable[[Array], Array], local: Array, longest: Array
 ) -> Array:
     """Tangents (2n + 1, 2n), the last one of the parameter, at the end of a step of the same method."""
     h, slopes, n = step.end - step.start, step.dense["k"], step.before.size
-    weights = stage_weights(DEFAULT)
+    weights = make_solver(DEFAULT).weights
     states = [step.before + sum(a * slope for a, slope in zip(row, slopes, strict=True) if a != 0) for row in weights]
     rows = jax.lax.map(derivatives, jnp.stack(states))
 

@@ -4,7 +4,7 @@ A Python loop over chunks keeps memory flat, lets an interrupted run keep its da
 compiled program, which would bar it from the persistent compilation cache.
 """
 
-from collections.abc import Generator, Mapping
+from collections.abc import Generator, Mapping, Sequence
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -15,14 +15,13 @@ from jax import Array
 from jax.typing import ArrayLike
 
 from drumsqueal.errors import IntegrationError
-from drumsqueal.physics.effects.touching import Observation
+from drumsqueal.physics.effects.effect import Observation
 from drumsqueal.physics.model import Model
 from drumsqueal.precision import real
-from drumsqueal.solve.transient.choice import Method
 from drumsqueal.solve.transient.runge_kutta import AUTO, IMPLICIT, STAGES, is_explicit
 from drumsqueal.solve.transient.segment import STEP_BUDGET, Segment, first_step
 from drumsqueal.solve.transient.state import CHUNK_SAMPLES, Span, State
-from drumsqueal.solve.transient.stick_slip import StickSlip
+from drumsqueal.solve.transient.stick_slip import Method, StickSlip
 
 STICKING = 1e-3  # m/s; friction power over normal force below which a collapsed step means a sticking lining
 
@@ -93,9 +92,8 @@ def integrate(
         # NumPy's numbers go into a compiled call at a tenth of what it takes to make arrays of them.
         span = Span(np.float64(first / sample_rate), np.float64(1 / sample_rate), np.int64(count))
         segment = run.through(state, span, step)
-        chunk = _to_chunk(segment, first_energy, sample_rate, first, count, np.asarray(steady), model.remembered)
-        chunk = chunk._replace(evaluations=_evaluations(segment, run.solvers), changes=tuple(run.changes))
-        chunk.implicit[:] = IMPLICIT in run.solvers
+        time = np.arange(first, first + count + 1) / sample_rate
+        chunk = _to_chunk(segment, time, first_energy, np.asarray(steady), model.remembered, run)
         good = np.isfinite(chunk.displacement).all(axis=1) & np.isfinite(chunk.velocity).all(axis=1)
         good &= np.isfinite(chunk.energy_balance_error)
         kept = count + 1 if good.all() else int(np.argmin(good))
@@ -116,18 +114,16 @@ def _energy(model: Model, steady: Array, state: State) -> tuple[Array, Array]:
 
 def _to_chunk(
     segment: Segment,
+    time: np.ndarray,
     first_energy: float,
-    sample_rate: float,
-    first: int,
-    count: int,
     steady: np.ndarray,
-    remembered: tuple[str, ...],
+    remembered: Sequence[str],
+    run: StickSlip,
 ) -> Chunk:
-    states = jax.tree.map(lambda x: np.asarray(x)[: count + 1], segment.states)
-    observation = jax.tree.map(lambda x: np.asarray(x)[: count + 1], segment.observation)
-    kinetic, potential = (np.asarray(x)[: count + 1] for x in (segment.kinetic, segment.potential))
+    """What the segment has up to the last time (k,)."""
+    states, observation, kinetic, potential = jax.tree.map(lambda x: np.asarray(x)[: time.size], segment[:4])
     return Chunk(
-        time=np.arange(first, first + count + 1) / sample_rate,
+        time=time,
         displacement=states.vibration + steady,
         velocity=states.velocity,
         observation=observation,
@@ -136,10 +132,11 @@ def _to_chunk(
         energy_balance_error=kinetic + potential - first_energy - states.work,
         steps=int(segment.steps),
         rejected_steps=int(segment.steps - segment.kept),
-        evaluations=np.nan,
-        implicit=np.zeros(count + 1),
+        evaluations=_evaluations(segment, run.solvers),
+        implicit=np.full(time.size, float(IMPLICIT in run.solvers)),
         end=None,
         remembered=dict(zip(remembered, () if states.memory is None else states.memory.T, strict=True)),
+        changes=tuple(run.changes),
     )
 
 

@@ -1,7 +1,10 @@
-"""The Runge-Kutta methods that a scene can ask for: diffrax's, the explicit ones with a loop over stages of our own."""
+"""The Runge-Kutta methods that a scene can ask for: diffrax's explicit ones, and an implicit one for stiff sliding.
+
+A method has an order, an interpolation of diffrax, and steps whose first slope is the last one of the step before.
+"""
 
 from collections.abc import Callable, Mapping
-from typing import Any, ClassVar
+from typing import Any, NamedTuple
 
 import diffrax
 import jax
@@ -9,10 +12,13 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from drumsqueal.solve.transient.sdirk import Sdirk4, Stages
+Rate = Callable[[Array, Array, tuple[Array, Array]], Array]
+"""ẏ at a time between two others, and a state y (n,)."""
+Step = tuple[Array, Array, dict[str, Any], Array]
+"""Where a step ends (n,), its error estimate (n,), what the interpolation needs, and the slope at its end (n,)."""
 
 
-class Explicit(diffrax.AbstractAdaptiveSolver):
+class Explicit:
     """One step y1 = y0 + h Σ b_i k_i, k_i = f(t0 + c_i h, y0 + h Σ_j a_ij k_j), of an explicit method of diffrax.
 
     Its last stage is the first of the next step (FSAL). The state is one array (n,). Tableau, order and interpolation
@@ -20,56 +26,186 @@ class Explicit(diffrax.AbstractAdaptiveSolver):
     the plane instead of 1.4. Written out stage by stage it takes three times as long, and to compile, too.
     """
 
-    method: diffrax.AbstractERK
-    term_structure: ClassVar = diffrax.ODETerm
-
-    @property
-    def interpolation_cls(self) -> Callable[..., diffrax.AbstractLocalInterpolation]:  # pyright: ignore
-        """The method's interpolation."""
-        return self.method.interpolation_cls
-
-    def order(self, terms: diffrax.AbstractTerm) -> int | None:
-        """Order of convergence."""
-        return self.method.order(terms)
-
-    def func(self, terms: diffrax.AbstractTerm, t0: Any, y0: Array, args: Any) -> Array:
-        """Evaluate the vector field."""
-        return terms.vf(t0, y0, args)
-
-    def init(self, terms: diffrax.AbstractTerm, t0: Any, t1: Any, y0: Array, args: Any) -> Array:
-        """The vector field at the start, which is the first stage."""
-        del t1
-        return terms.vf(t0, y0, args)
-
-    def step(
-        self,
-        terms: diffrax.AbstractTerm,
-        t0: Any,
-        t1: Any,
-        y0: Array,
-        args: Any,
-        solver_state: Array,
-        made_jump: Any,
-    ) -> tuple[Array, Array, dict[str, Any], Array, diffrax.RESULTS]:
-        """Make one step: y1, its error estimate, what the interpolation needs, and the first stage of the next."""
-        del made_jump  # nothing jumps
-        tableau = self.method.tableau
-        assert isinstance(tableau, diffrax.ButcherTableau)
+    def __init__(self, method: diffrax.AbstractERK) -> None:
+        """Take the method; `weights` are its a_ij (s, s), the last stage of which lies at the end of the step."""
+        tableau: Any = method.tableau
         assert tableau.fsal
-        weights, fractions = jnp.asarray(_weights(tableau)), jnp.asarray([0.0, *tableau.c])
+        self.order, self.interpolation, self._tableau = method.order(None), method.interpolation_cls, tableau
+        self.weights = np.zeros((tableau.num_stages, tableau.num_stages))
+        for row, coefficients in enumerate(tableau.a_lower, start=1):
+            self.weights[row, :row] = coefficients
+
+    def step(self, rate: Rate, t0: Any, t1: Any, y0: Array, first: Array, piece: tuple[Array, Array]) -> Step:
+        """Make one step from the slope at its start; `piece` are the first and the last time to ask for rates."""
+        tableau = self._tableau
+        weights, fractions = jnp.asarray(self.weights), jnp.asarray([0.0, *tableau.c])
         h = jnp.asarray(t1) - t0
 
         def stage(i: Array, stages: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
             slopes = stages[0]
             # Term by term over all that may come before: a product with the matrix is a loop of its own.
             y = y0 + h * sum(weights[i, j] * slopes[j] for j in range(tableau.num_stages - 1))
-            slope = terms.vf(t0 + fractions[i] * h, y, args)
+            slope = rate(t0 + fractions[i] * h, y, piece)
             return slopes.at[i].set(slope), y, slope
 
-        slopes = jnp.zeros((tableau.num_stages, y0.size)).at[0].set(solver_state)
-        slopes, y1, last = jax.lax.fori_loop(1, tableau.num_stages, stage, (slopes, y0, solver_state))
+        slopes = jnp.zeros((tableau.num_stages, y0.size)).at[0].set(first)
+        slopes, y1, last = jax.lax.fori_loop(1, tableau.num_stages, stage, (slopes, y0, first))
         error = h * sum(float(b) * slopes[j] for j, b in enumerate(tableau.b_error) if b != 0)
-        return y1, error, {"y0": y0, "y1": y1, "k": h * slopes}, last, diffrax.RESULTS.successful
+        return y1, error, {"y0": y0, "y1": y1, "k": h * slopes}, last
+
+
+# SDIRK of order four with an embedded third (Hairer & Wanner, Solving Ordinary Differential Equations II, table
+# IV.6.5): five stages, L-stable, and the last one is the result: nothing depends on forces where friction jumps.
+GAMMA = 0.25
+FRACTIONS = np.array([1 / 4, 3 / 4, 11 / 20, 1 / 2, 1.0])
+WEIGHTS = np.zeros((5, 5))  # of earlier stages
+WEIGHTS[1, :1] = 1 / 2
+WEIGHTS[2, :2] = 17 / 50, -1 / 25
+WEIGHTS[3, :3] = 371 / 1360, -137 / 2720, 15 / 544
+WEIGHTS[4, :4] = 25 / 24, -49 / 48, 125 / 16, -85 / 12
+ERROR = np.array([-3 / 16, -27 / 32, 25 / 32, 0.0, 1 / 4])
+
+SOLVED = 0.01  # of what a step may err: how well its equations are solved
+MOST_ITERATIONS = 20  # of Newton's method; where it converges it takes two to four, at corners of friction ten
+MOST_HALVINGS = 12  # of the interval in which a step of Newton's is searched for the corner that it overshot
+ENOUGH = 0.5  # of the slope along a step: what may be left of it, or turned round
+
+
+class Stages(NamedTuple):
+    """What the stages of a second-order system ask for: y = (q, v, w) (2n + m + 1,) in scaled units, w a number.
+
+    q̇ = ratio · v with `ratio` (n,), of the first n of v (n + m,): the others have rates alone. `rates` gives v̇ and ẇ
+    at (t, q, v); `metric` (n + m,) is the mass, in which friction is the gradient of something, zero for the others. A
+    stage is solved to a fraction of tolerance · (1 + size(y)).
+    """
+
+    rates: Callable[[Array, Array, Array], tuple[Array, Array]]
+    ratio: Array
+    metric: Array
+    tolerance: Array
+    size: Callable[[Array], Array] = jnp.abs
+
+
+class _Found(NamedTuple):
+    """An iterate, the change that led to it, the slope where that began, and whether it was cut at a corner."""
+
+    v: Array
+    change: Array
+    slope: Array
+    cut: Array
+    power: Array
+    error: Array
+    iterations: Array
+
+
+class Sdirk4:
+    """One step of SDIRK4: Y_i = y0 + h Σ_j a_ij k_j, k_i = f(t0 + c_i h, Y_i), each solved for its velocity alone.
+
+    Where friction is convex in the velocity (μ does not fall too fast) each stage is the least of a convex function.
+    Newton's method with fresh derivatives and a line search finds it also across its corners, as where a point of the
+    lining begins to slip backwards: there the force grows like a square root.
+    """
+
+    order = 4
+    interpolation = diffrax.ThirdOrderHermitePolynomialInterpolation
+
+    def __init__(self, stages: Stages) -> None:
+        """Take what the stages ask for, in place of the rate that `step` is given."""
+        self._stages = stages
+
+    def step(self, rate: Rate, t0: Any, t1: Any, y0: Array, first: Array, piece: tuple[Array, Array]) -> Step:
+        """Make one step, as `Explicit.step`."""
+        del rate
+        start, h = jnp.asarray(t0), jnp.asarray(t1) - t0
+        weights, fractions = jnp.asarray(WEIGHTS), jnp.asarray(FRACTIONS)
+
+        def stage(i: Array, found: tuple[Array, Array, Array, Array]) -> tuple[Array, Array, Array, Array]:
+            slopes, slope, _, sound = found
+            base = y0 + h * sum(weights[i, j] * slopes[j] for j in range(4))
+            slope, y, solved = self._stage(jnp.clip(start + fractions[i] * h, *piece), base, h * GAMMA, slope)
+            return slopes.at[i].set(slope), slope, y, sound & solved
+
+        begin = (jnp.zeros((5, y0.size)), first, y0, jnp.asarray(True))
+        slopes, last, y1, sound = jax.lax.fori_loop(0, 5, stage, begin)
+        error = h * sum(float(e) * slopes[j] for j, e in enumerate(ERROR) if e != 0)
+        error = jnp.where(sound, error, jnp.inf)  # the step is tried again, smaller
+        dense = {"y0": y0, "y1": y1, "k0": h * first, "k1": h * last}
+        return y1, error, dense, last
+
+    def _stage(self, t: Array, base: Array, h: Array, guess: Array) -> tuple[Array, Array, Array]:
+        """Slope k and state Y = base + h k at time t, and whether they were found; from a guess of k."""
+        stages, n = self._stages, self._stages.ratio.size
+        q, v, w = base[:n], base[n:-1], base[-1]
+
+        def residual(x: Array) -> tuple[Array, Array]:
+            rate, power = stages.rates(t, q + h * stages.ratio * x[:n], x)
+            return x - v - h * rate, power
+
+        def with_value(x: Array) -> tuple[Array, tuple[Array, Array]]:
+            value, power = residual(x)
+            return value, (value, power)
+
+        def unfinished(now: _Found) -> Array:
+            return (now.error > SOLVED * stages.tolerance) & (now.iterations < MOST_ITERATIONS)
+
+        def iterate(now: _Found) -> _Found:
+            matrix, (value, power) = jax.jacfwd(with_value, has_aux=True)(now.v)
+            here = jnp.sum(stages.metric * now.change * value)
+            # Past a corner the slope along the change turns round and is steep: go back to about where it turns.
+            past = ~now.cut & (here * now.slope < 0) & (jnp.abs(here) > ENOUGH * jnp.abs(now.slope))
+            fraction = _turn(
+                lambda fraction: residual(now.v - fraction * now.change)[0], here, now, past, stages.metric
+            )
+            change = jnp.where(past, -fraction * now.change, -_solved(matrix, value))
+            slope = jnp.sum(stages.metric * change * value)
+            y = jnp.concatenate([q + h * stages.ratio * now.v[:n], now.v, w[None]])
+            error = jnp.where(past, jnp.inf, jnp.max(jnp.abs(change) / (1 + stages.size(y)[n:-1])))
+            return _Found(now.v + change, change, slope, past, power, error, now.iterations + 1)
+
+        x, nothing = v + h * guess[n:-1], jnp.zeros(v.size)
+        start = _Found(
+            x, nothing, jnp.zeros(()), jnp.asarray(False), jnp.zeros(()), jnp.asarray(jnp.inf), jnp.zeros((), int)
+        )
+        found = jax.lax.while_loop(unfinished, iterate, start)
+        slope = jnp.concatenate([stages.ratio * found.v[:n], (found.v - v) / h, found.power[None]])
+        y = jnp.concatenate([q + h * stages.ratio * found.v[:n], found.v, (w + h * found.power)[None]])
+        return slope, y, found.error <= SOLVED * stages.tolerance
+
+
+def _turn(residual: Callable[[Array], Array], here: Array, now: _Found, past: Array, metric: Array) -> Array:
+    """Fraction of the last change to take back, so that the slope along it is about to turn round; Illinois' rule."""
+
+    def unfinished(search: tuple[Array, ...]) -> Array:
+        *_, value, count = search
+        return past & (jnp.abs(value) > ENOUGH * jnp.abs(now.slope)) & (count < MOST_HALVINGS)
+
+    def narrow(search: tuple[Array, ...]) -> tuple[Array, ...]:
+        low, at_low, high, at_high, fraction, value, count = search
+        fraction = low + (high - low) * at_low / (at_low - at_high)
+        value = jnp.sum(metric * now.change * residual(fraction))
+        as_low = value * at_low > 0
+        # The end that stays counts half as much each time.
+        return (
+            jnp.where(as_low, fraction, low), jnp.where(as_low, value, at_low / 2),
+            jnp.where(as_low, high, fraction), jnp.where(as_low, at_high / 2, value),
+            fraction, value, count + 1,
+        )  # fmt: skip
+
+    zero, one = jnp.zeros(()), jnp.ones(())
+    return jax.lax.while_loop(unfinished, narrow, (zero, here, one, now.slope, zero, here, jnp.zeros((), int)))[4]
+
+
+def _solved(matrix: Array, right: Array) -> Array:
+    """Solve by elimination without exchanges: the identity is on the diagonal, and friction mostly adds to it."""
+    count = right.size
+    for i in range(count - 1):
+        factor = matrix[i + 1 :, i] / matrix[i, i]
+        matrix = matrix.at[i + 1 :, i:].add(-factor[:, None] * matrix[i, i:])
+        right = right.at[i + 1 :].add(-factor * right[i])
+    for i in reversed(range(count)):
+        right = right.at[i].set(right[i] / matrix[i, i])
+        right = right.at[:i].add(-matrix[:i, i] * right[i])
+    return right
 
 
 _EXPLICIT: Mapping[str, diffrax.AbstractERK] = {
@@ -84,8 +220,6 @@ SOLVERS = (*_EXPLICIT, IMPLICIT)
 """What `simulate.solver` can be, besides "auto"."""
 STAGES: Mapping[str, int] = {"tsit5": 6, "dopri5": 6, "dopri8": 13}
 """Evaluations of the vector field a step, of the explicit methods."""
-
-
 LOCAL_FRACTION: Mapping[str, float] = {"tsit5": 0.005, "dopri5": 0.002, "dopri8": 0.01, "sdirk4": 0.01}
 """Fraction of a scene's tolerance that one step may err: errors add up over some thousand steps.
 
@@ -94,25 +228,14 @@ mostly by about as much (see `drumsqueal accuracy`).
 """
 
 
-def stage_weights(name: str) -> np.ndarray:
-    """The matrix a_ij (s, s) of an explicit method, whose last stage lies at the end of the step."""
-    tableau = _EXPLICIT[name].tableau
-    assert isinstance(tableau, diffrax.ButcherTableau)
-    return _weights(tableau)
-
-
-def _weights(tableau: diffrax.ButcherTableau) -> np.ndarray:
-    matrix = np.zeros((tableau.num_stages, tableau.num_stages))
-    for row, coefficients in enumerate(tableau.a_lower, start=1):
-        matrix[row, :row] = coefficients
-    return matrix
-
-
 def is_explicit(name: str) -> bool:
     """Whether a method solves no equations."""
     return name in _EXPLICIT
 
 
-def make_solver(name: str, stages: Stages) -> Any:
+def make_solver(name: str, stages: Stages | None = None) -> Any:
     """The method of that name; `stages` is what an implicit one asks for."""
-    return Explicit(_EXPLICIT[name]) if is_explicit(name) else Sdirk4(stages)
+    if is_explicit(name):
+        return Explicit(_EXPLICIT[name])
+    assert stages is not None
+    return Sdirk4(stages)

@@ -11,12 +11,12 @@ from jax.typing import ArrayLike
 
 from drumsqueal.physics.bodies.body import scalars
 from drumsqueal.physics.effects.damping import frictionless_modes
-from drumsqueal.physics.effects.touching import Observation
+from drumsqueal.physics.effects.effect import Observation
+from drumsqueal.physics.effects.pressure import yielding
 from drumsqueal.physics.kernel import compiled, one_kernel
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.transient.passing import Step, fraction_to_rest
-from drumsqueal.solve.transient.runge_kutta import DEFAULT, LOCAL_FRACTION, make_solver
-from drumsqueal.solve.transient.sdirk import Stages
+from drumsqueal.solve.transient.runge_kutta import DEFAULT, LOCAL_FRACTION, Stages, make_solver
 from drumsqueal.solve.transient.state import Span, State
 from drumsqueal.solve.transient.stepping import Attempt, Stepped, step_through
 from drumsqueal.solve.transient.sticking import slip, slip_acceleration, slip_motion
@@ -76,20 +76,10 @@ def advance(
     ends early where hardly any of it slips.
     """
     local = local_tolerance(tolerance, solver)
-    arguments = (
-        model,
-        steady,
-        state,
-        span,
-        local,
-        step,
-        resolution(model, span, local),
-        model.operation.corners,
-        solver,
-        jnp.asarray(STEP_BUDGET if budget is None else budget),
-        jnp.asarray(tolerance) if sticks else None,
-    )
-    return one_kernel(advance_scaled, *arguments) if in_kernel else advance_scaled(*arguments)
+    measure, corners = resolution(model, span, local), model.operation.corners
+    limits = jnp.asarray(STEP_BUDGET if budget is None else budget), jnp.asarray(tolerance) if sticks else None
+    run = partial(one_kernel, advance_scaled) if in_kernel else advance_scaled
+    return run(model, steady, state, span, local, step, measure, corners, solver, *limits)
 
 
 @compiled
@@ -112,7 +102,10 @@ def local_tolerance(tolerance: ArrayLike, solver: str) -> Array:
 
 
 class Resolution(NamedTuple):
-    """What motion is measured by: frictionless frequencies (n,) in rad/s, mass-normalised modes (n, n), least speed."""
+    """What motion is measured by: frictionless frequencies (n,) in rad/s, mass-normalised modes (n, n), least speed.
+
+    That is the speed of a mass-normalised mode (m/s √kg) that vibrates at the highest frequency as little as rest does.
+    """
 
     omega: Array
     modes: Array
@@ -146,9 +139,9 @@ def resolution(model: Model, span: Span, local: Array) -> Resolution:
     return _resolution(model, _quiet(model, jnp.asarray(span.start), local))
 
 
-def _resolution(model: Model, quiet: ArrayLike) -> Resolution:
+def _resolution(model: Model, quiet: ArrayLike = QUIET) -> Resolution:
     omega, modes = frictionless_modes(model.mass, model.stiffness)
-    return Resolution(omega, modes, _least_speed(model, _highest(omega), quiet))
+    return Resolution(omega, modes, jnp.asarray(quiet) * _highest(omega) * jnp.sqrt(jnp.max(model.mass)))
 
 
 def advance_scaled(
@@ -275,36 +268,27 @@ def first_step(model: Model) -> Array:
 def _quiet(model: Model, time: Array, local: Array) -> Array:
     """Amplitude (m) below which motion counts as rest: where round-off of the load's forces exceeds the tolerance."""
     moment, stiffest = model.operation.at(time), jnp.max(jnp.diag(model.stiffness))
-    yielding = jnp.asarray(model.contact.yielding(moment))
+    pressed = yielding(model.contact.law, moment.preload)
     # Where it is not the contact that yields under the load, the springs yield to friction.
-    sprung = (yielding == 0) & (stiffest > 0)
-    drawn = moment.preload * model.contact.area / jnp.where(sprung, stiffest, 1.0)
-    return jnp.maximum(QUIET, ROUND_OFF * jnp.where(sprung, drawn, yielding) / local)
+    sprung = (pressed == 0) & (stiffest > 0)
+    drawn = moment.preload * model.body.area / jnp.where(sprung, stiffest, 1.0)
+    return jnp.maximum(QUIET, ROUND_OFF * jnp.where(sprung, drawn, pressed) / local)
 
 
-def motion_scale(model: Model, state: State, quiet: ArrayLike = QUIET) -> State:
-    """Amplitudes that the present vibration energy gives to displacement, velocity (n,) and work, at least `quiet` (m).
-
-    See `Resolution.amplitudes`.
-    """
-    return _resolution(model, quiet).amplitudes(model, state)
+def motion_scale(model: Model, state: State) -> State:
+    """Amplitudes that the present vibration energy gives to displacement, velocity (n,) and work, at least `QUIET`."""
+    return _resolution(model).amplitudes(model, state)
 
 
 @jax.jit
 def least_energy(model: Model) -> Array:
     """Vibration energy (J) below which motion counts as rest: that of a picometre of the highest frictionless mode."""
-    omega, _ = frictionless_modes(model.mass, model.stiffness)
-    return _least_speed(model, _highest(omega), QUIET) ** 2 / 2
+    return _resolution(model).least ** 2 / 2
 
 
 def _highest(omega: Array) -> Array:
     highest = jnp.max(omega)
     return jnp.where(highest > 0, highest, 1.0)
-
-
-def _least_speed(model: Model, highest: Array, quiet: ArrayLike) -> Array:
-    """Speed of a mass-normalised mode (m/s √kg) that vibrates at the highest frequency with `quiet` (m)."""
-    return jnp.asarray(quiet) * highest * jnp.sqrt(jnp.max(model.mass))
 
 
 def _largest(scaled_error: Array) -> Array:

@@ -16,7 +16,7 @@ from jax import Array
 # A proportional part in the step-size control halves the rejected steps where contact boundaries make kinks.
 PROPORTIONAL, INTEGRAL = 0.3, 0.4
 JUST_SHORT = 1 - 1e-9  # of a step: one that ends so little after rest ends at rest, for again it would be no shorter
-BESIDE = 2  # round-offs of a time: stages at a corner look at what is prescribed from so far inside their piece
+MARGIN = 2  # round-offs of a time: stages at a corner look at what is prescribed from so far inside their piece
 Norm = Callable[[Array], Array]
 
 
@@ -40,7 +40,7 @@ class Stepped(NamedTuple):
     """Samples (k, n), NaN where not reached; the last state (n,) and its time; the next step; how many made and kept.
 
     `reached` states whether the end was reached within the budget of steps, `halted` whether a stop was requested;
-    `beside` is what was taken along, in the end.
+    `carried` is what was taken along, in the end.
     """
 
     samples: Array
@@ -51,21 +51,21 @@ class Stepped(NamedTuple):
     kept: Array
     reached: Array
     halted: Array
-    beside: Any
+    carried: Any
 
 
 class _Now(NamedTuple):
     time: Array
     step: Array
     state: Array
-    solver: Any
+    slope: Array
     controller: Any
     sampled: Array
     samples: Array
     steps: Array
     kept: Array
     halted: Array
-    beside: Any
+    carried: Any
 
 
 def step_through(
@@ -85,22 +85,23 @@ def step_through(
     origin: Any = 0.0,
     corners: Array | None = None,
     along: Callable[[Attempt, Any], Any] | None = None,
-    beside: Any = None,
+    carried: Any = None,
 ) -> Stepped:
     """Integrate ẏ = f(t, y) from a start (n,) at times[0] and sample it at the times (k,), which do not decrease.
 
-    `solver` is an adaptive method of diffrax.
-    A step is kept when the norm of its estimated error, over tolerance · (1 + size(y)), is below one; `size` is |y|
-    unless given. `step` is the first one, and no other is longer than `longest`; the budget is in steps, kept or not.
-    Steps end at all `corners` (c,) on the way, ascending times from another `origin`: f may jump there, and is asked
-    for on each side of them in turn. It ends early after a step whose time and state make `halts` true. Of a step
-    `passes` gives the fraction after which that would have been so, or 1: it is then made again so far only. With every
-    step that is kept `along` takes `beside`, a tree of arrays, from its start to its end.
+    `solver` is a method of `runge_kutta.py`. A step is kept when the norm of its estimated error, over tolerance ·
+    (1 + size(y)), is below one; `size` is |y| unless given. `step` is the first one, and no other is longer than
+    `longest`; the budget is in steps, kept or not. Steps end at all `corners` (c,) on the way, ascending times from
+    another `origin`: f may jump there, and is asked for on each side of them in turn. It ends early after a step whose
+    time and state make `halts` true. Of a step `passes` gives the fraction after which that would have been so, or 1:
+    it is then made again so far only. With every step that is kept `along` takes `carried`, a tree of arrays, from its
+    start to its end.
     """
-    terms: Any = diffrax.ODETerm(lambda t, y, piece: vector_field(jnp.clip(t, *piece), y))
     controller = diffrax.PIDController(rtol=tolerance, atol=tolerance, norm=norm, pcoeff=PROPORTIONAL, icoeff=INTEGRAL)
-    order = solver.error_order(terms)
     end = times[-1]
+
+    def rate(t: Array, y: Array, piece: tuple[Array, Array]) -> Array:
+        return vector_field(jnp.clip(t, *piece), y)
 
     def unfinished(now: _Now, until: Any = end) -> Array:
         return (now.time < until) & (now.steps < budget) & ~now.halted
@@ -108,23 +109,16 @@ def step_through(
     def advance(now: _Now, until: Array, piece: tuple[Array, Array]) -> _Now:
         left = until - now.time
         there = jnp.where(now.step > JUST_SHORT * left, until, now.time + now.step)
-        state, error, dense, solver_state, result = solver.step(
-            terms, now.time, there, now.state, piece, now.solver, False
-        )
+        state, error, dense, slope = solver.step(rate, now.time, there, now.state, now.slope, piece)
         # A failed solve, or a state beyond the numbers, is an error without bound: the step is tried smaller.
-        sound = jnp.isfinite(error).all() & (result == diffrax.RESULTS.successful)
-        error = jnp.where(sound, error, jnp.inf)
+        error = jnp.where(jnp.isfinite(error).all(), error, jnp.inf)
         keep, time, following, _, controller_state, _ = controller.adapt_step_size(
-            now.time, there, now.state, size(state), None, error, order, now.controller
+            now.time, there, now.state, size(state), None, error, solver.order, now.controller
         )
         # A step that was cut short at the end says little about the next one.
         next_step = jnp.where(keep & (there == until), jnp.maximum(following - time, now.step), following - time)
-        interpolation = solver.interpolation_cls(t0=now.time, t1=there, **dense)
-        # What a method keeps from step to step is its last slope.
-        attempt = Attempt(
-            now.time, there, now.state, state, now.solver, solver_state, lambda t: interpolation.evaluate(t),
-            dense,
-        )  # fmt: skip
+        interpolation = solver.interpolation(t0=now.time, t1=there, **dense)
+        attempt = Attempt(now.time, there, now.state, state, now.slope, slope, interpolation.evaluate, dense)
         rests = jnp.zeros((), bool)
         if passes is not None:
             fraction = passes(attempt)
@@ -139,19 +133,17 @@ def step_through(
             )
         if longest is not None:
             next_step = jnp.minimum(next_step, longest)
-        beside = now.beside
+        carried = now.carried
         if along is not None:
             taken = along
-            beside = jax.lax.cond(keep, lambda: taken(attempt, now.beside), lambda: now.beside)
+            carried = jax.lax.cond(keep, lambda: taken(attempt, now.carried), lambda: now.carried)
         sampled, samples = _sample(times, interpolation, there, keep, now.sampled, now.samples)
-        state, solver_state = jax.tree.map(
-            lambda new, old: jnp.where(keep, new, old), (state, solver_state), (now.state, now.solver)
-        )
+        state, slope = (jnp.where(keep, new, old) for new, old in ((state, now.state), (slope, now.slope)))
         return _Now(
-            jnp.asarray(time), next_step, state, solver_state, controller_state, sampled, samples, now.steps + 1,
+            jnp.asarray(time), next_step, state, slope, controller_state, sampled, samples, now.steps + 1,
             now.kept + jnp.where(keep, 1, 0),
             rests if halts is None else rests | (jnp.asarray(keep) & halts(jnp.asarray(time), state)),
-            beside,
+            carried,
         )  # fmt: skip
 
     firsts, lasts, coming = _pieces(corners, origin)
@@ -160,19 +152,20 @@ def step_through(
         passed = jnp.searchsorted(coming, now.time, side="right")
         piece, until = (firsts[passed], lasts[passed]), jnp.minimum(coming[passed], end)
         # What a method keeps from the step before is a slope from the other side of the corner.
-        now = now._replace(solver=solver.init(terms, now.time, end, now.state, piece))
+        now = now._replace(slope=rate(now.time, now.state, piece))
         return jax.lax.while_loop(lambda now: unfinished(now, until), lambda now: advance(now, until, piece), now)
 
     none = jnp.zeros((), int)
     samples = jnp.full((len(times), start.size), jnp.nan).at[0].set(start)
-    _, controller_state = controller.init(terms, times[0], end, start, step, None, solver.func, order)
+    unused: Any = None
+    _, controller_state = controller.init(unused, times[0], end, start, step, None, unused, solver.order)
     controller_state = jax.tree.map(jnp.asarray, controller_state)
     going = jnp.zeros((), bool)
     slope = jnp.zeros_like(start)
-    now = _Now(times[0], step, start, slope, controller_state, none + 1, samples, none, none, going, beside)
+    now = _Now(times[0], step, start, slope, controller_state, none + 1, samples, none, none, going, carried)
     now = jax.lax.while_loop(unfinished, from_corner_to_corner, now)
     reached = now.time >= end
-    return Stepped(now.samples, now.state, now.time, now.step, now.steps, now.kept, reached, now.halted, now.beside)
+    return Stepped(now.samples, now.state, now.time, now.step, now.steps, now.kept, reached, now.halted, now.carried)
 
 
 def _pieces(corners: Array | None, origin: Any) -> tuple[Array, Array, Array]:
@@ -181,9 +174,9 @@ def _pieces(corners: Array | None, origin: Any) -> tuple[Array, Array, Array]:
     Those two lie so far inside that what is prescribed at origin + time is that of the piece, whatever the rounding.
     """
     inner = jnp.zeros(0) if corners is None else corners
-    beside = BESIDE * np.finfo(np.float64).eps * jnp.abs(inner)
+    margin = MARGIN * np.finfo(np.float64).eps * jnp.abs(inner)
     infinity = jnp.full(1, jnp.inf)
-    firsts, lasts = jnp.concatenate([-infinity, inner + beside]), jnp.concatenate([inner - beside, infinity])
+    firsts, lasts = jnp.concatenate([-infinity, inner + margin]), jnp.concatenate([inner - margin, infinity])
     return firsts - origin, lasts - origin, jnp.concatenate([inner, infinity]) - origin
 
 

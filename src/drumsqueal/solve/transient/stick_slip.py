@@ -1,7 +1,7 @@
 """A chunk of a transient through all that changes in it: slip and stick, the method, the drum's direction."""
 
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -10,9 +10,9 @@ from jax import Array
 from jax.errors import JaxRuntimeError
 from scipy.optimize import brentq
 
-from drumsqueal.physics.effects.schedule import Constant
+from drumsqueal.physics.effects.operation import Constant
 from drumsqueal.physics.model import Model
-from drumsqueal.solve.transient.choice import Choice, Method
+from drumsqueal.solve.transient.runge_kutta import AUTO, DEFAULT, IMPLICIT, is_explicit
 from drumsqueal.solve.transient.segment import CORNER_BUDGET, STEP_BUDGET, Segment, advance, least_slip
 from drumsqueal.solve.transient.state import CHUNK_SAMPLES, Span, State
 from drumsqueal.solve.transient.sticking import can_stick, drum_motion, drum_motions, held, hold, hold_surely, slip
@@ -20,7 +20,69 @@ from drumsqueal.solve.transient.sticking import can_stick, drum_motion, drum_mot
 AWAY = 2.0  # times the slip that counts as none: what a lining that cannot stick goes on with
 MOST_CHANGES = 1000  # in one chunk, two a sample: more is a mistake, not a motion
 TIMING = 1e-12  # of a chunk: how well the end of sticking is found
-BESIDE = 1e-12  # of the drum's schedule: its jumps are looked at from so far, beyond round-off
+MARGIN = 1e-12  # of the drum's schedule: its jumps are looked at from so far, beyond round-off
+# Steps a chunk that the explicit method gets where another may take over, at a tolerance of 1e-6: five times what the
+# shipped scenes take beyond contact boundaries. A method of order eight takes 1.33 times as many for a tenth of the
+# tolerance.
+EXPLICIT_BUDGET = 10_000
+MORE_STEPS = 1 / 8
+MOST_PATIENCE = 64  # chunks
+
+
+class Method(NamedTuple):
+    """A method, how many chunks an implicit one goes on for, and how many of them it has made."""
+
+    name: str
+    patience: int = 1
+    waited: int = 0
+
+
+class Choice:
+    """The method of a transient, chunk by chunk.
+
+    "auto" is explicit until that takes too many steps, as it does where friction is stiff: a slow drum damps what moves
+    across it, and a lining that all but sticks pivots about a point. After a chunk of the implicit method, then after
+    two, four and so on, the explicit one is tried again.
+    """
+
+    def __init__(self, solver: str, tolerance: float, method: Method | None = None) -> None:
+        """Begin with a method of the scene's names, or go on with the one at hand."""
+        self._automatic = solver == AUTO
+        self._explicit_budget = min(int(EXPLICIT_BUDGET * (1e-6 / tolerance) ** MORE_STEPS), STEP_BUDGET)
+        self.method = method or Method(DEFAULT if self._automatic else solver)
+
+    @property
+    def solver(self) -> str:
+        """Name of the method."""
+        return self.method.name
+
+    @property
+    def explicit(self) -> str:
+        """A method for what is not stiff."""
+        return self.solver if is_explicit(self.solver) else DEFAULT
+
+    @property
+    def budget(self) -> int:
+        """Steps that the method gets."""
+        return self._explicit_budget if self._automatic and self.solver == DEFAULT else STEP_BUDGET
+
+    def begin(self) -> None:
+        """A chunk begins."""
+        if not self._automatic:
+            return
+        if self.solver == DEFAULT:  # which got through the last one
+            self.method = Method(DEFAULT)
+        elif self.method.waited < self.method.patience:
+            self.method = self.method._replace(waited=self.method.waited + 1)
+        else:
+            self.method = Method(DEFAULT, min(2 * self.method.patience, MOST_PATIENCE))
+
+    def switch(self) -> bool:
+        """The method has made all its steps; says whether another goes on from there."""
+        if not self._automatic or self.solver == IMPLICIT:
+            return False
+        self.method = Method(IMPLICIT, self.method.patience, 1)
+        return True
 
 
 class StickSlip:
@@ -239,7 +301,7 @@ def _jumps(model: Model) -> tuple[np.ndarray, float]:
     padded = np.pad(value, 1, mode="edge")
     rests = time[(value == 0) & ((padded[:-2] != 0) | (padded[2:] != 0))]
     jumps = np.sort(np.concatenate([crossed, rests]))
-    return np.concatenate([[0.0], jumps[jumps > 0]]), BESIDE * float(np.max(np.abs(time)))
+    return np.concatenate([[0.0], jumps[jumps > 0]]), MARGIN * float(np.max(np.abs(time)))
 
 
 def _only_reached(whole: Segment, span: Span) -> Segment:

@@ -18,9 +18,9 @@ from jax.typing import ArrayLike
 from scipy.optimize import minimize, nnls
 
 from drumsqueal.physics.bodies.body import dot, scalars
+from drumsqueal.physics.effects.effect import Observation
 from drumsqueal.physics.effects.friction import Friction
 from drumsqueal.physics.effects.operation import Moment
-from drumsqueal.physics.effects.touching import Observation
 from drumsqueal.physics.laws.friction_law import ConstantLaw, static_coefficient
 from drumsqueal.physics.model import Model
 
@@ -32,7 +32,7 @@ JUST = 1e-6  # of the reserve: so little beyond it, the lining slips the way tha
 
 def can_stick(model: Model, *, at_rest: bool) -> bool:
     """Whether the lining can move as one with the drum: with friction, and coordinates to follow it unless at rest."""
-    return model.contact.friction is not None and (model.contact.follows or at_rest)
+    return model.contact.friction is not None and (model.body.follows or at_rest)
 
 
 class Held(Model):
@@ -61,7 +61,7 @@ class Held(Model):
         observation = self.contact.with_friction(None).observe(moment, scalars(q), scalars(v))
         # Of turning with the drum at 1 rad/s, the work of what holds the lining.
         grip = scalars(_grip(self, moment, _without_friction(self, time, q, v)[0]))
-        torque = jnp.asarray(dot(self.contact.following, grip) + jnp.zeros(()))
+        torque = jnp.asarray(dot(self.body.following, grip) + jnp.zeros(()))
         return observation._replace(sticking=jnp.ones(()), brake_torque=torque)
 
 
@@ -140,12 +140,13 @@ def _grip(model: Model, moment: Moment, free: Array) -> Array:
 
 def _following(model: Model) -> Array:
     """Velocities d of a shoe that turns with the drum at 1 rad/s."""
-    return jnp.stack([jnp.asarray(each) for each in model.contact.following])
+    return jnp.stack([jnp.asarray(each) for each in model.body.following])
 
 
 def _slips(model: Model) -> np.ndarray:
     """Which coordinates have a slip velocity of their own (n,)."""
-    return np.array(model.contact.slipping)
+    friction = model.contact.friction
+    return np.array(model.body.slides(axially=friction is not None and friction.direction.knows_axial))
 
 
 class Hold(NamedTuple):

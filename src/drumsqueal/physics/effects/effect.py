@@ -1,0 +1,89 @@
+"""What a model asks of the effects on a body, and of the contact among them, whatever the body."""
+
+import dataclasses
+from abc import abstractmethod
+from typing import NamedTuple, Self
+
+import equinox as eqx
+from jax import Array
+
+from drumsqueal.physics.bodies.body import Body, Motion, Scalar
+from drumsqueal.physics.effects.friction import Friction
+from drumsqueal.physics.effects.operation import Moment
+from drumsqueal.physics.effects.pressure import PressureLaw, Unilateral
+
+
+class Action(NamedTuple):
+    """Generalised force (N, N m), the power it feeds in beyond its potential energy, and what becomes heat (W)."""
+
+    force: Motion
+    power: Scalar
+    heat: Scalar = 0.0
+
+
+class Effect(eqx.Module):
+    """What acts on a body. Motion and force have an entry for each kept coordinate of the body."""
+
+    @abstractmethod
+    def act(self, moment: Moment, q: Motion, v: Motion) -> Action:
+        """Generalised force and power at a moment, displacement q (m, rad) and velocity v (m/s, rad/s)."""
+
+    def potential_energy(self, moment: Moment, q: Motion) -> Scalar:
+        """Energy stored (J); zero for an effect that stores none."""
+        del moment, q
+        return 0.0
+
+
+def at_rest(motion: Motion) -> Motion:
+    """Literal zeros, as many as a motion has."""
+    return (0.0,) * len(motion)
+
+
+class Observation(NamedTuple):
+    """What a transient records of the contact; units in the attributes of the history."""
+
+    brake_torque: Array
+    normal_force: Array
+    contact_fraction: Array
+    slip_reversed_fraction: Array
+    smallest_pressure: Array
+    friction_power: Array
+    sticking: Array
+
+
+class Touching(Effect):
+    """An effect whose friction can hold the body to what rubs on it: a drum, a belt or a plate."""
+
+    body: eqx.AbstractVar[Body]
+    law: eqx.AbstractVar[PressureLaw]
+    friction: eqx.AbstractVar[Friction | None]
+
+    @property
+    def radius(self) -> Scalar:
+        """What the drum's speed is multiplied by to be that of its surface (m); one for a belt or a plate."""
+        return 1.0
+
+    @property
+    def lifting_stiffness(self) -> Scalar:
+        """Stiffness of a contact that can be lost (N/m³; of a point contact N/m); zero where it cannot."""
+        return self.law.stiffness if isinstance(self.law, Unilateral) else 0.0
+
+    def with_friction(self, friction: Friction | None) -> Self:
+        """The same contact with other friction."""
+        return dataclasses.replace(self, friction=friction)
+
+    def in_plane(self) -> "Touching":
+        """The same contact for motion that is the same on every line across, so that one line serves."""
+        return self
+
+    @abstractmethod
+    def fastest_slip(self, moment: Moment, v: Motion) -> Array:
+        """A bound on the slip speed (m/s) anywhere in the contact, which is reached up to a small factor."""
+
+    @abstractmethod
+    def pressure_range(self, moment: Moment, q: Motion) -> tuple[Array, Array]:
+        """Smallest and largest pressure (Pa; of a point contact the force in N)."""
+
+    @abstractmethod
+    def observe(self, moment: Moment, q: Motion, v: Motion) -> Observation:
+        """Integrals and extremes that describe the contact at one instant."""
