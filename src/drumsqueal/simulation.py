@@ -62,11 +62,6 @@ class Result(NamedTuple):
     history: xarray.Dataset
     findings: RunFindings
 
-    @property
-    def comparison(self) -> RunFindings:
-        """What was found, as `summary.json` holds it."""
-        return self.findings
-
 
 def prepare(scene: Scene, friction_law: FrictionLaw | Callable[[Array], Array] | None = None) -> Prepared:
     """Build the models of a scene, find steady sliding and the eigenvalues; a `friction_law` replaces the scene's.
@@ -116,7 +111,7 @@ def check_sample_rate(prepared: Prepared) -> None:
 
 
 def start_of(scene: Scene, names: Sequence[str]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Departure from steady sliding and velocity at the start, over the named coordinates: (n,) each."""
+    """Displacement from steady sliding and velocity at the start, over the named coordinates: (n,) each."""
     displacement, velocity = (
         np.array([table.get(name, 0.0) for name in names]) for table in (scene.start.displacement, scene.start.velocity)
     )
@@ -124,7 +119,7 @@ def start_of(scene: Scene, names: Sequence[str]) -> tuple[NDArray[np.float64], N
 
 
 def steady_at_start(prepared: Prepared) -> NDArray[np.float64]:
-    """Steady sliding that the transient departs from (n,), over its coordinates."""
+    """Steady sliding about which the transient starts (n,), over its coordinates."""
     stability, names = prepared.stability, prepared.model.names
     if stability.time > 0:  # the drum is at rest, and drags nothing
         return np.zeros(len(names))
@@ -136,15 +131,15 @@ def transient(prepared: Prepared, since: Checkpoint | None = None) -> Generator[
 
     Raises IntegrationError where it fails.
     """
-    scene, model = prepared.scene, prepared.model
+    simulate, names = prepared.scene.simulate, prepared.model.names
     return integrate(
-        model,
+        prepared.model,
         steady_at_start(prepared),
-        *start_of(scene, model.names),
-        duration=scene.simulate.duration,
-        sample_rate=scene.simulate.sample_rate,
-        tolerance=scene.simulate.tolerance,
-        solver=scene.simulate.solver,
+        *start_of(prepared.scene, names),
+        duration=simulate.duration,
+        sample_rate=simulate.sample_rate,
+        tolerance=simulate.tolerance,
+        solver=simulate.solver,
         since=since,
     )
 
@@ -186,7 +181,6 @@ def follow(
     take: Callable[[Chunk], object],
     progress: Progress = silent,
     *,
-    since: Checkpoint | None = None,
     what: str = "integrating",
 ) -> None:
     """Integrate a scene, calling `take` with every chunk, until its end or until `take` returns True.
@@ -194,7 +188,7 @@ def follow(
     `progress` is called after each chunk with the time reached (s), and may stop it by raising an exception. Raises
     IntegrationError where the integration fails.
     """
-    motion.follow(transient(prepared, since), prepared.scene.simulate.duration, take, progress, what=what)
+    motion.follow(transient(prepared), prepared.scene.simulate.duration, take, progress, what=what)
 
 
 def collect(
@@ -220,8 +214,8 @@ def finish(prepared: Prepared, chunks: list[Chunk], outcome: Outcome) -> Result:
 
 def compared(prepared: Prepared, history: xarray.Dataset) -> Result:
     """Compare a history with the prediction."""
+    from drumsqueal.findings.accuracy import estimate_quadrature_error
     from drumsqueal.findings.compare import compare
-    from drumsqueal.findings.quadrature import estimate_quadrature_error
 
     error = estimate_quadrature_error(history, prepared.model)
     findings = compare(history, prepared.stability, prepared.linear, error, prepared.held)

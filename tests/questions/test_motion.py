@@ -324,7 +324,7 @@ def test_what_decays_to_rest_is_steady():
 
 def test_a_motion_that_decays_below_the_boundaries_has_not_failed_to_settle():
     kick = ["drum.speed=55", "start.displacement={Y=5e-4}", "simulate.duration=0.25"]
-    found = run(load_scene("scenarios/damped.toml", kick)).comparison
+    found = run(load_scene("scenarios/damped.toml", kick)).findings
     assert found.edge_reached_s == 0
     assert found.saturation is not None
     assert found.saturation.regime.kind == "steady"

@@ -330,7 +330,7 @@ def test_check_tells_the_derived_numbers(drumsqueal):
 def test_check_foretells_the_first_boundary_and_the_evaluations(nominal):
     scene = nominal.with_values({"simulate.duration": 0.1})
     check, result = check_scene(scene), run(scene)
-    boundary = result.comparison.edge_reached_s
+    boundary = result.findings.edge_reached_s
     assert check.first_edge_s is not None
     assert boundary is not None
     # One mode alone, against the motion of three together: the others bring it there somewhat sooner.

@@ -63,7 +63,7 @@ QUANTITIES = {
 def answer_of(result: Result, model: Model) -> Answer:
     """Read the answer off a run; `model` is the one over the coordinates of its eigenvalues."""
     modes = {mode.label: ModeAnswer(mode.frequency_Hz, mode.growth_rate) for mode in result.stability.modes}
-    vibration, comparison = Vibration(result.history, result.stability), result.comparison
+    vibration, comparison = Vibration(result.history, result.stability), result.findings
     boundary = comparison.edge_reached_s if comparison.saturation is not None else None
     part = saturated_part(vibration.time, 0.0 if boundary is None else boundary)
     motion = describe_motion(vibration, part, result.stability, model)

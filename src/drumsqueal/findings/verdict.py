@@ -9,11 +9,11 @@ from drumsqueal.findings.outcome import Ending
 from drumsqueal.findings.signals.regime import Kind
 from drumsqueal.findings.signals.regime_words import written_frequencies
 from drumsqueal.scene.quantities import percent
+from drumsqueal.solve.linear.modes import NEUTRAL_FRACTION
 
 if TYPE_CHECKING:
-    from drumsqueal.findings.compare import RunFindings
+    from drumsqueal.findings.compare import RunFindings, Sticking
     from drumsqueal.findings.saturation import Saturation
-    from drumsqueal.findings.sticking import Sticking
 
 GROWN = 1.1  # times the start: what the motion must reach by the end to have grown
 CLEAR_GROWTH = 10  # times: a predicted growth that shows even of a mode that starts as a tenth of the motion
@@ -43,6 +43,16 @@ def difference_is_no_error(found: RunFindings) -> str:
         f"Drum speed or load change: the prediction is for t = {found.predicted_at_s:g} s, the mean is that from 0 to "
         f"{found.growth.linear_until_s:.4g} s, so that their difference is no error"
     )
+
+
+def shift_words(shift: float) -> str:
+    """Where a frequency lies that differs by this fraction: "at", "24.5 % below" or "3.0 % above" the other one."""
+    return "at" if abs(shift) < UNCHANGED else f"{100 * abs(shift):.1f} % {'below' if shift < 0 else 'above'}"
+
+
+def rate_text(rate: float, frequency: float) -> str:
+    """A growth rate (1/s) in four digits with its sign; 0 where it is round-off compared with the frequency (Hz)."""
+    return "0" if abs(rate) < NEUTRAL_FRACTION * frequency else f"{rate:+.4g}".replace("-", "−")
 
 
 def _transient(found: RunFindings) -> str:
@@ -99,10 +109,9 @@ def _why(found: RunFindings) -> str:
     if frequency is None or abs(frequency.shift) < SHIFT:
         return ""
     shift = frequency.predicted_by_contact_loss_shift
-    verb, side = ("lower", "below") if shift < 0 else ("raise", "above")
     return (
-        f" Reduced mean contact stiffness alone would {verb} mode {frequency.mode} to "
-        f"{frequency.predicted_by_contact_loss_Hz:.0f} Hz, {100 * abs(shift):.1f} % {side} its onset frequency."
+        f" Reduced mean contact stiffness alone would {'lower' if shift < 0 else 'raise'} mode {frequency.mode} to "
+        f"{frequency.predicted_by_contact_loss_Hz:.0f} Hz, {shift_words(shift)} its onset frequency."
     )
 
 
@@ -158,10 +167,10 @@ def _settled(saturation: Saturation, unstable: bool) -> str:
         what += f" of {written_frequencies(regime.base_frequencies_Hz, regime.base_uncertainties_Hz, DIGITS)}"
     if main is None or shift is None:
         return what
-    side = "at" if abs(shift) < UNCHANGED else f"{100 * abs(shift):.1f} % {'below' if shift < 0 else 'above'}"
     of = "the onset frequency of" if unstable else "the frequency of mode"
+    where = f"{main.frequency_Hz:.0f} Hz, {shift_words(shift)} {of} {saturation.nearest_mode}"
+    touches, slips_back = percent(saturation.contact_fraction), percent(saturation.slip_reversed_fraction)
     return (
-        f"{what}. Most kinetic energy is at {main.frequency_Hz:.0f} Hz, {side} {of} {saturation.nearest_mode}; on "
-        f"average {percent(saturation.contact_fraction)} of the lining is in contact, and the slip is reversed on "
-        f"{percent(saturation.slip_reversed_fraction)} of it"
+        f"{what}. Most kinetic energy is at {where}; on average {touches} of the lining is in contact, and the slip is "
+        f"reversed on {slips_back} of it"
     )

@@ -15,7 +15,7 @@ NAMES = tuple(field.name for field in fields(Change))
 def features_of(result: Result, model: Model) -> dict[str, float]:
     """Measured features by name; `model` is the one over the coordinates of the eigenvalues."""
     found = {}
-    for mode in result.comparison.modes:
+    for mode in result.findings.modes:
         if mode.measured_growth is not None:
             found[f"growth_rate {mode.label}"] = mode.measured_growth.rate_1_per_s
         if mode.measured_frequency_Hz is not None:

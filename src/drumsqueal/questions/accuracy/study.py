@@ -150,7 +150,7 @@ class _Bench:
         self.time, states = _states(chunks)
         self.steady = steady_at_start(self.prepared)
         vibration = states - np.concatenate([self.steady, np.zeros_like(self.steady)])
-        comparison = finish(self.prepared, chunks, COMPLETE).comparison
+        comparison = finish(self.prepared, chunks, COMPLETE).findings
         boundary, end = comparison.edge_reached_s, float(self.time[-1])
         self.growth_end = end if boundary is None else boundary
         self.separation = self._separation(vibration)

@@ -1,17 +1,16 @@
-"""What all figures look at: the result of a run as departure from steady sliding, its modes and its phases."""
+"""What all figures look at: the result of a run as displacement from steady sliding, its modes and its phases."""
 
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from drumsqueal.findings.compare import UNEXCITED_FRACTION, ModeComparison
+from drumsqueal.findings.growth_phase import UNEXCITED_FRACTION, ModeComparison
 from drumsqueal.findings.outcome import Ending
-from drumsqueal.findings.saturation import Saturation
 from drumsqueal.findings.vibration import FEWEST_FOR_SPECTRUM, ROTATIONS, Vibration
 from drumsqueal.physics.model import Model
 from drumsqueal.simulation import Result
-from drumsqueal.solve.linear.modes import NEUTRAL_FRACTION, Mode
+from drumsqueal.solve.linear.modes import Mode
 
 MICRO = 1e6
 REST = 1e-15  # m or rad; what moves less is round-off
@@ -21,21 +20,13 @@ class View:
     """A result prepared for drawing; `model` is the one over the coordinates that moved."""
 
     def __init__(self, result: Result, model: Model) -> None:
-        """Take the steady state off the history."""
-        self.result, self.model = result, model
+        """Name what is drawn from: times of the samples (s), outer radius (m), saturated motion if any, and title."""
+        self.result, self.model, self.findings = result, model, result.findings
         self.vibration = Vibration(result.history, result.stability)
-        self.radius = float(model.shoe.outer_radius)
-
-    @property
-    def title(self) -> str:
-        """The title of the scene, and whether the run was cut off."""
-        title = self.result.scene.title
-        return title if self.result.findings.ending is Ending.COMPLETE else f"{title} (incomplete run)".strip()
-
-    @property
-    def time(self) -> NDArray[np.float64]:
-        """Times of the samples (s)."""
-        return self.vibration.time
+        self.time, self.radius = self.vibration.time, float(model.shoe.outer_radius)
+        self.saturation = self.findings.saturation
+        complete = self.findings.ending is Ending.COMPLETE
+        self.title = result.scene.title if complete else f"{result.scene.title} (incomplete run)".strip()
 
     @cached_property
     def readable(self) -> bool:
@@ -45,12 +36,7 @@ class View:
     @property
     def growing(self) -> slice:
         """The samples of the growth phase."""
-        return slice(0, int(np.searchsorted(self.time, self.result.findings.growth.linear_until_s, side="right")))
-
-    @property
-    def saturation(self) -> Saturation | None:
-        """The saturated motion, if there is one."""
-        return self.result.findings.saturation
+        return slice(0, int(np.searchsorted(self.time, self.findings.growth.linear_until_s, side="right")))
 
     @property
     def saturated(self) -> slice:
@@ -71,7 +57,7 @@ class View:
 
     def compared(self, mode: Mode) -> ModeComparison:
         """What the transient did with a mode."""
-        return next(found for found in self.result.findings.modes if found.label == mode.label)
+        return next(found for found in self.findings.modes if found.label == mode.label)
 
     def micrometres(self, coordinate: str) -> float:
         """Factor from a coordinate's unit to µm at the drum's surface."""
@@ -92,10 +78,8 @@ class View:
         mass = dict(zip(self.result.stability.coordinates, self.result.stability.mass, strict=True))
 
         def energy(mode: Mode) -> float:
-            size = float(np.mean(self.amplitude(mode, slice(self.time.size - last, None)))) / self.micrometres(
-                mode.name
-            )
-            return mass[mode.name] * (mode.frequency_Hz * size) ** 2
+            size = np.abs(self.vibration.modal(mode, slice(self.time.size - last, None))).mean()
+            return mass[mode.name] * float(mode.frequency_Hz * size) ** 2
 
         strongest = max(self.modes, key=energy, default=None)
         return None if strongest is None else strongest.frequency_Hz
@@ -106,8 +90,3 @@ class View:
         both = (vibration.named(columns) for columns in (vibration.displacement_in(part), vibration.velocity_in(part)))
         along = (np.broadcast_to(body.displacement(q, 0.0)[1], self.time[part].shape) for q in both)
         return np.stack(list(along), axis=1)
-
-
-def rate_text(rate: float, mode: Mode) -> str:
-    """A growth rate of that mode (1/s) in words of four digits, 0 where it is round-off."""
-    return "0" if abs(rate) < NEUTRAL_FRACTION * mode.frequency_Hz else f"{rate:+.4g}".replace("-", "−")
