@@ -98,6 +98,11 @@ class RunFindings(Findings):
         """When the motion reaches a contact boundary (s), lift-off or slip reversal; None where it never does."""
         return self.growth.edge_reached_s
 
+    @property
+    def sticks_at_the_end(self) -> bool:
+        """Whether the whole lining sticks to the drum when the record ends."""
+        return self.sticking is not None and self.sticking.to_the_end_from_s is not None
+
     @computed_field
     @property
     def verdict(self) -> str:

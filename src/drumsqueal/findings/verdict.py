@@ -19,6 +19,7 @@ GROWN = 1.1  # times the start: what the motion must reach by the end to have gr
 CLEAR_GROWTH = 10  # times: a predicted growth that shows even of a mode that starts as a tenth of the motion
 SMALL_ROTATION = 0.1  # rad; the cosine that the model takes for 1 is off by half a per cent there
 SHIFT = 1e-3  # of a frequency: less needs no explanation
+EXPLAINS = 0.3  # relative; loss of contact is named as the cause of a shift that it gives to within this
 UNCHANGED = 5e-4  # of a frequency: less is no difference in four digits
 DIGITS = 4  # of a frequency
 _SETTLED = {
@@ -35,6 +36,37 @@ def state_verdict(found: RunFindings) -> str:
     time = f" at t = {found.predicted_at_s:g} s" if found.changing else ""
     why = f"{_why(found)}{_warmed(found)}{_inaccurate(found)}"
     return f"The linear model predicts {_prediction(found)}{time}; {_transient(found)}.{why}"
+
+
+def state_headline(found: RunFindings) -> str:
+    """Return the finding in one sentence, the whole verdict where there is no frequency to report."""
+    saturation, unstable = found.saturation, bool(found.prediction.unstable)
+    if found.sticking is not None and found.sticks_at_the_end:
+        before = "The brake squeals until, from" if found.edge_reached_s and unstable else "From"
+        return f"{before} {found.sticking.to_the_end_from_s:.4g} s on, the whole lining sticks to the drum."
+    if saturation is None or saturation.main is None or saturation.regime.kind is Kind.STEADY:
+        return found.verdict
+    verb = "vibrates, not yet settled," if saturation.regime.kind is Kind.UNKNOWN else "squeals"
+    text = f"The brake {'vibrates' if found.forced else verb} at {hertz(saturation.main.frequency_Hz)}"
+    shift, mode, frequency = saturation.frequency_shift, saturation.nearest_mode, found.frequency
+    if shift is not None:
+        of = f"the onset predicted for {mode}" if unstable else f"the predicted frequency of mode {mode}"
+        text += f", {shift_words(shift)} {of} ({hertz(saturation.main.frequency_Hz / (1 + shift))})"
+    if frequency is None or abs(frequency.shift) < SHIFT:
+        return f"{text}."
+    alone = frequency.predicted_by_contact_loss_shift
+    if abs(alone / frequency.shift - 1) > EXPLAINS:
+        return f"{text}."
+    return (
+        f"{text}, because the lining loses contact: on average {percent(saturation.contact_fraction)} of it touches "
+        f"the drum, and the reduced mean contact stiffness alone would {'lower' if alone < 0 else 'raise'} mode "
+        f"{frequency.mode} to {hertz(frequency.predicted_by_contact_loss_Hz)}."
+    )
+
+
+def hertz(frequency: float) -> str:
+    """A frequency in three digits."""
+    return f"{frequency / 1e3:.3g} kHz" if frequency >= 999.5 else f"{frequency:.3g} Hz"
 
 
 def difference_is_no_error(found: RunFindings) -> str:
@@ -66,8 +98,7 @@ def _transient(found: RunFindings) -> str:
     elif saturation is None:
         done = f"the motion reaches a contact boundary at {boundary:.4g} s, too late to show what it settles to"
     else:
-        sticks = found.sticking.to_the_end_from_s is not None
-        settled = "comes to stick" if sticks else _settled(saturation, bool(found.prediction.unstable))
+        settled = "comes to stick" if found.sticks_at_the_end else _settled(saturation, bool(found.prediction.unstable))
         done = f"the transient reaches a contact boundary at {boundary:.4g} s and {settled}"
     if found.motion_ratio is None and boundary is not None and not found.forced:
         done = f"nothing was started, but {f'the {moved_by} moves the shoe' if moved_by else 'round-off grows'}: {done}"
