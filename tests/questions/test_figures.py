@@ -270,7 +270,7 @@ def test_the_line_of_what_decays_is_not_drawn():
     decays[:10], below[:5], below[12] = TRENDS.index("decays"), 0.3, 0.3
     settled = sweep["settled"].copy()
     settled[5:10] = 0
-    sweep = sweep.assign(trend=decays, settled=settled, separation_fraction=below, reversal_fraction=below)
+    sweep = sweep.assign(trend=decays, settled=settled, separation_share=below, reversal_share=below)
     # Gone: 5 that decay below the edges, and one that has settled there where no mode grows: it decays, but slowly.
     assert np.flatnonzero(~(squealing(sweep) | undecided(sweep))).tolist() == [0, 1, 2, 3, 4, 12]
     grows = np.flatnonzero(sweep["trend"].values == TRENDS.index("grows")).tolist()

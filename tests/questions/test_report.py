@@ -23,7 +23,7 @@ from drumsqueal.files.output_folder import FIGURES, ONSET_FILES, REPORT, RUN_FIL
 from drumsqueal.files.saved_history import read_history
 from drumsqueal.findings.compare import RunFindings
 from drumsqueal.findings.saturated import Saturated
-from drumsqueal.findings.signals import amplitude_spectrum, peak_near
+from drumsqueal.findings.signals.spectra import amplitude_spectrum, peak_near
 from drumsqueal.physics.model import build_model
 from drumsqueal.questions.onset import study as study_module
 from drumsqueal.questions.onset.answer import ONSET

@@ -5,8 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from drumsqueal.findings.signals import STEADY, Regime
-from drumsqueal.findings.signals.regime import Kind
+from drumsqueal.findings.signals.regime import STEADY, Kind, Regime
 from drumsqueal.findings.signals.regime_words import Cause
 from drumsqueal.findings.vibration import Vibration, boundary_ratio, changes
 from drumsqueal.physics.model import Model

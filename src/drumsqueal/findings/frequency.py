@@ -12,7 +12,7 @@ from pydantic import computed_field
 
 from drumsqueal.findings.part import Finding, Held
 from drumsqueal.findings.saturation import Saturation
-from drumsqueal.findings.signals import Ridge, follow_line
+from drumsqueal.findings.signals.spectra import Ridge, follow_line
 from drumsqueal.findings.vibration import Vibration
 from drumsqueal.physics.effects.friction_direction import UnitVelocity
 from drumsqueal.physics.effects.pressure import Unilateral

@@ -7,8 +7,9 @@ import numpy as np
 from pydantic import computed_field
 
 from drumsqueal.findings.part import Finding, Held, Positive
-from drumsqueal.findings.signals import Growth as GrowthFit
-from drumsqueal.findings.signals import amplitude_spectrum, fit_growth, modal_frequency, peak_near
+from drumsqueal.findings.signals.growth import Growth as GrowthFit
+from drumsqueal.findings.signals.growth import fit_growth, modal_frequency
+from drumsqueal.findings.signals.spectra import amplitude_spectrum, peak_near
 from drumsqueal.findings.vibration import FEWEST_FOR_SPECTRUM, Vibration
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.linear.modes import NEUTRAL_FRACTION, Mode, Stability

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from drumsqueal.findings.decay import decay_to_rest
 from drumsqueal.findings.part import Finding
-from drumsqueal.findings.signals import PERIODS_NEEDED, STEADY, Regime, classify, spectral_peaks
-from drumsqueal.findings.signals.regime import Kind
+from drumsqueal.findings.signals.regime import PERIODS_NEEDED, STEADY, Kind, Regime, classify
 from drumsqueal.findings.signals.regime_words import Cause
+from drumsqueal.findings.signals.spectra import spectral_peaks
 from drumsqueal.findings.vibration import Vibration, changes, levers
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.linear.modes import Mode, Stability
@@ -91,7 +91,7 @@ def describe_saturation(
     duration = count / vibration.sample_rate
     lowest = min((mode.frequency_Hz for mode in modes), default=2 * PERIODS_NEEDED / duration) / 2
     scale = size_of_motion(vibration, stability, model)
-    regime = classify(vibration.displacement_in(part), vibration.sample_rate, scale=scale, lowest_frequency=lowest)
+    regime = classify(vibration.read("displacement", part), vibration.sample_rate, scale=scale, lowest_frequency=lowest)
     regime = decay_to_rest(regime, vibration, part, stability, modes, model)
     drifts = regime.kind is Kind.UNKNOWN and regime.amplitude_drift is not None
     if drifts and changes(model, vibration.time[part]):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from drumsqueal.findings.outcome import Ending
@@ -34,8 +35,8 @@ _SETTLED = {
 def state_verdict(found: RunFindings) -> str:
     """Return prediction and transient in one paragraph."""
     time = f" at t = {found.predicted_at_s:g} s" if found.changing else ""
-    why = f"{_why(found)}{_warmed(found)}{_inaccurate(found)}"
-    return f"The linear model predicts {_prediction(found)}{time}; {_transient(found)}.{why}"
+    found_out = f"The linear model predicts {_prediction(found)}{time}; {_transient(found)}."
+    return " ".join([found_out, *_remarks(found)])
 
 
 def state_headline(found: RunFindings) -> str:
@@ -112,38 +113,28 @@ def _transient(found: RunFindings) -> str:
     return done
 
 
-def _warmed(found: RunFindings) -> str:
-    warm = found.lining_temperature
-    if warm is None:
-        return ""
-    lost = percent(1 - warm.friction_left)
-    rise = f" The lining warms up by {warm.end_K:.3g} K by the end"
-    return f"{rise}, by which friction loses {lost}; the linear model is that of the cold lining."
-
-
-def _inaccurate(found: RunFindings) -> str:
-    """Warn where the integrals over the lining are worse than the integration in time."""
+def _remarks(found: RunFindings) -> Iterator[str]:
+    """What explains the frequency, what warmth does to friction, and forces less accurate than the motion."""
+    frequency, warm = found.frequency, found.lining_temperature
+    if frequency is not None and abs(frequency.shift) >= SHIFT:
+        shift = frequency.predicted_by_contact_loss_shift
+        yield (
+            f"Reduced mean contact stiffness alone would {'lower' if shift < 0 else 'raise'} mode {frequency.mode} to "
+            f"{frequency.predicted_by_contact_loss_Hz:.0f} Hz, {shift_words(shift)} its onset frequency."
+        )
+    if warm is not None:
+        yield (
+            f"The lining warms up by {warm.end_K:.3g} K by the end, by which friction loses "
+            f"{percent(1 - warm.friction_left)}; the linear model is that of the cold lining."
+        )
     error = None if found.accuracy is None else found.accuracy.quadrature_error_over_normal_force
     tolerance = found.scene.simulate.tolerance
-    if error is None or error <= tolerance:
-        return ""
-    return (
-        f" Warning: the contact forces are wrong by up to {error:.1g} of the largest normal force, more than the "
-        f"tolerance of {tolerance:.1g}: the friction law varies too fast for the quadrature over the lining, and the "
-        "motion is no more accurate than its forces."
-    )
-
-
-def _why(found: RunFindings) -> str:
-    """What explains the frequency, where there is a shift to explain."""
-    frequency = found.frequency
-    if frequency is None or abs(frequency.shift) < SHIFT:
-        return ""
-    shift = frequency.predicted_by_contact_loss_shift
-    return (
-        f" Reduced mean contact stiffness alone would {'lower' if shift < 0 else 'raise'} mode {frequency.mode} to "
-        f"{frequency.predicted_by_contact_loss_Hz:.0f} Hz, {shift_words(shift)} its onset frequency."
-    )
+    if error is not None and error > tolerance:
+        yield (
+            f"Warning: the contact forces are wrong by up to {error:.1g} of the largest normal force, more than the "
+            f"tolerance of {tolerance:.1g}: the friction law varies too fast for the quadrature over the lining, and "
+            "the motion is no more accurate than its forces."
+        )
 
 
 def _prediction(found: RunFindings) -> str:

@@ -157,17 +157,6 @@ def peak_near(spectrum: Spectrum, frequency: float, *, half_width: float) -> Pea
 
 def spectrogram(
     signal: ArrayLike, sample_rate: float, *, lowest_frequency: float, periods: float = 16.0, overlap: float = 0.875
-) -> Spectrogram:
-    """Return the pieces that `spectrogram_pieces` yields as one. Raises ValueError as it does."""
-    pieces = list(
-        spectrogram_pieces(signal, sample_rate, lowest_frequency=lowest_frequency, periods=periods, overlap=overlap)
-    )
-    time = np.concatenate([piece.time_s for piece in pieces])
-    return Spectrogram(time, pieces[0].frequency_Hz, np.concatenate([piece.amplitude for piece in pieces], axis=1))
-
-
-def spectrogram_pieces(
-    signal: ArrayLike, sample_rate: float, *, lowest_frequency: float, periods: float = 16.0, overlap: float = 0.875
 ) -> Iterator[Spectrogram]:
     """Yield amplitude over time and frequency, scaled as in `amplitude_spectrum`, piece by piece in time.
 
@@ -226,7 +215,7 @@ def follow_line(signal: ArrayLike, sample_rate: float, *, low: float, high: floa
     if not 0.0 < low < high:
         raise ValueError(f"the band must rise from above zero, got {low:g} to {high:g} Hz")
     rows = []
-    for found in spectrogram_pieces(signal, sample_rate, lowest_frequency=0.5 * (low + high), periods=periods):
+    for found in spectrogram(signal, sample_rate, lowest_frequency=0.5 * (low + high), periods=periods):
         band = np.flatnonzero((found.frequency_Hz >= low) & (found.frequency_Hz <= high))
         step = found.frequency_Hz[1] - found.frequency_Hz[0]
         for time, column in zip(found.time_s, found.amplitude.T, strict=True):

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from drumsqueal.findings.signals import Spectrogram, Spectrum, spectrogram_pieces
+from drumsqueal.findings.signals.spectra import Spectrogram, Spectrum, spectrogram
 from drumsqueal.findings.verdict import shift_words
 from drumsqueal.findings.vibration import unit_of
 from drumsqueal.questions.run.figures.view import View
@@ -120,7 +120,7 @@ def draw_spectrogram(view: View) -> Figure | None:
     highest = _highest_shown(view)
     columns = max(1, round(signal.size / rate * lowest / periods / (1 - OVERLAP) / MOST_COLUMNS))
     content = _shown(
-        spectrogram_pieces(signal, rate, lowest_frequency=lowest, periods=periods, overlap=OVERLAP), highest, columns
+        spectrogram(signal, rate, lowest_frequency=lowest, periods=periods, overlap=OVERLAP), highest, columns
     )
     peak = content.amplitude.max()
     level = 20 * np.log10(np.maximum(content.amplitude / peak, 10 ** (-RANGE_DB / 20 - 1)))

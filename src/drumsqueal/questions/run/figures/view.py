@@ -87,6 +87,8 @@ class View:
     def surface_motion(self, part: slice) -> NDArray[np.float64]:
         """u_θ (m) and its rate (m/s) at the middle of the lining, θ = z = 0, for a part of the record (time, 2)."""
         vibration, body = self.vibration, self.model.lining.body
-        both = (vibration.named(columns) for columns in (vibration.displacement_in(part), vibration.velocity_in(part)))
-        along = (np.broadcast_to(body.displacement(q, 0.0)[1], self.time[part].shape) for q in both)
-        return np.stack(list(along), axis=1)
+        along = []
+        for kind in ("displacement", "velocity"):
+            q = dict(zip(vibration.coordinates, vibration.read(kind, part).T, strict=True))
+            along.append(np.broadcast_to(body.displacement(q, 0.0)[1], self.time[part].shape))
+        return np.stack(along, axis=1)
