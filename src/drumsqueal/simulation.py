@@ -14,8 +14,8 @@ from jax import Array
 from numpy.typing import NDArray
 
 from drumsqueal.errors import IntegrationError, SteadyStateError
-from drumsqueal.findings.history import COMPLETE, to_dataset
-from drumsqueal.findings.outcome import Outcome
+from drumsqueal.findings.history import to_dataset
+from drumsqueal.findings.outcome import COMPLETE, Outcome
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.physics.composition import (
     GIVEN,

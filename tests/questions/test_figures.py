@@ -21,8 +21,8 @@ from matplotlib.text import Text
 import drumsqueal as ds
 from drumsqueal.files.output_folder import FIGURES, figure_file
 from drumsqueal.findings.answers import Answer, Change
-from drumsqueal.findings.history import COMPLETE, SIGNALS
-from drumsqueal.findings.outcome import Ending, Outcome
+from drumsqueal.findings.history import SIGNALS
+from drumsqueal.findings.outcome import COMPLETE, Ending, Outcome
 from drumsqueal.findings.vibration import Vibration, boundary_ratio
 from drumsqueal.questions.effects.figure import draw_effects
 from drumsqueal.questions.effects.reductions import reductions_of

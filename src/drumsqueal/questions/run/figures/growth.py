@@ -112,7 +112,8 @@ def draw_frequency(view: View) -> Figure | None:
 def _draw_mode(view: View, axes: Axes, mode: Mode, shown: slice) -> Artist:
     """Draw one mode with the exponential that is predicted from its fitted start, and return its legend entry."""
     factor, colour = style.time_unit(view.time[-1])[0], style.COLOUR[mode.name]
-    growth, boundary = view.compared(mode).measured_growth, view.findings.edge_reached_s
+    growth = next(found.measured_growth for found in view.findings.modes if found.label == mode.label)
+    boundary = view.findings.edge_reached_s
     values = view.vibration.modal(mode, shown) * view.micrometres(mode.name)
     time, low, mean, high = running(view, values, shown)
     axes.fill_between(time * factor, low, high, color=colour, alpha=0.2, linewidth=0)

@@ -5,7 +5,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from drumsqueal.findings.growth_phase import UNEXCITED_FRACTION, ModeComparison
+from drumsqueal.findings.growth_phase import UNEXCITED_FRACTION
 from drumsqueal.findings.outcome import Ending
 from drumsqueal.findings.vibration import FEWEST_FOR_SPECTRUM, ROTATIONS, Vibration
 from drumsqueal.physics.model import Model
@@ -54,10 +54,6 @@ class View:
         least = UNEXCITED_FRACTION * self.vibration.largest().max()
         able = [mode for mode in self.result.stability.modes if mode.name in self.model.names]
         return tuple(mode for mode in able if self.amplitude(mode).max() > least * self.micrometres(mode.name))
-
-    def compared(self, mode: Mode) -> ModeComparison:
-        """What the transient did with a mode."""
-        return next(found for found in self.findings.modes if found.label == mode.label)
 
     def micrometres(self, coordinate: str) -> float:
         """Factor from a coordinate's unit to µm at the drum's surface."""
