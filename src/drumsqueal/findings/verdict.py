@@ -13,7 +13,7 @@ from drumsqueal.scene.quantities import percent
 from drumsqueal.solve.linear.modes import NEUTRAL_FRACTION
 
 if TYPE_CHECKING:
-    from drumsqueal.findings.compare import RunFindings, Sticking
+    from drumsqueal.findings.compare import RunFindings
     from drumsqueal.findings.saturation import Saturation
 
 GROWN = 1.1  # times the start: what the motion must reach by the end to have grown
@@ -34,9 +34,12 @@ _SETTLED = {
 
 def state_verdict(found: RunFindings) -> str:
     """Return prediction and transient in one paragraph."""
+    rate = found.prediction.divergence
+    grows = [f"squeal in {', '.join(found.prediction.unstable)}"] if found.prediction.unstable else []
+    grows += [] if rate is None else [f"divergence without oscillation at {rate:+.4g} 1/s"]
+    predicted = " and ".join(grows) if found.prediction.unstable else " but ".join(["no squeal", *grows])
     time = f" at t = {found.predicted_at_s:g} s" if found.changing else ""
-    found_out = f"The linear model predicts {_prediction(found)}{time}; {_transient(found)}."
-    return " ".join([found_out, *_remarks(found)])
+    return " ".join([f"The linear model predicts {predicted}{time}; {_transient(found)}.", *_remarks(found)])
 
 
 def state_headline(found: RunFindings) -> str:
@@ -103,8 +106,12 @@ def _transient(found: RunFindings) -> str:
         done = f"the transient reaches a contact boundary at {boundary:.4g} s and {settled}"
     if found.motion_ratio is None and boundary is not None and not found.forced:
         done = f"nothing was started, but {f'the {moved_by} moves the shoe' if moved_by else 'round-off grows'}: {done}"
-    if found.sticking.spells:
-        done += f"; {_sticks(found.sticking)}"
+    sticking = found.sticking
+    if sticking.to_the_end_from_s is not None:
+        done += f"; from {sticking.to_the_end_from_s:.4g} s on the whole lining sticks to the drum"
+    elif sticking.spells:
+        how_long = "for an instant" if sticking.share == 0 else f"for {percent(sticking.share)} of the time"
+        done += f"; the whole lining sticks to the drum {how_long}"
     if found.largest_rotation_rad > SMALL_ROTATION:
         angle = f"{found.largest_rotation_rad:.2g} rad"
         done += f"; the shoe turns by {angle}, where small rotations, and so the model, no longer hold"
@@ -137,14 +144,6 @@ def _remarks(found: RunFindings) -> Iterator[str]:
         )
 
 
-def _prediction(found: RunFindings) -> str:
-    names, rate = ", ".join(found.prediction.unstable), found.prediction.divergence
-    drift = "" if rate is None else f"divergence without oscillation at {rate:+.4g} 1/s"
-    if names:
-        return f"squeal in {names}" + (f" and {drift}" if drift else "")
-    return f"no squeal but {drift}" if drift else "no squeal"
-
-
 def _within_the_boundaries(found: RunFindings) -> str:
     ratio, duration, moved_by = found.motion_ratio, found.recorded_s, found.moved_by
     if ratio is None and moved_by:
@@ -170,14 +169,6 @@ def _within_the_boundaries(found: RunFindings) -> str:
         reach = math.exp(rate * duration)
         return f"{duration:g} s are too short to compare: the fastest growth would be by a factor of {reach:.4g}"
     return f"the transient does not grow within {duration:g} s"
-
-
-def _sticks(sticking: Sticking) -> str:
-    if sticking.to_the_end_from_s is not None:
-        return f"from {sticking.to_the_end_from_s:.4g} s on the whole lining sticks to the drum"
-    if sticking.share == 0:
-        return "the whole lining sticks to the drum for an instant"
-    return f"the whole lining sticks to the drum for {percent(sticking.share)} of the time"
 
 
 def _settled(saturation: Saturation, unstable: bool) -> str:

@@ -2,6 +2,7 @@
 
 import math
 from enum import StrEnum
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -214,7 +215,7 @@ def _not_periodic(unit: NDArray[np.float64], rate: float, error: float, drift: f
     return classified(Kind.PERIODIC, Cause.MULTIPLES_REPEAT, **period)
 
 
-def _unknown(cause: Cause, numbers: dict[str, float], needed: float | None = None, **found: float | None) -> Regime:
+def _unknown(cause: Cause, numbers: dict[str, float], needed: float | None = None, **found: Any) -> Regime:
     if needed is not None:
         numbers = numbers | {"record_needed_s": needed, "periods_needed": PERIODS_NEEDED}
     return Regime(kind=Kind.UNKNOWN, cause=cause, numbers=numbers, record_needed_s=needed, **found)

@@ -25,7 +25,7 @@ from drumsqueal.solve.linear.modes import Mode, while_sliding
 
 # What a run takes next to its integration goes with the speed of the machine, as does loading the package: comparison,
 # figures and programs fetched from the cache took so many times as long, for the shipped scenes.
-BESIDE = 4.0
+BESIDES_INTEGRATION = 4.0
 LOADED = 0.3  # s; loading that is faster did not happen, for all was loaded before
 HARMONICS = 2  # of the highest frequency that a record should hold: contact that comes and goes makes them
 PHASES = 64  # of an oscillation, at which its distance from the contact boundaries is looked at
@@ -101,7 +101,7 @@ def check_scene(scene: Scene, loading: float = 0.0, *, progress: Progress = sile
     boundary = first_boundary_time(growing, fractions)
     time = estimate(prepared, boundary, _at_the_boundaries(prepared, growing), progress)
     seconds, evaluations = (None, None) if time is None else time
-    whole = None if seconds is None or loading < LOADED else seconds + (1 + BESIDE) * loading
+    whole = None if seconds is None or loading < LOADED else seconds + (1 + BESIDES_INTEGRATION) * loading
     samples = round(scene.simulate.duration * scene.simulate.sample_rate) + 1
     return Check(
         scene=scene,

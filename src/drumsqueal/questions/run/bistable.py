@@ -37,7 +37,7 @@ def bistable_words(scene: Scene, stability: Stability, file: Path, settings: Seq
     along = f"drum.speed={first:.10g}..{last:.10g} {range_.given} x {VALUES}"
     command = shlex.join(["drumsqueal", "onset", str(file), *given, "--along", along])
     return (
-        "A large disturbance may still lead to squeal that lasts (the bistable, subcritical range); "
+        "A large disturbance may still lead to sustained squeal (the bistable, subcritical range); "
         f"to find out: {command}"
     )
 

@@ -26,7 +26,8 @@ WINDOWS = 4  # that must fit side by side into the record
 @style.styled()
 def draw_spectra(view: View) -> Figure | None:
     """Draw displacement spectra before and after saturation; None where the record is too short for any."""
-    parts = [("Growth phase" if view.result.stability.unstable else "Linear motion", view.growing)]
+    growing = slice(0, int(np.searchsorted(view.time, view.findings.growth.linear_until_s, side="right")))
+    parts = [("Growth phase" if view.result.stability.unstable else "Linear motion", growing)]
     if view.saturation is not None:
         parts.append(("Saturated motion" if view.saturation.vibrates else "End of the record", view.saturated))
     if not view.readable or not view.modes:
@@ -115,7 +116,8 @@ def draw_spectrogram(view: View) -> Figure | None:
     periods = min(PERIODS, view.time.size / rate * lowest / WINDOWS)
     if periods < FEWEST_PERIODS:
         return None
-    name = view.energetic
+    energy = view.result.stability.mass * view.vibration.mean_square_velocity()
+    name = view.vibration.coordinates[int(np.argmax(energy))]
     signal = view.vibration.column(name, of="velocity")
     highest = _highest_shown(view)
     columns = max(1, round(signal.size / rate * lowest / periods / (1 - OVERLAP) / MOST_COLUMNS))

@@ -34,11 +34,6 @@ class View:
         return self.time.size >= FEWEST_FOR_SPECTRUM and bool(np.any(np.ptp(self.vibration.extremes(), axis=0) > REST))
 
     @property
-    def growing(self) -> slice:
-        """The samples of the growth phase."""
-        return slice(0, int(np.searchsorted(self.time, self.findings.growth.linear_until_s, side="right")))
-
-    @property
     def saturated(self) -> slice:
         """The samples of the saturated part, the whole record where nothing saturated."""
         start = 0.0 if self.saturation is None else self.saturation.start_s
@@ -58,12 +53,6 @@ class View:
     def micrometres(self, coordinate: str) -> float:
         """Factor from a coordinate's unit to µm at the drum's surface."""
         return MICRO * (self.radius if coordinate in ROTATIONS else 1.0)
-
-    @cached_property
-    def energetic(self) -> str:
-        """The coordinate with the most kinetic energy."""
-        energy = self.result.stability.mass * self.vibration.mean_square_velocity()
-        return self.vibration.coordinates[int(np.argmax(energy))]
 
     @cached_property
     def main_frequency(self) -> float | None:
