@@ -145,10 +145,7 @@ def transient(prepared: Prepared, since: Checkpoint | None = None) -> Generator[
 
 
 def run(
-    scene: Scene,
-    progress: Progress = silent,
-    *,
-    friction_law: FrictionLaw | Callable[[Array], Array] | None = None,
+    scene: Scene, progress: Progress = silent, *, friction_law: FrictionLaw | Callable[[Array], Array] | None = None
 ) -> Result:
     """Run a scene: `run(load_scene("scenarios/nominal.toml")).history` is its time history.
 
@@ -177,11 +174,7 @@ def run_whole(prepared: Prepared, progress: Progress = silent) -> Result:
 
 
 def follow(
-    prepared: Prepared,
-    take: Callable[[Chunk], object],
-    progress: Progress = silent,
-    *,
-    what: str = "integrating",
+    prepared: Prepared, take: Callable[[Chunk], object], progress: Progress = silent, *, what: str = "integrating"
 ) -> None:
     """Integrate a scene, calling `take` with every chunk, until its end or until `take` returns True.
 
@@ -192,10 +185,7 @@ def follow(
 
 
 def collect(
-    prepared: Prepared,
-    keep: Callable[[Chunk], None],
-    progress: Progress = silent,
-    since: Checkpoint | None = None,
+    prepared: Prepared, keep: Callable[[Chunk], None], progress: Progress = silent, since: Checkpoint | None = None
 ) -> Outcome:
     """Integrate to the end, to the first failure or to Ctrl-C, and return the outcome; `keep` takes each chunk."""
     reached = None if since is None else since.intervals / prepared.scene.simulate.sample_rate

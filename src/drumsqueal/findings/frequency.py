@@ -117,12 +117,7 @@ class Softening(NamedTuple):
 
 
 def explain_frequency(
-    vibration: Vibration,
-    part: slice,
-    model: Model,
-    steady: NDArray[np.float64],
-    mode: Mode,
-    contact_fraction: float,
+    vibration: Vibration, part: slice, model: Model, steady: NDArray[np.float64], mode: Mode, contact_fraction: float
 ) -> Softening:
     """Predict a mode's frequency in the saturated motion from where the lining touched and how it slipped.
 

@@ -163,9 +163,9 @@ class _Lattice:
             frequency = self.lines.frequency_Hz[lines]
             gaps = np.abs(frequency[:line] - frequency[line])
             if gaps.size and gaps.min() < MODULATION * frequency[line]:
-                neighbour = matrix.copy()
-                neighbour[place] -= vectors[int(np.argmin(gaps))]
-                matrix = neighbour if abs(round(np.linalg.det(neighbour))) == 1 else matrix
+                modulated = matrix.copy()
+                modulated[place] -= vectors[int(np.argmin(gaps))]
+                matrix = modulated if abs(round(np.linalg.det(modulated))) == 1 else matrix
         self.combinations = np.round(self.combinations @ np.linalg.inv(matrix)).astype(np.int64)
 
 

@@ -68,11 +68,7 @@ def _moving(shoe: RigidShoe, stability: Stability, mode: Mode) -> dict[str, Any]
         "enlarged": magnification,
         "drawn_mm": drawn,
         "lines": [
-            {
-                "at": _rounded(at),
-                "re": _rounded(magnification * moved.real),
-                "im": _rounded(magnification * moved.imag),
-            }
+            {"at": _rounded(at), "re": _rounded(magnification * moved.real), "im": _rounded(magnification * moved.imag)}
             for at, moved in lines
         ],
         "depth": [] if flat else _rounded(_project(np.array([0.0, 0.0, MILLI * float(shoe.width) / 2]))),
@@ -82,10 +78,7 @@ def _moving(shoe: RigidShoe, stability: Stability, mode: Mode) -> dict[str, Any]
 def _section(shoe: RigidShoe, shape: Shape) -> list[tuple[NDArray[np.float64], Complex]]:
     """The outline in section at z = 0, and a cross at the centre of gravity."""
     centre, arm = MILLI * float(shoe.centroid), 0.03 * MILLI * float(shoe.outer_radius)
-    cross = [
-        np.array([[centre - arm, 0.0], [centre + arm, 0.0]]),
-        np.array([[centre, -arm], [centre, arm]]),
-    ]
+    cross = [np.array([[centre - arm, 0.0], [centre + arm, 0.0]]), np.array([[centre, -arm], [centre, arm]])]
     return [(at, moved(at, shoe, shape)) for at in (shoe_outline(shoe), *cross)]
 
 

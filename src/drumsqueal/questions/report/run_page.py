@@ -49,7 +49,6 @@ def run_content(folder: Path) -> tuple[RunFindings, dict[str, Any]]:
         "warning": _warning(found, folder),
         "headline": state_headline(found),
         "computed_now": not (folder / SUMMARY).exists(),
-        "modes": list(zip(found.prediction.labels, found.prediction.modes, strict=True)),
         "changes": "; speed or load change, and these are of the beginning" if changes else "",
         "no_error": difference_is_no_error(found),
         "animation": None if prepared is None else _animation(prepared, found),

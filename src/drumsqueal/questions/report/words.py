@@ -56,8 +56,7 @@ def _contact_fraction(summary: RunFindings) -> list[str]:
 
 def _spectrogram(summary: RunFindings) -> list[str]:
     text = ["Frequencies over time; brighter is stronger."]
-    pairs = list(zip(summary.prediction.labels, summary.prediction.modes, strict=True))
-    kinds = []
+    pairs, kinds = summary.prediction.labelled.items(), []
     for kind in (True, False):
         named = [f"{label} {m.frequency_Hz:.0f} Hz" for label, m in pairs if m.unstable is kind and _moves(m, summary)]
         kinds += [f"{'unstable' if kind else 'stable'} {', '.join(named)}"] if named else []
