@@ -89,4 +89,5 @@ def change_of(whole: Answer, other: Answer) -> Change:
     main = None if whole.main is other.main else LOST  # one of them has no line, or neither
     if whole.main is not None and other.main is not None:
         main = other.main.frequency_Hz / whole.main.frequency_Hz - 1
-    return Change(*(max(changes, key=abs, default=None) for changes in (growth, frequency, amplitude)), main)
+    largest = [max(changes, key=abs, default=None) for changes in (growth, frequency, amplitude)]
+    return Change(largest[0], largest[1], largest[2], main)
