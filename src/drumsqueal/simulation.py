@@ -14,8 +14,8 @@ from jax import Array
 from numpy.typing import NDArray
 
 from drumsqueal.errors import IntegrationError, SteadyStateError
-from drumsqueal.findings.history import COMPLETE, to_dataset
-from drumsqueal.findings.outcome import Outcome
+from drumsqueal.findings.history import to_dataset
+from drumsqueal.findings.outcome import COMPLETE, Outcome
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.physics.composition import (
     GIVEN,
@@ -61,11 +61,6 @@ class Result(NamedTuple):
     stability: Stability
     history: xarray.Dataset
     findings: RunFindings
-
-    @property
-    def comparison(self) -> RunFindings:
-        """What was found, as `summary.json` holds it."""
-        return self.findings
 
 
 def prepare(scene: Scene, friction_law: FrictionLaw | Callable[[Array], Array] | None = None) -> Prepared:
@@ -116,7 +111,7 @@ def check_sample_rate(prepared: Prepared) -> None:
 
 
 def start_of(scene: Scene, names: Sequence[str]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Departure from steady sliding and velocity at the start, over the named coordinates: (n,) each."""
+    """Displacement from steady sliding and velocity at the start, over the named coordinates: (n,) each."""
     displacement, velocity = (
         np.array([table.get(name, 0.0) for name in names]) for table in (scene.start.displacement, scene.start.velocity)
     )
@@ -124,7 +119,7 @@ def start_of(scene: Scene, names: Sequence[str]) -> tuple[NDArray[np.float64], N
 
 
 def steady_at_start(prepared: Prepared) -> NDArray[np.float64]:
-    """Steady sliding that the transient departs from (n,), over its coordinates."""
+    """Steady sliding about which the transient starts (n,), over its coordinates."""
     stability, names = prepared.stability, prepared.model.names
     if stability.time > 0:  # the drum is at rest, and drags nothing
         return np.zeros(len(names))
@@ -136,24 +131,21 @@ def transient(prepared: Prepared, since: Checkpoint | None = None) -> Generator[
 
     Raises IntegrationError where it fails.
     """
-    scene, model = prepared.scene, prepared.model
+    simulate, names = prepared.scene.simulate, prepared.model.names
     return integrate(
-        model,
+        prepared.model,
         steady_at_start(prepared),
-        *start_of(scene, model.names),
-        duration=scene.simulate.duration,
-        sample_rate=scene.simulate.sample_rate,
-        tolerance=scene.simulate.tolerance,
-        solver=scene.simulate.solver,
+        *start_of(prepared.scene, names),
+        duration=simulate.duration,
+        sample_rate=simulate.sample_rate,
+        tolerance=simulate.tolerance,
+        solver=simulate.solver,
         since=since,
     )
 
 
 def run(
-    scene: Scene,
-    progress: Progress = silent,
-    *,
-    friction_law: FrictionLaw | Callable[[Array], Array] | None = None,
+    scene: Scene, progress: Progress = silent, *, friction_law: FrictionLaw | Callable[[Array], Array] | None = None
 ) -> Result:
     """Run a scene: `run(load_scene("scenarios/nominal.toml")).history` is its time history.
 
@@ -182,26 +174,18 @@ def run_whole(prepared: Prepared, progress: Progress = silent) -> Result:
 
 
 def follow(
-    prepared: Prepared,
-    take: Callable[[Chunk], object],
-    progress: Progress = silent,
-    *,
-    since: Checkpoint | None = None,
-    what: str = "integrating",
+    prepared: Prepared, take: Callable[[Chunk], object], progress: Progress = silent, *, what: str = "integrating"
 ) -> None:
     """Integrate a scene, calling `take` with every chunk, until its end or until `take` returns True.
 
     `progress` is called after each chunk with the time reached (s), and may stop it by raising an exception. Raises
     IntegrationError where the integration fails.
     """
-    motion.follow(transient(prepared, since), prepared.scene.simulate.duration, take, progress, what=what)
+    motion.follow(transient(prepared), prepared.scene.simulate.duration, take, progress, what=what)
 
 
 def collect(
-    prepared: Prepared,
-    keep: Callable[[Chunk], None],
-    progress: Progress = silent,
-    since: Checkpoint | None = None,
+    prepared: Prepared, keep: Callable[[Chunk], None], progress: Progress = silent, since: Checkpoint | None = None
 ) -> Outcome:
     """Integrate to the end, to the first failure or to Ctrl-C, and return the outcome; `keep` takes each chunk."""
     reached = None if since is None else since.intervals / prepared.scene.simulate.sample_rate
@@ -220,8 +204,8 @@ def finish(prepared: Prepared, chunks: list[Chunk], outcome: Outcome) -> Result:
 
 def compared(prepared: Prepared, history: xarray.Dataset) -> Result:
     """Compare a history with the prediction."""
+    from drumsqueal.findings.accuracy import estimate_quadrature_error
     from drumsqueal.findings.compare import compare
-    from drumsqueal.findings.quadrature import estimate_quadrature_error
 
     error = estimate_quadrature_error(history, prepared.model)
     findings = compare(history, prepared.stability, prepared.linear, error, prepared.held)

@@ -10,8 +10,8 @@ import pytest
 import xarray
 from rich.console import Console
 
-from drumsqueal.findings.compare import Note, compare
-from drumsqueal.findings.sticking import find_sticking
+from drumsqueal.findings.compare import compare, find_sticking
+from drumsqueal.findings.growth_phase import Note
 from drumsqueal.physics.laws.friction_law import ExponentialLaw, FrictionLaw
 from drumsqueal.physics.model import build_model
 from drumsqueal.questions.accuracy.reference import find_reference
@@ -43,14 +43,14 @@ def saturated(nominal) -> Result:
 
 
 def mode_of(result: Result, name: str):
-    return next(mode for mode in result.comparison.modes if mode.name == name)
+    return next(mode for mode in result.findings.modes if mode.name == name)
 
 
 @pytest.mark.parametrize("name", ["X", "Y", "Tz"])
 def test_onset_frequency_and_growth_are_those_of_the_eigenvalues(squeal, name):
     mode = mode_of(squeal, name)
     rate, angular = ONSET[name]
-    assert 0.01 < squeal.comparison.growth.linear_until_s < 0.03
+    assert 0.01 < squeal.findings.growth.linear_until_s < 0.03
     assert mode.unstable
     assert mode.note == ""
     assert mode.frequency_error is not None
@@ -81,16 +81,16 @@ def test_modes_that_do_not_move_say_so(squeal):
 def test_the_verdict_names_what_squeals_and_what_it_does(squeal, saturated):
     for result in (squeal, saturated):
         assert result.findings.outcome == "complete"
-        assert result.comparison.verdict.startswith("The linear model predicts squeal in Y, X, Tz; the ")
-        assert result.comparison.edge_reached_s is not None
-        assert result.comparison.edge_reached_s > result.comparison.growth.linear_until_s
-        assert result.comparison.motion_ratio > 20
-    assert "below the onset frequency of Y" in saturated.comparison.verdict
+        assert result.findings.verdict.startswith("The linear model predicts squeal in Y, X, Tz; the ")
+        assert result.findings.edge_reached_s is not None
+        assert result.findings.edge_reached_s > result.findings.growth.linear_until_s
+        assert result.findings.motion_ratio > 20
+    assert "below the onset frequency of Y" in saturated.findings.verdict
 
 
 def test_saturated_squeal_lies_well_below_its_onset_frequency(saturated):
     # "The squealing frequency may not match the frequency of the squeal onset" (Seo & Kang 2023): by how much, and why.
-    saturation = saturated.comparison.saturation
+    saturation = saturated.findings.saturation
     assert saturation is not None
     assert saturation.main is not None
     assert saturation.frequency_shift is not None
@@ -105,8 +105,8 @@ def test_saturated_squeal_lies_well_below_its_onset_frequency(saturated):
     assert any(f == pytest.approx(1076, rel=0.05) for f in saturation.regime.base_frequencies_Hz)
     assert any(f == pytest.approx(7290, rel=0.05) for f in saturation.regime.base_frequencies_Hz)
     told = f"and 72.. Hz. Most kinetic energy is at {saturation.main.frequency_Hz:.0f} Hz, 2"
-    assert re.search(told, saturated.comparison.verdict)
-    assert "settles to a quasi-periodic motion of " in saturated.comparison.verdict
+    assert re.search(told, saturated.findings.verdict)
+    assert "settles to a quasi-periodic motion of " in saturated.findings.verdict
     # Why: the lining leaves the drum for a good part of the time, and the shoe is held more softly.
     assert 0.4 < saturation.contact_fraction < 0.85
     assert 0 < saturation.slip_reversed_fraction < 0.1
@@ -122,12 +122,12 @@ def test_constant_friction_grows_nothing(nominal):
     scene = nominal.with_values({"friction": {"law": "constant", "coefficient": 0.4}, "simulate.duration": 0.06})
     result = run(scene)
     assert result.stability.unstable == ()
-    assert result.comparison.saturation is None
-    assert result.comparison.edge_reached_s is None
+    assert result.findings.saturation is None
+    assert result.findings.edge_reached_s is None
     # Neutral, so the amplitude stays but for the beating of the modes within a tenth of the record.
-    assert result.comparison.motion_ratio == pytest.approx(1.0, abs=0.05)
-    assert "predicts no squeal" in result.comparison.verdict
-    assert "nothing grows" in result.comparison.verdict
+    assert result.findings.motion_ratio == pytest.approx(1.0, abs=0.05)
+    assert "predicts no squeal" in result.findings.verdict
+    assert "nothing grows" in result.findings.verdict
     for name in ("X", "Y", "Tz"):
         mode = mode_of(result, name)
         assert mode.growth_rate_error is None
@@ -142,33 +142,33 @@ def test_too_large_a_start_says_so(nominal):
         assert mode.note == "nonlinear from the start, or nearly so"
         assert mode.measured_frequency_Hz is None
         assert mode.growth_rate_error is None
-    assert result.comparison.edge_reached_s == 0
+    assert result.findings.edge_reached_s == 0
 
 
 def test_too_short_a_run_says_so(nominal):
     result = run(nominal.with_values({"simulate.duration": 0.002, "start.displacement": {"Y": 1e-7}}))
     assert mode_of(result, "Y").note == "the record holds fewer than 5 periods"  # 2.8 of them
     assert mode_of(result, "Y").measured_growth is None
-    assert result.comparison.edge_reached_s is None
+    assert result.findings.edge_reached_s is None
     # e^(76.2 × 0.002) = 1.165 is what the fastest mode makes of it.
-    assert "the motion grows 1.1" in result.comparison.verdict
-    assert "too short to show more" in result.comparison.verdict
+    assert "the motion grows 1.1" in result.findings.verdict
+    assert "too short to show more" in result.findings.verdict
     shorter = run(nominal.with_values({"simulate.duration": 0.0002}))
-    assert {mode.note for mode in shorter.comparison.modes} == {"the record is too short"}
+    assert {mode.note for mode in shorter.findings.modes} == {"the record is too short"}
     short = "0.0002 s are too short to compare: the fastest growth would be by a factor of 1.0"
-    assert short in shorter.comparison.verdict
+    assert short in shorter.findings.verdict
 
 
 def test_a_run_without_a_start_stays_where_it_is(nominal):
     result = run(nominal.with_values({"simulate.duration": 0.02, "start.displacement": {}}))
-    assert {mode.note for mode in result.comparison.modes} == {"nothing was started"}
-    assert result.comparison.motion_ratio is None
-    assert "nothing was started" in result.comparison.verdict
+    assert {mode.note for mode in result.findings.modes} == {"nothing was started"}
+    assert result.findings.motion_ratio is None
+    assert "nothing was started" in result.findings.verdict
 
 
 def test_the_boundary_is_the_first_sample_at_which_contact_is_lost(nominal, squeal):
     # u_θ and u_r on a fine grid, from the motion alone.
-    boundary = squeal.comparison.edge_reached_s
+    boundary = squeal.findings.edge_reached_s
     q, v = (squeal.history[name].values for name in ("displacement", "velocity"))
     theta = np.linspace(-np.radians(65), np.radians(65), 4001)[:, None]
     c, pressure, stiffness = 72.1956531e-3, 241499.598, 0.35e11
@@ -184,13 +184,13 @@ def test_an_effect_that_is_not_there_has_no_boundary(nominal, table, value):
     scene = nominal.with_values({table: value, "simulate.duration": 0.01, "start.displacement": {"Y": 5e-6}})
     if table == "friction":
         scene = scene.with_values({"drum.speed": 0.01})
-        assert run(scene).comparison.edge_reached_s is None
+        assert run(scene).findings.edge_reached_s is None
     else:
         result = run(scene.with_values({"start.displacement": {"Y": 2e-5}}))
         assert result.history["smallest_pressure"].values.min() < 0
         assert result.history["contact_fraction"].values.min() == pytest.approx(1, abs=1e-12)
         # 20 µm at 1424 Hz are 0.18 m/s, short of the drum's 0.5.
-        assert result.comparison.edge_reached_s is None
+        assert result.findings.edge_reached_s is None
 
 
 @pytest.mark.parametrize("name", ["X", "Y", "Tz"])
@@ -198,7 +198,7 @@ def test_onset_about_the_self_consistent_state(nominal, name):
     scene = nominal.with_values({"steady.state": "self-consistent", "simulate.duration": 0.04})
     result = run(scene)
     mode = mode_of(result, name)
-    assert 0.01 < result.comparison.growth.linear_until_s < 0.03
+    assert 0.01 < result.findings.growth.linear_until_s < 0.03
     assert mode.frequency_error is not None
     assert mode.growth_rate_error is not None
     # 5e-7 and 1.2e-4 were found.
@@ -233,40 +233,40 @@ def test_a_motion_that_dies_after_an_boundary_settles_to_steady_sliding(nominal)
         {"damping": {"ratio": 0.03}, "start.displacement": {"Y": 1e-5}, "simulate.duration": 0.25}
     )
     result = run(scene)
-    assert result.comparison.edge_reached_s == 0
-    saturation = result.comparison.saturation
+    assert result.findings.edge_reached_s == 0
+    saturation = result.findings.saturation
     assert saturation is not None
     assert saturation.regime.kind == "steady"
     assert saturation.lines == ()
-    assert "settles to steady sliding" in result.comparison.verdict
+    assert "settles to steady sliding" in result.findings.verdict
 
 
 def test_divergence_without_oscillation_is_named(nominal):
     # Without supports the shoe is free to turn with the drum, and falling friction drives it: λ = μt p0 ∫φ^θφ^θ dA / I.
     result = run(nominal.with_values({"support": None, "simulate.duration": 0.002}))
     assert result.stability.divergence == pytest.approx(258.2, abs=0.1)
-    assert "divergence without oscillation at +258.2 1/s" in result.comparison.verdict
+    assert "divergence without oscillation at +258.2 1/s" in result.findings.verdict
 
 
 def test_a_shoe_that_runs_away_beyond_small_rotations_is_told(nominal):
     result = run(nominal.with_values({"support": None, "simulate.duration": 0.06, "start.displacement": {"Tz": 1e-2}}))
     turned = np.abs(result.history["displacement"].sel(coordinate="Tz").values).max()
     assert turned > 0.1
-    assert f"the shoe turns by {turned:.2g} rad, where small rotations" in result.comparison.verdict
+    assert f"the shoe turns by {turned:.2g} rad, where small rotations" in result.findings.verdict
 
 
 def test_modes_of_one_name_are_told_apart(nominal):
     result = run(nominal.with_values({"shoe.arc_angle": "300 deg", "simulate.duration": 0.01}))
-    labels = [mode.label for mode in result.comparison.modes]
+    labels = [mode.label for mode in result.findings.modes]
     assert len(set(labels)) == len(labels)
     assert {"X", "X (2)"} <= set(labels)
-    assert [mode.name for mode in result.comparison.modes if mode.label == "X (2)"] == ["X"]
+    assert [mode.name for mode in result.findings.modes if mode.label == "X (2)"] == ["X"]
 
 
 def test_a_profile_is_predicted_for_its_start(nominal):
     stop = {**UNDAMPED, "drum.speed": {"time": [0, 0.01], "value": [5, 3]}}
     scene = nominal.with_values({**stop, "simulate.duration": 0.01, "start.displacement": {}})
-    assert run(scene).comparison.verdict.startswith("The linear model predicts squeal in Y, X, Tz at t = 0 s; ")
+    assert run(scene).findings.verdict.startswith("The linear model predicts squeal in Y, X, Tz at t = 0 s; ")
 
 
 def test_a_load_that_rises_from_zero_is_simulated(nominal):
@@ -280,11 +280,11 @@ def test_a_load_that_rises_from_zero_is_simulated(nominal):
     assert touching["Y"] == pytest.approx(ONSET["Y"][1] / (2 * np.pi), rel=3e-2)
     assert result.findings.outcome == "complete"
     # 0.1 µm lifts part of it off within the first samples; a shoe at rest stays in contact while the load rises.
-    assert result.comparison.edge_reached_s is not None
-    assert result.comparison.edge_reached_s < 1e-4
+    assert result.findings.edge_reached_s is not None
+    assert result.findings.edge_reached_s < 1e-4
     resting = run(scene.with_values({"start.displacement": {}}))
-    assert resting.comparison.edge_reached_s is None
-    assert "nothing was started, and the transient reaches no contact boundary" in resting.comparison.verdict
+    assert resting.findings.edge_reached_s is None
+    assert "nothing was started, and the transient reaches no contact boundary" in resting.findings.verdict
 
 
 def test_a_small_cycle_is_not_rest(nominal):
@@ -299,7 +299,7 @@ def test_a_small_cycle_is_not_rest(nominal):
             "simulate.duration": 0.1,
         }
     )
-    saturation = run(scene).comparison.saturation
+    saturation = run(scene).findings.saturation
     assert saturation is not None
     assert max(saturation.amplitude.values()) < 1e-6
     assert saturation.regime.kind != "steady"
@@ -308,31 +308,31 @@ def test_a_small_cycle_is_not_rest(nominal):
 def test_a_profile_that_does_not_change_within_the_record_is_no_change(nominal):
     late = {**UNDAMPED, "drum.speed": {"time": [1, 2], "value": [5, 3]}, "simulate.duration": 0.02}
     result = run(nominal.with_values(late | {"start.displacement": {"Y": 1e-5}}))
-    assert not result.comparison.changing
-    assert "predicts squeal in Y, X, Tz; " in result.comparison.verdict
-    assert result.comparison.saturation is not None
-    assert "record at least" in result.comparison.saturation.regime.reason
+    assert not result.findings.changing
+    assert "predicts squeal in Y, X, Tz; " in result.findings.verdict
+    assert result.findings.saturation is not None
+    assert "record at least" in result.findings.saturation.regime.reason
 
 
 def test_a_stop_names_the_change_as_the_reason_of_its_drift(nominal):
     stop = {**UNDAMPED, "drum.speed": {"time": [0, 0.1], "value": [5, 2]}, "simulate.duration": 0.1}
     result = run(nominal.with_values(stop | {"start.displacement": {"Y": 1e-5}}))
-    assert result.comparison.changing
-    assert result.comparison.saturation is not None
-    assert result.comparison.saturation.regime.reason == "Drum speed or load change, and the motion with them."
+    assert result.findings.changing
+    assert result.findings.saturation is not None
+    assert result.findings.saturation.regime.reason == "Drum speed or load change, and the motion with them."
 
 
 def test_overdamped_motion_comes_to_rest(nominal):
     values = {"damping": {"ratio": 2.0}, "start.displacement": {"Y": 1e-5}, "simulate.duration": 0.02}
     result = run(nominal.with_values(values))
-    assert result.comparison.edge_reached_s == 0
-    assert "settles to steady sliding" in result.comparison.verdict
+    assert result.findings.edge_reached_s == 0
+    assert "settles to steady sliding" in result.findings.verdict
 
 
 def test_a_displaced_free_coordinate_stays(nominal):
     values = {"simulate.coordinates": ["Z"], "start.displacement": {"Z": 1e-6}, "simulate.duration": 0.002}
     result = run(nominal.with_values(values))
-    assert result.comparison.motion_ratio == 1.0
+    assert result.findings.motion_ratio == 1.0
     np.testing.assert_allclose(result.history["displacement"].sel(coordinate="Z").values, 1e-6, rtol=1e-12)
 
 
@@ -373,9 +373,9 @@ def test_growth_is_not_measured_while_the_lining_sticks_at_the_start(nominal):
     speed = {"time": [0.0, 0.001, 0.004], "value": [0.0, 0.0, 5.0]}
     values = {"start": start, "drum.speed": speed, "simulate.duration": 0.003, "simulate.sample_rate": 1e5}
     result = run(nominal.with_values(values | UNDAMPED))
-    assert {mode.note for mode in result.comparison.modes if mode.name in "XYTz"} == {Note.STICKING}
-    assert all(mode.measured_growth is None for mode in result.comparison.modes)
-    assert "the whole lining sticks to the drum for 33 % of the time" in result.comparison.verdict
+    assert {mode.note for mode in result.findings.modes if mode.name in "XYTz"} == {Note.STICKING}
+    assert all(mode.measured_growth is None for mode in result.findings.modes)
+    assert "the whole lining sticks to the drum for 33 % of the time" in result.findings.verdict
 
 
 class Hiding(eqx.Module):
@@ -391,8 +391,8 @@ class Hiding(eqx.Module):
 
 
 def fraction_of(result: Result) -> float:
-    assert result.comparison.accuracy is not None
-    found = result.comparison.accuracy
+    assert result.findings.accuracy is not None
+    found = result.findings.accuracy
     assert found is not None
     assert found.quadrature_error_over_normal_force is not None
     return found.quadrature_error_over_normal_force
@@ -417,10 +417,10 @@ def test_forces_that_the_quadrature_gets_wrong_are_noticed_though_energy_is_cons
     )
     assert balance < 1e-7
     assert fraction_of(hidden) > 1e-6
-    assert "Warning: the contact forces are wrong by up to" in hidden.comparison.verdict
+    assert "Warning: the contact forces are wrong by up to" in hidden.findings.verdict
     whole = run(scene)
     assert fraction_of(whole) < 1e-12
-    assert "Warning" not in whole.comparison.verdict
+    assert "Warning" not in whole.findings.verdict
 
 
 class HidingJump(eqx.Module):
@@ -442,7 +442,7 @@ def test_a_law_with_a_jump_that_is_cut_there_gives_no_warning(nominal):
     # The finer rule is cut there, too, though it finds the place another way. Found: 5e-15.
     result = run(nominal.with_values(STEEP), friction_law=lambda speed: jnp.where(speed < 0.2, 0.5, 0.4))
     assert fraction_of(result) < 1e-12
-    assert "Warning" not in result.comparison.verdict
+    assert "Warning" not in result.findings.verdict
 
 
 def test_a_steep_law_moves_the_shoe_as_an_independent_code_says(nominal):
@@ -462,7 +462,7 @@ def test_a_steep_law_moves_the_shoe_as_an_independent_code_says(nominal):
 def test_where_speed_or_load_change_one_time_and_a_mean_are_no_error(nominal):
     ramp = {"drum.speed": {"time": [0.0, 0.05], "value": [5.0, 4.0]}, "simulate.duration": 0.05}
     result = run(nominal.with_values(ramp))
-    (mode,) = (each for each in result.comparison.modes if each.label == "Y")
+    (mode,) = (each for each in result.findings.modes if each.label == "Y")
     assert mode.measured_growth is not None
     assert (mode.frequency_error, mode.growth_rate_error) == (None, None)
     shown = io.StringIO()

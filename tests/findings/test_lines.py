@@ -6,7 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from drumsqueal.findings.signals import find_fundamentals, find_lines
+from drumsqueal.findings.signals.fundamentals import find_fundamentals
+from drumsqueal.findings.signals.lines import find_lines
 
 RATE = 50_000.0
 

@@ -74,5 +74,5 @@ def test_a_force_out_of_the_plane_keeps_all_coordinates(nominal):
 
 def test_a_run_says_that_it_is_driven(nominal):
     result = run(forced(nominal))
-    assert {mode.note for mode in result.comparison.modes} == {"driven by the harmonic force"}
-    assert "under the harmonic force the transient reaches no contact boundary" in result.comparison.verdict
+    assert {mode.note for mode in result.findings.modes} == {"driven by the harmonic force"}
+    assert "under the harmonic force the transient reaches no contact boundary" in result.findings.verdict

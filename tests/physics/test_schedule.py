@@ -128,9 +128,9 @@ def test_pulses_between_samples_move_a_linear_shoe_as_they_should(nominal, solve
     energy = np.abs(result.history["energy_balance_error"]).max() / result.history["kinetic_energy"].max()
     assert energy < 10 * tolerance
     # It was not started, and no harmonic force acts; nor is it round-off that grows.
-    assert "the changing load moves the shoe" in result.comparison.verdict
-    assert "round-off" not in result.comparison.verdict
-    assert {mode.note for mode in result.comparison.modes} == {"moved by the changing load"}
+    assert "the changing load moves the shoe" in result.findings.verdict
+    assert "round-off" not in result.findings.verdict
+    assert {mode.note for mode in result.findings.modes} == {"moved by the changing load"}
 
 
 def test_many_transients_and_one_that_is_taken_up_again_see_every_corner(nominal):

@@ -134,7 +134,7 @@ def test_a_scene_with_a_temperature(nominal):
     np.testing.assert_allclose(history["lining_temperature"].values, wanted, rtol=1e-5, atol=1e-12)
     fading = 400 * (1 - 0.001 * history["lining_temperature"].values)
     np.testing.assert_allclose(history["friction_power"].values, fading, rtol=1e-9)
-    assert "The lining warms up by 0.0133 K by the end, by which friction loses 0.0013 %" in result.comparison.verdict
+    assert "The lining warms up by 0.0133 K by the end, by which friction loses 0.0013 %" in result.findings.verdict
     np.testing.assert_array_equal(result.stability.eigenvalues, analyse_stability(build_linear(cold)).eigenvalues)
 
 

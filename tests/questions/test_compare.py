@@ -15,15 +15,9 @@ from drumsqueal.files.json_file import to_json, write_json
 from drumsqueal.files.saved_history import read_history
 from drumsqueal.findings.history import COMPLETE, MOTION, SIGNALS
 from drumsqueal.findings.schema import read_findings
-from drumsqueal.findings.signals import (
-    Spectrum,
-    amplitude_spectrum,
-    find_harmonics,
-    find_tones,
-    level_dB,
-    level_reference,
-    spectral_peaks,
-)
+from drumsqueal.findings.signals.decibels import level_dB, level_reference
+from drumsqueal.findings.signals.spectra import Spectrum, amplitude_spectrum, spectral_peaks
+from drumsqueal.findings.signals.tones import find_harmonics, find_tones
 from drumsqueal.questions.compare.figure import draw_comparison
 from drumsqueal.questions.compare.matching import WIDEST, fraction_covered, match_lines
 from drumsqueal.questions.compare.measured.reader import read_measured

@@ -210,7 +210,7 @@ def test_a_long_transient_ends_on_the_cycle(damped, search):
     # Of the largest multiplier, 0.903, twenty periods leave 0.13 of a departure: from 0.4 s on it is round-off.
     long = damped.with_values({"simulate.duration": 0.8, "simulate.tolerance": 1e-9, "simulate.sample_rate": 2e5})
     result = run(long)
-    saturation = result.comparison.saturation
+    saturation = result.findings.saturation
     assert saturation is not None
     motion = result.history.sel(coordinate=list(cycle.names)).isel(time=slice(-40_000, None))
     states = np.concatenate([motion["displacement"].values, motion["velocity"].values], axis=1)

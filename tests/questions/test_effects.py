@@ -173,7 +173,7 @@ def test_what_does_nothing_can_be_spared_and_what_counts_cannot(study, quick):
 
 def test_the_changes_are_those_of_the_scenes_run_by_themselves(study, quick):
     by_label = {variant.label: variant for variant in study.variants}
-    separate, bonded = run(quick).comparison.saturation, run(quick.with_values({"contact.separation": False}))
+    separate, bonded = run(quick).findings.saturation, run(quick.with_values({"contact.separation": False}))
     assert separate is not None
     assert separate.main is not None
     # Bonded, the motion reaches no edge: the last 60 % of the record count.

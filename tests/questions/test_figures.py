@@ -21,16 +21,16 @@ from matplotlib.text import Text
 import drumsqueal as ds
 from drumsqueal.files.output_folder import FIGURES, figure_file
 from drumsqueal.findings.answers import Answer, Change
-from drumsqueal.findings.history import COMPLETE, SIGNALS
-from drumsqueal.findings.outcome import Ending, Outcome
+from drumsqueal.findings.history import SIGNALS
+from drumsqueal.findings.outcome import COMPLETE, Ending, Outcome
 from drumsqueal.findings.vibration import Vibration, boundary_ratio
 from drumsqueal.questions.effects.figure import draw_effects
 from drumsqueal.questions.effects.reductions import reductions_of
 from drumsqueal.questions.effects.study import EffectStudy
 from drumsqueal.questions.effects.variants import Variant
 from drumsqueal.questions.onset.figure import limit_amplitudes
-from drumsqueal.questions.run.figures import draw_all, drawings
-from drumsqueal.questions.run.figures.fractions import running
+from drumsqueal.questions.run.figures import drawings
+from drumsqueal.questions.run.figures.growth import running
 from drumsqueal.questions.run.figures.view import View
 from drumsqueal.questions.sweep.amplitude_figure import draw_amplitude
 from drumsqueal.questions.sweep.points import TRENDS, blank, squealing, to_dataset, undecided
@@ -93,6 +93,11 @@ def made_up(name: str, samples: int, outcome: Outcome, title: str | None = None,
         history["sticking"].values[-40:-20] = 1.0
     comparison = ds.compare(history, stability, linear)
     return ds.Result(scene, stability, history, comparison), model
+
+
+def draw_all(result: ds.Result, model: ds.Model) -> dict[str, Figure]:
+    made = {name: draw(None) for name, draw in drawings(result, model).items()}
+    return {name: figure for name, figure in made.items() if figure is not None}
 
 
 @cache
@@ -265,7 +270,7 @@ def test_the_line_of_what_decays_is_not_drawn():
     decays[:10], below[:5], below[12] = TRENDS.index("decays"), 0.3, 0.3
     settled = sweep["settled"].copy()
     settled[5:10] = 0
-    sweep = sweep.assign(trend=decays, settled=settled, separation_fraction=below, reversal_fraction=below)
+    sweep = sweep.assign(trend=decays, settled=settled, separation_share=below, reversal_share=below)
     # Gone: 5 that decay below the edges, and one that has settled there where no mode grows: it decays, but slowly.
     assert np.flatnonzero(~(squealing(sweep) | undecided(sweep))).tolist() == [0, 1, 2, 3, 4, 12]
     grows = np.flatnonzero(sweep["trend"].values == TRENDS.index("grows")).tolist()
@@ -301,8 +306,8 @@ def test_every_figure_is_made(case):
 
 
 def test_the_growing_history_saturates():
-    assert drawn("growing")[0].comparison.saturation is not None
-    assert drawn("stable")[0].comparison.saturation is None
+    assert drawn("growing")[0].findings.saturation is not None
+    assert drawn("stable")[0].findings.saturation is None
 
 
 def test_a_record_too_short_for_a_spectrogram_leaves_it_out():
@@ -437,8 +442,8 @@ def test_dashed_slope_is_the_predicted_growth_through_the_start(case):
 
 def test_the_main_line_is_marked_at_its_frequency_and_named():
     result, _, figures = drawn("growing")
-    assert result.comparison.saturation is not None
-    main = result.comparison.saturation.main
+    assert result.findings.saturation is not None
+    main = result.findings.saturation.main
     assert main is not None
     (marker,) = named(figures["spectra"], "main line")
     assert marker[0] == pytest.approx([main.frequency_Hz / 1e3])

@@ -14,8 +14,10 @@ from drumsqueal import load_scene, run
 from drumsqueal.files.json_file import to_json
 from drumsqueal.findings import decay
 from drumsqueal.findings.schema import read_findings
-from drumsqueal.findings.signals import Fundamentals, Regime, classify, find_fundamentals, find_lines
+from drumsqueal.findings.signals.fundamentals import Fundamentals, find_fundamentals
+from drumsqueal.findings.signals.lines import find_lines
 from drumsqueal.findings.signals.lyapunov import Exponents, lyapunov_exponents, orthonormalised
+from drumsqueal.findings.signals.regime import Regime, classify
 from drumsqueal.findings.signals.regime_words import Cause
 from drumsqueal.questions.motion import study as study_module
 from drumsqueal.questions.motion.attractor import Doubt, Kind, decide_attractor, describe_attractor
@@ -324,7 +326,7 @@ def test_what_decays_to_rest_is_steady():
 
 def test_a_motion_that_decays_below_the_boundaries_has_not_failed_to_settle():
     kick = ["drum.speed=55", "start.displacement={Y=5e-4}", "simulate.duration=0.25"]
-    found = run(load_scene("scenarios/damped.toml", kick)).comparison
+    found = run(load_scene("scenarios/damped.toml", kick)).findings
     assert found.edge_reached_s == 0
     assert found.saturation is not None
     assert found.saturation.regime.kind == "steady"

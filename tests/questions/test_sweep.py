@@ -130,8 +130,8 @@ def test_the_transients_of_a_sweep_are_those_of_a_run(damped):
     scene = damped.with_values({"simulate.duration": 0.1, "contact.normal_load": 4000.0})
     found = ds.sweep_parameters(scene, {"drum.speed": [3.0]}, transient=True).isel({"drum.speed": 0})
     run = ds.run(scene.with_values({"drum.speed": 3.0}))
-    assert run.comparison.saturation is not None
-    main = run.comparison.saturation.main
+    assert run.findings.saturation is not None
+    main = run.findings.saturation.main
     assert main is not None
     late = run.history["displacement"].values[len(run.history["time"]) // 2 :]
     # The methods are the same, the local tolerance 1e-6; at saturation neighbours do not come apart here.

@@ -387,7 +387,7 @@ def test_a_stable_brake_may_squeal_after_a_large_disturbance_and_the_command_tha
     scene = str(SCENARIOS / "damped.toml")
     for words in (drumsqueal("check", scene, *short)[1], drumsqueal("run", scene, "-o", out, *short)[1]):
         (line,) = (line for line in words.splitlines() if "to find out: " in line)
-        assert line.startswith("A large disturbance may still lead to squeal that lasts")
+        assert line.startswith("A large disturbance may still lead to sustained squeal")
         command = shlex.split(line.split("to find out: ")[1])
         assert command[:2] == ["drumsqueal", "onset"]
         along = read_variation(command[command.index("--along") + 1], load_scene(scene))

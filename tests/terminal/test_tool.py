@@ -15,7 +15,6 @@ import pytest
 from drumsqueal import command_line as cli
 from drumsqueal.errors import RequestError
 from drumsqueal.files.json_file import to_json
-from drumsqueal.questions.check.run_time import RunTime
 from drumsqueal.questions.check.study import Check, check_scene, warnings_of
 from drumsqueal.questions.export.formats import FORMATS
 from drumsqueal.questions.export.signals import known_signals
@@ -330,7 +329,7 @@ def test_check_tells_the_derived_numbers(drumsqueal):
 def test_check_foretells_the_first_boundary_and_the_evaluations(nominal):
     scene = nominal.with_values({"simulate.duration": 0.1})
     check, result = check_scene(scene), run(scene)
-    boundary = result.comparison.edge_reached_s
+    boundary = result.findings.edge_reached_s
     assert check.first_edge_s is not None
     assert boundary is not None
     # One mode alone, against the motion of three together: the others bring it there somewhat sooner.
@@ -360,7 +359,7 @@ def test_check_foretells_the_first_boundary_and_the_evaluations(nominal):
     ],
 )
 def test_check_warns_in_plain_words(nominal, settings, told, drumsqueal, monkeypatch):
-    monkeypatch.setattr("drumsqueal.questions.check.study.estimate", lambda *_: estimate_nothing())
+    monkeypatch.setattr("drumsqueal.questions.check.study.estimate", lambda *_: None)
     arguments = [each for setting in settings for each in ("--set", setting)]
     status, printed, errors = drumsqueal("check", NOMINAL, *arguments)
     assert (status, errors) == (0, "")
@@ -382,10 +381,6 @@ def test_check_warns_where_the_lining_does_not_press_everywhere(nominal):
     lifted = prepared._replace(stability=prepared.stability._replace(contact_fraction=0.8))
     (told,) = warnings_of(lifted, (), (0.0, 0.0))
     assert "presses on 80 % of its area only" in told
-
-
-def estimate_nothing():
-    return RunTime(None, None, math.nan, None, None)
 
 
 def test_check_refuses_what_a_run_refuses_and_writes_nothing(drumsqueal, tmp_path, monkeypatch):

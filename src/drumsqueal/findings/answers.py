@@ -63,7 +63,7 @@ QUANTITIES = {
 def answer_of(result: Result, model: Model) -> Answer:
     """Read the answer off a run; `model` is the one over the coordinates of its eigenvalues."""
     modes = {mode.label: ModeAnswer(mode.frequency_Hz, mode.growth_rate) for mode in result.stability.modes}
-    vibration, comparison = Vibration(result.history, result.stability), result.comparison
+    vibration, comparison = Vibration(result.history, result.stability), result.findings
     boundary = comparison.edge_reached_s if comparison.saturation is not None else None
     part = saturated_part(vibration.time, 0.0 if boundary is None else boundary)
     motion = describe_motion(vibration, part, result.stability, model)
@@ -73,27 +73,21 @@ def answer_of(result: Result, model: Model) -> Answer:
 
 
 def change_of(whole: Answer, other: Answer) -> Change:
-    """Change from the whole scene's answer to another one's, over the whole scene's modes and carriers."""
-    pairs = [(before, other.modes.get(label)) for label, before in whole.modes.items()]
-    frequency = [LOST if after is None else after.frequency_Hz / before.frequency_Hz - 1 for before, after in pairs]
-    growth = [LOST if after is None else _growth_change(before, after) for before, after in pairs]
+    """Change from the whole scene's answer to another one's, over the whole scene's modes and carriers.
+
+    That of a growth rate is relative to it, or to a negligible one where it is smaller.
+    """
+    frequency, growth = [], []
+    for label, before in whole.modes.items():
+        after, negligible = other.modes.get(label), NEGLIGIBLE_RATIO * 2 * math.pi * before.frequency_Hz
+        frequency.append(LOST if after is None else after.frequency_Hz / before.frequency_Hz - 1)
+        size = max(abs(before.growth_rate), negligible)
+        growth.append(LOST if after is None else (after.growth_rate - before.growth_rate) / size)
     amplitude = [other.amplitude.get(name, 0.0) / whole.amplitude[name] - 1 for name in whole.carriers]
     if not whole.carriers and other.carriers:
         amplitude = [LOST]  # rest against motion
-    return Change(_largest(growth), _largest(frequency), _largest(amplitude), _frequency_change(whole.main, other.main))
-
-
-def _growth_change(before: ModeAnswer, after: ModeAnswer) -> float:
-    """Relative to the growth rate, or to a negligible one where it is smaller."""
-    negligible = NEGLIGIBLE_RATIO * 2 * math.pi * before.frequency_Hz
-    return (after.growth_rate - before.growth_rate) / max(abs(before.growth_rate), negligible)
-
-
-def _frequency_change(whole: Line | None, other: Line | None) -> float | None:
-    if whole is None or other is None:
-        return None if whole is other else LOST
-    return other.frequency_Hz / whole.frequency_Hz - 1
-
-
-def _largest(changes: list[float]) -> float | None:
-    return max(changes, key=abs, default=None)
+    main = None if whole.main is other.main else LOST  # one of them has no line, or neither
+    if whole.main is not None and other.main is not None:
+        main = other.main.frequency_Hz / whole.main.frequency_Hz - 1
+    largest = [max(changes, key=abs, default=None) for changes in (growth, frequency, amplitude)]
+    return Change(largest[0], largest[1], largest[2], main)

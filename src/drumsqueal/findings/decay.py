@@ -5,8 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from drumsqueal.findings.signals import STEADY, Regime
-from drumsqueal.findings.signals.regime import Kind
+from drumsqueal.findings.signals.regime import STEADY, Kind, Regime
 from drumsqueal.findings.signals.regime_words import Cause
 from drumsqueal.findings.vibration import Vibration, boundary_ratio, changes
 from drumsqueal.physics.model import Model
@@ -18,7 +17,7 @@ NEARLY_LINEAR = 0.5  # of the linear rate: a motion below the contact boundaries
 
 
 def is_decaying(fraction: float, rate: float, linear: float) -> bool:
-    """Whether a motion at this fraction `share` of the contact boundaries that changes at this rate (1/s) decays.
+    """Whether a motion at this fraction of the contact boundaries that changes at this rate (1/s) decays.
 
     Within a tenth of the contact boundaries it must fall, below them at least half as fast as the slowest mode at
     `linear` (1/s).

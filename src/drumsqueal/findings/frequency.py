@@ -1,18 +1,28 @@
-"""How the frequency of the leading mode goes from its onset to the saturated motion, and why."""
+"""How the frequency of the leading mode goes from its onset to the saturated motion, and why.
 
+The reason is the stiffness that the lining has on average while it comes and goes.
+"""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import computed_field
 
 from drumsqueal.findings.part import Finding, Held
 from drumsqueal.findings.saturation import Saturation
-from drumsqueal.findings.signals import Ridge, follow_line
-from drumsqueal.findings.softening import explain_frequency
+from drumsqueal.findings.signals.spectra import Ridge, follow_line
 from drumsqueal.findings.vibration import Vibration
+from drumsqueal.physics.effects.friction import UnitVelocity
+from drumsqueal.physics.effects.pressure import Unilateral
 from drumsqueal.physics.model import Model
-from drumsqueal.solve.linear.modes import Stability
+from drumsqueal.solve.linear.modes import Mode, Stability
 
 MOST_INSTANTS = 100  # of the frequency over time that are written down
 PERIODS = 16.0  # a window over which the frequency is a mean
+ALONG, ACROSS = 48, 5  # Gauss points on the lining; one line across where the motion is in the plane
+MOST_SAMPLES = 4000  # over which the contact is averaged
 ROOM = 1.5  # the line is looked for from the lower of the two frequencies over this to the higher one times it
 
 
@@ -93,3 +103,107 @@ def follow_frequency(
         over_time=OverTime(**dict(zip(("time_s", "frequency_Hz"), some, strict=True))),
         ridge=ridge,
     )
+
+
+class Softening(NamedTuple):
+    """A mode's frequency (Hz) with the averaged stiffness: with loss of contact alone, and with friction as it acted.
+
+    `by_fraction_Hz` is the cruder estimate onset frequency × √(mean fraction of the lining in contact).
+    """
+
+    contact_loss_Hz: float
+    with_friction_Hz: float
+    by_fraction_Hz: float
+
+
+def explain_frequency(
+    vibration: Vibration, part: slice, model: Model, steady: NDArray[np.float64], mode: Mode, contact_fraction: float
+) -> Softening:
+    """Predict a mode's frequency in the saturated motion from where the lining touched and how it slipped.
+
+    At each point of the lining the contact force p0 + k_c u_r, cut off at zero, is replaced by the linear one that has
+    the same first harmonic. For a motion u_r(t) it has the stiffness (the describing function, integrated by parts)
+
+        k = k_c ⟨1[N > 0] u̇_r²⟩ / ⟨u̇_r²⟩,   and friction couples with   k_c ⟨1[N > 0] g u̇_r²⟩ / ⟨u̇_r²⟩,
+
+    ⟨⟩ the mean over the motion and g = −μ(|V|) V_θ/|V| the signed coefficient of friction. M q̈ + K q = 0 with these
+    gives the frequency; its ratio to that of full contact scales the eigenvalue's. The motion enters through its
+    kinematics alone, not its accelerations: that the frequency comes out right is no tautology. Other modes that move
+    at the same time are in the averages, and friction's damping is left out.
+
+    Source: K. Magnus and K. Popp, Schwingungen, 1997, on harmonic balance; of several frequencies it is the equivalent
+    linearisation of R. C. Booton, "Nonlinear control systems with random inputs", IRE Transactions 1, 1954.
+    """
+    index = {name: k for k, name in enumerate(vibration.coordinates)}
+    every = max(1, vibration.time[part].size // MOST_SAMPLES)
+    time = vibration.time[part][::every]
+    q, v = np.empty((time.size, len(index))), np.empty((time.size, len(index)))
+    for rows, displacement, velocity in vibration.pieces(part):
+        first = -rows.start % every  # of those that are taken
+        taken = slice(-(-rows.start // every), -(-rows.stop // every))
+        q[taken], v[taken] = displacement[first::every] + steady, velocity[first::every]
+    shapes, area = _points(model, q, index)
+    moment = [model.operation.at(t) for t in (time[0], time[-1])]
+    preload, speed = (0.5 * sum(float(getattr(m, field)) for m in moment) for field in ("preload", "drum_speed"))
+    radius = float(model.shoe.outer_radius)
+    stiffness = float(model.lining.law.stiffness)
+    rate = v @ shapes["r"].T
+    weight = rate**2 / np.maximum(np.sum(rate**2, axis=0), np.finfo(np.float64).tiny)
+    touching = preload + stiffness * (q @ shapes["r"].T) > 0.0
+    if not isinstance(model.lining.law, Unilateral):
+        touching = np.ones_like(touching)
+    slip, across = v @ shapes["θ"].T - radius * speed, v @ shapes["z"].T
+    signed, resting = _signed(model, slip, across), _signed(model, np.array([-radius * speed]), np.zeros(1))
+    full, fraction = np.ones(area.size), np.sum(weight * touching, axis=0)
+    acted = np.sum(weight * touching * signed, axis=0)
+    cases = ((full, full * resting), (fraction, fraction * resting), (fraction, acted))
+    found = [_frequency(model, shapes, stiffness * area, mode, *case) for case in cases]
+    scale = mode.frequency_Hz / found[0]
+    return Softening(found[1] * scale, found[2] * scale, mode.frequency_Hz * float(np.sqrt(contact_fraction)))
+
+
+def _points(
+    model: Model, q: NDArray[np.float64], index: dict[str, int]
+) -> tuple[dict[str, NDArray[np.float64]], NDArray[np.float64]]:
+    """Shape functions φ^r, φ^θ, φ^z (points, n) at Gauss points of the lining, and the area of each point (m²)."""
+    still = [k for name, k in index.items() if not dict(zip(model.names, model.body.symmetric, strict=True))[name]]
+    shoe, flat = model.lining.body, not np.any(q[:, still])
+    along, of_along = np.polynomial.legendre.leggauss(ALONG)
+    across, of_across = np.polynomial.legendre.leggauss(1 if flat else ACROSS)
+    theta, z = (axis.ravel() for axis in np.meshgrid(along * float(shoe.half_angle), across, indexing="ij"))
+    z = z * float(shoe.width) / 2
+    area = np.outer(of_along, of_across).ravel() / 4 * float(shoe.area)
+    shapes = [np.broadcast_arrays(*shoe.displacement({name: 1.0}, theta, z), theta)[:3] for name in index]
+    return {key: np.stack([shape[k] for shape in shapes], axis=1) for k, key in enumerate("rθz")}, area
+
+
+def _signed(model: Model, slip: NDArray[np.float64], across: NDArray[np.float64]) -> NDArray[np.float64]:
+    """g, the fraction of the pressure that friction is along θ."""
+    friction = model.contact.friction
+    if friction is None:
+        return np.zeros_like(slip)
+    speed = np.hypot(slip, across) if isinstance(friction.direction, UnitVelocity) else np.abs(slip)
+    coefficient = np.asarray(friction.law.coefficient(jnp.asarray(speed)))
+    return -coefficient * slip / np.maximum(speed, np.finfo(np.float64).tiny)
+
+
+def _frequency(
+    model: Model,
+    shapes: dict[str, NDArray[np.float64]],
+    spring: NDArray[np.float64],
+    mode: Mode,
+    normal: NDArray[np.float64],
+    drag: NDArray[np.float64],
+) -> float:
+    """Frequency (Hz) of the mode most like the given one, with the contact's fraction and friction at each point.
+
+    `spring` (points,) is the full contact's stiffness there (N/m).
+    """
+    radial, mass = shapes["r"], np.asarray(model.mass)
+    # Supports and, in place of the full contact, what is left of it.
+    stiffness = np.asarray(model.stiffness) + (radial.T * (spring * (normal - 1))) @ radial
+    stiffness = stiffness - (shapes["θ"].T * (spring * drag)) @ radial
+    squares, vectors = np.linalg.eig(stiffness / mass[:, None])
+    shape = mode.right[: mass.size]
+    likeness = np.abs(shape.conj() @ (mass[:, None] * vectors)) / np.sqrt(mass @ np.abs(vectors) ** 2)
+    return float(np.sqrt(squares[int(np.argmax(likeness))].astype(complex)).real) / (2 * np.pi)

@@ -8,7 +8,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import xarray
 
-from drumsqueal.findings.outcome import COMPLETE, Ending, Outcome
+from drumsqueal.findings.outcome import COMPLETE as COMPLETE
+from drumsqueal.findings.outcome import Ending, Outcome
 from drumsqueal.scene import COORDINATES, Scene
 from drumsqueal.solve.transient.integrate import Chunk
 
@@ -38,20 +39,6 @@ SIGNALS = {
 TEMPERATURE = {"lining_temperature": ("K", "rise of the lining's temperature over that of its surroundings")}
 RUNNING = Outcome(Ending.CUT_OFF, "incomplete: the run was cut off without a word")
 _PACKAGES = ("drumsqueal", "jax", "jaxlib", "diffrax", "equinox", "numpy", "scipy", "xarray")
-
-__all__ = [
-    "COMPLETE",
-    "MOTION",
-    "RUNNING",
-    "SIGNALS",
-    "TEMPERATURE",
-    "columns",
-    "empty_dataset",
-    "memory_of",
-    "signals_of",
-    "to_dataset",
-    "versions",
-]
 
 
 def versions() -> dict[str, str]:
@@ -91,18 +78,19 @@ def empty_dataset(scene: Scene) -> xarray.Dataset:
 def columns(chunk: Chunk, kept: Sequence[str]) -> dict[str, np.ndarray]:
     """What every variable of the history gets from a chunk."""
     recorded = chunk.observation._asdict() | chunk._asdict() | dict(chunk.remembered)
-    wide = {name: _widen(recorded[name], kept) for name in MOTION}
+    wide = {name: np.zeros((len(chunk.time), len(COORDINATES))) for name in MOTION}
+    for name, values in wide.items():
+        values[:, [COORDINATES.index(each) for each in kept]] = recorded[name]
     return wide | {name: recorded[name] for name in ("time", *SIGNALS, *chunk.remembered)}
 
 
 def _dataset(
     values: Mapping[str, np.ndarray], scene: Scene, outcome: Outcome, steps: int, rejected_steps: int
 ) -> xarray.Dataset:
-    data: dict[str, tuple[tuple[str, ...], np.ndarray, dict[str, str]]] = {}
-    for name, (units, meaning) in MOTION.items():
-        data[name] = (("time", "coordinate"), values[name], {"units": units, "long_name": meaning})
-    for name, (units, meaning) in signals_of(scene).items():
-        data[name] = (("time",), values[name], {"units": units, "long_name": meaning})
+    data = {
+        name: (("time", "coordinate")[: values[name].ndim], values[name], {"units": units, "long_name": meaning})
+        for name, (units, meaning) in (MOTION | signals_of(scene)).items()
+    }
     coordinates = {
         "time": ("time", values["time"], {"units": "s", "axis": "T"}),
         "coordinate": ("coordinate", list(COORDINATES), {"long_name": AXES}),
@@ -118,9 +106,3 @@ def _dataset(
         "measured_from": "q = 0 of the model; a self-consistent steady state shows as an offset",
     }
     return xarray.Dataset(data, coordinates, attributes)
-
-
-def _widen(values: np.ndarray, kept: Sequence[str]) -> np.ndarray:
-    wide = np.zeros((len(values), len(COORDINATES)))
-    wide[:, [COORDINATES.index(name) for name in kept]] = values
-    return wide

@@ -33,16 +33,16 @@ class Prediction(Finding):
     pressure_range_Pa: tuple[float, float]
 
     @property
-    def labels(self) -> list[str]:
-        """The names of the modes, with a number for every further one of a name."""
+    def labelled(self) -> dict[str, PredictedMode]:
+        """The modes by name, with a number for every further one of a name."""
         names = [mode.name for mode in self.modes]
         earlier = [names[:k].count(name) for k, name in enumerate(names)]
-        return [f"{name} ({count + 1})" if count else name for name, count in zip(names, earlier, strict=True)]
+        return {f"{m.name} ({count + 1})" if count else m.name: m for m, count in zip(self.modes, earlier, strict=True)}
 
     @property
     def unstable(self) -> list[str]:
         """The labels of the modes that grow."""
-        return [label for label, mode in zip(self.labels, self.modes, strict=True) if mode.unstable]
+        return [label for label, mode in self.labelled.items() if mode.unstable]
 
     @property
     def without_oscillation(self) -> list[float]:

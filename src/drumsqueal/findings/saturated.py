@@ -3,6 +3,7 @@
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import closing
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -11,9 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from drumsqueal.errors import IntegrationError
 from drumsqueal.findings.boundaries import boundary_ratios
-from drumsqueal.findings.history import COMPLETE
-from drumsqueal.findings.outcome import Ending, Outcome
-from drumsqueal.findings.signals import amplitude_spectrum, spectral_peaks
+from drumsqueal.findings.outcome import COMPLETE, Ending, Outcome
+from drumsqueal.findings.signals.spectra import amplitude_spectrum, spectral_peaks
 from drumsqueal.physics.model import Model
 from drumsqueal.progress import Progress, silent
 from drumsqueal.solve.transient.batch import integrate_many
@@ -124,27 +124,27 @@ def saturated_motions(
             yield _looked_at(parts[i], models[i], sample_rate)
 
 
+@dataclass
 class _Part:
     """The last part of a transient as it comes, chunk by chunk: only samples from number `start` on are kept."""
 
-    def __init__(self, vibration: NDArray[np.float64], velocity: NDArray[np.float64], start: int) -> None:
-        self.vibration, self.velocity, self.start = vibration, velocity, start
-        self.intervals, self.stopped, self.outcome, self.by_itself = 0, False, COMPLETE, False
-        self._kept: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []
+    vibration: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+    start: int
+    intervals: int = 0
+    stopped: bool = False
+    outcome: Outcome = COMPLETE
+    by_itself: bool = False
+    kept: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = field(default_factory=list)
 
     def add(self, vibration: NDArray[np.float64], velocity: NDArray[np.float64]) -> None:
         """A chunk of samples (k, n); the very first one begins with the start."""
         first = self.intervals + 1 if self.intervals else 0
         fresh = slice(max(self.start - first, 0), None)
         if len(vibration[fresh]):
-            self._kept.append((vibration[fresh], velocity[fresh]))
+            self.kept.append((vibration[fresh], velocity[fresh]))
         self.intervals = first + len(vibration) - 1
         self.vibration, self.velocity = vibration[-1], velocity[-1]
-
-    def samples(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Displacement and velocity (k, n)."""
-        vibrations, velocities = zip(*self._kept, strict=True)
-        return np.concatenate(vibrations), np.concatenate(velocities)
 
 
 def _together(
@@ -183,8 +183,7 @@ def _alone(part: _Part, model: Model, steady: NDArray[np.float64], progress: Pro
     since = Checkpoint(part.intervals, state, first_step(model), 0.0, sticks=False, method=None)
     assert part.intervals % CHUNK_SAMPLES == 0
     try:
-        stream = integrate(model, steady, part.vibration, part.velocity, since=since, **how)
-        with closing(stream):
+        with closing(integrate(model, steady, part.vibration, part.velocity, since=since, **how)) as stream:
             for chunk in stream:
                 progress(WHAT, float(chunk.time[-1]), how["duration"])
                 part.add(chunk.displacement - steady, chunk.velocity)
@@ -199,7 +198,7 @@ def _looked_at(part: _Part, model: Model, sample_rate: float) -> Saturated:
         return Saturated(
             lost, lost, (np.nan, np.nan), None, None, np.nan, np.nan, 0.0, lost, lost, part.outcome, part.by_itself
         )
-    vibration, velocity = part.samples()
+    vibration, velocity = (np.concatenate(pieces) for pieces in zip(*part.kept, strict=True))
     seconds, half = (len(vibration) - 1) / sample_rate, len(vibration) // 2
     mass = np.asarray(model.mass)
     before, after = (float(mass @ np.mean(each**2, axis=0)) for each in (velocity[:half], velocity[half:]))
@@ -229,14 +228,10 @@ def _strongest(
     velocity: NDArray[np.float64], mass: NDArray[np.float64], names: tuple[str, ...], sample_rate: float
 ) -> tuple[float | None, str | None]:
     """The line that holds most kinetic energy, ∝ mass × (amplitude of the velocity)², and its coordinate."""
-    found: tuple[float, float | None, str | None] = (0.0, None, None)
-    if len(velocity) < FEWEST_SAMPLES:
-        return None, None
-    for k, name in enumerate(names):
-        if np.ptp(velocity[:, k]) == 0:
-            continue
-        peaks = spectral_peaks(amplitude_spectrum(velocity[:, k], sample_rate), count=1, floor=0.5)
-        if peaks.amplitude.size:
-            energy = float(mass[k] * peaks.amplitude[0] ** 2)
-            found = max(found, (energy, float(peaks.frequency_Hz[0]), name), key=lambda each: each[0])
-    return found[1], found[2]
+    found: list[tuple[float, float | None, str | None]] = [(0.0, None, None)]
+    for k, name in enumerate(names if len(velocity) >= FEWEST_SAMPLES else ()):
+        if np.ptp(velocity[:, k]) > 0:
+            peaks = spectral_peaks(amplitude_spectrum(velocity[:, k], sample_rate), count=1, floor=0.5)
+            strengths = zip(mass[k] * peaks.amplitude**2, peaks.frequency_Hz, strict=True)
+            found += [(float(energy), float(frequency), name) for energy, frequency in strengths]
+    return max(found, key=lambda each: each[0])[1:]

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from drumsqueal.findings.decay import decay_to_rest
 from drumsqueal.findings.part import Finding
-from drumsqueal.findings.signals import PERIODS_NEEDED, STEADY, Regime, classify, spectral_peaks
-from drumsqueal.findings.signals.regime import Kind
+from drumsqueal.findings.signals.regime import PERIODS_NEEDED, STEADY, Kind, Regime, classify
 from drumsqueal.findings.signals.regime_words import Cause
+from drumsqueal.findings.signals.spectra import spectral_peaks
 from drumsqueal.findings.vibration import Vibration, changes, levers
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.linear.modes import Mode, Stability
@@ -80,7 +80,7 @@ def duration_for(saturated: float, boundary: float) -> float:
 def describe_saturation(
     history: xarray.Dataset, vibration: Vibration, stability: Stability, model: Model, boundary: float
 ) -> Saturation | None:
-    """Describe the motion after the first contact boundary at `edge` (s); None where the record is too short."""
+    """Describe the motion after the first contact boundary (s); None where the record is too short."""
     part = saturated_part(vibration.time, boundary)
     modes = _taking_part(vibration, stability)
     count = vibration.time[part].size
@@ -91,14 +91,15 @@ def describe_saturation(
     duration = count / vibration.sample_rate
     lowest = min((mode.frequency_Hz for mode in modes), default=2 * PERIODS_NEEDED / duration) / 2
     scale = size_of_motion(vibration, stability, model)
-    regime = classify(vibration.displacement_in(part), vibration.sample_rate, scale=scale, lowest_frequency=lowest)
+    regime = classify(vibration.read("displacement", part), vibration.sample_rate, scale=scale, lowest_frequency=lowest)
     regime = decay_to_rest(regime, vibration, part, stability, modes, model)
     drifts = regime.kind is Kind.UNKNOWN and regime.amplitude_drift is not None
     if drifts and changes(model, vibration.time[part]):
         regime = regime.model_copy(update={"cause": Cause.BRAKE_CHANGES})
     motion = describe_motion(vibration, part, stability, model)
-    main = motion.main
-    mode = _nearest(main, modes) if main is not None and modes else None
+    main, mode = motion.main, None
+    if main is not None:  # the mode nearest in frequency, measured as a ratio
+        mode = min(modes, key=lambda each: abs(np.log(main.frequency_Hz / each.frequency_Hz)), default=None)
     return Saturation(
         start_s=float(vibration.time[part][0]),
         regime=regime,
@@ -120,17 +121,15 @@ def describe_motion(vibration: Vibration, part: slice, stability: Stability, mod
         return Motion(named, {}, (), None)
     energy = stability.mass * vibration.mean_square_velocity(part)
     fractions = {name: float(e / energy.sum()) for name, e in zip(stability.coordinates, energy, strict=True)}
-    lines = _lines(vibration, part)
-    return Motion(named, fractions, lines, _main_line(lines, stability))
-
-
-def _lines(vibration: Vibration, part: slice) -> tuple[Line, ...]:
-    found: list[Line] = []
+    lines: list[Line] = []
     for name, spectrum in vibration.spectra(part):
         peaks = zip(*spectral_peaks(spectrum, count=PEAKS, floor=PEAK_FLOOR), strict=True)
-        found += [Line(name, float(frequency), float(size)) for frequency, size in peaks]
+        lines += [Line(name, float(frequency), float(size)) for frequency, size in peaks]
         del spectrum  # before the next is made
-    return tuple(found)
+    # Kinetic energy ∝ mass × (frequency × amplitude)².
+    mass = dict(zip(stability.coordinates, stability.mass, strict=True))
+    main = max(lines, key=lambda line: mass[line.coordinate] * (line.frequency_Hz * line.amplitude) ** 2, default=None)
+    return Motion(named, fractions, tuple(lines), main)
 
 
 def size_of_motion(vibration: Vibration, stability: Stability, model: Model) -> NDArray[np.float64]:
@@ -146,12 +145,6 @@ def size_of_motion(vibration: Vibration, stability: Stability, model: Model) -> 
     return np.maximum(largest, np.finfo(np.float64).tiny)
 
 
-def _main_line(lines: tuple[Line, ...], stability: Stability) -> Line | None:
-    """The line with most kinetic energy, ∝ mass × (frequency × amplitude)²."""
-    mass = dict(zip(stability.coordinates, stability.mass, strict=True))
-    return max(lines, key=lambda line: mass[line.coordinate] * (line.frequency_Hz * line.amplitude) ** 2, default=None)
-
-
 def _taking_part(vibration: Vibration, stability: Stability) -> tuple[Mode, ...]:
     """The unstable modes (all modes if none is) whose coordinate moves at some time."""
     moving = {
@@ -159,8 +152,3 @@ def _taking_part(vibration: Vibration, stability: Stability) -> tuple[Mode, ...]
     }
     able = tuple(mode for mode in stability.modes if mode.name in moving)
     return tuple(mode for mode in able if mode.unstable) or able
-
-
-def _nearest(line: Line, modes: tuple[Mode, ...]) -> Mode:
-    """The mode nearest in frequency, measured as a ratio."""
-    return min(modes, key=lambda mode: abs(np.log(line.frequency_Hz / mode.frequency_Hz)))

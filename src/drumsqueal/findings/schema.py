@@ -85,14 +85,12 @@ def read_findings(path: Path, kind: type[Found]) -> Found:
 
 
 def _of_another_version(path: Path, data: Any, fault: str) -> RequestError:
-    by = f"it was written by {_version(data)} of drumsqueal"
-    return RequestError(f"{path}: {fault}; {by}: run the scene anew with this one, or use that one")
-
-
-def _version(data: Any) -> str:
     versions = data.get("versions") if isinstance(data, dict) else None
     version = versions.get("drumsqueal") if isinstance(versions, dict) else None
-    return f"version {version[:20]}" if isinstance(version, str) else "an unknown version"
+    by = f"version {version[:20]}" if isinstance(version, str) else "an unknown version"
+    return RequestError(
+        f"{path}: {fault}; it was written by {by} of drumsqueal: run the scene anew with this one, or use that one"
+    )
 
 
 def _without_none(data: Any) -> Any:

@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from drumsqueal.findings.outcome import Ending
 from drumsqueal.findings.signals.regime import Kind
 from drumsqueal.findings.signals.regime_words import written_frequencies
 from drumsqueal.scene.quantities import percent
+from drumsqueal.solve.linear.modes import NEUTRAL_FRACTION
 
 if TYPE_CHECKING:
     from drumsqueal.findings.compare import RunFindings
     from drumsqueal.findings.saturation import Saturation
-    from drumsqueal.findings.sticking import Sticking
 
 GROWN = 1.1  # times the start: what the motion must reach by the end to have grown
 CLEAR_GROWTH = 10  # times: a predicted growth that shows even of a mode that starts as a tenth of the motion
 SMALL_ROTATION = 0.1  # rad; the cosine that the model takes for 1 is off by half a per cent there
 SHIFT = 1e-3  # of a frequency: less needs no explanation
+EXPLAINS = 0.3  # relative; loss of contact is named as the cause of a shift that it gives to within this
 UNCHANGED = 5e-4  # of a frequency: less is no difference in four digits
 DIGITS = 4  # of a frequency
 _SETTLED = {
@@ -32,9 +34,43 @@ _SETTLED = {
 
 def state_verdict(found: RunFindings) -> str:
     """Return prediction and transient in one paragraph."""
+    rate = found.prediction.divergence
+    grows = [f"squeal in {', '.join(found.prediction.unstable)}"] if found.prediction.unstable else []
+    grows += [] if rate is None else [f"divergence without oscillation at {rate:+.4g} 1/s"]
+    predicted = " and ".join(grows) if found.prediction.unstable else " but ".join(["no squeal", *grows])
     time = f" at t = {found.predicted_at_s:g} s" if found.changing else ""
-    why = f"{_why(found)}{_warmed(found)}{_inaccurate(found)}"
-    return f"The linear model predicts {_prediction(found)}{time}; {_transient(found)}.{why}"
+    return " ".join([f"The linear model predicts {predicted}{time}; {_transient(found)}.", *_remarks(found)])
+
+
+def state_headline(found: RunFindings) -> str:
+    """Return the finding in one sentence, the whole verdict where there is no frequency to report."""
+    saturation, unstable = found.saturation, bool(found.prediction.unstable)
+    if found.sticking is not None and found.sticks_at_the_end:
+        before = "The brake squeals until, from" if found.edge_reached_s and unstable else "From"
+        return f"{before} {found.sticking.to_the_end_from_s:.4g} s on, the whole lining sticks to the drum."
+    if saturation is None or saturation.main is None or saturation.regime.kind is Kind.STEADY:
+        return found.verdict
+    verb = "vibrates, not yet settled," if saturation.regime.kind is Kind.UNKNOWN else "squeals"
+    text = f"The brake {'vibrates' if found.forced else verb} at {hertz(saturation.main.frequency_Hz)}"
+    shift, mode, frequency = saturation.frequency_shift, saturation.nearest_mode, found.frequency
+    if shift is not None:
+        of = f"the onset predicted for {mode}" if unstable else f"the predicted frequency of mode {mode}"
+        text += f", {shift_words(shift)} {of} ({hertz(saturation.main.frequency_Hz / (1 + shift))})"
+    if frequency is None or abs(frequency.shift) < SHIFT:
+        return f"{text}."
+    alone = frequency.predicted_by_contact_loss_shift
+    if abs(alone / frequency.shift - 1) > EXPLAINS:
+        return f"{text}."
+    return (
+        f"{text}, because the lining loses contact: on average {percent(saturation.contact_fraction)} of it touches "
+        f"the drum, and the reduced mean contact stiffness alone would {'lower' if alone < 0 else 'raise'} mode "
+        f"{frequency.mode} to {hertz(frequency.predicted_by_contact_loss_Hz)}."
+    )
+
+
+def hertz(frequency: float) -> str:
+    """A frequency in three digits."""
+    return f"{frequency / 1e3:.3g} kHz" if frequency >= 999.5 else f"{frequency:.3g} Hz"
 
 
 def difference_is_no_error(found: RunFindings) -> str:
@@ -43,6 +79,16 @@ def difference_is_no_error(found: RunFindings) -> str:
         f"Drum speed or load change: the prediction is for t = {found.predicted_at_s:g} s, the mean is that from 0 to "
         f"{found.growth.linear_until_s:.4g} s, so that their difference is no error"
     )
+
+
+def shift_words(shift: float) -> str:
+    """Where a frequency lies that differs by this fraction: "at", "24.5 % below" or "3.0 % above" the other one."""
+    return "at" if abs(shift) < UNCHANGED else f"{100 * abs(shift):.1f} % {'below' if shift < 0 else 'above'}"
+
+
+def rate_text(rate: float, frequency: float) -> str:
+    """A growth rate (1/s) in four digits with its sign; 0 where it is round-off compared with the frequency (Hz)."""
+    return "0" if abs(rate) < NEUTRAL_FRACTION * frequency else f"{rate:+.4g}".replace("-", "−")
 
 
 def _transient(found: RunFindings) -> str:
@@ -56,13 +102,16 @@ def _transient(found: RunFindings) -> str:
     elif saturation is None:
         done = f"the motion reaches a contact boundary at {boundary:.4g} s, too late to show what it settles to"
     else:
-        sticks = found.sticking.to_the_end_from_s is not None
-        settled = "comes to stick" if sticks else _settled(saturation, bool(found.prediction.unstable))
+        settled = "comes to stick" if found.sticks_at_the_end else _settled(saturation, bool(found.prediction.unstable))
         done = f"the transient reaches a contact boundary at {boundary:.4g} s and {settled}"
     if found.motion_ratio is None and boundary is not None and not found.forced:
         done = f"nothing was started, but {f'the {moved_by} moves the shoe' if moved_by else 'round-off grows'}: {done}"
-    if found.sticking.spells:
-        done += f"; {_sticks(found.sticking)}"
+    sticking = found.sticking
+    if sticking.to_the_end_from_s is not None:
+        done += f"; from {sticking.to_the_end_from_s:.4g} s on the whole lining sticks to the drum"
+    elif sticking.spells:
+        how_long = "for an instant" if sticking.share == 0 else f"for {percent(sticking.share)} of the time"
+        done += f"; the whole lining sticks to the drum {how_long}"
     if found.largest_rotation_rad > SMALL_ROTATION:
         angle = f"{found.largest_rotation_rad:.2g} rad"
         done += f"; the shoe turns by {angle}, where small rotations, and so the model, no longer hold"
@@ -71,47 +120,28 @@ def _transient(found: RunFindings) -> str:
     return done
 
 
-def _warmed(found: RunFindings) -> str:
-    warm = found.lining_temperature
-    if warm is None:
-        return ""
-    lost = percent(1 - warm.friction_left)
-    rise = f" The lining warms up by {warm.end_K:.3g} K by the end"
-    return f"{rise}, by which friction loses {lost}; the linear model is that of the cold lining."
-
-
-def _inaccurate(found: RunFindings) -> str:
-    """Warn where the integrals over the lining are worse than the integration in time."""
+def _remarks(found: RunFindings) -> Iterator[str]:
+    """What explains the frequency, what warmth does to friction, and forces less accurate than the motion."""
+    frequency, warm = found.frequency, found.lining_temperature
+    if frequency is not None and abs(frequency.shift) >= SHIFT:
+        shift = frequency.predicted_by_contact_loss_shift
+        yield (
+            f"Reduced mean contact stiffness alone would {'lower' if shift < 0 else 'raise'} mode {frequency.mode} to "
+            f"{frequency.predicted_by_contact_loss_Hz:.0f} Hz, {shift_words(shift)} its onset frequency."
+        )
+    if warm is not None:
+        yield (
+            f"The lining warms up by {warm.end_K:.3g} K by the end, by which friction loses "
+            f"{percent(1 - warm.friction_left)}; the linear model is that of the cold lining."
+        )
     error = None if found.accuracy is None else found.accuracy.quadrature_error_over_normal_force
     tolerance = found.scene.simulate.tolerance
-    if error is None or error <= tolerance:
-        return ""
-    return (
-        f" Warning: the contact forces are wrong by up to {error:.1g} of the largest normal force, more than the "
-        f"tolerance of {tolerance:.1g}: the friction law varies too fast for the quadrature over the lining, and the "
-        "motion is no more accurate than its forces."
-    )
-
-
-def _why(found: RunFindings) -> str:
-    """What explains the frequency, where there is a shift to explain."""
-    frequency = found.frequency
-    if frequency is None or abs(frequency.shift) < SHIFT:
-        return ""
-    shift = frequency.predicted_by_contact_loss_shift
-    verb, side = ("lower", "below") if shift < 0 else ("raise", "above")
-    return (
-        f" Reduced mean contact stiffness alone would {verb} mode {frequency.mode} to "
-        f"{frequency.predicted_by_contact_loss_Hz:.0f} Hz, {100 * abs(shift):.1f} % {side} its onset frequency."
-    )
-
-
-def _prediction(found: RunFindings) -> str:
-    names, rate = ", ".join(found.prediction.unstable), found.prediction.divergence
-    drift = "" if rate is None else f"divergence without oscillation at {rate:+.4g} 1/s"
-    if names:
-        return f"squeal in {names}" + (f" and {drift}" if drift else "")
-    return f"no squeal but {drift}" if drift else "no squeal"
+    if error is not None and error > tolerance:
+        yield (
+            f"Warning: the contact forces are wrong by up to {error:.1g} of the largest normal force, more than the "
+            f"tolerance of {tolerance:.1g}: the friction law varies too fast for the quadrature over the lining, and "
+            "the motion is no more accurate than its forces."
+        )
 
 
 def _within_the_boundaries(found: RunFindings) -> str:
@@ -141,14 +171,6 @@ def _within_the_boundaries(found: RunFindings) -> str:
     return f"the transient does not grow within {duration:g} s"
 
 
-def _sticks(sticking: Sticking) -> str:
-    if sticking.to_the_end_from_s is not None:
-        return f"from {sticking.to_the_end_from_s:.4g} s on the whole lining sticks to the drum"
-    if sticking.share == 0:
-        return "the whole lining sticks to the drum for an instant"
-    return f"the whole lining sticks to the drum for {percent(sticking.share)} of the time"
-
-
 def _settled(saturation: Saturation, unstable: bool) -> str:
     regime, main, shift = saturation.regime, saturation.main, saturation.frequency_shift
     if regime.kind is Kind.STEADY and main is not None:
@@ -158,10 +180,10 @@ def _settled(saturation: Saturation, unstable: bool) -> str:
         what += f" of {written_frequencies(regime.base_frequencies_Hz, regime.base_uncertainties_Hz, DIGITS)}"
     if main is None or shift is None:
         return what
-    side = "at" if abs(shift) < UNCHANGED else f"{100 * abs(shift):.1f} % {'below' if shift < 0 else 'above'}"
     of = "the onset frequency of" if unstable else "the frequency of mode"
+    where = f"{main.frequency_Hz:.0f} Hz, {shift_words(shift)} {of} {saturation.nearest_mode}"
+    touches, slips_back = percent(saturation.contact_fraction), percent(saturation.slip_reversed_fraction)
     return (
-        f"{what}. Most kinetic energy is at {main.frequency_Hz:.0f} Hz, {side} {of} {saturation.nearest_mode}; on "
-        f"average {percent(saturation.contact_fraction)} of the lining is in contact, and the slip is reversed on "
-        f"{percent(saturation.slip_reversed_fraction)} of it"
+        f"{what}. Most kinetic energy is at {where}; on average {touches} of the lining is in contact, and the slip is "
+        f"reversed on {slips_back} of it"
     )

@@ -11,7 +11,8 @@ from jax import Array
 from numpy.typing import NDArray
 
 from drumsqueal.findings.boundaries import pressure_fraction, slip_fraction
-from drumsqueal.findings.signals import Spectrum, amplitude_spectrum, modal_amplitudes
+from drumsqueal.findings.signals.growth import modal_amplitudes
+from drumsqueal.findings.signals.spectra import Spectrum, amplitude_spectrum
 from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
 from drumsqueal.physics.effects.operation import Constant, Operation, Profile
 from drumsqueal.physics.model import Model
@@ -52,27 +53,19 @@ class Vibration:
     @property
     def displacement(self) -> NDArray[np.float64]:
         """All displacements (time, n), read anew."""
-        return self.displacement_in(slice(None))
+        return self.read("displacement")
 
     @property
     def velocity(self) -> NDArray[np.float64]:
         """All velocities (time, n), read anew."""
-        return self.velocity_in(slice(None))
-
-    def displacement_in(self, part: slice) -> NDArray[np.float64]:
-        """Displacement (time, n) in a part of the record."""
-        return self._read("displacement", part)
-
-    def velocity_in(self, part: slice) -> NDArray[np.float64]:
-        """Velocity (time, n) in a part of the record."""
-        return self._read("velocity", part)
+        return self.read("velocity")
 
     def column(self, coordinate: str, part: slice = slice(None), *, of: str = "displacement") -> NDArray[np.float64]:
         """Displacement, or velocity, of a coordinate (time,) in a part of the record."""
-        return self._read(of, part, self.coordinates.index(coordinate))
+        return self.read(of, part, self.coordinates.index(coordinate))
 
-    def _read(self, name: str, part: slice, k: int | slice = slice(None)) -> NDArray[np.float64]:
-        """Some columns of a part of the record, from steady sliding, in an array of their own."""
+    def read(self, name: str, part: slice = slice(None), k: int | slice = slice(None)) -> NDArray[np.float64]:
+        """Displacement or velocity (time, n), or some of its columns, in a part of the record."""
         steady = self._steady[k]
         found = np.empty((self.time[part].size, *np.shape(steady)))
         for rows, piece in self._pieces(name, part):
@@ -121,8 +114,7 @@ class Vibration:
     @property
     def started(self) -> bool:
         """Whether the record begins away from steady sliding."""
-        first = slice(0, 1)
-        return bool(np.any(self.displacement_in(first) != 0) or np.any(self.velocity_in(first) != 0))
+        return any(np.any(self.read(name, slice(0, 1)) != 0) for name in ("displacement", "velocity"))
 
     def modal(self, mode: Mode, part: slice = slice(None)) -> NDArray[np.complex128]:
         """Complex amplitude 2 leftᴴ y of a mode (time,); its modulus is that of the named coordinate, in m or rad."""
@@ -130,10 +122,6 @@ class Vibration:
         for rows, displacement, velocity in self.pieces(part):
             found[rows] = 2 * modal_amplitudes(mode.left[:, None], np.hstack([displacement, velocity]))[:, 0]
         return found
-
-    def named(self, columns: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
-        """Displacements or velocities (time, n) by name: (time,) each."""
-        return dict(zip(self.coordinates, columns.T, strict=True))
 
     def spectra(self, part: slice) -> Iterator[tuple[str, Spectrum]]:
         """Displacement spectra of the coordinates that move in a part of the record (none if it is too short)."""
@@ -197,7 +185,7 @@ def boundary_ratio(vibration: Vibration, model: Model) -> NDArray[np.float64]:
     """
     fraction = np.empty(vibration.time.size)
     for rows, displacement, velocity in vibration.pieces():
-        q, v = vibration.named(displacement), vibration.named(velocity)
+        q, v = (dict(zip(vibration.coordinates, columns.T, strict=True)) for columns in (displacement, velocity))
         moments = jax.vmap(model.operation.at)(vibration.time[rows])
         fraction[rows] = np.maximum(
             pressure_fraction(model, q, moments.preload), slip_fraction(model, v, moments.drum_speed)

@@ -17,7 +17,8 @@ def finite_record(name: str, values: ArrayLike, *, dimensions: int = 1, minimum:
         raise ValueError(f"{name} is too short: {array.shape[0]} samples, at least {minimum} are needed")
     bad = ~np.isfinite(array)
     if bad.any():
-        raise ValueError(f"{name} holds {int(bad.sum())} NaN or infinite values, the first at index {_first(bad)}")
+        first = tuple(np.argwhere(bad)[0].tolist())
+        raise ValueError(f"{name} holds {int(bad.sum())} NaN or infinite values, the first at index {first}")
     return array
 
 
@@ -47,7 +48,3 @@ def increasing_times(name: str, time: ArrayLike, samples: int, *, minimum: int) 
     if not np.all(np.diff(array) > 0.0):
         raise ValueError(f"{name} must increase from sample to sample")
     return array
-
-
-def _first(bad: NDArray[np.bool_]) -> tuple[int, ...]:
-    return tuple(int(index) for index in np.argwhere(bad)[0])

@@ -19,7 +19,7 @@ RELATIONS = {2: 200, 3: 40, 4: 12}
 CHANCE = 0.02
 # A fundamental closer to a stronger line than this fraction of itself is replaced by its distance from it, a slow
 # modulation.
-BESIDE = 0.1
+MODULATION = 0.1
 
 
 class Fundamentals(NamedTuple):
@@ -89,9 +89,9 @@ class _Lattice:
         # As a distance from a stronger line that is a combination, which changes nothing of what is generated.
         stronger = np.flatnonzero(self.matched[:j])
         gaps = np.abs(self.lines.frequency_Hz[stronger] - self.lines.frequency_Hz[j])
-        if gaps.size and gaps.min() < BESIDE * self.lines.frequency_Hz[j]:
-            beside = stronger[np.argmin(gaps)]
-            self.combinations[j] += self.combinations[beside]
+        if gaps.size and gaps.min() < MODULATION * self.lines.frequency_Hz[j]:
+            neighbour = stronger[np.argmin(gaps)]
+            self.combinations[j] += self.combinations[neighbour]
         self._unlock()
         if self.count > MOST_FUNDAMENTALS:
             self.combinations = before
@@ -162,10 +162,10 @@ class _Lattice:
         for place, line in enumerate(generating[0].tolist()):
             frequency = self.lines.frequency_Hz[lines]
             gaps = np.abs(frequency[:line] - frequency[line])
-            if gaps.size and gaps.min() < BESIDE * frequency[line]:
-                beside = matrix.copy()
-                beside[place] -= vectors[int(np.argmin(gaps))]
-                matrix = beside if abs(round(np.linalg.det(beside))) == 1 else matrix
+            if gaps.size and gaps.min() < MODULATION * frequency[line]:
+                modulated = matrix.copy()
+                modulated[place] -= vectors[int(np.argmin(gaps))]
+                matrix = modulated if abs(round(np.linalg.det(modulated))) == 1 else matrix
         self.combinations = np.round(self.combinations @ np.linalg.inv(matrix)).astype(np.int64)
 
 

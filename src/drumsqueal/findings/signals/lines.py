@@ -28,7 +28,7 @@ LEAST_UNCERTAINTY = 1e-5  # bins; what is left of the start, or of the integrati
 class Lines(NamedTuple):
     """m lines of k signals, strongest first: frequency and its uncertainty (m,) in Hz, complex amplitudes (m, k).
 
-    Line j of signal c is Re(amplitude_jc e^(2πi f_j t)) with t from the first sample. `share` (m,) is what each line
+    Line j of signal c is Re(amplitude_jc e^(2πi f_j t)) with t from the first sample. `fraction` (m,) is what each line
     holds of the variance of the signals scaled to unit rms, `left` what no line holds. Lines closer than
     `resolution_Hz` are not resolved.
     """
@@ -104,7 +104,8 @@ class _Search:
             if power[best] == 0.0:
                 return
             own = self._refined(float(self.bins[best]))
-            if self._near(own) < MAIN_LOBE or not MAIN_LOBE <= own <= highest:
+            near = np.min(np.abs(self.frequency - own), initial=math.inf)
+            if near < MAIN_LOBE or not MAIN_LOBE <= own <= highest:
                 open_bins &= np.abs(self.bins - self.bins[best]) > 0.5  # the flank of a line that is there
                 continue
             self.frequency = np.append(self.frequency, own)
@@ -112,7 +113,11 @@ class _Search:
             self._fit()
             size = self._sizes()
             if size[-1] < floor * size.max():
-                self._drop(size >= floor * size.max())
+                kept = size >= floor * size.max()
+                rows = np.concatenate([[True], np.repeat(kept, 2)])
+                self.frequency, self.right = self.frequency[kept], self.right[rows]
+                self.gram = self.gram[np.ix_(rows, rows)]
+                self._fit()
                 return
             open_bins &= np.abs(self.bins - own) >= MAIN_LOBE
 
@@ -137,8 +142,8 @@ class _Search:
         frequency, found = self.frequency[order], self.factors[1:].reshape(-1, 2, self.record.shape[1])[order]
         amplitude = found[:, 0] - 1j * found[:, 1]
         strength = np.sqrt(np.sum(np.abs(amplitude) ** 2, axis=1))
-        beside = 2.0 * np.sqrt(self._power())
-        pulled = [beside[np.abs(self.bins - f) <= NEIGHBOURHOOD].max() for f in frequency]
+        around = 2.0 * np.sqrt(self._power())
+        pulled = [around[np.abs(self.bins - f) <= NEIGHBOURHOOD].max() for f in frequency]
         uncertainty = np.maximum(PULL * np.array(pulled) / strength, LEAST_UNCERTAINTY)
         # The window takes the rest as it takes the lines, whatever lies at the ends of the record.
         variance = sum(float(np.sum(self.window[rows] @ self.record[rows] ** 2)) for rows, _ in self._pieces())
@@ -169,9 +174,6 @@ class _Search:
             columns = np.ones((time.size, 1 + 2 * self.frequency.size))
             columns[:, 1::2], columns[:, 2::2] = waves.real, waves.imag
             yield rows, columns
-
-    def _near(self, frequency: float) -> float:
-        return float(np.min(np.abs(self.frequency - frequency), initial=math.inf))
 
     def _power(self) -> NDArray[np.float64]:
         """P at every bin, of the rest."""
@@ -205,12 +207,6 @@ class _Search:
         for rows, time in self._pieces():
             angle = 2.0 * np.pi * frequency * time
             self.rest[rows] += np.stack([np.cos(angle), np.sin(angle)], axis=1) @ factors
-
-    def _drop(self, kept: NDArray[np.bool_]) -> None:
-        rows = np.concatenate([[True], np.repeat(kept, 2)])
-        self.frequency, self.right = self.frequency[kept], self.right[rows]
-        self.gram = self.gram[np.ix_(rows, rows)]
-        self._fit()
 
     def _project(self, *, added: bool = False) -> None:
         """Weighted products of the columns with one another and with the record; where a line was added, its own."""

@@ -2,6 +2,7 @@
 
 import math
 from enum import StrEnum
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -114,7 +115,11 @@ def classify(signals: ArrayLike, sample_rate: float, *, scale: ArrayLike, lowest
     record = finite_record("signals", signals, dimensions=2)
     rate = positive("sample_rate", sample_rate)
     lowest = below_nyquist("lowest_frequency", lowest_frequency, rate)
-    sizes = _checked_scale(scale, record.shape[1])
+    sizes = np.asarray(scale, dtype=np.float64)
+    if sizes.shape != (record.shape[1],):
+        raise ValueError(f"scale must have one entry for each of the {record.shape[1]} signals, got {sizes.shape}")
+    if not np.all(np.isfinite(sizes) & (sizes > 0.0)):
+        raise ValueError(f"scale must be finite and positive, got {sizes}")
     duration = record.shape[0] / rate
     if duration * lowest < PERIODS_NEEDED * (1.0 - 1e-9):
         short = {"duration_s": duration, "lowest_frequency_Hz": lowest}
@@ -123,7 +128,10 @@ def classify(signals: ArrayLike, sample_rate: float, *, scale: ArrayLike, lowest
     del record
     relative = 0.5 * np.ptp(motion, axis=0) / sizes
     if np.all(relative < STEADY):
-        return _steady(motion, float(relative.max()))
+        moved = motion[:, np.any(motion != 0.0, axis=0)]
+        drift = _drift(moved, None)[0] if moved.size else 0.0
+        numbers = {"amplitude": float(relative.max()), "least": STEADY, "grows": float(drift > IRREGULAR_DRIFT)}
+        return Regime(kind=Kind.STEADY, cause=Cause.NOTHING_MOVES, numbers=numbers, amplitude_drift=drift)
     # A signal at rest is round-off: scaled to unit rms it would drown the others in noise.
     moving = motion[:, relative >= STEADY]
     del motion
@@ -134,23 +142,21 @@ def classify(signals: ArrayLike, sample_rate: float, *, scale: ArrayLike, lowest
 def _moving_regime(unit: NDArray[np.float64], rate: float, longest_period: float) -> Regime:
     """Classify the regime of signals (time, k) of zero mean and unit rms."""
     returns, smallest = find_recurrences(unit, longest_period * rate)
-    lasting = next((item for item in returns if item.lasts), None)
-    first = lasting or next(iter(returns), None)
-    period = None if first is None else first.period / rate
+    first = next((item for item in returns if item.lasts), next(iter(returns), None))
+    error = smallest if first is None or not first.lasts else max(first.error, first.later_error)
     amplitude_drift, mean_drift = _drift(unit, None if first is None else first.period)
+    found = {"recurrence_error": error, "amplitude_drift": amplitude_drift}
     allowed = IRREGULAR_DRIFT if first is None else PERIODIC_DRIFT
-    error = smallest if lasting is None else max(lasting.error, lasting.later_error)
     if abs(amplitude_drift) > allowed or mean_drift > allowed:
-        drifts = {"amplitude_drift": amplitude_drift, "mean_drift": mean_drift}
-        return _unknown(Cause.DRIFTS, drifts, error, amplitude_drift)
+        return _unknown(Cause.DRIFTS, {"amplitude_drift": amplitude_drift, "mean_drift": mean_drift}, **found)
     if error is None:
-        return _unknown(Cause.TOO_SLOW, {}, drift=amplitude_drift)
-    if lasting is None or period is None:
+        return _unknown(Cause.TOO_SLOW, {}, **found)
+    if first is None or not first.lasts:
         return _not_periodic(unit, rate, error, amplitude_drift, nearly=first is not None)
-    duration = unit.shape[0] / rate
+    period, duration = first.period / rate, unit.shape[0] / rate
     if duration / period < PERIODS_NEEDED:
         few = {"period_s": period, "duration_s": duration}
-        return _unknown(Cause.TOO_FEW_PERIODS, few, error, amplitude_drift, PERIODS_NEEDED * period)
+        return _unknown(Cause.TOO_FEW_PERIODS, few, PERIODS_NEEDED * period, **found)
     return Regime(
         kind=Kind.PERIODIC,
         cause=Cause.REPEATS,
@@ -209,39 +215,10 @@ def _not_periodic(unit: NDArray[np.float64], rate: float, error: float, drift: f
     return classified(Kind.PERIODIC, Cause.MULTIPLES_REPEAT, **period)
 
 
-def _checked_scale(scale: ArrayLike, columns: int) -> NDArray[np.float64]:
-    sizes = np.asarray(scale, dtype=np.float64)
-    if sizes.shape != (columns,):
-        raise ValueError(f"scale must have one entry for each of the {columns} signals, got shape {sizes.shape}")
-    if not np.all(np.isfinite(sizes) & (sizes > 0.0)):
-        raise ValueError(f"scale must be finite and positive, got {sizes}")
-    return sizes
-
-
-def _steady(motion: NDArray[np.float64], largest: float) -> Regime:
-    moved = motion[:, np.any(motion != 0.0, axis=0)]
-    drift = _drift(moved, None)[0] if moved.size else 0.0
-    numbers = {"amplitude": largest, "least": STEADY, "grows": float(drift > IRREGULAR_DRIFT)}
-    return Regime(kind=Kind.STEADY, cause=Cause.NOTHING_MOVES, numbers=numbers, amplitude_drift=drift)
-
-
-def _unknown(
-    cause: Cause,
-    numbers: dict[str, float],
-    error: float | None = None,
-    drift: float | None = None,
-    needed: float | None = None,
-) -> Regime:
+def _unknown(cause: Cause, numbers: dict[str, float], needed: float | None = None, **found: Any) -> Regime:
     if needed is not None:
         numbers = numbers | {"record_needed_s": needed, "periods_needed": PERIODS_NEEDED}
-    return Regime(
-        kind=Kind.UNKNOWN,
-        cause=cause,
-        numbers=numbers,
-        recurrence_error=error,
-        amplitude_drift=drift,
-        record_needed_s=needed,
-    )
+    return Regime(kind=Kind.UNKNOWN, cause=cause, numbers=numbers, record_needed_s=needed, **found)
 
 
 def _drift(motion: NDArray[np.float64], period: float | None) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""Amplitude spectra, their peaks and the spectrogram."""
+"""Amplitude spectra, their peaks, the spectrogram, and the frequency of a line over time."""
 
 import math
 from collections.abc import Iterator
@@ -46,6 +46,14 @@ class Peaks(NamedTuple):
 
 class Spectrogram(NamedTuple):
     """Amplitude (frequency, time); `time_s` is the middle of each window, counted from the first sample."""
+
+    time_s: NDArray[np.float64]
+    frequency_Hz: NDArray[np.float64]
+    amplitude: NDArray[np.float64]
+
+
+class Ridge(NamedTuple):
+    """Frequency and amplitude of a line (k,) at times `time_s` (s after the first sample), the middles of windows."""
 
     time_s: NDArray[np.float64]
     frequency_Hz: NDArray[np.float64]
@@ -149,17 +157,6 @@ def peak_near(spectrum: Spectrum, frequency: float, *, half_width: float) -> Pea
 
 def spectrogram(
     signal: ArrayLike, sample_rate: float, *, lowest_frequency: float, periods: float = 16.0, overlap: float = 0.875
-) -> Spectrogram:
-    """Return the pieces that `spectrogram_pieces` yields as one. Raises ValueError as it does."""
-    pieces = list(
-        spectrogram_pieces(signal, sample_rate, lowest_frequency=lowest_frequency, periods=periods, overlap=overlap)
-    )
-    time = np.concatenate([piece.time_s for piece in pieces])
-    return Spectrogram(time, pieces[0].frequency_Hz, np.concatenate([piece.amplitude for piece in pieces], axis=1))
-
-
-def spectrogram_pieces(
-    signal: ArrayLike, sample_rate: float, *, lowest_frequency: float, periods: float = 16.0, overlap: float = 0.875
 ) -> Iterator[Spectrogram]:
     """Yield amplitude over time and frequency, scaled as in `amplitude_spectrum`, piece by piece in time.
 
@@ -204,6 +201,30 @@ def spectrogram_pieces(
         stop = min(start + together, last)
         slices = transform.stft_detrend(record, lambda piece: _without_mean(piece, window), p0=start, p1=stop)
         yield Spectrogram(transform.t(record.size, start, stop), transform.f, np.abs(slices))
+
+
+def follow_line(signal: ArrayLike, sample_rate: float, *, low: float, high: float, periods: float = 16.0) -> Ridge:
+    """Follow the strongest line of a signal (time,) between two frequencies (Hz) over time.
+
+    In each Hann window of `periods` periods of the middle frequency the spectrum's maximum is taken, interpolated by a
+    parabola through its logarithm; windows in which it lies at the edge of the band are left out. A frequency that
+    changes within a window comes out as its mean there.
+
+    Raises ValueError as `spectrogram` does, and for a band that is none.
+    """
+    if not 0.0 < low < high:
+        raise ValueError(f"the band must rise from above zero, got {low:g} to {high:g} Hz")
+    rows = []
+    for found in spectrogram(signal, sample_rate, lowest_frequency=0.5 * (low + high), periods=periods):
+        band = np.flatnonzero((found.frequency_Hz >= low) & (found.frequency_Hz <= high))
+        step = found.frequency_Hz[1] - found.frequency_Hz[0]
+        for time, column in zip(found.time_s, found.amplitude.T, strict=True):
+            best = int(band[np.argmax(column[band])]) if band.size else 0
+            three = column[max(best - 1, 0) : best + 2]
+            if three.size == 3 and three[1] >= max(three) > 0.0:
+                offset, height = parabola_vertex(*np.log(np.maximum(three, np.finfo(np.float64).tiny)).tolist())
+                rows.append((float(time), float(found.frequency_Hz[best] + offset * step), float(np.exp(height))))
+    return Ridge(*np.array(rows, dtype=np.float64).reshape(-1, 3).T)
 
 
 def parabola_vertex(left: float, middle: float, right: float) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""Tones that stand out of noise: spectra averaged over segments, their floor, and what noise alone would not show."""
+"""Tones that stand out of noise, by spectra averaged over segments and their floor, and which are harmonics."""
 
 from typing import NamedTuple
 
@@ -21,6 +21,13 @@ MEDIAN_ERROR, MEDIAN_ERRORS = 1 / np.log(2), 4.0
 BETWEEN_BINS = 4.0  # chances that a bin stands for: noise may be highest between two
 FALSE_ALARM = 1e-3  # probability that noise alone shows one tone or more
 MOST, FAINTEST = 20, 1e-2  # tones, and the amplitude of the faintest over the strongest
+# Of the resolution, that a harmonic may lie off the multiple; lines that stand out of the noise are known better.
+HARMONIC_OFF = 0.5
+# Resolutions that a fundamental has at least: of a slower one 5 % of all frequencies, 2 × 0.5/20, would be harmonics.
+FEWEST_RESOLUTIONS = 20.0
+FAINTEST_FUNDAMENTAL = (
+    0.1  # of a harmonic's amplitude, that a fundamental has at least: hum of 50 Hz has multiples everywhere
+)
 
 
 class Tones(NamedTuple):
@@ -33,6 +40,13 @@ class Tones(NamedTuple):
     threshold: NDArray[np.float64]
     segments: int
     peaks: Peaks
+
+
+class Harmonic(NamedTuple):
+    """Which multiple of which line (an index) a line is."""
+
+    order: int
+    fundamental: int
 
 
 def find_tones(signal: ArrayLike, sample_rate: float, *, segment: float, lowest: float = 0.0, order: int = 0) -> Tones:
@@ -71,6 +85,30 @@ def find_tones(signal: ArrayLike, sample_rate: float, *, segment: float, lowest:
     # Without a bound an integral would be infinite at zero.
     factor = (2 * np.pi * np.maximum(spectrum.frequency_Hz, max(lowest, spectrum.frequency_Hz[1]))) ** order
     return Tones(spectrum._replace(amplitude=spectrum.amplitude * factor), threshold * factor, segments, peaks)
+
+
+def find_harmonics(
+    frequency_Hz: NDArray[np.float64], amplitude: NDArray[np.float64], resolution_Hz: float
+) -> list[Harmonic | None]:
+    """The fundamental of every line of frequency f whose n-fold it is, |f − n f₁| ≤ Δf/2 with n ≥ 2; None for others.
+
+    A fundamental is no harmonic itself, at least 20 resolutions Δf high and not 20 dB fainter than the harmonic; of
+    several it is the strongest.
+    """
+    found: list[Harmonic | None] = [None] * frequency_Hz.size
+    fundamentals: list[int] = []
+    for k in np.argsort(frequency_Hz, kind="stable").tolist():
+        f = frequency_Hz[k]
+        near = []
+        for j in fundamentals:
+            order = round(float(f / frequency_Hz[j]))
+            if order > 1 and amplitude[j] >= FAINTEST_FUNDAMENTAL * amplitude[k]:
+                near += [Harmonic(order, j)] if abs(f - order * frequency_Hz[j]) <= HARMONIC_OFF * resolution_Hz else []
+        if near:
+            found[k] = max(near, key=lambda each: amplitude[each.fundamental])
+        elif f >= FEWEST_RESOLUTIONS * resolution_Hz:
+            fundamentals.append(k)
+    return found
 
 
 def _noise_threshold(spectrum: Spectrum, segments: int) -> NDArray[np.float64]:

@@ -110,7 +110,7 @@ class Bench:
         found = finish(looser, self._run(looser, f"run at tolerance {LOOSER:g}"), COMPLETE)
         self.scatter = feature_errors(self.best, features_of(found, tight.linear), scene.simulate.duration)
         self.time, vibration = np.concatenate([chunk.time for chunk in chunks]), self._vibration(chunks)
-        boundary, end = result.comparison.edge_reached_s, float(self.time[-1])
+        boundary, end = result.findings.edge_reached_s, float(self.time[-1])
         self.growth_end = end if boundary is None else boundary
         self.separation = self._separation(vibration)
         last = min(BEYOND * self.growth_end, end, math.inf if self.separation is None else self.separation)
@@ -190,7 +190,7 @@ class Bench:
 def features_of(result: Result, model: Model) -> dict[str, float]:
     """Measured features by name; `model` is the one over the coordinates of the eigenvalues."""
     found = {}
-    for mode in result.comparison.modes:
+    for mode in result.findings.modes:
         if mode.measured_growth is not None:
             found[f"growth_rate {mode.label}"] = mode.measured_growth.rate_1_per_s
         if mode.measured_frequency_Hz is not None:

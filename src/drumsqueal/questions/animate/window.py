@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.errors import RequestError
-from drumsqueal.findings.signals import amplitude_spectrum, spectral_peaks
+from drumsqueal.findings.signals.spectra import amplitude_spectrum, spectral_peaks
 from drumsqueal.findings.time_window import time_window
 from drumsqueal.findings.vibration import FEWEST_FOR_SPECTRUM
 from drumsqueal.physics.bodies.rigid_shoe import RigidShoe

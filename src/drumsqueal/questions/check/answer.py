@@ -25,10 +25,8 @@ def print_check(console: Console, found: Check) -> None:
     for name, number in found.numbers.items():
         table.add_row(name, f"{number.value:.6g}", number.unit, number.meaning)
     print_table(console, table)
-    if not found.growing:
-        console.print("No mode grows.")
-    for growth in found.growing:
-        console.print(_grows(growth))
+    for line in [_grows(growth) for growth in found.growing] or ["No mode grows."]:
+        console.print(line)
     console.print(
         f"Highest frequency {found.highest_frequency_Hz:.5g} Hz: at least {found.least_sample_rate_Hz:.5g} samples a "
         f"second are needed, and {simulate.sample_rate:g} are taken"

@@ -14,8 +14,6 @@ from drumsqueal.findings.boundaries import boundary_ratios
 from drumsqueal.findings.prediction import Prediction, predict
 from drumsqueal.findings.schema import Finding, Findings, Held, InMemory
 from drumsqueal.findings.vibration import moved_by
-from drumsqueal.physics.effects.contact import Contact
-from drumsqueal.physics.effects.operation import Moment
 from drumsqueal.physics.effects.pressure import Unilateral
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.check.run_time import estimate
@@ -27,7 +25,7 @@ from drumsqueal.solve.linear.modes import Mode, while_sliding
 
 # What a run takes next to its integration goes with the speed of the machine, as does loading the package: comparison,
 # figures and programs fetched from the cache took so many times as long, for the shipped scenes.
-BESIDE = 4.0
+BESIDES_INTEGRATION = 4.0
 LOADED = 0.3  # s; loading that is faster did not happen, for all was loaded before
 HARMONICS = 2  # of the highest frequency that a record should hold: contact that comes and goes makes them
 PHASES = 64  # of an oscillation, at which its distance from the contact boundaries is looked at
@@ -97,13 +95,13 @@ def check_scene(scene: Scene, loading: float = 0.0, *, progress: Progress = sile
     progress("compiling and timing pieces of the transient", 0.0, None)
     prepared = prepare(scene)
     check_sample_rate(prepared)
-    fractions = start_fractions(prepared)
+    n, state = len(prepared.model.names), _start(prepared, prepared.model.names)
+    fractions = boundary_ratios(while_sliding(prepared.model)[0], state[None, :n], state[None, n:])
     growing = tuple(_growth(prepared, mode) for mode in prepared.stability.unstable)
     boundary = first_boundary_time(growing, fractions)
     time = estimate(prepared, boundary, _at_the_boundaries(prepared, growing), progress)
-    whole = None
-    if time.seconds is not None and loading >= LOADED:
-        whole = time.seconds + (1 + BESIDE) * loading
+    seconds, evaluations = (None, None) if time is None else time
+    whole = None if seconds is None or loading < LOADED else seconds + (1 + BESIDES_INTEGRATION) * loading
     samples = round(scene.simulate.duration * scene.simulate.sample_rate) + 1
     return Check(
         scene=scene,
@@ -117,7 +115,7 @@ def check_scene(scene: Scene, loading: float = 0.0, *, progress: Progress = sile
         least_sample_rate_Hz=2 * prepared.stability.highest_frequency_Hz,
         samples=samples,
         history_bytes=samples * BYTES_PER_SAMPLE,
-        estimate=Estimate(time.seconds, time.evaluations, whole),
+        estimate=Estimate(seconds, evaluations, whole),
         warnings=tuple(warnings_of(prepared, growing, fractions)),
         model={key: tuple(words) for key, words in prepared.inventory._asdict().items()},
         prepared=prepared,
@@ -137,7 +135,14 @@ def _numbers(prepared: Prepared) -> Iterator[tuple[str, float, str, str]]:
     for k, axis in enumerate(("Tx", "Ty", "Tz"), start=1):
         inertia = float(getattr(shoe.inertia, axis))
         yield (f"moment of inertia I{k}", inertia, "kg m^2", f"about the centre, for {axis}")
-    yield from _of_contact(contact, moment, centroid, half)
+    preload, stiffness = float(moment.preload), float(contact.law.stiffness)
+    yield ("mean pressure p0", preload, "Pa", "normal load / (R β b)")
+    if isinstance(contact.law, Unilateral) and stiffness > 0:
+        depth = preload / stiffness
+        yield ("lifting displacement", depth, "m", "p0/k_c: away from the drum, at which pressure p0 is lost")
+        arm = centroid * (math.sin(half) if half < math.pi / 2 else 1.0)
+        if arm > 0:
+            yield ("lifting rotation", depth / arm, "rad", "Tz alone at which an end of the lining lifts off")
     if contact.friction is not None:
         speed = abs(float(moment.drum_speed))
         sliding = radius * speed
@@ -148,26 +153,6 @@ def _numbers(prepared: Prepared) -> Iterator[tuple[str, float, str, str]]:
         slope = jax.grad(lambda s: jnp.sum(law.coefficient(s)))(jnp.asarray(sliding))
         yield ("friction coefficient", float(law.coefficient(jnp.asarray(sliding))), "1", "at the sliding speed")
         yield ("slope of friction", float(slope), "s/m", "of its curve there; falling friction feeds squeal")
-
-
-def _of_contact(
-    contact: Contact, moment: Moment, centroid: float, half: float
-) -> Iterator[tuple[str, float, str, str]]:
-    preload, stiffness = float(moment.preload), float(contact.law.stiffness)
-    yield ("mean pressure p0", preload, "Pa", "normal load / (R β b)")
-    if isinstance(contact.law, Unilateral) and stiffness > 0:
-        depth = preload / stiffness
-        yield ("lifting displacement", depth, "m", "p0/k_c: away from the drum, at which pressure p0 is lost")
-        arm = centroid * (math.sin(half) if half < math.pi / 2 else 1.0)
-        if arm > 0:
-            yield ("lifting rotation", depth / arm, "rad", "Tz alone at which an end of the lining lifts off")
-
-
-def start_fractions(prepared: Prepared) -> tuple[float, float]:
-    """How far the start comes towards contact loss and slip reversal; from 1 on it may be beyond."""
-    n = len(prepared.model.names)
-    state = _start(prepared, prepared.model.names)
-    return boundary_ratios(while_sliding(prepared.model)[0], state[None, :n], state[None, n:])
 
 
 def first_boundary_time(growing: tuple[Growth, ...], fractions: tuple[float, float]) -> float | None:
@@ -203,11 +188,8 @@ def _at_the_boundaries(prepared: Prepared, growing: tuple[Growth, ...]) -> NDArr
     names, wide = prepared.model.names, prepared.stability.coordinates
     state = np.zeros(2 * len(wide))
     for mode, growth in zip(prepared.stability.unstable, growing, strict=True):
-        if (
-            growth.edge_time is not None
-            and math.isfinite(fraction := _fraction_of_shape(prepared, mode))
-            and fraction > 0
-        ):
+        fraction = 0.0 if growth.edge_time is None else _fraction_of_shape(prepared, mode)
+        if 0 < fraction < math.inf:
             state += np.real(mode.right) / fraction
     kept = [wide.index(name) for name in names]
     return state[[*kept, *(len(wide) + k for k in kept)]]
@@ -271,10 +253,8 @@ def _about_the_record(prepared: Prepared, growing: tuple[Growth, ...], fractions
             f"with lift-off or slip reversal, motion above {simulate.sample_rate / 2:.5g} Hz is aliased; "
             f"{2 * (HARMONICS + 1) * highest:.3g} Hz would hold its third harmonic."
         )
-    boundary, rates = (
-        first_boundary_time(growing, fractions),
-        [each.growth_rate for each in growing if each.edge_time is not None],
-    )
+    boundary = first_boundary_time(growing, fractions)
+    rates = [each.growth_rate for each in growing if each.edge_time is not None]
     enough = math.inf if boundary is None else float(f"{1.5 * boundary:.2g}")
     if boundary is not None and rates and simulate.duration < enough:
         saturates = "will not saturate" if boundary > simulate.duration else "may not have settled by its end"

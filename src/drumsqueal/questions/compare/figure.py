@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from drumsqueal.findings.signals import level_dB
+from drumsqueal.findings.signals.decibels import level_dB
 from drumsqueal.questions.compare.measured.record import QUANTITIES
 from drumsqueal.questions.compare.study import LOWEST, MeasuredComparison, Spectral
 from drumsqueal.questions.compare.words import zero_level

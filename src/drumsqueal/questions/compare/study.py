@@ -12,7 +12,8 @@ from drumsqueal.errors import RequestError
 from drumsqueal.files.saved_history import SavedHistory, read_history
 from drumsqueal.findings.saturation import saturated_part
 from drumsqueal.findings.schema import Finding, Findings, Held, InMemory
-from drumsqueal.findings.signals import Tones, find_harmonics, find_tones, level_dB, level_reference
+from drumsqueal.findings.signals.decibels import level_dB, level_reference
+from drumsqueal.findings.signals.tones import Tones, find_harmonics, find_tones
 from drumsqueal.findings.vibration import first_boundary_time
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.compare.matching import WIDEST, Match, fraction_covered, match_lines

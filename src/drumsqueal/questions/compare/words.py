@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from drumsqueal.findings.signals import level_dB, level_reference
+from drumsqueal.findings.signals.decibels import level_dB, level_reference
 from drumsqueal.questions.compare.measured.record import parse_unit
 from drumsqueal.scene.quantities import percent
 

@@ -12,8 +12,7 @@ from drumsqueal.findings.boundaries import boundary_ratios
 from drumsqueal.findings.decay import is_decaying, rms_rate, slowest
 from drumsqueal.findings.part import Finding
 from drumsqueal.findings.schema import Findings
-from drumsqueal.findings.signals import classify
-from drumsqueal.findings.signals.regime import Kind
+from drumsqueal.findings.signals.regime import Kind, classify
 from drumsqueal.physics.effects.operation import Constant
 from drumsqueal.physics.model import Model
 from drumsqueal.progress import Progress, silent

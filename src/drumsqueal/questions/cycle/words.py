@@ -2,8 +2,7 @@
 
 from collections.abc import Sequence
 
-from drumsqueal.findings.signals import Regime
-from drumsqueal.findings.signals.regime import Kind
+from drumsqueal.findings.signals.regime import Kind, Regime
 from drumsqueal.findings.vibration import unit_of
 from drumsqueal.questions.cycle.diagram import Diagram, Interval
 from drumsqueal.questions.cycle.orbit import Cycle

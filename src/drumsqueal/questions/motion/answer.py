@@ -3,7 +3,7 @@
 from rich.console import Console
 
 from drumsqueal.files.output_folder import CONVERGENCE, LINES, MOTION_SUMMARY, MOTION_TABLE, SECTION
-from drumsqueal.findings.signals import written_frequencies
+from drumsqueal.findings.signals.regime_words import written_frequencies
 from drumsqueal.findings.vibration import unit_of
 from drumsqueal.questions.motion.attractor import Kind, written_exponents
 from drumsqueal.questions.motion.figure import combination, draw_convergence, draw_lines, draw_section

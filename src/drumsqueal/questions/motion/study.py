@@ -21,18 +21,11 @@ from drumsqueal.findings.history import COMPLETE, to_dataset
 from drumsqueal.findings.part import Finding, Held
 from drumsqueal.findings.saturation import size_of_motion
 from drumsqueal.findings.schema import Findings
-from drumsqueal.findings.signals import (
-    PERIODS_NEEDED,
-    STEADY,
-    Fundamentals,
-    Lines,
-    Regime,
-    classify,
-    find_fundamentals,
-    find_lines,
-    fit_growth,
-)
+from drumsqueal.findings.signals.fundamentals import Fundamentals, find_fundamentals
+from drumsqueal.findings.signals.growth import fit_growth
+from drumsqueal.findings.signals.lines import Lines, find_lines
 from drumsqueal.findings.signals.lyapunov import Exponents, lyapunov_exponents, orthonormalised
+from drumsqueal.findings.signals.regime import PERIODS_NEEDED, STEADY, Regime, classify
 from drumsqueal.findings.vibration import Vibration
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.motion.attractor import Attractor, Kind, decide_attractor, describe_attractor

@@ -82,7 +82,7 @@ def run_points(points: Sequence[Point], progress: Progress) -> list[Point]:
 
         show("", 0, None)
         try:
-            ran[text] = run_whole(prepare(scene), show).comparison
+            ran[text] = run_whole(prepare(scene), show).findings
         except IntegrationError as error:
             ran[text] = f"failed: {error}"
     results = [(point, ran[point.scene.to_toml()]) for point in points]

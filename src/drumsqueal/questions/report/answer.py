@@ -1,6 +1,5 @@
 """A page about what a folder holds: read, filled in and written as one file."""
 
-import importlib.metadata
 from pathlib import Path
 
 from rich.console import Console
@@ -8,7 +7,6 @@ from rich.console import Console
 from drumsqueal.files.output_folder import write_whole
 from drumsqueal.findings.part import Finding
 from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.report.found import RUN
 from drumsqueal.questions.report.onset_page import onset_content
 from drumsqueal.questions.report.page import MEGABYTE, render
 from drumsqueal.questions.report.run_page import run_content
@@ -25,14 +23,14 @@ class Page(Finding):
 
 
 def write_page(file: Path, folder: Path, kind: str, progress: Progress = silent) -> Page:
-    """Write the page of a folder that holds a run or a study of the onset.
+    """Write the page of a folder that holds results of the command `kind`, "run" or "onset".
 
     Raises RequestError for files that this version does not take, and OSError.
     """
     progress("reading", 0.0, None)
-    content = run_content(folder) if kind == RUN else onset_content(folder, progress)
+    found, content = run_content(folder) if kind == "run" else onset_content(folder, progress)
     progress("writing the page", 0.0, None)
-    page = render(f"{kind}.html", content | {"maker": importlib.metadata.version("drumsqueal")}).encode()
+    page = render(f"{kind}.html", found.scene, content | {"found": found}).encode()
     progress("writing the page", 1.0, 1.0)
     write_whole(file, page)
     return Page(finding=content["headline"], warning=content["warning"], page=str(file), bytes=len(page))

@@ -5,8 +5,18 @@ from typing import Annotated
 
 import typer
 
+from drumsqueal.errors import RequestError
 from drumsqueal.files.claims import claim_results
-from drumsqueal.files.output_folder import ONSET_FILES, REPORT, RUN_FILES, check_ending
+from drumsqueal.files.output_folder import (
+    HISTORY,
+    ONSET_FILES,
+    ONSET_SUMMARY,
+    ONSET_TABLE,
+    REPORT,
+    RUN_FILES,
+    SUMMARY,
+    check_ending,
+)
 from drumsqueal.terminal.options import JsonFile, Overwrite, Quiet, read_file, read_folder
 from drumsqueal.terminal.reply import Reply
 
@@ -32,8 +42,6 @@ def report_command(
 
     Example: drumsqueal report out/nominal
     """
-    from drumsqueal.questions.report.found import what_is_in
-
     kind = what_is_in(folder)
     file = folder / REPORT if output is None else output
     check_ending(file, (".html", ".htm"), "a page")
@@ -44,3 +52,21 @@ def report_command(
     from drumsqueal.terminal.runner import answer_without_folder
 
     answer_without_folder(reply, print_page, lambda progress: write_page(file, folder, kind, progress))
+
+
+def what_is_in(folder: Path) -> str:
+    """Which command's results a folder holds, "run" or "onset". Raises RequestError for neither, and for both."""
+    kinds = {"run": (SUMMARY, HISTORY), "onset": (ONSET_SUMMARY, ONSET_TABLE)}
+    try:
+        if not folder.is_dir():
+            there = "a file, not a folder" if folder.exists() else "not there"
+            raise RequestError(f"{folder} is {there}; name the folder that drumsqueal run or drumsqueal onset has left")
+        held = [kind for kind, files in kinds.items() if any((folder / name).is_file() for name in files)]
+    except OSError as error:
+        raise RequestError(f"{folder}: cannot be read ({error.strerror or error})") from None
+    if not held:
+        fault = f"{folder} holds neither a run ({SUMMARY}, {HISTORY}) nor a study of the onset ({ONSET_SUMMARY})"
+        raise RequestError(f"{fault}; name the folder that one of them has left")
+    if len(held) > 1:
+        raise RequestError(f"{folder} holds a run and a study of the onset; put one of them into a folder of its own")
+    return held[0]

@@ -10,14 +10,15 @@ from drumsqueal.findings.vibration import levers
 from drumsqueal.physics.bodies.body import displace
 from drumsqueal.physics.bodies.rigid_shoe import OUT_OF_PLANE, RigidShoe
 from drumsqueal.questions.animate.section import MILLI, moved, on_circle, shoe_outline
-from drumsqueal.solve.linear.modes import NEUTRAL_FRACTION, Mode
+from drumsqueal.simulation import Prepared
+from drumsqueal.solve.linear.modes import NEUTRAL_FRACTION, Mode, Stability
 
 DRAWN = 0.08  # of the outer radius: the largest motion as it is drawn
 PERIOD_S = 2.0  # of every mode as it is drawn
 DRUM = 1.1  # outer over inner radius of the drum that is drawn; it has no thickness in the model
 BOUNDARY = 1.02  # of the picture, beyond the drum
 FLAT = 1e-9  # of the displacement: less motion out of the plane is round-off
-LEAST_FRACTION = 5e-3  # of the kinetic energy, that is told
+LEAST_FRACTION = 5e-3  # of the kinetic energy, that is reported
 # Seen from the front and from above: z comes forward, to the left and down.
 OBLIQUE = (-0.5, -0.4)
 ROUND = 3  # digits after the point, of mm
@@ -25,55 +26,49 @@ Complex = NDArray[np.complex128]
 Shape = Mapping[str, complex]
 
 
-def animate(
-    shoe: RigidShoe, coordinates: Sequence[str], mass: NDArray[np.float64], modes: Sequence[Mode], speed: float
-) -> dict[str, Any]:
-    """What the page needs of the modes: lines (mm), displacements (mm) as real and imaginary parts, and words.
-
-    `coordinates` and `mass` (n,) are those of the modes, `speed` is the drum's (rad/s), whose sign turns its arrow.
-    """
+def animate(prepared: Prepared, modes: Sequence[Mode]) -> dict[str, Any]:
+    """What the page needs of modes: lines (mm), displacements (mm) as real and imaginary parts, and words."""
+    shoe, stability = prepared.linear.shoe, prepared.stability
     radius = MILLI * float(shoe.outer_radius)
-    moving = [_moving(shoe, coordinates, mass, mode) for mode in modes]
+    moving = [_moving(shoe, stability, mode) for mode in modes]
     beyond = 0.0 if all(mode["flat"] for mode in moving) else MILLI * float(shoe.width) / 2 * max(map(abs, OBLIQUE))
     return {
         "radius": round(radius, ROUND),
         "outer": round(DRUM * radius, ROUND),
         "box": round(BOUNDARY * DRUM * radius + beyond, ROUND),
-        "turns": float(np.sign(speed)),
+        "turns": float(np.sign(prepared.linear.operation.at(stability.time).drum_speed)),
         "period_s": PERIOD_S,
         "modes": moving,
     }
 
 
-def _moving(shoe: RigidShoe, coordinates: Sequence[str], mass: NDArray[np.float64], mode: Mode) -> dict[str, Any]:
-    shape = mode.shape(coordinates)
-    sizes = np.abs(mode.right[: len(coordinates)] * levers(coordinates, shoe))
+def _moving(shoe: RigidShoe, stability: Stability, mode: Mode) -> dict[str, Any]:
+    coordinates = stability.coordinates
+    shape, right = mode.shape(coordinates), mode.right[: len(coordinates)]
+    sizes = np.abs(right * levers(coordinates, shoe))
     across = [size for name, size in zip(coordinates, sizes, strict=True) if name in OUT_OF_PLANE]
     flat = bool(max(across, default=0.0) < FLAT * sizes.max())
     lines = _section(shoe, shape) if flat else _body(shoe, shape)
     drawn = DRAWN * MILLI * float(shoe.outer_radius)
     magnification = drawn / max(_largest(moved) for _, moved in lines)
+    neutral = abs(mode.growth_rate) < NEUTRAL_FRACTION * mode.frequency_Hz
+    energy = stability.mass * np.abs(right) ** 2
+    fractions = zip(coordinates, (energy / energy.sum()).tolist(), strict=True)
     return {
         "label": mode.label,
         "name": mode.name,
         "frequency_Hz": mode.frequency_Hz,
-        "growth_rate_1_per_s": 0.0
-        if abs(mode.growth_rate) < NEUTRAL_FRACTION * mode.frequency_Hz
-        else mode.growth_rate,
+        "growth_rate_1_per_s": 0.0 if neutral else mode.growth_rate,
         "unstable": mode.unstable,
         "stability": "unstable" if mode.unstable else "stable",
         "flat": flat,
         "slowed": mode.frequency_Hz * PERIOD_S,
-        "shares": _fractions(coordinates, mass, mode),
+        "shares": {name: each for name, each in sorted(fractions, key=lambda f: -f[1]) if each > LEAST_FRACTION},
         # What the named coordinate does where the largest motion of the shoe is drawn, in m or rad times `enlarged`.
         "enlarged": magnification,
         "drawn_mm": drawn,
         "lines": [
-            {
-                "at": _rounded(at),
-                "re": _rounded(magnification * moved.real),
-                "im": _rounded(magnification * moved.imag),
-            }
+            {"at": _rounded(at), "re": _rounded(magnification * moved.real), "im": _rounded(magnification * moved.imag)}
             for at, moved in lines
         ],
         "depth": [] if flat else _rounded(_project(np.array([0.0, 0.0, MILLI * float(shoe.width) / 2]))),
@@ -82,15 +77,9 @@ def _moving(shoe: RigidShoe, coordinates: Sequence[str], mass: NDArray[np.float6
 
 def _section(shoe: RigidShoe, shape: Shape) -> list[tuple[NDArray[np.float64], Complex]]:
     """The outline in section at z = 0, and a cross at the centre of gravity."""
-    return [(at, moved(at, shoe, shape)) for at in (shoe_outline(shoe), *_cross(shoe))]
-
-
-def _cross(shoe: RigidShoe) -> list[NDArray[np.float64]]:
     centre, arm = MILLI * float(shoe.centroid), 0.03 * MILLI * float(shoe.outer_radius)
-    return [
-        np.array([[centre - arm, 0.0], [centre + arm, 0.0]]),
-        np.array([[centre, -arm], [centre, arm]]),
-    ]
+    cross = [np.array([[centre - arm, 0.0], [centre + arm, 0.0]]), np.array([[centre, -arm], [centre, arm]])]
+    return [(at, moved(at, shoe, shape)) for at in (shoe_outline(shoe), *cross)]
 
 
 def _body(shoe: RigidShoe, shape: Shape) -> list[tuple[NDArray[np.float64], Complex]]:
@@ -126,21 +115,5 @@ def _largest(moved: Complex) -> float:
     return float(np.sqrt((both + np.abs(np.sum(moved**2, axis=1))) / 2).max())
 
 
-def _fractions(coordinates: Sequence[str], mass: NDArray[np.float64], mode: Mode) -> Mapping[str, float]:
-    """Each coordinate's fraction of the kinetic energy, the largest first."""
-    energy = mass * np.abs(mode.right[: len(coordinates)]) ** 2
-    fractions = dict(zip(coordinates, (energy / energy.sum()).tolist(), strict=True))
-    return {
-        name: fraction
-        for name, fraction in sorted(fractions.items(), key=lambda each: -each[1])
-        if fraction > LEAST_FRACTION
-    }
-
-
 def _rounded(points: NDArray[np.float64]) -> list[float]:
     return [round(float(value), ROUND) for value in points.ravel()]
-
-
-def most_unstable(modes: Sequence[Mode]) -> int:
-    """The place of the mode that grows fastest, which is shown first."""
-    return max(range(len(modes)), key=lambda k: modes[k].growth_rate, default=0)

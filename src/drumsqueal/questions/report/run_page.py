@@ -10,12 +10,12 @@ from drumsqueal.files.saved_history import read_history
 from drumsqueal.findings.compare import RunFindings
 from drumsqueal.findings.outcome import Ending
 from drumsqueal.findings.schema import read_findings
-from drumsqueal.findings.verdict import difference_is_no_error
+from drumsqueal.findings.verdict import difference_is_no_error, state_headline
 from drumsqueal.findings.vibration import ROTATIONS
-from drumsqueal.questions.report.inline import data_uri, picture
-from drumsqueal.questions.report.moving import animate, most_unstable
-from drumsqueal.questions.report.sound import SLOWER, clips
-from drumsqueal.questions.report.words import figure_words, headline, hertz
+from drumsqueal.questions.report.moving import animate
+from drumsqueal.questions.report.page import picture
+from drumsqueal.questions.report.sound import clips
+from drumsqueal.questions.report.words import figure_words
 from drumsqueal.scene import Profile, Scene
 from drumsqueal.simulation import Prepared, compared, prepare
 
@@ -25,53 +25,38 @@ OTHER_MODES = "The shapes are left out: computed anew by this version, the eigen
 ABOUT = "The shapes were computed anew from the scene as this page was made."
 
 
-def run_content(folder: Path) -> dict[str, Any]:
-    """What the template takes, from the folder of a run. Raises RequestError for files that are none of a run."""
+def run_content(folder: Path) -> tuple[RunFindings, dict[str, Any]]:
+    """What a run found and what else the template takes. Raises RequestError for files that are none of a run."""
     history = read_history(folder / HISTORY) if (folder / HISTORY).exists() else None
     given_law = history is not None and history.given_law
+    prepared = None
     if (folder / SUMMARY).exists():
-        summary = read_findings(folder / SUMMARY, RunFindings)
-        scene = summary.scene
-        if history is not None and history.scene != scene:
+        found = read_findings(folder / SUMMARY, RunFindings)
+        if history is not None and history.scene != found.scene:
             raise RequestError(f"{folder}: {SUMMARY} and {HISTORY} are of different scenes; report on one run's folder")
-        prepared = None if given_law else prepare(scene)
+        if not given_law:
+            prepared = prepare(found.scene)
     else:
         assert history is not None
         if given_law:
-            raise RequestError(
-                f"{folder}: there is neither {SUMMARY} nor the friction law that it would take to make one"
-            )
-        scene = history.scene
-        prepared = prepare(scene)
-        summary = compared(prepared, history.data).findings
-    pictures = {name: picture(folder / figure_file(name), figure_words(name, summary, scene)) for name in FIGURES}
-    since = None if summary.saturation is None else summary.saturation.start_s
-    toml = scene.to_toml()
-    modes = list(zip(summary.prediction.labels, summary.prediction.modes, strict=True))
-    return {
-        "title": scene.title or "Untitled scene",
+            raise RequestError(f"{folder}: there is neither {SUMMARY} nor the friction law that it takes to make one")
+        prepared = prepare(history.scene)
+        found = compared(prepared, history.data).findings
+    pictures = {name: picture(folder / figure_file(name), figure_words(name, found)) for name in FIGURES}
+    changes = _changes(found.scene)
+    return found, {
         "kind": "report of a run",
-        "warning": _warning(summary, folder),
-        "headline": headline(summary, scene),
-        "summary": summary,
+        "warning": _warning(found, folder),
+        "headline": state_headline(found),
         "computed_now": not (folder / SUMMARY).exists(),
-        "modes": modes,
-        "changes": "; speed or load change, and these are of the beginning" if _changes(scene) else "",
-        "changing": summary.changing,
-        "no_error": difference_is_no_error(summary),
-        "unstable": ", ".join(summary.prediction.unstable),
-        "without_oscillation": summary.prediction.without_oscillation,
-        "animation": None if prepared is None else _animation(prepared, summary),
+        "changes": "; speed or load change, and these are of the beginning" if changes else "",
+        "no_error": difference_is_no_error(found),
+        "animation": None if prepared is None else _animation(prepared, found),
         "animation_note": GIVEN_LAW if prepared is None else OTHER_MODES,
         "about": ABOUT,
-        "clips": [] if history is None else clips(history, since, settles=not _changes(scene)),
-        "heard": _heard(summary),
+        "clips": [] if history is None else clips(history, found.saturation, settles=not changes),
         "pictures": [each for each in pictures.values() if each is not None],
-        "missing": _missing([figure_file(name) for name, each in pictures.items() if each is None], summary, folder),
-        "tolerance": scene.simulate.tolerance,
-        "limits": _left_out(summary),
-        "toml": toml,
-        "toml_uri": data_uri("application/toml", toml.encode()),
+        "missing": _missing([figure_file(name) for name, each in pictures.items() if each is None], found, folder),
         "command": "drumsqueal run scene.toml -o out/again",
     }
 
@@ -109,12 +94,12 @@ def _animation(prepared: Prepared, summary: RunFindings) -> dict[str, Any] | Non
     found = [mode.eigenvalue for mode in stability.modes]
     if len(found) != len(stated) or any(abs(a - b) > SAME * largest for a, b in zip(found, stated, strict=True)):
         return None
-    speed = float(prepared.linear.operation.at(stability.time).drum_speed)
-    animation = animate(prepared.linear.shoe, stability.coordinates, stability.mass, stability.modes, speed)
+    animation = animate(prepared, stability.modes)
     reached = {} if summary.saturation is None else summary.saturation.amplitude
     for mode in animation["modes"]:
         mode |= {"at": "", "size": _size(mode, reached.get(mode["name"], 0.0))}
-    return animation | {"first": most_unstable(stability.modes)}
+    fastest = max(range(len(found)), key=lambda k: found[k].real, default=0)  # which is shown first
+    return animation | {"first": fastest}
 
 
 def _size(mode: dict[str, Any], reached: float) -> str:
@@ -125,18 +110,3 @@ def _size(mode: dict[str, Any], reached: float) -> str:
     times = float(f"{mode['enlarged'] / reached:.3g}")
     here = f"the {1e6 * reached:.3g} {unit} that it reached in this run"
     return f"{mode['name']} is drawn {times:.10g} times as large as {here}."
-
-
-def _heard(summary: RunFindings) -> str:
-    """What pitch to listen for."""
-    saturation = summary.saturation
-    if saturation is None or saturation.main is None:
-        return ""
-    line = saturation.main.frequency_Hz
-    return f"The main line is a tone of {hertz(line)}, {hertz(line / SLOWER)} where it is slower."
-
-
-def _left_out(summary: RunFindings) -> list[str]:
-    """What the model leaves out, in words."""
-    left = summary.model.get("leaves_out", [])
-    return [f"Left out of this run: {'; '.join(left)}."] if left else []

@@ -6,10 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.files.saved_history import SavedHistory
+from drumsqueal.findings.saturation import Saturation
 from drumsqueal.findings.signals.resampling import resample
 from drumsqueal.findings.signals.sound import CD_RATE, to_sound, wav_bytes
+from drumsqueal.findings.verdict import hertz
 from drumsqueal.questions.export.signals import surface_velocity
-from drumsqueal.questions.report.inline import data_uri
+from drumsqueal.questions.report.page import data_uri
 
 SLOWER = 4  # times, so that what is too high to be heard well is heard
 RECORD_S = 1.0  # of the record that is played at most
@@ -21,47 +23,51 @@ QUIET = 1e-9  # m/s: what moves less is not played
 
 
 class Clip(NamedTuple):
-    """A sound: heading, what is to be heard, its length (s), the velocity (m/s) of its loudest sample, and its WAV."""
+    """A sound: heading, what is to be heard, its length (s), the velocity (m/s) of its loudest sample, and its WAV.
+
+    `tone` states the pitch to listen for, where there is one.
+    """
 
     heading: str
     text: str
     seconds: float
     peak: float
     uri: str
+    tone: str
 
 
-def clips(history: SavedHistory, saturated_from: float | None, *, settles: bool) -> list[Clip]:
+def clips(history: SavedHistory, saturation: Saturation | None, *, settles: bool) -> list[Clip]:
     """The sounds of a history; none where nothing moves enough.
 
     What is heard is the velocity u̇_θ along the drum in the middle of the lining, θ = z = 0. The motion after growth is
     repeated only where it `settles`: of a brake that comes to rest, what is heard again and again never was.
     """
+    since = None if saturation is None else saturation.start_s
     title = history.scene.title
     surface = surface_velocity(history.scene, history.data["velocity"].values, 0.0, along_drum=True)
     time = history.data["time"].values - history.data["time"].values[0]
-    first, last = _played(time[-1], saturated_from)
+    first, last = _played(time[-1], since)
     record = _heard(surface[(time >= first) & (time <= last)], history.sample_rate)
     if np.ptp(record) < QUIET:
         return []
-    growing = "as it was" if saturated_from is None else "first the growth, then the motion that it leads to"
-    whole = first == 0 and last == time[-1]
-    part = f"From {first:.4g} to {last:.4g} s, {RECORD_S:g} s at most of a record of {time[-1]:.4g} s"
-    span = f"The whole record, {last:.4g} s" if whole else part
+    growing = "as it was" if since is None else "first the growth, then the motion that it leads to"
+    span = f"From {first:.4g} to {last:.4g} s, {RECORD_S:g} s at most of a record of {time[-1]:.4g} s"
+    if first == 0 and last == time[-1]:
+        span = f"The whole record, {last:.4g} s"
+    lower = f"every frequency {SLOWER} times lower"
     found = [
         _clip("The record", f"{span}, at its own speed: {growing}.", record, 1, title),
-        _clip(
-            f"The record, {SLOWER} times slower",
-            f"{span}, every frequency {SLOWER} times lower: {growing}.",
-            record,
-            SLOWER,
-            title,
-        ),
+        _clip(f"The record, {SLOWER} times slower", f"{span}, {lower}: {growing}.", record, SLOWER, title),
     ]
-    if saturated_from is None or not settles:
+    if saturation is None or since is None or not settles:
         return found
-    part = _heard(surface[(time >= saturated_from) & (time < saturated_from + REPEATED_S)], history.sample_rate)
+    part = _heard(surface[(time >= since) & (time < since + REPEATED_S)], history.sample_rate)
     if part.size < SHORTEST_S * CD_RATE or np.ptp(part) < QUIET:
         return found
+    tone = ""
+    if saturation.main is not None:
+        line = saturation.main.frequency_Hz
+        tone = f"The main line is a tone of {hertz(line)}, {hertz(line / SLOWER)} where it is slower."
     for slow in (1, SLOWER):
         repeated, times = _repeated(part, REPEATED_S / slow)
         slower = "" if slow == 1 else f", {slow} times slower"
@@ -70,7 +76,7 @@ def clips(history: SavedHistory, saturated_from: float | None, *, settles: bool)
             f"played {times} times and faded over in {FADE_S * 1e3:g} ms: a beat at that pace is of the repetition, "
             "not of the brake."
         )
-        found.append(_clip(f"After growth{slower}", more, repeated, slow, title))
+        found.append(_clip(f"After growth{slower}", more, repeated, slow, title, tone))
     return found
 
 
@@ -110,9 +116,9 @@ def _repeated(part: NDArray[np.float64], seconds: float) -> tuple[NDArray[np.flo
     return whole, times
 
 
-def _clip(heading: str, text: str, velocity: NDArray[np.float64], slow: int, title: str) -> Clip:
+def _clip(heading: str, text: str, velocity: NDArray[np.float64], slow: int, title: str, tone: str = "") -> Clip:
     # What is slower has the same samples at a lower rate.
     sound = to_sound(velocity, CD_RATE, slow=slow, rate=CD_RATE // slow)
     comment = f"{heading}: velocity of the lining's surface; one step is {sound.scale:.6g} m/s"
     seconds = sound.samples.size / sound.sample_rate
-    return Clip(heading, text, seconds, sound.peak, data_uri("audio/wav", wav_bytes(sound, title, comment)))
+    return Clip(heading, text, seconds, sound.peak, data_uri("audio/wav", wav_bytes(sound, title, comment)), tone)

@@ -30,9 +30,14 @@ def bistable_words(scene: Scene, stability: Stability, file: Path, settings: Seq
     if isinstance(speed, Profile) or isinstance(load, Profile) or load == 0 or not moved_coordinates(scene):
         return None
     given = [part for each in settings for part in ("--set", each)]
-    command = shlex.join(["drumsqueal", "onset", str(file), *given, "--along", _range(speed)])
+    rpm = math.isclose(speed / RPM, float(f"{speed / RPM:.4g}"), rel_tol=1e-9)  # where that is a round number
+    ends = tuple(each * speed for each in AROUND)
+    range_ = Variation("drum.speed", "rad/s", ends, "rpm" if rpm else "rad/s", RPM if rpm else 1.0)
+    first, last = range_.listed(range_.first), range_.listed(range_.last)
+    along = f"drum.speed={first:.10g}..{last:.10g} {range_.given} x {VALUES}"
+    command = shlex.join(["drumsqueal", "onset", str(file), *given, "--along", along])
     return (
-        "A large disturbance may still lead to squeal that lasts (the bistable, subcritical range); "
+        "A large disturbance may still lead to sustained squeal (the bistable, subcritical range); "
         f"to find out: {command}"
     )
 
@@ -42,12 +47,3 @@ def print_bistable(console: Console, scene: Scene, stability: Stability, file: P
     sentence = bistable_words(scene, stability, file, settings)
     if sentence is not None:
         console.print(printable(sentence), soft_wrap=True)
-
-
-def _range(speed: float) -> str:
-    """The drum's speed in the middle of three, in rpm where that is a round number."""
-    unit = "rpm" if math.isclose(speed / RPM, float(f"{speed / RPM:.4g}"), rel_tol=1e-9) else "rad/s"
-    along = Variation(
-        "drum.speed", "rad/s", tuple(each * speed for each in AROUND), unit, RPM if unit == "rpm" else 1.0
-    )
-    return f"drum.speed={along.listed(along.first):.10g}..{along.listed(along.last):.10g} {unit} x {VALUES}"

@@ -5,8 +5,8 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from drumsqueal.findings.compare import Accuracy, ModeComparison, RunFindings
-from drumsqueal.findings.quadrature import INSTANTS
+from drumsqueal.findings.accuracy import INSTANTS
+from drumsqueal.findings.compare import RunFindings
 from drumsqueal.findings.saturation import duration_for
 from drumsqueal.findings.signals.regime import Kind
 from drumsqueal.findings.verdict import difference_is_no_error
@@ -33,7 +33,8 @@ def print_stability(console: Console, stability: Stability) -> None:
     largest = max(abs(stability.eigenvalues), default=0.0)
     real = [value.real for value in stability.eigenvalues if abs(value.imag) <= OSCILLATING_FRACTION * largest]
     if real:
-        console.print("Without oscillation: " + ", ".join(f"{_rounded(value, largest):.3f} 1/s" for value in real))
+        rounded = (0.0 if abs(value) < UNDAMPED_FRACTION * largest else value for value in real)  # off round-off
+        console.print("Without oscillation: " + ", ".join(f"{value:.3f} 1/s" for value in rounded))
     moved = {n: q for n, q in zip(stability.coordinates, stability.steady_state, strict=True) if q != 0}
     if moved:
         console.print("Steady sliding at " + ", ".join(f"{n} = {q:.4g} {unit_of(n)}" for n, q in moved.items()))
@@ -51,11 +52,11 @@ def print_findings(console: Console, found: RunFindings) -> None:
         held = ", ".join(found.held_though_they_would_move)
         console.print(f"Held though the others would move them: {held}", style="bold")
     print_table(console, _growth_table(found))
-    resolution = [mode.frequency_resolution_Hz for mode in found.modes if mode.frequency_resolution_Hz]
+    resolution = sorted(mode.frequency_resolution_Hz for mode in found.modes if mode.frequency_resolution_Hz)
     if resolution:
+        ends = " to ".join(dict.fromkeys(f"{end:.3g}" for end in (resolution[0], resolution[-1])))
         console.print(
-            f"Measured from 0 to {found.growth.linear_until_s:.4g} s; spectral resolution {_range(resolution)} Hz, "
-            "peaks interpolated"
+            f"Measured from 0 to {found.growth.linear_until_s:.4g} s; spectral resolution {ends} Hz, peaks interpolated"
         )
     if found.changing:
         console.print(difference_is_no_error(found))
@@ -66,35 +67,33 @@ def print_findings(console: Console, found: RunFindings) -> None:
     if found.integration is not None and found.integration.implicit_share > 0 and found.scene.simulate.solver == AUTO:
         took = f"{100 * found.integration.implicit_share:.3g} % of the time"
         console.print(f"Friction is stiff: the implicit method {IMPLICIT} took {took}")
-    if found.accuracy is not None:
-        _print_accuracy(console, found.accuracy)
+    _print_accuracy(console, found)
     console.print(found.verdict, style="bold")
 
 
 def _growth_table(found: RunFindings) -> Table:
     table = Table(title="Onset: eigenvalues against the transient", box=box.SIMPLE_HEAD)
+    predicted, measured = "predicted", "measured"
+    if found.changing:
+        predicted, measured = f"at t = {found.predicted_at_s:g} s", "mean"
     table.add_column("mode")
-    predicted = f"at t = {found.predicted_at_s:g} s" if found.changing else "predicted"
     for quantity, unit in (("frequency", "Hz"), ("growth", "1/s")):
         table.add_column(f"{quantity}\n{predicted}\n{unit}", justify="right")
-        table.add_column(f"{quantity}\n{'mean' if found.changing else 'measured'}\n{unit}", justify="right")
+        table.add_column(f"{quantity}\n{measured}\n{unit}", justify="right")
         if not found.changing:  # or it would compare one time with a mean over many
             table.add_column("error", justify="right")
     for mode in found.modes:
-        cells = _cells(mode)
-        table.add_row(mode.label, *(cell for k, cell in enumerate(cells) if not (found.changing and k in (2, 5))))
+        frequency = [f"{mode.predicted_frequency_Hz:.2f}", _shown(mode.measured_frequency_Hz, ".2f")]
+        growth = [f"{mode.predicted_growth_rate_1_per_s:+.3f}", _shown(mode.measured_growth_rate_1_per_s, "+.3f")]
+        if not found.changing:
+            frequency.append(_shown(mode.frequency_error, "+.1e"))
+            growth.append(_shown(mode.growth_rate_error, "+.1e"))
+        table.add_row(mode.label, *frequency, *growth)
     return table
 
 
-def _cells(mode: ModeComparison) -> list[str]:
-    return [
-        f"{mode.predicted_frequency_Hz:.2f}",
-        _shown(mode.measured_frequency_Hz, "{:.2f}"),
-        _shown(mode.frequency_error, "{:+.1e}"),
-        f"{mode.predicted_growth_rate_1_per_s:+.3f}",
-        _shown(mode.measured_growth_rate_1_per_s, "{:+.3f}"),
-        _shown(mode.growth_rate_error, "{:+.1e}"),
-    ]
+def _shown(value: float | None, form: str) -> str:
+    return "-" if value is None else format(value, form)
 
 
 def _print_saturation(console: Console, found: RunFindings) -> None:
@@ -109,7 +108,10 @@ def _print_saturation(console: Console, found: RunFindings) -> None:
         console.print(f"To record so much after growth, set simulate.duration to {duration}")
 
 
-def _print_accuracy(console: Console, accuracy: Accuracy) -> None:
+def _print_accuracy(console: Console, found: RunFindings) -> None:
+    accuracy = found.accuracy
+    if accuracy is None:
+        return
     of_motion = accuracy.energy_balance_error_over_kinetic_energy
     of_friction = accuracy.energy_balance_error_over_friction_work
     parts = [f"{of_motion:.1e} of the largest kinetic energy"] if of_motion < 1 else []  # or there is next to no motion
@@ -122,18 +124,3 @@ def _print_accuracy(console: Console, accuracy: Accuracy) -> None:
             f"Contact forces: quadrature error {error:.1e} of the largest normal force, estimated with a finer rule at "
             f"{INSTANTS} instants"
         )
-
-
-def _range(values: list[float]) -> str:
-    """Smallest to largest, or the one value that both are."""
-    low, high = f"{min(values):.3g}", f"{max(values):.3g}"
-    return low if low == high else f"{low} to {high}"
-
-
-def _shown(value: float | None, form: str) -> str:
-    return "-" if value is None else form.format(value)
-
-
-def _rounded(value: float, largest: float) -> float:
-    """Zero for what is round-off beside the largest eigenvalue."""
-    return 0.0 if abs(value) < UNDAMPED_FRACTION * largest else value

@@ -85,7 +85,7 @@ def _run(start: Start, scene: Scene, progress: Progress) -> Decay:
         result = run_whole(prepared, progress)
     except IntegrationError as error:
         return Decay(start=start, outcome=Outcome.FAILED, reason=str(error))
-    ratio = result.comparison.motion_ratio
+    ratio = result.findings.motion_ratio
     if ratio is None:
         return Decay(start=start, outcome=Outcome.NOT_STARTED)
     vibration = Vibration(result.history, result.stability)
@@ -94,7 +94,7 @@ def _run(start: Start, scene: Scene, progress: Progress) -> Decay:
     found = Decay(start=start, outcome=Outcome.DECAYS, motion_ratio=ratio, duration_s=float(vibration.time[-1]))
     if ratio < 1 and not np.any(beyond[last]):
         return found
-    saturation = result.comparison.saturation
+    saturation = result.findings.saturation
     if saturation is None or saturation.regime.kind not in SUSTAINED:
         return found.model_copy(update={"outcome": Outcome.NOT_SETTLED})
     frequency = None if saturation.main is None else saturation.main.frequency_Hz

@@ -8,11 +8,9 @@ from drumsqueal.files import output_folder
 from drumsqueal.physics.model import Model
 from drumsqueal.questions.run.figures.contact import draw_contact
 from drumsqueal.questions.run.figures.eigenvalues import draw_eigenvalues
-from drumsqueal.questions.run.figures.frequency import draw_frequency
-from drumsqueal.questions.run.figures.growth import draw_growth
+from drumsqueal.questions.run.figures.growth import draw_frequency, draw_growth
 from drumsqueal.questions.run.figures.phase import draw_phase
-from drumsqueal.questions.run.figures.spectra import draw_spectra
-from drumsqueal.questions.run.figures.spectrogram import draw_spectrogram
+from drumsqueal.questions.run.figures.spectra import draw_spectra, draw_spectrogram
 from drumsqueal.questions.run.figures.view import View
 from drumsqueal.simulation import Result
 
@@ -34,9 +32,3 @@ def drawings(result: Result, model: Model) -> dict[str, Callable[[object], Figur
     """
     view = View(result, model)
     return {name: lambda _, draw=draw: draw(view) for name, draw in _DRAWINGS.items()}
-
-
-def draw_all(result: Result, model: Model) -> dict[str, Figure]:
-    """Draw every figure that a run supports, by name."""
-    drawn = {name: draw(None) for name, draw in drawings(result, model).items()}
-    return {name: figure for name, figure in drawn.items() if figure is not None}

@@ -1,7 +1,7 @@
 """Pressure, separation and reversed slip along the arc over the last few periods."""
 
 import dataclasses
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -45,14 +45,15 @@ def draw_contact(view: View) -> Figure | None:
     figure = style.new_figure(view.title, "contact along the arc")
     axes = figure.subplots()
     factor, unit = style.time_unit(view.time[-1])
-    deviation = float(np.abs(field.level - 1).max())
+    deviation, can_lift = float(np.abs(field.level - 1).max()), float(view.model.contact.lifting_stiffness) > 0
     values, label, colours = field.level, "Pressure N / p₀", "YlGnBu"
-    limits = (0.0 if _can_lift(view) else min(0.0, float(values.min())), float(values.max()))
+    limits = (0.0 if can_lift else min(0.0, float(values.min())), float(values.max()))
     if deviation < SMALL:
         power = 0 if deviation >= 0.01 or deviation == 0 else int(np.floor(np.log10(deviation)))
         reach = (deviation or 1.0) / 10.0**power
         values, limits = (field.level - 1) / 10.0**power, (-reach, reach)
-        colours, label = "RdBu_r", "Pressure N / p₀ − 1" + (f" ({_power_of_ten(power)})" if power else "")
+        times = "10" + str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+        colours, label = "RdBu_r", "Pressure N / p₀ − 1" + (f" ({times})" if power else "")
     image = axes.imshow(
         values,
         origin="lower",
@@ -62,7 +63,7 @@ def draw_contact(view: View) -> Figure | None:
         vmax=limits[1],
         extent=(field.time[0] * factor, field.time[-1] * factor, field.degrees[0], field.degrees[-1]),
     )
-    _mark_states(view, axes, field, factor)
+    _mark_states(view, axes, field, can_lift=can_lift)
     bar = figure.colorbar(image, ax=axes, pad=0.02, aspect=30)
     bar.set_label(label)
     bar.ax.tick_params(labelsize=style.SMALL_SIZE)
@@ -77,11 +78,11 @@ def _evaluate(view: View) -> _Field | None:
     first = int(np.searchsorted(view.time, view.time[-1] - PERIODS / frequency))
     # A few samples more keep the ends of the interpolation out of the picture.
     part = slice(max(0, first - 8), view.time.size)
-    names = [view.result.history["coordinate"].values.tolist().index(name) for name in view.model.names]
-    states = [view.result.history[kind].isel(time=part).values[:, names] for kind in ("displacement", "velocity")]
-    if len(states[0]) < 8:
+    history = view.result.history.isel(time=part).sel(coordinate=list(view.model.names))
+    if history.sizes["time"] < 8:
         return None
-    samples, motion = view.time[part], np.concatenate(states, axis=1)
+    samples = view.time[part]
+    motion = np.concatenate([history[kind].values for kind in ("displacement", "velocity")], axis=1)
     span = min(PERIODS / frequency, samples[-1] - samples[0])
     count = int(np.ceil(TIMES * (samples[-1] - samples[0]) / span))
     time, fine = (values[-TIMES:] for values in finer(samples, motion, count))
@@ -113,34 +114,21 @@ def along_arc(
     return jax.vmap(at)(time, motion)
 
 
-def _power_of_ten(power: int) -> str:
-    return "10" + str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
-
-
-def _can_lift(view: View) -> bool:
-    return float(view.model.contact.lifting_stiffness) > 0
-
-
-def _mark_states(view: View, axes: Axes, field: _Field, factor: float) -> None:
+def _mark_states(view: View, axes: Axes, field: _Field, *, can_lift: bool) -> None:
     """Cover what has lifted off and what slips backwards with flat colours, named above the axes."""
-    handles = []
+    handles, time = [], field.time * style.time_unit(view.time[-1])[0]
     sticks = view.result.history["sticking"].sel(time=field.time, method="nearest").values > 0
     # Where nothing touches the slip has no meaning: the lifted part covers it.
-    states = [
-        (np.where(sticks, 0.0, field.slip), style.REVERSED, "slip reversed", view.model.contact.friction is not None)
-    ]
-    states.append((-field.level, style.SEPARATED, "lifted off", _can_lift(view)))
+    slip, rubs = np.where(sticks, 0.0, field.slip), view.model.contact.friction is not None
+    states = [(slip, style.REVERSED, "slip reversed", rubs), (-field.level, style.SEPARATED, "lifted off", can_lift)]
     for level, colour, name, possible in states:
         if possible and level.max() > 0:
-            extent = (field.time * factor, field.degrees)
-            axes.contourf(*extent, level, levels=[0.0, 2 * level.max()], colors=[colour])
+            axes.contourf(time, field.degrees, level, levels=[0.0, 2 * level.max()], colors=[colour])
             handles.append(Patch(color=colour, label=name))
     if sticks.any() and not sticks.all():
-        ends = field.degrees[[0, -1]]
-        axes.fill_between(
-            field.time * factor, *ends, where=sticks, facecolor="none", edgecolor=style.DARK, hatch="////", linewidth=0
-        )
-        handles.append(Patch(facecolor="none", edgecolor=style.DARK, hatch="////", label="sticks as a whole"))
+        hatched: dict[str, Any] = {"facecolor": "none", "edgecolor": style.DARK, "hatch": "////"}
+        axes.fill_between(time, *field.degrees[[0, -1]], where=sticks, linewidth=0, **hatched)
+        handles.append(Patch(**hatched, label="sticks as a whole"))
     shown = bool(handles)
     if not shown:
         state = "sticks to the drum" if sticks.all() else "touches and none of it slips backwards"

@@ -5,8 +5,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from drumsqueal.questions.run.figures.view import View, rate_text
-from drumsqueal.solve.linear.modes import Mode
+from drumsqueal.findings.verdict import rate_text
+from drumsqueal.questions.run.figures.view import View
 from drumsqueal.terminal import style
 from drumsqueal.terminal.placement import label_points
 
@@ -17,11 +17,11 @@ STABLE, UNSTABLE = "#EAF3FA", "#FBEDE4"
 
 @style.styled()
 def draw_eigenvalues(view: View) -> Figure | None:
-    """Draw the upper half of the complex plane: all eigenvalues, and beside them those near the imaginary axis."""
+    """Draw the upper half of the complex plane: all eigenvalues, and enlarged those near the imaginary axis."""
     stability = view.result.stability
     values = np.asarray(stability.eigenvalues, dtype=np.complex128)
-    rates = np.abs(values.real)
-    near = [mode for mode in stability.modes if abs(mode.growth_rate) < NEAR_AXIS * rates.max()]
+    nearness = NEAR_AXIS * np.abs(values.real).max()
+    near = [mode for mode in stability.modes if abs(mode.growth_rate) < nearness]
     enlarged = bool(near) and len(near) < len(values[values.imag >= 0])
     figure = style.new_figure(view.title, "eigenvalues of steady sliding, upper half-plane")
     panels = figure.subplots(1, 1 + enlarged, sharey=True, squeeze=False, width_ratios=(1, 1.4)[: 1 + enlarged])[0]
@@ -31,46 +31,32 @@ def draw_eigenvalues(view: View) -> Figure | None:
     _draw_panel(view, panels[0], (low - margin, max(high, 0.0) + margin), top)
     style.frame(panels[0], "Growth rate Re λ (1/s)", "Frequency Im λ/2π (kHz)")
     if enlarged:
-        _draw_panel(view, panels[1], _limits(near), top)
+        # Room for a label to the right of every mode.
+        rates = [0.0, *(mode.growth_rate for mode in near)]
+        width = max(LEAST_WIDTH, max(rates) - min(rates))
+        _draw_panel(view, panels[1], (min(rates) - 0.3 * width, max(rates) + width), top)
         style.frame(panels[1], "Growth rate Re λ (1/s), enlarged", None)
     handles, names = panels[0].get_legend_handles_labels()
     figure.legend(handles, names, loc="outside lower center", ncols=5)
     measured = _measured(view)
-    for k, axes in enumerate(panels):
-        full = k == len(panels) - 1
-        inside = near if full and enlarged else stability.modes
-        label_points(
-            axes, [(*_point(mode), _text(mode, full=full), style.COLOUR[mode.name]) for mode in inside], measured
-        )
+    for axes in panels:
+        full = axes is panels[-1]
+        points = []
+        for mode in near if full and enlarged else stability.modes:
+            rate = rate_text(mode.growth_rate, mode.frequency_Hz)
+            text = f"{mode.label}: {mode.frequency_Hz:.0f} Hz, {rate} 1/s" if full else mode.label
+            points.append((mode.growth_rate, mode.frequency_Hz / 1e3, text, style.COLOUR[mode.name]))
+        label_points(axes, points, measured)
     return figure
-
-
-def _point(mode: Mode) -> tuple[float, float]:
-    return mode.growth_rate, mode.frequency_Hz / 1e3
 
 
 def _measured(view: View) -> list[tuple[float, float]]:
     """Growth rate (1/s) and frequency (kHz) of each mode for which the transient showed both."""
     return [
         (found.measured_growth.rate_1_per_s, found.measured_frequency_Hz / 1e3)
-        for found in view.result.findings.modes
+        for found in view.findings.modes
         if found.measured_growth is not None and found.measured_frequency_Hz is not None
     ]
-
-
-def _predicted(view: View) -> str:
-    return f"mode at t = {view.result.stability.time:g} s" if view.result.findings.changing else "predicted mode"
-
-
-def _text(mode: Mode, *, full: bool) -> str:
-    return f"{mode.label}: {mode.frequency_Hz:.0f} Hz, {rate_text(mode.growth_rate, mode)} 1/s" if full else mode.label
-
-
-def _limits(near: list[Mode]) -> tuple[float, float]:
-    """Limits of the enlarged panel that leave room for a label to the right of every mode."""
-    rates = [0.0, *(mode.growth_rate for mode in near)]
-    width = max(LEAST_WIDTH, max(rates) - min(rates))
-    return min(rates) - 0.3 * width, max(rates) + width
 
 
 def _draw_panel(view: View, axes: Axes, limits: tuple[float, float], top: float) -> None:
@@ -83,28 +69,22 @@ def _draw_panel(view: View, axes: Axes, limits: tuple[float, float], top: float)
     axes.axvline(0, color=style.DARK, linewidth=0.6, zorder=1)
     dot = {"marker": "o", "markersize": 4, "linestyle": ""}
     for mode in stability.modes:
-        axes.plot(*_point(mode), **dot, color=style.COLOUR[mode.name], gid=f"predicted {mode.label}")
-    axes.plot([], [], **dot, color=style.DARK, label=_predicted(view))
+        axes.plot(
+            mode.growth_rate,
+            mode.frequency_Hz / 1e3,
+            **dot,
+            color=style.COLOUR[mode.name],
+            gid=f"predicted {mode.label}",
+        )
+    changing = view.findings.changing
+    predicted = f"mode at t = {stability.time:g} s" if changing else "predicted mode"
+    axes.plot([], [], **dot, color=style.DARK, label=predicted)
     real = [value.real for value in stability.eigenvalues if value.imag == 0]
     if real:
-        axes.plot(
-            real,
-            np.zeros(len(real)),
-            marker="s",
-            markersize=3.5,
-            linestyle="",
-            color=style.DARK,
-            label="no oscillation",
-        )
+        square = dot | {"marker": "s", "markersize": 3.5}
+        axes.plot(real, np.zeros(len(real)), **square, color=style.DARK, label="no oscillation")
     measured = _measured(view)
     if measured:
-        axes.plot(
-            *np.transpose(measured),
-            marker="o",
-            markersize=8,
-            fillstyle="none",
-            linestyle="",
-            color=style.DARK,
-            markeredgewidth=0.7,
-            label="mean over the growth phase" if view.result.findings.changing else "measured in the transient",
-        )
+        ring = dot | {"markersize": 8, "fillstyle": "none", "markeredgewidth": 0.7}
+        label = "mean over the growth phase" if changing else "measured in the transient"
+        axes.plot(*np.transpose(measured), **ring, color=style.DARK, label=label)

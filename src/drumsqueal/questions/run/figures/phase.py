@@ -27,7 +27,7 @@ def draw_phase(view: View) -> Figure | None:
     figure = style.new_figure(view.title, "phase portrait of the lining's surface")
     axes = figure.subplots()
     path = _path(view, part)
-    unit, scale = _length_unit(float(np.abs(path[:, 0]).max()))
+    unit, scale = ("µm", MICRO) if np.abs(path[:, 0]).max() >= 1e-7 else ("nm", 1e9)
     before = _growth_path(view)
     if before is not None:
         axes.plot(
@@ -60,17 +60,12 @@ def _path(view: View, part: slice) -> NDArray[np.float64]:
 
 def _growth_path(view: View) -> NDArray[np.float64] | None:
     """The end of the spiral that leads to the first contact boundary, if the motion got there."""
-    boundary = view.result.findings.edge_reached_s
-    if (
-        boundary is None or view.saturation is None or view.result.findings.changing
-    ):  # the limit drawn is that of the last part
+    boundary = view.findings.edge_reached_s
+    # Where the drum's speed changes, the limit that is drawn is that of the last part alone.
+    if boundary is None or view.saturation is None or view.findings.changing:
         return None
     part = slice(*np.searchsorted(view.time, [boundary - BEFORE_S, boundary]).tolist())
     return _path(view, part) if view.time[part].size >= 8 else None
-
-
-def _length_unit(largest: float) -> tuple[str, float]:
-    return ("µm", MICRO) if largest >= 1e-7 else ("nm", 1e9)
 
 
 def _draw_limit(view: View, axes: Axes, part: slice, largest: float) -> None:

@@ -1,33 +1,38 @@
-"""Spectra of the growth phase and of the saturated part beside the predicted frequencies."""
+"""Frequencies of a run: spectra of the growth phase and the saturated part, and the spectrogram."""
 
-from typing import NamedTuple
+from collections.abc import Iterator
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from drumsqueal.findings.signals.spectra import Spectrogram, Spectrum, spectrogram
+from drumsqueal.findings.verdict import shift_words
+from drumsqueal.findings.vibration import unit_of
 from drumsqueal.questions.run.figures.view import View
 from drumsqueal.terminal import style
-from drumsqueal.terminal.placement import extremes, label_top_edge
+from drumsqueal.terminal.placement import extremes, label_right_edge, label_top_edge
 
 DECADES = 6  # of amplitude shown
-AT = 5e-4  # a smaller shift is none
 ABOVE = 1.25  # highest frequency shown over that of the highest mode
-
 CAPTION_PAD = 20.0  # points above the upper panel, where the names of the modes stand in between
+RANGE_DB = 90.0  # dynamic range of the spectrogram
+PERIODS, FEWEST_PERIODS = 16.0, 3.0  # of the lowest mode in a window
+OVERLAP = 0.875  # of neighbouring windows
+MOST_COLUMNS = 2000  # or little more; a page has no room for them
+WINDOWS = 4  # that must fit side by side into the record
 
 
 @style.styled()
 def draw_spectra(view: View) -> Figure | None:
     """Draw displacement spectra before and after saturation; None where the record is too short for any."""
-    parts = [("Growth phase" if view.result.stability.unstable else "Linear motion", view.growing)]
+    growing = slice(0, int(np.searchsorted(view.time, view.findings.growth.linear_until_s, side="right")))
+    parts = [("Growth phase" if view.result.stability.unstable else "Linear motion", growing)]
     if view.saturation is not None:
-        settled = view.saturation.vibrates
-        parts.append(("Saturated motion" if settled else "End of the record", view.saturated))
+        parts.append(("Saturated motion" if view.saturation.vibrates else "End of the record", view.saturated))
     if not view.readable or not view.modes:
         return None
-    highest = min(view.vibration.sample_rate / 2, ABOVE * max(mode.frequency_Hz for mode in view.modes))
+    highest = _highest_shown(view)
     spectra = [(name, part, _outlines(view, part, highest)) for name, part in parts]
     spectra = [entry for entry in spectra if entry[2]]
     if not spectra:
@@ -36,17 +41,24 @@ def draw_spectra(view: View) -> Figure | None:
     rows = figure.subplots(len(spectra), 1, sharex=True, squeeze=False)[:, 0]
     for axes, (name, part, found) in zip(rows, spectra, strict=True):
         axes.set_xlim(0, highest / 1e3)
-        _draw(axes, found)
-        axes.set_title(_caption(view, name, part, found), loc="left", pad=4, fontsize=style.TEXT_SIZE)
+        for coordinate, each in found.items():
+            axes.plot(each.frequency_Hz / 1e3, each.amplitude, color=style.COLOUR[coordinate], label=coordinate)
+        top = max(float(each.amplitude.max()) for each in found.values())
+        axes.set_yscale("log")
+        axes.set_ylim(top * 10.0**-DECADES, top * 4)
+        style.frame(axes, None, None)
+        factor, unit = style.time_unit(view.time[-1])
+        first, last = view.time[part][[0, -1]] * factor
+        resolution = next(iter(found.values())).resolution_Hz
+        caption = f"{name}, {first:.4g} to {last:.4g} {unit}, resolution {resolution:.2g} Hz"
+        if axes is not rows[0]:
+            caption += _mark_main_line(view, axes)
+        pad = CAPTION_PAD if axes is rows[0] else 4
+        axes.set_title(caption, loc="left", pad=pad, fontsize=style.TEXT_SIZE)
         for mode in view.modes:
-            colour = style.COLOUR[mode.name]
-            axes.axvline(
-                mode.frequency_Hz / 1e3, color=colour, linewidth=0.7, linestyle=":", gid=f"predicted {mode.label}"
-            )
-    rows[0].set_title(rows[0].get_title(loc="left"), loc="left", pad=CAPTION_PAD, fontsize=style.TEXT_SIZE)
+            colour, gid = style.COLOUR[mode.name], f"predicted {mode.label}"
+            axes.axvline(mode.frequency_Hz / 1e3, color=colour, linewidth=0.7, linestyle=":", gid=gid)
     rows[-1].set_xlabel("Frequency (kHz)")
-    if view.saturation is not None and len(spectra) > 1:
-        _mark_main_line(view, rows[-1])
     rows[0].legend(
         loc="lower right",
         bbox_to_anchor=(1.0, 1.0),
@@ -63,60 +75,98 @@ def draw_spectra(view: View) -> Figure | None:
     return figure
 
 
-class _Outline(NamedTuple):
-    """What a figure shows of a spectrum: frequency (Hz), largest amplitude (µm) about it, resolution (Hz)."""
-
-    frequency_Hz: NDArray[np.float64]
-    largest: NDArray[np.float64]
-    resolution_Hz: float
+def _highest_shown(view: View) -> float:
+    return min(view.vibration.sample_rate / 2, ABOVE * max(mode.frequency_Hz for mode in view.modes))
 
 
-def _outlines(view: View, part: slice, highest: float) -> dict[str, _Outline]:
-    """The spectra of a part of the record, each brought to the size of the figure before the next is computed."""
+def _outlines(view: View, part: slice, highest: float) -> dict[str, Spectrum]:
+    """The spectra (µm) of a part of the record, each brought to the size of the figure before the next is computed."""
     found = {}
     for coordinate, spectrum in view.vibration.spectra(part):
         stop = int(np.searchsorted(spectrum.frequency_Hz, highest, side="right"))
         starts, _, largest = extremes(spectrum.amplitude[:stop])
         shown = largest * view.micrometres(coordinate)
-        found[coordinate] = _Outline(spectrum.frequency_Hz[starts], shown, spectrum.resolution_Hz)
+        found[coordinate] = Spectrum(spectrum.frequency_Hz[starts], shown, spectrum.resolution_Hz)
         del spectrum  # before the next is made
     return found
 
 
-def _draw(axes: Axes, found: dict[str, _Outline]) -> None:
-    top = max(float(each.largest.max()) for each in found.values())
-    for coordinate, each in found.items():
-        axes.plot(each.frequency_Hz / 1e3, each.largest, color=style.COLOUR[coordinate], label=coordinate)
-    axes.set_yscale("log")
-    axes.set_ylim(top * 10.0**-DECADES, top * 4)
-    style.frame(axes, None, None)
-
-
-def _caption(view: View, name: str, part: slice, found: dict[str, _Outline]) -> str:
-    factor, unit = style.time_unit(view.time[-1])
-    first, last = view.time[part][0] * factor, view.time[part][-1] * factor
-    resolution = next(iter(found.values())).resolution_Hz
-    return f"{name}, {first:.4g} to {last:.4g} {unit}, resolution {resolution:.2g} Hz"
-
-
-def _mark_main_line(view: View, axes: Axes) -> None:
+def _mark_main_line(view: View, axes: Axes) -> str:
+    """Mark the main line of the saturated motion, and return what the caption says of it."""
     saturation = view.saturation
     if saturation is None or saturation.main is None:
-        return
-    main, text = saturation.main, f"{saturation.main.frequency_Hz:.0f} Hz"
-    if saturation.frequency_shift is not None:
-        shift = saturation.frequency_shift
-        side = "at" if abs(shift) < AT else f"{abs(shift) * 100:.1f} % {'below' if shift < 0 else 'above'}"
-        text += f", {side} the onset of {saturation.nearest_mode}"
+        return ""
+    main, shift = saturation.main, saturation.frequency_shift
     height = main.amplitude * view.micrometres(main.coordinate)
-    axes.plot(
-        [main.frequency_Hz / 1e3],
-        [height * 2],
-        marker="v",
-        markersize=4,
-        color=style.DARK,
-        linestyle="",
-        gid="main line",
+    marker = {"marker": "v", "markersize": 4, "color": style.DARK, "linestyle": ""}
+    axes.plot([main.frequency_Hz / 1e3], [height * 2], **marker, gid="main line")
+    side = "" if shift is None else f", {shift_words(shift)} the onset of {saturation.nearest_mode}"
+    return f"; ▼ {main.frequency_Hz:.0f} Hz{side}"
+
+
+@style.styled()
+def draw_spectrogram(view: View) -> Figure | None:
+    """Draw the spectrogram of a velocity in dB of its maximum; None where the record is too short for one."""
+    if not view.readable or not view.modes:
+        return None
+    # A mode that dies out within a few periods does not set the length of the windows.
+    lasting = [mode for mode in view.modes if mode.growth_rate > -mode.frequency_Hz]
+    lowest = min(mode.frequency_Hz for mode in lasting or view.modes)
+    rate = view.vibration.sample_rate
+    periods = min(PERIODS, view.time.size / rate * lowest / WINDOWS)
+    if periods < FEWEST_PERIODS:
+        return None
+    energy = view.result.stability.mass * view.vibration.mean_square_velocity()
+    name = view.vibration.coordinates[int(np.argmax(energy))]
+    signal = view.vibration.column(name, of="velocity")
+    highest = _highest_shown(view)
+    columns = max(1, round(signal.size / rate * lowest / periods / (1 - OVERLAP) / MOST_COLUMNS))
+    content = _shown(
+        spectrogram(signal, rate, lowest_frequency=lowest, periods=periods, overlap=OVERLAP), highest, columns
     )
-    title = axes.get_title(loc="left")
-    axes.set_title(f"{title}; ▼ {text}", loc="left", pad=4, fontsize=style.TEXT_SIZE)
+    peak = content.amplitude.max()
+    level = 20 * np.log10(np.maximum(content.amplitude / peak, 10 ** (-RANGE_DB / 20 - 1)))
+    factor, unit = style.time_unit(view.time[-1])
+    figure = style.new_figure(view.title, f"spectrogram of the velocity of {name}")
+    axes = figure.subplots()
+    image = axes.imshow(
+        level,
+        origin="lower",
+        aspect="auto",
+        cmap="magma",
+        vmin=-RANGE_DB,
+        vmax=0,
+        extent=_edges((view.time[0] + content.time_s) * factor) + _edges(content.frequency_Hz / 1e3),
+    )
+    style.frame(axes, f"Time ({unit}), middle of a window of {periods / lowest * 1e3:.3g} ms", "Frequency (kHz)")
+    axes.set_ylim(0, highest / 1e3)
+    bar = figure.colorbar(image, ax=axes, extend="min", pad=0.02, aspect=30)
+    bar.set_label(f"Velocity amplitude (dB relative to {peak:.3g} {unit_of(name)}/s)")
+    bar.ax.tick_params(labelsize=style.SMALL_SIZE)
+    labels = []
+    for mode in view.modes:
+        axes.axhline(
+            mode.frequency_Hz / 1e3, color="white", linewidth=0.5, linestyle=(0, (2, 4)), gid=f"predicted {mode.label}"
+        )
+        labels.append((mode.frequency_Hz / 1e3, f"{mode.label} {mode.frequency_Hz:.0f} Hz", style.COLOUR[mode.name]))
+    label_right_edge(axes, labels, reach=6.0)
+    return figure
+
+
+def _shown(pieces: Iterator[Spectrogram], highest: float, together: int) -> Spectrogram:
+    """A spectrogram up to a frequency (Hz), with the mean of so many neighbouring columns in place of each of them."""
+    parts = []
+    for piece in pieces:
+        kept, count = piece.frequency_Hz <= highest, piece.time_s.size
+        starts = np.arange(0, count, together)
+        sizes = np.diff(np.append(starts, count))
+        time = np.add.reduceat(piece.time_s, starts) / sizes
+        parts.append((time, piece.frequency_Hz[kept], np.add.reduceat(piece.amplitude[kept], starts, axis=1) / sizes))
+    times, frequencies, amplitudes = zip(*parts, strict=True)
+    return Spectrogram(np.concatenate(times), frequencies[0], np.concatenate(amplitudes, axis=1))
+
+
+def _edges(centres: np.ndarray) -> tuple[float, float]:
+    """Outer edges of evenly spaced pixels."""
+    half = (centres[1] - centres[0]) / 2 if centres.size > 1 else 0.5
+    return float(centres[0] - half), float(centres[-1] + half)

@@ -1,17 +1,16 @@
-"""What all figures look at: the result of a run as departure from steady sliding, its modes and its phases."""
+"""What all figures look at: the result of a run as displacement from steady sliding, its modes and its phases."""
 
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from drumsqueal.findings.compare import UNEXCITED_FRACTION, ModeComparison
+from drumsqueal.findings.growth_phase import UNEXCITED_FRACTION
 from drumsqueal.findings.outcome import Ending
-from drumsqueal.findings.saturation import Saturation
 from drumsqueal.findings.vibration import FEWEST_FOR_SPECTRUM, ROTATIONS, Vibration
 from drumsqueal.physics.model import Model
 from drumsqueal.simulation import Result
-from drumsqueal.solve.linear.modes import NEUTRAL_FRACTION, Mode
+from drumsqueal.solve.linear.modes import Mode
 
 MICRO = 1e6
 REST = 1e-15  # m or rad; what moves less is round-off
@@ -21,36 +20,18 @@ class View:
     """A result prepared for drawing; `model` is the one over the coordinates that moved."""
 
     def __init__(self, result: Result, model: Model) -> None:
-        """Take the steady state off the history."""
-        self.result, self.model = result, model
+        """Name what is drawn from: times of the samples (s), outer radius (m), saturated motion if any, and title."""
+        self.result, self.model, self.findings = result, model, result.findings
         self.vibration = Vibration(result.history, result.stability)
-        self.radius = float(model.shoe.outer_radius)
-
-    @property
-    def title(self) -> str:
-        """The title of the scene, and whether the run was cut off."""
-        title = self.result.scene.title
-        return title if self.result.findings.ending is Ending.COMPLETE else f"{title} (incomplete run)".strip()
-
-    @property
-    def time(self) -> NDArray[np.float64]:
-        """Times of the samples (s)."""
-        return self.vibration.time
+        self.time, self.radius = self.vibration.time, float(model.shoe.outer_radius)
+        self.saturation = self.findings.saturation
+        complete = self.findings.ending is Ending.COMPLETE
+        self.title = result.scene.title if complete else f"{result.scene.title} (incomplete run)".strip()
 
     @cached_property
     def readable(self) -> bool:
         """Whether there are samples enough, and motion, to draw a history."""
         return self.time.size >= FEWEST_FOR_SPECTRUM and bool(np.any(np.ptp(self.vibration.extremes(), axis=0) > REST))
-
-    @property
-    def growing(self) -> slice:
-        """The samples of the growth phase."""
-        return slice(0, int(np.searchsorted(self.time, self.result.findings.growth.linear_until_s, side="right")))
-
-    @property
-    def saturation(self) -> Saturation | None:
-        """The saturated motion, if there is one."""
-        return self.result.findings.saturation
 
     @property
     def saturated(self) -> slice:
@@ -69,19 +50,9 @@ class View:
         able = [mode for mode in self.result.stability.modes if mode.name in self.model.names]
         return tuple(mode for mode in able if self.amplitude(mode).max() > least * self.micrometres(mode.name))
 
-    def compared(self, mode: Mode) -> ModeComparison:
-        """What the transient did with a mode."""
-        return next(found for found in self.result.findings.modes if found.label == mode.label)
-
     def micrometres(self, coordinate: str) -> float:
         """Factor from a coordinate's unit to µm at the drum's surface."""
         return MICRO * (self.radius if coordinate in ROTATIONS else 1.0)
-
-    @cached_property
-    def energetic(self) -> str:
-        """The coordinate with the most kinetic energy."""
-        energy = self.result.stability.mass * self.vibration.mean_square_velocity()
-        return self.vibration.coordinates[int(np.argmax(energy))]
 
     @cached_property
     def main_frequency(self) -> float | None:
@@ -92,10 +63,8 @@ class View:
         mass = dict(zip(self.result.stability.coordinates, self.result.stability.mass, strict=True))
 
         def energy(mode: Mode) -> float:
-            size = float(np.mean(self.amplitude(mode, slice(self.time.size - last, None)))) / self.micrometres(
-                mode.name
-            )
-            return mass[mode.name] * (mode.frequency_Hz * size) ** 2
+            size = np.abs(self.vibration.modal(mode, slice(self.time.size - last, None))).mean()
+            return mass[mode.name] * float(mode.frequency_Hz * size) ** 2
 
         strongest = max(self.modes, key=energy, default=None)
         return None if strongest is None else strongest.frequency_Hz
@@ -103,11 +72,8 @@ class View:
     def surface_motion(self, part: slice) -> NDArray[np.float64]:
         """u_θ (m) and its rate (m/s) at the middle of the lining, θ = z = 0, for a part of the record (time, 2)."""
         vibration, body = self.vibration, self.model.lining.body
-        both = (vibration.named(columns) for columns in (vibration.displacement_in(part), vibration.velocity_in(part)))
-        along = (np.broadcast_to(body.displacement(q, 0.0)[1], self.time[part].shape) for q in both)
-        return np.stack(list(along), axis=1)
-
-
-def rate_text(rate: float, mode: Mode) -> str:
-    """A growth rate of that mode (1/s) in words of four digits, 0 where it is round-off."""
-    return "0" if abs(rate) < NEUTRAL_FRACTION * mode.frequency_Hz else f"{rate:+.4g}".replace("-", "−")
+        along = []
+        for kind in ("displacement", "velocity"):
+            q = dict(zip(vibration.coordinates, vibration.read(kind, part).T, strict=True))
+            along.append(np.broadcast_to(body.displacement(q, 0.0)[1], self.time[part].shape))
+        return np.stack(along, axis=1)

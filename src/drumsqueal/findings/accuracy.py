@@ -1,6 +1,6 @@
-"""How well the contact was integrated over the lining: recorded forces against those of another, finer rule.
+"""How accurate a run is: its energy balance, and its contact forces against those of another, finer rule.
 
-The energy balance does not show this error, because it takes its forces and its friction power from the same
+The energy balance does not show the error of the forces, because it takes them and its friction power from the same
 quadrature.
 """
 
@@ -13,6 +13,7 @@ import xarray
 from jax import Array
 
 from drumsqueal.findings.history import memory_of
+from drumsqueal.findings.part import Finding
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.effects.effect import Observation
 from drumsqueal.physics.kernel import compiled
@@ -24,6 +25,32 @@ INSTANTS = 32  # at which it is looked at: half of them evenly spread, half wher
 # A rule that shares nothing with that of the plane; in space the same kind of rule with other nodes, and far more.
 IN_PLANE = IndependentSurface(TANH_SINH, spatial=False, panels=32)
 IN_SPACE = AreaSurface(along=36, across=18, sections=5, always_split=True)
+
+
+class Accuracy(Finding):
+    """Largest error of the energy balance (J, and relative), and of the contact forces by a finer quadrature.
+
+    Of a small motion the error over the kinetic energy is large: friction turns hundreds of watts, and their round-off
+    is in the balance.
+    """
+
+    energy_balance_error_J: float
+    energy_balance_error_over_kinetic_energy: float
+    energy_balance_error_over_friction_work: float
+    quadrature_error_over_normal_force: float | None = None
+
+
+def measure_accuracy(history: xarray.Dataset, quadrature_error: float | None) -> Accuracy:
+    """Read the balance of energy off a history; `quadrature_error` is that of its contact forces."""
+    error = float(np.abs(history["energy_balance_error"].values).max())
+    kinetic = float(history["kinetic_energy"].values.max())
+    work = float(history["friction_power"].integrate("time"))
+    return Accuracy(
+        energy_balance_error_J=error,
+        energy_balance_error_over_kinetic_energy=error / kinetic if kinetic > 0 else 0.0,
+        energy_balance_error_over_friction_work=error / work if work > 0 else 0.0,
+        quadrature_error_over_normal_force=quadrature_error,
+    )
 
 
 def estimate_quadrature_error(history: xarray.Dataset, model: Model) -> float | None:
