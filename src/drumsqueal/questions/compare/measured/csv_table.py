@@ -285,10 +285,8 @@ def _header_cells(line: str, separator: str, width: int) -> list[str] | None:
 
 
 def _is_unit(cell: str) -> bool:
-    text = cell.strip()
-    if re.fullmatch(r"[\[(].*[\])]", text):
-        return True
-    return text in TIME_UNITS or text.lower() in _OTHER_UNITS or parse_unit(text) is not None
+    known = cell in TIME_UNITS or cell.lower() in _OTHER_UNITS or parse_unit(cell) is not None
+    return known or re.fullmatch(r"[\[(].*[\])]", cell) is not None
 
 
 def _name_and_unit(cell: str) -> tuple[str, str]:
