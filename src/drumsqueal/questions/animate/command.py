@@ -27,37 +27,22 @@ from drumsqueal.terminal.options import (
 from drumsqueal.terminal.reply import Reply
 
 AUTO = "auto"
+SOURCE = "History or its folder; with --mode also a scene."
+OUTPUT = "File, .gif or .mp4 (default: next to the history, or out/SCENE-MODE.gif)."
+MODE = "Show this mode of a scene, or of a run's scene, such as Y."
 SCENE_AS_RUN = "--set changes a scene; a history is of the scene that was run: leave one of them out"
 
 
 def animate_command(
     source: Annotated[
         Path,
-        typer.Argument(
-            metavar="HISTORY|SCENE",
-            help="History or its folder; with --mode also a scene.",
-            show_default=False,
-            autocompletion=complete_source,
-        ),
+        typer.Argument(metavar="HISTORY|SCENE", help=SOURCE, show_default=False, autocompletion=complete_source),
     ],
     output: Annotated[
-        Path | None,
-        typer.Option(
-            "-o",
-            "--output",
-            metavar="FILE",
-            parser=read_file,
-            help="File, .gif or .mp4 (default: next to the history, or out/SCENE-MODE.gif).",
-        ),
+        Path | None, typer.Option("-o", "--output", metavar="FILE", parser=read_file, help=OUTPUT)
     ] = None,
     mode: Annotated[
-        str | None,
-        typer.Option(
-            "--mode",
-            metavar="MODE",
-            help="Show this mode of a scene, or of a run's scene, such as Y.",
-            autocompletion=words(*COORDINATES),
-        ),
+        str | None, typer.Option("--mode", metavar="MODE", help=MODE, autocompletion=words(*COORDINATES))
     ] = None,
     since: Since = None,
     until: Until = None,

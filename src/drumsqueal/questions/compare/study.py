@@ -19,6 +19,7 @@ from drumsqueal.questions.compare.measured.record import Measured, parse_unit
 from drumsqueal.questions.compare.words import describe_levels, describe_simulation, describe_verdict
 from drumsqueal.questions.export.signals import SURFACE, make_channels, names_of
 from drumsqueal.simulation import prepare
+from drumsqueal.solve.linear.modes import Stability
 
 LONGEST_SEGMENT = 1.0  # s: a squeal frequency seldom stays within 1 Hz for longer
 FEWEST_SAMPLES = 64  # of the simulated part
@@ -205,17 +206,7 @@ def compare_measured(
             for f, a in np.transpose(found["tones"].peaks).tolist()
         ),
     )
-    modes = tuple(
-        ComparedMode(
-            label=mode.label,
-            frequency_Hz=mode.frequency_Hz,
-            growth_rate_1_per_s=mode.growth_rate,
-            unstable=mode.unstable,
-            not_measurable=mode.frequency_Hz >= nyquist,
-            name=mode.name,
-        )
-        for mode in prepared.stability.modes
-    )
+    modes = _compared_modes(prepared.stability, nyquist)
     largest = _largest(there, here)
     zero = [level_reference(unit).rms] * 2 if unit else [amplitude / float(np.sqrt(2)) for amplitude in largest]
     references: dict[str, float] = dict(zip(("measured", "simulated"), zero, strict=True))
@@ -237,6 +228,20 @@ def compare_measured(
         ),
     )
     return comparison.model_copy(update={"verdict": describe_verdict(comparison)})
+
+
+def _compared_modes(stability: Stability, nyquist: float) -> tuple[ComparedMode, ...]:
+    return tuple(
+        ComparedMode(
+            label=mode.label,
+            frequency_Hz=mode.frequency_Hz,
+            growth_rate_1_per_s=mode.growth_rate,
+            unstable=mode.unstable,
+            not_measurable=mode.frequency_Hz >= nyquist,
+            name=mode.name,
+        )
+        for mode in stability.modes
+    )
 
 
 def _simulated_record(saved: SavedHistory, name: str, boundary: float | None) -> Measured:
