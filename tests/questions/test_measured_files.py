@@ -329,8 +329,8 @@ def test_a_unit_that_is_given_goes_before_that_of_the_file(file):
 @pytest.mark.parametrize(
     ("own", "given", "told"),
     [
-        ("m/s", "mm/s", ("the unit is that of --unit, mm/s, although the file says m/s",)),
-        ("m/s", "g", ("the unit is that of --unit, g, although the file says m/s",)),
+        ("m/s", "mm/s", ("the unit is that of --unit, mm/s, although the file states m/s",)),
+        ("m/s", "g", ("the unit is that of --unit, g, although the file states m/s",)),
         ("m/s", "1000 mm/s", ()),
         ("g", "9.81 m/s²", ()),  # 0.03 % off
     ],

@@ -254,8 +254,8 @@ def _simulated_record(saved: SavedHistory, name: str, boundary: float | None) ->
     if not np.ptp(channel.values) > 0:
         raise RequestError(f"{saved.path}: {name} does not move in this history; take another with --signal")
     unit = parse_unit(channel.units)
-    si, start = unit.si if unit else "", float(time[part.start])
-    return Measured(name, channel.quantity, si, saved.sample_rate, start, channel.values, ())
+    start = float(time[part.start])
+    return Measured(name, unit.si if unit else "", saved.sample_rate, start, channel.values, ())
 
 
 def _segment(measured: Measured, simulated: Measured, path: Path) -> float:

@@ -70,21 +70,7 @@ def export_history(
     asked = saved.scene.simulate.sample_rate
     own = asked if abs(saved.sample_rate / asked - 1) < UNEVEN else saved.sample_rate
     rate = own if part.rate is None else part.rate * part.slow
-    begin, latest = saved.data["time"].values[[0, -1]].tolist()
-    first, last = time_window("the history", (begin, latest), 1 / own, part.since, part.until)
-    place, end = (first - begin) * own, (last - begin) * own  # in samples from the first of the history on
-    if rate == own:  # the samples within the part
-        place, end = float(np.ceil(place - UNEVEN)), float(np.floor(end + UNEVEN))
-    count = int((end - place) * rate / own + UNEVEN) + 1
-    if rate < own / LOWEST:
-        why = f"--rate {rate / part.slow:.6g} Hz is less than 1/{LOWEST} of the history's {own:.6g} Hz"
-        raise RequestError(f"{why}; take at least {own / LOWEST / part.slow:.6g} Hz")
-    if count < 2:
-        why = f"{first:.6g} to {last:.6g} s hold {count} samples at {rate:.6g} Hz, at least two are needed"
-        raise RequestError(f"{why}; take more of the history, or a higher --rate")
-    if count * len(names) > MOST_SAMPLES:
-        why = f"{count} samples of {len(names)} signals are more than are written at a time"
-        raise RequestError(f"{why}; take a part with --from, --until, --signals, or a lower --rate")
+    place, end, count = _places(saved, part, own, rate, len(names))
     if not saved.complete:
         remarks.append(f"the run is incomplete ({saved.outcome}); what it computed is exported")
     if rate == own:
@@ -97,8 +83,8 @@ def export_history(
         remarks += _lost(recorded, own, rate, part)
         signals = _resampled(recorded, own, place - low, count, rate)
     stability, unknown = _predicted(saved) if wanted.predicts else (None, {})
-    start, texts = begin + place / own, _texts(saved) | unknown
-    channels = Channels(start, rate, tuple(signals), texts, saved.scene, stability, part.slow)
+    start = float(saved.data["time"].values[0]) + place / own
+    channels = Channels(start, rate, tuple(signals), _texts(saved) | unknown, saved.scene, stability, part.slow)
     with written_whole(path) as file:
         note = wanted.writer()(channels, file, progress)
         progress("written", 0.0, None)  # Ctrl-C until now leaves what was there before
@@ -114,6 +100,29 @@ def export_history(
         note=note,
         remarks=tuple(remarks),
     )
+
+
+def _places(saved: SavedHistory, part: Part, own: float, rate: float, signals: int) -> tuple[float, float, int]:
+    """Begin and end of the part in samples from the first of the history on, and how many there are at the new rate.
+
+    Raises RequestError.
+    """
+    begin, latest = saved.data["time"].values[[0, -1]].tolist()
+    first, last = time_window("the history", (begin, latest), 1 / own, part.since, part.until)
+    place, end = (first - begin) * own, (last - begin) * own
+    if rate == own:  # the samples within the part
+        place, end = float(np.ceil(place - UNEVEN)), float(np.floor(end + UNEVEN))
+    count = int((end - place) * rate / own + UNEVEN) + 1
+    if rate < own / LOWEST:
+        why = f"--rate {rate / part.slow:.6g} Hz is less than 1/{LOWEST} of the history's {own:.6g} Hz"
+        raise RequestError(f"{why}; take at least {own / LOWEST / part.slow:.6g} Hz")
+    if count < 2:
+        why = f"{first:.6g} to {last:.6g} s hold {count} samples at {rate:.6g} Hz, at least two are needed"
+        raise RequestError(f"{why}; take more of the history, or a higher --rate")
+    if count * signals > MOST_SAMPLES:
+        why = f"{count} samples of {signals} signals are more than are written at a time"
+        raise RequestError(f"{why}; take a part with --from, --until, --signals, or a lower --rate")
+    return place, end, count
 
 
 def _resampled(recorded: Sequence[Channel], own: float, place: float, count: int, rate: float) -> list[Channel]:

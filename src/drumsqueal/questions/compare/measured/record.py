@@ -69,17 +69,20 @@ class Unit(NamedTuple):
 class Measured(NamedTuple):
     """A measured record: `values` (time,) at `sample_rate` (Hz), the first of them at `start_s`, in an SI unit.
 
-    `quantity` and `unit` are empty where the file does not state them. `remarks` are what was assumed, or left out, in
-    reading it.
+    `unit` is empty where it is not known. `remarks` are what was assumed, or left out, in reading the file.
     """
 
     name: str
-    quantity: str
     unit: str
     sample_rate: float
     start_s: float
     values: NDArray[np.float64]
     remarks: tuple[str, ...]
+
+    @property
+    def quantity(self) -> str:
+        """What was measured; empty where the unit is not known."""
+        return QUANTITIES.get(self.unit, "")
 
     @property
     def short_name(self) -> str:
@@ -130,12 +133,10 @@ class Asked(NamedTuple):
         """A record brought to SI from the unit asked for or, without one, its own; None is one that is not known."""
         unit = self.unit or own
         if self.unit is not None and own is not None and not self.unit.same_as(own):
-            remarks.append(f"the unit is that of --unit, {self.unit.written}, although the file says {own.written}")
-        if unit is None:
-            return Measured(printable(name), "", "", *sampling, values, tuple(remarks))
+            remarks.append(f"the unit is that of --unit, {self.unit.written}, although the file states {own.written}")
+        si, factor = (unit.si, unit.factor) if unit else ("", 1.0)
         with np.errstate(over="ignore"):  # what is too large for a number is as good as missing
-            scaled = values * unit.factor
-        return Measured(printable(name), QUANTITIES[unit.si], unit.si, *sampling, scaled, tuple(remarks))
+            return Measured(printable(name), si, *sampling, values * factor, tuple(remarks))
 
 
 def check_count(path: Path, count: int) -> None:
