@@ -136,15 +136,13 @@ class MovingSection:
         axes.axis("off")
         half = float(self._shoe.half_angle)
         for angle in (-half, 0.0, half) if half < FAR_APART else (0.0,):
-            at = on_circle((radius + 1.9 * ring) / MILLI, angle)
-            text = f"{np.rad2deg(angle):.3g}°".replace("-", "−")
-            axes.text(at[0], at[1], text, **LABEL)
+            x, y = on_circle((radius + 1.9 * ring) / MILLI, angle)
+            axes.text(x, y, f"{np.rad2deg(angle):.3g}°".replace("-", "−"), **LABEL)
         within = radius - MILLI * self._thickness
         tip, beyond = 0.3 * within, 0.37 * within
         for name, right, up in (("x", 1, 0), ("y", 0, 1)):
             axes.add_patch(FancyArrowPatch((0, 0), (tip * right, tip * up), shrinkA=0, shrinkB=0, **ARROW))
-            at = beyond * right, beyond * up
-            axes.text(at[0], at[1], name, **LABEL)
+            axes.text(beyond * right, beyond * up, name, **LABEL)
         if self.playback.drum_sense:
             self._draw_sense(0.85 * within)
 
