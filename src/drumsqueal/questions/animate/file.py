@@ -16,7 +16,7 @@ from drumsqueal.errors import RequestError
 from drumsqueal.files.output_folder import check_ending, write_whole
 
 GIF, MP4 = ".gif", ".mp4"
-COLOURS, SAMPLED = 256, 12  # of the one palette that all frames of a GIF share, made of that many of them
+COLOURS, SAMPLED = 256, 12  # of the palette, one for all frames of a GIF, made of that many of them
 
 Render = Callable[[int], NDArray[np.uint8]]
 

@@ -6,7 +6,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import xarray
-from jax import Array
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 
@@ -186,7 +185,7 @@ def play_mode(scene: Scene, stability: Stability, mode: Mode, *, slow: float | N
 
 def _main_frequency(model: Model, time: Values, states: Values, start: float | None, end: float | None) -> float | None:
     """Frequency (Hz) of the strongest line of the coordinate with most kinetic energy near what is shown, if any."""
-    # No less than 50 ms, where there are: a few periods alone would tell their frequency badly.
+    # No less than 50 ms, where there are: the frequency of a few periods alone would be inaccurate.
     if end is None:
         end = float(time[-1]) if start is None else min(start + LOOKED_AT, float(time[-1]))
     begin = end - LOOKED_AT if start is None else min(start, end - LOOKED_AT)
@@ -248,7 +247,7 @@ def _find_magnification(shoe: RigidShoe, largest: float, wanted: float | None, w
     if wanted is None:
         exact = FRACTION * thickness / largest
         step = 10.0 ** (np.floor(np.log10(exact)) - 1)
-        return float(np.floor(exact / step) * step)  # two digits, which can be told in the picture
+        return float(np.floor(exact / step) * step)  # two digits, for the note in the picture
     if wanted * largest > thickness:
         raise RequestError(
             f"--magnify {wanted:g}: the shoe would be drawn further from its place than it is thick; "
@@ -271,8 +270,7 @@ def _faces(shoe: RigidShoe, motion: dict[str, Values], z: float) -> tuple[tuple[
 
 def _contact(model: Model, time: Values, states: Values, sticks: NDArray[np.bool_]) -> Arc:
     """Contact at every frame, of states (frames, 2n), and whether the lining sticks."""
-    edges = _edges(model)
-    level, slip, preload = (np.asarray(part) for part in _evaluated(model, time, states, edges))
+    edges, level, slip, preload = _evaluated(model, time, states)
     state = np.full(level.shape, TOUCHING)
     if model.contact.friction is not None:
         state[slip > 0] = REVERSED
@@ -287,25 +285,23 @@ def _contact(model: Model, time: Values, states: Values, sticks: NDArray[np.bool
 
 def _mode_contact(model: Model, motion: Values, z: float) -> Arc:
     """Change of the pressure, relative to its largest, with the motion (frames, n) of a mode, where it touches."""
-    edges, n = _edges(model), len(model.names)
+    n = len(model.names)
     steady = np.append(np.asarray(_steady_sliding(model)), np.zeros(n))
     states = steady + np.pad(motion, ((1, 0), (0, n)))  # before all, steady sliding itself
-    level = np.asarray(_evaluated(model, np.zeros(len(states)), states, edges, z)[0])
+    edges, level, _, _ = _evaluated(model, np.zeros(len(states)), states, z)
     lifted = (level[0] < 0) & (float(model.contact.lifting_stiffness) > 0)
     change = np.where(lifted, 0.0, level[1:] - level[0])
     state = np.broadcast_to(np.where(lifted, SEPARATED, TOUCHING), change.shape)
     return Arc(edges, change / (np.abs(change).max() or 1.0), True, state)
 
 
-def _edges(model: Model) -> Values:
+def _evaluated(model: Model, time: Values, states: Values, z: float = 0.0) -> tuple[Values, Values, Values, Values]:
+    """Edges of the parts of the arc, and level, slip and preload in the middle of each, on a line z (m)."""
     half = float(model.shoe.half_angle)
-    return np.linspace(-half, half, PARTS + 1)
-
-
-def _evaluated(model: Model, time: Values, states: Values, edges: Values, z: float = 0.0) -> tuple[Array, Array, Array]:
-    """Level, slip and preload in the middle of each part, on a line z (m)."""
+    edges = np.linspace(-half, half, PARTS + 1)
     middles = (edges[1:] + edges[:-1]) / 2
-    return along_arc(model, *(jnp.asarray(each) for each in (time, states, middles, z)))
+    level, slip, preload = along_arc(model, *(jnp.asarray(each) for each in (time, states, middles, z)))
+    return edges, np.asarray(level), np.asarray(slip), np.asarray(preload)
 
 
 def _drum_turn(model: Model, time: Values, factor: float) -> tuple[Values, float]:

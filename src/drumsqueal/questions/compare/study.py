@@ -314,7 +314,7 @@ def _compared_lines(
     references: dict[str, float],
     within: float,
 ) -> tuple[MeasuredLine, ...]:
-    # Relative to the largest: a gain that both records share, or do not, is no reason to part their lines.
+    # Relative to the largest: a gain, be it of one record or of both, is no reason to part their lines.
     largest = _largest(measured, simulated)
     levels = (20 * np.log10(measured.amplitude / largest[0]), 20 * np.log10(simulated.amplitude / largest[1]))
     to_lines = match_lines(measured.frequency_Hz, simulated.frequency_Hz, widest=within, levels=levels)
