@@ -250,7 +250,7 @@ ROWS = [f"{k / 1000},{k % 7}" for k in range(200)]
     [
         ("x" * 200_000, [], "a cell is longer than 128 kB in the line that begins 'time (s),xxxx"),
         ("x", [f'0.2,"{"1" * 200_000}"', "0.201,1"], "a cell is longer than 128 kB in the line that begins '0.2,"),
-        ("x", ['0.2,"1', *20_000 * ROWS[:1]], "line 202: a quotation mark is missing; mend or remove the line"),
+        ("x", ['0.2,"1', *20_000 * ROWS[:1]], "line 202: a quotation mark is missing; correct or remove the line"),
     ],
 )
 def test_a_field_without_end_is_refused(tmp_path, heading, more, told):

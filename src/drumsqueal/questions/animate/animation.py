@@ -1,6 +1,7 @@
 """The moving section: shoe and drum, contact along the arc, and the displacements with the time in them."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib import colormaps
@@ -18,9 +19,16 @@ from drumsqueal.findings.schema import Finding
 from drumsqueal.findings.vibration import ROTATIONS
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.animate.file import write_animation
-from drumsqueal.questions.animate.playback import REVERSED, SEPARATED, STUCK, TICK, TOUCHING, Playback
+from drumsqueal.questions.animate.playback import (
+    FRAMES_PER_SECOND,
+    REVERSED,
+    SEPARATED,
+    STUCK,
+    TICK,
+    TOUCHING,
+    Playback,
+)
 from drumsqueal.questions.animate.section import MILLI, Motion, lining_parts, moved, on_circle, shoe_outline
-from drumsqueal.questions.animate.window import FRAMES_PER_SECOND
 from drumsqueal.scene.quantities import printable
 from drumsqueal.terminal import style
 
@@ -37,6 +45,7 @@ UNITS = {"MPa": 1e6, "kPa": 1e3}
 RING, STATE_DEPTH, PRESSURE_DEPTH = 0.5, 0.09, 0.36
 ROOM = 1.35  # of the thickness, around the drum
 ARROW = {"arrowstyle": "-|>", "mutation_scale": 8, "linewidth": 0.9, "color": style.DARK}
+LABEL: Any = {"fontsize": style.SMALL_SIZE, "ha": "center", "va": "center", "color": style.DARK}
 BODY = "#DDDDDD"
 FAR_APART = np.deg2rad(160.0)  # half angle, from which on the labels of the ends would meet
 
@@ -66,10 +75,7 @@ class MovingSection:
         self._draw_shoe()
         self._draw_key(self.figure.add_axes((0.872, 0.36, 0.02, below - 0.46)))
         self._draw_curves(self.figure.add_axes((0.125, 0.07, 0.85, 0.13)))
-        self._begin()
-
-    def _begin(self) -> None:
-        """Draw what stands still, over which each frame is drawn."""
+        # What stands still is drawn once, and each frame over it.
         self._moving = sorted(
             (artist for artist in self.figure.findobj() if artist.get_animated()), key=lambda artist: artist.zorder
         )
@@ -130,15 +136,13 @@ class MovingSection:
         axes.axis("off")
         half = float(self._shoe.half_angle)
         for angle in (-half, 0.0, half) if half < FAR_APART else (0.0,):
-            at = on_circle((radius + 1.9 * ring) / MILLI, angle)
-            text = f"{np.rad2deg(angle):.3g}°".replace("-", "−")
-            axes.text(at[0], at[1], text, fontsize=style.SMALL_SIZE, ha="center", va="center", color=style.DARK)
+            x, y = on_circle((radius + 1.9 * ring) / MILLI, angle)
+            axes.text(x, y, f"{np.rad2deg(angle):.3g}°".replace("-", "−"), **LABEL)
         within = radius - MILLI * self._thickness
         tip, beyond = 0.3 * within, 0.37 * within
         for name, right, up in (("x", 1, 0), ("y", 0, 1)):
             axes.add_patch(FancyArrowPatch((0, 0), (tip * right, tip * up), shrinkA=0, shrinkB=0, **ARROW))
-            at = beyond * right, beyond * up
-            axes.text(at[0], at[1], name, fontsize=style.SMALL_SIZE, ha="center", va="center", color=style.DARK)
+            axes.text(beyond * right, beyond * up, name, **LABEL)
         if self.playback.drum_sense:
             self._draw_sense(0.85 * within)
 
@@ -149,9 +153,7 @@ class MovingSection:
         # Curved to the drum's circle: the arc's height over its chord.
         bend = 0.5 * self.playback.drum_sense * np.tan(0.3 / 2)
         self._section.add_patch(FancyArrowPatch(tail, head, connectionstyle=f"arc3,rad={bend}", **ARROW))
-        self._section.text(
-            -0.93 * radius, 0.0, "drum\nturns", fontsize=style.SMALL_SIZE, ha="left", va="center", color=style.DARK
-        )
+        self._section.text(-0.93 * radius, 0.0, "drum\nturns", **LABEL | {"ha": "left"})
 
     def _tick_lines(self, turn: float) -> NDArray[np.float64]:
         """Marks on the drum's ring (marks, 2, 2)."""
@@ -160,8 +162,7 @@ class MovingSection:
         return np.stack([on_circle(radius + part * depth, angles) for part in (0.35, 1.0)], axis=1)
 
     def _draw_shoe(self) -> None:
-        axes = self._section
-        place = self._outline
+        axes, place = self._section, self._outline
         (self._body,) = axes.fill(
             *place.T, facecolor=BODY, edgecolor=style.DARK, linewidth=0.8, zorder=3, animated=True
         )
@@ -172,10 +173,9 @@ class MovingSection:
         self._pressure = PolyCollection([], edgecolors="face", linewidths=0.3, zorder=4, animated=True)
         for parts in (self._state, self._pressure):
             axes.add_collection(parts, autolim=False)
-        looks = ("-", "--")[: len(self.playback.faces or ())]
         self._face_lines = [
             axes.plot([], [], color=style.DARK, linewidth=0.9, linestyle=look, zorder=6, animated=True)[0]
-            for look in looks
+            for look, _ in zip(("-", "--"), self.playback.faces or (), strict=False)
         ]
 
     def _draw_key(self, axes: Axes) -> None:

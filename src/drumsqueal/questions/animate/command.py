@@ -27,37 +27,22 @@ from drumsqueal.terminal.options import (
 from drumsqueal.terminal.reply import Reply
 
 AUTO = "auto"
+SOURCE = "History or its folder; with --mode also a scene."
+OUTPUT = "File, .gif or .mp4 (default: next to the history, or out/SCENE-MODE.gif)."
+MODE = "Show this mode of a scene, or of a run's scene, such as Y."
 SCENE_AS_RUN = "--set changes a scene; a history is of the scene that was run: leave one of them out"
 
 
 def animate_command(
     source: Annotated[
         Path,
-        typer.Argument(
-            metavar="HISTORY|SCENE",
-            help="History or its folder; with --mode also a scene.",
-            show_default=False,
-            autocompletion=complete_source,
-        ),
+        typer.Argument(metavar="HISTORY|SCENE", help=SOURCE, show_default=False, autocompletion=complete_source),
     ],
     output: Annotated[
-        Path | None,
-        typer.Option(
-            "-o",
-            "--output",
-            metavar="FILE",
-            parser=read_file,
-            help="File, .gif or .mp4 (default: next to the history, or out/SCENE-MODE.gif).",
-        ),
+        Path | None, typer.Option("-o", "--output", metavar="FILE", parser=read_file, help=OUTPUT)
     ] = None,
     mode: Annotated[
-        str | None,
-        typer.Option(
-            "--mode",
-            metavar="MODE",
-            help="Show this mode of a scene, or of a run's scene, such as Y.",
-            autocompletion=words(*COORDINATES),
-        ),
+        str | None, typer.Option("--mode", metavar="MODE", help=MODE, autocompletion=words(*COORDINATES))
     ] = None,
     since: Since = None,
     until: Until = None,
@@ -80,8 +65,9 @@ def animate_command(
     Example: drumsqueal animate scenarios/nominal.toml --mode Y
     """
     slowness, magnification = _factor(slow, "--slow"), _factor(magnify, "--magnify")
-    if mode is not None:
-        _refuse_with_mode({"--from": since, "--until": until, "--magnify": None if magnify == AUTO else magnify})
+    for option, value in {"--from": since, "--until": until, "--magnify": magnification}.items():
+        if mode is not None and value is not None:
+            raise UsageError(f"{option} is for histories; a mode has neither a time nor a size of its own")
     # With --mode a folder is a run's, whose scene need not be the shipped one of that name.
     read = history_file(source) if mode is None or source.is_dir() else find_scene(str(source))
     recorded = mode is None or read.suffix == Path(HISTORY).suffix
@@ -109,8 +95,8 @@ def animate_command(
     def find(progress: Progress) -> Animation:
         saved = read_history(read) if loaded is None else None
         if saved is not None and mode is None:
-            times = {"start": first, "end": last}
-            shown = play_history(saved.data, saved.scene, **times, slow=slowness, magnification=magnification)
+            asked = {"start": first, "end": last, "slow": slowness, "magnification": magnification}
+            shown = play_history(saved.data, saved.scene, **asked)
             return save_animation(shown, file, progress)
         if saved is not None and saved.given_law:
             why = "its friction law was given in Python and is not in the file, so that its modes are not known"
@@ -143,9 +129,3 @@ def _factor(text: str, option: str) -> float | None:
     if not (factor > 0 and math.isfinite(factor)):
         raise RequestError(f"{option} {text}: write auto, or a positive number such as 1000")
     return factor
-
-
-def _refuse_with_mode(given: dict[str, str | None]) -> None:
-    for option, value in given.items():
-        if value is not None:
-            raise UsageError(f"{option} is for histories; a mode has neither a time nor a size of its own")

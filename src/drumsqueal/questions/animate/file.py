@@ -1,5 +1,6 @@
 """Animations as files: GIF through Pillow, MP4 through ffmpeg."""
 
+import contextlib
 import subprocess
 import tempfile
 from collections.abc import Callable
@@ -15,7 +16,7 @@ from drumsqueal.errors import RequestError
 from drumsqueal.files.output_folder import check_ending, write_whole
 
 GIF, MP4 = ".gif", ".mp4"
-COLOURS, SAMPLED = 256, 12  # of the one palette that all frames of a GIF share, made of that many of them
+COLOURS, SAMPLED = 256, 12  # of the palette, one for all frames of a GIF, made of that many of them
 
 Render = Callable[[int], NDArray[np.uint8]]
 
@@ -61,22 +62,15 @@ def _mp4(render: Render, frames: int, frames_per_second: int) -> bytes:
         with subprocess.Popen(
             command, stdin=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True
         ) as process:
+            assert process.stdin is not None
             try:
-                complaint = _fed(process, render, frames)
+                with contextlib.suppress(BrokenPipeError):  # it has given up, and says why
+                    for k in range(frames):
+                        process.stdin.write(render(k).tobytes())
+                complaint = process.communicate()[1].decode(errors="replace").strip()
             except BaseException:
                 process.kill()
                 raise
         if process.returncode:
             raise OSError(f"ffmpeg failed: {complaint or f'exit status {process.returncode}'}")
         return file.read_bytes()
-
-
-def _fed(process: "subprocess.Popen[bytes]", render: Render, frames: int) -> str:
-    """Hand over all frames, and return what ffmpeg complains of."""
-    assert process.stdin is not None
-    try:
-        for k in range(frames):
-            process.stdin.write(render(k).tobytes())
-    except BrokenPipeError:  # it has given up, and says why
-        pass
-    return process.communicate()[1].decode(errors="replace").strip()

@@ -6,31 +6,30 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import xarray
-from jax import Array
 from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
 
 from drumsqueal.errors import RequestError
 from drumsqueal.findings.history import COMPLETE
-from drumsqueal.findings.vibration import levers
+from drumsqueal.findings.signals.spectra import amplitude_spectrum, spectral_peaks
+from drumsqueal.findings.time_window import time_window
+from drumsqueal.findings.vibration import FEWEST_FOR_SPECTRUM, levers
 from drumsqueal.physics.bodies.rigid_shoe import OUT_OF_PLANE, RigidShoe
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.questions.animate.section import largest_displacement
-from drumsqueal.questions.animate.window import (
-    FRACTION,
-    FRAMES_PER_SECOND,
-    MODE_FRAMES,
-    count_frames,
-    find_magnification,
-    find_window,
-    main_frequency,
-)
 from drumsqueal.questions.run.figures.contact import SMALL, along_arc
-from drumsqueal.questions.run.figures.view import MICRO
+from drumsqueal.questions.run.figures.view import MICRO, REST
 from drumsqueal.scene import COORDINATES, Scene
 from drumsqueal.solve.linear.modes import Mode, Stability, while_sliding
 from drumsqueal.solve.linear.steady import steady_sliding
 from drumsqueal.terminal.placement import between
 
+FRAMES_PER_SECOND = 25  # 40 ms a frame, which GIF, counting in hundredths of a second, holds exactly
+PERIODS = 3  # of the main line, shown unless other times are asked for
+FRAMES, MODE_FRAMES = 150, 50  # unless a speed is asked for
+FEWEST_A_PERIOD, MOST = 8, 750  # frames; with fewer a period, the picture would show another motion than there was
+LOOKED_AT = 0.05  # s, in which the main line is looked for
+FRACTION = 0.3  # of the shoe's thickness that the largest displacement takes in the picture
 PARTS = 130  # of the arc
 TICK = np.deg2rad(5.0)  # between marks on the drum
 FASTEST = TICK / 3  # turn of the drum from frame to frame, beyond which it would seem to turn otherwise
@@ -44,14 +43,6 @@ TOUCHING, SEPARATED, REVERSED, STUCK = range(4)
 Values = NDArray[np.float64]
 
 _steady_sliding = jax.jit(steady_sliding)  # as one program, which the command line keeps
-
-
-class _Section(NamedTuple):
-    """Where it is (z in m) and where the faces are, if they are drawn, and the largest displacement (m) of all."""
-
-    z: float
-    faces: tuple[float, float] | None
-    largest: float
 
 
 class Arc(NamedTuple):
@@ -109,12 +100,14 @@ def play_history(
     model = build_model(scene, coordinates=COORDINATES)
     names, n = list(model.names), len(model.names)
     time: Values = history["time"].values
-    both = (history[kind].sel(coordinate=names).values for kind in ("displacement", "velocity"))
-    states, steady = np.concatenate(list(both), axis=1), _steady(model)
+    both = [history[kind].sel(coordinate=names).values for kind in ("displacement", "velocity")]
+    # A transient of a drum that is at rest at first begins at zero.
+    at_rest = while_sliding(model)[1] > 0
+    states, steady = np.concatenate(both, axis=1), np.zeros(n) if at_rest else np.asarray(_steady_sliding(model))
     states[:, :n] -= steady
-    main = main_frequency(model, time, states, start, end)
-    start, end = find_window(time, main, start, end)
-    frames = count_frames(end - start, main, slow)
+    main = _main_frequency(model, time, states, start, end)
+    start, end = _find_window(time, main, start, end)
+    frames = _count_frames(end - start, main, slow)
     low, high = np.searchsorted(time, [start, end])
     near = slice(max(0, low - PAD), high + PAD)
     if time[near].size < PAD:
@@ -123,25 +116,25 @@ def play_history(
     shown, curve_time = np.linspace(start, end, frames), np.linspace(start, end, CURVE_POINTS)
     moved = between(time[near], states[near], shown)
     motion = dict(zip(names, moved[:, :n].T, strict=True))
-    section = _section(model.shoe, motion)
-    factor = find_magnification(model.shoe, section.largest, magnification, (start, end))
+    faces, largest = _faces(model.shoe, motion, 0.0)
+    factor = _find_magnification(model.shoe, largest, magnification, (start, end))
     sticks = history["sticking"].sel(time=shown, method="nearest").values > 0
     arc = _contact(model, shown, moved + np.append(steady, np.zeros(n)), sticks)
     curves = _curves(model, between(time[near], states[near, :n], curve_time))
     drum, drum_factor = _drum_turn(model, shown, factor)
     periods = f", {(end - start) * main:.3g} periods of {main:.4g} Hz" if main else ""
     turn = "the drum's turn as well" if drum_factor == factor else f"the drum's turn {_digits(drum_factor)} times"
-    fraction = factor * section.largest / float(model.shoe.thickness)
+    fraction = factor * largest / float(model.shoe.thickness)
     notes = (
         f"{1e3 * start:.6g} to {1e3 * end:.6g} ms{periods}, at {_slowness(shown)} of real time",
-        f"Displacement magnified {_digits(factor)} times (at most {_digits(MICRO * section.largest)} µm, drawn as "
+        f"Displacement magnified {_digits(factor)} times (at most {_digits(MICRO * largest)} µm, drawn as "
         f"{fraction:.2g} of the thickness), {turn}",
-        *_section_notes(section, curves),
+        *_section_notes(0.0, faces, curves),
     )
     title = scene.title if history.attrs["outcome"] == COMPLETE else f"{scene.title} (incomplete run)"
     return Playback(
-        title, "motion in section", notes, model.shoe, _sense(model, start), shown, motion, section.z,
-        section.faces, factor, drum, arc, curve_time, curves, relative=False,
+        title, "motion in section", notes, model.shoe, _sense(model, start), shown, motion, 0.0, faces,
+        factor, drum, arc, curve_time, curves, relative=False,
     )  # fmt: skip
 
 
@@ -162,7 +155,7 @@ def play_mode(scene: Scene, stability: Stability, mode: Mode, *, slow: float | N
     """
     model = while_sliding(build_model(scene, coordinates=stability.coordinates))[0]
     period = 1 / mode.frequency_Hz
-    frames = count_frames(period, mode.frequency_Hz, slow, MODE_FRAMES, closed=True)
+    frames = _count_frames(period, mode.frequency_Hz, slow, MODE_FRAMES, closed=True)
     names, shape = stability.coordinates, mode.right[: len(stability.coordinates)]
 
     def over(phases: Values) -> Values:
@@ -171,8 +164,9 @@ def play_mode(scene: Scene, stability: Stability, mode: Mode, *, slow: float | N
     phases = np.arange(frames) / frames
     moved = over(phases)
     motion = dict(zip(names, moved.T, strict=True))
-    section = _section(model.shoe, motion, front=mode.name in OUT_OF_PLANE)
-    factor = FRACTION * float(model.shoe.thickness) / section.largest
+    z = float(model.shoe.width) / 2 if mode.name in OUT_OF_PLANE else 0.0
+    faces, largest = _faces(model.shoe, motion, z)
+    factor = FRACTION * float(model.shoe.thickness) / largest
     curve_phases = np.linspace(0.0, 1.0, CURVE_POINTS)
     curves = _curves(model, over(curve_phases))
     rate = f"{mode.growth_rate:+.4g}".replace("-", "−")
@@ -181,41 +175,102 @@ def play_mode(scene: Scene, stability: Stability, mode: Mode, *, slow: float | N
         f"one period, at {_slowness(period * phases)} of real time",
         f"The size is arbitrary: the largest displacement is drawn as {FRACTION:.2g} of the thickness. "
         "The drum's turn is left out, too",
-        *_section_notes(section, curves),
+        *_section_notes(z, faces, curves),
     )
     return Playback(
-        scene.title, f"mode {mode.label}", notes, model.shoe, _sense(model, 0.0), period * phases, motion, section.z,
-        section.faces, factor, None, _mode_contact(model, moved, section.z), period * curve_phases,
-        curves, relative=True,
+        scene.title, f"mode {mode.label}", notes, model.shoe, _sense(model, 0.0), period * phases, motion, z, faces,
+        factor, None, _mode_contact(model, moved, z), period * curve_phases, curves, relative=True,
     )  # fmt: skip
 
 
-def _steady(model: Model) -> Values:
-    """Steady sliding (n,); zero where the drum is at rest at first, as a transient begins there."""
-    if while_sliding(model)[1] > 0:
-        return np.zeros(len(model.names))
-    return np.asarray(_steady_sliding(model))
+def _main_frequency(model: Model, time: Values, states: Values, start: float | None, end: float | None) -> float | None:
+    """Frequency (Hz) of the strongest line of the coordinate with most kinetic energy near what is shown, if any."""
+    # No less than 50 ms, where there are: the frequency of a few periods alone would be inaccurate.
+    if end is None:
+        end = float(time[-1]) if start is None else min(start + LOOKED_AT, float(time[-1]))
+    begin = end - LOOKED_AT if start is None else min(start, end - LOOKED_AT)
+    part = slice(*np.searchsorted(time, [begin - 1e-12, end + 1e-12]).tolist())
+    if time[part].size < FEWEST_FOR_SPECTRUM:
+        return None
+    energy = np.asarray(model.mass) * np.var(states[part, len(model.names) :], axis=0)
+    record = states[part, int(np.argmax(energy))]
+    if not np.ptp(record) > REST:
+        return None
+    spectrum = amplitude_spectrum(record, (time.size - 1) / float(time[-1] - time[0]))
+    peaks = spectral_peaks(spectrum, count=1, floor=0.5)
+    return float(peaks.frequency_Hz[0]) if peaks.frequency_Hz.size else None
 
 
-def _section(shoe: RigidShoe, motion: dict[str, Values], *, front: bool = False) -> _Section:
-    """What is seen of a motion (frames,) in section, at mid-width or at the front face."""
+def _find_window(time: Values, main: float | None, start: float | None, end: float | None) -> tuple[float, float]:
+    """First and last time (s) shown: the last three periods unless asked otherwise. Raises RequestError."""
+    first, last = float(time[0]), float(time[-1])
+    since, until = time_window("the history", (first, last), (last - first) / max(time.size - 1, 1), start, end)
+    span = last - first if main is None else min(PERIODS / main, last - first)
+    if start is None and not (end is None and main is None):
+        since = max(first, until - span)
+    if end is None:
+        until = min(last, since + span)
+    return since, until
+
+
+def _count_frames(
+    span: float, main: float | None, slow: float | None, usual: int = FRAMES, *, closed: bool = False
+) -> int:
+    """Number of frames; a closed loop does not show its first frame twice. Raises RequestError for too few or many."""
+    periods = span * main if main else 1.0
+    fewest = int(np.ceil(FEWEST_A_PERIOD * periods)) + (not closed)
+    if slow is None:
+        if fewest > MOST:
+            raise RequestError(
+                f"these {span:.4g} s hold {periods:.0f} periods of {main:.4g} Hz, and {MOST} frames show "
+                f"{MOST // FEWEST_A_PERIOD}; give nearer times with --from and --until"
+            )
+        return max(usual, fewest)
+    frames = round(span * slow * FRAMES_PER_SECOND) + (not closed)
+    if not fewest <= frames <= max(MOST, fewest):
+        least, most = ((count - (not closed)) / FRAMES_PER_SECOND / span for count in (fewest, max(MOST, fewest)))
+        raise RequestError(
+            f"--slow {slow:g}: that makes {frames} frames of {span:.4g} s; {FEWEST_A_PERIOD} a period are needed and "
+            f"{max(MOST, fewest)} are the most: take {np.ceil(least):.0f} to {np.floor(most):.0f}, or other times"
+        )
+    return frames
+
+
+def _find_magnification(shoe: RigidShoe, largest: float, wanted: float | None, window: tuple[float, float]) -> float:
+    """Factor at which the largest displacement (m) is drawn, if none is wanted as a fraction of the thickness.
+
+    Raises RequestError where nothing moves, and where it would be drawn further than the shoe is thick.
+    """
+    if not largest > REST:
+        raise RequestError(f"nothing moves from {window[0]:.6g} to {window[1]:.6g} s; give other times")
+    thickness = float(shoe.thickness)
+    if wanted is None:
+        exact = FRACTION * thickness / largest
+        step = 10.0 ** (np.floor(np.log10(exact)) - 1)
+        return float(np.floor(exact / step) * step)  # two digits, for the note in the picture
+    if wanted * largest > thickness:
+        raise RequestError(
+            f"--magnify {wanted:g}: the shoe would be drawn further from its place than it is thick; "
+            f"take at most {thickness / largest:.4g}"
+        )
+    return wanted
+
+
+def _faces(shoe: RigidShoe, motion: dict[str, Values], z: float) -> tuple[tuple[float, float] | None, float]:
+    """Where front and back face are (m), if they move otherwise than the middle, and the largest displacement (m).
+
+    The latter is that of all that is drawn of a motion (frames,): the section at z (m), and these faces.
+    """
     half = float(shoe.width) / 2
-    z, middle = half if front else 0.0, largest_displacement(shoe, motion)
-    tilted = max(abs(largest_displacement(shoe, _tilt(motion), at)) for at in (half, -half))
-    faces = (half, -half) if tilted > MOVES * middle else None
-    largest = max(largest_displacement(shoe, motion, at) for at in (z, *(faces or ())))
-    return _Section(z, faces, largest)
-
-
-def _tilt(motion: dict[str, Values]) -> dict[str, Values]:
-    """What of a motion is out of the plane: it moves the faces otherwise than the middle."""
-    return {name: values for name, values in motion.items() if name in OUT_OF_PLANE}
+    tilt = {name: values for name, values in motion.items() if name in OUT_OF_PLANE}
+    tilted = max(abs(largest_displacement(shoe, tilt, at)) for at in (half, -half))
+    faces = (half, -half) if tilted > MOVES * largest_displacement(shoe, motion) else None
+    return faces, max(largest_displacement(shoe, motion, at) for at in (z, *(faces or ())))
 
 
 def _contact(model: Model, time: Values, states: Values, sticks: NDArray[np.bool_]) -> Arc:
     """Contact at every frame, of states (frames, 2n), and whether the lining sticks."""
-    edges = _edges(model)
-    level, slip, preload = (np.asarray(part) for part in _evaluated(model, time, states, edges))
+    edges, level, slip, preload = _evaluated(model, time, states)
     state = np.full(level.shape, TOUCHING)
     if model.contact.friction is not None:
         state[slip > 0] = REVERSED
@@ -230,31 +285,29 @@ def _contact(model: Model, time: Values, states: Values, sticks: NDArray[np.bool
 
 def _mode_contact(model: Model, motion: Values, z: float) -> Arc:
     """Change of the pressure, relative to its largest, with the motion (frames, n) of a mode, where it touches."""
-    edges, n = _edges(model), len(model.names)
+    n = len(model.names)
     steady = np.append(np.asarray(_steady_sliding(model)), np.zeros(n))
     states = steady + np.pad(motion, ((1, 0), (0, n)))  # before all, steady sliding itself
-    level = np.asarray(_evaluated(model, np.zeros(len(states)), states, edges, z)[0])
+    edges, level, _, _ = _evaluated(model, np.zeros(len(states)), states, z)
     lifted = (level[0] < 0) & (float(model.contact.lifting_stiffness) > 0)
     change = np.where(lifted, 0.0, level[1:] - level[0])
     state = np.broadcast_to(np.where(lifted, SEPARATED, TOUCHING), change.shape)
     return Arc(edges, change / (np.abs(change).max() or 1.0), True, state)
 
 
-def _edges(model: Model) -> Values:
+def _evaluated(model: Model, time: Values, states: Values, z: float = 0.0) -> tuple[Values, Values, Values, Values]:
+    """Edges of the parts of the arc, and level, slip and preload in the middle of each, on a line z (m)."""
     half = float(model.shoe.half_angle)
-    return np.linspace(-half, half, PARTS + 1)
-
-
-def _evaluated(model: Model, time: Values, states: Values, edges: Values, z: float = 0.0) -> tuple[Array, Array, Array]:
-    """Level, slip and preload in the middle of each part, on a line z (m)."""
+    edges = np.linspace(-half, half, PARTS + 1)
     middles = (edges[1:] + edges[:-1]) / 2
-    return along_arc(model, *(jnp.asarray(each) for each in (time, states, middles, z)))
+    level, slip, preload = along_arc(model, *(jnp.asarray(each) for each in (time, states, middles, z)))
+    return edges, np.asarray(level), np.asarray(slip), np.asarray(preload)
 
 
 def _drum_turn(model: Model, time: Values, factor: float) -> tuple[Values, float]:
     """Turn of the drum as drawn (rad), and how far it is magnified: as the displacement, unless it would blur."""
     speed = np.asarray(jax.vmap(model.operation.at)(jnp.asarray(time)).drum_speed)
-    turn = np.concatenate([[0.0], np.cumsum((speed[1:] + speed[:-1]) / 2 * np.diff(time))])
+    turn = cumulative_trapezoid(speed, time, initial=0)
     quickest = float(np.abs(np.diff(turn)).max())
     drawn = factor if factor * quickest <= FASTEST else FASTEST / quickest
     return drawn * turn, drawn
@@ -271,14 +324,13 @@ def _curves(model: Model, displacement: Values) -> dict[str, Values]:
     return {name: values[:, k] for k, name in enumerate(model.names) if sizes[k] >= MOVES * sizes.max()}
 
 
-def _section_notes(section: _Section, curves: dict[str, Values]) -> tuple[str, ...]:
+def _section_notes(z: float, faces: tuple[float, float] | None, curves: dict[str, Values]) -> tuple[str, ...]:
     """What the section is of, and what it leaves out, for motion out of the plane."""
     notes = []
-    if section.faces is not None:
-        where = (
-            "Section: the front face (z = b/2); " if section.z > 0 else "Section at mid-width; the front face solid, "
-        )
-        notes.append(f"{where}the back face dashed")
+    if faces is not None and z > 0:
+        notes.append("Section: the front face (z = b/2); the back face dashed")
+    elif faces is not None:
+        notes.append("Section at mid-width; the front face solid, the back face dashed")
     if "Z" in curves:
         notes.append("Z, along the drum's axis, is not drawn")
     return ("; ".join(notes),) if notes else ()

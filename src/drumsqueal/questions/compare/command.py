@@ -29,6 +29,7 @@ HistoryFile = Annotated[
 MeasuredFile = Annotated[
     Path, typer.Argument(metavar="MEASURED", help="Measured record: CSV, UFF58 or WAV.", show_default=False)
 ]
+SIGNAL = "Simulated signal, such as velocity_Y or brake_torque."
 HDF5 = b"\x89HDF"  # how the files begin
 UNIT = 'Unit of the values where the file states none, such as "mm/s", g or, calibrated, "50 mm/s".'
 
@@ -38,13 +39,7 @@ def compare_command(
     measured: MeasuredFile,
     output: Annotated[Path | None, output_option("HISTORY-compare")] = None,
     signal: Annotated[
-        str,
-        typer.Option(
-            "--signal",
-            metavar="NAME",
-            help="Simulated signal, such as velocity_Y or brake_torque.",
-            autocompletion=words(*SIGNALS),
-        ),
+        str, typer.Option("--signal", metavar="NAME", help=SIGNAL, autocompletion=words(*SIGNALS))
     ] = "surface_velocity",
     channel: Annotated[
         str | None,
@@ -74,9 +69,13 @@ def compare_command(
 
     Example: drumsqueal compare out/nominal rig.csv --channel vibrometer --unit mm/s
     """
-    _check_order(history, measured)
-    folder = output if output is not None else Path("out") / f"{_name(history)}-compare"
-    read = (history_file(history), measured)
+    if _is_history(measured) and not _is_history(history):
+        why = f"{measured} is a history and {history} is not: the history comes first"
+        raise RequestError(f"{why}; write drumsqueal compare {measured} {history}")
+    read, whole = (history_file(history), measured), history.absolute()
+    # Where the history is called as every run calls it, its folder is its name.
+    name = whole.parent.name if whole.name == HISTORY else whole.stem
+    folder = output if output is not None else Path("out") / f"{name}-compare"
     reply = Reply.next_to(folder, COMPARE_FILES, read, quiet, json_file, overwrite=overwrite)
     claim_results(read[0].parent)
     widest = read_fraction(within, "--within")
@@ -92,13 +91,6 @@ def compare_command(
     answer(reply, COMPARED, lambda *_: found)
 
 
-def _check_order(history: Path, measured: Path) -> None:
-    """Raise RequestError where the second argument is a history and the first is none."""
-    if _is_history(measured) and not _is_history(history):
-        why = f"{measured} is a history and {history} is not: the history comes first"
-        raise RequestError(f"{why}; write drumsqueal compare {measured} {history}")
-
-
 def _is_history(path: Path) -> bool:
     """Whether there is an HDF5 file, as every history is, or a folder with one."""
     file = history_file(path)
@@ -107,9 +99,3 @@ def _is_history(path: Path) -> bool:
             return start.read(len(HDF5)) == HDF5
     except (OSError, ValueError):  # reported where the file is read
         return False
-
-
-def _name(history: Path) -> str:
-    """The name of a history: that of its folder where it is called as every run calls it."""
-    whole = history.absolute()
-    return whole.parent.name if whole.name == HISTORY else whole.stem

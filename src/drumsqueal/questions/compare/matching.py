@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 WIDEST = 0.05  # relative: what lies further apart is not the same line
 # Levels that differ by so much part two lines as much as frequencies that differ by WIDEST do: a strong line is rather
-# the strong one beside it than a faint one nearer by, unless the levels are those of quite another point.
+# the strong one next to it than a faint one nearer by, unless the levels are those of quite another point.
 APART_DB = 40.0
 
 

@@ -65,16 +65,16 @@ def export_command(
     if sound and asked is not None and len(asked) != 1:
         raise RequestError(f"--signals {signals}: a sound is of one signal, such as surface_velocity")
     begin, end, sampled = read_time(since, "--from"), read_time(until, "--until"), read_rate(rate, "--rate")
-    if sound and sampled is not None:
-        _check_rate_of_sound(sampled)
+    if sound and sampled is not None and not (sampled == round(sampled) and LEAST_RATE <= sampled <= MOST_RATE):
+        why = f"that of a sound must be a whole number of Hz, from {LEAST_RATE / 1e3:g} to {MOST_RATE / 1e3:g} kHz"
+        raise RequestError(f"--rate {sampled:.10g} Hz: {why}")
     source = history_file(history)
     file = output if output is not None else source.with_suffix(wanted.suffix)
     reply = Reply.with_file(file, (source,), quiet, json_file, overwrite=overwrite)
     claim_results(source.parent)
     from drumsqueal.files.saved_history import read_history
     from drumsqueal.findings.signals.sound import CD_RATE
-    from drumsqueal.questions.export.export import export_history, print_exported
-    from drumsqueal.questions.export.selection import Part
+    from drumsqueal.questions.export.export import Part, export_history, print_exported
     from drumsqueal.questions.export.signals import SURFACE
     from drumsqueal.terminal.runner import answer_without_folder
 
@@ -89,9 +89,3 @@ def export_command(
         lambda console, done: print_exported(console, complaints, done),
         lambda progress: export_history(saved, file, wanted, part, progress=progress),
     )
-
-
-def _check_rate_of_sound(rate: float) -> None:
-    if not (rate == round(rate) and LEAST_RATE <= rate <= MOST_RATE):
-        why = f"that of a sound must be a whole number of Hz, from {LEAST_RATE / 1e3:g} to {MOST_RATE / 1e3:g} kHz"
-        raise RequestError(f"--rate {rate:.10g} Hz: {why}")

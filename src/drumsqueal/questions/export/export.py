@@ -1,16 +1,43 @@
-"""A history, or a part of it, into one file of another format."""
+"""A history, or a part of it, into one file of another format; what a lower rate cannot hold is reported."""
 
+import json
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
 from rich.console import Console
 
+from drumsqueal.errors import RequestError, SteadyStateError
 from drumsqueal.files.output_folder import written_whole
-from drumsqueal.files.saved_history import SavedHistory
+from drumsqueal.files.saved_history import UNEVEN, SavedHistory
 from drumsqueal.findings.schema import Finding
+from drumsqueal.findings.signals.resampling import PASSES, fraction_above, reach, resample
+from drumsqueal.findings.time_window import time_window
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.export.formats import Format
-from drumsqueal.questions.export.selection import Part, select
-from drumsqueal.scene.quantities import printable
+from drumsqueal.questions.export.signals import FLAG, UNKNOWN, Channel, Channels, make_channels, names_of
+from drumsqueal.scene.quantities import percent, printable
+
+if TYPE_CHECKING:
+    from drumsqueal.solve.linear.modes import Stability
+
+LEAST_FRACTION = 1e-4  # of a signal's energy, a hundredth of its amplitude: a smaller loss is not reported
+LOWEST = 200  # times the rate may be below the history's: the filter grows as long
+MOST_SAMPLES = 2 * 10**8  # of all signals together: 1.6 GB
+
+
+class Part(NamedTuple):
+    """What is asked for: signals (None for all), from and until when (s), and the rate (Hz); None is the history's.
+
+    A sound is `slow` times slower than it was, and is resampled to `slow` times the rate.
+    """
+
+    signals: tuple[str, ...] | None = None
+    since: float | None = None
+    until: float | None = None
+    rate: float | None = None
+    slow: float = 1.0
 
 
 class Exported(Finding):
@@ -35,24 +62,128 @@ def export_history(
 ) -> Exported:
     """Write a part of a history as a file, whole or not at all, and return what is in it.
 
-    Raises RequestError for a part that cannot be had, and OSError where the disk does not take it.
+    Without a rate, or at the history's own, samples are as they were recorded. Flags such as sticking are taken from
+    the nearest sample, all else is limited to the new band. Raises RequestError for signals that are not there, for a
+    part of fewer than two samples, and for a rate out of proportion, and OSError where the disk does not take the file.
     """
-    channels, remarks = select(saved, part, predicts=wanted.predicts)
-    with written_whole(path) as place:
-        note = wanted.writer()(channels, place, progress)
+    names, remarks = names_of(part.signals, saved)
+    asked = saved.scene.simulate.sample_rate
+    own = asked if abs(saved.sample_rate / asked - 1) < UNEVEN else saved.sample_rate
+    rate = own if part.rate is None else part.rate * part.slow
+    place, end, count = _places(saved, part, own, rate, len(names))
+    if not saved.complete:
+        remarks.append(f"the run is incomplete ({saved.outcome}); what it computed is exported")
+    if rate == own:
+        signals = make_channels(saved, names, slice(int(place), int(place) + count))
+    else:
+        # What lies before and after the part is known, and the filter sees it.
+        beyond = reach(own, rate)
+        low = max(int(place) - beyond, 0)
+        recorded = make_channels(saved, names, slice(low, int(end) + beyond + 2))
+        remarks += _lost(recorded, own, rate, part)
+        signals = _resampled(recorded, own, place - low, count, rate)
+    stability, unknown = _predicted(saved) if wanted.predicts else (None, {})
+    start = float(saved.data["time"].values[0]) + place / own
+    channels = Channels(start, rate, tuple(signals), _texts(saved) | unknown, saved.scene, stability, part.slow)
+    with written_whole(path) as file:
+        note = wanted.writer()(channels, file, progress)
         progress("written", 0.0, None)  # Ctrl-C until now leaves what was there before
     time = channels.time
     return Exported(
         file=str(path),
-        signals={channel.name: channel.units for channel in channels.channels},
+        signals={channel.name: channel.units for channel in signals},
         samples=time.size,
-        sample_rate_Hz=channels.sample_rate,
+        sample_rate_Hz=rate,
         from_s=time[0],
         until_s=time[-1],
-        slow=channels.slow,
+        slow=part.slow,
         note=note,
         remarks=tuple(remarks),
     )
+
+
+def _places(saved: SavedHistory, part: Part, own: float, rate: float, signals: int) -> tuple[float, float, int]:
+    """Begin and end of the part in samples from the first of the history on, and how many there are at the new rate.
+
+    Raises RequestError.
+    """
+    begin, latest = saved.data["time"].values[[0, -1]].tolist()
+    first, last = time_window("the history", (begin, latest), 1 / own, part.since, part.until)
+    place, end = (first - begin) * own, (last - begin) * own
+    if rate == own:  # the samples within the part
+        place, end = float(np.ceil(place - UNEVEN)), float(np.floor(end + UNEVEN))
+    count = int((end - place) * rate / own + UNEVEN) + 1
+    if rate < own / LOWEST:
+        why = f"--rate {rate / part.slow:.6g} Hz is less than 1/{LOWEST} of the history's {own:.6g} Hz"
+        raise RequestError(f"{why}; take at least {own / LOWEST / part.slow:.6g} Hz")
+    if count < 2:
+        why = f"{first:.6g} to {last:.6g} s hold {count} samples at {rate:.6g} Hz, at least two are needed"
+        raise RequestError(f"{why}; take more of the history, or a higher --rate")
+    if count * signals > MOST_SAMPLES:
+        why = f"{count} samples of {signals} signals are more than are written at a time"
+        raise RequestError(f"{why}; take a part with --from, --until, --signals, or a lower --rate")
+    return place, end, count
+
+
+def _resampled(recorded: Sequence[Channel], own: float, place: float, count: int, rate: float) -> list[Channel]:
+    """Channels at so many times from a place (samples) on, at a rate (Hz)."""
+    places = place + np.arange(count) * (own / rate)
+    nearest = np.clip(np.floor(places + 0.5).astype(int), 0, recorded[0].values.size - 1)
+    resampled = [channel._replace(values=channel.values[nearest]) for channel in recorded]
+    smooth = [k for k, channel in enumerate(recorded) if channel.quantity != FLAG]
+    if smooth:
+        values = resample(np.stack([recorded[k].values for k in smooth], axis=1), own, places / own, rate)
+        for k, column in zip(smooth, values.T, strict=True):
+            resampled[k] = recorded[k]._replace(values=column)
+    return resampled
+
+
+def _lost(recorded: Sequence[Channel], own: float, rate: float, part: Part) -> list[str]:
+    """One line on what the rate cannot hold; nothing where that is next to nothing."""
+    if rate >= own:
+        return []
+    smooth = [channel for channel in recorded if channel.quantity != FLAG]
+    lost = [(channel.name, *fraction_above(channel.values, own, rate / 2)) for channel in smooth]
+    lost = sorted((found for found in lost if found[1] > LEAST_FRACTION), key=lambda found: -found[1])
+    if not lost:
+        return []
+    name, fraction, line = lost[0]
+    others = f", and some of {len(lost) - 1} more" if len(lost) > 1 else ""
+    slower = "" if part.slow == 1 else f", {part.slow:g} times slower,"
+    why = (
+        f"a rate of {rate / part.slow:.6g} Hz{slower} holds what is below {rate / 2:.6g} Hz: {percent(fraction)} of "
+        f"the energy of {name} lies above, most at {line:.5g} Hz{others}; it is filtered out, as it would be aliased"
+    )
+    keeps = line / PASSES / part.slow
+    return [f"{why}; {np.ceil(keeps):.6g} Hz would keep that line" if line / PASSES < own else why]
+
+
+def _texts(saved: SavedHistory) -> dict[str, str]:
+    attributes = saved.data.attrs
+    held = json.loads(attributes["versions"]) if "versions" in attributes else {}
+    texts = {
+        "title": saved.scene.title,
+        "scene": saved.scene.to_toml(),
+        "versions": " ".join(f"{name} {version}" for name, version in held.items()),
+        "outcome": saved.outcome,
+        "source": saved.path.name,
+        "measured_from": str(attributes.get("measured_from", "")),
+    }
+    return texts | ({"friction_law": str(attributes["friction_law"])} if saved.given_law else {})
+
+
+def _predicted(saved: SavedHistory) -> tuple["Stability | None", dict[str, str]]:
+    """The modes of steady sliding, or None and why not."""
+    if saved.given_law:
+        return None, {UNKNOWN: "the friction law was given in Python"}
+    from drumsqueal.physics.composition import linear_coordinates
+    from drumsqueal.physics.model import build_model
+    from drumsqueal.solve.linear.modes import analyse_stability
+
+    try:
+        return analyse_stability(build_model(saved.scene, coordinates=linear_coordinates(saved.scene))), {}
+    except SteadyStateError as error:
+        return None, {UNKNOWN: str(error)}
 
 
 def print_exported(console: Console, complaints: Console, done: Exported) -> None:

@@ -1,24 +1,26 @@
-"""The formats by name: suffix, module, and the extra that a format needs. Loads none of them."""
+"""The formats by name: suffix, function that writes, and the extra that a format needs. Loads none of them."""
 
-import importlib
 import importlib.util
+import pkgutil
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from drumsqueal.errors import RequestError, missing_extra
 from drumsqueal.progress import Progress
-from drumsqueal.questions.export.channels import Channels
+
+if TYPE_CHECKING:
+    from drumsqueal.questions.export.signals import Channels
 
 
 class Format(NamedTuple):
-    """A format: the suffix of its files, the module that writes it, and the package and extra that it needs, if any.
+    """A format: the suffix of its files, what `writes` them (module:function), and the package and extra that it needs.
 
     `predicts` says whether there is room in it for the eigenvalues, `others` what else its files may end in.
     """
 
     suffix: str
-    module: str
+    writes: str
     package: str = ""
     extra: str = ""
     predicts: bool = True
@@ -29,18 +31,18 @@ class Format(NamedTuple):
         """How the name of a file of this format may end: as the default does, or as in other programs."""
         return self.suffix, *self.others
 
-    def writer(self) -> Callable[[Channels, Path, Progress], str]:
+    def writer(self) -> "Callable[[Channels, Path, Progress], str]":
         """The function that writes a file, calling a hook for progress, and returns a note on it ("" for none)."""
-        return importlib.import_module(f"drumsqueal.questions.export.{self.module}").write
+        return pkgutil.resolve_name(f"drumsqueal.questions.export.{self.writes}")
 
 
 FORMATS = {
-    "csv": Format(".csv", "as_csv", predicts=False, others=(".txt",)),
-    "mat": Format(".mat", "as_mat"),
-    "npz": Format(".npz", "as_npz"),
-    "parquet": Format(".parquet", "as_parquet", "pyarrow", "parquet"),
-    "uff58": Format(".uff", "as_uff58", "pyuff", "nvh", others=(".unv", ".u58")),
-    "wav": Format(".wav", "as_wav", predicts=False),
+    "csv": Format(".csv", "writers:write_csv", predicts=False, others=(".txt",)),
+    "mat": Format(".mat", "writers:write_mat"),
+    "npz": Format(".npz", "writers:write_npz"),
+    "parquet": Format(".parquet", "writers:write_parquet", "pyarrow", "parquet"),
+    "uff58": Format(".uff", "uff58:write_uff58", "pyuff", "nvh", others=(".unv", ".u58")),
+    "wav": Format(".wav", "writers:write_wav", predicts=False),
 }
 
 

@@ -1,7 +1,7 @@
-"""The signals that can go out, by name, each made of a history when it is asked for."""
+"""The signals that can go out, by name, each made of a history when it is asked for, with units and origin."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,17 +13,17 @@ from drumsqueal.findings.history import TEMPERATURE, memory_of, signals_of
 from drumsqueal.findings.vibration import ROTATIONS
 from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
 from drumsqueal.physics.composition import kept_coordinates
-from drumsqueal.questions.export.channels import (
-    ACCELERATION,
-    DISPLACEMENT,
-    FLAG,
-    NO_UNITS,
-    VELOCITY,
-    Channel,
-)
-from drumsqueal.questions.export.points import CENTRE_OF_GRAVITY, LEADING_END, MIDDLE, TRAILING_END
 from drumsqueal.scene import COORDINATES, Scene
 
+if TYPE_CHECKING:
+    from drumsqueal.solve.linear.modes import Stability
+
+DISPLACEMENT, VELOCITY, ACCELERATION, FLAG = "displacement", "velocity", "acceleration", "flag"
+CENTRE_OF_GRAVITY, MIDDLE, LEADING_END, TRAILING_END = 1, 2, 3, 4
+"""Points of the shoe by number, the ends as at positive speed; 0 is no point, for what belongs to the whole lining."""
+# Lengths and forces multiplied in the units of a signal that is no motion: what formats with codes of units ask for.
+NO_UNITS = (0, 0)
+UNKNOWN = "eigenvalues_unknown"
 SURFACE = "surface_velocity"
 _GIVEN_LAW = "the friction law was given in Python and is not in the history"
 _UNITS = {DISPLACEMENT: ("m", "rad"), VELOCITY: ("m/s", "rad/s"), ACCELERATION: ("m/s^2", "rad/s^2")}
@@ -32,8 +32,8 @@ _SHORT = {DISPLACEMENT: "disp", VELOCITY: "vel", ACCELERATION: "acc"}
 _RECORDED = {
     "brake_torque": ("torque", "moment", (1, 1)),
     "normal_force": ("force_n", "force", (0, 1)),
-    "contact_fraction": ("contact", "share", NO_UNITS),
-    "slip_reversed_fraction": ("reversed", "share", NO_UNITS),
+    "contact_fraction": ("contact", "fraction", NO_UNITS),
+    "slip_reversed_fraction": ("reversed", "fraction", NO_UNITS),
     "smallest_pressure": ("p_min", "pressure", (-2, 1)),
     "friction_power": ("p_friction", "power", (1, 1)),
     "sticking": ("sticking", FLAG, NO_UNITS),
@@ -43,34 +43,71 @@ _RECORDED = {
     "energy_balance_error": ("e_error", "energy", (1, 1)),
     "lining_temperature": ("temp", "temperature", NO_UNITS),
 }
-
-
 SIGNALS = ALWAYS | TEMPERATURE
 
-
-class _SurfacePoint(NamedTuple):
-    """A velocity of the lining's surface: along e_r or e_θ, at an angle of so many half arcs β/2."""
-
-    short_name: str
-    meaning: str
-    point: int
-    along_drum: bool
-    half_arcs: int
-
-
-# By the angle: which end leads depends on the way the drum turns. Short and in ASCII, for universal files cut the line.
+# Velocities of the lining's surface: short name, meaning, point, whether along the drum and not radial, and at how many
+# half arcs β/2. Ends are named by their angle: which one leads depends on the way the drum turns. Short and in ASCII,
+# because universal files cut the line.
 _LEADS, _TRAILS = "at theta = -beta/2", "at theta = +beta/2"
 _SURFACE = {
-    # Along the drum: there slip is, and there move the modes that friction feeds.
-    SURFACE: _SurfacePoint("vel_middle", "velocity along the drum of the lining at its middle", MIDDLE, True, 0),
-    f"{SURFACE}_radial": _SurfacePoint("vel_radial", "radial velocity of the lining at its middle", MIDDLE, False, 0),
-    f"{SURFACE}_leading": _SurfacePoint("vel_lead", f"radial velocity {_LEADS}", LEADING_END, False, -1),
-    f"{SURFACE}_leading_along": _SurfacePoint("along_lead", f"velocity along the drum {_LEADS}", LEADING_END, True, -1),
-    f"{SURFACE}_trailing": _SurfacePoint("vel_trail", f"radial velocity {_TRAILS}", TRAILING_END, False, 1),
-    f"{SURFACE}_trailing_along": _SurfacePoint(
-        "along_trai", f"velocity along the drum {_TRAILS}", TRAILING_END, True, 1
-    ),
+    # Along the drum, where the slip is and the modes move that friction feeds.
+    SURFACE: ("vel_middle", "velocity along the drum of the lining at its middle", MIDDLE, True, 0),
+    f"{SURFACE}_radial": ("vel_radial", "radial velocity of the lining at its middle", MIDDLE, False, 0),
+    f"{SURFACE}_leading": ("vel_lead", f"radial velocity {_LEADS}", LEADING_END, False, -1),
+    f"{SURFACE}_leading_along": ("along_lead", f"velocity along the drum {_LEADS}", LEADING_END, True, -1),
+    f"{SURFACE}_trailing": ("vel_trail", f"radial velocity {_TRAILS}", TRAILING_END, False, 1),
+    f"{SURFACE}_trailing_along": ("along_trai", f"velocity along the drum {_TRAILS}", TRAILING_END, True, 1),
 }
+
+
+class Channel(NamedTuple):
+    """One signal (n,): `quantity` is what it measures, in `units`.
+
+    `short_name` has ten characters at most. `point` numbers a point of the shoe; `direction` is 1 to 6 for x, y, z and
+    the rotations about them at the centre of gravity, and 1 and 2 for radially and along the drum at the lining. Both
+    are 0 for what has none. `length_force` are the powers of length and force in the units (time aside).
+    """
+
+    name: str
+    short_name: str
+    quantity: str
+    units: str
+    meaning: str
+    values: NDArray[np.float64]
+    point: int = 0
+    direction: int = 0
+    length_force: tuple[int, int] = NO_UNITS
+
+
+class Channels(NamedTuple):
+    """Signals that were sampled together at start + k / sample_rate (s, Hz), and what is to be known of them.
+
+    `texts` has title, scene (TOML), versions, outcome, source and more by name. `stability` is what the eigenvalues
+    say, None where they were not asked for or, as `texts` then says under "eigenvalues_unknown", are not to be had.
+    `slow` is how many times slower than it was a sound is to be played.
+    """
+
+    start: float
+    sample_rate: float
+    channels: tuple[Channel, ...]
+    texts: dict[str, str]
+    scene: Scene
+    stability: "Stability | None" = None
+    slow: float = 1.0
+
+    @property
+    def time(self) -> NDArray[np.float64]:
+        """Times of the samples (s), shape (n,)."""
+        return self.start + np.arange(self.channels[0].values.size) / self.sample_rate
+
+    @property
+    def prediction(self) -> tuple[str, ...]:
+        """A line for each oscillating mode of steady sliding: name, frequency, growth rate; or why there is none."""
+        if self.stability is None:
+            return (f"unknown: {self.texts[UNKNOWN]}",) if UNKNOWN in self.texts else ()
+        return tuple(
+            f"{mode.label} {mode.frequency_Hz:.6g} Hz {mode.growth_rate:+.6g}/s" for mode in self.stability.modes
+        )
 
 
 def names_of(
@@ -81,19 +118,18 @@ def names_of(
     "displacement", "velocity" and "acceleration" stand for those of all coordinates that the scene moves. Raises
     RequestError, naming the `option`, for an unknown name, and for what the history does not hold.
     """
-    moving = kept_coordinates(saved.scene)
+    moving, left_out = kept_coordinates(saved.scene), []
     if asked is None:
         groups = [kind for kind in _UNITS if kind != ACCELERATION or not saved.given_law]
-        signals = (*groups, *_SURFACE, *signals_of(saved.scene))
-        names = [name for group in signals for name in _members(group, moving, option)]
-        return names, [] if ACCELERATION in groups else [f"accelerations are left out: {_GIVEN_LAW}"]
+        asked = (*groups, *_SURFACE, *signals_of(saved.scene))
+        left_out = [] if ACCELERATION in groups else [f"accelerations are left out: {_GIVEN_LAW}"]
     names = list(dict.fromkeys(name for group in asked for name in _members(group, moving, option)))
     absent = next((name for name in names if name in TEMPERATURE and saved.scene.temperature is None), None)
     if absent is not None:
         raise RequestError(f"{option} {absent}: the scene of this history has no temperature; leave it out")
     if saved.given_law and any(name.startswith(ACCELERATION) for name in names):
         raise RequestError(f"{option}: there are no accelerations for this history: {_GIVEN_LAW}; leave them out")
-    return names, []
+    return names, left_out
 
 
 def known_signals() -> list[str]:
@@ -116,18 +152,16 @@ def _members(name: str, moving: Sequence[str], option: str) -> list[str]:
 def make_channels(saved: SavedHistory, names: Sequence[str], rows: slice) -> list[Channel]:
     """The named signals at these samples."""
     asked = saved._replace(data=saved.data.isel(time=rows))
-    accelerated = None
+    motions = {kind: asked.data[kind].values for kind in (DISPLACEMENT, VELOCITY)}
+    if any(name.startswith(ACCELERATION) for name in names):
+        motions[ACCELERATION] = _accelerations(asked)
     channels = []
     for name in names:
         kind, _, coordinate = name.partition("_")
-        if kind == ACCELERATION and accelerated is None:
-            accelerated = _accelerations(asked)
         if kind in _UNITS:
-            recorded = accelerated if kind == ACCELERATION else asked.data[kind].values
-            assert recorded is not None
-            channels.append(_motion(kind, coordinate, recorded))
+            channels.append(_motion(kind, coordinate, motions[kind]))
         elif name in _SURFACE:
-            channels.append(_surface(asked, name))
+            channels.append(_surface(saved.scene, name, motions[VELOCITY]))
         else:
             channels.append(_recorded(asked, name))
     return channels
@@ -147,28 +181,16 @@ def surface_velocity(
 
 
 def _motion(kind: str, coordinate: str, recorded: NDArray[np.float64]) -> Channel:
-    i = COORDINATES.index(coordinate)
-    rotation = coordinate in ROTATIONS
-    what = f"{kind} of rotation" if rotation else kind
-    meaning = f"{what} {coordinate} at the centre of gravity"
-    return Channel(
-        f"{kind}_{coordinate}",
-        f"{_SHORT[kind]}_{coordinate}",
-        kind,
-        _UNITS[kind][rotation],
-        meaning,
-        recorded[:, i].copy(),
-        CENTRE_OF_GRAVITY,
-        i + 1,
-    )
+    i, rotation = COORDINATES.index(coordinate), coordinate in ROTATIONS
+    name, short, units = f"{kind}_{coordinate}", f"{_SHORT[kind]}_{coordinate}", _UNITS[kind][rotation]
+    meaning = f"{kind}{' of rotation' if rotation else ''} {coordinate} at the centre of gravity"
+    return Channel(name, short, kind, units, meaning, recorded[:, i].copy(), CENTRE_OF_GRAVITY, i + 1)
 
 
-def _surface(saved: SavedHistory, name: str) -> Channel:
-    where = _SURFACE[name]
-    angle = where.half_arcs * saved.scene.shoe.arc_angle / 2
-    values = surface_velocity(saved.scene, saved.data["velocity"].values, angle, along_drum=where.along_drum)
-    direction = 2 if where.along_drum else 1
-    return Channel(name, where.short_name, VELOCITY, "m/s", where.meaning, values, where.point, direction)
+def _surface(scene: Scene, name: str, velocity: NDArray[np.float64]) -> Channel:
+    short, meaning, point, along_drum, half_arcs = _SURFACE[name]
+    values = surface_velocity(scene, velocity, half_arcs * scene.shoe.arc_angle / 2, along_drum=along_drum)
+    return Channel(name, short, VELOCITY, "m/s", meaning, values, point, 2 if along_drum else 1)
 
 
 def _recorded(saved: SavedHistory, name: str) -> Channel:

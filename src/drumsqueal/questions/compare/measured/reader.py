@@ -1,20 +1,23 @@
-"""A measured file, recognised by what is in it and not by its name."""
+"""A measured file, recognised by what is in it and not by its name; WAV files are read here, by SciPy."""
 
+import warnings
 from pathlib import Path
 
 import numpy as np
+from scipy.io import wavfile
 
 from drumsqueal.errors import RequestError
 from drumsqueal.files.ordinary import open_ordinary
 from drumsqueal.findings.time_window import time_window
 from drumsqueal.questions.compare.measured.csv_table import read_csv
-from drumsqueal.questions.compare.measured.record import FEWEST, Measured, Unit, check_count, known_units, parse_unit
-from drumsqueal.questions.compare.measured.sampling import longest_whole
+from drumsqueal.questions.compare.measured.record import FEWEST, Asked, Measured, check_count, known_units, parse_unit
+from drumsqueal.questions.compare.measured.sampling import Sampling
 
 FORMATS = "CSV, UFF58 and WAV are read"
 SMALLEST, LARGEST = 1e-100, 1e100  # in any unit: beyond, squares are no numbers any more
 _MOST_BYTES = 2**32
-_START = 4096  # bytes that tell the format
+_START = 4096  # bytes, by which a format is recognised
+_CLIPPED = 1 - 1e-4  # of full scale; 16 bit reach 1 − 3e-5 upwards
 _OTHERS = {
     b"\x89HDF": "an HDF5 or NetCDF file",
     b"CDF": "a NetCDF file",
@@ -42,25 +45,21 @@ def read_measured(
     file which does not say, or says it wrongly. `unit` is what 1 in the file stands for: "mm/s", or "50 mm/s". `first`
     and `last` (s) are the part to take. Raises RequestError for what cannot be read.
     """
-    file, own = Path(path), None if unit is None else _given(unit)
+    file, own = Path(path), None if unit is None else parse_unit(unit)
+    if unit is not None and own is None:
+        wrong = f"--unit {unit}: this unit is not known"
+        raise RequestError(f'{wrong}; write one such as "mm/s" or, calibrated, "50 mm/s", of {known_units()}')
     try:
-        measured = _read(file, channel, rate, own)
+        measured = _read(Asked(file, channel, rate, own))
     except (OSError, ValueError) as error:
         if isinstance(error, RequestError):
             raise
         raise RequestError(f"{file}: cannot be read ({getattr(error, 'strerror', None) or error})") from None
-    return _whole(_windowed(file, measured, first, last), file)
+    return _whole(file, _windowed(file, measured, first, last))
 
 
-def _given(unit: str) -> Unit:
-    found = parse_unit(unit)
-    if found is None:
-        wrong = f"--unit {unit}: this unit is not known"
-        raise RequestError(f'{wrong}; write one such as "mm/s" or, calibrated, "50 mm/s", of {known_units()}')
-    return found
-
-
-def _read(path: Path, channel: str | None, rate: float | None, unit: Unit | None) -> Measured:
+def _read(asked: Asked) -> Measured:
+    path = asked.path
     if path.is_dir():
         raise RequestError(f"{path} is a folder; name the measured file in it")
     if not path.exists():
@@ -70,19 +69,49 @@ def _read(path: Path, channel: str | None, rate: float | None, unit: Unit | None
     if not start.strip():
         raise RequestError(f"{path}: the file is empty")
     if start[:4] in (b"RIFF", b"RIFX", b"RF64") and start[8:12] == b"WAVE":
-        from drumsqueal.questions.compare.measured.wav import read_wav
-
-        return read_wav(path, channel, rate, unit)
+        return _read_wav(asked)
     if start.split(None, 1)[0] == b"-1" and start.lstrip(b"\r\n").startswith(b"    -1"):
         from drumsqueal.questions.compare.measured.uff58 import read_uff58
 
-        return read_uff58(path, channel, rate, unit)
+        return read_uff58(asked)
     kind = next((kind for mark, kind in _OTHERS.items() if start.startswith(mark)), None)
     if kind is None and b"\0" in start and not start.startswith((b"\xff\xfe", b"\xfe\xff")):
         kind = "no text, and of an unknown format"
     if kind is not None:
         raise RequestError(f"{path}: this is {kind}; {FORMATS}")
-    return read_csv(path, channel, rate, unit)
+    return read_csv(asked)
+
+
+def _read_wav(asked: Asked) -> Measured:
+    """Read a channel of a WAV file, in full scales without a unit. Raises RequestError for one cut short or damaged."""
+    path, rate = asked.path, asked.rate
+    try:
+        with warnings.catch_warnings(record=True) as noted:
+            warnings.simplefilter("always")
+            own_rate, data = wavfile.read(path)
+    except Exception as error:  # scipy raises nearly all there is on a file that is damaged
+        damaged = f"{path}: this WAV file is damaged, or of a kind that is not read ({error})"
+        raise RequestError(f"{damaged}; PCM and floating point are") from None
+    if any("prematurely" in str(note.message) or "Incomplete" in str(note.message) for note in noted):
+        raise RequestError(f"{path}: the WAV file is cut short; copy it again")
+    columns = data.reshape(len(data), -1)
+    names = [f"channel {k + 1}" for k in range(columns.shape[1])]
+    at = asked.pick(names)
+    remarks: list[str] = []
+    if rate is not None:
+        remarks.append(f"the sample rate is that of --rate, not the {own_rate} Hz of the file")
+    elif not own_rate > 0:
+        raise RequestError(f"{path}: the WAV file states a sample rate of {own_rate} Hz; give --rate")
+    values = np.asarray(columns[:, at], dtype=np.float64)
+    if data.dtype.kind in "iu":
+        bits = 8 * data.dtype.itemsize  # scipy puts 24 bits into the upper ones of 32
+        values = (values - (128.0 if data.dtype.kind == "u" else 0.0)) / 2.0 ** (bits - 1)
+        clipped = int(np.sum(np.abs(values) >= _CLIPPED))
+        if clipped > 1:
+            remarks.append(
+                f"{clipped} samples are at full scale: clipping adds harmonics and combinations of the lines"
+            )
+    return asked.measured(names[at], None, Sampling(float(rate or own_rate), 0.0), values, remarks)
 
 
 def _windowed(path: Path, measured: Measured, first: float | None, last: float | None) -> Measured:
@@ -100,22 +129,23 @@ def _windowed(path: Path, measured: Measured, first: float | None, last: float |
     return measured._replace(values=measured.values[begin:stop], start_s=start + begin / rate)
 
 
-def _whole(measured: Measured, path: Path) -> Measured:
+def _whole(path: Path, measured: Measured) -> Measured:
     """The longest stretch in which nothing is missing, with samples enough, not at rest and of a size to be squared."""
-    values, part = measured.values, longest_whole(measured.values)
-    left, remarks = part.stop - part.start, measured.remarks
-    start = measured.start_s + part.start / measured.sample_rate
-    if left < values.size:
-        gaps = np.flatnonzero(~np.isfinite(values))
-        when = measured.start_s + gaps[0] / measured.sample_rate
-        missing = f"{gaps.size} of {values.size} samples are missing, the first at {when:.6g} s"
-        if left < FEWEST:
+    values, remarks, finite = measured.values, measured.remarks, np.isfinite(measured.values)
+    stretches = np.ma.clump_unmasked(np.ma.masked_invalid(values))
+    part = max(stretches, key=lambda part: part.stop - part.start, default=slice(0, 0))
+    count, start = part.stop - part.start, measured.start_s + part.start / measured.sample_rate
+    if not finite.all():
+        when = measured.start_s + int(np.argmin(finite)) / measured.sample_rate
+        missing = f"{np.sum(~finite)} of {values.size} samples are missing, the first at {when:.6g} s"
+        if count < FEWEST:
             raise RequestError(f"{path}: {missing}; at least {FEWEST} without a gap are needed")
-        remarks += (f"{missing}: taken is the longest stretch without a gap, {left} samples from {start:.6g} s on",)
+        remarks += (f"{missing}: the longest stretch without a gap is taken, {count} samples from {start:.6g} s on",)
     largest = float(np.abs(values[part]).max())
     if not largest < LARGEST or 0 < largest <= SMALLEST:
-        fault = f"{measured.name!r} is {largest:.3g} {measured.unit or 'without a unit'} at the most, as nothing is"
-        raise RequestError(f"{path}: {fault}; take another channel, or mend the file or --unit")
+        size = f"{largest:.3g} {measured.unit or 'without a unit'} at the most"
+        fault = f"{measured.name!r} is {size}, which is out of all proportion"
+        raise RequestError(f"{path}: {fault}; take another channel, or correct the file or --unit")
     if not np.ptp(values[part]) > 0:
         raise RequestError(f"{path}: {measured.name!r} is constant there and has no lines; take another channel")
     return measured._replace(values=values[part], start_s=start, remarks=remarks)

@@ -6,12 +6,14 @@ Boltzmann's constant and au as a length, which are names of columns.
 
 import re
 from functools import cache
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.errors import RequestError
+from drumsqueal.questions.compare.measured.sampling import Sampling
 from drumsqueal.scene.quantities import SceneError, parse_quantity, printable
 
 # The SI units that a signal may have, and what has them; a family is one quantity and its rates, in order.
@@ -59,11 +61,6 @@ class Unit(NamedTuple):
     factor: float
     written: str
 
-    @property
-    def quantity(self) -> str:
-        """What has this unit."""
-        return QUANTITIES[self.si]
-
     def same_as(self, other: "Unit") -> bool:
         """Whether the other is this unit, to the digits that people write."""
         return self.si == other.si and abs(self.factor / other.factor - 1) <= _SAME
@@ -72,17 +69,20 @@ class Unit(NamedTuple):
 class Measured(NamedTuple):
     """A measured record: `values` (time,) at `sample_rate` (Hz), the first of them at `start_s`, in an SI unit.
 
-    `quantity` and `unit` are empty where nobody says what was measured, or in what. `remarks` holds what was taken for
-    granted, or left away, in reading it.
+    `unit` is empty where it is not known. `remarks` are what was assumed, or left out, in reading the file.
     """
 
     name: str
-    quantity: str
     unit: str
     sample_rate: float
     start_s: float
     values: NDArray[np.float64]
     remarks: tuple[str, ...]
+
+    @property
+    def quantity(self) -> str:
+        """What was measured; empty where the unit is not known."""
+        return QUANTITIES.get(self.unit, "")
 
     @property
     def short_name(self) -> str:
@@ -96,26 +96,50 @@ class Measured(NamedTuple):
         return self.values.size / self.sample_rate
 
 
-def measured_in(
-    given: Unit | None,
-    own: Unit | None,
-    name: str,
-    rate: float,
-    start: float,
-    values: NDArray[np.float64],
-    remarks: list[str],
-) -> Measured:
-    """A record brought to SI from the unit that is given or, without one, its own; None is one that is not known."""
-    unit = given or own
-    if given is not None and own is not None and not given.same_as(own):
-        remarks.append(f"the unit is that of --unit, {given.written}, although the file says {own.written}")
-    if unit is None:
-        return Measured(printable(name), "", "", rate, start, values, tuple(remarks))
-    with np.errstate(over="ignore"):  # what is too large for a number is as good as missing
-        return Measured(printable(name), unit.quantity, unit.si, rate, start, values * unit.factor, tuple(remarks))
+class Asked(NamedTuple):
+    """A measured file, which channel is asked of it, and rate (Hz) and unit if they are not to be the file's own."""
+
+    path: Path
+    channel: str | None
+    rate: float | None
+    unit: Unit | None
+
+    def pick(self, names: list[str]) -> int:
+        """Index of the channel asked for by name or number (from 1 on); without one, the only one there is.
+
+        Raises RequestError where there is none like it, or several to choose from.
+        """
+        listed = ", ".join(f"{k} {name!r}" for k, name in enumerate(names[:_LISTED], start=1))
+        listed += f" and {len(names) - _LISTED} more" if len(names) > _LISTED else ""
+        if self.channel is None:
+            if len(names) == 1:
+                return 0
+            raise RequestError(f"{self.path}: there are {len(names)} channels, {listed}; choose one with --channel")
+        asked = self.channel.strip()
+        same = [k for k, name in enumerate(names) if name == self.channel]
+        same = same or [k for k, name in enumerate(names) if name.casefold() == asked.casefold()]
+        same = same or [k for k, name in enumerate(names) if name.split(":")[0] == asked]  # name: what it is
+        if len(same) == 1:
+            return same[0]
+        if not same and asked.isascii() and asked.isdigit() and 1 <= int(asked) <= len(names):
+            return int(asked) - 1
+        several = "are several such channels" if same else "is no such channel"
+        what = f"--channel {self.channel}: there {several}"
+        raise RequestError(f"{self.path}: {what}; there are {listed}, by name or number")
+
+    def measured(
+        self, name: str, own: Unit | None, sampling: Sampling, values: NDArray[np.float64], remarks: list[str]
+    ) -> Measured:
+        """A record brought to SI from the unit asked for or, without one, its own; None is one that is not known."""
+        unit = self.unit or own
+        if self.unit is not None and own is not None and not self.unit.same_as(own):
+            remarks.append(f"the unit is that of --unit, {self.unit.written}, although the file states {own.written}")
+        si, factor = (unit.si, unit.factor) if unit else ("", 1.0)
+        with np.errstate(over="ignore"):  # what is too large for a number is as good as missing
+            return Measured(printable(name), si, *sampling, values * factor, tuple(remarks))
 
 
-def check_count(path: object, count: int) -> None:
+def check_count(path: Path, count: int) -> None:
     """Raise RequestError for a record of too few samples."""
     if count < FEWEST:
         are = "sample is" if count == 1 else "samples are"
@@ -144,7 +168,7 @@ def parse_unit(text: str) -> Unit | None:
 
 
 def known_units() -> str:
-    """What units may be made of, as an error tells it."""
+    """What units may be made of, for an error."""
     own, parts = ", ".join(_OWN), "; ".join(f"{kind} {', '.join(units)}" for kind, units in _PARTS.items())
     return f"{own}, or made of {parts}"
 
@@ -160,25 +184,3 @@ def _split(text: str) -> tuple[float, str]:
     written = re.sub(r"(?<=[A-Za-z])(-?[2-9]|-1)$", r"^\1", written)  # m/s2
     written = re.sub(r"(?<=[A-Za-z0-9²])\s*[.\s·]\s*(?=[A-Za-z])", "*", written)  # m s^-2, N.m
     return factor, written
-
-
-def pick_channel(path: object, names: list[str], asked: str | None) -> int:
-    """Index of the channel asked for by name or number (from 1 on); without one, the only one there is.
-
-    Raises RequestError where there is none like it, or several to choose from.
-    """
-    listed = ", ".join(f"{k} {name!r}" for k, name in enumerate(names[:_LISTED], start=1))
-    listed += f" and {len(names) - _LISTED} more" if len(names) > _LISTED else ""
-    if asked is None:
-        if len(names) == 1:
-            return 0
-        raise RequestError(f"{path}: there are {len(names)} channels, {listed}; choose one with --channel")
-    same = [k for k, name in enumerate(names) if name == asked]
-    same = same or [k for k, name in enumerate(names) if name.casefold() == asked.strip().casefold()]
-    same = same or [k for k, name in enumerate(names) if name.split(":")[0] == asked.strip()]  # name: what it is
-    if len(same) == 1:
-        return same[0]
-    if not same and asked.strip().isascii() and asked.strip().isdigit() and 1 <= int(asked) <= len(names):
-        return int(asked) - 1
-    several = "are several such channels" if same else "is no such channel"
-    raise RequestError(f"{path}: --channel {asked}: there {several}; there are {listed}, by name or number")

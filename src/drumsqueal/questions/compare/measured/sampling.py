@@ -1,4 +1,4 @@
-"""Whether times are evenly spaced, and the stretch of a record in which nothing is missing."""
+"""Whether times are evenly spaced."""
 
 from typing import NamedTuple
 
@@ -9,33 +9,28 @@ from numpy.typing import NDArray
 # that times f over the sample rate: −30 dB of a line at half the sample rate, less below.
 JITTER = 0.01
 ROUNDED = 0.75  # of the last digit: half of it, and what the rounding of all of them shifts the fit by
-LOST = 0.4  # intervals; a sample that was lost puts those beside it half an interval off, or more
+LOST = 0.4  # intervals; a sample that was lost puts its neighbours half an interval off, or more
 MOST_DIGITS = 12  # after the point of a time
 LAST_FRACTION = 0.1  # of the times, the largest, whose digits are the coarsest
 
 
+FEWEST_STEPS = 8  # next to a single gap, of which all the others are alike
+RATE_CURE = 'give --rate, such as --rate "51.2 kHz"'
+
+
 class Sampling(NamedTuple):
-    """Evenly spaced times: samples per second (Hz), the first time (s), how far one lies off its place (intervals)."""
+    """Evenly spaced times: samples per second (Hz), and the first time (s)."""
 
     rate: float
     start: float
-    off: float
-
-
-RATE_CURE = 'give --rate, such as --rate "51.2 kHz"'
-FEWEST_STEPS = 8  # beside a single gap, of which all the others are alike
 
 
 class UnevenError(ValueError):
-    """Times are not evenly spaced; the message says where, and `cure` what helps."""
+    """Times are not evenly spaced; the message says where, and what helps."""
 
-    cure = f"resample it evenly, or {RATE_CURE}"
-
-
-class GapError(UnevenError):
-    """A part of the record is missing: at one rate throughout, what follows would come too early."""
-
-    cure = "cut the file there, or resample it evenly"
+    def __init__(self, fault: str, cure: str = f"resample it evenly, or {RATE_CURE}") -> None:
+        """Take the fault and its cure."""
+        super().__init__(f"{fault}; {cure}")
 
 
 def even_sampling(time: NDArray[np.float64]) -> Sampling:
@@ -54,17 +49,16 @@ def even_sampling(time: NDArray[np.float64]) -> Sampling:
     places = times.mean() + interval * middle
     off = np.abs(times - places)
     worst = int(np.argmax(off))
-    where = f"at {times[worst]:.9g} s"
     if not interval > 0:
         raise UnevenError("the times do not increase")
     digit = last_digit(times)
     if off[worst] > max(JITTER * interval, min(ROUNDED * digit, LOST * interval)):
         if digit > interval / 2:
             raise UnevenError(f"the times are rounded to {digit:g} s, too coarse for an interval of {interval:.3g} s")
-        if gap := _gap(times):
-            raise GapError(gap)
-        raise UnevenError(f"{where} a time lies {off[worst] / interval:.2g} intervals off its place")
-    return Sampling(1.0 / interval, float(times[0] - index[0] * interval), float(off[worst]) / interval)
+        if gap := _gap(times):  # at one rate throughout, what follows would come too early
+            raise UnevenError(gap, "cut the file there, or resample it evenly")
+        raise UnevenError(f"at {times[worst]:.9g} s a time lies {off[worst] / interval:.2g} intervals off its place")
+    return Sampling(1.0 / interval, float(times[0] - index[0] * interval))
 
 
 def _gap(times: NDArray[np.float64]) -> str:
@@ -86,9 +80,3 @@ def last_digit(times: NDArray[np.float64]) -> float:
         if np.abs(scaled - np.round(scaled)).max() <= round_off:
             return 10.0**-digits
     return 0.0
-
-
-def longest_whole(values: NDArray[np.float64]) -> slice:
-    """The longest stretch of a record without NaN or infinity; empty where there is none."""
-    whole = np.ma.clump_unmasked(np.ma.masked_invalid(values))
-    return max(whole, key=lambda part: part.stop - part.start, default=slice(0, 0))

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drumsqueal.errors import RequestError, missing_extra
 from drumsqueal.files.universal import (
@@ -19,33 +18,40 @@ from drumsqueal.files.universal import (
     UNKNOWN,
     USER_DEFINED,
 )
-from drumsqueal.questions.compare.measured.record import Measured, Unit, measured_in, parse_unit, pick_channel
-from drumsqueal.questions.compare.measured.sampling import Sampling, UnevenError, even_sampling
+from drumsqueal.questions.compare.measured.record import Asked, Measured, Unit, parse_unit
+from drumsqueal.questions.compare.measured.sampling import RATE_CURE, Sampling, UnevenError, even_sampling
 
 COMPLEX = (5, 6)  # types of the numbers
 _MARK = b"    -1"  # begins and ends a data set
 
 
-def read_uff58(path: Path, channel: str | None, rate: float | None, unit: Unit | None) -> Measured:
+def read_uff58(asked: Asked) -> Measured:
     """Read a time record of a UFF58 file: the only one, or the one of that name or number among its data sets 58.
 
     Raises RequestError for spectra and other data sets, for times that are not even, and for a file cut short.
     """
+    path, remarks = asked.path, []
     records, system = _data_sets(path)
     names = [_name(record, number) for number, record in enumerate(records, start=1)]
-    at = pick_channel(path, names, channel)
-    record, remarks = records[at], []
-    values = np.asarray(record["data"])
-    if record["ord_data_type"] in COMPLEX or not _over_time(record):
+    at = asked.pick(names)
+    record = records[at]
+    values, axis = np.asarray(record["data"]), record.get("abscissa_spec_data_type")
+    over_time = axis == TIME_AXIS or (axis in (UNKNOWN, GENERAL) and record.get("func_type") == TIME_RESPONSE)
+    if record["ord_data_type"] in COMPLEX or not over_time:
         kind = "complex" if record["ord_data_type"] in COMPLEX else "not over time"
         raise RequestError(f"{path}: data set {names[at]!r} is {kind}; export the time record that it was made from")
-    if values.size < record["num_pts"]:
-        raise RequestError(f"{path}: {names[at]!r} holds {values.size} of its {record['num_pts']} samples; it is cut")
-    values = np.asarray(values[: record["num_pts"]], dtype=np.float64)  # binary ones may have a line break behind
-    sampling = _sampling(path, record, rate, remarks)
+    count = record["num_pts"]
+    if values.size < count:
+        raise RequestError(f"{path}: {names[at]!r} holds {values.size} of its {count} samples; it is cut short")
+    values = np.asarray(values[:count], dtype=np.float64)  # binary ones may have a line break behind
+    if asked.rate is not None:
+        remarks.append("the sample rate is that of --rate, not the file's own")
+        sampling = Sampling(asked.rate, 0.0)
+    else:
+        sampling = _sampling(path, record)
     # Where a unit is given, what is to be said of the file's own is that it is another.
-    own = _unit(record, system, [] if unit else remarks)
-    return measured_in(unit, own, names[at], sampling.rate, sampling.start, values, remarks)
+    own = _unit(record, system, [] if asked.unit else remarks)
+    return asked.measured(names[at], own, sampling, values, remarks)
 
 
 def _data_sets(path: Path) -> tuple[list[dict[str, Any]], dict[str, Any] | None]:
@@ -78,43 +84,31 @@ def _name(record: dict[str, Any], number: int) -> str:
     return f"node {record.get('rsp_node')} direction {record.get('rsp_dir')}" if "rsp_node" in record else f"{number}"
 
 
-def _over_time(record: dict[str, Any]) -> bool:
-    axis = record.get("abscissa_spec_data_type")
-    return axis == TIME_AXIS or (axis in (UNKNOWN, GENERAL) and record.get("func_type") == TIME_RESPONSE)
-
-
-def _sampling(path: Path, record: dict[str, Any], rate: float | None, remarks: list[str]) -> Sampling:
-    if rate is not None:
-        remarks.append("the sample rate is that of --rate, not the file's own")
-        return Sampling(rate, 0.0, 0.0)
+def _sampling(path: Path, record: dict[str, Any]) -> Sampling:
     interval = float(record["abscissa_inc"])
     if record["abscissa_spacing"] == 1:
         if not (np.isfinite(interval) and interval > 0):
-            raise RequestError(f'{path}: the data set says an interval of {interval:g} s; give --rate "51.2 kHz"')
-        return Sampling(1.0 / interval, float(record["abscissa_min"]), 0.0)
+            raise RequestError(f"{path}: the data set states an interval of {interval:g} s; {RATE_CURE}")
+        return Sampling(1.0 / interval, float(record["abscissa_min"]))
     try:
-        return even_sampling(_times(record))
+        return even_sampling(np.asarray(record["x"], dtype=np.float64)[: record["num_pts"]])
     except UnevenError as error:
-        raise RequestError(f"{path}: not evenly sampled, {error}; {error.cure}") from None
-
-
-def _times(record: dict[str, Any]) -> NDArray[np.float64]:
-    return np.asarray(record["x"], dtype=np.float64)[: record["num_pts"]]
+        raise RequestError(f"{path}: not evenly sampled, {error}") from None
 
 
 def _unit(record: dict[str, Any], system: dict[str, Any] | None, remarks: list[str]) -> Unit | None:
     """The unit by the data type with data set 164, and by the label; None where they disagree or say nothing."""
     label = str(record.get("ordinate_axis_units_lab", "")).strip()
-    written = parse_unit(label) if label and label.upper() != "NONE" else None
-    by_type = _by_type(record, system)
-    if written is not None and by_type is not None:
-        if not written.same_as(by_type):
-            remarks.append(f"its label says {label}, data set 164 another unit: taken as unknown; --unit would say")
-            return None
-        return by_type
-    if written is None and by_type is None and label and label.upper() != "NONE":
-        remarks.append(f"{label!r} is no unit of a known quantity")
-    return written or by_type
+    label = "" if label.upper() == "NONE" else label
+    written, by_type = parse_unit(label), _by_type(record, system)
+    if written is not None and by_type is not None and not written.same_as(by_type):
+        remarks.append(
+            f"its label states {label}, data set 164 another unit: the unit is not known; give it with --unit"
+        )
+        return None
+    if label and written is None and by_type is None:
+        remarks.append(f"the unit {label!r} is not known")
+    return by_type or written
 
 
 def _by_type(record: dict[str, Any], system: dict[str, Any] | None) -> Unit | None:

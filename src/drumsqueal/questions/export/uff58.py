@@ -12,13 +12,26 @@ from typing import Any
 
 import numpy as np
 import pyuff
+from numpy.typing import NDArray
 
 from drumsqueal.files.universal import SI_SYSTEM, TIME_AXIS, TIME_RESPONSE, type_of
 from drumsqueal.findings.vibration import unit_of
+from drumsqueal.physics.bodies.body import displace
+from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
 from drumsqueal.progress import Progress
-from drumsqueal.questions.export.channels import Channel, Channels
-from drumsqueal.questions.export.points import CENTRE_OF_GRAVITY, OUTLINE, POINTS, moved, positions
+from drumsqueal.questions.export.signals import (
+    CENTRE_OF_GRAVITY,
+    LEADING_END,
+    MIDDLE,
+    TRAILING_END,
+    Channel,
+    Channels,
+)
+from drumsqueal.solve.linear.modes import Mode
 
+# Of the points of the shoe, those that a line joins.
+OUTLINE = (LEADING_END, MIDDLE, TRAILING_END, CENTRE_OF_GRAVITY, LEADING_END)
+POINTS = sorted(set(OUTLINE))
 EXACT = 1e-9  # of the interval between samples, that six digits of a time may be off without a word
 _EVEN = 1
 _ID_LINE, _LABEL, _NAME = 80, 20, 10  # columns
@@ -30,7 +43,7 @@ _COLOUR = 1
 _COMPLEX_MODE, _TRANSLATIONS = 3, 2  # type of the analysis, and of the data at nodes
 
 
-def write(channels: Channels, path: Path, progress: Progress) -> str:
+def write_uff58(channels: Channels, path: Path, progress: Progress) -> str:
     """Write geometry, modes and every signal in ASCII, signals in double precision. Raises OSError."""
     file = pyuff.UFF(str(path))
     mode = "overwrite"
@@ -44,10 +57,9 @@ def write(channels: Channels, path: Path, progress: Progress) -> str:
             raise error.__context__ from None
         raise
     interval = 1 / channels.sample_rate
-    values = {"interval": interval, "start": channels.start}
     rounded = [
         f"the {name}, {value:.10g} s"
-        for name, value in values.items()
+        for name, value in (("interval", interval), ("start", channels.start))
         if abs(float(f"{value:.5e}") - value) > EXACT * interval
     ]
     if not rounded:
@@ -56,13 +68,20 @@ def write(channels: Channels, path: Path, progress: Progress) -> str:
 
 
 def _datasets(channels: Channels) -> Iterator[dict[str, Any]]:
+    # In the order of POINTS: (c, 0, 0), then R (cos θ, sin θ, 0) at θ = 0, −β/2 and β/2.
+    shoe = RigidShoe(**channels.scene.shoe.model_dump())
+    angles = float(shoe.half_angle) * np.array([0.0, -1.0, 1.0])
+    lining = float(shoe.outer_radius) * np.stack([np.cos(angles), np.sin(angles), np.zeros(3)], axis=1)
+    places = np.vstack([[float(shoe.centroid), 0.0, 0.0], lining]).T
     yield _header(channels)
     yield _units()
     yield _coordinate_systems()
-    yield _nodes(channels)
-    yield _outline()
-    count = 0 if channels.stability is None else len(channels.stability.modes)
-    yield from (_mode(channels, number) for number in range(count))
+    yield _nodes(places)
+    yield pyuff.prepare_82(trace_num=1, color=_COLOUR, id="shoe", nodes=np.array(OUTLINE))
+    if channels.stability is not None:
+        for number, mode in enumerate(channels.stability.modes):
+            moves = displace(shoe, mode.shape(channels.stability.coordinates), *places)
+            yield _mode(channels, mode, number, [np.broadcast_to(move, len(POINTS)).astype(complex) for move in moves])
     yield from (_function(channels, channel, number) for number, channel in enumerate(channels.channels, start=1))
 
 
@@ -78,10 +97,9 @@ def _header(channels: Channels) -> dict[str, Any]:
 
 def _units() -> dict[str, Any]:
     """Dataset 164. Dividing by its factors gives SI, so for SI they are 1; temperatures do not occur."""
-    description = "SI: metre, newton".ljust(_LABEL)
     return pyuff.prepare_164(
         units_code=SI_SYSTEM,
-        units_description=description,
+        units_description="SI: metre, newton".ljust(_LABEL),
         temp_mode=1,
         length=1.0,
         force=1.0,
@@ -107,11 +125,11 @@ def _coordinate_systems() -> dict[str, Any]:
     )
 
 
-def _nodes(channels: Channels) -> dict[str, Any]:
+def _nodes(places: NDArray[np.float64]) -> dict[str, Any]:
     """Dataset 2411: places along the model's axes; the lining's directions are radial, along the drum, axial."""
-    x, y, z = positions(channels.scene).T
+    x, y, z = places
     return pyuff.prepare_2411(
-        node_nums=np.array(list(POINTS)),
+        node_nums=np.array(POINTS),
         def_cs=np.full(len(POINTS), _GLOBAL),
         disp_cs=np.array([_GLOBAL if point == CENTRE_OF_GRAVITY else _DRUM for point in POINTS]),
         color=np.full(len(POINTS), _COLOUR),
@@ -121,26 +139,17 @@ def _nodes(channels: Channels) -> dict[str, Any]:
     )
 
 
-def _outline() -> dict[str, Any]:
-    """Dataset 82: the line through the points that stands for the shoe."""
-    return pyuff.prepare_82(trace_num=1, color=_COLOUR, id="shoe", nodes=np.array(OUTLINE))
-
-
-def _mode(channels: Channels, number: int) -> dict[str, Any]:
+def _mode(channels: Channels, mode: Mode, number: int, moves: list[NDArray[np.complex128]]) -> dict[str, Any]:
     """Dataset 55 of the mode of that number (from 0 on): translations of the points along the global axes.
 
     Modal A and B are 0, which is none: with friction they take the left eigenvector, for which there is no place.
     """
-    stability = channels.stability
-    assert stability is not None
-    mode = stability.modes[number]
-    x, y, z = moved(channels.scene, mode.shape(stability.coordinates)).T
-    unit = unit_of(mode.name)
+    x, y, z = moves
     return pyuff.prepare_55(
         id1=_fitted(f"mode {channels.prediction[number]}", _ID_LINE),
         id2=_fitted(channels.texts["title"], _ID_LINE),
         id3="complex mode of steady sliding, along the global x, y, z at every node",
-        id4=f"in m where {mode.name} at the centre of gravity is 1 {unit}",
+        id4=f"in m where {mode.name} at the centre of gravity is 1 {unit_of(mode.name)}",
         id5="NONE",
         model_type=1,
         analysis_type=_COMPLEX_MODE,
@@ -149,7 +158,7 @@ def _mode(channels: Channels, number: int) -> dict[str, Any]:
         load_case=0,
         mode_n=number + 1,
         eig=mode.eigenvalue,
-        node_nums=list(POINTS),
+        node_nums=POINTS,
         r1=x,
         r2=y,
         r3=z,
@@ -159,8 +168,7 @@ def _mode(channels: Channels, number: int) -> dict[str, Any]:
 def _function(channels: Channels, channel: Channel, number: int) -> dict[str, Any]:
     """Dataset 58 of one signal; `number` is its version number, which distinguishes functions at one point."""
     rate = f"sample rate {channels.sample_rate!r} Hz from {channels.start:.12g} s; {channels.texts['source']}"
-    lines = [channels.prediction[k : k + _MODES_A_LINE] for k in (0, _MODES_A_LINE)]
-    modes = ["; ".join(line) for line in lines]
+    modes = ["; ".join(channels.prediction[k : k + _MODES_A_LINE]) for k in (0, _MODES_A_LINE)]
     # Exponents count where the type is general, and for what has no direction; elsewhere the type says all.
     length, force = (0, 0) if channel.direction else channel.length_force
     return pyuff.prepare_58(
