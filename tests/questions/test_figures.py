@@ -32,9 +32,8 @@ from drumsqueal.questions.onset.figure import limit_amplitudes
 from drumsqueal.questions.run.figures import draw_all, drawings
 from drumsqueal.questions.run.figures.fractions import running
 from drumsqueal.questions.run.figures.view import View
-from drumsqueal.questions.sweep.amplitude_figure import draw_amplitude
+from drumsqueal.questions.sweep.figure import draw_amplitude, draw_stability
 from drumsqueal.questions.sweep.points import TRENDS, blank, squealing, to_dataset, undecided
-from drumsqueal.questions.sweep.stability_figure import draw_stability
 from drumsqueal.scene import COORDINATES
 from drumsqueal.scene.plan import Plan, grid, sample
 from drumsqueal.scene.variation import read_variation

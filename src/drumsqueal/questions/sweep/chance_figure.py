@@ -5,8 +5,8 @@ import xarray
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from drumsqueal.questions.sweep.chance import ChanceStudy
-from drumsqueal.questions.sweep.slices import in_words
+from drumsqueal.questions.sweep.figure import in_words
+from drumsqueal.questions.sweep.summary import ChanceStudy
 from drumsqueal.scene import COORDINATES
 from drumsqueal.scene.plan import Plan
 from drumsqueal.terminal import style
@@ -69,13 +69,12 @@ def _draw_frequencies(axes: Axes, sweep: xarray.Dataset) -> None:
 
 
 def _draw_correlations(axes: Axes, chances: ChanceStudy) -> None:
-    known = {key: value for key, value in chances.correlations.items() if value is not None}
-    ordered = sorted(known, key=lambda key: abs(known[key]))
+    known = dict(reversed(chances.known_correlations.items()))
     axes.axvspan(-chances.noise, chances.noise, color=style.PALE, linewidth=0, zorder=0)
     axes.axvline(0, color=style.DARK, linewidth=0.6)
-    axes.barh(range(len(ordered)), [known[key] for key in ordered], height=BAR, color=style.SEPARATED)
-    axes.set_yticks(range(len(ordered)), [in_words(key).replace(" ", "\n", 1) for key in ordered])
+    axes.barh(range(len(known)), list(known.values()), height=BAR, color=style.SEPARATED)
+    axes.set_yticks(range(len(known)), [in_words(key).replace(" ", "\n", 1) for key in known])
     axes.set_xlim(-1, 1)
-    axes.set_ylim(-0.6, max(len(ordered), 1) - 0.4)
+    axes.set_ylim(-0.6, max(len(known), 1) - 0.4)
     frame(axes, "rank correlation with the largest\ngrowth rate; pale band: as by chance", None)
     axes.tick_params(axis="y", length=0)

@@ -61,7 +61,8 @@ class Cluster:
         waiting, out, ready = list(reversed(left)), {}, queue.SimpleQueue()
         try:
             while waiting or out:
-                while waiting and len(out) < AHEAD * max(self._threads(), 1):
+                workers: Any = self._client.nthreads()  # typed for its asynchronous use, too
+                while waiting and len(out) < AHEAD * max(sum(workers.values()), 1):
                     first, stop = waiting.pop()
                     key = f"drumsqueal-{run}-{first}"
                     out[first] = self._client.submit(work, plan, first, stop, wanted, key=key, pure=False)
@@ -70,10 +71,6 @@ class Cluster:
                 yield first, self._result(out.pop(first), first, look)
         finally:
             self._client.cancel(list(out.values()))
-
-    def _threads(self) -> int:
-        workers: Any = self._client.nthreads()  # typed for its asynchronous use, too
-        return sum(workers.values())
 
     def _next(self, ready: queue.SimpleQueue, look: Callable[[], None]) -> int:
         while True:
