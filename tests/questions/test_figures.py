@@ -264,7 +264,7 @@ def test_the_line_of_what_decays_is_not_drawn():
     decays[:10], below[:5], below[12] = TRENDS.index("decays"), 0.3, 0.3
     settled = sweep["settled"].copy()
     settled[5:10] = 0
-    sweep = sweep.assign(trend=decays, settled=settled, separation_fraction=below, reversal_fraction=below)
+    sweep = sweep.assign(trend=decays, settled=settled, separation_share=below, reversal_share=below)
     # Gone: 5 that decay below the edges, and one that has settled there where no mode grows: it decays, but slowly.
     assert np.flatnonzero(~(squealing(sweep) | undecided(sweep))).tolist() == [0, 1, 2, 3, 4, 12]
     grows = np.flatnonzero(sweep["trend"].values == TRENDS.index("grows")).tolist()
@@ -276,7 +276,7 @@ def test_the_line_of_what_decays_is_not_drawn():
     assert np.flatnonzero(np.isnan(np.asarray(frequency))).tolist() == [0, 1, 2, 3, 4, 12]
     decayed = {"trend": decays * 0 + TRENDS.index("decays"), "settled": settled * 0 + 1}
     everything = sweep.assign(decayed | {"separation_share": below * 0})
-    figure = draw_amplitude(everything.assign(reversal_fraction=below * 0), plan)
+    figure = draw_amplitude(everything.assign(reversal_share=below * 0), plan)
     assert figure is not None
     assert len(figure.axes) == 1  # there is no frequency to be drawn
 

@@ -32,8 +32,7 @@ from drumsqueal.questions.onset import attractors
 from drumsqueal.questions.onset import study as study_module
 from drumsqueal.questions.onset.attractors import Family, How, Start, find_attractors, go_on
 from drumsqueal.questions.onset.figure import draw_onset
-from drumsqueal.questions.onset.found import OnsetStudy
-from drumsqueal.questions.onset.rows import Kind, Leads, Range, Response, Row, find_ranges
+from drumsqueal.questions.onset.found import Kind, Leads, OnsetStudy, Range, Response, Row, find_ranges
 from drumsqueal.questions.onset.study import Prediction, compare, predict, study_onset
 from drumsqueal.questions.onset.words import reservations, verdict, with_uncertainty
 from drumsqueal.scene import SceneError, load_scene

@@ -23,7 +23,7 @@ from drumsqueal.questions.onset import study as study_module
 from drumsqueal.questions.onset.attractors import Family, How, Start, find_attractors
 from drumsqueal.questions.onset.disturbance import PRECISION, smallest_disturbances, surface_speed
 from drumsqueal.questions.onset.figure import draw_onset
-from drumsqueal.questions.onset.rows import Leads, Response, Row
+from drumsqueal.questions.onset.found import Leads, Response, Row
 from drumsqueal.questions.onset.study import predict, study_onset
 from drumsqueal.questions.onset.words import reservations, verdict
 from drumsqueal.scene import load_scene

@@ -13,8 +13,7 @@ from drumsqueal.files.output_folder import ONSET_SUMMARY, ONSET_TABLE
 from drumsqueal.findings.outcome import Ending
 from drumsqueal.findings.vibration import unit_of
 from drumsqueal.questions.onset.figure import draw_onset
-from drumsqueal.questions.onset.found import OnsetStudy
-from drumsqueal.questions.onset.rows import Disturbance, Kind, Motion, Response, Row
+from drumsqueal.questions.onset.found import Disturbance, Kind, Motion, OnsetStudy, Response, Row
 from drumsqueal.questions.onset.words import critical_words, with_uncertainty
 from drumsqueal.terminal.runner import Answer
 from drumsqueal.terminal.tables import print_table, rows_to_csv

@@ -16,7 +16,7 @@ from drumsqueal.findings.saturated import DRIFT, Saturated, at_once, saturated_m
 from drumsqueal.findings.verdict import SMALL_ROTATION
 from drumsqueal.physics.model import Model
 from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.onset.rows import Leads, Motion, Response
+from drumsqueal.questions.onset.found import Leads, Motion, Response
 from drumsqueal.solve.linear.branches import ModelAt, Point
 from drumsqueal.solve.linear.modes import UNDAMPED_FRACTION, Mode
 from drumsqueal.solve.transient.runge_kutta import AUTO
@@ -50,7 +50,7 @@ class How(NamedTuple):
 
     sample_rate: float
     tolerance: float
-    round_seconds: float
+    round_seconds: float = 0.0
     solver: str = AUTO
     threads: int | None = None
 

@@ -26,8 +26,7 @@ from drumsqueal.questions.onset.attractors import (
     round_seconds,
 )
 from drumsqueal.questions.onset.disturbance import smallest_disturbances
-from drumsqueal.questions.onset.found import FollowedMode, Onset, OnsetStudy
-from drumsqueal.questions.onset.rows import QUIET, Kind, Row, find_ranges
+from drumsqueal.questions.onset.found import QUIET, FollowedMode, Kind, Onset, OnsetStudy, Row, find_ranges
 from drumsqueal.questions.onset.words import reservations, verdict
 from drumsqueal.scene import Profile, Scene, SceneError
 from drumsqueal.scene.variation import Variation, may_not_rest, read_variation
@@ -104,72 +103,23 @@ def study_onset(
     In place of a scene, a function of one number gives a model: `study_onset(lambda speed: block_on_belt(law,
     belt_speed=speed), Variation("belt speed", "m/s", (1.0, 1.1, 1.2)), sample_rate=10.0)`, in Hz, and its `tolerance`.
 
-    Raises SceneError and RequestError for what cannot be studied, and ValueError for a share that is not between 0 and
-    1.
+    Raises SceneError and RequestError for what cannot be studied, and ValueError for a fraction that is not between 0
+    and 1.
     """
     if not 0 < within < 1:
-        raise ValueError(f"the share must be between 0 and 1, got {within}")
-    if not isinstance(scene, Scene):
+        raise ValueError(f"the fraction must be between 0 and 1, got {within}")
+    if isinstance(scene, Scene):
+        variation = read_variation(along, scene, option="along") if isinstance(along, str) else along
+        if cycles:
+            checked_range(scene, variation)
+        predicted = predict(scene, variation, progress)
+    else:
         predicted = predict_models(scene, cast("Variation", along), sample_rate, tolerance, progress)
-        return compare(predicted, within, smallest_kick=smallest_kick, cycles=cycles, progress=progress, keep=keep)
-    variation = read_variation(along, scene, option="along") if isinstance(along, str) else along
-    if cycles:
-        checked_range(scene, variation)
-    predicted = predict(scene, variation, progress)
     return compare(predicted, within, smallest_kick=smallest_kick, cycles=cycles, progress=progress, keep=keep)
 
 
 def predict(scene: Scene, variation: Variation, progress: Progress = silent) -> Prediction:
     """Follow the modes and find the critical values. Raises SceneError and RequestError for what cannot be studied."""
-    _check(scene, variation)
-    # Structure hangs on the larger end: a long arc has more nodes, a force that vanishes is none.
-    largest = max(variation.values, key=abs)
-    whole = scene.with_values({variation.key: largest})
-    coordinates = linear_coordinates(whole)
-
-    def linear_at(value: float):
-        return build_model(whole, {variation.key: value}, coordinates)
-
-    def model_at(value: float):
-        return build_model(whole, {variation.key: value})
-
-    linear = follow_modes(linear_at, variation.values, progress)
-    sound = [point for point in linear.points if not point.reason]
-    if not sound:
-        raise SceneError(f"nowhere in the range is there steady sliding: {linear.points[0].reason}", (variation.key,))
-    highest = max((mode.frequency_Hz for point in sound for mode in point.modes), default=0.0)
-    rate = scene.simulate.sample_rate
-    if rate < 2 * highest:
-        reason = f"this is below twice the highest frequency, {highest:.5g} Hz, which would fold; take at least"
-        raise SceneError(f"{reason} {2 * highest:.5g} Hz", ("simulate", "sample_rate"), rate)
-    moving = model_at(largest).names
-    family = Family(model_at, moving, linear_at(largest).names)
-    # Whole chunks of samples need no program of their own, but any number will do.
-    how = How(rate, scene.simulate.tolerance, round_seconds(sound, moving), scene.simulate.solver)
-    return Prediction(scene, variation, family, linear_at, linear, how)
-
-
-def predict_models(
-    model_at: ModelAt, variation: Variation, sample_rate: float, tolerance: float, progress: Progress = silent
-) -> Prediction:
-    """The same for a family of models. Raises RequestError for what cannot be studied."""
-    if len(set(variation.values)) < 2:
-        raise RequestError(f"{variation.key}: give it a range of two values at least")
-    first = model_at(variation.first)
-    if first.contact.friction is None or first.forced:
-        raise RequestError("the onset of squeal takes models with friction and without a harmonic force")
-    linear = follow_modes(model_at, variation.values, progress)
-    sound = [point for point in linear.points if not point.reason]
-    if not sound:
-        raise RequestError(f"nowhere in the range is there steady sliding: {linear.points[0].reason}")
-    highest = max((mode.frequency_Hz for point in sound for mode in point.modes), default=0.0)
-    if not sample_rate > 0 or sample_rate < 2 * highest:
-        raise RequestError(f"sample_rate must be at least {2 * highest:.5g} Hz, twice the highest frequency")
-    how = How(sample_rate, tolerance, round_seconds(sound, first.names))
-    return Prediction(None, variation, Family(model_at, first.names, first.names), model_at, linear, how)
-
-
-def _check(scene: Scene, variation: Variation) -> None:
     if scene.friction is None:
         raise RequestError("friction: this scene has none, so nothing in it can squeal; add the table")
     if scene.forcing is not None:
@@ -178,8 +128,52 @@ def _check(scene: Scene, variation: Variation) -> None:
         if isinstance(value, Profile):
             raise RequestError(f"{key}: it changes over time here; give it one value, as by --set {key}=...")
     may_not_rest(variation)
+    # Structure hangs on the larger end: a long arc has more nodes, a force that vanishes is none.
+    largest = max(variation.values, key=abs)
+    whole = scene.with_values({variation.key: largest})
+    coordinates = linear_coordinates(whole)
+
+    def linear_at(value: float) -> Model:
+        return build_model(whole, {variation.key: value}, coordinates)
+
+    def model_at(value: float) -> Model:
+        return build_model(whole, {variation.key: value})
+
+    family = Family(model_at, model_at(largest).names, linear_at(largest).names)
+    how = How(scene.simulate.sample_rate, scene.simulate.tolerance, solver=scene.simulate.solver)
+    return _predict(scene, variation, family, linear_at, how, progress)
+
+
+def predict_models(
+    model_at: ModelAt, variation: Variation, sample_rate: float, tolerance: float, progress: Progress = silent
+) -> Prediction:
+    """The same for a family of models. Raises RequestError for what cannot be studied."""
+    first = model_at(variation.first)
+    if first.contact.friction is None or first.forced:
+        raise RequestError("the onset of squeal takes models with friction and without a harmonic force")
+    family = Family(model_at, first.names, first.names)
+    return _predict(None, variation, family, model_at, How(sample_rate, tolerance), progress)
+
+
+def _predict(
+    scene: Scene | None, variation: Variation, family: Family, linear_at: ModelAt, how: How, progress: Progress
+) -> Prediction:
     if len(set(variation.values)) < 2:
         raise RequestError(f"{variation.key}: give it a range of two values at least")
+    linear = follow_modes(linear_at, variation.values, progress)
+    sound = [point for point in linear.points if not point.reason]
+    if not sound:
+        raise RequestError(f"{variation.key}: nowhere in the range is there steady sliding: {linear.points[0].reason}")
+    highest = max((mode.frequency_Hz for point in sound for mode in point.modes), default=0.0)
+    if not how.sample_rate > 0 or how.sample_rate < 2 * highest:
+        limit = f"twice the highest frequency, {highest:.5g} Hz"
+        reason = f"this is below {limit}, which would fold; take at least {2 * highest:.5g} Hz"
+        if scene is None:
+            raise RequestError(f"sample_rate: {reason}")
+        raise SceneError(reason, ("simulate", "sample_rate"), how.sample_rate)
+    # Whole chunks of samples need no program of their own, but any number will do.
+    how = how._replace(round_seconds=round_seconds(sound, family.moving))
+    return Prediction(scene, variation, family, linear_at, linear, how)
 
 
 def compare(
@@ -210,15 +204,13 @@ def compare(
     if smallest_kick:
         search.smallest_disturbances()
     ranges = find_ranges(search.rows, linear.critical, search.resolved(within))
-    study = study.model_copy(
-        update={"outcome": Ending.COMPLETE, "values": tuple(search.rows), "ranges": ranges},
-    )
+    study = study.model_copy(update={"outcome": Ending.COMPLETE, "values": tuple(search.rows), "ranges": ranges})
     study = study.model_copy(update={"verdict": verdict(study), "reservations": reservations(study)})
     if not cycles:
         return study
     keep(study)
-    ends = (predicted.variation.first, predicted.variation.last)
     if scene is None:
+        ends = predicted.variation.first, predicted.variation.last
         found = follow_cycles(predicted.family.model_at, ends, progress=progress)
     else:
         found = follow_cycles(scene, predicted.variation, progress=progress)
@@ -258,16 +250,16 @@ class _Search:
         tried: set[tuple[float, float, int, float]] = set()
         while True:
             tasks = []
-            for a, b in pairwise(self.rows):
-                for there, here in ((a, b), (b, a)):
-                    sizes = SIZES if here.kind in (*QUIET, Kind.UNDECIDED) else SIZES[:1]
-                    for k, source in enumerate(there.motions):
-                        if here.kind is Kind.NOWHERE or any(source.like(known) for known in here.motions):
-                            continue
-                        untried = [size for size in sizes if (there.value, here.value, k, size) not in tried]
-                        for size in untried[:1]:
-                            tried.add((there.value, here.value, k, size))
-                            tasks.append((here.point, go_on(there.value, source, size)))
+            neighbours = [pair for a, b in pairwise(self.rows) for pair in ((a, b), (b, a))]
+            for there, here in neighbours:
+                sizes = SIZES if here.kind in (*QUIET, Kind.UNDECIDED) else SIZES[:1]
+                for k, source in enumerate(there.motions):
+                    if here.kind is Kind.NOWHERE or any(source.like(known) for known in here.motions):
+                        continue
+                    untried = [size for size in sizes if (there.value, here.value, k, size) not in tried]
+                    for size in untried[:1]:
+                        tried.add((there.value, here.value, k, size))
+                        tasks.append((here.point, go_on(there.value, source, size)))
             if not tasks:
                 return
             self._run("from neighbours", tasks, PERSISTENT)
@@ -281,7 +273,7 @@ class _Search:
         precision = self.resolved(within)
         for a, b in list(pairwise(self.rows)):
             if Kind.SQUEALS in (a.kind, b.kind) and (a.kind in QUIET or b.kind in QUIET):
-                self._beside(a, b, precision)
+                self._look_next_to_critical(a, b, precision)
         for a, b in list(pairwise(self.rows)):
             if Kind.BISTABLE not in (a.kind, b.kind) or (a.kind not in QUIET and b.kind not in QUIET):
                 continue
@@ -295,7 +287,7 @@ class _Search:
                 self._rows[value] = self._rows[value].model_copy(update={"smallest_kick": smallest})
             self._on_rows(self.rows)
 
-    def _beside(self, a: Row, b: Row, precision: float) -> None:
+    def _look_next_to_critical(self, a: Row, b: Row, precision: float) -> None:
         """Look right next to a critical value whether squeal goes on into the stable side."""
         squeals, stable = (a, b) if a.kind is Kind.SQUEALS else (b, a)
         between = [each.value for each in self._predicted.linear.critical if a.value <= each.value <= b.value]

@@ -4,8 +4,7 @@ import math
 from collections.abc import Sequence
 
 from drumsqueal.findings.verdict import SMALL_ROTATION
-from drumsqueal.questions.onset.found import Onset
-from drumsqueal.questions.onset.rows import Disturbance, Kind, Leads, Range
+from drumsqueal.questions.onset.found import Disturbance, Kind, Leads, Onset, Range
 from drumsqueal.scene.variation import Variation
 from drumsqueal.solve.linear.branches import DIVERGENCE, Critical
 

@@ -10,8 +10,7 @@ from drumsqueal.files.output_folder import ONSET, ONSET_SUMMARY, ONSET_TABLE, fi
 from drumsqueal.findings.outcome import Ending
 from drumsqueal.findings.schema import read_findings
 from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.onset.found import OnsetStudy
-from drumsqueal.questions.onset.rows import Kind
+from drumsqueal.questions.onset.found import Kind, OnsetStudy
 from drumsqueal.questions.report.inline import data_uri, picture
 from drumsqueal.questions.report.moving import animate
 from drumsqueal.questions.report.words import hertz, onset_words
