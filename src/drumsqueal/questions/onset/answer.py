@@ -120,9 +120,7 @@ def _cells(which: str, response: Response | None, study: OnsetStudy) -> dict[str
     return {
         f"{which}_start": response and response.start,
         f"{which}_start_leads_to": response and response.leads_to,
-        **{
-            f"{which}_amplitude_{name}_{unit_of(name)}": motion and motion.amplitude[name] for name in study.coordinates
-        },
+        **{f"{which}_amplitude_{name}_{unit}": motion and motion.amplitude[name] for name, unit in units.items()},
         f"{which}_frequency_Hz": motion and motion.frequency_Hz,
         f"{which}_simulated_s": response and response.simulated_s,
     }

@@ -22,7 +22,7 @@ from drumsqueal.terminal import style
 from drumsqueal.terminal.placement import label_top_edge, tick_in_units
 from drumsqueal.terminal.style import frame, new_figure, styled
 
-# Told apart in print by lightness, too.
+# Of different lightness, too, for print without colours.
 SHADES = {
     Kind.STABLE: STABLE_COLOUR,
     Kind.NEUTRAL: "#E3EEDC",
@@ -30,8 +30,9 @@ SHADES = {
     Kind.SQUEALS: UNSTABLE_COLOUR,
 }
 OTHER = style.PALE
-MARKER = {"marker": "o", "markersize": 3.2, "linestyle": "", "markeredgewidth": 0.7}
+MARKER: dict[str, Any] = {"marker": "o", "markersize": 3.2, "linestyle": "", "markeredgewidth": 0.7}
 SQUARE: dict[str, Any] = MARKER | {"marker": "s"}  # of disturbances: these are no motions
+CRITICAL: dict[str, Any] = {"marker": "D", "markersize": 3.5, "color": style.DARK, "linestyle": ""}
 DASHES = (0, (3, 2))  # of unstable cycles
 ROOM = 0.25  # of the height, above the largest amplitude, for the names of the ranges
 SCALE = 3.5  # the sum of the panels' heights that the usual height of a figure is for
@@ -69,7 +70,8 @@ def draw_onset(study: OnsetStudy) -> Figure:
     panels[-1].set_xlabel(f"{study.variation.key}{unit}")
     figure.align_ylabels(panels)
     figure.legend(handles=_legend(study), loc="outside lower center", ncols=3)
-    label_top_edge(panels[0], [(at, text, style.DARK) for at, text in _ends(study)], reach=4.0)
+    named = [(at, f"{study.variation.shown(at):.4g}", style.DARK) for at in _boundaries(study)]
+    label_top_edge(panels[0], named, reach=4.0)
     return figure
 
 
@@ -161,7 +163,7 @@ def _draw_growth(axes: Axes, study: OnsetStudy) -> None:
         order = np.argsort(values)
         axes.plot(values[order], rates[order], color=style.COLOUR[mode.name])
     for critical in study.critical_values:
-        axes.plot(critical.value, 0, marker="D", markersize=3.5, color=style.DARK, linestyle="", zorder=4)
+        axes.plot(critical.value, 0, **CRITICAL, zorder=4)
     frame(axes, None, "Growth rate\n(1/s)")
 
 
@@ -186,48 +188,42 @@ def _shade(axes: Axes, study: OnsetStudy) -> None:
         low = left if each.first_uncertainty is None else each.first
         high = right if each.last_uncertainty is None else each.last
         axes.axvspan(low, high, color=SHADES.get(each.kind, OTHER), linewidth=0, zorder=0)
-    for end, _ in _ends(study):
-        axes.axvline(end, color=style.DARK, linewidth=0.5, linestyle=(0, (4, 3)), zorder=1)
+    for boundary in _boundaries(study):
+        axes.axvline(boundary, color=style.DARK, linewidth=0.5, linestyle=(0, (4, 3)), zorder=1)
 
 
-def _ends(study: OnsetStudy) -> list[tuple[float, str]]:
-    """Where one range goes over into the next."""
-    return [
-        (each.first, f"{study.variation.shown(each.first):.4g}")
-        for each in study.ranges
-        if each.first_uncertainty is not None
-    ]
+def _boundaries(study: OnsetStudy) -> list[float]:
+    """The values at which one range goes over into the next."""
+    return [each.first for each in study.ranges if each.first_uncertainty is not None]
 
 
 def _legend(study: OnsetStudy) -> list[Line2D | Patch]:
     colour = style.COLOUR[study.coordinate]
-    shown = []
+    faces = {_face(row, each, colour) for row in study.values for each in row.motions}
+    looks: dict[str, dict[str, Any]] = {}
+    if colour in faces:
+        looks["after a small perturbation"] = {"color": colour} | MARKER
+    if any(_quiet(row) for row in study.values):
+        looks["steady sliding, after a small perturbation"] = {"color": style.DARK} | MARKER
+    if "white" in faces:
+        looks["after a large disturbance only"] = {"color": colour, "markerfacecolor": "white"} | MARKER
+    if study.critical_values:
+        looks["critical value"] = CRITICAL
+    branches = study.cycles.branches if study.cycles else ()
+    for stable in sorted({each for branch in branches for _, each in branch.pieces()}, reverse=True):
+        label = "stable limit cycle" if stable else "unstable limit cycle"
+        looks[label] = {"color": colour, "linewidth": 1.2, "linestyle": "-" if stable else DASHES}
     for mode in study.modes:
         frequency, rate = np.array(mode.frequency_Hz) / 1e3, np.array(mode.growth_rate_1_per_s)
         if _any_within(frequency, _frequency_limits(study)) or _any_within(rate, _growth_limits(study)):
-            shown.append(mode.name)
-    shown += [row.smallest_kick.mode.split()[0] for row in study.values if row.smallest_kick]
-    handles: list[Line2D | Patch] = []
-    faces = {_face(row, each, colour) for row in study.values for each in row.motions}
-    if colour in faces:
-        handles.append(Line2D([], [], color=colour, label="after a small perturbation", **MARKER))
-    if any(_quiet(row) for row in study.values):
-        label = "steady sliding, after a small perturbation"
-        handles.append(Line2D([], [], color=style.DARK, label=label, **MARKER))
-    if "white" in faces:
-        label = "after a large disturbance only"
-        handles.append(Line2D([], [], color=colour, markerfacecolor="white", label=label, **MARKER))
-    if study.critical_values:
-        label = "critical value"
-        handles.append(Line2D([], [], marker="D", markersize=3.5, color=style.DARK, linestyle="", label=label))
-    branches = study.cycles.branches if study.cycles else ()
-    stable = {each for branch in branches for _, each in branch.pieces()}
-    for kind in sorted(stable, reverse=True):
-        label, line = ("stable limit cycle", "-") if kind else ("unstable limit cycle", DASHES)
-        handles.append(Line2D([], [], color=colour, linewidth=1.2, linestyle=line, label=label))
-    handles += [Line2D([], [], color=style.COLOUR[name], label=f"mode {name}") for name in dict.fromkeys(shown)]
+            looks[f"mode {mode.name}"] = {"color": style.COLOUR[mode.name]}
+    for row in study.values:
+        if row.smallest_kick:
+            name = row.smallest_kick.mode.split()[0]
+            looks[f"mode {name}"] = {"color": style.COLOUR[name]}
     kinds = dict.fromkeys(each.kind for each in study.ranges)
-    return handles + [Patch(color=SHADES.get(kind, OTHER), label=kind) for kind in kinds]
+    lines = [Line2D([], [], label=label, **look) for label, look in looks.items()]
+    return [*lines, *(Patch(color=SHADES.get(kind, OTHER), label=kind) for kind in kinds)]
 
 
 def _growth_limits(study: OnsetStudy) -> tuple[float, float]:
