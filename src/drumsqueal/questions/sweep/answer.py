@@ -9,8 +9,7 @@ from rich.table import Table
 
 from drumsqueal.files.output_folder import AMPLITUDE, CHANCE, STABILITY, SWEEP, SWEEP_SUMMARY
 from drumsqueal.progress import Progress
-from drumsqueal.questions.sweep.chance_figure import draw_chance
-from drumsqueal.questions.sweep.figure import draw_amplitude, draw_stability
+from drumsqueal.questions.sweep.figure import draw_amplitude, draw_chance, draw_stability
 from drumsqueal.questions.sweep.file import SweepFile
 from drumsqueal.questions.sweep.points import COMPUTED, OUTCOMES, Columns
 from drumsqueal.questions.sweep.study import batches, compute

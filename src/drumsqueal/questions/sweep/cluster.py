@@ -5,7 +5,6 @@ import os
 import queue
 import re
 import signal
-import threading
 import time
 import uuid
 from collections.abc import Callable, Iterator
@@ -144,9 +143,6 @@ def connected(name: str, progress: Progress) -> Iterator[Cluster]:
 @contextmanager
 def _without_interrupts() -> Iterator[None]:
     """Processes that are started within a block do not hear Ctrl-C: the one that started them ends them."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         yield
