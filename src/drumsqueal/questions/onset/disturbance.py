@@ -84,7 +84,7 @@ class _Direction:
 
     @property
     def quiet_below(self) -> float:
-        """The largest size below that which dies away."""
+        """The largest size below that which decays."""
         return max((size for size in self.quiet if size < self.squeals_at), default=0.0)
 
     def next_sizes(self, best: float) -> list[float]:
@@ -144,15 +144,15 @@ def _run(family: Family, tasks: Sequence[tuple[_Direction, float]], how: How, pr
     ]
     doubtful = []
     for rounds, some in ((PERSISTENT, starts), (LASTING, doubtful)):
-        for ending in find_attractors(family, some, how, rounds=rounds, progress=report):
-            direction, size = meant[ending.value, ending.start]
-            motion = ending.motion
+        for response in find_attractors(family, some, how, rounds=rounds, progress=report):
+            direction, size = meant[response.value, response.start]
+            motion = response.motion
             if rounds == PERSISTENT and motion and not any(motion.like(known) for known in direction.row.motions):
-                doubtful.append((direction.row.point, Start(ending.start, *motion.state)))
+                doubtful.append((direction.row.point, Start(response.start, *motion.state)))
                 continue
             if motion is not None:
                 direction.loud[size] = motion
-            elif ending.leads_to in (Leads.DECAYS, Leads.NEUTRAL):
+            elif response.leads_to in (Leads.DECAYS, Leads.NEUTRAL):
                 direction.quiet.add(size)
             done += 1
             report()

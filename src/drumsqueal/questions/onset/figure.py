@@ -236,7 +236,7 @@ def _growth_limits(study: OnsetStudy) -> tuple[float, float]:
 
 
 def _frequency_limits(study: OnsetStudy) -> tuple[float, float]:
-    """Of all lines heard and of the modes that become critical (kHz); of all modes where there are none."""
+    """Of all lines found and of the modes that become critical (kHz); of all modes where there are none."""
     near = [motion.frequency_Hz for row in study.values for motion in row.motions if motion.frequency_Hz]
     near += [each.frequency_Hz for each in study.critical_values if each.frequency_Hz > 0]
     if not near:

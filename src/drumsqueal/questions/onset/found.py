@@ -58,7 +58,7 @@ QUIET = (Kind.STABLE, Kind.NEUTRAL)  # nothing squeals there
 class Motion(Finding):
     """A motion that lasts, by the last part of a transient: half its peak-to-peak values and rms (m, rad).
 
-    `frequency_Hz` is that of the line with most kinetic energy, of the coordinate `line_of`; the shares say how far it
+    `frequency_Hz` is that of the line with most kinetic energy, of the coordinate `line_of`; the fractions say how far it
     comes towards loss of contact and towards slip reversal. `state` (2, n) is vibration and velocity at its end.
     """
 
@@ -303,7 +303,7 @@ def find_ranges(rows: Sequence[Row], critical: Sequence[Critical], resolved: flo
     """Join rows of one kind; they part at critical values where stability changes, and halfway between rows elsewhere.
 
     The uncertainty of an end is that of the critical value, or half the distance of the two rows, but not less than is
-    `resolved`: motion that dies out slowly still lasts beyond its end when it is looked at.
+    `resolved`: motion that decays slowly is still there beyond its end when it is looked at.
     """
     ends: list[tuple[float, float | None]] = [(rows[0].value, None)]
     kinds = [rows[0].kind]

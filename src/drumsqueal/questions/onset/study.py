@@ -34,7 +34,7 @@ from drumsqueal.solve.linear.branches import Branches, ModelAt, Point, follow_mo
 
 WITHIN = 1e-3  # of the range: how well the boundaries of the bistable range are found
 SECTIONS = 2  # values tried at once between two
-# Multiples of a neighbour's motion: where motion that is too small dies away the lasting one may be larger there.
+# Multiples of a neighbour's motion: where motion that is too small decays the attractor may be larger there.
 SIZES = (1.0, 1.2, 1.5)
 
 
@@ -298,8 +298,8 @@ class _Search:
         if side * (stable.value - value) > 0:
             self._try([float(value)], squeals)
 
-    def _close_in(self, lasting: Row, dying: Row, precision: float) -> None:
-        a, b = lasting, dying
+    def _close_in(self, a: Row, b: Row, precision: float) -> None:
+        """Narrow down where between a bistable row `a` and a quiet one `b` squeal ends."""
         while abs(b.value - a.value) > precision and a.strongest is not None:
             fractions = np.arange(1, SECTIONS + 1) / (SECTIONS + 1)
             values = [float(a.value + fraction * (b.value - a.value)) for fraction in fractions]
@@ -327,11 +327,11 @@ class _Search:
         def report(*_: object) -> None:
             self._progress(what, done, len(tasks))
 
-        for ending in find_attractors(self._family, tasks, self._how, rounds=rounds, progress=report):
-            row = self._rows[ending.value]
-            self._rows[ending.value] = row.model_copy(update={"starts": (*row.starts, ending)})
-            left[ending.value] -= 1
-            if left[ending.value] == 0:
+        for response in find_attractors(self._family, tasks, self._how, rounds=rounds, progress=report):
+            row = self._rows[response.value]
+            self._rows[response.value] = row.model_copy(update={"starts": (*row.starts, response)})
+            left[response.value] -= 1
+            if left[response.value] == 0:
                 self._complete.add(ending.value)
                 self._on_rows(self.rows)
             done += 1

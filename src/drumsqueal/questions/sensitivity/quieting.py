@@ -19,7 +19,7 @@ from drumsqueal.solve.linear.modes import DRIFT_FRACTION
 
 MARGIN = 1.0  # 1/s: every growth rate is to be at most minus this
 SLACK = 1e-3  # of the margin that an optimum on its limit may miss
-STARTS, SPREAD, SEED = 6, 0.3, 20231122  # starting points, their relative departure, and the seed of the random ones
+STARTS, SPREAD, SEED = 6, 0.3, 20231122  # starting points, their relative distance, and the seed of the random ones
 NOWHERE = 1e9  # 1/s; the growth rate where there is no steady sliding
 LEAST, MOST = 0.1, 10.0  # times its value: how far a number may go, where physics has no nearer limit
 WIDEST_ARC, THICKEST = 2 * np.pi, 0.99  # rad; of the geometric mean of thickness and outer radius

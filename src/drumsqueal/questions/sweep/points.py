@@ -81,7 +81,7 @@ TRANSIENT = {
     ),
     "main_coordinate": Variable((), "i1", "1", "the coordinate that has this line", _NAMES),
     "settled": Variable(
-        (), "i1", "1", "1 where it is plain where the motion leads, 0 where not yet, -1 where there is no transient"
+        (), "i1", "1", "1 where it is clear where the motion leads, 0 where not yet, -1 where there is no transient"
     ),
     "simulated": Variable((), "f8", "s", "how long the transient was integrated"),
     "trend": Variable((), "i1", "1", "what the motion does there", _KINDS),
