@@ -175,7 +175,7 @@ def table(folder: Path) -> list[dict[str, str]]:
 
 
 def made_up(threshold):
-    """Squeal below 25 rad/s; above the critical value only from disturbances along Y beyond a velocity, or from none."""
+    """Squeal below 25 rad/s; above the critical value only from disturbances of Y beyond a velocity, or from none."""
 
     def find(family, tasks, how, *, rounds, progress=None):
         for point, start in tasks:

@@ -332,7 +332,7 @@ class _Search:
             self._rows[response.value] = row.model_copy(update={"starts": (*row.starts, response)})
             left[response.value] -= 1
             if left[response.value] == 0:
-                self._complete.add(ending.value)
+                self._complete.add(response.value)
                 self._on_rows(self.rows)
             done += 1
             report()
