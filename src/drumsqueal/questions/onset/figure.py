@@ -1,12 +1,12 @@
 """Linear against nonlinear onset along a parameter: motions that last, their frequencies, and the growth rates."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
@@ -32,8 +32,11 @@ SHADES = {
 OTHER = style.PALE
 MARKER: dict[str, Any] = {"marker": "o", "markersize": 3.2, "linestyle": "", "markeredgewidth": 0.7}
 SQUARE: dict[str, Any] = MARKER | {"marker": "s"}  # of disturbances: these are no motions
-CRITICAL: dict[str, Any] = {"marker": "D", "markersize": 3.5, "color": style.DARK, "linestyle": ""}
 DASHES = (0, (3, 2))  # of unstable cycles
+AFTER_SMALL, AFTER_LARGE = "after a small perturbation", "after a large disturbance only"
+STEADY, CRITICAL = "steady sliding, after a small perturbation", "critical value"
+STABLE_CYCLE, UNSTABLE_CYCLE = "stable limit cycle", "unstable limit cycle"
+FIRST = (AFTER_SMALL, STEADY, AFTER_LARGE, CRITICAL, STABLE_CYCLE, UNSTABLE_CYCLE)  # in the legend
 ROOM = 0.25  # of the height, above the largest amplitude, for the names of the ranges
 SCALE = 3.5  # the sum of the panels' heights that the usual height of a figure is for
 WIDE, FAR = 3, 100  # ratios of amplitudes: for a log axis, and for its ticks to be decades alone
@@ -69,7 +72,7 @@ def draw_onset(study: OnsetStudy) -> Figure:
     tick_in_units(panels[-1].xaxis, study.variation.size)
     panels[-1].set_xlabel(f"{study.variation.key}{unit}")
     figure.align_ylabels(panels)
-    figure.legend(handles=_legend(study), loc="outside lower center", ncols=3)
+    figure.legend(handles=_legend(panels, study), loc="outside lower center", ncols=3)
     named = [(at, f"{study.variation.shown(at):.4g}", style.DARK) for at in _boundaries(study)]
     label_top_edge(panels[0], named, reach=4.0)
     return figure
@@ -81,7 +84,8 @@ def draw_cycles(axes: Axes, diagram: Diagram, colour: str, measure: Callable[[Cy
         for cycles, stable in branch.pieces():
             values = [cycle.value for cycle in cycles]
             shown = [measure(cycle) for cycle in cycles]
-            axes.plot(values, shown, color=colour, linewidth=1.2, linestyle="-" if stable else DASHES, zorder=1.5)
+            label, line = (STABLE_CYCLE, "-") if stable else (UNSTABLE_CYCLE, DASHES)
+            axes.plot(values, shown, color=colour, linewidth=1.2, linestyle=line, label=label, zorder=1.5)
 
 
 def limit_amplitudes(axes: Axes, amplitudes: list[float], room: float) -> float:
@@ -115,11 +119,12 @@ def _draw_amplitudes(axes: Axes, study: OnsetStudy) -> None:
     for row in study.values:
         for motion in row.motions:
             amplitudes.append(MICRO * motion.amplitude[name])
-            axes.plot(row.value, amplitudes[-1], color=colour, markerfacecolor=_face(row, motion, colour), **MARKER)
+            _draw_motion(axes, row, motion, amplitudes[-1], colour)
     rest = limit_amplitudes(axes, amplitudes, ROOM)
-    quiet = [row.value for row in study.values if _quiet(row)]
+    quiet = [row.value for row in study.values if row.small is not None and row.small.leads_to is Leads.DECAYS]
     if quiet:  # an empty line that is not clipped counts as one at the corner of the figure, and the layout collapses
-        axes.plot(quiet, np.full(len(quiet), rest), color=style.DARK, clip_on=False, zorder=3, **MARKER)
+        look = {"color": style.DARK, "label": STEADY, "clip_on": False, "zorder": 3}
+        axes.plot(quiet, np.full(len(quiet), rest), **MARKER | look)
     low, high = axes.get_xlim()
     for each in study.ranges:
         if each.last - each.first > NARROW * (high - low):
@@ -128,28 +133,31 @@ def _draw_amplitudes(axes: Axes, study: OnsetStudy) -> None:
     frame(axes, None, f"{name}, half peak\nto peak ({unit_of(name, 'µ')})")
 
 
-def _quiet(row: Row) -> bool:
-    """Whether the small perturbation decays."""
-    return row.small is not None and row.small.leads_to is Leads.DECAYS
-
-
-def _face(row: Row, motion: Motion, colour: str) -> str:
+def _draw_motion(axes: Axes, row: Row, motion: Motion, value: float, colour: str) -> None:
+    """Draw a filled marker where the small perturbation led to the motion, else an empty one."""
     small = None if row.small is None else row.small.motion
-    return colour if small is not None and motion.like(small) else "white"
+    face, label = (colour, AFTER_SMALL) if small is not None and motion.like(small) else ("white", AFTER_LARGE)
+    axes.plot(row.value, value, color=colour, markerfacecolor=face, label=label, **MARKER)
 
 
 def _draw_frequencies(axes: Axes, study: OnsetStudy) -> None:
     """The lines that hold most kinetic energy, before the modes that are near them."""
     axes.set_ylim(*_frequency_limits(study))
     for mode in study.modes:
-        axes.plot(mode.values, np.array(mode.frequency_Hz) / 1e3, color=style.COLOUR[mode.name])
+        _draw_mode(axes, mode.name, np.array(mode.values), np.array(mode.frequency_Hz) / 1e3)
     for row in study.values:
         for motion in row.motions:
             if motion.frequency_Hz:
                 colour = style.COLOUR[motion.line_of or study.coordinate]
-                face = _face(row, motion, colour)
-                axes.plot(row.value, motion.frequency_Hz / 1e3, color=colour, markerfacecolor=face, **MARKER)
+                _draw_motion(axes, row, motion, motion.frequency_Hz / 1e3, colour)
     frame(axes, None, "Frequency\n(kHz)")
+
+
+def _draw_mode(axes: Axes, name: str, values: NDArray[np.float64], measure: NDArray[np.float64]) -> None:
+    """Draw a mode over the parameter, named in the legend where any of it is in the picture."""
+    low, high = axes.get_ylim()
+    label = f"mode {name}" if np.any((measure > low) & (measure < high)) else None
+    axes.plot(values, measure, color=style.COLOUR[name], label=label)
 
 
 def _draw_growth(axes: Axes, study: OnsetStudy) -> None:
@@ -161,9 +169,9 @@ def _draw_growth(axes: Axes, study: OnsetStudy) -> None:
         values = np.array([*mode.values, *zeros])
         rates = np.array([*mode.growth_rate_1_per_s, *(0.0 for _ in zeros)])
         order = np.argsort(values)
-        axes.plot(values[order], rates[order], color=style.COLOUR[mode.name])
+        _draw_mode(axes, mode.name, values[order], rates[order])
     for critical in study.critical_values:
-        axes.plot(critical.value, 0, **CRITICAL, zorder=4)
+        axes.plot(critical.value, 0, "D", markersize=3.5, color=style.DARK, label=CRITICAL, zorder=4)
     frame(axes, None, "Growth rate\n(1/s)")
 
 
@@ -173,10 +181,10 @@ def _draw_disturbances(axes: Axes, study: OnsetStudy) -> None:
     for row in study.values:
         found = row.smallest_kick
         if found is not None:
-            colour, speed = style.COLOUR[found.mode.split()[0]], found.speed_m_per_s
+            name, speed = found.mode.split()[0], found.speed_m_per_s
             ends = [speed - found.speed_uncertainty_m_per_s, speed + found.speed_uncertainty_m_per_s]
-            axes.plot(row.value, speed, color=colour, **SQUARE)
-            axes.plot([row.value] * 2, ends, color=colour, linewidth=0.7)
+            axes.plot(row.value, speed, color=style.COLOUR[name], **SQUARE)
+            axes.plot([row.value] * 2, ends, color=style.COLOUR[name], linewidth=0.7, label=f"mode {name}")
             largest = max(largest, *ends)
     axes.set_ylim(0, (1 + ROOM) * largest)
     frame(axes, None, "Smallest disturb-\nance (m/s)")
@@ -197,33 +205,15 @@ def _boundaries(study: OnsetStudy) -> list[float]:
     return [each.first for each in study.ranges if each.first_uncertainty is not None]
 
 
-def _legend(study: OnsetStudy) -> list[Line2D | Patch]:
-    colour = style.COLOUR[study.coordinate]
-    faces = {_face(row, each, colour) for row in study.values for each in row.motions}
-    looks: dict[str, dict[str, Any]] = {}
-    if colour in faces:
-        looks["after a small perturbation"] = {"color": colour} | MARKER
-    if any(_quiet(row) for row in study.values):
-        looks["steady sliding, after a small perturbation"] = {"color": style.DARK} | MARKER
-    if "white" in faces:
-        looks["after a large disturbance only"] = {"color": colour, "markerfacecolor": "white"} | MARKER
-    if study.critical_values:
-        looks["critical value"] = CRITICAL
-    branches = study.cycles.branches if study.cycles else ()
-    for stable in sorted({each for branch in branches for _, each in branch.pieces()}, reverse=True):
-        label = "stable limit cycle" if stable else "unstable limit cycle"
-        looks[label] = {"color": colour, "linewidth": 1.2, "linestyle": "-" if stable else DASHES}
-    for mode in study.modes:
-        frequency, rate = np.array(mode.frequency_Hz) / 1e3, np.array(mode.growth_rate_1_per_s)
-        if _any_within(frequency, _frequency_limits(study)) or _any_within(rate, _growth_limits(study)):
-            looks[f"mode {mode.name}"] = {"color": style.COLOUR[mode.name]}
-    for row in study.values:
-        if row.smallest_kick:
-            name = row.smallest_kick.mode.split()[0]
-            looks[f"mode {name}"] = {"color": style.COLOUR[name]}
+def _legend(panels: Sequence[Axes], study: OnsetStudy) -> list[Artist]:
+    """An entry for everything that the panels name, motions first, and for each kind of range."""
+    named: dict[Any, Artist] = {}
+    for axes in panels:
+        for artist, label in zip(*axes.get_legend_handles_labels(), strict=True):
+            named.setdefault(label, artist)
+    first = [named.pop(label) for label in FIRST if label in named]
     kinds = dict.fromkeys(each.kind for each in study.ranges)
-    lines = [Line2D([], [], label=label, **look) for label, look in looks.items()]
-    return [*lines, *(Patch(color=SHADES.get(kind, OTHER), label=kind) for kind in kinds)]
+    return [*first, *named.values(), *(Patch(color=SHADES.get(kind, OTHER), label=kind) for kind in kinds)]
 
 
 def _growth_limits(study: OnsetStudy) -> tuple[float, float]:
@@ -242,7 +232,3 @@ def _frequency_limits(study: OnsetStudy) -> tuple[float, float]:
     if not near:
         near = [each for mode in study.modes for each in mode.frequency_Hz if np.isfinite(each)]
     return 0.8 * min(near, default=0.5) / 1e3, 1.15 * max(near, default=1.0) / 1e3
-
-
-def _any_within(values: NDArray[np.float64], limits: tuple[float, float]) -> bool:
-    return bool(np.any((values > limits[0]) & (values < limits[1])))

@@ -58,8 +58,8 @@ QUIET = (Kind.STABLE, Kind.NEUTRAL)  # nothing squeals there
 class Motion(Finding):
     """A motion that lasts, by the last part of a transient: half its peak-to-peak values and rms (m, rad).
 
-    `frequency_Hz` is that of the line with most kinetic energy, of the coordinate `line_of`; the fractions state how far
-    it comes towards loss of contact and towards slip reversal. `state` (2, n) is vibration and velocity at its end.
+    `frequency_Hz` is that of the line with most kinetic energy, of the coordinate `line_of`. Of the motions at which
+    contact is lost and slip reversed it has these fractions. `state` (2, n) is vibration and velocity at its end.
     """
 
     start: str
