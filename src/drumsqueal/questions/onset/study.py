@@ -200,10 +200,12 @@ def compare(
     search = _Search(predicted, lambda rows: keep(study.model_copy(update={"values": tuple(rows)})), progress)
     search.from_both_sizes()
     search.from_neighbours()
-    search.at_boundaries(within)
+    values = predicted.variation.values
+    precision = within * (max(values) - min(values))
+    search.at_boundaries(precision)
     if smallest_kick:
         search.smallest_disturbances()
-    ranges = find_ranges(search.rows, linear.critical, search.resolved(within))
+    ranges = find_ranges(search.rows, linear.critical, precision)
     study = study.model_copy(update={"outcome": Ending.COMPLETE, "values": tuple(search.rows), "ranges": ranges})
     study = study.model_copy(update={"verdict": verdict(study), "reservations": reservations(study)})
     if not cycles:
@@ -264,13 +266,8 @@ class _Search:
                 return
             self._run("from neighbours", tasks, PERSISTENT)
 
-    def resolved(self, within: float) -> float:
-        """How far apart values are distinguished at a boundary, of a fraction of the whole range."""
-        return within * (self.rows[-1].value - self.rows[0].value)
-
-    def at_boundaries(self, within: float) -> None:
-        """Close in on where motion ceases to last without the eigenvalues saying so."""
-        precision = self.resolved(within)
+    def at_boundaries(self, precision: float) -> None:
+        """Find to this precision where squeal ends without a critical value of the eigenvalues."""
         for a, b in list(pairwise(self.rows)):
             if Kind.SQUEALS in (a.kind, b.kind) and (a.kind in QUIET or b.kind in QUIET):
                 self._look_next_to_critical(a, b, precision)
