@@ -273,7 +273,7 @@ def test_what_is_too_much_together_comes_back(nominal, monkeypatch, within, spar
 
 
 @pytest.mark.parametrize(
-    ("share", "text"),
+    ("fraction", "text"),
     [
         (0.01, "1 %"),
         (1.3e-5, "0.0013 %"),
@@ -399,7 +399,7 @@ def test_the_command_writes_table_figure_and_reduced_scene(drumsqueal, quick_fil
         assert float(row["change_of_amplitude"]) == pytest.approx(change, rel=1e-9, abs=1e-12)
 
 
-@pytest.mark.parametrize(("within", "share"), [(("1e-2",), 0.01), (("1", "%"), 0.01), (("2.5%",), 0.025)])
+@pytest.mark.parametrize(("within", "fraction"), [(("1e-2",), 0.01), (("1", "%"), 0.01), (("2.5%",), 0.025)])
 def test_an_accuracy_is_read_as_a_fraction_or_in_per_cent(
     drumsqueal, quick_file, tmp_path, monkeypatch, within, fraction
 ):

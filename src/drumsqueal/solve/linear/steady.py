@@ -87,21 +87,22 @@ def coupling(model: Model) -> np.ndarray:
     return np.logical_or.reduce([each > COUPLED_FRACTION * np.max(each) for each in scaled])
 
 
-def _without_boundaries(model: Model) -> Model:
-    """The model for motion infinitely near to q = 0, if that is its steady sliding.
+def _to_linearise(model: Model) -> Model:
+    """The model with the contact forces of motion infinitely near to steady sliding, as the smallest program there is.
 
-    The whole lining then presses and slips one way. What does not look for contact boundaries is a tenth of the program
-    to compile.
+    At q = 0, the steady sliding of balanced forces, the whole lining presses and slips one way: what does not look for
+    contact boundaries is a tenth of the program to compile. Elsewhere in the plane, all pieces in one expression are.
     """
-    balanced = any(isinstance(effect, Balance) for effect in model.others)
-    if not (balanced and isinstance(model.contact, Contact) and model.contact.surface.spatial):
+    if not isinstance(model.contact, Contact):
         return model
-    return dataclasses.replace(model, contact=dataclasses.replace(model.contact, surface=WholeSurface()))
+    if any(isinstance(effect, Balance) for effect in model.others):
+        return dataclasses.replace(model, contact=dataclasses.replace(model.contact, surface=WholeSurface()))
+    return model if model.contact.surface.spatial else dataclasses.replace(model, contact=model.contact.in_plane())
 
 
 def linearise(model: Model, steady: Array) -> Linear:
     """Mass, damping −∂Q/∂q̇ and stiffness −∂Q/∂q at steady sliding q* (n,); the paper's equation (29) at q* = 0."""
-    n, model = steady.size, _without_boundaries(model)
+    n, model = steady.size, _to_linearise(model)
     jacobian = jax.jacfwd(lambda state: model.act(0.0, state[:n], state[n:])[0])(
         jnp.concatenate([steady, jnp.zeros(n)])
     )
