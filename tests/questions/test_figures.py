@@ -32,9 +32,8 @@ from drumsqueal.questions.onset.figure import limit_amplitudes
 from drumsqueal.questions.run.figures import drawings
 from drumsqueal.questions.run.figures.growth import running
 from drumsqueal.questions.run.figures.view import View
-from drumsqueal.questions.sweep.amplitude_figure import draw_amplitude
+from drumsqueal.questions.sweep.figure import draw_amplitude, draw_stability
 from drumsqueal.questions.sweep.points import TRENDS, blank, squealing, to_dataset, undecided
-from drumsqueal.questions.sweep.stability_figure import draw_stability
 from drumsqueal.scene import COORDINATES
 from drumsqueal.scene.plan import Plan, grid, sample
 from drumsqueal.scene.variation import read_variation
@@ -282,7 +281,7 @@ def test_the_line_of_what_decays_is_not_drawn():
     assert np.flatnonzero(np.isnan(np.asarray(frequency))).tolist() == [0, 1, 2, 3, 4, 12]
     decayed = {"trend": decays * 0 + TRENDS.index("decays"), "settled": settled * 0 + 1}
     everything = sweep.assign(decayed | {"separation_share": below * 0})
-    figure = draw_amplitude(everything.assign(reversal_fraction=below * 0), plan)
+    figure = draw_amplitude(everything.assign(reversal_share=below * 0), plan)
     assert figure is not None
     assert len(figure.axes) == 1  # there is no frequency to be drawn
 

@@ -1,4 +1,4 @@
-"""Linear against nonlinear onset: critical values in closed form, modes through crossings, kicked ranges."""
+"""Linear against nonlinear onset: critical values in closed form, modes through crossings, bistable ranges."""
 
 import csv
 import dataclasses
@@ -32,8 +32,7 @@ from drumsqueal.questions.onset import attractors
 from drumsqueal.questions.onset import study as study_module
 from drumsqueal.questions.onset.attractors import Family, How, Start, find_attractors, go_on
 from drumsqueal.questions.onset.figure import draw_onset
-from drumsqueal.questions.onset.found import OnsetStudy
-from drumsqueal.questions.onset.rows import Kind, Leads, Range, Response, Row, find_ranges
+from drumsqueal.questions.onset.found import Kind, Leads, OnsetStudy, Range, Response, Row, find_ranges
 from drumsqueal.questions.onset.study import Prediction, compare, predict, study_onset
 from drumsqueal.questions.onset.words import reservations, verdict, with_uncertainty
 from drumsqueal.scene import SceneError, load_scene
@@ -195,7 +194,7 @@ def test_a_value_without_steady_sliding_is_named(quick):
     assert branch.eigenvalues[0] == pytest.approx(branch.eigenvalues[2], rel=1e-12)
 
 
-def test_modes_that_leave_neutral_motion_at_once_are_told_apart():
+def test_modes_that_leave_neutral_motion_at_once_are_distinguished():
     # Undamped at p = 0.3, where the range begins; beyond it x grows, and y at 0.6 times its rate.
     def model_at(p):
         block = sprung(np.array([[1.0, 0.0], [0.0, 2.0]]))
@@ -243,7 +242,7 @@ def test_saturated_motions_of_linear_oscillators():
 
 
 def test_more_transients_than_run_at_once_come_in_order_and_one_that_sticks_goes_on_by_itself():
-    # Beyond the edge the block sticks, which many at once cannot; with one thread 16 of them run together.
+    # Beyond slip reversal the block sticks, which many at once cannot; with one thread 16 of them run together.
     speeds = np.linspace(1.0, 1.1, 18)
     models = [falling_friction(speed) for speed in speeds]
     steady = np.array([[0.5 + 0.5 * math.exp(-2 * speed)] for speed in speeds])
@@ -267,9 +266,9 @@ def test_more_transients_than_run_at_once_come_in_order_and_one_that_sticks_goes
     ("speed", "fraction", "rate", "energies", "kind", "rounds"),
     [
         (1.3, 0.05, -1e-9, [1.0], Leads.DECAYS, 1),  # small, and it falls
-        (1.3, 0.5, -0.0075, [1.0], Leads.DECAYS, 1),  # below the edges, faster than half the linear rate
+        (1.3, 0.5, -0.0075, [1.0], Leads.DECAYS, 1),  # below the contact boundaries, faster than half the linear rate
         (1.3, 0.5, -0.003, 0.49 ** np.arange(60), Leads.UNDECIDED, 60),  # slower than that, and not still
-        (1.3, 0.5, 0.0, np.ones(60), Leads.SQUEALS, 3),  # below the edges, and still
+        (1.3, 0.5, 0.0, np.ones(60), Leads.SQUEALS, 3),  # below the contact boundaries, and still
         (1.3, 1.5, 0.0, np.ones(60), Leads.SQUEALS, 3),
         (1.3, 1.5, 0.02, np.tile([1.0, 3.0], 30), Leads.SQUEALS, 20),  # comes and goes, and stays as it was
         (1.3, 1.5, -0.02, 0.95 ** np.arange(60), Leads.SQUEALS, 60),  # comes and goes, and falls
@@ -302,7 +301,7 @@ def free(belt_speed: float):
     [
         (free, 1.0, 1e-14, Leads.DECAYS),  # below a picometre: round-off
         (free, 1.0, 0.5, Leads.NEUTRAL),
-        (free, 1.0, 3.0, Leads.NEUTRAL),  # beyond the edge; made smaller, it stays so
+        (free, 1.0, 3.0, Leads.NEUTRAL),  # beyond slip reversal; made smaller, it stays so
         (falling_friction, HOPF, 3.0, Leads.SQUEALS),  # made smaller, it comes back to stick and slip
     ],
 )
@@ -316,8 +315,8 @@ def test_where_no_mode_grows_or_decays_motion_is_neutral_unless_it_comes_back(mo
 
 
 def test_a_shoe_that_nothing_holds_runs_away_and_does_not_squeal():
-    # Without supports it turns about the drum's axis, by e^(7.7 t) at 40 rad/s, while every mode decays; neither edge
-    # is any nearer for that.
+    # Without supports it turns about the drum's axis, by e^(7.7 t) at 40 rad/s, while every mode decays; neither
+    # contact boundary is any nearer for that.
     scene = load_scene(DAMPED, ["support=none", "drum.speed=40"])
     predicted = predict(scene, Variation("drum.speed", "rad/s", (40.0, 45.0)))
     point = predicted.linear.points[0]
@@ -328,7 +327,7 @@ def test_a_shoe_that_nothing_holds_runs_away_and_does_not_squeal():
     assert found.leads_to == Leads.RUNS_AWAY
     assert not found.lasts
     assert max(found.saturated.boundary_ratios) < 0.1
-    # Seldom does a kick make one run away where small motion dies away: such a value is not called stable.
+    # Seldom does a large disturbance make one run away where small motion decays: such a value is not called stable.
     calm = point._replace(divergence=None)
     row = Row.at(calm, found.model_copy(update={"start": "kick"}), asked=True)
     assert row.kind == "undecided"
@@ -386,7 +385,7 @@ def grazing_speed() -> float:
 
 
 @pytest.mark.slow
-def test_the_kicked_range_of_the_block_ends_where_scipy_says(nominal, monkeypatch):
+def test_the_bistable_range_of_the_block_ends_where_scipy_says(nominal, monkeypatch):
     # Subcritical: above the Hopf point squeal by stick and slip goes on once started, until it no longer sticks.
     end = grazing_speed()
     assert HOPF + 0.02 < end < 2
@@ -396,12 +395,12 @@ def test_the_kicked_range_of_the_block_ends_where_scipy_says(nominal, monkeypatc
     study = compare(shorter, 0.02)
     kinds = [each.kind for each in study.ranges]
     assert kinds == [Kind.SQUEALS, Kind.BISTABLE, Kind.STABLE]
-    squeals, kicked, stable = study.ranges
-    assert squeals.last == kicked.first == pytest.approx(HOPF, rel=1e-10)
-    assert kicked.last == stable.first
-    assert kicked.last_uncertainty is not None
-    assert kicked.last_uncertainty <= 0.01 * 0.9
-    assert abs(kicked.last - end) <= kicked.last_uncertainty
+    squeals, bistable, stable = study.ranges
+    assert squeals.last == bistable.first == pytest.approx(HOPF, rel=1e-10)
+    assert bistable.last == stable.first
+    assert bistable.last_uncertainty is not None
+    assert bistable.last_uncertainty <= 0.01 * 0.9
+    assert abs(bistable.last - end) <= bistable.last_uncertainty
     told = verdict(study)
     assert "predict squeal below 1.15129 rad/s (X, 0 Hz)" in told
     assert "steady sliding is stable from 1.15129 to" in told
@@ -418,7 +417,7 @@ def ending(value: float, start: str, kind: Leads, size: float = 1.0) -> Response
 
 
 def made_up(found, fold: float, reach: float):
-    """Endings of a motion that lasts below `fold` if it comes from no farther than `reach`; kicks do nothing."""
+    """Responses: motion lasts below `fold` if it comes from no farther than `reach`; large disturbances do nothing."""
 
     def find(family, tasks, how, *, rounds, progress=None):
         for point, start in tasks:
@@ -438,16 +437,16 @@ def test_a_fold_is_found_by_going_on_from_neighbours(nominal, monkeypatch):
         predicted(nominal, np.linspace(1, 2, 11)), 1e-3, keep=lambda so_far: rows_seen.append(len(so_far.values))
     )
     assert [each.kind for each in study.ranges] == [Kind.SQUEALS, Kind.BISTABLE, Kind.STABLE]
-    kicked = study.ranges[1]
-    assert kicked.first == pytest.approx(HOPF, rel=1e-10)
-    assert kicked.last_uncertainty == pytest.approx(1e-3, rel=1e-9)  # as fine as it is asked for
-    assert abs(kicked.last - 1.6789) <= 5e-4 * (1 + 1e-9)  # halfway between two that are no further apart
+    bistable = study.ranges[1]
+    assert bistable.first == pytest.approx(HOPF, rel=1e-10)
+    assert bistable.last_uncertainty == pytest.approx(1e-3, rel=1e-9)  # as fine as it is asked for
+    assert abs(bistable.last - 1.6789) <= 5e-4 * (1 + 1e-9)  # halfway between two that are no further apart
     assert rows_seen == sorted(rows_seen)
     assert [row.value for row in study.values if row.asked] == pytest.approx(np.linspace(1, 2, 11))
     assert reservations(study)[-1].startswith("Disturbances that were not tried")
 
 
-def test_a_kicked_range_narrower_than_the_steps_is_found_beside_the_critical_value(nominal, monkeypatch):
+def test_a_bistable_range_narrower_than_the_steps_is_found_next_to_the_critical_value(nominal, monkeypatch):
     monkeypatch.setattr(study_module, "find_attractors", made_up([], fold=1.17, reach=0.2))
     study = compare(predicted(nominal, [1.0, 1.1, 1.2, 1.3]), 1e-3)
     assert [each.kind for each in study.ranges] == [Kind.SQUEALS, Kind.BISTABLE, Kind.STABLE]
@@ -509,7 +508,7 @@ def test_no_hysteresis_leaves_the_critical_value_alone(nominal, monkeypatch):
     assert verdict(study).endswith("; elsewhere no start that was tried squeals.")
 
 
-def test_ranges_of_what_could_not_be_told():
+def test_ranges_of_what_is_undecided():
     point = point_at(falling_friction, 1.5)
     starts = {1.0: (), 2.0: (), 3.0: (ending(3.0, "small", Leads.UNDECIDED),)}
     rows = [Row.at(point._replace(value=v), *starts[v], asked=True) for v in starts]
@@ -533,11 +532,11 @@ def test_a_motion_that_still_grows_lasts_but_has_no_size():
 
 
 @pytest.mark.parametrize(
-    ("value", "uncertainty", "told"),
+    ("value", "uncertainty", "text"),
     [(47.944, 0.0185, "47.94 ± 0.02"), (10.6122870189, 6e-11, "10.61228701890 ± 6e-11"), (1234.0, 30.0, "1234 ± 30")],
 )
-def test_uncertainty_is_told_in_one_digit(value, uncertainty, told):
-    assert with_uncertainty(value, uncertainty) == told
+def test_uncertainty_is_given_in_one_digit(value, uncertainty, text):
+    assert with_uncertainty(value, uncertainty) == text
 
 
 # --- the command -----------------------------------------------------------------------------------------------------
@@ -770,7 +769,7 @@ def test_ctrl_c_keeps_the_values_done(drumsqueal, tmp_path, monkeypatch):
     assert "interrupted by the user; what was done until then is in" in error
     assert [row["drum.speed_rad_per_s"] for row in table(folder)] == ["1.0", "4.0"]
     assert not (folder / "onset.png").exists()
-    # What was asked and predicted is told, too, and that it is not all.
+    # What was asked and predicted is there, too, and that it is not all.
     summary = json.loads((folder / "onset.json").read_text())
     assert (summary["outcome"], summary["verdict"], summary["ranges"]) == ("cut off", None, [])
     assert len(summary["parameter"]["values"]) == 14
@@ -839,7 +838,7 @@ def test_the_panels_of_the_figure_keep_their_heights(monkeypatch, scenario, alon
 
 
 def ending_in(moving: tuple[str, ...], point, start: str) -> Response:
-    """Squeal where the eigenvalues say so and, where they do not, from a kick up to the value 25."""
+    """Squeal where the eigenvalues say so and, where they do not, from a large disturbance up to the value 25."""
     lasts = point.unstable or (2 < point.value < 25 and start != "small")
     one = np.full(len(moving), 1e-5)
     motion = Saturated(one, one, (0.0, 1.5), 1000.0, moving[0], 1.0, 0.0, 1.0, one, one, COMPLETE, False)

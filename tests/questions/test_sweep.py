@@ -21,10 +21,9 @@ from drumsqueal.progress import silent
 from drumsqueal.questions.sweep import file as sweep_file
 from drumsqueal.questions.sweep import study
 from drumsqueal.questions.sweep.answer import sweep_into
-from drumsqueal.questions.sweep.chance import chance, rank_correlation, study_chance
 from drumsqueal.questions.sweep.file import RUNNING, SweepFile
 from drumsqueal.questions.sweep.points import AT_REST, FOLDED, NOT_YET, OUTCOME, TRENDS, blank, to_dataset
-from drumsqueal.questions.sweep.summary import SweepStudy, summarise
+from drumsqueal.questions.sweep.summary import SweepStudy, chance, rank_correlation, study_chance, summarise
 from drumsqueal.scene import COORDINATES, SceneError, load_scene
 from drumsqueal.scene.plan import Plan, grid, sample
 from drumsqueal.scene.variation import read_variation

@@ -12,7 +12,7 @@ from drumsqueal.findings.vibration import unit_of
 from drumsqueal.questions.cycle.diagram import CycleBranches, Diagram, Interval
 from drumsqueal.questions.cycle.orbit import Cycle, Event
 from drumsqueal.questions.onset.figure import DASHES, SHADES, draw_cycles, limit_amplitudes
-from drumsqueal.questions.onset.rows import Kind
+from drumsqueal.questions.onset.found import Kind
 from drumsqueal.terminal import style
 from drumsqueal.terminal.placement import tick_in_units
 from drumsqueal.terminal.style import frame, new_figure, styled

@@ -13,12 +13,12 @@ from drumsqueal.files.output_folder import ONSET_SUMMARY, ONSET_TABLE
 from drumsqueal.findings.outcome import Ending
 from drumsqueal.findings.vibration import unit_of
 from drumsqueal.questions.onset.figure import draw_onset
-from drumsqueal.questions.onset.found import OnsetStudy
-from drumsqueal.questions.onset.rows import Disturbance, Kind, Motion, Response, Row
+from drumsqueal.questions.onset.found import Kind, Motion, OnsetStudy, Response
 from drumsqueal.questions.onset.words import critical_words, with_uncertainty
 from drumsqueal.terminal.runner import Answer
 from drumsqueal.terminal.tables import print_table, rows_to_csv
 
+DISTURBANCE = ("mode", "speed_m_per_s", "speed_uncertainty_m_per_s", "energy_J", "energy_uncertainty_J", "edge_share")
 STYLES = {Kind.SQUEALS: "bold red", Kind.BISTABLE: "bold"}
 
 
@@ -36,8 +36,11 @@ def print_study(console: Console, study: OnsetStudy) -> None:
         if row.asked:
             kind = Text(row.kind, style=STYLES.get(row.kind, ""))
             growth = "-" if row.growth_rate is None else f"{row.growth_rate:+.2f}"
+            small = ("", "")
+            if row.small is not None:
+                small = _shown(row.small.motion, name) if row.small.motion is not None else (row.small.leads_to, "")
             strongest = ("-", "") if row.strongest is None else _shown(row.strongest, name)
-            table.add_row(f"{along.shown(row.value):.5g}", kind, growth, *_after_small(row, name), *strongest)
+            table.add_row(f"{along.shown(row.value):.5g}", kind, growth, *small, *strongest)
     print_table(console, table)
     if any(row.smallest_kick for row in study.values):
         print_table(console, _disturbances(study))
@@ -52,29 +55,20 @@ def print_study(console: Console, study: OnsetStudy) -> None:
         console.print(study.cycles.verdict, style="bold")
 
 
-def _after_small(row: Row, name: str) -> tuple[str, str]:
-    """Amplitude and line after the small perturbation, or where it led instead."""
-    small = row.small
-    return (small.leads_to, "") if small is not None and small.motion is None else _shown(small and small.motion, name)
-
-
-def _shown(motion: Motion | None, name: str) -> tuple[str, str]:
+def _shown(motion: Motion, name: str) -> tuple[str, str]:
     """Amplitude and line of a motion."""
-    if motion is None:
-        return "", ""
     return f"{1e6 * motion.amplitude[name]:.4g}", "" if motion.frequency_Hz is None else f"{motion.frequency_Hz:.1f}"
 
 
 def _disturbances(study: OnsetStudy) -> Table:
     """How large a disturbance must be, and along which mode, at each value where it was found."""
+    unit = unit_of(study.coordinate, "µ")
     table = Table(title="Smallest disturbance that starts squeal", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     table.add_column(f"\n\n{study.variation.shown_unit}", justify="right")
     table.add_column("along\nmode\n")
-    table.add_column("velocity of\nthe lining\nm/s", justify="right")
-    table.add_column("energy\n\nJ", justify="right")
-    table.add_column("times the\nnearer contact\nboundary", justify="right")
-    table.add_column(f"leads to\n{study.coordinate}\n{unit_of(study.coordinate, 'µ')}", justify="right")
-    table.add_column("line\n\nHz", justify="right")
+    numbers = ("velocity of\nthe lining\nm/s", "energy\n\nJ", "times the\nnearer contact\nboundary")
+    for heading in (*numbers, f"leads to\n{study.coordinate}\n{unit}", "line\n\nHz"):
+        table.add_column(heading, justify="right")
     for row in study.in_order:
         found = row.smallest_kick
         if found is not None:
@@ -105,38 +99,31 @@ def onset_table(study: OnsetStudy) -> str:
             "largest_growth_rate_1_per_s": row.growth_rate,
         }
         for label, values in modes.items():
-            frequency, rate = values.get(row.value, (None, None))
-            cells[f"frequency_{label}_Hz"] = _finite(frequency)
-            cells[f"growth_rate_{label}_1_per_s"] = _finite(rate)
-        strongest = next((each for each in row.starts if each.motion is row.strongest), None) if row.strongest else None
+            frequency, rate = values.get(row.value, (math.nan, math.nan))
+            cells[f"frequency_{label}_Hz"] = frequency if math.isfinite(frequency) else None
+            cells[f"growth_rate_{label}_1_per_s"] = rate if math.isfinite(rate) else None
+        strongest = next((each for each in row.starts if each.motion and each.motion is row.strongest), None)
         cells |= _cells("small", row.small, study) | _cells("strongest", strongest, study)
         cells["motions"] = len(row.motions)
-        cells |= _disturbance_cells(row.smallest_kick) if sought else {}
+        for name in DISTURBANCE if sought else ():
+            cells[f"smallest_kick_{name}"] = row.smallest_kick and getattr(row.smallest_kick, name)
         failed = [f"{each.start}: {each.outcome}" for each in row.starts if each.outcome != Ending.COMPLETE]
         cells["note"] = row.no_steady_sliding or "; ".join(failed)
         rows.append(cells)
     return rows_to_csv(rows)
 
 
-def _finite(number: float | None) -> float | None:
-    return number if number is not None and math.isfinite(number) else None
-
-
-def _cells(which: str, ending: Response | None, study: OnsetStudy) -> dict[str, Any]:
-    motion = None if ending is None else ending.motion
-    cells: dict[str, Any] = {f"{which}_start": "" if ending is None else ending.start}
-    cells[f"{which}_start_leads_to"] = "" if ending is None else ending.leads_to
-    for name in study.coordinates:
-        cells[f"{which}_amplitude_{name}_{unit_of(name)}"] = None if motion is None else motion.amplitude[name]
-    cells[f"{which}_frequency_Hz"] = None if motion is None else motion.frequency_Hz
-    cells[f"{which}_simulated_s"] = None if ending is None else ending.simulated_s
-    return cells
-
-
-def _disturbance_cells(found: Disturbance | None) -> dict[str, Any]:
-    numbers = ("speed_m_per_s", "speed_uncertainty_m_per_s", "energy_J", "energy_uncertainty_J", "edge_share")
-    cells: dict[str, Any] = {"smallest_kick_mode": "" if found is None else found.mode}
-    return cells | {f"smallest_kick_{name}": None if found is None else getattr(found, name) for name in numbers}
+def _cells(which: str, response: Response | None, study: OnsetStudy) -> dict[str, Any]:
+    """Where a start led and its motion, as far as there is one."""
+    motion = response and response.motion
+    units = {name: unit_of(name) for name in study.coordinates}
+    return {
+        f"{which}_start": response and response.start,
+        f"{which}_start_leads_to": response and response.leads_to,
+        **{f"{which}_amplitude_{name}_{unit}": motion and motion.amplitude[name] for name, unit in units.items()},
+        f"{which}_frequency_Hz": motion and motion.frequency_Hz,
+        f"{which}_simulated_s": response and response.simulated_s,
+    }
 
 
 ONSET = Answer(

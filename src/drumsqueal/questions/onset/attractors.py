@@ -1,4 +1,4 @@
-"""Where a brake's motion ends, along a parameter: transients from many starts, each run until it is plain where to.
+"""The attractors along a parameter: transients from many starts, each run until it is clear where it leads.
 
 A round lasts a hundred periods of the slowest mode; after it a transient has decayed, has settled, or goes on. All that
 are at hand run together.
@@ -16,7 +16,7 @@ from drumsqueal.findings.saturated import DRIFT, Saturated, at_once, saturated_m
 from drumsqueal.findings.verdict import SMALL_ROTATION
 from drumsqueal.physics.model import Model
 from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.onset.rows import Leads, Motion, Response
+from drumsqueal.questions.onset.found import Leads, Motion, Response
 from drumsqueal.solve.linear.branches import ModelAt, Point
 from drumsqueal.solve.linear.modes import UNDAMPED_FRACTION, Mode
 from drumsqueal.solve.transient.runge_kutta import AUTO
@@ -50,29 +50,9 @@ class How(NamedTuple):
 
     sample_rate: float
     tolerance: float
-    round_seconds: float
+    round_seconds: float = 0.0
     solver: str = AUTO
     threads: int | None = None
-
-
-class _Job:
-    """A transient on its way."""
-
-    def __init__(self, point: Point, model: Model, steady: NDArray[np.float64], start: Start) -> None:
-        self.point, self.model, self.steady, self.start = point, model, steady, start
-        self.vibration, self.velocity = start.vibration, start.velocity
-        self.energies: list[float] = []  # mean kinetic energy of each round (J) since it last changed much
-        self.history: list[float] = []  # and of all rounds
-        self.rounds = 0
-        self.by_itself = False  # whether it has stuck, so that it cannot run together with the others
-        self.probed: float | None = None  # mean kinetic energy (J) of the settled motion that was made smaller
-
-    def probe(self, energy: float) -> None:
-        """Go on from less than what has settled."""
-        self.probed = energy
-        self.vibration, self.velocity = PROBE * self.vibration, PROBE * self.velocity
-        self.energies.clear()
-        self.history.clear()
 
 
 class Family:
@@ -106,7 +86,7 @@ class Family:
         return [Start(f"kick {mode.label}", *self._scaled(mode, model, LARGE, min)) for mode in modes]
 
     def reach(self, mode: Mode, model: Model) -> tuple[NDArray[np.complex128], list[float]]:
-        """Displacement and velocity (2, n) of a mode, and the shares of the boundaries that it can come to."""
+        """Displacement and velocity (2, n) of a mode, and the fractions of the contact boundaries that it comes to."""
         half = len(self.names)
         shape = np.array([self.shown(part) for part in (mode.right[:half], mode.right[half:])])
         turns = np.exp(2j * np.pi * np.arange(32) / 32)
@@ -116,9 +96,30 @@ class Family:
     def _scaled(
         self, mode: Mode, model: Model, fraction: float, which: Callable[[Iterable[float]], float]
     ) -> NDArray[np.float64]:
-        """Departure and velocity (2, n) of a mode, at a size at which a contact boundary is reached to that share."""
+        """Displacement and velocity (2, n) of a mode of a size that comes to this fraction of a contact boundary."""
         shape, reached = self.reach(mode, model)
         return np.real(shape) * (fraction / which(reached) if reached else 0.0)
+
+
+class _Job:
+    """A transient on its way."""
+
+    def __init__(self, point: Point, start: Start, family: Family) -> None:
+        self.point, self.start = point, start
+        self.model, self.steady = family.model_at(point.value), family.shown(point.steady)
+        self.vibration, self.velocity = start.vibration, start.velocity
+        self.energies: list[float] = []  # mean kinetic energy of each round (J) since it last changed much
+        self.history: list[float] = []  # and of all rounds
+        self.rounds = 0
+        self.by_itself = False  # whether it has stuck, so that it cannot run together with the others
+        self.probed: float | None = None  # mean kinetic energy (J) of the settled motion that was made smaller
+
+    def probe(self, energy: float) -> None:
+        """Go on from less than what has settled."""
+        self.probed = energy
+        self.vibration, self.velocity = PROBE * self.vibration, PROBE * self.velocity
+        self.energies.clear()
+        self.history.clear()
 
 
 def round_seconds(points: Iterable[Point], moving: tuple[str, ...]) -> float:
@@ -136,7 +137,7 @@ def find_attractors(
     rounds: int = PERSISTENT,
     progress: Progress = silent,
 ) -> Iterator[Response]:
-    """Run each start at its point until it is plain where it leads, and yield the endings as they come.
+    """Run each start at its point until it is clear where it leads, and yield the responses as they come.
 
     A motion has settled when for `rounds` rounds its rms velocity has changed by less than a tenth and, below the
     contact boundaries, by less than a tenth of what the linear growth rate would make of it. A motion within a tenth of
@@ -148,10 +149,7 @@ def find_attractors(
     has turned by more than `SMALL_ROTATION` has run away: it may do so without coming near a boundary. `progress` is
     called after each chunk.
     """
-    pending = []
-    for point, start in tasks:
-        model = family.model_at(point.value)
-        pending.append(_Job(point, model, family.shown(point.steady), start))
+    pending = [_Job(point, start, family) for point, start in tasks]
     many = at_once(how.threads)
     while pending:
         jobs, pending = pending[:many], pending[many:]
@@ -182,7 +180,7 @@ def find_attractors(
 
 
 def _judge(job: _Job, motion: Saturated, family: Family, rounds: int) -> Leads | None:
-    """Where a transient leads, None while that is not plain."""
+    """Where a transient leads, None while that is not clear."""
     if motion.failed:
         return Leads.FAILED
     if any(abs(turn) > SMALL_ROTATION for turn in motion.vibration[[name[0] == "T" for name in family.moving]]):
@@ -213,28 +211,21 @@ def _judge(job: _Job, motion: Saturated, family: Family, rounds: int) -> Leads |
 
 def _settled(job: _Job, motion: Saturated, rounds: int, still: float) -> bool:
     """Whether it has, a motion below the contact boundaries at a rate (1/s) below `still`; notes its energy."""
-    fraction = max(motion.boundary_ratios)
+    beyond = max(motion.boundary_ratios) >= BEYOND
     if abs(motion.drift) > DRIFT:
         job.energies.clear()
     job.energies.append(motion.kinetic_energy)
     job.history.append(motion.kinetic_energy)
-    rate, changed = _over_rounds(job.energies, rounds, motion)
-    if len(job.energies) >= rounds and changed < DRIFT and (fraction >= BEYOND or abs(rate) < still):
+    last = job.energies[-rounds:]
+    rate, changed = motion.rate, abs(motion.drift)
+    if len(last) > 1 and min(last) > 0:
+        logarithm = np.log(last[-1] / last[0]) / 2  # of the rms velocity
+        # A round is twice what is looked at of it.
+        rate, changed = logarithm / ((len(last) - 1) * motion.seconds * 2), abs(np.expm1(logarithm))
+    if len(job.energies) >= rounds and changed < DRIFT and (beyond or abs(rate) < still):
         return not motion.at_rest
-    return fraction >= BEYOND and _stationary(job.history)
-
-
-def _stationary(energies: list[float]) -> bool:
-    """Whether an irregular motion goes on as it was, by its mean energy over both halves of many rounds."""
-    earlier, later = energies[-IRREGULAR : -IRREGULAR // 2], energies[-IRREGULAR // 2 :]
-    return len(energies) >= IRREGULAR and bool(abs(np.log(np.mean(later) / np.mean(earlier))) / 2 < DRIFT)
-
-
-def _over_rounds(energies: list[float], rounds: int, motion: Saturated) -> tuple[float, float]:
-    """Mean growth rate (1/s) of the rms velocity over the last rounds, and its relative change."""
-    last = energies[-rounds:]
-    if len(last) < 2 or min(last) <= 0:
-        return motion.rate, abs(motion.drift)
-    logarithm = np.log(last[-1] / last[0]) / 2
-    lasted = (len(last) - 1) * motion.seconds * 2  # a round is twice what is looked at of it
-    return float(logarithm / lasted), float(abs(np.expm1(logarithm)))
+    if not beyond or len(job.history) < IRREGULAR:
+        return False
+    # An irregular motion goes on as it was where the mean energies over both halves of many rounds are alike.
+    earlier, later = job.history[-IRREGULAR : -IRREGULAR // 2], job.history[-IRREGULAR // 2 :]
+    return bool(abs(np.log(np.mean(later) / np.mean(earlier))) / 2 < DRIFT)

@@ -17,40 +17,21 @@ ALONG = (
     f"The parameter that is varied and its range, in SI units or with units; N values, {POINTS} without xN. "
     'Put a range with spaces in quotes: --along "drum.speed=10 rpm..400 rpm x20".'
 )
+WITHIN = "Find the ends of the bistable range to this fraction of the range."
+SMALLEST = "Also find the smallest disturbance along a mode that starts squeal at each bistable value."
+CYCLES = "Also follow the limit cycles, stable and unstable, and draw them into the figure."
 
 
 def onset_command(
     scene: SceneFile,
     along: Annotated[
         str,
-        typer.Option(
-            "--along",
-            metavar=SYNTAX,
-            help=ALONG,
-            show_default=False,
-            autocompletion=complete_range,
-        ),
+        typer.Option("--along", metavar=SYNTAX, help=ALONG, show_default=False, autocompletion=complete_range),
     ],
     output: Annotated[Path | None, output_option("SCENE-onset")] = None,
-    within: Annotated[
-        str,
-        typer.Option(
-            "--within", metavar="FRACTION", help="Find the ends of the bistable range to this fraction of the range."
-        ),
-    ] = "0.1 %",
-    smallest_kick: Annotated[
-        bool,
-        typer.Option(
-            "--smallest-kick",
-            help="Also find the smallest disturbance along a mode that starts squeal at each bistable value.",
-        ),
-    ] = False,
-    cycles: Annotated[
-        bool,
-        typer.Option(
-            "--cycles", help="Also follow the limit cycles, stable and unstable, and draw them into the figure."
-        ),
-    ] = False,
+    within: Annotated[str, typer.Option("--within", metavar="FRACTION", help=WITHIN)] = "0.1 %",
+    smallest_kick: Annotated[bool, typer.Option("--smallest-kick", help=SMALLEST)] = False,
+    cycles: Annotated[bool, typer.Option("--cycles", help=CYCLES)] = False,
     settings: Settings = None,
     overwrite: Overwrite = False,
     quiet: Quiet = False,

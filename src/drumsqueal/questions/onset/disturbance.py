@@ -14,16 +14,8 @@ from numpy.typing import NDArray
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.model import Model
 from drumsqueal.progress import Progress
-from drumsqueal.questions.onset.attractors import (
-    LARGE,
-    LASTING,
-    PERSISTENT,
-    Family,
-    How,
-    Start,
-    find_attractors,
-)
-from drumsqueal.questions.onset.rows import Disturbance, Leads, Response, Row
+from drumsqueal.questions.onset.attractors import LARGE, LASTING, PERSISTENT, Family, How, Start, find_attractors
+from drumsqueal.questions.onset.found import Disturbance, Leads, Motion, Row
 from drumsqueal.solve.linear.branches import Point
 from drumsqueal.solve.linear.modes import Mode
 
@@ -42,13 +34,17 @@ def smallest_disturbances(
 
     A value is not among them where none of those tried does.
     """
-    searches = [_AtRow(row, family.model_at(row.value), family) for row in rows]
+    searches = [_directions(row, family) for row in rows]
     while True:
-        tasks = [(search, *task) for search in searches for task in search.untried()]
+        tasks: list[tuple[_Direction, float]] = []
+        for directions in searches:
+            best = min((each.squeals_at for each in directions), default=math.inf)
+            tasks += [(each, size) for each in directions for size in each.next_sizes(best)]
         if not tasks:
             return
         _run(family, tasks, how, progress)
-        yield {search.row.value: search.smallest() for search in searches if search.squeals}
+        found = [min(each, key=lambda direction: direction.squeals_at) for each in searches if each]
+        yield {each.row.value: each.disturbance() for each in found if each.loud}
 
 
 def surface_speed(model: Model, velocity: NDArray[np.float64]) -> float:
@@ -63,20 +59,22 @@ def surface_speed(model: Model, velocity: NDArray[np.float64]) -> float:
 
 
 class _Direction:
-    """Disturbances along a mode one way, as multiples √J of the one of 1 J, and where those that were tried led."""
+    """Disturbances along a mode one way at a row, as multiples √J of the one of 1 J, and where those tried led."""
 
-    def __init__(self, mode: Mode, sign: int, model: Model, family: Family) -> None:
+    def __init__(self, row: Row, mode: Mode, sign: int, model: Model, family: Family) -> None:
         shape, fractions = family.reach(mode, model)
         turns = np.exp(2j * np.pi * np.arange(TURNS) / TURNS)
         velocities = (turns[:, None] * shape[1]).real
         energies = velocities**2 @ np.asarray(model.mass) / 2
         of_one_joule = 1 / math.sqrt(energies.max())
         self.name = f"kick {mode.label} {'forwards' if sign > 0 else 'backwards'}"
-        self.mode, self.velocity = mode, sign * of_one_joule * velocities[np.argmax(energies)]
+        self.row, self.mode, self.coordinates = row, mode, family.moving
+        self.velocity = sign * of_one_joule * velocities[np.argmax(energies)]
+        self.surface_speed = surface_speed(model, self.velocity)
         self.boundary_ratio = of_one_joule * max(fractions)
         self.least, self.most = LEAST / self.boundary_ratio, LARGE / (of_one_joule * min(fractions))
         self.quiet: set[float] = set()
-        self.loud: dict[float, Response] = {}
+        self.loud: dict[float, Motion] = {}
         self.tried: set[float] = set()
 
     @property
@@ -86,7 +84,7 @@ class _Direction:
 
     @property
     def quiet_below(self) -> float:
-        """The largest size below that which dies away."""
+        """The largest size below that which decays."""
         return max((size for size in self.quiet if size < self.squeals_at), default=0.0)
 
     def next_sizes(self, best: float) -> list[float]:
@@ -103,77 +101,58 @@ class _Direction:
             sizes = np.geomspace(low, high, SECTIONS + 2)[1:-1]
         return [float(size) for size in sizes if size not in self.tried and size >= self.least / 2**SMALLER]
 
-
-class _AtRow:
-    """The search at one value."""
-
-    def __init__(self, row: Row, model: Model, family: Family) -> None:
-        self.row, self.model, self.names = row, model, family.moving
-        self.directions = [
-            _Direction(mode, sign, model, family)
-            for mode in family.modes(row.point)
-            for sign in (1, -1)
-            if family.reach(mode, model)[1]
-        ]
-
-    @property
-    def squeals(self) -> bool:
-        return any(direction.loud for direction in self.directions)
-
-    def untried(self) -> list[tuple[_Direction, float]]:
-        """What to try next."""
-        best = min((direction.squeals_at for direction in self.directions), default=math.inf)
-        return [(direction, size) for direction in self.directions for size in direction.next_sizes(best)]
-
-    def smallest(self) -> Disturbance:
-        """The smallest, as far as it is known."""
-        direction = min(self.directions, key=lambda each: each.squeals_at)
-        low, high = direction.quiet_below, direction.squeals_at
+    def disturbance(self) -> Disturbance:
+        """The smallest that squeals, as far as it is known."""
+        low, high = self.quiet_below, self.squeals_at
         size = (low + high) / 2
-        speed = surface_speed(self.model, direction.velocity)
-        motion = direction.loud[high].motion
-        assert motion is not None
         return Disturbance(
-            mode=direction.mode.label,
-            velocity=dict(zip(self.names, (size * direction.velocity).tolist(), strict=True)),
-            speed_m_per_s=size * speed,
-            speed_uncertainty_m_per_s=(high - low) / 2 * speed,
+            mode=self.mode.label,
+            velocity=dict(zip(self.coordinates, (size * self.velocity).tolist(), strict=True)),
+            speed_m_per_s=size * self.surface_speed,
+            speed_uncertainty_m_per_s=(high - low) / 2 * self.surface_speed,
             energy_J=size**2,
             energy_uncertainty_J=(high**2 - low**2) / 2,
-            edge_share=size * direction.boundary_ratio,
-            leads_to=motion,
+            edge_share=size * self.boundary_ratio,
+            leads_to=self.loud[high],
         )
 
 
-def _run(family: Family, tasks: Sequence[tuple[_AtRow, _Direction, float]], how: How, progress: Progress) -> None:
+def _directions(row: Row, family: Family) -> list[_Direction]:
+    """Both ways along each mode that comes near a contact boundary."""
+    model = family.model_at(row.value)
+    modes = [mode for mode in family.modes(row.point) if family.reach(mode, model)[1]]
+    return [_Direction(row, mode, sign, model, family) for mode in modes for sign in (1, -1)]
+
+
+def _run(family: Family, tasks: Sequence[tuple[_Direction, float]], how: How, progress: Progress) -> None:
     """Try sizes, and note where each leads.
 
     Near the smallest disturbance that starts squeal motion dwells on the unstable cycle, which may look settled: what
     is none of the motions known at the value must last longer.
     """
     meant, done = {}, 0
-    for search, direction, size in tasks:
+    for direction, size in tasks:
         direction.tried.add(size)
-        meant[search.row.value, f"{direction.name} {size!r}"] = search, direction, size
+        meant[direction.row.value, f"{direction.name} {size!r}"] = direction, size
 
     def report(*_: object) -> None:
         progress("smallest disturbance", done, len(tasks))
 
     starts: list[tuple[Point, Start]] = [
-        (search.row.point, Start(name, 0 * direction.velocity, size * direction.velocity))
-        for (_, name), (search, direction, size) in meant.items()
+        (direction.row.point, Start(name, 0 * direction.velocity, size * direction.velocity))
+        for (_, name), (direction, size) in meant.items()
     ]
     doubtful = []
     for rounds, some in ((PERSISTENT, starts), (LASTING, doubtful)):
-        for ending in find_attractors(family, some, how, rounds=rounds, progress=report):
-            search, direction, size = meant[ending.value, ending.start]
-            motion = ending.motion
-            if rounds == PERSISTENT and motion and not any(motion.like(known) for known in search.row.motions):
-                doubtful.append((search.row.point, Start(ending.start, *motion.state)))
+        for response in find_attractors(family, some, how, rounds=rounds, progress=report):
+            direction, size = meant[response.value, response.start]
+            motion = response.motion
+            if rounds == PERSISTENT and motion and not any(motion.like(known) for known in direction.row.motions):
+                doubtful.append((direction.row.point, Start(response.start, *motion.state)))
                 continue
             if motion is not None:
-                direction.loud[size] = ending
-            elif ending.leads_to in (Leads.DECAYS, Leads.NEUTRAL):
+                direction.loud[size] = motion
+            elif response.leads_to in (Leads.DECAYS, Leads.NEUTRAL):
                 direction.quiet.add(size)
             done += 1
             report()

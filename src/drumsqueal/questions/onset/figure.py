@@ -1,12 +1,12 @@
 """Linear against nonlinear onset along a parameter: motions that last, their frequencies, and the growth rates."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from drumsqueal.findings.vibration import unit_of
 from drumsqueal.questions.cycle.diagram import Diagram
 from drumsqueal.questions.cycle.orbit import Cycle
-from drumsqueal.questions.onset.found import OnsetStudy
-from drumsqueal.questions.onset.rows import Kind, Leads, Motion, Row
+from drumsqueal.questions.onset.found import Kind, Leads, Motion, OnsetStudy, Row
 from drumsqueal.questions.run.figures.eigenvalues import STABLE as STABLE_COLOUR
 from drumsqueal.questions.run.figures.eigenvalues import UNSTABLE as UNSTABLE_COLOUR
 from drumsqueal.solve.linear.modes import UNDAMPED_FRACTION
@@ -23,7 +22,7 @@ from drumsqueal.terminal import style
 from drumsqueal.terminal.placement import label_top_edge, tick_in_units
 from drumsqueal.terminal.style import frame, new_figure, styled
 
-# Told apart in print by lightness, too.
+# Of different lightness, too, for print without colours.
 SHADES = {
     Kind.STABLE: STABLE_COLOUR,
     Kind.NEUTRAL: "#E3EEDC",
@@ -31,9 +30,13 @@ SHADES = {
     Kind.SQUEALS: UNSTABLE_COLOUR,
 }
 OTHER = style.PALE
-MARKER = {"marker": "o", "markersize": 3.2, "linestyle": "", "markeredgewidth": 0.7}
+MARKER: dict[str, Any] = {"marker": "o", "markersize": 3.2, "linestyle": "", "markeredgewidth": 0.7}
 SQUARE: dict[str, Any] = MARKER | {"marker": "s"}  # of disturbances: these are no motions
 DASHES = (0, (3, 2))  # of unstable cycles
+AFTER_SMALL, AFTER_LARGE = "after a small perturbation", "after a large disturbance only"
+STEADY, CRITICAL = "steady sliding, after a small perturbation", "critical value"
+STABLE_CYCLE, UNSTABLE_CYCLE = "stable limit cycle", "unstable limit cycle"
+FIRST = (AFTER_SMALL, STEADY, AFTER_LARGE, CRITICAL, STABLE_CYCLE, UNSTABLE_CYCLE)  # in the legend
 ROOM = 0.25  # of the height, above the largest amplitude, for the names of the ranges
 SCALE = 3.5  # the sum of the panels' heights that the usual height of a figure is for
 WIDE, FAR = 3, 100  # ratios of amplitudes: for a log axis, and for its ticks to be decades alone
@@ -69,8 +72,9 @@ def draw_onset(study: OnsetStudy) -> Figure:
     tick_in_units(panels[-1].xaxis, study.variation.size)
     panels[-1].set_xlabel(f"{study.variation.key}{unit}")
     figure.align_ylabels(panels)
-    figure.legend(handles=_legend(study), loc="outside lower center", ncols=3)
-    label_top_edge(panels[0], [(at, text, style.DARK) for at, text in _ends(study)], reach=4.0)
+    figure.legend(handles=_legend(panels, study), loc="outside lower center", ncols=3)
+    named = [(at, f"{study.variation.shown(at):.4g}", style.DARK) for at in _boundaries(study)]
+    label_top_edge(panels[0], named, reach=4.0)
     return figure
 
 
@@ -80,7 +84,8 @@ def draw_cycles(axes: Axes, diagram: Diagram, colour: str, measure: Callable[[Cy
         for cycles, stable in branch.pieces():
             values = [cycle.value for cycle in cycles]
             shown = [measure(cycle) for cycle in cycles]
-            axes.plot(values, shown, color=colour, linewidth=1.2, linestyle="-" if stable else DASHES, zorder=1.5)
+            label, line = (STABLE_CYCLE, "-") if stable else (UNSTABLE_CYCLE, DASHES)
+            axes.plot(values, shown, color=colour, linewidth=1.2, linestyle=line, label=label, zorder=1.5)
 
 
 def limit_amplitudes(axes: Axes, amplitudes: list[float], room: float) -> float:
@@ -114,11 +119,12 @@ def _draw_amplitudes(axes: Axes, study: OnsetStudy) -> None:
     for row in study.values:
         for motion in row.motions:
             amplitudes.append(MICRO * motion.amplitude[name])
-            axes.plot(row.value, amplitudes[-1], color=colour, markerfacecolor=_face(row, motion, colour), **MARKER)
+            _draw_motion(axes, row, motion, amplitudes[-1], colour)
     rest = limit_amplitudes(axes, amplitudes, ROOM)
-    quiet = [row.value for row in study.values if _quiet(row)]
+    quiet = [row.value for row in study.values if row.small is not None and row.small.leads_to is Leads.DECAYS]
     if quiet:  # an empty line that is not clipped counts as one at the corner of the figure, and the layout collapses
-        axes.plot(quiet, np.full(len(quiet), rest), color=style.DARK, clip_on=False, zorder=3, **MARKER)
+        look = {"color": style.DARK, "label": STEADY, "clip_on": False, "zorder": 3}
+        axes.plot(quiet, np.full(len(quiet), rest), **MARKER | look)
     low, high = axes.get_xlim()
     for each in study.ranges:
         if each.last - each.first > NARROW * (high - low):
@@ -127,28 +133,31 @@ def _draw_amplitudes(axes: Axes, study: OnsetStudy) -> None:
     frame(axes, None, f"{name}, half peak\nto peak ({unit_of(name, 'µ')})")
 
 
-def _quiet(row: Row) -> bool:
-    """Whether the small perturbation decays."""
-    return row.small is not None and row.small.leads_to is Leads.DECAYS
-
-
-def _face(row: Row, motion: Motion, colour: str) -> str:
+def _draw_motion(axes: Axes, row: Row, motion: Motion, value: float, colour: str) -> None:
+    """Draw a filled marker where the small perturbation led to the motion, else an empty one."""
     small = None if row.small is None else row.small.motion
-    return colour if small is not None and motion.like(small) else "white"
+    face, label = (colour, AFTER_SMALL) if small is not None and motion.like(small) else ("white", AFTER_LARGE)
+    axes.plot(row.value, value, color=colour, markerfacecolor=face, label=label, **MARKER)
 
 
 def _draw_frequencies(axes: Axes, study: OnsetStudy) -> None:
     """The lines that hold most kinetic energy, before the modes that are near them."""
     axes.set_ylim(*_frequency_limits(study))
     for mode in study.modes:
-        axes.plot(mode.values, np.array(mode.frequency_Hz) / 1e3, color=style.COLOUR[mode.name])
+        _draw_mode(axes, mode.name, np.array(mode.values), np.array(mode.frequency_Hz) / 1e3)
     for row in study.values:
         for motion in row.motions:
             if motion.frequency_Hz:
                 colour = style.COLOUR[motion.line_of or study.coordinate]
-                face = _face(row, motion, colour)
-                axes.plot(row.value, motion.frequency_Hz / 1e3, color=colour, markerfacecolor=face, **MARKER)
+                _draw_motion(axes, row, motion, motion.frequency_Hz / 1e3, colour)
     frame(axes, None, "Frequency\n(kHz)")
+
+
+def _draw_mode(axes: Axes, name: str, values: NDArray[np.float64], measure: NDArray[np.float64]) -> None:
+    """Draw a mode over the parameter, named in the legend where any of it is in the picture."""
+    low, high = axes.get_ylim()
+    label = f"mode {name}" if np.any((measure > low) & (measure < high)) else None
+    axes.plot(values, measure, color=style.COLOUR[name], label=label)
 
 
 def _draw_growth(axes: Axes, study: OnsetStudy) -> None:
@@ -160,9 +169,9 @@ def _draw_growth(axes: Axes, study: OnsetStudy) -> None:
         values = np.array([*mode.values, *zeros])
         rates = np.array([*mode.growth_rate_1_per_s, *(0.0 for _ in zeros)])
         order = np.argsort(values)
-        axes.plot(values[order], rates[order], color=style.COLOUR[mode.name])
+        _draw_mode(axes, mode.name, values[order], rates[order])
     for critical in study.critical_values:
-        axes.plot(critical.value, 0, marker="D", markersize=3.5, color=style.DARK, linestyle="", zorder=4)
+        axes.plot(critical.value, 0, "D", markersize=3.5, color=style.DARK, label=CRITICAL, zorder=4)
     frame(axes, None, "Growth rate\n(1/s)")
 
 
@@ -172,10 +181,10 @@ def _draw_disturbances(axes: Axes, study: OnsetStudy) -> None:
     for row in study.values:
         found = row.smallest_kick
         if found is not None:
-            colour, speed = style.COLOUR[found.mode.split()[0]], found.speed_m_per_s
+            name, speed = found.mode.split()[0], found.speed_m_per_s
             ends = [speed - found.speed_uncertainty_m_per_s, speed + found.speed_uncertainty_m_per_s]
-            axes.plot(row.value, speed, color=colour, **SQUARE)
-            axes.plot([row.value] * 2, ends, color=colour, linewidth=0.7)
+            axes.plot(row.value, speed, color=style.COLOUR[name], **SQUARE)
+            axes.plot([row.value] * 2, ends, color=style.COLOUR[name], linewidth=0.7, label=f"mode {name}")
             largest = max(largest, *ends)
     axes.set_ylim(0, (1 + ROOM) * largest)
     frame(axes, None, "Smallest disturb-\nance (m/s)")
@@ -187,48 +196,24 @@ def _shade(axes: Axes, study: OnsetStudy) -> None:
         low = left if each.first_uncertainty is None else each.first
         high = right if each.last_uncertainty is None else each.last
         axes.axvspan(low, high, color=SHADES.get(each.kind, OTHER), linewidth=0, zorder=0)
-    for end, _ in _ends(study):
-        axes.axvline(end, color=style.DARK, linewidth=0.5, linestyle=(0, (4, 3)), zorder=1)
+    for boundary in _boundaries(study):
+        axes.axvline(boundary, color=style.DARK, linewidth=0.5, linestyle=(0, (4, 3)), zorder=1)
 
 
-def _ends(study: OnsetStudy) -> list[tuple[float, str]]:
-    """Where one range goes over into the next."""
-    return [
-        (each.first, f"{study.variation.shown(each.first):.4g}")
-        for each in study.ranges
-        if each.first_uncertainty is not None
-    ]
+def _boundaries(study: OnsetStudy) -> list[float]:
+    """The values at which one range goes over into the next."""
+    return [each.first for each in study.ranges if each.first_uncertainty is not None]
 
 
-def _legend(study: OnsetStudy) -> list[Line2D | Patch]:
-    colour = style.COLOUR[study.coordinate]
-    shown = []
-    for mode in study.modes:
-        frequency, rate = np.array(mode.frequency_Hz) / 1e3, np.array(mode.growth_rate_1_per_s)
-        if _any_within(frequency, _frequency_limits(study)) or _any_within(rate, _growth_limits(study)):
-            shown.append(mode.name)
-    shown += [row.smallest_kick.mode.split()[0] for row in study.values if row.smallest_kick]
-    handles: list[Line2D | Patch] = []
-    faces = {_face(row, each, colour) for row in study.values for each in row.motions}
-    if colour in faces:
-        handles.append(Line2D([], [], color=colour, label="after a small perturbation", **MARKER))
-    if any(_quiet(row) for row in study.values):
-        label = "steady sliding, after a small perturbation"
-        handles.append(Line2D([], [], color=style.DARK, label=label, **MARKER))
-    if "white" in faces:
-        label = "after a large disturbance only"
-        handles.append(Line2D([], [], color=colour, markerfacecolor="white", label=label, **MARKER))
-    if study.critical_values:
-        label = "critical value"
-        handles.append(Line2D([], [], marker="D", markersize=3.5, color=style.DARK, linestyle="", label=label))
-    branches = study.cycles.branches if study.cycles else ()
-    stable = {each for branch in branches for _, each in branch.pieces()}
-    for kind in sorted(stable, reverse=True):
-        label, line = ("stable limit cycle", "-") if kind else ("unstable limit cycle", DASHES)
-        handles.append(Line2D([], [], color=colour, linewidth=1.2, linestyle=line, label=label))
-    handles += [Line2D([], [], color=style.COLOUR[name], label=f"mode {name}") for name in dict.fromkeys(shown)]
+def _legend(panels: Sequence[Axes], study: OnsetStudy) -> list[Artist]:
+    """An entry for everything that the panels name, motions first, and for each kind of range."""
+    named: dict[Any, Artist] = {}
+    for axes in panels:
+        for artist, label in zip(*axes.get_legend_handles_labels(), strict=True):
+            named.setdefault(label, artist)
+    first = [named.pop(label) for label in FIRST if label in named]
     kinds = dict.fromkeys(each.kind for each in study.ranges)
-    return handles + [Patch(color=SHADES.get(kind, OTHER), label=kind) for kind in kinds]
+    return [*first, *named.values(), *(Patch(color=SHADES.get(kind, OTHER), label=kind) for kind in kinds)]
 
 
 def _growth_limits(study: OnsetStudy) -> tuple[float, float]:
@@ -241,13 +226,9 @@ def _growth_limits(study: OnsetStudy) -> tuple[float, float]:
 
 
 def _frequency_limits(study: OnsetStudy) -> tuple[float, float]:
-    """Of all lines heard and of the modes that become critical (kHz); of all modes where there are none."""
+    """Of all lines found and of the modes that become critical (kHz); of all modes where there are none."""
     near = [motion.frequency_Hz for row in study.values for motion in row.motions if motion.frequency_Hz]
     near += [each.frequency_Hz for each in study.critical_values if each.frequency_Hz > 0]
     if not near:
         near = [each for mode in study.modes for each in mode.frequency_Hz if np.isfinite(each)]
     return 0.8 * min(near, default=0.5) / 1e3, 1.15 * max(near, default=1.0) / 1e3
-
-
-def _any_within(values: NDArray[np.float64], limits: tuple[float, float]) -> bool:
-    return bool(np.any((values > limits[0]) & (values < limits[1])))

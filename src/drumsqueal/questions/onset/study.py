@@ -26,8 +26,7 @@ from drumsqueal.questions.onset.attractors import (
     round_seconds,
 )
 from drumsqueal.questions.onset.disturbance import smallest_disturbances
-from drumsqueal.questions.onset.found import FollowedMode, Onset, OnsetStudy
-from drumsqueal.questions.onset.rows import QUIET, Kind, Row, find_ranges
+from drumsqueal.questions.onset.found import QUIET, FollowedMode, Kind, Onset, OnsetStudy, Row, find_ranges
 from drumsqueal.questions.onset.words import reservations, verdict
 from drumsqueal.scene import Profile, Scene, SceneError
 from drumsqueal.scene.variation import Variation, may_not_rest, read_variation
@@ -35,7 +34,7 @@ from drumsqueal.solve.linear.branches import Branches, ModelAt, Point, follow_mo
 
 WITHIN = 1e-3  # of the range: how well the boundaries of the bistable range are found
 SECTIONS = 2  # values tried at once between two
-# Multiples of a neighbour's motion: where motion that is too small dies away the lasting one may be larger there.
+# Multiples of a neighbour's motion: where motion that is too small decays the attractor may be larger there.
 SIZES = (1.0, 1.2, 1.5)
 
 
@@ -104,72 +103,23 @@ def study_onset(
     In place of a scene, a function of one number gives a model: `study_onset(lambda speed: block_on_belt(law,
     belt_speed=speed), Variation("belt speed", "m/s", (1.0, 1.1, 1.2)), sample_rate=10.0)`, in Hz, and its `tolerance`.
 
-    Raises SceneError and RequestError for what cannot be studied, and ValueError for a share that is not between 0 and
-    1.
+    Raises SceneError and RequestError for what cannot be studied, and ValueError for a fraction that is not between 0
+    and 1.
     """
     if not 0 < within < 1:
-        raise ValueError(f"the share must be between 0 and 1, got {within}")
-    if not isinstance(scene, Scene):
+        raise ValueError(f"the fraction must be between 0 and 1, got {within}")
+    if isinstance(scene, Scene):
+        variation = read_variation(along, scene, option="along") if isinstance(along, str) else along
+        if cycles:
+            checked_range(scene, variation)
+        predicted = predict(scene, variation, progress)
+    else:
         predicted = predict_models(scene, cast("Variation", along), sample_rate, tolerance, progress)
-        return compare(predicted, within, smallest_kick=smallest_kick, cycles=cycles, progress=progress, keep=keep)
-    variation = read_variation(along, scene, option="along") if isinstance(along, str) else along
-    if cycles:
-        checked_range(scene, variation)
-    predicted = predict(scene, variation, progress)
     return compare(predicted, within, smallest_kick=smallest_kick, cycles=cycles, progress=progress, keep=keep)
 
 
 def predict(scene: Scene, variation: Variation, progress: Progress = silent) -> Prediction:
     """Follow the modes and find the critical values. Raises SceneError and RequestError for what cannot be studied."""
-    _check(scene, variation)
-    # Structure hangs on the larger end: a long arc has more nodes, a force that vanishes is none.
-    largest = max(variation.values, key=abs)
-    whole = scene.with_values({variation.key: largest})
-    coordinates = linear_coordinates(whole)
-
-    def linear_at(value: float):
-        return build_model(whole, {variation.key: value}, coordinates)
-
-    def model_at(value: float):
-        return build_model(whole, {variation.key: value})
-
-    linear = follow_modes(linear_at, variation.values, progress)
-    sound = [point for point in linear.points if not point.reason]
-    if not sound:
-        raise SceneError(f"nowhere in the range is there steady sliding: {linear.points[0].reason}", (variation.key,))
-    highest = max((mode.frequency_Hz for point in sound for mode in point.modes), default=0.0)
-    rate = scene.simulate.sample_rate
-    if rate < 2 * highest:
-        reason = f"this is below twice the highest frequency, {highest:.5g} Hz, which would fold; take at least"
-        raise SceneError(f"{reason} {2 * highest:.5g} Hz", ("simulate", "sample_rate"), rate)
-    moving = model_at(largest).names
-    family = Family(model_at, moving, linear_at(largest).names)
-    # Whole chunks of samples need no program of their own, but any number will do.
-    how = How(rate, scene.simulate.tolerance, round_seconds(sound, moving), scene.simulate.solver)
-    return Prediction(scene, variation, family, linear_at, linear, how)
-
-
-def predict_models(
-    model_at: ModelAt, variation: Variation, sample_rate: float, tolerance: float, progress: Progress = silent
-) -> Prediction:
-    """The same for a family of models. Raises RequestError for what cannot be studied."""
-    if len(set(variation.values)) < 2:
-        raise RequestError(f"{variation.key}: give it a range of two values at least")
-    first = model_at(variation.first)
-    if first.contact.friction is None or first.forced:
-        raise RequestError("the onset of squeal takes models with friction and without a harmonic force")
-    linear = follow_modes(model_at, variation.values, progress)
-    sound = [point for point in linear.points if not point.reason]
-    if not sound:
-        raise RequestError(f"nowhere in the range is there steady sliding: {linear.points[0].reason}")
-    highest = max((mode.frequency_Hz for point in sound for mode in point.modes), default=0.0)
-    if not sample_rate > 0 or sample_rate < 2 * highest:
-        raise RequestError(f"sample_rate must be at least {2 * highest:.5g} Hz, twice the highest frequency")
-    how = How(sample_rate, tolerance, round_seconds(sound, first.names))
-    return Prediction(None, variation, Family(model_at, first.names, first.names), model_at, linear, how)
-
-
-def _check(scene: Scene, variation: Variation) -> None:
     if scene.friction is None:
         raise RequestError("friction: this scene has none, so nothing in it can squeal; add the table")
     if scene.forcing is not None:
@@ -178,8 +128,52 @@ def _check(scene: Scene, variation: Variation) -> None:
         if isinstance(value, Profile):
             raise RequestError(f"{key}: it changes over time here; give it one value, as by --set {key}=...")
     may_not_rest(variation)
+    # Structure hangs on the larger end: a long arc has more nodes, a force that vanishes is none.
+    largest = max(variation.values, key=abs)
+    whole = scene.with_values({variation.key: largest})
+    coordinates = linear_coordinates(whole)
+
+    def linear_at(value: float) -> Model:
+        return build_model(whole, {variation.key: value}, coordinates)
+
+    def model_at(value: float) -> Model:
+        return build_model(whole, {variation.key: value})
+
+    family = Family(model_at, model_at(largest).names, linear_at(largest).names)
+    how = How(scene.simulate.sample_rate, scene.simulate.tolerance, solver=scene.simulate.solver)
+    return _predict(scene, variation, family, linear_at, how, progress)
+
+
+def predict_models(
+    model_at: ModelAt, variation: Variation, sample_rate: float, tolerance: float, progress: Progress = silent
+) -> Prediction:
+    """The same for a family of models. Raises RequestError for what cannot be studied."""
+    first = model_at(variation.first)
+    if first.contact.friction is None or first.forced:
+        raise RequestError("the onset of squeal takes models with friction and without a harmonic force")
+    family = Family(model_at, first.names, first.names)
+    return _predict(None, variation, family, model_at, How(sample_rate, tolerance), progress)
+
+
+def _predict(
+    scene: Scene | None, variation: Variation, family: Family, linear_at: ModelAt, how: How, progress: Progress
+) -> Prediction:
     if len(set(variation.values)) < 2:
         raise RequestError(f"{variation.key}: give it a range of two values at least")
+    linear = follow_modes(linear_at, variation.values, progress)
+    sound = [point for point in linear.points if not point.reason]
+    if not sound:
+        raise RequestError(f"{variation.key}: nowhere in the range is there steady sliding: {linear.points[0].reason}")
+    highest = max((mode.frequency_Hz for point in sound for mode in point.modes), default=0.0)
+    if not how.sample_rate > 0 or how.sample_rate < 2 * highest:
+        limit = f"twice the highest frequency, {highest:.5g} Hz"
+        reason = f"this is below {limit}, which would fold; take at least {2 * highest:.5g} Hz"
+        if scene is None:
+            raise RequestError(f"sample_rate: {reason}")
+        raise SceneError(reason, ("simulate", "sample_rate"), how.sample_rate)
+    # Whole chunks of samples need no program of their own, but any number will do.
+    how = how._replace(round_seconds=round_seconds(sound, family.moving))
+    return Prediction(scene, variation, family, linear_at, linear, how)
 
 
 def compare(
@@ -206,19 +200,19 @@ def compare(
     search = _Search(predicted, lambda rows: keep(study.model_copy(update={"values": tuple(rows)})), progress)
     search.from_both_sizes()
     search.from_neighbours()
-    search.at_boundaries(within)
+    values = predicted.variation.values
+    precision = within * (max(values) - min(values))
+    search.at_boundaries(precision)
     if smallest_kick:
         search.smallest_disturbances()
-    ranges = find_ranges(search.rows, linear.critical, search.resolved(within))
-    study = study.model_copy(
-        update={"outcome": Ending.COMPLETE, "values": tuple(search.rows), "ranges": ranges},
-    )
+    ranges = find_ranges(search.rows, linear.critical, precision)
+    study = study.model_copy(update={"outcome": Ending.COMPLETE, "values": tuple(search.rows), "ranges": ranges})
     study = study.model_copy(update={"verdict": verdict(study), "reservations": reservations(study)})
     if not cycles:
         return study
     keep(study)
-    ends = (predicted.variation.first, predicted.variation.last)
     if scene is None:
+        ends = predicted.variation.first, predicted.variation.last
         found = follow_cycles(predicted.family.model_at, ends, progress=progress)
     else:
         found = follow_cycles(scene, predicted.variation, progress=progress)
@@ -258,30 +252,25 @@ class _Search:
         tried: set[tuple[float, float, int, float]] = set()
         while True:
             tasks = []
-            for a, b in pairwise(self.rows):
-                for there, here in ((a, b), (b, a)):
-                    sizes = SIZES if here.kind in (*QUIET, Kind.UNDECIDED) else SIZES[:1]
-                    for k, source in enumerate(there.motions):
-                        if here.kind is Kind.NOWHERE or any(source.like(known) for known in here.motions):
-                            continue
-                        untried = [size for size in sizes if (there.value, here.value, k, size) not in tried]
-                        for size in untried[:1]:
-                            tried.add((there.value, here.value, k, size))
-                            tasks.append((here.point, go_on(there.value, source, size)))
+            neighbours = [pair for a, b in pairwise(self.rows) for pair in ((a, b), (b, a))]
+            for there, here in neighbours:
+                sizes = SIZES if here.kind in (*QUIET, Kind.UNDECIDED) else SIZES[:1]
+                for k, source in enumerate(there.motions):
+                    if here.kind is Kind.NOWHERE or any(source.like(known) for known in here.motions):
+                        continue
+                    untried = [size for size in sizes if (there.value, here.value, k, size) not in tried]
+                    for size in untried[:1]:
+                        tried.add((there.value, here.value, k, size))
+                        tasks.append((here.point, go_on(there.value, source, size)))
             if not tasks:
                 return
             self._run("from neighbours", tasks, PERSISTENT)
 
-    def resolved(self, within: float) -> float:
-        """How far apart values are distinguished at a boundary, of a fraction of the whole range."""
-        return within * (self.rows[-1].value - self.rows[0].value)
-
-    def at_boundaries(self, within: float) -> None:
-        """Close in on where motion ceases to last without the eigenvalues saying so."""
-        precision = self.resolved(within)
+    def at_boundaries(self, precision: float) -> None:
+        """Find to this precision where squeal ends without a critical value of the eigenvalues."""
         for a, b in list(pairwise(self.rows)):
             if Kind.SQUEALS in (a.kind, b.kind) and (a.kind in QUIET or b.kind in QUIET):
-                self._beside(a, b, precision)
+                self._look_next_to_critical(a, b, precision)
         for a, b in list(pairwise(self.rows)):
             if Kind.BISTABLE not in (a.kind, b.kind) or (a.kind not in QUIET and b.kind not in QUIET):
                 continue
@@ -295,7 +284,7 @@ class _Search:
                 self._rows[value] = self._rows[value].model_copy(update={"smallest_kick": smallest})
             self._on_rows(self.rows)
 
-    def _beside(self, a: Row, b: Row, precision: float) -> None:
+    def _look_next_to_critical(self, a: Row, b: Row, precision: float) -> None:
         """Look right next to a critical value whether squeal goes on into the stable side."""
         squeals, stable = (a, b) if a.kind is Kind.SQUEALS else (b, a)
         between = [each.value for each in self._predicted.linear.critical if a.value <= each.value <= b.value]
@@ -306,8 +295,8 @@ class _Search:
         if side * (stable.value - value) > 0:
             self._try([float(value)], squeals)
 
-    def _close_in(self, lasting: Row, dying: Row, precision: float) -> None:
-        a, b = lasting, dying
+    def _close_in(self, a: Row, b: Row, precision: float) -> None:
+        """Narrow down where between a bistable row `a` and a quiet one `b` squeal ends."""
         while abs(b.value - a.value) > precision and a.strongest is not None:
             fractions = np.arange(1, SECTIONS + 1) / (SECTIONS + 1)
             values = [float(a.value + fraction * (b.value - a.value)) for fraction in fractions]
@@ -335,12 +324,12 @@ class _Search:
         def report(*_: object) -> None:
             self._progress(what, done, len(tasks))
 
-        for ending in find_attractors(self._family, tasks, self._how, rounds=rounds, progress=report):
-            row = self._rows[ending.value]
-            self._rows[ending.value] = row.model_copy(update={"starts": (*row.starts, ending)})
-            left[ending.value] -= 1
-            if left[ending.value] == 0:
-                self._complete.add(ending.value)
+        for response in find_attractors(self._family, tasks, self._how, rounds=rounds, progress=report):
+            row = self._rows[response.value]
+            self._rows[response.value] = row.model_copy(update={"starts": (*row.starts, response)})
+            left[response.value] -= 1
+            if left[response.value] == 0:
+                self._complete.add(response.value)
                 self._on_rows(self.rows)
             done += 1
             report()

@@ -4,8 +4,8 @@ import math
 from collections.abc import Sequence
 
 from drumsqueal.findings.verdict import SMALL_ROTATION
-from drumsqueal.questions.onset.found import Onset
-from drumsqueal.questions.onset.rows import Disturbance, Kind, Leads, Range
+from drumsqueal.questions.cycle.words import unit_after
+from drumsqueal.questions.onset.found import Kind, Leads, Onset, Range
 from drumsqueal.scene.variation import Variation
 from drumsqueal.solve.linear.branches import DIVERGENCE, Critical
 
@@ -17,8 +17,7 @@ def verdict(study: Onset) -> str:
     along = study.variation
     low, high = sorted((along.first, along.last))
     over = f"Along {along.key} from {along.shown(low):.6g} to {along.with_unit(high)}"
-    found = f"{over} {_linear(study)}; {_bistable(study)}."
-    return " ".join([found, *_smallest_disturbances(study)])
+    return f"{over} {_linear(study)}; {_bistable(study)}.{_smallest_disturbances(study)}"
 
 
 def _linear(study: Onset) -> str:
@@ -33,27 +32,22 @@ def _linear(study: Onset) -> str:
 def _place(study: Onset, found: Range) -> str:
     """Where a range is: below, above or from one value to another, and whose critical values they are."""
     along = study.variation
-    unit = f" {along.shown_unit}" if along.shown_unit else ""
-    below = f"{_value(along, found.last, found.last_uncertainty)}{unit}"
-    above = _value(along, found.first, found.first_uncertainty)
+    first = _value(along, found.first, found.first_uncertainty)
+    last = _value(along, found.last, found.last_uncertainty) + unit_after(along)
     if found.first_uncertainty is None and found.last_uncertainty is None:
         return "all along"
     ends = [found.first] * (found.first_uncertainty is not None) + [found.last] * (found.last_uncertainty is not None)
-    modes = [_mode(each) for each in study.critical_values if any(_is_at(each, end) for end in ends)]
+    modes = [
+        each.label if each.label == DIVERGENCE else f"{each.label}, {each.frequency_Hz:.0f} Hz"
+        for each in study.critical_values
+        if any(abs(each.value - end) <= each.uncertainty for end in ends)
+    ]
     named = f" ({', '.join(modes)})" if modes and found.kind is Kind.SQUEALS else ""
     if found.first_uncertainty is None:
-        return f"below {below}{named}"
+        return f"below {last}{named}"
     if found.last_uncertainty is None:
-        return f"above {above}{unit}{named}"
-    return f"from {above} to {below}{named}"
-
-
-def _is_at(critical: Critical, end: float) -> bool:
-    return abs(critical.value - end) <= critical.uncertainty
-
-
-def _mode(critical: Critical) -> str:
-    return critical.label if critical.label == DIVERGENCE else f"{critical.label}, {critical.frequency_Hz:.0f} Hz"
+        return f"above {first}{unit_after(along)}{named}"
+    return f"from {first} to {last}{named}"
 
 
 def _bistable(study: Onset) -> str:
@@ -64,15 +58,13 @@ def _bistable(study: Onset) -> str:
         if Kind.STABLE in kinds:
             return f"{elsewhere}no start that was tried squeals"
         if Kind.NEUTRAL in kinds:
-            return (
-                f"{elsewhere}motion neither grows nor decays, and is as large as its start made it: that is not squeal"
-            )
+            neutral = "motion neither grows nor decays, and is as large as its start made it: that is not squeal"
+            return f"{elsewhere}{neutral}"
         return "there is nothing else to find"
     places = _joined([_place(study, each) for each in bistable])
     text = f"steady sliding is stable {places}, but a large disturbance leads to squeal there (bistable)"
-    rows = [row for row in study.values if row.kind is Kind.BISTABLE and row.strongest is not None]
-    found = [row.strongest.frequency_Hz for row in rows if row.strongest is not None]
-    lines = [frequency for frequency in found if frequency is not None]
+    strongest = [row.strongest for row in study.values if row.kind is Kind.BISTABLE]
+    lines = [each.frequency_Hz for each in strongest if each is not None and each.frequency_Hz is not None]
     if not lines:
         return text
     low, high = min(lines), max(lines)
@@ -83,23 +75,20 @@ def _bistable(study: Onset) -> str:
     return f"{text}, at the values tried at {heard}{compared}"
 
 
-def _smallest_disturbances(study: Onset) -> list[str]:
+def _smallest_disturbances(study: Onset) -> str:
     """How large a disturbance must be at least and at most, over the values."""
-    found = [(row.value, row.smallest_kick) for row in study.values if row.smallest_kick]
-    found.sort(key=lambda each: each[1].energy_J)
-    if not found:
-        return []
-    ends = [found[0], found[-1]] if len(found) > 1 else found
-    sizes = " to ".join(f"{_size(each)} at {study.variation.with_unit(value)}" for value, each in ends)
-    return [
-        "The smallest disturbance along a mode that starts squeal, as the velocity of the lining's surface, is "
-        f"{sizes} at the values tried."
-    ]
-
-
-def _size(smallest: Disturbance) -> str:
-    speed = with_uncertainty(smallest.speed_m_per_s, smallest.speed_uncertainty_m_per_s)
-    return f"{speed} m/s ({smallest.energy_J:.2g} J)"
+    found = [(row.smallest_kick, row.value) for row in study.values if row.smallest_kick]
+    found.sort(key=lambda each: each[0].energy_J)
+    sizes = []
+    for smallest, value in found[:1] + found[1:][-1:]:
+        speed = with_uncertainty(smallest.speed_m_per_s, smallest.speed_uncertainty_m_per_s)
+        sizes.append(f"{speed} m/s ({smallest.energy_J:.2g} J) at {study.variation.with_unit(value)}")
+    if not sizes:
+        return ""
+    return (
+        " The smallest disturbance along a mode that starts squeal, as the velocity of the lining's surface, is "
+        f"{' to '.join(sizes)} at the values tried."
+    )
 
 
 def _value(along: Variation, value: float, uncertainty: float | None) -> str:
@@ -123,8 +112,7 @@ def critical_words(critical: Critical, along: Variation) -> str:
     becomes = "loses stability" if critical.destabilises else "gains stability"
     value = with_uncertainty(along.shown(critical.value), along.shown(critical.uncertainty))
     line = f" at {critical.frequency_Hz:.2f} Hz" if critical.frequency_Hz > 0 else ""
-    unit = f" {along.shown_unit}" if along.shown_unit else ""
-    return f"{critical.label} {becomes}{line} as the value rises past {along.key} = {value}{unit}"
+    return f"{critical.label} {becomes}{line} as the value rises past {along.key} = {value}{unit_after(along)}"
 
 
 def reservations(study: Onset) -> tuple[str, ...]:
@@ -149,12 +137,13 @@ def reservations(study: Onset) -> tuple[str, ...]:
     if nowhere:
         found.append(f"No steady sliding at {_values(study, nowhere)}.")
     bistable = [each for each in study.ranges if each.kind is Kind.BISTABLE]
-    ends = [(each.first, each.first_uncertainty) for each in bistable]
-    ends += [(each.last, each.last_uncertainty) for each in bistable]
-    open_ends = [study.variation.with_unit(end) for end, uncertainty in ends if uncertainty is None]
+    open_ends = [each.first for each in bistable if each.first_uncertainty is None]
+    open_ends += [each.last for each in bistable if each.last_uncertainty is None]
     if open_ends:
         which = "the ends" if len(open_ends) > 1 else "the end"
-        found.append(f"The bistable range may go on beyond {_joined(open_ends)}, {which} of the range asked for.")
+        found.append(
+            f"The bistable range may go on beyond {_values(study, open_ends)}, {which} of the range asked for."
+        )
     not_started = [row.value for row in asked if row.kind is Kind.BISTABLE and row.smallest_kick is None]
     if study.smallest_kick_sought and not_started:
         squeal = "squeal that a neighbouring value's motion leads to"

@@ -12,8 +12,7 @@ from drumsqueal.findings.outcome import Ending
 from drumsqueal.findings.schema import read_findings
 from drumsqueal.findings.verdict import hertz
 from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.onset.found import OnsetStudy
-from drumsqueal.questions.onset.rows import Kind
+from drumsqueal.questions.onset.found import Kind, OnsetStudy
 from drumsqueal.questions.report.moving import animate
 from drumsqueal.questions.report.page import picture
 from drumsqueal.questions.report.words import onset_words

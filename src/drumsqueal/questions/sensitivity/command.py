@@ -13,27 +13,18 @@ from drumsqueal.terminal.completion import complete_list, words
 from drumsqueal.terminal.options import JsonFile, Overwrite, Quiet, SceneFile, Settings, UsageError, output_option
 from drumsqueal.terminal.reply import Reply
 
+_UNTIL = "Also find the smallest change that makes the brake stable."
+_VARY = "What --until stable may change (default: the design, not speed, load and radius). Repeatable."
+
 
 def sensitivity_command(
     scene: SceneFile,
     output: Annotated[Path | None, output_option("SCENE-sensitivity")] = None,
     until: Annotated[
-        str | None,
-        typer.Option(
-            "--until",
-            metavar="stable",
-            help="Also find the smallest change that makes the brake stable.",
-            autocompletion=words("stable"),
-        ),
+        str | None, typer.Option("--until", metavar="stable", help=_UNTIL, autocompletion=words("stable"))
     ] = None,
     vary: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--vary",
-            metavar="KEY,KEY...",
-            autocompletion=complete_list,
-            help="What --until stable may change (default: the design, not speed, load and radius). Repeatable.",
-        ),
+        list[str] | None, typer.Option("--vary", metavar="KEY,KEY...", help=_VARY, autocompletion=complete_list)
     ] = None,
     settings: Settings = None,
     overwrite: Overwrite = False,

@@ -1,7 +1,6 @@
 """The smallest change of a brake that makes every mode decay."""
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +19,7 @@ from drumsqueal.solve.linear.modes import DRIFT_FRACTION
 
 MARGIN = 1.0  # 1/s: every growth rate is to be at most minus this
 SLACK = 1e-3  # of the margin that an optimum on its limit may miss
-STARTS, SPREAD, SEED = 6, 0.3, 20231122  # starting points, their relative departure, and the seed of the random ones
+STARTS, SPREAD, SEED = 6, 0.3, 20231122  # starting points, their relative distance, and the seed of the random ones
 NOWHERE = 1e9  # 1/s; the growth rate where there is no steady sliding
 LEAST, MOST = 0.1, 10.0  # times its value: how far a number may go, where physics has no nearer limit
 WIDEST_ARC, THICKEST = 2 * np.pi, 0.99  # rad; of the geometric mean of thickness and outer radius
@@ -58,17 +57,6 @@ class Quieting(Finding):
     scene: SceneInFile
 
 
-class _Problem(NamedTuple):
-    """In relative changes x (k,): the numbers are `before` + x `scale`, within `low` and `high`."""
-
-    keys: tuple[str, ...]
-    before: NDArray[np.float64]
-    scale: NDArray[np.float64]
-    low: NDArray[np.float64]
-    high: NDArray[np.float64]
-    growth: "_Growth"
-
-
 def numbers_of(scene: Scene) -> dict[str, float]:
     """The physical numbers of a scene without profiles, by key, in SI."""
     return {key: value for key, value in scene.numbers().items() if isinstance(value, float)}
@@ -89,9 +77,9 @@ def variable_numbers(scene: Scene, keys: Sequence[str] | None = None) -> tuple[S
         if f"{key}.value" in scene.numbers():
             raise RequestError(f"--vary {key}: it changes over time; give it one value")
         if key in scene.numbers() and key not in numbers:
-            raise RequestError(f"--vary {key}: it is a list, which is not varied; take of {', '.join(numbers)}")
+            raise RequestError(f"--vary {key}: it is a list, which is not varied; choose from {', '.join(numbers)}")
         if key not in numbers:
-            raise RequestError(f"--vary {key}: no number of this scene; take of {', '.join(numbers)}")
+            raise RequestError(f"--vary {key}: no number of this scene; choose from {', '.join(numbers)}")
         if key in keys[:k]:
             raise RequestError(f"--vary {key}: named twice; leave one out")
         if key.startswith("forcing."):
@@ -120,13 +108,13 @@ def quieten(
     scene, keys = variable_numbers(scene, keys)
     if state_matrix is None or scene is not own:
         state_matrix = state_matrix_of(scene, tuple(numbers_of(scene)))
-    problem = _pose(scene, keys, margin, state_matrix, progress)
+    problem = _Problem(scene, keys, margin, state_matrix, progress)
     generator = np.random.default_rng(SEED)
     starts = [np.zeros(len(keys)), *(SPREAD * generator.standard_normal((STARTS - 1, len(keys))))]
-    results = [_solve(problem, np.clip(start, problem.low, problem.high)) for start in starts]
-    quiet = [x for x in results if problem.growth.largest(x) <= -margin * (1 - SLACK)]
-    best = min(quiet, key=np.linalg.norm) if quiet else min(results, key=problem.growth.largest)
-    after = problem.before + best * problem.scale
+    results = [problem.solve(start) for start in starts]
+    quiet = [x for x in results if problem.largest(x) <= -margin * (1 - SLACK)]
+    best = min(quiet, key=np.linalg.norm) if quiet else min(results, key=problem.largest)
+    after = problem.after(best)
     changed = scene.with_values({key: float(value) for key, value in zip(keys, after, strict=True)})
     stability = prepare(changed).stability
     largest = largest_growth(stability.eigenvalues)
@@ -146,28 +134,35 @@ def largest_growth(eigenvalues: NDArray[np.complex128]) -> float:
     return float(eigenvalues[held].real.max())
 
 
-class _Growth:
-    """All growth rates as smooth functions of the relative changes, remembered for the last point."""
+class _Problem:
+    """Growth rates as smooth functions of relative changes x (k,), remembered for the last x.
+
+    The numbers are `before` + x `scale`, within `low` and `high`.
+    """
 
     def __init__(
-        self,
-        evaluate: StateMatrix,
-        number: Callable[[NDArray], NDArray],
-        scale: NDArray,
-        own: NDArray,
-        margin: float,
-        progress: Progress,
+        self, scene: Scene, keys: tuple[str, ...], margin: float, state_matrix: StateMatrix, progress: Progress
     ) -> None:
-        self._evaluate, self._number, self._scale, self._own, self._margin = evaluate, number, scale, own, margin
-        self._progress = progress
+        numbers = numbers_of(scene)
+        self._numbers, self._own = np.array(list(numbers.values())), [list(numbers).index(key) for key in keys]
+        self._margin, self._evaluate, self._progress = margin, state_matrix, progress
+        self.before = self._numbers[self._own]
+        self.scale = np.array([numbers[key] or ZERO_SCALE[key] for key in keys])
+        self.low, self.high = np.transpose([_bounds(key, numbers, scene) for key in keys])
         self._at, self._found = None, (np.empty(0), np.empty((0, 0)))
 
-    def _rates(self, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def after(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The numbers that are changed (k,)."""
+        return self.before + x * self.scale
+
+    def rates(self, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Real parts (2n,), by rising imaginary part, and their derivatives (2n, k); of a drift −margin and zero."""
         if self._at is not None and np.array_equal(x, self._at):
             return self._found
         self._progress("searching for the smallest change", 0, None)
-        matrix, derivatives = self._evaluate(self._number(x))
+        numbers = self._numbers.copy()
+        numbers[self._own] = self.after(x)
+        matrix, derivatives = self._evaluate(numbers)
         if not (np.isfinite(matrix).all() and np.isfinite(derivatives).all()):  # no steady sliding there
             return np.full(len(matrix), NOWHERE), np.zeros((len(matrix), x.size))
         eigenvalues, right = (part.astype(np.complex128) for part in np.linalg.eig(matrix))
@@ -176,41 +171,32 @@ class _Growth:
         drift = np.abs(eigenvalues) <= DRIFT_FRACTION * np.abs(eigenvalues).max()
         gradients = [eigenvalue_gradient(left[:, k], right[:, k], derivatives[self._own]) for k in order]
         rates = np.where(drift, -self._margin, eigenvalues.real)[order]
-        slopes = np.where(drift[order, None], 0.0, np.real(gradients)) * self._scale
+        slopes = np.where(drift[order, None], 0.0, np.real(gradients)) * self.scale
         self._at, self._found = x.copy(), (rates, slopes)
         return self._found
 
-    def room(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """How far each growth rate is below minus the margin (1/s), (2n,)."""
-        return -self._margin - self._rates(x)[0]
-
-    def slope(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Derivatives of the room (2n, k)."""
-        return -self._rates(x)[1]
-
     def largest(self, x: NDArray[np.float64]) -> float:
         """Largest growth rate (1/s), drifts at minus the margin."""
-        return float(self._rates(x)[0].max())
+        return float(self.rates(x)[0].max())
 
-
-def _pose(
-    scene: Scene, keys: tuple[str, ...], margin: float, state_matrix: StateMatrix, progress: Progress
-) -> _Problem:
-    numbers = numbers_of(scene)
-    all_keys = tuple(numbers)
-    own = np.array([all_keys.index(key) for key in keys])
-    base = np.array(list(numbers.values()))
-    before = base[own]
-    scale = np.array([value or ZERO_SCALE[key] for key, value in zip(keys, before, strict=True)])
-
-    def number(x: NDArray[np.float64]) -> NDArray[np.float64]:
-        values = base.copy()
-        values[own] = before + x * scale
-        return values
-
-    low, high = np.transpose([_bounds(key, numbers, scene) for key in keys])
-    growth = _Growth(state_matrix, number, scale, own, margin, progress)
-    return _Problem(keys, before, scale, low, high, growth)
+    def solve(self, start: NDArray[np.float64]) -> NDArray[np.float64]:
+        """A local optimum from one start, or where the search ended."""
+        scale = max(1.0, float(np.abs(self._margin + self.rates(np.zeros(start.size))[0]).min()))
+        decays = {
+            "type": "ineq",
+            "fun": lambda x: -(self._margin + self.rates(x)[0]) / scale,
+            "jac": lambda x: -self.rates(x)[1] / scale,
+        }
+        result = minimize(
+            lambda x: (float(x @ x), 2 * x),
+            np.clip(start, self.low, self.high),
+            jac=True,
+            method="SLSQP",
+            bounds=list(zip(self.low, self.high, strict=True)),
+            constraints=decays,
+            options={"maxiter": 200, "ftol": 1e-12},
+        )
+        return np.clip(result.x, self.low, self.high)
 
 
 def _bounds(key: str, numbers: Mapping[str, float], scene: Scene) -> tuple[float, float]:
@@ -233,23 +219,3 @@ def _bounds(key: str, numbers: Mapping[str, float], scene: Scene) -> tuple[float
     elif key == "shoe.outer_radius":
         low = max(low, middle / (THICKEST * value) - 1)
     return low, high
-
-
-def _solve(problem: _Problem, start: NDArray[np.float64]) -> NDArray[np.float64]:
-    """A local optimum from one start, or where the search ended."""
-    scale = max(1.0, float(np.abs(problem.growth.room(np.zeros(len(problem.keys)))).min()))
-    decays = {
-        "type": "ineq",
-        "fun": lambda x: problem.growth.room(x) / scale,
-        "jac": lambda x: problem.growth.slope(x) / scale,
-    }
-    result = minimize(
-        lambda x: (float(x @ x), 2 * x),
-        start,
-        jac=True,
-        method="SLSQP",
-        bounds=list(zip(problem.low, problem.high, strict=True)),
-        constraints=decays,
-        options={"maxiter": 200, "ftol": 1e-12},
-    )
-    return np.clip(result.x, problem.low, problem.high)

@@ -8,27 +8,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.errors import RequestError
+from drumsqueal.findings.prediction import PredictedMode, predict
 from drumsqueal.findings.schema import Finding, Findings, Held
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.sensitivity.decay import nonlinear_decay
 from drumsqueal.questions.sensitivity.quieting import Quieting, numbers_of, quieten, variable_numbers
 from drumsqueal.scene import Profile, Scene
-from drumsqueal.simulation import check_sample_rate, prepare
+from drumsqueal.simulation import Prepared, check_sample_rate, prepare
 from drumsqueal.solve.linear.family import StateMatrix, eigenvalue_gradient, state_matrix_of
-from drumsqueal.solve.linear.modes import UNDAMPED_FRACTION, Mode, Stability
+from drumsqueal.solve.linear.modes import UNDAMPED_FRACTION, Mode
 
 PERCENT = 0.01
 DIFFERENCE_STEP = 1e-3  # of a number, for the central differences that the derivatives are compared with
 
 
-class PredictedMode(Finding):
-    """An oscillating mode by its eigenvalue: `name` is its largest coordinate, `label` differs for each mode."""
+class LabelledMode(PredictedMode):
+    """A mode that oscillates, with a `label` that differs for each mode."""
 
-    name: str
     label: str
-    frequency_Hz: float
-    growth_rate_1_per_s: float
-    unstable: bool
 
 
 class Sensitivity(Finding):
@@ -57,7 +54,7 @@ class SensitivityStudy(Findings):
     was differentiated.
     """
 
-    modes: tuple[PredictedMode, ...]
+    modes: tuple[LabelledMode, ...]
     numbers: tuple[Sensitivity, ...]
     divergence_rate_1_per_s: float | None
     largest_deviation_from_central_differences: float
@@ -80,17 +77,18 @@ class SensitivityStudy(Findings):
 
 def check_request(scene: Scene, keys: Sequence[str] | None, *, until_stable: bool) -> None:
     """Raise SceneError or RequestError for what cannot be studied."""
-    prepared = prepare(scene)
-    check_modes(prepared.stability)
+    prepared = _prepare(scene)
     if until_stable:
         check_sample_rate(prepared)
         variable_numbers(scene, keys)
 
 
-def check_modes(stability: Stability) -> None:
-    """Raise RequestError where there are no growth rates."""
-    if not stability.modes:
+def _prepare(scene: Scene) -> Prepared:
+    """The scene with its eigenvalues; raises RequestError where there are no growth rates."""
+    prepared = prepare(scene)
+    if not prepared.stability.modes:
         raise RequestError("nothing oscillates in this scene, so there are no growth rates to differentiate")
+    return prepared
 
 
 def study_sensitivity(
@@ -126,8 +124,7 @@ def study_sensitivity(
 
 def _differentiate(scene: Scene, progress: Progress) -> SensitivityStudy:
     progress("derivatives", 0, None)
-    stability = prepare(scene).stability
-    check_modes(stability)
+    stability = _prepare(scene).stability
     frozen = at_one_time(scene, stability.time)
     numbers = numbers_of(frozen)
     evaluate = state_matrix_of(frozen, tuple(numbers))
@@ -136,18 +133,10 @@ def _differentiate(scene: Scene, progress: Progress) -> SensitivityStudy:
     derivatives = np.array([eigenvalue_gradient(mode.left, mode.right, matrices) for mode in stability.modes])
     differences = _differences(stability.modes, evaluate, values, progress)
     rows = [_row(*each) for each in zip(numbers, values, derivatives.T, differences.T, strict=True)]
+    modes = zip(stability.modes, predict(stability).modes, strict=True)
     study = SensitivityStudy(
         scene=frozen,
-        modes=tuple(
-            PredictedMode(
-                name=mode.name,
-                label=mode.label,
-                frequency_Hz=mode.frequency_Hz,
-                growth_rate_1_per_s=mode.growth_rate,
-                unstable=mode.unstable,
-            )
-            for mode in stability.modes
-        ),
+        modes=tuple(LabelledMode(label=mode.label, **predicted.model_dump()) for mode, predicted in modes),
         numbers=tuple(rows),
         divergence_rate_1_per_s=stability.divergence,
         largest_deviation_from_central_differences=_deviation(values, derivatives, differences),
@@ -173,13 +162,11 @@ def _row(key: str, value: float, derivative: NDArray[np.complex128], difference:
 
 def at_one_time(scene: Scene, time: float) -> Scene:
     """The scene with the drum speed and the load that it has at a time (s), at all times."""
-    schedules = {"drum.speed": scene.drum.speed, "contact.normal_load": scene.contact.normal_load}
-    values = {
-        key: float(np.interp(time, profile.time, profile.value))
-        for key, profile in schedules.items()
-        if isinstance(profile, Profile)
-    }
-    return scene.with_values(values) if values else scene
+    values = {}
+    for key, given in (("drum.speed", scene.drum.speed), ("contact.normal_load", scene.contact.normal_load)):
+        if isinstance(given, Profile):
+            values[key] = float(np.interp(time, given.time, given.value))
+    return scene.with_values(values)
 
 
 def _differences(

@@ -9,14 +9,11 @@ from rich.table import Table
 
 from drumsqueal.files.output_folder import AMPLITUDE, CHANCE, STABILITY, SWEEP, SWEEP_SUMMARY
 from drumsqueal.progress import Progress
-from drumsqueal.questions.sweep.amplitude_figure import draw_amplitude
-from drumsqueal.questions.sweep.chance import ChanceStudy
-from drumsqueal.questions.sweep.chance_figure import draw_chance
+from drumsqueal.questions.sweep.figure import draw_amplitude, draw_chance, draw_stability
 from drumsqueal.questions.sweep.file import SweepFile
 from drumsqueal.questions.sweep.points import COMPUTED, OUTCOMES, Columns
-from drumsqueal.questions.sweep.stability_figure import draw_stability
 from drumsqueal.questions.sweep.study import batches, compute
-from drumsqueal.questions.sweep.summary import Responses, SweepStudy, summarise
+from drumsqueal.questions.sweep.summary import ChanceStudy, Responses, SweepStudy, summarise
 from drumsqueal.scene.plan import Plan
 from drumsqueal.scene.quantities import printable
 from drumsqueal.terminal.reply import Reply
@@ -72,8 +69,10 @@ def _fill(file: SweepFile, plan: Plan, source: Source, progress: Progress) -> No
 def print_study(console: Console, study: SweepStudy) -> None:
     """Print how often each mode squeals and, of random samples, how likely that is and what it depends on."""
     print_table(console, _grid_table(study) if study.chance is None else _chance_table(study, study.chance))
-    if study.chance is not None:
-        _print_correlations(console, study.chance)
+    if study.chance is not None and study.chance.known_correlations:
+        listed = ", ".join(f"{key} {value:+.2f}" for key, value in study.chance.known_correlations.items())
+        insignificant = f"below {study.chance.noise:.2f} it is not significant"
+        console.print(printable(f"Rank correlation with the largest growth rate ({insignificant}): {listed}"))
     if study.transients is not None:
         _print_responses(console, study.transients)
     if study.points_with_divergence:
@@ -122,15 +121,6 @@ def _chance_table(study: SweepStudy, chance: ChanceStudy) -> Table:
         growth = "" if mode is None else f"{mode.largest_growth_rate_1_per_s:+.3f}"
         table.add_row(name, *(f"{100 * value:.2f} %" for value in (each.share, each.low, each.high)), growth)
     return table
-
-
-def _print_correlations(console: Console, chance: ChanceStudy) -> None:
-    known = {key: value for key, value in chance.correlations.items() if value is not None}
-    ordered = sorted(known, key=lambda key: -abs(known[key]))
-    listed = ", ".join(f"{key} {known[key]:+.2f}" for key in ordered)
-    if listed:
-        insignificant = f"below {chance.noise:.2f} it is not significant"
-        console.print(printable(f"Rank correlation with the largest growth rate ({insignificant}): {listed}"))
 
 
 SWEEP_ANSWER = Answer(

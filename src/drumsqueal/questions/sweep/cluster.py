@@ -5,7 +5,6 @@ import os
 import queue
 import re
 import signal
-import threading
 import time
 import uuid
 from collections.abc import Callable, Iterator
@@ -61,7 +60,8 @@ class Cluster:
         waiting, out, ready = list(reversed(left)), {}, queue.SimpleQueue()
         try:
             while waiting or out:
-                while waiting and len(out) < AHEAD * max(self._threads(), 1):
+                workers: Any = self._client.nthreads()  # typed for its asynchronous use, too
+                while waiting and len(out) < AHEAD * max(sum(workers.values()), 1):
                     first, stop = waiting.pop()
                     key = f"drumsqueal-{run}-{first}"
                     out[first] = self._client.submit(work, plan, first, stop, wanted, key=key, pure=False)
@@ -70,10 +70,6 @@ class Cluster:
                 yield first, self._result(out.pop(first), first, look)
         finally:
             self._client.cancel(list(out.values()))
-
-    def _threads(self) -> int:
-        workers: Any = self._client.nthreads()  # typed for its asynchronous use, too
-        return sum(workers.values())
 
     def _next(self, ready: queue.SimpleQueue, look: Callable[[], None]) -> int:
         while True:
@@ -147,9 +143,6 @@ def connected(name: str, progress: Progress) -> Iterator[Cluster]:
 @contextmanager
 def _without_interrupts() -> Iterator[None]:
     """Processes that are started within a block do not hear Ctrl-C: the one that started them ends them."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         yield

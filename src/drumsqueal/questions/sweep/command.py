@@ -10,7 +10,7 @@ from drumsqueal.errors import RequestError
 from drumsqueal.files.output_folder import SWEEP_FILES
 from drumsqueal.scene import Scene, load_scene
 from drumsqueal.scene.plan import Plan, grid, sample
-from drumsqueal.scene.variation import read_variation
+from drumsqueal.scene.variation import SYNTAX, read_variation
 from drumsqueal.terminal.completion import complete_range, words
 from drumsqueal.terminal.options import (
     JsonFile,
@@ -33,13 +33,7 @@ def sweep_command(
     scene: SceneFile,
     output: Annotated[Path | None, output_option("SCENE-sweep")] = None,
     vary: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--vary",
-            metavar="KEY=FROM..TO[xN]",
-            help=_VARY,
-            autocompletion=complete_range,
-        ),
+        list[str] | None, typer.Option("--vary", metavar=SYNTAX, help=_VARY, autocompletion=complete_range)
     ] = None,
     random: Annotated[int | None, typer.Option("--random", metavar="N", help=_RANDOM, show_default=False)] = None,
     seed: Annotated[int | None, typer.Option("--seed", metavar="S", help="Seed of the samples (default: 0).")] = None,

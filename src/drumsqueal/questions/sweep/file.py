@@ -8,7 +8,6 @@ import errno
 import json
 import math
 import tomllib
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -157,8 +156,10 @@ def _other(there: dict[str, Any], here: dict[str, Any]) -> str:
 def _lay_out(path: Path, plan: Plan) -> None:
     """Create the structure of the file; each variable has its place, but nothing in it."""
     with h5netcdf.File(path, "w") as file:
-        file.dimensions = dict(_sizes(plan))
-        for name, (dimensions, values, about) in axes(plan).items():
+        along = axes(plan)
+        own = {name: len(values) for name, (dimensions, values, _) in along.items() if dimensions == (name,)}
+        file.dimensions = dict(zip(plan.dimensions, plan.shape, strict=True)) | own
+        for name, (dimensions, values, about) in along.items():
             kind = h5py.string_dtype() if values.dtype == object else values.dtype
             file.create_variable(name, dimensions, kind, data=values).attrs.update(about)
         drawn = {"coordinates": " ".join(plan.keys)} if plan.draws else {}  # by the CF conventions
@@ -169,13 +170,6 @@ def _lay_out(path: Path, plan: Plan) -> None:
         file.attrs.update(attributes(plan))
     with opened(path) as file:
         file.attrs.create("outcome", RUNNING.encode(), dtype=f"S{_LONGEST}")
-
-
-def _sizes(plan: Plan) -> Iterator[tuple[str, int]]:
-    yield from zip(plan.dimensions, plan.shape, strict=True)
-    for name, (dimensions, values, _) in axes(plan).items():
-        if dimensions == (name,) and name not in plan.dimensions:
-            yield name, len(values)
 
 
 def _find_places(path: Path, plan: Plan) -> dict[str, int]:

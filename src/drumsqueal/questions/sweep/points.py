@@ -1,6 +1,7 @@
 """What a sweep computes: the variables of sweep.nc, along the numbers of a grid or along random samples."""
 
 import json
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -48,12 +49,8 @@ class Variable(NamedTuple):
         found: dict[str, Any] = {"units": self.units, "long_name": self.meaning}
         if self.flags:
             found["flag_values"] = np.array([value for value, _ in self.flags], "i1")
-            found["flag_meanings"] = " ".join(_in_one_word(meaning) for _, meaning in self.flags)
+            found["flag_meanings"] = " ".join(meaning.replace(":", "").replace(" ", "_") for _, meaning in self.flags)
         return found
-
-
-def _in_one_word(meaning: str) -> str:
-    return meaning.replace(":", "").replace(" ", "_")
 
 
 _NAMES = ((NONE, "none"), *enumerate(COORDINATES))
@@ -84,7 +81,7 @@ TRANSIENT = {
     ),
     "main_coordinate": Variable((), "i1", "1", "the coordinate that has this line", _NAMES),
     "settled": Variable(
-        (), "i1", "1", "1 where it is plain where the motion leads, 0 where not yet, -1 where there is no transient"
+        (), "i1", "1", "1 where it is clear where the motion leads, 0 where not yet, -1 where there is no transient"
     ),
     "simulated": Variable((), "f8", "s", "how long the transient was integrated"),
     "trend": Variable((), "i1", "1", "what the motion does there", _KINDS),
@@ -112,15 +109,13 @@ def blank(plan: Plan, points: int) -> Columns:
 
 def axes(plan: Plan) -> dict[str, tuple[tuple[str, ...], np.ndarray, dict[str, Any]]]:
     """What does not depend on the results: values of a grid or of the samples, names of modes and coordinates."""
+    columns: dict[str, tuple[str, Iterable[float]]] = {each.key: (each.key, each.values) for each in plan.variations}
     if plan.draws:
-        drawn = plan.values(0, plan.draws)
-        columns = {key: (("sample",), drawn[:, k]) for k, key in enumerate(plan.keys)}
-    else:
-        columns = {each.key: ((each.key,), np.array(each.values)) for each in plan.variations}
+        columns = {key: ("sample", drawn) for key, drawn in zip(plan.keys, plan.values(0, plan.draws).T, strict=True)}
     found: dict[str, Any] = {}
-    for key, (dimensions, values) in columns.items():
-        listed = np.array([plan.listed(key, value) for value in values.tolist()])
-        found[key] = (dimensions, listed, {"units": plan.unit(key), "long_name": key})
+    for key, (dimension, values) in columns.items():
+        listed = np.array([plan.listed(key, float(value)) for value in values])
+        found[key] = ((dimension,), listed, {"units": plan.unit(key), "long_name": key})
     ranks = {"long_name": "modes of a point by rising frequency; mode_coordinate names them"}
     found["mode"] = (("mode",), np.arange(MODES, dtype="i1"), ranks)
     if plan.transient:

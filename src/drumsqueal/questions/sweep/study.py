@@ -2,20 +2,19 @@
 
 import math
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import xarray
-from numpy.typing import NDArray
 
 from drumsqueal.errors import NoSteadySliding, SteadyStateError
 from drumsqueal.findings.decay import BEYOND
 from drumsqueal.findings.history import COMPLETE
 from drumsqueal.findings.saturated import Saturated, saturated_motions
 from drumsqueal.physics.composition import compose, moved_coordinates
-from drumsqueal.physics.model import Model, build_model
+from drumsqueal.physics.model import build_model
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.sweep.points import (
     AT_REST,
@@ -171,62 +170,43 @@ def _transients(
             groups.setdefault(compose(scenes[k]), []).append(k)
     for members in groups.values():
         some = scenes[members[0]]
-        models = [build_model(scenes[k]) for k in members]
-        names = models[0].names
-        steady = [[found[k].steady_state[found[k].coordinates.index(name)] for name in names] for k in members]
-        start = [[table.get(name, 0.0) for name in names] for table in (some.start.displacement, some.start.velocity)]
-        displacement, velocity = (np.tile(each, (len(members), 1)) for each in start)
-        starts = [Start(*each) for each in zip(models, np.array(steady), displacement, velocity, strict=True)]
-        left = dict(zip(members, starts, strict=True))
+        duration = some.simulate.duration
+        models = {k: build_model(scenes[k]) for k in members}
+        names = models[members[0]].names
+        places = [found[members[0]].coordinates.index(name) for name in names]
+        tables = some.start.displacement, some.start.velocity
+        displacement, velocity = (np.array([table.get(name, 0.0) for name in names]) for table in tables)
+        before: dict[int, Saturated | None] = dict.fromkeys(members)  # how the last round of what goes on ended
         for number in range(1, most_rounds(some) + 1):
             look()
-            motions = _round(list(left.values()), some, threads)
-            for k, motion in zip(list(left), motions, strict=True):
-                settled = has_settled(motion, found[k], left[k].rate_to(motion, some.simulate.duration))
+            motions = saturated_motions(
+                [models[k] for k in before],
+                [found[k].steady_state[places] for k in before],
+                [displacement if motion is None else motion.vibration for motion in before.values()],
+                [velocity if motion is None else motion.velocity for motion in before.values()],
+                duration=duration,
+                sample_rate=some.simulate.sample_rate,
+                tolerance=some.simulate.tolerance,
+                solver=some.simulate.solver,
+                threads=threads,
+                by_themselves=[motion is not None and motion.by_itself for motion in before.values()],
+            )
+            for k, motion in zip(tuple(before), motions, strict=True):
+                settled = has_settled(motion, found[k], _rate_since(before[k], motion, duration))
                 _note_motion(columns, k, motion, names, settled=settled)
-                columns["simulated"][k] = number * some.simulate.duration
+                columns["simulated"][k] = number * duration
+                before[k] = motion
                 if settled:
-                    del left[k]
-                else:
-                    how = motion.by_itself, motion.kinetic_energy
-                    left[k] = Start(left[k].model, left[k].steady, motion.vibration, motion.velocity, *how)
-            if not left:
+                    del before[k]
+            if not before:
                 break
 
 
-class Start(NamedTuple):
-    """Where a transient of a model starts, or goes on: the steady state, departure and velocity (n,).
-
-    `energy` is the mean kinetic energy (J) of the round before, 0 where there is none.
-    """
-
-    model: Model
-    steady: NDArray[np.float64]
-    vibration: NDArray[np.float64]
-    velocity: NDArray[np.float64]
-    by_itself: bool = False
-    energy: float = 0.0
-
-    def rate_to(self, motion: Saturated, seconds: float) -> float:
-        """Mean growth rate (1/s) of the rms velocity since the round before, infinite where there is none."""
-        known = self.energy > 0 and motion.kinetic_energy > 0
-        return math.log(motion.kinetic_energy / self.energy) / 2 / seconds if known else math.inf
-
-
-def _round(starts: Sequence[Start], scene: Scene, threads: int) -> Iterator[Saturated]:
-    """Integrate for the duration of the scene."""
-    return saturated_motions(
-        [each.model for each in starts],
-        np.array([each.steady for each in starts]),
-        np.array([each.vibration for each in starts]),
-        np.array([each.velocity for each in starts]),
-        duration=scene.simulate.duration,
-        sample_rate=scene.simulate.sample_rate,
-        tolerance=scene.simulate.tolerance,
-        solver=scene.simulate.solver,
-        threads=threads,
-        by_themselves=[each.by_itself for each in starts],
-    )
+def _rate_since(before: Saturated | None, motion: Saturated, seconds: float) -> float:
+    """Mean growth rate (1/s) of the rms velocity since the round before, infinite where there is none."""
+    if before is None or not (before.kinetic_energy > 0 and motion.kinetic_energy > 0):
+        return math.inf
+    return math.log(motion.kinetic_energy / before.kinetic_energy) / 2 / seconds
 
 
 def most_rounds(scene: Scene) -> int:

@@ -1,4 +1,4 @@
-"""How hard a brake must be kicked before it squeals: against unstable cycles that are known, and how it is told."""
+"""How large a disturbance must be to start squeal: against unstable cycles that are known, and how it is reported."""
 
 import csv
 import json
@@ -23,7 +23,7 @@ from drumsqueal.questions.onset import study as study_module
 from drumsqueal.questions.onset.attractors import Family, How, Start, find_attractors
 from drumsqueal.questions.onset.disturbance import PRECISION, smallest_disturbances, surface_speed
 from drumsqueal.questions.onset.figure import draw_onset
-from drumsqueal.questions.onset.rows import Leads, Response, Row
+from drumsqueal.questions.onset.found import Leads, Response, Row
 from drumsqueal.questions.onset.study import predict, study_onset
 from drumsqueal.questions.onset.words import reservations, verdict
 from drumsqueal.scene import load_scene
@@ -71,43 +71,43 @@ def unstable_cycle() -> float:
     return float(speeds[-1])
 
 
-def test_the_smallest_kick_of_the_block_leads_onto_its_unstable_cycle():
+def test_the_smallest_disturbance_of_the_block_leads_onto_its_unstable_cycle():
     row = Row.at(point_at(block, DAMPING), asked=True)
     seen = []
     *coarse, last = smallest_disturbances(FAMILY, [row], HOW, lambda *told: seen.append(told))
-    (kick,) = last.values()
+    (smallest,) = last.values()
     wanted = unstable_cycle()
     assert wanted == pytest.approx(0.4, rel=0.01)  # averaged, to second order in friction
     # Where the two that enclose it are 2 % apart, the middle is right to 1 %.
-    assert kick.speed_uncertainty_m_per_s <= PRECISION / 2 * kick.speed_m_per_s
-    assert abs(kick.speed_m_per_s - wanted) <= kick.speed_uncertainty_m_per_s
-    assert kick.energy_J == pytest.approx(kick.speed_m_per_s**2 / 2, rel=1e-12)  # 1 kg
-    # The drum's speed is 1 m/s, and so is the edge.
-    assert kick.edge_share == pytest.approx(kick.speed_m_per_s, rel=1e-2)
-    assert kick.velocity == pytest.approx({"X": math.copysign(kick.speed_m_per_s, kick.velocity["X"])})
-    assert kick.mode == "X"
+    assert smallest.speed_uncertainty_m_per_s <= PRECISION / 2 * smallest.speed_m_per_s
+    assert abs(smallest.speed_m_per_s - wanted) <= smallest.speed_uncertainty_m_per_s
+    assert smallest.energy_J == pytest.approx(smallest.speed_m_per_s**2 / 2, rel=1e-12)  # 1 kg
+    # The drum's speed is 1 m/s, and so is the velocity of slip reversal.
+    assert smallest.edge_share == pytest.approx(smallest.speed_m_per_s, rel=1e-2)
+    assert smallest.velocity == pytest.approx({"X": math.copysign(smallest.speed_m_per_s, smallest.velocity["X"])})
+    assert smallest.mode == "X"
     # Averaged 0.894 m; sampled ten times a radian.
-    assert kick.leads_to.amplitude == pytest.approx({"X": math.sqrt(0.8)}, rel=0.01)
+    assert smallest.leads_to.amplitude == pytest.approx({"X": math.sqrt(0.8)}, rel=0.01)
     # What is known before is less certain, and right, too.
     for found in coarse:
         (before,) = found.values()
         assert abs(before.speed_m_per_s - wanted) <= before.speed_uncertainty_m_per_s
-        assert before.speed_uncertainty_m_per_s > kick.speed_uncertainty_m_per_s
+        assert before.speed_uncertainty_m_per_s > smallest.speed_uncertainty_m_per_s
     assert all(what == "smallest disturbance" and done <= total for what, done, total in seen)
 
 
-def test_a_kick_that_is_enough_below_all_that_were_tried_is_sought_below(monkeypatch):
-    monkeypatch.setattr(disturbance_module, "LEAST", 0.8)  # of the edge: twice the unstable cycle
+def test_a_disturbance_that_is_enough_below_all_that_were_tried_is_sought_below(monkeypatch):
+    monkeypatch.setattr(disturbance_module, "LEAST", 0.8)  # of the contact boundary: twice the unstable cycle
     *_, last = smallest_disturbances(FAMILY, [Row.at(point_at(block, DAMPING), asked=True)], HOW, lambda *_: None)
-    (kick,) = last.values()
+    (smallest,) = last.values()
     assert (
-        abs(kick.speed_m_per_s - unstable_cycle())
-        <= kick.speed_uncertainty_m_per_s
-        <= PRECISION / 2 * kick.speed_m_per_s
+        abs(smallest.speed_m_per_s - unstable_cycle())
+        <= smallest.speed_uncertainty_m_per_s
+        <= PRECISION / 2 * smallest.speed_m_per_s
     )
 
 
-def test_where_no_kick_leads_to_squeal_there_is_none():
+def test_where_no_disturbance_leads_to_squeal_there_is_none():
     # Beyond the fold, at c = 0.072, all motion dies away.
     row = Row.at(point_at(block, 0.09), asked=True)
     assert all(not found for found in smallest_disturbances(FAMILY, [row], HOW, lambda *_: None))
@@ -136,7 +136,7 @@ def test_along_the_axis_the_boundaries_of_the_lining_move_too():
 
 
 @pytest.mark.slow
-def test_the_smallest_kick_of_the_brake_is_that_of_its_unstable_cycle():
+def test_the_smallest_disturbance_of_the_brake_is_that_of_its_unstable_cycle():
     # Found by Newton's method, from a state and a period near it; the drum at 45 rad/s.
     scene = load_scene(DAMPED, ["drum.speed=45"])
     predicted = predict(scene, Variation("drum.speed", "rad/s", (45.0, 60.0)))
@@ -154,17 +154,18 @@ def test_the_smallest_kick_of_the_brake_is_that_of_its_unstable_cycle():
     assert (ends["0.98"].leads_to, ends["1.02"].leads_to) == (Leads.DECAYS, Leads.SQUEALS)
     row = Row.at(point, ends["1.02"], asked=True)
     *_, last = smallest_disturbances(family, [row], predicted.how, lambda *_: None)
-    (kick,) = last.values()
-    assert kick.mode == "Y"
-    # A kick along the mode has a part that dies away first: it takes a little more. Found: 11.5 ± 0.1 J over 11.36 J.
-    assert energy[at] - kick.energy_uncertainty_J < kick.energy_J < 1.05 * energy[at]
+    (smallest,) = last.values()
+    assert smallest.mode == "Y"
+    # A disturbance along the mode has a part that decays first: it takes a little more. Found: 11.5 ± 0.1 J over
+    # 11.36 J.
+    assert energy[at] - smallest.energy_uncertainty_J < smallest.energy_J < 1.05 * energy[at]
     for size, kind in ((1 - PRECISION, Leads.DECAYS), (1 + PRECISION, Leads.SQUEALS)):
-        start = Start("kick", 0 * vibration[at], size * np.array(list(kick.velocity.values())))
+        start = Start("kick", 0 * vibration[at], size * np.array(list(smallest.velocity.values())))
         (found,) = find_attractors(family, [(point, start)], predicted.how)
         assert found.leads_to == kind
 
 
-# --- how it is told --------------------------------------------------------------------------------------------------
+# --- how it is reported ----------------------------------------------------------------------------------------------
 
 QUICK = ["--set", 'simulate.coordinates=["Y"]', "--set", "start.displacement={Y = 1e-7}"]
 
@@ -174,7 +175,7 @@ def table(folder: Path) -> list[dict[str, str]]:
 
 
 def made_up(threshold):
-    """Squeal below 25 rad/s, above the critical value from kicks beyond a velocity of Y alone, or none at all."""
+    """Squeal below 25 rad/s; above the critical value only from disturbances of Y beyond a velocity, or from none."""
 
     def find(family, tasks, how, *, rounds, progress=None):
         for point, start in tasks:
@@ -187,7 +188,7 @@ def made_up(threshold):
     return find
 
 
-def test_the_smallest_kick_is_told_written_and_drawn(drumsqueal, tmp_path, monkeypatch):
+def test_the_smallest_disturbance_is_printed_written_and_drawn(drumsqueal, tmp_path, monkeypatch):
     drawn = []
     for module in (study_module, disturbance_module):
         monkeypatch.setattr(module, "find_attractors", made_up(lambda value: value / 20))
@@ -197,27 +198,27 @@ def test_the_smallest_kick_is_told_written_and_drawn(drumsqueal, tmp_path, monke
     assert (status, error) == (0, "")
     summary = json.loads((tmp_path / "onset.json").read_text())
     kinds = {each["value"]: each["kind"] for each in summary["values"] if each["asked"]}
-    kicks = {each["value"]: each["smallest_kick"] for each in summary["values"] if each["smallest_kick"]}
-    assert list(kicks) == [value for value, kind in kinds.items() if kind == "bistable"]
+    disturbances = {each["value"]: each["smallest_kick"] for each in summary["values"] if each["smallest_kick"]}
+    assert list(disturbances) == [value for value, kind in kinds.items() if kind == "bistable"]
     mass = float(build_model(load_scene(DAMPED)).mass[1])
-    for value, kick in kicks.items():
-        assert abs(kick["speed_m_per_s"] - value / 20) <= kick["speed_uncertainty_m_per_s"]
-        assert kick["speed_uncertainty_m_per_s"] < PRECISION * kick["speed_m_per_s"]
-        assert kick["energy_J"] == pytest.approx(mass * kick["speed_m_per_s"] ** 2 / 2)
-        assert (kick["mode"], kick["leads_to"]["amplitude"]) == ("Y", {"Y": 1e-5})
+    for value, smallest in disturbances.items():
+        assert abs(smallest["speed_m_per_s"] - value / 20) <= smallest["speed_uncertainty_m_per_s"]
+        assert smallest["speed_uncertainty_m_per_s"] < PRECISION * smallest["speed_m_per_s"]
+        assert smallest["energy_J"] == pytest.approx(mass * smallest["speed_m_per_s"] ** 2 / 2)
+        assert (smallest["mode"], smallest["leads_to"]["amplitude"]) == ("Y", {"Y": 1e-5})
     rows = {float(row["drum.speed_rad_per_s"]): row for row in table(tmp_path)}
     told = {value: row["smallest_kick_speed_m_per_s"] for value, row in rows.items()}
-    assert told == {value: str(kicks[value]["speed_m_per_s"]) if value in kicks else "" for value in rows}
+    assert told == {value: str(disturbances[value]["speed_m_per_s"]) if value in disturbances else "" for value in rows}
     words = " ".join(printed.split())
     assert "Smallest disturbance that starts squeal" in words
     assert summary["verdict"] in words
-    first, last = min(kicks), max(kicks)
+    first, last = min(disturbances), max(disturbances)
     assert f"J) at {first:g} rad/s to " in summary["verdict"]
     assert f"J) at {last:g} rad/s at the values tried." in summary["verdict"]
     axes = drawn[0].axes[3]
     assert axes.get_ylabel() == "Smallest disturb-\nance (m/s)"
     points = [line.get_xydata()[0].tolist() for line in axes.lines if line.get_marker() == "s"]
-    assert points == [[value, kick["speed_m_per_s"]] for value, kick in kicks.items()]
+    assert points == [[value, smallest["speed_m_per_s"]] for value, smallest in disturbances.items()]
     # Without the option nothing is sought, or drawn.
     assert drumsqueal(*arguments, "--overwrite")[0] == 0
     again = json.loads((tmp_path / "onset.json").read_text())
@@ -227,7 +228,7 @@ def test_the_smallest_kick_is_told_written_and_drawn(drumsqueal, tmp_path, monke
     assert not any("smallest_kick" in column for column in table(tmp_path)[0])
 
 
-def test_squeal_that_no_kick_along_a_mode_starts_is_told(monkeypatch):
+def test_squeal_that_no_disturbance_along_a_mode_starts_is_reported(monkeypatch):
     scene = load_scene(DAMPED).with_values({"simulate.coordinates": ["Y"], "start.displacement": {"Y": 1e-7}})
     for module in (study_module, disturbance_module):
         monkeypatch.setattr(module, "find_attractors", made_up(lambda value: math.inf))

@@ -1,0 +1,386 @@
+"""The figures of a sweep: its stability, the probability of squeal, and amplitude and frequency of its response.
+
+A map has the first number along x and the second along y; panels are slices of the third and of the fourth.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import xarray
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import CenteredNorm, Normalize
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from drumsqueal.findings.vibration import unit_of
+from drumsqueal.questions.sweep.points import squealing, undecided
+from drumsqueal.questions.sweep.summary import ChanceStudy
+from drumsqueal.scene import COORDINATES
+from drumsqueal.scene.plan import Plan
+from drumsqueal.terminal import style
+from drumsqueal.terminal.style import frame, new_figure, styled
+
+SLICES = 3  # of the third and of the fourth number: first, middle and last value
+LOWEST_MM = 34.0  # height of a row, title and axis
+FINEST = 600  # values along an axis of a map: more are thinned out, for there are not so many dots in print
+GROWTH_COLOURS = "PuOr_r"  # orange grows, purple decays; the colour-blind can distinguish them
+RESPONSE_COLOURS = "viridis"
+BOUNDARY, OF_A_MODE = 2.2, 1.0  # line widths
+ROOM = 1.3  # of an axis of growth rates, over the largest
+LEGEND_COLUMNS = 5
+BINS = 40
+GROWS, DECAYS = style.COLOUR["Y"], style.TOUCHING
+BAR = 0.55  # of a row
+
+Panel = tuple[Axes, dict[str, Any]]
+"""Where a part of the grid is drawn, and which part: the places of the numbers that are held."""
+
+
+# --- stability ------------------------------------------------------------------------------------------------------
+
+
+@styled()
+def draw_stability(sweep: xarray.Dataset, plan: Plan) -> Figure:
+    """Draw the map of a grid of two numbers or more, or growth rates and frequencies over one."""
+    return _draw_modes(sweep, plan) if len(plan.keys) == 1 else _draw_growth_maps(sweep, plan)
+
+
+def _draw_growth_maps(sweep: xarray.Dataset, plan: Plan) -> Figure:
+    figure = new_figure(plan.scene.title, f"stability of steady sliding by eigenvalues{_fixed_in_words(sweep, plan)}")
+    panels = _panels(figure, sweep, plan)
+    growth = sweep["largest_growth_rate"].values
+    # White at zero; as far on both sides as growth goes or, where nothing grows, as decay does.
+    known = growth[np.isfinite(growth)]
+    norm = CenteredNorm(halfrange=float(known.max(initial=0.0) or np.abs(known).max(initial=0.0) or 1.0))
+    seen: dict[str, Any] = {}
+    for panel in panels:
+        _draw_growth_map(panel, sweep, plan, norm, seen)
+    beyond = "min" if known.min(initial=0.0) < -norm.halfrange else "neither"
+    _add_colour_bar(figure, panels, ScalarMappable(norm, GROWTH_COLOURS), "largest growth rate (1/s)", extend=beyond)
+    if seen:
+        figure.legend(handles=list(seen.values()), loc="outside lower center", ncols=LEGEND_COLUMNS, columnspacing=1.5)
+    return figure
+
+
+def _draw_growth_map(panel: Panel, sweep: xarray.Dataset, plan: Plan, norm: CenteredNorm, seen: dict[str, Any]) -> None:
+    """Draw one panel, and note what the legend is to explain of it."""
+    axes, select = panel
+    part = _shown_part(sweep, plan, select)
+    growth = part["largest_growth_rate"].values
+    x, y = _draw_cells(axes, part, plan, growth, norm=norm, cmap=GROWTH_COLOURS)
+    if not np.isfinite(growth).all():
+        seen["none"] = Patch(color=style.FAINT, label="no steady sliding")
+    if _changes_sign(growth):
+        axes.contour(x, y, growth, [0.0], colors=style.DARK, linewidths=BOUNDARY)
+        seen["boundary"] = Line2D([], [], color=style.DARK, linewidth=BOUNDARY, label="boundary of squeal, Re λ = 0")
+    for index, name in enumerate(COORDINATES):
+        of_mode = _of_coordinate(part, "growth_rate", index)
+        if _changes_sign(of_mode):
+            axes.contour(x, y, of_mode, [0.0], colors=style.COLOUR[name], linewidths=OF_A_MODE)
+            seen[name] = Line2D([], [], color=style.COLOUR[name], linewidth=OF_A_MODE, label=f"mode {name} begins")
+    own = [place for place in _places_of_the_scene(plan, select) if place is not None]
+    if len(own) == len(plan.keys):
+        axes.plot(*own[:2], "+", color=style.DARK, markersize=7, markeredgewidth=1.2, clip_on=False)
+        label = "the scene itself"
+        seen["own"] = Line2D([], [], color=style.DARK, marker="+", linestyle="none", markersize=7, label=label)
+
+
+def _changes_sign(values: np.ndarray) -> bool:
+    known = values[np.isfinite(values)]
+    return known.size > 0 and known.min() < 0 < known.max() and min(values.shape) > 1
+
+
+def _draw_modes(sweep: xarray.Dataset, plan: Plan) -> Figure:
+    figure = new_figure(plan.scene.title, "modes of steady sliding by eigenvalues")
+    upper, lower = figure.subplots(2, 1, sharex=True)
+    x = sweep[plan.keys[0]].values
+    upper.axhline(0, color=style.DARK, linewidth=0.6)
+    for index, name in enumerate(COORDINATES):
+        growth, frequency = (_of_coordinate(sweep, each, index) for each in ("growth_rate", "frequency"))
+        if np.isnan(growth).all():
+            continue
+        upper.plot(x, growth, color=style.COLOUR[name], label=name)
+        lower.plot(x, frequency, color=style.COLOUR[name], linewidth=0.6)
+        lower.plot(x, np.where(growth > 0, frequency, np.nan), color=style.COLOUR[name], linewidth=2.0)
+    sizes = np.abs(sweep["largest_growth_rate"].values)
+    if np.isfinite(sizes).any():  # modes that decay fast go out of the picture below: the boundary is what matters
+        largest = ROOM * max(float(np.nanmax(sizes)), 1e-9)
+        upper.set_ylim(-largest, largest)
+    dots = ""
+    if plan.transient:
+        lower.plot(x, _sustained_frequency(sweep).values, ".", color=style.DARK, markersize=3)
+        dots = "; dots: main frequency of sustained transients"
+    (own,) = _places_of_the_scene(plan, {})
+    if own is not None:
+        for axes in (upper, lower):
+            axes.axvline(own, color=style.FAINT, linewidth=0.8, zorder=0.5)
+    frame(upper, None, "growth rate (1/s)")
+    frame(lower, _label_of(sweep, plan.keys[0]), "frequency (Hz)")
+    lower.set_title(f"thick: unstable{dots}", fontsize=style.SMALL_SIZE, loc="left")
+    upper.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(COORDINATES), borderaxespad=0.2)
+    return figure
+
+
+def _of_coordinate(part: xarray.Dataset, name: str, index: int) -> np.ndarray:
+    """A variable of the least stable mode of a coordinate at each point; NaN where it has none."""
+    mine = part["mode_coordinate"].values == index
+    growth = np.where(mine, part["growth_rate"].values, -np.inf)
+    chosen = np.argmax(growth, axis=-1)[..., None]
+    values = np.take_along_axis(part[name].values.astype(float), chosen, axis=-1)[..., 0]
+    return np.where(mine.any(axis=-1), values, np.nan)
+
+
+def _places_of_the_scene(plan: Plan, select: dict[str, Any]) -> list[float | None]:
+    """Where the scene itself lies on each axis, in its unit; None where that is outside or off the slice shown."""
+    own = plan.scene.numbers()
+    found = []
+    for each in plan.variations:
+        value = own[each.key]
+        shown = [each.values[select[each.key]]] if each.key in select else each.values
+        if isinstance(value, float) and min(shown) <= value <= max(shown):
+            found.append(each.listed(value))
+        else:
+            found.append(None)
+    return found
+
+
+# --- probability of squeal -----------------------------------------------------------------------------------------
+
+
+@styled()
+def draw_chance(sweep: xarray.Dataset, plan: Plan, chances: ChanceStudy) -> Figure:
+    """Draw growth rates and frequencies of the samples on the left, rank correlations on the right."""
+    squeal = chances.squeal
+    interval = f"{100 * squeal.low:.1f} to {100 * squeal.high:.1f} %"
+    fraction = f"{100 * squeal.share:.1f} % ({interval} at 95 %)"
+    figure = new_figure(plan.scene.title, f"probability of squeal by eigenvalues {fraction}, {squeal.total} samples")
+    left, right = figure.subfigures(1, 2, squeeze=False, width_ratios=[1.25, 1])[0]
+    upper, lower = left.subplots(2, 1)
+    _draw_growth(upper, sweep)
+    _draw_frequencies(lower, sweep)
+    _draw_correlations(right.subplots(), chances)
+    return figure
+
+
+def _draw_growth(axes: Axes, sweep: xarray.Dataset) -> None:
+    growth = sweep["largest_growth_rate"].values
+    growth = growth[np.isfinite(growth)]
+    if growth.size:
+        edges = _edges_through_zero(float(growth.min()), float(growth.max()))
+        counts, _ = np.histogram(growth, edges)
+        colours = [GROWS if low >= 0 else DECAYS for low in edges[:-1]]
+        axes.bar(edges[:-1], counts / growth.size * 100, np.diff(edges), align="edge", color=colours, linewidth=0)
+    axes.axvline(0, color=style.DARK, linewidth=0.6)
+    frame(axes, "largest growth rate (1/s)", "samples (%)")
+
+
+def _edges_through_zero(low: float, high: float) -> np.ndarray:
+    """Edges of bins of one width, one of them at zero where that lies between: no bar is of both kinds."""
+    width = max((high - low) / BINS, 1e-9 * max(abs(low), abs(high), 1e-9))
+    if low < 0 < high:
+        return width * np.arange(np.floor(low / width), np.ceil(high / width) + 1)
+    return low + width * np.arange(BINS + 1)
+
+
+def _draw_frequencies(axes: Axes, sweep: xarray.Dataset) -> None:
+    unstable, which = sweep["unstable"].values == 1, sweep["mode_coordinate"].values
+    frequency, samples = sweep["frequency"].values, sweep.sizes["sample"]
+    if unstable.any():
+        edges = np.histogram_bin_edges(frequency[unstable], 2 * BINS).tolist()
+        for index, name in enumerate(COORDINATES):
+            mine = frequency[unstable & (which == index)]
+            if mine.size:
+                weights = np.full(mine.size, 100 / samples)
+                axes.hist(mine, edges, weights=weights, color=style.COLOUR[name], label=name, alpha=0.85)
+        axes.legend(loc="upper right", title="mode")
+    else:
+        axes.text(0.5, 0.5, "no sample squeals", transform=axes.transAxes, ha="center", fontsize=style.SMALL_SIZE)
+    frame(axes, "frequency of unstable modes (Hz)", "samples (%)")
+
+
+def _draw_correlations(axes: Axes, chances: ChanceStudy) -> None:
+    known = dict(reversed(chances.known_correlations.items()))
+    axes.axvspan(-chances.noise, chances.noise, color=style.PALE, linewidth=0, zorder=0)
+    axes.axvline(0, color=style.DARK, linewidth=0.6)
+    axes.barh(range(len(known)), list(known.values()), height=BAR, color=style.SEPARATED)
+    axes.set_yticks(range(len(known)), [in_words(key).replace(" ", "\n", 1) for key in known])
+    axes.set_xlim(-1, 1)
+    axes.set_ylim(-0.6, max(len(known), 1) - 0.4)
+    frame(axes, "rank correlation with the largest\ngrowth rate; pale band: as by chance", None)
+    axes.tick_params(axis="y", length=0)
+
+
+# --- steady-state response ------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """What is drawn of the response: values at every point, and what they are."""
+
+    label: str
+    values: xarray.DataArray
+    colour: str
+
+
+@styled()
+def draw_amplitude(sweep: xarray.Dataset, plan: Plan) -> Figure | None:
+    """Draw amplitude of the coordinate that moves most and main frequency; None where no transient was computed."""
+    shown = _quantities(sweep)
+    if not shown:
+        return None
+    maps = len(plan.keys) > 1 and not plan.draws
+    return _draw_response_maps(sweep, plan, shown) if maps else _draw_responses(sweep, plan, shown)
+
+
+def _quantities(sweep: xarray.Dataset) -> list[Quantity]:
+    main = sweep["main_coordinate"].values
+    if not np.any(main >= 0):
+        return []
+    # Of the coordinate that carries the motion at most points.
+    index = int(np.bincount(main[main >= 0].ravel()).argmax())
+    name = COORDINATES[index]
+    amplitude = 1e6 * sweep["amplitude"].isel(coordinate=index)
+    found = [Quantity(f"{name}, half peak to peak ({unit_of(name, 'µ')})", amplitude, style.COLOUR[name])]
+    frequency = _sustained_frequency(sweep)
+    if (squealing(sweep) | undecided(sweep)).any():
+        found.append(Quantity("main frequency (Hz)", frequency, style.DARK))
+    return found
+
+
+def _sustained_frequency(sweep: xarray.Dataset) -> xarray.DataArray:
+    """The main frequency where motion lasts, or may: what decays has a frequency, too, but is no squeal."""
+    return sweep["main_frequency"].where(squealing(sweep) | undecided(sweep))
+
+
+def _draw_response_maps(sweep: xarray.Dataset, plan: Plan, shown: list[Quantity]) -> Figure:
+    marks = "; dots: not settled" * bool(undecided(sweep).any())
+    marks += "; grey: decays, or no transient" * any(np.isnan(each.values.values).any() for each in shown)
+    figure = new_figure(plan.scene.title, f"steady-state response{_fixed_in_words(sweep, plan)}{marks}")
+    panels = _panels(figure, sweep, plan, rows=len(shown))
+    count = len(panels) // len(shown)
+    for k, quantity in enumerate(shown):
+        mine = panels[k * count : (k + 1) * count]
+        known = quantity.values.values[np.isfinite(quantity.values.values)]
+        scale = Normalize(float(known.min()), float(known.max())) if known.size else Normalize()
+        for axes, select in mine:
+            part = _shown_part(sweep.assign(shown=quantity.values), plan, select)
+            x, y = _draw_cells(axes, part, plan, part["shown"].values, norm=scale, cmap=RESPONSE_COLOURS)
+            row, column = np.nonzero(undecided(part))
+            look = {"color": style.DARK, "markersize": 3, "markeredgecolor": "white", "markeredgewidth": 0.5}
+            if row.size:  # an empty line that is not clipped counts as one at the figure's corner: the layout collapses
+                axes.plot(x[column], y[row], "o", clip_on=False, zorder=3, **look)
+        _add_colour_bar(figure, mine, ScalarMappable(scale, RESPONSE_COLOURS), quantity.label)
+    return figure
+
+
+def _draw_responses(sweep: xarray.Dataset, plan: Plan, shown: list[Quantity]) -> Figure:
+    """Draw a dot for each motion, an open one where it had not settled: along a number or, of samples, growth rates."""
+    unsettled = undecided(sweep)
+    if plan.draws:
+        subject, x = f"{plan.draws} samples", sweep["largest_growth_rate"].values
+        label = "largest predicted growth rate (1/s)"
+    else:
+        subject, x, label = "the transients", sweep[plan.keys[0]].values, _label_of(sweep, plan.keys[0])
+    marks = "; open: not settled" * bool(unsettled.any())
+    figure = new_figure(plan.scene.title, f"steady-state response of {subject}{marks}")
+    column = figure.subplots(len(shown), 1, sharex=True, squeeze=False)[:, 0]
+    for axes, quantity in zip(column, shown, strict=True):
+        y = quantity.values.values
+        if plan.draws:
+            axes.axvline(0, color=style.DARK, linewidth=0.6)
+        else:
+            axes.plot(x, y, color=quantity.colour, linewidth=0.6)
+        for some, face in ((~unsettled, quantity.colour), (unsettled, "white")):
+            look = {"markerfacecolor": face, "markersize": 3, "markeredgewidth": 0.6}
+            axes.plot(x[some], y[some], "o", color=quantity.colour, **look)
+        frame(axes, None, quantity.label)
+    frame(column[-1], label, None)
+    return figure
+
+
+# --- panels ---------------------------------------------------------------------------------------------------------
+
+
+def _panels(figure: Figure, sweep: xarray.Dataset, plan: Plan, rows: int = 1) -> list[Panel]:
+    """The panels of a figure, row by row; each of `rows` quantities takes as many rows as the fourth number has slices.
+
+    With two numbers there is one panel for each quantity. Beyond the fourth number the middle value is shown.
+    """
+    keys, numbers = plan.keys, len(plan.keys)
+    third, fourth = (_slices(plan, place) for place in (2, 3))
+    figure.set_figheight(max(style.HEIGHT_MM, LOWEST_MM * rows * len(fourth)) / style.MM_PER_INCH)
+    grid = figure.subplots(rows * len(fourth), len(third), squeeze=False, sharex=True, sharey=True)
+    fixed = {key: count // 2 for key, count in zip(keys[4:], plan.shape[4:], strict=True)}
+    found = []
+    for row, below in zip(grid, rows * fourth, strict=True):
+        for axes, across in zip(row, third, strict=True):
+            found.append((axes, fixed | dict(zip(keys[2:4], (across, below), strict=False))))
+        frame(row[0], None, _label_of(sweep, keys[1]))
+        if numbers > 3:
+            row[-1].yaxis.set_label_position("right")
+            row[-1].set_ylabel(_held(sweep, keys[3], below), fontsize=style.SMALL_SIZE, rotation=270, va="bottom")
+    if numbers > 2:
+        for axes, at in zip(grid[0], third, strict=True):
+            axes.set_title(_held(sweep, keys[2], at), fontsize=style.SMALL_SIZE)
+    for axes in grid[-1]:
+        frame(axes, _label_of(sweep, keys[0]), None)
+    return found
+
+
+def _slices(plan: Plan, place: int) -> list[int]:
+    """The places of the slices along a number; one where there is no such number."""
+    if place >= len(plan.shape):
+        return [0]
+    return sorted({round(k * (plan.shape[place] - 1) / (SLICES - 1)) for k in range(SLICES)})
+
+
+def _shown_part(sweep: xarray.Dataset, plan: Plan, select: dict[str, Any]) -> xarray.Dataset:
+    """The part that a panel shows: dimensions second number, first number, and those of the variables."""
+    steps = {key: slice(None, None, -(-sweep.sizes[key] // FINEST)) for key in plan.keys[:2]}
+    return sweep.isel(select | steps).transpose(*reversed(plan.keys[:2]), ...)
+
+
+def _draw_cells(
+    axes: Axes, part: xarray.Dataset, plan: Plan, values: np.ndarray, **colours: Any
+) -> tuple[np.ndarray, np.ndarray]:
+    """Draw a cell for each value; return the values along both axes."""
+    x, y = (part[key].values for key in plan.keys[:2])
+    axes.set_facecolor(style.FAINT)
+    axes.pcolormesh(x, y, values, shading="nearest", rasterized=True, **colours)
+    for along, limit in ((x, axes.set_xlim), (y, axes.set_ylim)):
+        if along.min() < along.max():  # half a cell beyond the first and the last value nothing was computed
+            limit(along.min(), along.max())
+    axes.tick_params(which="both", labelsize=style.SMALL_SIZE)
+    return x, y
+
+
+def _add_colour_bar(figure: Figure, panels: list[Panel], colours: ScalarMappable, label: str, **how: Any) -> None:
+    bar = figure.colorbar(colours, ax=[axes for axes, _ in panels], pad=0.02, **how)
+    bar.set_label(label)
+    bar.ax.tick_params(labelsize=style.SMALL_SIZE)
+
+
+def _label_of(sweep: xarray.Dataset, key: str) -> str:
+    """A number's name and unit, for an axis."""
+    unit = sweep[key].attrs["units"]
+    return in_words(key) if unit == "1" else f"{in_words(key)} ({unit})"
+
+
+def _held(sweep: xarray.Dataset, key: str, at: int) -> str:
+    """A number with the value at which it is held."""
+    unit = sweep[key].attrs["units"]
+    return f"{in_words(key)} {float(sweep[key].values[at]):.4g}{'' if unit == '1' else f' {unit}'}"
+
+
+def _fixed_in_words(sweep: xarray.Dataset, plan: Plan) -> str:
+    """What the numbers beyond the fourth are held at, for the heading; empty where there are none."""
+    held = [_held(sweep, key, count // 2) for key, count in zip(plan.keys[4:], plan.shape[4:], strict=True)]
+    return f"; at {', '.join(held)}" if held else ""
+
+
+def in_words(key: str) -> str:
+    """A dotted key as words."""
+    return key.replace(".", " ").replace("_", " ")
