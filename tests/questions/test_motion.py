@@ -20,7 +20,7 @@ from drumsqueal.findings.signals.regime_words import Cause
 from drumsqueal.questions.motion import study as study_module
 from drumsqueal.questions.motion.attractor import Doubt, Kind, decide_attractor, describe_attractor
 from drumsqueal.questions.motion.figure import draw_section
-from drumsqueal.questions.motion.study import MotionStudy, Section, _section, _settled, study_motion
+from drumsqueal.questions.motion.study import BLOCK, MotionStudy, Section, _section, _settled, study_motion
 
 SAMPLES = 20  # an interval
 
@@ -253,8 +253,9 @@ def test_settled_is_what_has_no_trend(size, settles):
     time = np.arange(10_000) / 20_000
     wave = size(time) * np.cos(2 * np.pi * 1000.0 * time)
     chunk: Any = SimpleNamespace(velocity=np.column_stack([wave, 0 * wave]))
-    assert _settled([chunk], 20_000.0) is settles
-    assert not _settled([SimpleNamespace(velocity=chunk.velocity[:9000])], 20_000.0)  # pyright: ignore[reportArgumentType]
+    assert _settled([chunk], 20_000.0, BLOCK) is settles
+    shorter: Any = SimpleNamespace(velocity=chunk.velocity[:9000])
+    assert not _settled([shorter], 20_000.0, BLOCK)
 
 
 def test_the_section_is_where_the_main_coordinate_rises_through_its_mean():
@@ -298,7 +299,7 @@ def test_the_axes_of_a_section_span_what_moves(spread, span):
         (["--duration", "2000 s"], "--duration 2000 s: write a time up to 1000 s"),
         (["--duration", "-1"], "--duration -1: write a time"),
         (["--at-most", "0"], "--at-most 0: write a time"),
-        (["--set", 'drum.speed={time=["0 s", "1 s"], value=["5 rad/s", "4 rad/s"]}'], "this changes with time"),
+        (["--set", 'drum.speed={time=["0 s", "1 s"], value=["5 rad/s", "4 rad/s"]}'], "not a profile over time"),
     ],
 )
 def test_wrong_requests_are_told_in_one_line(drumsqueal, tmp_path, arguments, message):
