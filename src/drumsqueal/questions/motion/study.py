@@ -114,7 +114,7 @@ class MotionStudy(SettledMotion, Findings):
 
 
 @overload
-def study_motion(  # pyright: ignore[reportInconsistentOverload]
+def study_motion(
     scene: Scene,
     duration: float = ...,
     *,
@@ -125,7 +125,7 @@ def study_motion(  # pyright: ignore[reportInconsistentOverload]
 
 
 @overload
-def study_motion(  # pyright: ignore[reportInconsistentOverload]
+def study_motion(
     scene: Model,
     start: motion.Start,
     duration: float,
