@@ -18,8 +18,8 @@ from drumsqueal.findings.signals import Fundamentals, Regime, classify, find_fun
 from drumsqueal.findings.signals.lyapunov import Exponents, lyapunov_exponents, orthonormalised
 from drumsqueal.findings.signals.regime_words import Cause
 from drumsqueal.questions.motion import study as study_module
+from drumsqueal.questions.motion.answer import draw_section
 from drumsqueal.questions.motion.attractor import Doubt, Kind, decide_attractor, describe_attractor
-from drumsqueal.questions.motion.figure import draw_section
 from drumsqueal.questions.motion.study import BLOCK, MotionStudy, Section, _section, _settled, study_motion
 
 SAMPLES = 20  # an interval

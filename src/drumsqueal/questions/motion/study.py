@@ -227,16 +227,20 @@ class _Study:
         if not settled and regime.kind != "steady":
             self.limits.append(f"the motion had not settled after {start:.3g} s")
         options = begin is not SettledMotion
-        attractor = decide_attractor(regime, fundamentals, None, recorded, None)
+
+        def judged(exponents: Exponents | None, least: float | None, limited: float | None = None) -> dict[str, Any]:
+            attractor = decide_attractor(regime, fundamentals, exponents, recorded, least)
+            reason = describe_attractor(attractor, regime, exponents, limited, options=options)
+            numbers = {} if exponents is None else _numbers(exponents, attractor)
+            return numbers | {"attractor": attractor, "reason": reason, "not_determined": tuple(self.limits)}
+
         found = begin(
-            attractor=attractor,
-            reason=describe_attractor(attractor, regime, None, options=options),
+            **judged(None, None),
             recorded_from_s=start,
             settled=settled,
             recorded_for_s=recorded,
             regime=regime,
             section=_section(vibration, stability.mass, coordinates),
-            not_determined=tuple(self.limits),
             coordinates=coordinates,
             lines=lines,
             fundamentals=fundamentals,
@@ -253,12 +257,9 @@ class _Study:
         if why_not:
             self.limits.append(f"Lyapunov exponents were not determined: {why_not}")
         least = None if why_not else FEWEST_INTERVALS * self.interval
-        attractor = decide_attractor(regime, fundamentals, exponents, recorded, least)
         reached = recorded if exponents is None else min(recorded, float(exponents.time_s[-1]))
         limited = self.at_most if reached < self.duration - 2 * self.interval else None
-        more: dict[str, Any] = {} if exponents is None else _numbers(exponents, attractor)
-        more["reason"] = describe_attractor(attractor, regime, exponents, limited, options=options)
-        return found.model_copy(update=more | {"attractor": attractor, "not_determined": tuple(self.limits)})
+        return found.model_copy(update=judged(exponents, least, limited))
 
     def record(self) -> tuple[bool, float, list[Chunk]]:
         """Run until settled and on: whether it settled, when the record begins (s), and its chunks."""
@@ -375,15 +376,12 @@ def _section(vibration: Vibration, mass: NDArray[np.float64], coordinates: tuple
     ranked = sorted(range(energy.size), key=lambda k: -energy[k])
     across, other = ranked[0], ranked[min(1, len(ranked) - 1)]
     time, q, v = vibration.time, vibration.displacement, vibration.velocity
-    level = q[:, across] - q[:, across].mean()
-    up = np.flatnonzero((level[:-1] < 0) & (level[1:] >= 0))
-    if not up.size:
+    curve = CubicHermiteSpline(time, q[:, across] - q[:, across].mean(), v[:, across])
+    at = curve.roots(extrapolate=False)
+    at = at[np.isfinite(at) & (curve(at, 1) > 0)]
+    if not at.size:
         return Section()
-    path = CubicHermiteSpline(time, np.column_stack([level, q[:, other]]), v[:, [across, other]])
-    at = time[up] - level[up] * (time[up + 1] - time[up]) / (level[up + 1] - level[up])
-    for _ in range(3):  # Newton's method; samples are dense enough for the secant to begin with
-        at = at - path(at)[:, 0] / path(at, 1)[:, 0]
-    points = np.column_stack([path(at)[:, 1], path(at, 1)[:, 0]])
+    points = np.column_stack([CubicHermiteSpline(time, q[:, other], v[:, other])(at), curve(at, 1)])
     size = float(np.ptp(q[:, other])), float(np.ptp(v[:, across]))
     names = vibration.coordinates
     return Section(across=names[across], other=names[other], points=len(points), size=size, values=points)
