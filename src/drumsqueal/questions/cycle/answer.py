@@ -66,7 +66,7 @@ def print_branches(console: Console, found: CycleBranches) -> None:
         for what, cycle in milestones(branch):
             amplitudes = (f"{1e6 * cycle.amplitude[name]:.3g}" for name in names)
             value = f"{variation.shown(cycle.value):.7g}"
-            table.add_row(str(number), what, value, f"{cycle.frequency_Hz:.5g}", *amplitudes, f"{cycle.largest:.4f}")
+            table.add_row(str(number), what, value, f"{cycle.frequency_Hz:.1f}", *amplitudes, f"{cycle.largest:.4f}")
     print_table(console, table)
     for critical in found.critical_values:
         becomes = "unstable" if critical.destabilises else "stable"
