@@ -173,7 +173,7 @@ def study_motion(  # pyright: ignore[reportInconsistentOverload]
         return study.find(partial(MotionStudy, scene=scene), keep)
     length = duration or 0.0
     how = {"duration": length, "sample_rate": sample_rate, "tolerance": tolerance, "solver": solver}
-    transient = motion.constant_transient(scene, cast("motion.Start", start), **how)
+    transient = motion.constant_transient(scene, cast("motion.Start", start or {}), **how)
     slower = TYPICAL_Hz / min((mode.frequency_Hz for mode in transient.stability.modes), default=TYPICAL_Hz)
     how["duration"] = _whole_samples(LONGEST_START * slower + length, sample_rate)
     return _Study(transient._replace(how=how), length, at_most, slower, progress).find(SettledMotion, keep)
