@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from drumsqueal.questions.cycle.diagram import CycleBranches, Diagram
     from drumsqueal.questions.cycle.search import CycleSearch, CycleStudy, find_cycle
     from drumsqueal.questions.effects.study import EffectStudy, study_effects
-    from drumsqueal.questions.motion.study import MotionStudy, study_motion
+    from drumsqueal.questions.motion.study import MotionStudy, SettledMotion, study_motion
     from drumsqueal.questions.onset.found import Onset, OnsetStudy
     from drumsqueal.questions.onset.study import study_onset
     from drumsqueal.questions.paper.study import PaperStudy, study_paper
@@ -67,7 +67,7 @@ _HOMES = {
     "questions.cycle.search": ("CycleSearch", "CycleStudy", "find_cycle"),
     "questions.effects.study": ("EffectStudy", "study_effects"),
     "questions.compare.study": ("MeasuredComparison", "compare_measured"),
-    "questions.motion.study": ("MotionStudy", "study_motion"),
+    "questions.motion.study": ("MotionStudy", "SettledMotion", "study_motion"),
     "questions.onset.found": ("Onset", "OnsetStudy"),
     "questions.onset.study": ("study_onset",),
     "questions.paper.study": ("PaperStudy", "study_paper"),
@@ -107,6 +107,7 @@ __all__ = [
     "Scene",
     "SceneError",
     "SensitivityStudy",
+    "SettledMotion",
     "Stability",
     "SteadyStateError",
     "StepLaw",
