@@ -73,12 +73,6 @@ _WITHOUT_JAX = (scenes_command,)
 _MORE_ARGUMENTS = {"effects"}  # so that --within 1 % is read without quotes
 
 
-def _add(group: str, name: str, command: Callable[..., None]) -> None:
-    settings = {"allow_extra_args": True} if name in _MORE_ARGUMENTS else None
-    added = app.command(name, help=help_text(command), rich_help_panel=group, context_settings=settings)
-    added(_naming_the_scene(command))
-
-
 def _naming_the_scene(command: Callable[..., None]) -> Callable[..., None]:
     """The command, naming the file where a scene turns out to be wrong only after it was read."""
 
@@ -109,7 +103,9 @@ def help_text(command: Callable[..., None]) -> str:
 
 for _group, _commands in GROUPS.items():
     for _name, _command in _commands.items():
-        _add(_group, _name, _command)
+        _settings = {"allow_extra_args": True} if _name in _MORE_ARGUMENTS else None
+        _added = app.command(_name, help=help_text(_command), rich_help_panel=_group, context_settings=_settings)
+        _added(_naming_the_scene(_command))
 
 
 def _print_version(wanted: bool) -> None:
@@ -141,16 +137,6 @@ def command_tree() -> Any:
     return tree
 
 
-def _asked() -> str:
-    """The command as far as it is one."""
-    name = sys.argv[1] if len(sys.argv) > 1 else ""
-    return f"drumsqueal {name}" if any(name in commands for commands in GROUPS.values()) else "drumsqueal"
-
-
-def _one_line(message: str) -> str:
-    return printable(" ".join(message.split()))
-
-
 def main() -> None:
     """Run the command line and turn every error into one line and an exit status."""
     prepare_environment()
@@ -166,16 +152,15 @@ def main() -> None:
     except (SceneError, RequestError) as error:
         _give_up(str(error), WRONG)
     except UsageError as error:
-        message = error.format_message()
-        _give_up(message and f"{message} (see {_asked()} --help)", WRONG)
+        message, name = error.format_message(), sys.argv[1] if len(sys.argv) > 1 else ""
+        asked = f"drumsqueal {name}" if any(name in commands for commands in GROUPS.values()) else "drumsqueal"
+        _give_up(message and f"{message} (see {asked} --help)", WRONG)
     except KeyboardInterrupt:
         _give_up(INTERRUPTED, FAILED)
     except BrokenPipeError:  # whoever read has seen enough, as `head` does; what is left to be flushed goes nowhere
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(FAILED)
-    except IntegrationError as error:
-        _give_up(str(error), FAILED)
-    except UnwrittenError as error:
+    except (IntegrationError, UnwrittenError) as error:
         _give_up(str(error), FAILED)
     except OSError as error:
         cause = error.strerror or str(error)
@@ -189,5 +174,6 @@ def main() -> None:
 
 def _give_up(message: str, status: int) -> NoReturn:
     if message:
-        make_console(stderr=True).print(f"drumsqueal: {_one_line(message)}", soft_wrap=True)
+        line = printable(" ".join(message.split()))
+        make_console(stderr=True).print(f"drumsqueal: {line}", soft_wrap=True)
     sys.exit(status)

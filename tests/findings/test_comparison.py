@@ -349,7 +349,7 @@ def test_a_run_that_was_cut_off_says_why(nominal):
 
 
 @pytest.mark.parametrize(
-    ("sticks", "share", "spells", "first", "to_the_end"),
+    ("sticks", "fraction", "spells", "first", "to_the_end"),
     [
         ("00000", 0.0, 0, None, None),
         ("01100", 0.25, 1, 1.0, None),

@@ -87,7 +87,9 @@ def test_every_effect_is_either_included_or_left_out(nominal):
 
 # Below the edges both rules are exact: 5e-16 of the load found, and 1e-17 out of the plane. Beyond them the area is
 # good to 1e-9 at these states.
-@pytest.mark.parametrize(("size", "tolerance"), [(0.2, 5e-15), (3.0, 2e-8)], ids=["below the edges", "beyond them"])
+@pytest.mark.parametrize(
+    ("size", "tolerance"), [(0.2, 5e-15), (3.0, 2e-8)], ids=["below the boundaries", "beyond them"]
+)
 def test_forces_of_the_plane_are_those_of_all_six_coordinates(nominal, size, tolerance):
     force = jax.jit(lambda model, q, v: model.act(0.0, q, v)[0])
     plane, space = build_model(nominal), build_model(nominal, coordinates=COORDINATES)

@@ -22,7 +22,7 @@ from drumsqueal.physics.quadrature.independent import FEJER, TANH_SINH, FixedGri
 from drumsqueal.physics.quadrature.surface import Surface
 from drumsqueal.questions.accuracy import contenders
 from drumsqueal.questions.accuracy.answer import simulate_block, to_csv
-from drumsqueal.questions.accuracy.features import feature_errors
+from drumsqueal.questions.accuracy.bench import feature_errors
 from drumsqueal.questions.accuracy.reference import find_reference, sizes_of, trajectory_error
 from drumsqueal.questions.accuracy.study import AccuracyStudy, study_accuracy
 from drumsqueal.scene import COORDINATES, Scene, load_scene

@@ -557,7 +557,7 @@ def test_levels_are_of_rms_values_over_the_reference_of_the_standard():
         (["HISTORY", "RIG", "--until", "99"], "--until 99 s: RIG has 0 to 2.99996094 s; take a time within it"),
         (["HISTORY", "RIG", "--unit", "volt"], "--unit volt: this unit is not known; write one such as"),
         (["HISTORY", "RIG", "--unit", "furlong"], "or made of length m, cm, mm, µm, nm, pm, in, ft; time s, ms, min;"),
-        (["HISTORY", "RIG", "--within", "2"], "--within 2: write a share"),
+        (["HISTORY", "RIG", "--within", "2"], "--within 2: write a fraction"),
         (["HISTORY"], "Missing argument 'MEASURED'"),
     ],
 )

@@ -22,9 +22,15 @@ from drumsqueal.physics.model import Model, build_model
 from drumsqueal.questions.effects import study as effects
 from drumsqueal.questions.effects import variants
 from drumsqueal.questions.effects.reductions import Reduction, reduce, reductions_of
-from drumsqueal.questions.effects.study import TOGETHER, EffectStudy, excess_of, study_effects
+from drumsqueal.questions.effects.study import (
+    TOGETHER,
+    EffectStudy,
+    describe_limits,
+    describe_runs,
+    excess_of,
+    study_effects,
+)
 from drumsqueal.questions.effects.variants import Variant
-from drumsqueal.questions.effects.words import describe_limits, describe_runs
 from drumsqueal.scene import COORDINATES, load_scene
 from drumsqueal.scene.quantities import percent
 from drumsqueal.simulation import prepare, run, transient
@@ -273,7 +279,7 @@ def test_what_is_too_much_together_comes_back(nominal, monkeypatch, within, spar
 
 
 @pytest.mark.parametrize(
-    ("share", "text"),
+    ("fraction", "text"),
     [
         (0.01, "1 %"),
         (1.3e-5, "0.0013 %"),
@@ -399,7 +405,7 @@ def test_the_command_writes_table_figure_and_reduced_scene(drumsqueal, quick_fil
         assert float(row["change_of_amplitude"]) == pytest.approx(change, rel=1e-9, abs=1e-12)
 
 
-@pytest.mark.parametrize(("within", "share"), [(("1e-2",), 0.01), (("1", "%"), 0.01), (("2.5%",), 0.025)])
+@pytest.mark.parametrize(("within", "fraction"), [(("1e-2",), 0.01), (("1", "%"), 0.01), (("2.5%",), 0.025)])
 def test_an_accuracy_is_read_as_a_fraction_or_in_per_cent(
     drumsqueal, quick_file, tmp_path, monkeypatch, within, fraction
 ):
@@ -418,7 +424,9 @@ def test_an_accuracy_is_read_as_a_fraction_or_in_per_cent(
 def test_an_accuracy_that_is_none_is_refused(drumsqueal, quick_file, tmp_path, within):
     status, _, errors = drumsqueal("effects", str(quick_file), "-o", str(tmp_path / "out"), "--within", within)
     assert status == 2
-    assert errors.startswith(f'drumsqueal: --within {within}: write a share between 0 and 100 %, such as "1 %" or 0.01')
+    assert errors.startswith(
+        f'drumsqueal: --within {within}: write a fraction between 0 and 100 %, such as "1 %" or 0.01'
+    )
     assert errors.count("\n") == 1
     assert not (tmp_path / "out").exists()
 

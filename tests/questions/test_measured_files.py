@@ -1,7 +1,6 @@
 """Measured files as others write them are read to the last digit; what cannot be read is refused in one line."""
 
 import builtins
-import gc
 import struct
 import warnings
 
@@ -402,7 +401,6 @@ def write_uff(path, *data_sets):
     with warnings.catch_warnings():  # pyuff leaves files open that it writes
         warnings.simplefilter("ignore", ResourceWarning)
         pyuff.UFF(str(path)).write_sets(list(data_sets), "overwrite")
-        gc.collect()
 
 
 @pytest.mark.parametrize("binary", [0, 1])

@@ -373,7 +373,7 @@ def test_a_motion_that_decays_below_the_boundaries_has_not_failed_to_settle():
 
 
 @pytest.mark.parametrize(
-    ("share", "rate", "largest", "kind"),
+    ("fraction", "rate", "largest", "kind"),
     [
         (0.05, -1.0, -20.0, "steady"),  # small: whatever falls
         (0.05, 1.0, -20.0, "unknown"),

@@ -263,7 +263,7 @@ def test_more_transients_than_run_at_once_come_in_order_and_one_that_sticks_goes
 
 # The block's linear rate is −0.0128 1/s at 1.3 m/s and 0.0177 1/s at 1 m/s; a round lasts 120 s, of which 60 are seen.
 @pytest.mark.parametrize(
-    ("speed", "share", "rate", "energies", "kind", "rounds"),
+    ("speed", "fraction", "rate", "energies", "kind", "rounds"),
     [
         (1.3, 0.05, -1e-9, [1.0], Leads.DECAYS, 1),  # small, and it falls
         (1.3, 0.5, -0.0075, [1.0], Leads.DECAYS, 1),  # below the edges, faster than half the linear rate
@@ -570,7 +570,7 @@ def test_folded_samples_are_refused(quick):
         (["--along", "drum.speed=-5..5x5"], "may not reach or cross a drum at rest"),
         (["--along", "drum.speed=0..5x5"], "may not reach or cross a drum at rest"),
         (["--along", "drum.speed=1..2", "--nothing"], "(see drumsqueal onset --help)"),
-        (["--along", "drum.speed=1..2", "--within", "2"], "write a share between 0 and 100 %"),
+        (["--along", "drum.speed=1..2", "--within", "2"], "write a fraction between 0 and 100 %"),
         (["--along", "drum.speed=1..2", "--set", "friction=none"], "friction: this scene has none"),
     ],
 )

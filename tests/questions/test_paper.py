@@ -22,7 +22,7 @@ from drumsqueal.physics.model import build_model
 from drumsqueal.questions.paper import curves as paper_curves
 from drumsqueal.questions.paper import transients as paper_transients
 from drumsqueal.questions.paper.curves import AXIS, check_brake, friction_curve
-from drumsqueal.questions.paper.statement import SQUEALING, Statement, Verdict, largest_rise, off_line, state
+from drumsqueal.questions.paper.statement import SQUEALING, Statement, Verdict, largest_rise, off_line
 from drumsqueal.questions.paper.statements import check_statements
 from drumsqueal.questions.paper.study import PaperStudy, study_paper
 from drumsqueal.scene import COORDINATES, load_scene
@@ -150,11 +150,12 @@ def test_a_brake_that_damping_makes_stable_squeals_after_a_large_disturbance(stu
 
 
 def test_verdicts_follow_from_the_readings():
-    one = state("5", "It is so", "number", "Hz", 2.0, ">", 1.0)
+    says = Statement("5", "It is so")
+    one = says.read("number", 2.0, ">", 1.0, "Hz")
     assert one.verdict is Verdict.CONFIRMED
-    assert one.read_also("number", "Hz", 0.5, ">", 1.0).verdict is Verdict.DEPENDS
-    assert one.read_also("number", "Hz", None, ">", 1.0).verdict is Verdict.NOT_DECIDED
-    assert state("5", "It is so", "number", "Hz", 1.0, ">", 1.0).verdict is Verdict.NOT_CONFIRMED
+    assert one.read("number", 0.5, ">", 1.0, "Hz").verdict is Verdict.DEPENDS
+    assert one.read("number", None, ">", 1.0, "Hz").verdict is Verdict.NOT_DECIDED
+    assert says.read("number", 1.0, ">", 1.0, "Hz").verdict is Verdict.NOT_CONFIRMED
 
 
 def test_the_largest_rise_is_that_over_any_distance():

@@ -392,7 +392,7 @@ def test_self_consistent_steady_state_agrees_with_an_independent_program(nominal
     assert stability.pressure_range[1] / p0 == pytest.approx(1.8681923362796065, abs=2e-3)
 
 
-@pytest.mark.parametrize(("speed", "edges"), [(5.0, 0), (-5.0, 0), (0.5, 1), (-0.5, 1), (0.05, 1)])
+@pytest.mark.parametrize(("speed", "boundaries"), [(5.0, 0), (-5.0, 0), (0.5, 1), (-0.5, 1), (0.05, 1)])
 def test_forces_vanish_in_the_steady_state(nominal, speed, boundaries):
     scene = nominal.with_values({"steady.state": "self-consistent", "drum.speed": speed})
     stability = analyse_stability(build_model(scene, coordinates=ALL))

@@ -94,4 +94,4 @@ def test_every_public_name_is_there_and_tells_what_it_is():
     for name in drumsqueal.__all__:
         assert getattr(drumsqueal, name).__doc__
     with pytest.raises(AttributeError, match="no attribute 'solved'"):
-        drumsqueal.solved  # noqa: B018 (to look it up is the test)
+        drumsqueal.solved  # noqa: B018 (to look it up is the test)  # pyright: ignore[reportAttributeAccessIssue]

@@ -9,12 +9,6 @@ from pathlib import Path
 
 from drumsqueal.errors import RequestError
 
-HISTORY, SUMMARY, RESUME = "history.nc", "summary.json", "resume.json"
-REPORT = "report.html"
-GROWTH, SPECTROGRAM, SPECTRA = "growth", "spectrogram", "spectra"
-PHASE, CONTACT, EIGENVALUES, FREQUENCY = "phase", "contact", "eigenvalues", "frequency"
-FIGURES = (GROWTH, SPECTROGRAM, SPECTRA, PHASE, CONTACT, EIGENVALUES, FREQUENCY)
-
 
 def figure_file(name: str) -> str:
     """Return the file name of a figure."""
@@ -23,7 +17,66 @@ def figure_file(name: str) -> str:
 
 def made_of(history: str) -> tuple[str, ...]:
     """The names of what `export` and `animate` make of a history where they are given none."""
-    return tuple(Path(history).with_suffix(ending).name for ending in MADE_ENDINGS)
+    endings = (".csv", ".gif", ".mat", ".npz", ".parquet", ".uff", ".wav")
+    return tuple(Path(history).with_suffix(ending).name for ending in endings)
+
+
+# The names of the files of each command; ..._FILES are all that it writes, and what other commands make of them, which
+# is out of date once the command has run anew.
+HISTORY, SUMMARY, RESUME, REPORT = "history.nc", "summary.json", "resume.json", "report.html"
+GROWTH, SPECTROGRAM, SPECTRA = "growth", "spectrogram", "spectra"
+PHASE, CONTACT, EIGENVALUES, FREQUENCY = "phase", "contact", "eigenvalues", "frequency"
+FIGURES = (GROWTH, SPECTROGRAM, SPECTRA, PHASE, CONTACT, EIGENVALUES, FREQUENCY)
+MODE_FILES = tuple(f"mode-{name}.gif" for name in ("X", "Y", "Z", "Tx", "Ty", "Tz"))
+"""What `animate --mode` makes of the scene of a run where it is given no name."""
+RUN_FILES = (HISTORY, SUMMARY, RESUME, *map(figure_file, FIGURES), REPORT, *made_of(HISTORY), *MODE_FILES)
+
+EFFECTS_TABLE, REDUCED_SCENE, EFFECTS = "effects.csv", "reduced.toml", "effects"
+EFFECT_FILES = (EFFECTS_TABLE, REDUCED_SCENE, figure_file(EFFECTS))
+
+ACCURACY_TABLE, BLOCK = "accuracy.csv", "simulate.toml"
+WORK, EVALUATIONS, CAUSES = "accuracy_time", "accuracy_evaluations", "accuracy_causes"
+ACCURACY_FILES = (ACCURACY_TABLE, BLOCK, *map(figure_file, (WORK, EVALUATIONS, CAUSES)))
+
+ONSET_TABLE, ONSET_SUMMARY, ONSET = "onset.csv", "onset.json", "onset"
+ONSET_FILES = (ONSET_TABLE, ONSET_SUMMARY, figure_file(ONSET), REPORT)
+
+MOTION_SUMMARY, MOTION_TABLE = "motion.json", "motion.csv"
+LINES, SECTION, CONVERGENCE = "motion_lines", "motion_section", "motion_exponents"
+MOTION_FILES = (MOTION_SUMMARY, MOTION_TABLE, *map(figure_file, (LINES, SECTION, CONVERGENCE)))
+
+CYCLE_SUMMARY, CYCLE_HISTORY, CYCLE = "cycle.json", "cycle.nc", "cycle"
+CYCLE_FILES = (CYCLE_SUMMARY, CYCLE_HISTORY, figure_file(CYCLE), *made_of(CYCLE_HISTORY))
+BRANCH_TABLE, BRANCH_SUMMARY, BRANCH = "branch.csv", "branch.json", "branch"
+BRANCH_FILES = (BRANCH_TABLE, BRANCH_SUMMARY, figure_file(BRANCH))
+
+SWEEP, SWEEP_SUMMARY = "sweep.nc", "sweep.json"
+STABILITY, AMPLITUDE, CHANCE = "stability", "amplitude", "chance"
+SWEEP_FILES = (SWEEP, SWEEP_SUMMARY, *map(figure_file, (STABILITY, AMPLITUDE, CHANCE)))
+
+PAPER_TABLE, STATEMENTS_TABLE, STATEMENTS = "paper.csv", "statements.csv", "statements.json"
+PAPER_FIGURES = {
+    "4": "fig04_friction",
+    "5": "fig05_stiffness",
+    "6": "fig06_constant_friction",
+    "7": "fig07_speed",
+    "8": "fig08_load",
+    "9": "fig09_arc_angle",
+    "10": "fig10_radius",
+    "11": "fig11_width",
+}
+"""The figures of the paper by their numbers."""
+PAPER_FILES = (PAPER_TABLE, STATEMENTS_TABLE, STATEMENTS, *map(figure_file, PAPER_FIGURES.values()))
+
+SENSITIVITY_TABLE, SENSITIVITY_SUMMARY, QUIET_SCENE = "sensitivity.csv", "sensitivity.json", "quiet.toml"
+SENSITIVITY = "sensitivity"
+SENSITIVITY_FILES = (SENSITIVITY_TABLE, SENSITIVITY_SUMMARY, QUIET_SCENE, figure_file(SENSITIVITY))
+
+COMPARE_TABLE, COMPARE_SUMMARY, COMPARE = "compare.csv", "compare.json", "compare"
+COMPARE_FILES = (COMPARE_TABLE, COMPARE_SUMMARY, figure_file(COMPARE))
+
+MADE_FILES = (REPORT, *made_of(HISTORY), *MODE_FILES, *made_of(CYCLE_HISTORY))
+"""The names of what other commands make of results; it is removed with them, and does not come again by itself."""
 
 
 def history_file(place: Path) -> Path:
@@ -32,69 +85,6 @@ def history_file(place: Path) -> Path:
         return place / HISTORY if place.is_dir() else place
     except OSError:  # such as a name that is too long, which is reported where the file is opened
         return place
-
-
-MODE_FILES = tuple(f"mode-{name}.gif" for name in ("X", "Y", "Z", "Tx", "Ty", "Tz"))
-"""What `animate --mode` makes of the scene of a run where it is given no name."""
-MADE_ENDINGS = (".csv", ".gif", ".mat", ".npz", ".parquet", ".uff", ".wav")
-RUN_FILES = (HISTORY, SUMMARY, RESUME, *map(figure_file, FIGURES), REPORT, *made_of(HISTORY), *MODE_FILES)
-"""The names of all files that a run writes, and of what is made of them, which is out of date once it has run anew."""
-EFFECTS_TABLE, REDUCED_SCENE, EFFECTS = "effects.csv", "reduced.toml", "effects"
-ACCURACY_TABLE, BLOCK = "accuracy.csv", "simulate.toml"
-WORK, EVALUATIONS, CAUSES = "accuracy_time", "accuracy_evaluations", "accuracy_causes"
-ACCURACY_FIGURES = (WORK, EVALUATIONS, CAUSES)
-ACCURACY_FILES = (ACCURACY_TABLE, BLOCK, *map(figure_file, ACCURACY_FIGURES))
-"""The names of all files that a study of accuracy writes."""
-ONSET_TABLE, ONSET_SUMMARY, ONSET = "onset.csv", "onset.json", "onset"
-ONSET_FILES = (ONSET_TABLE, ONSET_SUMMARY, figure_file(ONSET), REPORT)
-"""The names of all files that a study of the onset writes, and of the page about it."""
-MOTION_SUMMARY, MOTION_TABLE = "motion.json", "motion.csv"
-LINES, SECTION, CONVERGENCE = "motion_lines", "motion_section", "motion_exponents"
-MOTION_FILES = (MOTION_SUMMARY, MOTION_TABLE, *map(figure_file, (LINES, SECTION, CONVERGENCE)))
-"""The names of all files that a study of a motion writes."""
-CYCLE_SUMMARY, CYCLE_HISTORY, CYCLE = "cycle.json", "cycle.nc", "cycle"
-CYCLE_FILES = (CYCLE_SUMMARY, CYCLE_HISTORY, figure_file(CYCLE), *made_of(CYCLE_HISTORY))
-"""The names of all files that the search for a cycle writes, and of what is made of them."""
-MADE_FILES = (REPORT, *made_of(HISTORY), *MODE_FILES, *made_of(CYCLE_HISTORY))
-"""The names of what other commands make of results; it is removed with them, and does not come again by itself."""
-BRANCH_TABLE, BRANCH_SUMMARY, BRANCH = "branch.csv", "branch.json", "branch"
-BRANCH_FILES = (BRANCH_TABLE, BRANCH_SUMMARY, figure_file(BRANCH))
-"""The names of all files that cycles along a parameter write."""
-EFFECT_FILES = (EFFECTS_TABLE, REDUCED_SCENE, figure_file(EFFECTS))
-"""The names of all files that a study of effects writes."""
-
-SWEEP, SWEEP_SUMMARY = "sweep.nc", "sweep.json"
-STABILITY, AMPLITUDE, CHANCE = "stability", "amplitude", "chance"
-SWEEP_FILES = (SWEEP, SWEEP_SUMMARY, *map(figure_file, (STABILITY, AMPLITUDE, CHANCE)))
-"""The names of all files that a sweep writes."""
-
-
-PAPER_FRICTION, PAPER_STIFFNESS, PAPER_CONSTANT = "fig04_friction", "fig05_stiffness", "fig06_constant_friction"
-PAPER_SPEED, PAPER_LOAD, PAPER_ANGLE = "fig07_speed", "fig08_load", "fig09_arc_angle"
-PAPER_RADIUS, PAPER_WIDTH = "fig10_radius", "fig11_width"
-PAPER_FIGURES = {
-    "4": PAPER_FRICTION,
-    "5": PAPER_STIFFNESS,
-    "6": PAPER_CONSTANT,
-    "7": PAPER_SPEED,
-    "8": PAPER_LOAD,
-    "9": PAPER_ANGLE,
-    "10": PAPER_RADIUS,
-    "11": PAPER_WIDTH,
-}
-"""The figures of the paper by their numbers."""
-PAPER_TABLE, STATEMENTS_TABLE, STATEMENTS = "paper.csv", "statements.csv", "statements.json"
-PAPER_FILES = (PAPER_TABLE, STATEMENTS_TABLE, STATEMENTS, *map(figure_file, PAPER_FIGURES.values()))
-"""The names of all files of the paper's figures."""
-
-SENSITIVITY_TABLE, SENSITIVITY_SUMMARY, QUIET_SCENE = "sensitivity.csv", "sensitivity.json", "quiet.toml"
-SENSITIVITY = "sensitivity"
-SENSITIVITY_FILES = (SENSITIVITY_TABLE, SENSITIVITY_SUMMARY, QUIET_SCENE, figure_file(SENSITIVITY))
-"""The names of all files of a study of sensitivity."""
-
-COMPARE_TABLE, COMPARE_SUMMARY, COMPARE = "compare.csv", "compare.json", "compare"
-COMPARE_FILES = (COMPARE_TABLE, COMPARE_SUMMARY, figure_file(COMPARE))
-"""The names of all files of a comparison with a measured record."""
 
 
 class UnwrittenError(OSError):
@@ -123,6 +113,7 @@ def check_output(folder: Path, files: Iterable[str], *, overwrite: bool) -> None
 
 def check_output_file(path: Path, *, overwrite: bool, option: str = "-o") -> None:
     """Raise RequestError where a file lies at the path already, or where none can be; `option` is what names it."""
+    another = f"name another with {option}"
     try:
         try:
             _check_place(path.parent, option)
@@ -131,18 +122,18 @@ def check_output_file(path: Path, *, overwrite: bool, option: str = "-o") -> Non
         if path.is_dir():
             raise RequestError(f"{path} is a folder, where a file is to go; name the file with {option}")
         if path.exists() and not path.is_file():  # it would be replaced, not written to
-            raise RequestError(f"{path} is no ordinary file; name another with {option}")
-        if part_of(path).is_dir():
-            raise RequestError(f"{part_of(path)} is a folder, where the file is written; name another with {option}")
-        _is_there(part_of(path))  # whose name is longer
+            raise RequestError(f"{path} is no ordinary file; {another}")
+        part = part_of(path)
+        if part.is_dir():
+            raise RequestError(f"{part} is a folder, where the file is written; {another}")
+        _is_there(part)  # whose name is longer
         if _is_there(path) and not overwrite:
             raise RequestError(f"{path} exists; add --overwrite to replace it, or name another file with {option}")
         if not path.parent.exists():
             raise RequestError(f"{path}: there is no folder {path.parent}; make it, or name another file with {option}")
         _try_to_write(path.parent)
     except OSError as error:
-        message = f"{path}: this file cannot be written ({error.strerror or error}); name another with {option}"
-        raise RequestError(message) from None
+        raise unusable(path, error, option, "file") from None
 
 
 def check_apart(path: Path, others: Iterable[Path], *, option: str = "-o") -> None:
@@ -237,6 +228,7 @@ def not_taken(error: OSError, folder: Path) -> str:
     return f"failed: the disk does not take the results ({error.filename or folder}: {error.strerror or error})"
 
 
-def unusable(folder: Path, error: OSError) -> RequestError:
-    """The error of a folder that cannot be written."""
-    return RequestError(f"{folder}: this folder cannot be written ({error.strerror or error}); choose another with -o")
+def unusable(path: Path, error: OSError, option: str = "-o", what: str = "folder") -> RequestError:
+    """The error of a folder, or a file, that cannot be written."""
+    cure = f"{'choose' if what == 'folder' else 'name'} another with {option}"
+    return RequestError(f"{path}: this {what} cannot be written ({error.strerror or error}); {cure}")

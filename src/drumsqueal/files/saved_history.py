@@ -9,7 +9,7 @@ import numpy as np
 import xarray
 
 from drumsqueal.errors import RequestError
-from drumsqueal.files.in_place import as_text, content_of, opened, variable
+from drumsqueal.files.in_place import as_text, content_of, variable
 from drumsqueal.files.output_folder import history_file
 from drumsqueal.findings.history import MOTION, SIGNALS, signals_of
 from drumsqueal.findings.outcome import COMPLETE, Ending, Outcome
@@ -54,38 +54,28 @@ def read_history(path: Path) -> SavedHistory:
     Raises RequestError for a file that is not there, that is no history or not a whole one, or that has fewer than two
     samples.
     """
+    file = path
     try:
         file = history_file(path)
         if not file.exists():
             raise RequestError(f"{file}: there is no such file; {_OURS}")
-        _check_container(file)
-    except (OSError, ValueError) as error:
-        if isinstance(error, RequestError):
-            raise
-        raise RequestError(f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})") from None
-    try:
         data, scene = _load(file)
+    except RequestError:
+        raise
     except SceneError as error:
         message = f"{file}: the scene in it is not one that this version of drumsqueal takes ({error})"
         raise RequestError(f"{message}; read it with the version that wrote it") from None
     except MemoryError:
         raise MemoryError(f"to read {file}") from None
+    except OSError as error:
+        if error.errno:  # of the system
+            raise RequestError(f"{file}: cannot be read ({error.strerror or error})") from None
+        if "truncated file" in str(error):  # HDF5 has no other sign of it
+            raise RequestError(f"{file}: the file is cut short; copy it again, or run the scene anew") from None
+        raise RequestError(f"{file}: this is no history of drumsqueal (not NetCDF-4, or damaged); {_OURS}") from None
     except Exception:  # h5py raises nearly all there is on a file that is damaged
         raise RequestError(f"{file}: this is no history of drumsqueal, or a damaged one; {_OURS}") from None
     return SavedHistory(file, _computed(file, data, scene), scene)
-
-
-def _check_container(path: Path) -> None:
-    """Raise RequestError for what HDF5 does not open: other files, and those that have lost their end; and OSError."""
-    try:
-        with opened(path, "r"):
-            pass
-    except OSError as error:
-        if error.errno:  # of the system
-            raise
-        if "truncated file" in str(error):
-            raise RequestError(f"{path}: the file is cut short; copy it again, or run the scene anew") from None
-        raise RequestError(f"{path}: this is no history of drumsqueal (not NetCDF-4, or damaged); {_OURS}") from None
 
 
 def _load(path: Path) -> tuple[xarray.Dataset, Scene]:

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Annotated, Any, Union, get_args
 
 import tomli_w
-from pydantic import BaseModel, Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, field_serializer, field_validator, model_validator
 from pydantic.fields import FieldInfo
 
 from drumsqueal.scene.file import apply_setting, read_tables, replace_value
@@ -32,32 +32,9 @@ from drumsqueal.scene.tables import (
     Temperature,
     Title,
 )
-from drumsqueal.scene.uncertain import Distribution, Distributions, reach
+from drumsqueal.scene.uncertain import Distribution, describe, reach, read_distributions
 
-__all__ = [
-    "COORDINATES",
-    "Contact",
-    "Damping",
-    "Drum",
-    "Forcing",
-    "Friction",
-    "Profile",
-    "Scene",
-    "SceneError",
-    "Schedule",
-    "Shoe",
-    "Simulate",
-    "Start",
-    "Steady",
-    "Support",
-    "Temperature",
-    "load_scene",
-    "number_keys",
-    "quantity_of",
-    "scene_from_dict",
-    "setting_choices",
-    "setting_keys",
-]
+__all__ = ["COORDINATES", "Profile", "Scene", "SceneError", "Schedule", "Shoe", "load_scene", "scene_from_dict"]
 
 if TYPE_CHECKING:
     AnyLaw = Friction
@@ -86,7 +63,16 @@ class Scene(Table):
     steady: Steady = Field(default_factory=Steady)
     start: Start = Field(default_factory=Start)
     simulate: Simulate
-    uncertain: Annotated[Mapping[str, Distribution] | None, Distributions()] = None
+    uncertain: Mapping[str, Distribution] | None = None
+
+    @field_validator("uncertain", mode="plain")
+    @classmethod
+    def _read_distributions(cls, table: Any) -> Mapping[str, Distribution] | None:
+        return read_distributions(table, uncertain_units())
+
+    @field_serializer("uncertain")
+    def _write_distributions(self, table: Mapping[str, Distribution] | None) -> Mapping[str, Any] | None:
+        return table and {key: describe(each) for key, each in table.items()}
 
     @model_validator(mode="after")
     def _starts_what_moves(self) -> "Scene":
@@ -172,15 +158,13 @@ def load_scene(path: str | os.PathLike[str], settings: Iterable[str] = ()) -> Sc
     VALUE is read as a TOML value and, if it is none, as a string; it replaces whatever was at KEY.
     `friction=none` leaves the table friction out; so for support and damping. Raises SceneError.
     """
-    stages, sources = [read_tables(path)], [os.fspath(path)]
+    # To blame for tables that are no scene is the file, or the first setting after which they were one no more.
+    tables, source = read_tables(path), os.fspath(path)
     for setting in settings:
-        stages.append(apply_setting(stages[-1], setting))
-        sources.append(f"--set {setting}")
-    # To blame for a scene that is none is the file, or the first setting after which it was one no more.
-    broken = len(stages)
-    while broken and not _is_scene(stages[broken - 1]):
-        broken -= 1
-    return scene_from_dict(stages[-1], source=sources[min(broken, len(sources) - 1)])
+        if _is_scene(tables):
+            source = f"--set {setting}"
+        tables = apply_setting(tables, setting)
+    return scene_from_dict(tables, source)
 
 
 def _is_scene(tables: Mapping[str, Any]) -> bool:
@@ -201,20 +185,13 @@ def scene_from_dict(data: Mapping[str, Any], source: str = "scene") -> Scene:
         raise explain(error, _MODELS, source) from None
 
 
-_MODELS: dict[str, tuple[type[BaseModel], ...]] = {
-    "": (Scene,),
-    "shoe": (Shoe,),
-    "support": (Support,),
-    "contact": (Contact,),
-    "friction": tuple(LAWS.values()),
-    "drum": (Drum,),
-    "damping": (Damping,),
-    "temperature": (Temperature,),
-    "forcing": (Forcing,),
-    "steady": (Steady,),
-    "start": (Start,),
-    "simulate": (Simulate,),
-}
+def _tables_in(annotation: Any) -> tuple[type[Table], ...]:
+    if isinstance(annotation, type):
+        return (annotation,) if issubclass(annotation, Table) else ()
+    return tuple(table for part in get_args(annotation) for table in _tables_in(part))
+
+
+_MODELS = {"": (Scene,)} | {name: _tables_in(field.annotation) for name, field in Scene.model_fields.items()}
 
 
 def setting_keys() -> tuple[str, ...]:
@@ -230,10 +207,15 @@ def setting_choices(key: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys(word for kind in kinds for word in get_args(kind) if isinstance(word, str)))
 
 
-def number_keys() -> tuple[str, ...]:
-    """Every dotted key under which a scene may have a physical number."""
+def number_units() -> dict[str, str]:
+    """The SI unit of every single number that a scene may have, by the dotted key."""
     fields = [each for table in _PHYSICAL_TABLES for each in _fields_of(table)]
-    return tuple(dict.fromkeys(key for key, field in fields if any(isinstance(m, Quantity) for m in field.metadata)))
+    return {key: each.unit for key, field in fields for each in field.metadata if isinstance(each, Quantity)}
+
+
+def uncertain_units() -> dict[str, str]:
+    """Those of the numbers that may be uncertain: the brake's, not the force's on it."""
+    return {key: unit for key, unit in number_units().items() if not key.startswith("forcing.")}
 
 
 def quantity_of(key: str, scene: Scene) -> Quantity:

@@ -74,10 +74,10 @@ def _decimal_comma(text: str, error: str) -> str:
     named = re.search(r"at line (\d+)", error)
     line = text.split("\n")[int(named[1]) - 1] if named else ""
     found = _COMMA.search(line) if len(line) <= _LONGEST_LINE else None
-    if found is None:
+    if named is None or found is None:
         return ""
     key, whole, fraction = found.groups()
-    return f"line {named and named[1]}: {DECIMAL_POINT}; write {key} = {whole}.{fraction}"
+    return f"line {named[1]}: {DECIMAL_POINT}; write {key} = {whole}.{fraction}"
 
 
 def _loads(text: str) -> dict[str, Any]:

@@ -7,8 +7,8 @@ from pydantic import BaseModel, ValidationError
 
 from drumsqueal.errors import nearest
 from drumsqueal.scene.laws import LAWS
-from drumsqueal.scene.quantities import KeyPath, SceneError, dotted, example
-from drumsqueal.scene.tables import Quantities, Quantity
+from drumsqueal.scene.quantities import KeyPath, SceneError, dotted
+from drumsqueal.scene.tables import Reader
 
 Models = Mapping[str, tuple[type[BaseModel], ...]]
 
@@ -28,7 +28,7 @@ def _mistake(found: Any, models: Models) -> SceneError:
     loc, kind, value, context = list(found["loc"]), found["type"], found["input"], found.get("ctx", {})
     table = str(loc[0]) if len(loc) > 1 else ""
     # Between table and key pydantic puts the law.
-    model = LAWS[loc.pop(1)] if table == "friction" else models.get(table, models[""])[0]
+    model = LAWS[loc.pop(1)] if table == "friction" else (models.get(table) or models[""])[0]
     path: KeyPath = tuple(loc)
     if isinstance(context.get("error"), SceneError):
         return context["error"].under(path, value)
@@ -60,15 +60,9 @@ def _unknown(path: KeyPath, model: type[BaseModel], models: Models) -> str:
 def _missing(path: KeyPath, model: type[BaseModel]) -> str:
     if len(path) == 1:
         return f"the table is missing; add [{path[0]}] with its keys"
-    values = [_example(each) for each in model.model_fields[str(path[-1])].metadata]
-    value = next(filter(None, values), "...")
+    readers = (each for each in model.model_fields[str(path[-1])].metadata if isinstance(each, Reader))
+    value = next((reader.example for reader in readers), "...")
     return f"the key is missing; add it to [{path[0]}], such as {path[-1]} = {value}"
-
-
-def _example(metadata: Any) -> str:
-    if isinstance(metadata, Quantities):
-        return metadata.example
-    return example(metadata.unit) if isinstance(metadata, Quantity) else ""
 
 
 def _wrong_type(kind: str, path: KeyPath, model: type[BaseModel]) -> str:

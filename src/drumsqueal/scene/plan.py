@@ -98,7 +98,8 @@ def grid(scene: Scene, variations: Sequence[Variation], *, transient: bool = Fal
     """Every combination of the values. Raises RequestError for none, and for too many points, and SceneError."""
     if not variations:
         raise RequestError("there is nothing to sweep; add --vary drum.speed=1..40x20, or --random 1000")
-    plan = Plan(_certain(scene), tuple(variations), {}, 0, 0, transient, {each.key: each for each in variations})
+    given = {each.key: each for each in variations}
+    plan = Plan(scene.with_values({"uncertain": None}), tuple(variations), {}, 0, 0, transient, given)
     return _checked(plan, [each.key for each in variations])
 
 
@@ -116,12 +117,8 @@ def sample(
     if not 0 <= seed < 2**63:
         raise RequestError(f"--seed {seed}: write a whole number from 0 to 2**63 - 1")
     given = {each.key: each for each in variations}
-    plan = Plan(_certain(scene), (), distributions, draws, seed, transient, given)
+    plan = Plan(scene.with_values({"uncertain": None}), (), distributions, draws, seed, transient, given)
     return _checked(plan, [each.key for each in variations])
-
-
-def _certain(scene: Scene) -> Scene:
-    return scene.with_values({"uncertain": None})
 
 
 def _checked(plan: Plan, given: list[str]) -> Plan:

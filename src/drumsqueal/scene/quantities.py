@@ -33,7 +33,7 @@ _EXPECTED = {
     "Hz": ("a frequency", "50 kHz"),
     "J/K": ("a heat capacity", "300 J/K"),
     "W/K": ("a cooling power per temperature", "2 W/K"),
-    "1/K": ("a share per temperature", "0.001 1/K"),
+    "1/K": ("a fraction per temperature", "0.001 1/K"),
 }
 DECIMAL_POINT = "a number takes a decimal point and no comma"
 _LONGEST = 64  # characters in a value

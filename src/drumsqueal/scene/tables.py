@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, StrictBool, model_validator
 from pydantic_core import core_schema
 
-from drumsqueal.scene.quantities import KeyPath, SceneError, parse_quantity
+from drumsqueal.scene.quantities import KeyPath, SceneError, example, parse_quantity
 from drumsqueal.scene.usual import Usual
 
 COORDINATES = ("X", "Y", "Z", "Tx", "Ty", "Tz")
@@ -23,18 +23,33 @@ _MOST_SAMPLES = 10**8
 BYTES_PER_SAMPLE = 200  # of the history: six displacements, six velocities and a dozen signals
 
 
+class Reader(ABC):
+    """What reads a field of a table, as pydantic metadata; `example` is a value of it as a file could have it."""
+
+    example = "..."
+
+    @abstractmethod
+    def read(self, value: Any, /) -> Any:
+        """Read what was written; raises SceneError."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        """Let pydantic read the field by `read`."""
+        return core_schema.no_info_plain_validator_function(self.read)
+
+
 @dataclass(frozen=True)
-class Quantity:
-    """A number with a unit, as pydantic metadata: reads strings with a unit and holds the value to its limits."""
+class Quantity(Reader):
+    """A number with a unit: reads strings with a unit and holds the value to its limits."""
 
     unit: str
     above: float | None = None
     least: float | None = None
     most: float | None = None
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
-        """Let pydantic read the field by `read`."""
-        return core_schema.no_info_plain_validator_function(self.read)
+    @property
+    def example(self) -> str:
+        """A value in its unit."""
+        return example(self.unit)
 
     def read(self, value: Any) -> float:
         """Read one value to an SI float; raises SceneError."""
@@ -92,15 +107,11 @@ def _numbers(values: Any, quantity: Quantity, path: KeyPath = ()) -> tuple[float
 
 
 @dataclass(frozen=True)
-class Quantities:
-    """A list of numbers with a unit, one for every point of a curve, as pydantic metadata."""
+class Quantities(Reader):
+    """A list of numbers with a unit, one for every point of a curve."""
 
     quantity: Quantity
     example: str
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
-        """Let pydantic read the field by `read`."""
-        return core_schema.no_info_plain_validator_function(self.read)
 
     def read(self, values: Any) -> tuple[float, ...]:
         """Read a list to SI floats; raises SceneError."""
@@ -123,15 +134,11 @@ class Scheduled(Quantity):
 
 
 @dataclass(frozen=True)
-class PerCoordinate:
-    """A table of coordinate names, in `length_unit` or, for the rotations, in `angle_unit`; as pydantic metadata."""
+class PerCoordinate(Reader):
+    """A table of coordinate names, in `length_unit` or, for the rotations, in `angle_unit`."""
 
     length_unit: str
     angle_unit: str
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
-        """Let pydantic read the field by `read`."""
-        return core_schema.no_info_plain_validator_function(self.read)
 
     def read(self, table: Any) -> dict[str, float]:
         """Read a table to SI floats; raises SceneError."""

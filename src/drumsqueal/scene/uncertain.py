@@ -4,18 +4,15 @@ Quantiles are by scipy.special: those of scipy.stats load for 0.4 s longer, take
 is truncated, and differ in the last digit, which would change the samples of a seed.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic_core import core_schema
 
 from drumsqueal.errors import nearest
-from drumsqueal.scene.laws import LAWS
 from drumsqueal.scene.quantities import SceneError, parse_quantity
-from drumsqueal.scene.tables import Contact, Damping, Drum, PerCoordinate, Quantity, Shoe, Support, Temperature
 
 # A sample is a quantile at one of 2³² places, each in the middle of its interval: so no sample lies farther out than
 # 6.4 deviations, and whether a distribution can reach a value that the scene does not take is a plain question.
@@ -27,15 +24,6 @@ _LEAST = {
     "deviation": (0, "the deviation must be above 0"),
     "median": (0, "the median must be above 0"),
     "geometric_deviation": (1, "the geometric deviation is a factor, such as 1.1, and must be above 1"),
-}
-_MODELS = {
-    "shoe": (Shoe,),
-    "support": (Support,),
-    "contact": (Contact,),
-    "friction": tuple(LAWS.values()),
-    "drum": (Drum,),
-    "damping": (Damping,),
-    "temperature": (Temperature,),
 }
 
 
@@ -125,27 +113,17 @@ def describe(distribution: Distribution) -> dict[str, Any]:
     return {"distribution": kind} | {key: value for key, value in asdict(distribution).items() if value is not None}
 
 
-class Distributions:
-    """The table `uncertain` as pydantic metadata: dotted keys of the scene's numbers, each with its distribution."""
+def read_distributions(table: Any, units: Mapping[str, str]) -> dict[str, Distribution] | None:
+    """Read the table `uncertain` of numbers with these SI units by dotted key; raises SceneError.
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
-        """Let pydantic read the field by `read_distributions`, and write what a file would hold."""
-        return core_schema.no_info_plain_validator_function(
-            read_distributions,
-            serialization=core_schema.plain_serializer_function_ser_schema(
-                lambda table: table and {key: describe(each) for key, each in table.items()}
-            ),
-        )
-
-
-def read_distributions(table: Any) -> dict[str, Distribution] | None:
-    """Read the table `uncertain`; raises SceneError. Keys are quoted ("drum.speed" = ...) or not (drum.speed = ...)."""
+    Keys are quoted ("drum.speed" = ...) or not (drum.speed = ...).
+    """
     if table is None:
         return None
     if not isinstance(table, Mapping):
         raise SceneError('this must be a table of distributions; write [uncertain] with keys such as "drum.speed"')
-    units, found = numbers_with_units(), {}
-    for key, written in _flat(table):
+    found = {}
+    for key, written in _flat(table, {key.split(".")[0] for key in units}):
         if key in found:
             raise SceneError("this key is there twice, with quotes and without; leave one of them out", (key,))
         if key not in units:
@@ -156,26 +134,12 @@ def read_distributions(table: Any) -> dict[str, Distribution] | None:
     return found or None
 
 
-def numbers_with_units() -> dict[str, str]:
-    """The SI unit of every single number that a scene's brake can have, by dotted key."""
-    units = {}
-    for table, models in _MODELS.items():
-        for model in models:
-            for name, field in model.model_fields.items():
-                for each in field.metadata:
-                    if isinstance(each, Quantity):
-                        units[f"{table}.{name}"] = each.unit
-                    assert not isinstance(each, PerCoordinate)
-    return units
-
-
-def _flat(table: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, Any]]:
+def _flat(table: Mapping[str, Any], tables: Iterable[str]) -> Iterator[tuple[str, Any]]:
     """Dotted keys and what stands there: drum.speed = {...} makes tables in tables, "drum.speed" = {...} does not."""
     for name, value in table.items():
-        key = f"{path}{name}"
-        inner = isinstance(value, Mapping) and "distribution" not in value and key in _MODELS
-        if inner:
-            yield from _flat(value, f"{key}.")
+        key = str(name)
+        if isinstance(value, Mapping) and "distribution" not in value and key in tables:
+            yield from ((f"{key}.{inner}", written) for inner, written in value.items())
         else:
             yield key, value
 
@@ -207,19 +171,15 @@ def _read(key: str, written: Any, unit: str) -> Distribution:
     for field in fields(kind):
         if field.name in written:
             own = "" if field.name == "geometric_deviation" else unit
-            numbers[field.name] = _number(written[field.name], own, (key, field.name))
+            try:
+                numbers[field.name] = parse_quantity(written[field.name], own)
+            except SceneError as error:
+                raise error.under((key, field.name), written[field.name]) from None
         elif field.default is not None:  # low and high of a distribution that may go on for ever are None
             raise SceneError(f"the key is missing; this distribution has {', '.join(known)}", (key, field.name))
     distribution = kind(**numbers)
     _check(key, distribution)
     return distribution
-
-
-def _number(value: Any, unit: str, path: tuple[str, str]) -> float:
-    try:
-        return parse_quantity(value, unit)
-    except SceneError as error:
-        raise error.under(path, value) from None
 
 
 def _check(key: str, distribution: Distribution) -> None:

@@ -1,7 +1,7 @@
 """A number of a scene over a range of values, as the command line has it: "drum.speed=1..40", "drum.speed=1..40x20"."""
 
 import re
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from drumsqueal.errors import nearest
 from drumsqueal.scene import Profile, Scene, SceneError, quantity_of
@@ -14,8 +14,7 @@ RANGE = "drum.speed=1..40"
 EXAMPLE = 'drum.speed=1..40x20 or drum.speed="10 rpm..400 rpm"'
 
 DIGITS = 14  # of a value that was turned into another unit: what round-off leaves
-_ANY_COUNT = re.compile(r".*[^\s.]\s*[x×]\s*(?P<count>[-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)")
-_COUNT = re.compile(r"(?P<range>.*?)\s*[x×]\s*(?P<count>[0-9]+)")
+_COUNT = re.compile(r"(?P<range>.*[^\s.])\s*[x×]\s*(?P<count>[-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)")
 _PLAIN = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _UNIT = re.compile(r"\s*(?:1\s*/|[^\W\d_]|[°%]).*")
 _LONGEST_COUNT = 9  # digits
@@ -91,10 +90,8 @@ def read_variation(text: str, scene: Scene, *, option: str = "--along", points: 
         counted = _COUNT.fullmatch(written)
         if counted and points is None:
             raise SceneError(f"a range takes no number of values; leave out x{counted['count']}")
-        if not counted and (wrong := _ANY_COUNT.fullmatch(written)):
-            raise SceneError(f"x{wrong['count']} is no whole number of values; write one, such as {example}")
         (first, last), given = _ends(counted["range"] if counted else written, unit, example)
-        count = _count(counted["count"]) if counted else points or 2
+        count = _count(counted["count"], example) if counted else points or 2
         for value in (first, last):
             scene.with_values({key: value})
         inner = (first + k * (last - first) / (count - 1) for k in range(1, count - 1))
@@ -102,7 +99,9 @@ def read_variation(text: str, scene: Scene, *, option: str = "--along", points: 
         if len(set(values)) < count:
             raise SceneError(f"the range is too narrow for {count} values that differ")
     except SceneError as error:
-        raise _headed(f"{option} {text}", error) from None
+        # What with_values says of a value keeps the reason, and loses the scene's place.
+        reason = error.reason if not error.path or error.path == ("scene",) else str(error)
+        raise SceneError(reason, (f"{option} {text}",)) from None
     return Variation(key, unit, values).in_unit(given)
 
 
@@ -113,22 +112,17 @@ def may_not_rest(variation: Variation) -> None:
         raise SceneError(message, ("drum", "speed"))
 
 
-def _headed(place: str, error: SceneError) -> SceneError:
-    """The error as one of an option; what with_values says of a value keeps the reason, and loses the scene's place."""
-    return SceneError(error.reason if not error.path or error.path == ("scene",) else str(error), (place,))
-
-
 def unit_of(key: str, scene: Scene) -> str:
     """The SI unit of a number of a scene's brake; raises SceneError for a key that is none, or that is a profile."""
     numbers = scene.numbers()
-    if isinstance(_found(scene, key), Profile):
+    table, _, name = key.partition(".")
+    if isinstance(getattr(getattr(scene, table, None), name.split(".")[0], None), Profile):
         key = ".".join(key.split(".")[:2])  # without time or value
         raise SceneError(f"{key} is a profile over time in this scene; give it one value, as by --set {key}=...")
     if isinstance(numbers.get(key), tuple):
         raise SceneError(f"{key} is a list in this scene, which is not varied; set all of it, as by --set {key}=[...]")
     if key in numbers:
         return quantity_of(key, scene).unit
-    table, _, name = key.partition(".")
     if table in OPTIONAL_TABLES and getattr(scene, table) is None:
         raise SceneError(f"this scene has no table {table}; add it first, as by --set {key}=...")
     plain = [each for each in numbers if not isinstance(numbers[each], tuple)]
@@ -136,11 +130,6 @@ def unit_of(key: str, scene: Scene) -> str:
     near = same_name or nearest(key, plain)
     message = f"did you mean {near[0]}?" if near else f"its numbers are {', '.join(plain)}"
     raise SceneError(f"{key or 'nothing'} is no number of this scene's brake; {message}")
-
-
-def _found(scene: Scene, key: str) -> Any:
-    table, name, *_ = [*key.split("."), ""]
-    return getattr(getattr(scene, table, None), name, None)
 
 
 def _ends(written: str, unit: str, example: str) -> tuple[tuple[float, float], str]:
@@ -175,8 +164,10 @@ def _value(text: str, unit: str) -> float:
         raise SceneError(f"{text}: {error.reason}") from None
 
 
-def _count(digits: str) -> int:
-    count = int(digits) if len(digits) <= _LONGEST_COUNT else MOST_POINTS + 1
+def _count(written: str, example: str) -> int:
+    if not written.isdecimal():
+        raise SceneError(f"x{written} is no whole number of values; write one, such as {example}")
+    count = int(written) if len(written) <= _LONGEST_COUNT else MOST_POINTS + 1
     if not 2 <= count <= MOST_POINTS:
-        raise SceneError(f"x{digits} is not from 2 to {MOST_POINTS} values")
+        raise SceneError(f"x{written} is not from 2 to {MOST_POINTS} values")
     return count

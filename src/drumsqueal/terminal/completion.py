@@ -5,7 +5,7 @@ from pathlib import Path
 
 import typer
 
-from drumsqueal.scene import COORDINATES, load_scene, number_keys, setting_choices, setting_keys
+from drumsqueal.scene import COORDINATES, load_scene, number_units, setting_choices, setting_keys
 from drumsqueal.scene.quantities import SceneError
 from drumsqueal.scene.shipped import find_scene, shipped_names
 
@@ -102,5 +102,5 @@ def _numbers(ctx: typer.Context) -> tuple[str, ...]:
         named = ctx.params.get("scene") or next((find_scene(word) for word in ctx.args if word[:1] != "-"), None)
         scene = load_scene(named or "", ctx.params.get("settings") or ())
     except SceneError:  # it is not named yet, or has mistakes
-        return number_keys()
+        return tuple(number_units())
     return tuple(key for key, value in scene.numbers().items() if isinstance(value, float))

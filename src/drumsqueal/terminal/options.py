@@ -1,6 +1,7 @@
 """What the commands share: arguments, options, and how they answer."""
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -67,47 +68,36 @@ JsonFile = Annotated[
 
 def read_fraction(text: str, option: str) -> float:
     """A fraction between 0 and 1 from "1 %" or "0.01"."""
-    wrong = f'{option} {text}: write a share between 0 and 100 %, such as "1 %" or 0.01'
-    fraction = _read(text, "", wrong)
-    if not 0 < fraction < 1:
-        raise RequestError(wrong)
-    return fraction
+    wrong = f'{option} {text}: write a fraction between 0 and 100 %, such as "1 %" or 0.01'
+    return _read(text, "", wrong, lambda fraction: 0 < fraction < 1)
 
 
 def read_time(text: str | None, option: str) -> float | None:
     """A time (s) from "20 ms" or "0.02", which may lie before zero; None where it was not given."""
-    return None if text is None else _read(text, "s", f'{option} {text}: write a time such as "0.1 s"')
+    return None if text is None else _read(text, "s", f'{option} {text}: write a time such as "0.1 s"', math.isfinite)
 
 
 def read_duration(text: str, option: str) -> float:
     """A duration (s) from "20 ms" or "0.02"."""
     wrong = f'{option} {text}: write a time up to {LONGEST:g} s, such as "5 s"'
-    time = _read(text, "s", wrong)
-    if not 0 < time <= LONGEST:
-        raise RequestError(wrong)
-    return time
+    return _read(text, "s", wrong, lambda time: 0 < time <= LONGEST)
 
 
 def read_rate(text: str | None, option: str) -> float | None:
     """A rate (Hz), positive, from "20 kHz" or "20000"; None where it was not given."""
-    if text is None:
-        return None
     wrong = f'{option} {text}: write a rate such as "20 kHz"'
-    rate = _read(text, "Hz", wrong)
-    if not rate > 0:
-        raise RequestError(wrong)
-    return rate
+    return None if text is None else _read(text, "Hz", wrong, lambda rate: 0 < rate < math.inf)
 
 
-def _read(text: str, unit: str, wrong: str) -> float:
-    """A finite number in an SI unit; `wrong` is the message where the text is none."""
+def _read(text: str, unit: str, wrong: str, fits: Callable[[float], bool]) -> float:
+    """A number in an SI unit that fits; `wrong` is the message where the text is none."""
     try:
         value = float(text)
     except ValueError:
         try:
-            value = float(parse_quantity(text, unit))
+            value = parse_quantity(text, unit)
         except SceneError as error:
             raise RequestError(f"{wrong} ({error.reason.partition(';')[0]})") from None
-    if not math.isfinite(value):
+    if not fits(value):
         raise RequestError(wrong)
     return value

@@ -93,8 +93,7 @@ class Reply:
         try:
             remark = claim_file(path, f"name another file with {option}")
         except OSError as error:
-            message = f"{path}: this file cannot be written ({error.strerror or error}); name another with {option}"
-            raise RequestError(message) from None
+            raise unusable(path, error, option, "file") from None
         check_output_file(path, overwrite=overwrite, option=option)  # again: another command may just have ended
         self._remark(remark)
 

@@ -52,9 +52,7 @@ class ArcSurface(eqx.Module):
             return sum_together([densities(_piece(lining, *ends, self.nodes_per_piece)) for ends in pairwise(bounds)])
 
         def split_everywhere() -> Densities:
-            bounds = _all_bounds(boundaries, jnp.tan(lining.half_angle / 4))
-            nodes = max(self.nodes_per_piece, STEEP_NODES)
-            return sum_together([densities(_piece(lining, bounds[:-1, None], bounds[1:, None], nodes))])
+            return sum_together([densities(compact_nodes(lining, boundaries, max(self.nodes_per_piece, STEEP_NODES)))])
 
         if self.compact:
             return split_everywhere()
@@ -65,6 +63,12 @@ class ArcSurface(eqx.Module):
             branches = [*branches, split_everywhere]
             way = jnp.where(resolved(boundaries.breakpoints, *_slip_speeds(boundaries.slip)), way, len(ways))
         return jax.lax.switch(way, branches)
+
+
+def compact_nodes(lining: Lining, boundaries: Boundaries, count: int) -> Nodes:
+    """Nodes (pieces, count) of all pieces that there may be, in one expression."""
+    bounds = _all_bounds(boundaries, jnp.tan(lining.half_angle / 4))
+    return _piece(lining, bounds[:-1, None], bounds[1:, None], count)
 
 
 def _piece(lining: Lining, low: Array, high: Array, count: int) -> Nodes:

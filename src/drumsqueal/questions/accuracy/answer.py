@@ -7,7 +7,7 @@ from itertools import groupby
 import tomli_w
 from rich import box
 from rich.console import Console
-from rich.table import Table
+from rich.table import Column, Table
 
 from drumsqueal.files.output_folder import ACCURACY_TABLE, BLOCK, CAUSES, EVALUATIONS, WORK
 from drumsqueal.questions.accuracy.figure import draw_causes, draw_work
@@ -22,10 +22,9 @@ MANY = 99.5  # ms, from which on a time is written without an exponent
 
 def print_study(console: Console, study: AccuracyStudy) -> None:
     """Print every measurement, how good the reference is, and what meets the target."""
-    table = Table(box=box.SIMPLE_HEAD, title="What accuracy costs in time", pad_edge=False, padding=(0, 1, 0, 0))
-    table.add_column("run", vertical="bottom")
-    for heading in HEADINGS:
-        table.add_column(heading, justify="right", vertical="bottom")
+    columns = Column("run", vertical="bottom"), *(Column(each, justify="right", vertical="bottom") for each in HEADINGS)
+    look = {"box": box.SIMPLE_HEAD, "pad_edge": False, "padding": (0, 1, 0, 0)}
+    table = Table(*columns, title="What accuracy costs in time", **look)
     for _, line in groupby(study.measurements, key=lambda each: each.contender.line):
         for measurement in line:
             if not math.isnan(measurement.compile_seconds):  # it was tried

@@ -36,7 +36,8 @@ def accuracy_command(
     folder = output if output is not None else Path("out") / f"{scene.stem}-accuracy"
     reply = Reply.next_to(folder, ACCURACY_FILES, (scene,), quiet, json_file, overwrite=overwrite)
     from drumsqueal.questions.accuracy.answer import ACCURACY
-    from drumsqueal.questions.accuracy.study import check_motion, study_accuracy
+    from drumsqueal.questions.accuracy.bench import check_motion
+    from drumsqueal.questions.accuracy.study import study_accuracy
     from drumsqueal.simulation import check_sample_rate, prepare
     from drumsqueal.terminal.runner import answer
 

@@ -19,14 +19,7 @@ from drumsqueal.solve.transient.runge_kutta import DEFAULT, SOLVERS, is_explicit
 
 STEPPING, QUADRATURE, SMOOTHING = "time stepping", "contact quadrature", "smoothed friction"
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
-NODES = (
-    2,
-    4,
-    6,
-    8,
-    12,
-    16,
-)  # along each piece of the arc, or each half of it in space, split at the contact boundaries
+NODES = (2, 4, 6, 8, 12, 16)  # along each piece of the arc, or each half of it in space, split at contact boundaries
 GRID = (20, 40, 80, 160, 320, 640)  # nodes of a grid that does not know the contact boundaries
 WIDTHS = (1e-1, 1e-2, 1e-3, 1e-4)  # of the smoothing, over the speed of the drum's surface
 OTHERS = 1e-6  # tolerance of those that are not about time stepping; at less a fixed grid does not get through
@@ -78,8 +71,8 @@ def contenders_of(model: Model) -> Iterator[list[Contender]]:
     for solver in SOLVERS:
         yield [Contender(STEPPING, solver, tolerance, solver, tolerance, model) for tolerance in TOLERANCES]
     spatial = model.lining.surface.spatial
-    split: list[Surface] = [AreaSurface(n, max(2, n // 2)) if spatial else ArcSurface(n) for n in NODES]
-    yield [_quadrature(SPLIT, n, model, surface) for n, surface in zip(NODES, split, strict=True)]
+    split = {n: AreaSurface(n, max(2, n // 2)) if spatial else ArcSurface(n) for n in NODES}
+    yield [_quadrature(SPLIT, n, model, surface) for n, surface in split.items()]
     yield [_quadrature(FIXED, n, model, FixedGrid(n, spatial)) for n in GRID]
     friction = model.contact.friction
     if friction is not None:

@@ -1,7 +1,7 @@
 """What accuracy costs: error against time and evaluations, and each cause of error alone."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Literal
 
 import numpy as np
@@ -13,23 +13,15 @@ from drumsqueal.questions.accuracy.study import AccuracyStudy, Measurement
 from drumsqueal.terminal import style
 from drumsqueal.terminal.style import frame, new_figure, styled
 
-COLOUR = {
-    "tsit5": "X",
-    "dopri5": "Tx",
-    "dopri8": "Y",
-    "sdirk4": "Tz",
-    SPLIT: "Y",
-    FIXED: "X",
-    SMOOTHED: "Ty",
-}
-MARKER = {
-    "tsit5": "o",
-    "dopri5": "s",
-    "dopri8": "D",
-    "sdirk4": "^",
-    SPLIT: "D",
-    FIXED: "o",
-    SMOOTHED: "s",
+# Marker, and the coordinate whose colour a line has.
+STYLE = {
+    "tsit5": ("o", "X"),
+    "dopri5": ("s", "Tx"),
+    "dopri8": ("D", "Y"),
+    "sdirk4": ("^", "Tz"),
+    SPLIT: ("D", "Y"),
+    FIXED: ("o", "X"),
+    SMOOTHED: ("s", "Ty"),
 }
 KEPT = 10.0  # factor within which the error is the tolerance
 Value = Callable[[Measurement], float | None]
@@ -55,9 +47,9 @@ def draw_work(study: AccuracyStudy, *, against: Literal["time", "evaluations"]) 
         axes.axhline(study.target, color=style.DARK, linewidth=0.6, linestyle="--")
         frame(axes, label, "relative error" if axes is panels[0] else None)
     _whole_decades(panels[0])
-    _name_target(panels[1], study.target)
-    floor = study.reference.uncertainty(study.growth_end)
-    _draw_floor(panels[0], floor)
+    # At the right end of the features, which the dear implicit method has not.
+    _write_above(panels[1], f"target {study.target:.0e}", study.target)
+    _draw_floor(panels[0], study.reference.uncertainty(study.growth_end))
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
     return figure
@@ -85,14 +77,12 @@ def draw_causes(study: AccuracyStudy) -> Figure:
     smoothing.set_title(_title("width", study, SMOOTHING))
     frame(smoothing, "width of the smoothing over RΩ", None)
     for axes in (asked, quadrature, smoothing):
-        if axes.get_legend_handles_labels()[0]:
-            # All lines fall from the upper left; the two of the nodes leave the right free, a little above the bottom.
-            if axes is quadrature:
-                axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.15))
-            else:
-                axes.legend(loc="upper right")
-        else:
+        if not axes.get_legend_handles_labels()[0]:
             _explain(axes, "this scene has no friction")
+        elif axes is quadrature:  # where the two lines leave the right free, a little above the bottom
+            axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.15))
+        else:
+            axes.legend(loc="upper right")
     return figure
 
 
@@ -121,14 +111,11 @@ def _draw_lines(
         line = [m for m in study.measurements if m.contender.line == name and m.contender.cause == cause]
         points = [(cost(m), error(m), m) for m in line]
         known = [(x, y, m) for x, y, m in points if x and y and math.isfinite(x) and math.isfinite(y)]
-        axes.plot(
-            [x for x, _, _ in known],
-            [y for _, y, _ in known],
-            marker=MARKER[name],
-            markersize=3,
-            color=style.COLOUR[COLOUR[name]],
-            label=name if known else f"{name} ({_why(line)})",
-        )
+        marker, coordinate = STYLE[name]
+        why = "no run was completed" if all(m.errors is None for m in line) else "not counted"
+        label = name if known else f"{name} ({why})"
+        places = [x for x, _, _ in known], [y for _, y, _ in known]
+        axes.plot(*places, marker=marker, markersize=3, color=style.COLOUR[coordinate], label=label)
         if timed and known:
             _label_time(axes, known[-1])
 
@@ -148,12 +135,6 @@ def _label_time(axes: Axes, point: tuple[float, float, Measurement]) -> None:
     )
 
 
-def _why(line: Sequence[Measurement]) -> str:
-    if all(m.errors is None for m in line):
-        return "no run was completed"
-    return "not counted"
-
-
 def _explain(axes: Axes, why: str) -> None:
     """Write why a panel is empty."""
     axes.text(0.5, 0.6, why, transform=axes.transAxes, ha="center", fontsize=style.SMALL_SIZE)
@@ -166,17 +147,10 @@ def _whole_decades(axes: Axes) -> None:
         axes.set_xlim(10.0 ** math.floor(math.log10(low)), 10.0 ** (math.floor(math.log10(high)) + 1))
 
 
-def _name_target(axes: Axes, target: float) -> None:
-    """Name the line of the target, once: at the right end of the features, which the dear implicit method has not."""
-    axes.annotate(
-        f"target {target:.0e}",
-        (0.98, target),
-        xycoords=("axes fraction", "data"),
-        xytext=(0, 2),
-        textcoords="offset points",
-        ha="right",
-        fontsize=style.SMALL_SIZE,
-    )
+def _write_above(axes: Axes, text: str, height: float) -> None:
+    """Write a text at the right end of a panel, above a height in data."""
+    place = {"xycoords": ("axes fraction", "data"), "textcoords": "offset points"}
+    axes.annotate(text, (0.98, height), xytext=(0, 2), **place, ha="right", fontsize=style.SMALL_SIZE)
 
 
 def _draw_floor(axes: Axes, floor: float) -> None:
@@ -184,12 +158,4 @@ def _draw_floor(axes: Axes, floor: float) -> None:
     if floor > 0:
         low = min(axes.get_ylim()[0], floor / 10)
         axes.axhspan(low, floor, color=style.PALE, linewidth=0, zorder=0)
-        axes.annotate(
-            "uncertainty of the reference",
-            (0.98, low),
-            xycoords=("axes fraction", "data"),
-            xytext=(0, 2),
-            textcoords="offset points",
-            ha="right",
-            fontsize=style.SMALL_SIZE,
-        )
+        _write_above(axes, "uncertainty of the reference", low)

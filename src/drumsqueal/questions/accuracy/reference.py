@@ -86,7 +86,7 @@ def find_reference(
 def sizes_of(states: np.ndarray, model: Model) -> np.ndarray:
     """What errors of states (k, 2n) are measured against (2n,): the largest value of each, but no round-off.
 
-    A state that only round-off moves is measured against a share of what the vibration energy would give it.
+    A state that only round-off moves is measured against a fraction of what the vibration energy would give it.
     """
     n = len(model.names)
     mass, stiffness = np.asarray(model.mass), np.asarray(model.stiffness)

@@ -4,7 +4,7 @@ import math
 
 from rich import box
 from rich.console import Console
-from rich.table import Table
+from rich.table import Column, Table
 from rich.text import Text
 
 from drumsqueal.files.output_folder import EFFECTS, EFFECTS_TABLE, REDUCED_SCENE
@@ -27,16 +27,14 @@ HEADINGS = {
 
 def print_study(console: Console, study: EffectStudy) -> None:
     """Print every run with its cost and its changes, and what follows from them."""
-    table = Table(title="What each effect costs and changes", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    table.add_column("left out or reduced")
-    table.add_column("time\n\nms/ms", justify="right")
-    table.add_column("eval.\n\nper ms", justify="right")
-    for heading in HEADINGS.values():
-        table.add_column(heading, justify="right")
+    headings = "time\n\nms/ms", "eval.\n\nper ms", *HEADINGS.values()
+    columns = "left out or reduced", *(Column(heading, justify="right") for heading in headings)
+    table = Table(*columns, title="What each effect costs and changes", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     for variant in study.variants:
         needed = study.needs(variant)
         name = Text(f"{variant.label} *" if needed else variant.label, style="bold" if needed else "")
-        table.add_row(name, *_costs(variant), *_changes(variant))
+        costs = f"{variant.time_per_ms:.3g}", f"{variant.evaluations_per_ms:.0f}"
+        table.add_row(name, *(("-", "-") if math.isnan(variant.time_per_ms) else costs), *_changes(variant))
     print_table(console, table)
     for line in (f"{_explained(study)} * needed within {percent(study.within)}.", *study.remarks):
         console.print(line, style="dim")
@@ -49,12 +47,6 @@ def reduced_scene(study: EffectStudy) -> str | None:
         return None
     remarks = "".join(f"# {printable(remark)}\n" for remark in (study.verdict, *study.remarks))
     return f"{remarks}{study.reduced_scene.to_toml()}"
-
-
-def _costs(variant: Variant) -> tuple[str, str]:
-    if math.isnan(variant.time_per_ms):
-        return "-", "-"
-    return f"{variant.time_per_ms:.3g}", f"{variant.evaluations_per_ms:.0f}"
 
 
 def _changes(variant: Variant) -> list[str]:
@@ -75,16 +67,14 @@ def _change(value: float | None) -> str:
 
 def _explained(study: EffectStudy) -> str:
     answer = study.variants[0].answer
-    text = (
-        "Time and evaluations for a simulated millisecond. Changes from the whole scene: of growth rates and onset "
-        "frequencies the largest over the modes"
-    )
-    if answer is None or not answer.carriers:
-        return f"{text}."
-    return (
-        f"{text}; at the end, of the amplitude (half peak to peak) the largest over {', '.join(answer.carriers)}, and "
-        "of the frequency of the strongest line, which may be another one."
-    )
+    text = "Time and evaluations for a simulated millisecond. Changes from the whole scene: of growth rates and onset "
+    text += "frequencies the largest over the modes"
+    if answer is not None and answer.carriers:
+        text += (
+            f"; at the end, of the amplitude (half peak to peak) the largest over {', '.join(answer.carriers)}, and "
+        )
+        text += "of the frequency of the strongest line, which may be another one"
+    return f"{text}."
 
 
 EFFECTS_ANSWER = Answer(

@@ -11,17 +11,19 @@ from typing import Any
 
 from pydantic import Field
 
-from drumsqueal.findings.answers import Change
+from drumsqueal.findings.answers import QUANTITIES, Answer, Change
 from drumsqueal.findings.schema import Findings, Held, InMemory, SceneInFile
+from drumsqueal.findings.verdict import SMALL_ROTATION
 from drumsqueal.findings.vibration import unit_of
 from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.effects.reductions import Reduction, reduce, reductions_of
+from drumsqueal.questions.effects.reductions import NOTHING, Reduction, reduce, reductions_of
 from drumsqueal.questions.effects.variants import Bench, Variant
-from drumsqueal.questions.effects.words import describe_limits, describe_runs, describe_verdict
-from drumsqueal.scene import Scene
+from drumsqueal.scene import Profile, Scene
+from drumsqueal.scene.quantities import ROUND_OFF, percent
 
 WITHIN = 0.01
 TOGETHER = "together"
+SCATTER = 0.9  # fraction of the time; what is nearer to one is within what times scatter
 
 
 class EffectStudy(Findings):
@@ -105,42 +107,107 @@ def excess_of(change: Change | None, noise: Change | None, within: float) -> flo
     """
     if change is None:
         return math.inf
-    values = astuple(change)
-    limits = [max(within, abs(least or 0.0)) for least in (astuple(noise) if noise else (None,) * len(values))]
-    pairs = zip(values, limits, strict=True)
+    limits = [max(within, abs(least or 0.0)) for least in astuple(noise or Change(None, None, None, None))]
+    pairs = zip(astuple(change), limits, strict=True)
     return max((abs(value or 0.0) / limit for value, limit in pairs if math.isfinite(limit)), default=0.0)
 
 
 def _rows(variants: Sequence[Variant], needed: Sequence[Reduction] | None = None) -> list[dict[str, Any]]:
     """One row a run: cost, eigenvalues, the motion at the end, and relative changes from the whole scene."""
-    rows = [_row(variant, variants[0]) for variant in variants]
-    for row, variant in zip(rows, variants, strict=True):
+    rows, whole = [], variants[0].answer
+    for variant in variants:
+        row: dict[str, Any] = {
+            "run": variant.label,
+            "left_out": "; ".join(map(str, variant.reductions)),
+            "outcome": variant.ended,
+            "computing_ms_per_simulated_ms": _number(variant.time_per_ms),
+            "evaluations_per_simulated_ms": _number(variant.evaluations_per_ms),
+        }
+        answer = variant.answer
+        if answer is not None and whole is not None:
+            for label, mode in answer.modes.items():
+                row[f"frequency_{label}_Hz"] = mode.frequency_Hz
+                row[f"growth_rate_{label}_1_per_s"] = mode.growth_rate
+            for name in whole.amplitude:
+                row[f"end_amplitude_{name}_{unit_of(name)}"] = answer.amplitude.get(name, 0.0)
+            row["end_frequency_Hz"] = None if answer.main is None else answer.main.frequency_Hz
+        if variant.change is not None:
+            row |= {f"change_of_{field}": _number(value) for field, value in asdict(variant.change).items()}
         if needed is not None and len(variant.reductions) == 1:
             row["needed"] = "yes" if variant.reductions[0] in needed else "no"
+        rows.append(row)
     return rows
-
-
-def _row(variant: Variant, whole: Variant) -> dict[str, Any]:
-    row: dict[str, Any] = {
-        "run": variant.label,
-        "left_out": "; ".join(map(str, variant.reductions)),
-        "outcome": variant.ended,
-        "computing_ms_per_simulated_ms": _number(variant.time_per_ms),
-        "evaluations_per_simulated_ms": _number(variant.evaluations_per_ms),
-    }
-    answer = variant.answer
-    if answer is not None and whole.answer is not None:
-        for label, mode in answer.modes.items():
-            row[f"frequency_{label}_Hz"] = mode.frequency_Hz
-            row[f"growth_rate_{label}_1_per_s"] = mode.growth_rate
-        for name in whole.answer.amplitude:
-            row[f"end_amplitude_{name}_{unit_of(name)}"] = answer.amplitude.get(name, 0.0)
-        row["end_frequency_Hz"] = None if answer.main is None else answer.main.frequency_Hz
-    if variant.change is not None:
-        row |= {f"change_of_{field}": _number(value) for field, value in asdict(variant.change).items()}
-    return row
 
 
 def _number(value: float | None) -> float | None:
     """An empty cell for what is not known; an infinite change, of what one of two runs lacks, is written inf."""
     return None if value is None or math.isnan(value) else value
+
+
+def describe_verdict(
+    within: float, variants: Sequence[Variant], needed: Sequence[Reduction], spared: tuple[Reduction, ...]
+) -> str:
+    """Which effects the scene needs, which it does not need, and what leaving these out saves."""
+    accuracy = f"Within {percent(within)}"
+    if not needed and not spared:
+        return f"{accuracy}: this scene has no effect that could be left out."
+    names = ", ".join(reduction.effect for reduction in needed)
+    if not spared:
+        return f"{accuracy} this scene needs all of its effects: {names}."
+    left_out = ", ".join(
+        each.effect if each.becomes == NOTHING else f"{each.effect} ({each.becomes} suffices)" for each in spared
+    )
+    final = next(variant for variant in reversed(variants) if variant.reductions == spared)
+    fraction = final.time_per_ms / variants[0].time_per_ms
+    in_one_digit = f"about {percent(float(f'{fraction:.1g}'))} of the time"
+    time = "as long" if SCATTER < fraction < 1 / SCATTER else in_one_digit
+    needs = f"needs {names}, but not {left_out}" if names else f"needs none of its effects: not {left_out}"
+    return f"{accuracy} this scene {needs}. {_what_changes(final.change)}, and the run takes {time}."
+
+
+def _what_changes(change: Change | None) -> str:
+    """What is compared, by name: what neither run has is not."""
+    values = {} if change is None else asdict(change)
+    compared = {QUANTITIES[field]: abs(value) for field, value in values.items() if value is not None}
+    what = f"Without that, {', '.join(compared) or 'what could be compared'}"
+    largest = max((value for value in compared.values() if math.isfinite(value)), default=0.0)
+    return f"{what} do not change" if largest < ROUND_OFF else f"{what} change by {percent(largest)} at most"
+
+
+def describe_limits(scene: Scene, whole: Answer | None, noise: Change | None, within: float) -> tuple[str, ...]:
+    """What limits the verdict: what could not be compared, noise above the accuracy asked for, profiles."""
+    found = []
+    if whole is not None and not whole.carriers:
+        found.append("The whole scene is at rest at the end: only its eigenvalues are compared.")
+    elif whole is not None and whole.main is None:
+        found.append("The frequency at the end is not compared: the record is too short, or the motion has no line.")
+    if noise is None:
+        found.append("The effect of the tolerance is unknown: there is no run at a tenth of it.")
+    for field, value in ({} if noise is None else asdict(noise)).items():
+        words = QUANTITIES[field]
+        if value is not None and math.isinf(value):
+            found.append(f"The {words} are not compared: at a tenth of the tolerance they are altogether different.")
+        elif value is not None and abs(value) > within:
+            found.append(f"A tenth of the tolerance changes the {words} by {percent(abs(value))}: less does not count.")
+    if any(isinstance(schedule, Profile) for schedule in (scene.drum.speed, scene.contact.normal_load)):
+        found.append("Growth rates and onset frequencies are those at t = 0: drum speed or load change.")
+    return tuple(found)
+
+
+def describe_runs(variants: Sequence[Variant]) -> tuple[str, ...]:
+    """What the changes of a run do not show: why it failed, what else is unstable, that the model does not hold."""
+    found, whole = [], variants[0].answer
+    for variant in variants:
+        answer = variant.answer
+        if answer is None or whole is None:
+            found.append(f"{variant.label}: {variant.ended}")
+            continue
+        if set(answer.unstable) != set(whole.unstable):
+            before, after = (
+                f"squeal in {', '.join(x)}" if x else "no squeal" for x in (whole.unstable, answer.unstable)
+            )
+            found.append(f"{variant.label}: {after} instead of {before}")
+        if answer.rotation > SMALL_ROTATION:
+            turn = f"the shoe turns by {answer.rotation:.2g} rad, where the model no longer holds"
+            found.append(f"{variant.label}: {turn}")
+    return tuple(found)

@@ -98,7 +98,10 @@ class Bench:
         if prepared is not None and outcome is Ending.COMPLETE:
             answer = answer_of(finish(prepared, chunks, COMPLETE), prepared.linear)
             change = None if self._whole is None else change_of(self._whole, answer)
-        variant = Variant(label, reductions, scene, outcome, *_cost(chunks, seconds), answer, change, reason)
+        simulated = (float(chunks[-1].time[-1]) if chunks else 0.0) or np.nan  # s; NaN where nothing was simulated
+        evaluations = sum(chunk.evaluations for chunk in chunks)
+        cost = sum(seconds) / simulated, evaluations / simulated / 1e3
+        variant = Variant(label, reductions, scene, outcome, *cost, answer, change, reason)
         self._runs.append(_Run(variant, prepared, seconds))
         self._report(variant)
         return variant
@@ -135,11 +138,3 @@ class Bench:
             before = time.perf_counter()
 
         follow(prepared, take, go_on, what=label)
-
-
-def _cost(chunks: list[Chunk], seconds: list[float]) -> tuple[float, float]:
-    """Computing time (ms) and evaluations for a simulated millisecond; NaN where nothing was simulated."""
-    simulated = float(chunks[-1].time[-1]) if chunks else 0.0
-    if simulated == 0:
-        return np.nan, np.nan
-    return sum(seconds) / simulated, sum(chunk.evaluations for chunk in chunks) / simulated / 1e3

@@ -6,7 +6,7 @@ from typing import Any
 from rich import box
 from rich.console import Console
 from rich.padding import Padding
-from rich.table import Table
+from rich.table import Column, Table
 from rich.text import Text
 
 from drumsqueal.files.output_folder import PAPER_TABLE, STATEMENTS, STATEMENTS_TABLE
@@ -29,17 +29,14 @@ COUNTED = {  # one statement, and several
 
 def print_study(console: Console, study: PaperStudy) -> None:
     """Print every statement with the numbers that decide it, then why those are not confirmed that are not."""
-    table = Table(title="What Seo & Kang (2023) state", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    table.add_column("fig.")
-    table.add_column("statement")
-    table.add_column("number", justify="right")
-    table.add_column("holds if")
-    table.add_column("")
+    columns = "fig.", "statement", Column("number", justify="right"), "holds if", ""
+    table = Table(*columns, title="What Seo & Kang (2023) state", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     for each in study.statements:
         shown = Text(HEADS.get(each.verdict, each.verdict), "" if each.verdict is Verdict.CONFIRMED else "bold")
         for k, reading in enumerate(each.readings):
             first = (each.figure, each.statement) if k == 0 else ("", "   or read otherwise")
-            table.add_row(*first, _value(reading), _limit(reading), shown if k == 0 else "")
+            number = "-" if reading.value is None else f"{reading.value:.3g}"
+            table.add_row(*first, number, reading.condition, shown if k == 0 else "")
     print_table(console, table)
     for verdict in (Verdict.NOT_CONFIRMED, Verdict.DEPENDS, Verdict.NOT_DECIDED):
         chosen = [each for each in study.statements if each.verdict is verdict]
@@ -55,30 +52,19 @@ def print_study(console: Console, study: PaperStudy) -> None:
     console.print(f"Of {len(study.statements)} statements {summary}.", style="bold")
 
 
-def _value(reading: Reading) -> str:
-    return "-" if reading.value is None else f"{reading.value:.3g}"
-
-
-def _limit(reading: Reading) -> str:
-    return f"{reading.bound} {reading.limit:g} {reading.unit}".rstrip()
-
-
 def _in_words(reading: Reading) -> str:
     """A reading with its number, and whether the statement holds in it."""
-    number = "unknown" if reading.value is None else f"{_value(reading)} {reading.unit}".rstrip()
+    number = "unknown" if reading.value is None else f"{reading.value:.3g} {reading.unit}".rstrip()
     holds = {True: "holds", False: "does not hold", None: "is not decided"}[reading.holds]
     where = f" ({reading.detail})" if reading.detail else ""
-    return f"{holds}: {reading.measure}{where} is {number}, limit {_limit(reading)}"
+    return f"{holds}: {reading.measure}{where} is {number}, limit {reading.condition}"
 
 
 def statements_table(study: PaperStudy) -> str:
     """One row a reading, with the verdict on its statement, as CSV."""
-    rows = []
-    for each in study.model_dump()["statements"]:
-        rows += [
-            {key: each[key] for key in ("figure", "statement", "verdict")} | reading for reading in each["readings"]
-        ]
-    return rows_to_csv(rows)
+    statements = study.model_dump()["statements"]
+    head = ("figure", "statement", "verdict")
+    return rows_to_csv([{key: each[key] for key in head} | row for each in statements for row in each["readings"]])
 
 
 def paper_table(study: PaperStudy) -> str:
@@ -123,7 +109,7 @@ def _point_rows(figure: str, point: Point) -> Iterator[dict[str, Any]]:
     if point.comparison is None:
         yield common | {"note": point.why_not}
         return
-    for mode in point.comparison.modes:
+    for mode in point.modes:
         growth = mode.measured_growth
         yield common | {
             "mode": mode.label,
@@ -132,7 +118,7 @@ def _point_rows(figure: str, point: Point) -> Iterator[dict[str, Any]]:
             "standard_error_1_per_s": None if growth is None else growth.standard_error,
             "note": mode.note,
         }
-    saturation = point.comparison.saturation
+    saturation = point.saturation
     if saturation is None or saturation.main is None:
         linear = point.comparison.edge_reached_s is None
         why = "neither lift-off nor slip reversal" if linear else "too short to identify the steady-state response"

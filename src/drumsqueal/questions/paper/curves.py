@@ -125,16 +125,17 @@ def paper_curves(scene: Scene) -> dict[str, Curve]:
 def _curves(scene: Scene, axes: Sequence[Axis]) -> dict[str, Curve]:
     own = {key: value for key, value in scene.numbers().items() if isinstance(value, float)}
     grids = [own[axis.key] * np.linspace(axis.low, axis.high, POINTS) for axis in axes]
-    changes = [{axis.key: grid} for axis, grid in zip(axes, grids, strict=True)]
-    stacked = {
-        key: np.concatenate([np.broadcast_to(change.get(key, value), POINTS) for change in changes])
+    pairs = list(zip(axes, grids, strict=True))
+    numbers = {
+        key: np.concatenate([grid if axis.key == key else np.full(POINTS, value) for axis, grid in pairs])
         for key, value in own.items()
     }
-    whole = spectra_of(scene, stacked)
-    parts = (_part(whole, slice(k * POINTS, (k + 1) * POINTS)) for k in range(len(axes)))
-    return {
-        axis.figure: Curve(axis, grid, own[axis.key], part) for axis, grid, part in zip(axes, grids, parts, strict=True)
-    }
+    whole, curves = spectra_of(scene, numbers), {}
+    for k, (axis, grid) in enumerate(pairs):
+        rows = slice(k * POINTS, (k + 1) * POINTS)
+        part = Spectrum(whole.names, *(array[rows] for array in whole[1:]))  # pyright: ignore[reportArgumentType]
+        curves[axis.figure] = Curve(axis, grid, own[axis.key], part)
+    return curves
 
 
 def friction_curve(scene: Scene) -> FrictionCurve:
@@ -150,9 +151,3 @@ def friction_curve(scene: Scene) -> FrictionCurve:
 
     coefficient, slope = jax.vmap(jax.value_and_grad(at))(slip)
     return FrictionCurve(speed, np.asarray(coefficient), np.asarray(slope), own)
-
-
-def _part(whole: Spectrum, rows: slice) -> Spectrum:
-    arrays = (whole.mass, whole.damping, whole.eigenvalues, whole.right, whole.own)
-    mass, damping, eigenvalues, right, own = (array[rows] for array in arrays)
-    return Spectrum(whole.names, mass, damping, eigenvalues, right, own)  # pyright: ignore[reportArgumentType]

@@ -88,7 +88,7 @@ def _draw_rates_at_the_end(axes: Axes, study: PaperStudy, curve: Curve, last: Po
             fontsize=style.SMALL_SIZE,
             color=style.COLOUR[name],
         )
-    for mode in last.comparison.modes if last.comparison else ():
+    for mode in last.modes:
         if mode.measured_growth is not None and mode.measured_frequency_Hz is not None:
             place = mode.measured_frequency_Hz / 1e3, mode.measured_growth.rate_1_per_s
             axes.plot(*place, MEASURED, color=style.COLOUR[mode.name], fillstyle="none", markersize=7)
@@ -138,7 +138,7 @@ def _draw_growth(axes: Axes, curve: Curve, points: Sequence[Point]) -> None:
     for name in SQUEALING:
         axes.plot(np.abs(curve.shown), curve.rate(name), color=style.COLOUR[name])
     for point in points:
-        for mode in point.comparison.modes if point.comparison else ():
+        for mode in point.modes:
             if mode.measured_growth is not None and mode.name in SQUEALING:
                 place = abs(float(curve.axis.shown(point.value, curve.nominal))), mode.measured_growth.rate_1_per_s
                 axes.plot(*place, MEASURED, color=style.COLOUR[mode.name], fillstyle="none", markersize=5)
@@ -155,16 +155,13 @@ def _draw_frequencies(axes: Axes, curve: Curve, points: Sequence[Point]) -> None
 
 def _mark_frequencies(axes: Axes, curve: Curve, points: Sequence[Point]) -> None:
     for point in points:
-        if point.comparison is None:
-            continue
         x = abs(float(curve.axis.shown(point.value, curve.nominal)))
-        for mode in point.comparison.modes:
+        for mode in point.modes:
             if mode.measured_frequency_Hz is not None:
                 y = mode.measured_frequency_Hz / 1e3
                 axes.plot(x, y, MEASURED, color=style.COLOUR[mode.name], fillstyle="none", markersize=5)
-        saturation = point.comparison.saturation
-        if saturation is not None and saturation.main is not None:
-            axes.plot(x, saturation.main.frequency_Hz / 1e3, GROWN_INTO, color=style.DARK, markersize=6)
+        if point.saturation is not None and point.saturation.main is not None:
+            axes.plot(x, point.saturation.main.frequency_Hz / 1e3, GROWN_INTO, color=style.DARK, markersize=6)
 
 
 def _label(curve: Curve) -> str:

@@ -1,5 +1,6 @@
 """A statement of a paper as a number and its limit; what Seo & Kang (2023) leave open is a named limit here."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from enum import StrEnum
 from typing import Any
@@ -50,6 +51,11 @@ class Reading:
     limit: float
     detail: str = ""
 
+    @property
+    def condition(self) -> str:
+        """What the number must fulfil, as in "> 0.5"."""
+        return f"{self.bound} {self.limit:g} {self.unit}".rstrip()
+
     @computed_field
     @property
     def holds(self) -> bool | None:
@@ -71,7 +77,7 @@ class Statement:
 
     figure: str
     statement: str
-    readings: tuple[Reading, ...]
+    readings: tuple[Reading, ...] = ()
 
     @computed_field
     @property
@@ -84,33 +90,34 @@ class Statement:
             return Verdict.DEPENDS
         return Verdict.CONFIRMED if held == {True} else Verdict.NOT_CONFIRMED
 
-    def read_also(self, *reading: Any) -> "Statement":
-        """The statement with one more reading, given as its fields."""
-        return replace(self, readings=(*self.readings, Reading(*reading)))
-
-
-def state(figure: str, says: str, *reading: Any) -> Statement:
-    """A statement with one reading, given as its fields."""
-    return Statement(figure, says, (Reading(*reading),))
+    def read(
+        self, measure: str, value: float | None, bound: str, limit: float, unit: str = "", detail: str = ""
+    ) -> "Statement":
+        """The statement with one more reading."""
+        return replace(self, readings=(*self.readings, Reading(measure, unit, value, bound, limit, detail)))
 
 
 def falls(curve: Curve, says: str) -> Statement:
     """All three growth rates fall as the number of the figure rises (in size, for the drum's speed)."""
     order = np.argsort(np.abs(curve.values))
-    rise = max(largest_rise(curve.rate(name)[order]) for name in SQUEALING)
     shown = np.abs(curve.shown)[order]
-    ends = {name: curve.rate(name)[order][[0, -1]] for name in SQUEALING}
-    return state(
-        curve.axis.figure,
-        says,
-        f"largest rise of one of them, from any of {len(shown)} values to a larger one",
-        "1/s",
-        rise,
-        "<",
-        0.0,
-        f"from {shown[0]:.3g} to {shown[-1]:.3g} {curve.axis.unit}: "
-        + ", ".join(f"{name} {low:.1f} to {high:.1f}" for name, (low, high) in ends.items()),
-    )
+    rates = {name: curve.rate(name)[order] for name in SQUEALING}
+    measure = f"largest rise of one of them, from any of {len(shown)} values to a larger one"
+    ends = ", ".join(f"{name} {rate[0]:.1f} to {rate[-1]:.1f}" for name, rate in rates.items())
+    where = f"from {shown[0]:.3g} to {shown[-1]:.3g} {curve.axis.unit}: {ends}"
+    rise = max(map(largest_rise, rates.values()))
+    return Statement(curve.axis.figure, says).read(measure, rise, "<", 0.0, "1/s", where)
+
+
+def listed(numbers: Mapping[str, float], form: str) -> str:
+    """Numbers by name, in one format."""
+    return ", ".join(f"{name} {number:{form}}" for name, number in numbers.items())
+
+
+def largest(numbers: Mapping[str, Any]) -> tuple[str, float]:
+    """Name and number of the largest."""
+    name = max(numbers, key=numbers.__getitem__)
+    return name, float(numbers[name])
 
 
 def largest_rise(y: NDArray[np.float64]) -> float:
@@ -119,5 +126,5 @@ def largest_rise(y: NDArray[np.float64]) -> float:
 
 
 def off_line(x: NDArray[np.float64], y: NDArray[np.float64]) -> float:
-    """Largest departure of y from its least-squares straight line over x."""
+    """Largest distance of y from its least-squares straight line over x."""
     return float(np.abs(y - np.polynomial.Polynomial.fit(x, y, 1)(x)).max())

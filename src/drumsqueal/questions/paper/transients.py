@@ -5,7 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from drumsqueal.errors import IntegrationError
-from drumsqueal.findings.compare import RunFindings
+from drumsqueal.findings.compare import ModeComparison, RunFindings
+from drumsqueal.findings.saturation import Saturation
 from drumsqueal.physics.model import build_model
 from drumsqueal.progress import Progress
 from drumsqueal.questions.paper.curves import AXES, constant_friction
@@ -32,6 +33,16 @@ class Point:
     comparison: RunFindings | None = None
     why_not: str = NOT_RUN
 
+    @property
+    def modes(self) -> tuple[ModeComparison, ...]:
+        """What was measured of each mode."""
+        return () if self.comparison is None else self.comparison.modes
+
+    @property
+    def saturation(self) -> Saturation | None:
+        """The saturated motion."""
+        return None if self.comparison is None else self.comparison.saturation
+
 
 def points_of_figures(scene: Scene) -> list[Point]:
     """The points of all figures, not yet run. Raises SceneError for a value that makes no brake."""
@@ -49,19 +60,15 @@ def points_of_figures(scene: Scene) -> list[Point]:
 def disturbed_points(scene: Scene) -> tuple[Point, Point]:
     """Two starts beyond the contact boundary of a brake that is linearly stable, not yet run.
 
-    One is stable by constant friction, the other by structural damping, whose ratio is then the point's value.
+    One is stable by constant friction, the other by structural damping, a twentieth more than the least that makes
+    every mode decay; its ratio is then the point's value.
     """
-    ratio = damping_needed(scene)
+    modes = analyse_stability(build_model(scene, coordinates=COORDINATES)).modes
+    known = 0.0 if scene.damping is None else float(scene.damping.ratio)
+    ratio = known + MORE * max(0.0, *(mode.growth_rate / abs(mode.eigenvalue) for mode in modes))
     constant = disturbed(scene.with_values(constant_friction(scene)))
     damped = disturbed(scene.with_values({"damping": {"ratio": ratio}}))
     return Point("6", "start", DISTURBANCE, constant), Point("5", "damping.ratio", ratio, damped)
-
-
-def damping_needed(scene: Scene) -> float:
-    """Structural damping ratio that makes every mode of a brake decay, by a twentieth more than the least."""
-    known = 0.0 if scene.damping is None else float(scene.damping.ratio)
-    modes = analyse_stability(build_model(scene, coordinates=COORDINATES)).modes
-    return known + MORE * max(0.0, *(mode.growth_rate / abs(mode.eigenvalue) for mode in modes))
 
 
 def run_points(points: Sequence[Point], progress: Progress) -> list[Point]:
@@ -78,10 +85,8 @@ def run_points(points: Sequence[Point], progress: Progress) -> list[Point]:
             ran[text] = run_whole(prepare(scene), show).comparison
         except IntegrationError as error:
             ran[text] = f"failed: {error}"
-    return [_with_result(point, ran[point.scene.to_toml()]) for point in points]
-
-
-def _with_result(point: Point, result: RunFindings | str) -> Point:
-    if isinstance(result, str):
-        return replace(point, why_not=result)
-    return replace(point, comparison=result, why_not="")
+    results = [(point, ran[point.scene.to_toml()]) for point in points]
+    return [
+        replace(point, why_not=result) if isinstance(result, str) else replace(point, comparison=result, why_not="")
+        for point, result in results
+    ]

@@ -1,17 +1,22 @@
 """`drumsqueal scenes [NAME] [-o FILE]`."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich import box
+from rich.console import Console
+from rich.table import Table
 
 from drumsqueal.files.output_folder import write_whole
-from drumsqueal.questions.scenes.answer import print_copy, print_scenes
+from drumsqueal.scene.quantities import printable
 from drumsqueal.scene.shipped import shipped_path, shipped_scenes
 from drumsqueal.terminal.completion import complete_name
 from drumsqueal.terminal.options import JsonFile, Overwrite, Quiet, UsageError
 from drumsqueal.terminal.reply import Reply
 from drumsqueal.terminal.runner import answer_without_folder
+from drumsqueal.terminal.tables import print_table
 
 
 def scenes_command(
@@ -37,9 +42,25 @@ def scenes_command(
     if source is None or target is None:
         reply = Reply(quiet, json_file, overwrite=overwrite)
         shown = [{"name": each.name, "title": each.title, "shows": each.shows} for each in shipped_scenes()]
-        answer_without_folder(reply, print_scenes, lambda _: shown)
+        answer_without_folder(reply, _print_scenes, lambda _: shown)
     else:
         reply = Reply.with_file(target, (source,), quiet, json_file, overwrite=overwrite)
         write_whole(target, source.read_bytes())
         copied = {"name": source.stem, "file": str(target)}
-        answer_without_folder(reply, print_copy, lambda _: copied)
+        words = printable(f"Copied the scene {source.stem}")
+        answer_without_folder(reply, lambda console, _: console.print(words), lambda _: copied)
+
+
+def _print_scenes(console: Console, scenes: Sequence[dict[str, str]]) -> None:
+    """Print name, title and what it shows of every scene; into a pipe, a line each and no more."""
+    if not console.is_terminal:
+        name, title = (max(map(len, texts)) for texts in ([s["name"] for s in scenes], [s["title"] for s in scenes]))
+        for scene in scenes:
+            console.print(f"{scene['name']:<{name}}  {scene['title']:<{title}}  {scene['shows']}")
+        return
+    columns = "name", "title", "what it shows"
+    table = Table(*columns, title="Shipped scenes", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    for scene in scenes:
+        table.add_row(*scene.values())
+    print_table(console, table)
+    console.print("`drumsqueal scenes NAME` copies one; every command also takes the name itself.", style="dim")

@@ -15,7 +15,7 @@ from drumsqueal.physics.effects.action import at_rest
 from drumsqueal.physics.effects.assembly import Balance
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.model import Model
-from drumsqueal.physics.quadrature.smooth import WholeSurface
+from drumsqueal.physics.quadrature.smooth import SteadySurface
 from drumsqueal.solve.linear.equilibrium import find_equilibrium
 
 COUPLED_FRACTION = 1e-10  # of the largest coupling: below it is round-off
@@ -87,21 +87,18 @@ def coupling(model: Model) -> np.ndarray:
     return np.logical_or.reduce([each > COUPLED_FRACTION * np.max(each) for each in scaled])
 
 
-def _without_boundaries(model: Model) -> Model:
-    """The model for motion infinitely near to q = 0, if that is its steady sliding.
-
-    The whole lining then presses and slips one way. What does not look for contact boundaries is a tenth of the program
-    to compile.
-    """
-    balanced = any(isinstance(effect, Balance) for effect in model.others)
-    if not (balanced and isinstance(model.contact, Contact) and model.contact.surface.spatial):
+def _near_steady_sliding(model: Model) -> Model:
+    """The model for motion infinitely near to steady sliding; balanced forces leave the whole lining pressed there."""
+    if not isinstance(model.contact, Contact):
         return model
-    return dataclasses.replace(model, contact=dataclasses.replace(model.contact, surface=WholeSurface()))
+    balanced = any(isinstance(effect, Balance) for effect in model.others)
+    surface = SteadySurface(cut=not balanced)
+    return dataclasses.replace(model, contact=dataclasses.replace(model.contact, surface=surface))
 
 
 def linearise(model: Model, steady: Array) -> Linear:
     """Mass, damping −∂Q/∂q̇ and stiffness −∂Q/∂q at steady sliding q* (n,); the paper's equation (29) at q* = 0."""
-    n, model = steady.size, _without_boundaries(model)
+    n, model = steady.size, _near_steady_sliding(model)
     jacobian = jax.jacfwd(lambda state: model.act(0.0, state[:n], state[n:])[0])(
         jnp.concatenate([steady, jnp.zeros(n)])
     )

@@ -1,0 +1,67 @@
+"""The public names of drumsqueal, and where each is found: one line a name; see `__init__.py`."""
+
+from drumsqueal.errors import CycleError as CycleError
+from drumsqueal.errors import IntegrationError as IntegrationError
+from drumsqueal.errors import SteadyStateError as SteadyStateError
+from drumsqueal.findings.compare import RunFindings as RunFindings
+from drumsqueal.findings.compare import compare as compare
+from drumsqueal.physics.laws.custom_friction import TabulatedLaw as TabulatedLaw
+from drumsqueal.physics.laws.friction_law import ConstantLaw as ConstantLaw
+from drumsqueal.physics.laws.friction_law import ExponentialLaw as ExponentialLaw
+from drumsqueal.physics.laws.friction_law import FrictionLaw as FrictionLaw
+from drumsqueal.physics.laws.friction_law import StepLaw as StepLaw
+from drumsqueal.physics.laws.friction_law import friction_law as friction_law
+from drumsqueal.physics.model import Model as Model
+from drumsqueal.physics.model import build_model as build_model
+from drumsqueal.physics.small_bodies import block_on_belt as block_on_belt
+from drumsqueal.physics.small_bodies import disc_on_plate as disc_on_plate
+from drumsqueal.physics.small_bodies import sprung_block_on_belt as sprung_block_on_belt
+from drumsqueal.questions.accuracy.study import AccuracyStudy as AccuracyStudy
+from drumsqueal.questions.accuracy.study import study_accuracy as study_accuracy
+from drumsqueal.questions.animate.animation import save_animation as save_animation
+from drumsqueal.questions.animate.playback import Playback as Playback
+from drumsqueal.questions.animate.playback import play_history as play_history
+from drumsqueal.questions.animate.playback import play_mode as play_mode
+from drumsqueal.questions.compare.measured.reader import read_measured as read_measured
+from drumsqueal.questions.compare.measured.record import Measured as Measured
+from drumsqueal.questions.compare.study import MeasuredComparison as MeasuredComparison
+from drumsqueal.questions.compare.study import compare_measured as compare_measured
+from drumsqueal.questions.cycle.branches import follow_cycles as follow_cycles
+from drumsqueal.questions.cycle.diagram import CycleBranches as CycleBranches
+from drumsqueal.questions.cycle.diagram import Diagram as Diagram
+from drumsqueal.questions.cycle.search import CycleSearch as CycleSearch
+from drumsqueal.questions.cycle.search import CycleStudy as CycleStudy
+from drumsqueal.questions.cycle.search import find_cycle as find_cycle
+from drumsqueal.questions.effects.study import EffectStudy as EffectStudy
+from drumsqueal.questions.effects.study import study_effects as study_effects
+from drumsqueal.questions.motion.study import MotionStudy as MotionStudy
+from drumsqueal.questions.motion.study import SettledMotion as SettledMotion
+from drumsqueal.questions.motion.study import study_motion as study_motion
+from drumsqueal.questions.onset.found import Onset as Onset
+from drumsqueal.questions.onset.found import OnsetStudy as OnsetStudy
+from drumsqueal.questions.onset.study import study_onset as study_onset
+from drumsqueal.questions.paper.study import PaperStudy as PaperStudy
+from drumsqueal.questions.paper.study import study_paper as study_paper
+from drumsqueal.questions.sensitivity.quieting import Quieting as Quieting
+from drumsqueal.questions.sensitivity.quieting import quieten as quieten
+from drumsqueal.questions.sensitivity.study import SensitivityStudy as SensitivityStudy
+from drumsqueal.questions.sensitivity.study import study_sensitivity as study_sensitivity
+from drumsqueal.questions.sweep.study import sweep_parameters as sweep_parameters
+from drumsqueal.scene import Scene as Scene
+from drumsqueal.scene import SceneError as SceneError
+from drumsqueal.scene import load_scene as load_scene
+from drumsqueal.scene import scene_from_dict as scene_from_dict
+from drumsqueal.scene.seo_kang import seo_kang_brake as seo_kang_brake
+from drumsqueal.scene.variation import Variation as Variation
+from drumsqueal.simulation import Result as Result
+from drumsqueal.simulation import run as run
+from drumsqueal.solve.linear.modes import Mode as Mode
+from drumsqueal.solve.linear.modes import Stability as Stability
+from drumsqueal.solve.linear.modes import analyse_stability as analyse_stability
+from drumsqueal.solve.linear.modes import growth_rate as growth_rate
+from drumsqueal.solve.motion import Motion as Motion
+from drumsqueal.solve.motion import integrate as integrate
+from drumsqueal.solve.transient.batch import integrate_many as integrate_many
+
+_HOME: dict[str, str]
+__all__: list[str]

@@ -1,0 +1,218 @@
+"""One scene, run by every method, tolerance and quadrature, timed, and compared with an independent reference."""
+
+import math
+import time
+from collections.abc import Mapping
+from dataclasses import asdict, astuple, dataclass
+from typing import Any
+
+import numpy as np
+
+from drumsqueal.errors import IntegrationError
+from drumsqueal.findings.answers import Change, answer_of
+from drumsqueal.findings.history import COMPLETE
+from drumsqueal.findings.outcome import Ending
+from drumsqueal.physics.composition import moved_coordinates
+from drumsqueal.physics.model import Model
+from drumsqueal.progress import Progress
+from drumsqueal.questions.accuracy.contenders import Contender
+from drumsqueal.questions.accuracy.reference import UNMOVED, find_reference, sizes_of
+from drumsqueal.scene import Profile, Scene, SceneError
+from drumsqueal.scene.tables import LEAST_TOLERANCE
+from drumsqueal.simulation import Prepared, Result, check_sample_rate, finish, follow, prepare, steady_at_start
+from drumsqueal.solve.transient.integrate import Chunk
+
+TIGHTEST, LOOSER = LEAST_TOLERANCE, 10 * LEAST_TOLERANCE  # tolerances of the runs that features are compared with
+NUDGE = 1e-9  # relative change of the start of the nearby trajectory
+SEPARATED = 100.0  # growth of a relative difference beyond which pointwise errors are of the motion, not of the method
+BEYOND = 1.25  # the reference goes on to this multiple of the time of the first contact boundary
+FEWEST = 16  # samples of the reference at least
+REPEATS, SHORT = 7, 2.0  # a run is timed so often, as long as that takes less than so many seconds; the median counts
+SMALLEST = 1e-300  # keeps zero off the denominator
+NONE = Change(None, None, None, None)
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Relative errors of one run; None where there is none.
+
+    Of the trajectory over the growth phase, and beyond its first contact boundary; the largest of the features; and of
+    the energy balance, over the largest kinetic energy.
+    """
+
+    trajectory: float | None
+    beyond: float | None
+    features: Change
+    energy: float
+
+    @property
+    def largest_feature(self) -> float | None:
+        """The largest error of what users quote."""
+        return max((abs(e) for e in astuple(self.features) if e is not None), default=None)
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """One contender: outcome, seconds of each repeat and of compilation, evaluations (NaN: not counted).
+
+    `simulated` is how long a motion it ran (s); one that is not complete has a `reason`.
+    """
+
+    contender: Contender
+    outcome: Ending
+    simulated: float = math.nan
+    seconds: tuple[float, ...] = ()
+    compile_seconds: float = math.nan
+    evaluations: float = math.nan
+    errors: Errors | None = None
+    reason: str = ""
+
+    @property
+    def ended(self) -> str:
+        """Ending and reason in words."""
+        return self.outcome.because(self.reason)
+
+    @property
+    def time_per_ms(self) -> float:
+        """Median computing time (ms) for a simulated millisecond, compilation apart; NaN where no run was made."""
+        return float(np.median(self.seconds)) / self.simulated if self.seconds else math.nan
+
+    @property
+    def evaluations_per_ms(self) -> float:
+        """Evaluations of the forces for a simulated millisecond; NaN where they were not counted."""
+        return self.evaluations / self.simulated / 1e3
+
+
+def check_motion(scene: Scene) -> None:
+    """Raise SceneError for a scene in which nothing moves, or the lining warms up: no errors can be measured there."""
+    profiles = any(isinstance(value, Profile) for value in (scene.drum.speed, scene.contact.normal_load))
+    if not moved_coordinates(scene) and not profiles:
+        raise SceneError("nothing moves; give a start, such as displacement = { Y = 1e-7 }, or a force", ("start",))
+    if scene.temperature is not None:
+        raise SceneError(
+            "the independent references know no temperature; leave it out (temperature=none)", ("temperature",)
+        )
+
+
+class Bench:
+    """What all contenders are measured against."""
+
+    def __init__(self, scene: Scene, progress: Progress) -> None:
+        """Run the scene at the tightest tolerances and from nearby, and find the reference."""
+        self.prepared, self.progress = prepare(scene), progress
+        check_sample_rate(self.prepared)
+        check_motion(scene)
+        self.steady = steady_at_start(self.prepared)
+        tight, looser = self._precisely(TIGHTEST), self._precisely(LOOSER)
+        chunks = self._run(tight, f"run at tolerance {TIGHTEST:g}")
+        result = finish(tight, chunks, COMPLETE)
+        self.best = features_of(result, tight.linear)
+        found = finish(looser, self._run(looser, f"run at tolerance {LOOSER:g}"), COMPLETE)
+        self.scatter = feature_errors(self.best, features_of(found, tight.linear), scene.simulate.duration)
+        self.time, vibration = np.concatenate([chunk.time for chunk in chunks]), self._vibration(chunks)
+        boundary, end = result.comparison.edge_reached_s, float(self.time[-1])
+        self.growth_end = end if boundary is None else boundary
+        self.separation = self._separation(vibration)
+        last = min(BEYOND * self.growth_end, end, math.inf if self.separation is None else self.separation)
+        last = max(last, float(self.time[min(FEWEST, len(self.time) - 1)]))
+        (displacement, velocity), times = np.split(vibration[0], 2), self.time[self.time <= last]
+        self.reference = find_reference(tight.model, self.steady, displacement, velocity, times, progress)
+
+    def measure(self, contender: Contender, what: str) -> Measurement:
+        """Run a contender: first to compile it, then as often as it is short."""
+        values = {"simulate.solver": contender.solver, "simulate.tolerance": contender.tolerance}
+        simulated = float(self.time[-1] if contender.whole else self.reference.time[-1])
+        scene = self.prepared.scene.with_values({**values, "simulate.duration": simulated})
+        prepared = self.prepared._replace(scene=scene, model=contender.model)
+        seconds, chunks, compiling = [], [], math.nan
+        try:
+            compiling = self._first_chunk(prepared, what)
+            compiling = max(0.0, compiling - self._first_chunk(prepared, what))
+            while len(seconds) < (REPEATS if sum(seconds) < SHORT else 1):
+                before = time.perf_counter()
+                chunks = self._run(prepared, what)
+                seconds.append(time.perf_counter() - before)
+        except IntegrationError as error:
+            return Measurement(contender, Ending.FAILED, simulated, compile_seconds=compiling, reason=str(error))
+        evaluations = sum(chunk.evaluations for chunk in chunks)
+        errors = self._errors(prepared, chunks, contender.whole)
+        return Measurement(contender, Ending.COMPLETE, simulated, tuple(seconds), compiling, evaluations, errors)
+
+    def _run(self, prepared: Prepared, what: str) -> list[Chunk]:
+        chunks: list[Chunk] = []
+        follow(prepared, chunks.append, self.progress, what=what)
+        return chunks
+
+    def _precisely(self, tolerance: float, start: Mapping[str, Any] | None = None) -> Prepared:
+        values = {"simulate.solver": "dopri8", "simulate.tolerance": tolerance}
+        return self.prepared._replace(scene=self.prepared.scene.with_values({**values, **(start or {})}))
+
+    def _first_chunk(self, prepared: Prepared, what: str) -> float:
+        """Seconds that the first chunk takes."""
+        before = time.perf_counter()
+        follow(prepared, lambda _: True, self.progress, what=what)
+        return time.perf_counter() - before
+
+    def _vibration(self, chunks: list[Chunk]) -> np.ndarray:
+        """Displacement from steady sliding, and velocity (k, 2n)."""
+        return np.concatenate([np.hstack([chunk.displacement - self.steady, chunk.velocity]) for chunk in chunks])
+
+    def _errors(self, prepared: Prepared, chunks: list[Chunk], whole: bool) -> Errors:
+        states, reference, end = self._vibration(chunks), self.reference, float(self.reference.time[-1])
+        energy = max(np.abs(chunk.energy_balance_error).max() for chunk in chunks)
+        kinetic = max(chunk.kinetic_energy.max() for chunk in chunks)
+        features = NONE
+        if whole:
+            found = features_of(finish(prepared, chunks, COMPLETE), self.prepared.linear)
+            features = feature_errors(self.best, found, float(self.time[-1]))
+        return Errors(
+            reference.error(states, self.growth_end),
+            reference.error(states, end) if end > self.growth_end else None,
+            features,
+            float(energy / kinetic) if kinetic > 0 else 0.0,
+        )
+
+    def _separation(self, vibration: np.ndarray) -> float | None:
+        """When a trajectory from a start that is off by a relative 1e-9 is off by a hundred times as much."""
+        start = self.prepared.scene.start
+        nudged = {
+            f"start.{kind}": {name: value * (1 + NUDGE * k) for k, (name, value) in enumerate(table.items(), start=1)}
+            for kind, table in start
+        }
+        nearby = self._run(self._precisely(TIGHTEST, nudged), "nearby trajectory")
+        apart = np.abs(self._vibration(nearby) - vibration)
+        sizes = UNMOVED * sizes_of(vibration, self.prepared.model)
+        fraction = (apart / np.maximum(np.maximum.accumulate(np.abs(vibration), axis=0), sizes)).max(axis=1)
+        beyond = np.flatnonzero(fraction > SEPARATED * NUDGE * max(1, len(start.displacement), len(start.velocity)))
+        return float(self.time[beyond[0]]) if beyond.size else None
+
+
+def features_of(result: Result, model: Model) -> dict[str, float]:
+    """Measured features by name; `model` is the one over the coordinates of the eigenvalues."""
+    found = {}
+    for mode in result.comparison.modes:
+        if mode.measured_growth is not None:
+            found[f"growth_rate {mode.label}"] = mode.measured_growth.rate_1_per_s
+        if mode.measured_frequency_Hz is not None:
+            found[f"onset_frequency {mode.label}"] = mode.measured_frequency_Hz
+    answer = answer_of(result, model)
+    found |= {f"amplitude {name}": answer.amplitude[name] for name in answer.carriers}
+    if answer.main is not None:
+        found["main_frequency"] = answer.main.frequency_Hz
+    return found
+
+
+def feature_errors(best: dict[str, float], found: dict[str, float], duration: float) -> Change:
+    """Errors of features against the best ones, of a record of that duration (s).
+
+    A growth rate is measured against itself or, where that is more, against one e-fold over the record: the rate of a
+    mode that neither grows nor decays has no relative error. None where the best ones lack the quantity, infinite where
+    only the others do.
+    """
+    errors: dict[str, list[float]] = {}
+    for name, value in best.items():
+        there = found.get(name)
+        least = 1 / duration if name.startswith("growth_rate") else SMALLEST
+        error = math.inf if there is None else abs(there - value) / max(abs(value), least)
+        errors.setdefault(name.split()[0], []).append(error)
+    return Change(*(max(errors.get(field, ()), default=None) for field in asdict(NONE)))
