@@ -35,6 +35,7 @@ from drumsqueal.questions.cycle.search import find_cycle as find_cycle
 from drumsqueal.questions.effects.study import EffectStudy as EffectStudy
 from drumsqueal.questions.effects.study import study_effects as study_effects
 from drumsqueal.questions.motion.study import MotionStudy as MotionStudy
+from drumsqueal.questions.motion.study import SettledMotion as SettledMotion
 from drumsqueal.questions.motion.study import study_motion as study_motion
 from drumsqueal.questions.onset.found import Onset as Onset
 from drumsqueal.questions.onset.found import OnsetStudy as OnsetStudy

@@ -28,7 +28,7 @@ from drumsqueal.physics.composition import (
 from drumsqueal.physics.laws.friction_law import FrictionLaw
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.progress import Progress, silent
-from drumsqueal.scene import COORDINATES, Scene, SceneError
+from drumsqueal.scene import COORDINATES, Profile, Scene, SceneError
 from drumsqueal.solve import motion
 from drumsqueal.solve.linear.modes import Stability, analyse_stability, while_sliding
 from drumsqueal.solve.linear.steady import coupling
@@ -108,6 +108,29 @@ def check_sample_rate(prepared: Prepared) -> None:
             ("simulate", "sample_rate"),
             prepared.scene.simulate.sample_rate,
         )
+
+
+def check_constant(scene: Scene) -> Scene:
+    """Return the scene, or raise SceneError where its drum speed, load or temperature change with time."""
+    for path, value in ((("drum", "speed"), scene.drum.speed), (("contact", "normal_load"), scene.contact.normal_load)):
+        if isinstance(value, Profile):
+            raise SceneError("limit cycles and attractors take a constant value, not a profile over time", path)
+    if scene.temperature is not None:
+        message = "the lining warms up, and no motion repeats or lasts; leave the temperature out (temperature=none)"
+        raise SceneError(message, ("temperature",))
+    return scene
+
+
+def constant_transient(scene: Scene) -> motion.Transient:
+    """The transient of a scene at constant speed and load.
+
+    Raises SceneError where these change, where there is no steady sliding to start from, and for samples that fold.
+    """
+    prepared = prepare(check_constant(scene))
+    check_sample_rate(prepared)
+    names, simulate = prepared.model.names, scene.simulate
+    how = {name: getattr(simulate, name) for name in ("duration", "sample_rate", "tolerance", "solver")}
+    return motion.Transient(prepared.model, prepared.stability.over(names), *start_of(scene, names), how)
 
 
 def start_of(scene: Scene, names: Sequence[str]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

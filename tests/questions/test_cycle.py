@@ -31,14 +31,12 @@ from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
 from drumsqueal.questions.cycle import branches, orbit
 from drumsqueal.questions.cycle import search as search_module
 from drumsqueal.questions.cycle.answer import branches_table, milestones
-from drumsqueal.questions.cycle.branch_figure import _shade
-from drumsqueal.questions.cycle.branches import _both_ways, follow_cycles, follow_models
-from drumsqueal.questions.cycle.continuation import Branch, End, _kind
-from drumsqueal.questions.cycle.diagram import CycleBranches, Span
-from drumsqueal.questions.cycle.orbit import Cycle, Event, floquet, floquet_of
-from drumsqueal.questions.cycle.search import CycleStudy, cycle_from, find_cycle, is_same
-from drumsqueal.questions.cycle.shooting import Scales, Shooting
-from drumsqueal.questions.cycle.starts import Start, modal_starts, returns
+from drumsqueal.questions.cycle.branches import Family, follow_cycles, follow_models
+from drumsqueal.questions.cycle.continuation import _kind
+from drumsqueal.questions.cycle.diagram import Branch, CycleBranches, End, Span
+from drumsqueal.questions.cycle.figures import _shade
+from drumsqueal.questions.cycle.orbit import Cycle, Event, Shooting, Start, floquet, floquet_of
+from drumsqueal.questions.cycle.search import CycleStudy, cycle_from, find_cycle, is_same, modal_starts, returns
 from drumsqueal.scene import SceneError, load_scene
 from drumsqueal.scene.variation import Variation
 from drumsqueal.simulation import run
@@ -304,7 +302,7 @@ def test_multipliers_and_period_of_the_unstable_cycle_are_those_of_a_return_map(
 
 def test_a_branch_ends_where_the_block_would_stick(block):
     branch = block.branches[0]
-    assert "comes to rest on the drum" in branch.end
+    assert "the contact sticks as a whole" in branch.end
     last = branch.cycles[-1]
     # There its largest speed is that of the belt.
     assert last.samples.velocity.max() == pytest.approx(last.value, rel=1e-3)
@@ -384,7 +382,7 @@ def test_a_branch_that_comes_back_is_a_loop():
     models = with_derivative(model)
     start = Start(np.array([1.81, 0.0]), 2 * np.pi, "")
     cycle = cycle_from(models(0.01)[0], start, np.array([1.0]))
-    branch = _both_ways(models, cycle, 0.01, (-1.0, 1.0), lambda _: None)
+    branch = Family(models, (-1.0, 1.0)).both_ways(cycle.model_copy(update={"value": 0.01}))
     assert (branch.start, branch.end) == (End.LOOP, End.LOOP)
     assert [special.what for special in branch.special] == [Event.FOLD, Event.FOLD]
     # Averaged, the fold lies at a damping of 0.072.
@@ -420,7 +418,7 @@ def test_a_record_returns_after_its_period():
 
 def test_where_every_amplitude_closes_none_is_a_cycle():
     model = block_on_belt(Polynomial(0.0, 0.0), damping=0.0, belt_speed=1.0)
-    with pytest.raises(CycleError, match="one of many"):
+    with pytest.raises(CycleError, match="one of a continuous family"):
         cycle_from(model, Start(np.array([1.3, 0.0]), 2 * np.pi, ""), np.ones(1))
 
 
@@ -488,7 +486,7 @@ def test_a_neimark_sacker_point_is_found_and_named():
     # Averaged: c = 0.3 A² − 0.3125 A⁴ along x.
     start = Start(np.array([1.863, 0.0, 0.0, 0.0]), 2 * np.pi, "")
     cycle = cycle_from(models(0.02)[0], start, steady)
-    branch = _both_ways(models, cycle, 0.02, (-0.05, 0.05), lambda _: None)
+    branch = Family(models, (-0.05, 0.05)).both_ways(cycle.model_copy(update={"value": 0.02}))
     (marginal,) = branch.special
     assert marginal.what is Event.NEIMARK_SACKER
     assert marginal.value == pytest.approx(0.0, abs=1e-6)  # 1e-5 of a step, which is 0.015 at most
@@ -548,7 +546,7 @@ def made_up_motion(transition) -> Any:
     shooting = SimpleNamespace(
         unscaled=lambda unknowns: (unknowns[:-2], 1.0, 0.0),
         models=lambda parameter: (None, None),
-        scales=SimpleNamespace(state=np.ones(3)),
+        scale=np.ones(5),
     )
     return shooting, SimpleNamespace(
         unknowns=np.zeros(5), flow=SimpleNamespace(transition=transition, rate=np.array([2.0, 2.0, 0.0]))
@@ -564,7 +562,7 @@ def test_a_cycle_that_all_but_grazes_has_the_multipliers_of_its_side(damped):
     # Round-off decides at which of these speeds the neighbours lie on either side.
     for change in (0.0, 1e-9, -1e-9, 1e-7, -1e-7):
         model = build_model(damped, {"drum.speed": 4.3999443387838335 + change})
-        shooting = Shooting(lambda _, model=model: (model, None), Scales(scale, 0.0009452191061, 1.0))
+        shooting = Shooting(lambda _, model=model: (model, None), np.append(scale, [0.0009452191061, 1.0]))
         closed = shooting.close(np.concatenate([state, [1.0, 0.0]]), np.eye(8)[-1])
         assert closed is not None
         multipliers, unit_error, tangent_error = floquet_of(shooting, closed)
@@ -619,7 +617,7 @@ def test_nothing_is_painted_where_nothing_is_known(block):
 
 
 def test_a_branch_goes_on_where_steady_sliding_is_not_found(block, monkeypatch):
-    monkeypatch.setattr(branches, "_steady", lambda models: lambda value: None)
+    monkeypatch.setattr(Family, "steady_at", lambda self, value: None)
     again = follow_models(with_derivative(falling_friction), 0.8, 2.4, 12)
     assert again.branches[0].end == block.branches[0].end
 
@@ -628,7 +626,7 @@ def test_a_cycle_of_the_scene_that_cannot_be_followed_leaves_the_others(damped, 
     monkeypatch.setattr(branches, "follow_models", lambda *_, **__: block)
     monkeypatch.setattr(branches, "find_cycle", lambda scene, progress: search)
     monkeypatch.setattr(branches, "is_between", lambda *_: False)
-    monkeypatch.setattr(branches, "_both_ways", partial(_raised, CycleError("lost")))
+    monkeypatch.setattr(Family, "both_ways", partial(_raised, CycleError("lost")))
     diagram = follow_cycles(damped, "drum.speed=1..9")
     assert diagram.branches == block.branches
     assert diagram.notes == ("from the scene's own cycle of 1028.85 Hz: lost",)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from drumsqueal import load_scene, run
+from drumsqueal import ConstantLaw, block_on_belt, find_cycle, load_scene, run
 from drumsqueal.files.json_file import to_json
 from drumsqueal.findings import decay
 from drumsqueal.findings.schema import read_findings
@@ -20,9 +20,9 @@ from drumsqueal.findings.signals.lyapunov import Exponents, lyapunov_exponents, 
 from drumsqueal.findings.signals.regime import Regime, classify
 from drumsqueal.findings.signals.regime_words import Cause
 from drumsqueal.questions.motion import study as study_module
+from drumsqueal.questions.motion.answer import draw_section
 from drumsqueal.questions.motion.attractor import Doubt, Kind, decide_attractor, describe_attractor
-from drumsqueal.questions.motion.figure import draw_section
-from drumsqueal.questions.motion.study import MotionStudy, Section, _section, _settled, study_motion
+from drumsqueal.questions.motion.study import BLOCK, MotionStudy, Section, _section, _settled, study_motion
 
 SAMPLES = 20  # an interval
 
@@ -255,8 +255,9 @@ def test_settled_is_what_has_no_trend(size, settles):
     time = np.arange(10_000) / 20_000
     wave = size(time) * np.cos(2 * np.pi * 1000.0 * time)
     chunk: Any = SimpleNamespace(velocity=np.column_stack([wave, 0 * wave]))
-    assert _settled([chunk], 20_000.0) is settles
-    assert not _settled([SimpleNamespace(velocity=chunk.velocity[:9000])], 20_000.0)  # pyright: ignore[reportArgumentType]
+    assert _settled([chunk], 20_000.0, BLOCK) is settles
+    shorter: Any = SimpleNamespace(velocity=chunk.velocity[:9000])
+    assert not _settled([shorter], 20_000.0, BLOCK)
 
 
 def test_the_section_is_where_the_main_coordinate_rises_through_its_mean():
@@ -300,7 +301,7 @@ def test_the_axes_of_a_section_span_what_moves(spread, span):
         (["--duration", "2000 s"], "--duration 2000 s: write a time up to 1000 s"),
         (["--duration", "-1"], "--duration -1: write a time"),
         (["--at-most", "0"], "--at-most 0: write a time"),
-        (["--set", 'drum.speed={time=["0 s", "1 s"], value=["5 rad/s", "4 rad/s"]}'], "this changes with time"),
+        (["--set", 'drum.speed={time=["0 s", "1 s"], value=["5 rad/s", "4 rad/s"]}'], "not a profile over time"),
     ],
 )
 def test_wrong_requests_are_told_in_one_line(drumsqueal, tmp_path, arguments, message):
@@ -322,6 +323,42 @@ def test_what_decays_to_rest_is_steady():
     assert study.settled
     assert study.recorded_from_s < 1
     assert not study.not_determined
+
+
+def test_of_a_model_the_exponents_are_those_of_its_cycle():
+    # x″ + 0.05 x′ + x = 1 + 0.4 x′³ − 0.5 x′⁵, 0.16 Hz.
+    model = block_on_belt(lambda s: 1.0 - 0.4 * (s - 1) ** 3 + 0.5 * (s - 1) ** 5, damping=0.05, belt_speed=1.0)
+    start: Any = {"displacement": {"X": 1.5}}
+    study = study_motion(model, start, 3500.0, sample_rate=2.0)
+    cycle = find_cycle(model, start, 600.0, sample_rate=20.0)
+    assert study.kind == "periodic"
+    assert study.settled
+    assert study.base_frequencies_Hz == pytest.approx([cycle.frequency_Hz], rel=1e-6)
+    assert study.lyapunov_exponents_1_per_s is not None
+    along, across = study.lyapunov_exponents_1_per_s
+    assert along == pytest.approx(0.0, abs=1e-4)  # round-off over 500 periods
+    assert across == pytest.approx(np.log(cycle.largest) / cycle.period_s, rel=1e-3)
+    assert "0.159117 Hz" in study.reason
+    assert "lining" not in study.reason + cycle.verdict
+    # From a small start it decays: the cycle is one of two attractors.
+    small: Any = {"displacement": {"X": 0.3}}
+    assert study_motion(model, small, 3500.0, sample_rate=2.0).kind == "steady"
+
+
+@pytest.mark.parametrize(
+    ("how", "why"),
+    [
+        ({"duration": 0.0}, "duration must be positive"),
+        ({"sample_rate": 0.1}, "sample_rate at least"),
+        ({"start": {"velocity": {"Y": 1.0}}}, "no coordinate of this model"),
+    ],
+)
+def test_a_motion_of_a_model_that_cannot_be_studied_is_refused(how, why):
+    with pytest.raises(ValueError, match=why):
+        study_motion(
+            block_on_belt(ConstantLaw(0.3), belt_speed=1.0),
+            **({"start": {}, "duration": 10.0, "sample_rate": 20.0} | how),
+        )
 
 
 def test_a_motion_that_decays_below_the_boundaries_has_not_failed_to_settle():

@@ -24,8 +24,7 @@ from drumsqueal.physics.effects.damping import Damping
 from drumsqueal.physics.laws.friction_law import ConstantLaw, ExponentialLaw
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
-from drumsqueal.questions.cycle.continuation import Branch, End
-from drumsqueal.questions.cycle.diagram import CycleBranches, Span, steady_sliding
+from drumsqueal.questions.cycle.diagram import Branch, CycleBranches, End, Span, steady_sliding
 from drumsqueal.questions.cycle.orbit import Cycle, Event
 from drumsqueal.questions.cycle.words import diagram_verdict
 from drumsqueal.questions.onset import attractors

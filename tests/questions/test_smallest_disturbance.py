@@ -16,8 +16,8 @@ from drumsqueal.findings.history import COMPLETE
 from drumsqueal.findings.saturated import Saturated
 from drumsqueal.physics.model import build_model
 from drumsqueal.physics.small_bodies import block_on_belt
+from drumsqueal.questions.cycle.orbit import Start as Beginning
 from drumsqueal.questions.cycle.search import cycle_from
-from drumsqueal.questions.cycle.starts import Start as Beginning
 from drumsqueal.questions.onset import disturbance as disturbance_module
 from drumsqueal.questions.onset import study as study_module
 from drumsqueal.questions.onset.attractors import Family, How, Start, find_attractors

@@ -70,13 +70,6 @@ def _rate(vibration: Vibration, part: slice, mass: NDArray[np.float64]) -> float
     return _between(before, after, mass, (stop - first) / vibration.sample_rate)
 
 
-def rms_rate(velocity: NDArray[np.float64], mass: NDArray[np.float64], sample_rate: float) -> float:
-    """Mean growth rate (1/s) of the rms velocity (time, n), weighted by mass, from the first half to the second."""
-    half = len(velocity) // 2
-    before, after = (np.mean(each**2, axis=0) for each in (velocity[:half], velocity[half:]))
-    return _between(before, after, mass, len(velocity) / sample_rate)
-
-
 def _between(
     first: NDArray[np.float64], second: NDArray[np.float64], mass: NDArray[np.float64], seconds: float
 ) -> float:

@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Iterator, Sequence
+from typing import Self
 
 import jax
 import jax.numpy as jnp
@@ -16,8 +17,8 @@ from drumsqueal.findings.signals.spectra import Spectrum, amplitude_spectrum
 from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
 from drumsqueal.physics.effects.operation import Constant, Operation, Profile
 from drumsqueal.physics.model import Model
-from drumsqueal.scene import COORDINATES
 from drumsqueal.solve.linear.modes import Mode, Stability
+from drumsqueal.solve.transient.integrate import Chunk
 
 ROTATIONS = ("Tx", "Ty", "Tz")
 FEWEST_FOR_SPECTRUM = 16  # samples
@@ -46,9 +47,22 @@ class Vibration:
     def __init__(self, history: xarray.Dataset, stability: Stability) -> None:
         """Name the history and its steady state."""
         self._history, self._steady = history, np.asarray(stability.steady_state)
-        self._index = [COORDINATES.index(name) for name in stability.coordinates]
+        recorded = history["coordinate"].values.tolist()
+        self._index = [recorded.index(name) for name in stability.coordinates]
         self.coordinates = stability.coordinates
         self.time: NDArray[np.float64] = history["time"].values
+
+    @classmethod
+    def of(cls, chunks: Sequence[Chunk], stability: Stability) -> Self:
+        """That of a transient's chunks, over the coordinates of the stability."""
+        history = xarray.Dataset(
+            {
+                name: (("time", "coordinate"), np.concatenate([getattr(chunk, name) for chunk in chunks]))
+                for name in ("displacement", "velocity")
+            },
+            {"time": np.concatenate([chunk.time for chunk in chunks]), "coordinate": list(stability.coordinates)},
+        )
+        return cls(history, stability)
 
     @property
     def displacement(self) -> NDArray[np.float64]:

@@ -38,6 +38,11 @@ class Variation(NamedTuple):
         """The unit of values that are shown."""
         return self.given or self.unit
 
+    @property
+    def unit_after(self) -> str:
+        """That unit as it stands behind a number, after a space."""
+        return f" {self.shown_unit}" if self.shown_unit else ""
+
     def in_unit(self, given: str) -> "Variation":
         """The same values, shown in another unit; the SI unit, "1" and "" stand for SI."""
         if given in ("", "1", self.unit):
@@ -50,7 +55,7 @@ class Variation(NamedTuple):
 
     def with_unit(self, value: float, form: str = ".6g") -> str:
         """A value (SI) in that unit, with the unit."""
-        return f"{self.shown(value):{form}}{f' {self.shown_unit}' if self.shown_unit else ''}"
+        return f"{self.shown(value):{form}}{self.unit_after}"
 
     @property
     def first(self) -> float:

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from jax.typing import ArrayLike
@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 from drumsqueal.errors import IntegrationError
 from drumsqueal.findings.outcome import COMPLETE, Ending, Outcome
 from drumsqueal.interrupts import noted_interrupts, stop_if_interrupted
+from drumsqueal.physics.effects.operation import Constant
 from drumsqueal.physics.model import Model
 from drumsqueal.progress import Progress, silent
+from drumsqueal.solve.linear.modes import Stability, analyse_stability
 from drumsqueal.solve.linear.steady import steady_sliding
 from drumsqueal.solve.transient.integrate import Chunk
 from drumsqueal.solve.transient.integrate import integrate as chunks_of
@@ -46,16 +48,61 @@ class Motion:
 
         Of the fourth order in the interval of samples, and of the second where friction reverses with it.
         """
-        from scipy.interpolate import CubicHermiteSpline  # which a run does without
-
         k = self.names.index(name)
-        place, speed = self.displacement[:, k], self.velocity[:, k]
-        curve = CubicHermiteSpline(self.time, place, speed)
-        times = curve.derivative().roots(extrapolate=False)
-        times = times[np.isfinite(times)]
-        before = np.clip(np.searchsorted(self.time, times) - 1, 0, None)
-        times = times[speed[before] * speed[before + 1] < 0]  # at rest it turns nowhere
-        return times, curve(times)
+        return turning_points(self.time, self.displacement[:, k], self.velocity[:, k])
+
+
+def turning_points(time: Vector, place: Vector, speed: Vector) -> tuple[Vector, Vector]:
+    """When a coordinate (k,) turns round (s), and where, as `Motion.turning_points` has it."""
+    from scipy.interpolate import CubicHermiteSpline  # which a run does without
+
+    curve = CubicHermiteSpline(time, place, speed)
+    times = curve.derivative().roots(extrapolate=False)
+    times = times[np.isfinite(times)]
+    before = np.clip(np.searchsorted(time, times) - 1, 0, None)
+    times = times[speed[before] * speed[before + 1] < 0]  # at rest it turns nowhere
+    return times, curve(times)
+
+
+class Transient(NamedTuple):
+    """A transient at constant speed and load: a model, its stability over the same coordinates, and the start.
+
+    `displacement` (n,) departs from steady sliding, as `velocity` (n,) does. `how` is the duration (s), sample rate
+    (Hz), tolerance and method.
+    """
+
+    model: Model
+    stability: Stability
+    displacement: Vector
+    velocity: Vector
+    how: Mapping[str, Any]
+
+    @property
+    def lowest_frequency_Hz(self) -> float | None:
+        """Half the lowest frequency of its modes: the lowest of interest; None where nothing oscillates."""
+        return min((mode.frequency_Hz / 2 for mode in self.stability.modes), default=None)
+
+    def follow(
+        self, take: Callable[[Chunk], object], progress: Progress = silent, *, what: str = "integrating"
+    ) -> None:
+        """Call `take` with every chunk, as `follow` does."""
+        start = self.stability.steady_state, self.displacement, self.velocity
+        follow(chunks_of(self.model, *start, **self.how), self.how["duration"], take, progress, what=what)
+
+
+def constant_transient(model: Model, start: Start, **how: Any) -> Transient:
+    """The transient of a model at constant speed and load; `how` as in `Transient`.
+
+    Raises ValueError for a model that changes with time, a wrong start, and for no duration or samples that fold.
+    """
+    operation = model.operation
+    if model.remembering or not all(isinstance(each, Constant) for each in (operation.drum_speed, operation.preload)):
+        raise ValueError("speed and load must be constant; this model changes with time")
+    stability = analyse_stability(model)
+    if not how["duration"] > 0 or how["sample_rate"] < 2 * stability.highest_frequency_Hz:
+        least = f"{2 * stability.highest_frequency_Hz:.5g} Hz, twice the highest frequency of the model"
+        raise ValueError(f"duration must be positive and sample_rate at least {least}")
+    return Transient(model, stability, *start_of(model.names, start), how)
 
 
 def integrate(
@@ -78,33 +125,25 @@ def integrate(
     """
     if not (np.isfinite(duration * sample_rate) and round(duration * sample_rate) >= 1 and sample_rate > 0):
         raise ValueError(f"duration times sample_rate must be one sample at least, got {duration} s × {sample_rate} Hz")
-    displacement, velocity = start_of(model.names, start)
-    steady = _steady(model) if origin is None else _vector(model.names, "origin", origin)
+    first = start_of(model.names, start)
+    if origin is not None:
+        steady = _vector(model.names, "origin", origin)
+    elif float(model.operation.at(0.0).drum_speed) == 0:  # nothing is dragged along, and springs are unloaded
+        steady = np.zeros(len(model.names))
+    else:
+        steady = np.asarray(steady_sliding(model))
     chunks: list[Chunk] = []
     how: Any = {"duration": duration, "sample_rate": sample_rate, "tolerance": tolerance, "solver": solver}
-    stream = chunks_of(model, steady, displacement, velocity, **how)
-    outcome = collect(stream, duration, chunks.append, progress)
+    outcome = collect(chunks_of(model, steady, *first, **how), duration, chunks.append, progress)
     if not chunks:
         raise IntegrationError(outcome)
-    return joined(model.names, chunks, outcome)
-
-
-def joined(names: tuple[str, ...], chunks: Sequence[Chunk], outcome: Outcome) -> Motion:
-    """Chunks put together."""
-
-    def whole(field: str) -> Vector:
-        return np.concatenate([getattr(chunk, field) for chunk in chunks])
-
-    return Motion(
-        names=names,
-        time=whole("time"),
-        displacement=whole("displacement"),
-        velocity=whole("velocity"),
-        energy_balance_error=whole("energy_balance_error"),
-        changes=tuple(change for chunk in chunks for change in chunk.changes),
-        steps=sum(chunk.steps for chunk in chunks),
-        outcome=outcome,
-    )
+    whole = {
+        field: np.concatenate([getattr(chunk, field) for chunk in chunks])
+        for field in ("time", "displacement", "velocity", "energy_balance_error")
+    }
+    changes = tuple(change for chunk in chunks for change in chunk.changes)
+    steps = sum(chunk.steps for chunk in chunks)
+    return Motion(names=model.names, changes=changes, steps=steps, outcome=outcome, **whole)
 
 
 def start_of(names: tuple[str, ...], start: Start) -> tuple[Vector, Vector]:
@@ -126,13 +165,6 @@ def _vector(names: tuple[str, ...], key: str, given: Mapping[str, float] | Seque
     if values.shape != (len(names),):
         raise ValueError(f"{key}: a number for each of {', '.join(names)} is needed, got shape {values.shape}")
     return values
-
-
-def _steady(model: Model) -> Vector:
-    """Steady sliding (n,); where the belt or drum is at rest nothing is dragged along, and its springs are unloaded."""
-    if float(model.operation.at(0.0).drum_speed) == 0:
-        return np.zeros(len(model.names))
-    return np.asarray(steady_sliding(model))
 
 
 def follow(

@@ -10,14 +10,11 @@ from rich.table import Table
 from drumsqueal.files.output_folder import BRANCH, BRANCH_SUMMARY, BRANCH_TABLE, CYCLE, CYCLE_HISTORY, CYCLE_SUMMARY
 from drumsqueal.findings.history import COMPLETE, to_dataset
 from drumsqueal.findings.vibration import unit_of
-from drumsqueal.questions.cycle.branch_figure import draw_branch
-from drumsqueal.questions.cycle.continuation import Branch, End
-from drumsqueal.questions.cycle.diagram import CycleBranches
-from drumsqueal.questions.cycle.figure import draw_cycle
+from drumsqueal.questions.cycle.diagram import Branch, CycleBranches, End
+from drumsqueal.questions.cycle.figures import draw_branch, draw_cycle
 from drumsqueal.questions.cycle.orbit import NEUTRAL, Cycle
 from drumsqueal.questions.cycle.search import CycleStudy
-from drumsqueal.questions.cycle.words import accuracy_words, describe_briefly, unit_after
-from drumsqueal.scene.variation import Variation
+from drumsqueal.questions.cycle.words import describe_briefly
 from drumsqueal.terminal.runner import Answer
 from drumsqueal.terminal.tables import print_table, rows_to_csv
 
@@ -37,7 +34,8 @@ def print_cycle(console: Console, found: CycleStudy) -> None:
         if value.imag >= 0:
             table.add_row(f"{abs(value):.6f}", f"{'±' if value.imag else ''}{np.degrees(np.angle(value)):.2f}")
     print_table(console, table)
-    console.print(accuracy_words(found), style="dim")
+    trivial = f"error of the trivial Floquet multiplier {found.unit_multiplier_error:.1e}"
+    console.print(f"Periodicity residual {found.residual:.1e} of the motion; {trivial}", style="dim")
     console.print(f"Found from: {found.found_from}. The transient {found.transient}.", style="dim")
     for other in found.others:
         console.print(f"Another cycle: {describe_briefly(other)}.", style="dim")
@@ -72,7 +70,7 @@ def print_branches(console: Console, found: CycleBranches) -> None:
     print_table(console, table)
     for critical in found.critical_values:
         becomes = "unstable" if critical.destabilises else "stable"
-        where = f"{variation.key} = {variation.shown(critical.value):.7g}{unit_after(variation)}"
+        where = f"{variation.key} = {variation.with_unit(critical.value, '.7g')}"
         console.print(f"Steady sliding becomes {becomes} in {critical.label} as the value rises past {where}")
     for number, branch in enumerate(found.branches, start=1):
         for verb, end in (("begins", branch.start), ("ends", branch.end)):
@@ -86,41 +84,35 @@ def print_branches(console: Console, found: CycleBranches) -> None:
 
 
 def milestones(branch: Branch) -> list[tuple[str, Cycle]]:
-    """The ends of a branch and what happens on it, in order."""
-    last = len(branch.cycles) - 1
-    ends = {last: _end(branch.end, "last")} | {0: _end(branch.start, "first")}
+    """The ends of a branch and what happens on it, in order; at a Hopf point the end is the cycle next to it."""
+    ends = {}
+    for place, reason, which in ((len(branch.cycles) - 1, branch.end, "last"), (0, branch.start, "first")):
+        ends[place] = f"{which} cycle" if reason == End.HOPF else reason if reason in set(End) else "end"
     found = [(cycle.what or ends.get(k), cycle) for k, cycle in enumerate(branch.cycles)]
     return [(what, cycle) for what, cycle in found if what is not None]
 
 
-def _end(reason: str, which: str) -> str:
-    """What an end is; at a Hopf point it is the cycle next to it, which has a size."""
-    if reason == End.HOPF:
-        return f"{which} cycle"
-    return reason if reason in set(End) else "end"
-
-
 def branches_table(found: CycleBranches) -> str:
     """One row a cycle, in the order of its branch, as CSV."""
-    rows = [(k, cycle) for k, branch in enumerate(found.branches, start=1) for cycle in branch.cycles]
-    return rows_to_csv([_row(found.parameter.variation, number, cycle) for number, cycle in rows])
-
-
-def _row(variation: Variation, number: int, cycle: Cycle) -> dict[str, Any]:
-    row: dict[str, Any] = {
-        "branch": number,
-        variation.column: variation.listed(cycle.value),
-        "what": cycle.what or "",
-        "frequency_Hz": cycle.frequency_Hz,
-        "stable": "neutral" if cycle.neutral else "yes" if cycle.stable else "no",
-        "unstable_directions": int(np.sum(np.abs(cycle.multipliers) > 1 + NEUTRAL)),  # one on the circle is none
-    }
-    row |= {f"amplitude_{name}_{unit_of(name)}": a for name, a in cycle.amplitude.items()}
-    row |= {"contact_fraction": cycle.contact_fraction, "slip_reversed_fraction": cycle.slip_reversed_fraction}
-    for k, value in enumerate(cycle.multipliers.tolist(), start=1):
-        row |= {f"multiplier_{k}_re": value.real, f"multiplier_{k}_im": value.imag}
-    names = ("residual", "unit_multiplier_error", "tangent_error")
-    return row | {name: getattr(cycle, name) for name in names}
+    variation, rows = found.parameter.variation, []
+    for number, branch in enumerate(found.branches, start=1):
+        for cycle in branch.cycles:
+            row: dict[str, Any] = {
+                "branch": number,
+                variation.column: variation.listed(cycle.value),
+                "what": cycle.what or "",
+                "frequency_Hz": cycle.frequency_Hz,
+                "stable": "neutral" if cycle.neutral else "yes" if cycle.stable else "no",
+                # one on the circle is none
+                "unstable_directions": int(np.sum(np.abs(cycle.multipliers) > 1 + NEUTRAL)),
+            }
+            row |= {f"amplitude_{name}_{unit_of(name)}": size for name, size in cycle.amplitude.items()}
+            row |= {name: getattr(cycle, name) for name in ("contact_fraction", "slip_reversed_fraction")}
+            for k, value in enumerate(cycle.multipliers.tolist(), start=1):
+                row |= {f"multiplier_{k}_re": value.real, f"multiplier_{k}_im": value.imag}
+            row |= {name: getattr(cycle, name) for name in ("residual", "unit_multiplier_error", "tangent_error")}
+            rows.append(row)
+    return rows_to_csv(rows)
 
 
 CYCLES = Answer(

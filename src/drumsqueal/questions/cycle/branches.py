@@ -1,6 +1,7 @@
 """Cycles along a parameter: branches that leave steady sliding at its Hopf points, and that of the scene's cycle."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from functools import partial
 from itertools import pairwise
 from typing import Any, cast, overload
 
@@ -11,24 +12,21 @@ from drumsqueal.errors import CycleError
 from drumsqueal.findings.outcome import Ending
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.cycle.continuation import Branch, End, Track, is_between
-from drumsqueal.questions.cycle.diagram import CycleBranches, Diagram, Span, steady_sliding
-from drumsqueal.questions.cycle.orbit import Cycle
-from drumsqueal.questions.cycle.search import checked, find_cycle, scales_of
-from drumsqueal.questions.cycle.shooting import Models, Shooting, Vector
-from drumsqueal.questions.cycle.starts import Start, modal_start, reach
+from drumsqueal.questions.cycle.continuation import Track, is_between
+from drumsqueal.questions.cycle.diagram import Branch, CycleBranches, Diagram, End, Span, steady_sliding
+from drumsqueal.questions.cycle.orbit import Closed, Cycle, Shooting, Start, Vector, scale_near
+from drumsqueal.questions.cycle.search import checked, find_cycle, modal_start, reach
 from drumsqueal.questions.cycle.words import diagram_verdict
 from drumsqueal.scene import Scene
 from drumsqueal.scene.variation import Variation, may_not_rest, read_variation
 from drumsqueal.solve.linear.branches import Critical, follow_modes, point_at
-from drumsqueal.solve.linear.modes import Mode
 
 VALUES = 60  # of the parameter, at which the eigenvalues are looked at first
 SMALL = 0.02  # amplitude of the first cycle near a Hopf point, over that at which the drum's speed is reached
 NEAR_HOPF = 0.02  # of the range: a branch that ends there so near to a Hopf point ends at it
 KEPT_EVERY = 10  # cycles
 
-OnTrack = Callable[[Track], object]
+OnBranch = Callable[[Branch], object]
 
 
 @overload
@@ -70,26 +68,20 @@ def follow_cycles(
     """
     if not isinstance(scene, Scene):
         low, high = sorted(cast("tuple[float, float]", along))
-        models = jax.jit(lambda value: jax.jvp(scene, (value,), (1.0,)))
-        return follow_models(models, low, high, progress=progress, on_diagram=keep)
-    known = not isinstance(along, str)
-    variation = cast("Variation", along) if known else read_variation(along, scene, option="along", points=None)
+        return follow_models(_with_derivative(scene), low, high, progress=progress, on_diagram=keep)
+    variation = read_variation(along, scene, option="along", points=None) if isinstance(along, str) else along
+    variation = cast("Variation", variation)
     checked_range(scene, variation)
     key, (low, high) = variation.key, sorted((variation.first, variation.last))
-    own = scene.numbers()[key]
-    assert isinstance(own, float)
     # Structure hangs on the larger end: a long arc has more nodes.
     whole = scene.with_values({key: max(low, high, key=abs)})
-    models = jax.jit(lambda value: jax.jvp(lambda number: build_model(whole, {key: number}), (value,), (1.0,)))
+    models = _with_derivative(lambda value: build_model(whole, {key: value}))
     span = Span.of(variation._replace(values=(variation.first, variation.last)))
 
     def found(diagram: Diagram, outcome: Ending) -> CycleBranches:
         critical = diagram.linear.critical
-        branches = CycleBranches(
-            scene=scene, outcome=outcome, parameter=span, critical_values=critical, **dict(diagram)
-        )
-        complete = outcome is Ending.COMPLETE
-        return branches.model_copy(update={"verdict": diagram_verdict(branches, variation)}) if complete else branches
+        whole = dict(diagram) | {"parameter": span, "critical_values": critical, "outcome": outcome}
+        return CycleBranches(scene=scene, **whole)
 
     where = ""
 
@@ -103,11 +95,19 @@ def follow_cycles(
     def report(what: str, done: float = 0.0, total: float | None = None) -> None:
         progress(f"{what}{where}", done, total)
 
-    diagram = follow_models(models, low, high, VALUES, progress=report, on_diagram=on_diagram)
+    diagram = follow_models(models, low, high, progress=report, on_diagram=on_diagram)
+    own = scene.numbers()[key]
+    assert isinstance(own, float)
     if low <= own <= high:
         where = ""
-        diagram = _with_own(diagram, scene, models, own, (low, high), report, on_diagram)
-    return found(diagram, Ending.COMPLETE)
+        family = Family(models, (low, high), partial(report, "cycles"))
+        diagram = _with_own(diagram, scene, family, own, report, on_diagram)
+    branches = found(diagram, Ending.COMPLETE)
+    return branches.model_copy(update={"verdict": diagram_verdict(branches, variation)})
+
+
+def _with_derivative(model_at: Callable[[Any], Model]) -> Callable[[float], tuple[Model, Model]]:
+    return jax.jit(lambda value: jax.jvp(model_at, (value,), (1.0,)))
 
 
 def found_some(found: CycleBranches) -> CycleBranches:
@@ -138,83 +138,58 @@ def follow_models(
 
     `on_diagram` takes what is known after each cycle.
     """
-    linear = follow_modes(lambda value: models(value)[0], np.linspace(low, high, values).tolist(), progress)
-    branches: list[Branch] = []
-    notes: list[str] = []
-    stable, unstable = (steady_sliding(linear, low, high, stable=wanted) for wanted in (True, False))
-
-    def found(*others: Branch) -> Diagram:
-        return Diagram(
-            linear=linear,
-            branches=(*branches, *others),
-            notes=tuple(notes),
-            steady_sliding_stable=stable,
-            steady_sliding_unstable=unstable,
-        )
-
-    def on_track(track: Track) -> None:
-        on_diagram(found(Branch(start=End.HOPF, end=End.CUT_OFF, cycles=tuple(track.cycles))))
-
+    family = Family(models, (low, high), partial(progress, "cycles", 0, None))
+    linear = follow_modes(family.model_at, np.linspace(low, high, values).tolist(), progress)
+    diagram = Diagram(
+        linear=linear,
+        branches=(),
+        steady_sliding_stable=steady_sliding(linear, low, high, stable=True),
+        steady_sliding_unstable=steady_sliding(linear, low, high, stable=False),
+    )
     for critical in linear.critical:
-        if not critical.frequency_Hz or any(_ends_at(branch, critical, high - low) for branch in branches):
-            continue
-        try:
-            branches.append(_from_hopf(models, critical, (low, high), on_track, _beat(progress)))
-        except CycleError as error:
-            notes.append(f"from the Hopf point of {critical.label} at {critical.value:.6g}: {error}")
-    return found()
+        if critical.frequency_Hz and not any(_ends_at(branch, critical, high - low) for branch in diagram.branches):
+            origin = f"from the Hopf point of {critical.label} at {critical.value:.6g}"
+            diagram = _extended(diagram, origin, partial(family.from_hopf, critical), on_diagram)
+    return diagram
 
 
-def _beat(progress: Progress) -> Callable[[], None]:
-    """What is called before each integration over a period."""
-    return lambda: progress("cycles", 0, None)
+def _with_own(
+    diagram: Diagram,
+    scene: Scene,
+    family: "Family",
+    own: float,
+    progress: Progress,
+    on_diagram: Callable[[Diagram], None],
+) -> Diagram:
+    """The diagram with the branches of the scene's own cycles, as far as they are none of those that are there."""
+    try:
+        search = find_cycle(scene, progress=progress)
+    except CycleError as error:
+        return _noted(diagram, f"at the scene's own value: {error}")
+    for cycle in (search, *search.others):
+        here = cycle.model_copy(update={"value": own})
+        if not any(is_between(a, b, here) for branch in diagram.branches for a, b in pairwise(branch.cycles)):
+            origin = f"from the scene's own cycle of {cycle.frequency_Hz:.6g} Hz"
+            diagram = _extended(diagram, origin, partial(family.both_ways, here), on_diagram)
+    return diagram
 
 
-def _from_hopf(
-    models: Models,
-    critical: Critical,
-    bounds: tuple[float, float],
-    on_track: OnTrack,
-    on_flow: Callable[[], None] = lambda: None,
-) -> Branch:
-    """Follow the branch that begins with amplitude zero at a Hopf point."""
-    model = models(critical.value)[0]
-    point = point_at(lambda value: models(value)[0], critical.value)
-    mode = min(point.modes, key=lambda mode: abs(mode.growth_rate))
-    start, whole = _small(model, point.steady, mode)
-    shooting = Shooting(models, scales_of(model, whole, point.steady, _scale(bounds)), on_flow)
-    guess = shooting.scaled(start.state, start.period, critical.value)
-    rest = shooting.scaled(np.concatenate([point.steady, 0 * point.steady]), start.period, critical.value)
-    outwards = guess - rest
-    closed = shooting.close(guess, outwards)
-    if closed is None:
-        raise CycleError("Newton's method finds no cycle next to it")
-    track = Track(shooting, bounds, _steady(models), on_track)
-    end = track.follow(closed, outwards)
-    if not track.cycles:
-        raise CycleError(end)
-    return Branch(start=End.HOPF, end=end, cycles=tuple(track.cycles))
+def _extended(
+    diagram: Diagram, origin: str, follow: Callable[[OnBranch], Branch], on_diagram: Callable[[Diagram], None]
+) -> Diagram:
+    """The diagram with the branch that is followed from an origin, or with a note on why there is none."""
+
+    def extended(branch: Branch) -> Diagram:
+        return diagram.model_copy(update={"branches": (*diagram.branches, branch)})
+
+    try:
+        return extended(follow(lambda branch: on_diagram(extended(branch))))
+    except CycleError as error:
+        return _noted(diagram, f"{origin}: {error}")
 
 
-def _small(model: Model, steady: Vector, mode: Mode) -> tuple[Start, Start]:
-    """A small motion along a mode, and one in which the lining gets as fast as the drum."""
-    amplitude = reach(model, mode)
-    shape = mode.right[: len(steady)]
-    return modal_start(steady, mode, shape, SMALL * amplitude), modal_start(steady, mode, shape, amplitude)
-
-
-def _scale(bounds: tuple[float, float]) -> float:
-    return bounds[1] - bounds[0]
-
-
-def _steady(models: Models) -> Callable[[float], Vector | None]:
-    """Steady sliding at a value, None where there is none."""
-
-    def at(value: float) -> Vector | None:
-        point = point_at(lambda number: models(number)[0], value)
-        return None if point.reason else point.steady
-
-    return at
+def _noted(diagram: Diagram, note: str) -> Diagram:
+    return diagram.model_copy(update={"notes": (*diagram.notes, note)})
 
 
 def _ends_at(branch: Branch, critical: Critical, width: float) -> bool:
@@ -228,68 +203,68 @@ def _ends_at(branch: Branch, critical: Critical, width: float) -> bool:
     )
 
 
-def _with_own(
-    diagram: Diagram,
-    scene: Scene,
-    models: Models,
-    own: float,
-    bounds: tuple[float, float],
-    progress: Progress,
-    on_diagram: Callable[[Diagram], None],
-) -> Diagram:
-    """The diagram with the branch of the scene's own cycle, if it is none of those that are there."""
-    branches, notes = list(diagram.branches), list(diagram.notes)
+class Family:
+    """Models along a parameter within bounds, given with their derivative, and the branches of their cycles."""
 
-    def found(*others: Branch) -> Diagram:
-        return diagram.model_copy(update={"branches": (*branches, *others), "notes": tuple(notes)})
+    def __init__(
+        self,
+        models: Callable[[float], tuple[Model, Model]],
+        bounds: tuple[float, float],
+        on_flow: Callable[[], object] = lambda: None,
+    ) -> None:
+        """Take the models; `on_flow` is called before each integration over a period."""
+        self._models, self._bounds, self._on_flow = models, bounds, on_flow
 
-    def on_track(track: Track) -> None:
-        on_diagram(found(Branch(start=End.CUT_OFF, end=End.CUT_OFF, cycles=tuple(track.cycles))))
+    def model_at(self, value: float) -> Model:
+        """The model at a value."""
+        return self._models(value)[0]
 
-    cycles: Sequence[Cycle] = ()
-    try:
-        search = find_cycle(scene, progress=progress)
-        cycles = (search, *search.others)
-    except CycleError as error:
-        notes.append(f"at the scene's own value: {error}")
-    for cycle in cycles:
-        here = cycle.model_copy(update={"value": own})
-        if any(is_between(a, b, here) for branch in branches for a, b in pairwise(branch.cycles)):
-            continue
-        try:
-            branches.append(_both_ways(models, cycle, own, bounds, on_track, _beat(progress)))
-        except CycleError as error:
-            notes.append(f"from the scene's own cycle of {cycle.frequency_Hz:.6g} Hz: {error}")
-    return found()
+    def steady_at(self, value: float) -> Vector | None:
+        """Steady sliding (n,) at a value, None where there is none."""
+        point = point_at(self.model_at, value)
+        return None if point.reason else point.steady
 
+    def from_hopf(self, critical: Critical, on_branch: OnBranch) -> Branch:
+        """Follow the branch that begins with amplitude zero at a Hopf point. Raises CycleError where there is none."""
+        value, model = critical.value, self.model_at(critical.value)
+        point = point_at(self.model_at, value)
+        mode = min(point.modes, key=lambda mode: abs(mode.growth_rate))
+        amplitude = reach(model, mode)
+        start = modal_start(point.steady, mode, SMALL * amplitude)
+        shooting = self._shooting(value, modal_start(point.steady, mode, amplitude), point.steady)
+        guess = shooting.scaled(start.state, start.period, value)
+        rest = shooting.scaled(np.append(point.steady, 0 * point.steady), start.period, value)
+        closed = shooting.close(guess, guess - rest)
+        if closed is None:
+            raise CycleError("Newton's method finds no cycle next to it")
+        cycles, end = self._follow(shooting, closed, guess - rest, End.HOPF, on_branch)
+        if not cycles:
+            raise CycleError(end)
+        return Branch(start=End.HOPF, end=end, cycles=tuple(cycles))
 
-def _both_ways(
-    models: Models,
-    cycle: Cycle,
-    own: float,
-    bounds: tuple[float, float],
-    on_track: OnTrack,
-    on_flow: Callable[[], None] = lambda: None,
-) -> Branch:
-    model = models(own)[0]
-    steady_at = _steady(models)
-    steady = steady_at(own)
-    if steady is None:
-        raise CycleError("there is no steady sliding to measure it from")
-    start = Start(cycle.state, cycle.period_s, "")
-    shooting = Shooting(models, scales_of(model, start, steady, _scale(bounds)), on_flow)
-    guess = shooting.scaled(cycle.state, cycle.period_s, own)
-    along = np.zeros_like(guess)
-    along[-1] = 1.0
-    closed = shooting.close(guess, along)
-    if closed is None:
-        raise CycleError("Newton's method loses the cycle that it had found")
-    parts, ends = [], []
-    for sign in (-1.0, 1.0):
-        track = Track(shooting, bounds, steady_at, on_track)
-        ends.append(track.follow(closed, sign * along))
-        parts.append(track.cycles)
-        if ends[0] == End.LOOP:
-            return Branch(start=End.LOOP, end=End.LOOP, cycles=tuple(track.cycles))
-    down, up = parts
-    return Branch(start=ends[0], end=ends[1], cycles=(*reversed(down), *up[1:]))
+    def both_ways(self, cycle: Cycle, on_branch: OnBranch = lambda _: None) -> Branch:
+        """Follow the branch of a cycle at a value to either side. Raises CycleError where Newton's method loses it."""
+        steady = self.steady_at(cycle.value)
+        if steady is None:
+            raise CycleError("there is no steady sliding to measure it from")
+        shooting = self._shooting(cycle.value, Start(cycle.state, cycle.period_s, ""), steady)
+        closed = shooting.close(shooting.scaled(cycle.state, cycle.period_s, cycle.value))
+        if closed is None:
+            raise CycleError("Newton's method loses the cycle that it had found")
+        upwards = np.eye(closed.unknowns.size)[-1]
+        down, first = self._follow(shooting, closed, -upwards, End.CUT_OFF, on_branch)
+        if first == End.LOOP:
+            return Branch(start=first, end=first, cycles=tuple(down))
+        up, last = self._follow(shooting, closed, upwards, End.CUT_OFF, on_branch)
+        return Branch(start=first, end=last, cycles=(*reversed(down), *up[1:]))
+
+    def _shooting(self, value: float, start: Start, steady: Vector) -> Shooting:
+        width = self._bounds[1] - self._bounds[0]
+        return Shooting(self._models, scale_near(self.model_at(value), start, steady, width), self._on_flow)
+
+    def _follow(
+        self, shooting: Shooting, closed: Closed, ahead: Vector, start: str, on_branch: OnBranch
+    ) -> tuple[list[Cycle], str]:
+        track = Track(shooting, self._bounds, self.steady_at, start, on_branch)
+        end = track.follow(closed, ahead)
+        return track.cycles, end

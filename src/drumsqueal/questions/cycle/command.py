@@ -21,13 +21,7 @@ def cycle_command(
     output: Annotated[Path | None, output_option("SCENE-cycle")] = None,
     along: Annotated[
         str | None,
-        typer.Option(
-            "--along",
-            metavar="KEY=FROM..TO",
-            help=ALONG,
-            show_default=False,
-            autocompletion=complete_range,
-        ),
+        typer.Option("--along", metavar="KEY=FROM..TO", help=ALONG, show_default=False, autocompletion=complete_range),
     ] = None,
     settings: Settings = None,
     overwrite: Overwrite = False,
@@ -51,10 +45,10 @@ def cycle_command(
     from drumsqueal.questions.cycle.answer import BRANCHES, CYCLES
     from drumsqueal.questions.cycle.branches import checked_range, follow_cycles, found_some
     from drumsqueal.questions.cycle.search import checked, find_cycle
-    from drumsqueal.simulation import check_sample_rate, prepare
+    from drumsqueal.simulation import constant_transient
     from drumsqueal.terminal.runner import answer
 
-    check_sample_rate(prepare(checked(loaded)))  # what cannot be done is reported before there is a folder
+    constant_transient(checked(loaded))  # what cannot be done is reported before there is a folder
     if variation is None:
         answer(reply, CYCLES, lambda progress, _: find_cycle(loaded, progress=progress))
     else:

@@ -7,18 +7,14 @@ of Bifurcation Theory, Academic Press 1977; of the names: Y. A. Kuznetsov, Eleme
 """
 
 from collections.abc import Callable
-from enum import StrEnum
-from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from pydantic import computed_field
 from scipy.optimize import brentq
 
 from drumsqueal.errors import CycleError
-from drumsqueal.findings.part import Finding
-from drumsqueal.questions.cycle.orbit import Cycle, Event, describe, floquet_of
-from drumsqueal.questions.cycle.shooting import SINGULAR, Closed, Shooting, Vector
+from drumsqueal.questions.cycle.diagram import Branch, End
+from drumsqueal.questions.cycle.orbit import SINGULAR, Closed, Cycle, Event, Shooting, Vector, describe, floquet_of
 
 FIRST_STEP, LEAST_STEP, LONGEST_STEP = 0.02, 1e-5, 0.15  # of arclength, in the scaled unknowns
 FASTER, SLOWER = 1.6, 0.5
@@ -27,51 +23,11 @@ TURN = 0.9  # cosine of the angle between two neighbouring tangents, at least
 CORNER_STEPS = (1e-3, 4e-3, 1.6e-2, 6.4e-2)
 BACKWARDS = -0.97  # cosine of the angle to the branch below which one is on it again, on the way back
 LOCATED = 1e-5  # of a step: how well an instability, or the turn of a fold, is found along the branch
-ROUND_OFF = 1e-10  # of a multiplier: nearer than that to the unit circle its side is not known
 BENT = 1e-3  # |Im μ| above which two multipliers that leave the circle are a pair
 MOST_POINTS = 400
 FEWEST = 4  # points of a closed loop
 SAME = 0.02  # relative difference in period and amplitudes of what is taken for the same cycle
 CLOSE_TO_REST = 2e-3  # scaled amplitude at which a branch ends at the steady sliding that it came from
-
-
-class End(StrEnum):
-    """Where a branch begins or ends, if Newton's method does not fail there."""
-
-    HOPF = "Hopf"
-    BOUND = "end of the range"
-    LOOP = "closed loop"
-    CUT_OFF = "cut off"
-
-
-class Branch(Finding):
-    """Cycles in the order in which they follow one another, and why the branch ends on either side.
-
-    `start` and `end` are an `End` or a reason in words.
-    """
-
-    start: str
-    end: str
-    cycles: tuple[Cycle, ...]
-
-    @computed_field
-    @property
-    def special(self) -> tuple[Cycle, ...]:
-        """The cycles at which something happens."""
-        return tuple(cycle for cycle in self.cycles if cycle.what is not None)
-
-    def pieces(self) -> list[tuple[list[Cycle], bool]]:
-        """The branch in pieces that are stable or not, in order; neighbours share the cycle at which it changes."""
-        found: list[tuple[list[Cycle], bool]] = []
-        for a, b in pairwise(self.cycles):
-            # Of two corners in a row both count: that nothing is known is no reason to call it stable.
-            known = [cycle for cycle in (a, b) if cycle.what is None] or [a, b]
-            stable = all(cycle.stable for cycle in known)
-            if found and found[-1][1] == stable:
-                found[-1][0].append(b)
-            else:
-                found.append(([a, b], stable))
-        return found
 
 
 class _Place(NamedTuple):
@@ -88,59 +44,49 @@ class Track:
         shooting: Shooting,
         bounds: tuple[float, float],
         steady_at: Callable[[float], Vector | None],
-        on_cycle: "Callable[[Track], object]" = lambda _: None,
+        start: str,
+        on_branch: Callable[[Branch], object],
     ) -> None:
         """Follow within bounds of the parameter; `steady_at` gives steady sliding q* (n,), None where there is none.
 
-        `on_cycle` is called after each cycle.
+        `on_branch` is called after each cycle, with those up to it, from a `start`.
         """
-        self._shooting, self._bounds, self._steady_at, self._on_cycle = shooting, bounds, steady_at, on_cycle
+        self._shooting, self._bounds, self._steady_at = shooting, bounds, steady_at
+        self._start, self._on_branch = start, on_branch
         self.cycles: list[Cycle] = []
 
     def follow(self, closed: Closed, ahead: Vector) -> str:
-        """Follow from a cycle in the direction that has a part along `ahead` (2n + 2,); says why it ended.
+        """Follow from a cycle in the direction that has a part along `ahead` (2n + 2,); returns why it ended.
 
         `cycles` grows as it goes, the cycle of the start included.
         """
         try:
-            place = self._place(closed, ahead)
+            start = place = self._place(closed, ahead)
+            step = FIRST_STEP
+            self._keep(place.cycle)
+            for _ in range(MOST_POINTS):
+                following, step, corner = self._next(place, step)
+                bound = float(np.clip(following.cycle.value, *self._bounds))
+                if bound != following.cycle.value:
+                    return self._to_bound(place, following, bound)
+                if self._at_rest(place, following):
+                    return End.HOPF
+                if self._is_back(start, place, following):
+                    self._keep(start.cycle)
+                    return End.LOOP
+                if not corner:  # whatever changes there does so at the corner
+                    self._look_between(place, following, step)
+                self._keep(following.cycle)
+                step = min(step * (FASTER if following.closed.steps <= EASY else 1.0), LONGEST_STEP)
+                step = step * SLOWER if following.closed.steps >= HARD else step
+                place = following
         except CycleError as error:
             return str(error)
-        start, step = place, FIRST_STEP
-        self._keep(place.cycle)
-        for _ in range(MOST_POINTS):
-            following, corner = None, False
-            while following is None:
-                if step < LEAST_STEP:
-                    following, step, corner = self._around(place), CORNER_STEPS[0], True
-                    if following is None:
-                        return self._why
-                    self.cycles[-1] = place.cycle.model_copy(update={"what": Event.CORNER})
-                    break
-                following = self._advance(place, step)
-                if isinstance(following, str):
-                    return following
-                if following is None:
-                    step *= SLOWER
-            outside = self._outside(following)
-            if outside is not None:
-                return self._to_bound(place, following, outside)
-            if self._at_rest(place, following):
-                return End.HOPF
-            if self._is_back(start, place, following):
-                self._keep(start.cycle)
-                return End.LOOP
-            if not corner:  # whatever changes there does so at the corner
-                self._look_between(place, following, step)
-            self._keep(following.cycle)
-            step = min(step * (FASTER if following.closed.steps <= EASY else 1.0), LONGEST_STEP)
-            step = step * SLOWER if following.closed.steps >= HARD else step
-            place = following
         return f"after {MOST_POINTS} points"
 
     def _keep(self, cycle: Cycle) -> None:
         self.cycles.append(cycle)
-        self._on_cycle(self)
+        self._on_branch(Branch(start=self._start, end=End.CUT_OFF, cycles=tuple(self.cycles)))
 
     def _place(self, closed: Closed, ahead: Vector) -> _Place:
         return _Place(closed, self._tangent(closed, ahead), describe(self._shooting, closed))
@@ -148,30 +94,44 @@ class Track:
     def _tangent(self, closed: Closed, ahead: Vector) -> Vector:
         """The direction of the branch at a cycle (2n + 2,), of length one, with a part along `ahead`."""
         found = closed.flow
-        phase = np.concatenate([found.rate / np.linalg.norm(found.rate), np.zeros(2)])
+        phase = np.append(found.rate / np.linalg.norm(found.rate), [0.0, 0.0])
         matrix = np.vstack([self._shooting.jacobian(found), phase, ahead])
-        right = np.zeros(len(matrix))
-        right[-1] = 1.0
-        tangent = np.linalg.lstsq(matrix, right, rcond=SINGULAR)[0]
+        tangent = np.linalg.lstsq(matrix, np.eye(len(matrix))[-1], rcond=SINGULAR)[0]
         return tangent / np.linalg.norm(tangent)
 
-    def _advance(self, place: _Place, step: float) -> "_Place | str | None":
-        """The next place, None where the step is too long, or why there is none."""
-        self._why = f"Newton's method fails with the smallest step at {place.cycle.value:.6g}"
+    def _next(self, place: _Place, step: float) -> tuple[_Place, float, bool]:
+        """The next place, the step that led there, and whether a corner lies between.
+
+        Raises CycleError where there is none.
+        """
+        why = ""
+        while step >= LEAST_STEP:
+            following, why = None, f"Newton's method fails with the smallest step at {place.cycle.value:.6g}"
+            try:
+                following = self._advance(place, step)
+            except CycleError as error:
+                # As near to where it cannot go on as the smallest step brings it.
+                if step <= 100 * LEAST_STEP:
+                    raise
+                why = str(error)
+            if following is not None:
+                return following, step, False
+            step *= SLOWER
+        following = self._around(place)
+        if following is None:
+            raise CycleError(why)
+        self.cycles[-1] = place.cycle.model_copy(update={"what": Event.CORNER})
+        return following, CORNER_STEPS[0], True
+
+    def _advance(self, place: _Place, step: float) -> _Place | None:
+        """The place at the end of a step, None where that is too long. Raises CycleError where the branch ends."""
         closed = self._corrected(place, step)
-        if closed is None:
-            return None
-        if np.linalg.norm(closed.unknowns - place.closed.unknowns) > 3 * step:
+        if closed is None or np.linalg.norm(closed.unknowns - place.closed.unknowns) > 3 * step:
             return None
         tangent = self._tangent(closed, place.tangent)
         if tangent @ place.tangent < TURN and step > LEAST_STEP / SLOWER:
             return None
-        try:
-            return _Place(closed, tangent, describe(self._shooting, closed))
-        except CycleError as error:
-            # As near to where it cannot go on as the smallest step brings it.
-            self._why = str(error)
-            return None if step > 100 * LEAST_STEP else str(error)
+        return _Place(closed, tangent, describe(self._shooting, closed))
 
     def _around(self, place: _Place) -> _Place | None:
         """A place behind a corner of the branch, if there is one.
@@ -191,7 +151,7 @@ class Track:
                 length = float(np.linalg.norm(way))
                 if step / 3 < length < 3 * step and way @ place.tangent > BACKWARDS * length:
                     try:
-                        return _Place(closed, self._tangent(closed, way / length), describe(self._shooting, closed))
+                        return self._place(closed, way / length)
                     except CycleError:
                         continue
         return None
@@ -200,20 +160,11 @@ class Track:
         guess = place.closed.unknowns + step * place.tangent
         return self._shooting.close(guess, place.tangent, place.closed.flow.rate)
 
-    def _outside(self, place: _Place) -> float | None:
-        """The bound that a place lies beyond, if any."""
-        low, high = self._bounds
-        value = place.cycle.value
-        return low if value < low else high if value > high else None
-
     def _to_bound(self, place: _Place, beyond: _Place, bound: float) -> str:
         """Keep the cycle at the bound itself."""
         before, after = place.cycle.value, beyond.cycle.value
         fraction = (bound - before) / (after - before)
-        guess = (1 - fraction) * place.closed.unknowns + fraction * beyond.closed.unknowns
-        fixed = np.zeros_like(guess)
-        fixed[-1] = 1.0
-        closed = self._shooting.close(guess, fixed)
+        closed = self._shooting.close((1 - fraction) * place.closed.unknowns + fraction * beyond.closed.unknowns)
         if closed is not None:
             try:
                 last = self._place(closed, beyond.tangent)
@@ -223,17 +174,15 @@ class Track:
             self._keep(last.cycle)
         return End.BOUND
 
-    def _vibration(self, place: _Place) -> Vector | None:
-        steady = self._steady_at(place.cycle.value)
-        if steady is None:
-            return None
-        return place.closed.unknowns[:-2] - np.concatenate([steady, 0 * steady]) / self._shooting.scales.state
-
     def _at_rest(self, place: _Place, following: _Place) -> bool:
         """Whether the branch has shrunk to steady sliding: beyond that it would go on as its own mirror image."""
-        before, after = self._vibration(place), self._vibration(following)
-        if before is None or after is None:
-            return False
+        vibrations = []
+        for each in (place, following):
+            steady = self._steady_at(each.cycle.value)
+            if steady is None:
+                return False
+            vibrations.append(self._shooting.vibration(each.closed, steady))
+        before, after = vibrations
         return bool(before @ after < 0 or np.max(np.abs(after)) < CLOSE_TO_REST)
 
     def _is_back(self, start: _Place, place: _Place, following: _Place) -> bool:
@@ -250,28 +199,20 @@ class Track:
         if one == other or min(abs(a.cycle.largest - 1), abs(b.cycle.largest - 1)) < LOCATED**2:
             return
         rank = min(one, other)
-        self._locate(a, step, None, lambda closed: self._modulus(closed, rank) - 1)
-
-    def _modulus(self, closed: Closed, rank: int) -> float:
-        return float(np.abs(floquet_of(self._shooting, closed)[0][rank]))
+        self._locate(a, step, None, lambda closed: float(np.abs(floquet_of(self._shooting, closed)[0][rank])) - 1)
 
     def _locate(self, a: _Place, step: float, kind: Event | None, measure: Callable[[Closed], float]) -> None:
         """Keep the cycle at which a measure vanishes, between a place and the end of the step from it."""
-        last: Closed | None = None
 
-        def value(length: float) -> float:
-            nonlocal last
+        def at(length: float) -> Closed:
             closed = a.closed if length == 0 else self._corrected(a, length)
             if closed is None:
                 raise CycleError("Newton's method fails on the way")
-            last = closed
-            return measure(closed)
+            return closed
 
         try:
-            length = brentq(value, 0.0, step, xtol=LOCATED * step)
-            value(float(length))  # pyright: ignore[reportArgumentType]
-            assert last is not None
-            cycle = describe(self._shooting, last)
+            length: Any = brentq(lambda length: measure(at(length)), 0.0, step, xtol=LOCATED * step)
+            cycle = describe(self._shooting, at(length))
         except (CycleError, ValueError):
             return  # the branch itself goes on, without the name of what happened
         self._keep(cycle.model_copy(update={"what": kind or _kind(cycle)}))

@@ -1,5 +1,6 @@
-"""Branches of cycles along a parameter, and what they say of squeal beside the stability of steady sliding."""
+"""Branches of cycles along a parameter as they were found, and the stability of steady sliding along it."""
 
+from enum import StrEnum
 from itertools import pairwise
 from typing import Any
 
@@ -9,11 +10,49 @@ from drumsqueal.findings.outcome import Ending
 from drumsqueal.findings.parameter import Parameter
 from drumsqueal.findings.part import Finding, Held
 from drumsqueal.findings.schema import Findings
-from drumsqueal.questions.cycle.continuation import Branch
-from drumsqueal.questions.cycle.orbit import Event
+from drumsqueal.questions.cycle.orbit import Cycle, Event
 from drumsqueal.solve.linear.branches import Branches, Critical
 
 Interval = tuple[float, float]
+
+
+class End(StrEnum):
+    """Where a branch begins or ends, if Newton's method does not fail there."""
+
+    HOPF = "Hopf"
+    BOUND = "end of the range"
+    LOOP = "closed loop"
+    CUT_OFF = "cut off"
+
+
+class Branch(Finding):
+    """Cycles in the order in which they follow one another, and why the branch ends on either side.
+
+    `start` and `end` are an `End` or a reason in words.
+    """
+
+    start: str
+    end: str
+    cycles: tuple[Cycle, ...]
+
+    @computed_field
+    @property
+    def special(self) -> tuple[Cycle, ...]:
+        """The cycles at which something happens."""
+        return tuple(cycle for cycle in self.cycles if cycle.what is not None)
+
+    def pieces(self) -> list[tuple[list[Cycle], bool]]:
+        """The branch in pieces that are stable or not, in order; neighbours share the cycle at which it changes."""
+        found: list[tuple[list[Cycle], bool]] = []
+        for a, b in pairwise(self.cycles):
+            # Of two corners in a row both count: that nothing is known is no reason to call it stable.
+            known = [cycle for cycle in (a, b) if cycle.what is None] or [a, b]
+            stable = all(cycle.stable for cycle in known)
+            if found and found[-1][1] == stable:
+                found[-1][0].append(b)
+            else:
+                found.append(([a, b], stable))
+        return found
 
 
 class Diagram(Finding):
@@ -33,13 +72,9 @@ class Diagram(Finding):
     @property
     def stable_cycles(self) -> tuple[Interval, ...]:
         """Ranges with a stable cycle at least."""
-        spans = []
-        for branch in self.branches:
-            for cycles, stable in branch.pieces():
-                if stable:
-                    values = [cycle.value for cycle in cycles]
-                    spans.append((min(values), max(values)))
-        return _merged(spans)
+        pieces = (piece for branch in self.branches for piece in branch.pieces())
+        values = ([cycle.value for cycle in cycles] for cycles, stable in pieces if stable)
+        return _merged([(min(each), max(each)) for each in values])
 
     @computed_field
     @property

@@ -1,24 +1,149 @@
-"""A periodic motion as it was computed: one period of samples, Floquet multipliers, and whether it is stable."""
+"""A periodic motion: Newton's method on the flow over a period, Floquet multipliers, and whether it is stable."""
 
+from collections.abc import Callable
 from enum import StrEnum
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
+import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, BeforeValidator, PlainSerializer, computed_field
-from scipy.interpolate import CubicHermiteSpline
 
 from drumsqueal.errors import CycleError, IntegrationError
 from drumsqueal.findings.part import Finding, Held, Number
 from drumsqueal.physics.model import Model
-from drumsqueal.questions.cycle.shooting import TOLERANCE, Closed, Shooting, Vector
-from drumsqueal.solve.transient.flow import neighbours
+from drumsqueal.solve.motion import turning_points
+from drumsqueal.solve.transient.flow import Flow, flow, neighbours, state_size
 from drumsqueal.solve.transient.integrate import Chunk, integrate
 from drumsqueal.solve.transient.state import CHUNK_SAMPLES
 
+TOLERANCE = 1e-10  # of the flow, as a scene's
+CLOSED = 1e-10  # the largest scaled difference between a state and itself a period later that counts as none
+SETTLED = 1e-9  # the largest scaled step of Newton after which the next one would be round-off
+NEWTON_STEPS = 15
+HALVINGS = 4
+PATIENCE, PROGRESS = 6, 0.1  # after so many steps the residual must have come down to this fraction
+LONGEST_STEP = 0.3  # of Newton, in the scale of the motion
+WORST = 30.0  # scaled state or ratio of periods beyond which a search is lost
+SINGULAR = 1e-11  # singular values below this fraction of the largest are none: a coordinate that nothing holds
+
 SAMPLES = CHUNK_SAMPLES  # of a period
 ASTRAY = 1e-3  # of what a period does to a disturbance: neighbours are good to 1e-5 of it
-NEUTRAL = 1e-6  # a multiplier that is this near to the unit circle is on it, for all that can be told
+NEUTRAL = 1e-6  # a multiplier that is this near to the unit circle cannot be distinguished from one on it
+
+Vector = NDArray[np.float64]
+Models = Callable[[float], tuple[Model, Model | None]]
+"""The model at a value of the parameter, and its derivative with respect to that (None: there is no parameter)."""
+
+
+class Start(NamedTuple):
+    """A state (2n,), displacement from q = 0 and velocity, a period (s), and where that comes from."""
+
+    state: Vector
+    period: float
+    origin: str
+
+
+class Closed(NamedTuple):
+    """A scaled state (2n,), period and parameter, (2n + 2,) in all, and the flow from there over a period.
+
+    `residual` is the largest scaled difference between the state and itself a period later, `steps` how many Newton
+    made.
+    """
+
+    unknowns: Vector
+    flow: Flow
+    residual: float
+    steps: int
+
+
+class Shooting:
+    """The equations φ(y, T, p) − y = 0 with a phase condition and one more condition that fixes the parameter."""
+
+    def __init__(self, models: Models, scale: Vector, on_flow: Callable[[], object] = lambda: None) -> None:
+        """Take the models along the parameter, and what state, period (s) and parameter (2n + 2,) are measured in.
+
+        `on_flow` is called before each integration.
+        """
+        self.models, self.scale, self._on_flow = models, scale, on_flow
+
+    def scaled(self, state: Vector, period: float, parameter: float) -> Vector:
+        """The unknowns (2n + 2,) of a state (m, m/s, rad, rad/s), a period (s) and a parameter."""
+        return np.append(state, [period, parameter]) / self.scale
+
+    def unscaled(self, unknowns: Vector) -> tuple[Vector, float, float]:
+        """State, period and parameter."""
+        values = unknowns * self.scale
+        return values[:-2], float(values[-2]), float(values[-1])
+
+    def flow(self, unknowns: Vector) -> Flow:
+        """The flow over a period, as NumPy arrays."""
+        self._on_flow()
+        _, period, parameter = self.unscaled(unknowns)
+        model, change = self.models(parameter)
+        found = flow(model, self.scale[:-2], unknowns[:-2], period, TOLERANCE, change)
+        return Flow(*(np.asarray(part) for part in found))
+
+    def jacobian(self, found: Flow) -> Vector:
+        """∂(φ − y)/∂(y, T, p) (2n, 2n + 2), scaled."""
+        period, parameter = self.scale[-2:]
+        transition = found.transition - np.eye(found.end.size)
+        return np.column_stack([transition, found.rate * period, found.sensitivity * parameter])
+
+    def vibration(self, closed: Closed, steady: Vector) -> Vector:
+        """A scaled state (2n,) from steady sliding q* (n,)."""
+        return closed.unknowns[:-2] - np.append(steady, np.zeros_like(steady)) / self.scale[:-2]
+
+    def close(self, guess: Vector, condition: Vector | None = None, phase: Vector | None = None) -> Closed | None:
+        """Solve from a guess (2n + 2,); None where Newton's method does not get there.
+
+        With `condition`·(x − guess) = 0, by default at the parameter of the guess. The phase condition is that the
+        state moves from the guess at right angles to `phase` (2n,), by default the rate there. Steps are cut where the
+        residual would not fall.
+        """
+        unknowns, found = guess, self.flow(guess)
+        across = found.rate if phase is None else phase
+        along = np.eye(guess.size)[-1] if condition is None else condition
+        border = np.zeros((2, guess.size))
+        border[0, :-2], border[1] = across / np.linalg.norm(across), along / np.linalg.norm(along)
+        first = size = _size(found, unknowns)
+        for count in range(NEWTON_STEPS):
+            if not np.isfinite(size) or (count >= PATIENCE and size > PROGRESS * first):
+                return None
+            right = np.concatenate([unknowns[:-2] - found.end, border @ (guess - unknowns)])
+            matrix = np.concatenate([self.jacobian(found), border])
+            # Least squares: a coordinate that nothing holds may stay where it is.
+            step = np.linalg.lstsq(matrix, right, rcond=SINGULAR)[0]
+            longest = float(np.max(np.abs(step)))
+            if size < CLOSED and longest < SETTLED:
+                return Closed(unknowns, found, size, count)
+            step *= min(1.0, LONGEST_STEP / longest)
+            for _ in range(HALVINGS):
+                trial = unknowns + step
+                if not (np.max(np.abs(trial[:-2])) < WORST and 1 / WORST < trial[-2] < WORST):
+                    return None
+                following = self.flow(trial)
+                now = _size(following, trial)
+                if now < size or now < CLOSED:
+                    break
+                step /= 2
+            else:
+                # No step makes it smaller: that may be round-off, where it is small enough.
+                return Closed(unknowns, found, size, count) if size < CLOSED else None
+            unknowns, found, size = trial, following, now
+        return None
+
+
+def scale_near(model: Model, start: Start, steady: Vector, parameter: float = 1.0) -> Vector:
+    """What state, period and parameter (2n + 2,) of a cycle are measured in, from a start near it."""
+    n = len(steady)
+    size = state_size(model, jnp.asarray(start.state[:n] - steady), jnp.asarray(start.state[n:]))
+    return np.append(np.asarray(size), [start.period, parameter])
+
+
+def _size(found: Flow, unknowns: Vector) -> float:
+    sound = bool(found.reached) and all(np.all(np.isfinite(part)) for part in (found.transition, found.sensitivity))
+    return float(np.max(np.abs(found.end - unknowns[:-2]))) if sound else np.inf
 
 
 def _pairs(values: Any) -> Any:
@@ -117,18 +242,21 @@ class Cycle(Finding):
 def describe(shooting: Shooting, closed: Closed) -> Cycle:
     """Sample a closed motion over its period.
 
-    Raises CycleError where the lining sticks on it as a whole, and as `floquet_of` does.
+    Raises CycleError where the contact sticks on it as a whole, and as `floquet_of` does.
     """
     state, period, parameter = shooting.unscaled(closed.unknowns)
     model = shooting.models(parameter)[0]
-    names, values = model.names, state.tolist()
-    samples = sample(model, state, period)
+    names, n = model.names, len(model.names)
+    samples = _sample(model, state, period)
     multipliers, unit_error, tangent_error = floquet_of(shooting, closed)
     observed = samples.observation
-    kinetic = np.asarray(model.mass) * np.mean(samples.velocity**2, axis=0)
+    moved, speed = samples.displacement, samples.velocity
+    turns = (turning_points(samples.time, moved[:, k], speed[:, k])[1] for k in range(n))
+    sizes = (float(np.ptp(np.concatenate([moved[:, k], values]))) / 2 for k, values in enumerate(turns))
+    kinetic = np.asarray(model.mass) * np.mean(speed**2, axis=0)
     return Cycle(
         period_s=period,
-        amplitude={name: _amplitude(samples, k) for k, name in enumerate(names)},
+        amplitude=dict(zip(names, sizes, strict=True)),
         main_coordinate=names[int(np.argmax(kinetic))],
         multipliers=multipliers,
         unit_multiplier_error=unit_error,
@@ -137,16 +265,16 @@ def describe(shooting: Shooting, closed: Closed) -> Cycle:
         # Over one period of even samples the mean leaves out the last, which is the first again.
         contact_fraction=float(np.mean(observed.contact_fraction[:-1])),
         slip_reversed_fraction=float(np.mean(observed.slip_reversed_fraction[:-1])),
-        displacement=dict(zip(names, values[: len(names)], strict=True)),
-        velocity=dict(zip(names, values[len(names) :], strict=True)),
+        displacement=dict(zip(names, state[:n].tolist(), strict=True)),
+        velocity=dict(zip(names, state[n:].tolist(), strict=True)),
         value=parameter,
         samples=samples,
         model=model,
     )
 
 
-def sample(model: Model, state: Vector, period: float) -> Chunk:
-    """One period of even samples (k,), both ends included. Raises CycleError where the lining sticks as a whole."""
+def _sample(model: Model, state: Vector, period: float) -> Chunk:
+    """One period of even samples (k,), both ends included. Raises CycleError where the contact sticks as a whole."""
     n = len(model.names)
     how: dict[str, Any] = {"duration": period, "sample_rate": SAMPLES / period, "tolerance": TOLERANCE}
     try:
@@ -154,31 +282,31 @@ def sample(model: Model, state: Vector, period: float) -> Chunk:
     except (IntegrationError, ValueError) as error:
         raise CycleError(f"the motion cannot be sampled over its period: {error}") from None
     if chunk.changes or chunk.observation.sticking.any():
-        raise CycleError("the lining comes to rest on the drum as a whole: cycles that stick are not followed")
+        raise CycleError("the contact sticks as a whole: cycles that stick are not followed")
     return chunk
 
 
 def floquet_of(shooting: Shooting, closed: Closed) -> tuple[NDArray[np.complex128], float, float]:
     """Multipliers, unit error and tangent error of a closed motion, as in `Cycle`.
 
-    The multipliers are the tangents' where tangents and neighbours agree to 1e-3. Where they do not, as pairs of edges
-    are born, the tangents may have been led astray; or the motion all but grazes an edge and the neighbours are on
-    either side of it, where the flow has another derivative each. Then they do not carry the motion's own rate over a
-    period into itself, and the tangents, of the side on which the motion is, hold. Raises CycleError where neighbours
-    are lost.
+    The multipliers are the tangents' where tangents and neighbours agree to 1e-3. Where they do not, as pairs of
+    contact boundaries appear, the tangents may have been led astray; or the motion all but grazes a boundary and the
+    neighbours are on either side of it, where the flow has another derivative each. Then they do not carry the motion's
+    own rate over a period into itself, and the tangents, of the side on which the motion is, hold. Raises CycleError
+    where neighbours are lost.
     """
     _, period, parameter = shooting.unscaled(closed.unknowns)
     tangents, rate = closed.flow.transition, closed.flow.rate
-    size, units = shooting.scales.state, np.eye(len(rate))
-    beside = np.asarray(neighbours(shooting.models(parameter)[0], size, closed.unknowns[:-2], units, period)[1])
-    if not np.all(np.isfinite(beside)):
-        raise CycleError("motions beside it are not followed over a period")
-    largest = np.max(np.abs(beside))
-    tangent_error = float(np.max(np.abs(tangents - beside)) / largest)
+    size, units = shooting.scale[:-2], np.eye(len(rate))
+    near = np.asarray(neighbours(shooting.models(parameter)[0], size, closed.unknowns[:-2], units, period)[1])
+    if not np.all(np.isfinite(near)):
+        raise CycleError("nearby motions are not followed over a period")
+    largest = np.max(np.abs(near))
+    tangent_error = float(np.max(np.abs(tangents - near)) / largest)
     if tangent_error >= ASTRAY:
         # What nothing depends on comes back as it was but for round-off, of which `floquet` knows nothing.
         free = np.all(tangents == units, axis=0)
-        multipliers, unit_error = floquet(np.where(free, units, beside), rate)
+        multipliers, unit_error = floquet(np.where(free, units, near), rate)
         if unit_error < ASTRAY * largest:
             return multipliers, unit_error, tangent_error
     return *floquet(tangents, rate), tangent_error
@@ -190,18 +318,9 @@ def floquet(transition: Vector, rate: Vector) -> tuple[NDArray[np.complex128], f
     In a basis that begins with ẏ/|ẏ| the matrix is [[1, *], [0, B]], and B has the others. A displacement that nothing
     depends on is left out: its multiplier is 1 whatever the motion.
     """
-    units = np.eye(len(rate))
-    held = [k for k in range(len(rate)) if not np.array_equal(transition[:, k], units[k])]
+    held = np.flatnonzero(np.any(transition != np.eye(len(rate)), axis=0))
     matrix, along = transition[np.ix_(held, held)], rate[held] / np.linalg.norm(rate[held])
     unit_error = float(np.linalg.norm(matrix @ along - along))
     basis = np.linalg.qr(np.column_stack([along, np.eye(len(along))]))[0]
     multipliers = np.linalg.eigvals((basis.T @ matrix @ basis)[1:, 1:]).astype(np.complex128)
     return multipliers[np.lexsort((-multipliers.imag, -np.abs(multipliers)))], unit_error
-
-
-def _amplitude(samples: Chunk, k: int) -> float:
-    """Half the peak-to-peak value of coordinate k, of the cubic through displacements and velocities."""
-    curve = CubicHermiteSpline(samples.time, samples.displacement[:, k], samples.velocity[:, k])
-    turns = curve.derivative().roots(extrapolate=False)
-    values = np.concatenate([samples.displacement[:, k], curve(turns[np.isfinite(turns)])])
-    return float(np.ptp(values) / 2)

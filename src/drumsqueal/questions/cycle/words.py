@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 from drumsqueal.findings.signals.regime import Kind, Regime
 from drumsqueal.findings.vibration import unit_of
+from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.questions.cycle.diagram import Diagram, Interval
 from drumsqueal.questions.cycle.orbit import Cycle
 from drumsqueal.scene.quantities import percent
@@ -15,9 +16,10 @@ VISIBLE = 1e-2  # m, rad; an amplitude from which on it is not given in milliont
 def cycle_verdict(cycle: Cycle) -> str:
     """What the cycle is, and what a small disturbance does on it."""
     brief = describe_briefly(cycle)
+    surface = "lining" if isinstance(cycle.model.contact, Contact) else "contact surface"
     return (
-        f"{brief[0].upper()}{brief[1:]}, with {percent(cycle.contact_fraction)} of the lining in contact and the slip "
-        f"reversed on {percent(cycle.slip_reversed_fraction)} of it on average: {_disturbed(cycle)}."
+        f"{brief[0].upper()}{brief[1:]}, with {percent(cycle.contact_fraction)} of the {surface} in contact and the "
+        f"slip reversed on {percent(cycle.slip_reversed_fraction)} of it on average: {_disturbed(cycle)}."
     )
 
 
@@ -42,36 +44,17 @@ def _disturbed(cycle: Cycle) -> str:
     return f"a small disturbance grows to {factor} in a period, {turning}, in {directions}"
 
 
-def accuracy_words(cycle: Cycle) -> str:
-    """How accurate a cycle is."""
-    return (
-        f"Periodicity residual {cycle.residual:.1e} of the motion; error of the trivial Floquet multiplier "
-        f"{cycle.unit_multiplier_error:.1e}"
-    )
-
-
 def regime_words(regime: Regime) -> str:
     """What a transient does."""
     match regime.kind:
         case Kind.UNKNOWN:
             return f"has not settled ({regime.reason.rstrip('.')})"
         case Kind.STEADY:
-            return "comes to rest in steady sliding"
+            return f"comes to rest in steady sliding ({regime.reason.rstrip('.')})"
         case Kind.PERIODIC:
             return "settles to a periodic motion"
         case _:
             return f"settles to no periodic motion (the motion is {regime.kind})"
-
-
-def decay_words(rate: float, mode: str, predicted: float) -> str:
-    """What a transient does that decays at a rate (1/s), where a mode is predicted to decay slowest."""
-    slowest = f"mode {mode} decays slowest by its eigenvalue, {signed(predicted)} 1/s"
-    return f"decays to steady sliding, at the end at {signed(rate)} 1/s ({slowest})"
-
-
-def signed(number: float) -> str:
-    """A number in four digits with a true minus sign."""
-    return f"{'−' if number < 0 else ''}{abs(number):.4g}"
 
 
 def diagram_verdict(diagram: Diagram, along: Variation) -> str:
@@ -81,8 +64,9 @@ def diagram_verdict(diagram: Diagram, along: Variation) -> str:
     unstable, cycles, both = diagram.steady_sliding_unstable, diagram.stable_cycles, diagram.squeals_only_when_kicked
     sliding = f"is unstable for {along.key} {_ranges(unstable, along)}" if unstable else "is stable throughout"
     lives = f"stable cycles exist {_ranges(cycles, along)}" if cycles else "no cycle that was found is stable"
-    where = ", ".join(f"{along.shown(value):.6g}" for value in diagram.folds)
-    folded = f" (folds at {where}{unit_after(along)})" if where else ""
+    folds = [f"{along.shown(value):.6g}" for value in diagram.folds[:-1]]
+    folds += [along.with_unit(value) for value in diagram.folds[-1:]]
+    folded = f" (folds at {', '.join(folds)})" if folds else ""
     bistable = (
         f"{_ranges(both, along)} the brake squeals only after a large disturbance (bistable)"
         if both
@@ -93,9 +77,4 @@ def diagram_verdict(diagram: Diagram, along: Variation) -> str:
 
 def _ranges(intervals: Sequence[Interval], along: Variation) -> str:
     ranges = (f"from {along.shown(low):.6g} to {along.shown(high):.6g}" for low, high in intervals)
-    return f"{' and '.join(ranges)}{unit_after(along)}"
-
-
-def unit_after(along: Variation) -> str:
-    """The unit of values that are shown, after a space."""
-    return f" {along.shown_unit}" if along.shown_unit else ""
+    return f"{' and '.join(ranges)}{along.unit_after}"

@@ -162,11 +162,17 @@ def _factor(found: Attractor, exponents: Exponents | None) -> float:
 
 
 def describe_attractor(
-    found: Attractor, regime: Regime, exponents: Exponents | None, limited_to_s: float | None = None
+    found: Attractor,
+    regime: Regime,
+    exponents: Exponents | None,
+    limited_to_s: float | None = None,
+    *,
+    options: bool = True,
 ) -> str:
     """Why the attractor is of this kind, or why that is not determined and which record it takes.
 
     `limited_to_s` is the computing time (s) that cut the record or the exponents short, None where nothing did.
+    `options` names the options of the command that set both.
     """
     if found.doubt is None or found.record_needed_s is None:
         return " ".join((*_evidence(found, exponents), *(() if _drifts(regime) else (regime.reason,))))
@@ -176,8 +182,10 @@ def describe_attractor(
     else:
         text = _contradiction(found, exponents)
     needed = _rounded_up(found.record_needed_s)
-    more = "" if limited_to_s is None else f" and more computing time than {limited_to_s:g} s (--at-most)"
-    return f'{text} It takes a record of at least {needed} s (--duration "{needed} s"){more}.'
+    record = f'{needed} s (--duration "{needed} s")' if options else f"{needed} s"
+    if limited_to_s is not None:
+        record += f" and more computing time than {limited_to_s:g} s{' (--at-most)' * options}"
+    return f"{text} It takes a record of at least {record}."
 
 
 def _evidence(found: Attractor, exponents: Exponents | None) -> tuple[str, ...]:
@@ -205,7 +213,7 @@ def _contradiction(found: Attractor, exponents: Exponents) -> str:
     needs = needs[:1].upper() + needs[1:]
     match found.doubt:
         case Doubt.NO_ZERO:
-            return f"Every motion that lasts has a Lyapunov exponent of zero, but none of {_listed(shown)} 1/s is."
+            return f"An attractor that moves has a Lyapunov exponent of zero, but none of {_listed(shown)} 1/s is."
         case Doubt.POSITIVE:
             return f"{needs} and none above it, but the largest is {shown[0]} 1/s, as in chaos."
         case Doubt.NOT_POSITIVE:

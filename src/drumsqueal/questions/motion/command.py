@@ -41,10 +41,10 @@ def motion_command(
     folder = output if output is not None else Path("out") / f"{scene.stem}-motion"
     reply = Reply.next_to(folder, MOTION_FILES, (scene,), quiet, json_file, overwrite=overwrite)
     from drumsqueal.questions.motion.answer import MOTION
-    from drumsqueal.questions.motion.study import checked, study_motion
-    from drumsqueal.simulation import check_sample_rate, prepare
+    from drumsqueal.questions.motion.study import study_motion
+    from drumsqueal.simulation import constant_transient
     from drumsqueal.terminal.runner import answer
 
-    check_sample_rate(prepare(checked(loaded)))  # what cannot be done is reported before there is a folder
+    constant_transient(loaded)  # what cannot be done is reported before there is a folder
     study = partial(study_motion, loaded, length, at_most=limit)
     answer(reply, MOTION, lambda progress, keep: study(progress=progress, keep=keep))

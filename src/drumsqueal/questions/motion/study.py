@@ -1,13 +1,14 @@
-"""Which kind of motion does a scene settle to? Steady, periodic, quasi-periodic or chaotic, with all evidence.
+"""Which kind of motion does a scene or a model settle to? Steady, periodic, quasi-periodic or chaotic, with evidence.
 
-The scene is run until it has settled, and on for a while. The recorded part is asked for its recurrence and its lines;
-motions beside it say how nearby motions separate.
+It is run until it has settled, and on for a while. Recurrence and lines of the recorded part are analysed, and motions
+that start next to it show how nearby motions separate.
 """
 
 import math
 import time as clock
 from collections.abc import Callable
-from typing import Any
+from functools import partial
+from typing import Any, cast, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,6 @@ from scipy.interpolate import CubicHermiteSpline
 from drumsqueal.errors import IntegrationError
 from drumsqueal.findings.boundaries import boundary_ratios
 from drumsqueal.findings.decay import decay_to_rest, slowest
-from drumsqueal.findings.history import COMPLETE, to_dataset
 from drumsqueal.findings.part import Finding, Held
 from drumsqueal.findings.saturation import size_of_motion
 from drumsqueal.findings.schema import Findings
@@ -27,26 +27,29 @@ from drumsqueal.findings.signals.lines import Lines, find_lines
 from drumsqueal.findings.signals.lyapunov import Exponents, lyapunov_exponents, orthonormalised
 from drumsqueal.findings.signals.regime import PERIODS_NEEDED, STEADY, Regime, classify
 from drumsqueal.findings.vibration import Vibration
+from drumsqueal.physics.effects.contact import Contact
+from drumsqueal.physics.model import Model
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.motion.attractor import Attractor, Kind, decide_attractor, describe_attractor
-from drumsqueal.scene import Profile, Scene, SceneError
-from drumsqueal.simulation import Prepared, check_sample_rate, follow, prepare, steady_at_start
-from drumsqueal.solve.linear.modes import Mode
+from drumsqueal.scene import Scene
+from drumsqueal.simulation import check_constant, constant_transient
+from drumsqueal.solve import motion
 from drumsqueal.solve.transient.flow import neighbours, state_size
 from drumsqueal.solve.transient.integrate import Chunk
+from drumsqueal.solve.transient.runge_kutta import AUTO
 
 DURATION = 5.0  # s
 LONGEST_START = 5.0  # s given to the start, settled or not
 BLOCK, PARTS = 0.25, 10  # s, of which two are compared, each in parts
 SETTLED_CHANGE, SURE = 1e-3, 3.0  # of the rms over two blocks; or in standard errors of its trend
-UNCLEAR = 0.02  # of the rms: a trend less certain than that, as where growth ends, tells nothing
+UNCLEAR = 0.02  # of the rms: a trend less certain than that, as where growth ends, is none
 INTERVAL = 5e-3  # s from one orthonormalisation of the tangents to the next
 TANGENTS = 4
 MOST_FOR_LINES = 150_000  # samples
 FLOOR = 3e-3
 AT_MOST = 600.0  # s of computing
 FEWEST_INTERVALS = 100
-LEAST_FOLLOWED = FEWEST_INTERVALS * INTERVAL  # s
+TYPICAL_Hz = 1000.0  # of a brake, which these times are for; of a model they are as many periods of its slowest mode
 CUT_OFF = "Lyapunov exponents were not determined: the study was cut off before nearby motions had been followed"
 
 
@@ -63,7 +66,7 @@ class Section(Finding):
     values: Any = Held
 
 
-class MotionStudy(Findings):
+class SettledMotion(Finding):
     """The attractor that a motion is on and what decided it.
 
     `recorded_from_s` is when the record begins, `settled` whether the motion had settled by then. `lines` and
@@ -99,104 +102,226 @@ class MotionStudy(Findings):
         return self.attractor.kind
 
 
-def checked(scene: Scene) -> Scene:
-    """Return the scene, or raise SceneError where its drum speed or load change: its motion is of no one kind."""
-    for keys, value in ((("drum", "speed"), scene.drum.speed), (("contact", "normal_load"), scene.contact.normal_load)):
-        if isinstance(value, Profile):
-            raise SceneError("this changes with time, and the motion with it; give one value to ask for its kind", keys)
-    if scene.temperature is not None:
-        raise SceneError(
-            "the lining warms up, and its motion is of no one kind; leave the temperature out (temperature=none)",
-            ("temperature",),
-        )
-    return scene
+class MotionStudy(SettledMotion, Findings):
+    """The same for a scene."""
 
 
+@overload
 def study_motion(
     scene: Scene,
-    duration: float = DURATION,
+    duration: float = ...,
     *,
+    at_most: float = ...,
+    progress: Progress = ...,
+    keep: Callable[[MotionStudy], None] = ...,
+) -> MotionStudy: ...
+
+
+@overload
+def study_motion(
+    scene: Model,
+    start: motion.Start,
+    duration: float,
+    *,
+    sample_rate: float,
+    tolerance: float = ...,
+    solver: str = ...,
+    at_most: float = ...,
+    progress: Progress = ...,
+    keep: Callable[[SettledMotion], None] = ...,
+) -> SettledMotion: ...
+
+
+def study_motion(  # pyright: ignore[reportInconsistentOverload]
+    scene: Scene | Model,
+    start: motion.Start | float | None = None,
+    duration: float | None = None,
+    *,
+    sample_rate: float = 0.0,
+    tolerance: float = 1e-6,
+    solver: str = AUTO,
     at_most: float = AT_MOST,
     progress: Progress = silent,
-    keep: Callable[[MotionStudy], None] = lambda _: None,
-) -> MotionStudy:
+    keep: Callable[[Any], None] = lambda _: None,
+) -> SettledMotion | MotionStudy:
     """Determine which kind of motion a scene settles to: `study_motion(scene).kind`, `.fundamentals`, `.exponents`.
 
     It runs until the trend of every coordinate's rms over half a second is below 1e-3 or within three standard errors
-    (five seconds at most), then for `duration` (s), of which the later half is asked for lines, then once more from
-    there with nearby motions. Where recurrence, lines and exponents contradict each other, the kind is not determined
-    and `.attractor.record_needed_s` is the duration that it takes at least. `at_most` bounds the computing time (s) of
+    (five seconds at most), then for `duration` (s), of whose later half lines are found, then once more from there with
+    nearby motions. Where recurrence, lines and exponents contradict each other, the kind is not determined and
+    `.attractor.record_needed_s` is the duration that it takes at least. `at_most` limits the computing time (s) of
     each of both; what was cut short or not determined is in `not_determined`. `keep` takes what is known
-    before nearby motions are followed. Raises SceneError for a scene that cannot be run or whose drum speed or load
-    change, and IntegrationError when nothing was computed.
+    before nearby motions are followed.
+
+    `study_motion(model, start, duration, sample_rate=...)` takes a model with the start and the sample rate (Hz) that
+    `integrate` takes. In place of half a second and five seconds it then takes 500 and 5000 periods of its slowest
+    mode. Raises SceneError for a scene that cannot be run or whose drum speed or load change, ValueError for such a
+    model, and IntegrationError when nothing was computed.
     """
-    if not duration > 0:
-        raise ValueError(f"the duration must be positive, got {duration}")
-    rate = scene.simulate.sample_rate
-    longest = math.ceil((LONGEST_START + duration) * rate * (1 - 1e-12)) / rate  # whole samples
-    whole = checked(scene).with_values({"simulate.duration": longest})
-    prepared = prepare(whole)
-    check_sample_rate(prepared)
-    limits: list[str] = []
-    settled, start, chunks = _record(prepared, duration, at_most, progress, limits)
-    history = to_dataset(chunks, whole, prepared.model.names, COMPLETE)
-    vibration = Vibration(history, prepared.stability)
-    rate, scale = vibration.sample_rate, size_of_motion(vibration, prepared.stability, prepared.linear)
-    recorded = vibration.time.size / rate
-    modes = prepared.stability.unstable or prepared.stability.modes
-    able = _able(prepared)
-    lowest = min((mode.frequency_Hz for mode in modes), default=2 * PERIODS_NEEDED / recorded) / 2
-    # What is left of the start after settling would widen lines; tangents need the whole time.
-    late = slice(vibration.time.size // 2, None)
-    regime = classify(vibration.displacement[late], rate, scale=scale, lowest_frequency=lowest)
-    regime = decay_to_rest(regime, vibration, late, prepared.stability, able, prepared.linear)
-    moving = np.ptp(vibration.displacement, axis=0) / 2 >= STEADY * scale
-    coordinates = tuple(name for name, moves in zip(vibration.coordinates, moving, strict=True) if moves)
-    section = _section(vibration, prepared.stability.mass, coordinates)
-    lines = fundamentals = None
-    if coordinates and regime.kind != "steady":
-        progress("lines", 0.0, None)
-        lines = find_lines(vibration.displacement[late][-MOST_FOR_LINES:, moving], rate, floor=FLOOR)
-        fundamentals = find_fundamentals(lines)
-    if not settled and regime.kind != "steady":
-        limits.append(f"the motion had not settled after {start:.3g} s")
-    attractor = decide_attractor(regime, fundamentals, None, recorded, None)
-    study = MotionStudy(
-        scene=scene,
-        attractor=attractor,
-        reason=describe_attractor(attractor, regime, None),
-        recorded_from_s=start,
-        settled=settled,
-        recorded_for_s=recorded,
-        regime=regime,
-        section=section,
-        not_determined=tuple(limits),
-        coordinates=coordinates,
-        lines=lines,
-        fundamentals=fundamentals,
-        base_frequencies_Hz=None if fundamentals is None else tuple(fundamentals.frequency_Hz.tolist()),
-        base_uncertainties_Hz=None if fundamentals is None else tuple(fundamentals.uncertainty_Hz.tolist()),
-        explained_share=None if fundamentals is None else fundamentals.explained,
-        resolution_Hz=None if lines is None else lines.resolution_Hz,
-    )
-    if lines is None:
-        return study
-    keep(study.model_copy(update={"not_determined": (*limits, CUT_OFF)}))
-    why_not = _no_tangents(prepared, chunks)
-    exponents = _exponents(prepared, chunks[0], duration, at_most, progress, limits) if not why_not else None
-    if why_not:
-        limits.append(f"Lyapunov exponents were not determined: {why_not}")
-    attractor = decide_attractor(regime, fundamentals, exponents, recorded, None if why_not else LEAST_FOLLOWED)
-    reached = min(recorded, recorded if exponents is None else float(exponents.time_s[-1]))
-    limited = at_most if reached < duration - 2 * INTERVAL else None
-    reason = describe_attractor(attractor, regime, exponents, limited)
-    found = {"attractor": attractor, "reason": reason, "not_determined": tuple(limits)}
-    return study.model_copy(update=found | _numbers(exponents, attractor))
+    if isinstance(scene, Scene):
+        length = start if isinstance(start, int | float) else DURATION if duration is None else duration
+        longest = _whole_samples(LONGEST_START + length, scene.simulate.sample_rate)
+        transient = constant_transient(check_constant(scene).with_values({"simulate.duration": longest}))
+        study = _Study(transient, length, at_most, 1.0, progress)
+        return study.find(partial(MotionStudy, scene=scene), keep)
+    length = duration or 0.0
+    how = {"duration": length, "sample_rate": sample_rate, "tolerance": tolerance, "solver": solver}
+    transient = motion.constant_transient(scene, cast("motion.Start", start or {}), **how)
+    slower = TYPICAL_Hz / min((mode.frequency_Hz for mode in transient.stability.modes), default=TYPICAL_Hz)
+    how["duration"] = _whole_samples(LONGEST_START * slower + length, sample_rate)
+    return _Study(transient._replace(how=how), length, at_most, slower, progress).find(SettledMotion, keep)
 
 
-def _numbers(exponents: Exponents | None, attractor: Attractor) -> dict[str, Any]:
-    if exponents is None:
-        return {}
+def _whole_samples(duration: float, rate: float) -> float:
+    return math.ceil(duration * rate * (1 - 1e-12)) / rate
+
+
+class _Study:
+    """A transient that is recorded for a duration (s) once it has settled, and then followed with nearby motions.
+
+    Computing takes `at_most` (s) for each of both. Times in seconds are `slower` times longer than for a brake.
+    `limits` holds what was cut short or not determined, and why.
+    """
+
+    def __init__(
+        self, transient: motion.Transient, duration: float, at_most: float, slower: float, progress: Progress
+    ) -> None:
+        if not duration > 0:
+            raise ValueError(f"the duration must be positive, got {duration}")
+        self.transient, self.duration, self.at_most, self.progress = transient, duration, at_most, progress
+        self.block, self.interval, self.longest_start = BLOCK * slower, INTERVAL * slower, LONGEST_START * slower
+        self.rate, self.limits = transient.how["sample_rate"], []
+
+    def find(self, begin: Callable[..., SettledMotion], keep: Callable[[Any], None]) -> Any:
+        """Record and judge; `begin` makes the findings, and `keep` takes them before nearby motions are followed."""
+        model, stability = self.transient.model, self.transient.stability
+        settled, start, chunks = self.record()
+        vibration = Vibration.of(chunks, stability)
+        if isinstance(model.contact, Contact):
+            scale = size_of_motion(vibration, stability, model)
+        else:
+            scale = np.maximum(vibration.largest(), np.finfo(np.float64).tiny)
+        recorded = vibration.time.size / vibration.sample_rate
+        modes = stability.unstable or stability.modes
+        lowest = min((mode.frequency_Hz for mode in modes), default=2 * PERIODS_NEEDED / recorded) / 2
+        # What is left of the start after settling would widen lines; tangents need the whole time.
+        late = slice(vibration.time.size // 2, None)
+        displacement = vibration.displacement
+        regime = classify(displacement[late], vibration.sample_rate, scale=scale, lowest_frequency=lowest)
+        regime = decay_to_rest(regime, vibration, late, stability, stability.modes, model)
+        moving = np.ptp(displacement, axis=0) / 2 >= STEADY * scale
+        coordinates = tuple(name for name, moves in zip(vibration.coordinates, moving, strict=True) if moves)
+        lines = fundamentals = None
+        if coordinates and regime.kind != "steady":
+            self.progress("lines", 0.0, None)
+            part = displacement[late][-MOST_FOR_LINES:, moving]
+            lines = find_lines(part, vibration.sample_rate, floor=FLOOR)
+            fundamentals = find_fundamentals(lines)
+        if not settled and regime.kind != "steady":
+            self.limits.append(f"the motion had not settled after {start:.3g} s")
+        options = begin is not SettledMotion
+
+        def judged(exponents: Exponents | None, least: float | None, limited: float | None = None) -> dict[str, Any]:
+            attractor = decide_attractor(regime, fundamentals, exponents, recorded, least)
+            reason = describe_attractor(attractor, regime, exponents, limited, options=options)
+            numbers = {} if exponents is None else _numbers(exponents, attractor)
+            return numbers | {"attractor": attractor, "reason": reason, "not_determined": tuple(self.limits)}
+
+        found = begin(
+            **judged(None, None),
+            recorded_from_s=start,
+            settled=settled,
+            recorded_for_s=recorded,
+            regime=regime,
+            section=_section(vibration, stability.mass, coordinates),
+            coordinates=coordinates,
+            lines=lines,
+            fundamentals=fundamentals,
+            base_frequencies_Hz=None if fundamentals is None else tuple(fundamentals.frequency_Hz.tolist()),
+            base_uncertainties_Hz=None if fundamentals is None else tuple(fundamentals.uncertainty_Hz.tolist()),
+            explained_share=None if fundamentals is None else fundamentals.explained,
+            resolution_Hz=None if lines is None else lines.resolution_Hz,
+        )
+        if lines is None:
+            return found
+        keep(found.model_copy(update={"not_determined": (*self.limits, CUT_OFF)}))
+        why_not = _no_tangents(model, chunks)
+        exponents = None if why_not else self.exponents(chunks[0])
+        if why_not:
+            self.limits.append(f"Lyapunov exponents were not determined: {why_not}")
+        least = None if why_not else FEWEST_INTERVALS * self.interval
+        reached = recorded if exponents is None else min(recorded, float(exponents.time_s[-1]))
+        limited = self.at_most if reached < self.duration - 2 * self.interval else None
+        return found.model_copy(update=judged(exponents, least, limited))
+
+    def record(self) -> tuple[bool, float, list[Chunk]]:
+        """Run until settled and on: whether it settled, when the record begins (s), and its chunks."""
+        began = clock.monotonic()
+        kept: list[Chunk] = []
+        start: float | None = None
+        settled = False
+
+        def take(chunk: Chunk) -> bool:
+            nonlocal kept, start, settled
+            now = float(chunk.time[-1])
+            kept.append(chunk)
+            if start is None:
+                kept = [each for each in kept if each.time[-1] > now - 2 * self.block - 1e-9]
+                settled = _settled(kept, self.rate, self.block) or self._at_rest(kept)
+                if settled or now >= self.longest_start - 1e-9:
+                    start, kept = now, [chunk]
+            elif now >= start + self.duration - 1e-9:
+                return True
+            if clock.monotonic() - began > self.at_most:
+                self.limits.append(f"computing was limited to {self.at_most:g} s: the record ends at {now:.4g} s")
+                return True
+            return False
+
+        try:
+            self.transient.follow(take, self.progress, what="settling and recording")
+        except IntegrationError as error:
+            self.limits.append(f"the integration failed: {error}")
+            if not kept:
+                raise
+        return settled, float(kept[0].time[0]) if start is None else start, kept
+
+    def _at_rest(self, chunks: list[Chunk]) -> bool:
+        """Whether what is left over the last two blocks is no motion, where every mode decays and nothing drives it."""
+        model, stability = self.transient.model, self.transient.stability
+        if model.forced or slowest(stability, stability.modes) is None:
+            return False
+        whole = chunks[-1].time[-1] - chunks[0].time[0] > self.block
+        velocity = np.concatenate([chunk.velocity for chunk in chunks])
+        vibration = np.concatenate([chunk.displacement for chunk in chunks]) - stability.steady_state
+        return bool(whole and max(boundary_ratios(model, vibration, velocity)) < STEADY)
+
+    def exponents(self, first: Chunk) -> Exponents | None:
+        """The largest Lyapunov exponents along the motion from the end of a chunk; None where that is too short."""
+        model, interval, limits = self.transient.model, self.interval, self.limits
+        size = np.asarray(state_size(model, first.displacement[-1], first.velocity[-1]))
+        state = np.concatenate([first.displacement[-1], first.velocity[-1]]) / size
+        tangents = np.linalg.qr(np.random.default_rng(0).normal(size=(size.size, min(TANGENTS, size.size))))[0]
+        logs, began = [], clock.monotonic()
+        for k in range(round(self.duration / interval)):
+            self.progress("nearby motions", k * interval, self.duration)
+            state, moved = (np.asarray(each) for each in neighbours(model, size, state, tangents, interval))
+            if not (np.all(np.isfinite(state)) and np.all(np.isfinite(moved))):
+                limits.append(f"nearby motions were lost after {k * interval:.4g} s")
+                break
+            tangents, grown = orthonormalised(moved)
+            logs.append(grown)
+            if clock.monotonic() - began > self.at_most:
+                followed = f"nearby motions were followed for {k * interval:.4g} s"
+                limits.append(f"computing was limited to {self.at_most:g} s: {followed}")
+                break
+        if len(logs) < FEWEST_INTERVALS:
+            least = f"{len(logs) * interval:.3g} s are too short, and {FEWEST_INTERVALS * interval:.4g} s the least"
+            limits.append(f"Lyapunov exponents were not determined: {least}")
+            return None
+        return lyapunov_exponents(np.array(logs), interval)
+
+
+def _numbers(exponents: Exponents, attractor: Attractor) -> dict[str, Any]:
     return {
         "exponents": exponents,
         "lyapunov_exponents_1_per_s": tuple(exponents.exponent_1_per_s.tolist()),
@@ -206,115 +331,34 @@ def _numbers(exponents: Exponents | None, attractor: Attractor) -> dict[str, Any
     }
 
 
-def _record(
-    prepared: Prepared, duration: float, at_most: float, progress: Progress, limits: list[str]
-) -> tuple[bool, float, list[Chunk]]:
-    """Run until settled and on: whether it settled, when the record begins (s), and its chunks."""
-    rate, began = prepared.scene.simulate.sample_rate, clock.monotonic()
-    kept: list[Chunk] = []
-    start: float | None = None
-    settled = False
-
-    def take(chunk: Chunk) -> bool:
-        nonlocal kept, start, settled
-        now = float(chunk.time[-1])
-        kept.append(chunk)
-        if start is None:
-            kept = [each for each in kept if each.time[-1] > now - 2 * BLOCK - 1e-9]
-            settled = _settled(kept, rate) or _at_rest(prepared, kept)
-            if settled or now >= LONGEST_START - 1e-9:
-                start, kept = now, [chunk]
-        elif now >= start + duration - 1e-9:
-            return True
-        if clock.monotonic() - began > at_most:
-            limits.append(f"computing was limited to {at_most:g} s: the record ends at {now:.4g} s")
-            return True
-        return False
-
-    try:
-        follow(prepared, take, progress, what="settling and recording")
-    except IntegrationError as error:
-        limits.append(f"the integration failed: {error}")
-        if not kept:
-            raise
-    return settled, float(kept[0].time[0]) if start is None else start, kept
-
-
-def _settled(chunks: list[Chunk], rate: float) -> bool:
-    """Whether no coordinate's rms has a trend over the last two blocks."""
+def _settled(chunks: list[Chunk], rate: float, block: float) -> bool:
+    """Whether no coordinate's rms has a trend over the last two blocks (s)."""
     velocity = np.concatenate([chunk.velocity for chunk in chunks])
-    samples = round(2 * BLOCK * rate)
+    samples = round(2 * block * rate)
     if velocity.shape[0] < samples:
         return False
     parts = np.array_split(velocity[-samples:], 2 * PARTS)
     size = np.array([part.std(axis=0) for part in parts])
-    time = (np.arange(2 * PARTS) + 0.5) * BLOCK / PARTS
+    time = (np.arange(2 * PARTS) + 0.5) * block / PARTS
     for column in size.T:
         if not np.all(column > 0):
             continue
         trend = fit_growth(time, column)
-        change, error = (abs(x) * 2 * BLOCK for x in (trend.rate_1_per_s, trend.standard_error))
+        change, error = (abs(x) * 2 * block for x in (trend.rate_1_per_s, trend.standard_error))
         if change > max(SETTLED_CHANGE, SURE * error) or error > UNCLEAR:
             return False
     return True
 
 
-def _able(prepared: Prepared) -> tuple[Mode, ...]:
-    """The modes that the coordinates that move can show."""
-    return tuple(mode for mode in prepared.stability.modes if mode.name in prepared.model.names)
-
-
-def _at_rest(prepared: Prepared, chunks: list[Chunk]) -> bool:
-    """Whether what is left over the last two blocks is no motion, where every mode decays and nothing drives it."""
-    model = prepared.model
-    if model.forced or slowest(prepared.stability, _able(prepared)) is None:
-        return False
-    whole = chunks[-1].time[-1] - chunks[0].time[0] > BLOCK
-    velocity = np.concatenate([chunk.velocity for chunk in chunks])
-    vibration = np.concatenate([chunk.displacement for chunk in chunks]) - steady_at_start(prepared)
-    return bool(whole and max(boundary_ratios(model, vibration, velocity)) < STEADY)
-
-
-def _no_tangents(prepared: Prepared, chunks: list[Chunk]) -> str:
+def _no_tangents(model: Model, chunks: list[Chunk]) -> str:
     """Why nearby motions cannot be followed, empty where they can."""
-    if not all(prepared.model.body.symmetric):
+    if not all(model.body.symmetric):
         return "the motion is in space, where nearby motions take too long"
-    if prepared.model.forced:
+    if model.forced:
         return "a harmonic force acts, and nearby motions are followed along steady drives only"
     if any(chunk.changes for chunk in chunks):
-        return "the lining sticks, and there the motion has no derivative"
+        return "the contact sticks, and there the motion has no derivative"
     return ""
-
-
-def _exponents(
-    prepared: Prepared, first: Chunk, duration: float, at_most: float, progress: Progress, limits: list[str]
-) -> Exponents | None:
-    """The largest Lyapunov exponents along the motion from where the record begins; None where that is too short."""
-    model = prepared.model
-    size = np.asarray(state_size(model, first.displacement[-1], first.velocity[-1]))
-    state = np.concatenate([first.displacement[-1], first.velocity[-1]]) / size
-    tangents = np.linalg.qr(np.random.default_rng(0).normal(size=(size.size, min(TANGENTS, size.size))))[0]
-    logs, began = [], clock.monotonic()
-    for k in range(round(duration / INTERVAL)):
-        progress("nearby motions", k * INTERVAL, duration)
-        state, moved = (np.asarray(each) for each in neighbours(model, size, state, tangents, INTERVAL))
-        if not (np.all(np.isfinite(state)) and np.all(np.isfinite(moved))):
-            limits.append(f"nearby motions were lost after {k * INTERVAL:.4g} s")
-            break
-        tangents, grown = orthonormalised(moved)
-        logs.append(grown)
-        if clock.monotonic() - began > at_most:
-            limits.append(
-                f"computing was limited to {at_most:g} s: nearby motions were followed for {k * INTERVAL:.4g} s"
-            )
-            break
-    if len(logs) < FEWEST_INTERVALS:
-        limits.append(
-            f"Lyapunov exponents were not determined: {len(logs) * INTERVAL:.3g} s are too short, and "
-            f"{LEAST_FOLLOWED:g} s the least"
-        )
-        return None
-    return lyapunov_exponents(np.array(logs), INTERVAL)
 
 
 def _section(vibration: Vibration, mass: NDArray[np.float64], coordinates: tuple[str, ...]) -> Section:
@@ -325,15 +369,12 @@ def _section(vibration: Vibration, mass: NDArray[np.float64], coordinates: tuple
     ranked = sorted(range(energy.size), key=lambda k: -energy[k])
     across, other = ranked[0], ranked[min(1, len(ranked) - 1)]
     time, q, v = vibration.time, vibration.displacement, vibration.velocity
-    level = q[:, across] - q[:, across].mean()
-    up = np.flatnonzero((level[:-1] < 0) & (level[1:] >= 0))
-    if not up.size:
+    curve = CubicHermiteSpline(time, q[:, across] - q[:, across].mean(), v[:, across])
+    at = curve.roots(extrapolate=False)
+    at = at[np.isfinite(at) & (curve(at, 1) > 0)]
+    if not at.size:
         return Section()
-    path = CubicHermiteSpline(time, np.column_stack([level, q[:, other]]), v[:, [across, other]])
-    at = time[up] - level[up] * (time[up + 1] - time[up]) / (level[up + 1] - level[up])
-    for _ in range(3):  # Newton's method; samples are dense enough for the secant to begin with
-        at = at - path(at)[:, 0] / path(at, 1)[:, 0]
-    points = np.column_stack([path(at)[:, 1], path(at, 1)[:, 0]])
+    points = np.column_stack([CubicHermiteSpline(time, q[:, other], v[:, other])(at), curve(at, 1)])
     size = float(np.ptp(q[:, other])), float(np.ptp(v[:, across]))
     names = vibration.coordinates
     return Section(across=names[across], other=names[other], points=len(points), size=size, values=points)

@@ -4,7 +4,6 @@ import math
 from collections.abc import Sequence
 
 from drumsqueal.findings.verdict import SMALL_ROTATION
-from drumsqueal.questions.cycle.words import unit_after
 from drumsqueal.questions.onset.found import Kind, Leads, Onset, Range
 from drumsqueal.scene.variation import Variation
 from drumsqueal.solve.linear.branches import DIVERGENCE, Critical
@@ -33,7 +32,7 @@ def _place(study: Onset, found: Range) -> str:
     """Where a range is: below, above or from one value to another, and whose critical values they are."""
     along = study.variation
     first = _value(along, found.first, found.first_uncertainty)
-    last = _value(along, found.last, found.last_uncertainty) + unit_after(along)
+    last = _value(along, found.last, found.last_uncertainty) + along.unit_after
     if found.first_uncertainty is None and found.last_uncertainty is None:
         return "all along"
     ends = [found.first] * (found.first_uncertainty is not None) + [found.last] * (found.last_uncertainty is not None)
@@ -46,7 +45,7 @@ def _place(study: Onset, found: Range) -> str:
     if found.first_uncertainty is None:
         return f"below {last}{named}"
     if found.last_uncertainty is None:
-        return f"above {first}{unit_after(along)}{named}"
+        return f"above {first}{along.unit_after}{named}"
     return f"from {first} to {last}{named}"
 
 
@@ -112,7 +111,7 @@ def critical_words(critical: Critical, along: Variation) -> str:
     becomes = "loses stability" if critical.destabilises else "gains stability"
     value = with_uncertainty(along.shown(critical.value), along.shown(critical.uncertainty))
     line = f" at {critical.frequency_Hz:.2f} Hz" if critical.frequency_Hz > 0 else ""
-    return f"{critical.label} {becomes}{line} as the value rises past {along.key} = {value}{unit_after(along)}"
+    return f"{critical.label} {becomes}{line} as the value rises past {along.key} = {value}{along.unit_after}"
 
 
 def reservations(study: Onset) -> tuple[str, ...]:

@@ -82,6 +82,15 @@ class Stability(NamedTuple):
     contact_fraction: float
     time: float
 
+    def over(self, names: tuple[str, ...]) -> "Stability":
+        """The same seen by some of the coordinates: their part of it, and the modes that they can show."""
+        places = np.array([self.coordinates.index(name) for name in names])
+        both = np.concatenate([places, len(self.coordinates) + places])
+        shown = (mode for mode in self.modes if mode.name in names)
+        modes = tuple(mode._replace(right=mode.right[both], left=mode.left[both]) for mode in shown)
+        steady, mass = self.steady_state[places], self.mass[places]
+        return self._replace(coordinates=names, mass=mass, steady_state=steady, modes=modes)
+
     @property
     def unstable(self) -> tuple[Mode, ...]:
         """The modes that grow."""

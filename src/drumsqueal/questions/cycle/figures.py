@@ -1,25 +1,99 @@
-"""Cycles along a parameter: amplitude and frequency, stable or not, folds, Hopf points and the bistable range."""
+"""One cycle over its period, and cycles along a parameter with folds, Hopf points and the bistable range."""
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from drumsqueal.findings.vibration import unit_of
+from drumsqueal.findings.vibration import ROTATIONS, unit_of
 from drumsqueal.questions.cycle.diagram import CycleBranches, Diagram, Interval
 from drumsqueal.questions.cycle.orbit import Cycle, Event
+from drumsqueal.questions.cycle.search import CycleStudy
 from drumsqueal.questions.onset.figure import DASHES, SHADES, draw_cycles, limit_amplitudes
 from drumsqueal.questions.onset.found import Kind
+from drumsqueal.questions.run.figures.contact import along_arc
 from drumsqueal.terminal import style
 from drumsqueal.terminal.placement import tick_in_units
 from drumsqueal.terminal.style import frame, new_figure, styled
 
 MICRO = 1e6
+ANGLES = 160  # of the picture of the contact
+NEAR = 0.3  # the slip limit is drawn where the motion comes to this fraction of it
+LEGEND: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "borderaxespad": 0.2}  # above the frame
 MARKERS = dict(zip(Event, "s^vPx", strict=True))
+SPECIAL: dict[str, Any] = {"color": style.DARK, "markersize": 4, "markerfacecolor": "white"}
 ROOM = 0.08  # of the height, above the largest amplitude
+
+
+@styled()
+def draw_cycle(cycle: CycleStudy) -> Figure:
+    """Draw u̇_θ against u_θ at the middle of the lining, the displacements, and the contact along the arc."""
+    kind = "stable" if cycle.stable else "unstable"
+    figure = new_figure(cycle.title, f"{kind} limit cycle of {cycle.frequency_Hz:.6g} Hz")
+    grid = figure.add_gridspec(2, 2, width_ratios=[1, 1.25])
+    _draw_phase(figure.add_subplot(grid[:, 0]), cycle)
+    above = figure.add_subplot(grid[0, 1])
+    _draw_displacements(above, cycle)
+    _draw_contact(figure.add_subplot(grid[1, 1], sharex=above), cycle)
+    above.tick_params(labelbottom=False)
+    return figure
+
+
+def _draw_phase(axes: Axes, cycle: Cycle) -> None:
+    samples, shape = cycle.samples, cycle.samples.time.shape
+    states = (dict(zip(cycle.names, each.T, strict=True)) for each in (samples.displacement, samples.velocity))
+    moved, speed = (np.broadcast_to(cycle.model.lining.body.displacement(q, 0.0)[1], shape) for q in states)
+    axes.plot(MICRO * moved, speed, color=style.DARK, linewidth=1.0)
+    limit = float(cycle.model.shoe.outer_radius * cycle.model.operation.at(0.0).drum_speed)
+    label = f"slip limit RΩ = {limit:.3g} m/s"
+    if np.abs(speed).max() <= NEAR * abs(limit):
+        axes.plot([], [], linestyle="", label=f"{label}, outside the frame")
+    else:
+        axes.axhline(limit, color=style.REVERSED, linewidth=0.9, linestyle="--", label=label)
+    axes.legend(**LEGEND)
+    frame(axes, r"Displacement $u_\theta$, middle of the lining (µm)", r"Velocity $\dot u_\theta$ (m/s)")
+
+
+def _draw_displacements(axes: Axes, cycle: Cycle) -> None:
+    """All in µm at the drum's surface."""
+    radius = float(cycle.model.shoe.outer_radius)
+    for k, name in enumerate(cycle.names):
+        turned = name in ROTATIONS
+        values = MICRO * cycle.samples.displacement[:, k] * (radius if turned else 1.0)
+        if np.ptp(values) > 0:
+            axes.plot(_time(cycle), values, color=style.COLOUR[name], label=f"R {name}" if turned else name)
+    axes.set_xlim(0, _time(cycle)[-1])
+    axes.legend(ncols=len(cycle.names), **LEGEND)
+    frame(axes, None, "Displacement (µm)")
+
+
+def _time(cycle: Cycle) -> np.ndarray:
+    """In ms."""
+    return 1e3 * (cycle.samples.time - cycle.samples.time[0])
+
+
+def _draw_contact(axes: Axes, cycle: Cycle) -> None:
+    half = float(cycle.model.shoe.half_angle)
+    angles = np.linspace(-half, half, ANGLES)
+    motion = np.concatenate([cycle.samples.displacement, cycle.samples.velocity], axis=1)
+    arguments = (cycle.samples.time, motion, angles)
+    level, slip, _ = (np.asarray(part).T for part in along_arc(cycle.model, *map(jnp.asarray, arguments)))
+    extent, handles = (_time(cycle), np.rad2deg(angles)), [Patch(color=style.TOUCHING, label="touches and slips")]
+    axes.set_facecolor(style.TOUCHING)
+    states = [(slip, style.REVERSED, "slip reversed", cycle.model.contact.friction is not None)]
+    states.append((-level, style.SEPARATED, "lifted off", float(cycle.model.contact.lifting_stiffness) > 0))
+    for values, colour, name, possible in states:
+        if possible and values.max() > 0:
+            axes.contourf(*extent, values, levels=[0.0, 2 * values.max()], colors=[colour])
+            handles.append(Patch(color=colour, label=name))
+    axes.set_ylim(extent[1][0], extent[1][-1])
+    axes.legend(handles=handles, ncols=3, **LEGEND)
+    frame(axes, "Time (ms)", "Angle θ along\nthe arc (degrees)")
 
 
 @styled()
@@ -65,16 +139,8 @@ def _draw(axes: Axes, diagram: Diagram, colour: str, measure: Callable[[Cycle], 
     draw_cycles(axes, diagram, colour, measure)
     for branch in diagram.branches:
         for special in branch.special:
-            assert special.what is not None
-            axes.plot(
-                special.value,
-                measure(special),
-                MARKERS[special.what],
-                color=style.DARK,
-                markersize=4,
-                markerfacecolor="white",
-                zorder=4,
-            )
+            if special.what is not None:
+                axes.plot(special.value, measure(special), marker=MARKERS[special.what], zorder=4, **SPECIAL)
 
 
 def _shade(axes: Axes, diagram: Diagram) -> None:
@@ -91,11 +157,6 @@ def _ranges(diagram: Diagram) -> dict[Kind, Sequence[Interval]]:
     }
 
 
-def _same(some: Sequence[Interval], others: Sequence[Interval]) -> bool:
-    """Whether intervals are the same, to what Newton's method leaves of the ends of the range."""
-    return len(some) == len(others) and bool(np.allclose(some, others, rtol=1e-9))
-
-
 def _legend(found: CycleBranches, colour: str) -> list[Line2D | Patch]:
     handles: list[Line2D | Patch] = [
         Line2D([], [], color=colour, label="stable cycle"),
@@ -105,10 +166,10 @@ def _legend(found: CycleBranches, colour: str) -> list[Line2D | Patch]:
     if found.critical_values:
         handles.append(Line2D([], [], marker="D", color=style.DARK, linestyle="", markersize=4, label="Hopf point"))
     kinds = dict.fromkeys(special.what for branch in found.branches for special in branch.special if special.what)
-    for kind in kinds:
-        look = {"marker": MARKERS[kind], "markerfacecolor": "white", "markersize": 4, "linestyle": ""}
-        handles.append(Line2D([], [], color=style.DARK, label=kind, **look))
+    handles += [Line2D([], [], marker=MARKERS[kind], linestyle="", label=kind, **SPECIAL) for kind in kinds]
     present = _ranges(found)
-    if _same(present[Kind.STABLE], present[Kind.BISTABLE]):
+    stable, bistable = present[Kind.STABLE], present[Kind.BISTABLE]
+    # The same but for what Newton's method leaves of the ends of the range.
+    if len(stable) == len(bistable) and np.allclose(stable, bistable, rtol=1e-9):
         del present[Kind.STABLE]
     return handles + [Patch(color=SHADES[kind], label=kind) for kind, spans in present.items() if spans]
