@@ -41,13 +41,15 @@ def pytest_configure(config):
 AREAS = {"scene": "scenes", "physics": "physics", "solve": "physics", "hard": "physics", "findings": "physics"}
 # What these prove, they prove of the programs that users run.
 EXACT = {"physics", "solve", "hard"}
+# What computes for longer than it compiles.
+MANY_EVALUATIONS = {"test_sensitivity.py"}
 DRAWS = re.compile("animation|axes|axis|colour|draw|figure|frame|painted|picture|report")
 
 
 def pytest_collection_modifyitems(items):
     for item in items:
         folder = item.path.relative_to(Path(__file__).parent).parts[0]
-        if folder in EXACT:
+        if folder in EXACT or item.path.name in MANY_EVALUATIONS:
             item.add_marker("optimised")
         if item.get_closest_marker("slow"):
             continue
