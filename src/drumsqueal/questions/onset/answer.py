@@ -10,8 +10,8 @@ from rich.text import Text
 
 from drumsqueal.files.output_folder import ONSET as FIGURE
 from drumsqueal.files.output_folder import ONSET_SUMMARY, ONSET_TABLE
-from drumsqueal.findings.outcome import Ending
 from drumsqueal.findings.vibration import unit_of
+from drumsqueal.outcome import Ending
 from drumsqueal.questions.onset.figure import draw_onset
 from drumsqueal.questions.onset.found import Kind, Motion, OnsetStudy, Response
 from drumsqueal.questions.onset.words import critical_words, with_uncertainty

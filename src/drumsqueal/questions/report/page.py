@@ -12,7 +12,7 @@ import jinja2
 from markupsafe import Markup, escape
 
 from drumsqueal.errors import RequestError
-from drumsqueal.files.ordinary import read_ordinary
+from drumsqueal.ordinary import read_ordinary
 from drumsqueal.scene import Scene
 
 MEGABYTE = 1e6
