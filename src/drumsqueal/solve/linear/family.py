@@ -99,7 +99,7 @@ def spectra_of(scene: Scene, numbers: Mapping[str, ArrayLike]) -> Spectrum:
 
 
 def _own(eigenvalues: Complex, right: Complex, mass: NDArray[np.float64]) -> Complex:
-    """Give each coordinate the two eigenvalues that hold most of it, no one to two, and return the telling one (n,)."""
+    """Give each coordinate the two eigenvalues that hold most of it; of each two, return the informative one (n,)."""
     n = mass.size
     fraction = np.abs(right[:n]) ** 2 * mass[:, None]
     fraction = fraction / fraction.sum(axis=0)
