@@ -32,6 +32,8 @@ from drumsqueal.simulation import held_coordinates, run
 def test_a_list_that_holds_what_would_move_says_so(nominal, kept, started, held):
     scene = nominal.with_values({"simulate.coordinates": kept, "start.displacement": started})
     assert set(held_coordinates(scene)) == set(held)
+    unsupported = scene.with_values({"support": None, "steady.state": "self-consistent"})
+    assert set(held_coordinates(unsupported)) == set(held)  # though all six together have no steady sliding
 
 
 def test_nothing_is_held_where_the_coordinates_are_found(nominal):
