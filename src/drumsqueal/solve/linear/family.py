@@ -27,9 +27,9 @@ from drumsqueal.solve.linear.modes import (
 )
 from drumsqueal.solve.linear.steady import Linear, linear_model, linearise, steady_sliding
 
-# Side by side (`jax.vmap`) all sets of numbers would take every way of the contact integral: one after the other within
-# a program they take a three-hundredth of that time. So many scenes go into one, always, that a scene's result does not
-# depend on which others go with it, not in a bit; the last block is filled up with its last scene.
+# Side by side (`jax.vmap`) all sets of numbers search for their equilibria as long as the slowest: one after the other
+# within a program they take half to two thirds of that time. So many scenes go into one, always, that a scene's result
+# does not depend on which others go with it, not in a bit; the last block is filled up with its last scene.
 BLOCK = 32
 
 Complex = NDArray[np.complex128]
