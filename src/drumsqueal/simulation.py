@@ -86,11 +86,13 @@ def prepare(scene: Scene, friction_law: FrictionLaw | Callable[[Array], Array] |
 def held_coordinates(scene: Scene) -> tuple[str, ...]:
     """Coordinates that a scene's list leaves out though what starts or forces the others would move them, too.
 
-    Followed through the linear model of all of them about their own steady sliding, from one coordinate to the next.
+    Followed from one coordinate to the next through the linear model of all of them under even pressure, where the same
+    ones are coupled as in any other steady sliding, which all of them together may not have.
     """
     if scene.simulate.coordinates == "auto":
         return ()
-    pushes = coupling(while_sliding(build_model(scene, coordinates=COORDINATES))[0])
+    even = scene.with_values({"steady.state": "uniform-pressure"})
+    pushes = coupling(while_sliding(build_model(even, coordinates=COORDINATES))[0])
     moving = np.isin(COORDINATES, list(moved_coordinates(scene)))
     for _ in COORDINATES:
         moving = moving | (pushes @ moving)

@@ -13,7 +13,7 @@ from drumsqueal.solve.motion import Motion, integrate
 
 
 def run(model: Model, displacement, velocity, *, steady=None, duration, **how) -> Motion:
-    """Integrate a small body from a departure from steady sliding, or from where its springs have no load."""
+    """Integrate a small body from a displacement from steady sliding, or from where its springs have no load."""
     origin = np.zeros(len(model.names)) if steady is None else steady
     found = integrate(model, {"displacement": displacement, "velocity": velocity}, duration, origin=origin, **how)
     assert found.outcome == "complete"

@@ -1,4 +1,4 @@
-"""What the tests of this folder share is in `bodies.py` beside them."""
+"""What the tests of this folder share is in `bodies.py` next to them."""
 
 import sys
 from pathlib import Path

@@ -1,6 +1,6 @@
 """Scenes at the ends of what the model holds: sticking, slow, airborne, stiff, empty, large, random.
 
-Bounds name what was found. The tolerance, 1e-6 unless told otherwise, is on the error of a step; errors add up over
+Bounds name what was found. The tolerance, 1e-6 unless another is given, is on the error of a step; errors add up over
 some tens of periods, and energies have twice the error of the motion.
 """
 
@@ -46,7 +46,7 @@ class Motion(NamedTuple):
 
     @property
     def peak(self) -> NDArray[np.float64]:
-        """Largest departure of each coordinate."""
+        """Largest displacement of each coordinate from steady sliding."""
         return np.max(np.abs(self.vibration), axis=0)
 
     @property
@@ -220,7 +220,7 @@ def test_a_start_at_the_drums_speed_sticks_until_friction_gives_way(nominal):
 
 
 def linear_motion(motion: Motion) -> NDArray[np.float64]:
-    """Departures and velocities (k, 2n) of the linear model from the same start."""
+    """Displacements from steady sliding and velocities (k, 2n) of the linear model from the same start."""
     matrix = np.asarray(linear_model(motion.model)[1].state_matrix())
     step = scipy.linalg.expm(matrix * (motion.time[1] - motion.time[0]))
     states = [np.concatenate([motion.vibration[0], motion.velocity[0]])]
@@ -236,7 +236,7 @@ def from_linear(motion: Motion) -> float:
 
 @pytest.mark.parametrize("speed", [0.1, 0.01, 0.001])
 def test_a_slow_drum_has_the_growth_of_its_eigenvalues(nominal, speed):
-    size = 1e-9 * speed  # far below all edges
+    size = 1e-9 * speed  # far below all boundaries
     # Found: balance 4.5e-7, 4.7e-7 and 1.3e-6 (of energies of 1e-21 J: round-off of the drum's power), moved 2.9e-7,
     # 804 to 859 steps; from linear 2.8e-6, 3.3e-7 and 3.3e-7.
     start = {"Y": size, "Tz": 10 * size}
@@ -370,7 +370,7 @@ def test_equal_coefficients_are_one_in_their_forces(nominal):
 
 @pytest.mark.slow
 def test_equal_coefficients_are_one_in_their_motion(nominal):
-    # Compiled apart: round-off, grown where edges are to what the tolerance lets the steps be off by, 8.7e-8.
+    # Compiled apart: round-off, grown where boundaries are to what the tolerance lets the steps be off by, 8.7e-8.
     start = {"Y": 3e-5, "Tz": 1e-4}
     one, other = (follow(scene_of(nominal, start, duration=0.002, **values)) for values in ONE_COEFFICIENT)
     assert shift(one, other) < 1e-6
@@ -495,7 +495,7 @@ def test_random_scenes_finish_and_balance(nominal, values, thickness, direction,
     motion = follow(scene_from(nominal, values, thickness, direction, size))
     # 4e-7 of the kinetic energy was found, or 3e-17 of the drum's work where a motion is so tiny that the round-off of
     # that is more. 15,145 steps for the examples above, of which 10,000 before the method changes. A light, short shoe
-    # turns to and fro at 100 kHz: without a load, edges are born or die in each of its periods, at 140 steps each.
+    # turns to and fro at 100 kHz: without a load, boundaries are born or die in each of its periods, at 140 steps each.
     work = np.sum(np.abs(motion.seen.friction_power)) * 1e-5
     turned = abs(np.sum(motion.seen.brake_torque) * 1e-5 * values["drum.speed"]) + work
     largest = float(np.max(np.abs(motion.balance_error)))
@@ -508,7 +508,8 @@ def test_random_scenes_finish_and_balance(nominal, values, thickness, direction,
 @settings(derandomize=True, deadline=None, max_examples=25, database=None, phases=[Phase.generate])
 @given(values=VALID, thickness=THICKNESS, direction=DIRECTION, fraction=_powers(-6, -2.5))
 def test_random_scenes_below_the_boundaries_are_linear(nominal, values, thickness, direction, fraction):
-    # `share` is how much of p0/k_c and of R Ω the motion may take: what is left out is so much smaller than the motion.
+    # `fraction` is how much of p0/k_c and of R Ω the motion may take: what is left out is so much smaller than the
+    # motion.
     values = values | {"contact.normal_load": max(values["contact.normal_load"], 100.0)}
     model = build_model(nominal, values | {"shoe.thickness": thickness * values["shoe.outer_radius"]})
     radius, rim = values["shoe.outer_radius"], abs(values["shoe.outer_radius"] * values["drum.speed"])
@@ -525,11 +526,10 @@ def test_random_scenes_below_the_boundaries_are_linear(nominal, values, thicknes
     size_of = np.concatenate([scale * np.max(largest[:3] / scale), scale * np.max(largest[3:] / scale)])
     grown = max(1.0, float(np.max(largest[:3] / scale)) / size)
     off = float(np.max(np.abs(found - linear) / size_of))
-    # Of the share, which three coordinates may take each, 7e-2 was found in 25 scenes and 1.1 in others, with a steep
-    # curve (what is left out goes with the second derivative of friction); and what the tolerance of 1e-6 adds up to in
-    # 2 ms, 2.2e-6 in 500 scenes.
-    # Motion below a picometre, or below what round-off of the load's forces makes of a soft contact, is resolved as if
-    # it were that large.
+    # Of the fraction, which three coordinates may take each, 7e-2 was found in 25 scenes and 1.1 in others, with a
+    # steep curve (what is left out goes with the second derivative of friction); and what the tolerance of 1e-6 adds up
+    # to in 2 ms, 2.2e-6 in 500 scenes. Motion below a picometre, or below what round-off of the load's forces makes of
+    # a soft contact, is resolved as if it were that large.
     resolved = max(QUIET, ROUND_OFF * yielding / float(local_tolerance(1e-6, DEFAULT)))
     assert off < 2 * fraction * grown + 5e-6 * max(1.0, resolved / size)
 

@@ -1,6 +1,6 @@
 """Small bodies with exact or published solutions, through the model, the methods and the events that the shoe has.
 
-Everything is in SI units of order one. A tolerance of 1e-10 leaves errors of some 1e-9: what was found is said beside
+Everything is in SI units of order one. A tolerance of 1e-10 leaves errors of some 1e-9: what was found is stated with
 each bound, which leaves room for another machine's rounding.
 """
 

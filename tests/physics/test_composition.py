@@ -32,6 +32,8 @@ from drumsqueal.simulation import held_coordinates, run
 def test_a_list_that_holds_what_would_move_says_so(nominal, kept, started, held):
     scene = nominal.with_values({"simulate.coordinates": kept, "start.displacement": started})
     assert set(held_coordinates(scene)) == set(held)
+    unsupported = scene.with_values({"support": None, "steady.state": "self-consistent"})
+    assert set(held_coordinates(unsupported)) == set(held)  # though all six together have no steady sliding
 
 
 def test_nothing_is_held_where_the_coordinates_are_found(nominal):
@@ -85,8 +87,8 @@ def test_every_effect_is_either_included_or_left_out(nominal):
     assert take_inventory(least).includes == ("coordinates X, Y, Tz", "bonded contact")
 
 
-# Below the edges both rules are exact: 5e-16 of the load found, and 1e-17 out of the plane. Beyond them the area is
-# good to 1e-9 at these states.
+# Below the boundaries both rules are exact: 5e-16 of the load found, and 1e-17 out of the plane. Beyond them the area
+# is good to 1e-9 at these states.
 @pytest.mark.parametrize(
     ("size", "tolerance"), [(0.2, 5e-15), (3.0, 2e-8)], ids=["below the boundaries", "beyond them"]
 )
@@ -110,7 +112,7 @@ CONSTANT = {"law": "constant", "coefficient": 0.4}
 FORCE = {"amplitude": {"Y": 1.0}, "frequency": 100.0}
 # name: (what the scene names beyond a bare bonded shoe, operations that come with it as traced, and as compiled)
 EFFECTS = {
-    "separation": ({"contact.separation": True}, {"sqrt": 3}, {"sqrt"}),  # edges of contact
+    "separation": ({"contact.separation": True}, {"sqrt": 3}, {"sqrt"}),  # contact boundaries
     "friction": ({"friction": CONSTANT}, {"sign": 7}, {"sign", "sqrt"}),  # each piece's and the balance's
     "falling friction": (
         {"friction": {"law": "exponential", "static": 0.5, "kinetic": 0.3, "decay": 1.0}},
@@ -175,7 +177,8 @@ def test_what_a_scene_does_not_name_is_not_in_the_program(nominal, name):
 
 
 def test_tangential_friction_knows_nothing_of_the_velocity_across(nominal):
-    # In space: |V| is a root, at the nodes with edges and at those without, and where it is least takes others to find.
+    # In space: |V| is a root, at the nodes with boundaries and at those without, and where it is least takes others to
+    # find.
     unit, tangential = (
         traced(build_model(nominal.with_values({"friction.direction": direction}), coordinates=COORDINATES))
         for direction in ("unit-velocity", "tangential")

@@ -29,7 +29,7 @@ class Stribeck(eqx.Module):
 
 
 ALL = COORDINATES
-SHORT = {"simulate.duration": 0.004, "start.displacement": {"Y": 2e-5, "Tz": 1e-4}}  # beyond both edges
+SHORT = {"simulate.duration": 0.004, "start.displacement": {"Y": 2e-5, "Tz": 1e-4}}  # beyond both boundaries
 
 
 def test_the_same_law_gives_the_same_eigenvalues_and_motion(nominal):
@@ -104,7 +104,7 @@ def test_history_and_inventory_say_that_a_law_was_given(nominal):
 
 
 @pytest.mark.parametrize(
-    ("law", "told"),
+    ("law", "said"),
     [
         (exponential_in_numpy, "cannot be traced by JAX .* TabulatedLaw.from_function"),
         (lambda speed: "slippery", "cannot be traced by JAX .* not a valid JAX type"),
@@ -112,8 +112,8 @@ def test_history_and_inventory_say_that_a_law_was_given(nominal):
         (0.4, "cannot be traced by JAX"),
     ],
 )
-def test_a_law_that_is_none_is_refused(nominal, law, told):
-    with pytest.raises(TypeError, match=told):
+def test_a_law_that_is_none_is_refused(nominal, law, said):
+    with pytest.raises(TypeError, match=said):
         build_model(nominal, friction_law=law)
 
 

@@ -209,7 +209,7 @@ def test_growth_is_differentiated_by_every_number(name, nominal):
     scene = scene_of(nominal, name)
     own = {key: jnp.asarray(value) for key, value in scene.numbers().items() if key.startswith("friction.")}
     own["drum.speed"] = jnp.asarray(5.5)  # sliding at a point of the table its slope would have a kink
-    if name == "table":  # and so has the slope at a point beside a plateau, whichever way that tilts
+    if name == "table":  # and so has the slope at a point next to a plateau, whichever way that tilts
         own["friction.coefficient"] = own["friction.coefficient"].at[2].add(-0.01)
     traces = []
 
@@ -302,24 +302,24 @@ TABLE_MISTAKES = [
     ({"speed": [0.0], "coefficient": [0.4]}, 'friction.speed = [0.0]: 1 point; write 2 to 50, or law = "constant"'),
     ({"speed": list(range(51)), "coefficient": [0.4] * 51}, ": 51 points; write 2 to 50"),
     ({"speed": 0.4}, "friction.speed = 0.4: this must be a list of values"),
-    ({"speed": ["0 s", 1, 2]}, '"s" (second) is no unit of velocity'),
+    ({"speed": ["0 s", 1, 2]}, '"s" (second) is not a unit of velocity'),
 ]
 
 
-@pytest.mark.parametrize(("change", "told"), TABLE_MISTAKES)
-def test_a_table_that_is_none_is_refused(change, told, nominal):
+@pytest.mark.parametrize(("change", "said"), TABLE_MISTAKES)
+def test_a_table_that_is_none_is_refused(change, said, nominal):
     table = {"law": "table", "speed": [0.0, 0.2, 1.0], "coefficient": [0.5, 0.4, 0.3]} | change
     with pytest.raises(SceneError) as refusal:
         nominal.with_values({"friction": table})
-    assert told in str(refusal.value)
+    assert said in str(refusal.value)
 
 
 def test_a_stribeck_speed_of_zero_is_refused_and_an_odd_one_noted(nominal):
     scene = scene_of(nominal, "stribeck")
     with pytest.raises(SceneError, match=r"friction.stribeck_speed = 0: the value must be above 0 m/s"):
         scene.with_values({"friction.stribeck_speed": 0})
-    told = " ".join(unusual(scene.with_values({"friction.stribeck_speed": 200})))
-    assert "friction.stribeck_speed = 200 m/s is far from what drum brakes have" in told
-    assert "did you mean 200 mm/s?" in told
+    said = " ".join(unusual(scene.with_values({"friction.stribeck_speed": 200})))
+    assert "friction.stribeck_speed = 200 m/s is far from what drum brakes have" in said
+    assert "did you mean 200 mm/s?" in said
     rare = scene_of(nominal, "table").with_values({"friction.coefficient": [0.5, 43.0, 0.4, 0.3, 0.3]})
     assert "friction.coefficient[1] = 43 is far" in " ".join(unusual(rare))

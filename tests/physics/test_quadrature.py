@@ -1,4 +1,4 @@
-"""Edges and contact integrals against brute force that is written independently, in NumPy and without the package."""
+"""Contact boundaries and integrals against brute force, written independently in NumPy and without the package."""
 
 import dataclasses
 from typing import NamedTuple
@@ -92,7 +92,7 @@ def crossings(speed, cuts, half: float) -> list[float]:
 
 
 def line_force(brake: Brake, q, v, z: float, *, separation: bool, direction: str, law=None, cuts=()) -> np.ndarray:
-    """∫ over the arc at z of the generalised force per unit area, on panels that end at every edge and grade there.
+    """∫ over the arc at z of the generalised force per unit area, on panels that end at every boundary and grade there.
 
     `law` is another friction curve than the brake's, and panels end where |V| is one of its `cuts` (m/s), too.
     """
@@ -202,7 +202,7 @@ def relative_error(brake: Brake, q, v, *, area: bool, separation: bool = True, d
 def test_sine_and_cosine_are_good_to_round_off_over_the_circle():
     angle = np.concatenate([np.linspace(-np.pi, np.pi, 200_001), [0.0, 1e-300, -1e-9, np.pi / 2, -np.pi / 2]])
     sine, cosine = sine_cosine(jnp.asarray(angle))
-    # Towards ±π the ten terms of the sine of half the angle leave out 2.6e-16, which 1 − 2 sin² takes fourfold, beside
+    # Towards ±π the ten terms of the sine of half the angle leave out 2.6e-16, which 1 − 2 sin² takes fourfold, next to
     # a few roundings of 1.1e-16: 4.6e-16 and 1.8e-15 were found. Within a right angle nothing is left out.
     np.testing.assert_allclose(sine, np.sin(angle), rtol=0, atol=6.7e-16)
     np.testing.assert_allclose(cosine, np.cos(angle), rtol=0, atol=2.5e-15)
@@ -224,7 +224,7 @@ def circle_polynomial(a, b, c):
 
 @given(level_coefficients, half_angles)
 @example((1.0, 0.0, 0.0), 1.0)  # no roots at all
-@example((0.0, 0.0, 0.0), 1.0)  # a level that vanishes everywhere has no edges
+@example((0.0, 0.0, 0.0), 1.0)  # a level that vanishes everywhere has no boundaries
 @example((1.0, -1.0, 0.0), 1.0)  # a double root
 @settings(derandomize=True, max_examples=200, deadline=None)
 def test_real_roots_are_those_that_bracketing_finds(coefficients, half):
@@ -306,8 +306,8 @@ def scaled_state(brake: Brake, fractions, *, press: float, slide: float, tilt: f
     return q, v
 
 
-# Up to six pieces of 8 Gauss nodes up to 130° and of 24 above; where all edges crowd at one side of the arc, one piece
-# is nearly half of it. Largest errors of 300 random states, unilateral and bonded: 130° 8e-13, 1e-12; 360° 4e-15,
+# Up to six pieces of 8 Gauss nodes up to 130° and of 24 above; where all boundaries crowd at one side of the arc, one
+# piece is nearly half of it. Largest errors of 300 random states, unilateral and bonded: 130° 8e-13, 1e-12; 360° 4e-15,
 # 8e-15. The tolerances leave a factor 10 for states that the sample missed.
 @pytest.mark.parametrize(
     ("separation", "widest", "tolerance"),
@@ -325,8 +325,8 @@ def test_plane_forces_over_random_states(separation, widest, tolerance):
     check()
 
 
-# An edge pair that is about to be born or has just been: the level touches zero at θ0, short of it or beyond it. The
-# force is continuous there, and the pieces that come and go are empty: as sharp as anywhere else in the plane.
+# A pair of boundaries that is about to be born or has just been: the level touches zero at θ0, short of it or beyond
+# it. The force is continuous there, and the pieces that come and go are empty: as sharp as anywhere else in the plane.
 @pytest.mark.parametrize("beyond", [1e-2, 1e-4, 1e-8, 1e-12, 0.0, -1e-12, -1e-8, -1e-4])
 @pytest.mark.parametrize("touching", [0.0, 0.4, -1.1])
 def test_plane_forces_with_nearly_tangent_boundaries(beyond, touching):
@@ -338,8 +338,9 @@ def test_plane_forces_with_nearly_tangent_boundaries(beyond, touching):
     assert relative_error(brake, q, v, area=False) < 2e-12
 
 
-# A law that falls over a slip speed that is small beside those of the lining, where slip reverses or all but does: with
-# eight nodes between the edges 2e-9 of p0 × area at 10 s/m and 2e-4 at 100 s/m, now 9e-13 at most of 150 states each.
+# A law that falls over a slip speed that is small compared with those of the lining, where slip reverses or all but
+# does: with eight nodes between the boundaries 2e-9 of p0 × area at 10 s/m and 2e-4 at 100 s/m, now 9e-13 at most of
+# 150 states each.
 @pytest.mark.parametrize("decay", [3.0, 10.0, 37.0, 200.0, 1000.0, 1e4])
 def test_plane_forces_of_steep_laws(decay):
     brake = Brake(decay=decay)
@@ -412,7 +413,8 @@ def random_states(seed: int, count: int, brake: Brake, **sizes):
     return [scaled_state(brake, generator.uniform(-1, 1, 12), **sizes) for _ in range(count)]
 
 
-# Below all edges the integrand is smooth: Gauss nodes give it to round-off (5e-15 found; the witness stops at 1e-10).
+# Below all boundaries the integrand is smooth: Gauss nodes give it to round-off (5e-15 found; the witness stops at
+# 1e-10).
 @pytest.mark.parametrize("separation", [True, False], ids=["unilateral", "bonded"])
 @pytest.mark.parametrize("drum", [5.0, -5.0])
 def test_space_forces_below_the_boundaries(separation, drum):
@@ -421,8 +423,8 @@ def test_space_forces_below_the_boundaries(separation, drum):
         assert relative_error(brake, q, v, area=True, separation=separation) < 1e-10
 
 
-# With edges, errors relative to p0 × area over states where V_z is up to the given size (m/s) and both edges cross the
-# lining: 1e-8 is what is asked of the rule; adaptive quadrature itself is asked for 1e-10.
+# With boundaries, errors relative to p0 × area over states where V_z is up to the given size (m/s) and both boundaries
+# cross the lining: 1e-8 is what is asked of the rule; adaptive quadrature itself is asked for 1e-10.
 SPACE = [(separation, axial) for separation in (True, False) for axial in (1e-1, 1e-2, 1e-4, 1e-6, 1e-8)]
 
 
@@ -465,9 +467,9 @@ def test_space_forces_at_the_worst_state_found(separation):
     assert relative_error(Brake(), q, v, area=True, separation=separation) < 2e-8
 
 
-# Small V_z across a reversal, with edges that cross it and V_z zero on the lining: where a rule that splits neither
-# there nor where edges meet loses 1e-5 and more. A steep law varies on a scale of its own: with 1000 s/m the largest
-# found with 18 nodes along were 3e-6.
+# Small V_z across a reversal, with boundaries that cross it and V_z zero on the lining: where a rule that splits
+# neither there nor where boundaries meet loses 1e-5 and more. A steep law varies on a scale of its own: with 1000 s/m
+# the largest found with 18 nodes along were 3e-6.
 @pytest.mark.parametrize("axial", [1.0, 1e-2, 1e-4, 1e-6, 1e-9, 1e-12])  # of RΩ
 @pytest.mark.parametrize(("decay", "worst"), [(1.0, 1e-8), (1000.0, 1e-5)])
 def test_space_forces_where_boundaries_cross_and_velocity_vanishes(axial, decay, worst):
@@ -506,7 +508,7 @@ def test_space_forces_of_laws_given_in_python(name):
         assert np.max(np.abs(found - wanted) / [1, 1, 1, 0.1, 0.1, 0.1]) < 3e-8 * scale
 
 
-# Edges that are about to be born or have just been. Found: V_z 0.1 and 1e-4 m/s 2e-11, 1e-8 m/s 2e-9.
+# Boundaries that are about to be born or have just been. Found: V_z 0.1 and 1e-4 m/s 2e-11, 1e-8 m/s 2e-9.
 @pytest.mark.parametrize("beyond", [1e-3, 1e-6, 1e-9, -1e-9, -1e-3])
 @pytest.mark.parametrize(("axial", "tolerance"), [(1e-1, 2e-10), (1e-4, 2e-10), (1e-8, 2e-8)])
 def test_space_forces_with_nearly_tangent_boundaries(beyond, axial, tolerance):
@@ -515,7 +517,7 @@ def test_space_forces_with_nearly_tangent_boundaries(beyond, axial, tolerance):
     q, v = np.zeros(6), np.zeros(6)
     q[:2] = -u * (1 + beyond) * np.array([np.cos(0.4), np.sin(0.4)])
     v[:2] = s * (1 + beyond) * np.array([np.sin(0.1), np.cos(0.1)])
-    q[3:5] = np.array([0.01, -0.02]) * u / brake.width  # leans a little, so that the edges are born on the lining
+    q[3:5] = np.array([0.01, -0.02]) * u / brake.width  # leans a little, so that the boundaries are born on the lining
     v[2:5] = axial * np.array([0.3, 0.2 / brake.radius, 0.4 / brake.radius])
     assert relative_error(brake, q, v, area=True) < tolerance
 
@@ -531,7 +533,7 @@ def test_area_and_line_agree_in_the_plane(displacement, velocity):
     assert np.max(np.abs(area - line)) < 2e-7 * brake.pressure * brake.radius * brake.arc * brake.width
 
 
-# --- where there are no edges ----------------------------------------------------------------------------------------
+# --- where there are no boundaries -----------------------------------------------------------------------------------
 
 
 def boundaries_of(contact: Contact, moment: Moment, q, v):
@@ -549,7 +551,7 @@ def smooth_at(contact: Contact, moment: Moment, q, v):
 
 @eqx.filter_jit
 def split_force(contact: Contact, moment: Moment, q, v):
-    """The force with the edges looked for, also where there are none."""
+    """The force with the boundaries looked for, also where there are none."""
     assert contact.friction is not None
     law = Cut(contact.friction.law, contact.body.outer_radius * jnp.abs(moment.drum_speed))
     return force_of(with_law(contact, law), moment, q, v)
@@ -573,9 +575,9 @@ def with_law(contact: Contact, law: FrictionLaw) -> Contact:
     return contact.with_friction(dataclasses.replace(contact.friction, law=law))
 
 
-# The largest motions that are taken for smooth, in 30 random directions each: the rule without edges is exact there
-# (4e-14 asked, 7e-16 found of p0 × area), and so is the split one, so that crossing over leaves no seam (1.6e-13 found
-# of 400 directions).
+# The largest motions that are taken for smooth, in 30 random directions each: the rule without boundaries is exact
+# there (4e-14 asked, 7e-16 found of p0 × area), and so is the split one, so that crossing over leaves no seam (1.6e-13
+# found of 400 directions).
 @pytest.mark.parametrize("arc", [30.0, 130.0, 360.0])
 @pytest.mark.parametrize("decay", [0.0, 1.0, 10.0, 30.0, 1000.0])  # s/m; mean slip speed 0.5 m/s
 def test_forces_at_the_limit_of_smoothness_show_no_seam(arc, decay):
@@ -598,8 +600,8 @@ def test_forces_at_the_limit_of_smoothness_show_no_seam(arc, decay):
 
 
 @pytest.mark.parametrize(("arc", "size"), [(130.0, 1.0), (300.0, 0.15)])
-@pytest.mark.parametrize("axial", [0.1, 6.0])  # beside a fast V_z a reversal of V_θ is smooth to |V|, and yet an edge
-def test_no_motion_with_an_boundary_is_taken_for_smooth(arc, size, axial):
+@pytest.mark.parametrize("axial", [0.1, 6.0])  # a reversal of V_θ is a boundary next to a fast V_z, too
+def test_no_motion_with_a_boundary_is_taken_for_smooth(arc, size, axial):
     brake, boundaries = Brake(arc=np.radians(arc)), 0
     contact, moment = contact_of(brake, area=True), moment_of(brake)
     angle = np.linspace(-brake.arc / 2, brake.arc / 2, 300)

@@ -92,7 +92,7 @@ def linear_shoe(nominal, **values):
 
 
 def exact(scene, times) -> np.ndarray:
-    """Displacement (k, 3) from steady sliding by matrix exponentials from corner to corner, load and rate beside it."""
+    """Displacement (k, 3) from steady sliding by matrix exponentials from corner to corner, with load and rate."""
     model, load = build_model(scene), scene.contact.normal_load
     n, area = len(model.names), float(model.body.area)
 

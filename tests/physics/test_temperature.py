@@ -45,7 +45,7 @@ def joined(chunks):
 
 @pytest.mark.parametrize("solver", ["dopri8", "tsit5", "sdirk4"])
 def test_a_constant_heat_flow_warms_as_the_closed_form_says(solver):
-    """A block at rest beside a belt of 2 m/s under 10 N: P = μ N V = 8 W, ϑ = P/h (1 − exp(−h t/C))."""
+    """A block at rest on a belt of 2 m/s under 10 N: P = μ N V = 8 W, ϑ = P/h (1 − exp(−h t/C))."""
     model = warm(block_on_belt(ConstantLaw(0.4), load=10.0, belt_speed=2.0), 5.0, 3.0)
     chunks = follow(model, [4.0], [0.0], [0.0], duration=8.0, sample_rate=100.0, tolerance=1e-8, solver=solver)
     time, place, rise, error = joined(chunks)
@@ -57,7 +57,7 @@ def test_a_constant_heat_flow_warms_as_the_closed_form_says(solver):
 
 @pytest.mark.parametrize("solver", ["dopri8", "sdirk4"])
 def test_fading_friction_agrees_with_an_independent_integration(solver):
-    """A block that swings beside a belt it never sticks to, against SciPy's DOP853 at 1e-12."""
+    """A block that swings on a belt that it never sticks to, against SciPy's DOP853 at 1e-12."""
     law = ExponentialLaw(0.6, 0.3, 1.5)
     model = warm(block_on_belt(law, load=3.0, damping=0.05, stiffness=4.0, belt_speed=1.5), 2.0, 0.3, 0.05)
     steady = analyse_stability(model).steady_state
@@ -172,15 +172,15 @@ def test_a_point_to_go_on_from_keeps_the_temperature(nominal):
 
 
 @pytest.mark.parametrize(
-    ("values", "told"),
+    ("values", "said"),
     [
         ({"friction": None}, "temperature: without friction nothing heats the lining"),
         ({"temperature.heat_capacity": "0 J/K"}, "temperature.heat_capacity"),
-        ({"temperature.fade": "1 K"}, "no unit of fraction per temperature"),
+        ({"temperature.fade": "1 K"}, "not a unit of fraction per temperature"),
         ({"temperature.cooling": "-1 W/K"}, "temperature.cooling"),
     ],
 )
-def test_what_makes_no_sense_is_refused_in_one_line(nominal, values, told):
-    with pytest.raises(SceneError, match=told) as caught:
+def test_what_makes_no_sense_is_refused_in_one_line(nominal, values, said):
+    with pytest.raises(SceneError, match=said) as caught:
         nominal.with_values({"temperature": TABLE} | values)
     assert "\n" not in str(caught.value)

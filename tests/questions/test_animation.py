@@ -476,7 +476,7 @@ def test_the_command_writes_a_mode(drumsqueal, tmp_path):
         (("HISTORY", "-o", "a.webm"), "an animation ends in .gif or .mp4"),
         (("HISTORY", "--slow", "-3"), "write auto, or a positive number"),
         (("HISTORY", "--magnify", "nan"), "write auto, or a positive number"),
-        (("HISTORY", "--from", "3 m"), "is no unit of time"),
+        (("HISTORY", "--from", "3 m"), "is not a unit of time"),
         (("HISTORY", "--from", "1 s"), "the history has 0 to 0.02 s"),
         (("HISTORY", "--set", "drum.speed=3"), "--set changes a scene"),
         (("HISTORY", "-o", "no folder/a.gif"), "there is no folder"),

@@ -527,7 +527,7 @@ WRONG = {
     "signal": (["--signals", "velocity_Q"], "did you mean velocity_"),
     "nothing like a signal": (["--signals", "%"], "there are displacement, velocity, acceleration, surface_velocity"),
     "no signal": (["--signals", ""], "there is no such signal"),
-    "time": (["--from", "3 m"], '--from 3 m: write a time such as "0.1 s" ("m" (meter) is no unit of time)'),
+    "time": (["--from", "3 m"], '--from 3 m: write a time such as "0.1 s" ("m" (meter) is not a unit of time)'),
     "times the wrong way round": (["--from", "0.02", "--until", "0.01"], "is not before --until"),
     "beyond the end": (["--until", "3 s"], "--until 3 s: the history has 0 to 0.03 s"),
     "before the start": (["--from", "-1"], "the history has 0 to 0.03 s"),

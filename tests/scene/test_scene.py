@@ -186,22 +186,22 @@ def test_quantities_are_read_in_their_unit(value, unit, expected):
 @pytest.mark.parametrize(
     ("value", "unit", "cause"),
     [
-        ("100 s", "m", '"s" (second) is no unit of length; write a length such as "100 mm" or a number in m'),
-        ("5 Hz", "rad/s", '"Hz" (hertz) is no unit of angular speed'),
-        ("5 1/s", "rad/s", "no unit of angular speed"),
-        ("5 rad/s", "Hz", "no unit of frequency"),
-        ("5 rpm", "Hz", "no unit of frequency"),
-        ("5 %", "rad", "no unit of angle"),
+        ("100 s", "m", '"s" (second) is not a unit of length; write a length such as "100 mm" or a number in m'),
+        ("5 Hz", "rad/s", '"Hz" (hertz) is not a unit of angular speed'),
+        ("5 1/s", "rad/s", "not a unit of angular speed"),
+        ("5 rad/s", "Hz", "not a unit of frequency"),
+        ("5 rpm", "Hz", "not a unit of frequency"),
+        ("5 %", "rad", "not a unit of angle"),
         ("5 m", "Pa", 'not the like of Pa; write a value such as "1 Pa" or a number in Pa'),
         ("0.1", "m", 'the unit is missing; write 0.1 as a number in m, or "0.1 m"'),
         ("0.5", "", "write 0.5 without the quotes"),
         ("3 dB", "", "a plain number is wanted"),
         ("3 rad", "", "a plain number is wanted"),
-        ("5 degC", "m", "no unit of length"),
-        ("5 degC*degC", "m", "no unit of length"),
-        ("5 furlings", "m", '"furlings" is no known unit'),
-        ("5 nan", "m", "no known unit"),
-        ("5 __class__", "m", "no known unit"),
+        ("5 degC", "m", "not a unit of length"),
+        ("5 degC*degC", "m", "not a unit of length"),
+        ("5 furlings", "m", 'unknown unit "furlings"'),
+        ("5 nan", "m", "unknown unit"),
+        ("5 __class__", "m", "unknown unit"),
         ("5 m m", "m", "not a number followed by a unit"),
         ("36,5 mm", "m", 'a decimal point and no comma; write "36.5 mm"'),
         ("0,45", "", "a decimal point and no comma; write 0.45"),
@@ -281,8 +281,8 @@ def test_what_is_no_quantity_is_refused_with_the_cause(value, unit, cause):
         ("steady.state=selfconsistent", 'steady.state = "selfconsistent"', '"uniform-pressure" or "self-consistent"'),
         ("start.displacement={Q=1}", "start.displacement.Q", "X, Y, Z, Tx, Ty, Tz"),
         ("start.displacement=1", "start.displacement = 1", "a table of coordinates"),
-        ("start.displacement.Tz=1 mm", "start.displacement.Tz", "no unit of angle"),
-        ("start.velocity.Y=1 mm", "start.velocity.Y", "no unit of velocity"),
+        ("start.displacement.Tz=1 mm", "start.displacement.Tz", "not a unit of angle"),
+        ("start.velocity.Y=1 mm", "start.velocity.Y", "not a unit of velocity"),
         ("simulate.duration=0", "simulate.duration = 0", "above 0 s"),
         ("simulate.duration=0.40001", "simulate.duration = 0.40001", "the nearest duration that fits is 0.4 s"),
         ("simulate.duration=1e-9", "simulate.duration", "the nearest duration that fits is 2e-05 s"),
@@ -569,7 +569,7 @@ def test_a_harmonic_force_is_numbers_by_coordinate():
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "said"),
     [
         ('forcing={amplitude={}, frequency="1 kHz"}', "forcing.amplitude: no coordinate has a force"),
         ('forcing={amplitude={Y="10 m"}, frequency="1 kHz"}', "write a force such as"),
@@ -578,13 +578,13 @@ def test_a_harmonic_force_is_numbers_by_coordinate():
         ("forcing={amplitude={Y=1}}", "forcing.frequency: the key is missing"),
     ],
 )
-def test_a_wrong_force_is_refused(change, told):
-    assert told in refusal(change)
+def test_a_wrong_force_is_refused(change, said):
+    assert said in refusal(change)
 
 
 def test_a_forced_coordinate_must_be_listed():
-    told = refusal("forcing={amplitude={Z=1}, frequency=10}", 'simulate.coordinates=["X", "Y", "Tz"]')
-    assert "forcing.amplitude.Z = 1.0: Z is forced but not among simulate.coordinates" in told
+    said = refusal("forcing={amplitude={Z=1}, frequency=10}", 'simulate.coordinates=["X", "Y", "Tz"]')
+    assert "forcing.amplitude.Z = 1.0: Z is forced but not among simulate.coordinates" in said
 
 
 @pytest.mark.parametrize(
@@ -632,7 +632,7 @@ def test_brakes_from_bicycles_to_trucks_are_usual(values):
 
 
 @pytest.mark.parametrize(
-    ("key", "value", "told"),
+    ("key", "value", "said"),
     [
         (
             "shoe.outer_radius",
@@ -659,8 +659,8 @@ def test_brakes_from_bicycles_to_trucks_are_usual(values):
         ("shoe.arc_angle", "200 deg", "is far from what drum brakes have, 20 to 180 deg."),
     ],
 )
-def test_what_no_brake_has_is_told_with_what_may_be_meant(key, value, told):
-    assert told in " ".join(unusual(load_scene(NOMINAL).with_values({key: value})))
+def test_what_no_brake_has_is_reported_with_what_may_be_meant(key, value, said):
+    assert said in " ".join(unusual(load_scene(NOMINAL).with_values({key: value})))
 
 
 def test_every_physical_number_of_a_brake_has_its_range():

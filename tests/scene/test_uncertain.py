@@ -29,7 +29,7 @@ def normal(**parameters) -> dict:
     ],
 )
 def test_quantiles_are_those_of_the_distribution(ours, theirs):
-    # Two ways to the same inverse of the normal distribution: some rounding of shares near 1.
+    # Two ways to the same inverse of the normal distribution: some rounding of probabilities near 1.
     np.testing.assert_allclose(ours.quantile(FRACTIONS), theirs.ppf(FRACTIONS), rtol=1e-12)
 
 
@@ -68,7 +68,7 @@ WRONG = [
     ({"friction.static": {"mean": 0.5}}, "write distribution = "),
     ({"friction.static": {"distribution": "gauss"}}, '= "gauss": write "uniform" or "normal" or "lognormal"'),
     ({"friction.static": 0.5}, "this must be a distribution"),
-    ({"drum.speed": normal(mean="5 Hz", deviation=1)}, "no unit of angular speed"),
+    ({"drum.speed": normal(mean="5 Hz", deviation=1)}, "not a unit of angular speed"),
     ({"drum.speed": normal(mean=5, deviation=0)}, "the deviation must be above 0"),
     ({"drum.speed": {"distribution": "uniform", "low": 2, "high": 2}}, "high must be above low"),
     ({"drum.speed": normal(mean=5, deviation=1, low=30)}, "leave 0 of the distribution"),
@@ -81,11 +81,11 @@ WRONG = [
 ]
 
 
-@pytest.mark.parametrize(("table", "told"), WRONG)
-def test_a_wrong_table_is_refused_in_one_line(nominal, table, told):
+@pytest.mark.parametrize(("table", "said"), WRONG)
+def test_a_wrong_table_is_refused_in_one_line(nominal, table, said):
     with pytest.raises(SceneError) as caught:
         nominal.with_values({"uncertain": table})
-    assert told in str(caught.value)
+    assert said in str(caught.value)
     assert "\n" not in str(caught.value)
 
 

@@ -31,7 +31,8 @@ def test_below_the_boundaries_they_are_those_of_equation_29(nominal):
     stiffness = KC * ((radial - (0.3 + slope) * tangential) * area) @ radial.T
     stiffness += np.diag([SPRINGS, 0, SPRINGS * R**2])
     random = np.random.default_rng(1)
-    # Far below the edges of 7 µm and 0.5 m/s; the friction curve bends by α v = 1e-6, and round-off of 2000 N is 1e-12.
+    # Far below the boundaries of 7 µm and 0.5 m/s; the friction curve bends by α v = 1e-6, and round-off of 2000 N is
+    # 1e-12.
     q, v = random.normal(size=(700, 3)) * [1e-9, 1e-9, 1e-8], random.normal(size=(700, 3)) * [1e-6, 1e-6, 1e-5]
     found = accelerations(build_model(nominal), np.zeros(700), q, v, np.zeros(700))
     wanted = -(v @ damping.T + q @ stiffness.T) / masses
@@ -50,8 +51,9 @@ def test_beyond_the_boundaries_velocities_are_their_integral(nominal):
     inner = found[1:-1]
     simpson = (found[:-2] + 4 * inner + found[2:]) / (3 * 1.6e6)
     error = np.abs(v[2:] - v[:-2] - simpson) / np.abs(v).max(axis=0)
-    # Simpson's error is (ωh)^5/90, 1e-10 of a velocity at 7.4 kHz and more at its multiples. Where an edge of contact
-    # or of slip is born the slope has a kink, and the error goes like h²: 9e-5 here, 2e-3 at a quarter of the rate.
+    # Simpson's error is (ωh)^5/90, 1e-10 of a velocity at 7.4 kHz and more at its multiples. Where a boundary of
+    # contact or of slip is born the slope has a kink, and the error goes like h²: 9e-5 here, 2e-3 at a quarter of the
+    # rate.
     assert np.median(error) < 1e-9
     assert error.max() < 3e-4
 

@@ -227,7 +227,7 @@ def test_eigenvalues_agree_with_an_independent_program(nominal, values, referenc
     for value in wanted:
         nearest = found[np.argmin(np.abs(found - value))]
         assert abs(nearest - value) <= tolerance * abs(value) + 1e-8
-        # Real parts are what is asked for, and a thousandth of the modulus: the same share of their own size.
+        # Real parts are what is asked for, and a thousandth of the modulus: the same fraction of their own size.
         assert abs(nearest.real - value.real) <= 20 * tolerance * abs(value.real) + 1e-8
 
 
@@ -340,7 +340,7 @@ def test_without_supports_the_lining_alone_holds_the_shoe(nominal):
 def static_force(number, q, nodes=400):
     """Generalised force (X, Y, Tz) at rest, self-consistent: −N φ^r + F_θ φ^θ + p0 φ^r over the arc, and −∂U/∂q.
 
-    Independent of the package: the arc is cut at the edges of contact, found by bisection on a fine grid.
+    Independent of the package: the arc is cut at the contact boundaries, found by bisection on a fine grid.
     """
     R, h, b, arc = (number[f"shoe.{k}"] for k in ("outer_radius", "thickness", "width", "arc_angle"))
     c = 4 * (h**2 - 3 * h * R + 3 * R**2) / (3 * arc * (2 * R - h)) * np.sin(arc / 2)
@@ -477,8 +477,10 @@ def test_self_consistent_without_friction_is_not_displaced(nominal):
 @pytest.mark.parametrize("state", ["uniform-pressure", "self-consistent"])
 def test_a_drum_at_rest_has_no_steady_sliding(nominal, state):
     scene = nominal.with_values({"drum.speed": 0.0, "steady.state": state})
+    model = build_model(scene, coordinates=ALL)
     with pytest.raises(SteadyStateError, match=r"drum\.speed is 0"):
-        analyse_stability(build_model(scene, coordinates=ALL))
+        analyse_stability(model)
+    assert np.isnan(growth_rate(model, "Y"))
 
 
 # --- gradients -------------------------------------------------------------------------------------------------------
@@ -584,7 +586,7 @@ def test_a_slower_drum_squeals_more_and_damps_the_other_modes_more(nominal):
 
 def test_growth_is_proportional_to_the_load(nominal):
     # Figure 8: the slope of friction times p0 damps negatively, a small perturbation of the elastic modes, so that the
-    # departure from proportion is of second order in Re λ/Im λ.
+    # deviation from proportion is of second order in Re λ/Im λ.
     loads = np.linspace(100.0, 6000.0, 30)
     for name in ("X", "Y", "Tz"):
         rates = growth_over(nominal, name, IN_PLANE, contact__normal_load=loads) / loads

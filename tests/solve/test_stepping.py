@@ -151,7 +151,7 @@ def test_the_transient_is_one_kernel(nominal, coordinates):
 def test_many_transients_are_those_run_one_by_one(nominal):
     speeds = [3.0, 5.0, 7.0]
     models = [build_model(nominal, {"drum.speed": speed}) for speed in speeds]
-    displacement = np.array([[0, 2e-5, 0], [1e-6, 3e-5, 1e-4], [0, 1e-6, 0]])  # the first two reach edges
+    displacement = np.array([[0, 2e-5, 0], [1e-6, 3e-5, 1e-4], [0, 1e-6, 0]])  # the first two reach boundaries
     none = np.zeros((3, 3))
     how: Any = {"duration": 0.012, "sample_rate": 5e4, "tolerance": 1e-9}  # more than one chunk
     batches = list(integrate_many(models, none, displacement, none, threads=2, **how))
@@ -161,8 +161,8 @@ def test_many_transients_are_those_run_one_by_one(nominal):
     for model, start, found in zip(models, displacement, together, strict=True):
         chunks = list(integrate(model, none[0], start, none[0], **how))
         alone = np.concatenate([chunk.displacement for chunk in chunks])
-        # The same method in another program: round-off, grown where edges are to what the trajectory itself is off by
-        # (2.3e-8 at this tolerance, against the reference trajectory).
+        # The same method in another program: round-off, grown where boundaries are to what the trajectory itself is off
+        # by (2.3e-8 at this tolerance, against the reference trajectory).
         assert np.max(np.abs(found - alone) / np.abs(alone).max(axis=0)) < 3e-8
         assert np.concatenate([chunk.time for chunk in chunks]).size == together.shape[1]
 
@@ -214,7 +214,7 @@ def test_a_failed_transient_stops_none_of_the_others_and_stays_failed(nominal, m
         ({"threads": 0}, "a thread at least"),
     ],
 )
-def test_what_a_batch_cannot_do_is_told(nominal, wrong, why):
+def test_what_a_batch_cannot_do_is_refused(nominal, wrong, why):
     none = np.zeros((2, 3))
     right: dict[str, Any] = {"models": [build_model(nominal)] * 2, "steady": none, "displacement": none}
     right |= {"velocity": none, "duration": 0.01, "sample_rate": 5e4, "tolerance": 1e-6}
@@ -223,7 +223,7 @@ def test_what_a_batch_cannot_do_is_told(nominal, wrong, why):
 
 
 def test_the_implicit_method_solves_its_equations(nominal):
-    # Measured against all of the state, the work's round-off beside the drum's power had it reject half of its steps.
+    # Measured against all of the state, the work's round-off next to the drum's power had it reject half of its steps.
     values = {"simulate.solver": "sdirk4", "simulate.tolerance": 1e-7, "simulate.duration": 0.002}
     chunks = list(transient(prepare(nominal.with_values(values))))
     assert sum(chunk.rejected_steps for chunk in chunks) < 0.1 * sum(chunk.steps for chunk in chunks)

@@ -24,7 +24,7 @@ REFERENCE = Path(__file__).parent / "reference"
 
 
 class Record(NamedTuple):
-    """A transient: time (k,), departure from steady sliding and velocity (k, n), energies (k,), steps."""
+    """A transient: time (k,), displacement from steady sliding and velocity (k, n), energies (k,), steps."""
 
     time: np.ndarray
     vibration: np.ndarray
@@ -99,9 +99,9 @@ def errors_against(scene: Scene, name: str, every: int) -> np.ndarray:
 
 
 # 7.5e-9 and, in space, 1.8e-8 were found: the references' own errors, and what the tolerance adds over some hundred
-# periods; those bounds leave a factor 5 for another machine's rounding. Beyond edges (large) rounding alone moves the
-# end of the record: 6.5e-9 to 6.3e-8 were found of the same steps in programs compiled differently, and 4e-8 to 7e-8
-# at a third and a tenth of this tolerance.
+# periods; those bounds leave a factor 5 for another machine's rounding. Beyond boundaries (large) rounding alone moves
+# the end of the record: 6.5e-9 to 6.3e-8 were found of the same steps in programs compiled differently, and 4e-8 to
+# 7e-8 at a third and a tenth of this tolerance.
 @pytest.mark.parametrize(
     ("name", "start", "bound"),
     [("transient_inplane_small", SMALL, 4e-8), ("transient_inplane_large", LARGE, 1.5e-7)],
@@ -139,7 +139,7 @@ def test_errors_fall_with_the_tolerance(nominal):
 
 
 def exact(scene: Scene, record: Record, coordinates=None) -> np.ndarray:
-    """Departures and velocities (k, 2n) of the linear model, by the matrix exponential."""
+    """Displacements from steady sliding and velocities (k, 2n) of the linear model, by the matrix exponential."""
     model = build_model(scene, coordinates=coordinates)
     linear = eqx.filter_jit(linearise)(model, jnp.zeros(len(model.names)))
     start = np.concatenate([record.vibration[0], record.velocity[0]])
@@ -190,7 +190,7 @@ def test_axial_motion_decays_as_friction_demands(nominal):
 
 
 def test_small_motion_departs_from_the_linear_one_by_second_order(nominal):
-    # 10 ms of the nominal brake below all edges: twice the amplitude, four times the difference.
+    # 10 ms of the nominal brake below all boundaries: twice the amplitude, four times the difference.
     differences = []
     for amplitude in (5e-8, 1e-7, 2e-7):
         scene = started(
@@ -221,7 +221,7 @@ def test_steady_sliding_is_held(nominal, state, tolerance):
 
 @pytest.mark.parametrize("size", [1e-10, 1e-12])
 def test_a_tiny_start_is_followed_as_well(nominal, size):
-    # A tenth of a nanometre: the forces of the departure are still 1e7 round-offs of the load.
+    # A tenth of a nanometre: the forces of the displacement are still 1e7 round-offs of the load.
     scene = started(nominal, {"Y": size}, duration=0.02, sample_rate=1e4)
     record = simulate(scene)
     wanted = exact(scene, record)[:, :3]
@@ -230,8 +230,8 @@ def test_a_tiny_start_is_followed_as_well(nominal, size):
 
 
 def test_a_decaying_motion_is_followed_down_to_rest(nominal):
-    # Constant friction and 2 % damping: Y falls by e^(−179 t). Beside the drum's 422 W its energy is round-off after
-    # 50 ms, and the steps must not care.
+    # Constant friction and 2 % damping: Y falls by e^(−179 t). Compared with the drum's 422 W its energy is round-off
+    # after 50 ms, and the steps must not care.
     friction = {"friction": {"law": "constant", "coefficient": 0.4}, "damping": {"ratio": 0.02}}
     scene = started(nominal.with_values(friction), {"Y": 1e-7}, duration=0.1, sample_rate=2e4)
     record = simulate(scene)
@@ -277,7 +277,7 @@ def test_energy_balance_closes_in_space(nominal):
 
 def test_left_out_coordinates_would_have_stayed_zero(nominal):
     # Out-of-plane forces of a motion in the plane cancel over the width to round-off. Both integrate to 1e-9 with steps
-    # of their own; below the edges the integrals are the same to round-off, so that is all that may differ.
+    # of their own; below the boundaries the integrals are the same to round-off, so that is all that may differ.
     scene = started(nominal, {"Y": 1e-6, "Tz": 1e-5}, duration=0.0045, sample_rate=4e4)
     plane, space = simulate(scene), simulate(scene, ALL)
     assert plane.vibration.shape[1] == 3
@@ -295,7 +295,7 @@ def test_flat_profiles_are_constants(nominal):
     plain, profiled = (
         simulate(started(nominal.with_values(values), LARGE, duration=0.02, sample_rate=1e4)) for values in ({}, flat)
     )
-    # The same equations, but compiled apart: round-off, grown over a hundred periods with edges.
+    # The same equations, but compiled apart: round-off, grown over a hundred periods with boundaries.
     largest = np.max(np.abs(plain.vibration), axis=0)
     assert np.max(np.abs(profiled.vibration - plain.vibration) / largest) < 1e-8
 

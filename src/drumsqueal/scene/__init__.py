@@ -128,9 +128,8 @@ class Scene(Table):
     def numbers(self) -> dict[str, float | tuple[float, ...]]:
         """Return every physical number in SI by dotted key; a profile gives drum.speed.time and drum.speed.value.
 
-        A list, such as the points of a friction curve, is one tuple.
-
-        Only tables that are there count, and only those of the brake: not start, not simulate.
+        A list, such as the points of a friction curve, is one tuple. Only tables that are there count, and only
+        those of the brake: not start, not simulate.
         """
         numbers: dict[str, float | tuple[float, ...]] = {}
         for name in _PHYSICAL_TABLES:
@@ -156,9 +155,9 @@ def load_scene(path: str | os.PathLike[str], settings: Iterable[str] = ()) -> Sc
     """Read a scene from a TOML file, with `settings` ("KEY=VALUE", as of `--set`) put in one after the other.
 
     VALUE is read as a TOML value and, if it is none, as a string; it replaces whatever was at KEY.
-    `friction=none` leaves the table friction out; so for support and damping. Raises SceneError.
+    `friction=none` leaves the table friction out; so for the other optional tables (`file.py`). Raises SceneError.
     """
-    # To blame for tables that are no scene is the file, or the first setting after which they were one no more.
+    # Where the tables are no scene, the error names the file, or the first setting that made them so.
     tables, source = read_tables(path), os.fspath(path)
     for setting in settings:
         if _is_scene(tables):

@@ -93,7 +93,7 @@ def apply_setting(tables: Mapping[str, Any], setting: str) -> dict[str, Any]:
     """Return the tables with one "KEY=VALUE" of `--set` put in; raises SceneError.
 
     KEY is the dotted path in the file. VALUE is read as a TOML value and, if it is none, as a string. It replaces
-    whatever was there; `none` leaves out one of the optional tables (support, friction, damping, forcing, uncertain).
+    whatever was there; `none` leaves out one of the OPTIONAL_TABLES.
     """
     key, equals, text = setting.partition("=")
     if not equals:

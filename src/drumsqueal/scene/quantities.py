@@ -150,9 +150,9 @@ def _in_unit(number: float, written: str, unit: str) -> float:
         if str(registry.get_root_units(given)[1]) == str(registry.get_root_units(wanted)[1]):
             return float(registry.Quantity(number, given).to(wanted).magnitude)
     except Exception:  # besides its own errors pint raises AssertionError, KeyError and ValueError for odd names
-        raise SceneError(f'"{written}" is no known unit; {_cure(unit)}') from None
-    mismatch = f"no unit of {_EXPECTED[unit][0].split(' ', 1)[1]}" if unit in _EXPECTED else f"not the like of {unit}"
-    raise SceneError(f"{_named(given, written)} is {mismatch}; {_cure(unit)}")
+        raise SceneError(f'unknown unit "{written}"; {_cure(unit)}') from None
+    mismatch = f"a unit of {_EXPECTED[unit][0].split(' ', 1)[1]}" if unit in _EXPECTED else f"the like of {unit}"
+    raise SceneError(f"{_named(given, written)} is not {mismatch}; {_cure(unit)}")
 
 
 def _named(given: "pint.Unit", written: str) -> str:

@@ -350,5 +350,5 @@ class Simulate(Table):
             nearest = max(1, round(count)) / self.sample_rate
             rate = f"the sample rate of {self.sample_rate!r} Hz"
             fits = f"the nearest duration that fits is {nearest:.12g} s"
-            raise SceneError(f"this is no whole number of samples at {rate}; {fits}", place, self.duration)
+            raise SceneError(f"the duration must be a whole number of samples at {rate}; {fits}", place, self.duration)
         return self

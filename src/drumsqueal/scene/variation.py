@@ -171,7 +171,7 @@ def _value(text: str, unit: str) -> float:
 
 def _count(written: str, example: str) -> int:
     if not written.isdecimal():
-        raise SceneError(f"x{written} is no whole number of values; write one, such as {example}")
+        raise SceneError(f"x{written}: the number of values must be a whole number, such as {example}")
     count = int(written) if len(written) <= _LONGEST_COUNT else MOST_POINTS + 1
     if not 2 <= count <= MOST_POINTS:
         raise SceneError(f"x{written} is not from 2 to {MOST_POINTS} values")

@@ -67,7 +67,7 @@ def turning_points(time: Vector, place: Vector, speed: Vector) -> tuple[Vector, 
 class Transient(NamedTuple):
     """A transient at constant speed and load: a model, its stability over the same coordinates, and the start.
 
-    `displacement` (n,) departs from steady sliding, as `velocity` (n,) does. `how` is the duration (s), sample rate
+    `displacement` (n,) from steady sliding and `velocity` (n,) are the start. `how` is the duration (s), sample rate
     (Hz), tolerance and method.
     """
 
@@ -118,10 +118,10 @@ def integrate(
 ) -> Motion:
     """Integrate a model in time: `integrate(model, {"velocity": {"X": 0.2}}, 50.0, sample_rate=100.0).changes`.
 
-    The start's displacement departs from `origin` (n,), by default steady sliding; {} starts there at rest. Samples lie
-    at k / sample_rate (Hz) from 0 to the duration (s). Ctrl-C and a failed integration keep what was computed, and
+    The start's displacement is measured from `origin` (n,), by default steady sliding; {} starts there at rest. Samples
+    lie at k / sample_rate (Hz) from 0 to the duration (s). Ctrl-C and a failed integration keep what was computed, and
     `outcome` says so. Raises ValueError for a wrong start or duration, SteadyStateError where there is no steady
-    sliding to depart from, and IntegrationError when nothing was computed.
+    sliding to start from, and IntegrationError when nothing was computed.
     """
     if not (np.isfinite(duration * sample_rate) and round(duration * sample_rate) >= 1 and sample_rate > 0):
         raise ValueError(f"duration times sample_rate must be one sample at least, got {duration} s × {sample_rate} Hz")

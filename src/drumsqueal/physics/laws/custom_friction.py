@@ -107,7 +107,7 @@ def is_gradual(law: FrictionLaw) -> bool:
 def find_breakpoints(law: FrictionLaw) -> NDArray[np.float64]:
     """Find slip speeds (m/s) between which μ(s) is resolved, see `friction_law.breakpoints`, from rest on one by one.
 
-    Where MOST_STRETCHES of them do not resolve the law to any of the SHARES they are the first of the coarsest.
+    Where MOST_STRETCHES of them do not resolve the law to any of the FRACTIONS they are the first of the coarsest.
     """
     coefficient = eqx.filter_jit(law.coefficient)
     found: list[float] = []
@@ -178,14 +178,14 @@ def as_law(law: FrictionLaw | Callable[[Array], Array]) -> FrictionLaw:
 
 
 def _at_slow_slip(law: FrictionLaw) -> float | None:
-    """μ at slow slip; None of a law that hangs on traced values, by its parameters or by what its function encloses."""
+    """μ at slow slip; None of a law that depends on traced values (its parameters, or what its function encloses)."""
     with jax.ensure_compile_time_eval():
         slow = law.coefficient(jnp.zeros(()))
     return None if isinstance(slow, Tracer) else float(slow)
 
 
 def with_breakpoints(law: FrictionLaw) -> FrictionLaw:
-    """The law with the slip speeds that cut it, found by sampling unless it has them or hangs on traced values."""
+    """The law with the slip speeds that cut it, found by sampling unless it has them or depends on traced values."""
     if hasattr(law, "breakpoints") or _at_slow_slip(law) is None:
         return law
     with jax.ensure_compile_time_eval():

@@ -158,7 +158,7 @@ class SteadySurface(eqx.Module):
         """Sums of the densities."""
         if not self.cut:
             return sum_together([densities(smooth_nodes(lining))])
-        arc = compact_nodes(lining, boundaries, NODES_LONG_ARC)
+        arc = compact_nodes(lining, boundaries._replace(slip=None), NODES_LONG_ARC)
         across, weight = np.polynomial.legendre.leggauss(SMOOTH_ACROSS)
         cosine, sine, along = (jnp.ravel(each)[None] for each in (arc.cosine, arc.sine, arc.weight))
         z = (lining.width / 2 * across)[:, None]

@@ -27,9 +27,9 @@ from drumsqueal.solve.linear.modes import (
 )
 from drumsqueal.solve.linear.steady import Linear, linear_model, linearise, steady_sliding
 
-# Side by side (`jax.vmap`) all sets of numbers would take every way of the contact integral: one after the other within
-# a program they take a three-hundredth of that time. So many scenes go into one, always, that a scene's result does not
-# depend on which others go with it, not in a bit; the last block is filled up with its last scene.
+# Side by side (`jax.vmap`) all sets of numbers search for their equilibria as long as the slowest: one after the other
+# within a program they take half to two thirds of that time. So many scenes go into one, always, that a scene's result
+# does not depend on which others go with it, not in a bit; the last block is filled up with its last scene.
 BLOCK = 32
 
 Complex = NDArray[np.complex128]
@@ -99,7 +99,7 @@ def spectra_of(scene: Scene, numbers: Mapping[str, ArrayLike]) -> Spectrum:
 
 
 def _own(eigenvalues: Complex, right: Complex, mass: NDArray[np.float64]) -> Complex:
-    """Give each coordinate the two eigenvalues that hold most of it, no one to two, and return the telling one (n,)."""
+    """Give each coordinate the two eigenvalues that hold most of it; of each two, return the informative one (n,)."""
     n = mass.size
     fraction = np.abs(right[:n]) ** 2 * mass[:, None]
     fraction = fraction / fraction.sum(axis=0)

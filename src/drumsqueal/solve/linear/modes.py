@@ -181,7 +181,8 @@ def growth_rate(model: Model, mode: str) -> Array:
     """Re λ (1/s) of the mode with that name, differentiable with respect to the model's numbers.
 
     Works inside `jax.grad` and `jax.vmap`. Of several modes of one name the least stable counts; NaN where no mode of
-    that name oscillates. Raises KeyError when the model lacks the coordinate.
+    that name oscillates, and on a drum at rest, where friction has no direction. Raises KeyError when the model
+    lacks the coordinate.
     """
     if mode not in model.names:
         raise KeyError(f"{mode} is no coordinate of this model; it has {', '.join(model.names)}")
@@ -194,7 +195,8 @@ def growth_rate(model: Model, mode: str) -> Array:
     target = values[jnp.argmax(jnp.where(meant, values.real, -jnp.inf))]
     eigenvalues = jnp.linalg.eigvals(matrix)
     rate = eigenvalues[jnp.argmin(jnp.abs(eigenvalues - target))].real
-    return jnp.where(jnp.any(meant), rate, jnp.nan)
+    slides = model.contact.friction is None or model.operation.drum_speed.at(0.0)[0] != 0
+    return jnp.where(jnp.any(meant) & slides, rate, jnp.nan)
 
 
 def solve_modes(
