@@ -540,7 +540,7 @@ def test_levels_are_of_rms_values_over_the_reference_of_the_standard():
     [
         (["HISTORY", "none.csv"], "none.csv: there is no such file"),
         (["none.nc", "RIG"], "none.nc: there is no such file"),
-        (["RIG", "RIG"], "this is no history of drumsqueal"),
+        (["RIG", "RIG"], "this is not a history of drumsqueal"),
         (["HISTORY", "HISTORY"], "this is an HDF5 or NetCDF file; CSV, UFF58 and WAV are read"),
         (["HISTORY", "RIG", "--signal", "nothing"], "--signal nothing: there is no such signal"),
         (["HISTORY", "RIG", "--channel", "2"], "--channel 2: there is no such channel"),

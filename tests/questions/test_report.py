@@ -483,7 +483,7 @@ def test_a_study_that_was_cut_off_says_what_was_asked_and_predicted(onset_folder
         json.dumps(whole | {"cycles": {"branches": [], "steady_sliding_stable": [], "steady_sliding_unstable": []}})
     )
     page = report(tmp_path)
-    assert "or the figure was taken away" in page.one("missing")["text"]
+    assert "or the figure was removed" in page.one("missing")["text"]
     assert page.one("command")["text"].endswith(" --cycles")
 
 
@@ -566,7 +566,7 @@ def test_a_summary_of_another_version_is_refused_in_one_line(folder, drumsqueal,
         (lambda folder: (folder / "summary.json").write_text("[1]"), "summary.json: the whole of it"),
         (lambda folder: (folder / "summary.json").write_bytes(b"\xff\xfe"), "summary.json is damaged"),
         (lambda folder: (folder / "history.nc").write_text("a,b"), "not NetCDF-4"),
-        (lambda folder: (folder / "phase.png").write_text("<svg>"), "phase.png is no PNG"),
+        (lambda folder: (folder / "phase.png").write_text("<svg>"), "phase.png is not a PNG"),
         (lambda folder: (folder / "onset.csv").write_text("kind\n"), "holds a run and a study of the onset"),
         (lambda folder: [path.unlink() for path in folder.iterdir()], "holds neither a run"),
         (lambda folder: shutil.rmtree(folder), "not there"),

@@ -41,7 +41,7 @@ def picture(path: Path, words: tuple[str, str]) -> Picture | None:
     except OSError as error:
         raise RequestError(f"{path}: cannot be read ({error.strerror or error})") from None
     if content[:8] != _SIGNATURE or content[12:16] != b"IHDR" or len(content) < 24:
-        raise RequestError(f"{path} is no PNG file, as the figures of drumsqueal are; run the scene anew")
+        raise RequestError(f"{path} is not a PNG file, as the figures of drumsqueal are; run the scene again")
     width, height = struct.unpack(">II", content[16:24])
     return Picture(*words, path.name, width, height, data_uri("image/png", content))
 

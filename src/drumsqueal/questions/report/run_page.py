@@ -21,8 +21,8 @@ from drumsqueal.simulation import Prepared, compared, prepare
 
 SAME = 1e-6  # relative, of the largest eigenvalue: another version may differ by round-off
 GIVEN_LAW = "The friction law was given in Python and is not in the folder: the shapes cannot be computed without it."
-OTHER_MODES = "The shapes are left out: computed anew by this version, the eigenvalues differ from those of the run."
-ABOUT = "The shapes were computed anew from the scene as this page was made."
+OTHER_MODES = "The shapes are left out: the eigenvalues that this version computes differ from those of the run."
+ABOUT = "The shapes were recomputed from the scene when this page was made."
 
 
 def run_content(folder: Path) -> tuple[RunFindings, dict[str, Any]]:
@@ -66,10 +66,10 @@ def _changes(scene: Scene) -> bool:
 
 
 def _warning(summary: RunFindings, folder: Path) -> str | None:
-    again = " drumsqueal run with --resume goes on from there." if (folder / RESUME).exists() else ""
+    again = " drumsqueal run with --resume continues from there." if (folder / RESUME).exists() else ""
     if summary.ending is not Ending.COMPLETE:
         return f"This run is not complete: {summary.outcome}.{again}"
-    return f"This run was cut off once its record was complete, before all was drawn.{again}" if again else None
+    return f"This run was interrupted after its record was complete, before all figures were drawn.{again}" if again else None
 
 
 def _missing(files: list[str], summary: RunFindings, folder: Path) -> str:
