@@ -45,7 +45,7 @@ def test_samples_that_were_not_computed_are_left_away(file):
     with h5py.File(file, "r+") as history:
         for name in ("displacement", "velocity", "normal_force"):
             variable(history, name)[700:] = np.nan
-        history.attrs["outcome"] = "incomplete: the run was cut off without a word"
+        history.attrs["outcome"] = "incomplete: the run was killed"
         history.attrs["ending"] = "cut off"
     saved = read_history(file)
     assert saved.data.sizes["time"] == 700

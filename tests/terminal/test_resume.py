@@ -108,7 +108,7 @@ def assert_readable(folder: Path) -> int:
     """A history cut off says how far it goes, is right so far, and is NaN beyond; the samples to go on from."""
     history = load(folder)
     told = re.fullmatch(
-        r"incomplete: the run was cut off without a word after t = (\S+) s; (\d+) of 25001 samples were computed, "
+        r"incomplete: the run was killed after t = (\S+) s; (\d+) of 25001 samples were computed, "
         r"the others are NaN",
         history.attrs["outcome"],
     )
@@ -148,7 +148,7 @@ def test_killed_before_there_is_a_point_to_go_on_from(cache, drumsqueal, tmp_pat
     assert told in errors
     assert contents(folder) == before
     if left == ["history.nc"]:
-        cut_off = "incomplete: the run was cut off without a word after t = 0.01 s"
+        cut_off = "incomplete: the run was killed after t = 0.01 s"
         assert load(folder).attrs["outcome"].startswith(cut_off)
         return
     assert drumsqueal("run", NOMINAL, "-o", str(folder), *SHORT)[0] == 0

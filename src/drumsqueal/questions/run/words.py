@@ -117,7 +117,7 @@ def _print_accuracy(console: Console, found: RunFindings) -> None:
     parts = [f"{of_motion:.1e} of the largest kinetic energy"] if of_motion < 1 else []  # or there is next to no motion
     parts += [f"{of_friction:.1e} of the work of friction"] if of_friction > 0 else []
     if parts:
-        console.print(f"Energy balance closes to {', '.join(parts)}")
+        console.print(f"Energy balance error: {', '.join(parts)}")
     error = accuracy.quadrature_error_over_normal_force
     if error is not None:
         console.print(
