@@ -1,4 +1,4 @@
-"""The page about a run or an onset: it says what its files say, to everybody, and asks nothing of the network."""
+"""The page about a run or an onset: it says what its files say, to everybody, and needs no network."""
 
 import base64
 import hashlib
@@ -347,7 +347,7 @@ def test_the_end_of_a_stop_is_not_heard_again_and_again(folder, report, nominal,
     (folder / "summary.json").write_text(json.dumps(summary))
     page = report(folder)
     assert len(sounds(page)) == 2
-    assert "these are of the beginning" in page.one("prediction-caption")["text"]
+    assert "these hold at the beginning" in page.one("prediction-caption")["text"]
     # Nor is there an error between one time and a mean over many.
     assert "the prediction is for t = 0 s, the mean is that from 0 to" in page.one("growth-caption")["text"]
     table = page.one("growth")["text"]
@@ -405,10 +405,10 @@ def test_a_history_without_a_summary_is_judged_now(folder, report, run_page):
     (folder / "summary.json").unlink()
     (folder / "phase.png").unlink()
     with h5py.File(folder / "history.nc", "r+") as history:
-        history.attrs["outcome"] = "incomplete: the run was cut off without a word"
+        history.attrs["outcome"] = "incomplete: the run was killed"
         history.attrs["ending"] = "cut off"
     page = report(folder)
-    assert "cut off without a word" in page.one("warning")["text"]
+    assert "the run was killed" in page.one("warning")["text"]
     assert "phase.png" in page.source
     # The same numbers, told by the same code from the same samples.
     assert set(page.numbers) == set(run_page.numbers)

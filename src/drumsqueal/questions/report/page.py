@@ -13,6 +13,7 @@ from markupsafe import Markup, escape
 
 from drumsqueal.errors import RequestError
 from drumsqueal.files.ordinary import read_ordinary
+from drumsqueal.findings.vibration import unit_of
 from drumsqueal.scene import Scene
 
 MEGABYTE = 1e6
@@ -69,7 +70,7 @@ def render(template: str, scene: Scene, content: dict[str, Any]) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"number": number, "breakable": breakable}
+    environment.filters |= {"number": number, "breakable": breakable, "unit_of": unit_of}
     toml = scene.to_toml()
     given = content | {
         "title": scene.title or "Untitled scene",
