@@ -146,7 +146,7 @@ def report(drumsqueal):
     def make(folder, *more):
         status, printed, errors = drumsqueal("report", str(folder), "--overwrite", *more)
         assert (status, errors) == (0, "")
-        assert "MB and opens without a network" in printed
+        assert "MB and needs no network" in printed
         return Page(folder / REPORT)
 
     return make
