@@ -185,7 +185,7 @@ def describe_attractor(
     record = f'{needed} s (--duration "{needed} s")' if options else f"{needed} s"
     if limited_to_s is not None:
         record += f" and more computing time than {limited_to_s:g} s{' (--at-most)' * options}"
-    return f"{text} It takes a record of at least {record}."
+    return f"{text} This needs a record of at least {record}."
 
 
 def _evidence(found: Attractor, exponents: Exponents | None) -> tuple[str, ...]:

@@ -26,7 +26,7 @@ def print_stability(console: Console, stability: Stability) -> None:
             mode.label,
             f"{mode.frequency_Hz:.2f} Hz",
             f"{mode.growth_rate:+.3f} 1/s",
-            f"{mode.damping_ratio:+.3%}",
+            f"{100 * mode.damping_ratio:+.3f} %",
             Text("unstable", style="bold red") if mode.unstable else "stable",
         )
     print_table(console, table)
@@ -50,7 +50,7 @@ def print_findings(console: Console, found: RunFindings) -> None:
     console.print(f"Leaves out: {'; '.join(found.model['leaves_out']) or 'nothing'}", style="dim")
     if found.held_though_they_would_move:
         held = ", ".join(found.held_though_they_would_move)
-        console.print(f"Held though the others would move them: {held}", style="bold")
+        console.print(f"Held at zero, though the other coordinates would move them: {held}", style="bold")
     print_table(console, _growth_table(found))
     resolution = sorted(mode.frequency_resolution_Hz for mode in found.modes if mode.frequency_resolution_Hz)
     if resolution:
@@ -105,7 +105,7 @@ def _print_saturation(console: Console, found: RunFindings) -> None:
     needed, boundary = saturation.regime.record_needed_s, found.edge_reached_s
     if needed is not None and boundary is not None:
         duration = f"{duration_for(needed, boundary):.4g} s"
-        console.print(f"To record so much after growth, set simulate.duration to {duration}")
+        console.print(f"To record that long after growth, set simulate.duration to {duration}")
 
 
 def _print_accuracy(console: Console, found: RunFindings) -> None:

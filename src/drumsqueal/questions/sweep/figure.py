@@ -209,7 +209,7 @@ def _draw_correlations(axes: Axes, chances: ChanceStudy) -> None:
     axes.set_yticks(range(len(known)), [in_words(key).replace(" ", "\n", 1) for key in known])
     axes.set_xlim(-1, 1)
     axes.set_ylim(-0.6, max(len(known), 1) - 0.4)
-    frame(axes, "rank correlation with the largest\ngrowth rate; pale band: as by chance", None)
+    frame(axes, "rank correlation with the largest\ngrowth rate; pale band: not significant", None)
     axes.tick_params(axis="y", length=0)
 
 
