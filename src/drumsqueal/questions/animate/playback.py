@@ -124,9 +124,7 @@ def play_history(
     curves = _curves(model, between(time[near], states[near, :n], curve_time))
     drum, drum_factor = _drum_turn(model, shown, factor)
     periods = f", {(end - start) * main:.3g} periods of {main:.4g} Hz" if main else ""
-    turn = (
-        "the drum's rotation as well" if drum_factor == factor else f"the drum's rotation {_digits(drum_factor)} times"
-    )
+    turn = "as well" if drum_factor == factor else f"{_digits(drum_factor)} times"
     fraction = factor * largest / float(model.shoe.thickness)
     notes = (
         f"{1e3 * start:.6g} to {1e3 * end:.6g} ms{periods}, at {_slowness(shown)} of real time",
