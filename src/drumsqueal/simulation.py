@@ -116,7 +116,7 @@ def check_constant(scene: Scene) -> Scene:
         if isinstance(value, Profile):
             raise SceneError("limit cycles and attractors take a constant value, not a profile over time", path)
     if scene.temperature is not None:
-        message = "the lining warms up, and no motion repeats or lasts; leave the temperature out (temperature=none)"
+        message = "the lining warms up, so that no motion is stationary; leave the temperature out (temperature=none)"
         raise SceneError(message, ("temperature",))
     return scene
 

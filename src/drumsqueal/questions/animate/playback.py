@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 
 from drumsqueal.errors import RequestError
-from drumsqueal.findings.history import COMPLETE
+from drumsqueal.findings.outcome import Ending
 from drumsqueal.findings.signals.spectra import amplitude_spectrum, spectral_peaks
 from drumsqueal.findings.time_window import time_window
 from drumsqueal.findings.vibration import FEWEST_FOR_SPECTRUM, levers
@@ -132,7 +132,7 @@ def play_history(
         f"{percent(fraction)} of the thickness), the drum's rotation {turn}",
         *_section_notes(0.0, faces, curves),
     )
-    title = scene.title if history.attrs["outcome"] == COMPLETE else f"{scene.title} (incomplete run)"
+    title = scene.title if history.attrs["ending"] == Ending.COMPLETE else f"{scene.title} (incomplete run)"
     return Playback(
         title, "motion in section", notes, model.shoe, _sense(model, start), shown, motion, 0.0, faces,
         factor, drum, arc, curve_time, curves, relative=False,

@@ -251,7 +251,7 @@ def _quantities(sweep: xarray.Dataset) -> list[Quantity]:
 
 
 def _sustained_frequency(sweep: xarray.Dataset) -> xarray.DataArray:
-    """The main frequency where motion lasts, or may: what decays has a frequency, too, but is no squeal."""
+    """The main frequency where motion is sustained, or may be: what decays has one, too, but does not squeal."""
     return sweep["main_frequency"].where(squealing(sweep) | undecided(sweep))
 
 
