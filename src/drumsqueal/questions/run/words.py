@@ -13,7 +13,7 @@ from drumsqueal.findings.verdict import difference_is_no_error
 from drumsqueal.findings.vibration import unit_of
 from drumsqueal.solve.linear.modes import OSCILLATING_FRACTION, UNDAMPED_FRACTION, Stability
 from drumsqueal.solve.transient.runge_kutta import AUTO, IMPLICIT
-from drumsqueal.terminal.tables import print_table
+from drumsqueal.terminal.tables import print_model, print_table
 
 
 def print_stability(console: Console, stability: Stability) -> None:
@@ -46,8 +46,7 @@ def print_stability(console: Console, stability: Stability) -> None:
 
 def print_findings(console: Console, found: RunFindings) -> None:
     """Print what the model holds, and the comparison of prediction and transient."""
-    console.print(f"Includes: {'; '.join(found.model['includes'])}", style="dim")
-    console.print(f"Leaves out: {'; '.join(found.model['leaves_out']) or 'nothing'}", style="dim")
+    print_model(console, found.model)
     if found.held_though_they_would_move:
         held = ", ".join(found.held_though_they_would_move)
         console.print(f"Held at zero, though the other coordinates would move them: {held}", style="bold")
