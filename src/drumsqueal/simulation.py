@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from drumsqueal.errors import IntegrationError, SteadyStateError
 from drumsqueal.findings.history import to_dataset
-from drumsqueal.findings.outcome import COMPLETE, Outcome
 from drumsqueal.interrupts import stop_if_interrupted
+from drumsqueal.outcome import COMPLETE, Outcome
 from drumsqueal.physics.composition import (
     GIVEN,
     Inventory,

@@ -14,7 +14,7 @@ from drumsqueal import (
     integrate,
     sprung_block_on_belt,
 )
-from drumsqueal.findings.outcome import Ending
+from drumsqueal.outcome import Ending
 from drumsqueal.solve import motion as motion_module
 
 PAGE = (Path(__file__).parents[2] / "docs" / "oscillators.md").read_text(encoding="utf-8")

@@ -15,8 +15,8 @@ from numpy.testing import assert_allclose
 
 from drumsqueal.files.json_file import to_json, write_json
 from drumsqueal.files.output_folder import ACCURACY_FILES
-from drumsqueal.findings.outcome import Ending
 from drumsqueal.findings.schema import read_findings
+from drumsqueal.outcome import Ending
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.physics.quadrature.independent import FEJER, TANH_SINH, FixedGrid, IndependentSurface, rule_of
 from drumsqueal.physics.quadrature.surface import Surface

@@ -15,9 +15,9 @@ from drumsqueal import simulation
 from drumsqueal.errors import IntegrationError
 from drumsqueal.files.json_file import to_json, write_json
 from drumsqueal.findings.answers import Answer, Change, ModeAnswer, change_of
-from drumsqueal.findings.outcome import Ending
 from drumsqueal.findings.saturation import Line
 from drumsqueal.findings.schema import read_findings
+from drumsqueal.outcome import Ending
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.questions.effects import study as effects
 from drumsqueal.questions.effects import variants

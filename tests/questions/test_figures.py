@@ -22,8 +22,8 @@ import drumsqueal as ds
 from drumsqueal.files.output_folder import FIGURES, figure_file
 from drumsqueal.findings.answers import Answer, Change
 from drumsqueal.findings.history import SIGNALS
-from drumsqueal.findings.outcome import COMPLETE, Ending, Outcome
 from drumsqueal.findings.vibration import Vibration, boundary_ratio
+from drumsqueal.outcome import COMPLETE, Ending, Outcome
 from drumsqueal.questions.effects.figure import draw_effects
 from drumsqueal.questions.effects.reductions import reductions_of
 from drumsqueal.questions.effects.study import EffectStudy

@@ -17,8 +17,8 @@ from drumsqueal import compilation
 from drumsqueal.errors import RequestError
 from drumsqueal.files import saved_history
 from drumsqueal.files.in_place import variable
-from drumsqueal.files.ordinary import NotOrdinaryError, read_ordinary
 from drumsqueal.files.saved_history import read_history
+from drumsqueal.ordinary import NotOrdinaryError, read_ordinary
 from drumsqueal.questions.compare.measured.reader import read_measured
 from drumsqueal.scene import SceneError, load_scene
 from processes import posix

@@ -20,7 +20,7 @@ from drumsqueal.errors import IntegrationError
 from drumsqueal.files import history_file, output_folder, resumption
 from drumsqueal.files.claims import LOCK
 from drumsqueal.files.resumption import ResumeFile, find_point
-from drumsqueal.findings.outcome import Ending, Outcome
+from drumsqueal.outcome import Ending, Outcome
 from drumsqueal.scene import Scene, load_scene
 from drumsqueal.terminal import style
 from processes import MAIN, posix, start, wait_for

@@ -18,8 +18,8 @@ import xarray
 from drumsqueal.files.in_place import fill, fixed_text, opened, placed, variable
 from drumsqueal.files.output_folder import part_of
 from drumsqueal.findings.history import RUNNING, columns, empty_dataset
-from drumsqueal.findings.outcome import Ending, Outcome
 from drumsqueal.interrupts import stop_if_interrupted
+from drumsqueal.outcome import Ending, Outcome
 from drumsqueal.scene import Scene
 from drumsqueal.solve.transient.integrate import Chunk
 

@@ -13,7 +13,7 @@ from typing import Any, BinaryIO
 import h5py
 import numpy as np
 
-from drumsqueal.files.ordinary import NotOrdinaryError, open_ordinary
+from drumsqueal.ordinary import NotOrdinaryError, open_ordinary
 
 _MOST_BYTES = 2**36  # of a file of results; a thousand seconds of all signals at 192 kHz are 37 GB
 MOST_CLAIMED = 2  # times its size: results are not compressed, and only what names a dimension may have no data

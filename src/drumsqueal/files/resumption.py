@@ -19,10 +19,10 @@ import xarray
 from drumsqueal.errors import RequestError
 from drumsqueal.files.history_file import Reached
 from drumsqueal.files.in_place import opened, own_variable, read_texts, variable
-from drumsqueal.files.ordinary import read_ordinary
 from drumsqueal.files.output_folder import HISTORY, RESUME, write_whole
 from drumsqueal.findings.history import MOTION, TEMPERATURE, empty_dataset, signals_of, versions
-from drumsqueal.findings.outcome import Ending
+from drumsqueal.ordinary import read_ordinary
+from drumsqueal.outcome import Ending
 from drumsqueal.physics.composition import kept_coordinates
 from drumsqueal.precision import real
 from drumsqueal.scene import Scene, scene_from_dict

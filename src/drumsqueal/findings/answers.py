@@ -3,10 +3,13 @@
 import math
 from dataclasses import dataclass
 
+import xarray
+
+from drumsqueal.findings.compare import RunFindings
 from drumsqueal.findings.saturation import Line, describe_motion, saturated_part
 from drumsqueal.findings.vibration import Vibration
 from drumsqueal.physics.model import Model
-from drumsqueal.simulation import Result
+from drumsqueal.solve.linear.modes import Stability
 
 LOST = math.inf  # the change of what one of two runs lacks
 NEGLIGIBLE_RATIO = 1e-6  # damping ratio below which growth or decay is none to speak of
@@ -60,15 +63,15 @@ QUANTITIES = {
 """The fields of a change in words."""
 
 
-def answer_of(result: Result, model: Model) -> Answer:
+def answer_of(history: xarray.Dataset, findings: RunFindings, stability: Stability, model: Model) -> Answer:
     """Read the answer off a run; `model` is the one over the coordinates of its eigenvalues."""
-    modes = {mode.label: ModeAnswer(mode.frequency_Hz, mode.growth_rate) for mode in result.stability.modes}
-    vibration, comparison = Vibration(result.history, result.stability), result.findings
-    boundary = comparison.edge_reached_s if comparison.saturation is not None else None
+    modes = {mode.label: ModeAnswer(mode.frequency_Hz, mode.growth_rate) for mode in stability.modes}
+    vibration = Vibration(history, stability)
+    boundary = findings.edge_reached_s if findings.saturation is not None else None
     part = saturated_part(vibration.time, 0.0 if boundary is None else boundary)
-    motion = describe_motion(vibration, part, result.stability, model)
+    motion = describe_motion(vibration, part, stability, model)
     carriers = tuple(name for name, fraction in motion.kinetic_share.items() if fraction >= CARRIED)
-    unstable = tuple(mode.label for mode in result.stability.unstable)
+    unstable = tuple(mode.label for mode in stability.unstable)
     return Answer(modes, unstable, motion.amplitude, carriers, motion.main, vibration.largest_rotation)
 
 

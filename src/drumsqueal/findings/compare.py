@@ -11,13 +11,13 @@ from drumsqueal.findings.accuracy import Accuracy, measure_accuracy
 from drumsqueal.findings.frequency import FrequencyDrift, follow_frequency
 from drumsqueal.findings.growth_phase import Growth, ModeComparison, Note, measure_growth
 from drumsqueal.findings.history import memory_of
-from drumsqueal.findings.outcome import COMPLETE, Ending
 from drumsqueal.findings.part import Finding
 from drumsqueal.findings.prediction import Prediction, predict
 from drumsqueal.findings.saturation import Saturation, describe_saturation, saturated_part
 from drumsqueal.findings.schema import Findings
 from drumsqueal.findings.verdict import state_verdict
 from drumsqueal.findings.vibration import Vibration, boundary_ratio, changes, first_boundary_time, moved_by
+from drumsqueal.outcome import COMPLETE, Ending
 from drumsqueal.physics.composition import take_inventory
 from drumsqueal.physics.model import Model
 from drumsqueal.scene import scene_from_dict

@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import xarray
 
-from drumsqueal.findings.outcome import COMPLETE as COMPLETE
-from drumsqueal.findings.outcome import Ending, Outcome
+from drumsqueal.outcome import COMPLETE as COMPLETE
+from drumsqueal.outcome import Ending, Outcome
 from drumsqueal.scene import COORDINATES, Scene
 from drumsqueal.solve.transient.integrate import Chunk
 

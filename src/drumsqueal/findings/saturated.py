@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from drumsqueal.errors import IntegrationError
 from drumsqueal.findings.boundaries import boundary_ratios
-from drumsqueal.findings.outcome import COMPLETE, Ending, Outcome
 from drumsqueal.findings.signals.spectra import amplitude_spectrum, spectral_peaks
+from drumsqueal.outcome import COMPLETE, Ending, Outcome
 from drumsqueal.physics.model import Model
 from drumsqueal.progress import Progress, silent
 from drumsqueal.solve.transient.batch import integrate_many

@@ -17,9 +17,9 @@ from pydantic import (
 from pydantic_core.core_schema import any_schema
 
 from drumsqueal.errors import RequestError
-from drumsqueal.files.ordinary import read_ordinary
 from drumsqueal.findings.history import versions
 from drumsqueal.findings.part import Finding, Held
+from drumsqueal.ordinary import read_ordinary
 from drumsqueal.scene import Scene, SceneError, scene_from_dict
 
 __all__ = ["Finding", "Findings", "Held", "InMemory", "SceneInFile", "read_findings"]

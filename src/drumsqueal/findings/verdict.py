@@ -6,9 +6,9 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from drumsqueal.findings.outcome import Ending
 from drumsqueal.findings.signals.regime import Kind
 from drumsqueal.findings.signals.regime_words import written_frequencies
+from drumsqueal.outcome import Ending
 from drumsqueal.scene.quantities import percent
 from drumsqueal.solve.linear.modes import NEUTRAL_FRACTION
 

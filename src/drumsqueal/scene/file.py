@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from drumsqueal.errors import nearest
-from drumsqueal.files.ordinary import NotOrdinaryError, read_ordinary
+from drumsqueal.ordinary import NotOrdinaryError, read_ordinary
 from drumsqueal.scene.quantities import DECIMAL_POINT, SceneError
+from drumsqueal.scene.shipped import shipped_names
 
 OPTIONAL_TABLES = ("support", "friction", "damping", "temperature", "forcing", "uncertain")
 """The tables that a scene may leave out; `--set friction=none` leaves one out."""
@@ -32,8 +33,6 @@ def read_tables(path: str | os.PathLike[str]) -> dict[str, Any]:
     try:
         content = read_ordinary(path, _MOST_BYTES)
     except FileNotFoundError:
-        from drumsqueal.scene.shipped import shipped_names  # which reads its scenes by this module
-
         meant = nearest(path.stem, shipped_names())
         other = "check the path, or take one that `drumsqueal scenes` lists"
         reason = f"there is no such file; {f'did you mean the shipped scene {meant[0]}?' if meant else other}"

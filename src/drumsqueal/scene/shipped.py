@@ -1,11 +1,11 @@
 """The shipped scenes: in a wheel among its files, in a clone in the folder next to src."""
 
+import tomllib
 from importlib.resources import files
 from pathlib import Path
 from typing import NamedTuple
 
 from drumsqueal.errors import nearest
-from drumsqueal.scene.file import read_tables
 from drumsqueal.scene.quantities import SceneError
 
 _FOLDER = "scenarios"
@@ -48,12 +48,12 @@ def shipped_scenes() -> tuple[Shipped, ...]:
 
 def _read(name: str) -> Shipped:
     path = shipped_path(name)
-    head: list[str] = []
-    for line in path.read_text(encoding="utf-8").splitlines():
+    text, head = path.read_text(encoding="utf-8"), list[str]()
+    for line in text.splitlines():
         if not line.startswith("#"):
             break
         head.append(line.removeprefix("#").strip())
-    return Shipped(name, path, str(read_tables(path)["title"]), " ".join(head))
+    return Shipped(name, path, tomllib.loads(text)["title"], " ".join(head))
 
 
 def _folder() -> Path:

@@ -10,8 +10,8 @@ from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
 from drumsqueal.errors import IntegrationError
-from drumsqueal.findings.outcome import COMPLETE, Ending, Outcome
 from drumsqueal.interrupts import noted_interrupts, stop_if_interrupted
+from drumsqueal.outcome import COMPLETE, Ending, Outcome
 from drumsqueal.physics.effects.operation import Constant
 from drumsqueal.physics.model import Model
 from drumsqueal.progress import Progress, silent

@@ -11,7 +11,7 @@ import numpy as np
 from drumsqueal.errors import IntegrationError
 from drumsqueal.findings.answers import Change, answer_of
 from drumsqueal.findings.history import COMPLETE
-from drumsqueal.findings.outcome import Ending
+from drumsqueal.outcome import Ending
 from drumsqueal.physics.composition import moved_coordinates
 from drumsqueal.physics.model import Model
 from drumsqueal.progress import Progress
@@ -197,7 +197,7 @@ def features_of(result: Result, model: Model) -> Features:
             found["growth_rate", mode.label] = mode.measured_growth.rate_1_per_s
         if mode.measured_frequency_Hz is not None:
             found["onset_frequency", mode.label] = mode.measured_frequency_Hz
-    answer = answer_of(result, model)
+    answer = answer_of(result.history, result.findings, result.stability, model)
     found |= {("amplitude", name): answer.amplitude[name] for name in answer.carriers}
     if answer.main is not None:
         found["main_frequency", ""] = answer.main.frequency_Hz

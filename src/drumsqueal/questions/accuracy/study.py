@@ -15,8 +15,8 @@ from typing import Any
 from pydantic import Field
 
 from drumsqueal.findings.answers import Change
-from drumsqueal.findings.outcome import Ending
 from drumsqueal.findings.schema import Findings, Held, InMemory
+from drumsqueal.outcome import Ending
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.accuracy.bench import NONE, Bench, Measurement
 from drumsqueal.questions.accuracy.contenders import contenders_of

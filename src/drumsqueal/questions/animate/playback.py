@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 
 from drumsqueal.errors import RequestError
-from drumsqueal.findings.outcome import Ending
 from drumsqueal.findings.signals.spectra import amplitude_spectrum, spectral_peaks
 from drumsqueal.findings.time_window import time_window
 from drumsqueal.findings.vibration import FEWEST_FOR_SPECTRUM, levers
+from drumsqueal.outcome import Ending
 from drumsqueal.physics.bodies.rigid_shoe import OUT_OF_PLANE, RigidShoe
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.questions.animate.section import largest_displacement

@@ -7,8 +7,8 @@ import typer
 
 from drumsqueal.errors import RequestError
 from drumsqueal.files.claims import claim_results
-from drumsqueal.files.ordinary import open_ordinary
 from drumsqueal.files.output_folder import COMPARE_FILES, HISTORY, history_file
+from drumsqueal.ordinary import open_ordinary
 from drumsqueal.terminal.completion import SIGNALS, words
 from drumsqueal.terminal.options import (
     JsonFile,

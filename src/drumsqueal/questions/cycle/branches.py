@@ -9,7 +9,7 @@ import jax
 import numpy as np
 
 from drumsqueal.errors import CycleError
-from drumsqueal.findings.outcome import Ending
+from drumsqueal.outcome import Ending
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.cycle.continuation import Track, is_between

@@ -6,10 +6,10 @@ from typing import Any
 
 from pydantic import computed_field
 
-from drumsqueal.findings.outcome import Ending
 from drumsqueal.findings.parameter import Parameter
 from drumsqueal.findings.part import Finding, Held
 from drumsqueal.findings.schema import Findings
+from drumsqueal.outcome import Ending
 from drumsqueal.questions.cycle.orbit import Cycle, Event
 from drumsqueal.solve.linear.branches import Branches, Critical
 

@@ -10,7 +10,7 @@ import numpy as np
 from drumsqueal.errors import IntegrationError
 from drumsqueal.findings.answers import Answer, Change, answer_of, change_of
 from drumsqueal.findings.history import COMPLETE
-from drumsqueal.findings.outcome import Ending
+from drumsqueal.outcome import Ending
 from drumsqueal.progress import Progress
 from drumsqueal.questions.effects.reductions import Reduction, reduce
 from drumsqueal.scene import Scene, SceneError
@@ -96,7 +96,8 @@ class Bench:
         except IntegrationError as error:
             outcome, reason = Ending.FAILED, str(error)
         if prepared is not None and outcome is Ending.COMPLETE:
-            answer = answer_of(finish(prepared, chunks, COMPLETE), prepared.linear)
+            run = finish(prepared, chunks, COMPLETE)
+            answer = answer_of(run.history, run.findings, run.stability, prepared.linear)
             change = None if self._whole is None else change_of(self._whole, answer)
         simulated = (float(chunks[-1].time[-1]) if chunks else 0.0) or np.nan  # s; NaN where nothing was simulated
         evaluations = sum(chunk.evaluations for chunk in chunks)

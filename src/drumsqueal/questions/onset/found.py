@@ -9,11 +9,11 @@ from typing import Any, Self
 import numpy as np
 from pydantic import Field, computed_field
 
-from drumsqueal.findings.outcome import Ending
 from drumsqueal.findings.parameter import Parameter
 from drumsqueal.findings.part import Finding, Held, Number
 from drumsqueal.findings.saturated import Saturated
 from drumsqueal.findings.schema import Findings
+from drumsqueal.outcome import Ending
 from drumsqueal.questions.cycle.diagram import Diagram
 from drumsqueal.scene.variation import Variation
 from drumsqueal.solve.linear.branches import Branch, Critical, Point

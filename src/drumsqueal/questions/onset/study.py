@@ -9,8 +9,8 @@ from typing import Any, NamedTuple, cast, overload
 import numpy as np
 
 from drumsqueal.errors import RequestError
-from drumsqueal.findings.outcome import Ending
 from drumsqueal.findings.parameter import Parameter
+from drumsqueal.outcome import Ending
 from drumsqueal.physics.composition import linear_coordinates
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.progress import Progress, silent

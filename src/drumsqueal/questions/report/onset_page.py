@@ -8,9 +8,9 @@ from typing import Any
 
 from drumsqueal.errors import RequestError
 from drumsqueal.files.output_folder import ONSET, ONSET_SUMMARY, ONSET_TABLE, figure_file
-from drumsqueal.findings.outcome import Ending
 from drumsqueal.findings.schema import read_findings
 from drumsqueal.findings.verdict import hertz
+from drumsqueal.outcome import Ending
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.onset.found import Kind, OnsetStudy
 from drumsqueal.questions.report.moving import animate

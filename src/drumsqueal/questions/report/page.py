@@ -12,8 +12,8 @@ import jinja2
 from markupsafe import Markup, escape
 
 from drumsqueal.errors import RequestError
-from drumsqueal.files.ordinary import read_ordinary
 from drumsqueal.findings.vibration import unit_of
+from drumsqueal.ordinary import read_ordinary
 from drumsqueal.scene import Scene
 
 MEGABYTE = 1e6

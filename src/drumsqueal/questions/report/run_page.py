@@ -8,10 +8,10 @@ from drumsqueal.errors import RequestError
 from drumsqueal.files.output_folder import FIGURES, HISTORY, RESUME, SUMMARY, figure_file
 from drumsqueal.files.saved_history import read_history
 from drumsqueal.findings.compare import RunFindings
-from drumsqueal.findings.outcome import Ending
 from drumsqueal.findings.schema import read_findings
 from drumsqueal.findings.verdict import difference_is_no_error, state_headline
 from drumsqueal.findings.vibration import unit_of
+from drumsqueal.outcome import Ending
 from drumsqueal.questions.report.moving import animate
 from drumsqueal.questions.report.page import picture
 from drumsqueal.questions.report.sound import clips

@@ -13,8 +13,8 @@ from drumsqueal.files.json_file import write_json
 from drumsqueal.files.output_folder import HISTORY, RESUME, SUMMARY, not_taken
 from drumsqueal.files.resumption import Point, ResumeFile
 from drumsqueal.findings.compare import RunFindings
-from drumsqueal.findings.outcome import Ending, Outcome
 from drumsqueal.findings.prediction import predict
+from drumsqueal.outcome import Ending, Outcome
 from drumsqueal.progress import Progress
 from drumsqueal.questions.run.words import print_findings
 from drumsqueal.simulation import Prepared, collect, compared

@@ -7,8 +7,8 @@ import numpy as np
 from scipy.io import wavfile
 
 from drumsqueal.errors import RequestError
-from drumsqueal.files.ordinary import open_ordinary
 from drumsqueal.findings.time_window import time_window
+from drumsqueal.ordinary import open_ordinary
 from drumsqueal.questions.compare.measured.csv_table import read_csv
 from drumsqueal.questions.compare.measured.record import FEWEST, Asked, Measured, check_count, known_units, parse_unit
 from drumsqueal.questions.compare.measured.sampling import Sampling

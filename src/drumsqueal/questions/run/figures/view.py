@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.findings.growth_phase import UNEXCITED_FRACTION
-from drumsqueal.findings.outcome import Ending
 from drumsqueal.findings.vibration import FEWEST_FOR_SPECTRUM, ROTATIONS, Vibration
+from drumsqueal.outcome import Ending
 from drumsqueal.physics.model import Model
 from drumsqueal.simulation import Result
 from drumsqueal.solve.linear.modes import Mode
