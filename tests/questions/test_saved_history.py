@@ -70,7 +70,7 @@ def test_uneven_samples_are_refused(file):
         (lambda path: path.write_bytes(b""), "not a history of drumsqueal"),
         (lambda path: path.write_text("time,Y\n0,1\n"), "not NetCDF-4"),
         (lambda path: path.write_bytes(path.read_bytes()[:20_000]), "cut short"),
-        (lambda path: xarray.Dataset({"a": ("b", [1.0])}).to_netcdf(path, engine="h5netcdf"), "no history"),
+        (lambda path: xarray.Dataset({"a": ("b", [1.0])}).to_netcdf(path, engine="h5netcdf"), "not a history"),
     ],
     ids=["missing", "empty", "text", "cut short", "another's"],
 )
