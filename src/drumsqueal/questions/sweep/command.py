@@ -49,7 +49,7 @@ def sweep_command(
     quiet: Quiet = False,
     json_file: JsonFile = None,
 ) -> None:
-    """For which parameters does the brake squeal, and how likely is squeal?
+    """For which parameters does the brake squeal, and how likely?
 
     Computes growth rates, and with --transient amplitudes and frequencies, over a grid or for uncertain parameters.
 
