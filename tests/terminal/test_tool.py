@@ -344,7 +344,7 @@ def test_check_foretells_the_first_boundary_and_the_evaluations(nominal):
 @pytest.mark.parametrize(
     ("settings", "told"),
     [
-        (("start.displacement.Y=1e-5",), "The start is beyond the contact boundaries, at 1.44 times loss of contact"),
+        (("start.displacement.Y=1e-5",), "The start is beyond the contact boundaries, at 1.44 times that of loss of contact"),
         (("start.displacement={}",), "Nothing is started and no force acts"),
         (("start.displacement={}", f"contact.normal_load={PULSE}"), "Nothing is started and no force acts"),
         (
