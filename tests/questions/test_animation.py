@@ -46,7 +46,9 @@ def made_up(scene, displacement: dict, samples: int = 1001, **signals) -> xarray
         rate[:, COORDINATES.index(name)] = (2j * np.pi * FREQUENCY * size * turning).real
     data: dict = {"displacement": (("time", "coordinate"), moved), "velocity": (("time", "coordinate"), rate)}
     data["sticking"] = ("time", signals.get("sticking", np.zeros(samples)))
-    return xarray.Dataset(data, {"time": time, "coordinate": list(COORDINATES)}, {"outcome": "complete"})
+    return xarray.Dataset(
+        data, {"time": time, "coordinate": list(COORDINATES)}, {"outcome": "complete", "ending": "complete"}
+    )
 
 
 @pytest.fixture(scope="module")
