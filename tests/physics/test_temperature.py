@@ -176,7 +176,7 @@ def test_a_point_to_go_on_from_keeps_the_temperature(nominal):
     [
         ({"friction": None}, "temperature: without friction nothing heats the lining"),
         ({"temperature.heat_capacity": "0 J/K"}, "temperature.heat_capacity"),
-        ({"temperature.fade": "1 K"}, "no unit of share per temperature"),
+        ({"temperature.fade": "1 K"}, "no unit of fraction per temperature"),
         ({"temperature.cooling": "-1 W/K"}, "temperature.cooling"),
     ],
 )

@@ -404,6 +404,24 @@ def test_forces_vanish_in_the_steady_state(nominal, speed, boundaries):
     np.testing.assert_array_equal(q[[2, 3, 4]], 0)
 
 
+def test_a_lining_that_has_lifted_off_in_part_is_linearised_as_its_forces_change(nominal):
+    # In space, and against the forces of any motion, which look for their contact boundaries on every line across.
+    scene = nominal.with_values({"steady.state": "self-consistent", "drum.speed": 0.05})
+    model = build_model(scene, coordinates=ALL)
+    steady, linear = linear_model(model)
+    assert 0.9 < float(model.observe(0.0, steady, 0 * steady).contact_fraction) < 0.99
+    force = jax.jit(lambda state: model.act(0.0, state[:6], state[6:])[0])
+    state = np.concatenate([steady, np.zeros(6)])
+    # Steps of 1e-8 m and 1e-6 m/s are 1e-3 and 2e-4 of what lifts the lining off and of the slip, so that central
+    # differences err by some 1e-6; the quadrature errs by 1e-9 of the load of 2 kN, over 3 N for a step.
+    steps = np.diag([1e-8] * 3 + [1e-7] * 3 + [1e-6] * 3 + [1e-5] * 3)
+    slopes = np.array([(force(state + step) - force(state - step)) / (2 * step.sum()) for step in steps]).T
+    scale = np.sqrt(np.asarray(linear.mass))
+    for found, wanted in ((linear.stiffness, -slopes[:, :6]), (linear.damping, -slopes[:, 6:])):
+        error = (np.asarray(found) - wanted) / np.outer(scale, scale)
+        assert np.abs(error).max() < 1e-5 * np.abs(wanted / np.outer(scale, scale)).max()
+
+
 def test_steady_sliding_is_found_at_every_speed(nominal):
     # Also where the first steps leave nothing but round-off, at 1 % of the speeds, which its solver calls a failure.
     scene = nominal.with_values({"steady.state": "self-consistent"})

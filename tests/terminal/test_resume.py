@@ -324,7 +324,7 @@ REFUSED = {
     ),
     "point cut short": (lambda folder: (folder / "resume.json").write_text('{"samples": 50'), "resume.json is damaged"),
     "point nested": (lambda folder: (folder / "resume.json").write_text("[" * 60_000), "resume.json is damaged"),
-    "another format": (lambda folder: change(folder, format=2), "of another version of drumsqueal"),
+    "another format": (lambda folder: change(folder, format=99), "of another version of drumsqueal"),
     "another scene's": (lambda folder: change(folder, scene="0"), "of another run"),
     "ahead": (lambda folder: change(folder, samples=1501), "resume.json is damaged"),
     "no chunk": (lambda folder: change(folder, samples=777), "resume.json is damaged"),
