@@ -43,6 +43,6 @@ def _check(status: os.stat_result, most: int) -> None:
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
     if not stat.S_ISREG(status.st_mode):
         kind = _KINDS.get(stat.S_IFMT(status.st_mode), "something else")
-        raise NotOrdinaryError(f"this is no ordinary file, but {kind}")
+        raise NotOrdinaryError(f"this is not an ordinary file, but {kind}")
     if status.st_size > most:
         raise NotOrdinaryError(f"the file of {status.st_size / 2**20:.0f} MB is larger than {most // 2**20} MB")

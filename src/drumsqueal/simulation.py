@@ -101,11 +101,11 @@ def held_coordinates(scene: Scene) -> tuple[str, ...]:
 
 
 def check_sample_rate(prepared: Prepared) -> None:
-    """Raise SceneError where the samples would fold the highest frequency of the model."""
+    """Raise SceneError where the sampling would alias the highest frequency of the model."""
     highest = prepared.stability.highest_frequency_Hz
     if prepared.scene.simulate.sample_rate < 2 * highest:
         raise SceneError(
-            f"this is below twice the highest frequency of the model, {highest:.5g} Hz, which would fold; "
+            f"this is below twice the highest frequency of the model, {highest:.5g} Hz, which would be aliased; "
             f"take at least {2 * highest:.5g} Hz",
             ("simulate", "sample_rate"),
             prepared.scene.simulate.sample_rate,
@@ -118,7 +118,7 @@ def check_constant(scene: Scene) -> Scene:
         if isinstance(value, Profile):
             raise SceneError("limit cycles and attractors take a constant value, not a profile over time", path)
     if scene.temperature is not None:
-        message = "the lining warms up, and no motion repeats or lasts; leave the temperature out (temperature=none)"
+        message = "the lining warms up, so that no motion is stationary; leave the temperature out (temperature=none)"
         raise SceneError(message, ("temperature",))
     return scene
 

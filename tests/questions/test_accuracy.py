@@ -225,7 +225,7 @@ def test_the_findings_read_back_as_what_was_written(study, tmp_path):
 
 
 def test_the_growth_rate_of_a_neutral_mode_is_measured_against_the_record():
-    errors = feature_errors({"growth_rate X": 1e-9}, {"growth_rate X": 3e-5}, duration=0.1)
+    errors = feature_errors({("growth_rate", "X"): 1e-9}, {("growth_rate", "X"): 3e-5}, duration=0.1)
     assert errors.growth_rate == pytest.approx(3e-6, rel=1e-3)
 
 
@@ -250,8 +250,8 @@ def test_a_scene_at_rest_is_refused_and_nothing_written(drumsqueal, tmp_path):
 
 
 def test_a_lost_feature_is_infinitely_wrong():
-    best = {"growth_rate Y": 76.0, "onset_frequency Y": 1424.0, "main_frequency": 1076.0}
-    errors = feature_errors(best, {"growth_rate Y": 76.076, "main_frequency": 1076.0}, 0.4)
+    best = {("growth_rate", "Y"): 76.0, ("onset_frequency", "Y"): 1424.0, ("main_frequency", ""): 1076.0}
+    errors = feature_errors(best, {("growth_rate", "Y"): 76.076, ("main_frequency", ""): 1076.0}, 0.4)
     assert errors.growth_rate == pytest.approx(1e-3)
     assert errors.onset_frequency == np.inf
     assert (errors.main_frequency, errors.amplitude) == (0.0, None)

@@ -349,7 +349,7 @@ def test_tones_of_a_rate_of_change_are_those_of_what_it_is(order):
     [
         (
             "30 Hz",
-            "'pressure': its sample rate, 30 Hz, holds nothing that is heard, from 20 Hz on; take a faster record",
+            "'pressure': its sample rate, 30 Hz, is too low for sound, from 20 Hz on; take a faster record",
         ),
         ("50 Hz", "'pressure': 12 samples in 0.24 s, as long as the shorter record, are too few at 50 Hz"),
         ("1e9 Hz", "history.nc: 15 samples in 0.0003 s, as long as the shorter record, are too few at 50000 Hz"),
@@ -540,7 +540,7 @@ def test_levels_are_of_rms_values_over_the_reference_of_the_standard():
     [
         (["HISTORY", "none.csv"], "none.csv: there is no such file"),
         (["none.nc", "RIG"], "none.nc: there is no such file"),
-        (["RIG", "RIG"], "this is no history of drumsqueal"),
+        (["RIG", "RIG"], "this is not a history of drumsqueal"),
         (["HISTORY", "HISTORY"], "this is an HDF5 or NetCDF file; CSV, UFF58 and WAV are read"),
         (["HISTORY", "RIG", "--signal", "nothing"], "--signal nothing: there is no such signal"),
         (["HISTORY", "RIG", "--channel", "2"], "--channel 2: there is no such channel"),

@@ -231,7 +231,7 @@ def test_where_no_exponents_can_be_followed_recurrence_and_lines_decide():
 
 @pytest.mark.parametrize(("slow", "kind"), [(70.0, Kind.PERIODIC), (7.0, Kind.NOT_DETERMINED)])
 def test_weak_lines_show_that_frequencies_lock_where_the_cycle_was_recorded_often_enough(slow, kind):
-    fundamentals = Fundamentals(np.array([slow]), np.array([1e-3]), np.ones((1, 1), dtype=np.int64), 1.0, True)
+    fundamentals = Fundamentals(np.array([slow]), np.array([1e-3]), np.ones((1, 1), dtype=np.int64), 1.0)
     found = decide_attractor(regime("quasi-periodic", 900.0, slow), fundamentals, exponents(0.2, -5.0), 5.0, 0.5)
     assert found.kind is kind
     assert found.record_needed_s == (None if kind is Kind.PERIODIC else pytest.approx(40 / slow))

@@ -357,7 +357,7 @@ def test_a_range_of_neutral_motion_is_no_squeal(nominal):
     variation = Variation("drum.speed", "m/s", (1.0, 2.0))
     study = compare(Prediction(nominal, variation, family, free, linear, how), 0.5)
     assert [each.kind for each in study.ranges] == ["neutral"]
-    assert "predict no squeal; motion neither grows nor decays, and is as large" in verdict(study)
+    assert "predict no squeal; motion neither grows nor decays: its amplitude is that" in verdict(study)
 
 
 def grazing_speed() -> float:

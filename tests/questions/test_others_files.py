@@ -87,12 +87,12 @@ def test_a_report_neither_hangs_nor_reads_on_for_ever(drumsqueal, folder, put, n
 def test_other_readers_refuse_the_same(drumsqueal, tmp_path, put):
     path = tmp_path / "it.toml"
     put(path)
-    with pytest.raises(SceneError, match=r"no ordinary file|larger than|directory|cannot be read"):
+    with pytest.raises(SceneError, match=r"not an ordinary file|larger than|directory|cannot be read"):
         load_scene(path)
-    with pytest.raises(RequestError, match=r"no ordinary file|larger than|is a folder|no such file"):
+    with pytest.raises(RequestError, match=r"not an ordinary file|larger than|is a folder|no such file"):
         read_measured(path)
     if not path.is_dir():
-        with pytest.raises(RequestError, match=r"no ordinary file|larger than|no such file"):
+        with pytest.raises(RequestError, match=r"not an ordinary file|larger than|no such file"):
             read_history(path)
     for command in (("run", str(path), "-o", str(tmp_path / "a")), ("export", str(path), "--to", "csv")):
         status, _, errors = drumsqueal(*command)

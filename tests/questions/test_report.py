@@ -1,4 +1,4 @@
-"""The page about a run or an onset: it says what its files say, to everybody, and asks nothing of the network."""
+"""The page about a run or an onset: it says what its files say, to everybody, and needs no network."""
 
 import base64
 import hashlib
@@ -146,7 +146,7 @@ def report(drumsqueal):
     def make(folder, *more):
         status, printed, errors = drumsqueal("report", str(folder), "--overwrite", *more)
         assert (status, errors) == (0, "")
-        assert "MB and opens without a network" in printed
+        assert "MB and needs no network" in printed
         return Page(folder / REPORT)
 
     return make
@@ -347,7 +347,7 @@ def test_the_end_of_a_stop_is_not_heard_again_and_again(folder, report, nominal,
     (folder / "summary.json").write_text(json.dumps(summary))
     page = report(folder)
     assert len(sounds(page)) == 2
-    assert "these are of the beginning" in page.one("prediction-caption")["text"]
+    assert "these hold at the beginning" in page.one("prediction-caption")["text"]
     # Nor is there an error between one time and a mean over many.
     assert "the prediction is for t = 0 s, the mean is that from 0 to" in page.one("growth-caption")["text"]
     table = page.one("growth")["text"]
@@ -405,10 +405,10 @@ def test_a_history_without_a_summary_is_judged_now(folder, report, run_page):
     (folder / "summary.json").unlink()
     (folder / "phase.png").unlink()
     with h5py.File(folder / "history.nc", "r+") as history:
-        history.attrs["outcome"] = "incomplete: the run was cut off without a word"
+        history.attrs["outcome"] = "incomplete: the run was killed"
         history.attrs["ending"] = "cut off"
     page = report(folder)
-    assert "cut off without a word" in page.one("warning")["text"]
+    assert "the run was killed" in page.one("warning")["text"]
     assert "phase.png" in page.source
     # The same numbers, told by the same code from the same samples.
     assert set(page.numbers) == set(run_page.numbers)
@@ -483,7 +483,7 @@ def test_a_study_that_was_cut_off_says_what_was_asked_and_predicted(onset_folder
         json.dumps(whole | {"cycles": {"branches": [], "steady_sliding_stable": [], "steady_sliding_unstable": []}})
     )
     page = report(tmp_path)
-    assert "or the figure was taken away" in page.one("missing")["text"]
+    assert "or the figure was removed" in page.one("missing")["text"]
     assert page.one("command")["text"].endswith(" --cycles")
 
 
@@ -497,7 +497,7 @@ def test_why_a_figure_is_missing(folder, report):
     assert page.one("missing")["text"] == (
         "Not in the folder: frequency.png. The run was cut off before they were drawn."
     )
-    assert "--resume goes on" in page.one("warning")["text"]
+    assert "--resume continues" in page.one("warning")["text"]
     summary = json.loads((folder / "summary.json").read_text())
     summary |= {"outcome": "interrupted by the user after t = 0.02 s", "ending": "interrupted"}
     (folder / "summary.json").write_text(json.dumps(summary))
@@ -526,7 +526,7 @@ def test_modes_of_another_version_are_not_shown_as_those_of_the_run(folder, repo
     (folder / "history.nc").unlink()  # only to be quicker
     (folder / "summary.json").write_text(json.dumps(summary))
     page = report(folder)
-    assert "eigenvalues differ from those of the run" in page.source
+    assert "differ from those of the run" in page.source
     assert not [each for each in page.elements if each.get("id") == "animation"]
 
 
@@ -566,7 +566,7 @@ def test_a_summary_of_another_version_is_refused_in_one_line(folder, drumsqueal,
         (lambda folder: (folder / "summary.json").write_text("[1]"), "summary.json: the whole of it"),
         (lambda folder: (folder / "summary.json").write_bytes(b"\xff\xfe"), "summary.json is damaged"),
         (lambda folder: (folder / "history.nc").write_text("a,b"), "not NetCDF-4"),
-        (lambda folder: (folder / "phase.png").write_text("<svg>"), "phase.png is no PNG"),
+        (lambda folder: (folder / "phase.png").write_text("<svg>"), "phase.png is not a PNG"),
         (lambda folder: (folder / "onset.csv").write_text("kind\n"), "holds a run and a study of the onset"),
         (lambda folder: [path.unlink() for path in folder.iterdir()], "holds neither a run"),
         (lambda folder: shutil.rmtree(folder), "not there"),

@@ -45,7 +45,7 @@ def test_samples_that_were_not_computed_are_left_away(file):
     with h5py.File(file, "r+") as history:
         for name in ("displacement", "velocity", "normal_force"):
             variable(history, name)[700:] = np.nan
-        history.attrs["outcome"] = "incomplete: the run was cut off without a word"
+        history.attrs["outcome"] = "incomplete: the run was killed"
         history.attrs["ending"] = "cut off"
     saved = read_history(file)
     assert saved.data.sizes["time"] == 700
@@ -67,10 +67,10 @@ def test_uneven_samples_are_refused(file):
     ("break_it", "told"),
     [
         (lambda path: path.unlink(), "there is no such file"),
-        (lambda path: path.write_bytes(b""), "no history of drumsqueal"),
+        (lambda path: path.write_bytes(b""), "not a history of drumsqueal"),
         (lambda path: path.write_text("time,Y\n0,1\n"), "not NetCDF-4"),
         (lambda path: path.write_bytes(path.read_bytes()[:20_000]), "cut short"),
-        (lambda path: xarray.Dataset({"a": ("b", [1.0])}).to_netcdf(path, engine="h5netcdf"), "no history"),
+        (lambda path: xarray.Dataset({"a": ("b", [1.0])}).to_netcdf(path, engine="h5netcdf"), "not a history"),
     ],
     ids=["missing", "empty", "text", "cut short", "another's"],
 )
@@ -86,7 +86,7 @@ def test_what_is_no_history_is_refused(file, break_it, told):
 def test_a_history_without_one_of_its_variables_is_refused(file, missing):
     with h5py.File(file, "r+") as history:
         history.move(missing, "another")
-    with pytest.raises(RequestError, match="no history of drumsqueal, or a damaged one"):
+    with pytest.raises(RequestError, match="not a history of drumsqueal, or a damaged one"):
         read_history(file)
 
 

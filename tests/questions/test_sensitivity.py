@@ -163,7 +163,7 @@ def test_a_search_that_cannot_succeed_says_how_far_it_came(nominal):
 @pytest.mark.parametrize(
     ("keys", "told"),
     [
-        (["friction.statik"], "no number of this scene"),
+        (["friction.statik"], "not a number of this scene"),
         (["friction.static", "friction.static"], "named twice"),
         (["forcing.frequency"], "does not act"),
         (["friction.decay"], "it is 0"),

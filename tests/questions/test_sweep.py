@@ -232,7 +232,7 @@ def test_a_sweep_that_was_cut_off_goes_on_and_leaves_the_same_file(drumsqueal, d
     whole, cut = tmp_path / "whole", tmp_path / "cut"
     assert drumsqueal("sweep", *arguments, "-o", str(whole))[0] == 0
     cut.mkdir()
-    with pytest.raises(IntegrationError, match=r"interrupted by the user; 16 of 28 points .* --resume goes on"):
+    with pytest.raises(IntegrationError, match=r"interrupted by the user; 16 of 28 points .* --resume continues"):
         sweep_into(into(cut), plan, stopped_after(2, KeyboardInterrupt()))
     with xarray.open_dataset(cut / "sweep.nc", engine="h5netcdf") as there:
         assert there.attrs["outcome"] == "interrupted by the user; 16 of 28 points were computed"

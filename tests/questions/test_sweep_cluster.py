@@ -87,7 +87,7 @@ def test_a_worker_of_another_version_is_refused(plan, cluster, monkeypatch):
     from drumsqueal.questions.sweep import cluster as module
 
     monkeypatch.setattr(module, "versions", lambda: history.versions() | {"scipy": "0.1"})
-    with pytest.raises(IntegrationError, match=r"its versions are others \(scipy .* instead of 0.1\)"):
+    with pytest.raises(IntegrationError, match=r"its versions differ \(scipy .* instead of 0.1\)"):
         list(cluster.results(plan, study.batches(plan)))
 
 
@@ -145,7 +145,7 @@ def test_control_c_on_a_cluster_keeps_what_is_there(cache, drumsqueal, tmp_path)
     heard, told = errors.splitlines()
     assert (process.returncode, heard) == (1, HEARD + AGAIN)
     assert "interrupted by the user; " in told
-    assert "--resume goes on from there" in told
+    assert "--resume continues from there" in told
     assert 0 < fraction(tmp_path) < 1
 
 

@@ -375,7 +375,7 @@ def test_an_enormous_setting_is_refused_in_a_short_line(setting):
 def test_what_never_ends_is_not_read(tmp_path):
     os.mkfifo(tmp_path / "pipe.toml")
     for path in (tmp_path / "pipe.toml", "/dev/zero"):
-        with pytest.raises(SceneError, match="no ordinary file"):
+        with pytest.raises(SceneError, match="not an ordinary file"):
             load_scene(path)
 
 

@@ -250,7 +250,7 @@ def test_a_lock_that_is_refused_for_another_reason_stays_with_its_holder(tmp_pat
 
 def test_what_is_no_lock_file_is_not_followed(tmp_path):
     os.mkfifo(tmp_path / LOCK)
-    with pytest.raises(RequestError, match="no ordinary file; remove it"):
+    with pytest.raises(RequestError, match="not an ordinary file; remove it"):
         claim_folder(tmp_path)
     (tmp_path / LOCK).unlink()
     (tmp_path / LOCK).symlink_to(tmp_path / "elsewhere")

@@ -321,7 +321,7 @@ def test_a_file_that_cannot_be_written_is_told_before_anything_is_done(short_run
 def test_what_is_no_ordinary_file_is_not_replaced(tmp_path):
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
-    with pytest.raises(RequestError, match="no ordinary file"):
+    with pytest.raises(RequestError, match="not an ordinary file"):
         check_output_file(pipe, overwrite=True)
 
 

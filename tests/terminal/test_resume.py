@@ -108,7 +108,7 @@ def assert_readable(folder: Path) -> int:
     """A history cut off says how far it goes, is right so far, and is NaN beyond; the samples to go on from."""
     history = load(folder)
     told = re.fullmatch(
-        r"incomplete: the run was cut off without a word after t = (\S+) s; (\d+) of 25001 samples were computed, "
+        r"incomplete: the run was killed after t = (\S+) s; (\d+) of 25001 samples were computed, "
         r"the others are NaN",
         history.attrs["outcome"],
     )
@@ -148,7 +148,7 @@ def test_killed_before_there_is_a_point_to_go_on_from(cache, drumsqueal, tmp_pat
     assert told in errors
     assert contents(folder) == before
     if left == ["history.nc"]:
-        cut_off = "incomplete: the run was cut off without a word after t = 0.01 s"
+        cut_off = "incomplete: the run was killed after t = 0.01 s"
         assert load(folder).attrs["outcome"].startswith(cut_off)
         return
     assert drumsqueal("run", NOMINAL, "-o", str(folder), *SHORT)[0] == 0
@@ -183,7 +183,7 @@ def test_interrupted_while_it_resumes_it_can_be_resumed_again(drumsqueal, interr
     assert status == 1
     assert errors == (
         f"drumsqueal: interrupted by the user after t = 0.03 s; what was computed is in {interrupted}; "
-        "--resume goes on from there\n"
+        "--resume continues from there\n"
     )
     assert drumsqueal("run", NOMINAL, "-o", str(interrupted), *SHORT, "--resume")[0] == 0
     xarray.testing.assert_identical(load(interrupted), uninterrupted)
@@ -302,7 +302,7 @@ REFUSED = {
     "history cut short": (cut_short, "history.nc is cut short or damaged"),
     "history empty": (lambda folder: (folder / "history.nc").write_bytes(b""), "history.nc is cut short or damaged"),
     "history text": (lambda folder: (folder / "history.nc").write_text("of value"), "is cut short or damaged"),
-    "history a link": (link, "history.nc is no ordinary file"),
+    "history a link": (link, "history.nc is not an ordinary file"),
     "data elsewhere": (lead_elsewhere, "history.nc is cut short or damaged"),
     "scene no scene": (lambda folder: attribute(folder, "scene", "x = 1"), "history.nc is cut short or damaged"),
     "complete": (

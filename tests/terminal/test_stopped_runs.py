@@ -26,7 +26,7 @@ pytestmark = pytest.mark.usefixtures("empty_figures")
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 NOMINAL = str(SCENARIOS / "nominal.toml")
 THREE_CHUNKS = ("--set", "simulate.duration=0.03")
-AGAIN = "--resume goes on from there"
+AGAIN = "--resume continues from there"
 
 
 def assert_whole(folder: Path, outcome: str) -> int:

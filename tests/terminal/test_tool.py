@@ -344,15 +344,18 @@ def test_check_foretells_the_first_boundary_and_the_evaluations(nominal):
 @pytest.mark.parametrize(
     ("settings", "told"),
     [
-        (("start.displacement.Y=1e-5",), "The start is beyond the contact boundaries, at 1.44 times loss of contact"),
-        (("start.displacement={}",), "No start and no force"),
-        (("start.displacement={}", f"contact.normal_load={PULSE}"), "No start and no force"),
+        (("start.displacement.Y=1e-5",), "beyond the contact boundaries, at 1.44 times that of loss of contact"),
+        (("start.displacement={}",), "Nothing is started and no force acts"),
+        (("start.displacement={}", f"contact.normal_load={PULSE}"), "Nothing is started and no force acts"),
         (
             ("start.displacement={}", f"contact.normal_load={PULSE}", "steady.state=self-consistent"),
-            "No start, but the changing load moves the shoe",
+            "Nothing is started, but the changing load moves the shoe",
         ),
-        (("start.displacement={Y=1e-7}", 'simulate.coordinates=["X", "Z"]', "start.displacement={X=1e-7}"), "held"),
-        (("simulate.duration=0.01",), "The duration of 0.01 s is 0.762 growth times"),
+        (
+            ("start.displacement={Y=1e-7}", 'simulate.coordinates=["X", "Z"]', "start.displacement={X=1e-7}"),
+            "Held at zero",
+        ),
+        (("simulate.duration=0.01",), "The duration of 0.01 s is 0.762 e-folding times"),
         (("simulate.duration=0.08",), "may not have settled by its end; take at least 0.084 s"),
         (("damping.ratio=0.3",), "Note: damping.ratio = 0.3 is far from what drum brakes have, 0 to 0.1 (10 %)"),
         (("simulate.sample_rate=20000",), "The sample rate is 2.7 times the highest frequency"),

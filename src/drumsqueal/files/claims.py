@@ -1,6 +1,6 @@
 """Claims: of two commands that would write into one folder, or one file, at once, the second is refused.
 
-A claim is a lock of the operating system on a hidden file beside what is claimed. It ends with the process, however
+A claim is a lock of the operating system on a hidden file next to what is claimed. It ends with the process, however
 that ends, so that no claim outlives its command; the hidden file is removed by the last command that has it.
 """
 
@@ -67,7 +67,7 @@ def claim_folder(folder: Path, advice: str = "choose another folder with -o") ->
 
 
 def claim_file(path: Path, advice: str = "name another file with -o") -> str:
-    """Claim a file to write it, in a folder that is there; files beside it may be written at the same time.
+    """Claim a file to write it, in a folder that is there; files next to it may be written at the same time.
 
     Returns and raises as `claim_folder` does.
     """
@@ -80,9 +80,8 @@ def claim_results(folder: Path) -> None:
 
     Raises RequestError where one is at it. In a folder in which nothing can be written, nobody is held back.
     """
-    advice = "wait until it has ended, or read a copy of the folder"
     with suppress(OSError):
-        _claim(folder / LOCK, folder, advice, alone=False, create=os.access(folder, os.W_OK))
+        _claim(folder / LOCK, folder, "read a copy of the folder", alone=False, create=os.access(folder, os.W_OK))
 
 
 def _claim(
@@ -98,8 +97,7 @@ def _claim(
         claim = _Claim(lock, _locked(lock, alone=alone, create=create), alone, made or [])
     except BlockingIOError:
         _hand_over(lock, made or [])
-        wait = "" if advice.startswith("wait") else "wait until it has ended, or "
-        raise RequestError(f"{what} is in use by {_holder(lock)}; {wait}{advice}") from None
+        raise RequestError(f"{what} is in use by {_holder(lock)}; wait until it has ended, or {advice}") from None
     except OSError as error:
         if error.errno not in _NO_LOCKS:
             raise
@@ -120,7 +118,7 @@ def _locked(lock: Path, *, alone: bool, create: bool) -> int:
         descriptor = _opened(lock, create=create)
         try:
             if not S_ISREG(os.fstat(descriptor).st_mode):
-                raise RequestError(f"{lock} is no ordinary file; remove it")
+                raise RequestError(f"{lock} is not an ordinary file; remove it")
             try:
                 fcntl.flock(descriptor, (fcntl.LOCK_EX if alone else fcntl.LOCK_SH) | fcntl.LOCK_NB)
             except BlockingIOError:

@@ -122,7 +122,7 @@ def check_output_file(path: Path, *, overwrite: bool, option: str = "-o") -> Non
         if path.is_dir():
             raise RequestError(f"{path} is a folder, where a file is to go; name the file with {option}")
         if path.exists() and not path.is_file():  # it would be replaced, not written to
-            raise RequestError(f"{path} is no ordinary file; {another}")
+            raise RequestError(f"{path} is not an ordinary file; {another}")
         part = part_of(path)
         if part.is_dir():
             raise RequestError(f"{part} is a folder, where the file is written; {another}")

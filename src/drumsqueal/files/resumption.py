@@ -1,4 +1,4 @@
-"""What it takes to go on with a run that was cut off: a small file beside its history, and the checks before that.
+"""What it takes to go on with a run that was cut off: a small file next to its history, and the checks before that.
 
 Both files may have come from a stranger: they are read as data, and what does not fit is refused in one line.
 """
@@ -35,7 +35,7 @@ from drumsqueal.solve.transient.stick_slip import MOST_PATIENCE, Method
 FORMAT = 2
 EVERY = 0.2  # s of computing that may have to be repeated; to write the file takes some 3 ms
 _MOST_BYTES = 2**16  # of the file; ten times what it has with six coordinates
-_ANEW = "add --overwrite instead of --resume to run it anew"
+_ANEW = "add --overwrite instead of --resume to run it again"
 
 
 class Point(NamedTuple):
@@ -85,7 +85,7 @@ def find_point(folder: Path, scene: Scene) -> Point:
     history, file = folder / HISTORY, folder / RESUME
     for path in (history, file):
         if path.is_symlink() or (path.exists() and not path.is_file()):
-            raise RequestError(f"{path} is no ordinary file; put the file itself there to resume the run")
+            raise RequestError(f"{path} is not an ordinary file; put the file itself there to resume the run")
     if not history.exists():
         raise RequestError(f"{folder}: there is no run to resume; leave --resume out")
     try:

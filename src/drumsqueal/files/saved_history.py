@@ -71,10 +71,10 @@ def read_history(path: Path) -> SavedHistory:
         if error.errno:  # of the system
             raise RequestError(f"{file}: cannot be read ({error.strerror or error})") from None
         if "truncated file" in str(error):  # HDF5 has no other sign of it
-            raise RequestError(f"{file}: the file is cut short; copy it again, or run the scene anew") from None
-        raise RequestError(f"{file}: this is no history of drumsqueal (not NetCDF-4, or damaged); {_OURS}") from None
+            raise RequestError(f"{file}: the file is cut short; copy it again, or run the scene again") from None
+        raise RequestError(f"{file}: this is not a history of drumsqueal (not NetCDF-4, or damaged); {_OURS}") from None
     except Exception:  # h5py raises nearly all there is on a file that is damaged
-        raise RequestError(f"{file}: this is no history of drumsqueal, or a damaged one; {_OURS}") from None
+        raise RequestError(f"{file}: this is not a history of drumsqueal, or a damaged one; {_OURS}") from None
     return SavedHistory(file, _computed(file, data, scene), scene)
 
 

@@ -94,3 +94,8 @@ def change_of(whole: Answer, other: Answer) -> Change:
         main = other.main.frequency_Hz / whole.main.frequency_Hz - 1
     largest = [max(changes, key=abs, default=None) for changes in (growth, frequency, amplitude)]
     return Change(largest[0], largest[1], largest[2], main)
+
+
+def known(value: float | None) -> float | None:
+    """A number for a table; None, an empty cell, where it is NaN."""
+    return None if value is None or math.isnan(value) else value

@@ -37,7 +37,7 @@ SIGNALS = {
     "energy_balance_error": ("J", "change of stored energy less the work that friction, damping and loads fed in"),
 }
 TEMPERATURE = {"lining_temperature": ("K", "rise of the lining's temperature over that of its surroundings")}
-RUNNING = Outcome(Ending.CUT_OFF, "incomplete: the run was cut off without a word")
+RUNNING = Outcome(Ending.CUT_OFF, "incomplete: the run was killed")
 _PACKAGES = ("drumsqueal", "jax", "jaxlib", "diffrax", "equinox", "numpy", "scipy", "xarray")
 
 

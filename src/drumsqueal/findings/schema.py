@@ -72,11 +72,11 @@ def read_findings(path: Path, kind: type[Found]) -> Found:
         cause = first.get("ctx", {}).get("error")
         if isinstance(cause, SceneError):
             fault = f"{path}: the scene in it is not one that this version of drumsqueal takes ({cause})"
-            raise RequestError(f"{fault}; run the scene anew") from None
+            raise RequestError(f"{fault}; run the scene again") from None
         place = ".".join(str(part) for part in first["loc"]) or "the whole of it"
         raise _of_another_version(path, data, f"{place}: {first['msg'][0].lower()}{first['msg'][1:]}") from None
     except (ValueError, RecursionError):
-        raise RequestError(f"{path} is damaged: this is no JSON; run the scene anew") from None
+        raise RequestError(f"{path} is damaged: this is not JSON; run the scene again") from None
     # What has a default where it is made must be there where it is read.
     missing = [name for name, field in kind.model_fields.items() if not field.exclude and name not in data]
     if missing:
@@ -89,7 +89,7 @@ def _of_another_version(path: Path, data: Any, fault: str) -> RequestError:
     version = versions.get("drumsqueal") if isinstance(versions, dict) else None
     by = f"version {version[:20]}" if isinstance(version, str) else "an unknown version"
     return RequestError(
-        f"{path}: {fault}; it was written by {by} of drumsqueal: run the scene anew with this one, or use that one"
+        f"{path}: {fault}; it was written by {by} of drumsqueal: run the scene again with this one, or use that one"
     )
 
 

@@ -42,14 +42,14 @@ def state_verdict(found: RunFindings) -> str:
     return " ".join([f"The linear model predicts {predicted}{time}; {_transient(found)}.", *_remarks(found)])
 
 
-def state_headline(found: RunFindings) -> str:
-    """Return the finding in one sentence, the whole verdict where there is no frequency to report."""
+def state_headline(found: RunFindings) -> str | None:
+    """Return the finding in one sentence; None where there is no frequency to report."""
     saturation, unstable = found.saturation, bool(found.prediction.unstable)
     if found.sticking is not None and found.sticks_at_the_end:
         before = "The brake squeals until, from" if found.edge_reached_s and unstable else "From"
         return f"{before} {found.sticking.to_the_end_from_s:.4g} s on, the whole lining sticks to the drum."
     if saturation is None or saturation.main is None or saturation.regime.kind is Kind.STEADY:
-        return found.verdict
+        return None
     verb = "vibrates, not yet settled," if saturation.regime.kind is Kind.UNKNOWN else "squeals"
     text = f"The brake {'vibrates' if found.forced else verb} at {hertz(saturation.main.frequency_Hz)}"
     shift, mode, frequency = saturation.frequency_shift, saturation.nearest_mode, found.frequency

@@ -1,4 +1,4 @@
-"""What the commands share: arguments, options, and how they answer."""
+"""What the commands share: arguments and options, and how their values are read."""
 
 import math
 from collections.abc import Callable

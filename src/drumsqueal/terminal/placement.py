@@ -119,7 +119,7 @@ def label_points(
     obstacles: list[tuple[float, float]],
     distance: float = 8.0,
 ) -> list[Annotation]:
-    """Write (x, y, text, colour) beside each point, inside the frame.
+    """Write (x, y, text, colour) next to each point, inside the frame.
 
     The labels keep clear of one another, of the points, of further markers at `obstacles` and of the line x = 0.
     """

@@ -28,7 +28,7 @@ class Reply:
 
     def __init__(self, quiet: bool, json_file: str | None, *, overwrite: bool, apart_from: Iterable[Path] = ()) -> None:
         """Raises RequestError where the JSON file cannot be written, is there and is not to be overwritten, or would
-        replace one of those that are read and written beside it.
+        replace another file that is read or written.
         """
         if json_file == "":
             raise RequestError("--json: the name of the file is empty; write one, or - for standard output")

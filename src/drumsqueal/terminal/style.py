@@ -20,7 +20,7 @@ MM_PER_INCH = 25.4
 FONT = "DejaVu Sans"  # comes with matplotlib, so that a figure is the same everywhere
 TEXT_SIZE, SMALL_SIZE, TITLE_SIZE = 8.0, 7.0, 9.0  # points
 
-# The palette of Okabe and Ito, which the colour-blind tell apart; a mode has the colour of its coordinate.
+# The palette of Okabe and Ito, which the colour-blind can distinguish; a mode has the colour of its coordinate.
 COLOUR: Mapping[str, str] = {
     "X": "#0072B2",
     "Y": "#D55E00",

@@ -2,7 +2,7 @@
 
 import csv
 import io
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from rich.cells import cell_len
@@ -13,6 +13,12 @@ from rich.text import Text
 
 NARROWEST = 24  # columns of the window, to which running text is folded at most
 _ENDLESS = 10_000  # columns, in which any table has room
+
+
+def print_model(console: Console, model: Mapping[str, Sequence[str]]) -> None:
+    """Print which effects a model includes and which it leaves out."""
+    console.print(f"Includes: {'; '.join(model['includes'])}", style="dim")
+    console.print(f"Leaves out: {'; '.join(model['leaves_out']) or 'nothing'}", style="dim")
 
 
 def print_notes(console: Console, notes: Iterable[str]) -> None:

@@ -26,14 +26,13 @@ class Fundamentals(NamedTuple):
     """Fundamental frequencies (d,) with uncertainty in Hz, by rising frequency, and what of the motion they explain.
 
     `combinations` (m, d) are the integers k of each of the m lines, f = Σ k_i base_i; zeros where a line is none of
-    them. `explained` is the fraction of the variance in lines that are, `all_lines` whether every line is.
+    them. `explained` is the fraction of the variance in lines that are.
     """
 
     frequency_Hz: NDArray[np.float64]
     uncertainty_Hz: NDArray[np.float64]
     combinations: NDArray[np.int64]
     explained: float
-    all_lines: bool
 
 
 def find_fundamentals(lines: Lines) -> Fundamentals:
@@ -99,15 +98,13 @@ class _Lattice:
     def fitted(self) -> Fundamentals:
         """The strongest lines, or distances from them, that generate all lines; fitted, positive, rising."""
         if self.count == 0:
-            return Fundamentals(np.zeros(0), np.zeros(0), self.combinations, 0.0, self.lines.frequency_Hz.size == 0)
+            return Fundamentals(np.zeros(0), np.zeros(0), self.combinations, 0.0)
         self._rewrite()
         values, spread = self._fit()
         combinations = self.combinations * np.where(values < 0.0, -1, 1)
         rising = np.argsort(np.abs(values))
         explained = float(self.lines.fraction[self.matched].sum())
-        return Fundamentals(
-            np.abs(values)[rising], spread[rising], combinations[:, rising], explained, bool(self.matched.all())
-        )
+        return Fundamentals(np.abs(values)[rising], spread[rising], combinations[:, rising], explained)
 
     def _fit(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Fundamentals and their uncertainty by least squares from the lines that they explain."""

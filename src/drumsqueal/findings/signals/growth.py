@@ -21,7 +21,6 @@ class Growth(NamedTuple):
     rate_1_per_s: float
     standard_error: float
     amplitude_at_start: float
-    samples: int
 
 
 def fit_growth(time: ArrayLike, amplitude: ArrayLike) -> Growth:
@@ -57,7 +56,7 @@ def fit_growth(time: ArrayLike, amplitude: ArrayLike) -> Growth:
     variance = float(residual @ residual) / (sizes.size - 2)
     error = math.sqrt(variance / spread * _correlation_factor(residual))
     start = math.exp(float(logarithm.mean()) + rate * float(centred[0]))
-    return Growth(rate, error, start, sizes.size)
+    return Growth(rate, error, start)
 
 
 def modal_amplitudes(left_eigenvectors: ArrayLike, states: ArrayLike) -> NDArray[np.complex128]:

@@ -1,4 +1,4 @@
-"""After which lags a record comes back to itself, and how well."""
+"""The lags after which a record recurs, and its recurrence errors."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -23,7 +23,7 @@ NEAR = 3  # samples about a lag that was doubled, in which it is looked for
 
 
 class Recurrence(NamedTuple):
-    """How well a motion comes back: after `period` (samples), and after many of them."""
+    """How well a motion recurs: after `period` (samples), and after many of them."""
 
     period: float
     error: float
@@ -31,12 +31,12 @@ class Recurrence(NamedTuple):
 
     @property
     def lasts(self) -> bool:
-        """Whether it comes back after many periods, too: a cycle, not a torus that nearly closes."""
+        """Whether it recurs after many periods, too: a cycle, not a torus that nearly closes."""
         return self.later_error <= RECURRENCE
 
 
 def find_recurrences(unit: NDArray[np.float64], longest: float) -> tuple[list[Recurrence], float | None]:
-    """Return the lags after which signals (time, k) come back, and the smallest error e at any lag searched.
+    """Return the lags after which signals (time, k) recur, and the smallest error e at any lag searched.
 
         e(L) = rms |y(t + L) − y(t)| / rms y ≤ 1e-2
 
@@ -65,7 +65,7 @@ def find_recurrences(unit: NDArray[np.float64], longest: float) -> tuple[list[Re
 
 
 def recurrence_after(unit: NDArray[np.float64], lag: float) -> Recurrence | None:
-    """Return how well signals (time, k) come back after a lag (samples) and many times it; None beyond half of them."""
+    """Return how well signals (time, k) recur after a lag (samples) and many times it; None beyond half of them."""
     fine = _Finer(unit)
     if not 1 < round(lag * FINER) < fine.size // 2 - 2:
         return None

@@ -22,7 +22,7 @@ PERIODS_NEEDED = 20
 # A period longer than this many periods of the lowest frequency is not looked for: among so many lags every torus
 # nearly closes.
 LONGEST_PERIOD = 20
-# Growth or decay of a motion that comes back by more than this between the halves of the record is drift.
+# Growth or decay of a motion that recurs by more than this between the halves of the record is drift.
 PERIODIC_DRIFT = RECURRENCE
 # The rms of an irregular motion fluctuates by itself; only more than this between the halves is called drift.
 IRREGULAR_DRIFT = 0.1
@@ -97,10 +97,10 @@ def classify(signals: ArrayLike, sample_rate: float, *, scale: ArrayLike, lowest
       sharp within this record counts as quasi-periodic; only the largest Lyapunov exponent distinguishes them.
 
     Where the lines have one fundamental frequency alone, the motion is a cycle longer than was looked for: periodic if
-    it was recorded 20 times and comes back after that period, too, or else unknown.
+    it was recorded 20 times and recurs after that period, too, or else unknown.
 
     Drift is a change of rms between the halves, or of the mean relative to the rms, by more than 1e-2 in a motion
-    that comes back after T (measured over whole periods), by more than 0.1 in one that does not.
+    that recurs after T (measured over whole periods), by more than 0.1 in one that does not.
 
     e is computed on a record interpolated band-limited to 8 times the rate, at all lags through the autocorrelation,
     from half a period of the strongest spectral peak to a third of the record or 20 periods of `lowest_frequency`,

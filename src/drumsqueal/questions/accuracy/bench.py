@@ -30,6 +30,8 @@ FEWEST = 16  # samples of the reference at least
 REPEATS, SHORT = 7, 2.0  # a run is timed so often, as long as that takes less than so many seconds; the median counts
 SMALLEST = 1e-300  # keeps zero off the denominator
 NONE = Change(None, None, None, None)
+Features = dict[tuple[str, str], float]
+"""Features by the field of a change that they are errors of, and the mode or coordinate."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +92,7 @@ def check_motion(scene: Scene) -> None:
         raise SceneError("nothing moves; give a start, such as displacement = { Y = 1e-7 }, or a force", ("start",))
     if scene.temperature is not None:
         raise SceneError(
-            "the independent references know no temperature; leave it out (temperature=none)", ("temperature",)
+            "the reference solvers do not model the temperature; leave it out (temperature=none)", ("temperature",)
         )
 
 
@@ -187,22 +189,22 @@ class Bench:
         return float(self.time[beyond[0]]) if beyond.size else None
 
 
-def features_of(result: Result, model: Model) -> dict[str, float]:
-    """Measured features by name; `model` is the one over the coordinates of the eigenvalues."""
-    found = {}
+def features_of(result: Result, model: Model) -> Features:
+    """Measured features by kind and name; `model` is the one over the coordinates of the eigenvalues."""
+    found: Features = {}
     for mode in result.findings.modes:
         if mode.measured_growth is not None:
-            found[f"growth_rate {mode.label}"] = mode.measured_growth.rate_1_per_s
+            found["growth_rate", mode.label] = mode.measured_growth.rate_1_per_s
         if mode.measured_frequency_Hz is not None:
-            found[f"onset_frequency {mode.label}"] = mode.measured_frequency_Hz
+            found["onset_frequency", mode.label] = mode.measured_frequency_Hz
     answer = answer_of(result.history, result.findings, result.stability, model)
-    found |= {f"amplitude {name}": answer.amplitude[name] for name in answer.carriers}
+    found |= {("amplitude", name): answer.amplitude[name] for name in answer.carriers}
     if answer.main is not None:
-        found["main_frequency"] = answer.main.frequency_Hz
+        found["main_frequency", ""] = answer.main.frequency_Hz
     return found
 
 
-def feature_errors(best: dict[str, float], found: dict[str, float], duration: float) -> Change:
+def feature_errors(best: Features, found: Features, duration: float) -> Change:
     """Errors of features against the best ones, of a record of that duration (s).
 
     A growth rate is measured against itself or, where that is more, against one e-fold over the record: the rate of a
@@ -210,9 +212,9 @@ def feature_errors(best: dict[str, float], found: dict[str, float], duration: fl
     only the others do.
     """
     errors: dict[str, list[float]] = {}
-    for name, value in best.items():
-        there = found.get(name)
-        least = 1 / duration if name.startswith("growth_rate") else SMALLEST
+    for (kind, name), value in best.items():
+        there = found.get((kind, name))
+        least = 1 / duration if kind == "growth_rate" else SMALLEST
         error = math.inf if there is None else abs(there - value) / max(abs(value), least)
-        errors.setdefault(name.split()[0], []).append(error)
+        errors.setdefault(kind, []).append(error)
     return Change(*(max(errors.get(field, ()), default=None) for field in asdict(NONE)))

@@ -104,7 +104,7 @@ def trajectory_error(states: np.ndarray, wanted: np.ndarray, sizes: np.ndarray) 
 def _with(model: Model, rule: str) -> Model:
     """The model with another quadrature; where the friction law is steep the arc is split into many panels.
 
-    In space that would take too long: where the two rules then differ, the uncertainty says so.
+    In space that would take too long: where the two rules then differ, the uncertainty shows it.
     """
     spatial, friction = model.lining.surface.spatial, model.contact.friction
     speeds = np.zeros(0) if friction is None else np.asarray(breakpoints(friction.law))

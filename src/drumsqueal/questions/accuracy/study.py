@@ -14,7 +14,7 @@ from typing import Any
 
 from pydantic import Field
 
-from drumsqueal.findings.answers import Change
+from drumsqueal.findings.answers import Change, known
 from drumsqueal.findings.schema import Findings, Held, InMemory
 from drumsqueal.outcome import Ending
 from drumsqueal.progress import Progress, silent
@@ -139,21 +139,17 @@ def _row(measurement: Measurement) -> dict[str, Any]:
         "solver": contender.solver,
         "tolerance": contender.tolerance,
         "outcome": measurement.ended,
-        "simulated_ms": _known(measurement.simulated * 1e3),
-        "time_per_simulated_ms": _known(measurement.time_per_ms),
+        "simulated_ms": known(measurement.simulated * 1e3),
+        "time_per_simulated_ms": known(measurement.time_per_ms),
         "seconds": " ".join(f"{each:.6g}" for each in measurement.seconds),
-        "first_call_extra_seconds": _known(measurement.compile_seconds),
-        "evaluations": _known(measurement.evaluations),
+        "first_call_extra_seconds": known(measurement.compile_seconds),
+        "evaluations": known(measurement.evaluations),
     }
     if errors is not None:
         row |= {"error_trajectory": errors.trajectory, "error_beyond_edges": errors.beyond}
         row |= {f"error_{name}": value for name, value in asdict(errors.features).items()}
         row["error_energy_balance"] = errors.energy
     return row
-
-
-def _known(value: float) -> float | None:
-    return None if math.isnan(value) else value
 
 
 def describe_limits(study: AccuracyStudy) -> tuple[str, ...]:

@@ -25,7 +25,7 @@ def check_animation_name(path: Path) -> None:
     """Raise RequestError for a file that is neither .gif nor .mp4, and for .mp4 where there is no ffmpeg."""
     check_ending(path, (GIF, MP4), "an animation")
     if path.suffix.lower() == MP4 and not FFMpegWriter.isAvailable():
-        raise RequestError(f"{path}: an .mp4 needs ffmpeg, which is not there; save as .gif, or install ffmpeg")
+        raise RequestError(f"{path}: an .mp4 needs ffmpeg, which is not installed; save as .gif, or install ffmpeg")
 
 
 def write_animation(path: Path, render: Render, frames: int, frames_per_second: int) -> None:

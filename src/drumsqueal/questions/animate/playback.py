@@ -10,16 +10,17 @@ from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 
 from drumsqueal.errors import RequestError
-from drumsqueal.findings.history import COMPLETE
 from drumsqueal.findings.signals.spectra import amplitude_spectrum, spectral_peaks
 from drumsqueal.findings.time_window import time_window
 from drumsqueal.findings.vibration import FEWEST_FOR_SPECTRUM, levers
+from drumsqueal.outcome import Ending
 from drumsqueal.physics.bodies.rigid_shoe import OUT_OF_PLANE, RigidShoe
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.questions.animate.section import largest_displacement
 from drumsqueal.questions.run.figures.contact import SMALL, along_arc
 from drumsqueal.questions.run.figures.view import MICRO, REST
 from drumsqueal.scene import COORDINATES, Scene
+from drumsqueal.scene.quantities import percent
 from drumsqueal.solve.linear.modes import Mode, Stability, while_sliding
 from drumsqueal.solve.linear.steady import steady_sliding
 from drumsqueal.terminal.placement import between
@@ -123,15 +124,15 @@ def play_history(
     curves = _curves(model, between(time[near], states[near, :n], curve_time))
     drum, drum_factor = _drum_turn(model, shown, factor)
     periods = f", {(end - start) * main:.3g} periods of {main:.4g} Hz" if main else ""
-    turn = "the drum's turn as well" if drum_factor == factor else f"the drum's turn {_digits(drum_factor)} times"
+    turn = "as well" if drum_factor == factor else f"{_digits(drum_factor)} times"
     fraction = factor * largest / float(model.shoe.thickness)
     notes = (
         f"{1e3 * start:.6g} to {1e3 * end:.6g} ms{periods}, at {_slowness(shown)} of real time",
         f"Displacement magnified {_digits(factor)} times (at most {_digits(MICRO * largest)} µm, drawn as "
-        f"{fraction:.2g} of the thickness), {turn}",
+        f"{percent(fraction)} of the thickness), the drum's rotation {turn}",
         *_section_notes(0.0, faces, curves),
     )
-    title = scene.title if history.attrs["outcome"] == COMPLETE else f"{scene.title} (incomplete run)"
+    title = scene.title if history.attrs["ending"] == Ending.COMPLETE else f"{scene.title} (incomplete run)"
     return Playback(
         title, "motion in section", notes, model.shoe, _sense(model, start), shown, motion, 0.0, faces,
         factor, drum, arc, curve_time, curves, relative=False,
@@ -173,8 +174,8 @@ def play_mode(scene: Scene, stability: Stability, mode: Mode, *, slow: float | N
     notes = (
         f"{mode.frequency_Hz:.6g} Hz, growth rate {rate} 1/s, which is left out; "
         f"one period, at {_slowness(period * phases)} of real time",
-        f"The size is arbitrary: the largest displacement is drawn as {FRACTION:.2g} of the thickness. "
-        "The drum's turn is left out, too",
+        f"The size is arbitrary: the largest displacement is drawn as {percent(FRACTION)} of the thickness. "
+        "The drum's rotation is left out, too",
         *_section_notes(z, faces, curves),
     )
     return Playback(
@@ -222,8 +223,8 @@ def _count_frames(
     if slow is None:
         if fewest > MOST:
             raise RequestError(
-                f"these {span:.4g} s hold {periods:.0f} periods of {main:.4g} Hz, and {MOST} frames show "
-                f"{MOST // FEWEST_A_PERIOD}; give nearer times with --from and --until"
+                f"these {span:.4g} s hold {periods:.0f} periods of {main:.4g} Hz, and at most {MOST} frames show "
+                f"{MOST // FEWEST_A_PERIOD} of them; choose a shorter part with --from and --until"
             )
         return max(usual, fewest)
     frames = round(span * slow * FRAMES_PER_SECOND) + (not closed)
@@ -250,7 +251,7 @@ def _find_magnification(shoe: RigidShoe, largest: float, wanted: float | None, w
         return float(np.floor(exact / step) * step)  # two digits, for the note in the picture
     if wanted * largest > thickness:
         raise RequestError(
-            f"--magnify {wanted:g}: the shoe would be drawn further from its place than it is thick; "
+            f"--magnify {wanted:g}: the displacement would be drawn larger than the shoe is thick; "
             f"take at most {thickness / largest:.4g}"
         )
     return wanted

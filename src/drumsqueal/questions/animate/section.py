@@ -1,4 +1,4 @@
-"""The shoe in section across the drum's axis: its outline and parts of its lining, displaced and magnified.
+"""The shoe in section across the drum's axis: its outline and parts of its lining, and their displacement.
 
 Points are (x, y) in mm: x from the drum's axis through the middle of the lining, y at right angles to it, the way in
 which a drum of positive speed carries that middle.
@@ -20,8 +20,8 @@ MILLI = 1e3
 ARC_POINTS = 61  # along each arc of the outline
 
 
-def shoe_outline(shoe: RigidShoe, motion: Motion | None = None, magnification: float = 1.0) -> Points:
-    """Return the outline (n, 2) in mm, closed, of the shoe in section at z = 0, moved and magnified.
+def shoe_outline(shoe: RigidShoe) -> Points:
+    """Return the outline (n, 2) in mm, closed, of the shoe in section at z = 0.
 
     The outer arc comes first, from θ = −β/2 to β/2, then the inner one back.
     """
@@ -29,8 +29,7 @@ def shoe_outline(shoe: RigidShoe, motion: Motion | None = None, magnification: f
     angles = np.linspace(-half, half, ARC_POINTS)
     outer = float(shoe.outer_radius)
     arcs = [on_circle(outer, angles), on_circle(outer - float(shoe.thickness), angles[::-1])]
-    outline = np.concatenate([*arcs, arcs[0][:1]])
-    return outline if motion is None else outline + magnification * moved(outline, shoe, motion)
+    return np.concatenate([*arcs, arcs[0][:1]])
 
 
 def lining_parts(shoe: RigidShoe, edges: NDArray[np.float64], depths: tuple[float, float]) -> Points:

@@ -8,15 +8,14 @@ from rich.table import Table
 
 from drumsqueal.questions.check.study import Check, Growth
 from drumsqueal.scene.quantities import printable
-from drumsqueal.terminal.tables import print_notes, print_table
+from drumsqueal.terminal.tables import print_model, print_notes, print_table
 
 
 def print_check(console: Console, found: Check) -> None:
     """Print numbers, growing modes, the record, the time it takes, and the warnings."""
     simulate = found.scene.simulate
     console.print(printable(f"{found.title or 'The scene'}: no mistakes found"), style="bold")
-    console.print(f"Includes: {'; '.join(found.model['includes'])}", style="dim")
-    console.print(f"Leaves out: {'; '.join(found.model['leaves_out']) or 'nothing'}", style="dim")
+    print_model(console, found.model)
     table = Table(title="What follows from it", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     table.add_column("number")
     table.add_column("value", justify="right")

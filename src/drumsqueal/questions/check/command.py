@@ -14,7 +14,7 @@ def check_command(
     quiet: Quiet = False,
     json_file: JsonFile = None,
 ) -> None:
-    """Is a scene valid, what follows from it, how long will it run?
+    """Is a scene valid, and how long does its run take?
 
     Finds mistakes, derives numbers with their units, estimates growth and computing time from the eigenvalues and from
     short pieces of the transient, and warns of unusual numbers. Writes only the file of --json.

@@ -218,7 +218,7 @@ def _about_the_steady_state(prepared: Prepared) -> Iterator[str]:
         yield f"The drum is at rest at t = 0: the eigenvalues are for its speed at t = {stability.time:g} s."
     if prepared.held:
         held = ", ".join(prepared.held)
-        yield f"The others would move {held}, too, which simulate.coordinates leaves out: they are held."
+        yield f"Held at zero by simulate.coordinates, though the other coordinates would move them: {held}."
     speed = prepared.scene.drum.speed
     if isinstance(speed, Profile) and prepared.scene.friction is not None and 0.0 in speed.value:
         yield "The drum comes to rest: the lining may stick as a whole, which the time below does not count."
@@ -228,21 +228,21 @@ def _about_the_start(prepared: Prepared, growing: tuple[Growth, ...], fractions:
     if not np.any(_start(prepared, prepared.stability.coordinates)) and prepared.scene.forcing is None:
         moving = moved_by(prepared.linear, prepared.stability, prepared.scene.simulate.duration)
         if moving:
-            yield f"No start, but the {moving} moves the shoe out of steady sliding."
+            yield f"Nothing is started, but the {moving} moves the shoe out of steady sliding."
         else:
-            yield "No start and no force: the shoe stays in steady sliding; give start a displacement."
+            yield "Nothing is started and no force acts: the shoe stays in steady sliding; set start.displacement."
         return
     lost, reversed_slip = fractions
     if max(fractions) >= SMALL:
         which = "loss of contact" if lost >= reversed_slip else "slip reversal"
         where = "beyond" if max(fractions) >= 1 else "close to"
         yield (
-            f"The start is {where} the contact boundaries, at {max(fractions):.3g} times {which}: there is next to no "
-            "linear growth to compare with the eigenvalues; make it smaller, or take it as a large disturbance."
+            f"The start is {where} the contact boundaries, at {max(fractions):.3g} times that of {which}: hardly any "
+            "linear growth is left to compare with the eigenvalues; make it smaller, or take it as a large disturbance."
         )
     still = [each.label for each in growing if each.edge_time is None]
     if still:
-        yield f"The start does not excite {', '.join(still)}, which would grow: it is not in the transient."
+        yield f"The start does not excite {', '.join(still)}: the transient does not show that instability."
 
 
 def _about_the_record(prepared: Prepared, growing: tuple[Growth, ...], fractions: tuple[float, float]) -> Iterator[str]:
@@ -259,7 +259,7 @@ def _about_the_record(prepared: Prepared, growing: tuple[Growth, ...], fractions
     if boundary is not None and rates and simulate.duration < enough:
         saturates = "will not saturate" if boundary > simulate.duration else "may not have settled by its end"
         yield (
-            f"The duration of {simulate.duration:g} s is {simulate.duration * max(rates):.3g} growth times: the "
-            f"eigenvalues put the first contact boundary at {boundary:.3g} s, so squeal {saturates}; take at least "
-            f"{enough:g} s, or a larger start."
+            f"The duration of {simulate.duration:g} s is {simulate.duration * max(rates):.3g} e-folding times of the "
+            f"growth: the eigenvalues put the first contact boundary at {boundary:.3g} s, so squeal {saturates}; take "
+            f"at least {enough:g} s, or a larger start."
         )

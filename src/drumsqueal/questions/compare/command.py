@@ -59,7 +59,7 @@ def compare_command(
     quiet: Quiet = False,
     json_file: JsonFile = None,
 ) -> None:
-    """Which measured lines does the simulation have, and how far off?
+    """Which measured lines are simulated, and how far apart are they?
 
     Compares the lines of a measured record with the simulated ones and with the eigenvalues.
 

@@ -262,7 +262,7 @@ def _simulated_record(saved: SavedHistory, name: str, boundary: float | None) ->
 def _segment(measured: Measured, simulated: Measured, path: Path) -> float:
     """How long the segments (s) of both spectra are. Raises RequestError for records without a spectrum in common."""
     if not measured.sample_rate > 2 * LOWEST:
-        why = f"its sample rate, {measured.sample_rate:.6g} Hz, holds nothing that is heard, from {LOWEST:g} Hz on"
+        why = f"its sample rate, {measured.sample_rate:.6g} Hz, is too low for sound, from {LOWEST:g} Hz on"
         raise RequestError(f"the measured {measured.name!r}: {why}; take a faster record, or correct --rate")
     segment = min(measured.duration_s, simulated.duration_s, LONGEST_SEGMENT)
     for which, rate in ((f"the measured {measured.name!r}", measured.sample_rate), (path, simulated.sample_rate)):

@@ -36,7 +36,7 @@ def print_cycle(console: Console, found: CycleStudy) -> None:
     print_table(console, table)
     trivial = f"error of the trivial Floquet multiplier {found.unit_multiplier_error:.1e}"
     console.print(f"Periodicity residual {found.residual:.1e} of the motion; {trivial}", style="dim")
-    console.print(f"Found from: {found.found_from}. The transient {found.transient}.", style="dim")
+    console.print(f"Start of the search: {found.found_from}. The transient {found.transient}.", style="dim")
     for other in found.others:
         console.print(f"Another cycle: {describe_briefly(other)}.", style="dim")
     console.print(found.verdict, style="bold")

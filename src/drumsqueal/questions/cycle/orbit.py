@@ -235,7 +235,7 @@ class Cycle(Finding):
     @computed_field
     @property
     def neutral(self) -> bool:
-        """Whether a multiplier is too near to the unit circle to tell."""
+        """Whether a multiplier is too near to the unit circle to be distinguished from one on it."""
         return abs(self.largest - 1) < NEUTRAL
 
 

@@ -48,9 +48,10 @@ def regime_words(regime: Regime) -> str:
     """What a transient does."""
     match regime.kind:
         case Kind.UNKNOWN:
-            return f"has not settled ({regime.reason.rstrip('.')})"
+            needed = regime.record_needed_s and f"; {regime.record_needed_s:.4g} s of record are needed"
+            return f"has not settled ({regime.cause}{needed or ''})"
         case Kind.STEADY:
-            return f"comes to rest in steady sliding ({regime.reason.rstrip('.')})"
+            return "comes to rest in steady sliding"
         case Kind.PERIODIC:
             return "settles to a periodic motion"
         case _:

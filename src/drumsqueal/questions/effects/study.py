@@ -11,7 +11,7 @@ from typing import Any
 
 from pydantic import Field
 
-from drumsqueal.findings.answers import QUANTITIES, Answer, Change
+from drumsqueal.findings.answers import QUANTITIES, Answer, Change, known
 from drumsqueal.findings.schema import Findings, Held, InMemory, SceneInFile
 from drumsqueal.findings.verdict import SMALL_ROTATION
 from drumsqueal.findings.vibration import unit_of
@@ -120,8 +120,8 @@ def _rows(variants: Sequence[Variant], needed: Sequence[Reduction] | None = None
             "run": variant.label,
             "left_out": "; ".join(map(str, variant.reductions)),
             "outcome": variant.ended,
-            "computing_ms_per_simulated_ms": _number(variant.time_per_ms),
-            "evaluations_per_simulated_ms": _number(variant.evaluations_per_ms),
+            "computing_ms_per_simulated_ms": known(variant.time_per_ms),
+            "evaluations_per_simulated_ms": known(variant.evaluations_per_ms),
         }
         answer = variant.answer
         if answer is not None and whole is not None:
@@ -132,16 +132,11 @@ def _rows(variants: Sequence[Variant], needed: Sequence[Reduction] | None = None
                 row[f"end_amplitude_{name}_{unit_of(name)}"] = answer.amplitude.get(name, 0.0)
             row["end_frequency_Hz"] = None if answer.main is None else answer.main.frequency_Hz
         if variant.change is not None:
-            row |= {f"change_of_{field}": _number(value) for field, value in asdict(variant.change).items()}
+            row |= {f"change_of_{field}": known(value) for field, value in asdict(variant.change).items()}
         if needed is not None and len(variant.reductions) == 1:
             row["needed"] = "yes" if variant.reductions[0] in needed else "no"
         rows.append(row)
     return rows
-
-
-def _number(value: float | None) -> float | None:
-    """An empty cell for what is not known; an infinite change, of what one of two runs lacks, is written inf."""
-    return None if value is None or math.isnan(value) else value
 
 
 def describe_verdict(

@@ -39,7 +39,8 @@ def export_command(
         typer.Option("--rate", metavar="RATE", help="Resample (default: as recorded; for sound 44.1 kHz)."),
     ] = None,
     slow: Annotated[
-        float | None, typer.Option("--slow", metavar="TIMES", help="Sound only: so many times slower, and lower.")
+        float | None,
+        typer.Option("--slow", metavar="TIMES", help="Sound only: how many times slower, and lower."),
     ] = None,
     output: Annotated[
         Path | None,

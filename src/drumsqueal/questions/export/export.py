@@ -148,7 +148,7 @@ def _lost(recorded: Sequence[Channel], own: float, rate: float, part: Part) -> l
     if not lost:
         return []
     name, fraction, line = lost[0]
-    others = f", and some of {len(lost) - 1} more" if len(lost) > 1 else ""
+    others = f", and part of {len(lost) - 1} other signal{'s' * (len(lost) > 2)}" if len(lost) > 1 else ""
     slower = "" if part.slow == 1 else f", {part.slow:g} times slower,"
     why = (
         f"a rate of {rate / part.slow:.6g} Hz{slower} holds what is below {rate / 2:.6g} Hz: {percent(fraction)} of "
@@ -191,7 +191,7 @@ def print_exported(console: Console, complaints: Console, done: Exported) -> Non
     for remark in done.remarks:
         complaints.print(printable(f"drumsqueal: {remark}"), soft_wrap=True)
     if done.note:
-        console.print(printable(f"{done.note[0].upper()}{done.note[1:]}"), soft_wrap=True)
+        console.print(printable(done.note), soft_wrap=True)
     signals = f"{len(done.signals)} signals" if len(done.signals) > 1 else next(iter(done.signals))
     span = f"{done.samples} samples at {done.sample_rate_Hz:.6g} Hz from {done.from_s:.6g} to {done.until_s:.6g} s"
     console.print(printable(f"{signals}, {span}"), soft_wrap=True)

@@ -64,7 +64,7 @@ def write_uff58(channels: Channels, path: Path, progress: Progress) -> str:
     ]
     if not rounded:
         return ""
-    return f"dataset 58 keeps six digits of {', and of '.join(rounded)}; ID line 3 of each says sample rate and start"
+    return f"Dataset 58 keeps six digits of {', and of '.join(rounded)}; ID line 3 of each states sample rate and start"
 
 
 def _datasets(channels: Channels) -> Iterator[dict[str, Any]]:

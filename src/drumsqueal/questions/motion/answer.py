@@ -33,7 +33,7 @@ def print_study(console: Console, study: MotionStudy) -> None:
         )
         console.print(
             f"Fundamental {what} are {matched} of {study.lines.frequency_Hz.size} lines, "
-            f"{found.explained:.3%} of the variance"
+            f"{100 * found.explained:.3f} % of the variance"
         )
     if study.exponents is not None:
         console.print(f"Lyapunov exponents {', '.join(written_exponents(study.exponents))} 1/s")

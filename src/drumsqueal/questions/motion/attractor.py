@@ -17,6 +17,7 @@ import numpy as np
 from drumsqueal.findings.signals.fundamentals import Fundamentals
 from drumsqueal.findings.signals.lyapunov import SURE, Exponents
 from drumsqueal.findings.signals.regime import PERIODS_NEEDED, Regime
+from drumsqueal.findings.signals.regime import Kind as RegimeKind
 from drumsqueal.findings.signals.regime_words import written_frequencies
 
 LATER = 2.0  # the regime is read from the later half of a record
@@ -102,13 +103,13 @@ def decide_attractor(
 
 def _drifts(regime: Regime) -> bool:
     """Whether a regime is unknown though its record holds enough periods."""
-    return regime.kind == "unknown" and regime.amplitude_drift is not None and regime.record_needed_s is None
+    return regime.kind is RegimeKind.UNKNOWN and regime.amplitude_drift is not None and regime.record_needed_s is None
 
 
 def _read_regime(regime: Regime, fundamentals: Fundamentals | None, record_s: float) -> Attractor:
     """What recurrence and lines say alone."""
     frequencies, known = regime.base_frequencies_Hz, regime.base_uncertainties_Hz
-    if regime.kind == "unknown":
+    if regime.kind is RegimeKind.UNKNOWN:
         return Attractor(Kind.NOT_DETERMINED, frequencies, known)
     kind = Kind(regime.kind)
     if kind is Kind.QUASI_PERIODIC and fundamentals is not None and fundamentals.frequency_Hz.size:
@@ -185,7 +186,7 @@ def describe_attractor(
     record = f'{needed} s (--duration "{needed} s")' if options else f"{needed} s"
     if limited_to_s is not None:
         record += f" and more computing time than {limited_to_s:g} s{' (--at-most)' * options}"
-    return f"{text} It takes a record of at least {record}."
+    return f"{text} This needs a record of at least {record}."
 
 
 def _evidence(found: Attractor, exponents: Exponents | None) -> tuple[str, ...]:

@@ -26,6 +26,7 @@ from drumsqueal.findings.signals.growth import fit_growth
 from drumsqueal.findings.signals.lines import Lines, find_lines
 from drumsqueal.findings.signals.lyapunov import Exponents, lyapunov_exponents, orthonormalised
 from drumsqueal.findings.signals.regime import PERIODS_NEEDED, STEADY, Regime, classify
+from drumsqueal.findings.signals.regime import Kind as RegimeKind
 from drumsqueal.findings.vibration import Vibration
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.model import Model
@@ -212,12 +213,12 @@ class _Study:
         moving = np.ptp(displacement, axis=0) / 2 >= STEADY * scale
         coordinates = tuple(name for name, moves in zip(vibration.coordinates, moving, strict=True) if moves)
         lines = fundamentals = None
-        if coordinates and regime.kind != "steady":
+        if coordinates and regime.kind is not RegimeKind.STEADY:
             self.progress("lines", 0.0, None)
             part = displacement[late][-MOST_FOR_LINES:, moving]
             lines = find_lines(part, vibration.sample_rate, floor=FLOOR)
             fundamentals = find_fundamentals(lines)
-        if not settled and regime.kind != "steady":
+        if not settled and regime.kind is not RegimeKind.STEADY:
             self.limits.append(f"the motion had not settled after {start:.3g} s")
         options = begin is not SettledMotion
 

@@ -11,9 +11,8 @@ from rich.text import Text
 from drumsqueal.files.output_folder import ONSET as FIGURE
 from drumsqueal.files.output_folder import ONSET_SUMMARY, ONSET_TABLE
 from drumsqueal.findings.vibration import unit_of
-from drumsqueal.outcome import Ending
 from drumsqueal.questions.onset.figure import draw_onset
-from drumsqueal.questions.onset.found import Kind, Motion, OnsetStudy, Response
+from drumsqueal.questions.onset.found import Kind, Leads, Motion, OnsetStudy, Response
 from drumsqueal.questions.onset.words import critical_words, with_uncertainty
 from drumsqueal.terminal.runner import Answer
 from drumsqueal.terminal.tables import print_table, rows_to_csv
@@ -107,7 +106,7 @@ def onset_table(study: OnsetStudy) -> str:
         cells["motions"] = len(row.motions)
         for name in DISTURBANCE if sought else ():
             cells[f"smallest_kick_{name}"] = row.smallest_kick and getattr(row.smallest_kick, name)
-        failed = [f"{each.start}: {each.outcome}" for each in row.starts if each.outcome != Ending.COMPLETE]
+        failed = [f"{each.start}: {each.outcome}" for each in row.starts if each.leads_to is Leads.FAILED]
         cells["note"] = row.no_steady_sliding or "; ".join(failed)
         rows.append(cells)
     return rows_to_csv(rows)

@@ -14,6 +14,7 @@ from drumsqueal.findings.boundaries import boundary_ratios
 from drumsqueal.findings.decay import BEYOND, SMALL, is_decaying
 from drumsqueal.findings.saturated import DRIFT, Saturated, at_once, saturated_motions
 from drumsqueal.findings.verdict import SMALL_ROTATION
+from drumsqueal.findings.vibration import ROTATIONS
 from drumsqueal.physics.model import Model
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.onset.found import Leads, Motion, Response
@@ -183,7 +184,7 @@ def _judge(job: _Job, motion: Saturated, family: Family, rounds: int) -> Leads |
     """Where a transient leads, None while that is not clear."""
     if motion.failed:
         return Leads.FAILED
-    if any(abs(turn) > SMALL_ROTATION for turn in motion.vibration[[name[0] == "T" for name in family.moving]]):
+    if any(abs(turn) > SMALL_ROTATION for turn in motion.vibration[[name in ROTATIONS for name in family.moving]]):
         return Leads.RUNS_AWAY
     fraction = max(motion.boundary_ratios)
     rates = [mode.growth_rate for mode in family.modes(job.point)]

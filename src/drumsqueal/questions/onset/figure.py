@@ -1,4 +1,4 @@
-"""Linear against nonlinear onset along a parameter: motions that last, their frequencies, and the growth rates."""
+"""Linear against nonlinear onset along a parameter: steady-state responses, their frequencies, and the growth rates."""
 
 from collections.abc import Callable, Sequence
 from typing import Any

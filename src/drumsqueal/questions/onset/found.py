@@ -56,7 +56,7 @@ QUIET = (Kind.STABLE, Kind.NEUTRAL)  # nothing squeals there
 
 
 class Motion(Finding):
-    """A motion that lasts, by the last part of a transient: half its peak-to-peak values and rms (m, rad).
+    """A steady-state response, by the last part of a transient: half its peak-to-peak values and rms (m, rad).
 
     `frequency_Hz` is that of the line with most kinetic energy, of the coordinate `line_of`. Of the motions at which
     contact is lost and slip reversed it has these fractions. `state` (2, n) is vibration and velocity at its end.
@@ -209,7 +209,7 @@ class Row(Finding):
     @computed_field
     @property
     def motions(self) -> tuple[Motion, ...]:
-        """The motions that last and differ, the one with most kinetic energy first."""
+        """The steady-state responses that differ, the one with most kinetic energy first."""
         found: list[Motion] = []
         for each in self.starts:
             if each.motion is not None and not any(each.motion.like(other) for other in found):
@@ -218,7 +218,7 @@ class Row(Finding):
 
     @property
     def strongest(self) -> Motion | None:
-        """The motion that lasts with most kinetic energy."""
+        """The steady-state response with most kinetic energy."""
         return next(iter(self.motions), None)
 
 

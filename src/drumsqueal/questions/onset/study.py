@@ -123,7 +123,7 @@ def predict(scene: Scene, variation: Variation, progress: Progress = silent) -> 
     if scene.friction is None:
         raise RequestError("friction: this scene has none, so nothing in it can squeal; add the table")
     if scene.forcing is not None:
-        raise RequestError("forcing: a harmonic force leaves no steady sliding to lose; add --set forcing=none")
+        raise RequestError("forcing: with a harmonic force there is no steady sliding; add --set forcing=none")
     for key, value in (("drum.speed", scene.drum.speed), ("contact.normal_load", scene.contact.normal_load)):
         if isinstance(value, Profile):
             raise RequestError(f"{key}: it changes over time here; give it one value, as by --set {key}=...")
@@ -163,11 +163,11 @@ def _predict(
     linear = follow_modes(linear_at, variation.values, progress)
     sound = [point for point in linear.points if not point.reason]
     if not sound:
-        raise RequestError(f"{variation.key}: nowhere in the range is there steady sliding: {linear.points[0].reason}")
+        raise RequestError(f"{variation.key}: no steady sliding anywhere in the range: {linear.points[0].reason}")
     highest = max((mode.frequency_Hz for point in sound for mode in point.modes), default=0.0)
     if not how.sample_rate > 0 or how.sample_rate < 2 * highest:
         limit = f"twice the highest frequency, {highest:.5g} Hz"
-        reason = f"this is below {limit}, which would fold; take at least {2 * highest:.5g} Hz"
+        reason = f"this is below {limit}, which would be aliased; take at least {2 * highest:.5g} Hz"
         if scene is None:
             raise RequestError(f"sample_rate: {reason}")
         raise SceneError(reason, ("simulate", "sample_rate"), how.sample_rate)

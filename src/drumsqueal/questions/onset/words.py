@@ -57,8 +57,8 @@ def _bistable(study: Onset) -> str:
         if Kind.STABLE in kinds:
             return f"{elsewhere}no start that was tried squeals"
         if Kind.NEUTRAL in kinds:
-            neutral = "motion neither grows nor decays, and is as large as its start made it: that is not squeal"
-            return f"{elsewhere}{neutral}"
+            neutral = "its amplitude is that of the initial perturbation, which is not squeal"
+            return f"{elsewhere}motion neither grows nor decays: {neutral}"
         return "there is nothing else to find"
     places = _joined([_place(study, each) for each in bistable])
     text = f"steady sliding is stable {places}, but a large disturbance leads to squeal there (bistable)"

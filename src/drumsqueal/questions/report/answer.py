@@ -41,4 +41,4 @@ def print_page(console: Console, page: Page) -> None:
     console.print(printable(page.finding), style="bold")
     if page.warning:
         console.print(printable(page.warning))
-    console.print(f"The page has {page.bytes / MEGABYTE:.2f} MB and opens without a network")
+    console.print(f"The page has {page.bytes / MEGABYTE:.2f} MB and needs no network")

@@ -60,13 +60,13 @@ def what_is_in(folder: Path) -> str:
     try:
         if not folder.is_dir():
             there = "a file, not a folder" if folder.exists() else "not there"
-            raise RequestError(f"{folder} is {there}; name the folder that drumsqueal run or drumsqueal onset has left")
+            raise RequestError(f"{folder} is {there}; name a folder that drumsqueal run or drumsqueal onset wrote")
         held = [kind for kind, files in kinds.items() if any((folder / name).is_file() for name in files)]
     except OSError as error:
         raise RequestError(f"{folder}: cannot be read ({error.strerror or error})") from None
     if not held:
         fault = f"{folder} holds neither a run ({SUMMARY}, {HISTORY}) nor a study of the onset ({ONSET_SUMMARY})"
-        raise RequestError(f"{fault}; name the folder that one of them has left")
+        raise RequestError(f"{fault}; name a folder that one of them wrote")
     if len(held) > 1:
         raise RequestError(f"{folder} holds a run and a study of the onset; put one of them into a folder of its own")
     return held[0]

@@ -23,7 +23,7 @@ from drumsqueal.simulation import prepare
 SAME = 1e-6  # relative: a mode at a critical value is the one with this frequency
 CUT_OFF = "This study is not complete: it was cut off before the ranges were found."
 NOT_DRAWN = "The figure is not in the folder: the study was cut off before it was drawn."
-NO_FIGURE = "The figure is not in the folder: the study was cut off before it was drawn, or the figure was taken away."
+NO_FIGURE = "The figure is not in the folder: the study was cut off before it was drawn, or the figure was removed."
 NO_MODES = "There is no critical value with a mode that oscillates, so that no shape is shown."
 IT = {
     Kind.NOWHERE: "there is no steady sliding",
@@ -33,13 +33,13 @@ IT = {
     Kind.BISTABLE: "it is bistable",
     Kind.SQUEALS: "it squeals",
 }
-ABOUT = "The shapes were computed anew from the scene, at the critical values, as this page was made."
+ABOUT = "The shapes were recomputed from the scene, at the critical values, when this page was made."
 
 
 def onset_content(folder: Path, progress: Progress = silent) -> tuple[OnsetStudy, dict[str, Any]]:
     """A study and what else the template takes, from its folder. Raises RequestError for files that are none of it."""
     if not (folder / ONSET_SUMMARY).exists():
-        raise RequestError(f"{folder}: there is {ONSET_TABLE}, but no {ONSET_SUMMARY}; study the onset anew")
+        raise RequestError(f"{folder}: there is {ONSET_TABLE}, but no {ONSET_SUMMARY}; study the onset again")
     found = read_findings(folder / ONSET_SUMMARY, OnsetStudy)
     drawn = picture(folder / figure_file(ONSET), onset_words(found))
     complete, along = found.outcome is Ending.COMPLETE, found.variation

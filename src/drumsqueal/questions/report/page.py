@@ -12,6 +12,7 @@ import jinja2
 from markupsafe import Markup, escape
 
 from drumsqueal.errors import RequestError
+from drumsqueal.findings.vibration import unit_of
 from drumsqueal.ordinary import read_ordinary
 from drumsqueal.scene import Scene
 
@@ -41,7 +42,7 @@ def picture(path: Path, words: tuple[str, str]) -> Picture | None:
     except OSError as error:
         raise RequestError(f"{path}: cannot be read ({error.strerror or error})") from None
     if content[:8] != _SIGNATURE or content[12:16] != b"IHDR" or len(content) < 24:
-        raise RequestError(f"{path} is no PNG file, as the figures of drumsqueal are; run the scene anew")
+        raise RequestError(f"{path} is not a PNG file, as the figures of drumsqueal are; run the scene again")
     width, height = struct.unpack(">II", content[16:24])
     return Picture(*words, path.name, width, height, data_uri("image/png", content))
 
@@ -69,7 +70,7 @@ def render(template: str, scene: Scene, content: dict[str, Any]) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"number": number, "breakable": breakable}
+    environment.filters |= {"number": number, "breakable": breakable, "unit_of": unit_of}
     toml = scene.to_toml()
     given = content | {
         "title": scene.title or "Untitled scene",

@@ -10,7 +10,7 @@ from drumsqueal.files.saved_history import read_history
 from drumsqueal.findings.compare import RunFindings
 from drumsqueal.findings.schema import read_findings
 from drumsqueal.findings.verdict import difference_is_no_error, state_headline
-from drumsqueal.findings.vibration import ROTATIONS
+from drumsqueal.findings.vibration import unit_of
 from drumsqueal.outcome import Ending
 from drumsqueal.questions.report.moving import animate
 from drumsqueal.questions.report.page import picture
@@ -21,8 +21,8 @@ from drumsqueal.simulation import Prepared, compared, prepare
 
 SAME = 1e-6  # relative, of the largest eigenvalue: another version may differ by round-off
 GIVEN_LAW = "The friction law was given in Python and is not in the folder: the shapes cannot be computed without it."
-OTHER_MODES = "The shapes are left out: computed anew by this version, the eigenvalues differ from those of the run."
-ABOUT = "The shapes were computed anew from the scene as this page was made."
+OTHER_MODES = "The shapes are left out: the eigenvalues that this version computes differ from those of the run."
+ABOUT = "The shapes were recomputed from the scene when this page was made."
 
 
 def run_content(folder: Path) -> tuple[RunFindings, dict[str, Any]]:
@@ -43,13 +43,14 @@ def run_content(folder: Path) -> tuple[RunFindings, dict[str, Any]]:
         prepared = prepare(history.scene)
         found = compared(prepared, history.data).findings
     pictures = {name: picture(folder / figure_file(name), figure_words(name, found)) for name in FIGURES}
-    changes = _changes(found.scene)
+    changes, headline = _changes(found.scene), state_headline(found)
     return found, {
         "kind": "report of a run",
         "warning": _warning(found, folder),
-        "headline": state_headline(found),
+        "headline": headline or found.verdict,
+        "verdict": headline and found.verdict,
         "computed_now": not (folder / SUMMARY).exists(),
-        "changes": "; speed or load change, and these are of the beginning" if changes else "",
+        "changes": "; speed or load change, and these hold at the beginning" if changes else "",
         "no_error": difference_is_no_error(found),
         "animation": None if prepared is None else _animation(prepared, found),
         "animation_note": GIVEN_LAW if prepared is None else OTHER_MODES,
@@ -66,10 +67,10 @@ def _changes(scene: Scene) -> bool:
 
 
 def _warning(summary: RunFindings, folder: Path) -> str | None:
-    again = " drumsqueal run with --resume goes on from there." if (folder / RESUME).exists() else ""
+    again = " drumsqueal run with --resume continues from there." if (folder / RESUME).exists() else ""
     if summary.ending is not Ending.COMPLETE:
         return f"This run is not complete: {summary.outcome}.{again}"
-    return f"This run was cut off once its record was complete, before all was drawn.{again}" if again else None
+    return f"This run was interrupted before all figures were drawn; its record is complete.{again}" if again else None
 
 
 def _missing(files: list[str], summary: RunFindings, folder: Path) -> str:
@@ -106,7 +107,6 @@ def _size(mode: dict[str, Any], reached: float) -> str:
     """How much larger than life the picture is, where the run came to a motion of that coordinate (m or rad)."""
     if not reached > 0:
         return "It took no part in the motion after growth."
-    unit = "µrad" if mode["name"] in ROTATIONS else "µm"
     times = float(f"{mode['enlarged'] / reached:.3g}")
-    here = f"the {1e6 * reached:.3g} {unit} that it reached in this run"
+    here = f"the {1e6 * reached:.3g} {unit_of(mode['name'], 'µ')} that it reached in this run"
     return f"{mode['name']} is drawn {times:.10g} times as large as {here}."

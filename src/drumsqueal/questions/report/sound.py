@@ -40,7 +40,7 @@ def clips(history: SavedHistory, saturation: Saturation | None, *, settles: bool
     """The sounds of a history; none where nothing moves enough.
 
     What is heard is the velocity u̇_θ along the drum in the middle of the lining, θ = z = 0. The motion after growth is
-    repeated only where it `settles`: of a brake that comes to rest, what is heard again and again never was.
+    repeated only where it `settles`: a brake that comes to rest has no motion that repeats.
     """
     since = None if saturation is None else saturation.start_s
     title = history.scene.title
@@ -72,8 +72,8 @@ def clips(history: SavedHistory, saturation: Saturation | None, *, settles: bool
         repeated, times = _repeated(part, REPEATED_S / slow)
         slower = "" if slow == 1 else f", {slow} times slower"
         more = (
-            f"Of the {part.size / CD_RATE:.3g} s that are recorded of it, up to where it is most like its beginning, "
-            f"played {times} times and faded over in {FADE_S * 1e3:g} ms: a beat at that pace is of the repetition, "
+            f"Its {part.size / CD_RATE:.3g} s of record, cut where the motion is most like its beginning, are played "
+            f"{times} times with cross-fades of {FADE_S * 1e3:g} ms: a beat at that rate is that of the repetition, "
             "not of the brake."
         )
         found.append(_clip(f"After growth{slower}", more, repeated, slow, title, tone))

@@ -120,7 +120,7 @@
     mode.lines.forEach((line) => make("polyline", "at-rest", rest, { points: points(line.at, line, 0, 0) }));
     lines = mode.lines.map((line, k) => make("polyline", `moves ${kindOf(k)}`, now, {}));
     const shares = Object.entries(mode.shares).map(([name, share]) => `${name} ${Number((100 * share).toPrecision(3))} %`);
-    const view = mode.flat ? "Section through the middle of the shoe." : "Seen at a slant, for the shoe moves out of its plane.";
+    const view = mode.flat ? "Section through the middle of the shoe." : "Oblique view, because the shoe moves out of its plane.";
     element("mode-text").textContent =
       `Mode ${mode.label}: ${Math.round(mode.frequency_Hz)} Hz, growth rate ${rate(mode.growth_rate_1_per_s)} per second, ` +
       `${mode.stability}. Kinetic energy: ${shares.join(", ")}. ${view} ` +

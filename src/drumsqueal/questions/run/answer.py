@@ -108,7 +108,7 @@ def _integrate(
 
 
 def _again(resume: ResumeFile) -> str:
-    return "; --resume goes on from there" if resume.exists else ""
+    return "; --resume continues from there" if resume.exists else ""
 
 
 def _kept(history: HistoryFile, outcome: Outcome | None) -> str:

@@ -35,7 +35,7 @@ def run_command(
     Example: drumsqueal run scenarios/nominal.toml -o out/fast --set drum.speed=8
     """
     if resume and overwrite:
-        raise UsageError("--resume goes on with what is there, --overwrite replaces it; leave one of them out")
+        raise UsageError("--resume continues what is there, --overwrite replaces it; leave one of them out")
     loaded = load_scene(scene, settings or ())
     # A file "...toml" is called "..", which would lead out of the folder out.
     folder = output if output is not None else Path("out") / (scene.stem if scene.stem.strip(".") else "scene")

@@ -13,7 +13,7 @@ from drumsqueal.findings.verdict import difference_is_no_error
 from drumsqueal.findings.vibration import unit_of
 from drumsqueal.solve.linear.modes import OSCILLATING_FRACTION, UNDAMPED_FRACTION, Stability
 from drumsqueal.solve.transient.runge_kutta import AUTO, IMPLICIT
-from drumsqueal.terminal.tables import print_table
+from drumsqueal.terminal.tables import print_model, print_table
 
 
 def print_stability(console: Console, stability: Stability) -> None:
@@ -26,7 +26,7 @@ def print_stability(console: Console, stability: Stability) -> None:
             mode.label,
             f"{mode.frequency_Hz:.2f} Hz",
             f"{mode.growth_rate:+.3f} 1/s",
-            f"{mode.damping_ratio:+.3%}",
+            f"{100 * mode.damping_ratio:+.3f} %",
             Text("unstable", style="bold red") if mode.unstable else "stable",
         )
     print_table(console, table)
@@ -46,11 +46,10 @@ def print_stability(console: Console, stability: Stability) -> None:
 
 def print_findings(console: Console, found: RunFindings) -> None:
     """Print what the model holds, and the comparison of prediction and transient."""
-    console.print(f"Includes: {'; '.join(found.model['includes'])}", style="dim")
-    console.print(f"Leaves out: {'; '.join(found.model['leaves_out']) or 'nothing'}", style="dim")
+    print_model(console, found.model)
     if found.held_though_they_would_move:
         held = ", ".join(found.held_though_they_would_move)
-        console.print(f"Held though the others would move them: {held}", style="bold")
+        console.print(f"Held at zero, though the other coordinates would move them: {held}", style="bold")
     print_table(console, _growth_table(found))
     resolution = sorted(mode.frequency_resolution_Hz for mode in found.modes if mode.frequency_resolution_Hz)
     if resolution:
@@ -105,7 +104,7 @@ def _print_saturation(console: Console, found: RunFindings) -> None:
     needed, boundary = saturation.regime.record_needed_s, found.edge_reached_s
     if needed is not None and boundary is not None:
         duration = f"{duration_for(needed, boundary):.4g} s"
-        console.print(f"To record so much after growth, set simulate.duration to {duration}")
+        console.print(f"To record that long after growth, set simulate.duration to {duration}")
 
 
 def _print_accuracy(console: Console, found: RunFindings) -> None:
@@ -117,7 +116,7 @@ def _print_accuracy(console: Console, found: RunFindings) -> None:
     parts = [f"{of_motion:.1e} of the largest kinetic energy"] if of_motion < 1 else []  # or there is next to no motion
     parts += [f"{of_friction:.1e} of the work of friction"] if of_friction > 0 else []
     if parts:
-        console.print(f"Energy balance closes to {', '.join(parts)}")
+        console.print(f"Energy balance error: {', '.join(parts)}")
     error = accuracy.quadrature_error_over_normal_force
     if error is not None:
         console.print(

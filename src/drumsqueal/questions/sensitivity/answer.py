@@ -85,7 +85,7 @@ def quiet_sentence(quiet: Quieting) -> str:
 def not_found(quiet: Quieting) -> str:
     """Why a search has no result."""
     names = ", ".join(change.key for change in quiet.changes)
-    least = f"the smallest largest growth rate that was reached is {quiet.largest_growth_rate_1_per_s:+.4g} 1/s"
+    least = f"the largest growth rate can be brought down to {quiet.largest_growth_rate_1_per_s:+.4g} 1/s"
     return f"no change of {names} within the bounds makes every mode decay; {least}"
 
 

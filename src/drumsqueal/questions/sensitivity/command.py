@@ -31,7 +31,7 @@ def sensitivity_command(
     quiet: Quiet = False,
     json_file: JsonFile = None,
 ) -> None:
-    """What to change to make this brake quiet?
+    """What should be changed to make the brake quiet?
 
     Differentiates every growth rate with respect to every parameter of the scene.
 

@@ -9,7 +9,7 @@ from pydantic import computed_field
 from drumsqueal.errors import IntegrationError
 from drumsqueal.findings.schema import Finding
 from drumsqueal.findings.signals.regime import Kind
-from drumsqueal.findings.vibration import Vibration, beyond_boundaries
+from drumsqueal.findings.vibration import ROTATIONS, Vibration, beyond_boundaries
 from drumsqueal.physics.composition import kept_coordinates
 from drumsqueal.progress import Progress, silent
 from drumsqueal.scene import Profile, Scene
@@ -75,7 +75,7 @@ def disturbed(scene: Scene) -> Scene:
     size = DISTURBANCE * most / (shoe.outer_radius * shoe.arc_angle * shoe.width) / max(scene.contact.stiffness, 1.0)
     kept = kept_coordinates(scene)
     moved = [name for name in kept if name in ("Y", "Tz")] or list(kept)
-    start = {name: size / shoe.outer_radius if name.startswith("T") else size for name in moved}
+    start = {name: size / shoe.outer_radius if name in ROTATIONS else size for name in moved}
     return scene.with_values({"start": {"displacement": start, "velocity": {}}})
 
 

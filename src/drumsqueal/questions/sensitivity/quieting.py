@@ -79,7 +79,7 @@ def variable_numbers(scene: Scene, keys: Sequence[str] | None = None) -> tuple[S
         if key in scene.numbers() and key not in numbers:
             raise RequestError(f"--vary {key}: it is a list, which is not varied; choose from {', '.join(numbers)}")
         if key not in numbers:
-            raise RequestError(f"--vary {key}: no number of this scene; choose from {', '.join(numbers)}")
+            raise RequestError(f"--vary {key}: not a number of this scene; choose from {', '.join(numbers)}")
         if key in keys[:k]:
             raise RequestError(f"--vary {key}: named twice; leave one out")
         if key.startswith("forcing."):

@@ -76,7 +76,7 @@ def print_study(console: Console, study: SweepStudy) -> None:
     if study.transients is not None:
         _print_responses(console, study.transients)
     if study.points_with_divergence:
-        console.print(f"Diverges without oscillation at {study.points_with_divergence} points")
+        console.print(f"Steady sliding diverges without oscillation at {study.points_with_divergence} points")
     for name, count in study.outcomes.items():
         if name != OUTCOMES[COMPUTED]:
             console.print(f"{count} of {study.points} points: {name}")

@@ -103,7 +103,7 @@ class Cluster:
         error: Any = future.exception()
         if type(error).__name__ == "KilledWorker":
             cause = "each time a worker took up the batch, its process ended"
-            raise IntegrationError(f"{cause} (points from number {first} on); is there memory enough?")
+            raise IntegrationError(f"{cause} (points from number {first} on); is there enough memory?")
         raise IntegrationError(f"a worker of the cluster failed, {type(error).__name__}: {error}")
 
 

@@ -24,5 +24,5 @@ def work(plan: Any, first: int, stop: int, versions: dict[str, str]) -> Any:
             f"{name} {here[name]} instead of {versions[name]}" for name in versions if here[name] != versions[name]
         ]
         if other:
-            raise RequestError(f"its versions are others ({', '.join(other)}); install the same")
+            raise RequestError(f"its versions differ ({', '.join(other)}); install the same versions")
         return compute(plan, first, stop, threads=get_worker().state.nthreads)

@@ -49,7 +49,7 @@ def sweep_command(
     quiet: Quiet = False,
     json_file: JsonFile = None,
 ) -> None:
-    """Where in a map of parameters is squeal, and how likely is it?
+    """For which parameters does the brake squeal, and how likely?
 
     Computes growth rates, and with --transient amplitudes and frequencies, over a grid or for uncertain parameters.
 

@@ -209,7 +209,7 @@ def _draw_correlations(axes: Axes, chances: ChanceStudy) -> None:
     axes.set_yticks(range(len(known)), [in_words(key).replace(" ", "\n", 1) for key in known])
     axes.set_xlim(-1, 1)
     axes.set_ylim(-0.6, max(len(known), 1) - 0.4)
-    frame(axes, "rank correlation with the largest\ngrowth rate; pale band: as by chance", None)
+    frame(axes, "rank correlation with the largest\ngrowth rate; pale band: not significant", None)
     axes.tick_params(axis="y", length=0)
 
 
@@ -251,7 +251,7 @@ def _quantities(sweep: xarray.Dataset) -> list[Quantity]:
 
 
 def _sustained_frequency(sweep: xarray.Dataset) -> xarray.DataArray:
-    """The main frequency where motion lasts, or may: what decays has a frequency, too, but is no squeal."""
+    """The main frequency where motion is sustained, or may be: what decays has one, too, but does not squeal."""
     return sweep["main_frequency"].where(squealing(sweep) | undecided(sweep))
 
 

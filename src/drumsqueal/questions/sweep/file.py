@@ -30,7 +30,7 @@ RUNNING = "incomplete: the sweep was killed; outcome marks the points that were 
 ROUND_OFF = 1e-12  # relative, of an end of a range that was turned from one unit into another
 _LONGEST = 256  # bytes of the outcome in the file: of fixed length, so that it can be changed in place
 _BLOCK = 2**15  # points at a time, where all are written
-_ANEW = "add --overwrite instead of --resume to compute it anew"
+_ANEW = "add --overwrite instead of --resume to compute it again"
 
 
 class SweepFile:
@@ -89,7 +89,7 @@ class SweepFile:
             return "nothing was kept"
         held = f"{int(self.computed().sum())} of {self._plan.points} points were computed"
         self._end(f"{reason}; {held}")
-        return f"{held} and are in {self.path}; --resume goes on from there"
+        return f"{held} and are in {self.path}; --resume continues from there"
 
     def completed(self) -> None:
         """Note that the sweep and all its files are complete."""
@@ -104,7 +104,7 @@ def find_sweep(folder: Path, plan: Plan) -> Plan:
     """Return the plan in the units of the sweep in a folder, to go on with it. Raises RequestError where it cannot."""
     path = folder / SWEEP
     if path.is_symlink() or (path.exists() and not path.is_file()):
-        raise RequestError(f"{path} is no ordinary file; put the file itself there to resume the sweep")
+        raise RequestError(f"{path} is not an ordinary file; put the file itself there to resume the sweep")
     if not path.exists():
         raise RequestError(f"{folder}: there is no sweep to resume; leave --resume out")
     try:

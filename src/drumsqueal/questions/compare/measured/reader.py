@@ -76,7 +76,7 @@ def _read(asked: Asked) -> Measured:
         return read_uff58(asked)
     kind = next((kind for mark, kind in _OTHERS.items() if start.startswith(mark)), None)
     if kind is None and b"\0" in start and not start.startswith((b"\xff\xfe", b"\xfe\xff")):
-        kind = "no text, and of an unknown format"
+        kind = "a binary file of an unknown format"
     if kind is not None:
         raise RequestError(f"{path}: this is {kind}; {FORMATS}")
     return read_csv(asked)
@@ -144,7 +144,7 @@ def _whole(path: Path, measured: Measured) -> Measured:
     largest = float(np.abs(values[part]).max())
     if not largest < LARGEST or 0 < largest <= SMALLEST:
         size = f"{largest:.3g} {measured.unit or 'without a unit'} at the most"
-        fault = f"{measured.name!r} is {size}, which is out of all proportion"
+        fault = f"{measured.name!r} is {size}, which is implausible"
         raise RequestError(f"{path}: {fault}; take another channel, or correct the file or --unit")
     if not np.ptp(values[part]) > 0:
         raise RequestError(f"{path}: {measured.name!r} is constant there and has no lines; take another channel")
