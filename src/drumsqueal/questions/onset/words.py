@@ -109,7 +109,7 @@ def _joined(texts: Sequence[str]) -> str:
 def critical_words(critical: Critical, along: Variation) -> str:
     """Which mode gains or loses stability at which value."""
     becomes = "loses stability" if critical.destabilises else "gains stability"
-    value = with_uncertainty(along.shown(critical.value), along.shown(critical.uncertainty))
+    value = _value(along, critical.value, critical.uncertainty)
     line = f" at {critical.frequency_Hz:.2f} Hz" if critical.frequency_Hz > 0 else ""
     return f"{critical.label} {becomes}{line} as the value rises past {along.key} = {value}{along.unit_after}"
 
