@@ -221,10 +221,10 @@ def test_quantities_are_read_in_their_unit(value, unit, expected):
         (math.inf, "m", "finite"),
         (10**400, "m", "finite"),
         pytest.param(10**5000, "m", "finite", id="too long to print"),
-        (True, "m", "no number"),
-        (None, "m", "no number"),
-        ([1.0], "m", "no number"),
-        (1j, "m", "no number"),
+        (True, "m", "not a number"),
+        (None, "m", "not a number"),
+        ([1.0], "m", "not a number"),
+        (1j, "m", "not a number"),
     ],
 )
 def test_what_is_no_quantity_is_refused_with_the_cause(value, unit, cause):

@@ -70,6 +70,15 @@ class SceneError(ValueError):
         return SceneError(self.reason, path + self.path, inner)
 
 
+class QuantityError(SceneError):
+    """Why a text or a value is not a quantity of its kind: the `fault`, and the cure."""
+
+    def __init__(self, fault: str, cure: str):
+        """Put fault and cure together."""
+        super().__init__(f"{fault}; {cure}")
+        self.fault = fault
+
+
 def printable(text: str) -> str:
     """Return the text safe on any terminal: what does not print, such as an escape, becomes a question mark."""
     return "".join(letter if letter.isprintable() else "?" for letter in text)
@@ -106,8 +115,8 @@ def parse_quantity(value: Any, unit: str) -> float:
     """Read a number in SI, or a string such as "100 mm", as a float in `unit` ("" for a plain number).
 
     `unit` is an SI unit: "m", "rad/s", "Hz", "N/m^3". Radians count as a dimension, so an angular speed takes "48 rpm"
-    and refuses "5 Hz", and a frequency the other way round. Raises SceneError, to which the caller adds the place, for
-    anything that is no finite quantity of that kind.
+    and refuses "5 Hz", and a frequency the other way round. Raises QuantityError, to which the caller adds the place,
+    for anything that is not a finite quantity of that kind.
     """
     if isinstance(value, str):
         number = _from_text(value, unit)
@@ -117,9 +126,9 @@ def parse_quantity(value: Any, unit: str) -> float:
         except OverflowError:
             number = math.inf
     else:
-        raise SceneError(f"this is no number; {_cure(unit)}")
+        raise QuantityError("this is not a number", _cure(unit))
     if not math.isfinite(number):
-        raise SceneError(f"the value must be finite; {_cure(unit)}")
+        raise QuantityError("the value must be finite", _cure(unit))
     return number
 
 
@@ -128,21 +137,21 @@ def _from_text(text: str, unit: str) -> float:
     if not written and "," in text and _WRITTEN.fullmatch(text.replace(",", ".")):
         meant = text.strip().replace(",", ".")
         plain = re.fullmatch(_NUMBER, meant) is not None
-        raise SceneError(f"{DECIMAL_POINT}; write {meant if plain else json.dumps(meant, ensure_ascii=False)}")
+        raise QuantityError(DECIMAL_POINT, f"write {meant if plain else json.dumps(meant, ensure_ascii=False)}")
     if not written:
-        raise SceneError(f"this is not a number followed by a unit; {_cure(unit)}")
+        raise QuantityError("this is not a number followed by a unit", _cure(unit))
     number = float(written["number"])
     if written["unit"]:
         return _in_unit(number, written["unit"].replace("·", "*"), unit)
     plain = written["number"].removeprefix("+")
     if unit:
-        raise SceneError(f'the unit is missing; write {plain} as a number in {unit}, or "{plain} {unit}"')
-    raise SceneError(f"a plain number is wanted; write {plain} without the quotes")
+        raise QuantityError("the unit is missing", f'write {plain} as a number in {unit}, or "{plain} {unit}"')
+    raise QuantityError("a plain number is wanted", f"write {plain} without the quotes")
 
 
 def _in_unit(number: float, written: str, unit: str) -> float:
     if not unit and written not in ("%", "percent"):  # pint would turn "dB" and "pi" into plain numbers too
-        raise SceneError(f'a plain number is wanted, without the unit "{written}"; {_cure(unit)}')
+        raise QuantityError(f'a plain number is wanted, without the unit "{written}"', _cure(unit))
     registry = _registry()
     try:
         given, wanted = registry.parse_units(written), registry.parse_units(unit)
@@ -150,9 +159,9 @@ def _in_unit(number: float, written: str, unit: str) -> float:
         if str(registry.get_root_units(given)[1]) == str(registry.get_root_units(wanted)[1]):
             return float(registry.Quantity(number, given).to(wanted).magnitude)
     except Exception:  # besides its own errors pint raises AssertionError, KeyError and ValueError for odd names
-        raise SceneError(f'unknown unit "{written}"; {_cure(unit)}') from None
+        raise QuantityError(f'unknown unit "{written}"', _cure(unit)) from None
     mismatch = f"a unit of {_EXPECTED[unit][0].split(' ', 1)[1]}" if unit in _EXPECTED else f"the like of {unit}"
-    raise SceneError(f"{_named(given, written)} is not {mismatch}; {_cure(unit)}")
+    raise QuantityError(f"{_named(given, written)} is not {mismatch}", _cure(unit))
 
 
 def _named(given: "pint.Unit", written: str) -> str:

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from drumsqueal.errors import RequestError
-from drumsqueal.scene.quantities import SceneError, parse_quantity
+from drumsqueal.scene.quantities import QuantityError, parse_quantity
 from drumsqueal.scene.shipped import find_scene
 from drumsqueal.terminal.completion import complete_scene, complete_setting
 
@@ -96,8 +96,8 @@ def _read(text: str, unit: str, wrong: str, fits: Callable[[float], bool]) -> fl
     except ValueError:
         try:
             value = parse_quantity(text, unit)
-        except SceneError as error:
-            raise RequestError(f"{wrong} ({error.reason.partition(';')[0]})") from None
+        except QuantityError as error:
+            raise RequestError(f"{wrong} ({error.fault})") from None
     if not fits(value):
         raise RequestError(wrong)
     return value
