@@ -227,7 +227,7 @@ def test_a_lining_partly_off_the_drum_still_shows_its_growth(nominal):
     assert abs(mode.growth_rate_error) < 5e-4
 
 
-def test_a_motion_that_dies_after_an_boundary_settles_to_steady_sliding(nominal):
+def test_a_motion_that_dies_after_a_contact_boundary_settles_to_steady_sliding(nominal):
     # 3 % of damping end the squeal; 10 µm lift the lining off at first. After 0.1 s 1424 Hz has decayed by e^−27.
     scene = nominal.with_values(
         {"damping": {"ratio": 0.03}, "start.displacement": {"Y": 1e-5}, "simulate.duration": 0.25}

@@ -152,7 +152,7 @@ def _numbers(prepared: Prepared) -> Iterator[tuple[str, float, str, str]]:
         law = contact.friction.law
         slope = jax.grad(lambda s: jnp.sum(law.coefficient(s)))(jnp.asarray(sliding))
         yield ("friction coefficient", float(law.coefficient(jnp.asarray(sliding))), "1", "at the sliding speed")
-        yield ("slope of friction", float(slope), "s/m", "of its curve there; falling friction feeds squeal")
+        yield ("slope of friction", float(slope) + 0.0, "s/m", "of its curve there; falling friction feeds squeal")
 
 
 def first_boundary_time(growing: tuple[Growth, ...], fractions: tuple[float, float]) -> float | None:
