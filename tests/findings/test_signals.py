@@ -286,6 +286,22 @@ def test_a_cycle_longer_than_was_looked_for_is_told_by_its_lines():
     assert found.recurrence_error == pytest.approx(largest, rel=0.05)
 
 
+def test_faint_sidebands_that_know_their_distance_badly_do_not_hide_a_cycle():
+    # Strong lines at 85, 340 and 576 times 12.6566663 Hz, and sidebands of a few per cent not quite as far from them.
+    def moved(apart: float) -> np.ndarray:
+        t, slow = times(1.6), 12.6566663
+        strong = ((85, 1.0, 0.02), (340, 0.3, 0.05), (576, 0.8, 0.0))
+        beats = 2 * np.cos(2 * np.pi * apart * t)
+        lines = [size * np.cos(2 * np.pi * k * slow * t + k) * (1 + side * beats) for k, size, side in strong]
+        return np.sum(lines, axis=0)
+
+    found = regime_of(moved(12.654))
+    assert found.kind == "periodic"
+    assert found.period_s == pytest.approx(1 / 12.6566663, rel=1e-7)
+    assert found.recurrence_error == pytest.approx(0, abs=1e-3)
+    assert regime_of(moved(9.7)).kind == "quasi-periodic"  # far from it, they are a frequency of their own
+
+
 def test_noise_is_irregular():
     noise = np.random.default_rng(5).normal(size=5000)
     band = scipy.signal.sosfilt(scipy.signal.butter(2, [0.05, 0.3], btype="band", output="sos"), noise)

@@ -58,6 +58,16 @@ def find_fundamentals(lines: Lines) -> Fundamentals:
     return lattice.fitted()
 
 
+def multiples_of(lines: Lines, frequency: float) -> Fundamentals:
+    """The lines as multiples of the one frequency (Hz) with which a motion was found to repeat, fitted to them."""
+    order = np.rint(lines.frequency_Hz / frequency)
+    order[np.abs(lines.frequency_Hz - order * frequency) > lines.resolution_Hz] = 0
+    weight = order / lines.uncertainty_Hz**2
+    fitted, spread = weight @ lines.frequency_Hz / (weight @ order), 1 / np.sqrt(weight @ order)
+    explained = float(lines.fraction[order > 0].sum())
+    return Fundamentals(np.array([fitted]), np.array([spread]), order.astype(np.int64)[:, None], explained)
+
+
 class _Lattice:
     """What some fundamentals generate, and which of the lines are in it."""
 

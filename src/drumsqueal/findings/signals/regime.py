@@ -97,7 +97,8 @@ def classify(signals: ArrayLike, sample_rate: float, *, scale: ArrayLike, lowest
       sharp within this record counts as quasi-periodic; only the largest Lyapunov exponent distinguishes them.
 
     Where the lines have one fundamental frequency alone, the motion is a cycle longer than was looked for: periodic if
-    it was recorded 20 times and recurs after that period, too, or else unknown.
+    it was recorded 20 times and recurs after that period, too, or else unknown. So it is where the motion recurs after
+    the whole number of turns of the strongest line that is nearest to a period of the slowest fundamental frequency.
 
     Drift is a change of rms between the halves, or of the mean relative to the rms, by more than 1e-2 in a motion
     that recurs after T (measured over whole periods), by more than 0.1 in one that does not.
@@ -203,7 +204,13 @@ def _not_periodic(unit: NDArray[np.float64], rate: float, error: float, drift: f
     if fundamentals.explained < EXPLAINED:
         return classified(Kind.IRREGULAR, Cause.NO_COMBINATIONS)
     if len(found) > 1:
-        return classified(Kind.QUASI_PERIODIC, Cause.COMBINATIONS)
+        # Faint sidebands may know the slowest frequency worse than they seem to, and hide that it divides the others.
+        strongest = int(np.argmax(lines.fraction))
+        turns = max(1, round(lines.frequency_Hz[strongest] / found[0]))
+        back = recurrence_after(unit, rate * turns / lines.frequency_Hz[strongest])
+        if back is None or max(back.error, back.later_error) > RECURRENCE:
+            return classified(Kind.QUASI_PERIODIC, Cause.COMBINATIONS)
+        found, known = [rate / back.period], [float(lines.uncertainty_Hz[strongest]) / turns]
     if duration * found[0] < PERIODS_NEEDED:
         needed = {"record_needed_s": PERIODS_NEEDED / found[0], "periods_needed": PERIODS_NEEDED}
         return classified(Kind.UNKNOWN, Cause.MULTIPLES_TOO_SHORT, **needed)

@@ -21,7 +21,7 @@ from drumsqueal.findings.decay import decay_to_rest, slowest
 from drumsqueal.findings.part import Finding, Held
 from drumsqueal.findings.saturation import size_of_motion
 from drumsqueal.findings.schema import Findings
-from drumsqueal.findings.signals.fundamentals import Fundamentals, find_fundamentals
+from drumsqueal.findings.signals.fundamentals import Fundamentals, find_fundamentals, multiples_of
 from drumsqueal.findings.signals.growth import fit_growth
 from drumsqueal.findings.signals.lines import Lines, find_lines
 from drumsqueal.findings.signals.lyapunov import Exponents, lyapunov_exponents, orthonormalised
@@ -218,6 +218,8 @@ class _Study:
             part = displacement[late][-MOST_FOR_LINES:, moving]
             lines = find_lines(part, vibration.sample_rate, floor=FLOOR)
             fundamentals = find_fundamentals(lines)
+            if regime.kind is RegimeKind.PERIODIC and fundamentals.frequency_Hz.size > 1:
+                fundamentals = multiples_of(lines, regime.base_frequencies_Hz[0])
         if not settled and regime.kind is not RegimeKind.STEADY:
             self.limits.append(f"the motion had not settled after {start:.3g} s")
         options = begin is not SettledMotion
