@@ -25,9 +25,8 @@ MOST, FAINTEST = 20, 1e-2  # tones, and the amplitude of the faintest over the s
 HARMONIC_OFF = 0.5
 # Resolutions that a fundamental has at least: of a slower one 5 % of all frequencies, 2 × 0.5/20, would be harmonics.
 FEWEST_RESOLUTIONS = 20.0
-FAINTEST_FUNDAMENTAL = (
-    0.1  # of a harmonic's amplitude, that a fundamental has at least: hum of 50 Hz has multiples everywhere
-)
+# Of a harmonic's amplitude, that a fundamental has at least: hum of 50 Hz has multiples everywhere.
+FAINTEST_FUNDAMENTAL = 0.1
 
 
 class Tones(NamedTuple):
