@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from drumsqueal.findings.signals.fundamentals import find_fundamentals
+from drumsqueal.findings.signals.fundamentals import find_fundamentals, multiples_of
 from drumsqueal.findings.signals.lines import find_lines
 
 RATE = 50_000.0
@@ -97,6 +97,15 @@ def test_base_frequencies_of_a_torus(frequencies, wanted, phases):
 def test_slow_modulation_is_a_base_of_its_own(phase):
     fundamentals = find_fundamentals(find_lines(modulated(times(1.0), 12.6567, phase)[:, None], RATE, floor=3e-3))
     assert fundamentals.frequency_Hz == pytest.approx([12.6567, 1075.8, 7290.2], abs=1e-3)
+
+
+def test_lines_are_multiples_of_a_known_period_only_where_that_is_no_chance():
+    slow = 12.6566663
+    lines = find_lines(torus(1.0, [(85 * slow, 1.0), (340 * slow, 0.5), (400 * slow + 0.3, 0.1)]), RATE)
+    found = multiples_of(lines, slow * (1 + 1e-7))
+    assert found.combinations[:, 0].tolist() == [85, 340, 0]  # the third is 2 % of a multiple off
+    assert found.frequency_Hz == pytest.approx([slow], rel=1e-7)
+    assert found.explained == pytest.approx(1.25 / 1.26, abs=1e-3)
 
 
 def test_fundamentals_that_are_locked_are_one():

@@ -59,9 +59,12 @@ def find_fundamentals(lines: Lines) -> Fundamentals:
 
 
 def multiples_of(lines: Lines, frequency: float) -> Fundamentals:
-    """The lines as multiples of the one frequency (Hz) with which a motion was found to repeat, fitted to them."""
+    """The lines as multiples of the one frequency (Hz) with which a motion was found to repeat, fitted to them.
+
+    A line is one where it lies so near to a multiple as 2 % of all frequencies do.
+    """
     order = np.rint(lines.frequency_Hz / frequency)
-    order[np.abs(lines.frequency_Hz - order * frequency) > lines.resolution_Hz] = 0
+    order[np.abs(lines.frequency_Hz - order * frequency) > CHANCE / 2 * frequency] = 0
     weight = order / lines.uncertainty_Hz**2
     fitted, spread = weight @ lines.frequency_Hz / (weight @ order), 1 / np.sqrt(weight @ order)
     explained = float(lines.fraction[order > 0].sum())
