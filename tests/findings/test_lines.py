@@ -105,7 +105,7 @@ def test_lines_are_multiples_of_a_known_period_only_where_that_is_no_chance():
     found = multiples_of(lines, slow * (1 + 1e-7))
     assert found.combinations[:, 0].tolist() == [85, 340, 0]  # the third is 2 % of a multiple off
     assert found.frequency_Hz == pytest.approx([slow], rel=1e-7)
-    assert found.explained == pytest.approx(1.25 / 1.26, abs=1e-3)
+    assert found.explained == pytest.approx(1 - lines.fraction[2])
 
 
 def test_fundamentals_that_are_locked_are_one():
