@@ -112,7 +112,7 @@ def contenders() -> list[Contender]:
 def error_of(contender: Contender) -> float:
     """Largest error of the contact force over the states, against the model's own rule made finer."""
     model = contender.model
-    finer = ArcSurface(24) if isinstance(model.lining.surface, ArcSurface) else AreaSurface(48, 36)
+    finer = ArcSurface(24) if isinstance(model.lining.surface, ArcSurface) else AreaSurface(16, 12, 24, 5)
     assert model.contact.friction is not None
     drum = model.shoe.outer_radius * jnp.abs(model.operation.at(0.0).drum_speed)
     friction = dataclasses.replace(model.contact.friction, law=Cut(model.contact.friction.law, drum))

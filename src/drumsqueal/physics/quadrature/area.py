@@ -15,18 +15,21 @@ import numpy as np
 from jax import Array
 
 from drumsqueal.physics.quadrature.arc import NODES_LONG_ARC, compact_nodes, sort_by_counting
-from drumsqueal.physics.quadrature.breaks import distances, find_breaks
-from drumsqueal.physics.quadrature.levels import Level, sine_cosine
+from drumsqueal.physics.quadrature.breaks import distances, find_breaks, runaway_distances
+from drumsqueal.physics.quadrature.levels import Level, sine_cosine, swing
 from drumsqueal.physics.quadrature.surface import Boundaries, Densities, Lining, Nodes, resolved, sum_together
 
-# Nodes on each half piece of the arc, and on each of the two stretches of a line next to the turn of V/|V|; and
-# sections that the arc is split into in any case. At the worst state found for a rule with two sections the error over
-# p0 times the area is 2e-7 with 18 nodes along, 1e-8 with 24, and 2e-9 with three sections. Across, 40 nodes do no
-# better.
-ALONG, ACROSS, SECTIONS = 24, 12, 3
-# A singularity closer to an end than so many lengths of the half piece counts as being so far off. With 1e-5 along
-# instead, up to 2e-7 is lost, with 2e-6 5e-8.
-NARROWEST_ALONG, NARROWEST_ACROSS = 8e-8, 2e-7
+# Gauss nodes along a panel, across it where the direction of friction hardly turns, and on each of the two stretches of
+# a line next to its turn; and sections that the arc is split into in any case.
+ALONG, ACROSS, TURNING, SECTIONS = 8, 6, 12, 3
+# Panels are as long as, or shorter than, the distance from their end to the next singularity: Gauss rules then converge
+# like 4.6^(−2 n). Across, the branch points of |V| are so many half widths from the middle line: like 7.9^(−2 n).
+CLEAR, CLEAR_ACROSS = 1.0, 4.0
+# A singularity closer to an end than so many half arcs, or lengths of a stretch across, counts as being so far off.
+NARROWEST, NARROWEST_ACROSS = 1e-8, 2e-7
+# Ends of the panels towards a singularity over the length of the half piece, exp(−0.9 k − 0.05 k²): the shorter they
+# are, the less of the load is on them, and the faster they may shrink.
+STEPS = np.exp(-np.arange(15.0) * (0.9 + 0.05 * np.arange(15.0)))
 LIFTED, FRICTIONLESS = 2, 3  # Gauss nodes where what is summed is a line and a square in z
 SMALLEST = 1e-30  # m/s; keeps what a length of zero is divided by off zero
 # φ = 2t − 1.4t² + 0.4t³. With sixteen nodes and δ ≥ 1e-6, square roots, logarithms and their products with
@@ -48,8 +51,8 @@ class AreaSurface(eqx.Module):
 
     along: int = eqx.field(static=True, default=ALONG)
     across: int = eqx.field(static=True, default=ACROSS)
+    turning: int = eqx.field(static=True, default=TURNING)
     sections: int = eqx.field(static=True, default=SECTIONS)
-    narrowest: tuple[float, float] = eqx.field(static=True, default=(NARROWEST_ALONG, NARROWEST_ACROSS))
     always_split: bool = eqx.field(static=True, default=False)
 
     spatial: bool = eqx.field(static=True, default=True, init=False)
@@ -69,66 +72,92 @@ class AreaSurface(eqx.Module):
     def _over_pieces(
         self, lining: Lining, boundaries: Boundaries, densities: Callable[[Nodes], Densities]
     ) -> Densities:
-        """Sum over the pieces of the arc, one after the other, for most of those there may be are empty."""
-        bounds, distance = self._bounds(lining, boundaries)
+        """Sum over the halves of the pieces of the arc, one after the other, for most that there may be are empty."""
 
-        def piece(low: Array, high: Array, gap: Array) -> Densities:
-            groups = self._parts(lining, boundaries, low, high, gap)
-            sums = [sum_together([densities(nodes) for nodes in group]) for group in groups]
-            return jax.tree.map(lambda *parts: sum(parts[1:], start=parts[0]), *sums)
+        def add_half(total: Densities, half: tuple[Array, Array, Array]) -> tuple[Densities, None]:
+            start, length, reach = half
 
-        def add(total: Densities, bound: tuple[Array, Array, Array]) -> tuple[Densities, None]:
-            def with_piece() -> Densities:
-                return jax.tree.map(jnp.add, total, piece(*bound))
+            def add_panel(total: Densities, step: tuple[Array, Array, Array]) -> tuple[Densities, None]:
+                before, outer, inner = step
 
-            return jax.lax.cond(bound[1] > bound[0], with_piece, lambda: total), None
+                def with_panel() -> Densities:
+                    near = jnp.where(outer > reach, inner, 0.0)
+                    return jax.tree.map(jnp.add, total, panel(start + near * length, start + outer * length))
 
-        each = bounds[:-1], bounds[1:], jnp.stack([distance[:-1], distance[1:]], axis=1)
+                return jax.lax.cond(before > reach, with_panel, lambda: total), None
+
+            steps = tuple(map(jnp.asarray, (np.append(np.inf, STEPS[:-1]), STEPS, np.append(STEPS[1:], 0.0))))
+            return jax.lax.cond(length != 0, lambda: jax.lax.scan(add_panel, total, steps)[0], lambda: total), None
+
+        def panel(near: Array, far: Array) -> Densities:
+            return self._panel(lining, boundaries, densities, near, far)
+
+        halves = self._halves(lining, boundaries)
         nothing = jax.tree.map(
-            lambda x: jnp.zeros(x.shape, x.dtype), jax.eval_shape(lambda: piece(*(part[0] for part in each)))
+            lambda x: jnp.zeros(x.shape, x.dtype), jax.eval_shape(lambda: panel(halves[0][0], halves[1][0]))
         )
-        return jax.lax.scan(add, nothing, each)[0]
+        return jax.lax.scan(add_half, nothing, halves)[0]
 
-    def _bounds(self, lining: Lining, boundaries: Boundaries) -> tuple[Array, Array]:
-        """Sorted bounds of the pieces, the empty ones last, and how far each is from a singularity (rad)."""
+    def _halves(self, lining: Lining, boundaries: Boundaries) -> tuple[Array, Array, Array]:
+        """Where each half piece starts (rad), its length with sign, and how far a panel there may reach, over that."""
         half_angle = lining.half_angle
         found = find_breaks(lining, boundaries)
         even = half_angle * np.linspace(-1, 1, self.sections + 1)
         bounds = sort_by_counting(jnp.concatenate([even, jnp.where(found.split, found.angle, half_angle)]))
-        return bounds, distances(found, bounds)
-
-    def _parts(self, lining: Lining, boundaries: Boundaries, low: Array, high: Array, gap: Array) -> list[list[Nodes]]:
-        """Nodes of a piece of the arc, whose halves are graded towards its ends, in groups of one shape.
-
-        They are (2, lines, nodes a line); the parts are not joined, for a joint would be a branch at each node.
-        """
+        low, high = bounds[:-1], bounds[1:]
         half = (high - low) / 2
-        fraction, fraction_weight = graded(gap / jax.lax.stop_gradient(half), self.along, self.narrowest[0])
-        theta = jnp.stack([low, high])[:, None] + half * np.array([[1.0], [-1.0]]) * fraction
+        gap = distances(found, bounds)
+        gaps = [gap[:-1], gap[1:]]
+        for level in (boundaries.pressure, boundaries.slip):
+            if level is not None:
+                gaps = [jnp.minimum(*each) for each in zip(gaps, runaway_distances(level, lining.width / 2, low, high))]
+        start, length = jnp.concatenate([low, high]), jnp.concatenate([half, -half])
+        size = jax.lax.stop_gradient(jnp.where(length == 0, 1.0, jnp.abs(length)))
+        reach = jnp.maximum(jnp.concatenate(gaps) / CLEAR, NARROWEST * half_angle) / size
+        return start, length, jax.lax.stop_gradient(reach)
+
+    def _panel(
+        self,
+        lining: Lining,
+        boundaries: Boundaries,
+        densities: Callable[[Nodes], Densities],
+        near: Array,
+        far: Array,
+    ) -> Densities:
+        """Sum over Gauss nodes (lines across, angles) between two angles (rad)."""
+        theta, weight = _gauss(near, far - near, self.along)
         sine, cosine = sine_cosine(theta)
-        line = lining.outer_radius * half * fraction_weight
-        groups = self._across(lining.width / 2, boundaries, cosine, sine)
+        line = lining.outer_radius * jnp.abs(weight)
+        half_width = lining.width / 2
 
-        def nodes(z: Array, weight: Array) -> Nodes:
-            return Nodes(cosine[..., None], sine[..., None], z, line[..., None] * weight)
+        def total(groups: list[list[tuple[Array, Array]]]) -> Densities:
+            nodes = [[Nodes(cosine, sine, z, line * weight) for z, weight in group] for group in groups]
+            sums = [sum_together([densities(each) for each in group]) for group in nodes]
+            return jax.tree.map(lambda *parts: sum(parts[1:], start=parts[0]), *sums)
 
-        return [[nodes(*part) for part in group] for group in groups]
-
-    def _across(
-        self, half_width: Array, boundaries: Boundaries, cosine: Array, sine: Array
-    ) -> list[list[tuple[Array, Array]]]:
-        """Nodes z on each line and their weights: what has lifted off, if anything can, and what is pressed."""
         low, high = jnp.full_like(cosine, -half_width), jnp.full_like(cosine, half_width)
-        groups = []
+        lifted = []
         if boundaries.pressure is not None:
             low, high = _pressed(*_across_line(boundaries.pressure, cosine, sine), half_width)
             start = jnp.where(low > -half_width, -half_width, high)
-            groups.append([_gauss(start, 2 * half_width - (high - low), LIFTED)])
+            lifted = [[_gauss(start, 2 * half_width - (high - low), LIFTED)]]
         if boundaries.slip is None:
-            return [*groups, [_gauss(low, high - low, FRICTIONLESS)]]
+            return total([*lifted, [_gauss(low, high - low, FRICTIONLESS)]])
         slip, slope = _across_line(boundaries.slip, cosine, sine)
-        centre, along = _turning(slip, slope, low, high)
-        speed = along if boundaries.axial is None else along + jnp.abs(_across_line(boundaries.axial, cosine, sine)[0])
+        axial = jnp.zeros_like(slip) if boundaries.axial is None else _across_line(boundaries.axial, cosine, sine)[0]
+        straight = jnp.all(slip * slip + axial * axial > (CLEAR_ACROSS * half_width * slope) ** 2)
+        return jax.lax.cond(
+            straight,
+            lambda: total([*lifted, [_gauss(low, high - low, self.across)]]),
+            lambda: total([*lifted, self._turning(boundaries, low, high, slip, slope, axial)]),
+        )
+
+    def _turning(
+        self, boundaries: Boundaries, low: Array, high: Array, slip: Array, slope: Array, axial: Array
+    ) -> list[tuple[Array, Array]]:
+        """Nodes z on each line and their weights, graded towards where the direction of friction turns."""
+        centre, along = _slowest(slip, slope, low, high)
+        speed = along + jnp.abs(axial)
         cuts = [_where_reached(kink, along, speed - along, slope) for kink in boundaries.kinks]
         parts = []
         for end in (low, high):
@@ -137,10 +166,9 @@ class AreaSurface(eqx.Module):
             for start, length in ((start, stop - start) for start, stop in pairwise(bounds)):
                 reach = jnp.maximum(jnp.abs(slope) * length, SMALLEST)
                 distance = jax.lax.stop_gradient((speed + jnp.abs(slope) * start) / reach)
-                fraction, weight = graded(distance, self.across, self.narrowest[1])
-                z = centre[..., None] + side[..., None] * (start[..., None] + length[..., None] * fraction)
-                parts.append((z, length[..., None] * weight))
-        return [*groups, parts]
+                fraction, weight = graded(distance, self.turning, NARROWEST_ACROSS)
+                parts.append((centre + side * (start + length * fraction), length * weight))
+        return parts
 
 
 class SteadySurface(eqx.Module):
@@ -180,7 +208,7 @@ def _pressed(value: Array, slope: Array, half_width: Array) -> tuple[Array, Arra
     return low, high
 
 
-def _turning(value: Array, slope: Array, low: Array, high: Array) -> tuple[Array, Array]:
+def _slowest(value: Array, slope: Array, low: Array, high: Array) -> tuple[Array, Array]:
     """Where in [low, high] value + slope z is closest to zero, and its size there."""
     first, last = value + slope * low, value + slope * high
     inside = first * last < 0
@@ -197,21 +225,21 @@ def _where_reached(kink: Array, along: Array, axial: Array, slope: Array) -> Arr
 
 
 def _gauss(start: Array, length: Array, count: int) -> tuple[Array, Array]:
-    """Gauss nodes and weights (..., count) on stretches of given start and length."""
-    point, weight = np.polynomial.legendre.leggauss(count)
-    return start[..., None] + length[..., None] * (point + 1) / 2, length[..., None] * weight / 2
+    """Gauss nodes and weights (count, ...) on stretches of given start and length (...)."""
+    point, weight = (each.reshape(-1, *[1] * start.ndim) for each in np.polynomial.legendre.leggauss(count))
+    return start + length * (point + 1) / 2, length * weight / 2
 
 
 def graded(distance: Array, count: int, narrowest: float) -> tuple[Array, Array]:
-    """Points and weights (..., count) on [0, 1] that crowd towards zero, for singularities at distances (...) from it.
+    """Points and weights (count, ...) on [0, 1] that crowd towards zero, for singularities at distances (...) from it.
 
     x = δ sinh(T φ(t)), sinh T = 1/δ, takes a singularity at the distance δ off zero away from the real axis (Johnston &
     Elliott, Int. J. Numer. Meth. Engng 62 (2005) 564; there φ = t). The flatter end of φ spares most of the nodes that
     the steep one of the sinh calls for.
     """
-    scale = jnp.clip(distance, narrowest, WIDEST)[..., None]
+    scale = jnp.clip(distance, narrowest, WIDEST)
     stretch = jnp.arcsinh(1 / scale)
-    point, weight = np.polynomial.legendre.leggauss(count)
+    point, weight = (each.reshape(-1, *[1] * distance.ndim) for each in np.polynomial.legendre.leggauss(count))
     t = (point + 1) / 2
     bent = t * (FIRST + t * (SECOND + t * THIRD))
     bent_weight = weight / 2 * (FIRST + t * (2 * SECOND + t * 3 * THIRD))
@@ -238,21 +266,11 @@ def is_smooth(lining: Lining, boundaries: Boundaries) -> Array:
     pressure, slip, axial, breakpoints, _ = boundaries
     smooth = jnp.asarray(True)
     if pressure is not None:
-        smooth &= pressure.constant >= _swing(pressure, lining.width / 2)
+        smooth &= pressure.constant >= swing(pressure, lining.width / 2)
     if slip is not None:
-        smooth &= jnp.abs(slip.constant) >= _swing(slip, lining.width / 2)
+        smooth &= jnp.abs(slip.constant) >= swing(slip, lining.width / 2)
         turn = slip if axial is None else Level(*(u + 1j * w for u, w in zip(slip, axial, strict=True)))
-        swing, mean = _swing(turn, lining.width / 2), jnp.abs(turn.constant)
+        most, mean = swing(turn, lining.width / 2), jnp.abs(turn.constant)
         fraction = jnp.minimum(LARGEST_SWING, 1 / jnp.cosh(CLEARANCE * lining.half_angle))
-        smooth &= (swing <= fraction * mean) & resolved(breakpoints, mean - swing, mean + swing)
+        smooth &= (most <= fraction * mean) & resolved(breakpoints, mean - most, mean + most)
     return smooth
-
-
-def _swing(level: Level, half_width: Array) -> Array:
-    """Bound of max(|p|, |m|), p, m = (b + b′z) ∓ i (c + c′z), over the lining."""
-    middle = _largest(level.cosine, level.sine)
-    return middle + half_width * _largest(level.cosine_slope, level.sine_slope)
-
-
-def _largest(b: Array | complex, c: Array | complex) -> Array:
-    return jnp.maximum(jnp.abs(b - 1j * c), jnp.abs(b + 1j * c))

@@ -21,7 +21,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from drumsqueal.physics.quadrature.levels import Level, complex_roots, real_roots
+from drumsqueal.physics.quadrature.levels import Level, complex_roots, real_roots, sine_cosine, swing
 from drumsqueal.physics.quadrature.surface import Boundaries, Lining
 
 CLOSE = 0.5  # half arcs; singularities further off the real axis need no split: Gauss nodes converge like 2.4^(−2 n)
@@ -32,6 +32,7 @@ REACH = 1.5
 # Aberth's iteration triples the right digits of simple roots and halves the error of a double one, where the boundaries
 # that meet only touch.
 ITERATIONS = 16
+ONCE_MORE = 2.0
 # Near the unit circle, where the roots are that count, and without a symmetry, which the iteration would keep.
 START = np.array([0.9, 1.1, 0.95, 1.05]) * np.exp(1j * (0.4 + np.pi / 2 * np.arange(4)))
 
@@ -52,7 +53,7 @@ def find_breaks(lining: Lining, boundaries: Boundaries) -> Breaks:
     found = []
     if pressure is not None:
         there, angle = real_roots(pressure.on_line(sides), half_angle)
-        found += [Breaks(jax.lax.stop_gradient(angle), jnp.full_like(angle, FAR), there), _runaways(pressure)]
+        found.append(Breaks(jax.lax.stop_gradient(angle), jnp.full_like(angle, FAR), there))
     if slip is not None:
         turn = slip if axial is None else Level(*(u + 1j * w for u, w in zip(slip, axial, strict=True)))
         there, angle, distance = complex_roots(turn.on_line(sides))
@@ -60,12 +61,13 @@ def find_breaks(lining: Lining, boundaries: Boundaries) -> Breaks:
         # not matter to a derivative how a split moves, but that motion may be as fast as √ at zero.
         upright = (jnp.asarray(slip.cosine_slope) == 0) & (jnp.asarray(slip.sine_slope) == 0)
         angle = jnp.where(upright, angle, jax.lax.stop_gradient(angle))
-        found += [_near(half_angle, there, angle, distance), _runaways(slip)]
+        found.append(_near(half_angle, there, angle, distance))
         if axial is not None:
             still = jax.lax.stop_gradient(complex_roots(axial))
             found.append(_on_lining(_near(half_angle, *still), slip, half_width))
         if pressure is not None:
-            found.append(_on_lining(_near(half_angle, *_meetings(pressure, turn)), pressure, half_width))
+            meetings = jax.lax.cond(_may_meet(pressure, turn, half_width), _meetings, _no_meetings, pressure, turn)
+            found.append(_on_lining(_near(half_angle, *meetings), pressure, half_width))
         if kinks.size:
             found.append(_near(half_angle, *_crossings(turn.on_line(sides), kinks)))
             if axial is not None:
@@ -98,13 +100,20 @@ def _on_lining(found: Breaks, level: Level, half_width: Array) -> Breaks:
     return found._replace(split=found.split & (jnp.abs(value) <= REACH * half_width * jnp.abs(slope)))
 
 
-def _runaways(level: Level) -> Breaks:
-    """Where a level does not depend on z. The arc is not split there."""
+def runaway_distances(level: Level, half_width: Array, low: Array, high: Array) -> tuple[Array, Array]:
+    """How far the ends of pieces of the arc are from where the level does not depend on z (rad).
+
+    That matters to pieces only on which it vanishes on the lining, or does so on what is as wide again.
+    """
     b, c = (jax.lax.stop_gradient(jnp.asarray(x)) for x in (level.cosine_slope, level.sine_slope))
-    there = (b != 0) | (c != 0)
-    angle = jnp.arctan2(-b, jnp.where(there, c, 1.0))
-    angle = jnp.stack([angle, angle + jnp.pi])
-    return Breaks(angle, jnp.where(there, jnp.zeros(2), FAR), jnp.zeros(2, bool))
+    sine, cosine = sine_cosine(jax.lax.stop_gradient((low + high) / 2))
+    value = level.constant + level.cosine * cosine + level.sine * sine
+    crossed = jnp.abs(value) < ONCE_MORE * half_width * jnp.abs(b * cosine + c * sine)
+    def distance(angle): 
+        sine, cosine = sine_cosine(jax.lax.stop_gradient(angle))
+        size = jnp.abs(b*cosine + c*sine); total= jnp.sqrt(jnp.abs(b)**2+jnp.abs(c)**2)
+        return jnp.where(crossed, size/jnp.where(total>0,total,1.0), FAR)
+    return distance(low), distance(high)
 
 
 def _meetings(pressure: Level, turn: Level) -> tuple[Array, Array, Array]:
@@ -112,6 +121,16 @@ def _meetings(pressure: Level, turn: Level) -> tuple[Array, Array, Array]:
     A, B = _waves(pressure)
     C, D = _waves(turn)
     return _angles(_scaled_roots(_product(C, B) - _product(D, A)))
+
+
+def _no_meetings(pressure: Level, turn: Level) -> tuple[Array, Array, Array]:
+    del pressure, turn
+    return jnp.zeros(4, bool), jnp.zeros(4), jnp.zeros(4)
+
+
+def _may_meet(pressure: Level, turn: Level, half_width: Array) -> Array:
+    """Whether the contact boundary and the branch point may both be on the lining, by bounds over the whole circle."""
+    return jnp.all(jnp.stack([jnp.abs(each.constant) < swing(each, REACH * half_width) for each in (pressure, turn)]))
 
 
 def _scaled_roots(coefficients: Array) -> Array:
@@ -157,10 +176,12 @@ def quartic_roots(coefficients: Array) -> Array:
         for k in (3, 2, 1, 0):
             slope = slope * root + value
             value = value * root + coefficients[k]
-        apart = root[:, None] - root[None, :]
-        alone = apart == 0
-        push = jnp.sum(jnp.where(alone, 0.0, 1 / jnp.where(alone, 1.0, apart)), axis=1)
-        steepness = slope - value * push
-        flat = steepness == 0
-        root = root - jnp.where(flat, 0.0, value / jnp.where(flat, 1.0, steepness))
+        push = jnp.sum(_reciprocal(root[:, None] - root[None, :]), axis=1)
+        root = root - value * _reciprocal(slope - value * push)
     return root
+
+
+def _reciprocal(number: Array) -> Array:
+    """1/z, and 0 of 0. XLA divides complex numbers with care for their overflow, which takes ten times as long."""
+    squared = number.real * number.real + number.imag * number.imag
+    return jnp.conj(number) * jnp.where(squared == 0, 0.0, 1 / jnp.where(squared == 0, 1.0, squared))
