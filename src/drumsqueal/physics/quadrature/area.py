@@ -21,15 +21,15 @@ from drumsqueal.physics.quadrature.surface import Boundaries, Densities, Lining,
 
 # Gauss nodes along a panel, across it where the direction of friction hardly turns, and on each of the two stretches of
 # a line next to its turn; and sections that the arc is split into in any case.
-ALONG, ACROSS, TURNING, SECTIONS = 8, 6, 12, 3
+ALONG, ACROSS, TURNING, SECTIONS = 16, 6, 12, 2
 # Panels are as long as, or shorter than, the distance from their end to the next singularity: Gauss rules then converge
 # like 4.6^(−2 n). Across, the branch points of |V| are so many half widths from the middle line: like 7.9^(−2 n).
-CLEAR, CLEAR_ACROSS = 1.0, 4.0
+CLEAR, CLEAR_ACROSS = 0.35, 4.0
 # A singularity closer to an end than so many half arcs, or lengths of a stretch across, counts as being so far off.
 NARROWEST, NARROWEST_ACROSS = 1e-8, 2e-7
 # Ends of the panels towards a singularity over the length of the half piece, exp(−0.9 k − 0.05 k²): the shorter they
 # are, the less of the load is on them, and the faster they may shrink.
-STEPS = np.exp(-np.arange(15.0) * (0.9 + 0.05 * np.arange(15.0)))
+STEPS = np.exp(-np.arange(9.0) * (1.7 + 0.08 * np.arange(9.0)))
 LIFTED, FRICTIONLESS = 2, 3  # Gauss nodes where what is summed is a line and a square in z
 SMALLEST = 1e-30  # m/s; keeps what a length of zero is divided by off zero
 # φ = 2t − 1.4t² + 0.4t³. With sixteen nodes and δ ≥ 1e-6, square roots, logarithms and their products with
@@ -72,17 +72,17 @@ class AreaSurface(eqx.Module):
     def _over_pieces(
         self, lining: Lining, boundaries: Boundaries, densities: Callable[[Nodes], Densities]
     ) -> Densities:
-        """Sum over the halves of the pieces of the arc, one after the other, for most that there may be are empty."""
+        """Sum over the stretches of the pieces of the arc, one after the other, for most that there may be are empty."""
 
-        def add_half(total: Densities, half: tuple[Array, Array, Array]) -> tuple[Densities, None]:
-            start, length, reach = half
+        def add_stretch(total: Densities, stretch: tuple[Array, Array, Array]) -> tuple[Densities, None]:
+            start, length, reach = stretch
 
             def add_panel(total: Densities, step: tuple[Array, Array, Array]) -> tuple[Densities, None]:
                 before, outer, inner = step
 
                 def with_panel() -> Densities:
                     near = jnp.where(outer > reach, inner, 0.0)
-                    return jax.tree.map(jnp.add, total, panel(start + near * length, start + outer * length))
+                    return total + jnp.stack([*panel(start + near * length, start + outer * length).values()])
 
                 return jax.lax.cond(before > reach, with_panel, lambda: total), None
 
@@ -92,29 +92,32 @@ class AreaSurface(eqx.Module):
         def panel(near: Array, far: Array) -> Densities:
             return self._panel(lining, boundaries, densities, near, far)
 
-        halves = self._halves(lining, boundaries)
-        nothing = jax.tree.map(
-            lambda x: jnp.zeros(x.shape, x.dtype), jax.eval_shape(lambda: panel(halves[0][0], halves[1][0]))
-        )
-        return jax.lax.scan(add_half, nothing, halves)[0]
+        stretches = self._stretches(lining, boundaries)
+        names = jax.eval_shape(lambda: panel(stretches[0][0], stretches[1][0])).keys()
+        total = jax.lax.scan(add_stretch, jnp.zeros(len(names)), stretches)[0]
+        return dict(zip(names, total))
 
-    def _halves(self, lining: Lining, boundaries: Boundaries) -> tuple[Array, Array, Array]:
-        """Where each half piece starts (rad), its length with sign, and how far a panel there may reach, over that."""
-        half_angle = lining.half_angle
+    def _stretches(self, lining: Lining, boundaries: Boundaries) -> tuple[Array, Array, Array]:
+        """Where a stretch of the arc starts (rad), its length with sign, and how far a panel may reach there, over that.
+
+        A piece is one, or two from its ends to its middle where there is a singularity close to one of them.
+        """
+        half_angle, half_width = lining.half_angle, lining.width / 2
         found = find_breaks(lining, boundaries)
         even = half_angle * np.linspace(-1, 1, self.sections + 1)
         bounds = sort_by_counting(jnp.concatenate([even, jnp.where(found.split, found.angle, half_angle)]))
         low, high = bounds[:-1], bounds[1:]
-        half = (high - low) / 2
         gap = distances(found, bounds)
         gaps = [gap[:-1], gap[1:]]
         for level in (boundaries.pressure, boundaries.slip):
             if level is not None:
-                gaps = [jnp.minimum(*each) for each in zip(gaps, runaway_distances(level, lining.width / 2, low, high))]
-        start, length = jnp.concatenate([low, high]), jnp.concatenate([half, -half])
-        size = jax.lax.stop_gradient(jnp.where(length == 0, 1.0, jnp.abs(length)))
-        reach = jnp.maximum(jnp.concatenate(gaps) / CLEAR, NARROWEST * half_angle) / size
-        return start, length, jax.lax.stop_gradient(reach)
+                gaps = [jnp.minimum(*each) for each in zip(gaps, runaway_distances(level, half_width, low, high), strict=True)]
+        reaches = [jnp.maximum(each / CLEAR, NARROWEST * half_angle) for each in gaps]
+        piece = high - low
+        whole = jnp.minimum(*reaches) >= piece
+        length = jnp.concatenate([jnp.where(whole, piece, piece / 2), jnp.where(whole, 0.0, -piece / 2)])
+        size = jnp.where(length == 0, 1.0, jnp.abs(length))
+        return jnp.concatenate([low, high]), length, jax.lax.stop_gradient(jnp.concatenate(reaches) / size)
 
     def _panel(
         self,

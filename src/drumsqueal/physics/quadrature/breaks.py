@@ -32,7 +32,6 @@ REACH = 1.5
 # Aberth's iteration triples the right digits of simple roots and halves the error of a double one, where the boundaries
 # that meet only touch.
 ITERATIONS = 16
-ONCE_MORE = 2.0
 # Near the unit circle, where the roots are that count, and without a symmetry, which the iteration would keep.
 START = np.array([0.9, 1.1, 0.95, 1.05]) * np.exp(1j * (0.4 + np.pi / 2 * np.arange(4)))
 
@@ -56,24 +55,45 @@ def find_breaks(lining: Lining, boundaries: Boundaries) -> Breaks:
         found.append(Breaks(jax.lax.stop_gradient(angle), jnp.full_like(angle, FAR), there))
     if slip is not None:
         turn = slip if axial is None else Level(*(u + 1j * w for u, w in zip(slip, axial, strict=True)))
-        there, angle, distance = complex_roots(turn.on_line(sides))
-        # The integral across jumps only where slip reverses all across at once. Elsewhere it is continuous, so it does
-        # not matter to a derivative how a split moves, but that motion may be as fast as √ at zero.
-        upright = (jnp.asarray(slip.cosine_slope) == 0) & (jnp.asarray(slip.sine_slope) == 0)
-        angle = jnp.where(upright, angle, jax.lax.stop_gradient(angle))
-        found.append(_near(half_angle, there, angle, distance))
-        if axial is not None:
-            still = jax.lax.stop_gradient(complex_roots(axial))
-            found.append(_on_lining(_near(half_angle, *still), slip, half_width))
-        if pressure is not None:
-            meetings = jax.lax.cond(_may_meet(pressure, turn, half_width), _meetings, _no_meetings, pressure, turn)
-            found.append(_on_lining(_near(half_angle, *meetings), pressure, half_width))
+        # So far off zero, the velocity is nowhere zero as close to the real axis as a singularity counts.
+        away = jnp.abs(turn.constant) > jnp.cosh(CLOSE * half_angle) * swing(turn, half_width)
+
+        def near() -> Breaks:
+            return _turns(lining, boundaries, turn)
+
+        nothing = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), jax.eval_shape(near))
+        nothing = nothing._replace(distance=nothing.distance + FAR)
+        found.append(jax.lax.cond(away, lambda: nothing, near))
         if kinks.size:
             found.append(_near(half_angle, *_crossings(turn.on_line(sides), kinks)))
             if axial is not None:
                 signed = jnp.concatenate([-kinks, kinks])
                 level = Level(axial.constant + signed, axial.cosine + 0 * signed, axial.sine + 0 * signed)
                 found.append(_near(half_angle, *jax.lax.stop_gradient(complex_roots(level))))
+    return _joined(found)
+
+
+def _turns(lining: Lining, boundaries: Boundaries, turn: Level) -> Breaks:
+    """Those where the direction of the velocity turns."""
+    pressure, slip, axial, *_ = boundaries
+    assert slip is not None
+    half_angle, half_width = lining.half_angle, lining.width / 2
+    there, angle, distance = complex_roots(turn.on_line(half_width * np.array([-1.0, 1.0])))
+    # The integral across jumps only where slip reverses all across at once. Elsewhere it is continuous, so it does not
+    # matter to a derivative how a split moves, but that motion may be as fast as √ at zero.
+    upright = (jnp.asarray(slip.cosine_slope) == 0) & (jnp.asarray(slip.sine_slope) == 0)
+    angle = jnp.where(upright, angle, jax.lax.stop_gradient(angle))
+    found = [_near(half_angle, there, angle, distance)]
+    if axial is not None:
+        still = jax.lax.stop_gradient(complex_roots(axial))
+        found.append(_on_lining(_near(half_angle, *still), slip, half_width))
+    if pressure is not None:
+        meetings = jax.lax.cond(_may_meet(pressure, turn, half_width), _meetings, _no_meetings, pressure, turn)
+        found.append(_on_lining(_near(half_angle, *meetings), pressure, half_width))
+    return _joined(found)
+
+
+def _joined(found: list[Breaks]) -> Breaks:
     if not found:
         return Breaks(jnp.zeros(0), jnp.zeros(0), jnp.zeros(0, bool))
     return Breaks(*(jnp.concatenate([part.ravel() for part in parts]) for parts in zip(*found, strict=True)))
@@ -93,27 +113,28 @@ def _near(half_angle: Array, there: Array, angle: Array, distance: Array) -> Bre
 
 
 def _on_lining(found: Breaks, level: Level, half_width: Array) -> Breaks:
-    """Split only where the boundary of the level runs over the lining; the singularities stay."""
-    a, b, c, b1, c1 = level
-    cosine, sine = jnp.cos(found.angle), jnp.sin(found.angle)
-    value, slope = a + b * cosine + c * sine, b1 * cosine + c1 * sine
-    return found._replace(split=found.split & (jnp.abs(value) <= REACH * half_width * jnp.abs(slope)))
+    """Those where the boundary of the level runs over the lining; elsewhere they are not felt."""
+    there = _runs_over(level, half_width, found.angle)
+    return Breaks(found.angle, jnp.where(there, found.distance, FAR), found.split & there)
+
+
+def _runs_over(level: Level, half_width: Array, angle: Array) -> Array:
+    """Whether the boundary of a level crosses the lines at angles (rad) on the lining, or not far off it."""
+    cosine, sine = jnp.cos(angle), jnp.sin(angle)
+    value, slope = level.at(cosine, sine, None), level.cosine_slope * cosine + level.sine_slope * sine
+    return jnp.abs(value) <= REACH * half_width * jnp.abs(slope)
 
 
 def runaway_distances(level: Level, half_width: Array, low: Array, high: Array) -> tuple[Array, Array]:
     """How far the ends of pieces of the arc are from where the level does not depend on z (rad).
 
-    That matters to pieces only on which it vanishes on the lining, or does so on what is as wide again.
+    That matters only to pieces on which its boundary runs over the lining.
     """
     b, c = (jax.lax.stop_gradient(jnp.asarray(x)) for x in (level.cosine_slope, level.sine_slope))
-    sine, cosine = sine_cosine(jax.lax.stop_gradient((low + high) / 2))
-    value = level.constant + level.cosine * cosine + level.sine * sine
-    crossed = jnp.abs(value) < ONCE_MORE * half_width * jnp.abs(b * cosine + c * sine)
-    def distance(angle): 
-        sine, cosine = sine_cosine(jax.lax.stop_gradient(angle))
-        size = jnp.abs(b*cosine + c*sine); total= jnp.sqrt(jnp.abs(b)**2+jnp.abs(c)**2)
-        return jnp.where(crossed, size/jnp.where(total>0,total,1.0), FAR)
-    return distance(low), distance(high)
+    crossed = _runs_over(level, half_width, (low + high) / 2)
+    away = jnp.arctan2(-b, jnp.where((b != 0) | (c != 0), c, 1.0))
+    low, high = (jnp.where(crossed, jnp.abs(jnp.sin(end - away)), FAR) for end in (low, high))
+    return low, high
 
 
 def _meetings(pressure: Level, turn: Level) -> tuple[Array, Array, Array]:
