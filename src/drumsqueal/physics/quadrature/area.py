@@ -111,7 +111,7 @@ class AreaSurface(eqx.Module):
         gaps = [gap[:-1], gap[1:]]
         for level in (boundaries.pressure, boundaries.slip):
             if level is not None:
-                gaps = [jnp.minimum(*each) for each in zip(gaps, runaway_distances(level, half_width, low, high), strict=True)]
+                gaps = [jnp.minimum(*each) for each in zip(gaps, runaway_distances(level, half_width, bounds), strict=True)]
         reaches = [jnp.maximum(each / CLEAR, NARROWEST * half_angle) for each in gaps]
         piece = high - low
         whole = jnp.minimum(*reaches) >= piece

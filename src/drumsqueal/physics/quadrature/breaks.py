@@ -120,21 +120,22 @@ def _on_lining(found: Breaks, level: Level, half_width: Array) -> Breaks:
 
 def _runs_over(level: Level, half_width: Array, angle: Array) -> Array:
     """Whether the boundary of a level crosses the lines at angles (rad) on the lining, or not far off it."""
-    cosine, sine = jnp.cos(angle), jnp.sin(angle)
+    sine, cosine = sine_cosine(angle)
     value, slope = level.at(cosine, sine, None), level.cosine_slope * cosine + level.sine_slope * sine
     return jnp.abs(value) <= REACH * half_width * jnp.abs(slope)
 
 
-def runaway_distances(level: Level, half_width: Array, low: Array, high: Array) -> tuple[Array, Array]:
-    """How far the ends of pieces of the arc are from where the level does not depend on z (rad).
+def runaway_distances(level: Level, half_width: Array, bounds: Array) -> tuple[Array, Array]:
+    """How far both ends of the pieces between bounds (n,) are from where the level does not depend on z (rad).
 
     That matters only to pieces on which its boundary runs over the lining.
     """
-    b, c = (jax.lax.stop_gradient(jnp.asarray(x)) for x in (level.cosine_slope, level.sine_slope))
-    crossed = _runs_over(level, half_width, (low + high) / 2)
-    away = jnp.arctan2(-b, jnp.where((b != 0) | (c != 0), c, 1.0))
-    low, high = (jnp.where(crossed, jnp.abs(jnp.sin(end - away)), FAR) for end in (low, high))
-    return low, high
+    crossed = _runs_over(level, half_width, (bounds[1:] + bounds[:-1]) / 2)
+    sine, cosine = sine_cosine(bounds)
+    b, c = jnp.asarray(level.cosine_slope), jnp.asarray(level.sine_slope)
+    largest = jnp.sqrt(b * b + c * c)
+    away = jnp.abs(b * cosine + c * sine) / jnp.where(largest > 0, largest, 1.0)  # a sine, next to which it is small
+    return jnp.where(crossed, away[:-1], FAR), jnp.where(crossed, away[1:], FAR)
 
 
 def _meetings(pressure: Level, turn: Level) -> tuple[Array, Array, Array]:
