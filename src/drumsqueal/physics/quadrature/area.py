@@ -21,7 +21,7 @@ from drumsqueal.physics.quadrature.surface import Boundaries, Densities, Lining,
 
 # Gauss nodes along a panel, across it where the direction of friction hardly turns, and on each of the two stretches of
 # a line next to its turn; and sections that the arc is split into in any case.
-ALONG, ACROSS, TURNING, SECTIONS = 16, 6, 12, 2
+ALONG, ACROSS, TURNING, SECTIONS = 16, 6, 16, 2
 # Panels are as long as, or shorter than, the distance from their end to the next singularity: Gauss rules then converge
 # like 4.6^(−2 n). Across, the branch points of |V| are so many half widths from the middle line: like 7.9^(−2 n).
 CLEAR, CLEAR_ACROSS = 0.35, 4.0
@@ -148,7 +148,11 @@ class AreaSurface(eqx.Module):
             return total([*lifted, [_gauss(low, high - low, FRICTIONLESS)]])
         slip, slope = _across_line(boundaries.slip, cosine, sine)
         axial = jnp.zeros_like(slip) if boundaries.axial is None else _across_line(boundaries.axial, cosine, sine)[0]
-        straight = jnp.all(slip * slip + axial * axial > (CLEAR_ACROSS * half_width * slope) ** 2)
+        speed, spread = jnp.sqrt(slip * slip + axial * axial), half_width * jnp.abs(slope)
+        straight = jnp.all(speed > CLEAR_ACROSS * spread)
+        if boundaries.kinks.size:
+            slowest, fastest = jnp.min(speed - spread), jnp.max(speed + spread)
+            straight &= ~jnp.any((boundaries.kinks > slowest) & (boundaries.kinks < fastest))
         return jax.lax.cond(
             straight,
             lambda: total([*lifted, [_gauss(low, high - low, self.across)]]),
