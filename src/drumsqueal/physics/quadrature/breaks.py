@@ -125,8 +125,8 @@ def _runs_over(level: Level, half_width: Array, angle: Array) -> Array:
     return jnp.abs(value) <= REACH * half_width * jnp.abs(slope)
 
 
-def runaway_distances(level: Level, half_width: Array, bounds: Array) -> tuple[Array, Array]:
-    """How far both ends of the pieces between bounds (n,) are from where the level does not depend on z (rad).
+def runaway_distances(level: Level, half_width: Array, bounds: Array) -> Array:
+    """How far the ends (2, n) of pieces between bounds (n + 1,) are from where the level does not depend on z (rad).
 
     That matters only to pieces on which its boundary runs over the lining.
     """
@@ -135,7 +135,7 @@ def runaway_distances(level: Level, half_width: Array, bounds: Array) -> tuple[A
     b, c = jnp.asarray(level.cosine_slope), jnp.asarray(level.sine_slope)
     largest = jnp.sqrt(b * b + c * c)
     away = jnp.abs(b * cosine + c * sine) / jnp.where(largest > 0, largest, 1.0)  # a sine, next to which it is small
-    return jnp.where(crossed, away[:-1], FAR), jnp.where(crossed, away[1:], FAR)
+    return jnp.where(crossed, jnp.stack([away[:-1], away[1:]]), FAR)
 
 
 def _meetings(pressure: Level, turn: Level) -> tuple[Array, Array, Array]:
