@@ -56,7 +56,7 @@ Stretch = tuple[Array, Array]
 
 
 class Stretches(NamedTuple):
-    """Stretches of the arc: start (rad), length with its sign (rad), and how long a panel at the start may be, over it."""
+    """Stretches of the arc: start (rad), length with its sign (rad), and how long a panel may be there, over it."""
 
     start: Array
     length: Array
