@@ -550,8 +550,8 @@ def forces_of(contact: Contact, moment: Moment, q, v):
     return jax.lax.map(lambda state: jnp.stack(contact.act(moment, *map(tuple, state)).force), (q, v))
 
 
-# What an evaluation costs, on nearly plane motion as it saturates: 128 nodes below the boundaries, some 450 where the
-# lining lifts off, and thousands only where slip reverses.
+# What an evaluation costs, on nearly plane motion as it saturates: few nodes below the boundaries and where the lining
+# lifts off, many only where slip reverses.
 def test_space_nodes_are_many_only_where_slip_reverses():
     brake = Brake()
     contact, moment = contact_of(brake, area=True), moment_of(brake)
@@ -562,11 +562,11 @@ def test_space_nodes_are_many_only_where_slip_reverses():
         q = press * u * jnp.array([0.8, 0.6, 0, 1e-3 / R, -1e-3 / R, 0])
         v = slide * s * jnp.array([0.6, 0.8, 1e-3, 1e-3 / R, 0, 0])
         boundaries = boundaries_of(contact, moment, q, v)
-        return contact.surface.integrate(contact.body, boundaries, lambda at: {"one": 1 + 0 * at.z * at.weight})["one"]
+        return contact.surface.integrate(contact.body, boundaries, lambda at: {"one": jnp.ones_like(at.weight)})["one"]
 
     assert nodes(0.2, 0.1) == 128
     assert nodes(-1.5, 0.2) == 4 * 16 * (2 + 6)  # four pieces: the arc is cut at its middle and at both edges
-    assert 2000 < nodes(-1.5, 1.5) < 6000
+    assert 1000 < nodes(-1.5, 1.5) < 2000
 
 
 # --- where there are no boundaries -----------------------------------------------------------------------------------
