@@ -159,8 +159,9 @@ class AreaSurface(eqx.Module):
         lifted = []
         if boundaries.pressure is not None:
             low, high = _pressed(*_across_line(boundaries.pressure, cosine, sine), half_width)
-            side = jnp.where(low > -half_width, -half_width, high)
-            lifted = [[_gauss(side, 2 * half_width - (high - low), LIFTED)]]
+            if boundaries.lifted:
+                side = jnp.where(low > -half_width, -half_width, high)
+                lifted = [[_gauss(side, 2 * half_width - (high - low), LIFTED)]]
         if boundaries.slip is None:
             return total(*lifted, [_gauss(low, high - low, FRICTIONLESS)])
         velocity = _line_velocity(boundaries, cosine, sine)
@@ -297,7 +298,7 @@ def is_smooth(lining: Lining, boundaries: Boundaries) -> Array:
     With V_θ + i V_z = a + (p e^{iθ} + m e^{−iθ})/2 there is none with |Im θ| < y as long as max(|p|, |m|) cosh y < |a|.
     Nor may the friction law be steep. The condition is sufficient, not necessary: its bounds are over the whole circle.
     """
-    pressure, slip, axial, breakpoints, _ = boundaries
+    pressure, slip, axial, breakpoints, *_ = boundaries
     smooth = jnp.asarray(True)
     if pressure is not None:
         smooth &= pressure.constant >= swing(pressure, lining.width / 2)
