@@ -36,15 +36,19 @@ def prepare_environment() -> None:
     """
     warnings.filterwarnings("ignore", "Error (reading|writing) persistent compilation cache entry", UserWarning)
     logging.getLogger("matplotlib").setLevel(logging.ERROR)
-    folder = Path(platformdirs.user_cache_dir("drumsqueal", appauthor=False)) / _processor()
     cache = {
-        "JAX_COMPILATION_CACHE_DIR": str(folder),
+        "JAX_COMPILATION_CACHE_DIR": str(cache_folder()),
         # The programs of a scene are many and small; by default only those that took a second to compile are kept.
         "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
         "JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES": "-1",
     }
     for name, value in (QUIET | CACHEABLE | cache).items():
         os.environ.setdefault(name, value)
+
+
+def cache_folder() -> Path:
+    """Where compiled programs for this kind of processor are kept."""
+    return Path(platformdirs.user_cache_dir("drumsqueal", appauthor=False)) / _processor()
 
 
 def check_address_space() -> None:
