@@ -31,7 +31,8 @@ import jax
 import numpy as np
 from jax.core import Tracer
 from jax.experimental import serialize_executable
-from jaxlib import lapack, utils
+from jaxlib import lapack
+from jaxlib import utils as log  # pyright: ignore[reportAttributeAccessIssue]
 
 from drumsqueal.compilation import cache_folder
 
@@ -47,18 +48,21 @@ folder: Path | None = cache_folder() / "programs"
 
 
 class _Kept(NamedTuple):
-    """An executable as JAX serialises it, how many arrays it takes and gives, and what its result is made of.
+    """An executable as JAX serialises it, how many arrays it takes, its result with places for the arrays in it.
 
-    `tree` and `static` are the structure of the result and its leaves that are no arrays; `lapack` says whether it
-    calls LAPACK.
+    `lapack` says whether it calls LAPACK.
     """
 
     executable: bytes
     taken: int
-    given: int
-    tree: Any
-    static: list[Any]
+    result: Any
     lapack: bool
+
+
+class _Place(Enum):
+    """Stands where an array goes."""
+
+    ARRAY = 0
 
 
 class Program:
@@ -74,8 +78,8 @@ class Program:
     def __call__(self, *arguments: Any, **keywords: Any) -> Any:
         """Call the function, compiled."""
         leaves, tree = jax.tree.flatten((arguments, keywords))
-        arrays = [leaf for leaf in leaves if eqx.is_array(leaf)]
-        if folder is None or jax.config.jax_disable_jit or any(isinstance(array, Tracer) for array in arrays):
+        arrays = [leaf for leaf in leaves if _is_array(type(leaf))]
+        if folder is None or _set("jax_disable_jit") or any(_is_traced(type(leaf)) for leaf in leaves):
             return self._traced(*arguments, **keywords)
         key = tree, tuple(map(_kind, leaves))
         if key not in self._ready:
@@ -104,9 +108,9 @@ class Program:
             arguments, keywords = jax.tree.unflatten(
                 tree, [next(filled) if eqx.is_array(leaf) else leaf for leaf in leaves]
             )
-            parts, structure = jax.tree.flatten(self._function(*arguments, **keywords))
-            result = structure, [None if eqx.is_array(part) else (part,) for part in parts]
-            return [part for part in parts if eqx.is_array(part)]
+            given = self._function(*arguments, **keywords)
+            result = jax.tree.map(lambda part: _Place.ARRAY if eqx.is_array(part) else part, given)
+            return [part for part in jax.tree.leaves(given) if eqx.is_array(part)]
 
         # What JAX takes from a cache of its own cannot be serialised again: no program of that name is there.
         flat.__name__ = f"{self._function.__name__}_{secrets.token_hex(4)}"
@@ -117,17 +121,17 @@ class Program:
         if all(name.startswith("lapack_") for name in called):  # and nothing of this process
             with suppress(NotImplementedError, ValueError):
                 content = serialize_executable.serialize(executable)[0]
-                taken, given = len(jax.tree.leaves(executable.in_avals)), sum(part is None for part in result[1])
-                _keep(path, _Kept(content, taken, given, *result, lapack=bool(called)))
-        return _whole(executable, *result)
+                _keep(path, _Kept(content, len(jax.tree.leaves(executable.in_avals)), result, lapack=bool(called)))
+        return _whole(executable, result)
 
 
-def _whole(executable: Callable[..., Any], tree: Any, static: list[Any]) -> Callable[..., Any]:
+def _whole(executable: Callable[..., Any], result: Any) -> Callable[..., Any]:
     """What gives the whole result, not only its arrays."""
+    parts, tree = jax.tree.flatten(result)
 
     def call(*arrays: Any) -> Any:
         found = iter(executable(*arrays))
-        return jax.tree.unflatten(tree, [next(found) if part is None else part[0] for part in static])
+        return jax.tree.unflatten(tree, [next(found) if part is _Place.ARRAY else part for part in parts])
 
     return call
 
@@ -145,7 +149,8 @@ def _load(path: Path) -> Callable[..., Any] | None:
         if kept.lapack:  # which tracing would see to; without it the process dies
             lapack.prepare_lapack_call("syevd", np.dtype(np.float64))
         with _silent():
-            trees = jax.tree.structure(((0,) * kept.taken, {})), jax.tree.structure([0] * kept.given)
+            given = [part for part in jax.tree.leaves(kept.result) if part is _Place.ARRAY]
+            trees = jax.tree.structure(((0,) * kept.taken, {})), jax.tree.structure(given)
             executable = serialize_executable.deserialize_and_load(kept.executable, *trees)
     except Exception:  # whatever a pickle or XLA raises
         with suppress(OSError):
@@ -153,7 +158,7 @@ def _load(path: Path) -> Callable[..., Any] | None:
         return None
     with suppress(OSError):
         os.utime(path)  # so that it is not what goes first
-    return _whole(executable, kept.tree, kept.static)
+    return _whole(executable, kept.result)
 
 
 def _keep(path: Path, kept: _Kept) -> None:
@@ -162,7 +167,7 @@ def _keep(path: Path, kept: _Kept) -> None:
     with suppress(OSError):
         number, part = tempfile.mkstemp(dir=path.parent)
         try:
-            with open(number, "wb") as file:
+            with os.fdopen(number, "wb") as file:
                 file.write(_digest(path, content) + content)
             Path(part).replace(path)
         except BaseException:
@@ -196,9 +201,24 @@ class _UntoldError(Exception):
     """A program depends on something that does not tell what it is."""
 
 
+@functools.cache
+def _is_array(kind: type) -> bool:
+    return issubclass(kind, jax.Array | np.ndarray | np.generic)
+
+
+@functools.cache
+def _is_traced(kind: type) -> bool:
+    return issubclass(kind, Tracer)
+
+
+def _set(name: str) -> bool:
+    """A setting of JAX, as it is in this thread."""
+    return getattr(jax.config, name)
+
+
 def _kind(leaf: Any) -> tuple[Any, ...]:
     """What a program depends on of a leaf."""
-    if eqx.is_array(leaf):
+    if _is_array(type(leaf)):
         return leaf.shape, leaf.dtype, getattr(leaf, "weak_type", False)
     return type(leaf), repr(leaf) if isinstance(leaf, float) else leaf  # 0.0 is not −0.0
 
@@ -207,7 +227,7 @@ def _told(value: Any) -> Iterator[Any]:
     """All that a program depends on of its arguments, the same in every process."""
     if eqx.is_array(value):
         yield _kind(value)
-    elif value is None or isinstance(value, bool | int | float | complex | str) and not isinstance(value, Enum):
+    elif value is None or (isinstance(value, bool | int | float | complex | str) and not isinstance(value, Enum)):
         yield type(value).__name__, repr(value)
     elif isinstance(value, Enum):
         yield _name(type(value)), value.name
@@ -240,7 +260,7 @@ def _name(thing: Any) -> str:
 
 def _circumstances() -> Iterator[Any]:
     """What all programs depend on. Raises _UntoldError where not all of it is known here."""
-    if jax.default_backend() != "cpu" or jax.device_count() != 1 or not jax.config.jax_enable_compilation_cache:
+    if jax.default_backend() != "cpu" or jax.device_count() != 1 or not _set("jax_enable_compilation_cache"):
         raise _UntoldError
     yield from _sources_and_versions()
     yield os.cpu_count() if not hasattr(os, "sched_getaffinity") else len(os.sched_getaffinity(0))
@@ -270,8 +290,8 @@ def _not_cached_by_jax() -> Iterator[None]:
 @contextmanager
 def _silent() -> Iterator[None]:
     """Without XLA's complaint at every program, see `compilation.QUIET`, also where JAX was imported before."""
-    utils.absl_set_min_log_level(SILENT)
+    log.absl_set_min_log_level(SILENT)
     try:
         yield
     finally:
-        utils.absl_set_min_log_level(int(os.environ.get("TF_CPP_MIN_LOG_LEVEL", AS_JAX)))
+        log.absl_set_min_log_level(int(os.environ.get("TF_CPP_MIN_LOG_LEVEL", AS_JAX)))

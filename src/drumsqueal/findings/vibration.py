@@ -15,8 +15,9 @@ from drumsqueal.findings.boundaries import pressure_fraction, slip_fraction
 from drumsqueal.findings.signals.growth import modal_amplitudes
 from drumsqueal.findings.signals.spectra import Spectrum, amplitude_spectrum
 from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
-from drumsqueal.physics.effects.operation import Constant, Operation, Profile
+from drumsqueal.physics.effects.operation import Constant, Moment, Operation, Profile
 from drumsqueal.physics.model import Model
+from drumsqueal.programs import Program
 from drumsqueal.solve.linear.modes import Mode, Stability
 from drumsqueal.solve.transient.integrate import Chunk
 
@@ -169,7 +170,7 @@ def moved_by(model: Model, stability: Stability, until: float) -> str:
     if not (any(isinstance(each, Profile) for each in prescribed.values()) and any(model.body.symmetric)):
         return ""
     middle, found = model.in_plane(), []  # where steady sliding is
-    q = jnp.asarray([stability.steady_state[stability.coordinates.index(name)] for name in model.names])
+    q = np.asarray([stability.steady_state[stability.coordinates.index(name)] for name in model.names])
     for name, schedule in prescribed.items():
         if isinstance(schedule, Profile):
             values = _values(schedule, 0.0, until)
@@ -181,7 +182,7 @@ def moved_by(model: Model, stability: Stability, until: float) -> str:
     return f"changing {' and '.join(found)}" if found else ""
 
 
-@jax.jit
+@Program
 def _forces(model: Model, speeds: Array, loads: Array, q: Array) -> Array:
     def force(each: tuple[Array, Array]) -> Array:
         operation = Operation(*(Constant(value) for value in each))
@@ -200,11 +201,16 @@ def boundary_ratio(vibration: Vibration, model: Model) -> NDArray[np.float64]:
     fraction = np.empty(vibration.time.size)
     for rows, displacement, velocity in vibration.pieces():
         q, v = (dict(zip(vibration.coordinates, columns.T, strict=True)) for columns in (displacement, velocity))
-        moments = jax.vmap(model.operation.at)(vibration.time[rows])
+        moments = _moments(model.operation, vibration.time[rows])
         fraction[rows] = np.maximum(
             pressure_fraction(model, q, moments.preload), slip_fraction(model, v, moments.drum_speed)
         )
     return fraction
+
+
+@Program
+def _moments(operation: Operation, times: Array) -> Moment:
+    return jax.vmap(operation.at)(times)
 
 
 def first_boundary_time(history: xarray.Dataset, stability: Stability, model: Model) -> float | None:

@@ -16,6 +16,7 @@ from drumsqueal.findings.vibration import FEWEST_FOR_SPECTRUM, levers
 from drumsqueal.outcome import Ending
 from drumsqueal.physics.bodies.rigid_shoe import OUT_OF_PLANE, RigidShoe
 from drumsqueal.physics.model import Model, build_model
+from drumsqueal.programs import Program
 from drumsqueal.questions.animate.section import largest_displacement
 from drumsqueal.questions.run.figures.contact import SMALL, along_arc
 from drumsqueal.questions.run.figures.view import MICRO, REST
@@ -43,7 +44,7 @@ TOUCHING, SEPARATED, REVERSED, STUCK = range(4)
 
 Values = NDArray[np.float64]
 
-_steady_sliding = jax.jit(steady_sliding)  # as one program, which the command line keeps
+_steady_sliding = Program(steady_sliding)  # as one program, which the command line keeps
 
 
 class Arc(NamedTuple):

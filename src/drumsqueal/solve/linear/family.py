@@ -1,7 +1,6 @@
 """The linear model as a function of a scene's numbers: eigenvalues of many sets of them or scenes, and derivatives."""
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 from typing import Any, NamedTuple
 
 import jax
@@ -15,6 +14,7 @@ from scipy.optimize import linear_sum_assignment
 from drumsqueal.errors import SteadyStateError
 from drumsqueal.physics.composition import Composition, compose, linear_coordinates
 from drumsqueal.physics.model import Numbers, assemble, build_model
+from drumsqueal.programs import Program
 from drumsqueal.scene import Scene
 from drumsqueal.solve.linear.modes import (
     DRIFT_FRACTION,
@@ -188,7 +188,7 @@ def _together(composition: Composition, scenes: list[Scene]) -> list[Stability |
     return [_or_error(stability_of, composition.coordinates, one) for one in each]
 
 
-@partial(jax.jit, static_argnums=1)
+@Program
 def _about_many(numbers: Mapping[str, np.ndarray], composition: Composition) -> AboutSteady:
     def one(numbers: Mapping[str, Array]) -> AboutSteady:
         model = assemble(composition, numbers)

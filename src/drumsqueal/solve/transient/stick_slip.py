@@ -140,7 +140,7 @@ class StickSlip:
                 state = self._changed(state, span, self._least_slip(state, span), ends=stuck)
             if float(whole.time) >= float(span.length):
                 self._note(span)
-                return whole._replace(final=state, reached=jnp.asarray(True))
+                return whole._replace(final=state, reached=np.asarray(True))
             if bool(segment.halted) or bool(segment.reached):
                 continue
             if not self._choice.switch():
