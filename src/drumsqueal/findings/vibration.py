@@ -2,12 +2,11 @@
 
 import dataclasses
 from collections.abc import Iterator, Sequence
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-import xarray
 from jax import Array
 from numpy.typing import NDArray
 
@@ -20,6 +19,9 @@ from drumsqueal.physics.model import Model
 from drumsqueal.programs import Program
 from drumsqueal.solve.linear.modes import Mode, Stability
 from drumsqueal.solve.transient.integrate import Chunk
+
+if TYPE_CHECKING:
+    import xarray
 
 ROTATIONS = ("Tx", "Ty", "Tz")
 FEWEST_FOR_SPECTRUM = 16  # samples
@@ -45,7 +47,7 @@ class Vibration:
     It is read where it lies, on disk maybe, piece by piece or column by column: nothing but the times is held.
     """
 
-    def __init__(self, history: xarray.Dataset, stability: Stability) -> None:
+    def __init__(self, history: "xarray.Dataset", stability: Stability) -> None:
         """Name the history and its steady state."""
         self._history, self._steady = history, np.asarray(stability.steady_state)
         recorded = history["coordinate"].values.tolist()
@@ -56,6 +58,8 @@ class Vibration:
     @classmethod
     def of(cls, chunks: Sequence[Chunk], stability: Stability) -> Self:
         """That of a transient's chunks, over the coordinates of the stability."""
+        import xarray
+
         history = xarray.Dataset(
             {
                 name: (("time", "coordinate"), np.concatenate([getattr(chunk, name) for chunk in chunks]))
@@ -213,13 +217,13 @@ def _moments(operation: Operation, times: Array) -> Moment:
     return jax.vmap(operation.at)(times)
 
 
-def first_boundary_time(history: xarray.Dataset, stability: Stability, model: Model) -> float | None:
+def first_boundary_time(history: "xarray.Dataset", stability: Stability, model: Model) -> float | None:
     """Time (s) of the first sample at which part of the lining has left the drum or slips backwards; None if never."""
     reached = beyond_boundaries(history, stability, model)
     return float(history["time"].values[np.argmax(reached)]) if reached.any() else None
 
 
-def beyond_boundaries(history: xarray.Dataset, stability: Stability, model: Model) -> NDArray[np.bool_]:
+def beyond_boundaries(history: "xarray.Dataset", stability: Stability, model: Model) -> NDArray[np.bool_]:
     """At which samples (time,) part of the lining is off the drum or slips backwards.
 
     Read off what was recorded. Where part of the lining is off the drum in steady sliding already, so that its contact

@@ -4,14 +4,13 @@ Labels are placed here and not by adjustText, which takes longer and writes them
 """
 
 import numpy as np
+import scipy
 from matplotlib.axes import Axes
 from matplotlib.axis import XAxis
 from matplotlib.text import Annotation
 from matplotlib.ticker import AutoLocator, FuncFormatter
 from matplotlib.transforms import Bbox
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import make_interp_spline
-from scipy.optimize import isotonic_regression
 
 from drumsqueal.terminal.style import SMALL_SIZE
 
@@ -48,7 +47,7 @@ def spread(positions: ArrayLike, gap: float, low: float, high: float) -> NDArray
     gap = min(gap, (high - low) / max(wanted.size - 1, 1))
     # In steps beyond the gap the task is an isotonic fit: labels that would collide share the mean of their wishes.
     steps = gap * np.arange(wanted.size)
-    fitted = np.clip(isotonic_regression(wanted[order] - steps).x, low, high - steps[-1:])
+    fitted = np.clip(scipy.optimize.isotonic_regression(wanted[order] - steps).x, low, high - steps[-1:])
     result = np.empty_like(wanted)
     result[order] = fitted + steps
     return result
@@ -179,4 +178,4 @@ def finer(
 
 def between(time: NDArray[np.float64], values: NDArray[np.float64], wanted: NDArray[np.float64]) -> NDArray[np.float64]:
     """Values (wanted, ...) of that spline through six samples or more, at times within theirs."""
-    return make_interp_spline(time, values, k=5)(wanted)
+    return scipy.interpolate.make_interp_spline(time, values, k=5)(wanted)

@@ -4,8 +4,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-import scipy.fft
-import scipy.signal
+import scipy
 from numpy.typing import NDArray
 
 from drumsqueal.findings.signals.spectra import amplitude_spectrum, parabola_vertex

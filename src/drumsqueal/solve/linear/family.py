@@ -6,10 +6,10 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jax import Array
 from jax.typing import ArrayLike
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from drumsqueal.errors import SteadyStateError
 from drumsqueal.physics.composition import Composition, compose, linear_coordinates
@@ -103,7 +103,7 @@ def _own(eigenvalues: Complex, right: Complex, mass: NDArray[np.float64]) -> Com
     n = mass.size
     fraction = np.abs(right[:n]) ** 2 * mass[:, None]
     fraction = fraction / fraction.sum(axis=0)
-    rows, columns = linear_sum_assignment(-np.repeat(fraction, 2, axis=0))
+    rows, columns = scipy.optimize.linear_sum_assignment(-np.repeat(fraction, 2, axis=0))
     pairs = eigenvalues[columns[np.argsort(rows)]].reshape(n, 2)
     largest = np.max(np.abs(eigenvalues))
     return np.array([_informative(pair, largest) for pair in pairs])

@@ -13,9 +13,9 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jax import Array
 from jax.typing import ArrayLike
-from scipy.optimize import minimize, nnls
 
 from drumsqueal.physics.bodies.body import dot, scalars
 from drumsqueal.physics.effects.effect import Observation
@@ -196,7 +196,7 @@ def _lies_among(wanted: np.ndarray, points: np.ndarray) -> bool:
         return False
     table = np.vstack([np.hstack([points.T, -points.T]) / size, np.ones(2 * len(points))])
     table = np.hstack([table, np.eye(len(table))[:, -1:]])  # the fractions add up to one or less
-    return nnls(table, np.append(wanted / size, 1.0))[1] < INSIDE
+    return scipy.optimize.nnls(table, np.append(wanted / size, 1.0))[1] < INSIDE
 
 
 def hold(
@@ -259,4 +259,4 @@ def _least(function: Callable[[np.ndarray], tuple[float, np.ndarray]], start: np
     """Where a convex function, given with its gradient, is least."""
     if start.size == 0:
         return start
-    return minimize(function, start, jac=True, method="BFGS", options={"gtol": 1e-10}).x
+    return scipy.optimize.minimize(function, start, jac=True, method="BFGS", options={"gtol": 1e-10}).x
