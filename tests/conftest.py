@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 
 import drumsqueal.precision  # noqa: F401 - switches it on before any test, also where a file runs alone
 from drumsqueal import command_line as cli
+from drumsqueal import programs
 from drumsqueal.compilation import _processor
 from drumsqueal.interrupts import noted_interrupts
 from drumsqueal.questions.run import figures
@@ -68,6 +69,8 @@ def _compiled_once(cache):
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
     compilation_cache.reset_cache()  # what was compiled before settled that there is none
+    # That cache goes by what is computed; executables go by all of the sources, every change of which would fill it anew.
+    programs.folder = None
 
 
 @pytest.hookimpl(tryfirst=True)

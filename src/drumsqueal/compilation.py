@@ -1,5 +1,6 @@
 """The persistent compilation cache: a second start of the command line compiles nothing."""
 
+import functools
 import hashlib
 import logging
 import os
@@ -63,11 +64,12 @@ def check_address_space() -> None:
         raise RequestError(f"{text} (most of it is never touched); raise the limit, as in ulimit -v unlimited")
 
 
+@functools.cache
 def _processor() -> str:
     """A short name for the kind of processor: the architecture and a digest of its abilities."""
-    described = platform.processor()
     information = Path("/proc/cpuinfo")
-    if information.exists():
-        lines = information.read_text(encoding="utf-8", errors="replace").splitlines()
-        described = next((line for line in lines if line.startswith(("flags", "Features"))), described)
+    lines = information.read_text(encoding="utf-8", errors="replace").splitlines() if information.exists() else []
+    described = next((line for line in lines if line.startswith(("flags", "Features"))), None)
+    if described is None:
+        described = platform.processor()  # which asks another program
     return f"{platform.machine()}-{hashlib.sha256(described.encode()).hexdigest()[:12]}"
