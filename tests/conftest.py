@@ -69,7 +69,7 @@ def _compiled_once(cache):
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
     compilation_cache.reset_cache()  # what was compiled before settled that there is none
-    # That cache goes by what is computed; executables go by all of the sources, every change of which would fill it anew.
+    # That cache goes by what is computed; executables go by all of the sources, and every change fills it anew.
     programs.folder = None
 
 

@@ -19,8 +19,8 @@ jax.config.update("jax_enable_x64", True)
 def real(value: ArrayLike | Sequence[float] | Sequence[Sequence[float]]) -> Array:
     """Return `value` as a float64 array leaf, so that changing it never recompiles.
 
-    It is of NumPy, with which to compute asks for no program, unless the value is of JAX. Raises TypeError when JAX has
-    been switched back to single precision.
+    A number becomes one of NumPy, with which to compute asks for no program, unless it is of JAX. Raises TypeError when
+    JAX has been switched back to single precision.
     """
     if not jax.config.read("jax_enable_x64"):
         raise TypeError(
@@ -28,5 +28,8 @@ def real(value: ArrayLike | Sequence[float] | Sequence[Sequence[float]]) -> Arra
             'leave jax.config.update("jax_enable_x64", True) as the import of drumsqueal set it'
         )
     of_jax = any(isinstance(part, Array) for part in jax.tree.leaves(value))
-    array: Any = jnp.asarray(value, dtype=float) if of_jax else np.asarray(value, dtype=np.float64)
-    return array
+    if of_jax:
+        return jnp.asarray(value, dtype=float)
+    array: Any = np.array(value, dtype=np.float64)
+    # Arrays may be indexed by traced values; a program of JAX's would copy them into place, which here they are.
+    return array if array.ndim == 0 else jax.device_put(array)

@@ -185,16 +185,16 @@ def build_model(
     if coordinates is not None:
         composition = composition._replace(coordinates=coordinates)
     if friction_law is None:
-        return _of_numpy(assemble(composition, value))
+        return _with_numbers_of_numpy(assemble(composition, value))
     if scene.friction is None:
         raise ValueError("this scene has no friction for the friction law; add the table friction, for its direction")
     law = with_breakpoints(as_law(friction_law))
-    return _of_numpy(assemble(composition._replace(friction_law=GIVEN), value, law))
+    return _with_numbers_of_numpy(assemble(composition._replace(friction_law=GIVEN), value, law))
 
 
-def _of_numpy(model: Model) -> Model:
-    """The model in arrays of NumPy, see `precision.real`; traced values stay what they are."""
-    return jax.tree.map(lambda leaf: leaf if isinstance(leaf, Tracer) else np.asarray(leaf), model)
+def _with_numbers_of_numpy(model: Model) -> Model:
+    """The model with its numbers of NumPy, see `precision.real`; traced ones stay what they are."""
+    return jax.tree.map(lambda leaf: leaf if isinstance(leaf, Tracer) or leaf.ndim else np.asarray(leaf), model)
 
 
 @Program  # one small program instead of a hundred separate operations

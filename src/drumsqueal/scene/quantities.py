@@ -46,6 +46,17 @@ _NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
 _FACTOR = r"(?:[A-Za-z_µμΩ]+|°|%)(?:(?:\^|\*\*)-?[1-9]|[²³])?"
 _WRITTEN = re.compile(rf"\s*(?P<number>{_NUMBER})\s*(?P<unit>(?:1\s*/\s*)?{_FACTOR}(?:\s*[*/·]\s*{_FACTOR})*)?\s*")
 
+# Factors as pint has them, of what scenes are mostly written in: for these alone it need not be loaded, which takes a
+# quarter of a second.
+_USUAL = {
+    ("mm", "m"): 1e-3,
+    ("deg", "rad"): math.pi / 180,
+    ("rpm", "rad/s"): RPM,
+    ("kN", "N"): 1e3,
+    ("ms", "s"): 1e-3,
+    ("kHz", "Hz"): 1e3,
+    ("%", ""): 1e-2,
+}
 _NOTHING = object()
 
 
@@ -150,6 +161,9 @@ def _from_text(text: str, unit: str) -> float:
 
 
 def _in_unit(number: float, written: str, unit: str) -> float:
+    factor = 1.0 if written == unit in _EXPECTED else _USUAL.get((written, unit))
+    if factor is not None:
+        return number * factor
     if not unit and written not in ("%", "percent"):  # pint would turn "dB" and "pi" into plain numbers too
         raise QuantityError(f'a plain number is wanted, without the unit "{written}"', _cure(unit))
     registry = _registry()
