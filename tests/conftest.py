@@ -17,7 +17,7 @@ from drumsqueal import command_line as cli
 from drumsqueal import programs
 from drumsqueal.compilation import _processor
 from drumsqueal.interrupts import noted_interrupts
-from drumsqueal.questions.run import figures
+from drumsqueal.questions.run import drawing, figures
 from drumsqueal.scene import Scene, load_scene
 
 # Error checks that are compiled in would hide behind NaN, or change what is compiled, were this set from outside.
@@ -91,6 +91,12 @@ def _double_precision():
     """Every test starts and ends in double precision, which the import of the package switches on."""
     yield
     assert jax.config.read("jax_enable_x64")
+
+
+@pytest.fixture(autouse=True)
+def _one_process(monkeypatch):
+    """A run in this process draws all of its figures itself, as on a single core."""
+    monkeypatch.setattr(drawing, "_cores", lambda: 1)
 
 
 @pytest.fixture(scope="session")

@@ -11,6 +11,7 @@ it must be the user's own folder, and nobody else may write there; else nothing 
 
 import functools
 import hashlib
+import io
 import os
 import pickle
 import platform
@@ -63,6 +64,14 @@ class _Place(Enum):
     """Stands where an array goes."""
 
     ARRAY = 0
+
+
+class _Pickler(pickle.Pickler):
+    """One that keeps what equinox has in the place of missing fields the one thing that it is."""
+
+    def reducer_override(self, obj: Any) -> Any:
+        """The name of that thing, in its module; of others nothing special."""
+        return "MISSING" if type(obj).__name__ == "_Missing" else NotImplemented
 
 
 class Program:
@@ -163,7 +172,9 @@ def _load(path: Path) -> Callable[..., Any] | None:
 
 def _keep(path: Path, kept: _Kept) -> None:
     """Write a file whole or not at all, and remove the oldest ones beyond MOST_BYTES; a full disk keeps nothing."""
-    content = pickle.dumps(tuple(kept))
+    stream = io.BytesIO()
+    _Pickler(stream).dump(tuple(kept))
+    content = stream.getvalue()
     with suppress(OSError):
         number, part = tempfile.mkstemp(dir=path.parent)
         try:
