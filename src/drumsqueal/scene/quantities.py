@@ -7,6 +7,7 @@ Units are converted by pint. What may be written is held narrower than pint has 
 import json
 import math
 import re
+import sys
 from functools import cache
 from numbers import Real
 from typing import TYPE_CHECKING, Any
@@ -200,6 +201,8 @@ def example(unit: str) -> str:
 @cache
 def _registry() -> "pint.UnitRegistry":
     # Importing pint and building its registry takes a quarter of a second: only a scene that writes units pays it.
+    if "pint" in sys.modules and sys.modules["pint"] is None:  # hidden by the command line
+        del sys.modules["pint"]
     import pint
 
     registry = pint.UnitRegistry()
