@@ -33,7 +33,7 @@ NEEDED = {
     "run": WITH_HISTORY | DRAWING | {"scipy.signal", "scipy.stats"},
     "export": WITH_HISTORY,
     "report": WITH_HISTORY | {"jinja2"},
-    "compare": WITH_HISTORY | DRAWING | {"scipy.signal", "scipy.io", "scipy.stats"},
+    "compare": WITH_HISTORY | DRAWING | {"scipy.io"},
 }
 # It says on its standard error what it traced, compiled and imported.
 TOLD = """
