@@ -97,7 +97,9 @@ def _naming_the_scene(command: Callable[..., None]) -> Callable[..., None]:
         if command not in _WITHOUT_JAX:
             check_address_space()
         try:
-            with nullcontext() if command is sweep_command else hidden(*NOT_FOR_XARRAY):
+            # xarray that is loaded has looked for them already.
+            hides = command is not sweep_command and "xarray" not in sys.modules
+            with hidden(*NOT_FOR_XARRAY) if hides else nullcontext():
                 command(**values)
         except SceneError as error:
             file = values.get("scene", values.get("source"))

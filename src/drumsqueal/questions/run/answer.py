@@ -22,7 +22,7 @@ from drumsqueal.simulation import Prepared, Result, collect, compared
 from drumsqueal.solve.transient.integrate import Chunk
 from drumsqueal.terminal.runner import print_place, shown_progress
 
-DRAWING = "drumsqueal.questions.run.figures"
+LATER = ("scipy.signal", "drumsqueal.questions.run.figures")  # what compares and draws
 
 
 def run_into(
@@ -82,13 +82,11 @@ def _integrate(
 ) -> Outcome:
     """Integrate into the history, and return the outcome."""
     # What compares and draws is loaded while compiled code runs: a second that nobody waits for.
-    loading = threading.Thread(target=importlib.import_module, args=(DRAWING,))
+    threading.Thread(target=lambda: [importlib.import_module(name) for name in LATER]).start()
     if since is not None:
         history.take_up()
 
     def keep(chunk: Chunk) -> None:
-        if loading.ident is None:
-            loading.start()
         history.append(chunk)
         if chunk.end is not None:
             resume.note(Point(history.reached, chunk.end))
