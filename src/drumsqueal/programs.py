@@ -19,6 +19,7 @@ import re
 import secrets
 import stat
 import tempfile
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import fields
@@ -44,6 +45,7 @@ MOST_BYTES = 256 * 2**20  # kept: the programs of a scene have some 3 MB; those 
 OF_NO_EFFECT = re.compile("cache|log|traceback|explain|dump|profil")
 SILENT, AS_JAX = 3, "1"  # levels of the C++ side's log: only what is fatal, and what JAX sets unless told otherwise
 
+_compiling = threading.Lock()
 folder: Path | None = cache_folder() / "programs"
 """Where executables are kept; None for nowhere."""
 
@@ -289,13 +291,15 @@ def _sources_and_versions() -> tuple[str, ...]:
 
 @contextmanager
 def _not_cached_by_jax() -> Iterator[None]:
+    """For one thread at a time: the setting is that of all."""
     name = "jax_persistent_cache_min_compile_time_secs"
-    before = jax.config.values[name]
-    jax.config.update(name, float("inf"))
-    try:
-        yield
-    finally:
-        jax.config.update(name, before)
+    with _compiling:
+        before = jax.config.values[name]
+        jax.config.update(name, float("inf"))
+        try:
+            yield
+        finally:
+            jax.config.update(name, before)
 
 
 @contextmanager

@@ -14,7 +14,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from drumsqueal.files.output_folder import FIGURES, figure_file
+from drumsqueal.files.output_folder import figure_file
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.terminal.runner import draw_figure
 
@@ -89,14 +89,17 @@ def draw(folder: Path, result: "Result", model: "Model", second: Second | None) 
 
     Raises OSError, and KeyboardInterrupt between two figures.
     """
-    left, drawn, failed = deque[str](FIGURES), dict[str, bool](), list[OSError]()
+    from drumsqueal.questions.run.figures import drawings
+
+    figures = drawings(result, model)
+    left, drawn, failed = deque(figures), dict[str, bool](), list[OSError]()
 
     def delegate(second: Second) -> None:
-        """From the first on, while there are any."""
+        """From the last on, while there are any."""
         name = None
         try:
             second.tell((folder, result, model))
-            while (name := _taken(left.popleft)) is not None:
+            while (name := _taken(left.pop)) is not None:
                 second.tell(name)
                 answer = second.hear()
                 if isinstance(answer, OSError):
@@ -112,12 +115,9 @@ def draw(folder: Path, result: "Result", model: "Model", second: Second | None) 
     if second is not None:
         helper.start()
     try:
-        from drumsqueal.questions.run.figures import drawings
-
-        figures = drawings(result, model)
         while left or helper.is_alive():
             stop_if_interrupted()
-            name = _taken(left.pop)
+            name = _taken(left.popleft)
             if name is None:
                 helper.join()
             else:
@@ -128,7 +128,7 @@ def draw(folder: Path, result: "Result", model: "Model", second: Second | None) 
             helper.join()
     if failed:
         raise failed[0]
-    return [figure_file(name) for name in FIGURES if not drawn[name]]
+    return [figure_file(name) for name in figures if not drawn[name]]
 
 
 def _taken(take: Callable[[], str]) -> str | None:
