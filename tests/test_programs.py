@@ -226,18 +226,18 @@ def test_writers_at_the_same_time_leave_one_whole_file(folder, monkeypatch):
 
 
 def test_the_folder_keeps_what_was_used_last(folder, monkeypatch):
-    moments()(OPERATION, TIMES)
-    (old,) = names(folder)
-    size = (folder / old).stat().st_size
-    coefficient()(ConstantLaw(0.5), TIMES)
-    for age, path in enumerate(sorted(folder.iterdir(), key=lambda path: path.name == old)):
-        os.utime(path, (1e9 - age, 1e9 - age))  # the first one was used longest ago
-    monkeypatch.setattr(programs, "MOST_BYTES", 3 * size)
-    moments()(OPERATION, TIMES)  # it is loaded, and so is the younger one now
-    monkeypatch.setattr(programs, "MOST_BYTES", 2 * size)
-    coefficient()(ConstantLaw(0.5), TIMES[:2])
-    assert old in names(folder)
-    assert sum(path.stat().st_size for path in folder.iterdir()) <= 2 * size
+    lengths = (7, 3, 2)
+    made = []
+    for age, length in enumerate(lengths):
+        coefficient()(ConstantLaw(0.5), TIMES[:length])
+        (path,) = set(folder.iterdir()) - set(made)
+        os.utime(path, (1e9 + age, 1e9 + age))
+        made.append(path)
+    monkeypatch.setattr(programs, "MOST_BYTES", sum(path.stat().st_size for path in made) - 1)
+    made[2].unlink()
+    coefficient()(ConstantLaw(0.5), TIMES)  # the oldest is loaded, and so is the youngest now
+    coefficient()(ConstantLaw(0.5), TIMES[:2])  # for which there is no room
+    assert names(folder) == {made[0].name, made[2].name}
 
 
 def test_what_calls_back_to_python_is_not_kept(folder, monkeypatch):
