@@ -26,10 +26,10 @@ from drumsqueal.scene.usual import unusual
 from drumsqueal.simulation import Prepared, check_sample_rate, prepare, start_of
 from drumsqueal.solve.linear.modes import Mode, while_sliding
 
-# What a run takes next to its integration goes with the speed of the machine, as does loading the package: comparison,
-# figures and programs fetched from the cache took so many times as long, for the shipped scenes.
-BESIDES_INTEGRATION = 4.0
-LOADED = 0.3  # s; loading that is faster did not happen, for all was loaded before
+# What a run takes next to its integration goes with the speed of the machine, as does loading what a check needs:
+# comparison, figures and programs fetched from the cache took so many times as long, for the nominal scene.
+BESIDES_INTEGRATION = 8.0
+LOADED = 0.1  # s; loading that is faster did not happen, for all was loaded before
 HARMONICS = 2  # of the highest frequency that a record should hold: contact that comes and goes makes them
 PHASES = 64  # of an oscillation, at which its distance from the contact boundaries is looked at
 SMALL = 0.5  # of the way to a contact boundary: a start from there on leaves next to no linear growth
