@@ -14,9 +14,10 @@ from matplotlib.figure import Figure
 
 import drumsqueal.precision  # noqa: F401 - switches it on before any test, also where a file runs alone
 from drumsqueal import command_line as cli
+from drumsqueal import programs
 from drumsqueal.compilation import _processor
 from drumsqueal.interrupts import noted_interrupts
-from drumsqueal.questions.run import figures
+from drumsqueal.questions.run import drawing, figures
 from drumsqueal.scene import Scene, load_scene
 
 # Error checks that are compiled in would hide behind NaN, or change what is compiled, were this set from outside.
@@ -68,6 +69,8 @@ def _compiled_once(cache):
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
     compilation_cache.reset_cache()  # what was compiled before settled that there is none
+    # That cache goes by what is computed; executables go by all of the sources, and every change fills it anew.
+    programs.folder = None
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -88,6 +91,12 @@ def _double_precision():
     """Every test starts and ends in double precision, which the import of the package switches on."""
     yield
     assert jax.config.read("jax_enable_x64")
+
+
+@pytest.fixture(autouse=True)
+def _one_process(monkeypatch):
+    """A run in this process draws all of its figures itself, as on a single core."""
+    monkeypatch.setattr(drawing, "_cores", lambda: 1)
 
 
 @pytest.fixture(scope="session")

@@ -1,5 +1,6 @@
 """The persistent compilation cache: a second start of the command line compiles nothing."""
 
+import functools
 import hashlib
 import logging
 import os
@@ -36,15 +37,19 @@ def prepare_environment() -> None:
     """
     warnings.filterwarnings("ignore", "Error (reading|writing) persistent compilation cache entry", UserWarning)
     logging.getLogger("matplotlib").setLevel(logging.ERROR)
-    folder = Path(platformdirs.user_cache_dir("drumsqueal", appauthor=False)) / _processor()
     cache = {
-        "JAX_COMPILATION_CACHE_DIR": str(folder),
+        "JAX_COMPILATION_CACHE_DIR": str(cache_folder()),
         # The programs of a scene are many and small; by default only those that took a second to compile are kept.
         "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
         "JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES": "-1",
     }
     for name, value in (QUIET | CACHEABLE | cache).items():
         os.environ.setdefault(name, value)
+
+
+def cache_folder() -> Path:
+    """Where compiled programs for this kind of processor are kept."""
+    return Path(platformdirs.user_cache_dir("drumsqueal", appauthor=False)) / _processor()
 
 
 def check_address_space() -> None:
@@ -59,11 +64,12 @@ def check_address_space() -> None:
         raise RequestError(f"{text} (most of it is never touched); raise the limit, as in ulimit -v unlimited")
 
 
+@functools.cache
 def _processor() -> str:
     """A short name for the kind of processor: the architecture and a digest of its abilities."""
-    described = platform.processor()
     information = Path("/proc/cpuinfo")
-    if information.exists():
-        lines = information.read_text(encoding="utf-8", errors="replace").splitlines()
-        described = next((line for line in lines if line.startswith(("flags", "Features"))), described)
+    lines = information.read_text(encoding="utf-8", errors="replace").splitlines() if information.exists() else []
+    described = next((line for line in lines if line.startswith(("flags", "Features"))), None)
+    if described is None:
+        described = platform.processor()  # which asks another program
     return f"{platform.machine()}-{hashlib.sha256(described.encode()).hexdigest()[:12]}"

@@ -5,9 +5,11 @@ many decades: single precision is of no use here, and JAX falls back to it silen
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
@@ -17,12 +19,17 @@ jax.config.update("jax_enable_x64", True)
 def real(value: ArrayLike | Sequence[float] | Sequence[Sequence[float]]) -> Array:
     """Return `value` as a float64 array leaf, so that changing it never recompiles.
 
-    Raises TypeError when JAX has been switched back to single precision.
+    A number becomes one of NumPy, with which to compute asks for no program, unless it is of JAX. Raises TypeError when
+    JAX has been switched back to single precision.
     """
-    array = jnp.asarray(value, dtype=float)
-    if array.dtype != jnp.float64:
+    if not jax.config.read("jax_enable_x64"):
         raise TypeError(
-            f"drumsqueal computes in float64, but JAX gave {array.dtype}; "
+            "drumsqueal computes in float64, and JAX was switched to float32; "
             'leave jax.config.update("jax_enable_x64", True) as the import of drumsqueal set it'
         )
-    return array
+    of_jax = any(isinstance(part, Array) for part in jax.tree.leaves(value))
+    if of_jax:
+        return jnp.asarray(value, dtype=float)
+    array: Any = np.array(value, dtype=np.float64)
+    # Arrays may be indexed by traced values; a program of JAX's would copy them into place, which here they are.
+    return array if array.ndim == 0 else jax.device_put(array)

@@ -9,7 +9,6 @@ from collections.abc import Callable, Generator, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import xarray
 from jax import Array
 from numpy.typing import NDArray
 
@@ -35,6 +34,8 @@ from drumsqueal.solve.linear.steady import coupling
 from drumsqueal.solve.transient.integrate import Checkpoint, Chunk, integrate
 
 if TYPE_CHECKING:
+    import xarray
+
     from drumsqueal.findings.compare import RunFindings
 
 

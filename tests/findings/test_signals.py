@@ -13,6 +13,7 @@ from drumsqueal.findings.signals.lines import find_lines
 from drumsqueal.findings.signals.recurrence import find_recurrences
 from drumsqueal.findings.signals.regime import classify
 from drumsqueal.findings.signals.spectra import Spectrogram, amplitude_spectrum, peak_near, spectral_peaks, spectrogram
+from drumsqueal.findings.signals.windows import hann, local_maxima
 
 RATE = 50_000.0
 FREQUENCIES = (1424.0, 4392.0, 7399.0)
@@ -71,6 +72,17 @@ def test_the_spectrum_says_what_it_resolves_and_has_no_mean():
     assert spectrum.amplitude[0] < 1e-14  # round-off of a mean of 3
     # A whole number of periods on a bin: exact but for the images, which the Hann window puts to zero there.
     assert spectrum.amplitude[160] == pytest.approx(1.0, rel=1e-12)
+
+
+@pytest.mark.parametrize("count", [*range(2, 200), 20_001])
+def test_the_window_is_that_of_scipy_to_the_last_bit(count):
+    np.testing.assert_array_equal(hann(count), scipy.signal.get_window("hann", count))
+
+
+@given(st.lists(st.sampled_from([0.0, 1.0, 2.0, np.nan, np.inf]), min_size=1, max_size=30))
+def test_local_maxima_are_those_of_scipy(values):
+    values = np.array(values)
+    np.testing.assert_array_equal(local_maxima(values), scipy.signal.find_peaks(values)[0])
 
 
 def test_the_nyquist_component_is_not_doubled():

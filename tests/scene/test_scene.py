@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drumsqueal.scene import COORDINATES, Profile, Scene, SceneError, Shoe, load_scene, scene_from_dict
+from drumsqueal.scene import COORDINATES, Profile, Scene, SceneError, Shoe, load_scene, quantities, scene_from_dict
 from drumsqueal.scene.laws import LAWS
 from drumsqueal.scene.quantities import parse_quantity
 from drumsqueal.scene.usual import USUAL, unusual
@@ -181,6 +181,14 @@ def test_quantities_are_read_in_their_unit(value, unit, expected):
     number = parse_quantity(value, unit)
     assert type(number) is float
     assert number == pytest.approx(expected, rel=1e-15)
+
+
+@pytest.mark.parametrize(("written", "unit"), [*quantities._USUAL, *((unit, unit) for unit in quantities._EXPECTED)])
+@pytest.mark.parametrize("number", [1.0, 36.5, 7.3e-7, -0.35e11])
+def test_usual_units_are_converted_as_by_pint_to_the_last_bit(number, written, unit):
+    registry = quantities._registry()
+    wanted = registry.Quantity(number, registry.parse_units(written)).to(registry.parse_units(unit)).magnitude
+    assert parse_quantity(f"{number!r} {written}", unit) == wanted
 
 
 @pytest.mark.parametrize(

@@ -5,11 +5,11 @@ quadrature.
 """
 
 import dataclasses
+from typing import TYPE_CHECKING
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-import xarray
 from jax import Array
 
 from drumsqueal.findings.history import memory_of
@@ -20,6 +20,9 @@ from drumsqueal.physics.kernel import compiled
 from drumsqueal.physics.model import Model
 from drumsqueal.physics.quadrature.area import AreaSurface
 from drumsqueal.physics.quadrature.independent import TANH_SINH, IndependentSurface
+
+if TYPE_CHECKING:
+    import xarray
 
 INSTANTS = 32  # at which it is looked at: half of them evenly spread, half where most of the slip is reversed
 # A rule that shares nothing with that of the plane; in space the same kind of rule with other nodes, and far more.
@@ -40,7 +43,7 @@ class Accuracy(Finding):
     quadrature_error_over_normal_force: float | None = None
 
 
-def measure_accuracy(history: xarray.Dataset, quadrature_error: float | None) -> Accuracy:
+def measure_accuracy(history: "xarray.Dataset", quadrature_error: float | None) -> Accuracy:
     """Read the balance of energy off a history; `quadrature_error` is that of its contact forces."""
     error = float(np.abs(history["energy_balance_error"].values).max())
     kinetic = float(history["kinetic_energy"].values.max())
@@ -53,7 +56,7 @@ def measure_accuracy(history: xarray.Dataset, quadrature_error: float | None) ->
     )
 
 
-def estimate_quadrature_error(history: xarray.Dataset, model: Model) -> float | None:
+def estimate_quadrature_error(history: "xarray.Dataset", model: Model) -> float | None:
     """Estimate the largest error of normal force, and of brake torque over R, over the largest normal force.
 
     It is to be well below the run's relative tolerance. `model` is that of the transient.

@@ -1,10 +1,10 @@
 """The linear prediction against what the transient does: onset frequency, growth, saturated motion."""
 
 import tomllib
+from typing import TYPE_CHECKING
 
 import jax.numpy as jnp
 import numpy as np
-import xarray
 from pydantic import Field, computed_field
 
 from drumsqueal.findings.accuracy import Accuracy, measure_accuracy
@@ -22,6 +22,9 @@ from drumsqueal.physics.composition import take_inventory
 from drumsqueal.physics.model import Model
 from drumsqueal.scene import scene_from_dict
 from drumsqueal.solve.linear.modes import Stability
+
+if TYPE_CHECKING:
+    import xarray
 
 # The motion counts as linear while it stays below this fraction of the contact boundaries, contact loss at the mean
 # pressure and slip reversal.
@@ -111,7 +114,7 @@ class RunFindings(Findings):
 
 
 def compare(
-    history: xarray.Dataset,
+    history: "xarray.Dataset",
     stability: Stability,
     model: Model,
     quadrature_error: float | None = None,
@@ -164,7 +167,7 @@ def compare(
     )
 
 
-def find_sticking(history: xarray.Dataset) -> Sticking:
+def find_sticking(history: "xarray.Dataset") -> Sticking:
     """Read off the signal "sticking"."""
     sticks, time = history["sticking"].values > 0, history["time"].values
     padded = np.concatenate([[False], sticks, [False]])
@@ -179,7 +182,7 @@ def find_sticking(history: xarray.Dataset) -> Sticking:
     )
 
 
-def _temperature(history: xarray.Dataset, model: Model) -> LiningTemperature | None:
+def _temperature(history: "xarray.Dataset", model: Model) -> LiningTemperature | None:
     memory = memory_of(history, model.remembered)
     if memory is None:
         return None

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
+from jax import Array
 from numpy.typing import NDArray
 from pydantic import computed_field
 
@@ -16,7 +17,9 @@ from drumsqueal.findings.signals.spectra import Ridge, follow_line
 from drumsqueal.findings.vibration import Vibration
 from drumsqueal.physics.effects.friction import UnitVelocity
 from drumsqueal.physics.effects.pressure import Unilateral
+from drumsqueal.physics.laws.friction_law import FrictionLaw
 from drumsqueal.physics.model import Model
+from drumsqueal.programs import Program
 from drumsqueal.solve.linear.modes import Mode, Stability
 
 MOST_INSTANTS = 100  # of the frequency over time that are written down
@@ -183,8 +186,13 @@ def _signed(model: Model, slip: NDArray[np.float64], across: NDArray[np.float64]
     if friction is None:
         return np.zeros_like(slip)
     speed = np.hypot(slip, across) if isinstance(friction.direction, UnitVelocity) else np.abs(slip)
-    coefficient = np.asarray(friction.law.coefficient(jnp.asarray(speed)))
+    coefficient = np.asarray(_coefficient(friction.law, speed))
     return -coefficient * slip / np.maximum(speed, np.finfo(np.float64).tiny)
+
+
+@Program
+def _coefficient(law: FrictionLaw, speed: Array) -> Array:
+    return law.coefficient(jnp.asarray(speed))
 
 
 def _frequency(

@@ -4,14 +4,17 @@ import importlib.metadata
 import json
 import platform
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray
 
 from drumsqueal.outcome import COMPLETE as COMPLETE
 from drumsqueal.outcome import Ending, Outcome
 from drumsqueal.scene import COORDINATES, Scene
 from drumsqueal.solve.transient.integrate import Chunk
+
+if TYPE_CHECKING:
+    import xarray
 
 # name: (units, what it is), of each coordinate
 MOTION = {
@@ -51,12 +54,12 @@ def signals_of(scene: Scene) -> dict[str, tuple[str, str]]:
     return SIGNALS | ({} if scene.temperature is None else TEMPERATURE)
 
 
-def memory_of(history: xarray.Dataset, names: Sequence[str]) -> np.ndarray | None:
+def memory_of(history: "xarray.Dataset", names: Sequence[str]) -> np.ndarray | None:
     """What effects remembered (time, m), by the names that these give it; None where there are no names."""
     return np.stack([history[name].values for name in names], axis=1) if names else None
 
 
-def to_dataset(chunks: Sequence[Chunk], scene: Scene, kept: Sequence[str], outcome: Outcome) -> xarray.Dataset:
+def to_dataset(chunks: Sequence[Chunk], scene: Scene, kept: Sequence[str], outcome: Outcome) -> "xarray.Dataset":
     """Put the chunks of one run, over the kept coordinates, into one Dataset; left-out coordinates are zero.
 
     Dimensions time (s) and coordinate (six names). The scene as it was run, the versions and the outcome are in the
@@ -68,7 +71,7 @@ def to_dataset(chunks: Sequence[Chunk], scene: Scene, kept: Sequence[str], outco
     return _dataset(joined, scene, outcome, steps, rejected)
 
 
-def empty_dataset(scene: Scene) -> xarray.Dataset:
+def empty_dataset(scene: Scene) -> "xarray.Dataset":
     """The same of a run that has not begun: no samples, no steps, no outcome."""
     wide, narrow = np.empty((0, len(COORDINATES))), np.empty(0)
     signals = ("time", *signals_of(scene))
@@ -86,7 +89,7 @@ def columns(chunk: Chunk, kept: Sequence[str]) -> dict[str, np.ndarray]:
 
 def _dataset(
     values: Mapping[str, np.ndarray], scene: Scene, outcome: Outcome, steps: int, rejected_steps: int
-) -> xarray.Dataset:
+) -> "xarray.Dataset":
     data = {
         name: (("time", "coordinate")[: values[name].ndim], values[name], {"units": units, "long_name": meaning})
         for name, (units, meaning) in (MOTION | signals_of(scene)).items()
@@ -105,4 +108,6 @@ def _dataset(
         "rejected_steps": rejected_steps,
         "measured_from": "q = 0 of the model; a self-consistent steady state shows as an offset",
     }
+    import xarray
+
     return xarray.Dataset(data, coordinates, attributes)

@@ -6,7 +6,6 @@ from contextlib import closing
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -15,6 +14,7 @@ from drumsqueal.findings.boundaries import boundary_ratios
 from drumsqueal.findings.signals.spectra import amplitude_spectrum, spectral_peaks
 from drumsqueal.outcome import COMPLETE, Ending, Outcome
 from drumsqueal.physics.model import Model
+from drumsqueal.precision import real
 from drumsqueal.progress import Progress, silent
 from drumsqueal.solve.transient.batch import integrate_many
 from drumsqueal.solve.transient.integrate import Checkpoint, integrate
@@ -179,7 +179,7 @@ def _together(
 
 def _alone(part: _Part, model: Model, steady: NDArray[np.float64], progress: Progress, how: dict) -> None:
     """Go on with one transient by itself, by the methods that can stick."""
-    state = State(jnp.asarray(part.vibration), jnp.asarray(part.velocity), jnp.zeros(()))
+    state = State(real(part.vibration), real(part.velocity), real(0.0))
     since = Checkpoint(part.intervals, state, first_step(model), 0.0, sticks=False, method=None)
     assert part.intervals % CHUNK_SAMPLES == 0
     try:

@@ -1,10 +1,9 @@
 """The motion after growth: its kind, its main lines, its size, and how far its frequency lies from the onset's."""
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import xarray
 from numpy.typing import NDArray
 
 from drumsqueal.findings.decay import decay_to_rest
@@ -15,6 +14,9 @@ from drumsqueal.findings.signals.spectra import spectral_peaks
 from drumsqueal.findings.vibration import Vibration, changes, levers
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.linear.modes import Mode, Stability
+
+if TYPE_CHECKING:
+    import xarray
 
 SATURATED_FRACTION = 0.6  # last part of what follows the first contact boundary that is called saturated
 FEWEST_SAMPLES = 64  # of the saturated part
@@ -78,7 +80,7 @@ def duration_for(saturated: float, boundary: float) -> float:
 
 
 def describe_saturation(
-    history: xarray.Dataset, vibration: Vibration, stability: Stability, model: Model, boundary: float
+    history: "xarray.Dataset", vibration: Vibration, stability: Stability, model: Model, boundary: float
 ) -> Saturation | None:
     """Describe the motion after the first contact boundary (s); None where the record is too short."""
     part = saturated_part(vibration.time, boundary)

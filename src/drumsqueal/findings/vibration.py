@@ -2,12 +2,11 @@
 
 import dataclasses
 from collections.abc import Iterator, Sequence
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-import xarray
 from jax import Array
 from numpy.typing import NDArray
 
@@ -15,10 +14,14 @@ from drumsqueal.findings.boundaries import pressure_fraction, slip_fraction
 from drumsqueal.findings.signals.growth import modal_amplitudes
 from drumsqueal.findings.signals.spectra import Spectrum, amplitude_spectrum
 from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
-from drumsqueal.physics.effects.operation import Constant, Operation, Profile
+from drumsqueal.physics.effects.operation import Constant, Moment, Operation, Profile
 from drumsqueal.physics.model import Model
+from drumsqueal.programs import Program
 from drumsqueal.solve.linear.modes import Mode, Stability
 from drumsqueal.solve.transient.integrate import Chunk
+
+if TYPE_CHECKING:
+    import xarray
 
 ROTATIONS = ("Tx", "Ty", "Tz")
 FEWEST_FOR_SPECTRUM = 16  # samples
@@ -44,7 +47,7 @@ class Vibration:
     It is read where it lies, on disk maybe, piece by piece or column by column: nothing but the times is held.
     """
 
-    def __init__(self, history: xarray.Dataset, stability: Stability) -> None:
+    def __init__(self, history: "xarray.Dataset", stability: Stability) -> None:
         """Name the history and its steady state."""
         self._history, self._steady = history, np.asarray(stability.steady_state)
         recorded = history["coordinate"].values.tolist()
@@ -55,6 +58,8 @@ class Vibration:
     @classmethod
     def of(cls, chunks: Sequence[Chunk], stability: Stability) -> Self:
         """That of a transient's chunks, over the coordinates of the stability."""
+        import xarray
+
         history = xarray.Dataset(
             {
                 name: (("time", "coordinate"), np.concatenate([getattr(chunk, name) for chunk in chunks]))
@@ -169,7 +174,7 @@ def moved_by(model: Model, stability: Stability, until: float) -> str:
     if not (any(isinstance(each, Profile) for each in prescribed.values()) and any(model.body.symmetric)):
         return ""
     middle, found = model.in_plane(), []  # where steady sliding is
-    q = jnp.asarray([stability.steady_state[stability.coordinates.index(name)] for name in model.names])
+    q = np.asarray([stability.steady_state[stability.coordinates.index(name)] for name in model.names])
     for name, schedule in prescribed.items():
         if isinstance(schedule, Profile):
             values = _values(schedule, 0.0, until)
@@ -181,7 +186,7 @@ def moved_by(model: Model, stability: Stability, until: float) -> str:
     return f"changing {' and '.join(found)}" if found else ""
 
 
-@jax.jit
+@Program
 def _forces(model: Model, speeds: Array, loads: Array, q: Array) -> Array:
     def force(each: tuple[Array, Array]) -> Array:
         operation = Operation(*(Constant(value) for value in each))
@@ -200,20 +205,25 @@ def boundary_ratio(vibration: Vibration, model: Model) -> NDArray[np.float64]:
     fraction = np.empty(vibration.time.size)
     for rows, displacement, velocity in vibration.pieces():
         q, v = (dict(zip(vibration.coordinates, columns.T, strict=True)) for columns in (displacement, velocity))
-        moments = jax.vmap(model.operation.at)(vibration.time[rows])
+        moments = _moments(model.operation, vibration.time[rows])
         fraction[rows] = np.maximum(
             pressure_fraction(model, q, moments.preload), slip_fraction(model, v, moments.drum_speed)
         )
     return fraction
 
 
-def first_boundary_time(history: xarray.Dataset, stability: Stability, model: Model) -> float | None:
+@Program
+def _moments(operation: Operation, times: Array) -> Moment:
+    return jax.vmap(operation.at)(times)
+
+
+def first_boundary_time(history: "xarray.Dataset", stability: Stability, model: Model) -> float | None:
     """Time (s) of the first sample at which part of the lining has left the drum or slips backwards; None if never."""
     reached = beyond_boundaries(history, stability, model)
     return float(history["time"].values[np.argmax(reached)]) if reached.any() else None
 
 
-def beyond_boundaries(history: xarray.Dataset, stability: Stability, model: Model) -> NDArray[np.bool_]:
+def beyond_boundaries(history: "xarray.Dataset", stability: Stability, model: Model) -> NDArray[np.bool_]:
     """At which samples (time,) part of the lining is off the drum or slips backwards.
 
     Read off what was recorded. Where part of the lining is off the drum in steady sliding already, so that its contact

@@ -9,6 +9,8 @@ import jax.numpy as jnp
 from jax.experimental.xla_metadata import set_xla_metadata
 from jax.flatten_util import ravel_pytree
 
+from drumsqueal.programs import Program
+
 # XLA runs a program on a processor as a chain of kernels, some 50 ns from one to the next, and gives that up by itself
 # only for loops of less than a kilobyte. The forces on a shoe take some ten kernels of 10 ns each: as one kernel a
 # step takes a fifth of the time. The attributes mean nothing to other back ends.
@@ -32,5 +34,5 @@ def one_kernel(function: Callable[..., Any], *arguments: Any) -> Any:
 
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
-    """`equinox.filter_jit` with the options that kernels of small loops want."""
-    return eqx.filter_jit(function, compiler_options=COMPILER_OPTIONS)  # pyright: ignore[reportCallIssue]
+    """The function as a program, see `programs.py`, with the options that kernels of small loops want."""
+    return Program(function, COMPILER_OPTIONS)

@@ -4,8 +4,11 @@ import dataclasses
 from collections.abc import Callable, Iterator, Mapping
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
+from jax.core import Tracer
 from jax.typing import ArrayLike
 
 from drumsqueal.physics.bodies.body import Body, Scalar, scalars
@@ -25,6 +28,7 @@ from drumsqueal.physics.laws.friction_law import FrictionLaw, friction_law
 from drumsqueal.physics.quadrature.arc import NODES, NODES_LONG_ARC, ArcSurface
 from drumsqueal.physics.quadrature.area import AreaSurface
 from drumsqueal.precision import real
+from drumsqueal.programs import Program
 from drumsqueal.scene import Scene
 
 Numbers = Mapping[str, ArrayLike]
@@ -102,7 +106,7 @@ class Model(eqx.Module):
     @property
     def first_memory(self) -> Array | None:
         """What effects remember at the start: zeros (m,), None where none does."""
-        return jnp.zeros(len(self.remembered)) if self.remembering else None
+        return real(np.zeros(len(self.remembered))) if self.remembering else None
 
     def _memories(self, memory: Array) -> Iterator[tuple[Remembering, Array]]:
         first = 0
@@ -181,13 +185,19 @@ def build_model(
     if coordinates is not None:
         composition = composition._replace(coordinates=coordinates)
     if friction_law is None:
-        return assemble(composition, value)
+        return _with_numbers_of_numpy(assemble(composition, value))
     if scene.friction is None:
         raise ValueError("this scene has no friction for the friction law; add the table friction, for its direction")
-    return assemble(composition._replace(friction_law=GIVEN), value, with_breakpoints(as_law(friction_law)))
+    law = with_breakpoints(as_law(friction_law))
+    return _with_numbers_of_numpy(assemble(composition._replace(friction_law=GIVEN), value, law))
 
 
-@eqx.filter_jit  # one small program instead of a hundred separate operations
+def _with_numbers_of_numpy(model: Model) -> Model:
+    """The model with its numbers of NumPy, see `precision.real`; traced ones stay what they are."""
+    return jax.tree.map(lambda leaf: leaf if isinstance(leaf, Tracer) or leaf.ndim else np.asarray(leaf), model)
+
+
+@Program  # one small program instead of a hundred separate operations
 def assemble(composition: Composition, value: Mapping[str, Array], law: FrictionLaw | None = None) -> Model:
     """Build the model of a composition from its numbers in SI (float64 arrays), traced or not; `build_model` checks."""
     shoe = RigidShoe(

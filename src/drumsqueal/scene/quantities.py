@@ -7,6 +7,7 @@ Units are converted by pint. What may be written is held narrower than pint has 
 import json
 import math
 import re
+import sys
 from functools import cache
 from numbers import Real
 from typing import TYPE_CHECKING, Any
@@ -46,6 +47,17 @@ _NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
 _FACTOR = r"(?:[A-Za-z_µμΩ]+|°|%)(?:(?:\^|\*\*)-?[1-9]|[²³])?"
 _WRITTEN = re.compile(rf"\s*(?P<number>{_NUMBER})\s*(?P<unit>(?:1\s*/\s*)?{_FACTOR}(?:\s*[*/·]\s*{_FACTOR})*)?\s*")
 
+# Factors as pint has them, of what scenes are mostly written in: for these alone it need not be loaded, which takes a
+# quarter of a second.
+_USUAL = {
+    ("mm", "m"): 1e-3,
+    ("deg", "rad"): math.pi / 180,
+    ("rpm", "rad/s"): RPM,
+    ("kN", "N"): 1e3,
+    ("ms", "s"): 1e-3,
+    ("kHz", "Hz"): 1e3,
+    ("%", ""): 1e-2,
+}
 _NOTHING = object()
 
 
@@ -150,6 +162,9 @@ def _from_text(text: str, unit: str) -> float:
 
 
 def _in_unit(number: float, written: str, unit: str) -> float:
+    factor = 1.0 if written == unit in _EXPECTED else _USUAL.get((written, unit))
+    if factor is not None:
+        return number * factor
     if not unit and written not in ("%", "percent"):  # pint would turn "dB" and "pi" into plain numbers too
         raise QuantityError(f'a plain number is wanted, without the unit "{written}"', _cure(unit))
     registry = _registry()
@@ -186,6 +201,8 @@ def example(unit: str) -> str:
 @cache
 def _registry() -> "pint.UnitRegistry":
     # Importing pint and building its registry takes a quarter of a second: only a scene that writes units pays it.
+    if "pint" in sys.modules and sys.modules["pint"] is None:  # hidden by the command line
+        del sys.modules["pint"]
     import pint
 
     registry = pint.UnitRegistry()

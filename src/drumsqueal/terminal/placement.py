@@ -4,16 +4,15 @@ Labels are placed here and not by adjustText, which takes longer and writes them
 """
 
 import numpy as np
+import scipy
 from matplotlib.axes import Axes
 from matplotlib.axis import XAxis
 from matplotlib.text import Annotation
 from matplotlib.ticker import AutoLocator, FuncFormatter
-from matplotlib.transforms import Bbox
+from matplotlib.transforms import Affine2D, Bbox, Transform
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import make_interp_spline
-from scipy.optimize import isotonic_regression
 
-from drumsqueal.terminal.style import SMALL_SIZE
+from drumsqueal.terminal.style import SMALL_SIZE, lay_out
 
 LABEL_STEP = 1.3 * SMALL_SIZE  # points from one line of labels to the next
 COLUMNS = 800  # a record is reduced to this many columns of a printed line
@@ -48,7 +47,7 @@ def spread(positions: ArrayLike, gap: float, low: float, high: float) -> NDArray
     gap = min(gap, (high - low) / max(wanted.size - 1, 1))
     # In steps beyond the gap the task is an isotonic fit: labels that would collide share the mean of their wishes.
     steps = gap * np.arange(wanted.size)
-    fitted = np.clip(isotonic_regression(wanted[order] - steps).x, low, high - steps[-1:])
+    fitted = np.clip(scipy.optimize.isotonic_regression(wanted[order] - steps).x, low, high - steps[-1:])
     result = np.empty_like(wanted)
     result[order] = fitted + steps
     return result
@@ -70,34 +69,35 @@ def _label_edge(
 ) -> list[Annotation]:
     if not labels:
         return []
-    figure = axes.get_figure(root=True)
-    assert figure is not None
-    figure.draw_without_rendering()  # only now is the size of the axes known
-    box, along = axes.get_window_extent(), 1 if upright else 0
-    length = (box.height if upright else box.width) * 72 / figure.dpi
     limits = axes.get_ylim() if upright else axes.get_xlim()
     fractions = (np.array([place for place, _, _ in labels]) - limits[0]) / (limits[1] - limits[0])
-    placed = spread(fractions, step / length, 0.0, 1.0)
-    made = []
-    for fraction, place, (_, text, colour) in zip(fractions, placed, labels, strict=True):
-        offset = [reach, reach]
-        offset[along] = (place - fraction) * length
-        made.append(
-            axes.annotate(
-                text,
-                (1.0, fraction) if upright else (fraction, 1.0),
-                xycoords="axes fraction",
-                xytext=(offset[0], offset[1]),
-                textcoords="offset points",
-                color=colour,
-                fontsize=SMALL_SIZE,
-                ha="left" if upright else "center",
-                va="center" if upright else "bottom",
-                annotation_clip=False,
-                arrowprops={"arrowstyle": "-", "color": colour, "linewidth": 0.5, "shrinkA": 0, "shrinkB": 0},
-            )
+
+    def place(k: int) -> Transform:
+        """Where a label goes, found when it is drawn: only then is it known how long the edge is."""
+        figure, box = axes.get_figure(root=True), axes.get_window_extent()
+        assert figure is not None
+        point = figure.dpi / 72
+        placed = spread(fractions, step * point / (box.height if upright else box.width), 0.0, 1.0)[k]
+        if upright:
+            return Affine2D().translate(box.x1 + reach * point, box.y0 + placed * box.height)
+        return Affine2D().translate(box.x0 + placed * box.width, box.y1 + reach * point)
+
+    return [
+        axes.annotate(
+            text,
+            (1.0, fraction) if upright else (fraction, 1.0),
+            xycoords="axes fraction",
+            xytext=(0.0, 0.0),
+            textcoords=lambda _, k=k: place(k),
+            color=colour,
+            fontsize=SMALL_SIZE,
+            ha="left" if upright else "center",
+            va="center" if upright else "bottom",
+            annotation_clip=False,
+            arrowprops={"arrowstyle": "-", "color": colour, "linewidth": 0.5, "shrinkA": 0, "shrinkB": 0},
         )
-    return made
+        for k, (fraction, (_, text, colour)) in enumerate(zip(fractions, labels, strict=True))
+    ]
 
 
 # Where a label may stand around its point, in order of preference: direction of the offset and alignment.
@@ -119,13 +119,13 @@ def label_points(
     obstacles: list[tuple[float, float]],
     distance: float = 8.0,
 ) -> list[Annotation]:
-    """Write (x, y, text, colour) next to each point, inside the frame.
+    """Write (x, y, text, colour) next to each point, inside the frame; lays the figure out.
 
     The labels keep clear of one another, of the points, of further markers at `obstacles` and of the line x = 0.
     """
     figure = axes.get_figure(root=True)
     assert figure is not None
-    figure.draw_without_rendering()
+    lay_out(figure)
     frame, places = axes.get_window_extent(), [(x, y) for x, y, _, _ in labels] + obstacles
     points = axes.transData.transform(places or [(0.0, 0.0)])
     half = 5.0 * figure.dpi / 72  # a marker's half width
@@ -179,4 +179,4 @@ def finer(
 
 def between(time: NDArray[np.float64], values: NDArray[np.float64], wanted: NDArray[np.float64]) -> NDArray[np.float64]:
     """Values (wanted, ...) of that spline through six samples or more, at times within theirs."""
-    return make_interp_spline(time, values, k=5)(wanted)
+    return scipy.interpolate.make_interp_spline(time, values, k=5)(wanted)

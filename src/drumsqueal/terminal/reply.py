@@ -6,7 +6,9 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
+from rich.console import Console, ConsoleRenderable, RenderHook
+from rich.control import Control
+from rich.segment import ControlType
 
 from drumsqueal.errors import RequestError
 from drumsqueal.files.claims import claim_file, claim_folder
@@ -37,6 +39,8 @@ class Reply:
             check_apart(self._path, apart_from, option="--json")
             self._claim_file(self._path, overwrite=overwrite, option="--json")
         self.console = make_console(quiet=quiet or json_file is not None)
+        if self.console.is_terminal and not (self.console.quiet or self.console.is_dumb_terminal):
+            _Notice(self.console)
 
     @classmethod
     def next_to(
@@ -116,6 +120,23 @@ class Reply:
             self._path.write_text(to_json(data), encoding="utf-8")
         else:
             write_json(data, self._path)
+
+
+class _Notice(RenderHook):
+    """A word on a terminal while the package loads, in the place of what is printed first."""
+
+    def __init__(self, console: Console) -> None:
+        self._shown = True
+        console.push_render_hook(self)
+        console.file.write("loading …")
+        console.file.flush()
+
+    def process_renderables(self, renderables: list[ConsoleRenderable]) -> list[ConsoleRenderable]:
+        """Clear the line before the first thing that is printed."""
+        if not self._shown:
+            return renderables
+        self._shown = False
+        return [Control(ControlType.CARRIAGE_RETURN, (ControlType.ERASE_IN_LINE, 2)), *renderables]
 
 
 def _is_stream(path: Path) -> bool:

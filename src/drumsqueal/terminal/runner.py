@@ -65,16 +65,11 @@ class Answer(Generic[F]):
 
         Raises OSError, and KeyboardInterrupt between two figures.
         """
-        from drumsqueal.terminal.style import save_figure
-
         left_out = []
         for name, make in self.figures.items():
             stop_if_interrupted()
-            figure = make(found)
-            if figure is None:
+            if not draw_figure(folder, name, make(found)):
                 left_out.append(figure_file(name))
-            else:
-                save_figure(figure, folder / figure_file(name))
         return left_out
 
     @property
@@ -82,6 +77,16 @@ class Answer(Generic[F]):
         """All names that may be written."""
         first = [name for name in (self.filled, self.summary) if name is not None]
         return (*first, *self.tables, *map(figure_file, self.figures))
+
+
+def draw_figure(folder: Path, name: str, figure: "Figure | None") -> bool:
+    """Write a figure, whole or not at all; whether there is one, that is something to show. Raises OSError."""
+    if figure is None:
+        return False
+    from drumsqueal.terminal.style import save_figure
+
+    save_figure(figure, folder / figure_file(name))
+    return True
 
 
 def answer(

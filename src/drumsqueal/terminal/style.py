@@ -8,6 +8,7 @@ from typing import Any
 
 from matplotlib import rc_context
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.font_manager import findfont, get_font
 
@@ -51,6 +52,8 @@ _RC: dict[Any, Any] = {
     "lines.linewidth": 0.9,
     "axes.unicode_minus": True,
     "axes.formatter.useoffset": False,
+    "figure.autolayout": False,
+    "figure.constrained_layout.use": False,
     "figure.constrained_layout.h_pad": 0.04,
     "figure.constrained_layout.w_pad": 0.04,
 }
@@ -65,7 +68,9 @@ def styled() -> Iterator[None]:
 
 def new_figure(title: str, subject: str) -> Figure:
     """Return an empty figure headed by the title of the scene and what is shown."""
-    figure = Figure(figsize=(WIDTH_MM / MM_PER_INCH, HEIGHT_MM / MM_PER_INCH), layout="constrained")
+    size = (WIDTH_MM / MM_PER_INCH, HEIGHT_MM / MM_PER_INCH)
+    figure = Figure(size, dpi=DOTS_PER_INCH, layout="constrained")
+    FigureCanvasAgg(figure)  # what measures text; without it a figure makes one for every word
     heading = _drawable(" ".join(title.split()))
     # A title is the user's own words: a dollar sign in it does not start a formula.
     text = figure.suptitle(subject, fontsize=TITLE_SIZE, x=0.01, ha="left", parse_math=False)
@@ -100,9 +105,18 @@ def time_unit(duration: float) -> tuple[float, str]:
     return (1.0, "s") if duration > SHORTEST_IN_SECONDS else (1e3, "ms")
 
 
+def lay_out(figure: Figure) -> None:
+    """Give the axes their places, once: matplotlib would do that at every drawing, and draws twice where it does."""
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        engine.execute(figure)
+        figure.set_layout_engine(None)
+
+
 @styled()
 def save_figure(figure: Figure, path: Path) -> None:
     """Save a figure, whole or not at all; 200 dpi. Raises OSError."""
+    lay_out(figure)
     content = BytesIO()
     figure.savefig(content, dpi=DOTS_PER_INCH, pil_kwargs={"compress_level": COMPRESSION})
     output_folder.write_whole(path, content.getvalue())

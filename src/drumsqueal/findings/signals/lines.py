@@ -5,11 +5,11 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-import scipy.fft
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.signal.windows import hann
 
 from drumsqueal.findings.signals.checks import finite_record, positive
+from drumsqueal.findings.signals.windows import hann
 
 # Half the width of the main lobe of the Hann window, in bins 1/T: lines closer than this are one to it.
 MAIN_LOBE = 2.0
@@ -87,7 +87,7 @@ class _Search:
 
     def __init__(self, record: NDArray[np.float64]) -> None:
         self.record, self.rest, self.samples = record, record, record.shape[0]
-        self.window = hann(self.samples, sym=False) / (self.samples / 2)
+        self.window = hann(self.samples) / (self.samples / 2)
         self.length = int(scipy.fft.next_fast_len(PADDING * self.samples, real=True) or 0)
         self.bins = np.arange(self.length // 2 + 1) * (self.samples / self.length)
         self.frequency = np.zeros(0)

@@ -4,11 +4,11 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-import scipy.fft
-import scipy.signal
+import scipy
 from numpy.typing import NDArray
 
 from drumsqueal.findings.signals.spectra import amplitude_spectrum, parabola_vertex
+from drumsqueal.findings.signals.windows import local_maxima
 
 # A motion is periodic when it differs from itself a period later by less than this, relative to its rms.
 RECURRENCE = 1e-2
@@ -49,7 +49,7 @@ def find_recurrences(unit: NDArray[np.float64], longest: float) -> tuple[list[Re
     if shortest >= longest:
         return [], None
     squared = _squared_errors(fine, longest + 1)
-    minima = shortest + 1 + scipy.signal.find_peaks(-squared[shortest + 1 : longest])[0]
+    minima = shortest + 1 + local_maxima(-squared[shortest + 1 : longest])
     found: list[Recurrence] = []
     for lag in minima:
         offset, lowest = parabola_vertex(*squared[lag - 1 : lag + 2].tolist())

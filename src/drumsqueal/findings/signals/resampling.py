@@ -7,8 +7,7 @@ are off by 7 to 50 % of the largest amplitude there where this is off by 1e-5; a
 import math
 
 import numpy as np
-import scipy.signal
-import scipy.special
+import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from drumsqueal.findings.signals.checks import finite_record, positive

@@ -5,11 +5,11 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-import scipy.signal
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.signal.windows import hann
 
 from drumsqueal.findings.signals.checks import below_nyquist, finite_record, positive
+from drumsqueal.findings.signals.windows import hann, local_maxima
 
 # Equivalent noise bandwidth of the Hann window in bins 1/T (Harris 1978, table I).
 HANN_BANDWIDTH = 1.5
@@ -83,7 +83,7 @@ def amplitude_spectrum(signal: ArrayLike, sample_rate: float, *, zero_padding: i
     rate = positive("sample_rate", sample_rate)
     if zero_padding != int(zero_padding) or zero_padding < 1:
         raise ValueError(f"zero_padding must be a whole number of at least 1, got {zero_padding}")
-    window = hann(record.size, sym=False)
+    window = hann(record.size)
     length = int(zero_padding) * record.size
     amplitude = np.abs(np.fft.rfft(window * _without_mean(record, window), length))
     amplitude *= 2.0 / window.sum()
@@ -182,7 +182,7 @@ def spectrogram(
             f"signal is too short: {record.size} samples, one window of {periods:g} periods of {lowest_frequency:g} Hz "
             f"takes {length}; ask for fewer periods or record for longer"
         )
-    window = hann(length, sym=False)
+    window = hann(length)
     transform = scipy.signal.ShortTimeFFT(
         window,
         max(1, round(length * (1.0 - overlap))),
@@ -244,7 +244,7 @@ def _without_mean(record: NDArray[np.float64], window: NDArray[np.float64]) -> N
 
 
 def _local_maxima(spectrum: Spectrum) -> NDArray[np.intp]:
-    return scipy.signal.find_peaks(spectrum.amplitude)[0]
+    return local_maxima(spectrum.amplitude)
 
 
 def _interpolated(spectrum: Spectrum, at: int) -> Peak:

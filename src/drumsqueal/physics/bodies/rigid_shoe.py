@@ -86,7 +86,7 @@ class RigidShoe(eqx.Module):
         c = 4 (h² − 3hR + 3R²) / (3 β (2R − h)) · sin(β/2)
         """
         R, h = self.outer_radius, self.thickness
-        return 4 * (h**2 - 3 * h * R + 3 * R**2) / (3 * self.arc_angle * (2 * R - h)) * jnp.sin(self.half_angle)
+        return 4 * (h**2 - 3 * h * R + 3 * R**2) / (3 * self.arc_angle * (2 * R - h)) * _sine(self.half_angle)
 
     @property
     def mass(self) -> Array:
@@ -105,7 +105,7 @@ class RigidShoe(eqx.Module):
         first, second, third = (self.radial_moment(k) for k in (1, 2, 3))
         cosine_squared, sine_squared = self._squares()
         across = beta * b**3 / 12 * first
-        offset = c**2 * beta * first - 4 * c * jnp.sin(self.half_angle) * second
+        offset = c**2 * beta * first - 4 * c * _sine(self.half_angle) * second
         body = rho * beta * b * first
         return Six(
             body,
@@ -118,15 +118,15 @@ class RigidShoe(eqx.Module):
 
     def _squares(self) -> tuple[Array, Array]:
         """∫cos²θ dθ and ∫sin²θ dθ over the arc (rad)."""
-        return (self.arc_angle + jnp.sin(self.arc_angle)) / 2, (self.arc_angle - jnp.sin(self.arc_angle)) / 2
+        return (self.arc_angle + _sine(self.arc_angle)) / 2, (self.arc_angle - _sine(self.arc_angle)) / 2
 
     def radial_resultant(self) -> Motion:
         """∫ φ^r dA: the generalised force of unit pressure is its negative (m², m³ for rotations)."""
-        return self.keep(Six(X=2 * jnp.sin(self.half_angle) * self.outer_radius * self.width))
+        return self.keep(Six(X=2 * _sine(self.half_angle) * self.outer_radius * self.width))
 
     def tangential_resultant(self) -> Motion:
         """∫ φ^θ dA: the generalised force of unit traction along θ (m², m³ for rotations)."""
-        chord = 2 * jnp.sin(self.half_angle) * self.outer_radius * self.width
+        chord = 2 * _sine(self.half_angle) * self.outer_radius * self.width
         return self.keep(Six(Y=chord, Tz=self.outer_radius * self.area - self.centroid * chord))
 
     def radial_stiffness(self) -> Array:
@@ -249,6 +249,10 @@ class Support(Effect):
         """∂²U/∂q² at q = 0, shape (n, n)."""
         k = self._stiffness
         return jnp.diag(jnp.array(self.shoe.keep(Six(X=k, Tz=k * self.shoe.outer_radius**2))))
+
+
+def _sine(angle: Any) -> Any:
+    return np.sin(angle) if isinstance(angle, np.ndarray | np.generic) else jnp.sin(angle)
 
 
 # The displacement of a point at θ and z on the radius R: its coefficients are the shape functions.

@@ -7,7 +7,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-import scipy.interpolate
+import scipy
 from jax import Array
 from jax.core import Tracer
 from numpy.typing import NDArray

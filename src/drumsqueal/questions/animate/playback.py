@@ -5,9 +5,9 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy
 import xarray
 from numpy.typing import NDArray
-from scipy.integrate import cumulative_trapezoid
 
 from drumsqueal.errors import RequestError
 from drumsqueal.findings.signals.spectra import amplitude_spectrum, spectral_peaks
@@ -16,6 +16,7 @@ from drumsqueal.findings.vibration import FEWEST_FOR_SPECTRUM, levers
 from drumsqueal.outcome import Ending
 from drumsqueal.physics.bodies.rigid_shoe import OUT_OF_PLANE, RigidShoe
 from drumsqueal.physics.model import Model, build_model
+from drumsqueal.programs import Program
 from drumsqueal.questions.animate.section import largest_displacement
 from drumsqueal.questions.run.figures.contact import SMALL, along_arc
 from drumsqueal.questions.run.figures.view import MICRO, REST
@@ -43,7 +44,7 @@ TOUCHING, SEPARATED, REVERSED, STUCK = range(4)
 
 Values = NDArray[np.float64]
 
-_steady_sliding = jax.jit(steady_sliding)  # as one program, which the command line keeps
+_steady_sliding = Program(steady_sliding)  # as one program, which the command line keeps
 
 
 class Arc(NamedTuple):
@@ -308,7 +309,7 @@ def _evaluated(model: Model, time: Values, states: Values, z: float = 0.0) -> tu
 def _drum_turn(model: Model, time: Values, factor: float) -> tuple[Values, float]:
     """Turn of the drum as drawn (rad), and how far it is magnified: as the displacement, unless it would blur."""
     speed = np.asarray(jax.vmap(model.operation.at)(jnp.asarray(time)).drum_speed)
-    turn = cumulative_trapezoid(speed, time, initial=0)
+    turn = scipy.integrate.cumulative_trapezoid(speed, time, initial=0)
     quickest = float(np.abs(np.diff(turn)).max())
     drawn = factor if factor * quickest <= FASTEST else FASTEST / quickest
     return drawn * turn, drawn

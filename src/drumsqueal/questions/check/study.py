@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax import Array
 from numpy.typing import NDArray
 from pydantic import Field
 
@@ -15,6 +16,8 @@ from drumsqueal.findings.prediction import Prediction, predict
 from drumsqueal.findings.schema import Finding, Findings, Held, InMemory
 from drumsqueal.findings.vibration import moved_by
 from drumsqueal.physics.effects.pressure import Unilateral
+from drumsqueal.physics.laws.friction_law import FrictionLaw
+from drumsqueal.programs import Program
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.check.run_time import estimate
 from drumsqueal.scene import Profile, Scene
@@ -23,10 +26,10 @@ from drumsqueal.scene.usual import unusual
 from drumsqueal.simulation import Prepared, check_sample_rate, prepare, start_of
 from drumsqueal.solve.linear.modes import Mode, while_sliding
 
-# What a run takes next to its integration goes with the speed of the machine, as does loading the package: comparison,
-# figures and programs fetched from the cache took so many times as long, for the shipped scenes.
-BESIDES_INTEGRATION = 4.0
-LOADED = 0.3  # s; loading that is faster did not happen, for all was loaded before
+# What a run takes next to its integration goes with the speed of the machine, as does loading what a check needs:
+# comparison, figures and programs fetched from the cache took so many times as long, for the nominal scene.
+BESIDES_INTEGRATION = 8.0
+LOADED = 0.1  # s; loading that is faster did not happen, for all was loaded before
 HARMONICS = 2  # of the highest frequency that a record should hold: contact that comes and goes makes them
 PHASES = 64  # of an oscillation, at which its distance from the contact boundaries is looked at
 SMALL = 0.5  # of the way to a contact boundary: a start from there on leaves next to no linear growth
@@ -150,9 +153,15 @@ def _numbers(prepared: Prepared) -> Iterator[tuple[str, float, str, str]]:
         farthest = radius - centroid * math.cos(half)
         yield ("reversing rotation", sliding / farthest, "rad/s", "the rate of Tz alone at which slip reverses")
         law = contact.friction.law
-        slope = jax.grad(lambda s: jnp.sum(law.coefficient(s)))(jnp.asarray(sliding))
-        yield ("friction coefficient", float(law.coefficient(jnp.asarray(sliding))), "1", "at the sliding speed")
+        coefficient, slope = _friction_at(law, np.asarray(sliding))
+        yield ("friction coefficient", float(coefficient), "1", "at the sliding speed")
         yield ("slope of friction", float(slope) + 0.0, "s/m", "of its curve there; falling friction feeds squeal")
+
+
+@Program
+def _friction_at(law: FrictionLaw, speed: Array) -> tuple[Array, Array]:
+    """The coefficient at a slip speed (m/s), and its slope there (s/m)."""
+    return law.coefficient(speed), jax.grad(lambda s: jnp.sum(law.coefficient(s)))(speed)
 
 
 def first_boundary_time(growing: tuple[Growth, ...], fractions: tuple[float, float]) -> float | None:

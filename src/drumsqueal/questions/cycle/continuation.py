@@ -10,7 +10,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.optimize import brentq
+import scipy
 
 from drumsqueal.errors import CycleError
 from drumsqueal.questions.cycle.diagram import Branch, End
@@ -211,7 +211,7 @@ class Track:
             return closed
 
         try:
-            length: Any = brentq(lambda length: measure(at(length)), 0.0, step, xtol=LOCATED * step)
+            length: Any = scipy.optimize.brentq(lambda length: measure(at(length)), 0.0, step, xtol=LOCATED * step)
             cycle = describe(self._shooting, at(length))
         except (CycleError, ValueError):
             return  # the branch itself goes on, without the name of what happened

@@ -11,9 +11,9 @@ from functools import partial
 from typing import Any, cast, overload
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 from pydantic import computed_field
-from scipy.interpolate import CubicHermiteSpline
 
 from drumsqueal.errors import IntegrationError
 from drumsqueal.findings.boundaries import boundary_ratios
@@ -372,12 +372,12 @@ def _section(vibration: Vibration, mass: NDArray[np.float64], coordinates: tuple
     ranked = sorted(range(energy.size), key=lambda k: -energy[k])
     across, other = ranked[0], ranked[min(1, len(ranked) - 1)]
     time, q, v = vibration.time, vibration.displacement, vibration.velocity
-    curve = CubicHermiteSpline(time, q[:, across] - q[:, across].mean(), v[:, across])
+    curve = scipy.interpolate.CubicHermiteSpline(time, q[:, across] - q[:, across].mean(), v[:, across])
     at = curve.roots(extrapolate=False)
     at = at[np.isfinite(at) & (curve(at, 1) > 0)]
     if not at.size:
         return Section()
-    points = np.column_stack([CubicHermiteSpline(time, q[:, other], v[:, other])(at), curve(at, 1)])
+    points = np.column_stack([scipy.interpolate.CubicHermiteSpline(time, q[:, other], v[:, other])(at), curve(at, 1)])
     size = float(np.ptp(q[:, other])), float(np.ptp(v[:, across]))
     names = vibration.coordinates
     return Section(across=names[across], other=names[other], points=len(points), size=size, values=points)

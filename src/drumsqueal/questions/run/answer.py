@@ -10,26 +10,29 @@ from rich.console import Console
 from drumsqueal.errors import IntegrationError
 from drumsqueal.files.history_file import HistoryFile, Reached
 from drumsqueal.files.json_file import write_json
-from drumsqueal.files.output_folder import HISTORY, RESUME, SUMMARY, not_taken
+from drumsqueal.files.output_folder import FIGURES, HISTORY, RESUME, SUMMARY, figure_file, not_taken
 from drumsqueal.files.resumption import Point, ResumeFile
 from drumsqueal.findings.compare import RunFindings
 from drumsqueal.findings.prediction import predict
 from drumsqueal.outcome import Ending, Outcome
 from drumsqueal.progress import Progress
+from drumsqueal.questions.run.drawing import Second, draw
 from drumsqueal.questions.run.words import print_findings
-from drumsqueal.simulation import Prepared, collect, compared
+from drumsqueal.simulation import Prepared, Result, collect, compared
 from drumsqueal.solve.transient.integrate import Chunk
-from drumsqueal.terminal.runner import Answer, print_place, shown_progress
+from drumsqueal.terminal.runner import print_place, shown_progress
 
-DRAWING = "drumsqueal.questions.run.figures"
+LATER = ("scipy.signal", "drumsqueal.questions.run.figures")  # what compares and draws
 
 
-def run_into(folder: Path, prepared: Prepared, console: Console, since: Point | None = None) -> RunFindings:
+def run_into(
+    folder: Path, prepared: Prepared, console: Console, since: Point | None = None, second: Second | None = None
+) -> RunFindings:
     """Run a prepared scene, write history, findings and figures into the folder, print and return the findings.
 
-    `since` a point that an earlier run in this folder has reached, it goes on from there. Raises IntegrationError for a
-    run that failed, was interrupted or did not fit on the disk, after writing what was computed; the message says why
-    and what is where.
+    `second` is a process that helps to draw. `since` a point that an earlier run in this folder has reached, it goes on
+    from there. Raises IntegrationError for a run that failed, was interrupted or did not fit on the disk, after writing
+    what was computed; the message says why and what is where.
     """
     reached = Reached() if since is None else since.reached
     history = HistoryFile(folder / HISTORY, prepared.scene, prepared.model.names, reached)
@@ -39,24 +42,24 @@ def run_into(folder: Path, prepared: Prepared, console: Console, since: Point | 
             with shown_progress(console) as progress:
                 outcome = _integrate(history, resume, prepared, progress, since)
                 progress("comparing", 0.0, None)
-                found, answer = _find(files, history, prepared, outcome, folder, progress)
-            left_out = answer.draw(folder, found)
+                result = _find(files, history, prepared, outcome, folder, progress)
+            left_out = draw(folder, result, prepared.model, second)
             if outcome.ending is Ending.COMPLETE:
                 resume.remove()
         except KeyboardInterrupt:
             raise IntegrationError(f"interrupted by the user; {_kept(history, outcome)}{_again(resume)}") from None
         except OSError as error:
             raise IntegrationError(f"{not_taken(error, folder)}; {_kept(history, outcome)}{_again(resume)}") from None
-    answer.words(console, found)
-    print_place(console, folder, (HISTORY, *answer.files), left_out)
+    print_findings(console, result.findings)
+    print_place(console, folder, (HISTORY, SUMMARY, *map(figure_file, FIGURES)), left_out)
     if outcome.ending is not Ending.COMPLETE:
         raise IntegrationError(f"{outcome}; what was computed is in {folder}{_again(resume)}")
-    return found
+    return result.findings
 
 
 def _find(
     files: ExitStack, history: HistoryFile, prepared: Prepared, outcome: Outcome, folder: Path, progress: Progress
-) -> tuple[RunFindings, Answer[RunFindings]]:
+) -> Result:
     """Compare with the prediction and write what was found, which of a run without samples is the prediction alone."""
     if not history.exists:
         found = RunFindings(
@@ -71,8 +74,7 @@ def _find(
     result = compared(prepared, files.enter_context(history.reading()))
     progress("writing", 0.0, None)
     write_json(result.findings, folder / SUMMARY)
-    figures = importlib.import_module(DRAWING).drawings(result, prepared.model)
-    return result.findings, Answer(words=print_findings, summary=SUMMARY, figures=figures)
+    return result
 
 
 def _integrate(
@@ -80,13 +82,11 @@ def _integrate(
 ) -> Outcome:
     """Integrate into the history, and return the outcome."""
     # What compares and draws is loaded while compiled code runs: a second that nobody waits for.
-    loading = threading.Thread(target=importlib.import_module, args=(DRAWING,))
+    threading.Thread(target=lambda: [importlib.import_module(name) for name in LATER]).start()
     if since is not None:
         history.take_up()
 
     def keep(chunk: Chunk) -> None:
-        if loading.ident is None:
-            loading.start()
         history.append(chunk)
         if chunk.end is not None:
             resume.note(Point(history.reached, chunk.end))

@@ -45,15 +45,18 @@ def run_command(
     from drumsqueal.terminal.tables import print_notes
 
     print_notes(reply.console, unusual(loaded))
-    from drumsqueal.questions.run.answer import run_into
-    from drumsqueal.questions.run.bistable import print_bistable
-    from drumsqueal.simulation import check_sample_rate, prepare
+    from drumsqueal.questions.run.drawing import second_process
 
-    since = find_point(folder, loaded) if resume else None
-    prepared = prepare(loaded)
-    check_sample_rate(prepared)
-    reply.clear(but=(HISTORY, RESUME) if resume else ())
-    found = run_into(folder, prepared, reply.console, since)
+    with second_process() as second:  # which loads while this one does
+        from drumsqueal.questions.run.answer import run_into
+        from drumsqueal.questions.run.bistable import print_bistable
+        from drumsqueal.simulation import check_sample_rate, prepare
+
+        since = find_point(folder, loaded) if resume else None
+        prepared = prepare(loaded)
+        check_sample_rate(prepared)
+        reply.clear(but=(HISTORY, RESUME) if resume else ())
+        found = run_into(folder, prepared, reply.console, since, second)
     if found.saturation is None or not found.saturation.vibrates:  # otherwise it squeals already
         print_bistable(reply.console, loaded, prepared.stability, scene, settings or ())
     reply.send(found)

@@ -1,47 +1,16 @@
-"""What a run or an eigenvalue problem prints on the terminal, on a console that takes no markup: text is text."""
+"""What a run prints on the terminal, on a console that takes no markup: text is text."""
 
 from rich import box
 from rich.console import Console
 from rich.table import Table
-from rich.text import Text
 
 from drumsqueal.findings.accuracy import INSTANTS
 from drumsqueal.findings.compare import RunFindings
 from drumsqueal.findings.saturation import duration_for
 from drumsqueal.findings.signals.regime import Kind
 from drumsqueal.findings.verdict import difference_is_no_error
-from drumsqueal.findings.vibration import unit_of
-from drumsqueal.solve.linear.modes import OSCILLATING_FRACTION, UNDAMPED_FRACTION, Stability
 from drumsqueal.solve.transient.runge_kutta import AUTO, IMPLICIT
 from drumsqueal.terminal.tables import print_model, print_table
-
-
-def print_stability(console: Console, stability: Stability) -> None:
-    """Print the modes, the other eigenvalues and the steady state."""
-    table = Table(title="Modes of steady sliding", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    for heading in ("mode", "frequency", "growth rate", "damping ratio", ""):
-        table.add_column(heading, justify="left" if heading in ("mode", "") else "right")
-    for mode in stability.modes:
-        table.add_row(
-            mode.label,
-            f"{mode.frequency_Hz:.2f} Hz",
-            f"{mode.growth_rate:+.3f} 1/s",
-            f"{100 * mode.damping_ratio:+.3f} %",
-            Text("unstable", style="bold red") if mode.unstable else "stable",
-        )
-    print_table(console, table)
-    largest = max(abs(stability.eigenvalues), default=0.0)
-    real = [value.real for value in stability.eigenvalues if abs(value.imag) <= OSCILLATING_FRACTION * largest]
-    if real:
-        rounded = (0.0 if abs(value) < UNDAMPED_FRACTION * largest else value for value in real)  # off round-off
-        console.print("Without oscillation: " + ", ".join(f"{value:.3f} 1/s" for value in rounded))
-    moved = {n: q for n, q in zip(stability.coordinates, stability.steady_state, strict=True) if q != 0}
-    if moved:
-        console.print("Steady sliding at " + ", ".join(f"{n} = {q:.4g} {unit_of(n)}" for n, q in moved.items()))
-    if stability.time > 0:
-        console.print(f"This is for the drum's speed at t = {stability.time:g} s: at t = 0 it is at rest")
-    low, high = stability.pressure_range
-    console.print(f"Steady pressure from {low / 1e3:.2f} to {high / 1e3:.2f} kPa along the lining")
 
 
 def print_findings(console: Console, found: RunFindings) -> None:

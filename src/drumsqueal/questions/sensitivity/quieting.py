@@ -3,9 +3,9 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 from pydantic import computed_field
-from scipy.optimize import minimize
 
 from drumsqueal.errors import RequestError
 from drumsqueal.findings.schema import Finding, SceneInFile
@@ -187,7 +187,7 @@ class _Problem:
             "fun": lambda x: -(self._margin + self.rates(x)[0]) / scale,
             "jac": lambda x: -self.rates(x)[1] / scale,
         }
-        result = minimize(
+        result = scipy.optimize.minimize(
             lambda x: (float(x @ x), 2 * x),
             np.clip(start, self.low, self.high),
             jac=True,

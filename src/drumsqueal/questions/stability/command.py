@@ -19,7 +19,7 @@ def stability_command(
     loaded = load_scene(scene, settings or ())
     reply = Reply(quiet, json_file, overwrite=overwrite, apart_from=(scene,))
     from drumsqueal.findings.prediction import predict
-    from drumsqueal.questions.run.words import print_stability
+    from drumsqueal.questions.stability.answer import print_stability
     from drumsqueal.simulation import prepare
 
     stability = prepare(loaded).stability

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 
 import jax
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import brentq, linear_sum_assignment, minimize_scalar
 
 from drumsqueal.errors import SteadyStateError
 from drumsqueal.physics.model import Model
@@ -145,7 +145,7 @@ def _overlap(a: Point, b: Point) -> NDArray[np.float64]:
 def _links(a: Point, b: Point) -> tuple[dict[int, int], float]:
     """Which mode at a value is which at another, and the smallest overlap of any; 0 where some are left over."""
     overlap = _overlap(a, b)
-    pairs = list(zip(*linear_sum_assignment(-overlap), strict=True))
+    pairs = list(zip(*scipy.optimize.linear_sum_assignment(-overlap), strict=True))
     links = {int(i): int(j) for i, j in pairs if overlap[i, j] >= LINKED}
     if len(links) < max(len(a.modes), len(b.modes)):
         return links, 0.0
@@ -212,7 +212,7 @@ def _with_turns(model_at: ModelAt, points: list[Point]) -> list[Point]:
         def height(value: float, sign: float = sign) -> float:
             return sign * point_at(model_at, value).growth_rate
 
-        lowest: Any = minimize_scalar(height, bounds=(a.value, c.value), method="bounded")
+        lowest: Any = scipy.optimize.minimize_scalar(height, bounds=(a.value, c.value), method="bounded")
         turn = point_at(model_at, float(lowest.x))
         if sign * turn.growth_rate < 0:
             found.append(turn)
@@ -246,7 +246,7 @@ def _root(model_at: ModelAt, a: Point, b: Point, rank: int, precision: float) ->
     least = noise[0] if min(abs(before), abs(after)) < noise[0] else 0.0
     if (before > least) == (after > least):
         return None
-    value, _ = brentq(
+    value, _ = scipy.optimize.brentq(
         lambda value: _rate(point_at(model_at, value), rank) - least,
         a.value,
         b.value,

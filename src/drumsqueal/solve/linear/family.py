@@ -1,20 +1,20 @@
 """The linear model as a function of a scene's numbers: eigenvalues of many sets of them or scenes, and derivatives."""
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jax import Array
 from jax.typing import ArrayLike
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from drumsqueal.errors import SteadyStateError
 from drumsqueal.physics.composition import Composition, compose, linear_coordinates
 from drumsqueal.physics.model import Numbers, assemble, build_model
+from drumsqueal.programs import Program
 from drumsqueal.scene import Scene
 from drumsqueal.solve.linear.modes import (
     DRIFT_FRACTION,
@@ -103,7 +103,7 @@ def _own(eigenvalues: Complex, right: Complex, mass: NDArray[np.float64]) -> Com
     n = mass.size
     fraction = np.abs(right[:n]) ** 2 * mass[:, None]
     fraction = fraction / fraction.sum(axis=0)
-    rows, columns = linear_sum_assignment(-np.repeat(fraction, 2, axis=0))
+    rows, columns = scipy.optimize.linear_sum_assignment(-np.repeat(fraction, 2, axis=0))
     pairs = eigenvalues[columns[np.argsort(rows)]].reshape(n, 2)
     largest = np.max(np.abs(eigenvalues))
     return np.array([_informative(pair, largest) for pair in pairs])
@@ -188,7 +188,7 @@ def _together(composition: Composition, scenes: list[Scene]) -> list[Stability |
     return [_or_error(stability_of, composition.coordinates, one) for one in each]
 
 
-@partial(jax.jit, static_argnums=1)
+@Program
 def _about_many(numbers: Mapping[str, np.ndarray], composition: Composition) -> AboutSteady:
     def one(numbers: Mapping[str, Array]) -> AboutSteady:
         model = assemble(composition, numbers)

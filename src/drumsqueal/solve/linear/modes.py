@@ -1,13 +1,12 @@
 """Complex eigenvalues of steady sliding: modes, growth rates, frequencies."""
 
 from collections.abc import Sequence
-from functools import partial
 from typing import NamedTuple, cast
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-import scipy.linalg
+import scipy
 from jax import Array
 from numpy.typing import NDArray
 
@@ -16,6 +15,7 @@ from drumsqueal.physics.bodies.body import scalars
 from drumsqueal.physics.effects.effect import at_rest
 from drumsqueal.physics.effects.operation import Profile
 from drumsqueal.physics.model import Model
+from drumsqueal.programs import Program
 from drumsqueal.solve.linear.steady import Linear, linear_model, linearise, steady_sliding
 
 # An eigenvalue oscillates when its imaginary part exceeds this fraction of the largest modulus: a real one, and the
@@ -132,7 +132,7 @@ class AboutSteady(NamedTuple):
     contact_fraction: Array
 
 
-@jax.jit
+@Program
 def about_steady(model: Model, steady: Array, linear: Linear) -> AboutSteady:
     """Matrix, pressure and contact at steady sliding q* (n,), not yet looked at."""
     moment, q = model.operation.at(0.0), scalars(steady)
@@ -176,7 +176,7 @@ def growing_without_oscillation(eigenvalues: NDArray[np.complex128]) -> float | 
     return float(growing.max()) if growing.size else None
 
 
-@partial(jax.jit, static_argnames="mode")
+@Program
 def growth_rate(model: Model, mode: str) -> Array:
     """Re λ (1/s) of the mode with that name, differentiable with respect to the model's numbers.
 

@@ -16,6 +16,7 @@ from drumsqueal.physics.effects.effect import at_rest
 from drumsqueal.physics.effects.forcing import Forcing
 from drumsqueal.physics.model import Model
 from drumsqueal.physics.quadrature.area import SteadySurface
+from drumsqueal.programs import Program
 from drumsqueal.solve.linear.equilibrium import find_equilibrium
 
 COUPLED_FRACTION = 1e-10  # of the largest coupling: below it is round-off
@@ -73,7 +74,7 @@ def _static_forces(model: Model, z: Array) -> tuple[Array, Array]:
     return jnp.sum(parts, axis=0), jnp.sum(jnp.abs(parts), axis=0)
 
 
-@jax.jit
+@Program
 def linear_model(model: Model) -> tuple[Array, Linear]:
     """Steady sliding q* (n,) and the linear model there, as one program: by far the longest to compile."""
     steady = steady_sliding(model)

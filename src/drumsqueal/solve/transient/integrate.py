@@ -9,7 +9,6 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
@@ -18,6 +17,7 @@ from drumsqueal.errors import IntegrationError
 from drumsqueal.physics.effects.effect import Observation
 from drumsqueal.physics.model import Model
 from drumsqueal.precision import real
+from drumsqueal.programs import Program
 from drumsqueal.solve.transient.runge_kutta import AUTO, IMPLICIT, STAGES, is_explicit
 from drumsqueal.solve.transient.segment import STEP_BUDGET, Segment, first_step
 from drumsqueal.solve.transient.state import CHUNK_SAMPLES, Span, State
@@ -82,7 +82,7 @@ def integrate(
     samples = round(duration * sample_rate)
     steady = real(steady)
     if since is None:
-        state = State(real(displacement), real(velocity), jnp.zeros(()), model.first_memory)
+        state = State(real(displacement), real(velocity), real(0.0), model.first_memory)
         first_energy = sum(float(e) for e in _energy(model, steady, state))
         since = Checkpoint(0, state, first_step(model), first_energy, sticks=False, method=None)
     state, step, first_energy = since.state, since.step, since.first_energy
@@ -107,7 +107,7 @@ def integrate(
         state, step = segment.final, segment.step
 
 
-@jax.jit
+@Program
 def _energy(model: Model, steady: Array, state: State) -> tuple[Array, Array]:
     return model.energy(0.0, steady + state.vibration, state.velocity)
 
@@ -131,7 +131,7 @@ def _to_chunk(
         potential_energy=potential,
         energy_balance_error=kinetic + potential - first_energy - states.work,
         steps=int(segment.steps),
-        rejected_steps=int(segment.steps - segment.kept),
+        rejected_steps=int(segment.steps) - int(segment.kept),
         evaluations=_evaluations(segment, run.solvers),
         implicit=np.full(time.size, float(IMPLICIT in run.solvers)),
         end=None,

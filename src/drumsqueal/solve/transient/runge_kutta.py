@@ -4,13 +4,15 @@ A method has an order, an interpolation of diffrax, and steps whose first slope 
 """
 
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-import diffrax
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+
+if TYPE_CHECKING:
+    import diffrax
 
 Rate = Callable[[Array, Array, tuple[Array, Array]], Array]
 """ẏ at a time between two others, and a state y (n,)."""
@@ -26,7 +28,7 @@ class Explicit:
     the plane instead of 1.4. Written out stage by stage it takes three times as long, and to compile, too.
     """
 
-    def __init__(self, method: diffrax.AbstractERK) -> None:
+    def __init__(self, method: "diffrax.AbstractERK") -> None:
         """Take the method; `weights` are its a_ij (s, s), the last stage of which lies at the end of the step."""
         tableau: Any = method.tableau
         assert tableau.fsal
@@ -107,11 +109,12 @@ class Sdirk4:
     """
 
     order = 4
-    interpolation = diffrax.ThirdOrderHermitePolynomialInterpolation
 
     def __init__(self, stages: Stages) -> None:
         """Take what the stages ask for, in place of the rate that `step` is given."""
-        self._stages = stages
+        from diffrax import ThirdOrderHermitePolynomialInterpolation
+
+        self._stages, self.interpolation = stages, ThirdOrderHermitePolynomialInterpolation
 
     def step(self, rate: Rate, t0: Any, t1: Any, y0: Array, first: Array, piece: tuple[Array, Array]) -> Step:
         """Make one step, as `Explicit.step`."""
@@ -208,11 +211,7 @@ def _solved(matrix: Array, right: Array) -> Array:
     return right
 
 
-_EXPLICIT: Mapping[str, diffrax.AbstractERK] = {
-    "tsit5": diffrax.Tsit5(),
-    "dopri5": diffrax.Dopri5(),
-    "dopri8": diffrax.Dopri8(),
-}
+_EXPLICIT = {"tsit5": "Tsit5", "dopri5": "Dopri5", "dopri8": "Dopri8"}  # as diffrax calls them
 DEFAULT = "dopri8"
 IMPLICIT = "sdirk4"
 AUTO = "auto"  # one of these two, as it comes
@@ -235,7 +234,9 @@ def is_explicit(name: str) -> bool:
 
 def make_solver(name: str, stages: Stages | None = None) -> Any:
     """The method of that name; `stages` is what an implicit one asks for."""
+    import diffrax  # which takes a third of a second, and is wanted where a program is traced only
+
     if is_explicit(name):
-        return Explicit(_EXPLICIT[name])
+        return Explicit(getattr(diffrax, _EXPLICIT[name])())
     assert stages is not None
     return Sdirk4(stages)

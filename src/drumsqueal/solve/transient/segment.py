@@ -15,6 +15,7 @@ from drumsqueal.physics.effects.effect import Observation
 from drumsqueal.physics.effects.pressure import yielding
 from drumsqueal.physics.kernel import compiled, one_kernel
 from drumsqueal.physics.model import Model
+from drumsqueal.programs import Program
 from drumsqueal.solve.transient.passing import Step, fraction_to_rest
 from drumsqueal.solve.transient.runge_kutta import DEFAULT, LOCAL_FRACTION, Stages, make_solver
 from drumsqueal.solve.transient.state import Span, State
@@ -258,7 +259,7 @@ def _observed(model: Model, steady: Array, work: Array, time: Array, scale: Arra
     )  # fmt: skip
 
 
-@jax.jit
+@Program
 def first_step(model: Model) -> Array:
     """A step (s) that resolves the highest frictionless frequency; without any stiffness, one of a microsecond."""
     highest = frictionless_modes(model.mass, model.stiffness)[0][-1]
@@ -280,7 +281,7 @@ def motion_scale(model: Model, state: State) -> State:
     return _resolution(model).amplitudes(model, state)
 
 
-@jax.jit
+@Program
 def least_energy(model: Model) -> Array:
     """Vibration energy (J) below which motion counts as rest: that of a picometre of the highest frictionless mode."""
     return _resolution(model).least ** 2 / 2

@@ -71,4 +71,5 @@ class Span(NamedTuple):
 
     def inside(self, time: Any) -> Any:
         """A time (s of the transient) at which to ask for what is prescribed."""
-        return jnp.clip(time, self.after, self.before)
+        jax_or_numpy = jnp if isinstance(time, Array) else np
+        return jax_or_numpy.clip(time, self.after, self.before)

@@ -5,13 +5,15 @@ cache and from being one kernel. Here the inputs are ours.
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-import diffrax
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+
+if TYPE_CHECKING:
+    import diffrax
 
 # A proportional part in the step-size control halves the rejected steps where contact boundaries make kinks.
 PROPORTIONAL, INTEGRAL = 0.3, 0.4
@@ -97,6 +99,8 @@ def step_through(
     it is then made again so far only. With every step that is kept `along` takes `carried`, a tree of arrays, from its
     start to its end.
     """
+    import diffrax  # as in make_solver
+
     controller = diffrax.PIDController(rtol=tolerance, atol=tolerance, norm=norm, pcoeff=PROPORTIONAL, icoeff=INTEGRAL)
     end = times[-1]
 
@@ -182,7 +186,7 @@ def _pieces(corners: Array | None, origin: Any) -> tuple[Array, Array, Array]:
 
 def _sample(
     times: Array,
-    interpolation: diffrax.AbstractLocalInterpolation,
+    interpolation: "diffrax.AbstractLocalInterpolation",
     there: Array,
     keep: Any,
     sampled: Array,

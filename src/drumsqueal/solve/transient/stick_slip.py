@@ -6,9 +6,9 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jax import Array
 from jax.errors import JaxRuntimeError
-from scipy.optimize import brentq
 
 from drumsqueal.physics.effects.operation import Constant
 from drumsqueal.physics.model import Model
@@ -140,7 +140,7 @@ class StickSlip:
                 state = self._changed(state, span, self._least_slip(state, span), ends=stuck)
             if float(whole.time) >= float(span.length):
                 self._note(span)
-                return whole._replace(final=state, reached=jnp.asarray(True))
+                return whole._replace(final=state, reached=np.asarray(True))
             if bool(segment.halted) or bool(segment.reached):
                 continue
             if not self._choice.switch():
@@ -272,7 +272,7 @@ class StickSlip:
         if after - before <= TIMING * float(span.length):  # a corner between the two, say: it holds up to there
             time = float(np.nextafter(after, np.inf))
         elif excess(before) > 0:
-            time = brentq(excess, before, after, xtol=TIMING * float(span.length))
+            time = scipy.optimize.brentq(excess, before, after, xtol=TIMING * float(span.length))
         assert isinstance(time, float)
         yes, no = jnp.asarray(True), jnp.asarray(False)
         passed = jnp.asarray(time - float(span.start))

@@ -13,9 +13,9 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jax import Array
 from jax.typing import ArrayLike
-from scipy.optimize import minimize, nnls
 
 from drumsqueal.physics.bodies.body import dot, scalars
 from drumsqueal.physics.effects.effect import Observation
@@ -23,6 +23,7 @@ from drumsqueal.physics.effects.friction import Friction
 from drumsqueal.physics.effects.operation import Moment
 from drumsqueal.physics.laws.friction_law import ConstantLaw, static_coefficient
 from drumsqueal.physics.model import Model
+from drumsqueal.programs import Program
 
 ENOUGH = 16  # directions a coordinate, of a polytope within the limit surface: most of what is held lies in it
 SEED = 1  # of those directions
@@ -70,7 +71,7 @@ def held(model: Model) -> Held:
     return Held(**{field.name: getattr(model, field.name) for field in dataclasses.fields(model)})
 
 
-@jax.jit
+@Program
 def slip(model: Model, time: ArrayLike, v: Array) -> Array:
     """A bound on the slip speed (m/s) anywhere on the lining at velocities v (n,), reached up to a small factor."""
     return model.contact.fastest_slip(model.operation.at(time), scalars(v))
@@ -87,13 +88,13 @@ def slip_acceleration(model: Model, time: ArrayLike, a: Array) -> Array:
     return jnp.where(_slips(model), a - _following(model) * (0.0 if rate is None else rate), 0.0)
 
 
-@jax.jit
+@Program
 def drum_motion(model: Model, time: ArrayLike, v: Array) -> Array:
     """Velocity (n,) of a shoe whose lining moves with the drum; coordinates that do not slip keep theirs."""
     return jnp.where(_slips(model), _following(model) * model.operation.at(time).drum_speed, v)
 
 
-@jax.jit
+@Program
 def drum_motions(model: Model, times: Array, velocities: Array) -> Array:
     """The same for many times (k,) and velocities (k, n)."""
     return jax.vmap(drum_motion, in_axes=(None, 0, 0))(model, times, velocities)
@@ -106,7 +107,7 @@ class Grip(NamedTuple):
     farthest: Array
 
 
-@jax.jit
+@Program
 def grip(model: Model, time: ArrayLike, q: Array, v: Array, directions: Array, memory: Array | None = None) -> Grip:
     """The force needed at a displacement q (n,), and the farthest points of the limit surface; v: what is free."""
     moment = model.moment(time, memory)
@@ -183,7 +184,7 @@ def _rests(model: Model, times: Array, q: Array, v: Array) -> bool:
     return all(not np.ptp(np.asarray(x), axis=0).any() for x in (q, v, *prescribed))
 
 
-@jax.jit
+@Program
 def _grips(model: Model, times: Array, q: Array, v: Array, memory: Array | None, directions: Array) -> Grip:
     return jax.lax.map(lambda now: grip(model, *now[:3], directions, now[3]), (times, q, v, memory))
 
@@ -195,7 +196,7 @@ def _lies_among(wanted: np.ndarray, points: np.ndarray) -> bool:
         return False
     table = np.vstack([np.hstack([points.T, -points.T]) / size, np.ones(2 * len(points))])
     table = np.hstack([table, np.eye(len(table))[:, -1:]])  # the fractions add up to one or less
-    return nnls(table, np.append(wanted / size, 1.0))[1] < INSIDE
+    return scipy.optimize.nnls(table, np.append(wanted / size, 1.0))[1] < INSIDE
 
 
 def hold(
@@ -258,4 +259,4 @@ def _least(function: Callable[[np.ndarray], tuple[float, np.ndarray]], start: np
     """Where a convex function, given with its gradient, is least."""
     if start.size == 0:
         return start
-    return minimize(function, start, jac=True, method="BFGS", options={"gtol": 1e-10}).x
+    return scipy.optimize.minimize(function, start, jac=True, method="BFGS", options={"gtol": 1e-10}).x

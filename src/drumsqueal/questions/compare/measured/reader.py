@@ -4,7 +4,7 @@ import warnings
 from pathlib import Path
 
 import numpy as np
-from scipy.io import wavfile
+import scipy
 
 from drumsqueal.errors import RequestError
 from drumsqueal.findings.time_window import time_window
@@ -88,7 +88,7 @@ def _read_wav(asked: Asked) -> Measured:
     try:
         with warnings.catch_warnings(record=True) as noted:
             warnings.simplefilter("always")
-            own_rate, data = wavfile.read(path)
+            own_rate, data = scipy.io.wavfile.read(path)
     except Exception as error:  # scipy raises nearly all there is on a file that is damaged
         damaged = f"{path}: this WAV file is damaged, or of a kind that is not read ({error})"
         raise RequestError(f"{damaged}; PCM and floating point are") from None

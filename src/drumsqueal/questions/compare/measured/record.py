@@ -158,7 +158,7 @@ def parse_unit(text: str) -> Unit | None:
         return Unit(si, number * factor, text.strip()) if number > 0 else None
     if not _KNOWN.issuperset(re.findall(r"[^\W\d_²³]+|°", written.replace("μ", "µ"))):
         return None
-    for si in QUANTITIES:
+    for si in sorted(QUANTITIES, key=lambda si: si != written):  # itself first, which asks for no conversion
         try:
             factor = parse_quantity(f"{number!r} {written}", si)
         except SceneError:

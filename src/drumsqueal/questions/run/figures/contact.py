@@ -3,7 +3,6 @@
 import dataclasses
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 
 from drumsqueal.physics.effects.pressure import Bonded
 from drumsqueal.physics.model import Model
+from drumsqueal.programs import Program
 from drumsqueal.questions.run.figures.view import View
 from drumsqueal.terminal import style
 from drumsqueal.terminal.placement import finer
@@ -88,14 +88,14 @@ def _evaluate(view: View) -> _Field | None:
     time, fine = (values[-TIMES:] for values in finer(samples, motion, count))
     half = float(view.model.shoe.half_angle)
     angles = np.linspace(-half, half, ANGLES)
-    level, slip, preload = along_arc(view.model, *map(jnp.asarray, (time, fine, angles)))
-    p0 = float(np.max(preload))
+    level, slip, preload = along_arc(view.model, time, fine, angles)
+    p0 = float(np.max(np.asarray(preload)))
     if not p0 > 0:
         return None
     return _Field(time, np.rad2deg(angles), np.asarray(level).T / p0, np.asarray(slip).T)
 
 
-@eqx.filter_jit
+@Program
 def along_arc(
     model: Model, time: Array, motion: Array, angles: Array, z: Array | None = None
 ) -> tuple[Array, Array, Array]:

@@ -1,0 +1,312 @@
+"""Programs that are compiled once: kept as executables in the user's cache folder, and loaded without being traced.
+
+Tracing takes longer than all else of a warm start. A program is found again by everything that it depends on: its
+function, the structure of its arguments, the sources of this package, the versions of what it is written with, settings
+and processor. What does not tell by itself what it is, such as a friction law that is a Python function, goes the way
+of `equinox.filter_jit`; so does every call from within another program.
+
+An executable is machine code and its description a pickle: who can write into the folder can run code as the user. So
+it must be the user's own folder, and nobody else may write there; else nothing is kept or loaded.
+"""
+
+import functools
+import hashlib
+import io
+import os
+import pickle
+import platform
+import re
+import secrets
+import stat
+import tempfile
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import fields
+from enum import Enum
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import numpy as np
+from jax.core import Tracer
+from jax.experimental import serialize_executable
+from jaxlib import lapack
+from jaxlib import utils as log  # pyright: ignore[reportAttributeAccessIssue]
+
+from drumsqueal.compilation import cache_folder
+
+PACKAGE = Path(__file__).parent
+WRITTEN_WITH = ("jax", "jaxlib", "equinox", "diffrax", "optimistix", "lineax", "numpy", "scipy")
+MOST_BYTES = 256 * 2**20  # kept: the programs of a scene have some 3 MB; those that were not used for longest go first
+# Settings of JAX that change no program.
+OF_NO_EFFECT = re.compile("cache|log|traceback|explain|dump|profil")
+SILENT, AS_JAX = 3, "1"  # levels of the C++ side's log: only what is fatal, and what JAX sets unless told otherwise
+
+_compiling = threading.Lock()
+folder: Path | None = cache_folder() / "programs"
+"""Where executables are kept; None for nowhere."""
+
+
+class _Kept(NamedTuple):
+    """An executable as JAX serialises it, how many arrays it takes, its result with places for the arrays in it.
+
+    `lapack` says whether it calls LAPACK.
+    """
+
+    executable: bytes
+    taken: int
+    result: Any
+    lapack: bool
+
+
+class _Place(Enum):
+    """Stands where an array goes."""
+
+    ARRAY = 0
+
+
+class _Pickler(pickle.Pickler):
+    """One that keeps what equinox has in the place of missing fields the one thing that it is."""
+
+    def reducer_override(self, obj: Any) -> Any:
+        """The name of that thing, in its module; of others nothing special."""
+        return "MISSING" if type(obj).__name__ == "_Missing" else NotImplemented
+
+
+class Program:
+    """A function as `equinox.filter_jit` compiles it, its executables kept. Arguments and results are trees."""
+
+    def __init__(self, function: Callable[..., Any], options: dict[str, str] | None = None) -> None:
+        """Take a function, and options for XLA."""
+        functools.update_wrapper(self, function)
+        self._function, self._options = function, options or {}
+        self._traced = eqx.filter_jit(function, compiler_options=self._options)  # pyright: ignore[reportCallIssue]
+        self._ready: dict[Any, Callable[..., Any] | None] = {}
+
+    def __call__(self, *arguments: Any, **keywords: Any) -> Any:
+        """Call the function, compiled."""
+        leaves, tree = jax.tree.flatten((arguments, keywords))
+        arrays = [leaf for leaf in leaves if _is_array(type(leaf))]
+        if folder is None or _set("jax_disable_jit") or any(_is_traced(type(leaf)) for leaf in leaves):
+            return self._traced(*arguments, **keywords)
+        key = tree, tuple(map(_kind, leaves))
+        if key not in self._ready:
+            self._ready[key] = self._find(folder, (arguments, keywords), leaves, tree)
+        call = self._ready[key]
+        return self._traced(*arguments, **keywords) if call is None else call(*arrays)
+
+    def _find(self, folder: Path, given: Any, leaves: list[Any], tree: Any) -> Callable[..., Any] | None:
+        """Load the program, or compile and keep it; None where it cannot be told from others, or must not be kept."""
+        try:
+            told = [_name(self._function), self._options, *_told(given), *_circumstances()]
+        except _UntoldError:
+            return None
+        if not _is_private(folder):
+            return None
+        key = hashlib.sha256("\n".join(map(str, told)).encode()).hexdigest()
+        path = folder / f"{self._function.__name__}-{key}"
+        return _load(path) or self._compile(path, leaves, tree)
+
+    def _compile(self, path: Path, leaves: list[Any], tree: Any) -> Callable[..., Any]:
+        result: Any = None
+
+        def flat(*arrays: Any) -> list[Any]:
+            nonlocal result
+            filled = iter(arrays)
+            arguments, keywords = jax.tree.unflatten(
+                tree, [next(filled) if eqx.is_array(leaf) else leaf for leaf in leaves]
+            )
+            given = self._function(*arguments, **keywords)
+            result = jax.tree.map(lambda part: _Place.ARRAY if eqx.is_array(part) else part, given)
+            return [part for part in jax.tree.leaves(given) if eqx.is_array(part)]
+
+        # What JAX takes from a cache of its own cannot be serialised again: no program of that name is there.
+        flat.__name__ = f"{self._function.__name__}_{secrets.token_hex(4)}"
+        lowered = jax.jit(flat, compiler_options=self._options).lower(*(each for each in leaves if eqx.is_array(each)))
+        with _not_cached_by_jax():
+            executable = lowered.compile()
+        called = set(re.findall(r"custom_call @(\w+)", lowered.as_text()))
+        if all(name.startswith("lapack_") for name in called):  # and nothing of this process
+            with suppress(NotImplementedError, ValueError):
+                content = serialize_executable.serialize(executable)[0]
+                _keep(path, _Kept(content, len(jax.tree.leaves(executable.in_avals)), result, lapack=bool(called)))
+        return _whole(executable, result)
+
+
+def _whole(executable: Callable[..., Any], result: Any) -> Callable[..., Any]:
+    """What gives the whole result, not only its arrays."""
+    parts, tree = jax.tree.flatten(result)
+
+    def call(*arrays: Any) -> Any:
+        found = iter(executable(*arrays))
+        return jax.tree.unflatten(tree, [next(found) if part is _Place.ARRAY else part for part in parts])
+
+    return call
+
+
+def _load(path: Path) -> Callable[..., Any] | None:
+    """The program of a file; None where there is none or where it is damaged or another one's, and then removed."""
+    try:
+        content = path.read_bytes()
+    except OSError:
+        return None
+    try:
+        if not content.startswith(_digest(path, content[32:])):
+            raise ValueError
+        kept = _Kept(*pickle.loads(content[32:]))
+        if kept.lapack:  # which tracing would see to; without it the process dies
+            lapack.prepare_lapack_call("syevd", np.dtype(np.float64))
+        with _silent():
+            given = [part for part in jax.tree.leaves(kept.result) if part is _Place.ARRAY]
+            trees = jax.tree.structure(((0,) * kept.taken, {})), jax.tree.structure(given)
+            executable = serialize_executable.deserialize_and_load(kept.executable, *trees)
+    except Exception:  # whatever a pickle or XLA raises
+        with suppress(OSError):
+            path.unlink()
+        return None
+    with suppress(OSError):
+        os.utime(path)  # so that it is not what goes first
+    return _whole(executable, kept.result)
+
+
+def _keep(path: Path, kept: _Kept) -> None:
+    """Write a file whole or not at all, and remove the oldest ones beyond MOST_BYTES; a full disk keeps nothing."""
+    stream = io.BytesIO()
+    _Pickler(stream).dump(tuple(kept))
+    content = stream.getvalue()
+    with suppress(OSError):
+        number, part = tempfile.mkstemp(dir=path.parent)
+        try:
+            with os.fdopen(number, "wb") as file:
+                file.write(_digest(path, content) + content)
+            Path(part).replace(path)
+        except BaseException:
+            Path(part).unlink(missing_ok=True)
+            raise
+        files = sorted(((each.stat(), each) for each in path.parent.iterdir()), key=lambda each: -each[0].st_mtime)
+        total = 0
+        for found, each in files:
+            total += found.st_size
+            if total > MOST_BYTES:
+                each.unlink()
+
+
+def _digest(path: Path, content: bytes) -> bytes:
+    return hashlib.sha256(path.name.encode() + content).digest()
+
+
+def _is_private(folder: Path) -> bool:
+    """Whether there is, or can be, such a folder of the user's own, in which nobody else may write."""
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        found = folder.lstat()
+    except OSError:
+        return False
+    if not stat.S_ISDIR(found.st_mode):
+        return False
+    return os.name != "posix" or (found.st_uid == os.geteuid() and not found.st_mode & 0o022)
+
+
+class _UntoldError(Exception):
+    """A program depends on something that does not tell what it is."""
+
+
+@functools.cache
+def _is_array(kind: type) -> bool:
+    return issubclass(kind, jax.Array | np.ndarray | np.generic)
+
+
+@functools.cache
+def _is_traced(kind: type) -> bool:
+    return issubclass(kind, Tracer)
+
+
+def _set(name: str) -> bool:
+    """A setting of JAX, as it is in this thread."""
+    return getattr(jax.config, name)
+
+
+def _kind(leaf: Any) -> tuple[Any, ...]:
+    """What a program depends on of a leaf."""
+    if _is_array(type(leaf)):
+        return leaf.shape, leaf.dtype, getattr(leaf, "weak_type", False)
+    return type(leaf), repr(leaf) if isinstance(leaf, float) else leaf  # 0.0 is not −0.0
+
+
+def _told(value: Any) -> Iterator[Any]:
+    """All that a program depends on of its arguments, the same in every process."""
+    if eqx.is_array(value):
+        yield _kind(value)
+    elif value is None or (isinstance(value, bool | int | float | complex | str) and not isinstance(value, Enum)):
+        yield type(value).__name__, repr(value)
+    elif isinstance(value, Enum):
+        yield _name(type(value)), value.name
+    elif isinstance(value, type):
+        yield _name(value)
+    elif isinstance(value, tuple | list):
+        yield _name(type(value)), len(value)
+        for each in value:
+            yield from _told(each)
+    elif isinstance(value, dict):
+        yield len(value)
+        for key in sorted(value):
+            yield repr(key)
+            yield from _told(value[key])
+    elif isinstance(value, eqx.Module):
+        yield _name(type(value))
+        for field in fields(value):
+            yield field.name
+            yield from _told(getattr(value, field.name))
+    else:
+        raise _UntoldError
+
+
+def _name(thing: Any) -> str:
+    """Where a class or function is defined, if its source is known."""
+    if thing.__module__.split(".")[0] not in (PACKAGE.name, "builtins") or "<" in thing.__qualname__:
+        raise _UntoldError
+    return f"{thing.__module__}.{thing.__qualname__}"
+
+
+def _circumstances() -> Iterator[Any]:
+    """What all programs depend on. Raises _UntoldError where not all of it is known here."""
+    if jax.default_backend() != "cpu" or jax.device_count() != 1 or not _set("jax_enable_compilation_cache"):
+        raise _UntoldError
+    yield from _sources_and_versions()
+    yield os.cpu_count() if not hasattr(os, "sched_getaffinity") else len(os.sched_getaffinity(0))
+    yield sorted((name, value) for name, value in os.environ.items() if name.startswith(("EQX_", "XLA_")))
+    yield sorted((name, repr(value)) for name, value in jax.config.values.items() if not OF_NO_EFFECT.search(name))
+
+
+@functools.cache
+def _sources_and_versions() -> tuple[str, ...]:
+    digest = hashlib.sha256()
+    for path in sorted(PACKAGE.rglob("*.py")):
+        digest.update(str(path.relative_to(PACKAGE)).encode() + path.read_bytes())
+    return (digest.hexdigest(), platform.python_version(), *(version(name) for name in WRITTEN_WITH))
+
+
+@contextmanager
+def _not_cached_by_jax() -> Iterator[None]:
+    """For one thread at a time: the setting is that of all."""
+    name = "jax_persistent_cache_min_compile_time_secs"
+    with _compiling:
+        before = jax.config.values[name]
+        jax.config.update(name, float("inf"))
+        try:
+            yield
+        finally:
+            jax.config.update(name, before)
+
+
+@contextmanager
+def _silent() -> Iterator[None]:
+    """Without XLA's complaint at every program, see `compilation.QUIET`, also where JAX was imported before."""
+    log.absl_set_min_log_level(SILENT)
+    try:
+        yield
+    finally:
+        log.absl_set_min_log_level(int(os.environ.get("TF_CPP_MIN_LOG_LEVEL", AS_JAX)))

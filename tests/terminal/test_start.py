@@ -1,0 +1,163 @@
+"""What a command asks for before it answers: packages that it imports, programs that it traces; and what it shows."""
+
+import os
+import pty
+import select
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from matplotlib.figure import Figure
+from rich.console import Console
+
+from drumsqueal.files.output_folder import FIGURES, HISTORY, SUMMARY
+from drumsqueal.questions.run import answer, drawing, figures
+from drumsqueal.simulation import prepare
+from processes import posix, start
+
+NOMINAL = str(Path(__file__).parents[2] / "scenarios" / "nominal.toml")
+# Each takes a tenth of a second or more to load.
+TRACING = {"diffrax", "optimistix", "lineax"}
+HEAVY = TRACING | {
+    "pint", "dask", "xarray", "pandas", "h5py", "h5netcdf", "matplotlib", "jinja2",
+    "scipy.signal", "scipy.stats", "scipy.interpolate", "scipy.optimize", "scipy.io",
+}  # fmt: skip
+WITH_HISTORY = {"xarray", "pandas", "h5py", "h5netcdf"}
+DRAWING = {"matplotlib", "scipy.interpolate", "scipy.optimize"}
+# What a command does need of these, once its programs are compiled.
+NEEDED = {
+    "stability": set(),
+    "check": set(),
+    "run": WITH_HISTORY | DRAWING | {"scipy.signal", "scipy.stats"},
+    "export": WITH_HISTORY,
+    "report": WITH_HISTORY | {"jinja2"},
+    "compare": WITH_HISTORY | DRAWING | {"scipy.io"},
+}
+# It says on its standard error what it traced, compiled and imported.
+TOLD = """
+import os, sys
+os.environ["JAX_LOG_COMPILES"] = "1"
+from drumsqueal.__main__ import main
+main()
+print("imported", *sys.modules, file=sys.stderr)
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory, cache) -> Path:
+    """A folder with a short run, and a sound of it."""
+    folder = tmp_path_factory.mktemp("start")
+    for arguments in (
+        ("run", NOMINAL, "-o", "run", "--set", "simulate.duration=0.08"),
+        ("export", "run", "--to", "wav"),
+    ):
+        process = start(cache, *arguments, folder=folder)
+        assert process.communicate(timeout=300)[1] == ""
+    return folder
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("stability", NOMINAL),
+        ("check", NOMINAL),
+        ("run", NOMINAL, "-o", "again", "--overwrite", "--set", "simulate.duration=0.08"),
+        ("export", "run", "--to", "csv", "--overwrite"),
+        ("report", "run", "--overwrite"),
+        ("compare", "run", "run/history.wav", "-o", "compared", "--overwrite"),
+    ],
+    ids=lambda command: command[0],
+)
+def test_a_second_start_traces_nothing_and_imports_only_what_it_needs(command, folder, cache):
+    start(cache, *command, folder=folder).communicate(timeout=300)
+    process = start(cache, *command, folder=folder, code=TOLD)
+    _, errors = process.communicate(timeout=300)
+    assert process.returncode == 0
+    lines = errors.splitlines()
+    assert [line for line in lines if "tracing" in line or "Compiling" in line] == []
+    imported = set(next(line for line in lines if line.startswith("imported")).split())
+    assert "jax" in imported
+    assert imported & HEAVY <= NEEDED[command[0]]
+
+
+def test_help_imports_nothing_that_computes():
+    code = "import sys; sys.argv[1:] = ['run', '--help']\ntry: from drumsqueal.__main__ import main; main()\n"
+    code += "finally: print('imported', *sys.modules, file=sys.stderr)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert not set(done.stderr.split()) & (HEAVY | {"jax", "equinox", "scipy"})
+
+
+@posix
+def test_a_terminal_shows_a_word_before_anything_that_computes_is_loaded(tmp_path):
+    # Were JAX imported before the word, there would be none.
+    code = "import sys; sys.modules['jax'] = None\nfrom drumsqueal.__main__ import main; main()"
+    leader, follower = pty.openpty()
+    command = [sys.executable, "-c", code, "stability", NOMINAL]
+    environment = os.environ | {"TERM": "xterm"}
+    with subprocess.Popen(command, stdout=follower, stderr=follower, env=environment) as process:
+        os.close(follower)
+        shown, deadline = b"", time.monotonic() + 60
+        while b"unexpectedly" not in shown and time.monotonic() < deadline:
+            if select.select([leader], [], [], 1)[0]:
+                shown += os.read(leader, 4096)
+        process.wait(timeout=60)
+    os.close(leader)
+    assert shown.startswith("loading …".encode())
+
+
+# Figures by two processes.
+
+
+@pytest.fixture(scope="module")
+def prepared(nominal):
+    return prepare(nominal.with_values({"simulate.duration": 0.004}))
+
+
+def files(folder: Path) -> set[str]:
+    return {path.name for path in folder.iterdir()}
+
+
+ALL = {HISTORY, SUMMARY, *(f"{name}.png" for name in FIGURES if name not in ("spectrogram", "frequency"))}
+
+
+def test_a_second_process_draws_and_both_together_draw_each_figure_once(prepared, tmp_path, monkeypatch):
+    own, heard = [], []
+    draw, hear = drawing.draw_figure, drawing.Second.hear
+    monkeypatch.setattr(
+        drawing, "draw_figure", lambda folder, name, figure: own.append(name) or draw(folder, name, figure)
+    )
+    monkeypatch.setattr(drawing.Second, "hear", lambda self: heard.append(hear(self)) or heard[-1])
+    monkeypatch.setattr(drawing, "_cores", lambda: 2)
+    with drawing.second_process() as second:
+        assert second is not None
+        answer.run_into(tmp_path, prepared, Console(quiet=True), second=second)
+    assert heard
+    assert len(own) + len(heard) == len(FIGURES)
+    assert files(tmp_path) == ALL
+
+
+@pytest.mark.parametrize("program", ["/bin/false", "/nowhere/python"])
+def test_where_the_second_process_fails_the_first_one_draws_all(program, prepared, tmp_path, monkeypatch):
+    monkeypatch.setattr(drawing, "_cores", lambda: 2)
+    monkeypatch.setattr(sys, "executable", program)
+    with drawing.second_process() as second:
+        answer.run_into(tmp_path, prepared, Console(quiet=True), second=second)
+    assert files(tmp_path) == ALL
+
+
+class Failing:
+    """A second process whose first figure does not fit on the disk."""
+
+    def tell(self, thing):
+        pass
+
+    def hear(self):
+        return OSError(28, "No space left on device", "growth.png")
+
+
+def test_a_full_disk_is_reported_whoever_finds_it(prepared, tmp_path, monkeypatch):
+    monkeypatch.setattr(figures, "_DRAWINGS", dict.fromkeys(FIGURES, lambda view: time.sleep(0.01) or Figure((1, 1))))
+    with pytest.raises(Exception, match=r"growth\.png: No space left on device"):
+        answer.run_into(tmp_path, prepared, Console(quiet=True), second=Failing())  # pyright: ignore[reportArgumentType]
