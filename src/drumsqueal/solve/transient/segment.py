@@ -56,9 +56,32 @@ class Segment(NamedTuple):
     reached: Array
     halted: Array
 
+    def packed(self) -> tuple[Array, Array]:
+        """All numbers: a row for each sample, and what there is one of."""
+        states, looks = self.states, jnp.stack([*self.observation, self.kinetic, self.potential], axis=1)
+        numbers = (self.time, self.step, self.steps, self.kept, self.reached, self.halted)
+        rows = jnp.concatenate([jax.vmap(State.flat)(states), looks], axis=1)
+        return rows, jnp.concatenate([self.final.flat(), jnp.stack([jnp.asarray(x, float) for x in numbers])])
+
+    @staticmethod
+    def unpacked(rows: np.ndarray, end: np.ndarray, remembered: int) -> "Segment":
+        """The segment as NumPy's arrays, from `packed` ones, with so many numbers that effects remember."""
+        *final, time, step, steps, kept, reached, halted = end
+        states, looks = rows[:, : len(final)], rows[:, len(final) :].T
+        return Segment(
+            State.split(states, remembered), Observation(*looks[:-2]), looks[-2], looks[-1],
+            State.split(np.asarray(final), remembered), time, step, np.int64(steps), np.int64(kept),
+            np.bool_(reached), np.bool_(halted),
+        )  # fmt: skip
+
+
+def advance(model: Model, *arguments: Any, **how: Any) -> Segment:
+    """One chunk by `advance_packed`: an array of its own for each of its numbers takes as long as a hundred steps."""
+    return Segment.unpacked(*map(np.asarray, advance_packed(model, *arguments, **how)), len(model.remembered))
+
 
 @compiled
-def advance(
+def advance_packed(
     model: Model,
     steady: Array,
     state: State,
@@ -69,8 +92,8 @@ def advance(
     in_kernel: bool = True,
     sticks: bool = False,
     budget: Any = None,
-) -> Segment:
-    """One chunk; samples past the span's last repeat it, to keep the shapes. `step` (s) is the first to be tried.
+) -> tuple[Array, Array]:
+    """One chunk, packed; samples past the span's last repeat it, to keep the shapes. `step` (s) is the first to be tried.
 
     It makes STEP_BUDGET steps at most unless given another `budget`. Where the lining `sticks`, in that it could, it
     ends early where hardly any of it slips.
@@ -78,7 +101,11 @@ def advance(
     local = local_tolerance(tolerance, solver)
     measure, corners = resolution(model, span, local), model.operation.corners
     limits = jnp.asarray(STEP_BUDGET if budget is None else budget), jnp.asarray(tolerance) if sticks else None
-    run = partial(one_kernel, advance_scaled) if in_kernel else advance_scaled
+
+    def chunk(*arguments: Any) -> tuple[Array, Array]:
+        return advance_scaled(*arguments).packed()
+
+    run = partial(one_kernel, chunk) if in_kernel else chunk
     return run(model, steady, state, span, local, step, measure, corners, solver, *limits)
 
 
