@@ -42,10 +42,14 @@ class ArcSurface(eqx.Module):
         at once are better run one after the other (`batch.py`): under `jax.vmap` each of them takes all ways.
         """
         levels = [level for level in (boundaries.pressure, boundaries.slip) if level is not None]
+        # Here, and not within a branch, what does not depend on the state is computed once for all steps.
+        end = jnp.tan(lining.half_angle / 4)
+        unsplit = [_piece(lining, *ends, self.nodes_per_piece) for ends in pairwise(_boundary_bounds([], end))]
 
         def split(kept: Sequence[Level]) -> Densities:
-            bounds = _boundary_bounds(kept, jnp.tan(lining.half_angle / 4))
-            return sum_together([densities(_piece(lining, *ends, self.nodes_per_piece)) for ends in pairwise(bounds)])
+            bounds = _boundary_bounds(kept, end)
+            pieces = [_piece(lining, *ends, self.nodes_per_piece) for ends in pairwise(bounds)] if kept else unsplit
+            return sum_together([densities(piece) for piece in pieces])
 
         def split_everywhere() -> Densities:
             return sum_together([densities(compact_nodes(lining, boundaries, max(self.nodes_per_piece, STEEP_NODES)))])
