@@ -143,7 +143,8 @@ def test_the_transient_is_one_kernel(nominal, coordinates):
     n = len(model.names)
     state = State(jnp.zeros(n), jnp.zeros(n), jnp.zeros(()))
     span = Span(np.float64(0), np.float64(2e-5), np.int64(500))
-    text = integration.advance.lower(model, jnp.zeros(n), state, span, np.float64(1e-6), first_step(model)).as_text()
+    arguments = model, jnp.zeros(n), state, span, np.float64(1e-6), first_step(model)
+    text = integration.advance_packed.lower(*arguments).as_text()
     assert text.count("xla_cpu_small_call") >= 1
     assert "callback" not in text
 

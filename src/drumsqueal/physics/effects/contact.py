@@ -197,10 +197,9 @@ class Contact(Touching):
         a, b, c = (jnp.asarray(x) for x in self._pressure_level(moment, q).on_line(z)[:3])
         squared = b * b + c * c
         swing = jnp.where(squared > 0, jnp.sqrt(jnp.where(squared > 0, squared, 1.0)), 0.0)
-        peak = jnp.arctan2(c, jnp.where((b == 0) & (c == 0), 1.0, b))
-        half_angle, angle = self.body.half_angle, jnp.stack([-self.body.half_angle, self.body.half_angle])
-        ends = a + b * jnp.cos(angle)[:, None] + c * jnp.sin(angle)[:, None]
-        trough = jnp.where(peak > 0, peak - jnp.pi, peak + jnp.pi)
-        low = jnp.where(jnp.abs(trough) <= half_angle, a - swing, jnp.min(ends, axis=0))
-        high = jnp.where(jnp.abs(peak) <= half_angle, a + swing, jnp.max(ends, axis=0))
+        cosine, sine = jnp.cos(self.body.half_angle), jnp.sin(self.body.half_angle)
+        middle, tilt = a + b * cosine, jnp.abs(c * sine)
+        # Where cos and sin line up, cos θ is ±b/swing.
+        low = jnp.where(-b > cosine * swing, a - swing, middle - tilt)
+        high = jnp.where(b > cosine * swing, a + swing, middle + tilt)
         return jnp.min(low), jnp.max(high)

@@ -56,12 +56,6 @@ class Level(NamedTuple):
         return jnp.asarray(line.constant + line.cosine * cosine + line.sine * sine)
 
 
-def crosses_zero(level: Level) -> Array:
-    """Whether a + b cos θ + c sin θ has roots on the whole circle, which those on the arc are among."""
-    a, b, c = (jnp.asarray(x) for x in (level.constant, level.cosine, level.sine))
-    return b * b + c * c > a * a
-
-
 def quarter_tangents(level: Level) -> list[tuple[Array, Array]]:
     """Roots θ of a + b cos θ + c sin θ in [−π, π] as tan(θ/4): two pairs of whether there, and where; shape of a.
 
