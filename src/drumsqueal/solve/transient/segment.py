@@ -16,7 +16,7 @@ from drumsqueal.physics.effects.pressure import yielding
 from drumsqueal.physics.kernel import compiled, one_kernel
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.transient.passing import Step, fraction_to_rest
-from drumsqueal.solve.transient.runge_kutta import DEFAULT, LOCAL_FRACTION, Stages, make_solver
+from drumsqueal.solve.transient.runge_kutta import DEFAULT, LOCAL_FRACTION, Stages, is_explicit, make_solver
 from drumsqueal.solve.transient.state import Span, State
 from drumsqueal.solve.transient.stepping import Attempt, Stepped, step_through
 from drumsqueal.solve.transient.sticking import slip, slip_acceleration, slip_motion
@@ -250,6 +250,11 @@ def advance_scaled(
         step = Step(motion(attempt.start, attempt.before), motion(attempt.end, attempt.after), *changes)
         return fraction_to_rest(step, inside, lambda x: _slip_of(model, span, x * size.velocity), least(attempt.after))
 
+    def kinks(t: Array, scaled: Array) -> Array:
+        now = split(scaled * scale)
+        return model.kinks(span.inside(span.start + t), steady + now.vibration, now.velocity, now.memory)
+
+    has_kinks = jax.eval_shape(kinks, time[0], inverse).size > 0
     stepped = step_through(
         make_solver(solver, stages),
         vector_field,
@@ -261,6 +266,7 @@ def advance_scaled(
         budget=budget,
         halts=None if slip_tolerance is None else halts,
         passes=None if slip_tolerance is None else passes,
+        kinks=kinks if has_kinks and is_explicit(solver) else None,
         size=size_of,
         origin=span.start,
         corners=corners,
