@@ -10,7 +10,7 @@ from .turns import scatter
 
 
 class Curve(NamedTuple):
-    """Error of one contender (NaN: failed) and seconds of its rounds (none: not run), from loose tolerances to tight."""
+    """Errors of a contender (NaN: failed) and seconds of its rounds (none: not run), from loose tolerances to tight."""
 
     name: str
     tolerances: np.ndarray
@@ -28,7 +28,7 @@ class Curve(NamedTuple):
         return median(scatter(each) for each in self.seconds if each)
 
     def time_at(self, error: float) -> float:
-        """Time (s) that an error takes, NaN outside what was reached; between two tolerances along their line (log-log).
+        """Time (s) that an error takes, NaN outside what was reached; between tolerances along their line (log-log).
 
         Beyond the boundaries a smaller tolerance may by chance give a larger error. A tolerance is therefore credited
         with the largest error of all that are as tight or tighter; the times stand as they were measured.

@@ -5,7 +5,6 @@ or workers of Dask waiting. drumsqueal also integrates the work of friction; the
 """
 
 import os
-import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from functools import partial
@@ -104,7 +103,9 @@ def compare(record: Record, sides: dict[str, Side], sharp: np.ndarray) -> dict[s
         record.keep("many", name, "failed", "1", failed, setting)
         rows.append([name, setting, *(f"{np.nanquantile(found, q):.1e}" for q in QUANTILES.values()), str(failed)])
         rows[-1] += [f"{len(SPEEDS) / min(taken):.3g}", f"{scatter(taken):.2f}"]
-    title = f"{len(SPEEDS)} transients of {1e3 * DURATION:.0f} ms in two workers; errors against DOP853 at {SHARPEST:.0e}"
+    title = (
+        f"{len(SPEEDS)} transients of {1e3 * DURATION:.0f} ms in two workers; errors against DOP853 at {SHARPEST:.0e}"
+    )
     rows.sort(key=lambda row: list(sides).index(row[0]))
     record.show(title, ("contender", "", *QUANTILES, "failed", "transients/s", "median/fastest"), rows)
 
@@ -163,15 +164,14 @@ def dask_workers(workers: int) -> Iterator[Callable[[float, np.ndarray], np.ndar
 
     path = os.environ.get("PYTHONPATH", "")
     os.environ["PYTHONPATH"] = os.pathsep.join([str(Path(__file__).parents[1]), path])
-    with LocalCluster(workers, threads_per_worker=1, dashboard_address=None) as cluster, Client(cluster) as client:
+    with LocalCluster(workers, threads_per_worker=1, dashboard_address=":0") as cluster, Client(cluster) as client:
 
         def integrate(tolerance: float, speeds: np.ndarray) -> np.ndarray:
             parts = np.array_split(speeds, max(len(speeds) // AT_ONCE, 1))
             work = client.map(partial(_part, tolerance), parts, pure=False)
-            return np.concatenate(client.gather(work))
+            return np.concatenate(list(client.gather(work)))  # pyright: ignore[reportArgumentType, reportCallIssue]
 
         client.run(_part, TOLERANCES[OURS][0], SPEEDS[:1])
-        time.sleep(0.1)
         yield integrate
     os.environ["PYTHONPATH"] = path
 

@@ -80,7 +80,9 @@ def _peers(parameters: np.ndarray) -> list[Runner]:
     for each in CONTENDERS:
         fine = HALF_DECADES[6:] if each.name.startswith("numbalsoda") else DECADES
         tolerances = GRID_TOLERANCES if "NumPy" in each.name else fine
-        runners.append(Runner(each.name, lambda t, each=each: each.solve(parameters, START, TIMES, t).states, tolerances))
+        runners.append(
+            Runner(each.name, lambda t, each=each: each.solve(parameters, START, TIMES, t).states, tolerances)
+        )
     return runners
 
 

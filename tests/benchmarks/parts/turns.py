@@ -1,4 +1,4 @@
-"""Contenders take turns, so that a noisy machine slows them alike; of each the fastest round counts: noise only adds."""
+"""Contenders take turns, so that a noisy machine slows them alike. The fastest round counts, for noise only adds."""
 
 import time
 from collections.abc import Callable, Hashable, Mapping

@@ -59,7 +59,9 @@ class ArcSurface(eqx.Module):
         ways = [[level for i, level in enumerate(levels) if way >> i & 1] for way in range(2 ** len(levels))]
         branches = [partial(split, kept) for kept in ways]
         ends = jnp.cos(lining.half_angle), jnp.sin(lining.half_angle)
-        way = sum((jnp.where(_crosses(level, *ends), 1 << i, 0) for i, level in enumerate(levels)), start=jnp.asarray(0))
+        way = sum(
+            (jnp.where(_crosses(level, *ends), 1 << i, 0) for i, level in enumerate(levels)), start=jnp.asarray(0)
+        )
         if boundaries.slip is not None and boundaries.breakpoints.size:
             branches = [*branches, split_everywhere]
             way = jnp.where(resolved(boundaries.breakpoints, *_slip_speeds(boundaries.slip)), way, len(ways))

@@ -46,15 +46,15 @@ class Segment(NamedTuple):
 
     states: State
     observation: Observation
-    kinetic: Array
-    potential: Array
+    kinetic: Any  # arrays of JAX, or of NumPy once they are out of its hands
+    potential: Any
     final: State
-    time: Array
-    step: Array
-    steps: Array
-    kept: Array
-    reached: Array
-    halted: Array
+    time: Any
+    step: Any
+    steps: Any
+    kept: Any
+    reached: Any
+    halted: Any
 
     def packed(self) -> tuple[Array, Array]:
         """All numbers: a row for each sample, and what there is one of."""
@@ -64,20 +64,21 @@ class Segment(NamedTuple):
         return rows, jnp.concatenate([self.final.flat(), jnp.stack([jnp.asarray(x, float) for x in numbers])])
 
     @staticmethod
-    def unpacked(rows: np.ndarray, end: np.ndarray, remembered: int) -> "Segment":
+    def unpacked(rows: Any, end: Any, remembered: int) -> "Segment":
         """The segment as NumPy's arrays, from `packed` ones, with so many numbers that effects remember."""
         *final, time, step, steps, kept, reached, halted = end
         states, looks = rows[:, : len(final)], rows[:, len(final) :].T
         return Segment(
             State.split(states, remembered), Observation(*looks[:-2]), looks[-2], looks[-1],
-            State.split(np.asarray(final), remembered), time, step, np.int64(steps), np.int64(kept),
+            State.split(end[: len(final)], remembered), time, step, np.int64(steps), np.int64(kept),
             np.bool_(reached), np.bool_(halted),
         )  # fmt: skip
 
 
 def advance(model: Model, *arguments: Any, **how: Any) -> Segment:
     """One chunk by `advance_packed`: an array of its own for each of its numbers takes as long as a hundred steps."""
-    return Segment.unpacked(*map(np.asarray, advance_packed(model, *arguments, **how)), len(model.remembered))
+    rows, end = map(np.asarray, advance_packed(model, *arguments, **how))
+    return Segment.unpacked(rows, end, len(model.remembered))
 
 
 @compiled
@@ -93,7 +94,7 @@ def advance_packed(
     sticks: bool = False,
     budget: Any = None,
 ) -> tuple[Array, Array]:
-    """One chunk, packed; samples past the span's last repeat it, to keep the shapes. `step` (s) is the first to be tried.
+    """One chunk, packed; samples past the span's last repeat it, to keep the shapes. `step` (s) is tried first.
 
     It makes STEP_BUDGET steps at most unless given another `budget`. Where the lining `sticks`, in that it could, it
     ends early where hardly any of it slips.

@@ -59,7 +59,7 @@ class Stepped(NamedTuple):
 class _Now(NamedTuple):
     time: Array
     step: Array
-    onwards: Array  # the step to go on with after this one, which is to end at a kink; else zero
+    onwards: Array  # the step to go on with after one that is to end at a kink; zero where it is not
     state: Array
     slope: Array
     controller: Any
@@ -98,9 +98,9 @@ def step_through(
     `longest`; the budget is in steps, kept or not. Steps end at all `corners` (c,) on the way, ascending times from
     another `origin`: f may jump there, and is asked for on each side of them in turn. It ends early after a step whose
     time and state make `halts` true. Of a step `passes` gives the fraction after which that would have been so, or 1:
-    it is then made again so far only. Of a time and state `kinks` gives numbers, of which one changes its sign where f has
-    a kink: a step that is not kept ends there when it is made again. With every step that is kept `along` takes `carried`, a tree of arrays, from its
-    start to its end.
+    it is then made again so far only. Of a time and state `kinks` gives numbers, of which one changes its sign where f
+    has a kink: a step that is not kept ends there when it is made again. With every step that is kept `along` takes
+    `carried`, a tree of arrays, from its start to its end.
     """
     controller = diffrax.PIDController(rtol=tolerance, atol=tolerance, norm=norm, pcoeff=PROPORTIONAL, icoeff=INTEGRAL)
     end = times[-1]
@@ -180,7 +180,9 @@ def step_through(
     controller_state = jax.tree.map(jnp.asarray, controller_state)
     going = jnp.zeros((), bool)
     slope = jnp.zeros_like(start)
-    now = _Now(times[0], step, jnp.zeros(()), start, slope, controller_state, none + 1, samples, none, none, going, carried)
+    now = _Now(
+        times[0], step, jnp.zeros(()), start, slope, controller_state, none + 1, samples, none, none, going, carried
+    )
     now = jax.lax.while_loop(unfinished, from_corner_to_corner, now)
     reached = now.time >= end
     return Stepped(now.samples, now.state, now.time, now.step, now.steps, now.kept, reached, now.halted, now.carried)
