@@ -1,4 +1,4 @@
-"""What JAX is set to before it computes: double precision, asserted wherever numbers enter a model; no thread between.
+"""What JAX is set to before it computes: double precision, asserted where numbers enter a model, in one thread.
 
 The contact boundaries are found from differences of nearly equal numbers, and the growth of a squeal is followed over
 many decades: single precision is of no use here, and JAX falls back to it silently unless told otherwise.
@@ -12,8 +12,8 @@ from jax import Array
 from jax.typing import ArrayLike
 
 jax.config.update("jax_enable_x64", True)
-# A program runs in the thread that calls it and waits for it: another one has to be woken up for each chunk, which takes
-# a tenth of a transient, and several times as long where all processors are busy.
+# A program runs in the thread that calls it and waits for it. To wake another one for each chunk takes a tenth of a
+# transient, and more where all processors are busy.
 jax.config.update("jax_cpu_enable_async_dispatch", False)
 
 
