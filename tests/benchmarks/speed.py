@@ -16,7 +16,7 @@ from rich.console import Console
 
 from parts.record import Record, describe_machine
 
-PARTS = ("one", "many", "step", "long", "start", "growth")
+PARTS = ("evaluation", "one", "many", "step", "long", "start", "growth")
 
 
 def main() -> None:

@@ -1,6 +1,7 @@
 """What a scene calls for, what it leaves out, and whether it says so."""
 
 import itertools
+import math
 import re
 from collections import Counter
 
@@ -12,6 +13,7 @@ import pytest
 
 from drumsqueal.physics.composition import take_inventory
 from drumsqueal.physics.model import Model, build_model
+from drumsqueal.physics.quadrature.area import ALONG, TURNING
 from drumsqueal.scene import COORDINATES
 from drumsqueal.simulation import held_coordinates, run
 
@@ -206,11 +208,15 @@ def test_a_sweep_of_an_effect_traces_its_program_once(nominal, name):
 
 
 def test_in_the_plane_there_is_no_area(nominal):
-    # To sort the 19 bounds of the arc where friction is steep, each with each, against 24 lines of 24 nodes.
-    in_plane, in_space = build_model(nominal), build_model(nominal, coordinates=COORDINATES)
-    sizes = [max(out.aval.size for each in equations(model) for out in each.outvars) for model in (in_plane, in_space)]
-    assert sizes[0] == 19**2
-    assert sizes[1] == 576
+    in_plane, in_space = (
+        {out.aval.shape for each in equations(model) for out in each.outvars}
+        for model in (build_model(nominal), build_model(nominal, coordinates=COORDINATES))
+    )
+    lines_across_a_panel = (TURNING, ALONG)
+    assert lines_across_a_panel in in_space
+    assert lines_across_a_panel not in in_plane
+    # The largest is to sort the 19 bounds of the arc where friction is steep, each with each.
+    assert max(math.prod(shape) for shape in in_plane) == 19**2
 
 
 NEUTRAL = {

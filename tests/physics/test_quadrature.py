@@ -28,7 +28,7 @@ from drumsqueal.physics.quadrature.surface import Boundaries
 
 # --- brute force -----------------------------------------------------------------------------------------------------
 
-GAUSS = np.polynomial.legendre.leggauss(8)
+GAUSS = np.polynomial.legendre.leggauss(16)  # with eight the witness itself was off by 4e-11
 HALVINGS = 0.5 ** np.arange(1, 45)  # panels towards a reversal: down to 1e-13 of the arc
 STEEP_CUTS = np.array([0.3, 1, 2, 4, 7, 10, 14, 18, 24, 30, 40])  # slip speeds times α, for panels of a steep law
 
@@ -141,9 +141,9 @@ def line_force(brake: Brake, q, v, z: float, *, separation: bool, direction: str
 
 
 def brute_force(
-    brake: Brake, q, v, *, separation=True, direction="unit-velocity", within: float = 1e-10, **law
+    brake: Brake, q, v, *, separation=True, direction="unit-velocity", within: float = 1e-12, **law
 ) -> np.ndarray:
-    """Generalised contact force (6,), across the width by adaptive Gauss-Kronrod quadrature, by default to 1e-10."""
+    """Generalised contact force (6,), across the width by adaptive Gauss-Kronrod quadrature, by default to 1e-12."""
     q, v = np.asarray(q, float), np.asarray(v, float)
     if not np.any(q[2:5]) and not np.any(v[2:5]):
         return brake.width * line_force(brake, q, v, 0.0, separation=separation, direction=direction, **law)
@@ -413,8 +413,7 @@ def random_states(seed: int, count: int, brake: Brake, **sizes):
     return [scaled_state(brake, generator.uniform(-1, 1, 12), **sizes) for _ in range(count)]
 
 
-# Below all boundaries the integrand is smooth: Gauss nodes give it to round-off (5e-15 found; the witness stops at
-# 1e-10).
+# Below all boundaries the integrand is smooth: Gauss nodes give it to round-off (5e-15 found).
 @pytest.mark.parametrize("separation", [True, False], ids=["unilateral", "bonded"])
 @pytest.mark.parametrize("drum", [5.0, -5.0])
 def test_space_forces_below_the_boundaries(separation, drum):
@@ -424,7 +423,7 @@ def test_space_forces_below_the_boundaries(separation, drum):
 
 
 # With boundaries, errors relative to p0 × area over states where V_z is up to the given size (m/s) and both boundaries
-# cross the lining: 1e-8 is what is asked of the rule; adaptive quadrature itself is asked for 1e-10.
+# cross the lining. Found: 4e-13 of thousands of states next to twice the nodes; the witness is asked for 1e-12.
 SPACE = [(separation, axial) for separation in (True, False) for axial in (1e-1, 1e-2, 1e-4, 1e-6, 1e-8)]
 
 
@@ -435,8 +434,7 @@ def test_space_forces_over_random_states(separation, axial):
         relative_error(brake, q, v, area=True, separation=separation)
         for q, v in random_states(2, 14, brake, press=1.5, slide=1.5, tilt=1.0, axial=axial)
     ]
-    assert np.median(errors) < 1e-9
-    assert np.max(errors) < 1e-8
+    assert np.max(errors) < 3e-12
 
 
 def test_space_forces_of_the_tangential_direction():
@@ -445,7 +443,7 @@ def test_space_forces_of_the_tangential_direction():
         relative_error(brake, q, v, area=True, direction="tangential")
         for q, v in random_states(3, 14, brake, press=1.5, slide=1.5, tilt=1.0, axial=0.1)
     ]
-    assert np.max(errors) < 1e-8
+    assert np.max(errors) < 3e-12
 
 
 @pytest.mark.parametrize("arc", [10.0, 30.0, 270.0, 360.0])
@@ -455,24 +453,23 @@ def test_space_forces_on_other_arcs(arc):
         relative_error(brake, q, v, area=True)
         for q, v in random_states(4, 8, brake, press=1.5, slide=1.5, tilt=1.0, axial=0.1)
     ]
-    assert np.max(errors) < 1e-8
+    assert np.max(errors) < 3e-12
 
 
-# The worst state, bonded, that random search and climbing from there led to for a rule with 18 nodes along: 1.8e-7. The
-# present one was found to have 2e-9 there.
+# The worst state, bonded, that random search and climbing from there led to for a rule graded everywhere with 18 nodes
+# along, which was off by 1.8e-7.
 @pytest.mark.parametrize("separation", [True, False])
 def test_space_forces_at_the_worst_state_found(separation):
     q = np.array([-2.948963e-06, 1.9505801e-06, 4.3372864e-06, 2.4822765e-04, 2.1699465e-04, -5.1739282e-06])
     v = np.array([0.54621962, 0.43074453, -1.0932008e-03, -9.8314283e-05, 2.406286e-03, 3.2986052])
-    assert relative_error(Brake(), q, v, area=True, separation=separation) < 2e-8
+    assert relative_error(Brake(), q, v, area=True, separation=separation) < 3e-12
 
 
 # Small V_z across a reversal, with boundaries that cross it and V_z zero on the lining: where a rule that splits
-# neither there nor where boundaries meet loses 1e-5 and more. A steep law varies on a scale of its own: with 1000 s/m
-# the largest found with 18 nodes along were 3e-6.
+# neither there nor where boundaries meet loses 1e-5 and more. A steep law varies on a scale of its own.
 @pytest.mark.parametrize("axial", [1.0, 1e-2, 1e-4, 1e-6, 1e-9, 1e-12])  # of RΩ
-@pytest.mark.parametrize(("decay", "worst"), [(1.0, 1e-8), (1000.0, 1e-5)])
-def test_space_forces_where_boundaries_cross_and_velocity_vanishes(axial, decay, worst):
+@pytest.mark.parametrize("decay", [1.0, 1000.0])
+def test_space_forces_where_boundaries_cross_and_velocity_vanishes(axial, decay):
     brake = Brake(decay=decay)
     u, R, s = brake.pressure / brake.stiffness, brake.radius, brake.radius * brake.drum
     generator = np.random.default_rng(13)
@@ -489,7 +486,7 @@ def test_space_forces_where_boundaries_cross_and_velocity_vanishes(axial, decay,
         )
         v[3:5] = axial * s / R * tilt * np.array([np.cos(at), np.sin(at)])
         v[2] = -(R * v[3] * np.sin(at) - (R * np.cos(at) - brake.centroid) * v[4])
-        assert relative_error(brake, q, v, area=True) < worst
+        assert relative_error(brake, q, v, area=True) < 3e-12
 
 
 # A law with kinks or a hump away from rest: without cuts along its lines of equal slip speed 7e-6 and 3e-5 of p0 × area
@@ -508,10 +505,10 @@ def test_space_forces_of_laws_given_in_python(name):
         assert np.max(np.abs(found - wanted) / [1, 1, 1, 0.1, 0.1, 0.1]) < 3e-8 * scale
 
 
-# Boundaries that are about to be born or have just been. Found: V_z 0.1 and 1e-4 m/s 2e-11, 1e-8 m/s 2e-9.
+# Boundaries that are about to be born or have just been.
 @pytest.mark.parametrize("beyond", [1e-3, 1e-6, 1e-9, -1e-9, -1e-3])
-@pytest.mark.parametrize(("axial", "tolerance"), [(1e-1, 2e-10), (1e-4, 2e-10), (1e-8, 2e-8)])
-def test_space_forces_with_nearly_tangent_boundaries(beyond, axial, tolerance):
+@pytest.mark.parametrize("axial", [1e-1, 1e-4, 1e-8])
+def test_space_forces_with_nearly_tangent_boundaries(beyond, axial):
     brake = Brake()
     u, s = brake.pressure / brake.stiffness, brake.radius * brake.drum
     q, v = np.zeros(6), np.zeros(6)
@@ -519,18 +516,57 @@ def test_space_forces_with_nearly_tangent_boundaries(beyond, axial, tolerance):
     v[:2] = s * (1 + beyond) * np.array([np.sin(0.1), np.cos(0.1)])
     q[3:5] = np.array([0.01, -0.02]) * u / brake.width  # leans a little, so that the boundaries are born on the lining
     v[2:5] = axial * np.array([0.3, 0.2 / brake.radius, 0.4 / brake.radius])
-    assert relative_error(brake, q, v, area=True) < tolerance
+    assert relative_error(brake, q, v, area=True) < 3e-12
 
 
-# Both surfaces are the same contact: with all motion in the plane they agree to what each is worth. The area grades its
-# nodes towards a reversal even where V_z = 0 and nothing turns, which costs up to 1.4e-8 (of 300 states; mostly 4e-15).
+# Both surfaces are the same contact: with all motion in the plane they agree to what each is worth.
 @given(six_fractions, six_fractions)
 @settings(derandomize=True, max_examples=50, deadline=None)
 def test_area_and_line_agree_in_the_plane(displacement, velocity):
     brake = Brake()
     q, v = (jnp.asarray(x) for x in scaled_state(brake, displacement + velocity, press=2.0, slide=2.0))
     line, area = (np.asarray(force_of(contact_of(brake, area=kind), moment_of(brake), q, v)) for kind in (False, True))
-    assert np.max(np.abs(area - line)) < 2e-7 * brake.pressure * brake.radius * brake.arc * brake.width
+    assert np.max(np.abs(area - line)) < 1e-12 * brake.pressure * brake.radius * brake.arc * brake.width
+
+
+# The rule changes with the state: where panels are cut, and what is taken across. On the way from rest to a motion that
+# lifts off and reverses it must show no seam, which is a difference from the same panels with more nodes (1e-13 found).
+@pytest.mark.parametrize("decay", [1.0, 1000.0])
+@pytest.mark.parametrize("axial", [1e-1, 1e-5])
+def test_space_forces_show_no_seam_between_rules(decay, axial):
+    brake = Brake(decay=decay)
+    contact, moment = contact_of(brake, area=True), moment_of(brake)
+    finer = dataclasses.replace(contact, surface=AreaSurface(24, 16, 40))
+    scale = brake.pressure * brake.radius * brake.arc * brake.width
+    size = jnp.linspace(0, 3, 400)[:, None]
+    for q, v in random_states(11, 5, brake, press=1.0, slide=1.0, tilt=0.3, axial=axial):
+        found, wanted = (forces_of(each, moment, size * q, size * v) for each in (contact, finer))
+        assert np.max(np.abs(found - wanted)) < 2e-12 * scale
+
+
+@eqx.filter_jit
+def forces_of(contact: Contact, moment: Moment, q, v):
+    """Contact forces (states, 6)."""
+    return jax.lax.map(lambda state: jnp.stack(contact.act(moment, *map(tuple, state)).force), (q, v))
+
+
+# What an evaluation costs, on nearly plane motion as it saturates: few nodes below the boundaries and where the lining
+# lifts off, many only where slip reverses.
+def test_space_nodes_are_many_only_where_slip_reverses():
+    brake = Brake()
+    contact, moment = contact_of(brake, area=True), moment_of(brake)
+    u, s, R = brake.pressure / brake.stiffness, brake.radius * brake.drum, brake.radius
+
+    @eqx.filter_jit
+    def nodes(press, slide):
+        q = press * u * jnp.array([0.8, 0.6, 0, 1e-3 / R, -1e-3 / R, 0])
+        v = slide * s * jnp.array([0.6, 0.8, 1e-3, 1e-3 / R, 0, 0])
+        boundaries = boundaries_of(contact, moment, q, v)
+        return contact.surface.integrate(contact.body, boundaries, lambda at: {"one": jnp.ones_like(at.weight)})["one"]
+
+    assert nodes(0.2, 0.1) == 128
+    assert nodes(-1.5, 0.2) == 4 * 16 * 6  # four pieces: the arc is cut at its middle and at both edges
+    assert 800 < nodes(-1.5, 1.5) < 1600
 
 
 # --- where there are no boundaries -----------------------------------------------------------------------------------
@@ -539,9 +575,8 @@ def test_area_and_line_agree_in_the_plane(displacement, velocity):
 def boundaries_of(contact: Contact, moment: Moment, q, v):
     pressure, slip, axial = contact.levels(moment, tuple(q), tuple(v))
     assert contact.friction is not None
-    return Boundaries(
-        contact.law.boundaries(pressure), slip, axial, breakpoints(contact.friction.law), kinks(contact.friction.law)
-    )
+    law = contact.friction.law
+    return Boundaries(contact.law.boundaries(pressure), slip, axial, breakpoints(law), kinks(law), lifted=False)
 
 
 @eqx.filter_jit

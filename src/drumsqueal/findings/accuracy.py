@@ -24,7 +24,7 @@ from drumsqueal.physics.quadrature.independent import TANH_SINH, IndependentSurf
 INSTANTS = 32  # at which it is looked at: half of them evenly spread, half where most of the slip is reversed
 # A rule that shares nothing with that of the plane; in space the same kind of rule with other nodes, and far more.
 IN_PLANE = IndependentSurface(TANH_SINH, spatial=False, panels=32)
-IN_SPACE = AreaSurface(along=36, across=18, sections=5, always_split=True)
+IN_SPACE = AreaSurface(along=24, across=12, turning=24, sections=5, always_split=True)
 
 
 class Accuracy(Finding):

@@ -20,18 +20,14 @@ from drumsqueal.solve.transient.batch import integrate_many
 
 from .pictures import draw_growth
 from .record import Record
-from .scenes import SCENARIOS
+from .scenes import FREQUENCY, SCENARIOS, SHAPE, SIZES
 
 COUNTS = (1, 4, 16, 64, 256, 1024, 4096)
 DURATION, SAMPLE_RATE, TOLERANCE = 5e-3, 50e3, 1e-6
 ROUNDS, PATIENCE = 3, 2.0  # s; what takes longer is not repeated
-# Amplitude of displacement (m, rad) and of velocity over it (rad/s) of X, Y, Z, Tx, Ty, Tz in the saturated motion.
-SHAPE = np.array([2.5e-6, 5e-5, 1e-6, 1e-5, 1e-5, 1e-4])
-FREQUENCY = 2 * np.pi * np.array([4400.0, 1100.0, 300.0, 300.0, 1100.0, 1100.0])
-SIZES = {"below the edges": 0.02, "beyond them": 1.0}
 SPACE = COORDINATES
 # Trajectories of the comparison of space with the plane, in one thread: enough to forget what a call takes.
-FEW, FEW_IN_SPACE_BEYOND = 32, 2
+FEW, FEW_IN_SPACE_BEYOND = 32, 8
 
 
 def measure(record: Record, folder: Path) -> None:
@@ -47,14 +43,14 @@ def measure(record: Record, folder: Path) -> None:
         record.keep("growth", "drumsqueal", "time per simulated ms and trajectory", "s", seconds, name)
     counts = {count: median(seconds) for count, seconds in zip(COUNTS, per_count.values(), strict=True)}
     motions = {name: median(seconds) for name, seconds in per_kind.items()}
-    rows = [[f"{count} in the plane, beyond the edges", f"{1e6 * each:.4g}"] for count, each in counts.items()]
+    rows = [[f"{count} in the plane, beyond the boundaries", f"{1e6 * each:.4g}"] for count, each in counts.items()]
     rows += [[f"one thread: {name}", f"{1e6 * each:.4g}"] for name, each in motions.items()]
     record.show(f"Time of one trajectory and simulated ms; {threads} threads", ("trajectories", "µs"), rows)
     draw_growth(counts, motions, threads, folder / "speed_growth.png")
 
 
 def few(kept: tuple[str, ...], regime: str) -> int:
-    """How many trajectories of a kind are enough: in space beyond the edges one takes a second."""
+    """How many trajectories of a kind are enough: in space beyond the boundaries one takes a second."""
     return FEW_IN_SPACE_BEYOND if kept == SPACE and regime == "beyond them" else FEW
 
 

@@ -81,11 +81,11 @@ class Contact(Touching):
         axial = self.body.axial(v) if self.surface.spatial and self._knows_axial else None
         return Levels(level, self._slip_level(moment, v), axial)
 
-    def _integrated(self, levels: Levels, densities: Callable[[Nodes], Densities]) -> Densities:
-        """The integrals of densities over the lining, exact between its contact boundaries."""
+    def _integrated(self, levels: Levels, densities: Callable[[Nodes], Densities], *, lifted: bool) -> Densities:
+        """The integrals of densities over the lining, or over what presses, exact between its contact boundaries."""
         law = None if self.friction is None or levels.slip is None else self.friction.law
         cuts = (jnp.zeros(0), jnp.zeros(0)) if law is None else (breakpoints(law), kinks(law))
-        boundaries = Boundaries(self.law.boundaries(levels.pressure), levels.slip, levels.axial, *cuts)
+        boundaries = Boundaries(self.law.boundaries(levels.pressure), levels.slip, levels.axial, *cuts, lifted)
         return self.surface.integrate(self.body, boundaries, densities)
 
     def _field(self, moment: Moment, levels: Levels, nodes: Nodes) -> ContactField:
@@ -113,7 +113,7 @@ class Contact(Touching):
                 found["compression"] = self._stored(moment, q, nodes)[1] * nodes.weight
             return found
 
-        total = self._integrated(levels, densities)
+        total = self._integrated(levels, densities, lifted=moment.preload_rate is not None)
         power = jnp.zeros(())
         if "drag" in total:
             power = self.body.outer_radius * total["drag"] * moment.drum_speed - total["heat"]
@@ -124,9 +124,11 @@ class Contact(Touching):
     def potential_energy(self, moment: Moment, q: Motion) -> Array:
         """U = ∫(p0 e + ½ k_c e²) dA with e the compression: its force is −∫ N φ^r dA (J)."""
         levels = Levels(self._pressure_level(moment, q), None, None)
-        return self._integrated(levels, lambda nodes: {"energy": self._stored(moment, q, nodes)[0] * nodes.weight})[
-            "energy"
-        ]
+
+        def densities(nodes: Nodes) -> Densities:
+            return {"energy": self._stored(moment, q, nodes)[0] * nodes.weight}
+
+        return self._integrated(levels, densities, lifted=True)["energy"]
 
     def observe(self, moment: Moment, q: Motion, v: Motion) -> Observation:
         """Integrals and extremes that describe the contact at one instant."""
@@ -142,7 +144,7 @@ class Contact(Touching):
                 found |= {"reversed": jnp.where(forward, weight, 0.0), **self._drag_densities(field)}
             return found
 
-        total = self._integrated(levels, densities)
+        total = self._integrated(levels, densities, lifted=False)
         zero, area = jnp.zeros(()), self.body.area
         return Observation(
             brake_torque=self.body.outer_radius * total.get("drag", zero),

@@ -2,11 +2,14 @@
 
 Lines θ = const run across the lining. On each the levels are linear in z, so that it has one stretch in contact at
 most, and one point about which the direction V/|V| turns. The arc is split wherever the integral across is singular
-(`breaks.py`). Both ways the nodes are graded towards the singularities, real or complex, and their number is bounded.
+(`breaks.py`), and cut into panels that are no longer than the way to the next singularity, real or complex, so that one
+Gauss rule serves them all: far from a reversal of slip a few long ones, next to it ever shorter ones. Only where a
+panel's lines come near the turn of V/|V| are the nodes across graded towards it.
 """
 
 from collections.abc import Callable
 from itertools import pairwise
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -15,18 +18,23 @@ import numpy as np
 from jax import Array
 
 from drumsqueal.physics.quadrature.arc import NODES_LONG_ARC, compact_nodes, sort_by_counting
-from drumsqueal.physics.quadrature.breaks import distances, find_breaks
-from drumsqueal.physics.quadrature.levels import Level, sine_cosine
+from drumsqueal.physics.quadrature.breaks import distances, find_breaks, runaway_distances
+from drumsqueal.physics.quadrature.levels import Level, sine_cosine, swing
 from drumsqueal.physics.quadrature.surface import Boundaries, Densities, Lining, Nodes, resolved, sum_together
 
-# Nodes on each half piece of the arc, and on each of the two stretches of a line next to the turn of V/|V|; and
-# sections that the arc is split into in any case. At the worst state found for a rule with two sections the error over
-# p0 times the area is 2e-7 with 18 nodes along, 1e-8 with 24, and 2e-9 with three sections. Across, 40 nodes do no
-# better.
-ALONG, ACROSS, SECTIONS = 24, 12, 3
-# A singularity closer to an end than so many lengths of the half piece counts as being so far off. With 1e-5 along
-# instead, up to 2e-7 is lost, with 2e-6 5e-8.
-NARROWEST_ALONG, NARROWEST_ACROSS = 8e-8, 2e-7
+# Gauss nodes along a panel, across it where the direction of friction hardly turns, and on each of the two stretches of
+# a line next to its turn; and sections that the arc is split into in any case. Largest error over p0 times the area of
+# 4000 random states, unilateral and bonded, with decays up to 10⁴ s/m, next to twice the nodes: 4e-13; with 12 nodes at
+# turns 4e-11.
+ALONG, ACROSS, TURNING, SECTIONS = 16, 6, 16, 2
+# How far a singularity must be: from an end of a panel, in its lengths, so that the rule converges like 2.4^(−2 n);
+# and the branch points of |V| from the middle line, in half widths: like 7.9^(−2 n).
+CLEAR, CLEAR_ACROSS = 0.35, 4.0
+# A singularity closer to an end than so many half arcs, or lengths of a stretch across, counts as being so far off.
+NARROWEST, NARROWEST_ACROSS = 1e-8, 2e-7
+# Where panels end on the way to a singularity, over the length of that way: the shorter they are, the less of the load
+# is on them, and the faster they may shrink.
+ENDS = np.exp(-np.arange(9.0) * (1.7 + 0.08 * np.arange(9.0)))
 LIFTED, FRICTIONLESS = 2, 3  # Gauss nodes where what is summed is a line and a square in z
 SMALLEST = 1e-30  # m/s; keeps what a length of zero is divided by off zero
 # φ = 2t − 1.4t² + 0.4t³. With sixteen nodes and δ ≥ 1e-6, square roots, logarithms and their products with
@@ -34,7 +42,7 @@ SMALLEST = 1e-30  # m/s; keeps what a length of zero is divided by off zero
 FIRST, SECOND, THIRD = 2.0, -1.4, 0.4
 WIDEST = 10.0  # a singularity further off than so many lengths is not felt
 # Where nothing has a boundary what is integrated is smooth all over the lining, and a fixed product of Gauss rules is
-# exact to round-off with a tenth of the nodes of a single piece: so many along the arc and across.
+# exact to round-off: so many along the arc and across.
 SMOOTH_ALONG, SMOOTH_ACROSS = 16, 8
 # How far off the branch points of |V| must be. Along the arc, at least this many half arcs from the real axis: Gauss
 # rules then converge like 3.6^(−2 n), to 1e-18. Across, the swing of the velocity, at most this fraction of its mean,
@@ -43,13 +51,33 @@ CLEARANCE = 1.65
 LARGEST_SWING = 0.3
 
 
+Stretch = tuple[Array, Array]
+"""Nodes z (m) and weights (m) on lines across, (nodes, lines)."""
+
+
+class Stretches(NamedTuple):
+    """Stretches of the arc: start (rad), length with its sign (rad), and how long a panel may be there, over it."""
+
+    start: Array
+    length: Array
+    reach: Array
+
+
+class LineVelocity(NamedTuple):
+    """Slip velocity (m/s) on lines across: V_θ at z = 0, its slope (1/s), and V_z."""
+
+    slip: Array
+    slope: Array
+    axial: Array
+
+
 class AreaSurface(eqx.Module):
     """The lining as an area: what spatial motion needs."""
 
     along: int = eqx.field(static=True, default=ALONG)
     across: int = eqx.field(static=True, default=ACROSS)
+    turning: int = eqx.field(static=True, default=TURNING)
     sections: int = eqx.field(static=True, default=SECTIONS)
-    narrowest: tuple[float, float] = eqx.field(static=True, default=(NARROWEST_ALONG, NARROWEST_ACROSS))
     always_split: bool = eqx.field(static=True, default=False)
 
     spatial: bool = eqx.field(static=True, default=True, init=False)
@@ -58,7 +86,7 @@ class AreaSurface(eqx.Module):
         """Sums over nodes split at the boundaries; where there are none over far fewer, unless always split."""
 
         def split() -> Densities:
-            return self._over_pieces(lining, boundaries, densities)
+            return self._over_panels(lining, boundaries, densities)
 
         if self.always_split:
             return split()
@@ -66,70 +94,89 @@ class AreaSurface(eqx.Module):
             is_smooth(lining, boundaries), lambda: sum_together([densities(smooth_nodes(lining))]), split
         )
 
-    def _over_pieces(
+    def _over_panels(
         self, lining: Lining, boundaries: Boundaries, densities: Callable[[Nodes], Densities]
     ) -> Densities:
-        """Sum over the pieces of the arc, one after the other, for most of those there may be are empty."""
-        bounds, distance = self._bounds(lining, boundaries)
+        """Sum over the panels of each stretch, one after the other, for most that there may be are not there."""
+        stretches = self._stretches(lining, boundaries)
+        # A panel reaches to `outer`, is there if the one before left something over, and takes all if it may.
+        ends = jnp.asarray(np.append(np.inf, ENDS[:-1])), jnp.asarray(ENDS), jnp.asarray(np.append(ENDS[1:], 0.0))
 
-        def piece(low: Array, high: Array, gap: Array) -> Densities:
-            groups = self._parts(lining, boundaries, low, high, gap)
-            sums = [sum_together([densities(nodes) for nodes in group]) for group in groups]
-            return jax.tree.map(lambda *parts: sum(parts[1:], start=parts[0]), *sums)
+        def panel(start: Array, stop: Array) -> Densities:
+            return self._panel(lining, boundaries, densities, start, stop)
 
-        def add(total: Densities, bound: tuple[Array, Array, Array]) -> tuple[Densities, None]:
-            def with_piece() -> Densities:
-                return jax.tree.map(jnp.add, total, piece(*bound))
+        def add_stretch(total: Array, stretch: Stretches) -> tuple[Array, None]:
+            start, length, reach = stretch
 
-            return jax.lax.cond(bound[1] > bound[0], with_piece, lambda: total), None
+            def add_panel(total: Array, end: tuple[Array, Array, Array]) -> tuple[Array, None]:
+                before, outer, inner = end
 
-        each = bounds[:-1], bounds[1:], jnp.stack([distance[:-1], distance[1:]], axis=1)
-        nothing = jax.tree.map(
-            lambda x: jnp.zeros(x.shape, x.dtype), jax.eval_shape(lambda: piece(*(part[0] for part in each)))
-        )
-        return jax.lax.scan(add, nothing, each)[0]
+                def added() -> Array:
+                    near = jnp.where(outer > reach, inner, 0.0)
+                    return total + jnp.stack([*panel(start + near * length, start + outer * length).values()])
 
-    def _bounds(self, lining: Lining, boundaries: Boundaries) -> tuple[Array, Array]:
-        """Sorted bounds of the pieces, the empty ones last, and how far each is from a singularity (rad)."""
-        half_angle = lining.half_angle
+                return jax.lax.cond(before > reach, added, lambda: total), None
+
+            return jax.lax.cond(length != 0, lambda: jax.lax.scan(add_panel, total, ends)[0], lambda: total), None
+
+        names = jax.eval_shape(panel, stretches.start[0], stretches.start[0])
+        total = jax.lax.scan(add_stretch, jnp.zeros(len(names)), stretches)[0]
+        return dict(zip(names, total, strict=True))
+
+    def _stretches(self, lining: Lining, boundaries: Boundaries) -> Stretches:
+        """Each piece of the arc, or both halves of it where a singularity is close to one of its ends."""
+        half_angle, half_width = lining.half_angle, lining.width / 2
         found = find_breaks(lining, boundaries)
         even = half_angle * np.linspace(-1, 1, self.sections + 1)
         bounds = sort_by_counting(jnp.concatenate([even, jnp.where(found.split, found.angle, half_angle)]))
-        return bounds, distances(found, bounds)
+        gap = distances(found, bounds)
+        gaps = jnp.stack([gap[:-1], gap[1:]])
+        for level in (boundaries.pressure, boundaries.slip):
+            if level is not None:
+                gaps = jnp.minimum(gaps, runaway_distances(level, half_width, bounds))
+        reach = jax.lax.stop_gradient(jnp.maximum(gaps / CLEAR, NARROWEST * half_angle))
+        piece = bounds[1:] - bounds[:-1]
+        whole = jnp.min(reach, axis=0) >= piece
+        length = jnp.stack([jnp.where(whole, piece, piece / 2), jnp.where(whole, 0.0, -piece / 2)])
+        relative = reach / jnp.where(length == 0, 1.0, jnp.abs(jax.lax.stop_gradient(length)))
+        return Stretches(jnp.concatenate([bounds[:-1], bounds[1:]]), length.ravel(), relative.ravel())
 
-    def _parts(self, lining: Lining, boundaries: Boundaries, low: Array, high: Array, gap: Array) -> list[list[Nodes]]:
-        """Nodes of a piece of the arc, whose halves are graded towards its ends, in groups of one shape.
-
-        They are (2, lines, nodes a line); the parts are not joined, for a joint would be a branch at each node.
-        """
-        half = (high - low) / 2
-        fraction, fraction_weight = graded(gap / jax.lax.stop_gradient(half), self.along, self.narrowest[0])
-        theta = jnp.stack([low, high])[:, None] + half * np.array([[1.0], [-1.0]]) * fraction
+    def _panel(
+        self, lining: Lining, boundaries: Boundaries, densities: Callable[[Nodes], Densities], start: Array, stop: Array
+    ) -> Densities:
+        """Sum over the nodes (across, along) between two angles (rad)."""
+        theta, along = _gauss(start, stop - start, self.along)
         sine, cosine = sine_cosine(theta)
-        line = lining.outer_radius * half * fraction_weight
-        groups = self._across(lining.width / 2, boundaries, cosine, sine)
+        line, half_width = lining.outer_radius * jnp.abs(along), lining.width / 2
 
-        def nodes(z: Array, weight: Array) -> Nodes:
-            return Nodes(cosine[..., None], sine[..., None], z, line[..., None] * weight)
+        def total(*groups: list[Stretch]) -> Densities:
+            """Of the nodes z and weights of each group, which have one shape."""
+            nodes = [[Nodes(cosine, sine, z, line * weight) for z, weight in group] for group in groups]
+            sums = [sum_together([densities(each) for each in group]) for group in nodes]
+            return jax.tree.map(lambda *parts: sum(parts[1:], start=parts[0]), *sums)
 
-        return [[nodes(*part) for part in group] for group in groups]
-
-    def _across(
-        self, half_width: Array, boundaries: Boundaries, cosine: Array, sine: Array
-    ) -> list[list[tuple[Array, Array]]]:
-        """Nodes z on each line and their weights: what has lifted off, if anything can, and what is pressed."""
         low, high = jnp.full_like(cosine, -half_width), jnp.full_like(cosine, half_width)
-        groups = []
+        lifted = []
         if boundaries.pressure is not None:
             low, high = _pressed(*_across_line(boundaries.pressure, cosine, sine), half_width)
-            start = jnp.where(low > -half_width, -half_width, high)
-            groups.append([_gauss(start, 2 * half_width - (high - low), LIFTED)])
+            if boundaries.lifted:
+                side = jnp.where(low > -half_width, -half_width, high)
+                lifted = [[_gauss(side, 2 * half_width - (high - low), LIFTED)]]
         if boundaries.slip is None:
-            return [*groups, [_gauss(low, high - low, FRICTIONLESS)]]
-        slip, slope = _across_line(boundaries.slip, cosine, sine)
-        centre, along = _turning(slip, slope, low, high)
-        speed = along if boundaries.axial is None else along + jnp.abs(_across_line(boundaries.axial, cosine, sine)[0])
-        cuts = [_where_reached(kink, along, speed - along, slope) for kink in boundaries.kinks]
+            return total(*lifted, [_gauss(low, high - low, FRICTIONLESS)])
+        velocity = _line_velocity(boundaries, cosine, sine)
+        return jax.lax.cond(
+            _is_straight(velocity, half_width, boundaries.kinks),
+            lambda: total(*lifted, [_gauss(low, high - low, self.across)]),
+            lambda: total(*lifted, self._turning(velocity, boundaries.kinks, low, high)),
+        )
+
+    def _turning(self, velocity: "LineVelocity", kinks: Array, low: Array, high: Array) -> list[Stretch]:
+        """Nodes graded towards where the direction of friction turns, cut where the slip speed is that of a kink."""
+        slip, slope, axial = velocity
+        centre, along = _slowest(slip, slope, low, high)
+        speed = along + jnp.abs(axial)
+        cuts = [_where_reached(kink, along, jnp.abs(axial), slope) for kink in kinks]
         parts = []
         for end in (low, high):
             whole, side = jnp.abs(end - centre), jnp.sign(end - centre)
@@ -137,10 +184,9 @@ class AreaSurface(eqx.Module):
             for start, length in ((start, stop - start) for start, stop in pairwise(bounds)):
                 reach = jnp.maximum(jnp.abs(slope) * length, SMALLEST)
                 distance = jax.lax.stop_gradient((speed + jnp.abs(slope) * start) / reach)
-                fraction, weight = graded(distance, self.across, self.narrowest[1])
-                z = centre[..., None] + side[..., None] * (start[..., None] + length[..., None] * fraction)
-                parts.append((z, length[..., None] * weight))
-        return [*groups, parts]
+                fraction, weight = graded(distance, self.turning, NARROWEST_ACROSS)
+                parts.append((centre + side * (start + length * fraction), length * weight))
+        return parts
 
 
 class SteadySurface(eqx.Module):
@@ -171,6 +217,23 @@ def _across_line(level: Level, cosine: Array, sine: Array) -> tuple[Array, Array
     return value, level.cosine_slope * cosine + level.sine_slope * sine + jnp.zeros_like(value)
 
 
+def _line_velocity(boundaries: Boundaries, cosine: Array, sine: Array) -> LineVelocity:
+    assert boundaries.slip is not None
+    slip, slope = _across_line(boundaries.slip, cosine, sine)
+    still = jnp.zeros_like(slip)
+    return LineVelocity(slip, slope, still if boundaries.axial is None else boundaries.axial.at(cosine, sine, None))
+
+
+def _is_straight(velocity: LineVelocity, half_width: Array, kinks: Array) -> Array:
+    """Whether the direction of friction hardly turns across any of the lines, nor meets a kink of its law."""
+    slip, slope, axial = velocity
+    speed, spread = jnp.sqrt(slip * slip + axial * axial), half_width * jnp.abs(slope)
+    straight = jnp.all(speed > CLEAR_ACROSS * spread)
+    if kinks.size:
+        straight &= ~jnp.any((kinks > jnp.min(speed - spread)) & (kinks < jnp.max(speed + spread)))
+    return straight
+
+
 def _pressed(value: Array, slope: Array, half_width: Array) -> tuple[Array, Array]:
     """Ends of the stretch on which value + slope z is positive; of an empty one, both at one side."""
     crossing = jnp.abs(value) < jnp.abs(slope) * half_width
@@ -180,7 +243,7 @@ def _pressed(value: Array, slope: Array, half_width: Array) -> tuple[Array, Arra
     return low, high
 
 
-def _turning(value: Array, slope: Array, low: Array, high: Array) -> tuple[Array, Array]:
+def _slowest(value: Array, slope: Array, low: Array, high: Array) -> tuple[Array, Array]:
     """Where in [low, high] value + slope z is closest to zero, and its size there."""
     first, last = value + slope * low, value + slope * high
     inside = first * last < 0
@@ -196,22 +259,22 @@ def _where_reached(kink: Array, along: Array, axial: Array, slope: Array) -> Arr
     return beyond / jnp.maximum(jnp.abs(slope), SMALLEST)
 
 
-def _gauss(start: Array, length: Array, count: int) -> tuple[Array, Array]:
-    """Gauss nodes and weights (..., count) on stretches of given start and length."""
-    point, weight = np.polynomial.legendre.leggauss(count)
-    return start[..., None] + length[..., None] * (point + 1) / 2, length[..., None] * weight / 2
+def _gauss(start: Array, length: Array, count: int) -> Stretch:
+    """Gauss nodes and weights (count, ...) on stretches of given start and length (...)."""
+    point, weight = (each.reshape(-1, *[1] * start.ndim) for each in np.polynomial.legendre.leggauss(count))
+    return start + length * (point + 1) / 2, length * weight / 2
 
 
-def graded(distance: Array, count: int, narrowest: float) -> tuple[Array, Array]:
-    """Points and weights (..., count) on [0, 1] that crowd towards zero, for singularities at distances (...) from it.
+def graded(distance: Array, count: int, narrowest: float) -> Stretch:
+    """Points and weights (count, ...) on [0, 1] that crowd towards zero, for singularities at distances (...) from it.
 
     x = δ sinh(T φ(t)), sinh T = 1/δ, takes a singularity at the distance δ off zero away from the real axis (Johnston &
     Elliott, Int. J. Numer. Meth. Engng 62 (2005) 564; there φ = t). The flatter end of φ spares most of the nodes that
     the steep one of the sinh calls for.
     """
-    scale = jnp.clip(distance, narrowest, WIDEST)[..., None]
+    scale = jnp.clip(distance, narrowest, WIDEST)
     stretch = jnp.arcsinh(1 / scale)
-    point, weight = np.polynomial.legendre.leggauss(count)
+    point, weight = (each.reshape(-1, *[1] * distance.ndim) for each in np.polynomial.legendre.leggauss(count))
     t = (point + 1) / 2
     bent = t * (FIRST + t * (SECOND + t * THIRD))
     bent_weight = weight / 2 * (FIRST + t * (2 * SECOND + t * 3 * THIRD))
@@ -235,24 +298,14 @@ def is_smooth(lining: Lining, boundaries: Boundaries) -> Array:
     With V_θ + i V_z = a + (p e^{iθ} + m e^{−iθ})/2 there is none with |Im θ| < y as long as max(|p|, |m|) cosh y < |a|.
     Nor may the friction law be steep. The condition is sufficient, not necessary: its bounds are over the whole circle.
     """
-    pressure, slip, axial, breakpoints, _ = boundaries
+    pressure, slip, axial, breakpoints, *_ = boundaries
     smooth = jnp.asarray(True)
     if pressure is not None:
-        smooth &= pressure.constant >= _swing(pressure, lining.width / 2)
+        smooth &= pressure.constant >= swing(pressure, lining.width / 2)
     if slip is not None:
-        smooth &= jnp.abs(slip.constant) >= _swing(slip, lining.width / 2)
+        smooth &= jnp.abs(slip.constant) >= swing(slip, lining.width / 2)
         turn = slip if axial is None else Level(*(u + 1j * w for u, w in zip(slip, axial, strict=True)))
-        swing, mean = _swing(turn, lining.width / 2), jnp.abs(turn.constant)
+        most, mean = swing(turn, lining.width / 2), jnp.abs(turn.constant)
         fraction = jnp.minimum(LARGEST_SWING, 1 / jnp.cosh(CLEARANCE * lining.half_angle))
-        smooth &= (swing <= fraction * mean) & resolved(breakpoints, mean - swing, mean + swing)
+        smooth &= (most <= fraction * mean) & resolved(breakpoints, mean - most, mean + most)
     return smooth
-
-
-def _swing(level: Level, half_width: Array) -> Array:
-    """Bound of max(|p|, |m|), p, m = (b + b′z) ∓ i (c + c′z), over the lining."""
-    middle = _largest(level.cosine, level.sine)
-    return middle + half_width * _largest(level.cosine_slope, level.sine_slope)
-
-
-def _largest(b: Array | complex, c: Array | complex) -> Array:
-    return jnp.maximum(jnp.abs(b - 1j * c), jnp.abs(b + 1j * c))

@@ -21,7 +21,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from drumsqueal.physics.quadrature.levels import Level, complex_roots, real_roots
+from drumsqueal.physics.quadrature.levels import Level, complex_roots, real_roots, sine_cosine, swing
 from drumsqueal.physics.quadrature.surface import Boundaries, Lining
 
 CLOSE = 0.5  # half arcs; singularities further off the real axis need no split: Gauss nodes converge like 2.4^(−2 n)
@@ -31,7 +31,7 @@ FAR = 1e3  # rad; a split without a singularity (finite, so that gradients stay 
 REACH = 1.5
 # Aberth's iteration triples the right digits of simple roots and halves the error of a double one, where the boundaries
 # that meet only touch.
-ITERATIONS = 16
+ITERATIONS, ROUND_OFF = 16, 1e-15
 # Near the unit circle, where the roots are that count, and without a symmetry, which the iteration would keep.
 START = np.array([0.9, 1.1, 0.95, 1.05]) * np.exp(1j * (0.4 + np.pi / 2 * np.arange(4)))
 
@@ -46,32 +46,54 @@ class Breaks(NamedTuple):
 
 def find_breaks(lining: Lining, boundaries: Boundaries) -> Breaks:
     """All of them. Their number depends on what boundaries there may be, not on the state."""
-    pressure, slip, axial, _, kinks = boundaries
+    pressure, slip, axial, _, kinks, _ = boundaries
     half_angle, half_width = lining.half_angle, lining.width / 2
     sides = half_width * np.array([-1.0, 1.0])
     found = []
     if pressure is not None:
         there, angle = real_roots(pressure.on_line(sides), half_angle)
-        found += [Breaks(jax.lax.stop_gradient(angle), jnp.full_like(angle, FAR), there), _runaways(pressure)]
+        found.append(Breaks(jax.lax.stop_gradient(angle), jnp.full_like(angle, FAR), there))
     if slip is not None:
         turn = slip if axial is None else Level(*(u + 1j * w for u, w in zip(slip, axial, strict=True)))
-        there, angle, distance = complex_roots(turn.on_line(sides))
-        # The integral across jumps only where slip reverses all across at once. Elsewhere it is continuous, so it does
-        # not matter to a derivative how a split moves, but that motion may be as fast as √ at zero.
-        upright = (jnp.asarray(slip.cosine_slope) == 0) & (jnp.asarray(slip.sine_slope) == 0)
-        angle = jnp.where(upright, angle, jax.lax.stop_gradient(angle))
-        found += [_near(half_angle, there, angle, distance), _runaways(slip)]
-        if axial is not None:
-            still = jax.lax.stop_gradient(complex_roots(axial))
-            found.append(_on_lining(_near(half_angle, *still), slip, half_width))
-        if pressure is not None:
-            found.append(_on_lining(_near(half_angle, *_meetings(pressure, turn)), pressure, half_width))
+        # So far off zero, the velocity is nowhere zero as close to the real axis as a singularity counts.
+        away = jnp.abs(turn.constant) > jnp.cosh(CLOSE * half_angle) * swing(turn, half_width)
+
+        def near() -> Breaks:
+            return _turns(lining, boundaries, turn)
+
+        nothing = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), jax.eval_shape(near))
+        nothing = nothing._replace(distance=nothing.distance + FAR)
+        found.append(jax.lax.cond(away, lambda: nothing, near))
         if kinks.size:
             found.append(_near(half_angle, *_crossings(turn.on_line(sides), kinks)))
             if axial is not None:
                 signed = jnp.concatenate([-kinks, kinks])
                 level = Level(axial.constant + signed, axial.cosine + 0 * signed, axial.sine + 0 * signed)
                 found.append(_near(half_angle, *jax.lax.stop_gradient(complex_roots(level))))
+    return _joined(found)
+
+
+def _turns(lining: Lining, boundaries: Boundaries, turn: Level) -> Breaks:
+    """Those where the direction of the velocity turns."""
+    pressure, slip, axial, *_ = boundaries
+    assert slip is not None
+    half_angle, half_width = lining.half_angle, lining.width / 2
+    there, angle, distance = complex_roots(turn.on_line(half_width * np.array([-1.0, 1.0])))
+    # The integral across jumps only where slip reverses all across at once. Elsewhere it is continuous, so it does not
+    # matter to a derivative how a split moves, but that motion may be as fast as √ at zero.
+    upright = (jnp.asarray(slip.cosine_slope) == 0) & (jnp.asarray(slip.sine_slope) == 0)
+    angle = jnp.where(upright, angle, jax.lax.stop_gradient(angle))
+    found = [_near(half_angle, there, angle, distance)]
+    if axial is not None:
+        still = jax.lax.stop_gradient(complex_roots(axial))
+        found.append(_on_lining(_near(half_angle, *still), slip, half_width))
+    if pressure is not None:
+        meetings = jax.lax.cond(_may_meet(pressure, turn, half_width), _meetings, _no_meetings, pressure, turn)
+        found.append(_on_lining(_near(half_angle, *meetings), pressure, half_width))
+    return _joined(found)
+
+
+def _joined(found: list[Breaks]) -> Breaks:
     if not found:
         return Breaks(jnp.zeros(0), jnp.zeros(0), jnp.zeros(0, bool))
     return Breaks(*(jnp.concatenate([part.ravel() for part in parts]) for parts in zip(*found, strict=True)))
@@ -91,20 +113,29 @@ def _near(half_angle: Array, there: Array, angle: Array, distance: Array) -> Bre
 
 
 def _on_lining(found: Breaks, level: Level, half_width: Array) -> Breaks:
-    """Split only where the boundary of the level runs over the lining; the singularities stay."""
-    a, b, c, b1, c1 = level
-    cosine, sine = jnp.cos(found.angle), jnp.sin(found.angle)
-    value, slope = a + b * cosine + c * sine, b1 * cosine + c1 * sine
-    return found._replace(split=found.split & (jnp.abs(value) <= REACH * half_width * jnp.abs(slope)))
+    """Those where the boundary of the level runs over the lining; elsewhere they are not felt."""
+    there = _runs_over(level, half_width, found.angle)
+    return Breaks(found.angle, jnp.where(there, found.distance, FAR), found.split & there)
 
 
-def _runaways(level: Level) -> Breaks:
-    """Where a level does not depend on z. The arc is not split there."""
-    b, c = (jax.lax.stop_gradient(jnp.asarray(x)) for x in (level.cosine_slope, level.sine_slope))
-    there = (b != 0) | (c != 0)
-    angle = jnp.arctan2(-b, jnp.where(there, c, 1.0))
-    angle = jnp.stack([angle, angle + jnp.pi])
-    return Breaks(angle, jnp.where(there, jnp.zeros(2), FAR), jnp.zeros(2, bool))
+def _runs_over(level: Level, half_width: Array, angle: Array) -> Array:
+    """Whether the boundary of a level crosses the lines at angles (rad) on the lining, or not far off it."""
+    sine, cosine = sine_cosine(angle)
+    value, slope = level.at(cosine, sine, None), level.cosine_slope * cosine + level.sine_slope * sine
+    return jnp.abs(value) <= REACH * half_width * jnp.abs(slope)
+
+
+def runaway_distances(level: Level, half_width: Array, bounds: Array) -> Array:
+    """How far the ends (2, n) of pieces between bounds (n + 1,) are from where the level does not depend on z (rad).
+
+    That matters only to pieces on which its boundary runs over the lining.
+    """
+    crossed = _runs_over(level, half_width, (bounds[1:] + bounds[:-1]) / 2)
+    sine, cosine = sine_cosine(bounds)
+    b, c = jnp.asarray(level.cosine_slope), jnp.asarray(level.sine_slope)
+    largest = jnp.sqrt(b * b + c * c)
+    away = jnp.abs(b * cosine + c * sine) / jnp.where(largest > 0, largest, 1.0)  # a sine, next to which it is small
+    return jnp.where(crossed, jnp.stack([away[:-1], away[1:]]), FAR)
 
 
 def _meetings(pressure: Level, turn: Level) -> tuple[Array, Array, Array]:
@@ -112,6 +143,16 @@ def _meetings(pressure: Level, turn: Level) -> tuple[Array, Array, Array]:
     A, B = _waves(pressure)
     C, D = _waves(turn)
     return _angles(_scaled_roots(_product(C, B) - _product(D, A)))
+
+
+def _no_meetings(pressure: Level, turn: Level) -> tuple[Array, Array, Array]:
+    del pressure, turn
+    return jnp.zeros(4, bool), jnp.zeros(4), jnp.zeros(4)
+
+
+def _may_meet(pressure: Level, turn: Level, half_width: Array) -> Array:
+    """Whether the contact boundary and the branch point may both be on the lining, by bounds over the whole circle."""
+    return jnp.all(jnp.stack([jnp.abs(each.constant) < swing(each, REACH * half_width) for each in (pressure, turn)]))
 
 
 def _scaled_roots(coefficients: Array) -> Array:
@@ -151,16 +192,30 @@ def _product(one: list[Array], other: list[Array]) -> Array:
 
 def quartic_roots(coefficients: Array) -> Array:
     """Roots (4,) of k0 + k1 x + k2 x² + k3 x³ + k4 x⁴; those at infinity come out large."""
-    root = jnp.asarray(START)
-    for _ in range(ITERATIONS):
+
+    def improve(state: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
+        count, root, _ = state
         value, slope = coefficients[4] + 0 * root, 0 * root
         for k in (3, 2, 1, 0):
             slope = slope * root + value
             value = value * root + coefficients[k]
-        apart = root[:, None] - root[None, :]
-        alone = apart == 0
-        push = jnp.sum(jnp.where(alone, 0.0, 1 / jnp.where(alone, 1.0, apart)), axis=1)
-        steepness = slope - value * push
-        flat = steepness == 0
-        root = root - jnp.where(flat, 0.0, value / jnp.where(flat, 1.0, steepness))
-    return root
+        push = jnp.sum(_reciprocal(root[:, None] - root[None, :]), axis=1)
+        change = value * _reciprocal(slope - value * push)
+        moves = jnp.any(_squared(change) > ROUND_OFF**2 * _squared(root))
+        return count + 1, root - change, moves
+
+    def goes_on(state: tuple[Array, Array, Array]) -> Array:
+        return (state[0] < ITERATIONS) & state[2]
+
+    # A loop, because written out sixteen times it is computed in forty times the time, and compiled in seventy.
+    return jax.lax.while_loop(goes_on, improve, (jnp.asarray(0), jnp.asarray(START), jnp.asarray(True)))[1]
+
+
+def _squared(number: Array) -> Array:
+    return number.real * number.real + number.imag * number.imag
+
+
+def _reciprocal(number: Array) -> Array:
+    """1/z, and 0 of 0. XLA divides complex numbers with care for their overflow, which takes ten times as long."""
+    squared = _squared(number)
+    return jnp.conj(number) * jnp.where(squared == 0, 0.0, 1 / jnp.where(squared == 0, 1.0, squared))

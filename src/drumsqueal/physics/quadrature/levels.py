@@ -56,6 +56,16 @@ class Level(NamedTuple):
         return jnp.asarray(line.constant + line.cosine * cosine + line.sine * sine)
 
 
+def swing(level: Level, half_width: Array) -> Array:
+    """Bound of max(|p|, |m|), p, m = (b + b′z) ∓ i (c + c′z), over the lining."""
+    middle = _largest(level.cosine, level.sine)
+    return middle + half_width * _largest(level.cosine_slope, level.sine_slope)
+
+
+def _largest(b: Array | complex, c: Array | complex) -> Array:
+    return jnp.maximum(jnp.abs(b - 1j * c), jnp.abs(b + 1j * c))
+
+
 def quarter_tangents(level: Level) -> list[tuple[Array, Array]]:
     """Roots θ of a + b cos θ + c sin θ in [−π, π] as tan(θ/4): two pairs of whether there, and where; shape of a.
 

@@ -52,7 +52,8 @@ class Boundaries(NamedTuple):
 
     Where the pressure's level is negative the lining does not press; V_z is the same all across the lining. The slip
     speeds that cut the friction law are its `breakpoints` (K,), rising, in m/s; `kinks` are those of them that a
-    quadrature has to cut it at, too, that is graded towards where the slip vanishes.
+    quadrature has to cut it at, too, that is graded towards where the slip vanishes. Unless `lifted` counts, what is
+    summed is zero where the lining does not press.
     """
 
     pressure: Level | None
@@ -60,6 +61,7 @@ class Boundaries(NamedTuple):
     axial: Level | None
     breakpoints: Array
     kinks: Array
+    lifted: bool
 
 
 # Of a stretch of the friction law: slip speeds that lie within so much of it are resolved by a quadrature that does not

@@ -71,7 +71,7 @@ def contenders_of(model: Model) -> Iterator[list[Contender]]:
     for solver in SOLVERS:
         yield [Contender(STEPPING, solver, tolerance, solver, tolerance, model) for tolerance in TOLERANCES]
     spatial = model.lining.surface.spatial
-    split = {n: AreaSurface(n, max(2, n // 2)) if spatial else ArcSurface(n) for n in NODES}
+    split = {n: AreaSurface(n, max(2, n // 2), n) if spatial else ArcSurface(n) for n in NODES}
     yield [_quadrature(SPLIT, n, model, surface) for n, surface in split.items()]
     yield [_quadrature(FIXED, n, model, FixedGrid(n, spatial)) for n in GRID]
     friction = model.contact.friction
