@@ -1,4 +1,4 @@
-"""Double precision: switched on once, and asserted wherever numbers enter a model.
+"""What JAX is set to before it computes: double precision, asserted where numbers enter a model, in one thread.
 
 The contact boundaries are found from differences of nearly equal numbers, and the growth of a squeal is followed over
 many decades: single precision is of no use here, and JAX falls back to it silently unless told otherwise.
@@ -14,6 +14,9 @@ from jax import Array
 from jax.typing import ArrayLike
 
 jax.config.update("jax_enable_x64", True)
+# A program runs in the thread that calls it and waits for it. To wake another one for each chunk takes a tenth of a
+# transient, and more where all processors are busy.
+jax.config.update("jax_cpu_enable_async_dispatch", False)
 
 
 def real(value: ArrayLike | Sequence[float] | Sequence[Sequence[float]]) -> Array:

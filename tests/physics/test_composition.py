@@ -114,14 +114,14 @@ CONSTANT = {"law": "constant", "coefficient": 0.4}
 FORCE = {"amplitude": {"Y": 1.0}, "frequency": 100.0}
 # name: (what the scene names beyond a bare bonded shoe, operations that come with it as traced, and as compiled)
 EFFECTS = {
-    "separation": ({"contact.separation": True}, {"sqrt": 3}, {"sqrt"}),  # contact boundaries
+    "separation": ({"contact.separation": True}, {"sqrt": 4}, {"sqrt"}),  # whether there are boundaries, and where
     "friction": ({"friction": CONSTANT}, {"sign": 7}, {"sign", "sqrt"}),  # each piece's and the balance's
     "falling friction": (
         {"friction": {"law": "exponential", "static": 0.5, "kinetic": 0.3, "decay": 1.0}},
         {"exp": 8},  # in each piece without cuts for a steep law, and in all with them
         {"exponential"},
     ),
-    "support": ({"support": {"upper_stiffness": 1e8, "lower_stiffness": 6e8}}, {"cos": 1}, {"cosine"}),
+    "support": ({"support": {"upper_stiffness": 1e8, "lower_stiffness": 6e8}}, {"cond": 1}, {"conditional"}),
     "force": ({"forcing": FORCE}, {"sin": 1}, set()),
     "damping": ({"damping": {"ratio": 0.01}}, {"neg": 3}, set()),  # one a coordinate
     # One search each, whoever asks for drum speed or load.

@@ -705,3 +705,21 @@ def test_pressure_is_the_slope_of_the_stored_energy(separation, tolerance):
     for q, v in random_states(6, 6, brake, press=1.5, slide=0.0, tilt=1.0):
         wanted = brute_force(brake, q, v * 0, separation=separation)
         assert np.max(np.abs(-np.asarray(slope(jnp.asarray(q))) - wanted)) < tolerance * scale
+
+
+@pytest.mark.parametrize("arc", [30.0, 130.0, 250.0], ids=lambda arc: f"{arc:g} degrees")
+def test_kinks_are_where_boundaries_come_and_go(arc):
+    # Each of the numbers is a level at an end or its extreme on the arc: all signs alike, there is no boundary.
+    brake = Brake(arc=np.deg2rad(arc))
+    contact = contact_of(brake, area=False)
+    theta = np.linspace(-0.5, 0.5, 4001) * brake.arc
+    seen = set()
+    for q, v in random_states(7, 40, brake, press=1.5, slide=1.5):
+        numbers = np.asarray(contact.kinks(moment_of(brake), tuple(jnp.asarray(q)), tuple(jnp.asarray(v))))
+        radial, tangential, _ = motion(brake, theta, 0.0)
+        levels = brake.pressure + brake.stiffness * (q @ radial), v @ tangential - brake.radius * brake.drum
+        for found, level in zip(numbers.reshape(2, 4), levels, strict=True):
+            wanted = [level[0], level[-1], level.min(), level.max()]
+            np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-6 * np.abs(level).max())
+            seen.add((level[0] > 0, level[-1] > 0, level.min() > 0, level.max() > 0))
+    assert len(seen) > 3

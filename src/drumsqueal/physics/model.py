@@ -150,6 +150,10 @@ class Model(eqx.Module):
         power = jnp.asarray(sum(action.power for action in actions) + jnp.zeros(()))
         return jnp.stack(force), power, self.memory_rate(memory, sum(action.heat for action in actions))
 
+    def kinks(self, time: ArrayLike, q: Array, v: Array, memory: Array | None = None) -> Array:
+        """Numbers (k,) of which one changes its sign where the force has a kink in time."""
+        return self.contact.kinks(self.moment(time, memory), scalars(q), scalars(v))
+
     def energy(self, time: ArrayLike, q: Array, v: Array) -> tuple[Array, Array]:
         """Kinetic energy ½ vᵀ M v and potential energy Σ U (J)."""
         moment, motion = self.operation.at(time), scalars(q)

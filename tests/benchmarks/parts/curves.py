@@ -1,38 +1,43 @@
 """Work against precision: what a contender's time is at an error that it was not asked for exactly."""
 
 from collections.abc import Iterable, Sequence
+from statistics import median
 from typing import NamedTuple
 
 import numpy as np
 
+from .turns import scatter
+
 
 class Curve(NamedTuple):
-    """Time (s) and error of one contender, a point for each tolerance; NaN where it failed."""
+    """Errors of a contender (NaN: failed) and seconds of its rounds (none: not run), from loose tolerances to tight."""
 
     name: str
     tolerances: np.ndarray
     errors: np.ndarray
-    times: np.ndarray
+    seconds: list[list[float]]
+
+    @property
+    def times(self) -> np.ndarray:
+        """The fastest round at each tolerance (s)."""
+        return np.array([min(each, default=np.nan) for each in self.seconds])
+
+    @property
+    def scatter(self) -> float:
+        """Median over fastest round, of the tolerance in the middle."""
+        return median(scatter(each) for each in self.seconds if each)
 
     def time_at(self, error: float) -> float:
-        """Time (s) that an error takes, NaN where it is never reached; between two points along their line (log-log).
+        """Time (s) that an error takes, NaN outside what was reached; between tolerances along their line (log-log).
 
-        Beyond the edges a trajectory follows its round-off and a smaller tolerance is not always better. A tolerance
-        is therefore credited with the largest error of all that cost as much or more. Where even the cheapest point is
-        better than asked for, its time counts.
+        Beyond the boundaries a smaller tolerance may by chance give a larger error. A tolerance is therefore credited
+        with the largest error of all that are as tight or tighter; the times stand as they were measured.
         """
-        order = np.argsort(self.times)
-        times, errors = self.times[order], self.errors[order]
-        good = np.isfinite(errors)
-        times, errors = times[good], np.maximum.accumulate(errors[good][::-1])[::-1]
-        if not len(errors) or errors[-1] > error:
+        good = np.isfinite(self.errors) & np.isfinite(self.times)
+        times, errors = self.times[good], np.maximum.accumulate(self.errors[good][::-1])[::-1]
+        if not len(errors) or not errors[-1] <= error <= errors[0]:
             return np.nan
-        above = np.flatnonzero(errors > error)
-        if not len(above):
-            return float(times[0])
-        last = above[-1]
-        x, y = np.log(errors[last : last + 2]), np.log(times[last : last + 2])
-        return float(np.exp(y[0] + (np.log(error) - x[0]) * (y[1] - y[0]) / (x[1] - x[0])))
+        return float(np.exp(np.interp(-np.log(error), -np.log(errors), np.log(times))))
 
     @property
     def best(self) -> float:
@@ -45,7 +50,6 @@ def ratios(curves: Sequence[Curve], ours: Curve, errors: Iterable[float]) -> dic
     return {each.name: [each.time_at(error) / ours.time_at(error) for error in errors] for each in curves}
 
 
-def ratio_cells(curve: Curve, found: Sequence[float]) -> list[str]:
-    """The ratios as text; an error that is never reached says so once."""
-    cells = ["-" if np.isnan(ratio) else f"{ratio:.3g}" for ratio in found]
-    return [*cells, f"never below {curve.best:.1e}" if np.isnan(found).any() else ""]
+def cells(values: Sequence[float]) -> list[str]:
+    """Numbers as text."""
+    return ["-" if np.isnan(value) else f"{value:.3g}" for value in values]

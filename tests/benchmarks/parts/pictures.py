@@ -74,7 +74,7 @@ def draw_one(curves: Sequence[Curve], uncertainty: float, file: Path) -> None:
 @styled()
 def draw_many(panels: Mapping[str, Sequence[Curve]], count: int, file: Path) -> None:
     """Throughput over the median error and over that of nine in ten."""
-    figure = new_figure(TITLE, f"{count} transients of 0.1 s in two threads or processes")
+    figure = new_figure(TITLE, f"{count} transients of 50 ms in two threads or processes")
     for axes, (label, curves) in zip(figure.subplots(1, len(panels), sharey=True), panels.items(), strict=True):
         for curve in curves:
             _plot(axes, curve, count / curve.times)

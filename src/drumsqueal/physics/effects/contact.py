@@ -8,6 +8,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 
 from drumsqueal.physics.bodies.body import LinedBody, Motion
@@ -193,16 +194,32 @@ class Contact(Touching):
         compression = self.law.compression(preload, radial)
         return compression * (preload + self.law.stiffness * compression / 2), compression
 
+    def kinks(self, moment: Moment, q: Motion, v: Motion) -> Array:
+        """Levels at the ends of the arc, and their extremes on it: a boundary comes or goes where one is zero.
+
+        With the direction of slip free on the lining, friction has no kink where its part along θ reverses.
+        """
+        levels = self.levels(moment, q, v)
+        slip = None if levels.axial is not None else levels.slip
+        found = [level for level in (self.law.boundaries(levels.pressure), slip) if level is not None]
+        ends = (jnp.stack(jnp.broadcast_arrays(*self._ends_and_extremes(level))) for level in found)
+        return jnp.concatenate([jnp.zeros(0), *(each.ravel() for each in ends)])
+
     def _pressure_range(self, moment: Moment, q: Motion) -> tuple[Array, Array]:
-        """Extremes of p0 + k_c u_r: at an end of the arc or where cos and sin line up, on an edge line z = ±b/2."""
-        z = self.body.width / 2 * jnp.asarray([-1.0, 1.0])
-        a, b, c = (jnp.asarray(x) for x in self._pressure_level(moment, q).on_line(z)[:3])
+        """Extremes of p0 + k_c u_r over the lining."""
+        _, _, low, high = self._ends_and_extremes(self._pressure_level(moment, q))
+        return jnp.min(low), jnp.max(high)
+
+    def _ends_and_extremes(self, level: Level) -> tuple[Array, Array, Array, Array]:
+        """Values at both ends of the arc, least and largest ones on it, along each line where extremes can be."""
+        lines = np.array([-0.5, 0.5]) * self.body.width if self.surface.spatial else jnp.zeros(1)
+        a, b, c = (jnp.asarray(x) for x in level.on_line(lines)[:3])
         squared = b * b + c * c
         swing = jnp.where(squared > 0, jnp.sqrt(jnp.where(squared > 0, squared, 1.0)), 0.0)
-        peak = jnp.arctan2(c, jnp.where((b == 0) & (c == 0), 1.0, b))
-        half_angle, angle = self.body.half_angle, jnp.stack([-self.body.half_angle, self.body.half_angle])
-        ends = a + b * jnp.cos(angle)[:, None] + c * jnp.sin(angle)[:, None]
-        trough = jnp.where(peak > 0, peak - jnp.pi, peak + jnp.pi)
-        low = jnp.where(jnp.abs(trough) <= half_angle, a - swing, jnp.min(ends, axis=0))
-        high = jnp.where(jnp.abs(peak) <= half_angle, a + swing, jnp.max(ends, axis=0))
-        return jnp.min(low), jnp.max(high)
+        cosine = jnp.cos(self.body.half_angle)
+        middle, tilt = a + b * cosine, c * jnp.sin(self.body.half_angle)
+        first, last = middle - tilt, middle + tilt
+        # An extreme lies where cos and sin line up, cos θ = ±b/swing, if that is on the arc.
+        low = jnp.where(-b > cosine * swing, a - swing, jnp.minimum(first, last))
+        high = jnp.where(b > cosine * swing, a + swing, jnp.maximum(first, last))
+        return first, last, low, high

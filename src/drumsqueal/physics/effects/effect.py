@@ -5,6 +5,7 @@ from abc import abstractmethod
 from typing import NamedTuple, Self
 
 import equinox as eqx
+import jax.numpy as jnp
 from jax import Array
 
 from drumsqueal.physics.bodies.body import Body, Motion, Scalar
@@ -79,6 +80,11 @@ class Touching(Effect):
     @abstractmethod
     def fastest_slip(self, moment: Moment, v: Motion) -> Array:
         """A bound on the slip speed (m/s) anywhere in the contact, which is reached up to a small factor."""
+
+    def kinks(self, moment: Moment, q: Motion, v: Motion) -> Array:
+        """Numbers (k,) of which one changes its sign where the force has a kink in time; none unless known."""
+        del moment, q, v
+        return jnp.zeros(0)
 
     @abstractmethod
     def pressure_range(self, moment: Moment, q: Motion) -> tuple[Array, Array]:

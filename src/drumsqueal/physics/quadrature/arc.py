@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from drumsqueal.physics.quadrature.levels import Level, crosses_zero, quarter_tangents
+from drumsqueal.physics.quadrature.levels import Level, quarter_tangents
 from drumsqueal.physics.quadrature.surface import Boundaries, Densities, Lining, Nodes, resolved, sum_together
 
 # Gauss nodes a piece. The arc is split at its middle and twice for each level that may have boundaries; the longest
@@ -42,10 +42,14 @@ class ArcSurface(eqx.Module):
         at once are better run one after the other (`batch.py`): under `jax.vmap` each of them takes all ways.
         """
         levels = [level for level in (boundaries.pressure, boundaries.slip) if level is not None]
+        # Here, and not within a branch, what does not depend on the state is computed once for all steps.
+        end = jnp.tan(lining.half_angle / 4)
+        unsplit = [_piece(lining, *ends, self.nodes_per_piece) for ends in pairwise(_boundary_bounds([], end))]
 
         def split(kept: Sequence[Level]) -> Densities:
-            bounds = _boundary_bounds(kept, jnp.tan(lining.half_angle / 4))
-            return sum_together([densities(_piece(lining, *ends, self.nodes_per_piece)) for ends in pairwise(bounds)])
+            bounds = _boundary_bounds(kept, end)
+            pieces = [_piece(lining, *ends, self.nodes_per_piece) for ends in pairwise(bounds)] if kept else unsplit
+            return sum_together([densities(piece) for piece in pieces])
 
         def split_everywhere() -> Densities:
             return sum_together([densities(compact_nodes(lining, boundaries, max(self.nodes_per_piece, STEEP_NODES)))])
@@ -54,7 +58,10 @@ class ArcSurface(eqx.Module):
             return split_everywhere()
         ways = [[level for i, level in enumerate(levels) if way >> i & 1] for way in range(2 ** len(levels))]
         branches = [partial(split, kept) for kept in ways]
-        way = sum((jnp.where(crosses_zero(level), 1 << i, 0) for i, level in enumerate(levels)), start=jnp.asarray(0))
+        ends = jnp.cos(lining.half_angle), jnp.sin(lining.half_angle)
+        way = sum(
+            (jnp.where(_crosses(level, *ends), 1 << i, 0) for i, level in enumerate(levels)), start=jnp.asarray(0)
+        )
         if boundaries.slip is not None and boundaries.breakpoints.size:
             branches = [*branches, split_everywhere]
             way = jnp.where(resolved(boundaries.breakpoints, *_slip_speeds(boundaries.slip)), way, len(ways))
@@ -80,6 +87,15 @@ def _piece(lining: Lining, low: Array, high: Array, count: int) -> Nodes:
     half_cosine, half_sine = (1 - u * u) * fraction, 2 * u * fraction
     sine, cosine = 2 * half_sine * half_cosine, 1 - 2 * half_sine * half_sine
     return Nodes(cosine, sine, None, half * weight * fraction * (4 * lining.outer_radius * lining.width))
+
+
+def _crosses(level: Level, cosine: Array, sine: Array) -> Array:
+    """Whether a level vanishes on the arc, by its values at the ends, at cos and sin of half the arc, and extremes."""
+    a, b, c = (jnp.asarray(x) for x in (level.constant, level.cosine, level.sine))
+    middle, tilt, square = a + b * cosine, c * sine, b * b + c * c
+    # Where both ends have one sign, the extreme of the other one must lie between them.
+    inner = jnp.where(middle > 0, -b, b) > cosine * jnp.sqrt(square)
+    return (middle * middle <= tilt * tilt) | (inner & (square > a * a))
 
 
 def _boundary_bounds(levels: Sequence[Level], end: Array) -> list[Array]:

@@ -66,12 +66,6 @@ def _largest(b: Array | complex, c: Array | complex) -> Array:
     return jnp.maximum(jnp.abs(b - 1j * c), jnp.abs(b + 1j * c))
 
 
-def crosses_zero(level: Level) -> Array:
-    """Whether a + b cos θ + c sin θ has roots on the whole circle, which those on the arc are among."""
-    a, b, c = (jnp.asarray(x) for x in (level.constant, level.cosine, level.sine))
-    return b * b + c * c > a * a
-
-
 def quarter_tangents(level: Level) -> list[tuple[Array, Array]]:
     """Roots θ of a + b cos θ + c sin θ in [−π, π] as tan(θ/4): two pairs of whether there, and where; shape of a.
 

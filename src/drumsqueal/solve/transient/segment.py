@@ -17,7 +17,7 @@ from drumsqueal.physics.kernel import compiled, one_kernel
 from drumsqueal.physics.model import Model
 from drumsqueal.programs import Program
 from drumsqueal.solve.transient.passing import Step, fraction_to_rest
-from drumsqueal.solve.transient.runge_kutta import DEFAULT, LOCAL_FRACTION, Stages, make_solver
+from drumsqueal.solve.transient.runge_kutta import DEFAULT, LOCAL_FRACTION, Stages, is_explicit, make_solver
 from drumsqueal.solve.transient.state import Span, State
 from drumsqueal.solve.transient.stepping import Attempt, Stepped, step_through
 from drumsqueal.solve.transient.sticking import slip, slip_acceleration, slip_motion
@@ -47,19 +47,43 @@ class Segment(NamedTuple):
 
     states: State
     observation: Observation
-    kinetic: Array
-    potential: Array
+    kinetic: Any  # arrays of JAX, or of NumPy once they are out of its hands
+    potential: Any
     final: State
-    time: Array
-    step: Array
-    steps: Array
-    kept: Array
-    reached: Array
-    halted: Array
+    time: Any
+    step: Any
+    steps: Any
+    kept: Any
+    reached: Any
+    halted: Any
+
+    def packed(self) -> tuple[Array, Array]:
+        """All numbers: a row for each sample, and what there is one of."""
+        states, looks = self.states, jnp.stack([*self.observation, self.kinetic, self.potential], axis=1)
+        numbers = (self.time, self.step, self.steps, self.kept, self.reached, self.halted)
+        rows = jnp.concatenate([jax.vmap(State.flat)(states), looks], axis=1)
+        return rows, jnp.concatenate([self.final.flat(), jnp.stack([jnp.asarray(x, float) for x in numbers])])
+
+    @staticmethod
+    def unpacked(rows: Any, end: Any, remembered: int) -> "Segment":
+        """The segment as NumPy's arrays, from `packed` ones, with so many numbers that effects remember."""
+        *final, time, step, steps, kept, reached, halted = end
+        states, looks = rows[:, : len(final)], rows[:, len(final) :].T
+        return Segment(
+            State.split(states, remembered), Observation(*looks[:-2]), looks[-2], looks[-1],
+            State.split(end[: len(final)], remembered), time, step, np.int64(steps), np.int64(kept),
+            np.bool_(reached), np.bool_(halted),
+        )  # fmt: skip
+
+
+def advance(model: Model, *arguments: Any, **how: Any) -> Segment:
+    """One chunk by `advance_packed`: an array of its own for each of its numbers takes as long as a hundred steps."""
+    rows, end = map(np.asarray, advance_packed(model, *arguments, **how))
+    return Segment.unpacked(rows, end, len(model.remembered))
 
 
 @compiled
-def advance(
+def advance_packed(
     model: Model,
     steady: Array,
     state: State,
@@ -70,8 +94,8 @@ def advance(
     in_kernel: bool = True,
     sticks: bool = False,
     budget: Any = None,
-) -> Segment:
-    """One chunk; samples past the span's last repeat it, to keep the shapes. `step` (s) is the first to be tried.
+) -> tuple[Array, Array]:
+    """One chunk, packed; samples past the span's last repeat it, to keep the shapes. `step` (s) is tried first.
 
     It makes STEP_BUDGET steps at most unless given another `budget`. Where the lining `sticks`, in that it could, it
     ends early where hardly any of it slips.
@@ -79,7 +103,11 @@ def advance(
     local = local_tolerance(tolerance, solver)
     measure, corners = resolution(model, span, local), model.operation.corners
     limits = jnp.asarray(STEP_BUDGET if budget is None else budget), jnp.asarray(tolerance) if sticks else None
-    run = partial(one_kernel, advance_scaled) if in_kernel else advance_scaled
+
+    def chunk(*arguments: Any) -> tuple[Array, Array]:
+        return advance_scaled(*arguments).packed()
+
+    run = partial(one_kernel, chunk) if in_kernel else chunk
     return run(model, steady, state, span, local, step, measure, corners, solver, *limits)
 
 
@@ -224,6 +252,11 @@ def advance_scaled(
         step = Step(motion(attempt.start, attempt.before), motion(attempt.end, attempt.after), *changes)
         return fraction_to_rest(step, inside, lambda x: _slip_of(model, span, x * size.velocity), least(attempt.after))
 
+    def kinks(t: Array, scaled: Array) -> Array:
+        now = split(scaled * scale)
+        return model.kinks(span.inside(span.start + t), steady + now.vibration, now.velocity, now.memory)
+
+    has_kinks = jax.eval_shape(kinks, time[0], inverse).size > 0
     stepped = step_through(
         make_solver(solver, stages),
         vector_field,
@@ -235,6 +268,7 @@ def advance_scaled(
         budget=budget,
         halts=None if slip_tolerance is None else halts,
         passes=None if slip_tolerance is None else passes,
+        kinks=kinks if has_kinks and is_explicit(solver) else None,
         size=size_of,
         origin=span.start,
         corners=corners,

@@ -27,7 +27,7 @@ class State(NamedTuple):
         return jnp.concatenate([self.vibration, self.velocity, *memory, self.work[None]])
 
     @staticmethod
-    def split(flat: Array, remembered: int = 0) -> "State":
+    def split(flat: Any, remembered: int = 0) -> "State":
         """From an array (..., 2n + m + 1) with m numbers that effects remember."""
         n = (flat.shape[-1] - remembered) // 2
         memory = flat[..., 2 * n : -1] if remembered else None

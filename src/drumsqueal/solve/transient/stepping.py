@@ -12,6 +12,8 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
+from drumsqueal.solve.transient.landing import fraction_to_kink
+
 if TYPE_CHECKING:
     import diffrax
 
@@ -59,6 +61,7 @@ class Stepped(NamedTuple):
 class _Now(NamedTuple):
     time: Array
     step: Array
+    onwards: Array  # the step to go on with after one that is to end at a kink; zero where it is not
     state: Array
     slope: Array
     controller: Any
@@ -82,6 +85,7 @@ def step_through(
     budget: Array,
     halts: Callable[[Array, Array], Array] | None = None,
     passes: Callable[[Attempt], Array] | None = None,
+    kinks: Callable[[Array, Array], Array] | None = None,
     longest: Array | None = None,
     size: Callable[[Array], Array] = jnp.abs,
     origin: Any = 0.0,
@@ -96,8 +100,9 @@ def step_through(
     `longest`; the budget is in steps, kept or not. Steps end at all `corners` (c,) on the way, ascending times from
     another `origin`: f may jump there, and is asked for on each side of them in turn. It ends early after a step whose
     time and state make `halts` true. Of a step `passes` gives the fraction after which that would have been so, or 1:
-    it is then made again so far only. With every step that is kept `along` takes `carried`, a tree of arrays, from its
-    start to its end.
+    it is then made again so far only. Of a time and state `kinks` gives numbers, of which one changes its sign where f
+    has a kink: a step that is not kept ends there when it is made again. With every step that is kept `along` takes
+    `carried`, a tree of arrays, from its start to its end.
     """
     import diffrax  # as in make_solver
 
@@ -123,7 +128,22 @@ def step_through(
         next_step = jnp.where(keep & (there == until), jnp.maximum(following - time, now.step), following - time)
         interpolation = solver.interpolation(t0=now.time, t1=there, **dense)
         attempt = Attempt(now.time, there, now.state, state, now.slope, slope, interpolation.evaluate, dense)
-        rests = jnp.zeros((), bool)
+        rests, onwards, old_controller = jnp.zeros((), bool), jnp.zeros(()), now.controller
+        if kinks is not None:
+            levels, landing = kinks, now.onwards > 0
+
+            def at(fraction: Array) -> Array:
+                t = now.time + fraction * (there - now.time)
+                return levels(t, attempt.inside(t))
+
+            sought = ~jnp.asarray(keep) & ~landing
+            fraction = jax.lax.cond(sought, lambda: fraction_to_kink(at), lambda: jnp.ones(()))
+            lands, landed = fraction < 1, jnp.asarray(keep) & landing
+            next_step = jnp.where(lands, fraction * (there - now.time), next_step)
+            next_step = jnp.where(landed, jnp.maximum(next_step, now.onwards), next_step)
+            onwards = jnp.where(lands, there - now.time, 0.0)
+            # The errors about a kink say nothing about the steps beyond it.
+            controller_state = _either(lands | landed, old_controller, controller_state)
         if passes is not None:
             fraction = passes(attempt)
             # Nor is one made again that the rounding of times leaves as long as it was.
@@ -132,9 +152,7 @@ def step_through(
             again = jnp.asarray(keep) & short
             keep, time = keep & ~again, jnp.where(again, now.time, jnp.asarray(time))
             next_step = jnp.where(again, fraction * (there - now.time), next_step)
-            controller_state = jax.tree.map(
-                lambda new, old: jnp.where(again, old, new), controller_state, now.controller
-            )
+            controller_state = _either(again, old_controller, controller_state)
         if longest is not None:
             next_step = jnp.minimum(next_step, longest)
         carried = now.carried
@@ -144,7 +162,7 @@ def step_through(
         sampled, samples = _sample(times, interpolation, there, keep, now.sampled, now.samples)
         state, slope = (jnp.where(keep, new, old) for new, old in ((state, now.state), (slope, now.slope)))
         return _Now(
-            jnp.asarray(time), next_step, state, slope, controller_state, sampled, samples, now.steps + 1,
+            jnp.asarray(time), next_step, onwards, state, slope, controller_state, sampled, samples, now.steps + 1,
             now.kept + jnp.where(keep, 1, 0),
             rests if halts is None else rests | (jnp.asarray(keep) & halts(jnp.asarray(time), state)),
             carried,
@@ -166,10 +184,16 @@ def step_through(
     controller_state = jax.tree.map(jnp.asarray, controller_state)
     going = jnp.zeros((), bool)
     slope = jnp.zeros_like(start)
-    now = _Now(times[0], step, start, slope, controller_state, none + 1, samples, none, none, going, carried)
+    now = _Now(
+        times[0], step, jnp.zeros(()), start, slope, controller_state, none + 1, samples, none, none, going, carried
+    )
     now = jax.lax.while_loop(unfinished, from_corner_to_corner, now)
     reached = now.time >= end
     return Stepped(now.samples, now.state, now.time, now.step, now.steps, now.kept, reached, now.halted, now.carried)
+
+
+def _either(yes: Array, one: Any, other: Any) -> Any:
+    return jax.tree.map(lambda x, y: jnp.where(yes, x, y), one, other)
 
 
 def _pieces(corners: Array | None, origin: Any) -> tuple[Array, Array, Array]:

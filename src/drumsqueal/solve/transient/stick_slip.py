@@ -104,6 +104,7 @@ class StickSlip:
         self._held: Model | None = held(model) if sticks else None  # the model that sticks, while it does
         self._stuck = sticks  # whether it did when that was noted last
         self._jumps, self._margin = _jumps(model)
+        self._may: dict[float, bool] = {}  # stick from the last jump on, by its time: asking takes as long as 100 steps
         corners = model.operation.corners
         self._corners = np.zeros(0) if corners is None else np.unique(corners)
         self._made = 0  # steps in the chunk at hand, or since its method was taken
@@ -140,7 +141,7 @@ class StickSlip:
                 state = self._changed(state, span, self._least_slip(state, span), ends=stuck)
             if float(whole.time) >= float(span.length):
                 self._note(span)
-                return whole._replace(final=state, reached=np.asarray(True))
+                return whole._replace(final=state, reached=np.True_)
             if bool(segment.halted) or bool(segment.reached):
                 continue
             if not self._choice.switch():
@@ -169,8 +170,11 @@ class StickSlip:
         return inside, bool(now - after <= self._margin)
 
     def _may_stick(self, span: Span) -> bool:
-        speed = float(self._model.operation.at(span.after).drum_speed)
-        return can_stick(self._model, at_rest=speed == 0)
+        after = float(span.after)
+        if after not in self._may:
+            speed = float(self._model.operation.at(after).drum_speed)
+            self._may[after] = can_stick(self._model, at_rest=speed == 0)
+        return self._may[after]
 
     def _least_slip(self, state: State, span: Span) -> float:
         return float(least_slip(self._model, state, span, self._tolerance))
@@ -274,8 +278,8 @@ class StickSlip:
         elif excess(before) > 0:
             time = scipy.optimize.brentq(excess, before, after, xtol=TIMING * float(span.length))
         assert isinstance(time, float)
-        yes, no = jnp.asarray(True), jnp.asarray(False)
-        passed = jnp.asarray(time - float(span.start))
+        yes, no = np.True_, np.False_
+        passed = np.float64(time - float(span.start))
         return segment._replace(final=at(time), time=passed, step=step, reached=no, halted=yes)
 
     def _changed(self, state: State, span: Span, least: float, *, ends: bool = False) -> State:
@@ -307,8 +311,8 @@ def _jumps(model: Model) -> tuple[np.ndarray, float]:
 def _only_reached(whole: Segment, span: Span) -> Segment:
     """A chunk that ends early: without samples of what did not come to pass."""
     there = np.arange(len(whole.kinetic)) * float(span.interval) <= float(whole.time)
-    state = whole.states._replace(vibration=jnp.where(there[:, None], whole.states.vibration, jnp.nan))
-    return whole._replace(states=state, reached=jnp.asarray(False))
+    state = whole.states._replace(vibration=np.where(there[:, None], whole.states.vibration, np.nan))
+    return whole._replace(states=state, reached=np.False_)
 
 
 def _joined(whole: Segment, segment: Segment, span: Span) -> Segment:
