@@ -2,11 +2,13 @@
 
 Run it with `python tests/benchmarks/speed.py -o DIR`, or one part of it with `--only`; all of it takes some ten minutes
 on two cores. The peers need `pip install --group benchmark`; what is missing is named and left out. DIR then holds
-speed.csv, with every raw figure, and pictures. Whoever is compared takes turns, so that a noisy machine slows them
+speed.csv, with every raw figure, and pictures; `--docs` writes the tables and pictures of docs/speed.md and
+docs/accuracy.md as well. Whoever is compared takes turns, so that a noisy machine slows them
 alike: ratios are worth more than times.
 """
 
 import argparse
+import shutil
 import sys
 import time
 from importlib import import_module
@@ -16,7 +18,8 @@ from rich.console import Console
 
 from parts.record import Record, describe_machine
 
-PARTS = ("evaluation", "one", "many", "step", "long", "start", "growth")
+PARTS = ("evaluation", "one", "many", "step", "long", "start", "growth", "accuracy")
+DOCS = Path(__file__).parents[2] / "docs"
 
 
 def main() -> None:
@@ -24,6 +27,7 @@ def main() -> None:
     arguments = argparse.ArgumentParser(description="How fast drumsqueal is")
     arguments.add_argument("-o", "--output", metavar="DIR", type=Path, required=True, help="folder of the results")
     arguments.add_argument("--only", choices=PARTS, help="one part instead of all")
+    arguments.add_argument("--docs", action="store_true", help="write the docs' tables and pictures, too")
     chosen = arguments.parse_args()
     chosen.output.mkdir(parents=True, exist_ok=True)
     record = Record(Console(width=None if sys.stdout.isatty() else 160))
@@ -35,6 +39,11 @@ def main() -> None:
         record.write(chosen.output / "speed.csv")
     if record.targets:
         record.show_targets()
+    if chosen.docs:
+        record.write_docs(DOCS / "speed.md")
+        for picture in chosen.output.glob("*.png"):
+            if (DOCS / picture.name).exists():
+                shutil.copy(picture, DOCS)
     record.say(f"Every figure is in {chosen.output / 'speed.csv'}")
 
 

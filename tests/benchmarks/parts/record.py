@@ -15,6 +15,9 @@ from rich.table import Table
 
 PACKAGES = ("drumsqueal", "jax", "jaxlib", "diffrax", "numpy", "scipy", "numba", "numbalsoda", "scikit-sundae")
 
+TARGET_HEADINGS = ("part", "target", "reached", "verdict")
+MARKS = "<!-- measured -->", "<!-- end -->"  # in a page of the docs, around what the benchmark writes
+
 
 class Figure(NamedTuple):
     """One number: what of whom, at which setting, in which repeat."""
@@ -53,6 +56,7 @@ class Record:
         self.console = console
         self.figures: list[Figure] = []
         self.targets: list[Target] = []
+        self.tables: list[str] = []
 
     def keep(
         self, part: str, contender: str, quantity: str, unit: str, values: float | Iterable[float], setting: str = ""
@@ -71,22 +75,32 @@ class Record:
         self.console.print(text, markup=False, highlight=False)
 
     def show(self, title: str, headings: Iterable[str], rows: Iterable[Iterable[str]]) -> None:
-        """Print a table whose first column is text."""
+        """Print a table whose first column is text, and keep it for the docs."""
+        self._print(title, headings, rows := [list(row) for row in rows], numbers=True)
+        self.tables.append(f"{title}:\n\n{_markdown(headings, rows)}")
+
+    def show_targets(self) -> None:
+        """Print the table that says what was reached."""
+        self._print("Targets", TARGET_HEADINGS, self._target_rows(), numbers=False)
+
+    def _target_rows(self) -> list[list[str]]:
+        return [[each.part, each.wanted, each.reached, each.verdict] for each in self.targets]
+
+    def _print(self, title: str, headings: Iterable[str], rows: list[list[str]], *, numbers: bool) -> None:
         table = Table(title=title, box=box.SIMPLE_HEAD)
-        for number, heading in enumerate(headings):
-            table.add_column(heading, justify="right" if number else "left")
+        for column, heading in enumerate(headings):
+            table.add_column(heading, justify="right" if numbers and column else "left")
         for row in rows:
             table.add_row(*row)
         self.console.print(table)
 
-    def show_targets(self) -> None:
-        """Print the table that says what was reached."""
-        table = Table(title="Targets", box=box.SIMPLE_HEAD)
-        for heading in ("part", "target", "reached", "verdict"):
-            table.add_column(heading)
-        for each in self.targets:
-            table.add_row(each.part, each.wanted, each.reached, each.verdict)
-        self.console.print(table)
+    def write_docs(self, page: Path) -> None:
+        """Put the machine, the targets and all tables into a page, in place of what is between its marks."""
+        before, _, after = page.read_text(encoding="utf-8").partition(MARKS[0])
+        machine = describe_machine()
+        measured = f"Measured on {machine['date']} on {machine['cores']} cores of an {machine['processor']}."
+        parts = [MARKS[0], measured, _markdown(TARGET_HEADINGS, self._target_rows()), *self.tables, MARKS[1]]
+        page.write_text(before + "\n\n".join(parts) + after.partition(MARKS[1])[2], encoding="utf-8")
 
     def write(self, file: Path) -> None:
         """All of it as CSV: the machine first, then the figures, then the targets."""
@@ -96,6 +110,12 @@ class Record:
             writer = csv.writer(stream)
             writer.writerow(Figure._fields)
             writer.writerows([*machine, *self.figures, *ends])
+
+
+def _markdown(headings: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
+    lines = [list(headings), *map(list, rows)]
+    lines.insert(1, ["---"] * len(lines[0]))
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
 def describe_machine() -> dict[str, str]:

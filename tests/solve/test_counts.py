@@ -1,0 +1,32 @@
+"""What the shipped scenes cost, in counts: steps, those of them that were refused, and evaluations of the forces."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from drumsqueal.scene import load_scene
+from drumsqueal.simulation import prepare, transient
+
+SCENARIOS = sorted((Path(__file__).parents[2] / "scenarios").glob("*.toml"))
+# Beyond the contact boundaries round-off, which differs between processors, moves a step here and there: so much.
+SCATTER = 0.03
+COUNTS = {
+    "constant_friction": (7363, 2, 95729),
+    "damped": (41940, 8837, 545260),
+    "nominal": (84469, 22926, 1098137),
+    "out_of_plane": (3029, 5, 39381),
+    "rocking": (23314, 5412, 303092),
+    "self_consistent": (72091, 17287, 937223),
+    "stop": (52134, 11039, 507341),
+    "uncertain": (41940, 8837, 545260),
+}
+
+
+@pytest.mark.parametrize("path", SCENARIOS, ids=lambda path: path.stem)
+def test_shipped_scenes_take_as_many_steps_as_they_did(path):
+    chunks = list(transient(prepare(load_scene(path))))
+    found = tuple(
+        np.nansum([getattr(each, name) for each in chunks]) for name in ("steps", "rejected_steps", "evaluations")
+    )
+    assert found == pytest.approx(COUNTS[path.stem], rel=SCATTER, abs=5)
