@@ -40,7 +40,7 @@ from drumsqueal.questions.sweep.command import sweep_command
 from drumsqueal.scene import Scene
 from drumsqueal.scene.quantities import SceneError, printable
 from drumsqueal.terminal.options import UsageError
-from drumsqueal.terminal.reply import make_console
+from drumsqueal.terminal.reply import clear_notice, make_console
 
 app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich", pretty_exceptions_enable=False)
 FAILED, WRONG = 1, 2  # exit status
@@ -193,6 +193,7 @@ def main() -> None:
 
 def _give_up(message: str, status: int) -> NoReturn:
     if message:
+        clear_notice()
         line = printable(" ".join(message.split()))
         make_console(stderr=True).print(f"drumsqueal: {line}", soft_wrap=True)
     sys.exit(status)

@@ -98,6 +98,10 @@ class Program:
         call = self._ready[key]
         return self._traced(*arguments, **keywords) if call is None else call(*arrays)
 
+    def lower(self, *arguments: Any, **keywords: Any) -> Any:
+        """What the function is traced to, as `equinox.filter_jit` has it."""
+        return self._traced.lower(*arguments, **keywords)
+
     def _find(self, folder: Path, given: Any, leaves: list[Any], tree: Any) -> Callable[..., Any] | None:
         """Load the program, or compile and keep it; None where it cannot be told from others, or must not be kept."""
         try:

@@ -1,7 +1,6 @@
 """What a command asks for before it answers: packages that it imports, programs that it traces; and what it shows."""
 
 import os
-import pty
 import select
 import subprocess
 import sys
@@ -93,6 +92,8 @@ def test_help_imports_nothing_that_computes():
 def test_a_terminal_shows_a_word_before_anything_that_computes_is_loaded(tmp_path):
     # Were JAX imported before the word, there would be none.
     code = "import sys; sys.modules['jax'] = None\nfrom drumsqueal.__main__ import main; main()"
+    import pty  # which Windows has not
+
     leader, follower = pty.openpty()
     command = [sys.executable, "-c", code, "stability", NOMINAL]
     environment = os.environ | {"TERM": "xterm"}
@@ -104,7 +105,7 @@ def test_a_terminal_shows_a_word_before_anything_that_computes_is_loaded(tmp_pat
                 shown += os.read(leader, 4096)
         process.wait(timeout=60)
     os.close(leader)
-    assert shown.startswith("loading …".encode())
+    assert shown.startswith(b"loading ...")
 
 
 # Figures by two processes.

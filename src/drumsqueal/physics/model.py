@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable, Iterator, Mapping
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -198,7 +199,12 @@ def build_model(
 
 def _with_numbers_of_numpy(model: Model) -> Model:
     """The model with its numbers of NumPy, see `precision.real`; traced ones stay what they are."""
-    return jax.tree.map(lambda leaf: leaf if isinstance(leaf, Tracer) or leaf.ndim else np.asarray(leaf), model)
+
+    def converted(leaf: Any) -> Any:
+        is_number = isinstance(leaf, Array) and not isinstance(leaf, Tracer) and leaf.ndim == 0
+        return np.asarray(leaf) if is_number else leaf  # a law given in Python may hold anything
+
+    return jax.tree.map(converted, model)
 
 
 @Program  # one small program instead of a hundred separate operations

@@ -125,10 +125,12 @@ class Reply:
 class _Notice(RenderHook):
     """A word on a terminal while the package loads, in the place of what is printed first."""
 
+    last: "_Notice | None" = None
+
     def __init__(self, console: Console) -> None:
-        self._shown = True
+        self._console, self._shown, _Notice.last = console, True, self
         console.push_render_hook(self)
-        console.file.write("loading …")
+        console.file.write("loading ...")  # of characters that every terminal has
         console.file.flush()
 
     def process_renderables(self, renderables: list[ConsoleRenderable]) -> list[ConsoleRenderable]:
@@ -137,6 +139,17 @@ class _Notice(RenderHook):
             return renderables
         self._shown = False
         return [Control(ControlType.CARRIAGE_RETURN, (ControlType.ERASE_IN_LINE, 2)), *renderables]
+
+    def clear(self) -> None:
+        """Clear the line now, for what is printed elsewhere."""
+        if self._shown:
+            self._console.print(end="")
+
+
+def clear_notice() -> None:
+    """Take away the word that is shown while the package loads, if it still is."""
+    if _Notice.last is not None:
+        _Notice.last.clear()
 
 
 def _is_stream(path: Path) -> bool:

@@ -5,7 +5,10 @@ from numpy.typing import NDArray
 
 
 def hann(count: int) -> NDArray[np.float64]:
-    """The periodic Hann window ½ + ½ cos x, x from −π on in `count` steps to π, to the last bit that of scipy."""
+    """The periodic Hann window ½ + ½ cos x, x from −π on in `count` steps to π, to the last bit that of scipy.
+
+    Of two or more.
+    """
     return 0.5 + 0.5 * np.cos(np.linspace(-np.pi, np.pi, count + 1))[:-1]
 
 
@@ -14,6 +17,8 @@ def local_maxima(values: NDArray[np.float64]) -> NDArray[np.intp]:
 
     As `scipy.signal.find_peaks`.
     """
+    if values.size < 3:
+        return np.zeros(0, np.intp)
     changes = np.flatnonzero(values[1:] != values[:-1])
     first, last = np.append(0, changes + 1), np.append(changes, values.size - 1)
     level = values[first]

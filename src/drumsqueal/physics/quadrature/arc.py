@@ -15,7 +15,7 @@ from drumsqueal.physics.quadrature.surface import Boundaries, Densities, Lining,
 
 # Gauss nodes a piece. The arc is split at its middle and twice for each level that may have boundaries; the longest
 # piece is half of it. Errors of the contact force, largest of 300 random states with boundaries, over p0 times the
-# area, unilateral and bonded: up to 130° with eight nodes 8e-13, 1e-12; up to 360° with 24 nodes 4e-15, 8e-15.
+# area, unilateral and bonded: up to 130° with eight nodes 1.4e-12 both; up to 360° with 24 nodes 4e-15, 8e-15.
 # Multiples of eight fill the processor's lanes.
 NODES, NODES_LONG_ARC = 8, 24
 # On the many pieces that a steep friction law cuts it into, at least so many.

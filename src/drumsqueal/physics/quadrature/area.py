@@ -25,7 +25,8 @@ from drumsqueal.physics.quadrature.surface import Boundaries, Densities, Lining,
 # Gauss nodes along a panel, across it where the direction of friction hardly turns, and on each of the two stretches of
 # a line next to its turn; and sections that the arc is split into in any case. Largest error over p0 times the area of
 # 4000 random states, unilateral and bonded, with decays up to 10⁴ s/m, next to twice the nodes: 4e-13; with 12 nodes at
-# turns 4e-11.
+# turns 4e-11. Where the slip reverses along a line at next to no V_z and the law falls within a small part of the slip
+# speeds on it, sixteen nodes are few: 2e-6 with exponential laws, 4e-5 with Stribeck's.
 ALONG, ACROSS, TURNING, SECTIONS = 16, 6, 16, 2
 # How far a singularity must be: from an end of a panel, in its lengths, so that the rule converges like 2.4^(−2 n);
 # and the branch points of |V| from the middle line, in half widths: like 7.9^(−2 n).
@@ -37,8 +38,8 @@ NARROWEST, NARROWEST_ACROSS = 1e-8, 2e-7
 ENDS = np.exp(-np.arange(9.0) * (1.7 + 0.08 * np.arange(9.0)))
 LIFTED, FRICTIONLESS = 2, 3  # Gauss nodes where what is summed is a line and a square in z
 SMALLEST = 1e-30  # m/s; keeps what a length of zero is divided by off zero
-# φ = 2t − 1.4t² + 0.4t³. With sixteen nodes and δ ≥ 1e-6, square roots, logarithms and their products with
-# polynomials and sines are integrated to 2e-11, against 4e-5 with φ = t and 3e-9 with φ = (3t − t²)/2.
+# Across, at a turn: φ = 2t − 1.4t² + 0.4t³. With sixteen nodes and δ ≥ 1e-6, square roots, logarithms and their
+# products with polynomials and sines are integrated to 2e-11, against 4e-5 with φ = t and 3e-9 with φ = (3t − t²)/2.
 FIRST, SECOND, THIRD = 2.0, -1.4, 0.4
 WIDEST = 10.0  # a singularity further off than so many lengths is not felt
 # Where nothing has a boundary what is integrated is smooth all over the lining, and a fixed product of Gauss rules is
@@ -115,7 +116,8 @@ class AreaSurface(eqx.Module):
                     near = jnp.where(outer > reach, inner, 0.0)
                     return total + jnp.stack([*panel(start + near * length, start + outer * length).values()])
 
-                return jax.lax.cond(before > reach, added, lambda: total), None
+                # Written so that a state of NaN has forces of NaN.
+                return jax.lax.cond(before <= reach, lambda: total, added), None
 
             return jax.lax.cond(length != 0, lambda: jax.lax.scan(add_panel, total, ends)[0], lambda: total), None
 

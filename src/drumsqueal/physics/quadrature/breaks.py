@@ -10,6 +10,8 @@ singular, at real or complex θ, only where one of them meets something:
 - it meets the contact boundary: C B − D A = 0, a quartic in e^{iθ},
 - the line of a slip speed at which the friction law has a kink reaches an edge of the lining, C C* = s² at ±w, a
   quartic, too, or it turns back, V_z = ±s,
+- the line of such a speed meets the contact boundary. That would be of degree eight, and is not looked for: the force
+  has a jump in its third derivative there, of which 4e-9 of p0 times the area was found at most,
 - a boundary runs off to infinity: B = 0 or D = 0. No such point lies on the lining, but there may be one close to where
   the boundary leaves it.
 """

@@ -24,7 +24,7 @@ from drumsqueal.solve.transient.runge_kutta import AUTO
 
 LARGE = 3.0  # of the farther contact boundary: contact is lost and slip reversed
 ROUND_PERIODS = 100  # of the slowest mode that oscillates freely
-FREE = 0.1  # damping ratio below which a mode does: by then it falls to half within a period
+FREE = 0.1  # damping ratio below which a mode does: beyond it falls to half within a period or so
 MOST_ROUNDS = 60
 PERSISTENT, LASTING = 3, 10  # rounds a motion must last to count as settled, on the grid and at a boundary
 IRREGULAR = 20  # rounds over which one whose rms comes and goes must go on as it was

@@ -115,7 +115,7 @@ def draw(folder: Path, result: "Result", model: "Model", second: Second | None) 
     if second is not None:
         helper.start()
     try:
-        while left or helper.is_alive():
+        while helper.is_alive() or left:  # in this order: what it puts back it does before it ends
             stop_if_interrupted()
             name = _taken(left.popleft)
             if name is None:

@@ -55,6 +55,11 @@ class Held(Model):
         held = _grip(self, moment, free)
         return free + held, power + held @ v, self.memory_rate(memory, 0.0)
 
+    def kinks(self, time: ArrayLike, q: Array, v: Array, memory: Array | None = None) -> Array:
+        """Those of the pressure: the slip velocity is zero but for round-off, the signs of which say nothing."""
+        del memory
+        return self.contact.with_friction(None).kinks(self.operation.at(time), scalars(q), scalars(v))
+
     def observe(self, time: ArrayLike, q: Array, v: Array, memory: Array | None = None) -> Observation:
         """Torque, forces and extent of the contact at one instant; nothing slips, nothing is turned into heat."""
         del memory
