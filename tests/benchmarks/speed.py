@@ -1,6 +1,6 @@
 """How fast drumsqueal is: beside its peers, a step taken apart, long runs, starts, and how time grows.
 
-Run it with `python tests/benchmarks/speed.py -o DIR`, or one part of it with `--only`; all of it takes some ten minutes
+Run it with `python tests/benchmarks/speed.py -o DIR`, or parts of it with `--only`; all of it takes some ten minutes
 on two cores. The peers need `pip install --group benchmark`; what is missing is named and left out. DIR then holds
 speed.csv, with every raw figure, and pictures; `--docs` writes the tables and pictures of docs/speed.md and
 docs/accuracy.md as well. Whoever is compared takes turns, so that a noisy machine slows them
@@ -26,13 +26,13 @@ def main() -> None:
     """Measure the parts asked for, and write what they found after each of them."""
     arguments = argparse.ArgumentParser(description="How fast drumsqueal is")
     arguments.add_argument("-o", "--output", metavar="DIR", type=Path, required=True, help="folder of the results")
-    arguments.add_argument("--only", choices=PARTS, help="one part instead of all")
+    arguments.add_argument("--only", choices=PARTS, nargs="+", default=PARTS, help="some parts instead of all")
     arguments.add_argument("--docs", action="store_true", help="write the docs' tables and pictures, too")
     chosen = arguments.parse_args()
     chosen.output.mkdir(parents=True, exist_ok=True)
     record = Record(Console(width=None if sys.stdout.isatty() else 160))
     record.say(", ".join(f"{name} {value}" for name, value in describe_machine().items()))
-    for name in PARTS if chosen.only is None else (chosen.only,):
+    for name in chosen.only:
         before = time.perf_counter()
         measure(name, record, chosen.output)
         record.say(f"{name}: {time.perf_counter() - before:.0f} s")

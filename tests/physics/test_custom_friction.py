@@ -1,5 +1,7 @@
 """A friction law given in Python: the same as the built-in one where it is the same, and refused in words."""
 
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -75,6 +77,23 @@ def test_parameters_of_a_law_are_swept_and_differentiated_without_another_trace(
     assert values[1] == pytest.approx((values[0] + values[2]) / 2, rel=2e-2)
     slope = float(jax.grad(rate)(np.float64(0.0)))
     assert slope == pytest.approx((float(rate(np.float64(1e-5))) - float(rate(np.float64(-1e-5)))) / 2e-5, rel=1e-5)
+
+
+class Plain(eqx.Module):
+    """A law that holds a number and a function of Python, not arrays."""
+
+    scale: float
+    shape: Any
+
+    def coefficient(self, slip_speed):
+        """μ at slip speeds (m/s)."""
+        return self.scale * self.shape(slip_speed)
+
+
+def test_a_law_may_hold_what_is_no_array(nominal):
+    given = build_model(nominal, friction_law=Plain(1.0, exponential))
+    state = jnp.asarray([1e-6, 2e-6, 0.0]), jnp.asarray([0.1, 0.2, 0.1])
+    np.testing.assert_allclose(given.act(0.0, *state)[0], build_model(nominal).act(0.0, *state)[0], rtol=1e-10)
 
 
 def test_a_law_that_encloses_what_is_differentiated_is_traced_with_it(nominal):
