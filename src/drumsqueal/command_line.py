@@ -9,15 +9,15 @@ import functools
 import inspect
 import os
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from collections.abc import Callable
+from contextlib import nullcontext
 from importlib.metadata import version
 from typing import Annotated, Any, NoReturn, cast
 
 import typer
 from rich.markup import escape
 
-from drumsqueal.compilation import check_address_space, prepare_environment
+from drumsqueal.compilation import check_address_space, hidden_from_xarray, prepare_environment
 from drumsqueal.errors import IntegrationError, RequestError
 from drumsqueal.files.claims import claims_released
 from drumsqueal.files.output_folder import UnwrittenError
@@ -71,22 +71,7 @@ GROUPS: dict[str, dict[str, Callable[..., None]]] = {
 }
 """The commands in the order of the help, by the panel they stand in."""
 _WITHOUT_JAX = (scenes_command,)
-# xarray loads these, in half a second, to ask whether an array is one of theirs. Here none is; a sweep works with dask.
-NOT_FOR_XARRAY = ("dask", "pint")
 _MORE_ARGUMENTS = {"effects"}  # so that --within 1 % is read without quotes
-
-
-@contextmanager
-def hidden(*packages: str) -> Iterator[None]:
-    """Packages that cannot be imported within the block, unless they were before."""
-    absent = [name for name in packages if name not in sys.modules]
-    sys.modules.update(dict.fromkeys(absent))  # pyright: ignore[reportArgumentType, reportCallIssue]
-    try:
-        yield
-    finally:
-        for name in absent:
-            if sys.modules.get(name) is None:
-                sys.modules.pop(name, None)
 
 
 def _naming_the_scene(command: Callable[..., None]) -> Callable[..., None]:
@@ -97,9 +82,7 @@ def _naming_the_scene(command: Callable[..., None]) -> Callable[..., None]:
         if command not in _WITHOUT_JAX:
             check_address_space()
         try:
-            # xarray that is loaded has looked for them already.
-            hides = command is not sweep_command and "xarray" not in sys.modules
-            with hidden(*NOT_FOR_XARRAY) if hides else nullcontext():
+            with nullcontext() if command is sweep_command else hidden_from_xarray():  # a sweep works with dask
                 command(**values)
         except SceneError as error:
             file = values.get("scene", values.get("source"))

@@ -1,11 +1,14 @@
-"""The persistent compilation cache: a second start of the command line compiles nothing."""
+"""What makes a start quick: the cache of compiled programs, and what is not loaded."""
 
 import functools
 import hashlib
 import logging
 import os
 import platform
+import sys
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import platformdirs
@@ -27,6 +30,7 @@ QUIET = {"TF_CPP_MIN_LOG_LEVEL": "3"}
 # Errors inside compiled programs become result codes instead of host callbacks, which would keep those programs out of
 # the cache.
 CACHEABLE = {"EQX_ON_ERROR": "nan"}
+FOR_XARRAY = ("dask", "pint")
 
 
 def prepare_environment() -> None:
@@ -73,3 +77,21 @@ def _processor() -> str:
     if described is None:
         described = platform.processor()  # which asks another program
     return f"{platform.machine()}-{hashlib.sha256(described.encode()).hexdigest()[:12]}"
+
+
+@contextmanager
+def hidden_from_xarray() -> Iterator[None]:
+    """Without what xarray loads, in half a second, to ask whether an array is one of theirs; here none is.
+
+    Within the block they cannot be imported, unless they were before.
+    """
+    absent = [name for name in FOR_XARRAY if name not in sys.modules]
+    if "xarray" in sys.modules:  # which has looked for them already
+        absent = []
+    sys.modules.update(dict.fromkeys(absent))  # pyright: ignore[reportArgumentType, reportCallIssue]
+    try:
+        yield
+    finally:
+        for name in absent:
+            if sys.modules.get(name) is None:
+                sys.modules.pop(name, None)

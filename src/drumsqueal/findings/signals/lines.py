@@ -91,6 +91,7 @@ class _Search:
         self.length = int(scipy.fft.next_fast_len(PADDING * self.samples, real=True) or 0)
         self.bins = np.arange(self.length // 2 + 1) * (self.samples / self.length)
         self.frequency = np.zeros(0)
+        self.waves = dict[float, NDArray[np.complex128]]()  # of each line, over as long as a piece
         self.factors = np.zeros((1, record.shape[1]))  # of a constant, then of cosine and sine of each line
 
     def find(self, count: int, floor: float) -> None:
@@ -167,13 +168,15 @@ class _Search:
 
     def _columns(self) -> Iterator[tuple[slice, NDArray[np.float64]]]:
         """A constant, then cosine and sine of each line (rows, 1 + 2 lines), piece by piece."""
-        turn = 2j * np.pi * self.frequency
-        begin = np.exp(np.outer(np.arange(min(PIECE, self.samples)) / self.samples, turn))
+        known, frequencies = self.waves, self.frequency.tolist()
+        since = 2j * np.pi * np.arange(min(PIECE, self.samples)) / self.samples
+        self.waves = {f: known[f] if f in known else np.exp(f * since) for f in frequencies}
         for rows, time in self._pieces():
-            waves = begin[: time.size] * np.exp(turn * time[0])
-            columns = np.ones((time.size, 1 + 2 * self.frequency.size))
-            columns[:, 1::2], columns[:, 2::2] = waves.real, waves.imag
-            yield rows, columns
+            columns = np.ones((1 + 2 * len(frequencies), time.size))
+            for f, pair in zip(frequencies, columns[1:].reshape(-1, 2, time.size), strict=True):
+                wave = self.waves[f][: time.size] * np.exp(2j * np.pi * f * time[0])
+                pair[:] = wave.real, wave.imag
+            yield rows, columns.T
 
     def _power(self) -> NDArray[np.float64]:
         """P at every bin, of the rest."""

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from drumsqueal.findings.signals.spectra import amplitude_spectrum, parabola_vertex
@@ -76,8 +77,10 @@ class _Finer:
     """A record (time, k) at a finer rate, computed piece by piece, without the ends that interpolation cannot reach."""
 
     def __init__(self, unit: NDArray[np.float64]) -> None:
-        samples = np.arange(-REACH * FINER, REACH * FINER + 1) / FINER
-        self._kernel = np.sinc(samples) * np.kaiser(samples.size, KAISER) / FINER
+        # A column for each of the places between two samples, a row for each sample about it, the earliest first.
+        distance = np.arange(FINER) / FINER - np.arange(-REACH, REACH + 1)[:, None]
+        inside = np.maximum(1 - (distance / REACH) ** 2, 0.0)
+        self._kernel = np.sinc(distance) * np.where(inside > 0, np.i0(KAISER * np.sqrt(inside)) / np.i0(KAISER), 0.0)
         self._unit, self._trim = unit, min(REACH, unit.shape[0] // 8) * FINER
         self.size = FINER * unit.shape[0] - 2 * self._trim
         self.power = sum(float(np.sum(self.piece(*ends) ** 2)) for ends in self.ends()) / self.size
@@ -91,8 +94,9 @@ class _Finer:
         """The samples from the first up to the one before `stop`, (samples, k)."""
         first, stop = first + self._trim, stop + self._trim
         low, high = max(0, first // FINER - REACH - 1), -(-stop // FINER) + REACH + 1
-        fine = scipy.signal.resample_poly(self._unit[low:high], FINER, 1, axis=0, window=self._kernel)
-        return fine[first - low * FINER : stop - low * FINER]
+        around = np.pad(self._unit[low:high], ((REACH, REACH), (0, 0)))
+        fine = np.moveaxis(sliding_window_view(around, 2 * REACH + 1, axis=0) @ self._kernel, 1, 2)
+        return fine.reshape(-1, around.shape[1])[first - low * FINER : stop - low * FINER]
 
 
 def _shortest_lag(unit: NDArray[np.float64]) -> int:

@@ -111,7 +111,7 @@ def classify(signals: ArrayLike, sample_rate: float, *, scale: ArrayLike, lowest
     Raises ValueError for NaN, for fewer than 16 samples, and for arguments of wrong shape or sign.
 
     Source: recurrence as the test of periodicity, J.-P. Eckmann, S. O. Kamphorst and D. Ruelle, "Recurrence plots
-    of dynamical systems", Europhysics Letters 4, 1987; interpolation, `scipy.signal.resample_poly`.
+    of dynamical systems", Europhysics Letters 4, 1987.
     """
     record = finite_record("signals", signals, dimensions=2)
     rate = positive("sample_rate", sample_rate)

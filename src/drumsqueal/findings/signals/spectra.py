@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-import scipy
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike, NDArray
 
 from drumsqueal.findings.signals.checks import below_nyquist, finite_record, positive
@@ -17,6 +17,7 @@ HANN_BANDWIDTH = 1.5
 # ones than a steady one, by about s (s² + 4π²)/(8π²) for s = growth rate × record length (2.8 at s = 4, 4.1 at s = 5),
 # and the mean that is taken off raises them by another 1.6 near zero frequency.
 LOBE_MARGIN = 6.5
+PADDED = 4  # times a window of a spectrogram is transformed
 AT_ONCE = 2**19  # numbers of a spectrogram that are computed together
 # What is left of a constant record after its mean is taken off, relative to the constant: round-off, not a signal.
 ROUND_OFF = 64 * np.finfo(np.float64).eps
@@ -85,11 +86,8 @@ def amplitude_spectrum(signal: ArrayLike, sample_rate: float, *, zero_padding: i
         raise ValueError(f"zero_padding must be a whole number of at least 1, got {zero_padding}")
     window = hann(record.size)
     length = int(zero_padding) * record.size
-    amplitude = np.abs(np.fft.rfft(window * _without_mean(record, window), length))
-    amplitude *= 2.0 / window.sum()
-    if length % 2 == 0:
-        amplitude[-1] *= 0.5  # the Nyquist bin, like the zero bin (here empty), has no mirror image to stand for
     frequency = np.asarray(np.fft.rfftfreq(length, 1.0 / rate), dtype=np.float64)
+    amplitude = _amplitudes(_without_mean(record, window), window, length)
     return Spectrum(frequency, amplitude, HANN_BANDWIDTH * rate / record.size)
 
 
@@ -167,8 +165,6 @@ def spectrogram(
 
     Raises ValueError for NaN, for a record shorter than one window, for a `lowest_frequency` at or above half the
     sample rate and for an `overlap` outside [0, 1).
-
-    Source: `scipy.signal.ShortTimeFFT`.
     """
     record = finite_record("signal", signal)
     rate = positive("sample_rate", sample_rate)
@@ -183,24 +179,14 @@ def spectrogram(
             f"takes {length}; ask for fewer periods or record for longer"
         )
     window = hann(length)
-    transform = scipy.signal.ShortTimeFFT(
-        window,
-        max(1, round(length * (1.0 - overlap))),
-        rate,
-        fft_mode="onesided2X",
-        mfft=4 * length,
-        scale_to="magnitude",
-    )
-    first, last = transform.lower_border_end[1], transform.upper_border_begin(record.size)[1]
-    if last <= first:  # exactly one window fits, and scipy centres none of its windows there
-        spectrum = amplitude_spectrum(record[:length], rate, zero_padding=4)
-        yield Spectrogram(np.array([0.5 * length / rate]), spectrum.frequency_Hz, spectrum.amplitude[:, None])
-        return
-    together = max(1, AT_ONCE // transform.mfft)
-    for start in range(first, last, together):
-        stop = min(start + together, last)
-        slices = transform.stft_detrend(record, lambda piece: _without_mean(piece, window), p0=start, p1=stop)
-        yield Spectrogram(transform.t(record.size, start, stop), transform.f, np.abs(slices))
+    frequency = np.asarray(np.fft.rfftfreq(PADDED * length, 1.0 / rate), dtype=np.float64)
+    every = max(1, round(length * (1.0 - overlap)))
+    pieces = sliding_window_view(record, length)[::every]
+    together = max(1, AT_ONCE // (PADDED * length))
+    for first in range(0, len(pieces), together):
+        found = _amplitudes(_without_mean(pieces[first : first + together], window), window, PADDED * length)
+        middle = every * np.arange(first, first + len(found), dtype=np.float64) + 0.5 * length
+        yield Spectrogram(middle / rate, frequency, found.T)
 
 
 def follow_line(signal: ArrayLike, sample_rate: float, *, low: float, high: float, periods: float = 16.0) -> Ridge:
@@ -236,11 +222,19 @@ def parabola_vertex(left: float, middle: float, right: float) -> tuple[float, fl
     return offset, middle - 0.25 * (left - right) * offset
 
 
-def _without_mean(record: NDArray[np.float64], window: NDArray[np.float64]) -> NDArray[np.float64]:
-    centred = record - window @ record / window.sum()
-    if np.max(np.abs(centred)) <= ROUND_OFF * np.max(np.abs(record)):
-        return np.zeros_like(record)
-    return centred
+def _amplitudes(centred: NDArray[np.float64], window: NDArray[np.float64], length: int) -> NDArray[np.float64]:
+    """Amplitudes (..., frequency) of records (..., time) without mean, padded with zeros to a length."""
+    amplitude = np.abs(np.fft.rfft(window * centred, length)) * (2.0 / window.sum())
+    if length % 2 == 0:
+        amplitude[..., -1] *= 0.5  # the Nyquist bin, like the zero bin (here empty), has no mirror image to stand for
+    return amplitude
+
+
+def _without_mean(records: NDArray[np.float64], window: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Records (..., time) without their weighted means; zero where nothing but round-off is left."""
+    centred = records - (records @ window / window.sum())[..., None]
+    largest, left = (np.max(np.abs(values), axis=-1, keepdims=True) for values in (records, centred))
+    return np.where(left <= ROUND_OFF * largest, 0.0, centred)
 
 
 def _local_maxima(spectrum: Spectrum) -> NDArray[np.intp]:

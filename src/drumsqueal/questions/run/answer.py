@@ -1,7 +1,5 @@
 """One run into one folder: the history grows on disk while it is integrated, then findings and figures."""
 
-import importlib
-import threading
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -21,8 +19,6 @@ from drumsqueal.questions.run.words import print_findings
 from drumsqueal.simulation import Prepared, Result, collect, compared
 from drumsqueal.solve.transient.integrate import Chunk
 from drumsqueal.terminal.runner import print_place, shown_progress
-
-LATER = ("scipy.signal", "drumsqueal.questions.run.figures")  # what compares and draws
 
 
 def run_into(
@@ -81,8 +77,6 @@ def _integrate(
     history: HistoryFile, resume: ResumeFile, prepared: Prepared, progress: Progress, since: Point | None
 ) -> Outcome:
     """Integrate into the history, and return the outcome."""
-    # What compares and draws is loaded while compiled code runs: a second that nobody waits for.
-    threading.Thread(target=lambda: [importlib.import_module(name) for name in LATER]).start()
     if since is not None:
         history.take_up()
 

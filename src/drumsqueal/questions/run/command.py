@@ -40,7 +40,6 @@ def run_command(
     # A file "...toml" is called "..", which would lead out of the folder out.
     folder = output if output is not None else Path("out") / (scene.stem if scene.stem.strip(".") else "scene")
     reply = Reply.next_to(folder, RUN_FILES, (scene,), quiet, json_file, overwrite=overwrite or resume)
-    from drumsqueal.files.resumption import find_point
     from drumsqueal.scene.usual import unusual
     from drumsqueal.terminal.tables import print_notes
 
@@ -48,6 +47,7 @@ def run_command(
     from drumsqueal.questions.run.drawing import second_process
 
     with second_process() as second:  # which loads while this one does
+        from drumsqueal.files.resumption import find_point
         from drumsqueal.questions.run.answer import run_into
         from drumsqueal.questions.run.bistable import print_bistable
         from drumsqueal.simulation import check_sample_rate, prepare

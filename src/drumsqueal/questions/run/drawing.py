@@ -3,6 +3,7 @@
 Where there is none, or it fails, the first one draws all of them.
 """
 
+import importlib
 import os
 import pickle
 import subprocess
@@ -14,7 +15,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from drumsqueal.files.output_folder import figure_file
+from drumsqueal.compilation import hidden_from_xarray
+from drumsqueal.files.output_folder import FIGURES, figure_file
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.terminal.runner import draw_figure
 
@@ -24,6 +26,8 @@ if TYPE_CHECKING:
 
 # The package is found where the first process found it.
 SERVE = "import sys; sys.path[:] = {path!r}; from drumsqueal.questions.run.drawing import serve; serve()"
+# What figures and the result are made of, loaded before there is one.
+NEEDED = ("drumsqueal.questions.run.figures", "drumsqueal.findings.compare", "h5netcdf", "xarray")
 
 
 class Second:
@@ -69,9 +73,11 @@ def second_process() -> Iterator[Second | None]:
 def serve() -> None:
     """Be the second process: draw the figures that the first one names."""
     answers, sys.stdout = os.fdopen(os.dup(1), "wb"), sys.stderr
-    from drumsqueal.questions.run.figures import drawings
+    with hidden_from_xarray(), suppress(EOFError, BrokenPipeError):
+        for name in NEEDED:
+            importlib.import_module(name)
+        from drumsqueal.questions.run.figures import drawings
 
-    with suppress(EOFError, BrokenPipeError):
         folder, result, model = pickle.load(sys.stdin.buffer)
         figures = drawings(result, model)
         while True:
@@ -89,10 +95,7 @@ def draw(folder: Path, result: "Result", model: "Model", second: Second | None) 
 
     Raises OSError, and KeyboardInterrupt between two figures.
     """
-    from drumsqueal.questions.run.figures import drawings
-
-    figures = drawings(result, model)
-    left, drawn, failed = deque(figures), dict[str, bool](), list[OSError]()
+    left, drawn, failed = deque[str](FIGURES), dict[str, bool](), list[OSError]()
 
     def delegate(second: Second) -> None:
         """From the last on, while there are any."""
@@ -115,6 +118,9 @@ def draw(folder: Path, result: "Result", model: "Model", second: Second | None) 
     if second is not None:
         helper.start()
     try:
+        from drumsqueal.questions.run.figures import drawings  # while the second one draws already
+
+        figures = drawings(result, model)
         while helper.is_alive() or left:  # in this order: what it puts back it does before it ends
             stop_if_interrupted()
             name = _taken(left.popleft)
@@ -128,7 +134,7 @@ def draw(folder: Path, result: "Result", model: "Model", second: Second | None) 
             helper.join()
     if failed:
         raise failed[0]
-    return [figure_file(name) for name in figures if not drawn[name]]
+    return [figure_file(name) for name in FIGURES if not drawn[name]]
 
 
 def _taken(take: Callable[[], str]) -> str | None:
