@@ -1,6 +1,8 @@
 """Compiled programs that are kept: found again by all that they depend on, and by nothing less."""
 
 import os
+import threading
+import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -59,6 +61,33 @@ def test_a_program_is_loaded_without_being_traced_and_gives_the_same_to_the_last
     monkeypatch.setattr(Program, "_compile", never)
     same(moments()(OPERATION, TIMES), plain)
     same(moments()(Operation(PROFILE, Constant(7.0)), TIMES).preload, np.full(7, 7.0))  # numbers are no part of it
+
+
+def test_a_call_waits_for_what_another_thread_has_begun_to_compile(folder, monkeypatch):
+    program, made, begun = moments(), [], threading.Event()
+    compile_ = Program._compile
+
+    def slowly(self: Program, *arguments: Any) -> Any:
+        made.append(threading.current_thread())
+        begun.set()
+        time.sleep(0.2)
+        return compile_(self, *arguments)
+
+    monkeypatch.setattr(Program, "_compile", slowly)
+    before = jax.config.values["jax_persistent_cache_min_compile_time_secs"]
+    program.ahead(OPERATION, TIMES)
+    assert begun.wait(10)
+    same(program(OPERATION, TIMES), vibration._moments._traced(OPERATION, TIMES))
+    assert made != [threading.current_thread()]
+    assert len(made) == 1
+    assert jax.config.values["jax_persistent_cache_min_compile_time_secs"] == before
+
+
+def test_what_fails_ahead_fails_where_it_is_called(folder):
+    program = Program(vibration._moments._function)
+    program.ahead(OPERATION, "no times")
+    with pytest.raises(TypeError):
+        program(OPERATION, "no times")
 
 
 def test_a_result_may_hold_what_is_no_array(folder, monkeypatch):

@@ -45,7 +45,8 @@ MOST_BYTES = 256 * 2**20  # kept: the programs of a scene have some 3 MB; those 
 OF_NO_EFFECT = re.compile("cache|log|traceback|explain|dump|profil")
 SILENT, AS_JAX = 3, "1"  # levels of the C++ side's log: only what is fatal, and what JAX sets unless told otherwise
 
-_compiling = threading.Lock()
+_compiling: list[float] = []  # what the setting was before, once for each thread that compiles
+_counting = threading.Lock()
 folder: Path | None = cache_folder() / "programs"
 """Where executables are kept; None for nowhere."""
 
@@ -85,22 +86,39 @@ class Program:
         self._function, self._options = function, options or {}
         self._traced = eqx.filter_jit(function, compiler_options=self._options)  # pyright: ignore[reportCallIssue]
         self._ready: dict[Any, Callable[..., Any] | None] = {}
+        self._finding = threading.Lock()
 
     def __call__(self, *arguments: Any, **keywords: Any) -> Any:
         """Call the function, compiled."""
         leaves, tree = jax.tree.flatten((arguments, keywords))
         arrays = [leaf for leaf in leaves if _is_array(type(leaf))]
-        if folder is None or _set("jax_disable_jit") or any(_is_traced(type(leaf)) for leaf in leaves):
-            return self._traced(*arguments, **keywords)
-        key = tree, tuple(map(_kind, leaves))
-        if key not in self._ready:
-            self._ready[key] = self._find(folder, (arguments, keywords), leaves, tree)
-        call = self._ready[key]
+        call = self._found((arguments, keywords), leaves, tree)
         return self._traced(*arguments, **keywords) if call is None else call(*arrays)
+
+    def ahead(self, *arguments: Any, **keywords: Any) -> None:
+        """Load or compile in another thread what calls with such arguments need; one that comes early waits for it."""
+        given = arguments, keywords
+
+        def find() -> None:
+            with suppress(Exception):  # which the call raises again
+                self._found(given, *jax.tree.flatten(given))
+
+        threading.Thread(target=find).start()
 
     def lower(self, *arguments: Any, **keywords: Any) -> Any:
         """What the function is traced to, as `equinox.filter_jit` has it."""
         return self._traced.lower(*arguments, **keywords)
+
+    def _found(self, given: Any, leaves: list[Any], tree: Any) -> Callable[..., Any] | None:
+        """The executable as a function of the arrays; None where `equinox.filter_jit` is to be called."""
+        if folder is None or _set("jax_disable_jit") or any(_is_traced(type(leaf)) for leaf in leaves):
+            return None
+        key = tree, tuple(map(_kind, leaves))
+        if key not in self._ready:
+            with self._finding:
+                if key not in self._ready:
+                    self._ready[key] = self._find(folder, given, leaves, tree)
+        return self._ready[key]
 
     def _find(self, folder: Path, given: Any, leaves: list[Any], tree: Any) -> Callable[..., Any] | None:
         """Load the program, or compile and keep it; None where it cannot be told from others, or must not be kept."""
@@ -295,15 +313,18 @@ def _sources_and_versions() -> tuple[str, ...]:
 
 @contextmanager
 def _not_cached_by_jax() -> Iterator[None]:
-    """For one thread at a time: the setting is that of all."""
+    """The setting is that of all threads: the first one in makes it, the last one out takes it back."""
     name = "jax_persistent_cache_min_compile_time_secs"
-    with _compiling:
-        before = jax.config.values[name]
+    with _counting:
+        _compiling.append(jax.config.values[name])
         jax.config.update(name, float("inf"))
-        try:
-            yield
-        finally:
-            jax.config.update(name, before)
+    try:
+        yield
+    finally:
+        with _counting:
+            before = _compiling.pop()
+            if not _compiling:
+                jax.config.update(name, before)
 
 
 @contextmanager

@@ -31,7 +31,7 @@ from drumsqueal.scene import COORDINATES, Profile, Scene, SceneError
 from drumsqueal.solve import motion
 from drumsqueal.solve.linear.modes import Stability, analyse_stability, while_sliding
 from drumsqueal.solve.linear.steady import coupling
-from drumsqueal.solve.transient.integrate import Checkpoint, Chunk, integrate
+from drumsqueal.solve.transient.integrate import Checkpoint, Chunk, integrate, load_ahead
 
 if TYPE_CHECKING:
     import xarray
@@ -64,11 +64,17 @@ class Result(NamedTuple):
     findings: RunFindings
 
 
-def prepare(scene: Scene, friction_law: FrictionLaw | Callable[[Array], Array] | None = None) -> Prepared:
+def prepare(
+    scene: Scene, friction_law: FrictionLaw | Callable[[Array], Array] | None = None, *, runs: bool = False
+) -> Prepared:
     """Build the models of a scene, find steady sliding and the eigenvalues; a `friction_law` replaces the scene's.
 
-    Raises SceneError when the scene has no steady sliding to start from.
+    Where it `runs` next, what integrates it is loaded or compiled meanwhile. Raises SceneError when the scene has no
+    steady sliding to start from.
     """
+    model = build_model(scene, friction_law=friction_law)
+    if runs:
+        load_ahead(model, scene.simulate.tolerance, scene.simulate.solver)
     linear = build_model(scene, coordinates=linear_coordinates(scene), friction_law=friction_law)
     stop_if_interrupted()
     try:
@@ -76,7 +82,6 @@ def prepare(scene: Scene, friction_law: FrictionLaw | Callable[[Array], Array] |
     except SteadyStateError as error:
         raise SceneError(str(error)) from None
     stop_if_interrupted()
-    model = build_model(scene, friction_law=friction_law)
     name = getattr(friction_law, "__name__", type(friction_law).__name__)
     given_law = "" if friction_law is None else f"{name}, {GIVEN}"
     return Prepared(
@@ -181,7 +186,7 @@ def run(
     `findings.outcome` says so. The whole history is held in memory, some 200 bytes a sample. Raises SceneError for a
     scene that cannot be run, TypeError for a law that JAX cannot trace, and IntegrationError when nothing was computed.
     """
-    prepared = prepare(scene, friction_law)
+    prepared = prepare(scene, friction_law, runs=True)
     check_sample_rate(prepared)
     chunks: list[Chunk] = []
     outcome = collect(prepared, chunks.append, progress)

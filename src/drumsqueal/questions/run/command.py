@@ -53,7 +53,7 @@ def run_command(
         from drumsqueal.simulation import check_sample_rate, prepare
 
         since = find_point(folder, loaded) if resume else None
-        prepared = prepare(loaded)
+        prepared = prepare(loaded, runs=True)
         check_sample_rate(prepared)
         reply.clear(but=(HISTORY, RESUME) if resume else ())
         found = run_into(folder, prepared, reply.console, since, second)

@@ -17,7 +17,6 @@ from drumsqueal.errors import IntegrationError
 from drumsqueal.physics.effects.effect import Observation
 from drumsqueal.physics.model import Model
 from drumsqueal.precision import real
-from drumsqueal.programs import Program
 from drumsqueal.solve.transient.runge_kutta import AUTO, IMPLICIT, STAGES, is_explicit
 from drumsqueal.solve.transient.segment import STEP_BUDGET, Segment, first_step
 from drumsqueal.solve.transient.state import CHUNK_SAMPLES, Span, State
@@ -83,8 +82,7 @@ def integrate(
     steady = real(steady)
     if since is None:
         state = State(real(displacement), real(velocity), real(0.0), model.first_memory)
-        first_energy = sum(float(e) for e in _energy(model, steady, state))
-        since = Checkpoint(0, state, first_step(model), first_energy, sticks=False, method=None)
+        since = Checkpoint(0, state, first_step(model), np.nan, sticks=False, method=None)
     state, step, first_energy = since.state, since.step, since.first_energy
     run = StickSlip(model, steady, np.float64(tolerance), solver, sticks=since.sticks, method=since.method)
     for first in range(since.intervals, samples, CHUNK_SAMPLES):
@@ -92,6 +90,8 @@ def integrate(
         # NumPy's numbers go into a compiled call at a tenth of what it takes to make arrays of them.
         span = Span(np.float64(first / sample_rate), np.float64(1 / sample_rate), np.int64(count))
         segment = run.through(state, span, step)
+        if first == 0:
+            first_energy = float(segment.kinetic[0] + segment.potential[0])
         time = np.arange(first, first + count + 1) / sample_rate
         chunk = _to_chunk(segment, time, first_energy, np.asarray(steady), model.remembered, run)
         good = np.isfinite(chunk.displacement).all(axis=1) & np.isfinite(chunk.velocity).all(axis=1)
@@ -107,9 +107,12 @@ def integrate(
         state, step = segment.final, segment.step
 
 
-@Program
-def _energy(model: Model, steady: Array, state: State) -> tuple[Array, Array]:
-    return model.energy(0.0, steady + state.vibration, state.velocity)
+def load_ahead(model: Model, tolerance: float, solver: str) -> None:
+    """Load or compile, in another thread, the program that `integrate` begins with; it takes longer than all others."""
+    rest = real(np.zeros(model.mass.size))
+    state = State(rest, rest, real(0.0), model.first_memory)
+    span = Span(np.float64(0), np.float64(1), np.int64(1))
+    StickSlip(model, rest, np.float64(tolerance), solver).load_ahead(state, span, np.float64(1))
 
 
 def _to_chunk(

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
 Rate = Callable[[Array, Array, tuple[Array, Array]], Array]
 """ẏ at a time between two others, and a state y (n,)."""
-Step = tuple[Array, Array, dict[str, Any], Array]
-"""Where a step ends (n,), its error estimate (n,), what the interpolation needs, and the slope at its end (n,)."""
+Step = tuple[Array, Array, dict[str, Any], Array, Array]
+"""Where a step ends (n,), its error estimate (n,), what the interpolation needs, and the slopes at both ends (n,)."""
 
 
 CHAINS = 4  # sums side by side: in one, each of a dozen terms waits for the one before, a twentieth of a step
@@ -40,8 +40,13 @@ class Explicit:
         for row, coefficients in enumerate(tableau.a_lower, start=1):
             self.weights[row, :row] = coefficients
 
-    def step(self, rate: Rate, t0: Any, t1: Any, y0: Array, first: Array, piece: tuple[Array, Array]) -> Step:
-        """Make one step from the slope at its start; `piece` are the first and the last time to ask for rates."""
+    def step(
+        self, rate: Rate, t0: Any, t1: Any, y0: Array, first: Array, piece: tuple[Array, Array], anew: Array
+    ) -> Step:
+        """Make one step from the slope at its start, found `anew` or as it is given.
+
+        `piece` are the first and the last time to ask for rates.
+        """
         tableau = self._tableau
         weights, fractions = jnp.asarray(self.weights), jnp.asarray([0.0, *tableau.c])
         h = jnp.asarray(t1) - t0
@@ -55,9 +60,10 @@ class Explicit:
             return slopes.at[i].set(slope), y, slope
 
         slopes = jnp.zeros((tableau.num_stages, y0.size)).at[0].set(first)
-        slopes, y1, last = jax.lax.fori_loop(1, tableau.num_stages, stage, (slopes, y0, first))
+        # One loop with the first stage in it: what compiles knows the rates once.
+        slopes, y1, last = jax.lax.fori_loop(jnp.where(anew, 0, 1), tableau.num_stages, stage, (slopes, y0, first))
         error = h * sum(float(b) * slopes[j] for j, b in enumerate(tableau.b_error) if b != 0)
-        return y1, error, {"y0": y0, "y1": y1, "k": h * slopes}, last
+        return y1, error, {"y0": y0, "y1": y1, "k": h * slopes}, slopes[0], last
 
 
 # SDIRK of order four with an embedded third (Hairer & Wanner, Solving Ordinary Differential Equations II, table
@@ -120,9 +126,11 @@ class Sdirk4:
 
         self._stages, self.interpolation = stages, ThirdOrderHermitePolynomialInterpolation
 
-    def step(self, rate: Rate, t0: Any, t1: Any, y0: Array, first: Array, piece: tuple[Array, Array]) -> Step:
+    def step(
+        self, rate: Rate, t0: Any, t1: Any, y0: Array, first: Array, piece: tuple[Array, Array], anew: Array
+    ) -> Step:
         """Make one step, as `Explicit.step`."""
-        del rate
+        first = jax.lax.cond(anew, lambda: rate(t0, y0, piece), lambda: first)
         start, h = jnp.asarray(t0), jnp.asarray(t1) - t0
         weights, fractions = jnp.asarray(WEIGHTS), jnp.asarray(FRACTIONS)
 
@@ -137,7 +145,7 @@ class Sdirk4:
         error = h * sum(float(e) * slopes[j] for j, e in enumerate(ERROR) if e != 0)
         error = jnp.where(sound, error, jnp.inf)  # the step is tried again, smaller
         dense = {"y0": y0, "y1": y1, "k0": h * first, "k1": h * last}
-        return y1, error, dense, last
+        return y1, error, dense, first, last
 
     def _stage(self, t: Array, base: Array, h: Array, guess: Array) -> tuple[Array, Array, Array]:
         """Slope k and state Y = base + h k at time t, and whether they were found; from a guess of k."""

@@ -64,6 +64,7 @@ class _Now(NamedTuple):
     onwards: Array  # the step to go on with after one that is to end at a kink; zero where it is not
     state: Array
     slope: Array
+    at_corner: Array  # the slope there is not known yet
     controller: Any
     sampled: Array
     samples: Array
@@ -112,13 +113,19 @@ def step_through(
     def rate(t: Array, y: Array, piece: tuple[Array, Array]) -> Array:
         return vector_field(jnp.clip(t, *piece), y)
 
-    def unfinished(now: _Now, until: Any = end) -> Array:
-        return (now.time < until) & (now.steps < budget) & ~now.halted
+    def unfinished(now: _Now) -> Array:
+        return (now.time < end) & (now.steps < budget) & ~now.halted
 
-    def advance(now: _Now, until: Array, piece: tuple[Array, Array]) -> _Now:
+    firsts, lasts, coming = _pieces(corners, origin)
+
+    def advance(now: _Now) -> _Now:
+        passed = jnp.sum(coming <= now.time)
+        piece, until = (firsts[passed], lasts[passed]), jnp.minimum(coming[passed], end)
         left = until - now.time
         there = jnp.where(now.step > JUST_SHORT * left, until, now.time + now.step)
-        state, error, dense, slope = solver.step(rate, now.time, there, now.state, now.slope, piece)
+        state, error, dense, first, last = solver.step(
+            rate, now.time, there, now.state, now.slope, piece, anew=now.at_corner
+        )
         # A failed solve, or a state beyond the numbers, is an error without bound: the step is tried smaller.
         error = jnp.where(jnp.isfinite(error).all(), error, jnp.inf)
         keep, time, following, _, controller_state, _ = controller.adapt_step_size(
@@ -127,7 +134,7 @@ def step_through(
         # A step that was cut short at the end says little about the next one.
         next_step = jnp.where(keep & (there == until), jnp.maximum(following - time, now.step), following - time)
         interpolation = solver.interpolation(t0=now.time, t1=there, **dense)
-        attempt = Attempt(now.time, there, now.state, state, now.slope, slope, interpolation.evaluate, dense)
+        attempt = Attempt(now.time, there, now.state, state, first, last, interpolation.evaluate, dense)
         rests, onwards, old_controller = jnp.zeros((), bool), jnp.zeros(()), now.controller
         if kinks is not None:
             levels, landing = kinks, now.onwards > 0
@@ -160,22 +167,14 @@ def step_through(
             taken = along
             carried = jax.lax.cond(keep, lambda: taken(attempt, now.carried), lambda: now.carried)
         sampled, samples = _sample(times, interpolation, there, keep, now.sampled, now.samples)
-        state, slope = (jnp.where(keep, new, old) for new, old in ((state, now.state), (slope, now.slope)))
         return _Now(
-            jnp.asarray(time), next_step, onwards, state, slope, controller_state, sampled, samples, now.steps + 1,
+            jnp.asarray(time), next_step, onwards, jnp.where(keep, state, now.state), jnp.where(keep, last, first),
+            # Beyond a corner the last slope is that of its other side.
+            jnp.asarray(keep) & (there == until), controller_state, sampled, samples, now.steps + 1,
             now.kept + jnp.where(keep, 1, 0),
             rests if halts is None else rests | (jnp.asarray(keep) & halts(jnp.asarray(time), state)),
             carried,
         )  # fmt: skip
-
-    firsts, lasts, coming = _pieces(corners, origin)
-
-    def from_corner_to_corner(now: _Now) -> _Now:
-        passed = jnp.searchsorted(coming, now.time, side="right")
-        piece, until = (firsts[passed], lasts[passed]), jnp.minimum(coming[passed], end)
-        # What a method keeps from the step before is a slope from the other side of the corner.
-        now = now._replace(slope=rate(now.time, now.state, piece))
-        return jax.lax.while_loop(lambda now: unfinished(now, until), lambda now: advance(now, until, piece), now)
 
     none = jnp.zeros((), int)
     samples = jnp.full((len(times), start.size), jnp.nan).at[0].set(start)
@@ -183,11 +182,11 @@ def step_through(
     _, controller_state = controller.init(unused, times[0], end, start, step, None, unused, solver.order)
     controller_state = jax.tree.map(jnp.asarray, controller_state)
     going = jnp.zeros((), bool)
-    slope = jnp.zeros_like(start)
     now = _Now(
-        times[0], step, jnp.zeros(()), start, slope, controller_state, none + 1, samples, none, none, going, carried
-    )
-    now = jax.lax.while_loop(unfinished, from_corner_to_corner, now)
+        times[0], step, jnp.zeros(()), start, jnp.zeros_like(start), ~going, controller_state, none + 1, samples, none,
+        none, going, carried,
+    )  # fmt: skip
+    now = jax.lax.while_loop(unfinished, advance, now)
     reached = now.time >= end
     return Stepped(now.samples, now.state, now.time, now.step, now.steps, now.kept, reached, now.halted, now.carried)
 

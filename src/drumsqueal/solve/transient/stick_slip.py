@@ -13,7 +13,14 @@ from jax.errors import JaxRuntimeError
 from drumsqueal.physics.effects.operation import Constant
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.transient.runge_kutta import AUTO, DEFAULT, IMPLICIT, is_explicit
-from drumsqueal.solve.transient.segment import CORNER_BUDGET, STEP_BUDGET, Segment, advance, least_slip
+from drumsqueal.solve.transient.segment import (
+    CORNER_BUDGET,
+    STEP_BUDGET,
+    Segment,
+    advance,
+    advance_packed,
+    least_slip,
+)
 from drumsqueal.solve.transient.state import CHUNK_SAMPLES, Span, State
 from drumsqueal.solve.transient.sticking import can_stick, drum_motion, drum_motions, held, hold, hold_surely, slip
 
@@ -191,16 +198,24 @@ class StickSlip:
     def _slip(self, state: State, span: Span, step: Array) -> Segment:
         """Slip to the end of the span, until hardly anything slips, or as far as the method gets."""
         self.solvers.add(self._choice.solver)
-        arguments = (self._model, self._steady, state, span, self._tolerance, step, self._choice.solver)
-        sticks, budget = self._may_stick(span), self._budget(span, self._choice.budget - self._made)
         try:
-            return advance(*arguments, self._in_kernel, sticks, budget)
+            return advance(*self._slipping(state, span, step))
         except JaxRuntimeError:
             # A law of the user's own may call what no kernel can: a matrix product, a sort, a solver of equations.
             if not self._in_kernel:
                 raise
             self._in_kernel = False
-            return advance(*arguments, self._in_kernel, sticks, budget)
+            return advance(*self._slipping(state, span, step))
+
+    def _slipping(self, state: State, span: Span, step: Array) -> tuple[Any, ...]:
+        """What `advance` is given."""
+        sticks, budget = self._may_stick(span), self._budget(span, self._choice.budget - self._made)
+        given = self._model, self._steady, state, span, self._tolerance, step, self._choice.solver
+        return *given, self._in_kernel, sticks, budget
+
+    def load_ahead(self, state: State, span: Span, step: Any) -> None:
+        """Load or compile, in another thread, the program of a first chunk that slips."""
+        advance_packed.ahead(*self._slipping(state, self._between_jumps(span)[0], step))
 
     def _budget(self, span: Span, steps: int) -> np.int64:
         """So many steps for a chunk, and some for each corner of what is prescribed in it."""
