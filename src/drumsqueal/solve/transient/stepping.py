@@ -58,6 +58,16 @@ class Stepped(NamedTuple):
     carried: Any
 
 
+class _Plan(NamedTuple):
+    """Whether a step is kept and the time then, the next step, how long it is to be beyond a kink, and the control."""
+
+    keep: Array
+    time: Array
+    step: Array
+    onwards: Array
+    controller: Any
+
+
 class _Now(NamedTuple):
     time: Array
     step: Array
@@ -135,31 +145,13 @@ def step_through(
         next_step = jnp.where(keep & (there == until), jnp.maximum(following - time, now.step), following - time)
         interpolation = solver.interpolation(t0=now.time, t1=there, **dense)
         attempt = Attempt(now.time, there, now.state, state, first, last, interpolation.evaluate, dense)
-        rests, onwards, old_controller = jnp.zeros((), bool), jnp.zeros(()), now.controller
+        plan = _Plan(jnp.asarray(keep), jnp.asarray(time), next_step, jnp.zeros(()), controller_state)
+        rests = jnp.zeros((), bool)
         if kinks is not None:
-            levels, landing = kinks, now.onwards > 0
-
-            def at(fraction: Array) -> Array:
-                t = now.time + fraction * (there - now.time)
-                return levels(t, attempt.inside(t))
-
-            sought = ~jnp.asarray(keep) & ~landing
-            fraction = jax.lax.cond(sought, lambda: fraction_to_kink(at), lambda: jnp.ones(()))
-            lands, landed = fraction < 1, jnp.asarray(keep) & landing
-            next_step = jnp.where(lands, fraction * (there - now.time), next_step)
-            next_step = jnp.where(landed, jnp.maximum(next_step, now.onwards), next_step)
-            onwards = jnp.where(lands, there - now.time, 0.0)
-            # The errors about a kink say nothing about the steps beyond it.
-            controller_state = _either(lands | landed, old_controller, controller_state)
+            plan = _landing(plan, attempt, now, kinks)
         if passes is not None:
-            fraction = passes(attempt)
-            # Nor is one made again that the rounding of times leaves as long as it was.
-            short = (fraction < JUST_SHORT) & (now.time + fraction * (there - now.time) < there)
-            rests = jnp.asarray(keep) & (fraction < 1) & ~short
-            again = jnp.asarray(keep) & short
-            keep, time = keep & ~again, jnp.where(again, now.time, jnp.asarray(time))
-            next_step = jnp.where(again, fraction * (there - now.time), next_step)
-            controller_state = _either(again, old_controller, controller_state)
+            plan, rests = _stopping(plan, attempt, now, passes(attempt))
+        keep, time, next_step, onwards, controller_state = plan
         if longest is not None:
             next_step = jnp.minimum(next_step, longest)
         carried = now.carried
@@ -168,11 +160,11 @@ def step_through(
             carried = jax.lax.cond(keep, lambda: taken(attempt, now.carried), lambda: now.carried)
         sampled, samples = _sample(times, interpolation, there, keep, now.sampled, now.samples)
         return _Now(
-            jnp.asarray(time), next_step, onwards, jnp.where(keep, state, now.state), jnp.where(keep, last, first),
+            time, next_step, onwards, jnp.where(keep, state, now.state), jnp.where(keep, last, first),
             # Beyond a corner the last slope is that of its other side.
-            jnp.asarray(keep) & (there == until), controller_state, sampled, samples, now.steps + 1,
+            keep & (there == until), controller_state, sampled, samples, now.steps + 1,
             now.kept + jnp.where(keep, 1, 0),
-            rests if halts is None else rests | (jnp.asarray(keep) & halts(jnp.asarray(time), state)),
+            rests if halts is None else rests | (keep & halts(time, state)),
             carried,
         )  # fmt: skip
 
@@ -189,6 +181,39 @@ def step_through(
     now = jax.lax.while_loop(unfinished, advance, now)
     reached = now.time >= end
     return Stepped(now.samples, now.state, now.time, now.step, now.steps, now.kept, reached, now.halted, now.carried)
+
+
+def _landing(plan: _Plan, attempt: Attempt, now: _Now, kinks: Callable[[Array, Array], Array]) -> _Plan:
+    """Make a step that is not kept again up to a kink in it; beyond, go on with steps as long as it was."""
+    length, lands_now = attempt.end - attempt.start, now.onwards > 0
+
+    def at(fraction: Array) -> Array:
+        t = attempt.start + fraction * length
+        return kinks(t, attempt.inside(t))
+
+    sought = ~plan.keep & ~lands_now
+    fraction = jax.lax.cond(sought, lambda: fraction_to_kink(at), lambda: jnp.ones(()))
+    lands, landed = fraction < 1, plan.keep & lands_now
+    beyond = jnp.where(landed, jnp.maximum(plan.step, now.onwards), plan.step)
+    # The errors about a kink say nothing about the steps beyond it.
+    controller = _either(lands | landed, now.controller, plan.controller)
+    step, onwards = jnp.where(lands, fraction * length, beyond), jnp.where(lands, length, 0.0)
+    return plan._replace(step=step, onwards=onwards, controller=controller)
+
+
+def _stopping(plan: _Plan, attempt: Attempt, now: _Now, fraction: Array) -> tuple[_Plan, Array]:
+    """Make a step again so far only if a stop would be requested inside it; whether that is at its end."""
+    length = attempt.end - attempt.start
+    # One that the rounding of times leaves as long as it was is not made again.
+    short = (fraction < JUST_SHORT) & (attempt.start + fraction * length < attempt.end)
+    rests, again = plan.keep & (fraction < 1) & ~short, plan.keep & short
+    return _Plan(
+        plan.keep & ~again,
+        jnp.where(again, attempt.start, plan.time),
+        jnp.where(again, fraction * length, plan.step),
+        plan.onwards,
+        _either(again, now.controller, plan.controller),
+    ), rests
 
 
 def _either(yes: Array, one: Any, other: Any) -> Any:
