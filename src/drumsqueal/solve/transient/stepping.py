@@ -11,8 +11,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from jax.typing import ArrayLike
 
-from drumsqueal.solve.transient.landing import fraction_to_kink
+from drumsqueal.solve.transient.landing import fraction_to_excursion, fraction_to_kink
 
 if TYPE_CHECKING:
     import diffrax
@@ -59,19 +60,21 @@ class Stepped(NamedTuple):
 
 
 class _Plan(NamedTuple):
-    """Whether a step is kept and the time then, the next step, how long it is to be beyond a kink, and the control."""
+    """Whether a step is kept and the time then, the next step, how long it is to be beyond a kink, control, levels."""
 
     keep: Array
     time: Array
     step: Array
     onwards: Array
     controller: Any
+    levels: Any
 
 
 class _Now(NamedTuple):
     time: Array
     step: Array
     onwards: Array  # the step to go on with after one that is to end at a kink; zero where it is not
+    levels: Any  # numbers that say where kinks are
     state: Array
     slope: Array
     at_corner: Array  # the slope there is not known yet
@@ -145,13 +148,13 @@ def step_through(
         next_step = jnp.where(keep & (there == until), jnp.maximum(following - time, now.step), following - time)
         interpolation = solver.interpolation(t0=now.time, t1=there, **dense)
         attempt = Attempt(now.time, there, now.state, state, first, last, interpolation.evaluate, dense)
-        plan = _Plan(jnp.asarray(keep), jnp.asarray(time), next_step, jnp.zeros(()), controller_state)
+        plan = _Plan(jnp.asarray(keep), jnp.asarray(time), next_step, jnp.zeros(()), controller_state, now.levels)
         rests = jnp.zeros((), bool)
         if kinks is not None:
             plan = _landing(plan, attempt, now, kinks)
         if passes is not None:
             plan, rests = _stopping(plan, attempt, now, passes(attempt))
-        keep, time, next_step, onwards, controller_state = plan
+        keep, time, next_step, onwards, controller_state, levels = plan
         if longest is not None:
             next_step = jnp.minimum(next_step, longest)
         carried = now.carried
@@ -160,7 +163,7 @@ def step_through(
             carried = jax.lax.cond(keep, lambda: taken(attempt, now.carried), lambda: now.carried)
         sampled, samples = _sample(times, interpolation, there, keep, now.sampled, now.samples)
         return _Now(
-            time, next_step, onwards, jnp.where(keep, state, now.state), jnp.where(keep, last, first),
+            time, next_step, onwards, levels, jnp.where(keep, state, now.state), jnp.where(keep, last, first),
             # Beyond a corner the last slope is that of its other side.
             keep & (there == until), controller_state, sampled, samples, now.steps + 1,
             now.kept + jnp.where(keep, 1, 0),
@@ -174,9 +177,10 @@ def step_through(
     _, controller_state = controller.init(unused, times[0], end, start, step, None, unused, solver.order)
     controller_state = jax.tree.map(jnp.asarray, controller_state)
     going = jnp.zeros((), bool)
+    levels = None if kinks is None else kinks(times[0], start)
     now = _Now(
-        times[0], step, jnp.zeros(()), start, jnp.zeros_like(start), ~going, controller_state, none + 1, samples, none,
-        none, going, carried,
+        times[0], step, jnp.zeros(()), levels, start, jnp.zeros_like(start), ~going, controller_state, none + 1,
+        samples, none, none, going, carried,
     )  # fmt: skip
     now = jax.lax.while_loop(unfinished, advance, now)
     reached = now.time >= end
@@ -184,21 +188,28 @@ def step_through(
 
 
 def _landing(plan: _Plan, attempt: Attempt, now: _Now, kinks: Callable[[Array, Array], Array]) -> _Plan:
-    """Make a step that is not kept again up to a kink in it; beyond, go on with steps as long as it was."""
+    """Make a step again up to a kink, where it is not kept or a number leaves and returns; beyond, go on as before."""
     length, lands_now = attempt.end - attempt.start, now.onwards > 0
 
-    def at(fraction: Array) -> Array:
+    def at(fraction: ArrayLike) -> Array:
         t = attempt.start + fraction * length
         return kinks(t, attempt.inside(t))
 
-    sought = ~plan.keep & ~lands_now
-    fraction = jax.lax.cond(sought, lambda: fraction_to_kink(at), lambda: jnp.ones(()))
-    lands, landed = fraction < 1, plan.keep & lands_now
+    after = kinks(attempt.end, attempt.after)
+    middle = (attempt.before + attempt.after) / 2 + length / 8 * (attempt.slope_before - attempt.slope_after)
+    turn = fraction_to_excursion(at, now.levels, kinks((attempt.start + attempt.end) / 2, middle), after)
+    leaves = plan.keep & (turn > 0)
+    sought = leaves | (~plan.keep & ~lands_now)
+    fraction = jax.lax.cond(sought, lambda: fraction_to_kink(at, jnp.where(leaves, turn, 1.0)), lambda: jnp.ones(()))
+    lands = fraction < 1
+    keep = plan.keep & ~lands
+    landed = keep & lands_now
     beyond = jnp.where(landed, jnp.maximum(plan.step, now.onwards), plan.step)
     # The errors about a kink say nothing about the steps beyond it.
     controller = _either(lands | landed, now.controller, plan.controller)
     step, onwards = jnp.where(lands, fraction * length, beyond), jnp.where(lands, length, 0.0)
-    return plan._replace(step=step, onwards=onwards, controller=controller)
+    time = jnp.where(lands, attempt.start, plan.time)
+    return _Plan(keep, time, step, onwards, controller, jnp.where(keep, after, now.levels))
 
 
 def _stopping(plan: _Plan, attempt: Attempt, now: _Now, fraction: Array) -> tuple[_Plan, Array]:
@@ -213,6 +224,7 @@ def _stopping(plan: _Plan, attempt: Attempt, now: _Now, fraction: Array) -> tupl
         jnp.where(again, fraction * length, plan.step),
         plan.onwards,
         _either(again, now.controller, plan.controller),
+        _either(again, now.levels, plan.levels),
     ), rests
 
 
