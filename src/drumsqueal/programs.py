@@ -85,6 +85,7 @@ class Program:
         self._function, self._options = function, options or {}
         self._traced = eqx.filter_jit(function, compiler_options=self._options)  # pyright: ignore[reportCallIssue]
         self._ready: dict[Any, Callable[..., Any] | None] = {}
+        self._finding = threading.RLock()  # so that of several threads one compiles, and the others wait for it
 
     def __call__(self, *arguments: Any, **keywords: Any) -> Any:
         """Call the function, compiled."""
@@ -94,7 +95,9 @@ class Program:
             return self._traced(*arguments, **keywords)
         key = tree, tuple(map(_kind, leaves))
         if key not in self._ready:
-            self._ready[key] = self._find(folder, (arguments, keywords), leaves, tree)
+            with self._finding:
+                if key not in self._ready:
+                    self._ready[key] = self._find(folder, (arguments, keywords), leaves, tree)
         call = self._ready[key]
         return self._traced(*arguments, **keywords) if call is None else call(*arrays)
 

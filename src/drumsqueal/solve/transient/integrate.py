@@ -132,7 +132,7 @@ def _to_chunk(
         energy_balance_error=kinetic + potential - first_energy - states.work,
         steps=int(segment.steps),
         rejected_steps=int(segment.steps) - int(segment.kept),
-        evaluations=_evaluations(segment, run.solvers),
+        evaluations=count_evaluations(segment, run.solvers),
         implicit=np.full(time.size, float(IMPLICIT in run.solvers)),
         end=None,
         remembered=dict(zip(remembered, () if states.memory is None else states.memory.T, strict=True)),
@@ -140,7 +140,7 @@ def _to_chunk(
     )
 
 
-def _evaluations(segment: Segment, solvers: set[str]) -> float:
+def count_evaluations(segment: Segment, solvers: set[str]) -> float:
     """The last stage of a step is the first of the next: one more at the start of the chunk."""
     stages = {STAGES[solver] if is_explicit(solver) else np.nan for solver in solvers}
     return float(segment.steps) * max(stages, default=np.nan) + 1 if len(stages) < 2 else np.nan

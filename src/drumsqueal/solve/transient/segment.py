@@ -19,7 +19,7 @@ from drumsqueal.programs import Program
 from drumsqueal.solve.transient.passing import Step, fraction_to_rest
 from drumsqueal.solve.transient.runge_kutta import DEFAULT, LOCAL_FRACTION, Stages, is_explicit, make_solver
 from drumsqueal.solve.transient.state import Span, State
-from drumsqueal.solve.transient.stepping import Attempt, Stepped, step_through
+from drumsqueal.solve.transient.stepping import Attempt, step_through
 from drumsqueal.solve.transient.sticking import slip, slip_acceleration, slip_motion
 
 # Steps a chunk: a run that exceeds it is stuck, and is reported as failed. Samples hold two to a period at least, so
@@ -42,11 +42,11 @@ class Segment(NamedTuple):
     """What one compiled call leaves: samples, their observations and energies, the last state, and the next step.
 
     `time` (s) is that of the last state after the start of the chunk, `halted` whether slip all but vanished
-    there or, of a lining that sticks, friction gave way.
+    there or, of a lining that sticks, friction gave way. Observations and energies are None where nobody asks for them.
     """
 
     states: State
-    observation: Observation
+    observation: Observation | None
     kinetic: Any  # arrays of JAX, or of NumPy once they are out of its hands
     potential: Any
     final: State
@@ -59,9 +59,11 @@ class Segment(NamedTuple):
 
     def packed(self) -> tuple[Array, Array]:
         """All numbers: a row for each sample, and what there is one of."""
-        states, looks = self.states, jnp.stack([*self.observation, self.kinetic, self.potential], axis=1)
         numbers = (self.time, self.step, self.steps, self.kept, self.reached, self.halted)
-        rows = jnp.concatenate([jax.vmap(State.flat)(states), looks], axis=1)
+        rows = jax.vmap(State.flat)(self.states)
+        if self.observation is not None:
+            looks = jnp.stack([*self.observation, self.kinetic, self.potential], axis=1)
+            rows = jnp.concatenate([rows, looks], axis=1)
         return rows, jnp.concatenate([self.final.flat(), jnp.stack([jnp.asarray(x, float) for x in numbers])])
 
     @staticmethod
@@ -69,8 +71,9 @@ class Segment(NamedTuple):
         """The segment as NumPy's arrays, from `packed` ones, with so many numbers that effects remember."""
         *final, time, step, steps, kept, reached, halted = end
         states, looks = rows[:, : len(final)], rows[:, len(final) :].T
+        observed = (Observation(*looks[:-2]), *looks[-2:]) if looks.size else (None, None, None)
         return Segment(
-            State.split(states, remembered), Observation(*looks[:-2]), looks[-2], looks[-1],
+            State.split(states, remembered), *observed,
             State.split(end[: len(final)], remembered), time, step, np.int64(steps), np.int64(kept),
             np.bool_(reached), np.bool_(halted),
         )  # fmt: skip
@@ -94,6 +97,7 @@ def advance_packed(
     in_kernel: bool = True,
     sticks: bool = False,
     budget: Any = None,
+    observes: bool = True,
 ) -> tuple[Array, Array]:
     """One chunk, packed; samples past the span's last repeat it, to keep the shapes. `step` (s) is tried first.
 
@@ -108,7 +112,7 @@ def advance_packed(
         return advance_scaled(*arguments).packed()
 
     run = partial(one_kernel, chunk) if in_kernel else chunk
-    return run(model, steady, state, span, local, step, measure, corners, solver, *limits)
+    return run(model, steady, state, span, local, step, measure, corners, solver, *limits, observes)
 
 
 @compiled
@@ -185,6 +189,7 @@ def advance_scaled(
     solver: str,
     budget: Array,
     slip_tolerance: Array | None = None,
+    observes: bool = True,
 ) -> Segment:
     """One chunk, with errors measured against the motion that it begins with or has come to, in `budget` steps at most.
 
@@ -273,24 +278,24 @@ def advance_scaled(
         origin=span.start,
         corners=corners,
     )
-    return _observed(model, steady, state.work, span.inside(span.start + time), scale, stepped)
+    states, final = (split(ys * scale) for ys in (stepped.samples, stepped.last))
+    states, final = (s._replace(work=s.work + state.work) for s in (states, final))  # from the start of the transient
+    observed = _observed(model, steady, span.inside(span.start + time), states) if observes else (None, None, None)
+    return Segment(
+        states, *observed, final, stepped.time, stepped.step, stepped.steps, stepped.kept, stepped.reached,
+        stepped.halted,
+    )  # fmt: skip
 
 
-def _observed(model: Model, steady: Array, work: Array, time: Array, scale: Array, stepped: Stepped) -> Segment:
-    """The samples in their units, the work from the start of the transient on, and what each of them looks like."""
-    states, final = (State.split(ys * scale, len(model.remembered)) for ys in (stepped.samples, stepped.last))
-    states, final = (s._replace(work=s.work + work) for s in (states, final))
+def _observed(model: Model, steady: Array, time: Array, states: State) -> tuple[Observation, Array, Array]:
+    """What each sample looks like, its kinetic and its potential energy."""
 
     def observe(sample: tuple[Array, State]) -> tuple[Observation, Array, Array]:
         t, now = sample
         q = steady + now.vibration
         return model.observe(t, q, now.velocity, now.memory), *model.energy(t, q, now.velocity)
 
-    observation, kinetic, potential = jax.lax.map(observe, (time, states))
-    return Segment(
-        states, observation, kinetic, potential, final, stepped.time, stepped.step, stepped.steps, stepped.kept,
-        stepped.reached, stepped.halted,
-    )  # fmt: skip
+    return jax.lax.map(observe, (time, states))
 
 
 @Program

@@ -91,14 +91,16 @@ class StickSlip:
     def __init__(
         self,
         model: Model,
-        steady: Array,
+        steady: Array | np.ndarray,
         tolerance: np.float64,
         solver: str,
         *,
         sticks: bool = False,
         method: Method | None = None,
+        observes: bool = True,
     ) -> None:
         """Begin at the start of the transient, or go on with a lining that sticks or not and the method at hand."""
+        self._observes = observes  # whether samples come with observations and energies
         self._model, self._steady, self._tolerance = model, steady, tolerance
         self._in_kernel = True
         self._held: Model | None = held(model) if sticks else None  # the model that sticks, while it does
@@ -172,8 +174,9 @@ class StickSlip:
     def _may_stick(self, span: Span) -> bool:
         after = float(span.after)
         if after not in self._may:
-            speed = float(self._model.operation.at(after).drum_speed)
-            self._may[after] = can_stick(self._model, at_rest=speed == 0)
+            self._may[after] = can_stick(self._model, at_rest=False) or (
+                can_stick(self._model, at_rest=True) and float(self._model.operation.at(after).drum_speed) == 0
+            )
         return self._may[after]
 
     def _least_slip(self, state: State, span: Span) -> float:
@@ -194,13 +197,13 @@ class StickSlip:
         arguments = (self._model, self._steady, state, span, self._tolerance, step, self._choice.solver)
         sticks, budget = self._may_stick(span), self._budget(span, self._choice.budget - self._made)
         try:
-            return advance(*arguments, self._in_kernel, sticks, budget)
+            return advance(*arguments, self._in_kernel, sticks, budget, self._observes)
         except JaxRuntimeError:
             # A law of the user's own may call what no kernel can: a matrix product, a sort, a solver of equations.
             if not self._in_kernel:
                 raise
             self._in_kernel = False
-            return advance(*arguments, self._in_kernel, sticks, budget)
+            return advance(*arguments, self._in_kernel, sticks, budget, self._observes)
 
     def _budget(self, span: Span, steps: int) -> np.int64:
         """So many steps for a chunk, and some for each corner of what is prescribed in it."""
@@ -246,7 +249,7 @@ class StickSlip:
         assert self._held is not None
         segment = advance(
             self._held, self._steady, state, span, self._tolerance, step, self._choice.explicit,
-            budget=self._budget(span, STEP_BUDGET),
+            budget=self._budget(span, STEP_BUDGET), observes=self._observes,
         )  # fmt: skip
         velocity = drum_motions(self._model, span.inside(span.start + span.grid), segment.states.velocity)
         final = drum_motion(self._model, span.inside(span.start + segment.time), segment.final.velocity)
@@ -310,14 +313,15 @@ def _jumps(model: Model) -> tuple[np.ndarray, float]:
 
 def _only_reached(whole: Segment, span: Span) -> Segment:
     """A chunk that ends early: without samples of what did not come to pass."""
-    there = np.arange(len(whole.kinetic)) * float(span.interval) <= float(whole.time)
-    state = whole.states._replace(vibration=np.where(there[:, None], whole.states.vibration, np.nan))
-    return whole._replace(states=state, reached=np.False_)
+    there = np.arange(len(whole.states.work)) * float(span.interval) <= float(whole.time)
+    vibration, velocity = (np.where(there[:, None], x, np.nan) for x in whole.states[:2])
+    states = whole.states._replace(vibration=vibration, velocity=velocity)
+    return whole._replace(states=states, reached=np.False_)
 
 
 def _joined(whole: Segment, segment: Segment, span: Span) -> Segment:
     """Samples up to where the segment begins from the one, later ones from the other."""
-    earlier = np.arange(len(whole.kinetic)) * float(span.interval) <= float(span.offset)
+    earlier = np.arange(len(whole.states.work)) * float(span.interval) <= float(span.offset)
 
     def join(old: Any, new: Any) -> Any:
         after = earlier.reshape(-1, *[1] * (np.ndim(new) - 1))
