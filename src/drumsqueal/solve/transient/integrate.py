@@ -19,7 +19,7 @@ from drumsqueal.physics.model import Model
 from drumsqueal.precision import real
 from drumsqueal.programs import Program
 from drumsqueal.solve.transient.runge_kutta import AUTO, IMPLICIT, STAGES, is_explicit
-from drumsqueal.solve.transient.segment import STEP_BUDGET, Segment, first_step
+from drumsqueal.solve.transient.segment import Segment, first_step
 from drumsqueal.solve.transient.state import CHUNK_SAMPLES, Span, State
 from drumsqueal.solve.transient.stick_slip import Method, StickSlip
 
@@ -156,7 +156,7 @@ def _why(segment: Segment, chunk: Chunk, last: int) -> str:
     time = chunk.time[last]
     if bool(segment.reached):
         return f"the motion became infinite or undefined after t = {time:.6g} s"
-    collapsed = f"the step size collapsed: {STEP_BUDGET:,} steps were not enough to get past t = {time:.6g} s"
+    collapsed = f"the step size collapsed: {segment.steps:,} steps were not enough to get past t = {time:.6g} s"
     heat, load = chunk.observation.friction_power[last], chunk.observation.normal_force[last]
     if 0 < heat < STICKING * load:
         return f"{collapsed}, where the lining all but sticks to the drum as a whole"

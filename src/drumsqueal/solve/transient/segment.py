@@ -22,10 +22,11 @@ from drumsqueal.solve.transient.state import Span, State
 from drumsqueal.solve.transient.stepping import Attempt, step_through
 from drumsqueal.solve.transient.sticking import slip, slip_acceleration, slip_motion
 
-# Steps a chunk: a run that exceeds it is stuck, and is reported as failed. Samples hold two to a period at least, so
-# 500 of them take some thousand steps; a tolerance of 1e-13 takes ten times as many, and so do crossings of contact
-# boundaries.
+# Steps a chunk, and as many again for every 100 radians of the fastest mode: a run that exceeds it is stuck, and is
+# reported as failed. 100 radians take some hundred steps; a tolerance of 1e-13 takes ten times as many, and so do
+# crossings of contact boundaries.
 STEP_BUDGET = 100_000
+BUDGET_RADIANS = 100.0
 CORNER_BUDGET = 20  # more steps for each corner of what is prescribed: one ends there, and the next ones begin small
 LEAST_LOCAL = 1e-14  # of the motion, that one step may err; less would be round-off
 # A coordinate is resolved at least to this fraction of what it would do if all vibration energy were in each mode.
@@ -101,12 +102,13 @@ def advance_packed(
 ) -> tuple[Array, Array]:
     """One chunk, packed; samples past the span's last repeat it, to keep the shapes. `step` (s) is tried first.
 
-    It makes STEP_BUDGET steps at most unless given another `budget`. Where the lining `sticks`, in that it could, it
+    It makes STEP_BUDGET steps at most, and as many again each BUDGET_RADIANS, unless `budget` gives both. Where the lining `sticks`, in that it could, it
     ends early where hardly any of it slips.
     """
     local = local_tolerance(tolerance, solver)
     measure, corners = resolution(model, span, local), model.operation.corners
-    limits = jnp.asarray(STEP_BUDGET if budget is None else budget), jnp.asarray(tolerance) if sticks else None
+    budget = np.array([STEP_BUDGET, STEP_BUDGET], float) if budget is None else budget
+    limits = jnp.asarray(budget), jnp.asarray(tolerance) if sticks else None
 
     def chunk(*arguments: Any) -> tuple[Array, Array]:
         return advance_scaled(*arguments).packed()
@@ -191,7 +193,9 @@ def advance_scaled(
     slip_tolerance: Array | None = None,
     observes: bool = True,
 ) -> Segment:
-    """One chunk, with errors measured against the motion that it begins with or has come to, in `budget` steps at most.
+    """One chunk, with errors measured against the motion that it begins with or has come to.
+
+    `budget` (2,) is how many steps it makes at most, and how many more each BUDGET_RADIANS of the fastest mode.
 
     It ends early where no part of the lining slips faster than `slip_tolerance` times what such a motion does.
     """
@@ -270,7 +274,8 @@ def advance_scaled(
         step,
         tolerance=local,
         norm=_largest,
-        budget=budget,
+        budget=budget[0],
+        pace=budget[1] * _highest(measure.omega) / BUDGET_RADIANS,
         halts=None if slip_tolerance is None else halts,
         passes=None if slip_tolerance is None else passes,
         kinks=kinks if has_kinks and is_explicit(solver) else None,

@@ -83,6 +83,7 @@ def step_through(
     tolerance: Array,
     norm: Norm,
     budget: Array,
+    pace: Any = 0.0,
     halts: Callable[[Array, Array], Array] | None = None,
     passes: Callable[[Attempt], Array] | None = None,
     kinks: Callable[[Array, Array], Array] | None = None,
@@ -97,7 +98,7 @@ def step_through(
 
     `solver` is a method of `runge_kutta.py`. A step is kept when the norm of its estimated error, over tolerance ·
     (1 + size(y)), is below one; `size` is |y| unless given. `step` is the first one, and no other is longer than
-    `longest`; the budget is in steps, kept or not. Steps end at all `corners` (c,) on the way, ascending times from
+    `longest`; the budget is in steps, kept or not, and grows with time by `pace` (1/s). Steps end at all `corners` (c,) on the way, ascending times from
     another `origin`: f may jump there, and is asked for on each side of them in turn. It ends early after a step whose
     time and state make `halts` true. Of a step `passes` gives the fraction after which that would have been so, or 1:
     it is then made again so far only. Of a time and state `kinks` gives numbers, of which one changes its sign where f
@@ -113,7 +114,7 @@ def step_through(
         return vector_field(jnp.clip(t, *piece), y)
 
     def unfinished(now: _Now, until: Any = end) -> Array:
-        return (now.time < until) & (now.steps < budget) & ~now.halted
+        return (now.time < until) & (now.steps < budget + pace * now.time) & ~now.halted
 
     def advance(now: _Now, until: Array, piece: tuple[Array, Array]) -> _Now:
         left = until - now.time
