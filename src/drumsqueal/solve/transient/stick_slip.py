@@ -259,7 +259,7 @@ class StickSlip:
 
     def _reserve(self, state: State, span: Span, time: float) -> float:
         q = self._steady + state.vibration
-        return hold(self._model, span.inside(time), q, state.velocity, state.memory).reserve
+        return hold(self._model, span.inside(time), q, state.velocity, state.memory, slips=False).reserve
 
     def _released(
         self, segment: Segment, state: State, span: Span, step: Array, before: float, after: float
