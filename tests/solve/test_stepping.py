@@ -13,8 +13,8 @@ from drumsqueal.physics.model import build_model
 from drumsqueal.scene import COORDINATES
 from drumsqueal.scene.tables import Simulate
 from drumsqueal.simulation import prepare, run, transient
-from drumsqueal.solve.transient import stick_slip
 from drumsqueal.solve.transient import segment as integration
+from drumsqueal.solve.transient import stick_slip
 from drumsqueal.solve.transient.batch import integrate_many
 from drumsqueal.solve.transient.integrate import integrate
 from drumsqueal.solve.transient.landing import NEAR, fraction_to_kink
@@ -221,7 +221,7 @@ def test_many_transients_are_those_run_one_by_one(nominal):
         assert np.concatenate([chunk.time for chunk in chunks]).size == together.shape[1]
 
 
-@pytest.mark.parametrize("speed", [0.0, 0.03, 0.05])
+@pytest.mark.parametrize("speed", [0.0, 0.03, 0.04])
 def test_among_many_a_drum_that_hardly_turns_is_as_it_is_alone(nominal, speed):
     # At rest the lining sticks, at 0.03 rad/s now and then; at both others the implicit method takes over.
     models = [build_model(nominal, {"drum.speed": each}) for each in (5.0, speed)]
@@ -230,7 +230,8 @@ def test_among_many_a_drum_that_hardly_turns_is_as_it_is_alone(nominal, speed):
     (together,) = integrate_many(models, none, displacement, none, **how)
     assert together.reached.all()
     (alone,) = integrate(models[1], none[1], displacement[1], none[1], **how)
-    assert (alone.implicit.any() or len(alone.changes) > 0) and np.isnan(together.evaluations[1])
+    assert alone.implicit.any() or alone.changes
+    assert np.isnan(together.evaluations[1])
     for found, wanted in ((together.vibration[1], alone.displacement), (together.velocity[1], alone.velocity)):
         # The same steps in a program that leaves observations out.
         np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-9 * np.abs(wanted).max())

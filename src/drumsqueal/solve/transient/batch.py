@@ -9,7 +9,7 @@ import math
 import os
 from collections.abc import Generator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
@@ -65,17 +65,17 @@ def integrate_many(
     if not LEAST_TOLERANCE <= tolerance <= MOST_TOLERANCE:
         raise ValueError(f"tolerance must be from {LEAST_TOLERANCE:g} to {MOST_TOLERANCE:g}, got {tolerance}")
     samples = round(duration * sample_rate)
-    starts = zip(models, *(np.asarray(x, dtype=np.float64) for x in (steady, displacement, velocity)), strict=True)
-    transients = [_Transient(*start, tolerance, solver) for start in starts]
+    starts = (np.asarray(x, dtype=np.float64) for x in (steady, displacement, velocity))
+    transients = [_Transient(model, start, tolerance, solver) for model, *start in zip(models, *starts, strict=True)]
     with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
         for first in range(0, samples, CHUNK_SAMPLES):
             count = min(CHUNK_SAMPLES, samples - first)
             span = Span(np.float64(first / sample_rate), np.float64(1 / sample_rate), np.int64(count))
             fresh = slice(0 if first == 0 else 1, count + 1)
-            done = list(pool.map(lambda each, span=span: each.through(span), transients))
-            vibration, velocity = (np.stack([each[k][fresh] for each in done]) for k in range(2))
-            evaluations, reached = (np.array([each[k] for each in done]) for k in (2, 3))
-            yield Batch(np.arange(first, first + count + 1)[fresh] / sample_rate, vibration, velocity, evaluations, reached)
+            done = zip(*pool.map(lambda each, span=span: each.through(span), transients), strict=True)
+            vibration, velocity, evaluations, reached = map(np.array, done)
+            time = np.arange(first, first + count + 1)[fresh] / sample_rate
+            yield Batch(time, vibration[:, fresh], velocity[:, fresh], evaluations, reached)
 
 
 def _check(models: Sequence[Model], solver: str, states: Mapping[str, ArrayLike], threads: int | None) -> None:
@@ -96,24 +96,20 @@ def _check(models: Sequence[Model], solver: str, states: Mapping[str, ArrayLike]
 class _Transient:
     """One of them, on its way."""
 
-    def __init__(
-        self,
-        model: Model,
-        steady: np.ndarray,
-        displacement: np.ndarray,
-        velocity: np.ndarray,
-        tolerance: float,
-        solver: str,
-    ) -> None:
+    def __init__(self, model: Model, start: Sequence[np.ndarray], tolerance: float, solver: str) -> None:
+        """Take its steady state, displacement from it and velocity at the start."""
+        steady, displacement, velocity = start
+        remembered = len(model.remembered)
+        nothing = np.zeros(remembered + 1)
+        self._state = State.split(np.concatenate([displacement, velocity, nothing]), remembered)
         self._run = StickSlip(model, steady, np.float64(tolerance), solver, observes=False)
-        self._state = State(displacement, velocity, np.float64(0), model.first_memory)
         self._step = first_step(model)
         self._failed = False
 
-    def through(self, span: Span) -> tuple[np.ndarray, np.ndarray, float, bool]:
+    def through(self, span: Span) -> tuple[Any, Any, float, bool]:
         """A chunk: vibration and velocity (CHUNK_SAMPLES + 1, n), evaluations, and whether it reached the end."""
         if self._failed:  # and is not tried again
-            nothing = np.full((CHUNK_SAMPLES + 1, self._state.vibration.size), np.nan)
+            nothing = np.full((CHUNK_SAMPLES + 1, len(self._state.vibration)), np.nan)
             return nothing, nothing, 0.0, False
         segment = self._run.through(self._state, span, self._step)
         states, self._state, self._step = segment.states, segment.final, segment.step

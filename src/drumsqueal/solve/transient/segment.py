@@ -72,11 +72,10 @@ class Segment(NamedTuple):
         """The segment as NumPy's arrays, from `packed` ones, with so many numbers that effects remember."""
         *final, time, step, steps, kept, reached, halted = end
         states, looks = rows[:, : len(final)], rows[:, len(final) :].T
-        observed = (Observation(*looks[:-2]), *looks[-2:]) if looks.size else (None, None, None)
+        observed = (Observation(*looks[:-2]), looks[-2], looks[-1]) if looks.size else (None, None, None)
         return Segment(
-            State.split(states, remembered), *observed,
-            State.split(end[: len(final)], remembered), time, step, np.int64(steps), np.int64(kept),
-            np.bool_(reached), np.bool_(halted),
+            State.split(states, remembered), *observed, State.split(end[: len(final)], remembered), time, step,
+            np.int64(steps), np.int64(kept), np.bool_(reached), np.bool_(halted),
         )  # fmt: skip
 
 
@@ -102,8 +101,8 @@ def advance_packed(
 ) -> tuple[Array, Array]:
     """One chunk, packed; samples past the span's last repeat it, to keep the shapes. `step` (s) is tried first.
 
-    It makes STEP_BUDGET steps at most, and as many again each BUDGET_RADIANS, unless `budget` gives both. Where the lining `sticks`, in that it could, it
-    ends early where hardly any of it slips.
+    `budget` is as `advance_scaled` takes it, STEP_BUDGET twice unless given. Where the lining `sticks`, in that it
+    could, it ends early where hardly any of it slips. It `observes` its samples, or leaves that out.
     """
     local = local_tolerance(tolerance, solver)
     measure, corners = resolution(model, span, local), model.operation.corners

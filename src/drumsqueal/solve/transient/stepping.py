@@ -98,12 +98,12 @@ def step_through(
 
     `solver` is a method of `runge_kutta.py`. A step is kept when the norm of its estimated error, over tolerance ·
     (1 + size(y)), is below one; `size` is |y| unless given. `step` is the first one, and no other is longer than
-    `longest`; the budget is in steps, kept or not, and grows with time by `pace` (1/s). Steps end at all `corners` (c,) on the way, ascending times from
-    another `origin`: f may jump there, and is asked for on each side of them in turn. It ends early after a step whose
-    time and state make `halts` true. Of a step `passes` gives the fraction after which that would have been so, or 1:
-    it is then made again so far only. Of a time and state `kinks` gives numbers, of which one changes its sign where f
-    has a kink: a step that is not kept ends there when it is made again. With every step that is kept `along` takes
-    `carried`, a tree of arrays, from its start to its end.
+    `longest`; the budget is in steps, kept or not, and grows by `pace` (1/s). Steps end at all `corners` (c,) on the
+    way, ascending times from another `origin`: f may jump there, and is asked for on each side of them in turn. It ends
+    early after a step whose time and state make `halts` true. Of a step `passes` gives the fraction after which that
+    would have been so, or 1: it is then made again so far only. Of a time and state `kinks` gives numbers, of which one
+    changes its sign where f has a kink: a step that is not kept ends there when it is made again. With every step that
+    is kept `along` takes `carried`, a tree of arrays, from its start to its end.
     """
     import diffrax  # as in make_solver
 

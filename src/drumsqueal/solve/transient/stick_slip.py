@@ -23,7 +23,8 @@ TIMING = 1e-12  # of a chunk: how well the end of sticking is found
 MARGIN = 1e-12  # of the drum's schedule: its jumps are looked at from so far, beyond round-off
 # Steps that the explicit method gets in place of STEP_BUDGET where another may take over, at a tolerance of 1e-6: where
 # it takes more of them the implicit one gets through sooner, though a step of it takes four times as long (the nominal
-# scene below a drum speed of 0.07 rad/s). A method of order eight takes 1.33 times as many for a tenth of the tolerance.
+# scene below a drum speed of 0.07 rad/s). A method of order eight takes 1.33 times as many for a tenth of the
+# tolerance.
 EXPLICIT_BUDGET = 10_000
 MORE_STEPS = 1 / 8
 MOST_PATIENCE = 64  # chunks
