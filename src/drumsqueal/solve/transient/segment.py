@@ -117,11 +117,12 @@ def advance_packed(
 
 
 @compiled
-def least_slip(model: Model, state: State, span: Span, tolerance: ArrayLike) -> Array:
-    """Slip speed (m/s) below which nothing counts as slipping."""
+def slip_and_least(model: Model, state: State, span: Span, tolerance: ArrayLike) -> Array:
+    """Slip speed where the span is entered and the one below which nothing counts as slipping, (2,) in m/s."""
     local = local_tolerance(tolerance, DEFAULT)
     size = resolution(model, span, local).amplitudes(model, state)
-    return SLIP_FRACTION * jnp.asarray(tolerance) * _slip_of(model, span, size.velocity)
+    least = SLIP_FRACTION * jnp.asarray(tolerance) * _slip_of(model, span, size.velocity)
+    return jnp.stack([slip(model, span.now, jnp.asarray(state.velocity)), least])
 
 
 def _slip_of(model: Model, span: Span, velocity: Array) -> Array:

@@ -13,9 +13,9 @@ from jax.errors import JaxRuntimeError
 from drumsqueal.physics.effects.operation import Constant
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.transient.runge_kutta import AUTO, DEFAULT, IMPLICIT, is_explicit
-from drumsqueal.solve.transient.segment import CORNER_BUDGET, STEP_BUDGET, Segment, advance, least_slip
+from drumsqueal.solve.transient.segment import CORNER_BUDGET, STEP_BUDGET, Segment, advance, slip_and_least
 from drumsqueal.solve.transient.state import CHUNK_SAMPLES, Span, State
-from drumsqueal.solve.transient.sticking import can_stick, drum_motion, drum_motions, held, hold, hold_surely, slip
+from drumsqueal.solve.transient.sticking import can_stick, drum_motion, drum_motions, held, hold, hold_surely
 
 AWAY = 2.0  # times the slip that counts as none: what a lining that cannot stick goes on with
 MOST_CHANGES = 1000  # in one chunk, two a sample: more is a mistake, not a motion
@@ -141,7 +141,7 @@ class StickSlip:
             state, step = segment.final, segment.step
             span = span._replace(offset=np.float64(segment.time))
             if bool(segment.halted):
-                state = self._changed(state, span, self._least_slip(state, span), ends=stuck)
+                state = self._changed(state, span, self._slip_and_least(state, span)[1], ends=stuck)
             if float(whole.time) >= float(span.length):
                 self._note(span)
                 return whole._replace(final=state, reached=np.True_)
@@ -180,17 +180,17 @@ class StickSlip:
             )
         return self._may[after]
 
-    def _least_slip(self, state: State, span: Span) -> float:
-        return float(least_slip(self._model, state, span, self._tolerance))
+    def _slip_and_least(self, state: State, span: Span) -> tuple[float, float]:
+        slip, least = np.asarray(slip_and_least(self._model, state, span, self._tolerance))
+        return float(slip), float(least)
 
     def _settled(self, state: State, span: Span) -> State:
         """The state to go on with from the start or a jump, where it is not known whether the lining sticks."""
         self._held = None
         if not self._may_stick(span):
             return state
-        least = self._least_slip(state, span)
-        slow = float(slip(self._model, span.now, state.velocity)) < least  # not so where it is undefined
-        return self._changed(state, span, least) if slow else state
+        slip, least = self._slip_and_least(state, span)
+        return self._changed(state, span, least) if slip < least else state  # nor where it is undefined
 
     def _slip(self, state: State, span: Span, step: Array) -> Segment:
         """Slip to the end of the span, until hardly anything slips, or as far as the method gets."""
