@@ -106,7 +106,7 @@ def advance_packed(
     """
     local = local_tolerance(tolerance, solver)
     measure, corners = resolution(model, span, local), model.operation.corners
-    budget = np.array([STEP_BUDGET, STEP_BUDGET], float) if budget is None else budget
+    budget = np.full(2, float(STEP_BUDGET)) if budget is None else budget
     limits = jnp.asarray(budget), jnp.asarray(tolerance) if sticks else None
 
     def chunk(*arguments: Any) -> tuple[Array, Array]:

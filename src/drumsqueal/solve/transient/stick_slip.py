@@ -21,11 +21,11 @@ AWAY = 2.0  # times the slip that counts as none: what a lining that cannot stic
 MOST_CHANGES = 1000  # in one chunk, two a sample: more is a mistake, not a motion
 TIMING = 1e-12  # of a chunk: how well the end of sticking is found
 MARGIN = 1e-12  # of the drum's schedule: its jumps are looked at from so far, beyond round-off
-# Steps that the explicit method gets in place of STEP_BUDGET where another may take over, at a tolerance of 1e-6: where
-# it takes more of them the implicit one gets through sooner, though a step of it takes four times as long (the nominal
-# scene below a drum speed of 0.07 rad/s). A method of order eight takes 1.33 times as many for a tenth of the
-# tolerance.
-EXPLICIT_BUDGET = 10_000
+# Steps that the explicit method gets where another may take over, at a tolerance of 1e-6, and how many more each
+# BUDGET_RADIANS: where it takes more of them the implicit one gets through sooner, though a step of it takes four times
+# as long (the nominal scene below a drum speed of 0.07 rad/s). A method of order eight takes 1.33 times as many for a
+# tenth of the tolerance.
+EXPLICIT_BUDGET = np.array([2_500.0, 10_000.0])
 MORE_STEPS = 1 / 8
 MOST_PATIENCE = 64  # chunks
 
@@ -49,7 +49,7 @@ class Choice:
     def __init__(self, solver: str, tolerance: float, method: Method | None = None) -> None:
         """Begin with a method of the scene's names, or go on with the one at hand."""
         self._automatic = solver == AUTO
-        self._explicit_budget = min(int(EXPLICIT_BUDGET * (1e-6 / tolerance) ** MORE_STEPS), STEP_BUDGET)
+        self._explicit_budget = EXPLICIT_BUDGET * (1e-6 / tolerance) ** MORE_STEPS
         self.method = method or Method(DEFAULT if self._automatic else solver)
 
     @property
@@ -63,9 +63,10 @@ class Choice:
         return self.solver if is_explicit(self.solver) else DEFAULT
 
     @property
-    def budget(self) -> int:
-        """Steps that the method gets."""
-        return self._explicit_budget if self._automatic and self.solver == DEFAULT else STEP_BUDGET
+    def budget(self) -> np.ndarray:
+        """Steps that the method gets, and how many more each BUDGET_RADIANS (2,)."""
+        most = np.full(2, float(STEP_BUDGET))
+        return np.minimum(self._explicit_budget, most) if self._automatic and self.solver == DEFAULT else most
 
     def begin(self) -> None:
         """A chunk begins."""
@@ -206,10 +207,10 @@ class StickSlip:
             self._in_kernel = False
             return advance(*arguments, self._in_kernel, sticks, budget, self._observes)
 
-    def _budget(self, span: Span, steps: int, made: int = 0) -> np.ndarray:
-        """What is left of so many steps for a chunk, and some for each corner of what is prescribed in it."""
+    def _budget(self, span: Span, budget: np.ndarray, made: int = 0) -> np.ndarray:
+        """What is left of it for a chunk, and some steps for each corner of what is prescribed in it."""
         within = np.diff(np.searchsorted(self._corners, [float(span.start), float(span.start + span.length)]))[0]
-        return np.array([steps - made + CORNER_BUDGET * within, steps], float)
+        return budget + np.array([CORNER_BUDGET * within - made, 0.0])
 
     def _stick(self, state: State, span: Span, step: Array) -> Segment:
         """Move with the drum to the end of the span, or until friction no longer holds."""
@@ -250,7 +251,7 @@ class StickSlip:
         assert self._held is not None
         segment = advance(
             self._held, self._steady, state, span, self._tolerance, step, self._choice.explicit,
-            budget=self._budget(span, STEP_BUDGET), observes=self._observes,
+            budget=self._budget(span, np.full(2, float(STEP_BUDGET))), observes=self._observes,
         )  # fmt: skip
         velocity = drum_motions(self._model, span.inside(span.start + span.grid), segment.states.velocity)
         final = drum_motion(self._model, span.inside(span.start + segment.time), segment.final.velocity)
