@@ -21,7 +21,7 @@ import stat
 import tempfile
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from dataclasses import fields
 from enum import Enum
 from importlib.metadata import version
@@ -39,14 +39,12 @@ from jaxlib import utils as log  # pyright: ignore[reportAttributeAccessIssue]
 from drumsqueal.compilation import cache_folder
 
 PACKAGE = Path(__file__).parent
-WRITTEN_WITH = ("jax", "jaxlib", "equinox", "diffrax", "optimistix", "lineax", "numpy", "scipy")
+WRITTEN_WITH = ("jax", "jaxlib", "equinox", "diffrax", "numpy", "scipy")
 MOST_BYTES = 256 * 2**20  # kept: the programs of a scene have some 3 MB; those that were not used for longest go first
 # Settings of JAX that change no program.
 OF_NO_EFFECT = re.compile("cache|log|traceback|explain|dump|profil")
 SILENT, AS_JAX = 3, "1"  # levels of the C++ side's log: only what is fatal, and what JAX sets unless told otherwise
 
-_compiling: list[float] = []  # what the setting was before, once for each thread that compiles
-_counting = threading.Lock()
 folder: Path | None = cache_folder() / "programs"
 """Where executables are kept; None for nowhere."""
 
@@ -86,7 +84,7 @@ class Program:
         self._function, self._options = function, options or {}
         self._traced = eqx.filter_jit(function, compiler_options=self._options)  # pyright: ignore[reportCallIssue]
         self._ready: dict[Any, Callable[..., Any] | None] = {}
-        self._finding = threading.Lock()
+        self._finding = threading.RLock()  # so that of several threads one compiles, and the others wait for it
 
     def __call__(self, *arguments: Any, **keywords: Any) -> Any:
         """Call the function, compiled."""
@@ -148,7 +146,7 @@ class Program:
         # What JAX takes from a cache of its own cannot be serialised again: no program of that name is there.
         flat.__name__ = f"{self._function.__name__}_{secrets.token_hex(4)}"
         lowered = jax.jit(flat, compiler_options=self._options).lower(*(each for each in leaves if eqx.is_array(each)))
-        with _not_cached_by_jax():
+        with _not_cached_by_jax:
             executable = lowered.compile()
         called = set(re.findall(r"custom_call @(\w+)", lowered.as_text()))
         if all(name.startswith("lapack_") for name in called):  # and nothing of this process
@@ -181,7 +179,7 @@ def _load(path: Path) -> Callable[..., Any] | None:
         kept = _Kept(*pickle.loads(content[32:]))
         if kept.lapack:  # which tracing would see to; without it the process dies
             lapack.prepare_lapack_call("syevd", np.dtype(np.float64))
-        with _silent():
+        with _silent:
             given = [part for part in jax.tree.leaves(kept.result) if part is _Place.ARRAY]
             trees = jax.tree.structure(((0,) * kept.taken, {})), jax.tree.structure(given)
             executable = serialize_executable.deserialize_and_load(kept.executable, *trees)
@@ -299,7 +297,7 @@ def _circumstances() -> Iterator[Any]:
         raise _UntoldError
     yield from _sources_and_versions()
     yield os.cpu_count() if not hasattr(os, "sched_getaffinity") else len(os.sched_getaffinity(0))
-    yield sorted((name, value) for name, value in os.environ.items() if name.startswith(("EQX_", "XLA_")))
+    yield sorted((name, value) for name, value in os.environ.items() if name.startswith("XLA_"))
     yield sorted((name, repr(value)) for name, value in jax.config.values.items() if not OF_NO_EFFECT.search(name))
 
 
@@ -311,27 +309,39 @@ def _sources_and_versions() -> tuple[str, ...]:
     return (digest.hexdigest(), platform.python_version(), *(version(name) for name in WRITTEN_WITH))
 
 
-@contextmanager
-def _not_cached_by_jax() -> Iterator[None]:
-    """The setting is that of all threads: the first one in makes it, the last one out takes it back."""
+class _WhileAny:
+    """A setting of the whole process: the first thread that comes in makes it, the last one to leave takes it back."""
+
+    def __init__(self, make: Callable[[], Callable[[], None]]) -> None:
+        """Take what makes it, and returns what takes it back."""
+        self._make, self._inside, self._lock = make, 0, threading.Lock()
+
+    def __enter__(self) -> None:
+        with self._lock:
+            if self._inside == 0:
+                self._take_back = self._make()
+            self._inside += 1
+
+    def __exit__(self, *_: object) -> None:
+        with self._lock:
+            self._inside -= 1
+            if self._inside == 0:
+                self._take_back()
+
+
+def _cache_less() -> Callable[[], None]:
+    """What is compiled is not kept by JAX as well."""
     name = "jax_persistent_cache_min_compile_time_secs"
-    with _counting:
-        _compiling.append(jax.config.values[name])
-        jax.config.update(name, float("inf"))
-    try:
-        yield
-    finally:
-        with _counting:
-            before = _compiling.pop()
-            if not _compiling:
-                jax.config.update(name, before)
+    before = jax.config.values[name]
+    jax.config.update(name, float("inf"))
+    return functools.partial(jax.config.update, name, before)
 
 
-@contextmanager
-def _silent() -> Iterator[None]:
+def _hush() -> Callable[[], None]:
     """Without XLA's complaint at every program, see `compilation.QUIET`, also where JAX was imported before."""
     log.absl_set_min_log_level(SILENT)
-    try:
-        yield
-    finally:
-        log.absl_set_min_log_level(int(os.environ.get("TF_CPP_MIN_LOG_LEVEL", AS_JAX)))
+    level = int(os.environ.get("TF_CPP_MIN_LOG_LEVEL", AS_JAX))
+    return functools.partial(log.absl_set_min_log_level, level)
+
+
+_not_cached_by_jax, _silent = _WhileAny(_cache_less), _WhileAny(_hush)

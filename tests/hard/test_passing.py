@@ -18,7 +18,7 @@ class Watched(StickSlip):
     beyond: list[float]
 
     def _slip(self, state, span, step):
-        segment, least = super()._slip(state, span, step), self._least_slip(state, span)
+        segment, least = super()._slip(state, span, step), self._slip_and_least(state, span)[1]
         belt = float(self._model.operation.at(0.0).drum_speed)
         slip = np.append(segment.states.velocity[:, 0], segment.final.velocity[0]) - belt
         way = np.sign(float(state.velocity[0]) - belt)

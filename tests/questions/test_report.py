@@ -105,7 +105,7 @@ def onset_folder(tmp_path_factory):
         for point, start in tasks:
             lasts = point.value < 25 and (point.unstable or start.name != "small")
             one = np.array([1e-5])
-            motion = Saturated(one, one, (0.0, 1.5), 1000.0, "Y", 1.0, 0.0, 1.0, one, one, "complete", False)
+            motion = Saturated(one, one, (0.0, 1.5), 1000.0, "Y", 1.0, 0.0, 1.0, one, one, "complete")
             yield Response.of(point.value, start.name, Leads.SQUEALS if lasts else Leads.DECAYS, motion, 0.1, ("Y",))
 
     folder = tmp_path_factory.mktemp("onset")

@@ -182,7 +182,7 @@ def made_up(threshold):
             enough = start.name.startswith("kick Y") and abs(start.velocity[0]) > threshold(point.value)
             lasts = point.value < 25 and (point.unstable or "from" in start.name or enough)
             one = np.array([1e-5])
-            motion = Saturated(one, one, (0.0, 1.5), 1000.0, "Y", 1.0, 0.0, 1.0, one, one, COMPLETE, False)
+            motion = Saturated(one, one, (0.0, 1.5), 1000.0, "Y", 1.0, 0.0, 1.0, one, one, COMPLETE)
             yield Response.of(point.value, start.name, Leads.SQUEALS if lasts else Leads.DECAYS, motion, 0.1, ("Y",))
 
     return find

@@ -112,7 +112,6 @@ class _Job:
         self.energies: list[float] = []  # mean kinetic energy of each round (J) since it last changed much
         self.history: list[float] = []  # and of all rounds
         self.rounds = 0
-        self.by_itself = False  # whether it has stuck, so that it cannot run together with the others
         self.probed: float | None = None  # mean kinetic energy (J) of the settled motion that was made smaller
 
     def probe(self, energy: float) -> None:
@@ -164,13 +163,12 @@ def find_attractors(
             tolerance=how.tolerance,
             solver=how.solver,
             threads=how.threads,
-            by_themselves=[job.by_itself for job in jobs],
             progress=progress,
         )
         left = []
         for job, motion in zip(jobs, motions, strict=True):
             job.rounds += 1
-            job.vibration, job.velocity, job.by_itself = motion.vibration, motion.velocity, motion.by_itself
+            job.vibration, job.velocity = motion.vibration, motion.velocity
             kind = _judge(job, motion, family, rounds)
             if kind is None:
                 left.append(job)

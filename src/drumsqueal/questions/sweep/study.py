@@ -189,7 +189,6 @@ def _transients(
                 tolerance=some.simulate.tolerance,
                 solver=some.simulate.solver,
                 threads=threads,
-                by_themselves=[motion is not None and motion.by_itself for motion in before.values()],
             )
             for k, motion in zip(tuple(before), motions, strict=True):
                 settled = has_settled(motion, found[k], _rate_since(before[k], motion, duration))

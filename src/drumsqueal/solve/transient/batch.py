@@ -1,41 +1,34 @@
-"""Many transients of one composition: the same compiled program, with other numbers in it.
+"""Many transients of one composition: each as it is alone, one after the other in each of several threads.
 
-They are integrated one after the other within the program, one part of them a thread. Side by side (`jax.vmap`) all
-would make as many steps as the one that needs most, and take every way of the contact integral at each of them.
+JAX leaves Python to the other threads while a compiled call runs, which is nearly all the time. Side by side in one
+call (`jax.vmap`) all would make as many steps as the one that needs most, and take every way of the contact integral at
+each of them.
 """
 
 import math
 import os
 from collections.abc import Generator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
-from jax import Array
 from jax.typing import ArrayLike
 
-from drumsqueal.physics.kernel import compiled, one_kernel
 from drumsqueal.physics.model import Model
 from drumsqueal.scene.tables import LEAST_TOLERANCE, MOST_TOLERANCE
-from drumsqueal.solve.transient.runge_kutta import DEFAULT, STAGES, is_explicit
-from drumsqueal.solve.transient.segment import (
-    CORNER_BUDGET,
-    STEP_BUDGET,
-    Resolution,
-    advance_scaled,
-    first_step,
-    local_tolerance,
-    resolution,
-)
+from drumsqueal.solve.transient.integrate import count_evaluations
+from drumsqueal.solve.transient.runge_kutta import AUTO, SOLVERS
+from drumsqueal.solve.transient.segment import first_step
 from drumsqueal.solve.transient.state import CHUNK_SAMPLES, Span, State
+from drumsqueal.solve.transient.stick_slip import StickSlip
 
 
 class Batch(NamedTuple):
     """A chunk of m transients: time (k,), displacement from steady sliding, velocity (m, k, n), evaluations (m,).
 
-    Where `reached` (m,) is False a transient has failed: its samples are NaN from there on.
+    Evaluations are NaN where they are not counted. Where `reached` (m,) is False a transient has failed: its samples
+    are NaN from there on.
     """
 
     time: np.ndarray
@@ -43,15 +36,6 @@ class Batch(NamedTuple):
     velocity: np.ndarray
     evaluations: np.ndarray
     reached: np.ndarray
-
-
-class _Fraction(NamedTuple):
-    """What one thread works on: models, steady states, states and next steps, each with a leading axis."""
-
-    models: Model
-    steady: Array
-    states: State
-    steps: Array
 
 
 def integrate_many(
@@ -63,7 +47,7 @@ def integrate_many(
     duration: float,
     sample_rate: float,
     tolerance: float,
-    solver: str = DEFAULT,
+    solver: str = AUTO,
     threads: int | None = None,
 ) -> Generator[Batch]:
     """Integrate m models of one composition from displacements (m, n) from their steady states (m, n), chunk by chunk.
@@ -72,8 +56,8 @@ def integrate_many(
     `analyse_stability(model).steady_state`, zero for the steady state "uniform-pressure". Samples lie at
     k / sample_rate (Hz) from 0 to the duration (s), both included; `tolerance` and `solver` are those of a scene. There
     is a thread for each processor unless given. A transient that fails does not stop the others. Raises
-    ValueError where there are no models, where they are not of one composition, for an implicit method, and for numbers
-    or shapes that make no sense.
+    ValueError where there are no models, where they are not of one composition, and for numbers or shapes that make no
+    sense.
     """
     _check(models, solver, {"steady": steady, "displacement": displacement, "velocity": velocity}, threads)
     if not (math.isfinite(duration) and math.isfinite(sample_rate) and min(duration, sample_rate) > 0):
@@ -81,38 +65,24 @@ def integrate_many(
     if not LEAST_TOLERANCE <= tolerance <= MOST_TOLERANCE:
         raise ValueError(f"tolerance must be from {LEAST_TOLERANCE:g} to {MOST_TOLERANCE:g}, got {tolerance}")
     samples = round(duration * sample_rate)
-    steady, displacement, velocity = (np.asarray(x, dtype=np.float64) for x in (steady, displacement, velocity))
-    parts = np.array_split(np.arange(len(models)), min(threads or os.cpu_count() or 1, len(models)))
-    fractions = []
-    for part in parts:
-        stacked: Model = jax.tree.map(lambda *leaves: np.stack(leaves), *(models[i] for i in part))
-        memory = jnp.zeros((len(part), len(models[0].remembered))) if models[0].remembering else None
-        state = State(jnp.asarray(displacement[part]), jnp.asarray(velocity[part]), jnp.zeros(len(part)), memory)
-        fractions.append(
-            _Fraction(stacked, jnp.asarray(steady[part]), state, jax.block_until_ready(_first_steps(stacked)))
-        )
-    with ThreadPoolExecutor(len(fractions)) as pool:
+    starts = (np.asarray(x, dtype=np.float64) for x in (steady, displacement, velocity))
+    transients = [_Transient(model, start, tolerance, solver) for model, *start in zip(models, *starts, strict=True)]
+    with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
         for first in range(0, samples, CHUNK_SAMPLES):
             count = min(CHUNK_SAMPLES, samples - first)
             span = Span(np.float64(first / sample_rate), np.float64(1 / sample_rate), np.int64(count))
-            local = local_tolerance(np.float64(tolerance), solver)
-            # Eigenvalues of a batch wait for the threads they run in: two programs at once would wait for each other.
-            measures = [jax.block_until_ready(_resolutions(fraction.models, span, local)) for fraction in fractions]
-            jobs = [(*each, span, local, solver) for each in zip(fractions, measures, strict=True)]
-            done = list(pool.map(lambda job: _advance(*job), jobs))
-            fractions = [each[0] for each in done]
-            states, steps, reached = jax.tree.map(lambda *parts: np.concatenate(parts), *(each[1:] for each in done))
             fresh = slice(0 if first == 0 else 1, count + 1)
+            done = zip(*pool.map(lambda each, span=span: each.through(span), transients), strict=True)
+            vibration, velocity, evaluations, reached = map(np.array, done)
             time = np.arange(first, first + count + 1)[fresh] / sample_rate
-            evaluations = steps * STAGES[solver] + 1
-            yield Batch(time, states.vibration[:, fresh], states.velocity[:, fresh], evaluations, reached)
+            yield Batch(time, vibration[:, fresh], velocity[:, fresh], evaluations, reached)
 
 
 def _check(models: Sequence[Model], solver: str, states: Mapping[str, ArrayLike], threads: int | None) -> None:
     if not models:
         raise ValueError("there are no models to integrate")
-    if not is_explicit(solver):
-        raise ValueError(f"many transients take an explicit method, one of {', '.join(STAGES)}; got {solver}")
+    if solver not in (AUTO, *SOLVERS):
+        raise ValueError(f"solver must be one of {', '.join((AUTO, *SOLVERS))}; got {solver}")
     if len({jax.tree.structure(model) for model in models}) != 1:
         raise ValueError("the models must be of one composition: the same coordinates and effects, with other numbers")
     wanted = (len(models), len(models[0].names))
@@ -123,40 +93,25 @@ def _check(models: Sequence[Model], solver: str, states: Mapping[str, ArrayLike]
         raise ValueError(f"there must be a thread at least, got {threads}")
 
 
-@compiled
-def _first_steps(models: Model) -> Array:
-    return jax.vmap(first_step)(models)
+class _Transient:
+    """One of them, on its way."""
 
+    def __init__(self, model: Model, start: Sequence[np.ndarray], tolerance: float, solver: str) -> None:
+        """Take its steady state, displacement from it and velocity at the start."""
+        steady, displacement, velocity = start
+        remembered = len(model.remembered)
+        nothing = np.zeros(remembered + 1)
+        self._state = State.split(np.concatenate([displacement, velocity, nothing]), remembered)
+        self._run = StickSlip(model, steady, np.float64(tolerance), solver, observes=False)
+        self._step = first_step(model)
+        self._failed = False
 
-@compiled
-def _resolutions(models: Model, span: Span, local: Array) -> Resolution:
-    """What motion is measured by in a chunk, with a leading axis."""
-    return jax.vmap(lambda model: resolution(model, span, local))(models)
-
-
-@compiled
-def _advance(
-    fraction: _Fraction, measures: Resolution, span: Span, local: Array, solver: str
-) -> tuple[_Fraction, State, Array, Array]:
-    """A chunk of a thread's part: next state, samples (m, k, n), steps made (m,) and whether the end was reached."""
-    corners = jax.vmap(lambda model: model.operation.corners)(fraction.models)
-    items = (fraction, measures, corners)
-    final, step, states, steps, reached = one_kernel(_one_after_the_other, items, span, local, solver)
-    return fraction._replace(states=final, steps=step), states, steps, reached
-
-
-def _one_after_the_other(
-    items: tuple[_Fraction, Resolution, Array | None], span: Span, local: Array, solver: str
-) -> tuple:
-    def one(item: tuple[_Fraction, Resolution, Array | None]) -> tuple[State, Array, State, Array, Array]:
-        each, measure, corners = item
-        sound = jnp.isfinite(each.states.flat()).all()
-        count = 0 if corners is None else jnp.sum((corners > span.start) & (corners < span.start + span.length))
-        budget = jnp.where(sound, STEP_BUDGET + CORNER_BUDGET * count, 0)  # what has failed is not tried again
-        segment = advance_scaled(
-            each.models, each.steady, each.states, span, local, each.steps, measure, corners, solver, budget
-        )
-        final = jax.tree.map(lambda x: jnp.where(segment.reached, x, jnp.nan), segment.final)
-        return final, segment.step, segment.states, segment.steps, segment.reached
-
-    return jax.lax.map(one, items)
+    def through(self, span: Span) -> tuple[Any, Any, float, bool]:
+        """A chunk: vibration and velocity (CHUNK_SAMPLES + 1, n), evaluations, and whether it reached the end."""
+        if self._failed:  # and is not tried again
+            nothing = np.full((CHUNK_SAMPLES + 1, len(self._state.vibration)), np.nan)
+            return nothing, nothing, 0.0, False
+        segment = self._run.through(self._state, span, self._step)
+        states, self._state, self._step = segment.states, segment.final, segment.step
+        self._failed = not (segment.reached and all(np.isfinite(each).all() for each in jax.tree.leaves(self._state)))
+        return states.vibration, states.velocity, count_evaluations(segment, self._run.solvers), not self._failed

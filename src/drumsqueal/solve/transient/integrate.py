@@ -18,7 +18,7 @@ from drumsqueal.physics.effects.effect import Observation
 from drumsqueal.physics.model import Model
 from drumsqueal.precision import real
 from drumsqueal.solve.transient.runge_kutta import AUTO, IMPLICIT, STAGES, is_explicit
-from drumsqueal.solve.transient.segment import STEP_BUDGET, Segment, first_step
+from drumsqueal.solve.transient.segment import Segment, first_step
 from drumsqueal.solve.transient.state import CHUNK_SAMPLES, Span, State
 from drumsqueal.solve.transient.stick_slip import Method, StickSlip
 
@@ -135,7 +135,7 @@ def _to_chunk(
         energy_balance_error=kinetic + potential - first_energy - states.work,
         steps=int(segment.steps),
         rejected_steps=int(segment.steps) - int(segment.kept),
-        evaluations=_evaluations(segment, run.solvers),
+        evaluations=count_evaluations(segment, run.solvers),
         implicit=np.full(time.size, float(IMPLICIT in run.solvers)),
         end=None,
         remembered=dict(zip(remembered, () if states.memory is None else states.memory.T, strict=True)),
@@ -143,7 +143,7 @@ def _to_chunk(
     )
 
 
-def _evaluations(segment: Segment, solvers: set[str]) -> float:
+def count_evaluations(segment: Segment, solvers: set[str]) -> float:
     """The last stage of a step is the first of the next: one more at the start of the chunk."""
     stages = {STAGES[solver] if is_explicit(solver) else np.nan for solver in solvers}
     return float(segment.steps) * max(stages, default=np.nan) + 1 if len(stages) < 2 else np.nan
@@ -159,7 +159,7 @@ def _why(segment: Segment, chunk: Chunk, last: int) -> str:
     time = chunk.time[last]
     if bool(segment.reached):
         return f"the motion became infinite or undefined after t = {time:.6g} s"
-    collapsed = f"the step size collapsed: {STEP_BUDGET:,} steps were not enough to get past t = {time:.6g} s"
+    collapsed = f"the step size collapsed: {segment.steps:,} steps were not enough to get past t = {time:.6g} s"
     heat, load = chunk.observation.friction_power[last], chunk.observation.normal_force[last]
     if 0 < heat < STICKING * load:
         return f"{collapsed}, where the lining all but sticks to the drum as a whole"

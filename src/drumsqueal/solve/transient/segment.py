@@ -19,13 +19,14 @@ from drumsqueal.programs import Program
 from drumsqueal.solve.transient.passing import Step, fraction_to_rest
 from drumsqueal.solve.transient.runge_kutta import DEFAULT, LOCAL_FRACTION, Stages, is_explicit, make_solver
 from drumsqueal.solve.transient.state import Span, State
-from drumsqueal.solve.transient.stepping import Attempt, Stepped, step_through
+from drumsqueal.solve.transient.stepping import Attempt, step_through
 from drumsqueal.solve.transient.sticking import slip, slip_acceleration, slip_motion
 
-# Steps a chunk: a run that exceeds it is stuck, and is reported as failed. Samples hold two to a period at least, so
-# 500 of them take some thousand steps; a tolerance of 1e-13 takes ten times as many, and so do crossings of contact
-# boundaries.
+# Steps a chunk, and as many again for every 100 radians of the fastest mode: a run that exceeds it is stuck, and is
+# reported as failed. 100 radians take some hundred steps; a tolerance of 1e-13 takes ten times as many, and so do
+# crossings of contact boundaries.
 STEP_BUDGET = 100_000
+BUDGET_RADIANS = 100.0
 CORNER_BUDGET = 20  # more steps for each corner of what is prescribed: one ends there, and the next ones begin small
 LEAST_LOCAL = 1e-14  # of the motion, that one step may err; less would be round-off
 # A coordinate is resolved at least to this fraction of what it would do if all vibration energy were in each mode.
@@ -42,11 +43,11 @@ class Segment(NamedTuple):
     """What one compiled call leaves: samples, their observations and energies, the last state, and the next step.
 
     `time` (s) is that of the last state after the start of the chunk, `halted` whether slip all but vanished
-    there or, of a lining that sticks, friction gave way.
+    there or, of a lining that sticks, friction gave way. Observations and energies are None where nobody asks for them.
     """
 
     states: State
-    observation: Observation
+    observation: Observation | None
     kinetic: Any  # arrays of JAX, or of NumPy once they are out of its hands
     potential: Any
     final: State
@@ -59,9 +60,11 @@ class Segment(NamedTuple):
 
     def packed(self) -> tuple[Array, Array]:
         """All numbers: a row for each sample, and what there is one of."""
-        states, looks = self.states, jnp.stack([*self.observation, self.kinetic, self.potential], axis=1)
         numbers = (self.time, self.step, self.steps, self.kept, self.reached, self.halted)
-        rows = jnp.concatenate([jax.vmap(State.flat)(states), looks], axis=1)
+        rows = jax.vmap(State.flat)(self.states)
+        if self.observation is not None:
+            looks = jnp.stack([*self.observation, self.kinetic, self.potential], axis=1)
+            rows = jnp.concatenate([rows, looks], axis=1)
         return rows, jnp.concatenate([self.final.flat(), jnp.stack([jnp.asarray(x, float) for x in numbers])])
 
     @staticmethod
@@ -69,10 +72,10 @@ class Segment(NamedTuple):
         """The segment as NumPy's arrays, from `packed` ones, with so many numbers that effects remember."""
         *final, time, step, steps, kept, reached, halted = end
         states, looks = rows[:, : len(final)], rows[:, len(final) :].T
+        observed = (Observation(*looks[:-2]), looks[-2], looks[-1]) if looks.size else (None, None, None)
         return Segment(
-            State.split(states, remembered), Observation(*looks[:-2]), looks[-2], looks[-1],
-            State.split(end[: len(final)], remembered), time, step, np.int64(steps), np.int64(kept),
-            np.bool_(reached), np.bool_(halted),
+            State.split(states, remembered), *observed, State.split(end[: len(final)], remembered), time, step,
+            np.int64(steps), np.int64(kept), np.bool_(reached), np.bool_(halted),
         )  # fmt: skip
 
 
@@ -94,29 +97,32 @@ def advance_packed(
     in_kernel: bool = True,
     sticks: bool = False,
     budget: Any = None,
+    observes: bool = True,
 ) -> tuple[Array, Array]:
     """One chunk, packed; samples past the span's last repeat it, to keep the shapes. `step` (s) is tried first.
 
-    It makes STEP_BUDGET steps at most unless given another `budget`. Where the lining `sticks`, in that it could, it
-    ends early where hardly any of it slips.
+    `budget` is as `advance_scaled` takes it, STEP_BUDGET twice unless given. Where the lining `sticks`, in that it
+    could, it ends early where hardly any of it slips. It `observes` its samples, or leaves that out.
     """
     local = local_tolerance(tolerance, solver)
     measure, corners = resolution(model, span, local), model.operation.corners
-    limits = jnp.asarray(STEP_BUDGET if budget is None else budget), jnp.asarray(tolerance) if sticks else None
+    budget = np.full(2, float(STEP_BUDGET)) if budget is None else budget
+    limits = jnp.asarray(budget), jnp.asarray(tolerance) if sticks else None
 
     def chunk(*arguments: Any) -> tuple[Array, Array]:
         return advance_scaled(*arguments).packed()
 
     run = partial(one_kernel, chunk) if in_kernel else chunk
-    return run(model, steady, state, span, local, step, measure, corners, solver, *limits)
+    return run(model, steady, state, span, local, step, measure, corners, solver, *limits, observes)
 
 
 @compiled
-def least_slip(model: Model, state: State, span: Span, tolerance: ArrayLike) -> Array:
-    """Slip speed (m/s) below which nothing counts as slipping."""
+def slip_and_least(model: Model, state: State, span: Span, tolerance: ArrayLike) -> Array:
+    """Slip speed where the span is entered and the one below which nothing counts as slipping, (2,) in m/s."""
     local = local_tolerance(tolerance, DEFAULT)
     size = resolution(model, span, local).amplitudes(model, state)
-    return SLIP_FRACTION * jnp.asarray(tolerance) * _slip_of(model, span, size.velocity)
+    least = SLIP_FRACTION * jnp.asarray(tolerance) * _slip_of(model, span, size.velocity)
+    return jnp.stack([slip(model, span.now, jnp.asarray(state.velocity)), least])
 
 
 def _slip_of(model: Model, span: Span, velocity: Array) -> Array:
@@ -185,8 +191,11 @@ def advance_scaled(
     solver: str,
     budget: Array,
     slip_tolerance: Array | None = None,
+    observes: bool = True,
 ) -> Segment:
-    """One chunk, with errors measured against the motion that it begins with or has come to, in `budget` steps at most.
+    """One chunk, with errors measured against the motion that it begins with or has come to.
+
+    `budget` (2,) is how many steps it makes at most, and how many more each BUDGET_RADIANS of the fastest mode.
 
     It ends early where no part of the lining slips faster than `slip_tolerance` times what such a motion does.
     """
@@ -265,7 +274,8 @@ def advance_scaled(
         step,
         tolerance=local,
         norm=_largest,
-        budget=budget,
+        budget=budget[0],
+        pace=budget[1] * _highest(measure.omega) / BUDGET_RADIANS,
         halts=None if slip_tolerance is None else halts,
         passes=None if slip_tolerance is None else passes,
         kinks=kinks if has_kinks and is_explicit(solver) else None,
@@ -273,24 +283,24 @@ def advance_scaled(
         origin=span.start,
         corners=corners,
     )
-    return _observed(model, steady, state.work, span.inside(span.start + time), scale, stepped)
+    states, final = (split(ys * scale) for ys in (stepped.samples, stepped.last))
+    states, final = (s._replace(work=s.work + state.work) for s in (states, final))  # from the start of the transient
+    observed = _observed(model, steady, span.inside(span.start + time), states) if observes else (None, None, None)
+    return Segment(
+        states, *observed, final, stepped.time, stepped.step, stepped.steps, stepped.kept, stepped.reached,
+        stepped.halted,
+    )  # fmt: skip
 
 
-def _observed(model: Model, steady: Array, work: Array, time: Array, scale: Array, stepped: Stepped) -> Segment:
-    """The samples in their units, the work from the start of the transient on, and what each of them looks like."""
-    states, final = (State.split(ys * scale, len(model.remembered)) for ys in (stepped.samples, stepped.last))
-    states, final = (s._replace(work=s.work + work) for s in (states, final))
+def _observed(model: Model, steady: Array, time: Array, states: State) -> tuple[Observation, Array, Array]:
+    """What each sample looks like, its kinetic and its potential energy."""
 
     def observe(sample: tuple[Array, State]) -> tuple[Observation, Array, Array]:
         t, now = sample
         q = steady + now.vibration
         return model.observe(t, q, now.velocity, now.memory), *model.energy(t, q, now.velocity)
 
-    observation, kinetic, potential = jax.lax.map(observe, (time, states))
-    return Segment(
-        states, observation, kinetic, potential, final, stepped.time, stepped.step, stepped.steps, stepped.kept,
-        stepped.reached, stepped.halted,
-    )  # fmt: skip
+    return jax.lax.map(observe, (time, states))
 
 
 @Program

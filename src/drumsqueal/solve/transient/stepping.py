@@ -97,6 +97,7 @@ def step_through(
     tolerance: Array,
     norm: Norm,
     budget: Array,
+    pace: Any = 0.0,
     halts: Callable[[Array, Array], Array] | None = None,
     passes: Callable[[Attempt], Array] | None = None,
     kinks: Callable[[Array, Array], Array] | None = None,
@@ -111,12 +112,12 @@ def step_through(
 
     `solver` is a method of `runge_kutta.py`. A step is kept when the norm of its estimated error, over tolerance ·
     (1 + size(y)), is below one; `size` is |y| unless given. `step` is the first one, and no other is longer than
-    `longest`; the budget is in steps, kept or not. Steps end at all `corners` (c,) on the way, ascending times from
-    another `origin`: f may jump there, and is asked for on each side of them in turn. It ends early after a step whose
-    time and state make `halts` true. Of a step `passes` gives the fraction after which that would have been so, or 1:
-    it is then made again so far only. Of a time and state `kinks` gives numbers, of which one changes its sign where f
-    has a kink: a step that is not kept ends there when it is made again. With every step that is kept `along` takes
-    `carried`, a tree of arrays, from its start to its end.
+    `longest`; the budget is in steps, kept or not, and grows by `pace` (1/s). Steps end at all `corners` (c,) on the
+    way, ascending times from another `origin`: f may jump there, and is asked for on each side of them in turn. It ends
+    early after a step whose time and state make `halts` true. Of a step `passes` gives the fraction after which that
+    would have been so, or 1: it is then made again so far only. Of a time and state `kinks` gives numbers, of which one
+    changes its sign where f has a kink: a step that is not kept ends there when it is made again. With every step that
+    is kept `along` takes `carried`, a tree of arrays, from its start to its end.
     """
     import diffrax  # as in make_solver
 
@@ -127,7 +128,7 @@ def step_through(
         return vector_field(jnp.clip(t, *piece), y)
 
     def unfinished(now: _Now) -> Array:
-        return (now.time < end) & (now.steps < budget) & ~now.halted
+        return (now.time < end) & (now.steps < budget + pace * now.time) & ~now.halted
 
     firsts, lasts, coming = _pieces(corners, origin)
 

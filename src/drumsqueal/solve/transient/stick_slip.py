@@ -19,19 +19,20 @@ from drumsqueal.solve.transient.segment import (
     Segment,
     advance,
     advance_packed,
-    least_slip,
+    slip_and_least,
 )
 from drumsqueal.solve.transient.state import CHUNK_SAMPLES, Span, State
-from drumsqueal.solve.transient.sticking import can_stick, drum_motion, drum_motions, held, hold, hold_surely, slip
+from drumsqueal.solve.transient.sticking import can_stick, drum_motion, drum_motions, held, hold, hold_surely
 
 AWAY = 2.0  # times the slip that counts as none: what a lining that cannot stick goes on with
 MOST_CHANGES = 1000  # in one chunk, two a sample: more is a mistake, not a motion
 TIMING = 1e-12  # of a chunk: how well the end of sticking is found
 MARGIN = 1e-12  # of the drum's schedule: its jumps are looked at from so far, beyond round-off
-# Steps a chunk that the explicit method gets where another may take over, at a tolerance of 1e-6: five times what the
-# shipped scenes take beyond contact boundaries. A method of order eight takes 1.33 times as many for a tenth of the
-# tolerance.
-EXPLICIT_BUDGET = 10_000
+# Steps that the explicit method gets where another may take over, at a tolerance of 1e-6, and how many more each
+# BUDGET_RADIANS: where it takes more of them the implicit one gets through sooner, though a step of it takes four times
+# as long (the nominal scene below a drum speed of 0.07 rad/s). A method of order eight takes 1.33 times as many for a
+# tenth of the tolerance.
+EXPLICIT_BUDGET = np.array([2_500.0, 10_000.0])
 MORE_STEPS = 1 / 8
 MOST_PATIENCE = 64  # chunks
 
@@ -55,7 +56,7 @@ class Choice:
     def __init__(self, solver: str, tolerance: float, method: Method | None = None) -> None:
         """Begin with a method of the scene's names, or go on with the one at hand."""
         self._automatic = solver == AUTO
-        self._explicit_budget = min(int(EXPLICIT_BUDGET * (1e-6 / tolerance) ** MORE_STEPS), STEP_BUDGET)
+        self._explicit_budget = EXPLICIT_BUDGET * (1e-6 / tolerance) ** MORE_STEPS
         self.method = method or Method(DEFAULT if self._automatic else solver)
 
     @property
@@ -69,9 +70,10 @@ class Choice:
         return self.solver if is_explicit(self.solver) else DEFAULT
 
     @property
-    def budget(self) -> int:
-        """Steps that the method gets."""
-        return self._explicit_budget if self._automatic and self.solver == DEFAULT else STEP_BUDGET
+    def budget(self) -> np.ndarray:
+        """Steps that the method gets, and how many more each BUDGET_RADIANS (2,)."""
+        most = np.full(2, float(STEP_BUDGET))
+        return np.minimum(self._explicit_budget, most) if self._automatic and self.solver == DEFAULT else most
 
     def begin(self) -> None:
         """A chunk begins."""
@@ -98,14 +100,16 @@ class StickSlip:
     def __init__(
         self,
         model: Model,
-        steady: Array,
+        steady: Array | np.ndarray,
         tolerance: np.float64,
         solver: str,
         *,
         sticks: bool = False,
         method: Method | None = None,
+        observes: bool = True,
     ) -> None:
         """Begin at the start of the transient, or go on with a lining that sticks or not and the method at hand."""
+        self._observes = observes  # whether samples come with observations and energies
         self._model, self._steady, self._tolerance = model, steady, tolerance
         self._in_kernel = True
         self._held: Model | None = held(model) if sticks else None  # the model that sticks, while it does
@@ -145,7 +149,7 @@ class StickSlip:
             state, step = segment.final, segment.step
             span = span._replace(offset=np.float64(segment.time))
             if bool(segment.halted):
-                state = self._changed(state, span, self._least_slip(state, span), ends=stuck)
+                state = self._changed(state, span, self._slip_and_least(state, span)[1], ends=stuck)
             if float(whole.time) >= float(span.length):
                 self._note(span)
                 return whole._replace(final=state, reached=np.True_)
@@ -179,21 +183,22 @@ class StickSlip:
     def _may_stick(self, span: Span) -> bool:
         after = float(span.after)
         if after not in self._may:
-            speed = float(self._model.operation.at(after).drum_speed)
-            self._may[after] = can_stick(self._model, at_rest=speed == 0)
+            self._may[after] = can_stick(self._model, at_rest=False) or (
+                can_stick(self._model, at_rest=True) and float(self._model.operation.at(after).drum_speed) == 0
+            )
         return self._may[after]
 
-    def _least_slip(self, state: State, span: Span) -> float:
-        return float(least_slip(self._model, state, span, self._tolerance))
+    def _slip_and_least(self, state: State, span: Span) -> tuple[float, float]:
+        slip, least = np.asarray(slip_and_least(self._model, state, span, self._tolerance))
+        return float(slip), float(least)
 
     def _settled(self, state: State, span: Span) -> State:
         """The state to go on with from the start or a jump, where it is not known whether the lining sticks."""
         self._held = None
         if not self._may_stick(span):
             return state
-        least = self._least_slip(state, span)
-        slow = float(slip(self._model, span.now, state.velocity)) < least  # not so where it is undefined
-        return self._changed(state, span, least) if slow else state
+        slip, least = self._slip_and_least(state, span)
+        return self._changed(state, span, least) if slip < least else state  # nor where it is undefined
 
     def _slip(self, state: State, span: Span, step: Array) -> Segment:
         """Slip to the end of the span, until hardly anything slips, or as far as the method gets."""
@@ -209,18 +214,18 @@ class StickSlip:
 
     def _slipping(self, state: State, span: Span, step: Array) -> tuple[Any, ...]:
         """What `advance` is given."""
-        sticks, budget = self._may_stick(span), self._budget(span, self._choice.budget - self._made)
+        sticks, budget = self._may_stick(span), self._budget(span, self._choice.budget, self._made)
         given = self._model, self._steady, state, span, self._tolerance, step, self._choice.solver
-        return *given, self._in_kernel, sticks, budget
+        return *given, self._in_kernel, sticks, budget, self._observes
 
     def load_ahead(self, state: State, span: Span, step: Any) -> None:
         """Load or compile, in another thread, the program of a first chunk that slips."""
         advance_packed.ahead(*self._slipping(state, self._between_jumps(span)[0], step))
 
-    def _budget(self, span: Span, steps: int) -> np.int64:
-        """So many steps for a chunk, and some for each corner of what is prescribed in it."""
+    def _budget(self, span: Span, budget: np.ndarray, made: int = 0) -> np.ndarray:
+        """What is left of it for a chunk, and some steps for each corner of what is prescribed in it."""
         within = np.diff(np.searchsorted(self._corners, [float(span.start), float(span.start + span.length)]))[0]
-        return np.int64(max(steps + CORNER_BUDGET * within, 0))
+        return budget + np.array([CORNER_BUDGET * within - made, 0.0])
 
     def _stick(self, state: State, span: Span, step: Array) -> Segment:
         """Move with the drum to the end of the span, or until friction no longer holds."""
@@ -261,7 +266,7 @@ class StickSlip:
         assert self._held is not None
         segment = advance(
             self._held, self._steady, state, span, self._tolerance, step, self._choice.explicit,
-            budget=self._budget(span, STEP_BUDGET),
+            budget=self._budget(span, np.full(2, float(STEP_BUDGET))), observes=self._observes,
         )  # fmt: skip
         velocity = drum_motions(self._model, span.inside(span.start + span.grid), segment.states.velocity)
         final = drum_motion(self._model, span.inside(span.start + segment.time), segment.final.velocity)
@@ -271,7 +276,7 @@ class StickSlip:
 
     def _reserve(self, state: State, span: Span, time: float) -> float:
         q = self._steady + state.vibration
-        return hold(self._model, span.inside(time), q, state.velocity, state.memory).reserve
+        return hold(self._model, span.inside(time), q, state.velocity, state.memory, slips=False).reserve
 
     def _released(
         self, segment: Segment, state: State, span: Span, step: Array, before: float, after: float
@@ -325,14 +330,15 @@ def _jumps(model: Model) -> tuple[np.ndarray, float]:
 
 def _only_reached(whole: Segment, span: Span) -> Segment:
     """A chunk that ends early: without samples of what did not come to pass."""
-    there = np.arange(len(whole.kinetic)) * float(span.interval) <= float(whole.time)
-    state = whole.states._replace(vibration=np.where(there[:, None], whole.states.vibration, np.nan))
-    return whole._replace(states=state, reached=np.False_)
+    there = np.arange(len(whole.states.work)) * float(span.interval) <= float(whole.time)
+    vibration, velocity = (np.where(there[:, None], x, np.nan) for x in whole.states[:2])
+    states = whole.states._replace(vibration=vibration, velocity=velocity)
+    return whole._replace(states=states, reached=np.False_)
 
 
 def _joined(whole: Segment, segment: Segment, span: Span) -> Segment:
     """Samples up to where the segment begins from the one, later ones from the other."""
-    earlier = np.arange(len(whole.kinetic)) * float(span.interval) <= float(span.offset)
+    earlier = np.arange(len(whole.states.work)) * float(span.interval) <= float(span.offset)
 
     def join(old: Any, new: Any) -> Any:
         after = earlier.reshape(-1, *[1] * (np.ndim(new) - 1))

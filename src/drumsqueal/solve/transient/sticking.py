@@ -205,23 +205,30 @@ def _lies_among(wanted: np.ndarray, points: np.ndarray) -> bool:
 
 
 def hold(
-    model: Model, time: ArrayLike, q: ArrayLike, v: ArrayLike, memory: Array | None = None, *, ends: bool = False
+    model: Model,
+    time: ArrayLike,
+    q: ArrayLike,
+    v: ArrayLike,
+    memory: Array | None = None,
+    *,
+    ends: bool = False,
+    slips: bool = True,
 ) -> Hold:
     """Decide whether the lining sticks at a displacement q (n,), moving with the drum.
 
     The reserve is min h(u) over the motions u with Q·u = 1, Q the force that is needed: at least one where it lies in
     the limit surface. h is convex, and the minimum found to the square of what its gradient is found to. Where sticking
-    `ends`, the direction is given also at a reserve of just one.
+    `ends`, the direction is given also at a reserve of just one; unless `slips`, it is not asked for and is zero.
     """
     moving = _slips(model)
     count = len(moving)
-    # Arrays, for plain numbers would be compiled into the program.
-    time, q, v = jnp.asarray(time), jnp.asarray(q), jnp.asarray(v)
+    # Arrays, for plain numbers would be compiled into the program; NumPy's, which take a tenth of the time of JAX's.
+    time, q, v = np.asarray(time), np.asarray(q), np.asarray(v)
 
     def farthest(direction: np.ndarray) -> np.ndarray:
-        return np.asarray(grip(model, time, q, v, jnp.asarray(direction[None]), memory).farthest[0])
+        return np.asarray(grip(model, time, q, v, direction[None], memory).farthest)[0]
 
-    needed = np.asarray(grip(model, time, q, v, jnp.zeros((1, count)), memory).needed)
+    needed = np.asarray(grip(model, time, q, v, np.zeros((1, count)), memory).needed)
     root = np.sqrt(np.asarray(model.mass))
     size = float(np.linalg.norm((needed / root)[moving]))
     if size == 0:
@@ -236,7 +243,7 @@ def hold(
 
     best = _least(resistance, np.zeros(across.shape[1]))
     reserve = resistance(best)[0]
-    if reserve >= 1 and not ends:
+    if not slips or (reserve >= 1 and not ends):
         return Hold(reserve, np.zeros(count))
 
     # M r = −Q − ∂h(r): the least of ½ rᵀM r + h(r) + Q·r, from the direction that is resisted least.
