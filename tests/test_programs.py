@@ -137,7 +137,6 @@ def test_a_file_under_the_name_of_another_is_not_taken(folder, monkeypatch):
         lambda patch: patch.setattr(programs, "_sources_and_versions", lambda: ("another source",)),
         lambda patch: patch.setattr(programs, "version", lambda name: f"{name} of tomorrow"),
         lambda patch: patch.setenv("XLA_FLAGS", "--xla_cpu_enable_fast_math=false"),
-        lambda patch: patch.setenv("EQX_ON_ERROR", "nan"),
         lambda patch: patch.setattr(os, "sched_getaffinity", lambda _: set(range(99)), raising=False),
     ],
 )

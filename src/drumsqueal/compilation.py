@@ -27,14 +27,11 @@ LEAST_ADDRESSES, ADDRESSES_A_CORE = 2_100_000_000, 200_000_000
 # that settled, XLA's complaint at every cached program, which compares tuning hints that no processor reports, says
 # nothing; it is an error message of the C++ side, so only its level can silence it.
 QUIET = {"TF_CPP_MIN_LOG_LEVEL": "3"}
-# Errors inside compiled programs become result codes instead of host callbacks, which would keep those programs out of
-# the cache.
-CACHEABLE = {"EQX_ON_ERROR": "nan"}
 FOR_XARRAY = ("dask", "pint")
 
 
 def prepare_environment() -> None:
-    """Set what JAX and equinox read when they are imported; call this before that. The user's settings go first.
+    """Set what JAX reads when it is imported; call this before that. The user's settings go first.
 
     A cache that cannot be read or written, of programs or of matplotlib's fonts, costs the time to fill it anew, and is
     not worth a warning.
@@ -47,7 +44,7 @@ def prepare_environment() -> None:
         "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
         "JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES": "-1",
     }
-    for name, value in (QUIET | CACHEABLE | cache).items():
+    for name, value in (QUIET | cache).items():
         os.environ.setdefault(name, value)
 
 
