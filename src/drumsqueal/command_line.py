@@ -17,7 +17,7 @@ from typing import Annotated, Any, NoReturn, cast
 import typer
 from rich.markup import escape
 
-from drumsqueal.compilation import check_address_space, hidden_from_xarray, prepare_environment
+from drumsqueal.compilation import check_address_space, hidden_from_xarray, note_unkept_programs, prepare_environment
 from drumsqueal.errors import IntegrationError, RequestError
 from drumsqueal.files.claims import claims_released
 from drumsqueal.files.output_folder import UnwrittenError
@@ -81,6 +81,7 @@ def _naming_the_scene(command: Callable[..., None]) -> Callable[..., None]:
     def named(**values: Any) -> None:
         if command not in _WITHOUT_JAX:
             check_address_space()
+            note_unkept_programs()
         try:
             with nullcontext() if command is sweep_command else hidden_from_xarray():  # a sweep works with dask
                 command(**values)

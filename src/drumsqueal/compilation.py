@@ -5,6 +5,7 @@ import hashlib
 import logging
 import os
 import platform
+import stat
 import sys
 import warnings
 from collections.abc import Iterator
@@ -51,6 +52,31 @@ def prepare_environment() -> None:
 def cache_folder() -> Path:
     """Where compiled programs for this kind of processor are kept."""
     return Path(platformdirs.user_cache_dir("drumsqueal", appauthor=False)) / _processor()
+
+
+def programs_folder() -> Path:
+    """Where executables are kept."""
+    return cache_folder() / "programs"
+
+
+def is_private(folder: Path) -> bool:
+    """Whether there is, or can be, such a folder of the user's own, in which the user and nobody else may write."""
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        found = folder.lstat()
+    except OSError:
+        return False
+    if not (stat.S_ISDIR(found.st_mode) and os.access(folder, os.W_OK | os.X_OK)):
+        return False
+    return os.name != "posix" or (found.st_uid == os.geteuid() and not found.st_mode & 0o022)
+
+
+def note_unkept_programs() -> None:
+    """Say on standard error where a start will take long, for nothing can be kept for it."""
+    folder = programs_folder()
+    if not is_private(folder):
+        why = "every start compiles its programs anew; they are kept only where you, and nobody else, may write"
+        sys.stderr.write(f"drumsqueal: no folder of your own at {folder}: {why}\n")
 
 
 def check_address_space() -> None:

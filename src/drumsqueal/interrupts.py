@@ -16,7 +16,7 @@ from contextlib import contextmanager, suppress
 from types import FrameType
 
 FAILED = 1  # exit status
-HEARD = "drumsqueal: Ctrl-C was heard: the step at hand is finished first"
+HEARD = "drumsqueal: Ctrl-C was heard: the step at hand is finished, and what was computed is written"
 AGAIN = "; press it again to end at once"
 ENDED = "drumsqueal: ended at once, with the step at hand unfinished; what was written until then is kept"
 SHOW_CURSOR = "\x1b[?25h\n"  # which a bar of progress hides; and a line of its own, after ^C

@@ -17,7 +17,6 @@ import pickle
 import platform
 import re
 import secrets
-import stat
 import tempfile
 import threading
 from collections.abc import Callable, Iterator
@@ -36,7 +35,7 @@ from jax.experimental import serialize_executable
 from jaxlib import lapack
 from jaxlib import utils as log  # pyright: ignore[reportAttributeAccessIssue]
 
-from drumsqueal.compilation import cache_folder
+from drumsqueal.compilation import is_private, programs_folder
 
 PACKAGE = Path(__file__).parent
 WRITTEN_WITH = ("jax", "jaxlib", "equinox", "diffrax", "numpy", "scipy")
@@ -45,7 +44,7 @@ MOST_BYTES = 256 * 2**20  # kept: the programs of a scene have some 3 MB; those 
 OF_NO_EFFECT = re.compile("cache|log|traceback|explain|dump|profil")
 SILENT, AS_JAX = 3, "1"  # levels of the C++ side's log: only what is fatal, and what JAX sets unless told otherwise
 
-folder: Path | None = cache_folder() / "programs"
+folder: Path | None = programs_folder()
 """Where executables are kept; None for nowhere."""
 
 
@@ -124,7 +123,7 @@ class Program:
             told = [_name(self._function), self._options, *_told(given), *_circumstances()]
         except _UntoldError:
             return None
-        if not _is_private(folder):
+        if not is_private(folder):
             return None
         key = hashlib.sha256("\n".join(map(str, told)).encode()).hexdigest()
         path = folder / f"{self._function.__name__}-{key}"
@@ -216,18 +215,6 @@ def _keep(path: Path, kept: _Kept) -> None:
 
 def _digest(path: Path, content: bytes) -> bytes:
     return hashlib.sha256(path.name.encode() + content).digest()
-
-
-def _is_private(folder: Path) -> bool:
-    """Whether there is, or can be, such a folder of the user's own, in which nobody else may write."""
-    try:
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        found = folder.lstat()
-    except OSError:
-        return False
-    if not stat.S_ISDIR(found.st_mode):
-        return False
-    return os.name != "posix" or (found.st_uid == os.geteuid() and not found.st_mode & 0o022)
 
 
 class _UntoldError(Exception):

@@ -139,8 +139,11 @@ def _opened(lock: Path, *, create: bool) -> int:
     flags = os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_APPEND  # neither a link nor a pipe leads anywhere
     try:
         return os.open(lock, flags | os.O_RDWR | (os.O_CREAT if create else 0), 0o666)
-    except PermissionError:  # left by somebody else; to read is enough for a lock
-        return os.open(lock, flags | os.O_RDONLY)
+    except PermissionError as error:  # left by somebody else; to read is enough for a lock
+        try:
+            return os.open(lock, flags | os.O_RDONLY)
+        except FileNotFoundError:  # nor may one be made
+            raise error from None
 
 
 def _is_at(path: Path, descriptor: int) -> bool:

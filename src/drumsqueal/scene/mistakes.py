@@ -20,7 +20,7 @@ def explain(error: ValidationError, models: Models, source: str) -> SceneError:
     """
     # Unknown keys first: a key that is missing is often one that is misspelt.
     found = sorted(error.errors(include_url=False), key=lambda each: each["type"] != "extra_forbidden")
-    more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
+    more = f" (and {len(found) - 1} more to mend)" if len(found) > 1 else ""
     return SceneError(f"{_mistake(found[0], models)}{more}", (source,))
 
 

@@ -41,6 +41,11 @@ def find_scene(text: str) -> Path:
     return shipped_path(text) if text in shipped_names() and free else path
 
 
+def written(path: Path) -> str:
+    """How a command names the file of a scene: one that is shipped by its name, if that finds it."""
+    return path.stem if path.parent == _folder() and find_scene(path.stem) == path else str(path)
+
+
 def shipped_scenes() -> tuple[Shipped, ...]:
     """All shipped scenes; what one shows is the comment at the head of its file."""
     return tuple(_read(name) for name in shipped_names())

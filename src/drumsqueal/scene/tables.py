@@ -205,7 +205,11 @@ class Shoe(Table):
             limit = f"shoe.outer_radius, {self.outer_radius!r} m"
             raise SceneError(f"the thickness must be smaller than {limit}", ("thickness",), self.thickness)
         if self.arc_angle > math.tau:
-            raise SceneError("the arc angle must not be above 360 deg", ("arc_angle",), self.arc_angle)
+            raise SceneError(
+                "the arc angle must not be above 360 deg; a number without a unit is in rad",
+                ("arc_angle",),
+                self.arc_angle,
+            )
         return self
 
 

@@ -168,7 +168,7 @@ def shown_progress(console: Console) -> Iterator[Hook]:
     columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TaskProgressColumn())
     shown = Progress(*columns, TimeRemainingColumn(), console=console, transient=True, disable=not console.is_terminal)
     with shown:
-        task = shown.add_task("compiling", total=None)
+        task = shown.add_task("preparing", total=None)
 
         def show(what: str, done: float = 0.0, total: float | None = None) -> None:
             stop_if_interrupted()

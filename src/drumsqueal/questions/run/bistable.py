@@ -10,6 +10,7 @@ from rich.console import Console
 from drumsqueal.physics.composition import moved_coordinates
 from drumsqueal.scene import Profile, Scene
 from drumsqueal.scene.quantities import RPM, printable
+from drumsqueal.scene.shipped import written
 from drumsqueal.scene.variation import Variation
 from drumsqueal.solve.linear.modes import Stability
 
@@ -35,7 +36,7 @@ def bistable_words(scene: Scene, stability: Stability, file: Path, settings: Seq
     range_ = Variation("drum.speed", "rad/s", ends, "rpm" if rpm else "rad/s", RPM if rpm else 1.0)
     first, last = range_.listed(range_.first), range_.listed(range_.last)
     along = f"drum.speed={first:.10g}..{last:.10g} {range_.given} x {VALUES}"
-    command = shlex.join(["drumsqueal", "onset", str(file), *given, "--along", along])
+    command = shlex.join(["drumsqueal", "onset", written(file), *given, "--along", along])
     return (
         "A large disturbance may still lead to sustained squeal (the bistable, subcritical range); "
         f"to find out: {command}"
