@@ -184,6 +184,21 @@ def touching_exact(times):
     return np.where(into < contact, rest + size * np.cos(pressed), np.cos(free))
 
 
+def test_what_was_not_used_of_the_budget_is_not_spent_in_one_place():
+    # Undefined from t = 50 on, after some 50 steps: what came back meanwhile is half a million.
+    def field(t, y):
+        return jnp.where(t < 50, jnp.cos(t), jnp.nan) * jnp.ones(1)
+
+    found = jax.jit(
+        lambda: step_through(
+            make_solver("dopri8"), field, jnp.linspace(0, 100, 9), jnp.zeros(1), jnp.asarray(0.01),
+            tolerance=jnp.asarray(1e-9), norm=largest, budget=jnp.asarray(1000.0), pace=1e4,
+        )
+    )()  # fmt: skip
+    assert not bool(found.reached)
+    assert 1000 <= int(found.steps) <= 1000 + 2 * int(found.kept)
+
+
 def test_a_contact_that_comes_and_goes_within_one_step_is_not_missed():
     # It lasts a fortieth of the time, and steps may be ten times as long, with all their evaluations beside it.
     times = np.linspace(0, 200.0, 1234)
@@ -207,8 +222,8 @@ def test_a_contact_that_comes_and_goes_within_one_step_is_not_missed():
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_number_that_leaves_and_returns_is_found_on_the_other_side(sign):
     def fraction(level):
-        def levels(x):
-            return sign * jnp.stack([jnp.asarray(level(x)), 1.0 + 0.0 * x])
+        def levels(x):  # another one comes nearer to zero by its parabola, but not beyond
+            return sign * jnp.stack([jnp.asarray(level(x)), 1.00001 - 4 * x * (1 - x)])
 
         ends = (levels(jnp.asarray(x)) for x in (0.0, 0.5, 1.0))
         return float(jax.jit(lambda: fraction_to_excursion(levels, *ends))())

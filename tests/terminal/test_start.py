@@ -4,6 +4,7 @@ import os
 import select
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -134,8 +135,8 @@ def test_a_second_process_draws_and_both_together_draw_each_figure_once(prepared
     with drawing.second_process() as second:
         assert second is not None
         answer.run_into(tmp_path, prepared, Console(quiet=True), second=second)
-    assert heard
-    assert len(own) + len(heard) == len(FIGURES)
+    assert len(heard) > 1  # at first that it is ready
+    assert len(own) + len(heard) - 1 == len(FIGURES)
     assert files(tmp_path) == ALL
 
 
@@ -145,6 +146,27 @@ def test_where_the_second_process_fails_the_first_one_draws_all(program, prepare
     monkeypatch.setattr(sys, "executable", program)
     with drawing.second_process() as second:
         answer.run_into(tmp_path, prepared, Console(quiet=True), second=second)
+    assert files(tmp_path) == ALL
+
+
+class Hanging:
+    """A second process that is never ready."""
+
+    def __init__(self):
+        self.ended = threading.Event()
+
+    def tell(self, thing):
+        pass
+
+    def hear(self):
+        self.ended.wait()
+        raise EOFError
+
+
+def test_nobody_waits_for_a_second_process_that_is_not_ready(prepared, tmp_path):
+    second = Hanging()
+    answer.run_into(tmp_path, prepared, Console(quiet=True), second=second)  # pyright: ignore[reportArgumentType]
+    second.ended.set()
     assert files(tmp_path) == ALL
 
 

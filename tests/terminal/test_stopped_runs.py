@@ -18,7 +18,7 @@ from drumsqueal.files.claims import claim_folder, claims_released
 from drumsqueal.files.output_folder import RUN_FILES, part_of
 from drumsqueal.interrupts import AGAIN as AGAIN_ENDS
 from drumsqueal.interrupts import ENDED, HEARD, noted_interrupts, stop_if_interrupted
-from drumsqueal.questions.run import answer, figures
+from drumsqueal.questions.run import answer, drawing, figures
 from drumsqueal.simulation import run
 from processes import MAIN, posix, start, wait_for
 
@@ -215,6 +215,7 @@ def test_control_c_between_two_figures(drumsqueal, tmp_path, monkeypatch):
     drawn = []
     drawings = {name: lambda view, name=name: (drawn.append(name), press())[0] for name in ("first", "second")}
     monkeypatch.setattr(figures, "_DRAWINGS", drawings)
+    monkeypatch.setattr(drawing, "FIGURES", tuple(drawings))
     status, _, errors = drumsqueal("run", NOMINAL, "-o", str(tmp_path), *THREE_CHUNKS)
     assert (status, drawn) == (1, ["first"])
     assert AGAIN in errors

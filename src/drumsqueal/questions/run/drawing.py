@@ -80,14 +80,15 @@ def serve() -> None:
 
         folder, result, model = pickle.load(sys.stdin.buffer)
         figures = drawings(result, model)
+        answer: bool | OSError = True  # ready
         while True:
-            name = pickle.load(sys.stdin.buffer)
-            try:
-                answer: bool | OSError = draw_figure(folder, name, figures[name](None))
-            except OSError as error:
-                answer = error
             pickle.dump(answer, answers)
             answers.flush()
+            name = pickle.load(sys.stdin.buffer)
+            try:
+                answer = draw_figure(folder, name, figures[name](None))
+            except OSError as error:
+                answer = error
 
 
 def draw(folder: Path, result: "Result", model: "Model", second: Second | None) -> list[str]:
@@ -96,12 +97,15 @@ def draw(folder: Path, result: "Result", model: "Model", second: Second | None) 
     Raises OSError, and KeyboardInterrupt between two figures.
     """
     left, drawn, failed = deque[str](FIGURES), dict[str, bool](), list[OSError]()
+    helps = threading.Event()  # while the second one may have a figure; until it is ready nobody waits for it
 
     def delegate(second: Second) -> None:
         """From the last on, while there are any."""
         name = None
         try:
             second.tell((folder, result, model))
+            second.hear()
+            helps.set()
             while (name := _taken(left.pop)) is not None:
                 second.tell(name)
                 answer = second.hear()
@@ -113,15 +117,16 @@ def draw(folder: Path, result: "Result", model: "Model", second: Second | None) 
         except Exception:  # whatever it is, the first process draws what the second one did not
             if name is not None:
                 left.append(name)
+        helps.clear()
 
-    helper = threading.Thread(target=delegate, args=() if second is None else (second,))
+    helper = threading.Thread(target=delegate, args=(second,), daemon=True)
     if second is not None:
         helper.start()
     try:
         from drumsqueal.questions.run.figures import drawings  # while the second one draws already
 
         figures = drawings(result, model)
-        while helper.is_alive() or left:  # in this order: what it puts back it does before it ends
+        while left or helps.is_set() or left:  # what it takes or puts back it does while it helps
             stop_if_interrupted()
             name = _taken(left.popleft)
             if name is None:
@@ -130,7 +135,7 @@ def draw(folder: Path, result: "Result", model: "Model", second: Second | None) 
                 drawn[name] = draw_figure(folder, name, figures[name](None))
     finally:
         left.clear()
-        if second is not None:
+        if helps.is_set():
             helper.join()
     if failed:
         raise failed[0]

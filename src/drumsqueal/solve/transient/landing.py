@@ -23,16 +23,15 @@ def fraction_to_excursion(kinks: Callable[[Any], Array], before: Array, middle: 
     """Fraction of a step at which a number has come to the other side of zero, to which it goes back; 0 if none has.
 
     Nothing else shows that: the step's evaluations may all lie beside it. Numbers (k,) at both ends and in the middle
-    say by their parabolas which comes nearest to zero; where it comes near, its extreme is looked for in `kinks`.
+    say by their parabolas which come near zero; the extremes of those are looked for in `kinks`, the first one counts.
     """
     bend, slope = 2 * (before + after - 2 * middle), 4 * middle - 3 * before - after
     place = _vertex(bend, slope)
     way = -slope * place / 2  # from the start to the vertex, and back
     turns = ((before > 0) == (after > 0)) & (before * bend > 0) & (place > 0) & (place < 1)
-    left = jnp.where(turns, before / jnp.where(turns, way, 1.0) - 1, jnp.inf)
-    which = jnp.argmin(left)
+    near = turns & (before / jnp.where(turns, way, 1.0) - 1 < CLOSE)
 
-    def look() -> Array:
+    def look(which: Array) -> Array:
         about = place[which]
         low, high = about * (1 - ABOUT), about + ABOUT * (1 - about)
         here, there, beyond = (kinks(each)[which] for each in (low, about, high))
@@ -40,9 +39,13 @@ def fraction_to_excursion(kinks: Callable[[Any], Array], before: Array, middle: 
         first, second = (there - here) / (about - low), (beyond - there) / (high - about)
         curve = (second - first) / (high - low)
         best = jnp.clip((low + about) / 2 + _vertex(curve, first), 0.0, 1.0)
-        return jnp.where((kinks(best)[which] > 0) != (before[which] > 0), best, 0.0)
+        return jnp.where(near[which] & ((kinks(best)[which] > 0) != (before[which] > 0)), best, jnp.inf)
 
-    return jax.lax.cond(left[which] < CLOSE, look, lambda: jnp.zeros(()))
+    def first() -> Array:
+        return jnp.min(jax.lax.map(look, jnp.arange(before.size)))
+
+    found = jax.lax.cond(jnp.any(near), first, lambda: jnp.full((), jnp.inf))
+    return jnp.where(jnp.isfinite(found), found, 0.0)
 
 
 def _vertex(bend: Array, slope: Array) -> Array:

@@ -60,24 +60,25 @@ class Stepped(NamedTuple):
 
 
 class _Plan(NamedTuple):
-    """Whether a step is kept and the time then, the next step, how long it is to be beyond a kink, control, levels."""
+    """Whether a step is kept and the time then, the next step, how long it is to be beyond a kink, and the control."""
 
     keep: Array
     time: Array
     step: Array
     onwards: Array
     controller: Any
-    levels: Any
 
 
 class _Now(NamedTuple):
     time: Array
     step: Array
+    credit: Array  # steps that may be made
     onwards: Array  # the step to go on with after one that is to end at a kink; zero where it is not
     levels: Any  # numbers that say where kinks are
     state: Array
     slope: Array
     at_corner: Array  # the slope there is not known yet
+    passed: Array  # corners, up to the one before
     controller: Any
     sampled: Array
     samples: Array
@@ -112,12 +113,13 @@ def step_through(
 
     `solver` is a method of `runge_kutta.py`. A step is kept when the norm of its estimated error, over tolerance ·
     (1 + size(y)), is below one; `size` is |y| unless given. `step` is the first one, and no other is longer than
-    `longest`; the budget is in steps, kept or not, and grows by `pace` (1/s). Steps end at all `corners` (c,) on the
-    way, ascending times from another `origin`: f may jump there, and is asked for on each side of them in turn. It ends
-    early after a step whose time and state make `halts` true. Of a step `passes` gives the fraction after which that
-    would have been so, or 1: it is then made again so far only. Of a time and state `kinks` gives numbers, of which one
-    changes its sign where f has a kink: a step that is not kept ends there when it is made again. With every step that
-    is kept `along` takes `carried`, a tree of arrays, from its start to its end.
+    `longest`. As many steps as the `budget`, kept or not, may be made; what is used of it comes back at a `pace` (1/s).
+    Steps end at all `corners` (c,) on the way, ascending times from another `origin`: f may jump there, and is asked
+    for on each side of them in turn. It ends early after a step whose time and state make `halts` true. Of a step
+    `passes` gives the fraction after which that would have been so, or 1: it is then made again so far only. Of a time
+    and state `kinks` gives numbers, of which one changes its sign where f has a kink: a step that is not kept, or
+    within which one comes to the other side and goes back, ends there when it is made again. With every step that is
+    kept `along` takes `carried`, a tree of arrays, from its start to its end.
     """
     import diffrax  # as in make_solver
 
@@ -128,12 +130,14 @@ def step_through(
         return vector_field(jnp.clip(t, *piece), y)
 
     def unfinished(now: _Now) -> Array:
-        return (now.time < end) & (now.steps < budget + pace * now.time) & ~now.halted
+        return (now.time < end) & (now.credit > 0) & ~now.halted
 
     firsts, lasts, coming = _pieces(corners, origin)
 
     def advance(now: _Now) -> _Now:
-        passed = jnp.sum(coming <= now.time)
+        passed = jax.lax.cond(
+            now.at_corner, lambda: jnp.searchsorted(coming, now.time, side="right"), lambda: now.passed
+        )
         piece, until = (firsts[passed], lasts[passed]), jnp.minimum(coming[passed], end)
         left = until - now.time
         there = jnp.where(now.step > JUST_SHORT * left, until, now.time + now.step)
@@ -149,13 +153,14 @@ def step_through(
         next_step = jnp.where(keep & (there == until), jnp.maximum(following - time, now.step), following - time)
         interpolation = solver.interpolation(t0=now.time, t1=there, **dense)
         attempt = Attempt(now.time, there, now.state, state, first, last, interpolation.evaluate, dense)
-        plan = _Plan(jnp.asarray(keep), jnp.asarray(time), next_step, jnp.zeros(()), controller_state, now.levels)
-        rests = jnp.zeros((), bool)
+        plan = _Plan(jnp.asarray(keep), jnp.asarray(time), next_step, jnp.zeros(()), controller_state)
+        rests, levels = jnp.zeros((), bool), now.levels
         if kinks is not None:
-            plan = _landing(plan, attempt, now, kinks)
+            levels = kinks(there, state)
+            plan = _landing(plan, attempt, now, kinks, levels)
         if passes is not None:
             plan, rests = _stopping(plan, attempt, now, passes(attempt))
-        keep, time, next_step, onwards, controller_state, levels = plan
+        keep, time, next_step, onwards, controller_state = plan
         if longest is not None:
             next_step = jnp.minimum(next_step, longest)
         carried = now.carried
@@ -164,9 +169,10 @@ def step_through(
             carried = jax.lax.cond(keep, lambda: taken(attempt, now.carried), lambda: now.carried)
         sampled, samples = _sample(times, interpolation, there, keep, now.sampled, now.samples)
         return _Now(
-            time, next_step, onwards, levels, jnp.where(keep, state, now.state), jnp.where(keep, last, first),
+            time, next_step, jnp.minimum(budget, now.credit + pace * (time - now.time)) - 1, onwards,
+            _either(keep, levels, now.levels), jnp.where(keep, state, now.state), jnp.where(keep, last, first),
             # Beyond a corner the last slope is that of its other side.
-            keep & (there == until), controller_state, sampled, samples, now.steps + 1,
+            keep & (there == until), passed, controller_state, sampled, samples, now.steps + 1,
             now.kept + jnp.where(keep, 1, 0),
             rests if halts is None else rests | (keep & halts(time, state)),
             carried,
@@ -180,15 +186,15 @@ def step_through(
     going = jnp.zeros((), bool)
     levels = None if kinks is None else kinks(times[0], start)
     now = _Now(
-        times[0], step, jnp.zeros(()), levels, start, jnp.zeros_like(start), ~going, controller_state, none + 1,
-        samples, none, none, going, carried,
+        times[0], step, jnp.asarray(budget, float), jnp.zeros(()), levels, start, jnp.zeros_like(start), ~going,
+        jnp.searchsorted(coming, times[0]), controller_state, none + 1, samples, none, none, going, carried,
     )  # fmt: skip
     now = jax.lax.while_loop(unfinished, advance, now)
     reached = now.time >= end
     return Stepped(now.samples, now.state, now.time, now.step, now.steps, now.kept, reached, now.halted, now.carried)
 
 
-def _landing(plan: _Plan, attempt: Attempt, now: _Now, kinks: Callable[[Array, Array], Array]) -> _Plan:
+def _landing(plan: _Plan, attempt: Attempt, now: _Now, kinks: Callable[[Array, Array], Array], after: Array) -> _Plan:
     """Make a step again up to a kink, where it is not kept or a number leaves and returns; beyond, go on as before."""
     length, lands_now = attempt.end - attempt.start, now.onwards > 0
 
@@ -196,7 +202,6 @@ def _landing(plan: _Plan, attempt: Attempt, now: _Now, kinks: Callable[[Array, A
         t = attempt.start + fraction * length
         return kinks(t, attempt.inside(t))
 
-    after = kinks(attempt.end, attempt.after)
     middle = (attempt.before + attempt.after) / 2 + length / 8 * (attempt.slope_before - attempt.slope_after)
     turn = fraction_to_excursion(at, now.levels, kinks((attempt.start + attempt.end) / 2, middle), after)
     leaves = plan.keep & (turn > 0)
@@ -210,7 +215,7 @@ def _landing(plan: _Plan, attempt: Attempt, now: _Now, kinks: Callable[[Array, A
     controller = _either(lands | landed, now.controller, plan.controller)
     step, onwards = jnp.where(lands, fraction * length, beyond), jnp.where(lands, length, 0.0)
     time = jnp.where(lands, attempt.start, plan.time)
-    return _Plan(keep, time, step, onwards, controller, jnp.where(keep, after, now.levels))
+    return _Plan(keep, time, step, onwards, controller)
 
 
 def _stopping(plan: _Plan, attempt: Attempt, now: _Now, fraction: Array) -> tuple[_Plan, Array]:
@@ -225,7 +230,6 @@ def _stopping(plan: _Plan, attempt: Attempt, now: _Now, fraction: Array) -> tupl
         jnp.where(again, fraction * length, plan.step),
         plan.onwards,
         _either(again, now.controller, plan.controller),
-        _either(again, now.levels, plan.levels),
     ), rests
 
 

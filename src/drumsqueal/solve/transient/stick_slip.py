@@ -35,6 +35,7 @@ MARGIN = 1e-12  # of the drum's schedule: its jumps are looked at from so far, b
 EXPLICIT_BUDGET = np.array([2_500.0, 10_000.0])
 MORE_STEPS = 1 / 8
 MOST_PATIENCE = 64  # chunks
+_beyond_kernels: set[Any] = set()  # structures of models that no kernel can hold, as was found out
 
 
 class Method(NamedTuple):
@@ -111,14 +112,13 @@ class StickSlip:
         """Begin at the start of the transient, or go on with a lining that sticks or not and the method at hand."""
         self._observes = observes  # whether samples come with observations and energies
         self._model, self._steady, self._tolerance = model, steady, tolerance
-        self._in_kernel = True
+        self._kind = jax.tree.structure(model)
         self._held: Model | None = held(model) if sticks else None  # the model that sticks, while it does
         self._stuck = sticks  # whether it did when that was noted last
         self._jumps, self._margin = _jumps(model)
         self._may: dict[float, bool] = {}  # stick from the last jump on, by its time: asking takes as long as 100 steps
         corners = model.operation.corners
         self._corners = np.zeros(0) if corners is None else np.unique(corners)
-        self._made = 0  # steps in the chunk at hand, or since its method was taken
         self._choice = Choice(solver, float(tolerance), method)
         self.solvers: set[str] = set()  # that made the last chunk
         self.changes: list[tuple[float, bool]] = []  # in the last chunk: when (s), and whether it sticks from then on
@@ -135,7 +135,7 @@ class StickSlip:
 
     def through(self, state: State, span: Span, step: Array) -> Segment:
         """One chunk."""
-        whole, self.solvers, self.changes, self._made = None, set(), [], 0
+        whole, self.solvers, self.changes = None, set(), []
         self._choice.begin()
         for _ in range(MOST_CHANGES):
             span, fresh = self._between_jumps(span)
@@ -145,7 +145,6 @@ class StickSlip:
             stuck = self._held is not None
             segment = self._stick(state, span, step) if stuck else self._slip(state, span, step)
             whole = segment if whole is None else _joined(whole, segment, span)
-            self._made += int(segment.steps)
             state, step = segment.final, segment.step
             span = span._replace(offset=np.float64(segment.time))
             if bool(segment.halted):
@@ -157,7 +156,6 @@ class StickSlip:
                 continue
             if not self._choice.switch():
                 break
-            self._made = 0
         assert whole is not None
         return _only_reached(whole, span)
 
@@ -207,25 +205,25 @@ class StickSlip:
             return advance(*self._slipping(state, span, step))
         except JaxRuntimeError:
             # A law of the user's own may call what no kernel can: a matrix product, a sort, a solver of equations.
-            if not self._in_kernel:
+            if self._kind in _beyond_kernels:
                 raise
-            self._in_kernel = False
+            _beyond_kernels.add(self._kind)
             return advance(*self._slipping(state, span, step))
 
     def _slipping(self, state: State, span: Span, step: Array) -> tuple[Any, ...]:
         """What `advance` is given."""
-        sticks, budget = self._may_stick(span), self._budget(span, self._choice.budget, self._made)
+        sticks, budget = self._may_stick(span), self._budget(span, self._choice.budget)
         given = self._model, self._steady, state, span, self._tolerance, step, self._choice.solver
-        return *given, self._in_kernel, sticks, budget, self._observes
+        return *given, self._kind not in _beyond_kernels, sticks, budget, self._observes
 
     def load_ahead(self, state: State, span: Span, step: Any) -> None:
         """Load or compile, in another thread, the program of a first chunk that slips."""
         advance_packed.ahead(*self._slipping(state, self._between_jumps(span)[0], step))
 
-    def _budget(self, span: Span, budget: np.ndarray, made: int = 0) -> np.ndarray:
-        """What is left of it for a chunk, and some steps for each corner of what is prescribed in it."""
+    def _budget(self, span: Span, budget: np.ndarray) -> np.ndarray:
+        """A budget of steps, with some for each corner of what is prescribed in a chunk."""
         within = np.diff(np.searchsorted(self._corners, [float(span.start), float(span.start + span.length)]))[0]
-        return budget + np.array([CORNER_BUDGET * within - made, 0.0])
+        return budget + np.array([CORNER_BUDGET * within, 0.0])
 
     def _stick(self, state: State, span: Span, step: Array) -> Segment:
         """Move with the drum to the end of the span, or until friction no longer holds."""
