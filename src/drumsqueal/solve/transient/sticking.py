@@ -7,6 +7,7 @@ lies in it. That is asked for from outside the compiled steps, at the samples an
 """
 
 import dataclasses
+import warnings
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -271,4 +272,6 @@ def _least(function: Callable[[np.ndarray], tuple[float, np.ndarray]], start: np
     """Where a convex function, given with its gradient, is least."""
     if start.size == 0:
         return start
-    return scipy.optimize.minimize(function, start, jac=True, method="BFGS", options={"gtol": 1e-10}).x
+    with warnings.catch_warnings():  # at round-off no step leads further down
+        warnings.filterwarnings("ignore", "The line search algorithm did not converge")
+        return scipy.optimize.minimize(function, start, jac=True, method="BFGS", options={"gtol": 1e-10}).x
