@@ -108,9 +108,8 @@ def hidden_from_xarray() -> Iterator[None]:
 
     Within the block they cannot be imported, unless they were before.
     """
-    absent = [name for name in FOR_XARRAY if name not in sys.modules]
-    if "xarray" in sys.modules:  # which has looked for them already
-        absent = []
+    looked_for = "xarray" in sys.modules
+    absent = [] if looked_for else [name for name in FOR_XARRAY if name not in sys.modules]
     sys.modules.update(dict.fromkeys(absent))  # pyright: ignore[reportArgumentType, reportCallIssue]
     try:
         yield

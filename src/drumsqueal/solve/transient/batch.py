@@ -17,10 +17,10 @@ from jax.typing import ArrayLike
 
 from drumsqueal.physics.model import Model
 from drumsqueal.scene.tables import LEAST_TOLERANCE, MOST_TOLERANCE
-from drumsqueal.solve.transient.integrate import count_evaluations
+from drumsqueal.solve.transient.integrate import count_evaluations, start_state
 from drumsqueal.solve.transient.runge_kutta import AUTO, SOLVERS
 from drumsqueal.solve.transient.segment import first_step
-from drumsqueal.solve.transient.state import CHUNK_SAMPLES, Span, State
+from drumsqueal.solve.transient.state import CHUNK_SAMPLES, Span
 from drumsqueal.solve.transient.stick_slip import StickSlip
 
 
@@ -99,9 +99,7 @@ class _Transient:
     def __init__(self, model: Model, start: Sequence[np.ndarray], tolerance: float, solver: str) -> None:
         """Take its steady state, displacement from it and velocity at the start."""
         steady, displacement, velocity = start
-        remembered = len(model.remembered)
-        nothing = np.zeros(remembered + 1)
-        self._state = State.split(np.concatenate([displacement, velocity, nothing]), remembered)
+        self._state = start_state(model, displacement, velocity)
         self._run = StickSlip(model, steady, np.float64(tolerance), solver, observes=False)
         self._step = first_step(model)
         self._failed = False

@@ -81,7 +81,7 @@ def integrate(
     samples = round(duration * sample_rate)
     steady = real(steady)
     if since is None:
-        state = State(real(displacement), real(velocity), real(0.0), model.first_memory)
+        state = start_state(model, displacement, velocity)
         since = Checkpoint(0, state, first_step(model), np.nan, sticks=False, method=None)
     state, step, first_energy = since.state, since.step, since.first_energy
     run = StickSlip(model, steady, np.float64(tolerance), solver, sticks=since.sticks, method=since.method)
@@ -110,9 +110,14 @@ def integrate(
 def load_ahead(model: Model, tolerance: float, solver: str) -> None:
     """Load or compile, in another thread, the program that `integrate` begins with; it takes longer than all others."""
     rest = real(np.zeros(model.mass.size))
-    state = State(rest, rest, real(0.0), model.first_memory)
     span = Span(np.float64(0), np.float64(1), np.int64(1))
-    StickSlip(model, rest, np.float64(tolerance), solver).load_ahead(state, span, np.float64(1))
+    run = StickSlip(model, rest, np.float64(tolerance), solver)
+    run.load_ahead(start_state(model, rest, rest), span, np.float64(1))
+
+
+def start_state(model: Model, displacement: ArrayLike, velocity: ArrayLike) -> State:
+    """The state at the start, from a displacement from steady sliding and a velocity (n,)."""
+    return State(real(displacement), real(velocity), real(0.0), model.first_memory)
 
 
 def _to_chunk(

@@ -4,7 +4,7 @@ Over a kink the error falls like the second or third power of the step, not the 
 Over growing transients of the nominal scene and beyond their contact boundaries, a step that is not kept over a kink
 and made again up to it takes a third fewer steps at equal error (medians over eight starts, errors of 1e-2 to 1e-6).
 Beyond a boundary that appears inside the arc forces change like the root of the time since: steps in that root, instead
-of time, were no fewer at a tolerance of 1e-3, and a tenth fewer at 1e-8.
+of time, were tried in the nominal scene, and were no fewer at a tolerance of 1e-3 and a tenth fewer at 1e-8.
 """
 
 from collections.abc import Callable

@@ -183,11 +183,11 @@ def step_through(
     unused: Any = None
     _, controller_state = controller.init(unused, times[0], end, start, step, None, unused, solver.order)
     controller_state = jax.tree.map(jnp.asarray, controller_state)
-    going = jnp.zeros((), bool)
+    yes, no = jnp.ones((), bool), jnp.zeros((), bool)
     levels = None if kinks is None else kinks(times[0], start)
     now = _Now(
-        times[0], step, jnp.asarray(budget, float), jnp.zeros(()), levels, start, jnp.zeros_like(start), ~going,
-        jnp.searchsorted(coming, times[0]), controller_state, none + 1, samples, none, none, going, carried,
+        times[0], step, jnp.asarray(budget, float), jnp.zeros(()), levels, start, jnp.zeros_like(start), yes,
+        jnp.searchsorted(coming, times[0]), controller_state, none + 1, samples, none, none, no, carried,
     )  # fmt: skip
     now = jax.lax.while_loop(unfinished, advance, now)
     reached = now.time >= end
