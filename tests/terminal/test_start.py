@@ -125,12 +125,21 @@ ALL = {HISTORY, SUMMARY, *(f"{name}.png" for name in FIGURES if name not in ("sp
 
 
 def test_a_second_process_draws_and_both_together_draw_each_figure_once(prepared, tmp_path, monkeypatch):
-    own, heard = [], []
+    own, heard, ready = [], [], threading.Event()
     draw, hear = drawing.draw_figure, drawing.Second.hear
-    monkeypatch.setattr(
-        drawing, "draw_figure", lambda folder, name, figure: own.append(name) or draw(folder, name, figure)
-    )
-    monkeypatch.setattr(drawing.Second, "hear", lambda self: heard.append(hear(self)) or heard[-1])
+
+    def draw_with_the_second_at_work(folder, name, figure):
+        assert ready.wait(120)  # else a slow machine has drawn them all before the second one is ready
+        own.append(name)
+        return draw(folder, name, figure)
+
+    def listen(self):
+        heard.append(hear(self))
+        ready.set()
+        return heard[-1]
+
+    monkeypatch.setattr(drawing, "draw_figure", draw_with_the_second_at_work)
+    monkeypatch.setattr(drawing.Second, "hear", listen)
     monkeypatch.setattr(drawing, "_cores", lambda: 2)
     with drawing.second_process() as second:
         assert second is not None
