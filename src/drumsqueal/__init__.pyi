@@ -16,6 +16,7 @@ from drumsqueal.physics.model import build_model as build_model
 from drumsqueal.physics.small_bodies import block_on_belt as block_on_belt
 from drumsqueal.physics.small_bodies import disc_on_plate as disc_on_plate
 from drumsqueal.physics.small_bodies import sprung_block_on_belt as sprung_block_on_belt
+from drumsqueal.progress import silent as silent
 from drumsqueal.questions.accuracy.study import AccuracyStudy as AccuracyStudy
 from drumsqueal.questions.accuracy.study import study_accuracy as study_accuracy
 from drumsqueal.questions.animate.animation import save_animation as save_animation
