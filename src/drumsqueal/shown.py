@@ -39,7 +39,7 @@ def _brief(value: Any) -> str:
         return reprlib.repr(value)
     if isinstance(value, dict):
         few = len(value) <= FEW and all(isinstance(each, int | float | str) for each in value.values())
-        return str({key: value[key] for key in value}) if few else f"<{len(value)} entries>"
+        return f"{{{', '.join(f'{key}: {_brief(value[key])}' for key in value)}}}" if few else f"<{len(value)} entries>"
     if isinstance(value, tuple | list):
         few = len(value) <= FEW and all(isinstance(each, int | float | str) for each in value)
         kind = type(value[0]).__name__ if value else ""
