@@ -2,6 +2,7 @@
 
 from drumsqueal.errors import CycleError as CycleError
 from drumsqueal.errors import IntegrationError as IntegrationError
+from drumsqueal.errors import RequestError as RequestError
 from drumsqueal.errors import SteadyStateError as SteadyStateError
 from drumsqueal.findings.compare import RunFindings as RunFindings
 from drumsqueal.findings.compare import compare as compare
