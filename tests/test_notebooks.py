@@ -2,6 +2,7 @@
 
 import io
 import pickle
+import re
 import sys
 import threading
 from pathlib import Path
@@ -179,3 +180,19 @@ def test_cycles_are_drawn(damped, axes):
     assert np.ptp(axes.lines[0].get_xdata()) / 2 == pytest.approx(1e6 * cycle.amplitude["Y"], rel=1e-2)  # samples
     assert len(repr(cycle)) < LONG
     assert cycle.verdict in " ".join(str(cycle).split())
+
+
+def test_the_page_of_the_documentation_runs(monkeypatch):
+    from matplotlib import pyplot
+
+    root = Path(__file__).parents[1]
+    monkeypatch.chdir(root)
+    code = re.findall("```python\n(.*?)```", (root / "docs" / "notebooks.md").read_text(encoding="utf-8"), re.DOTALL)
+    before, found = pyplot.get_backend(), {}
+    pyplot.switch_backend("agg")
+    try:
+        exec("".join(code), found)
+    finally:
+        pyplot.close("all")
+        pyplot.switch_backend(before)
+    assert [len(found[side].lines) > 3 for side in ("left", "right")] == [True, True]
