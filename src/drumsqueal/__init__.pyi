@@ -2,6 +2,7 @@
 
 from drumsqueal.errors import CycleError as CycleError
 from drumsqueal.errors import IntegrationError as IntegrationError
+from drumsqueal.errors import RequestError as RequestError
 from drumsqueal.errors import SteadyStateError as SteadyStateError
 from drumsqueal.findings.compare import RunFindings as RunFindings
 from drumsqueal.findings.compare import compare as compare
@@ -16,6 +17,15 @@ from drumsqueal.physics.model import build_model as build_model
 from drumsqueal.physics.small_bodies import block_on_belt as block_on_belt
 from drumsqueal.physics.small_bodies import disc_on_plate as disc_on_plate
 from drumsqueal.physics.small_bodies import sprung_block_on_belt as sprung_block_on_belt
+from drumsqueal.plots import plot_branches as plot_branches
+from drumsqueal.plots import plot_cycle as plot_cycle
+from drumsqueal.plots import plot_eigenvalues as plot_eigenvalues
+from drumsqueal.plots import plot_growth as plot_growth
+from drumsqueal.plots import plot_history as plot_history
+from drumsqueal.plots import plot_onset as plot_onset
+from drumsqueal.plots import plot_phase as plot_phase
+from drumsqueal.plots import plot_spectrum as plot_spectrum
+from drumsqueal.progress import silent as silent
 from drumsqueal.questions.accuracy.study import AccuracyStudy as AccuracyStudy
 from drumsqueal.questions.accuracy.study import study_accuracy as study_accuracy
 from drumsqueal.questions.animate.animation import save_animation as save_animation

@@ -1,6 +1,17 @@
 """What a long computation reports on its way; whoever listens may stop it by raising an exception."""
 
-from collections.abc import Callable
+import functools
+import html
+import inspect
+import multiprocessing
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 Progress = Callable[[str, float, float | None], None]
 """Called with what is being done, how much of it is done, and the whole (None: not known), in any one unit."""
@@ -8,3 +19,64 @@ Progress = Callable[[str, float, float | None], None]
 
 def silent(what: str, done: float = 0.0, total: float | None = None) -> None:
     """Report nothing."""
+
+
+def with_bar(function: Any, module: str) -> Any:
+    """A function that shows a bar while it computes, unless its caller takes what it reports as `progress`.
+
+    It is the one that is found in `module`, for pickle. What reports nothing is returned as it is.
+    """
+    if not inspect.isfunction(function) or "progress" not in inspect.signature(function).parameters:
+        return function
+
+    @functools.wraps(function)
+    def with_progress(*arguments: Any, **keywords: Any) -> Any:
+        given = inspect.signature(function).bind_partial(*arguments, **keywords).arguments
+        if "progress" in given or not _is_watched():
+            return function(*arguments, **keywords)
+        with bar() as progress:
+            return function(*arguments, **keywords, progress=progress)
+
+    with_progress.__module__ = module
+    return with_progress
+
+
+def _is_watched() -> bool:
+    """Whether this is where the user is: no thread and no process that works for another one."""
+    return threading.current_thread() is threading.main_thread() and multiprocessing.parent_process() is None
+
+
+@contextmanager
+def bar(console: "Console | None" = None) -> Iterator[Progress]:
+    """A hook that shows a bar while the block lasts: in a notebook or a terminal; else it is silent."""
+    if console is None and "ipykernel" in sys.modules:
+        with _notebook_bar() as show:
+            yield show
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, SpinnerColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
+    from rich.progress import Progress as Bar
+
+    console = Console(stderr=True) if console is None else console
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TaskProgressColumn())
+    shown = Bar(*columns, TimeRemainingColumn(), console=console, transient=True, disable=not console.is_terminal)
+    with shown:
+        task = shown.add_task("preparing", total=None)
+        yield lambda what, done=0.0, total=None: shown.update(task, description=what, completed=done, total=total)
+
+
+@contextmanager
+def _notebook_bar() -> Iterator[Progress]:
+    """One of the page itself: what rich shows in a notebook takes a package of its own."""
+    from IPython.display import HTML, display  # pyright: ignore[reportMissingImports]
+
+    place = display(HTML(""), display_id=True)
+
+    def show(what: str, done: float = 0.0, total: float | None = None) -> None:
+        part = f'value="{done / total:.4f}"' if total else ""
+        place.update(HTML(f"<progress {part}></progress> {html.escape(what)}"))
+
+    try:
+        yield show
+    finally:
+        place.update(HTML(""))

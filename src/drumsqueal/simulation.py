@@ -28,6 +28,7 @@ from drumsqueal.physics.laws.friction_law import FrictionLaw
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.progress import Progress, silent
 from drumsqueal.scene import COORDINATES, Profile, Scene, SceneError
+from drumsqueal.shown import headed
 from drumsqueal.solve import motion
 from drumsqueal.solve.linear.modes import Stability, analyse_stability, while_sliding
 from drumsqueal.solve.linear.steady import coupling
@@ -62,6 +63,17 @@ class Result(NamedTuple):
     stability: Stability
     history: xarray.Dataset
     findings: RunFindings
+
+    def __repr__(self) -> str:
+        """Title and verdict."""
+        return headed(self, self.scene.title, self.findings.verdict)
+
+    def __str__(self) -> str:
+        """What the command prints."""
+        return str(self.findings)
+
+    def _repr_html_(self) -> str | None:
+        return self.findings._repr_html_()
 
 
 def prepare(

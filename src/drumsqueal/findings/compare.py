@@ -71,6 +71,7 @@ class RunFindings(Findings):
     `held_though_they_would_move` the coordinates that the scene leaves out though they would move.
     """
 
+    printed_by = "drumsqueal.questions.run.words.print_findings"
     outcome: str = COMPLETE
     ending: Ending = Ending.COMPLETE
     prediction: Prediction

@@ -43,6 +43,11 @@ class Motion:
     steps: int
     outcome: Outcome
 
+    def __repr__(self) -> str:
+        """How long it is, what it holds and how it ended."""
+        time = f"{self.time[0]:g} to {self.time[-1]:g} s, {len(self.time)} samples of {', '.join(self.names)}"
+        return f"Motion({time}, {len(self.changes)} changes between stick and slip, {self.steps} steps; {self.outcome})"
+
     def turning_points(self, name: str) -> tuple[Vector, Vector]:
         """When a coordinate turns round (s), and where, by the cubic through displacements and velocities.
 

@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, SpinnerColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
 from drumsqueal.errors import IntegrationError
 from drumsqueal.files.json_file import write_json
 from drumsqueal.files.output_folder import figure_file, not_taken, write_whole
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.progress import Progress as Hook
+from drumsqueal.progress import bar
 from drumsqueal.scene.quantities import printable
 from drumsqueal.terminal.reply import Reply
 
@@ -165,13 +165,10 @@ def print_place(console: Console, folder: Path, files: Sequence[str], left_out: 
 @contextmanager
 def shown_progress(console: Console) -> Iterator[Hook]:
     """A hook that shows how far a computation has come, on a terminal, and looks for Ctrl-C wherever it is called."""
-    columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TaskProgressColumn())
-    shown = Progress(*columns, TimeRemainingColumn(), console=console, transient=True, disable=not console.is_terminal)
-    with shown:
-        task = shown.add_task("preparing", total=None)
+    with bar(console) as shown:
 
         def show(what: str, done: float = 0.0, total: float | None = None) -> None:
             stop_if_interrupted()
-            shown.update(task, description=what, completed=done, total=total)
+            shown(what, done, total)
 
         yield show

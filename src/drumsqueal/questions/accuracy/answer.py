@@ -10,8 +10,9 @@ from rich.console import Console
 from rich.table import Column, Table
 
 from drumsqueal.files.output_folder import ACCURACY_TABLE, BLOCK, CAUSES, EVALUATIONS, WORK
+from drumsqueal.questions.accuracy.bench import Measurement
 from drumsqueal.questions.accuracy.figure import draw_causes, draw_work
-from drumsqueal.questions.accuracy.study import AccuracyStudy, Measurement
+from drumsqueal.questions.accuracy.study import AccuracyStudy
 from drumsqueal.scene.quantities import printable
 from drumsqueal.terminal.runner import Answer
 from drumsqueal.terminal.tables import print_table, rows_to_csv

@@ -8,8 +8,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from drumsqueal.questions.accuracy.bench import Measurement
 from drumsqueal.questions.accuracy.contenders import FIXED, QUADRATURE, SMOOTHED, SMOOTHING, SPLIT, STEPPING
-from drumsqueal.questions.accuracy.study import AccuracyStudy, Measurement
+from drumsqueal.questions.accuracy.study import AccuracyStudy
 from drumsqueal.terminal import style
 from drumsqueal.terminal.style import frame, new_figure, styled
 

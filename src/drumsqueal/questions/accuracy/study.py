@@ -44,6 +44,7 @@ class AccuracyStudy(Findings):
     `ten_times_better` the one that meets a tenth of it; None where there is none.
     """
 
+    printed_by = "drumsqueal.questions.accuracy.answer.print_study"
     target: float
     runs: tuple[dict[str, Any], ...]
     verdict: str = ""

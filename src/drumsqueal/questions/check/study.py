@@ -73,6 +73,7 @@ class Check(Findings):
     `first_edge_s` is when the first mode reaches a contact boundary by the eigenvalues (s); None where none does.
     """
 
+    printed_by = "drumsqueal.questions.check.answer.print_check"
     numbers: dict[str, Number]
     prediction: Prediction
     growing: tuple[Growth, ...]

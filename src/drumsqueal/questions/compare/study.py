@@ -125,6 +125,7 @@ class MeasuredComparison(Findings):
     ones, strongest first.
     """
 
+    printed_by = "drumsqueal.questions.compare.answer.print_comparison"
     verdict: str = ""
     measured: MeasuredRecord
     simulated: SimulatedRecord

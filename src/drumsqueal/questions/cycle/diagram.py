@@ -114,6 +114,7 @@ class Span(Parameter):
 class CycleBranches(Findings, Diagram):
     """The cycles of a scene along one of its numbers, and where modes of steady sliding gain or lose stability."""
 
+    printed_by = "drumsqueal.questions.cycle.answer.print_branches"
     outcome: Ending = Ending.COMPLETE
     parameter: Span
     critical_values: tuple[Critical, ...]

@@ -36,7 +36,7 @@ def draw_cycle(cycle: CycleStudy) -> Figure:
     kind = "stable" if cycle.stable else "unstable"
     figure = new_figure(cycle.title, f"{kind} limit cycle of {cycle.frequency_Hz:.6g} Hz")
     grid = figure.add_gridspec(2, 2, width_ratios=[1, 1.25])
-    _draw_phase(figure.add_subplot(grid[:, 0]), cycle)
+    draw_portrait(figure.add_subplot(grid[:, 0]), cycle)
     above = figure.add_subplot(grid[0, 1])
     _draw_displacements(above, cycle)
     _draw_contact(figure.add_subplot(grid[1, 1], sharex=above), cycle)
@@ -44,7 +44,8 @@ def draw_cycle(cycle: CycleStudy) -> Figure:
     return figure
 
 
-def _draw_phase(axes: Axes, cycle: Cycle) -> None:
+def draw_portrait(axes: Axes, cycle: Cycle) -> None:
+    """Velocity over displacement at the middle of the lining, with the speed of the drum."""
     samples, shape = cycle.samples, cycle.samples.time.shape
     states = (dict(zip(cycle.names, each.T, strict=True)) for each in (samples.displacement, samples.velocity))
     moved, speed = (np.broadcast_to(cycle.model.lining.body.displacement(q, 0.0)[1], shape) for q in states)
@@ -108,8 +109,8 @@ def draw_branch(found: CycleBranches) -> Figure:
     colour = style.COLOUR[name]
     for axes in (amplitude, frequency):
         _shade(axes, found)
-    _draw(amplitude, found, colour, lambda cycle: MICRO * cycle.amplitude[name])
-    _draw(frequency, found, colour, lambda cycle: cycle.frequency_Hz)
+    draw_with_events(amplitude, found, colour, lambda cycle: MICRO * cycle.amplitude[name])
+    draw_with_events(frequency, found, colour, lambda cycle: cycle.frequency_Hz)
     sizes = [MICRO * cycle.amplitude[name] for branch in found.branches for cycle in branch.cycles]
     rest = limit_amplitudes(amplitude, sizes, ROOM)
     for spans, line in ((found.steady_sliding_stable, "-"), (found.steady_sliding_unstable, DASHES)):
@@ -135,7 +136,8 @@ def main_coordinate(found: CycleBranches) -> str:
     return next((name for name in critical if name in cycles[0].names), max(main, key=main.count))
 
 
-def _draw(axes: Axes, diagram: Diagram, colour: str, measure: Callable[[Cycle], float]) -> None:
+def draw_with_events(axes: Axes, diagram: Diagram, colour: str, measure: Callable[[Cycle], float]) -> None:
+    """Draw what is measured of the cycles over the parameter, and mark where something happens."""
     draw_cycles(axes, diagram, colour, measure)
     for branch in diagram.branches:
         for special in branch.special:

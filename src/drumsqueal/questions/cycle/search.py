@@ -61,6 +61,7 @@ APART = 0.05  # of each other: two returns after so different times are two
 class CycleSearch(Cycle):
     """The cycle that a search found, where it was started from, what the transient does, and the other cycles."""
 
+    printed_by = "drumsqueal.questions.cycle.answer.print_cycle"
     verdict: str
     found_from: str
     transient: str

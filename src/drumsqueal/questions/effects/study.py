@@ -33,6 +33,7 @@ class EffectStudy(Findings):
     one run, and None where there is none. The first of the variants is the whole scene; `runs` has a row for each.
     """
 
+    printed_by = "drumsqueal.questions.effects.answer.print_study"
     within: float
     runs: tuple[dict[str, Any], ...]
     verdict: str = ""

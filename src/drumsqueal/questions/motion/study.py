@@ -75,6 +75,7 @@ class SettledMotion(Finding):
     not, and why.
     """
 
+    printed_by = "drumsqueal.questions.motion.answer.print_study"
     attractor: Attractor
     reason: str
     recorded_from_s: float

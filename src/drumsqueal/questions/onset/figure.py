@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from drumsqueal.findings.vibration import unit_of
 from drumsqueal.questions.cycle.diagram import Diagram
 from drumsqueal.questions.cycle.orbit import Cycle
-from drumsqueal.questions.onset.found import Kind, Leads, Motion, OnsetStudy, Row
+from drumsqueal.questions.onset.found import Kind, Leads, Motion, Onset, OnsetStudy, Row
 from drumsqueal.questions.run.figures.eigenvalues import STABLE as STABLE_COLOUR
 from drumsqueal.questions.run.figures.eigenvalues import UNSTABLE as UNSTABLE_COLOUR
 from drumsqueal.solve.linear.modes import UNDAMPED_FRACTION
@@ -62,8 +62,8 @@ def draw_onset(study: OnsetStudy) -> Figure:
     margin = MARGIN * (max(values) - min(values))
     panels[0].set_xlim(min(values) - margin, max(values) + margin)
     for axes in panels:
-        _shade(axes, study)
-    _draw_amplitudes(panels[0], study)
+        shade_ranges(axes, study)
+    draw_amplitudes(panels[0], study)
     _draw_frequencies(panels[1], study)
     _draw_growth(panels[2], study)
     if disturbances:
@@ -109,7 +109,7 @@ def limit_amplitudes(axes: Axes, amplitudes: list[float], room: float) -> float:
     return rest
 
 
-def _draw_amplitudes(axes: Axes, study: OnsetStudy) -> None:
+def draw_amplitudes(axes: Axes, study: Onset) -> None:
     """Half the peak-to-peak value of `study.coordinate` (µm, µrad) of each motion, and zero where sliding is stable."""
     name, colour = study.coordinate, style.COLOUR[study.coordinate]
     amplitudes = []
@@ -140,7 +140,7 @@ def _draw_motion(axes: Axes, row: Row, motion: Motion, value: float, colour: str
     axes.plot(row.value, value, color=colour, markerfacecolor=face, label=label, **MARKER)
 
 
-def _draw_frequencies(axes: Axes, study: OnsetStudy) -> None:
+def _draw_frequencies(axes: Axes, study: Onset) -> None:
     """The lines that hold most kinetic energy, before the modes that are near them."""
     axes.set_ylim(*_frequency_limits(study))
     for mode in study.modes:
@@ -160,7 +160,7 @@ def _draw_mode(axes: Axes, name: str, values: NDArray[np.float64], measure: NDAr
     axes.plot(values, measure, color=style.COLOUR[name], label=label)
 
 
-def _draw_growth(axes: Axes, study: OnsetStudy) -> None:
+def _draw_growth(axes: Axes, study: Onset) -> None:
     """Re λ of the modes, as far down as the least stable one goes."""
     axes.set_ylim(*_growth_limits(study))
     axes.axhline(0, color=style.DARK, linewidth=0.6)
@@ -175,7 +175,7 @@ def _draw_growth(axes: Axes, study: OnsetStudy) -> None:
     frame(axes, None, "Growth rate\n(1/s)")
 
 
-def _draw_disturbances(axes: Axes, study: OnsetStudy) -> None:
+def _draw_disturbances(axes: Axes, study: Onset) -> None:
     """Velocity of the lining's surface in the smallest disturbance that starts squeal, in the colour of the mode."""
     largest = 0.0
     for row in study.values:
@@ -190,7 +190,8 @@ def _draw_disturbances(axes: Axes, study: OnsetStudy) -> None:
     frame(axes, None, "Smallest disturb-\nance (m/s)")
 
 
-def _shade(axes: Axes, study: OnsetStudy) -> None:
+def shade_ranges(axes: Axes, study: Onset) -> None:
+    """Colour the ranges behind what is drawn, and mark the critical values."""
     left, right = axes.get_xlim()
     for each in study.ranges:
         low = left if each.first_uncertainty is None else each.first
@@ -200,7 +201,7 @@ def _shade(axes: Axes, study: OnsetStudy) -> None:
         axes.axvline(boundary, color=style.DARK, linewidth=0.5, linestyle=(0, (4, 3)), zorder=1)
 
 
-def _boundaries(study: OnsetStudy) -> list[float]:
+def _boundaries(study: Onset) -> list[float]:
     """The values at which one range goes over into the next."""
     return [each.first for each in study.ranges if each.first_uncertainty is not None]
 
@@ -216,7 +217,7 @@ def _legend(panels: Sequence[Axes], study: OnsetStudy) -> list[Artist]:
     return [*first, *named.values(), *(Patch(color=SHADES.get(kind, OTHER), label=kind) for kind in kinds)]
 
 
-def _growth_limits(study: OnsetStudy) -> tuple[float, float]:
+def _growth_limits(study: Onset) -> tuple[float, float]:
     rates = [row.growth_rate for row in study.values if row.growth_rate is not None]
     size = max(max(rates, default=1.0), -min(rates, default=-1.0))
     fastest = max((2 * np.pi * each for mode in study.modes for each in mode.frequency_Hz), default=0.0)
@@ -225,7 +226,7 @@ def _growth_limits(study: OnsetStudy) -> tuple[float, float]:
     return min([*rates, 0.0]) - 0.35 * size, max([*rates, 0.0]) + 0.2 * size
 
 
-def _frequency_limits(study: OnsetStudy) -> tuple[float, float]:
+def _frequency_limits(study: Onset) -> tuple[float, float]:
     """Of all lines found and of the modes that become critical (kHz); of all modes where there are none."""
     near = [motion.frequency_Hz for row in study.values for motion in row.motions if motion.frequency_Hz]
     near += [each.frequency_Hz for each in study.critical_values if each.frequency_Hz > 0]

@@ -262,6 +262,7 @@ class Onset(Finding):
     value. `cycles` is None where they were not followed; verdict and ranges are missing until all transients are run.
     """
 
+    printed_by = "drumsqueal.questions.onset.answer.print_study"
     outcome: Ending = Ending.COMPLETE
     verdict: str | None = None
     reservations: tuple[str, ...] = ()

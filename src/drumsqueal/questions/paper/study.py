@@ -22,6 +22,7 @@ class PaperStudy(Findings):
     constant friction and one by damping.
     """
 
+    printed_by = "drumsqueal.questions.paper.answer.print_study"
     statements: tuple[Statement, ...]
     friction: FrictionCurve | None = Held
     curves: Mapping[str, Curve] = Field(default={}, exclude=True)

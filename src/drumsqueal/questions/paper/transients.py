@@ -5,7 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from drumsqueal.errors import IntegrationError
-from drumsqueal.findings.compare import ModeComparison, RunFindings
+from drumsqueal.findings.compare import RunFindings
+from drumsqueal.findings.growth_phase import ModeComparison
 from drumsqueal.findings.saturation import Saturation
 from drumsqueal.physics.model import build_model
 from drumsqueal.progress import Progress

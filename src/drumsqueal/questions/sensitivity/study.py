@@ -54,6 +54,7 @@ class SensitivityStudy(Findings):
     was differentiated.
     """
 
+    printed_by = "drumsqueal.questions.sensitivity.answer.print_study"
     modes: tuple[LabelledMode, ...]
     numbers: tuple[Sensitivity, ...]
     divergence_rate_1_per_s: float | None

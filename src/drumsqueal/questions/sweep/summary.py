@@ -82,6 +82,7 @@ class SweepStudy(Findings):
     them. `data` are the results at all points, and `plan` is what was swept.
     """
 
+    printed_by = "drumsqueal.questions.sweep.answer.print_study"
     sweep: dict[str, Any]
     units: dict[str, str]
     points: int

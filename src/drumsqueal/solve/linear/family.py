@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from drumsqueal.errors import SteadyStateError
 from drumsqueal.physics.composition import Composition, compose, linear_coordinates
-from drumsqueal.physics.model import Numbers, assemble, build_model
+from drumsqueal.physics.model import assemble, build_model
 from drumsqueal.programs import Program
 from drumsqueal.scene import Scene
 from drumsqueal.solve.linear.modes import (
@@ -61,36 +61,13 @@ class Spectrum(NamedTuple):
         return np.abs(self.eigenvalues) <= DRIFT_FRACTION * np.max(np.abs(self.eigenvalues), axis=1, keepdims=True)
 
 
-def linear_of(scene: Scene) -> Callable[[Numbers], Linear]:
-    """The linear model about steady sliding as a function of the scene's numbers, for `jax.jit`, `jax.jvp` and so on.
-
-    Over the coordinates of the scene's eigenvalues, at t = 0.
-    """
-    coordinates = linear_coordinates(scene)
-
-    def linear(numbers: Numbers) -> Linear:
-        model = build_model(scene, numbers, coordinates=coordinates)
-        return linearise(model, steady_sliding(model))
-
-    return linear
-
-
 def spectra_of(scene: Scene, numbers: Mapping[str, ArrayLike]) -> Spectrum:
     """Eigenvalues for m sets of numbers, arrays (m,) by key as in `scene.numbers()`; what is not named is the scene's.
 
     One program takes one set after the other.
     """
-    stacked = {key: jnp.asarray(value, dtype=jnp.float64) for key, value in numbers.items()}
-
-    @jax.jit
-    def all_of(values: dict[str, Array]) -> tuple[Linear, Array]:
-        def one(each: dict[str, Array]) -> tuple[Linear, Array]:
-            linear = linear_of(scene)(each)
-            return linear, linear.state_matrix()
-
-        return jax.lax.map(one, values)
-
-    linear, matrices = all_of(stacked)
+    stacked = {key: np.asarray(value, dtype=np.float64) for key, value in numbers.items()}
+    linear, matrices = _linear_models(stacked, _as_arrays(scene), _kind(scene)[0])
     eigenvalues, right = np.linalg.eig(np.asarray(matrices))
     names = linear_coordinates(scene)
     mass, damping = np.asarray(linear.mass), np.asarray(linear.damping)
@@ -123,20 +100,49 @@ def state_matrix_of(scene: Scene, keys: tuple[str, ...]) -> StateMatrix:
     By automatic differentiation of the model's own linearisation, one number after the other in one program, which is
     compiled at the first call.
     """
-    linear, size = linear_of(scene), len(keys)
-
-    def matrix(values: Array) -> Array:
-        return linear({key: values[k] for k, key in enumerate(keys)}).state_matrix()
-
-    @jax.jit
-    def with_derivatives(values: Array) -> tuple[Array, Array]:
-        return jax.lax.map(lambda direction: jax.jvp(matrix, (values,), (direction,)), jnp.eye(size))
+    numbers, (composition, _) = _as_arrays(scene), _kind(scene)
 
     def evaluate(values: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        matrices, derivatives = with_derivatives(jnp.asarray(values, dtype=jnp.float64))
+        matrices, derivatives = _with_derivatives(np.asarray(values, dtype=np.float64), keys, numbers, composition)
         return np.asarray(matrices[0]), np.asarray(derivatives)
 
     return evaluate
+
+
+def _as_arrays(scene: Scene) -> dict[str, np.ndarray]:
+    return {key: np.asarray(value, dtype=np.float64) for key, value in scene.numbers().items()}
+
+
+def _linear(composition: Composition, numbers: Mapping[str, Any]) -> Linear:
+    """The linear model about steady sliding, at t = 0."""
+    model = assemble(composition, numbers)
+    return linearise(model, steady_sliding(model))
+
+
+@Program
+def _linear_models(
+    values: Mapping[str, Array], numbers: Mapping[str, Array], composition: Composition
+) -> tuple[Linear, Array]:
+    """The linear models of m sets of values (m,) in place of some numbers, and their state matrices (m, 2n, 2n)."""
+
+    def one(each: Mapping[str, Array]) -> tuple[Linear, Array]:
+        linear = _linear(composition, {**numbers, **each})
+        return linear, linear.state_matrix()
+
+    return jax.lax.map(one, values)
+
+
+@Program
+def _with_derivatives(
+    values: Array, keys: tuple[str, ...], numbers: Mapping[str, Array], composition: Composition
+) -> tuple[Array, Array]:
+    """The state matrix (k, 2n, 2n), always the same, and its derivatives (k, 2n, 2n) in the values (k,) of the keys."""
+
+    def matrix(values: Array) -> Array:
+        changed = {key: values[k] for k, key in enumerate(keys)}
+        return _linear(composition, {**numbers, **changed}).state_matrix()
+
+    return jax.lax.map(lambda direction: jax.jvp(matrix, (values,), (direction,)), jnp.eye(len(keys)))
 
 
 def eigenvalue_gradient(left: NDArray, right: NDArray, derivatives: NDArray[np.float64]) -> NDArray[np.complex128]:

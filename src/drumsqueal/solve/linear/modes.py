@@ -16,6 +16,7 @@ from drumsqueal.physics.effects.effect import at_rest
 from drumsqueal.physics.effects.operation import Profile
 from drumsqueal.physics.model import Model
 from drumsqueal.programs import Program
+from drumsqueal.shown import as_html, as_text, headed
 from drumsqueal.solve.linear.steady import Linear, linear_model, linearise, steady_sliding
 
 # An eigenvalue oscillates when its imaginary part exceeds this fraction of the largest modulus: a real one, and the
@@ -44,6 +45,10 @@ class Mode(NamedTuple):
     unstable: bool
     right: NDArray[np.complex128]
     left: NDArray[np.complex128]
+
+    def __repr__(self) -> str:
+        """Label, frequency and growth rate."""
+        return f"Mode({self.label}: {self.frequency_Hz:.2f} Hz, {self.growth_rate:+.3f} 1/s)"
 
     def shape(self, coordinates: Sequence[str]) -> dict[str, complex]:
         """Displacements by the names of the coordinates."""
@@ -81,6 +86,18 @@ class Stability(NamedTuple):
     pressure_range: tuple[float, float]
     contact_fraction: float
     time: float
+    printed_by = "drumsqueal.questions.stability.answer.print_stability"
+
+    def __repr__(self) -> str:
+        """The modes."""
+        return headed(self, f"{len(self.unstable)} of {len(self.modes)} modes unstable", *map(repr, self.modes))
+
+    def __str__(self) -> str:
+        """What the command prints."""
+        return as_text(self)
+
+    def _repr_html_(self) -> str:
+        return as_html(self)
 
     def over(self, names: tuple[str, ...]) -> "Stability":
         """The same seen by some of the coordinates: their part of it, and the modes that they can show."""

@@ -1,5 +1,7 @@
 """The eigenvalues in the complex plane, with the frequency and growth that the transient showed."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -7,6 +9,7 @@ from matplotlib.ticker import MaxNLocator
 
 from drumsqueal.findings.verdict import rate_text
 from drumsqueal.questions.run.figures.view import View
+from drumsqueal.solve.linear.modes import Mode, Stability
 from drumsqueal.terminal import style
 from drumsqueal.terminal.placement import label_points
 
@@ -25,29 +28,33 @@ def draw_eigenvalues(view: View) -> Figure | None:
     enlarged = bool(near) and len(near) < len(values[values.imag >= 0])
     figure = style.new_figure(view.title, "eigenvalues of steady sliding, upper half-plane")
     panels = figure.subplots(1, 1 + enlarged, sharey=True, squeeze=False, width_ratios=(1, 1.4)[: 1 + enlarged])[0]
-    low, high = values.real.min(), values.real.max()
-    margin = 0.12 * max(high - low, LEAST_WIDTH)
-    top = 1.12 * max(stability.highest_frequency_Hz, 1.0) / 1e3
-    _draw_panel(view, panels[0], (low - margin, max(high, 0.0) + margin), top)
-    style.frame(panels[0], "Growth rate Re λ (1/s)", "Frequency Im λ/2π (kHz)")
+    measured, changing = _measured(view), view.findings.changing
+    draw_plane(panels[0], stability, measured=measured, changing=changing)
     if enlarged:
         # Room for a label to the right of every mode.
         rates = [0.0, *(mode.growth_rate for mode in near)]
         width = max(LEAST_WIDTH, max(rates) - min(rates))
-        _draw_panel(view, panels[1], (min(rates) - 0.3 * width, max(rates) + width), top)
-        style.frame(panels[1], "Growth rate Re λ (1/s), enlarged", None)
+        limits = (min(rates) - 0.3 * width, max(rates) + width)
+        draw_plane(panels[1], stability, limits, measured=measured, changing=changing)
+        style.frame(panels[1], "Growth rate Re λ (1/s), enlarged", "")
     handles, names = panels[0].get_legend_handles_labels()
     figure.legend(handles, names, loc="outside lower center", ncols=5)
-    measured = _measured(view)
     for axes in panels:
         full = axes is panels[-1]
-        points = []
-        for mode in near if full and enlarged else stability.modes:
-            rate = rate_text(mode.growth_rate, mode.frequency_Hz)
-            text = f"{mode.label}: {mode.frequency_Hz:.0f} Hz, {rate} 1/s" if full else mode.label
-            points.append((mode.growth_rate, mode.frequency_Hz / 1e3, text, style.COLOUR[mode.name]))
-        label_points(axes, points, measured)
+        name_modes(axes, near if full and enlarged else stability.modes, measured, briefly=not full)
     return figure
+
+
+def name_modes(
+    axes: Axes, modes: Sequence[Mode], measured: Sequence[tuple[float, float]] = (), *, briefly: bool = False
+) -> None:
+    """Write the name of each mode beside it, with frequency and growth rate unless `briefly`, clear of the others."""
+    points = []
+    for mode in modes:
+        rate = rate_text(mode.growth_rate, mode.frequency_Hz)
+        text = mode.label if briefly else f"{mode.label}: {mode.frequency_Hz:.0f} Hz, {rate} 1/s"
+        points.append((mode.growth_rate, mode.frequency_Hz / 1e3, text, style.COLOUR[mode.name]))
+    label_points(axes, points, list(measured))
 
 
 def _measured(view: View) -> list[tuple[float, float]]:
@@ -59,8 +66,21 @@ def _measured(view: View) -> list[tuple[float, float]]:
     ]
 
 
-def _draw_panel(view: View, axes: Axes, limits: tuple[float, float], top: float) -> None:
-    stability = view.result.stability
+def draw_plane(
+    axes: Axes,
+    stability: Stability,
+    limits: tuple[float, float] | None = None,
+    *,
+    measured: Sequence[tuple[float, float]] = (),
+    changing: bool = False,
+) -> None:
+    """Draw the eigenvalues with limits of the growth rate (1/s), all of them unless given."""
+    values = np.asarray(stability.eigenvalues, dtype=np.complex128)
+    if limits is None:
+        low, high = values.real.min(), values.real.max()
+        margin = 0.12 * max(high - low, LEAST_WIDTH)
+        limits = (low - margin, max(high, 0.0) + margin)
+    top = 1.12 * max(stability.highest_frequency_Hz, 1.0) / 1e3
     axes.set_xlim(*limits)
     axes.set_ylim(-0.04 * top, top)
     axes.axvspan(min(limits[0], 0), 0, color=STABLE, linewidth=0, zorder=0, label="stable")
@@ -69,22 +89,16 @@ def _draw_panel(view: View, axes: Axes, limits: tuple[float, float], top: float)
     axes.axvline(0, color=style.DARK, linewidth=0.6, zorder=1)
     dot = {"marker": "o", "markersize": 4, "linestyle": ""}
     for mode in stability.modes:
-        axes.plot(
-            mode.growth_rate,
-            mode.frequency_Hz / 1e3,
-            **dot,
-            color=style.COLOUR[mode.name],
-            gid=f"predicted {mode.label}",
-        )
-    changing = view.findings.changing
+        gid, colour = f"predicted {mode.label}", style.COLOUR[mode.name]
+        axes.plot(mode.growth_rate, mode.frequency_Hz / 1e3, **dot, color=colour, gid=gid)
     predicted = f"mode at t = {stability.time:g} s" if changing else "predicted mode"
     axes.plot([], [], **dot, color=style.DARK, label=predicted)
-    real = [value.real for value in stability.eigenvalues if value.imag == 0]
-    if real:
+    real = values.real[values.imag == 0]
+    if real.size:
         square = dot | {"marker": "s", "markersize": 3.5}
         axes.plot(real, np.zeros(len(real)), **square, color=style.DARK, label="no oscillation")
-    measured = _measured(view)
     if measured:
         ring = dot | {"markersize": 8, "fillstyle": "none", "markeredgewidth": 0.7}
         label = "mean over the growth phase" if changing else "measured in the transient"
         axes.plot(*np.transpose(measured), **ring, color=style.DARK, label=label)
+    style.frame(axes, "Growth rate Re λ (1/s)", "Frequency Im λ/2π (kHz)")

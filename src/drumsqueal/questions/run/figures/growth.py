@@ -40,22 +40,41 @@ def draw_growth(view: View) -> Figure | None:
         end = min(end, BEYOND * saturation.start_s)
     shown = slice(0, int(np.searchsorted(view.time, end, side="right")))
     factor, unit = style.time_unit(view.time[-1])
-    _mark_phases(view, upper)
-    marks = _mark_phases(view, lower)
-    modes = [_draw_mode(view, upper, mode, shown) for mode in view.modes]
-    upper.set_yscale("log")
+    _explain(view, upper, *draw_amplitudes(view, upper, shown))
+    _mark_phases(view, lower)
+    _draw_fractions(view, lower, shown)
+    more = f"; the record goes on to {view.time[-1] * factor:.4g} {unit}" if shown.stop < view.time.size else ""
+    style.frame(lower, f"Time ({unit}){more}", "Lining (%)")
+    lower.set_xlim(view.time[0] * factor, end * factor)
+    return figure
+
+
+def draw_amplitudes(view: View, axes: Axes, shown: slice) -> tuple[list[Artist], list[Artist]]:
+    """Draw the amplitude of each mode over the samples that are shown, with its predicted slope.
+
+    Returns what to name in a legend: the modes, and what is marked.
+    """
+    marks = _mark_phases(view, axes)
+    modes = [_draw_mode(view, axes, mode, shown) for mode in view.modes]
+    axes.set_yscale("log")
     top = float(max(view.amplitude(mode, shown).max() for mode in view.modes))
     begins = min(float(view.amplitude(mode, slice(0, 1))[0]) for mode in view.modes)
     # A decaying mode leaves the frame below: how it begins decides how far down that goes.
-    upper.set_ylim(min(max(begins / 10, top * 10.0**-DECADES), top / 100), top * 2)
-    upper.yaxis.set_minor_formatter(NullFormatter())
-    style.frame(upper, None, "Amplitude (µm; rotations times R)")
+    axes.set_ylim(min(max(begins / 10, top * 10.0**-DECADES), top / 100), top * 2)
+    axes.yaxis.set_minor_formatter(NullFormatter())
+    style.frame(axes, None, "Amplitude (µm; rotations times R)")
+    return modes, marks
+
+
+def _explain(view: View, axes: Axes, modes: list[Artist], marks: list[Artist]) -> None:
+    """Put the legends above the frame."""
+    factor, unit = style.time_unit(view.time[-1])
     compared, predicted = "Re λ predicted / measured", "predicted growth"
     if view.findings.changing:
         when = f"at t = {view.result.stability.time:g} s"
         compared = f"Re λ {when} / mean from 0 to {view.findings.growth.linear_until_s * factor:.4g} {unit}"
         predicted = f"growth as predicted {when}"
-    legend = upper.legend(
+    legend = axes.legend(
         handles=modes,
         title=f"Mode: {compared} (1/s)",
         loc="lower left",
@@ -63,19 +82,14 @@ def draw_growth(view: View) -> Figure | None:
         borderaxespad=0.2,
         alignment="left",
     )
-    upper.add_artist(legend)
+    axes.add_artist(legend)
     legend.set_clip_on(False)  # or the layout takes it for hidden and leaves it no room
     explained = [
         Line2D([], [], color=style.DARK, linewidth=0.7, linestyle=DASHES, label=predicted),
         Patch(color=style.FAINT, label=f"smallest to largest in {PERIODS} periods"),
         *marks,
     ]
-    upper.legend(handles=explained, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2)
-    _draw_fractions(view, lower, shown)
-    more = f"; the record goes on to {view.time[-1] * factor:.4g} {unit}" if shown.stop < view.time.size else ""
-    style.frame(lower, f"Time ({unit}){more}", "Lining (%)")
-    lower.set_xlim(view.time[0] * factor, end * factor)
-    return figure
+    axes.legend(handles=explained, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2)
 
 
 @style.styled()

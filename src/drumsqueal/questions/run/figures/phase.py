@@ -21,11 +21,25 @@ def draw_phase(view: View) -> Figure | None:
     """Draw u̇_θ against u_θ at θ = z = 0 for the last 30 ms; None where nothing moved."""
     if not view.readable:
         return None
-    part = slice(max(view.saturated.start, int(np.searchsorted(view.time, view.time[-1] - LAST_S))), view.time.size)
+    part = last_part(view)
     if view.time[part].size < 8 or not np.ptp(view.surface_motion(part)[:, 0]) > 0:
         return None
     figure = style.new_figure(view.title, "phase portrait of the lining's surface")
     axes = figure.subplots()
+    draw_portrait(view, axes, part)
+    legend = axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, borderaxespad=0.2)
+    for line in legend.get_lines():
+        line.set_linewidth(1.0)
+    return figure
+
+
+def last_part(view: View) -> slice:
+    """The last 30 ms, or what of them has saturated."""
+    return slice(max(view.saturated.start, int(np.searchsorted(view.time, view.time[-1] - LAST_S))), view.time.size)
+
+
+def draw_portrait(view: View, axes: Axes, part: slice) -> None:
+    """Draw the path of a part of the record, with the end of the growth where it led to a contact boundary."""
     path = _path(view, part)
     unit, scale = ("µm", MICRO) if np.abs(path[:, 0]).max() >= 1e-7 else ("nm", 1e9)
     before = _growth_path(view)
@@ -47,10 +61,6 @@ def draw_phase(view: View) -> Figure | None:
         rf"Displacement $u_\theta$ from steady sliding, middle of the lining ({unit})",
         r"Velocity $\dot u_\theta$ (m/s)",
     )
-    legend = axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, borderaxespad=0.2)
-    for line in legend.get_lines():
-        line.set_linewidth(1.0)
-    return figure
 
 
 def _path(view: View, part: slice) -> NDArray[np.float64]:

@@ -1,6 +1,6 @@
 """Frequencies of a run: spectra of the growth phase and the saturated part, and the spectrogram."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -40,13 +40,7 @@ def draw_spectra(view: View) -> Figure | None:
     figure = style.new_figure(view.title, "displacement spectra")
     rows = figure.subplots(len(spectra), 1, sharex=True, squeeze=False)[:, 0]
     for axes, (name, part, found) in zip(rows, spectra, strict=True):
-        axes.set_xlim(0, highest / 1e3)
-        for coordinate, each in found.items():
-            axes.plot(each.frequency_Hz / 1e3, each.amplitude, color=style.COLOUR[coordinate], label=coordinate)
-        top = max(float(each.amplitude.max()) for each in found.values())
-        axes.set_yscale("log")
-        axes.set_ylim(top * 10.0**-DECADES, top * 4)
-        style.frame(axes, None, None)
+        _draw_lines(axes, found, highest)
         factor, unit = style.time_unit(view.time[-1])
         first, last = view.time[part][[0, -1]] * factor
         resolution = next(iter(found.values())).resolution_Hz
@@ -55,9 +49,7 @@ def draw_spectra(view: View) -> Figure | None:
             caption += _mark_main_line(view, axes)
         pad = CAPTION_PAD if axes is rows[0] else 4
         axes.set_title(caption, loc="left", pad=pad, fontsize=style.TEXT_SIZE)
-        for mode in view.modes:
-            colour, gid = style.COLOUR[mode.name], f"predicted {mode.label}"
-            axes.axvline(mode.frequency_Hz / 1e3, color=colour, linewidth=0.7, linestyle=":", gid=gid)
+        _mark_modes(view, axes)
     rows[-1].set_xlabel("Frequency (kHz)")
     rows[0].legend(
         loc="lower right",
@@ -73,6 +65,32 @@ def draw_spectra(view: View) -> Figure | None:
         [(m.frequency_Hz / 1e3, f"{m.label} {m.frequency_Hz:.0f} Hz", style.COLOUR[m.name]) for m in view.modes],
     )
     return figure
+
+
+def draw_spectrum(view: View, axes: Axes) -> None:
+    """Draw the displacement spectra of the saturated motion, of the whole record where nothing saturated."""
+    highest = _highest_shown(view)
+    _draw_lines(axes, _outlines(view, view.saturated, highest), highest)
+    _mark_main_line(view, axes)
+    _mark_modes(view, axes)
+    axes.legend(ncols=3)
+    style.frame(axes, "Frequency (kHz)", "Displacement amplitude\n(µm; rotations times R)")
+
+
+def _draw_lines(axes: Axes, found: Mapping[str, Spectrum], highest: float) -> None:
+    axes.set_xlim(0, highest / 1e3)
+    for coordinate, each in found.items():
+        axes.plot(each.frequency_Hz / 1e3, each.amplitude, color=style.COLOUR[coordinate], label=coordinate)
+    top = max(float(each.amplitude.max()) for each in found.values())
+    axes.set_yscale("log")
+    axes.set_ylim(top * 10.0**-DECADES, top * 4)
+    style.frame(axes, None, None)
+
+
+def _mark_modes(view: View, axes: Axes) -> None:
+    for mode in view.modes:
+        colour, gid = style.COLOUR[mode.name], f"predicted {mode.label}"
+        axes.axvline(mode.frequency_Hz / 1e3, color=colour, linewidth=0.7, linestyle=":", gid=gid)
 
 
 def _highest_shown(view: View) -> float:
