@@ -15,6 +15,7 @@ from drumsqueal.findings.saturated import Saturated
 from drumsqueal.findings.schema import Findings
 from drumsqueal.outcome import Ending
 from drumsqueal.questions.cycle.diagram import Diagram
+from drumsqueal.questions.cycle.seeds import Seed
 from drumsqueal.scene.variation import Variation
 from drumsqueal.solve.linear.branches import Branch, Critical, Point
 
@@ -394,6 +395,16 @@ class Onset(Finding):
     def variation(self) -> Variation:
         """The number that is varied, as the command line reads it."""
         return self.parameter.variation
+
+    @property
+    def seeds(self) -> list[Seed]:
+        """The motions at the values that were asked for, as `follow_cycles` takes them; none where it was read."""
+        motions = [(row.value, motion) for row in self.values if row.asked for motion in row.motions]
+        return [
+            Seed(value, {"displacement": each.state[0], "velocity": each.state[1]}, each.frequency_Hz)
+            for value, each in motions
+            if each.state is not None
+        ]
 
     @property
     def in_order(self) -> Sequence[Row]:

@@ -225,9 +225,9 @@ def compare(
     keep(study)
     if scene is None:
         ends = predicted.variation.first, predicted.variation.last
-        found = follow_cycles(predicted.family.model_at, ends, progress=progress)
+        found = follow_cycles(predicted.family.model_at, ends, seeds=study.seeds, progress=progress)
     else:
-        found = follow_cycles(scene, predicted.variation, progress=progress)
+        found = follow_cycles(scene, predicted.variation, seeds=study.seeds, progress=progress)
     return study.model_copy(update={"cycles": found})
 
 
