@@ -691,7 +691,10 @@ def made_up_cycles(speeds: list[float]) -> Branch:
 
 
 def test_cycles_are_laid_over_the_onset(drumsqueal, tmp_path, monkeypatch):
-    def follow(scene, variation, *, progress):
+    def follow(scene, variation, *, seeds, progress):
+        # Motions at the values that were asked for, below 25 rad/s.
+        assert sorted(seed.value for seed in seeds) == pytest.approx([1 + 3 * k for k in range(8)])
+        assert all(seed.frequency_Hz == 1000.0 for seed in seeds)
         assert (variation.key, variation.first, variation.last) == ("drum.speed", 1.0, 40.0)
         linear = predict(scene, read_variation("drum.speed=1..40x14", scene)).linear
         found = CycleBranches(

@@ -82,7 +82,7 @@ def test_the_smallest_disturbance_of_the_block_leads_onto_its_unstable_cycle():
     assert smallest == found.smallest_kick
     (motion,) = found.motions
     assert motion.smallest_kick == smallest
-    assert len(motion.starts) == len({each for each in motion.starts}) > 5
+    assert len(motion.starts) == len(set(motion.starts)) > 5
     wanted = unstable_cycle()
     assert wanted == pytest.approx(0.4, rel=0.01)  # averaged, to second order in friction
     # Where the two that enclose it are 2 % apart, the middle is right to 1 %.

@@ -211,15 +211,12 @@ def _with_seeds(
             why, line = Why.NOT_RECORDED, seed.frequency_Hz
             off.append(OffBranch(value=seed.value, frequency_Hz=line, amplitude={}, why=why, reason=str(error)))
             continue
-        if found.period is None:
-            off.append(found.off(Why.NOT_PERIODIC, f"the motion {found.words}"))
-            continue
-        if on_branch(diagram.branches, found.period, found.amplitude, found.value):
+        if found.period is not None and on_branch(diagram.branches, found.period, found.amplitude, found.value):
             continue
         try:
             cycle = closed_from(found, model, steady, family.on_flow)
         except CycleError as error:
-            off.append(found.off(Why.NOT_CLOSED, str(error)))
+            off.append(found.off(Why.NOT_PERIODIC if found.period is None else Why.NOT_CLOSED, str(error)))
             continue
         before = len(diagram.notes)
         diagram = _with_cycle(diagram, family, cycle, f"motion found at {seed.value:.6g}, the ", on_diagram)

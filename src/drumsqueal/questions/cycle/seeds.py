@@ -70,16 +70,24 @@ def settled_at(seed: Seed, model: Model, progress: Progress) -> Settled:
 
 
 def closed_from(found: Settled, model: Model, steady: np.ndarray, on_flow: Callable[[], object]) -> Cycle:
-    """The cycle that a periodic motion is on. Raises CycleError where Newton's method does not find it."""
-    assert found.period is not None
-    cycle = cycle_from(model, Start(found.state, found.period, "the motion found"), steady, on_flow)
-    if _apart(cycle.amplitude, found.amplitude) > OWN:
-        raise CycleError(f"Newton's method ends at another cycle, of {cycle.frequency_Hz:.5g} Hz")
+    """The cycle that a motion is on, by its period or that of its line. Raises CycleError where it is on none."""
+    if found.frequency_Hz is None:
+        raise CycleError(f"it {found.words}")
+    try:
+        cycle = cycle_from(model, Start(found.state, 1 / found.frequency_Hz, "the motion found"), steady, on_flow)
+        if _apart(cycle.amplitude, found.amplitude) > OWN:
+            raise CycleError(f"Newton's method ends at another cycle, of {cycle.frequency_Hz:.5g} Hz")
+        if not (cycle.stable or cycle.neutral):
+            raise CycleError(f"Newton's method ends at an unstable cycle near it, of {cycle.frequency_Hz:.5g} Hz")
+    except CycleError:
+        if found.period is None:
+            raise CycleError(f"it {found.words}") from None
+        raise
     return cycle.model_copy(update={"value": found.value})
 
 
 def on_branch(branches: Sequence[Branch], period: float, amplitude: dict[str, float], value: float) -> bool:
-    """Whether a motion lies on a branch, by period and amplitudes between two of its cycles."""
+    """Whether a motion lies on a branch, by period and amplitudes between two neighbouring cycles."""
     return any(_off(a, b, period, amplitude, value) < SAME for a, b in _around(branches, value))
 
 

@@ -12,6 +12,7 @@ from drumsqueal.scene.quantities import percent
 from drumsqueal.scene.variation import Variation
 
 TINY, ALIKE = 1e-12, 0.7  # m, rad; and logarithm of the ratio of amplitudes at neighbouring values of one motion
+WHOLE = 100.0  # Hz, from which on frequencies are given without decimals
 VISIBLE = 1e-2  # m, rad; an amplitude from which on it is not given in millionths
 
 
@@ -104,18 +105,26 @@ def _goes_on(one: OffBranch, other: OffBranch) -> bool:
 def _off_branch(group: Sequence[OffBranch], along: Variation) -> str:
     first, last = group[0], group[-1]
     name = max(first.amplitude, key=lambda name: first.amplitude[name], default="")
-    sizes = sorted(each.amplitude[name] for each in group if name)
-    shown = [f"{1e6 * size:.3g}" for size in (sizes[:1] + sizes[1:][-1:])]
-    size = f" with {' to '.join(shown)} {unit_of(name, 'µ')} of {name}" if name else ""
-    frequencies = sorted(each.frequency_Hz for each in group if each.frequency_Hz is not None)
-    lines = [f"{each:.0f}" for each in frequencies[:1] + frequencies[1:][-1:]]
-    line = f" of {' to '.join(lines)} Hz" if lines else ""
+    sizes = _span([f"{1e6 * each:.3g}" for each in sorted(each.amplitude[name] for each in group if name)])
+    size = f" with {sizes} {unit_of(name, 'µ')} of {name}" if name else ""
+    lines = _span([shown_Hz(each) for each in sorted(each.frequency_Hz for each in group if each.frequency_Hz)])
+    line = f" of {lines} Hz" if lines else ""
     if len(group) == 1:
         where, which = f"at {along.with_unit(first.value)}", f"the motion{line}{size} is"
     else:
         ends = f"from {along.shown(first.value):.6g} to {along.with_unit(last.value)}"
         where, which = f"{ends} ({len(group)} values)", f"motions{line}{size} are"
     return f"{where} {which} on none of the branches: {first.reason}."
+
+
+def _span(rising: Sequence[str]) -> str:
+    """The first and the last, or the one there is."""
+    return " to ".join(dict.fromkeys([*rising[:1], *rising[-1:]]))
+
+
+def shown_Hz(frequency: float) -> str:
+    """A frequency in whole Hz, or with three digits."""
+    return f"{frequency:.0f}" if frequency >= WHOLE else f"{frequency:.3g}"
 
 
 def _ranges(intervals: Sequence[Interval], along: Variation) -> str:

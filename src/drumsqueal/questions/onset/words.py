@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 from drumsqueal.findings.verdict import SMALL_ROTATION
 from drumsqueal.findings.vibration import unit_of
+from drumsqueal.questions.cycle.words import shown_Hz
 from drumsqueal.questions.onset.found import Attractor, Kind, Leads, Onset, Range
 from drumsqueal.scene.variation import Variation
 from drumsqueal.solve.linear.branches import DIVERGENCE, Critical
@@ -90,7 +91,7 @@ def _coexisting(study: Onset) -> str:
 def motion_words(study: Onset, motion: Attractor) -> str:
     """Line and amplitude of a motion, and what leads to it."""
     name = study.coordinate
-    line = "" if motion.frequency_Hz is None else f"{motion.frequency_Hz:.0f} Hz with "
+    line = "" if motion.frequency_Hz is None else f"{shown_Hz(motion.frequency_Hz)} Hz with "
     size = f"{1e6 * motion.amplitude[name]:.3g} {unit_of(name, 'µ')} of {name}"
     return f"{line}{size} {_after(motion)} {start_words(motion, study.variation)}"
 
