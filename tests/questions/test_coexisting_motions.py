@@ -204,6 +204,7 @@ def judged(monkeypatch, fluctuations, known=None) -> Response:
         (np.full(60, 1e-5), 3),
         ([0.3, 0.2, 0.1], 3),  # a torus, or what approaches one
         ([0.2, 0.005, 0.011, 0.024, 0.05, 0.04], 6),  # leaves an unstable cycle
+        ([1.1e-4, 2.4e-4, 5.4e-4, 1.2e-3, 1.2e-3], 5),
         ([1e-6, 1e-5, 1e-4], 3),  # round-off
     ],
 )

@@ -27,8 +27,9 @@ ROUND_PERIODS = 100  # of the slowest mode that oscillates freely
 FREE = 0.1  # damping ratio below which a mode does: beyond it falls to half within a period or so
 MOST_ROUNDS = 60
 PERSISTENT, LASTING = 3, 10  # rounds a motion must last to count as settled, on the grid and at a boundary
-# A motion that fluctuates by so much, and so many times more than a round before, is leaving what it was near.
-LEAVES, FASTER = 1e-3, 1.2
+# A motion that fluctuates by so much, and so many times more than a round before, is leaving what it was near: a cycle
+# fluctuates by 1e-5, and one was seen to grow from 1.1e-4 by 2.2 times a round for six rounds before it left.
+LEAVES, FASTER = 1e-4, 1.2
 IRREGULAR = 20  # rounds over which one whose rms comes and goes must go on as it was
 STILL = 0.1  # of the linear rate: a motion below the contact boundaries that changes so slowly has settled
 STEADY = 0.02  # change of the rms from half to half below which a motion may be one that is known already

@@ -81,7 +81,7 @@ def _coexisting(study: Onset) -> str:
     several = [row for row in study.in_order if row.asked and len(row.motions) > 1]
     if not several:
         return ""
-    most = max(several, key=lambda row: len(row.motions))
+    most = max(several, key=lambda row: (len(row.motions), row.kind is Kind.BISTABLE))
     each = _joined([motion_words(study, motion) for motion in most.led_to])
     where = _values(study, [row.value for row in several])
     there = f"; at {study.variation.with_unit(most.value)}" if len(several) > 1 else ":"
