@@ -42,6 +42,7 @@ from drumsqueal.questions.cycle.diagram import Diagram as Diagram
 from drumsqueal.questions.cycle.search import CycleSearch as CycleSearch
 from drumsqueal.questions.cycle.search import CycleStudy as CycleStudy
 from drumsqueal.questions.cycle.search import find_cycle as find_cycle
+from drumsqueal.questions.cycle.seeds import Seed as Seed
 from drumsqueal.questions.effects.study import EffectStudy as EffectStudy
 from drumsqueal.questions.effects.study import study_effects as study_effects
 from drumsqueal.questions.motion.study import MotionStudy as MotionStudy

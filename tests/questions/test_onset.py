@@ -417,7 +417,7 @@ def ending(value: float, start: str, kind: Leads, size: float = 1.0) -> Response
 def made_up(found, fold: float, reach: float):
     """Responses: motion lasts below `fold` if it comes from no farther than `reach`; large disturbances do nothing."""
 
-    def find(family, tasks, how, *, rounds, progress=None):
+    def find(family, tasks, how, *, rounds, known=None, progress=None):
         for point, start in tasks:
             found.append((point.value, start.name))
             near = "from" in start.name and abs(point.value - float(start.name.split()[-1])) < reach
@@ -454,10 +454,10 @@ def test_a_bistable_range_narrower_than_the_steps_is_found_next_to_the_critical_
 
 
 def test_a_motion_that_only_lasts_larger_is_tried_larger(nominal, monkeypatch):
-    known = made_up([], fold=1.25, reach=0.2)
+    lasting = made_up([], fold=1.25, reach=0.2)
 
-    def find(family, tasks, how, *, rounds, progress=None):
-        for each in known(family, tasks, how, rounds=rounds):
+    def find(family, tasks, how, *, rounds, known=None, progress=None):
+        for each in lasting(family, tasks, how, rounds=rounds):
             yield (
                 each
                 if each.value < HOPF or each.start.startswith("1.5 times")
@@ -660,7 +660,7 @@ def test_a_range_is_shown_in_the_order_and_in_the_unit_in_which_it_was_asked_for
     assert ticks["200"] == pytest.approx(200 * math.tau / 60)
 
 
-def made_up_for_y(family, tasks, how, *, rounds, progress=None):
+def made_up_for_y(family, tasks, how, *, rounds, known=None, progress=None):
     for point, start in tasks:
         lasts = point.value < 25 and (point.unstable or start.name != "small")
         one = np.array([1e-5])
@@ -691,7 +691,10 @@ def made_up_cycles(speeds: list[float]) -> Branch:
 
 
 def test_cycles_are_laid_over_the_onset(drumsqueal, tmp_path, monkeypatch):
-    def follow(scene, variation, *, progress):
+    def follow(scene, variation, *, seeds, progress):
+        # Motions at the values that were asked for, below 25 rad/s.
+        assert sorted(seed.value for seed in seeds) == pytest.approx([1 + 3 * k for k in range(8)])
+        assert all(seed.frequency_Hz == 1000.0 for seed in seeds)
         assert (variation.key, variation.first, variation.last) == ("drum.speed", 1.0, 40.0)
         linear = predict(scene, read_variation("drum.speed=1..40x14", scene)).linear
         found = CycleBranches(
@@ -754,9 +757,12 @@ def test_transients_settle_on_the_cycles_that_are_followed(drumsqueal, tmp_path)
 
 
 def test_ctrl_c_keeps_the_values_done(drumsqueal, tmp_path, monkeypatch):
-    def interrupted(family, tasks, how, *, rounds, progress=None):
-        for k, each in enumerate(made_up_for_y(family, tasks, how, rounds=rounds)):
-            if k == 5:  # two starts a value
+    calls = []
+
+    def interrupted(family, tasks, how, *, rounds, known=None, progress=None):
+        calls.append(len(tasks))
+        for each in made_up_for_y(family, tasks, how, rounds=rounds):
+            if len(calls) == 2 and each.value > 4:  # after the small and the largest starts come the others
                 raise KeyboardInterrupt
             yield each
 
@@ -816,7 +822,7 @@ LOWEST = 0.1  # of the figure's height: panels lower than that cannot be read
 )
 def test_the_panels_of_the_figure_keep_their_heights(monkeypatch, scenario, along, told):
     # An empty line that is not clipped once stretched over the whole figure, and the layout gave up, with a warning.
-    def find(family, tasks, how, *, rounds, progress=None):
+    def find(family, tasks, how, *, rounds, known=None, progress=None):
         for point, start in tasks:
             yield ending_in(family.moving, point, start.name)
 

@@ -101,7 +101,7 @@ def run_folder(nominal, tmp_path_factory):
 def onset_folder(tmp_path_factory):
     """The critical value is real; where the transients lead is made up."""
 
-    def made_up(family, tasks, how, *, rounds, progress):
+    def made_up(family, tasks, how, *, rounds, known=None, progress):
         for point, start in tasks:
             lasts = point.value < 25 and (point.unstable or start.name != "small")
             one = np.array([1e-5])

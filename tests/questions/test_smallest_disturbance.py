@@ -19,11 +19,13 @@ from drumsqueal.physics.small_bodies import block_on_belt
 from drumsqueal.questions.cycle.orbit import Start as Beginning
 from drumsqueal.questions.cycle.search import cycle_from
 from drumsqueal.questions.onset import disturbance as disturbance_module
+from drumsqueal.questions.onset import kicks as kicks_module
 from drumsqueal.questions.onset import study as study_module
 from drumsqueal.questions.onset.attractors import Family, How, Start, find_attractors
-from drumsqueal.questions.onset.disturbance import PRECISION, smallest_disturbances, surface_speed
+from drumsqueal.questions.onset.disturbance import PRECISION, smallest_disturbances
 from drumsqueal.questions.onset.figure import draw_onset
 from drumsqueal.questions.onset.found import Leads, Response, Row
+from drumsqueal.questions.onset.kicks import surface_speed
 from drumsqueal.questions.onset.study import predict, study_onset
 from drumsqueal.questions.onset.words import reservations, verdict
 from drumsqueal.scene import load_scene
@@ -75,7 +77,12 @@ def test_the_smallest_disturbance_of_the_block_leads_onto_its_unstable_cycle():
     row = Row.at(point_at(block, DAMPING), asked=True)
     seen = []
     *coarse, last = smallest_disturbances(FAMILY, [row], HOW, lambda *told: seen.append(told))
-    (smallest,) = last.values()
+    (found,) = last
+    (smallest,) = found.smallest_kicks
+    assert smallest == found.smallest_kick
+    (motion,) = found.motions
+    assert motion.smallest_kick == smallest
+    assert len(motion.starts) == len(set(motion.starts)) > 5
     wanted = unstable_cycle()
     assert wanted == pytest.approx(0.4, rel=0.01)  # averaged, to second order in friction
     # Where the two that enclose it are 2 % apart, the middle is right to 1 %.
@@ -89,17 +96,17 @@ def test_the_smallest_disturbance_of_the_block_leads_onto_its_unstable_cycle():
     # Averaged 0.894 m; sampled ten times a radian.
     assert smallest.leads_to.amplitude == pytest.approx({"X": math.sqrt(0.8)}, rel=0.01)
     # What is known before is less certain, and right, too.
-    for found in coarse:
-        (before,) = found.values()
+    for (found,) in coarse:
+        (before,) = found.smallest_kicks
         assert abs(before.speed_m_per_s - wanted) <= before.speed_uncertainty_m_per_s
         assert before.speed_uncertainty_m_per_s > smallest.speed_uncertainty_m_per_s
     assert all(what == "smallest disturbance" and done <= total for what, done, total in seen)
 
 
 def test_a_disturbance_that_is_enough_below_all_that_were_tried_is_sought_below(monkeypatch):
-    monkeypatch.setattr(disturbance_module, "LEAST", 0.8)  # of the contact boundary: twice the unstable cycle
-    *_, last = smallest_disturbances(FAMILY, [Row.at(point_at(block, DAMPING), asked=True)], HOW, lambda *_: None)
-    (smallest,) = last.values()
+    monkeypatch.setattr(kicks_module, "LEAST", 0.8)  # of the contact boundary: twice the unstable cycle
+    *_, (last,) = smallest_disturbances(FAMILY, [Row.at(point_at(block, DAMPING), asked=True)], HOW, lambda *_: None)
+    (smallest,) = last.smallest_kicks
     assert (
         abs(smallest.speed_m_per_s - unstable_cycle())
         <= smallest.speed_uncertainty_m_per_s
@@ -110,7 +117,7 @@ def test_a_disturbance_that_is_enough_below_all_that_were_tried_is_sought_below(
 def test_where_no_disturbance_leads_to_squeal_there_is_none():
     # Beyond the fold, at c = 0.072, all motion dies away.
     row = Row.at(point_at(block, 0.09), asked=True)
-    assert all(not found for found in smallest_disturbances(FAMILY, [row], HOW, lambda *_: None))
+    assert all(not found.smallest_kicks for (found,) in smallest_disturbances(FAMILY, [row], HOW, lambda *_: None))
 
 
 def test_the_fastest_point_of_the_lining():
@@ -153,8 +160,8 @@ def test_the_smallest_disturbance_of_the_brake_is_that_of_its_unstable_cycle():
     ends = {each.start: each for each in find_attractors(family, [(point, start) for start in starts], predicted.how)}
     assert (ends["0.98"].leads_to, ends["1.02"].leads_to) == (Leads.DECAYS, Leads.SQUEALS)
     row = Row.at(point, ends["1.02"], asked=True)
-    *_, last = smallest_disturbances(family, [row], predicted.how, lambda *_: None)
-    (smallest,) = last.values()
+    *_, (last,) = smallest_disturbances(family, [row], predicted.how, lambda *_: None)
+    (smallest,) = last.smallest_kicks
     assert smallest.mode == "Y"
     # A disturbance along the mode has a part that decays first: it takes a little more. Found: 11.5 ± 0.1 J over
     # 11.36 J.
@@ -177,13 +184,14 @@ def table(folder: Path) -> list[dict[str, str]]:
 def made_up(threshold):
     """Squeal below 25 rad/s; above the critical value only from disturbances of Y beyond a velocity, or from none."""
 
-    def find(family, tasks, how, *, rounds, progress=None):
+    def find(family, tasks, how, *, rounds, known=None, progress=None):
         for point, start in tasks:
             enough = start.name.startswith("kick Y") and abs(start.velocity[0]) > threshold(point.value)
             lasts = point.value < 25 and (point.unstable or "from" in start.name or enough)
             one = np.array([1e-5])
             motion = Saturated(one, one, (0.0, 1.5), 1000.0, "Y", 1.0, 0.0, 1.0, one, one, COMPLETE)
-            yield Response.of(point.value, start.name, Leads.SQUEALS if lasts else Leads.DECAYS, motion, 0.1, ("Y",))
+            leads = Leads.SQUEALS if lasts else Leads.DECAYS
+            yield Response.of(point.value, start.name, leads, motion, 0.1, ("Y",), kick=start.kick)
 
     return find
 

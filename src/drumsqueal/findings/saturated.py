@@ -22,6 +22,8 @@ AT_ONCE = 16  # transients a thread, so that memory does not grow with their num
 LAST_FRACTION = 0.5  # of the duration that is looked at
 FEWEST_SAMPLES = 16  # of what is looked at, for a spectrum
 WHAT = "transients"
+PARTS = 5  # of what is looked at, whose rms is compared
+TAKES_PART = 1e-2  # of the kinetic energy: a coordinate that holds less does not count in that
 DRIFT = 0.1  # change of the rms from half to half of what is looked at, below which the motion has settled
 
 
@@ -34,8 +36,9 @@ class Saturated(NamedTuple):
     coordinate `line`; None where nothing moves. `kinetic_energy` (J) is the mean, `rate` (1/s) the mean growth rate of
     the rms velocity, weighted by mass, from the first half of the part to the second. `vibration` and `velocity` (n,)
     are where it ended: another transient can go on from there. `at_rest` marks one whose motion is below what is
-    resolved (`least_energy`): its numbers are round-off. One that failed has NaN for all numbers, and says why in
-    `outcome`.
+    resolved (`least_energy`): its numbers are round-off. `fluctuation` is by how much the rms of a coordinate comes and
+    goes: its standard deviation over `PARTS` parts that overlap by half, of its mean, at most. One that failed has NaN
+    for all numbers, and says why in `outcome`.
     """
 
     amplitude: NDArray[np.float64]
@@ -50,6 +53,7 @@ class Saturated(NamedTuple):
     velocity: NDArray[np.float64]
     outcome: str
     at_rest: bool = False
+    fluctuation: float = 0.0
 
     @property
     def failed(self) -> bool:
@@ -162,7 +166,20 @@ def _looked_at(part: _Part, model: Model, sample_rate: float) -> Saturated:
         velocity=velocity[-1],
         outcome=part.outcome,
         at_rest=at_rest,
+        fluctuation=0.0 if at_rest else _fluctuation(velocity, mass),
     )
+
+
+def _fluctuation(velocity: NDArray[np.float64], mass: NDArray[np.float64]) -> float:
+    """The standard deviation of the rms over parts, of its mean; half of that of the energies."""
+    length = 2 * len(velocity) // (PARTS + 1)
+    # Parts with sharp ends would hold more or less of a period: 1 % of the rms where they are ten periods long.
+    window = np.hanning(length + 2)[1:-1]
+    starts = np.linspace(0, len(velocity) - length, PARTS).astype(int)
+    energies = np.array([mass * (window @ velocity[k : k + length] ** 2) for k in starts])
+    mean = energies.mean(axis=0)
+    counts = mean > TAKES_PART * mean.sum()
+    return float(np.max(energies.std(axis=0)[counts] / mean[counts], initial=0.0)) / 2
 
 
 def _strongest(

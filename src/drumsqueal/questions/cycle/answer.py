@@ -38,7 +38,7 @@ def print_cycle(console: Console, found: CycleStudy) -> None:
     console.print(f"Periodicity residual {found.residual:.1e} of the motion; {trivial}", style="dim")
     console.print(f"Start of the search: {found.found_from}. The transient {found.transient}.", style="dim")
     for other in found.others:
-        console.print(f"Another cycle: {describe_briefly(other)}.", style="dim")
+        console.print(f"Another cycle: {describe_briefly(other)}, from {other.found_from}.", style="dim")
     console.print(found.verdict, style="bold")
 
 

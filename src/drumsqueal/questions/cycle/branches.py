@@ -1,8 +1,7 @@
 """Cycles along a parameter: branches that leave steady sliding at its Hopf points, and that of the scene's cycle."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
-from itertools import pairwise
 from typing import Any, cast, overload
 
 import jax
@@ -12,10 +11,11 @@ from drumsqueal.errors import CycleError
 from drumsqueal.outcome import Ending
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.cycle.continuation import Track, is_between
-from drumsqueal.questions.cycle.diagram import Branch, CycleBranches, Diagram, End, Span, steady_sliding
-from drumsqueal.questions.cycle.orbit import Closed, Cycle, Shooting, Start, Vector, scale_near
+from drumsqueal.questions.cycle.continuation import Track
+from drumsqueal.questions.cycle.diagram import Branch, CycleBranches, Diagram, End, OffBranch, Span, Why, steady_sliding
+from drumsqueal.questions.cycle.orbit import Closed, Cycle, Shooting, Start, Vector, describe, scale_near
 from drumsqueal.questions.cycle.search import checked, find_cycle, modal_start, reach
+from drumsqueal.questions.cycle.seeds import Seed, closed_from, is_branch_cycle, on_branch, settled_at
 from drumsqueal.questions.cycle.words import diagram_verdict
 from drumsqueal.scene import Scene
 from drumsqueal.scene.variation import Variation, may_not_rest, read_variation
@@ -34,6 +34,7 @@ def follow_cycles(
     scene: Scene,
     along: str | Variation,
     *,
+    seeds: Sequence[Seed] = ...,
     progress: Progress = ...,
     keep: Callable[[CycleBranches], None] = ...,
 ) -> CycleBranches: ...
@@ -44,6 +45,7 @@ def follow_cycles(
     scene: Callable[[Any], Model],
     along: tuple[float, float],
     *,
+    seeds: Sequence[Seed] = ...,
     progress: Progress = ...,
     keep: Callable[[Diagram], None] = ...,
 ) -> Diagram: ...
@@ -53,22 +55,28 @@ def follow_cycles(
     scene: Scene | Callable[[Any], Model],
     along: str | Variation | tuple[float, float],
     *,
+    seeds: Sequence[Seed] = (),
     progress: Progress = silent,
     keep: Callable[[Any], None] = lambda _: None,
 ) -> Diagram:
     """Follow the cycles of a scene along one of its numbers: `follow_cycles(scene, "drum.speed=1..60").folds`.
 
     Branches begin at the Hopf points of steady sliding and, where none of them leads there, at the cycle that
-    `find_cycle` finds at the scene's own value. All is over the coordinates that the scene moves. `keep` takes what is
-    known on the way.
+    `find_cycle` finds at the scene's own value. Settled motions at other values, `seeds`, such as `study.seeds` of
+    `study_onset`, begin a branch each where they are periodic and lie on none; what is on none in the end is among
+    `off_branches`. All is over the coordinates that the scene moves. `keep` takes what is known on the way.
 
     In place of a scene, a function of one number, which JAX can trace, gives a model: `follow_cycles(lambda speed:
-    block_on_belt(law, belt_speed=speed), (0.8, 2.4)).folds`. Branches then begin at the Hopf points alone. Raises
-    SceneError for a scene or a key that cannot be followed.
+    block_on_belt(law, belt_speed=speed), (0.8, 2.4)).folds`. Branches then begin at the Hopf points and at the seeds,
+    as `Seed(1.3, {"displacement": {"X": 1.5}})`, displaced from steady sliding. Raises SceneError for a scene or a key
+    that cannot be followed.
     """
     if not isinstance(scene, Scene):
         low, high = sorted(cast("tuple[float, float]", along))
-        return follow_models(_with_derivative(scene), low, high, progress=progress, on_diagram=keep)
+        models = _with_derivative(scene)
+        diagram = follow_models(models, low, high, progress=progress, on_diagram=keep)
+        family = Family(models, (low, high), partial(progress, "cycles", 0, None))
+        return _with_seeds(diagram, family, seeds, progress, keep)
     variation = read_variation(along, scene, option="along", points=None) if isinstance(along, str) else along
     variation = cast("Variation", variation)
     checked_range(scene, variation)
@@ -98,10 +106,12 @@ def follow_cycles(
     diagram = follow_models(models, low, high, progress=report, on_diagram=on_diagram)
     own = scene.numbers()[key]
     assert isinstance(own, float)
+    where = ""
+    family = Family(models, (low, high), partial(report, "cycles"))
     if low <= own <= high:
-        where = ""
-        family = Family(models, (low, high), partial(report, "cycles"))
         diagram = _with_own(diagram, scene, family, own, report, on_diagram)
+    where = ""
+    diagram = _with_seeds(diagram, family, seeds, report, on_diagram)
     branches = found(diagram, Ending.COMPLETE)
     return branches.model_copy(update={"verdict": diagram_verdict(branches, variation)})
 
@@ -168,10 +178,50 @@ def _with_own(
         return _noted(diagram, f"at the scene's own value: {error}")
     for cycle in (search, *search.others):
         here = cycle.model_copy(update={"value": own})
-        if not any(is_between(a, b, here) for branch in diagram.branches for a, b in pairwise(branch.cycles)):
-            origin = f"from the scene's own cycle of {cycle.frequency_Hz:.6g} Hz"
-            diagram = _extended(diagram, origin, partial(family.both_ways, here), on_diagram)
+        diagram = _with_cycle(diagram, family, here, "scene's own ", on_diagram)
     return diagram
+
+
+def _with_cycle(
+    diagram: Diagram, family: "Family", cycle: Cycle, kind: str, on_diagram: Callable[[Diagram], None]
+) -> Diagram:
+    """The diagram with the branch of a cycle, unless that is on one of its branches."""
+    if is_branch_cycle(diagram.branches, cycle, partial(family.between, cycle.value)):
+        return diagram
+    origin = f"from the {kind}cycle of {cycle.frequency_Hz:.6g} Hz"
+    return _extended(diagram, origin, partial(family.both_ways, cycle), on_diagram)
+
+
+def _with_seeds(
+    diagram: Diagram,
+    family: "Family",
+    seeds: Sequence[Seed],
+    progress: Progress,
+    on_diagram: Callable[[Diagram], None],
+) -> Diagram:
+    """The diagram with the branches of settled motions, and with those that are on none in the end."""
+    off: list[OffBranch] = []
+    for seed in seeds:
+        model, steady = family.model_at(seed.value), family.steady_at(seed.value)
+        if steady is None:
+            continue
+        try:
+            found = settled_at(seed, model, progress)
+        except CycleError as error:
+            why, line = Why.NOT_RECORDED, seed.frequency_Hz
+            off.append(OffBranch(value=seed.value, frequency_Hz=line, amplitude={}, why=why, reason=str(error)))
+            continue
+        if found.period is not None and on_branch(diagram.branches, found.period, found.amplitude, found.value):
+            continue
+        try:
+            cycle = closed_from(found, model, steady, family.on_flow)
+        except CycleError as error:
+            off.append(found.off(Why.NOT_PERIODIC if found.period is None else Why.NOT_CLOSED, str(error)))
+            continue
+        before = len(diagram.notes)
+        diagram = _with_cycle(diagram, family, cycle, f"motion found at {seed.value:.6g}, the ", on_diagram)
+        off += [found.off(Why.NOT_FOLLOWED, note) for note in diagram.notes[before:]]
+    return diagram.model_copy(update={"off_branches": tuple(off)})
 
 
 def _extended(
@@ -213,7 +263,7 @@ class Family:
         on_flow: Callable[[], object] = lambda: None,
     ) -> None:
         """Take the models; `on_flow` is called before each integration over a period."""
-        self._models, self._bounds, self._on_flow = models, bounds, on_flow
+        self._models, self._bounds, self.on_flow = models, bounds, on_flow
 
     def model_at(self, value: float) -> Model:
         """The model at a value."""
@@ -258,9 +308,23 @@ class Family:
         up, last = self._follow(shooting, closed, upwards, End.CUT_OFF, on_branch)
         return Branch(start=first, end=last, cycles=(*reversed(down), *up[1:]))
 
+    def between(self, value: float, a: Cycle, b: Cycle) -> Cycle | None:
+        """The cycle of a branch at a value between two of its cycles, None where Newton's method does not find it."""
+        steady, fraction = self.steady_at(value), (value - a.value) / (b.value - a.value)
+        if steady is None:
+            return None
+        state = (1 - fraction) * a.state + fraction * b.state
+        start = Start(state, (1 - fraction) * a.period_s + fraction * b.period_s, "")
+        shooting = self._shooting(value, start, steady)
+        closed = shooting.close(shooting.scaled(start.state, start.period, value))
+        try:
+            return None if closed is None else describe(shooting, closed)
+        except CycleError:
+            return None
+
     def _shooting(self, value: float, start: Start, steady: Vector) -> Shooting:
         width = self._bounds[1] - self._bounds[0]
-        return Shooting(self._models, scale_near(self.model_at(value), start, steady, width), self._on_flow)
+        return Shooting(self._models, scale_near(self.model_at(value), start, steady, width), self.on_flow)
 
     def _follow(
         self, shooting: Shooting, closed: Closed, ahead: Vector, start: str, on_branch: OnBranch

@@ -45,12 +45,16 @@ def cycle_command(
     from drumsqueal.questions.cycle.answer import BRANCHES, CYCLES
     from drumsqueal.questions.cycle.branches import checked_range, follow_cycles, found_some
     from drumsqueal.questions.cycle.search import checked, find_cycle
+    from drumsqueal.questions.run.bistable import print_bistable
     from drumsqueal.simulation import constant_transient
     from drumsqueal.terminal.runner import answer
 
-    constant_transient(checked(loaded))  # what cannot be done is reported before there is a folder
+    stability = constant_transient(
+        checked(loaded)
+    ).stability  # what cannot be done is reported before there is a folder
     if variation is None:
         answer(reply, CYCLES, lambda progress, _: find_cycle(loaded, progress=progress))
+        print_bistable(reply.console, loaded, stability, scene, settings or (), squeals=True)
     else:
         checked_range(loaded, variation)
         follow = partial(follow_cycles, loaded, variation)

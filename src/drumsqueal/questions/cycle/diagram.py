@@ -55,16 +55,41 @@ class Branch(Finding):
         return found
 
 
+class Why(StrEnum):
+    """Why a motion is on no branch: nothing closes that is not periodic, and what is closed may not be followed."""
+
+    NOT_RECORDED = "not recorded"
+    NOT_PERIODIC = "not periodic"
+    NOT_CLOSED = "not closed by Newton's method"
+    NOT_FOLLOWED = "not followed"
+
+
+class OffBranch(Finding):
+    """A motion that was found at a value and lies on none of the branches: whether a cycle is there is unknown.
+
+    `frequency_Hz` is 1/T of a periodic one and the line of another, `amplitude` half the peak-to-peak values (m, rad);
+    `reason` says more than `why`.
+    """
+
+    value: float
+    frequency_Hz: float | None
+    amplitude: dict[str, float]
+    why: Why
+    reason: str
+
+
 class Diagram(Finding):
     """Branches of cycles, and the ranges of the parameter in which steady sliding is stable and in which it is not.
 
-    `notes` says what was looked for and not found; `linear` holds the modes of steady sliding.
+    `off_branches` are the motions it was given that are on none of the branches. `notes` says what was looked for and
+    not found; `linear` holds the modes of steady sliding.
     """
 
     verdict: str | None = None
     steady_sliding_stable: tuple[Interval, ...]
     steady_sliding_unstable: tuple[Interval, ...]
     branches: tuple[Branch, ...]
+    off_branches: tuple[OffBranch, ...] = ()
     notes: tuple[str, ...] = ()
     linear: Any = Held
 

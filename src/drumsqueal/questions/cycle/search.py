@@ -58,14 +58,19 @@ LONGEST_RETURN = 6.0  # periods of the lowest frequency of interest
 APART = 0.05  # of each other: two returns after so different times are two
 
 
-class CycleSearch(Cycle):
+class FoundCycle(Cycle):
+    """A cycle that a search found, and where it was started from."""
+
+    found_from: str = ""
+
+
+class CycleSearch(FoundCycle):
     """The cycle that a search found, where it was started from, what the transient does, and the other cycles."""
 
     printed_by = "drumsqueal.questions.cycle.answer.print_cycle"
     verdict: str
-    found_from: str
     transient: str
-    others: tuple[Cycle, ...] = ()
+    others: tuple[FoundCycle, ...] = ()
 
 
 class CycleStudy(Findings, CycleSearch):
@@ -140,12 +145,12 @@ def _search(transient: motion.Transient, progress: Progress) -> CycleSearch:
             if not any(is_same(cycle, other) for other, _ in found):
                 found.append((cycle, start.origin))
 
-    record = _recorded(transient, progress, "transient")
+    record = recorded(transient, progress, "transient")
     attempt(_starts(transient, record))
     for disturbed, start in _disturbances(transient):
         if any(cycle.stable for cycle, _ in found):
             break
-        after = _recorded(start, progress, f"transient {disturbed}")
+        after = recorded(start, progress, f"transient {disturbed}")
         if after.period is None:
             reasons.append(f"{disturbed}: the transient {after.words}")
         else:
@@ -153,7 +158,7 @@ def _search(transient: motion.Transient, progress: Progress) -> CycleSearch:
     if not found:
         raise CycleError("; ".join([f"no periodic motion was found: the transient {record.words}", *reasons]))
     cycle, origin = min(found, key=lambda item: not item[0].stable)
-    others = tuple(other for other, _ in found if other is not cycle)
+    others = tuple(FoundCycle(found_from=start, **dict(other)) for other, start in found if other is not cycle)
     verdict, ends = cycle_verdict(cycle), record.words
     return CycleSearch(verdict=verdict, found_from=origin, transient=ends, others=others, **dict(cycle))
 
@@ -191,7 +196,7 @@ def is_same(one: Cycle, other: Cycle) -> bool:
 
 
 @dataclass(frozen=True)
-class _Record:
+class Record:
     """The last part of a transient: times (k,), states (k, 2n), what it does, its period if it has one."""
 
     time: Vector
@@ -201,7 +206,7 @@ class _Record:
     at_rest: bool = False
 
 
-def _recorded(transient: motion.Transient, progress: Progress, what: str) -> _Record:
+def recorded(transient: motion.Transient, progress: Progress, what: str) -> Record:
     """The transient, of which so much is looked at as has settled."""
     model, stability, lowest = transient.model, transient.stability, transient.lowest_frequency_Hz
     chunks: list[Chunk] = []
@@ -215,7 +220,7 @@ def _recorded(transient: motion.Transient, progress: Progress, what: str) -> _Re
     moved = (np.hstack([chunk.displacement, chunk.velocity]) for chunk in chunks)
     states = np.concatenate([np.empty((0, 2 * n)), *moved])
     if failed or lowest is None or time.size < FEWEST_SAMPLES / FRACTIONS[-1]:
-        return _Record(time, states, failed or "is too short to judge")
+        return Record(time, states, failed or "is too short to judge")
     for fraction in FRACTIONS:
         part = slice(int((1 - fraction) * time.size), None)
         scale = _size_of(transient, states[part])[:n]
@@ -225,7 +230,7 @@ def _recorded(transient: motion.Transient, progress: Progress, what: str) -> _Re
     at_rest = regime.kind is Kind.STEADY
     if regime.kind is Kind.UNKNOWN:
         regime = decay_to_rest(regime, Vibration.of(chunks, stability), part, stability, stability.modes, model)
-    return _Record(time[part], states[part], regime_words(regime), regime.period_s, at_rest)
+    return Record(time[part], states[part], regime_words(regime), regime.period_s, at_rest)
 
 
 def _size_of(transient: motion.Transient, states: Vector) -> Vector:
@@ -246,7 +251,7 @@ def _disturbances(transient: motion.Transient) -> Iterator[tuple[str, motion.Tra
         yield f"after a large disturbance along mode {mode.label}", disturbed
 
 
-def _starts(transient: motion.Transient, record: _Record) -> Iterator[Start]:
+def _starts(transient: motion.Transient, record: Record) -> Iterator[Start]:
     if record.period is not None:
         yield Start(record.states[-1], record.period, "the end of the transient")
         return

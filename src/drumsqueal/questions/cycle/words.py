@@ -1,15 +1,18 @@
 """What cycles are and what they say of squeal, in sentences."""
 
+import math
 from collections.abc import Sequence
 
 from drumsqueal.findings.signals.regime import Kind, Regime
 from drumsqueal.findings.vibration import unit_of
 from drumsqueal.physics.effects.contact import Contact
-from drumsqueal.questions.cycle.diagram import Diagram, Interval
+from drumsqueal.questions.cycle.diagram import Diagram, Interval, OffBranch
 from drumsqueal.questions.cycle.orbit import Cycle
 from drumsqueal.scene.quantities import percent
 from drumsqueal.scene.variation import Variation
 
+TINY, ALIKE = 1e-12, 0.7  # m, rad; and logarithm of the ratio of amplitudes at neighbouring values of one motion
+WHOLE = 100.0  # Hz, from which on frequencies are given without decimals
 VISIBLE = 1e-2  # m, rad; an amplitude from which on it is not given in millionths
 
 
@@ -59,9 +62,10 @@ def regime_words(regime: Regime) -> str:
 
 
 def diagram_verdict(diagram: Diagram, along: Variation) -> str:
-    """Where steady sliding is unstable, where stable cycles are, and where both are stable."""
+    """Where steady sliding is unstable, where stable cycles are, where both are stable, and what is on no branch."""
+    off = off_branch_words(diagram, along)
     if not diagram.branches:
-        return "No cycle was found."
+        return f"No cycle was found.{off}"
     unstable, cycles, both = diagram.steady_sliding_unstable, diagram.stable_cycles, diagram.squeals_only_when_kicked
     sliding = f"is unstable for {along.key} {_ranges(unstable, along)}" if unstable else "is stable throughout"
     lives = f"stable cycles exist {_ranges(cycles, along)}" if cycles else "no cycle that was found is stable"
@@ -73,7 +77,54 @@ def diagram_verdict(diagram: Diagram, along: Variation) -> str:
         if both
         else "none of them coexists with stable steady sliding"
     )
-    return f"Steady sliding {sliding}; {lives}{folded}; {bistable}."
+    return f"Steady sliding {sliding}; {lives}{folded}; {bistable}.{off}"
+
+
+def off_branch_words(diagram: Diagram, along: Variation) -> str:
+    """Which motions are on none of the branches, at which values, and why."""
+    groups: list[list[OffBranch]] = []
+    for each in sorted(diagram.off_branches, key=lambda each: each.value):
+        group = next((group for group in groups if _goes_on(group[-1], each)), None)
+        if group is None:
+            groups.append([each])
+        else:
+            group.append(each)
+    sentences = [_off_branch(group, along) for group in groups]
+    return "".join(f" {each[0].upper()}{each[1:]}" for each in sentences)
+
+
+def _goes_on(one: OffBranch, other: OffBranch) -> bool:
+    """Whether motions at two values are on no branch for one reason and are alike in size."""
+    if one.why is not other.why or one.value == other.value or not (one.amplitude and other.amplitude):
+        return False
+    return all(
+        abs(math.log(max(a, TINY) / max(other.amplitude[name], TINY))) < ALIKE for name, a in one.amplitude.items()
+    )
+
+
+def _off_branch(group: Sequence[OffBranch], along: Variation) -> str:
+    first, last = group[0], group[-1]
+    name = max(first.amplitude, key=lambda name: first.amplitude[name], default="")
+    sizes = _span([f"{1e6 * each:.3g}" for each in sorted(each.amplitude[name] for each in group if name)])
+    size = f" with {sizes} {unit_of(name, 'µ')} of {name}" if name else ""
+    lines = _span([shown_Hz(each) for each in sorted(each.frequency_Hz for each in group if each.frequency_Hz)])
+    line = f" of {lines} Hz" if lines else ""
+    if len(group) == 1:
+        where, which = f"at {along.with_unit(first.value)}", f"the motion{line}{size} is"
+    else:
+        ends = f"from {along.shown(first.value):.6g} to {along.with_unit(last.value)}"
+        where, which = f"{ends} ({len(group)} values)", f"motions{line}{size} are"
+    return f"{where} {which} on none of the branches: {first.reason}."
+
+
+def _span(rising: Sequence[str]) -> str:
+    """The first and the last, or the one there is."""
+    return " to ".join(dict.fromkeys([*rising[:1], *rising[-1:]]))
+
+
+def shown_Hz(frequency: float) -> str:
+    """A frequency in whole Hz, or with three digits."""
+    return f"{frequency:.0f}" if frequency >= WHOLE else f"{frequency:.3g}"
 
 
 def _ranges(intervals: Sequence[Interval], along: Variation) -> str:

@@ -12,8 +12,8 @@ from drumsqueal.files.output_folder import ONSET as FIGURE
 from drumsqueal.files.output_folder import ONSET_SUMMARY, ONSET_TABLE
 from drumsqueal.findings.vibration import unit_of
 from drumsqueal.questions.onset.figure import draw_onset
-from drumsqueal.questions.onset.found import Kind, Leads, Motion, OnsetStudy, Response
-from drumsqueal.questions.onset.words import critical_words, with_uncertainty
+from drumsqueal.questions.onset.found import Attractor, Kind, Leads, Motion, OnsetStudy, Response, Row
+from drumsqueal.questions.onset.words import critical_words, start_words, with_uncertainty
 from drumsqueal.terminal.runner import Answer
 from drumsqueal.terminal.tables import print_table, rows_to_csv
 
@@ -28,20 +28,19 @@ def print_study(console: Console, study: OnsetStudy) -> None:
     table.add_column(f"\n\n{along.shown_unit}", justify="right")
     table.add_column("")
     table.add_column("growth\nrate\n1/s", justify="right")
-    for heading in (f"{name} after a small\nperturbation", f"{name} of the\nstrongest motion"):
-        table.add_column(f"{heading}\n{unit}", justify="right")
-        table.add_column("line\n\nHz", justify="right")
+    table.add_column("what leads there\n(velocity of\nthe lining)")
+    table.add_column(f"{name}\n\n{unit}", justify="right")
+    table.add_column("line\n\nHz", justify="right")
     for row in study.in_order:
         if row.asked:
             kind = Text(row.kind, style=STYLES.get(row.kind, ""))
             growth = "-" if row.growth_rate is None else f"{row.growth_rate:+.2f}"
-            small = ("", "")
-            if row.small is not None:
-                small = _shown(row.small.motion, name) if row.small.motion is not None else (row.small.leads_to, "")
-            strongest = ("-", "") if row.strongest is None else _shown(row.strongest, name)
-            table.add_row(f"{along.shown(row.value):.5g}", kind, growth, *small, *strongest)
+            first, *others = _outcomes(row, study) or [("", "-", "")]
+            table.add_row(f"{along.shown(row.value):.5g}", kind, growth, *first)
+            for other in others:
+                table.add_row("", "", "", *other)
     print_table(console, table)
-    if any(row.smallest_kick for row in study.values):
+    if any(row.smallest_kicks for row in study.values):
         print_table(console, _disturbances(study))
     for critical in study.critical_values:
         console.print(critical_words(critical, along))
@@ -52,6 +51,14 @@ def print_study(console: Console, study: OnsetStudy) -> None:
         for note in study.cycles.notes:
             console.print(f"Not found: {note}", style="dim")
         console.print(study.cycles.verdict, style="bold")
+
+
+def _outcomes(row: Row, study: OnsetStudy) -> list[tuple[str, str, str]]:
+    """Where the small perturbation led, and every motion with what leads to it, its amplitude and its line."""
+    motions = [(start_words(each, study.variation), *_shown(each, study.coordinate)) for each in row.led_to]
+    if row.small is None or row.small.motion is not None:
+        return motions
+    return [("a small perturbation", str(row.small.leads_to), ""), *motions]
 
 
 def _shown(motion: Motion, name: str) -> tuple[str, str]:
@@ -69,8 +76,7 @@ def _disturbances(study: OnsetStudy) -> Table:
     for heading in (*numbers, f"leads to\n{study.coordinate}\n{unit}", "line\n\nHz"):
         table.add_column(heading, justify="right")
     for row in study.in_order:
-        found = row.smallest_kick
-        if found is not None:
+        for found in sorted(row.smallest_kicks, key=lambda each: each.energy_J):
             table.add_row(
                 f"{study.variation.shown(row.value):.5g}",
                 found.mode,
@@ -83,12 +89,16 @@ def _disturbances(study: OnsetStudy) -> Table:
 
 
 def onset_table(study: OnsetStudy) -> str:
-    """One row a value, as CSV: its kind, the modes, where the small perturbation led, and the largest motion found."""
+    """One row a value, as CSV: its kind, the modes, where the small perturbation led, and the motions found.
+
+    The motions stand in the order of what leads to them, the smallest disturbance first.
+    """
     modes = {
         mode.label: dict(zip(mode.values, zip(mode.frequency_Hz, mode.growth_rate_1_per_s, strict=True), strict=True))
         for mode in study.modes
     }
-    sought = any(row.smallest_kick for row in study.values)
+    sought = any(row.smallest_kicks for row in study.values)
+    most = max((len(row.motions) for row in study.values), default=0)
     rows = []
     for row in study.in_order:
         cells: dict[str, Any] = {
@@ -101,9 +111,12 @@ def onset_table(study: OnsetStudy) -> str:
             frequency, rate = values.get(row.value, (math.nan, math.nan))
             cells[f"frequency_{label}_Hz"] = frequency if math.isfinite(frequency) else None
             cells[f"growth_rate_{label}_1_per_s"] = rate if math.isfinite(rate) else None
-        strongest = next((each for each in row.starts if each.motion and each.motion is row.strongest), None)
+        loudest = row.strongest
+        strongest = next((each for each in row.starts if loudest and each.motion and each.motion.same(loudest)), None)
         cells |= _cells("small", row.small, study) | _cells("strongest", strongest, study)
         cells["motions"] = len(row.motions)
+        for k in range(most):
+            cells |= _motion_cells(f"motion_{k + 1}", row.led_to[k] if k < len(row.motions) else None, study)
         for name in DISTURBANCE if sought else ():
             cells[f"smallest_kick_{name}"] = row.smallest_kick and getattr(row.smallest_kick, name)
         failed = [f"{each.start}: {each.outcome}" for each in row.starts if each.leads_to is Leads.FAILED]
@@ -122,6 +135,19 @@ def _cells(which: str, response: Response | None, study: OnsetStudy) -> dict[str
         **{f"{which}_amplitude_{name}_{unit}": motion and motion.amplitude[name] for name, unit in units.items()},
         f"{which}_frequency_Hz": motion and motion.frequency_Hz,
         f"{which}_simulated_s": response and response.simulated_s,
+    }
+
+
+def _motion_cells(which: str, motion: Attractor | None, study: OnsetStudy) -> dict[str, Any]:
+    """A motion and what leads to it, as far as there is one."""
+    units = {name: unit_of(name) for name in study.coordinates}
+    kick = motion and (motion.smallest_kick or motion.kick)
+    return {
+        f"{which}_after": motion and start_words(motion, study.variation),
+        **{f"{which}_amplitude_{name}_{unit}": motion and motion.amplitude[name] for name, unit in units.items()},
+        f"{which}_frequency_Hz": motion and motion.frequency_Hz,
+        f"{which}_kick_speed_m_per_s": kick and kick.speed_m_per_s,
+        f"{which}_kick_energy_J": kick and kick.energy_J,
     }
 
 

@@ -4,7 +4,8 @@ A round lasts a hundred periods of the slowest mode; after it a transient has de
 are at hand run together.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -17,33 +18,41 @@ from drumsqueal.findings.verdict import SMALL_ROTATION
 from drumsqueal.findings.vibration import ROTATIONS
 from drumsqueal.physics.model import Model
 from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.onset.found import Leads, Motion, Response
+from drumsqueal.questions.onset.found import SMALL_START, Kick, Leads, Motion, Response
 from drumsqueal.solve.linear.branches import ModelAt, Point
 from drumsqueal.solve.linear.modes import UNDAMPED_FRACTION, Mode
 from drumsqueal.solve.transient.runge_kutta import AUTO
 
-LARGE = 3.0  # of the farther contact boundary: contact is lost and slip reversed
 ROUND_PERIODS = 100  # of the slowest mode that oscillates freely
 FREE = 0.1  # damping ratio below which a mode does: beyond it falls to half within a period or so
 MOST_ROUNDS = 60
 PERSISTENT, LASTING = 3, 10  # rounds a motion must last to count as settled, on the grid and at a boundary
+# A motion that fluctuates by so much, and so many times more than a round before, is leaving what it was near: a cycle
+# fluctuates by 1e-5, and one was seen to grow from 1.1e-4 by 2.2 times a round for six rounds before it left.
+LEAVES, FASTER = 1e-4, 1.2
 IRREGULAR = 20  # rounds over which one whose rms comes and goes must go on as it was
 STILL = 0.1  # of the linear rate: a motion below the contact boundaries that changes so slowly has settled
+STEADY = 0.02  # change of the rms from half to half below which a motion may be one that is known already
 PROBE = 0.7  # a motion made so much smaller comes back where it is an attractor, and stays where it is one of many
 
 
 class Start(NamedTuple):
-    """A displacement (n,) from steady sliding and a velocity (n,), and what to call them."""
+    """A displacement (n,) from steady sliding and a velocity (n,), what to call them, and what they are.
+
+    That is a disturbance along a mode, or the motion at another value.
+    """
 
     name: str
     vibration: NDArray[np.float64]
     velocity: NDArray[np.float64]
+    kick: Kick | None = None
+    from_value: float | None = None
 
 
 def go_on(value: float, motion: Motion, size: float = 1.0) -> Start:
     """The end of a motion at a value, or a multiple of it, as a start at another value."""
     name = f"from {value:.6g}" if size == 1 else f"{size:g} times from {value:.6g}"
-    return Start(name, *(size * motion.state))
+    return Start(name, *(size * motion.state), from_value=value)
 
 
 class How(NamedTuple):
@@ -77,14 +86,9 @@ class Family:
     def small_start(self, point: Point, model: Model) -> Start:
         """All modes at once, within `SMALL` of the nearer contact boundary."""
         modes = self.modes(point)
-        parts = [self._scaled(mode, model, SMALL / len(modes), max) for mode in modes]
+        parts = [self._scaled(mode, model, SMALL / len(modes)) for mode in modes]
         total = np.sum(parts, axis=0) if parts else np.zeros((2, len(self.moving)))
-        return Start("small", total[0], total[1])
-
-    def large_starts(self, point: Point, model: Model) -> list[Start]:
-        """Each mode by itself, `LARGE` times beyond the farther contact boundary."""
-        modes = self.modes(point)
-        return [Start(f"kick {mode.label}", *self._scaled(mode, model, LARGE, min)) for mode in modes]
+        return Start(SMALL_START, total[0], total[1])
 
     def reach(self, mode: Mode, model: Model) -> tuple[NDArray[np.complex128], list[float]]:
         """Displacement and velocity (2, n) of a mode, and the fractions of the contact boundaries that it comes to."""
@@ -94,12 +98,10 @@ class Family:
         vibration, velocity = ((turns[:, None] * part).real for part in shape)
         return shape, [each for each in boundary_ratios(model, vibration, velocity) if each > 0]
 
-    def _scaled(
-        self, mode: Mode, model: Model, fraction: float, which: Callable[[Iterable[float]], float]
-    ) -> NDArray[np.float64]:
-        """Displacement and velocity (2, n) of a mode of a size that comes to this fraction of a contact boundary."""
+    def _scaled(self, mode: Mode, model: Model, fraction: float) -> NDArray[np.float64]:
+        """Displacement and velocity (2, n) of a mode of a size that comes to this fraction of the nearer boundary."""
         shape, reached = self.reach(mode, model)
-        return np.real(shape) * (fraction / which(reached) if reached else 0.0)
+        return np.real(shape) * (fraction / max(reached) if reached else 0.0)
 
 
 class _Job:
@@ -111,6 +113,7 @@ class _Job:
         self.vibration, self.velocity = start.vibration, start.velocity
         self.energies: list[float] = []  # mean kinetic energy of each round (J) since it last changed much
         self.history: list[float] = []  # and of all rounds
+        self.fluctuations: list[float] = []  # of all rounds
         self.rounds = 0
         self.probed: float | None = None  # mean kinetic energy (J) of the settled motion that was made smaller
 
@@ -135,20 +138,25 @@ def find_attractors(
     how: How,
     *,
     rounds: int = PERSISTENT,
+    known: Mapping[float, Sequence[Motion]] | None = None,
     progress: Progress = silent,
 ) -> Iterator[Response]:
     """Run each start at its point until it is clear where it leads, and yield the responses as they come.
 
     A motion has settled when for `rounds` rounds its rms velocity has changed by less than a tenth and, below the
-    contact boundaries, by less than a tenth of what the linear growth rate would make of it. A motion within a tenth of
-    the boundaries that falls where the linear model is stable has decayed, as has one below them that falls as fast as
-    half the linear rate; what is below the resolved size is at rest. One that comes and goes beyond the boundaries has
+    contact boundaries, by less than a tenth of what the linear growth rate would make of it, unless it fluctuates more
+    than a round before, as one does that leaves an unstable cycle. A motion within a tenth of the boundaries that falls
+    where the linear model is stable has decayed, as has one below them that falls as fast as half the linear rate; what
+    is below the resolved size is at rest. A disturbance that has fallen to within a tenth of the boundaries where the
+    linear model is unstable grows, as the small perturbation does. One that comes and goes beyond the boundaries has
     settled when its mean energy over ten rounds is that over the ten before, to a fifth. After `MOST_ROUNDS` rounds one
     beyond them counts as squeal, too. Where no mode decays or grows by more than round-off, motion below the boundaries
     that has settled is neutral, and so is one beyond them that stays smaller when it has been made smaller. A shoe that
-    has turned by more than `SMALL_ROTATION` has run away: it may do so without coming near a boundary. `progress` is
-    called after each chunk.
+    has turned by more than `SMALL_ROTATION` has run away: it may do so without coming near a boundary. A steady motion
+    that is the same as one of those `known` at its value, or found there, has settled after its first round on it.
+    `progress` is called after each chunk.
     """
+    settled = {value: list(motions) for value, motions in (known or {}).items()}
     pending = [_Job(point, start, family) for point, start in tasks]
     many = at_once(how.threads)
     while pending:
@@ -170,11 +178,18 @@ def find_attractors(
             job.rounds += 1
             job.vibration, job.velocity = motion.vibration, motion.velocity
             kind = _judge(job, motion, family, rounds)
-            if kind is None:
+            there = settled.setdefault(job.point.value, [])
+            seconds = job.rounds * how.round_seconds
+            named = {"kick": job.start.kick, "from_value": job.start.from_value}
+            of = partial(Response.of, job.point.value, job.start.name)
+            response = of(kind or Leads.SQUEALS, motion, seconds, family.moving, **named)
+            is_known = response.motion is not None and any(response.motion.same(each) for each in there)
+            if kind is None and not (is_known and max(abs(motion.drift), motion.fluctuation) < STEADY):
                 left.append(job)
-            else:
-                seconds = job.rounds * how.round_seconds
-                yield Response.of(job.point.value, job.start.name, kind, motion, seconds, family.moving)
+                continue
+            if response.motion is not None and not is_known:
+                there.append(response.motion)
+            yield response
         pending = left + pending
 
 
@@ -195,6 +210,8 @@ def _judge(job: _Job, motion: Saturated, family: Family, rounds: int) -> Leads |
         return Leads.DECAYS
     if stable and not neutral and is_decaying(fraction, motion.rate, linear):
         return Leads.DECAYS
+    if not stable and fraction < SMALL and job.start.name != SMALL_START:
+        return Leads.GROWS
     if _settled(job, motion, rounds, STILL * abs(linear) if not neutral else np.inf):
         if not neutral:
             return Leads.SQUEALS
@@ -215,13 +232,15 @@ def _settled(job: _Job, motion: Saturated, rounds: int, still: float) -> bool:
         job.energies.clear()
     job.energies.append(motion.kinetic_energy)
     job.history.append(motion.kinetic_energy)
+    job.fluctuations.append(motion.fluctuation)
     last = job.energies[-rounds:]
     rate, changed = motion.rate, abs(motion.drift)
     if len(last) > 1 and min(last) > 0:
         logarithm = np.log(last[-1] / last[0]) / 2  # of the rms velocity
         # A round is twice what is looked at of it.
         rate, changed = logarithm / ((len(last) - 1) * motion.seconds * 2), abs(np.expm1(logarithm))
-    if len(job.energies) >= rounds and changed < DRIFT and (beyond or abs(rate) < still):
+    departs = LEAVES < motion.fluctuation > FASTER * job.fluctuations[-2] if len(job.fluctuations) > 1 else False
+    if len(job.energies) >= rounds and changed < DRIFT and (beyond or abs(rate) < still) and not departs:
         return not motion.at_rest
     if not beyond or len(job.history) < IRREGULAR:
         return False

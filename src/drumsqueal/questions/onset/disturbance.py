@@ -1,158 +1,158 @@
-"""How large a disturbance must be to start squeal where steady sliding is stable: the smallest one that is enough.
+"""How large a disturbance must be to lead to a motion where steady sliding is stable: the smallest one that is enough.
 
 A disturbance is a velocity from steady sliding along the shape of a mode, one way or the other. Each is tried in sizes
-from below, twice as large each time. Between the largest that decays and the smallest that leads to squeal the search
-then goes on, as long as a disturbance that takes less energy may lie there.
+from below, twice as large each time. For each motion that is found the search then goes on between the largest that
+leads elsewhere and the smallest that leads there, as long as a disturbance that takes less energy may lie there.
 """
 
 import math
 from collections.abc import Iterator, Sequence
+from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 
-from drumsqueal.physics.effects.contact import Contact
-from drumsqueal.physics.model import Model
 from drumsqueal.progress import Progress
-from drumsqueal.questions.onset.attractors import LARGE, LASTING, PERSISTENT, Family, How, Start, find_attractors
-from drumsqueal.questions.onset.found import Disturbance, Leads, Motion, Row
+from drumsqueal.questions.onset.attractors import LASTING, PERSISTENT, Family, How, Start, find_attractors
+from drumsqueal.questions.onset.found import Disturbance, Leads, Motion, Response, Row
+from drumsqueal.questions.onset.kicks import Direction, directions
 from drumsqueal.solve.linear.branches import Point
-from drumsqueal.solve.linear.modes import Mode
 
-LEAST = 0.1  # of the nearer contact boundary: the smallest at first; the largest is `LARGE` of the farther one
-SMALLER = 10  # halvings below that, where it squeals already
+SMALLER = 10  # halvings below the sizes tried at first, where it squeals already
 SECTIONS = 3  # sizes tried at once between two
 PRECISION = 0.02  # of a velocity: how far the two may be apart in the end
-TURNS = 64  # phases of a mode's period, of which the one with most kinetic energy is taken
-POINTS = 181  # of the lining along the arc, at which its velocity is looked at
+SAME_SIZE = 1e-9  # relative difference of two sizes that are one, but for round-off
+CLEAR = (Leads.DECAYS, Leads.NEUTRAL, Leads.SQUEALS)
 
 
 def smallest_disturbances(
     family: Family, rows: Sequence[Row], how: How, progress: Progress
-) -> Iterator[dict[float, Disturbance]]:
-    """Find the smallest disturbance that leads to squeal at each row: all of them by value, known better each time.
+) -> Iterator[tuple[Row, ...]]:
+    """Find the smallest disturbance that leads to each motion at each row: the rows with it, known better each time.
 
-    A value is not among them where none of those tried does.
+    What the disturbances lead to joins the starts of a row, and its motions. A motion that none of those tried leads to
+    has none.
     """
-    searches = [_directions(row, family) for row in rows]
+    searches = [_Search(row, family) for row in rows]
     while True:
-        tasks: list[tuple[_Direction, float]] = []
-        for directions in searches:
-            best = min((each.squeals_at for each in directions), default=math.inf)
-            tasks += [(each, size) for each in directions for size in each.next_sizes(best)]
+        tasks = [(search, *each) for search in searches for each in search.next()]
         if not tasks:
             return
         _run(family, tasks, how, progress)
-        found = [min(each, key=lambda direction: direction.squeals_at) for each in searches if each]
-        yield {each.row.value: each.disturbance() for each in found if each.loud}
+        yield tuple(search.row for search in searches)
 
 
-def surface_speed(model: Model, velocity: NDArray[np.float64]) -> float:
-    """Velocity (m/s) of the fastest point of the lining's surface, max |v + ω × r|, in a motion (n,) of the shoe."""
-    v = dict(zip(model.names, velocity, strict=True))
-    if not isinstance(model.contact, Contact):
-        return float(abs(v["X"]))
-    body = model.contact.body
-    angle, across = float(body.half_angle) * np.linspace(-1, 1, POINTS), float(body.width) / 2 * np.array([[-1], [1]])
-    squares = sum(np.square(part) for part in body.displacement(v, angle, across))
-    return float(np.sqrt(np.max(squares)))
+class _Search:
+    """Disturbances along the modes of a row, either way, and where those tried led."""
 
-
-class _Direction:
-    """Disturbances along a mode one way at a row, as multiples √J of the one of 1 J, and where those tried led."""
-
-    def __init__(self, row: Row, mode: Mode, sign: int, model: Model, family: Family) -> None:
-        shape, fractions = family.reach(mode, model)
-        turns = np.exp(2j * np.pi * np.arange(TURNS) / TURNS)
-        velocities = (turns[:, None] * shape[1]).real
-        energies = velocities**2 @ np.asarray(model.mass) / 2
-        of_one_joule = 1 / math.sqrt(energies.max())
-        self.name = f"kick {mode.label} {'forwards' if sign > 0 else 'backwards'}"
-        self.row, self.mode, self.coordinates = row, mode, family.moving
-        self.velocity = sign * of_one_joule * velocities[np.argmax(energies)]
-        self.surface_speed = surface_speed(model, self.velocity)
-        self.boundary_ratio = of_one_joule * max(fractions)
-        self.least, self.most = LEAST / self.boundary_ratio, LARGE / (of_one_joule * min(fractions))
-        self.quiet: set[float] = set()
-        self.loud: dict[float, Motion] = {}
-        self.tried: set[float] = set()
+    def __init__(self, row: Row, family: Family) -> None:
+        self._row, self._directions = row, directions(row.point, family)
+        self._led: list[dict[float, Response]] = [{} for _ in self._directions]
+        for response in row.starts:
+            for direction, led in zip(self._directions, self._led, strict=True):
+                if response.kick is not None and response.start.startswith(f"{direction.name} "):
+                    led[math.sqrt(response.kick.energy_J)] = response
 
     @property
-    def squeals_at(self) -> float:
-        """The smallest size that squeals."""
-        return min(self.loud, default=math.inf)
+    def point(self) -> Point:
+        """The linear point."""
+        return self._row.point
 
     @property
-    def quiet_below(self) -> float:
-        """The largest size below that which decays."""
-        return max((size for size in self.quiet if size < self.squeals_at), default=0.0)
+    def motions(self) -> Sequence[Motion]:
+        """Those known there."""
+        return self._row.motions
 
-    def next_sizes(self, best: float) -> list[float]:
-        """What to try next, where `best` is the smallest size that squeals in any direction."""
-        low, high = self.quiet_below, self.squeals_at
-        if not self.tried:
-            doublings = max(1, math.ceil(math.log2(self.most / self.least)))
-            sizes = np.geomspace(self.least, self.most, doublings + 1)
-        elif low >= best or high == math.inf or high <= (1 + PRECISION) * low:
-            return []
-        elif low == 0:
-            sizes = high / 2.0 ** np.arange(1, SMALLER + 1)
-        else:
-            sizes = np.geomspace(low, high, SECTIONS + 2)[1:-1]
-        return [float(size) for size in sizes if size not in self.tried and size >= self.least / 2**SMALLER]
+    @property
+    def row(self) -> Row:
+        """The row with all that is known."""
+        found = [self._smallest(motion) for motion in self._row.motions]
+        return self._row.model_copy(update={"smallest_kicks": tuple(each for each in found if each is not None)})
 
-    def disturbance(self) -> Disturbance:
-        """The smallest that squeals, as far as it is known."""
-        low, high = self.quiet_below, self.squeals_at
-        size = (low + high) / 2
+    def next(self) -> list[tuple[Direction, float]]:
+        """What to try next: first the sizes of each direction, then what lies between."""
+        tasks = []
+        for direction, led in zip(self._directions, self._led, strict=True):
+            sizes = set(direction.sizes) if not led or max(led) < (1 - SAME_SIZE) * direction.sizes[-1] else set()
+            tasks += [(direction, size) for size in sorted(sizes) if not _tried(led, size)]
+        if tasks:
+            return tasks
+        for motion in self._row.motions:
+            brackets = [_bracket(led, motion) for led in self._led]
+            best = min((high for _, high in brackets), default=math.inf)
+            for direction, led, (low, high) in zip(self._directions, self._led, brackets, strict=True):
+                sizes = _between(low, high) if low < best else []
+                fresh = [size for size in sizes if not _tried(led, size) and size >= direction.least / 2**SMALLER]
+                tasks += [(direction, size) for size in fresh if (direction, size) not in tasks]
+        return tasks
+
+    def add(self, direction: Direction, size: float, response: Response) -> None:
+        """Note where a disturbance led."""
+        self._led[self._directions.index(direction)][size] = response
+        self._row = self._row.model_copy(update={"starts": (*self._row.starts, response)})
+
+    def _smallest(self, motion: Motion) -> Disturbance | None:
+        """The smallest that leads to a motion, as far as it is known."""
+        brackets = [_bracket(led, motion) for led in self._led]
+        if not brackets or min(high for _, high in brackets) == math.inf:
+            return None
+        k = min(range(len(brackets)), key=lambda k: brackets[k][1])
+        low, high = brackets[k]
+        lower, upper = (self._directions[k].kick(size) for size in (low, high))
+        halfway = dict(self._directions[k].kick((low + high) / 2))
         return Disturbance(
-            mode=self.mode.label,
-            velocity=dict(zip(self.coordinates, (size * self.velocity).tolist(), strict=True)),
-            speed_m_per_s=size * self.surface_speed,
-            speed_uncertainty_m_per_s=(high - low) / 2 * self.surface_speed,
-            energy_J=size**2,
-            energy_uncertainty_J=(high**2 - low**2) / 2,
-            edge_share=size * self.boundary_ratio,
-            leads_to=self.loud[high],
+            **halfway,
+            speed_uncertainty_m_per_s=(upper.speed_m_per_s - lower.speed_m_per_s) / 2,
+            energy_uncertainty_J=(upper.energy_J - lower.energy_J) / 2,
+            leads_to=cast("Motion", self._led[k][high].motion),
         )
 
 
-def _directions(row: Row, family: Family) -> list[_Direction]:
-    """Both ways along each mode that comes near a contact boundary."""
-    model = family.model_at(row.value)
-    modes = [mode for mode in family.modes(row.point) if family.reach(mode, model)[1]]
-    return [_Direction(row, mode, sign, model, family) for mode in modes for sign in (1, -1)]
+def _tried(led: dict[float, Response], size: float) -> bool:
+    return any(abs(other / size - 1) < SAME_SIZE for other in led)
 
 
-def _run(family: Family, tasks: Sequence[tuple[_Direction, float]], how: How, progress: Progress) -> None:
+def _bracket(led: dict[float, Response], motion: Motion) -> tuple[float, float]:
+    """The largest size below that leads elsewhere, zero without one, and the smallest that leads to a motion."""
+    high = min((size for size, each in led.items() if each.motion and each.motion.same(motion)), default=math.inf)
+    elsewhere = (size for size, each in led.items() if size < high and each.leads_to in CLEAR)
+    return max(elsewhere, default=0.0), high
+
+
+def _between(low: float, high: float) -> list[float]:
+    """Sizes to try between one that leads elsewhere and one that leads to the motion."""
+    if high == math.inf or high <= (1 + PRECISION) * low:
+        return []
+    if low == 0:
+        return (high / 2.0 ** np.arange(1, SMALLER + 1)).tolist()
+    return np.geomspace(low, high, SECTIONS + 2)[1:-1].tolist()
+
+
+def _run(family: Family, tasks: Sequence[tuple[_Search, Direction, float]], how: How, progress: Progress) -> None:
     """Try sizes, and note where each leads.
 
-    Near the smallest disturbance that starts squeal motion dwells on the unstable cycle, which may look settled: what
-    is none of the motions known at the value must last longer.
+    Near the smallest disturbance that leads to a motion the transient dwells on the unstable cycle, which may look
+    settled: what is none of the motions known at the value must last longer.
     """
     meant, done = {}, 0
-    for direction, size in tasks:
-        direction.tried.add(size)
-        meant[direction.row.value, f"{direction.name} {size!r}"] = direction, size
+    starts: list[tuple[Point, Start]] = []
+    known: dict[float, Sequence[Motion]] = {}
+    for search, direction, size in tasks:
+        start = direction.start(size)
+        meant[search.point.value, start.name] = search, direction, size
+        starts.append((search.point, start))
+        known[search.point.value] = search.motions
 
     def report(*_: object) -> None:
         progress("smallest disturbance", done, len(tasks))
 
-    starts: list[tuple[Point, Start]] = [
-        (direction.row.point, Start(name, 0 * direction.velocity, size * direction.velocity))
-        for (_, name), (direction, size) in meant.items()
-    ]
     doubtful = []
     for rounds, some in ((PERSISTENT, starts), (LASTING, doubtful)):
-        for response in find_attractors(family, some, how, rounds=rounds, progress=report):
-            direction, size = meant[response.value, response.start]
+        for response in find_attractors(family, some, how, rounds=rounds, known=known, progress=report):
+            search, direction, size = meant[response.value, response.start]
             motion = response.motion
-            if rounds == PERSISTENT and motion and not any(motion.like(known) for known in direction.row.motions):
-                doubtful.append((direction.row.point, Start(response.start, *motion.state)))
+            if rounds == PERSISTENT and motion and not any(motion.same(other) for other in search.motions):
+                doubtful.append((search.point, Start(response.start, *motion.state, kick=response.kick)))
                 continue
-            if motion is not None:
-                direction.loud[size] = motion
-            elif response.leads_to in (Leads.DECAYS, Leads.NEUTRAL):
-                direction.quiet.add(size)
+            search.add(direction, size, response)
             done += 1
             report()

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from drumsqueal.findings.vibration import unit_of
 from drumsqueal.questions.cycle.diagram import Diagram
 from drumsqueal.questions.cycle.orbit import Cycle
-from drumsqueal.questions.onset.found import Kind, Leads, Motion, Onset, OnsetStudy, Row
+from drumsqueal.questions.onset.found import Attractor, Kind, Leads, Onset, OnsetStudy, Row
 from drumsqueal.questions.run.figures.eigenvalues import STABLE as STABLE_COLOUR
 from drumsqueal.questions.run.figures.eigenvalues import UNSTABLE as UNSTABLE_COLOUR
 from drumsqueal.solve.linear.modes import UNDAMPED_FRACTION
@@ -54,7 +54,7 @@ def draw_onset(study: OnsetStudy) -> Figure:
     at a neighbouring value. Cycles that were followed run through them.
     """
     figure = new_figure(study.title, f"onset along {study.variation.key}")
-    disturbances = any(row.smallest_kick for row in study.values)
+    disturbances = any(row.smallest_kicks for row in study.values)
     heights = [2.2, 1.0, 1.0, *[1.0] * disturbances]
     figure.set_figheight(figure.get_figheight() * sum(heights) / SCALE)
     panels = figure.subplots(len(heights), 1, sharex=True, height_ratios=heights)
@@ -133,10 +133,9 @@ def draw_amplitudes(axes: Axes, study: Onset) -> None:
     frame(axes, None, f"{name}, half peak\nto peak ({unit_of(name, 'µ')})")
 
 
-def _draw_motion(axes: Axes, row: Row, motion: Motion, value: float, colour: str) -> None:
+def _draw_motion(axes: Axes, row: Row, motion: Attractor, value: float, colour: str) -> None:
     """Draw a filled marker where the small perturbation led to the motion, else an empty one."""
-    small = None if row.small is None else row.small.motion
-    face, label = (colour, AFTER_SMALL) if small is not None and motion.like(small) else ("white", AFTER_LARGE)
+    face, label = (colour, AFTER_SMALL) if motion.after_small else ("white", AFTER_LARGE)
     axes.plot(row.value, value, color=colour, markerfacecolor=face, label=label, **MARKER)
 
 
@@ -176,11 +175,10 @@ def _draw_growth(axes: Axes, study: Onset) -> None:
 
 
 def _draw_disturbances(axes: Axes, study: Onset) -> None:
-    """Velocity of the lining's surface in the smallest disturbance that starts squeal, in the colour of the mode."""
+    """Velocity of the lining's surface in the smallest disturbance that leads to each motion, coloured by mode."""
     largest = 0.0
     for row in study.values:
-        found = row.smallest_kick
-        if found is not None:
+        for found in row.smallest_kicks:
             name, speed = found.mode.split()[0], found.speed_m_per_s
             ends = [speed - found.speed_uncertainty_m_per_s, speed + found.speed_uncertainty_m_per_s]
             axes.plot(row.value, speed, color=style.COLOUR[name], **SQUARE)

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from enum import StrEnum
 from itertools import pairwise
-from typing import Any, Self
+from typing import Any, Self, cast
 
 import numpy as np
 from pydantic import Field, computed_field
@@ -15,11 +15,18 @@ from drumsqueal.findings.saturated import Saturated
 from drumsqueal.findings.schema import Findings
 from drumsqueal.outcome import Ending
 from drumsqueal.questions.cycle.diagram import Diagram
+from drumsqueal.questions.cycle.seeds import Seed
 from drumsqueal.scene.variation import Variation
 from drumsqueal.solve.linear.branches import Branch, Critical, Point
 
-# Two motions are alike where the logarithms of their kinetic energy and of their frequency differ by less.
+# At neighbouring values motions are alike where the logarithms of their energy and of their frequency differ by less.
 ALIKE_ENERGY, ALIKE_FREQUENCY = 0.5, 0.05
+# At one value they are the same where those of the rms of each coordinate and of the frequency do. Settled squeal of
+# the brakes repeats to 0.5 % and 0.001 %; two attractors were seen that differ by 1.1 % in frequency.
+SAME_RMS, SAME_FREQUENCY = 0.05, 5e-3
+# An irregular motion is known no better than it fluctuates: in standard deviations of a part of it, and that at most.
+FLUCTUATIONS, MOST_FLUCTUATION = 2.0, 0.25
+COUNTS = 1e-3  # of the largest rms, m or rad: a coordinate that moves less does not distinguish motions
 
 
 class Leads(StrEnum):
@@ -53,13 +60,31 @@ class Kind(StrEnum):
 
 
 QUIET = (Kind.STABLE, Kind.NEUTRAL)  # nothing squeals there
+SMALL_START = "small"  # the name of the small perturbation
+
+
+class Kick(Finding):
+    """A disturbance that was tried: a velocity from steady sliding (m/s, rad/s) along `mode` (its label).
+
+    With it the fastest point of the lining's surface moves at `speed_m_per_s` and the shoe has the kinetic energy
+    `energy_J`. Free vibration from it would come to `edge_share` times the nearer contact boundary, lift-off or slip
+    reversal, by the linear model.
+    """
+
+    mode: str
+    velocity: dict[str, float]
+    speed_m_per_s: float
+    energy_J: float
+    edge_share: float
 
 
 class Motion(Finding):
     """A steady-state response, by the last part of a transient: half its peak-to-peak values and rms (m, rad).
 
     `frequency_Hz` is that of the line with most kinetic energy, of the coordinate `line_of`. Of the motions at which
-    contact is lost and slip reversed it has these fractions. `state` (2, n) is vibration and velocity at its end.
+    contact is lost and slip reversed it has these fractions. `drift` is the relative change of the rms velocity at its
+    end, `fluctuation` by how much the rms of a coordinate comes and goes. `state` (2, n) is vibration and velocity at
+    its end.
     """
 
     start: str
@@ -71,34 +96,63 @@ class Motion(Finding):
     share_of_contact_loss: Number
     share_of_slip_reversal: Number
     drift: Number
+    fluctuation: float = 0.0
     state: Any = Held
+
+    def same(self, other: "Motion") -> bool:
+        """Whether two motions at one value are one attractor, as far as they fluctuate."""
+        fluctuation = min(FLUCTUATIONS * max(self.fluctuation, other.fluctuation), MOST_FLUCTUATION)
+        counts = COUNTS * max(*self.rms.values(), *other.rms.values())
+        pairs = [(self.rms[name], other.rms[name]) for name in self.rms]
+        apart = [abs(np.log(max(a, counts) / max(b, counts))) for a, b in pairs]
+        if max(apart) > max(SAME_RMS, fluctuation):
+            return False
+        if self.frequency_Hz is None or other.frequency_Hz is None or fluctuation > SAME_RMS:
+            return True  # of an irregular motion now one line is the strongest, now another
+        return bool(abs(np.log(self.frequency_Hz / other.frequency_Hz)) < SAME_FREQUENCY)
 
     def like(self, other: "Motion") -> bool:
         """Whether two motions, at one value or at neighbouring ones, are alike in size and frequency."""
+        return self.apart(other) < 1
+
+    def apart(self, other: "Motion") -> float:
+        """How much less alike in size and frequency they are, over what counts as alike."""
         sizes = [max(each.kinetic_energy_J, 1e-300) for each in (self, other)]
-        near = abs(np.log(sizes[0] / sizes[1])) < ALIKE_ENERGY
-        if self.frequency_Hz is None or other.frequency_Hz is None:
-            return bool(near)
-        return bool(near and abs(np.log(self.frequency_Hz / other.frequency_Hz)) < ALIKE_FREQUENCY)
+        apart = abs(np.log(sizes[0] / sizes[1])) / ALIKE_ENERGY
+        if self.frequency_Hz is not None and other.frequency_Hz is not None:
+            apart = max(apart, abs(np.log(self.frequency_Hz / other.frequency_Hz)) / ALIKE_FREQUENCY)
+        return float(apart)
 
 
 class Response(Finding):
     """Where a start led at a value, after how long (s), and the motion that it squeals with.
 
-    `saturated` is how the transient ended.
+    `kick` is the disturbance that it was, or `from_value` the value at which the motion was known from which it goes
+    on; None for others. `saturated` is how the transient ended.
     """
 
     start: str
     leads_to: Leads
     simulated_s: float
     outcome: str
+    kick: Kick | None = None
+    from_value: float | None = None
     motion: Motion | None = None
     value: float = Field(default=np.nan, exclude=True)
     saturated: Any = Held
 
     @classmethod
     def of(
-        cls, value: float, start: str, leads_to: Leads, ended: Saturated, seconds: float, names: Sequence[str]
+        cls,
+        value: float,
+        start: str,
+        leads_to: Leads,
+        ended: Saturated,
+        seconds: float,
+        names: Sequence[str],
+        *,
+        kick: Kick | None = None,
+        from_value: float | None = None,
     ) -> Self:
         """That of a transient over the named coordinates."""
         motion = None
@@ -113,6 +167,7 @@ class Response(Finding):
                 share_of_contact_loss=ended.boundary_ratios[0],
                 share_of_slip_reversal=ended.boundary_ratios[1],
                 drift=ended.drift,
+                fluctuation=ended.fluctuation,
                 state=np.array([ended.vibration, ended.velocity]),
             )
         return cls(
@@ -120,6 +175,8 @@ class Response(Finding):
             leads_to=leads_to,
             simulated_s=seconds,
             outcome=ended.outcome,
+            kick=kick,
+            from_value=from_value,
             motion=motion,
             value=value,
             saturated=ended,
@@ -131,31 +188,53 @@ class Response(Finding):
         return self.leads_to in (Leads.SQUEALS, Leads.GROWS)
 
 
-class Disturbance(Finding):
-    """The smallest disturbance that leads to squeal, of those along the modes: a velocity from steady sliding.
+class Disturbance(Kick):
+    """The smallest disturbance that leads to a motion, of those along the modes.
 
-    It lies between the largest that decays and the smallest that does not, both along `mode` (its label), either way,
-    and `velocity` is halfway (m/s, rad/s). With it the fastest point of the lining's surface moves at `speed_m_per_s`
-    and the shoe has the kinetic energy `energy_J`; the uncertainties are half of what lies between. Free vibration from
-    it would come to `edge_share` times the nearer contact boundary, lift-off or slip reversal, by the linear model.
-    `leads_to` is where the larger of the two leads.
+    It lies between the largest that leads elsewhere and the smallest that leads there, both along `mode`, either way,
+    and the numbers are those halfway; the uncertainties are half of what lies between. `leads_to` is the motion.
     """
 
-    mode: str
-    velocity: dict[str, float]
-    speed_m_per_s: float
     speed_uncertainty_m_per_s: float
-    energy_J: float
     energy_uncertainty_J: float
-    edge_share: float
     leads_to: Motion
+
+
+class Attractor(Motion):
+    """A steady-state response with all starts that led to it, by name.
+
+    `after_small` says whether the small perturbation did, `kick` is the smallest of the disturbances along modes that
+    did, None where none of them did, and `from_values` are those from which it was continued. `smallest_kick` is the
+    smallest disturbance that leads there, None where none was found or looked for.
+    """
+
+    starts: tuple[str, ...]
+    after_small: bool
+    kick: Kick | None = None
+    from_values: tuple[float, ...] = ()
+    smallest_kick: Disturbance | None = None
+
+    @classmethod
+    def of(cls, led: Sequence[Response], smallest: Sequence[Disturbance]) -> Self:
+        """That of all responses with one motion."""
+        motion = led[0].motion
+        assert motion is not None
+        kicks = sorted((each.kick for each in led if each.kick is not None), key=lambda kick: kick.energy_J)
+        return cls(
+            **dict(motion),
+            starts=tuple(each.start for each in led),
+            after_small=any(each.start == SMALL_START for each in led),
+            kick=next(iter(kicks), None),
+            from_values=tuple(dict.fromkeys(each.from_value for each in led if each.from_value is not None)),
+            smallest_kick=next((each for each in smallest if each.leads_to.same(motion)), None),
+        )
 
 
 class Row(Finding):
     """One value: its steady sliding, where each start led, and whether it was asked for or lies at a boundary.
 
-    `no_steady_sliding` is the reason where there is none. `smallest_kick` is the smallest disturbance that leads to
-    squeal, None where none was found or looked for. `point` is the linear point.
+    `no_steady_sliding` is the reason where there is none. `smallest_kicks` are the smallest disturbances that lead to
+    each motion, as far as they were found and looked for. `point` is the linear point.
     """
 
     value: float
@@ -164,7 +243,7 @@ class Row(Finding):
     unstable: bool
     largest_growth_rate_1_per_s: Number
     starts: tuple[Response, ...] = ()
-    smallest_kick: Disturbance | None = None
+    smallest_kicks: tuple[Disturbance, ...] = ()
     point: Any = Held
 
     @classmethod
@@ -204,22 +283,59 @@ class Row(Finding):
     @property
     def small(self) -> Response | None:
         """Where the small perturbation led."""
-        return next((each for each in self.starts if each.start == "small"), None)
+        return next((each for each in self.starts if each.start == SMALL_START), None)
 
     @computed_field
     @property
-    def motions(self) -> tuple[Motion, ...]:
+    def motions(self) -> tuple[Attractor, ...]:
         """The steady-state responses that differ, the one with most kinetic energy first."""
-        found: list[Motion] = []
+        groups: list[list[Response]] = []
         for each in self.starts:
-            if each.motion is not None and not any(each.motion.like(other) for other in found):
-                found.append(each.motion)
+            if each.motion is not None:
+                group = next((group for group in groups if each.motion.same(cast("Motion", group[0].motion))), None)
+                if group is None:
+                    groups.append([each])
+                else:
+                    group.append(each)
+        found = [Attractor.of(group, self.smallest_kicks) for group in groups]
         return tuple(sorted(found, key=lambda motion: -motion.kinetic_energy_J))
 
     @property
-    def strongest(self) -> Motion | None:
+    def led_to(self) -> tuple[Attractor, ...]:
+        """The same in the order of the starts that lead there: a small perturbation, disturbances, other values."""
+
+        def order(motion: Attractor) -> tuple[bool, bool, float]:
+            kick = motion.smallest_kick or motion.kick
+            return not motion.after_small, kick is None, kick.energy_J if kick else motion.kinetic_energy_J
+
+        return tuple(sorted(self.motions, key=order))
+
+    @property
+    def strongest(self) -> Attractor | None:
         """The steady-state response with most kinetic energy."""
         return next(iter(self.motions), None)
+
+    @computed_field
+    @property
+    def smallest_kick(self) -> Disturbance | None:
+        """The smallest disturbance that leads to squeal, None where none was found or looked for."""
+        return min(self.smallest_kicks, key=lambda each: each.energy_J, default=None)
+
+
+def pairs_of(there: Sequence[Motion], here: Sequence[Motion]) -> list[tuple[Motion, Motion]]:
+    """Which motions at neighbouring values go over into each other: the most alike first, each in one pair."""
+    alike = sorted(((a.apart(b), j, k) for j, a in enumerate(there) for k, b in enumerate(here) if a.like(b)))
+    found: dict[int, int] = {}
+    for _, j, k in alike:
+        if j not in found and k not in found.values():
+            found[j] = k
+    return [(there[j], here[k]) for j, k in found.items()]
+
+
+def unpaired(there: Sequence[Motion], here: Sequence[Motion]) -> list[Motion]:
+    """The motions at a value that none at its neighbour is alike, but for those that are in a pair already."""
+    paired = {id(a) for a, _ in pairs_of(there, here)}
+    return [motion for motion in there if id(motion) not in paired]
 
 
 class Range(Finding):
@@ -280,6 +396,16 @@ class Onset(Finding):
     def variation(self) -> Variation:
         """The number that is varied, as the command line reads it."""
         return self.parameter.variation
+
+    @property
+    def seeds(self) -> list[Seed]:
+        """The motions at the values that were asked for, as `follow_cycles` takes them; none where it was read."""
+        motions = [(row.value, motion) for row in self.values if row.asked for motion in row.motions]
+        return [
+            Seed(value, {"displacement": each.state[0], "velocity": each.state[1]}, each.frequency_Hz)
+            for value, each in motions
+            if each.state is not None
+        ]
 
     @property
     def in_order(self) -> Sequence[Row]:

@@ -1,9 +1,9 @@
 """Linear against nonlinear onset along a parameter: where eigenvalues predict squeal, where a disturbance starts it."""
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import Any, NamedTuple, cast, overload
 
 import numpy as np
@@ -26,13 +26,25 @@ from drumsqueal.questions.onset.attractors import (
     round_seconds,
 )
 from drumsqueal.questions.onset.disturbance import smallest_disturbances
-from drumsqueal.questions.onset.found import QUIET, FollowedMode, Kind, Onset, OnsetStudy, Row, find_ranges
+from drumsqueal.questions.onset.found import (
+    QUIET,
+    FollowedMode,
+    Kind,
+    Onset,
+    OnsetStudy,
+    Response,
+    Row,
+    find_ranges,
+    unpaired,
+)
+from drumsqueal.questions.onset.kicks import directions
 from drumsqueal.questions.onset.words import reservations, verdict
 from drumsqueal.scene import Profile, Scene, SceneError
 from drumsqueal.scene.variation import Variation, may_not_rest, read_variation
 from drumsqueal.solve.linear.branches import Branches, ModelAt, Point, follow_modes, point_at
 
 WITHIN = 1e-3  # of the range: how well the boundaries of the bistable range are found
+AT_ONCE = 8  # values whose starts run together: what is done when a study is interrupted is whole values
 SECTIONS = 2  # values tried at once between two
 # Multiples of a neighbour's motion: where motion that is too small decays the attractor may be larger there.
 SIZES = (1.0, 1.2, 1.5)
@@ -198,13 +210,13 @@ def compare(
         coordinates=predicted.family.moving,
     )
     search = _Search(predicted, lambda rows: keep(study.model_copy(update={"values": tuple(rows)})), progress)
-    search.from_both_sizes()
+    search.from_disturbances()
     search.from_neighbours()
     values = predicted.variation.values
     precision = within * (max(values) - min(values))
+    while smallest_kick and search.smallest_disturbances():
+        search.from_neighbours()
     search.at_boundaries(precision)
-    if smallest_kick:
-        search.smallest_disturbances()
     ranges = find_ranges(search.rows, linear.critical, precision)
     study = study.model_copy(update={"outcome": Ending.COMPLETE, "values": tuple(search.rows), "ranges": ranges})
     study = study.model_copy(update={"verdict": verdict(study), "reservations": reservations(study)})
@@ -213,9 +225,9 @@ def compare(
     keep(study)
     if scene is None:
         ends = predicted.variation.first, predicted.variation.last
-        found = follow_cycles(predicted.family.model_at, ends, progress=progress)
+        found = follow_cycles(predicted.family.model_at, ends, seeds=study.seeds, progress=progress)
     else:
-        found = follow_cycles(scene, predicted.variation, progress=progress)
+        found = follow_cycles(scene, predicted.variation, seeds=study.seeds, progress=progress)
     return study.model_copy(update={"cycles": found})
 
 
@@ -229,42 +241,53 @@ class _Search:
         self._started = {point.value: point for point in predicted.linear.points if point.value in asked}
         self._rows = {value: Row.at(point, asked=True) for value, point in self._started.items()}
         self._complete: set[float] = set()
+        self._carried: set[tuple[float, float, bytes, float]] = set()  # from where to where, which motion and how large
+        self._told: set[tuple[float, bytes]] = set()  # motions that were run on, to be told apart from others
 
     @property
     def rows(self) -> list[Row]:
         """All whose starts have ended, by rising value."""
         return [self._rows[value] for value in sorted(self._complete)]
 
-    def from_both_sizes(self) -> None:
-        """A small perturbation, and a large one along each mode, at every value."""
-        tasks = []
-        for value, point in self._started.items():
-            if point.reason:
-                self._complete.add(value)
-                continue
-            model = self._family.model_at(value)
-            starts = [self._family.small_start(point, model), *self._family.large_starts(point, model)]
-            tasks += [(point, start) for start in starts]
-        self._run("transients", tasks, PERSISTENT)
+    def from_disturbances(self) -> None:
+        """A small perturbation, and disturbances along each mode in sizes by doublings, at every value.
+
+        The largest of each mode come first: the others end as soon as they are on a motion that is known by then. Where
+        steady sliding is unstable one within the contact boundaries is only another small perturbation.
+        """
+        self._complete |= {value for value, point in self._started.items() if point.reason}
+        points = [point for point in self._started.values() if not point.reason]
+        for k in range(0, len(points), AT_ONCE):
+            first, rest = [], []
+            for point in points[k : k + AT_ONCE]:
+                first.append((point, self._family.small_start(point, self._family.model_at(point.value))))
+                for each in directions(point, self._family, signs=(1,)):
+                    least = 1 / each.boundary_ratio if point.unstable else 0.0
+                    *smaller, largest = each.sizes
+                    first.append((point, each.start(largest)))
+                    rest += [(point, each.start(size)) for size in smaller if size > least]
+            self._run("transients", first, PERSISTENT, more=Counter(point.value for point, _ in rest))
+            self._run("transients", rest, PERSISTENT)
+        self._tell_apart()
 
     def from_neighbours(self) -> None:
         """Carry every motion that a neighbouring value lacks over to it, upwards and downwards as far as it lasts."""
-        tried: set[tuple[float, float, int, float]] = set()
         while True:
             tasks = []
             neighbours = [pair for a, b in pairwise(self.rows) for pair in ((a, b), (b, a))]
             for there, here in neighbours:
                 sizes = SIZES if here.kind in (*QUIET, Kind.UNDECIDED) else SIZES[:1]
-                for k, source in enumerate(there.motions):
-                    if here.kind is Kind.NOWHERE or any(source.like(known) for known in here.motions):
-                        continue
-                    untried = [size for size in sizes if (there.value, here.value, k, size) not in tried]
+                lacking = () if here.kind is Kind.NOWHERE else unpaired(there.motions, here.motions)
+                for source in lacking:
+                    key = there.value, here.value, source.state.tobytes()
+                    untried = [size for size in sizes if (*key, size) not in self._carried]
                     for size in untried[:1]:
-                        tried.add((there.value, here.value, k, size))
+                        self._carried.add((*key, size))
                         tasks.append((here.point, go_on(there.value, source, size)))
             if not tasks:
                 return
             self._run("from neighbours", tasks, PERSISTENT)
+            self._tell_apart()
 
     def at_boundaries(self, precision: float) -> None:
         """Find to this precision where squeal ends without a critical value of the eigenvalues."""
@@ -276,13 +299,17 @@ class _Search:
                 continue
             self._close_in(*((a, b) if a.kind is Kind.BISTABLE else (b, a)), precision)
 
-    def smallest_disturbances(self) -> None:
-        """How large a disturbance must be, at each value that was asked for and where one is enough."""
+    def smallest_disturbances(self) -> bool:
+        """How large a disturbance must be for each motion, at each bistable value that was asked for.
+
+        Returns whether that led to motions that were not known there.
+        """
         rows = [row for row in self.rows if row.asked and row.kind is Kind.BISTABLE]
+        known = sum(len(row.motions) for row in rows)
         for found in smallest_disturbances(self._family, rows, self._how, self._progress):
-            for value, smallest in found.items():
-                self._rows[value] = self._rows[value].model_copy(update={"smallest_kick": smallest})
+            self._rows |= {row.value: row for row in found}
             self._on_rows(self.rows)
+        return sum(len(self._rows[row.value].motions) for row in rows) > known
 
     def _look_next_to_critical(self, a: Row, b: Row, precision: float) -> None:
         """Look right next to a critical value whether squeal goes on into the stable side."""
@@ -307,24 +334,53 @@ class _Search:
             a = lasts[-1] if lasts else a
 
     def _try(self, values: Sequence[float], source: Row) -> list[Row]:
-        """Look whether the strongest motion of a row lasts at other values, in several sizes until one does."""
-        assert source.strongest is not None
+        """Look whether a motion of a row lasts at other values, the strongest first and in several sizes each."""
         points = [point_at(self._predicted.linear_at, value) for value in values]
         for point in points:
             self._rows.setdefault(point.value, Row.at(point, asked=False))
-        for size in SIZES:
+        for motion, size in product(source.motions, SIZES):
             left = [point for point in points if self._rows[point.value].strongest is None]
-            start = go_on(source.value, source.strongest, size)
+            start = go_on(source.value, motion, size)
             self._run("boundaries", [(point, start) for point in left], LASTING)
         return [self._rows[value] for value in values]
 
-    def _run(self, what: str, tasks: list[tuple[Point, Start]], rounds: int) -> None:
-        left, done = Counter(point.value for point, _ in tasks), 0
+    def _tell_apart(self) -> None:
+        """Run motions on that are nearly alike at one value: some may only be on the way to the others."""
+        tasks, meant = [], {}
+        for row in self.rows:
+            motions = row.motions
+            nearly = [a for a in motions if any(a is not b and a.like(b) for b in motions)]
+            for k, motion in enumerate(nearly):
+                key = row.value, motion.state.tobytes()
+                if key not in self._told:
+                    start = Start(f"{motion.start} {k}", *motion.state)
+                    tasks.append((row.point, start))
+                    meant[row.value, start.name] = motion
+
+        def report(*_: object) -> None:
+            self._progress("telling motions apart", 0, len(tasks))
+
+        for response in find_attractors(self._family, tasks, self._how, rounds=LASTING, progress=report):
+            row, before = self._rows[response.value], meant[response.value, response.start]
+            starts = tuple(
+                _ended(each, response) if each.motion is not None and each.motion.same(before) else each
+                for each in row.starts
+            )
+            if response.motion is not None:
+                self._told.add((row.value, response.motion.state.tobytes()))
+            self._rows[response.value] = row.model_copy(update={"starts": starts})
+
+    def _run(
+        self, what: str, tasks: list[tuple[Point, Start]], rounds: int, more: Mapping[float, int] | None = None
+    ) -> None:
+        """Run starts; a value is complete where there are no `more`."""
+        left, done = Counter(more) + Counter(point.value for point, _ in tasks), 0
 
         def report(*_: object) -> None:
             self._progress(what, done, len(tasks))
 
-        for response in find_attractors(self._family, tasks, self._how, rounds=rounds, progress=report):
+        known = {point.value: self._rows[point.value].motions for point, _ in tasks}
+        for response in find_attractors(self._family, tasks, self._how, rounds=rounds, known=known, progress=report):
             row = self._rows[response.value]
             self._rows[response.value] = row.model_copy(update={"starts": (*row.starts, response)})
             left[response.value] -= 1
@@ -333,3 +389,9 @@ class _Search:
                 self._on_rows(self.rows)
             done += 1
             report()
+
+
+def _ended(response: Response, later: Response) -> Response:
+    """A response whose motion went on, and where that led."""
+    motion = later.motion and later.motion.model_copy(update={"start": response.start})
+    return response.model_copy(update={"leads_to": later.leads_to, "outcome": later.outcome, "motion": motion})

@@ -4,7 +4,9 @@ import math
 from collections.abc import Sequence
 
 from drumsqueal.findings.verdict import SMALL_ROTATION
-from drumsqueal.questions.onset.found import Kind, Leads, Onset, Range
+from drumsqueal.findings.vibration import unit_of
+from drumsqueal.questions.cycle.words import shown_Hz
+from drumsqueal.questions.onset.found import Attractor, Kind, Leads, Onset, Range
 from drumsqueal.scene.variation import Variation
 from drumsqueal.solve.linear.branches import DIVERGENCE, Critical
 
@@ -16,7 +18,7 @@ def verdict(study: Onset) -> str:
     along = study.variation
     low, high = sorted((along.first, along.last))
     over = f"Along {along.key} from {along.shown(low):.6g} to {along.with_unit(high)}"
-    return f"{over} {_linear(study)}; {_bistable(study)}.{_smallest_disturbances(study)}"
+    return f"{over} {_linear(study)}; {_bistable(study)}.{_coexisting(study)}{_smallest_disturbances(study)}"
 
 
 def _linear(study: Onset) -> str:
@@ -62,8 +64,8 @@ def _bistable(study: Onset) -> str:
         return "there is nothing else to find"
     places = _joined([_place(study, each) for each in bistable])
     text = f"steady sliding is stable {places}, but a large disturbance leads to squeal there (bistable)"
-    strongest = [row.strongest for row in study.values if row.kind is Kind.BISTABLE]
-    lines = [each.frequency_Hz for each in strongest if each is not None and each.frequency_Hz is not None]
+    motions = [motion for row in study.values if row.kind is Kind.BISTABLE for motion in row.motions]
+    lines = [each.frequency_Hz for each in motions if each.frequency_Hz is not None]
     if not lines:
         return text
     low, high = min(lines), max(lines)
@@ -72,6 +74,48 @@ def _bistable(study: Onset) -> str:
     onset = next((each.frequency_Hz for each in study.critical_values if each.value in ends), 0.0)
     compared = f" (eigenvalue at the critical value: {onset:.0f} Hz)" if onset > 0 else ""
     return f"{text}, at the values tried at {heard}{compared}"
+
+
+def _coexisting(study: Onset) -> str:
+    """Where several motions coexist and, where there are most, which and what leads to each."""
+    several = [row for row in study.in_order if row.asked and len(row.motions) > 1]
+    if not several:
+        return ""
+    most = max(several, key=lambda row: (len(row.motions), row.kind is Kind.BISTABLE))
+    each = _joined([motion_words(study, motion) for motion in most.led_to])
+    where = _values(study, [row.value for row in several])
+    there = f"; at {study.variation.with_unit(most.value)}" if len(several) > 1 else ":"
+    return f" Several motions coexist at {where}{there} {each}."
+
+
+def motion_words(study: Onset, motion: Attractor) -> str:
+    """Line and amplitude of a motion, and what leads to it."""
+    name = study.coordinate
+    line = "" if motion.frequency_Hz is None else f"{shown_Hz(motion.frequency_Hz)} Hz with "
+    size = f"{1e6 * motion.amplitude[name]:.3g} {unit_of(name, 'µ')} of {name}"
+    return f"{line}{size} {_after(motion)} {start_words(motion, study.variation)}"
+
+
+def _after(motion: Attractor) -> str:
+    return "after" if motion.after_small or motion.kick is not None else "continued from"
+
+
+def start_words(motion: Attractor, along: Variation) -> str:
+    """What leads to a motion: a small perturbation, the smallest disturbance, or the motion at another value.
+
+    The velocity of a disturbance is that of the fastest point of the lining's surface.
+    """
+    if motion.after_small:
+        return "a small perturbation"
+    if motion.smallest_kick is not None:
+        smallest = motion.smallest_kick
+        speed = with_uncertainty(smallest.speed_m_per_s, smallest.speed_uncertainty_m_per_s)
+        return f"{speed} m/s along {smallest.mode}"
+    if motion.kick is not None:
+        return f"{motion.kick.speed_m_per_s:.3g} m/s along {motion.kick.mode}"
+    if motion.from_values:
+        return f"the motion at {along.with_unit(motion.from_values[0])}"
+    return motion.start
 
 
 def _smallest_disturbances(study: Onset) -> str:

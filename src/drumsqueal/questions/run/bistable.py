@@ -1,4 +1,4 @@
-"""What the eigenvalues of a stable brake leave open: whether a large disturbance makes it squeal; how to find out."""
+"""What eigenvalues and one transient leave open: whether a large disturbance leads to squeal, or to another one."""
 
 import math
 import shlex
@@ -18,14 +18,16 @@ AROUND = (0.9, 1.1)  # times the drum's speed: the range in which the study look
 VALUES = 3
 
 
-def bistable_words(scene: Scene, stability: Stability, file: Path, settings: Sequence[str]) -> str | None:
-    """The sentence for a scene whose modes all decay; None where one grows, where nothing presses, and where
-    `onset` does not take the scene.
+def bistable_words(
+    scene: Scene, stability: Stability, file: Path, settings: Sequence[str], *, squeals: bool = False
+) -> str | None:
+    """The sentence for a scene, which may squeal from its own start; None where nothing presses, and where `onset` does
+    not take the scene.
 
     `file` and `settings` (those of --set) are given to the command that finds out.
     """
     speed = scene.drum.speed
-    if stability.unstable or stability.divergence is not None or scene.friction is None or scene.forcing is not None:
+    if stability.divergence is not None or scene.friction is None or scene.forcing is not None:
         return None
     load = scene.contact.normal_load
     if isinstance(speed, Profile) or isinstance(load, Profile) or load == 0 or not moved_coordinates(scene):
@@ -37,14 +39,18 @@ def bistable_words(scene: Scene, stability: Stability, file: Path, settings: Seq
     first, last = range_.listed(range_.first), range_.listed(range_.last)
     along = f"drum.speed={first:.10g}..{last:.10g} {range_.given} x {VALUES}"
     command = shlex.join(["drumsqueal", "onset", written(file), *given, "--along", along])
+    if squeals or stability.unstable:
+        return f"Other disturbances may lead to another squeal; which there are, and what leads to each: {command}"
     return (
         "A large disturbance may still lead to sustained squeal (the bistable, subcritical range); "
         f"to find out: {command}"
     )
 
 
-def print_bistable(console: Console, scene: Scene, stability: Stability, file: Path, settings: Sequence[str]) -> None:
+def print_bistable(
+    console: Console, scene: Scene, stability: Stability, file: Path, settings: Sequence[str], *, squeals: bool = False
+) -> None:
     """Print the sentence, where there is one."""
-    sentence = bistable_words(scene, stability, file, settings)
+    sentence = bistable_words(scene, stability, file, settings, squeals=squeals)
     if sentence is not None:
         console.print(printable(sentence), soft_wrap=True)

@@ -57,6 +57,6 @@ def run_command(
         check_sample_rate(prepared)
         reply.clear(but=(HISTORY, RESUME) if resume else ())
         found = run_into(folder, prepared, reply.console, since, second)
-    if found.saturation is None or not found.saturation.vibrates:  # otherwise it squeals already
-        print_bistable(reply.console, loaded, prepared.stability, scene, settings or ())
+    squeals = found.saturation is not None and found.saturation.vibrates
+    print_bistable(reply.console, loaded, prepared.stability, scene, settings or (), squeals=squeals)
     reply.send(found)

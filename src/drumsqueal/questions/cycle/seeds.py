@@ -1,0 +1,122 @@
+"""Motions that branches of cycles may begin at: settled ones, closed by Newton's method where they are periodic."""
+
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from drumsqueal.errors import CycleError
+from drumsqueal.physics.model import Model
+from drumsqueal.progress import Progress
+from drumsqueal.questions.cycle.continuation import SAME
+from drumsqueal.questions.cycle.diagram import Branch, OffBranch, Why
+from drumsqueal.questions.cycle.orbit import Cycle, Start
+from drumsqueal.questions.cycle.search import cycle_from, recorded
+from drumsqueal.solve import motion
+
+PERIODS = 200  # of the slowest mode: how long a motion is recorded to find its period
+SAMPLES = 20.0  # in a period of the fastest mode
+TOLERANCE = 1e-8  # of the record
+LIKE = 0.3  # relative difference of period and amplitudes to a branch within which its own cycle is closed and compared
+EQUAL = 1e-4  # relative difference of two cycles that were closed at one value and are one
+OWN = 0.05  # of its amplitudes, by which the cycle that Newton's method finds may differ from the motion
+
+
+class Seed(NamedTuple):
+    """A settled motion at a value of the parameter: a start as `integrate` takes it, and its line (Hz), if known."""
+
+    value: float
+    start: motion.Start
+    frequency_Hz: float | None = None
+
+
+class Settled(NamedTuple):
+    """The motion that a seed is: period (s), None where it has none, amplitudes by name (m, rad), and its end (2n,)."""
+
+    value: float
+    period: float | None
+    amplitude: dict[str, float]
+    frequency_Hz: float | None
+    state: np.ndarray
+    words: str
+
+    def off(self, why: Why, reason: str) -> OffBranch:
+        """The finding that it is on no branch."""
+        return OffBranch(
+            value=self.value, frequency_Hz=self.frequency_Hz, amplitude=self.amplitude, why=why, reason=reason
+        )
+
+
+def settled_at(seed: Seed, model: Model, progress: Progress) -> Settled:
+    """Record the motion of a seed and find its period. Raises CycleError where it cannot be recorded."""
+    try:
+        transient = motion.constant_transient(model, seed.start, duration=1.0, sample_rate=np.inf)
+    except ValueError as error:
+        raise CycleError(str(error)) from None
+    frequencies = [mode.frequency_Hz for mode in transient.stability.modes]
+    if not frequencies:
+        raise CycleError("nothing oscillates there")
+    duration, rate = PERIODS / min(frequencies), SAMPLES * max(frequencies)
+    how = {"duration": duration, "sample_rate": rate, "tolerance": TOLERANCE, "solver": "auto"}
+    record = recorded(transient._replace(how=how), progress, "motion that a branch may begin at")
+    n = len(model.names)
+    amplitude = np.ptp(record.states[:, :n], axis=0) / 2
+    line = seed.frequency_Hz if record.period is None else 1 / record.period
+    return Settled(
+        seed.value, record.period, dict(zip(model.names, amplitude.tolist(), strict=True)), line, record.states[-1],
+        record.words,
+    )  # fmt: skip
+
+
+def closed_from(found: Settled, model: Model, steady: np.ndarray, on_flow: Callable[[], object]) -> Cycle:
+    """The cycle that a motion is on, by its period or that of its line. Raises CycleError where it is on none."""
+    if found.frequency_Hz is None:
+        raise CycleError(f"it {found.words}")
+    try:
+        cycle = cycle_from(model, Start(found.state, 1 / found.frequency_Hz, "the motion found"), steady, on_flow)
+        if _apart(cycle.amplitude, found.amplitude) > OWN:
+            raise CycleError(f"Newton's method ends at another cycle, of {cycle.frequency_Hz:.5g} Hz")
+        if not (cycle.stable or cycle.neutral):
+            raise CycleError(f"Newton's method ends at an unstable cycle near it, of {cycle.frequency_Hz:.5g} Hz")
+    except CycleError:
+        if found.period is None:
+            raise CycleError(f"it {found.words}") from None
+        raise
+    return cycle.model_copy(update={"value": found.value})
+
+
+def on_branch(branches: Sequence[Branch], period: float, amplitude: dict[str, float], value: float) -> bool:
+    """Whether a motion lies on a branch, by period and amplitudes between two neighbouring cycles."""
+    return any(_off(a, b, period, amplitude, value) < SAME for a, b in _around(branches, value))
+
+
+def is_branch_cycle(branches: Sequence[Branch], cycle: Cycle, between: Callable[[Cycle, Cycle], Cycle | None]) -> bool:
+    """Whether a cycle is one of a branch; `between` closes that of the branch at its value, between two others."""
+    for a, b in _around(branches, cycle.value):
+        off = _off(a, b, cycle.period_s, cycle.amplitude, cycle.value)
+        if off < SAME:
+            return True
+        own = between(a, b) if off < LIKE else None
+        if own is not None and _apart(own.amplitude, cycle.amplitude) < EQUAL:
+            return True
+    return False
+
+
+def _around(branches: Sequence[Branch], value: float) -> list[tuple[Cycle, Cycle]]:
+    """Neighbouring cycles of the branches on either side of a value."""
+    pairs = [pair for branch in branches for pair in pairwise(branch.cycles)]
+    return [(a, b) for a, b in pairs if a.value != b.value and (a.value - value) * (b.value - value) <= 0]
+
+
+def _off(a: Cycle, b: Cycle, period: float, amplitude: dict[str, float], value: float) -> float:
+    """How far a motion is from the one between two cycles."""
+    fraction = (value - a.value) / (b.value - a.value)
+    between = {name: (1 - fraction) * a.amplitude[name] + fraction * b.amplitude[name] for name in amplitude}
+    turn = (1 - fraction) * a.period_s + fraction * b.period_s
+    return max(abs(turn / period - 1), _apart(between, amplitude))
+
+
+def _apart(one: dict[str, float], other: dict[str, float]) -> float:
+    """The largest relative difference of amplitudes."""
+    return max(abs(one[name] - other[name]) / max(one[name], other[name], 1e-300) for name in one)
