@@ -32,6 +32,7 @@ from drumsqueal.questions.cycle.orbit import (
     Shooting,
     Start,
     Vector,
+    cut_in_slip,
     describe,
     scale_near,
 )
@@ -159,6 +160,7 @@ def _search(transient: motion.Transient, progress: Progress) -> CycleSearch:
 
 def cycle_from(model: Model, start: Start, steady: Vector, on_flow: Callable[[], object] = lambda: None) -> Cycle:
     """The cycle of a model that Newton's method finds from a start; raises CycleError where there is none."""
+    start = cut_in_slip(model, start)
     shooting = Shooting(lambda _: (model, None), scale_near(model, start, steady), on_flow)
     closed = shooting.close(shooting.scaled(start.state, start.period, 0.0))
     if closed is None:

@@ -65,7 +65,8 @@ class Flow(NamedTuple):
     """Where a motion is after a time, with derivatives, all scaled: its end y(T) (2n,) and rate ẏ(T) (2n,) per s.
 
     `transition` is ∂y(T)/∂y(0) (2n, 2n), `sensitivity` ∂y(T)/∂p (2n,), zero where no parameter was given. `steps` is
-    how many were made, `reached` whether the end was. `changes` are what happened between slip and stick, and when (s).
+    how many were made, `reached` whether the end was. `changes` are what happened between slip and stick, and when (s);
+    where it sticks, `lost` directions of slip are forgotten.
     """
 
     end: Any  # arrays of JAX, or of NumPy once they are in its hands
@@ -75,16 +76,12 @@ class Flow(NamedTuple):
     steps: Any
     reached: Any
     changes: tuple[tuple[float, Change], ...] = ()
+    lost: int = 0
 
     @property
     def pattern(self) -> tuple[Change, ...]:
         """What happens, in order: where it is another one, the flow has other derivatives."""
         return tuple(what for _, what in self.changes)
-
-    @property
-    def sticks(self) -> bool:
-        """Whether the contact sticks on the way."""
-        return Change.STICKS in self.pattern
 
 
 def flow(
@@ -121,11 +118,12 @@ class _Motion:
     def __init__(self, model: Model, change: Model, size: np.ndarray, duration: float, tolerance: float) -> None:
         self._models, self._changes, self._size = {False: model}, {False: change}, size
         self._duration, self._local = duration, np.asarray(local_tolerance(np.float64(tolerance), DEFAULT))
-        self._n = n = size.size // 2
-        self._least: Any = None
-        if can_stick(model, at_rest=False):
-            self._least = np.float64(tolerance) * np.asarray(_slip_alone(model, size[n:]))
+        self._n = size.size // 2
+        self._least = _least_slip(model, size, tolerance)
+        if self._least is not None:
             self._models[True], self._changes[True] = held(model), held(change)
+            # Which coordinates slip (n,), and the derivative of the drum's motion with respect to p (n,).
+            self._slipping, self._drum = (np.asarray(part) for part in _slip_and_drum(model, change))
 
     def followed(self, start: np.ndarray) -> Flow:
         n = 2 * self._n
@@ -135,24 +133,28 @@ class _Motion:
             state, tangents, what = self._stopped(state, np.zeros(n), tangents)
             sticks = what is Change.STICKS
             changes.append((0.0, what))
-        while True:
+        while len(changes) <= MOST_CHANGES:
             leg = self._leg(state, self._duration - time, sticks=sticks)
             released = self._release(state, leg) if sticks else None
             leg = leg if released is None else self._leg(state, released, sticks=sticks)
-            state, steps, time = np.asarray(leg.end), steps + int(leg.steps), time + float(leg.time)
+            state, rate = np.asarray(leg.end), np.asarray(leg.rate)
+            steps, time = steps + int(leg.steps), time + float(leg.time)
             tangents = _then(np.asarray(leg.tangents), tangents)
             if released is not None:
                 state, tangents = self._released(state, tangents)
                 what = Change.SLIPS
             elif bool(leg.halted) and time < self._duration:
-                state, tangents, what = self._stopped(state, np.asarray(leg.rate), tangents)
+                state, tangents, what = self._stopped(state, rate, tangents)
             else:
-                rate, sound = np.asarray(leg.rate), bool(leg.reached)
-                return Flow(state, rate, tangents[:, :-1], tangents[:, -1], steps, sound, tuple(changes))
+                sound = bool(leg.reached)
+                break
             sticks = what is Change.STICKS
             changes.append((time, what))
-            if len(changes) > MOST_CHANGES:
-                return Flow(state, np.asarray(leg.rate), *np.split(tangents, [n], 1), steps, False, tuple(changes))
+        else:
+            sound = False
+        stuck = any(what is Change.STICKS for _, what in changes)
+        lost = int(self._slipping.sum()) if stuck else 0
+        return Flow(state, rate, tangents[:, :-1], tangents[:, -1], steps, sound, tuple(changes), lost)
 
     def _leg(self, state: np.ndarray, duration: float, *, sticks: bool) -> _Leg:
         least = None if sticks else self._least
@@ -185,21 +187,19 @@ class _Motion:
         away = 0.0 if stops else AWAY * float(self._least) * found.direction
         after = self._with_drum(state, away)
         # Neighbours stop later by what their slip is more, over the rate at which it falls.
-        slips, drum = (np.asarray(part) for part in _slip_derivatives(self._models[False], self._changes[False]))
-        falls = slips @ (rate * self._size)[self._n :]
+        falls = np.where(self._slipping, (rate * self._size)[self._n :], 0.0)
         weighed = np.asarray(self._models[False].mass) * falls
         size = float(weighed @ falls)
         onwards = stops or float(weighed @ found.direction) > 0
         if size > 0 and onwards:
-            slipping = slips @ (self._size[self._n :, None] * tangents[self._n :])
-            slipping[:, -1] -= drum
+            slipping = self._size[self._n :, None] * tangents[self._n :]
+            slipping[:, -1] -= self._drum
             later = -(weighed @ slipping) / size
             tangents = tangents + np.outer(rate - self._rate(after, sticks=stops), later)
         if stops:
             tangents = tangents.copy()
-            moving = slips.any(axis=1)
-            tangents[self._n :][moving] = 0.0
-            tangents[self._n :, -1] += drum / self._size[self._n :]
+            tangents[self._n :][self._slipping] = 0.0
+            tangents[self._n :, -1] += self._drum / self._size[self._n :]
         return after, tangents, Change.STICKS if stops else Change.REVERSES
 
     def _release(self, start: np.ndarray, leg: _Leg) -> float | None:
@@ -257,11 +257,11 @@ def _slip_alone(model: Model, velocity: Array) -> Array:
 
 
 @Program
-def _slip_derivatives(model: Model, change: Model) -> tuple[Array, Array]:
-    """Of the slip motion with respect to the velocity (n, n), and of the drum's motion with respect to p (n,)."""
-    rest = jnp.zeros(len(model.names))
-    slips = jax.jacfwd(lambda v: slip_motion(model, 0.0, v))(rest)
-    return slips, jax.jvp(lambda model: drum_motion(model, 0.0, rest), (model,), (change,))[1]
+def _slip_and_drum(model: Model, change: Model) -> tuple[Array, Array]:
+    """Which coordinates slip (n,), and the derivative of the drum's motion (n,) with respect to p."""
+    rest, ones = jnp.zeros(len(model.names)), jnp.ones(len(model.names))
+    slipping = slip_acceleration(model, 0.0, ones) != slip_acceleration(model, 0.0, rest)
+    return slipping, jax.jvp(lambda model: drum_motion(model, 0.0, rest), (model,), (change,))[1]
 
 
 @Program
@@ -285,35 +285,49 @@ def _excess_derivatives(
 
 
 def neighbours(
-    model: Model, size: ArrayLike, state: ArrayLike, directions: ArrayLike, duration: Any, *, sticks: bool = False
+    model: Model, size: ArrayLike, state: ArrayLike, directions: ArrayLike, duration: Any
 ) -> tuple[Array, Array]:
     """Where a motion is after a time, y(T) (2n,), and ∂y(T)/∂y(0) times directions (2n, k), by central differences.
 
     All scaled as in `flow`; NaN where a motion is not followed to the end. Exact to some 1e-5 of the largest derivative
-    also where pairs of contact boundaries appear, where tangents may fail. A motion that `sticks` takes longer.
+    also where pairs of contact boundaries appear, where tangents may fail.
     """
     steps = APART * np.asarray(directions).T
     starts = np.asarray(state) + np.concatenate([np.zeros((1, steps.shape[1])), steps, -steps])
-    if sticks:
-        found = (flow(model, size, start, duration, TIGHT) for start in starts)
-        ends: Any = np.array([each.end if each.reached else np.full_like(each.end, np.nan) for each in found])
-    else:
-        local = jnp.asarray(local_tolerance(np.float64(TIGHT), DEFAULT))
-        ends = _ends(model, jnp.asarray(size), jnp.asarray(starts), jnp.asarray(np.float64(duration)), local)
+    local = jnp.asarray(local_tolerance(np.float64(TIGHT), DEFAULT))
+    least = _least_slip(model, np.asarray(size), TIGHT)
+    given = model, jnp.asarray(size), jnp.asarray(starts), jnp.asarray(np.float64(duration)), local
+    ends = np.array(_ends(*given, least))
+    for k in np.flatnonzero(~np.isfinite(ends).all(axis=1)):  # those that stop on the way take longer
+        found = flow(model, size, starts[k], duration, TIGHT)
+        ends[k] = found.end if found.reached else np.nan
     return ends[0], (ends[1 : len(steps) + 1] - ends[len(steps) + 1 :]).T / (2 * APART)
 
 
 @compiled
-def _ends(model: Model, size: Array, starts: Array, duration: Array, local: Array) -> Array:
-    return one_kernel(_each_followed, model, size, starts, duration, local)
+def _ends(model: Model, size: Array, starts: Array, duration: Array, local: Array, least: Array | None) -> Array:
+    return one_kernel(_each_followed, model, size, starts, duration, local, least)
 
 
-def _each_followed(model: Model, size: Array, starts: Array, duration: Array, local: Array) -> Array:
+def _each_followed(
+    model: Model, size: Array, starts: Array, duration: Array, local: Array, least: Array | None
+) -> Array:
+    """Where they are after the duration, NaN where a motion does not get there or all but stops slipping before."""
+    rest = {} if least is None else _rest(model, size, least)
+    times = jnp.stack([jnp.zeros(()), duration])
+
     def end(start: Array) -> Array:
-        stepped = _stepped(model, size, start, jnp.stack([jnp.zeros(()), duration]), local)
-        return jnp.where(stepped.reached, stepped.last, jnp.nan)
+        stepped = _stepped(model, size, start, times, local, **rest)
+        return jnp.where(stepped.reached & ~stepped.halted, stepped.last, jnp.nan)
 
     return jax.lax.map(end, starts)
+
+
+def _least_slip(model: Model, size: np.ndarray, tolerance: float) -> Any:
+    """Slip speed (m/s) below which nothing slips; None for what cannot stick to a drum that turns."""
+    if not can_stick(model, at_rest=False):
+        return None
+    return np.float64(tolerance) * np.asarray(_slip_alone(model, size[size.size // 2 :]))
 
 
 def _stepped(model: Model, size: Array, start: Array, times: Array, local: Array, **more: Any) -> Stepped:
