@@ -7,7 +7,6 @@ of Bifurcation Theory, Academic Press 1977; of the names: Y. A. Kuznetsov, Eleme
 """
 
 from collections.abc import Callable
-from contextlib import suppress
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -121,13 +120,17 @@ class Track:
         following = self._around(place)
         if following is None:
             raise CycleError(why)
-        self.cycles[-1] = place.cycle.model_copy(update={"what": _kind_between(place, following) or Event.CORNER})
+        grazes = following.closed.flow.pattern != place.closed.flow.pattern
+        what = Event.GRAZING if grazes else Event.CORNER
+        self.cycles[-1] = place.cycle.model_copy(update={"what": what})
         return following, CORNER_STEPS[0], True
 
     def _advance(self, place: _Place, step: float) -> _Place | None:
         """The place at the end of a step, None where that is too long. Raises CycleError where the branch ends."""
         closed = self._corrected(place, step)
         if closed is None or np.linalg.norm(closed.unknowns - place.closed.unknowns) > 3 * step:
+            return None
+        if closed.flow.pattern != place.closed.flow.pattern:  # behind a corner, where the branch may turn round
             return None
         tangent = self._tangent(closed, place.tangent)
         if tangent @ place.tangent < TURN and step > LEAST_STEP / SLOWER:
@@ -193,10 +196,7 @@ class Track:
         return same_way and len(self.cycles) > FEWEST and is_between(place.cycle, following.cycle, start.cycle)
 
     def _look_between(self, a: _Place, b: _Place, step: float) -> None:
-        """Find grazing, a fold, and where multipliers cross the unit circle, on the way from one place to the next."""
-        if _kind_between(a, b):
-            self._locate_grazing(a, step)
-            return
+        """Find a fold, and where multipliers cross the unit circle, on the way from one place to the next."""
         if a.tangent[-1] * b.tangent[-1] < 0:
             self._locate(a, step, Event.FOLD, lambda closed: float(self._tangent(closed, a.tangent)[-1]))
             return
@@ -205,20 +205,6 @@ class Track:
             return
         rank = min(one, other)
         self._locate(a, step, None, lambda closed: float(np.abs(floquet_of(self._shooting, closed)[0][rank])) - 1)
-
-    def _locate_grazing(self, a: _Place, step: float) -> None:
-        """Keep the last cycle before another one sticks or reverses more often, or less."""
-        low, high, last = 0.0, step, a.closed
-        while high - low > LOCATED * step:
-            closed = self._corrected(a, (low + high) / 2)
-            if closed is None:
-                break
-            if closed.flow.pattern == a.closed.flow.pattern:
-                low, last = (low + high) / 2, closed
-            else:
-                high = (low + high) / 2
-        with suppress(CycleError):
-            self._keep(describe(self._shooting, last).model_copy(update={"what": Event.GRAZING}))
 
     def _locate(self, a: _Place, step: float, kind: Event | None, measure: Callable[[Closed], float]) -> None:
         """Keep the cycle at which a measure vanishes, between a place and the end of the step from it."""
@@ -235,11 +221,6 @@ class Track:
         except (CycleError, ValueError):
             return  # the branch itself goes on, without the name of what happened
         self._keep(cycle.model_copy(update={"what": kind or _kind(cycle)}))
-
-
-def _kind_between(a: _Place, b: _Place) -> Event | None:
-    """Grazing, if a cycle sticks or reverses its slip at other instants than another."""
-    return None if a.closed.flow.pattern == b.closed.flow.pattern else Event.GRAZING
 
 
 def is_between(a: Cycle, b: Cycle, cycle: Cycle) -> bool:
