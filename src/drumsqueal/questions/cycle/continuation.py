@@ -9,10 +9,12 @@ of Bifurcation Theory, Academic Press 1977; of the names: Y. A. Kuznetsov, Eleme
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+import jax.numpy as jnp
 import numpy as np
 import scipy
 
 from drumsqueal.errors import CycleError
+from drumsqueal.physics.laws.friction_law import static_coefficient
 from drumsqueal.questions.cycle.diagram import Branch, End
 from drumsqueal.questions.cycle.orbit import SINGULAR, Closed, Cycle, Event, Shooting, Vector, describe, floquet_of
 
@@ -119,6 +121,9 @@ class Track:
             step *= SLOWER
         following = self._around(place)
         if following is None:
+            if self._jumps_ahead(place):
+                self.cycles[-1] = place.cycle.model_copy(update={"what": Event.GRAZING})
+                raise CycleError(End.GRAZING)
             raise CycleError(why)
         grazes = following.closed.flow.pattern != place.closed.flow.pattern
         what = Event.GRAZING if grazes else Event.CORNER
@@ -160,6 +165,14 @@ class Track:
                     except CycleError:
                         continue
         return None
+
+    def _jumps_ahead(self, place: _Place) -> bool:
+        """Whether it grazes next where static friction exceeds what slides: what touches the drum then jumps away."""
+        friction = place.cycle.model.contact.friction
+        if friction is None or static_coefficient(friction.law) <= friction.law.coefficient(jnp.zeros(())):
+            return False
+        unknowns, ahead = place.closed.unknowns, CORNER_STEPS[0] * place.tangent
+        return self._shooting.flow(unknowns + ahead).pattern != place.closed.flow.pattern
 
     def _corrected(self, place: _Place, step: float) -> Closed | None:
         guess = place.closed.unknowns + step * place.tangent
