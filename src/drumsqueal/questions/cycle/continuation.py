@@ -17,12 +17,14 @@ from drumsqueal.errors import CycleError
 from drumsqueal.physics.laws.friction_law import static_coefficient
 from drumsqueal.questions.cycle.diagram import Branch, End
 from drumsqueal.questions.cycle.orbit import SINGULAR, Closed, Cycle, Event, Shooting, Vector, describe, floquet_of
+from drumsqueal.solve.transient.flow import slip_speeds
 
 FIRST_STEP, LEAST_STEP, LONGEST_STEP = 0.02, 1e-5, 0.15  # of arclength, in the scaled unknowns
 FASTER, SLOWER = 1.6, 0.5
 EASY, HARD = 3, 6  # steps of Newton
 TURN = 0.9  # cosine of the angle between two neighbouring tangents, at least
 CORNER_STEPS = (1e-3, 4e-3, 1.6e-2, 6.4e-2)
+SLOW = 0.3  # of the fastest slip of a cycle: where that is less at its cut another one is taken
 BACKWARDS = -0.97  # cosine of the angle to the branch below which one is on it again, on the way back
 LOCATED = 1e-5  # of a step: how well an instability, or the turn of a fold, is found along the branch
 BENT = 1e-3  # |Im μ| above which two multipliers that leave the circle are a pair
@@ -63,7 +65,7 @@ class Track:
         `cycles` grows as it goes, the cycle of the start included.
         """
         try:
-            start = place = self._place(closed, ahead)
+            start = place = self._cut_anew(self._place(closed, ahead))
             step = FIRST_STEP
             self._keep(place.cycle)
             for _ in range(MOST_POINTS):
@@ -81,7 +83,7 @@ class Track:
                 self._keep(following.cycle)
                 step = min(step * (FASTER if following.closed.steps <= EASY else 1.0), LONGEST_STEP)
                 step = step * SLOWER if following.closed.steps >= HARD else step
-                place = following
+                place = self._cut_anew(following)
         except CycleError as error:
             return str(error)
         return f"after {MOST_POINTS} points"
@@ -92,6 +94,20 @@ class Track:
 
     def _place(self, closed: Closed, ahead: Vector) -> _Place:
         return _Place(closed, self._tangent(closed, ahead), describe(self._shooting, closed))
+
+    def _cut_anew(self, place: _Place) -> _Place:
+        """The place seen from where the contact slips fastest, if it slips slowly where the period is cut.
+
+        There it would soon stick, or reverse its slip, and the flow jump from one cycle to the next.
+        """
+        samples = place.cycle.samples
+        speeds = np.asarray(slip_speeds(place.cycle.model, samples.velocity))
+        fastest = int(np.argmax(speeds))
+        if speeds[0] > SLOW * speeds[fastest]:
+            return place
+        later = float(samples.time[fastest] - samples.time[0])
+        closed, ahead = self._shooting.moved(place.closed, place.tangent, later)
+        return place._replace(closed=closed, tangent=self._tangent(closed, ahead))
 
     def _tangent(self, closed: Closed, ahead: Vector) -> Vector:
         """The direction of the branch at a cycle (2n + 2,), of length one, with a part along `ahead`."""

@@ -14,10 +14,9 @@ from drumsqueal.errors import CycleError, IntegrationError
 from drumsqueal.findings.part import Finding, Held, Number
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.motion import turning_points
-from drumsqueal.solve.transient.flow import APART, Change, Flow, flow, neighbours, state_size
+from drumsqueal.solve.transient.flow import APART, Change, Flow, flow, neighbours, slip_speeds, state_size
 from drumsqueal.solve.transient.integrate import Chunk, integrate
 from drumsqueal.solve.transient.state import CHUNK_SAMPLES
-from drumsqueal.solve.transient.sticking import slip
 
 TOLERANCE = 1e-10  # of the flow, as a scene's
 CLOSED = 1e-10  # the largest scaled difference between a state and itself a period later that counts as none
@@ -91,6 +90,15 @@ class Shooting:
         transition = found.transition - np.eye(found.end.size)
         return np.column_stack([transition, found.rate * period, found.sensitivity * parameter])
 
+    def moved(self, closed: Closed, direction: Vector, time: float) -> tuple[Closed, Vector]:
+        """The same motion from a state on it that comes a time (s) later, and a direction (2n + 2,) taken there."""
+        _, _, parameter = self.unscaled(closed.unknowns)
+        model, change = self.models(parameter)
+        found = flow(model, self.scale[:-2], closed.unknowns[:-2], time, TOLERANCE, change)
+        unknowns = np.append(found.end, closed.unknowns[-2:])
+        along = found.transition @ direction[:-2] + found.sensitivity * self.scale[-1] * direction[-1]
+        return closed._replace(unknowns=unknowns, flow=self.flow(unknowns)), np.append(along, direction[-2:])
+
     def vibration(self, closed: Closed, steady: Vector) -> Vector:
         """A scaled state (2n,) from steady sliding q* (n,)."""
         return closed.unknowns[:-2] - np.append(steady, np.zeros_like(steady)) / self.scale[:-2]
@@ -147,14 +155,9 @@ def cut_in_slip(model: Model, start: Start) -> Start:
         return start
     if not samples.observation.sticking.any():
         return start
-    fastest = int(np.argmax(slip_speeds(model, samples)))
+    fastest = int(np.argmax(slip_speeds(model, samples.velocity)))
     state = np.concatenate([samples.displacement[fastest], samples.velocity[fastest]])
     return start._replace(state=state)
-
-
-def slip_speeds(model: Model, samples: Chunk) -> Vector:
-    """Slip speeds (k,) in m/s of samples."""
-    return np.array([float(slip(model, 0.0, velocity)) for velocity in samples.velocity])
 
 
 def scale_near(model: Model, start: Start, steady: Vector, parameter: float = 1.0) -> Vector:

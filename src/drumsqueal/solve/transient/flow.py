@@ -257,6 +257,12 @@ def _slip_alone(model: Model, velocity: Array) -> Array:
 
 
 @Program
+def slip_speeds(model: Model, velocities: Array) -> Array:
+    """Slip speeds (k,) in m/s at velocities (k, n)."""
+    return jax.vmap(lambda velocity: slip(model, 0.0, velocity))(velocities)
+
+
+@Program
 def _slip_and_drum(model: Model, change: Model) -> tuple[Array, Array]:
     """Which coordinates slip (n,), and the derivative of the drum's motion (n,) with respect to p."""
     rest, ones = jnp.zeros(len(model.names)), jnp.ones(len(model.names))
