@@ -130,7 +130,6 @@ class Diagram(Finding):
             if min(high, last) > max(low, first)
         )
 
-
     @computed_field
     @property
     def squeals_unknown(self) -> tuple[Interval, ...]:

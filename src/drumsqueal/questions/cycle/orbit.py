@@ -211,8 +211,9 @@ class Cycle(Finding):
     and neighbouring motions disagree about what a period does to a disturbance, of the largest (see `floquet_of`).
     `residual` is the periodicity residual: how far the state is from itself after a period, in the scale of the motion.
     `amplitude` is half the peak-to-peak values (m, rad), the fractions are means over the period, and
-    `main_coordinate` has most kinetic energy. The contact sticks as a whole in so many phases of a period, for
-    `sticking_fraction` of it; each direction of slip that it loses then has a multiplier of zero. On a branch, `value` is the parameter and `what` happens there.
+    `main_coordinate` has most kinetic energy. The contact sticks as a whole in `sticking_phases` of a period, for
+    `sticking_fraction` of it; each direction of slip that it loses then has a multiplier of zero. On a branch, `value`
+    is the parameter and `what` happens there.
     `samples` holds one period.
     """
 
@@ -355,7 +356,9 @@ def _grazes(shooting: Shooting, closed: Closed) -> bool:
     """Whether motions as far away as neighbours stick or reverse their slip otherwise."""
     steps = APART * np.eye(closed.unknowns.size)[:-2]
     return any(
-        shooting.flow(closed.unknowns + sign * step).pattern != closed.flow.pattern for step in steps for sign in (1, -1)
+        shooting.flow(closed.unknowns + sign * step).pattern != closed.flow.pattern
+        for step in steps
+        for sign in (1, -1)
     )
 
 

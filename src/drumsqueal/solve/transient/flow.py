@@ -29,6 +29,7 @@ from drumsqueal.solve.transient.state import State
 from drumsqueal.solve.transient.stepping import Attempt, Stepped, step_through
 from drumsqueal.solve.transient.stick_slip import AWAY
 from drumsqueal.solve.transient.sticking import (
+    Held,
     can_stick,
     drum_motion,
     grip,
@@ -94,13 +95,16 @@ def flow(
     duration is `rate`.
     """
     # One program serves with and without a parameter, for it takes half a minute to compile.
-    change = jax.tree.map(np.zeros_like, model) if change is None else change
-    motion = _Motion(model, change, np.asarray(size), float(duration), float(tolerance))
+    by_parameter: Model = jax.tree.map(np.zeros_like, model) if change is None else change
+    motion = _Motion(model, by_parameter, np.asarray(size), float(duration), float(tolerance))
     return motion.followed(np.asarray(state))
 
 
 class _Leg(NamedTuple):
-    """A stretch that slips or sticks throughout: states (k, 2n) at even times, and where and when it ended."""
+    """A stretch that slips or sticks throughout: where it sticks states (k, 2n) at even times; its end, and when.
+
+    The `rate` is that at the end, if a step was made.
+    """
 
     samples: Any
     end: Any
@@ -137,7 +141,8 @@ class _Motion:
             leg = self._leg(state, self._duration - time, sticks=sticks)
             released = self._release(state, leg) if sticks else None
             leg = leg if released is None else self._leg(state, released, sticks=sticks)
-            state, rate = np.asarray(leg.end), np.asarray(leg.rate)
+            state = np.asarray(leg.end)
+            rate = np.asarray(leg.rate) if leg.steps else self._rate(state, sticks=sticks)
             steps, time = steps + int(leg.steps), time + float(leg.time)
             tangents = _then(np.asarray(leg.tangents), tangents)
             if released is not None:
@@ -207,7 +212,8 @@ class _Motion:
         samples = np.asarray(leg.samples) * self._size
         times, (places, speeds) = np.linspace(0.0, float(leg.time), LOOKS), np.split(samples, 2, axis=1)
         model = self._models[False]
-        for k in np.flatnonzero(~hold_surely(model, np.zeros(LOOKS), places, speeds)):
+        surely = hold_surely(model, *(jnp.asarray(each) for each in (np.zeros(LOOKS), places, speeds)))
+        for k in np.flatnonzero(~surely):
             if k > 0 and hold(model, 0.0, places[k], speeds[k], slips=False).reserve < 1:
 
                 def excess(time: float) -> float:
@@ -292,7 +298,7 @@ def _excess_derivatives(
 
 def neighbours(
     model: Model, size: ArrayLike, state: ArrayLike, directions: ArrayLike, duration: Any
-) -> tuple[Array, Array]:
+) -> tuple[np.ndarray, np.ndarray]:
     """Where a motion is after a time, y(T) (2n,), and ∂y(T)/∂y(0) times directions (2n, k), by central differences.
 
     All scaled as in `flow`; NaN where a motion is not followed to the end. Exact to some 1e-5 of the largest derivative
@@ -397,9 +403,10 @@ def _followed(
     def along(step: Attempt, carried: tuple[Array, Array]) -> tuple[Array, Array]:
         return _pushed(step, carried[0], derivatives, local, longest), step.slope_after
 
-    begin = jnp.eye(unknowns + 1, unknowns), _rate(model, size, state)
+    begin = jnp.eye(unknowns + 1, unknowns), state
     rest = {} if least is None else _rest(model, size, least)
-    times = jnp.arange(LOOKS) / (LOOKS - 1) * duration
+    looks = LOOKS if isinstance(model, Held) else 2
+    times = jnp.arange(looks) / (looks - 1) * duration
     stepped = _stepped(model, size, state, times, local, longest=longest, along=along, carried=begin, **rest)
     # Tangents come as rows, one for each direction; a derivative has them as columns.
     tangents, rate = stepped.carried
