@@ -14,7 +14,7 @@ from drumsqueal.findings.vibration import ROTATIONS, unit_of
 from drumsqueal.questions.cycle.diagram import CycleBranches, Diagram, Interval
 from drumsqueal.questions.cycle.orbit import Cycle, Event
 from drumsqueal.questions.cycle.search import CycleStudy
-from drumsqueal.questions.onset.figure import DASHES, SHADES, draw_cycles, limit_amplitudes
+from drumsqueal.questions.onset.figure import DASHES, OTHER, SHADES, draw_cycles, limit_amplitudes
 from drumsqueal.questions.onset.found import Kind
 from drumsqueal.questions.run.figures.contact import along_arc
 from drumsqueal.terminal import style
@@ -146,12 +146,13 @@ def _draw(axes: Axes, diagram: Diagram, colour: str, measure: Callable[[Cycle], 
 def _shade(axes: Axes, diagram: Diagram) -> None:
     for kind, spans in _ranges(diagram).items():  # not beyond the range, where nothing is known
         for low, high in spans:
-            axes.axvspan(low, high, color=SHADES[kind], linewidth=0, zorder=0)
+            axes.axvspan(low, high, color=SHADES.get(kind, OTHER), linewidth=0, zorder=0)
 
 
 def _ranges(diagram: Diagram) -> dict[Kind, Sequence[Interval]]:
     return {
         Kind.STABLE: diagram.steady_sliding_stable,
+        Kind.UNDECIDED: diagram.squeals_unknown,  # over what is stable, where a cycle may be, too
         Kind.BISTABLE: diagram.squeals_only_when_kicked,
         Kind.SQUEALS: diagram.steady_sliding_unstable,
     }
@@ -172,4 +173,4 @@ def _legend(found: CycleBranches, colour: str) -> list[Line2D | Patch]:
     # The same but for what Newton's method leaves of the ends of the range.
     if len(stable) == len(bistable) and np.allclose(stable, bistable, rtol=1e-9):
         del present[Kind.STABLE]
-    return handles + [Patch(color=SHADES[kind], label=kind) for kind, spans in present.items() if spans]
+    return handles + [Patch(color=SHADES.get(kind, OTHER), label=kind) for kind, spans in present.items() if spans]
