@@ -620,6 +620,7 @@ def test_the_block_of_hyperbolic_friction_has_the_published_period():
 def test_multipliers_of_a_block_that_moves_two_ways_are_those_of_an_independent_return_map():
     speed = 0.3
     cycle = Family(with_derivative(two_ways), (0.2, 0.4)).sticking_at(speed)
+    assert cycle is not None
     assert cycle.sticking_phases == 1
     springs = np.array([[2.0, 0.3], [0.3, 1.7]])
 
@@ -664,6 +665,19 @@ def test_multipliers_of_a_block_that_moves_two_ways_are_those_of_an_independent_
     assert cycle.multipliers[-1] == 0
     # Differences of 1e-12 over 1e-5, and their third derivatives.
     np.testing.assert_allclose(np.sort_complex(cycle.multipliers[:2]), np.sort_complex(exact), atol=1e-5)
+
+
+def test_what_sticks_again_and_again_and_closes_nowhere_is_not_passed_over(monkeypatch):
+    monkeypatch.setattr(branches, "cycle_from", partial(_raised, CycleError("lost")))
+    diagram = follow_cycles(coulomb, (0.2, 0.4))
+    assert not diagram.branches
+    assert [(each.low, each.high) for each in diagram.not_followed] == [(0.2, 0.4)] * 3
+    assert diagram.not_followed[0].reason == "from rest on the drum at 0.2: lost"
+
+
+def test_what_does_not_stick_again_is_no_cycle():
+    family = Family(with_derivative(falling_friction), (1.8, 2.4))
+    assert family.sticking_at(2.4) is None
 
 
 def test_where_static_friction_exceeds_kinetic_the_branch_ends_with_grazing():

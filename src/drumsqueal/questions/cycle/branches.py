@@ -77,9 +77,10 @@ def follow_cycles(
         for value in np.linspace(low, high, STICKING_STARTS):
             try:
                 cycle = family.sticking_at(float(value))
-            except CycleError:  # what was tried besides, and need not be there
+            except CycleError as error:
+                diagram = _lost(diagram, family, f"from rest on the drum at {value:.6g}: {error}")
                 continue
-            diagram = _with_cycle(diagram, family, cycle, "sticking ", keep)
+            diagram = diagram if cycle is None else _with_cycle(diagram, family, cycle, "sticking ", keep)
         return diagram
     variation = read_variation(along, scene, option="along", points=None) if isinstance(along, str) else along
     variation = cast("Variation", variation)
@@ -209,9 +210,13 @@ def _extended(
     try:
         branch = follow(lambda branch: on_diagram(extended(branch)))
     except CycleError as error:
-        reason = f"{origin}: {error}"
-        return _without(_noted(diagram, reason), [Unfollowed(reason=reason, low=family.low, high=family.high)])
+        return _lost(diagram, family, f"{origin}: {error}")
     return _without(extended(branch), branch.not_followed(family.low, family.high))
+
+
+def _lost(diagram: Diagram, family: "Family", reason: str) -> Diagram:
+    """The diagram with cycles that are somewhere in the range and could not be followed."""
+    return _without(_noted(diagram, reason), [Unfollowed(reason=reason, low=family.low, high=family.high)])
 
 
 def _without(diagram: Diagram, lost: Sequence[Unfollowed]) -> Diagram:
@@ -273,15 +278,18 @@ class Family:
             raise CycleError(end)
         return Branch(start=End.HOPF, end=end, cycles=tuple(cycles))
 
-    def sticking_at(self, value: float) -> Cycle:
-        """The cycle in which a motion that begins at rest on the drum ends. Raises CycleError where there is none."""
+    def sticking_at(self, value: float) -> Cycle | None:
+        """The cycle to which a motion leads that begins at rest on the drum; None where that does not stick again.
+
+        Raises CycleError where it does and no cycle is found, or where it cannot be followed.
+        """
         steady, model = self.steady_at(value), self.model_at(value)
         if steady is None or not can_stick(model, at_rest=False):
-            raise CycleError("nothing sticks there")
+            return None
         self._on_flow()
         start = released_start(model, steady)
         if start is None:
-            raise CycleError("it does not stick again")
+            return None
         return cycle_from(model, start, steady, self._on_flow).model_copy(update={"value": value})
 
     def both_ways(self, cycle: Cycle, on_branch: OnBranch = lambda _: None) -> Branch:

@@ -275,7 +275,7 @@ def _starts(transient: motion.Transient, record: _Record) -> Iterator[Start]:
 def released_start(model: Model, steady: Vector) -> Start | None:
     """The last release of a motion that begins at rest on the drum at steady sliding (n,), and the time between two.
 
-    None where it does not stick again.
+    None where it does not stick again. Raises CycleError where it cannot be followed so far.
     """
     n, modes = len(steady), analyse_stability(model).modes
     if not modes:
@@ -288,12 +288,14 @@ def released_start(model: Model, steady: Vector) -> Start | None:
         duration = RETURNS * period * 2**doubling
         found = flow(model, size, start, duration, TOLERANCE)
         releases = [time for time, what in found.changes if what is Change.SLIPS]
-        if not found.reached or (len(releases) == 1 and duration - releases[0] > duration / 2):
+        if not found.reached:
+            raise CycleError("a motion that slips and sticks takes too many steps")
+        if found.pattern[-1:] == (Change.SLIPS,) and duration - releases[-1] > duration / 2:
             return None
         if len(releases) > 2:
             last = flow(model, size, start, releases[-1], TOLERANCE)
             return Start(last.end * size, releases[-1] - releases[-2], "a motion from rest on the drum")
-    return None
+    raise CycleError("a motion from rest on the drum is not released in time")
 
 
 def returns(time: Vector, states: Vector, scale: Vector, lowest_frequency: float) -> Iterator[Start]:
