@@ -151,10 +151,10 @@ def _search(transient: motion.Transient, progress: Progress) -> CycleSearch:
         if any(cycle.stable for cycle, _ in found):
             break
         after = _recorded(start, progress, f"transient {disturbed}")
-        if after.period is None:
+        lasting = list(_lasting(after, f"a transient {disturbed}"))
+        if not lasting:
             reasons.append(f"{disturbed}: the transient {after.words}")
-        else:
-            attempt([Start(after.states[-1], after.period, f"the end of a transient {disturbed}")])
+        attempt(lasting)
     if not found:
         raise CycleError("; ".join([f"no periodic motion was found: the transient {record.words}", *reasons]))
     cycle, origin = min(found, key=lambda item: not item[0].stable)
@@ -257,14 +257,21 @@ def _disturbances(transient: motion.Transient) -> Iterator[tuple[str, motion.Tra
         yield f"after a large disturbance along mode {mode.label}", disturbed
 
 
-def _starts(transient: motion.Transient, record: _Record) -> Iterator[Start]:
+def _lasting(record: _Record, what: str) -> Iterator[Start]:
+    """The end of a transient that is periodic, or the last times at which its contact began to slip."""
     if record.period is not None:
-        yield Start(record.states[-1], record.period, "the end of the transient")
+        yield Start(record.states[-1], record.period, f"the end of {what}")
         return
     for first in reversed(record.releases[-1 - RELEASES : -1]):
         last = record.releases[-1]
         after = min(int(np.searchsorted(record.time, last)), record.time.size - 1)
-        yield Start(record.states[after], last - first, "the last releases of the contact from the drum")
+        yield Start(record.states[after], last - first, f"the last releases of the contact in {what}")
+
+
+def _starts(transient: motion.Transient, record: _Record) -> Iterator[Start]:
+    yield from _lasting(record, "the transient")
+    if record.period is not None:
+        return
     lowest = transient.lowest_frequency_Hz
     moves = record.time.size >= FEWEST_SAMPLES and np.ptp(record.states, axis=0).any() and not record.at_rest
     if lowest is not None and moves:
