@@ -26,7 +26,7 @@ LEINE = 1.13394468  # m, the largest displacement
 # What each example prints, as published or in closed form; in a pair, with how far off it may be, elsewhere 1.1e-7, to
 # which the published figure and the printed one are rounded. Nothing is published of None.
 PUBLISHED = [
-    [5.0, 3.9026054, 8.9026054, 0.5385165],
+    [5.0, 3.9026054, 8.9026054, 0.5385165, 8.9026054, 0.0],
     # A smoothed law is known to three digits: a period of 11.901 s and 0.92 %.
     [12.0010313, -0.55543269, LEINE, (11.901, 5e-4), None, ((1 - 0.0092) * LEINE, 5e-5 * LEINE)],
     [1.03, -0.83, 0.63, -0.43, 0.23, -0.03, -0.03, 5 * np.pi / 2, 5.0],
@@ -35,7 +35,8 @@ PUBLISHED = [
         *(0.1, 0.0998748, 0.6616761, 0.5, 0.4838438, 0.5477484, 1.0, 8 / 3 / np.pi, 8 / 9 / np.pi),
         *(None, (0.6530018, 5e-7), (0.6530018, 5e-7)),  # printed with six digits
     ],
-    [1.1512925, 0.8, 0.0509483, 0.9987013, None],
+    # Grazing as of a return map of another code, printed with four digits.
+    [1.1512925, 0.8, 0.0509483, 0.9987013, None, (1.836601, 5e-5), 0.8, (1.1512925, 5e-5), (1.836601, 5e-5)],
 ]
 
 

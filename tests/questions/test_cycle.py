@@ -25,10 +25,10 @@ from drumsqueal.errors import CycleError
 from drumsqueal.files.json_file import to_json
 from drumsqueal.findings.schema import read_findings
 from drumsqueal.physics.effects.damping import Damping
-from drumsqueal.physics.laws.friction_law import ExponentialLaw
+from drumsqueal.physics.laws.friction_law import ConstantLaw, ExponentialLaw, StepLaw
 from drumsqueal.physics.model import build_model
 from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
-from drumsqueal.questions.cycle import branches, orbit
+from drumsqueal.questions.cycle import branches, continuation, orbit
 from drumsqueal.questions.cycle import search as search_module
 from drumsqueal.questions.cycle.answer import branches_table, milestones
 from drumsqueal.questions.cycle.branches import Family, follow_cycles, follow_models
@@ -37,12 +37,14 @@ from drumsqueal.questions.cycle.diagram import Branch, CycleBranches, End, Span
 from drumsqueal.questions.cycle.figures import _shade
 from drumsqueal.questions.cycle.orbit import Cycle, Event, Shooting, Start, floquet, floquet_of
 from drumsqueal.questions.cycle.search import CycleStudy, cycle_from, find_cycle, is_same, modal_starts, returns
+from drumsqueal.questions.cycle.words import diagram_verdict
 from drumsqueal.scene import SceneError, load_scene
 from drumsqueal.scene.variation import Variation
 from drumsqueal.simulation import run
 from drumsqueal.solve.linear.branches import point_at
 from drumsqueal.solve.linear.steady import linear_model
-from drumsqueal.solve.transient.flow import flow, neighbours
+from drumsqueal.solve.transient.flow import Change, flow, neighbours
+from drumsqueal.solve.transient.integrate import integrate
 
 # Some of these motions go close by where slip turns back, which the last digits decide; and they compute for long.
 pytestmark = pytest.mark.optimised
@@ -271,7 +273,6 @@ def test_the_branch_leaves_a_subcritical_hopf_point_as_its_normal_form_says(bloc
     first = branch.cycles[0]
     assert first.value - critical.value == pytest.approx(first.amplitude["X"] ** 2 / 4, rel=1e-3)
     assert first.frequency_Hz == pytest.approx(critical.frequency_Hz, rel=1e-5)
-    assert not block.squeals_only_when_kicked
 
 
 def test_multipliers_and_period_of_the_unstable_cycle_are_those_of_a_return_map(block):
@@ -300,12 +301,91 @@ def test_multipliers_and_period_of_the_unstable_cycle_are_those_of_a_return_map(
     assert cycle.multipliers[0].real == pytest.approx(slope, rel=1e-6)
 
 
-def test_a_branch_ends_where_the_block_would_stick(block):
-    branch = block.branches[0]
-    assert "the contact sticks as a whole" in branch.end
-    last = branch.cycles[-1]
-    # There its largest speed is that of the belt.
-    assert last.samples.velocity.max() == pytest.approx(last.value, rel=1e-3)
+def sliding_rate(speed):
+    """The block of falling friction while it is slower than the belt."""
+
+    def rate(_, y):
+        return [y[1], 0.5 * (1 + np.exp(-2 * (speed - y[1]))) - 0.1 * y[1] - y[0]]
+
+    return rate
+
+
+def released(speed, ends):
+    """From where friction of 1 N just holds the block of falling friction, up to an event of the second passage."""
+    how: Any = {"rtol": 1e-12, "atol": 1e-12, "events": ends}
+    found = solve_ivp(sliding_rate(speed), (0, 9), [1 - 0.1 * speed, speed], "DOP853", **how)
+    return next((t, y) for t, y in zip(found.t_events[0], found.y_events[0], strict=True) if t > 1)
+
+
+def test_the_branch_turns_round_where_the_block_just_touches_the_speed_of_the_belt(block):
+    def fastest(speed):
+        def top(t, y):
+            return sliding_rate(speed)(t, y)[1]
+
+        top.direction = -1
+        return released(speed, top)[1][1] - speed
+
+    # Where a block that was released comes back just as fast as the belt.
+    exact = brentq(fastest, 1.6, 2.0, xtol=1e-12)
+    (branch,) = block.branches
+    (grazing,) = branch.special
+    assert grazing.what is Event.GRAZING
+    # The smallest step along the branch, 1e-5 of its scale of 1.6 m/s.
+    assert grazing.value == pytest.approx(exact, abs=1.6e-5)
+    assert (branch.start, branch.end) == (End.HOPF, End.BOUND)
+    place = branch.cycles.index(grazing)
+    slipping, sticking = branch.cycles[: place + 1], branch.cycles[place + 1 :]
+    assert all(not cycle.stable and cycle.sticking_phases == 0 for cycle in slipping)
+    assert all(cycle.stable and cycle.sticking_phases == 1 for cycle in sticking)
+    assert all(np.array_equal(cycle.multipliers, [0]) for cycle in sticking)
+    # The multiplier of the slipping side, that of its neighbours, though motions on either side of it are others.
+    assert grazing.multipliers[0].real == pytest.approx(slipping[-2].multipliers[0].real, rel=1e-2)
+    assert [stable for _, stable in branch.pieces()] == [False, True]
+    ((low, high),) = block.squeals_only_when_kicked
+    assert (low, high) == (pytest.approx(0.5 * np.log(10.0), abs=1e-10), grazing.value)
+    assert block.grazings == (grazing.value,)
+    assert not block.not_followed
+    assert not block.squeals_unknown
+
+
+def test_cycles_that_stick_have_the_period_of_their_slip_and_their_stick(block):
+    for cycle in block.branches[0].cycles[-6:]:
+        speed = cycle.value
+
+        def stops(_, y, speed=speed):
+            return y[1] - speed
+
+        stops.direction = 1
+        slips, (place, _) = released(speed, stops)
+        sticks = (1 - 0.1 * speed - place) / speed
+        # Errors of 1e-10 of the motion in where it stops, over how fast its slip falls there.
+        assert cycle.period_s == pytest.approx(slips + sticks, rel=1e-8)
+        assert cycle.sticking_fraction == pytest.approx(sticks / (slips + sticks), abs=1e-8)
+        assert cycle.unit_multiplier_error < 1e-8
+        assert cycle.tangent_error < 1e-6
+
+
+def test_a_branch_that_no_corner_leads_on_is_unknown_beyond(monkeypatch):
+    monkeypatch.setattr(continuation.Track, "_around", lambda *_: None)
+    lost = follow_models(with_derivative(falling_friction), 0.8, 2.4, 12)
+    (unfollowed,) = lost.not_followed
+    assert "Newton's method fails" in unfollowed.reason
+    assert (unfollowed.low, unfollowed.high) == (lost.branches[0].cycles[-1].value, 2.4)
+    assert not lost.squeals_only_when_kicked
+    ((low, high),) = lost.squeals_unknown
+    assert (low, high) == (unfollowed.low, 2.4)
+    verdict = diagram_verdict(lost, Variation("belt speed", "m/s", (0.8, 2.4)))
+    assert "unknown from 1.8366 to 2.4 m/s" in verdict
+    assert "none of them coexists" not in verdict
+
+
+def test_what_cannot_be_started_is_unknown_in_the_whole_range(monkeypatch):
+    monkeypatch.setattr(Family, "from_hopf", partial(_raised, CycleError("lost")))
+    lost = follow_models(with_derivative(falling_friction), 0.8, 2.4, 12)
+    assert [(each.low, each.high) for each in lost.not_followed] == [(0.8, 2.4)]
+    ((low, high),) = lost.squeals_unknown
+    assert (low, high) == (pytest.approx(0.5 * np.log(10.0)), 2.4)
+    assert "is unknown" in diagram_verdict(lost, Variation("belt speed", "m/s", (0.8, 2.4)))
 
 
 class Polynomial(eqx.Module):
@@ -438,13 +518,193 @@ def test_the_cycle_of_a_model_is_found_from_its_own_transient():
     assert "m in X" in found.verdict
 
 
-def test_of_a_model_the_unstable_cycle_is_found_along_its_mode():
-    # The stable one sticks, and is not followed; so no disturbance leads to another.
+def test_of_a_model_that_comes_to_rest_the_stable_and_the_unstable_cycle_are_found():
     found = find_cycle(falling_friction(1.3), {"displacement": {"X": 1e-3}}, 30.0, sample_rate=10.0)
-    averaged = 0.5 * np.log(0.5 * i1(2 * found.amplitude["X"]) / (0.05 * found.amplitude["X"]))
+    assert found.stable
+    assert "sticking as a whole for 11 % of the period in one phase" in found.verdict
+    (unstable,) = found.others
+    averaged = 0.5 * np.log(0.5 * i1(2 * unstable.amplitude["X"]) / (0.05 * unstable.amplitude["X"]))
     assert averaged == pytest.approx(1.3, rel=5e-3)  # to second order in friction, which is 0.05
-    assert not found.stable
-    assert found.found_from.startswith("along mode X")
+    assert not unstable.stable
+
+
+# Cycles that stick
+
+
+def coulomb(speed):
+    return block_on_belt(StepLaw(1.0, 0.5), belt_speed=speed)
+
+
+def hyperbolic(speed):
+    return block_on_belt(lambda slip: 1 / (1 + 3 * slip), belt_speed=speed)
+
+
+def two_ways(speed):
+    """A block that moves along the belt and into it; friction follows its load."""
+    how: Any = {"mass": [1.0, 1.3], "springs": [[2.0, 0.3], [0.3, 1.0]], "contact_stiffness": 0.7}
+    damping = [[0.05, 0.0], [0.0, 0.05]]
+    return sprung_block_on_belt(ExponentialLaw(0.8, 0.3, 2.0), belt_speed=speed, damping=damping, **how)
+
+
+def transient_end(model, state, duration):
+    """Where the event-driven transient, which knows no tangents, is after a time."""
+    n = len(model.names)
+    how: Any = {"duration": duration, "sample_rate": 20 / duration, "tolerance": 1e-12, "solver": "dopri8"}
+    *_, chunk = integrate(model, np.zeros(n), state[:n], state[n:], **how)
+    return np.concatenate([chunk.displacement[-1], chunk.velocity[-1]]), chunk.changes
+
+
+@pytest.mark.parametrize(
+    ("family", "speed", "state", "duration"),
+    [
+        (coulomb, 0.2, [1.0, 0.0], 8.9),  # static friction above the kinetic one: the slip begins with a jump
+        (hyperbolic, 0.2, [1.1, 0.0], 12.0),
+        (falling_friction, 1.2, [2.0, 0.1], 7.0),
+        (two_ways, 0.3, [1.0, 0.5, -0.3, 0.0], 9.0),  # its slip reverses at first, then it sticks twice
+    ],
+)
+def test_derivatives_through_slip_and_stick_are_those_of_differences_of_transients(family, speed, state, duration):
+    state, step = np.array(state), 1e-5
+    model, change = with_derivative(family)(speed)
+    found = flow(model, np.ones(state.size), state, duration, 1e-10, change)
+    end, changes = transient_end(model, state, duration)
+    # Some 1e-10 in where it stops; and a transient of other samples.
+    np.testing.assert_allclose(found.end, end, rtol=0, atol=1e-8)
+    sticks = [time for time, what in found.changes if what is Change.STICKS]
+    assert sticks == pytest.approx([time for time, begins in changes if begins], abs=1e-7)
+    for k in range(state.size):
+        unit = step * np.eye(state.size)[k]
+        ends = [transient_end(model, state + sign * unit, duration)[0] for sign in (1, -1)]
+        # Errors of 1e-11 over the step, and its square times a curvature of some ten.
+        np.testing.assert_allclose(found.transition[:, k], (ends[0] - ends[1]) / (2 * step), rtol=0, atol=2e-6)
+    ends = [transient_end(family(speed + sign * step), state, duration)[0] for sign in (1, -1)]
+    # Coulomb's jump divides by the belt's speed: the third derivative is some thousand.
+    np.testing.assert_allclose(found.sensitivity, (ends[0] - ends[1]) / (2 * step), rtol=0, atol=2e-6)
+
+
+@pytest.mark.parametrize("excess", [1e-3, 1e-5, 1e-7])
+def test_however_little_a_block_outruns_the_belt_it_sticks(excess):
+    # About 0.5 m it swings with V (1 + ε): it is as fast as the belt √(2ε) before it would be fastest, and sticks until
+    # the spring takes all of friction.
+    speed = 1.0
+    model = block_on_belt(ConstantLaw(0.5), belt_speed=speed)
+    found = flow(model, np.ones(2), np.array([0.5 + speed * (1 + excess), 0.0]), 2 * np.pi, 1e-10)
+    assert found.pattern == (Change.STICKS, Change.SLIPS)
+    (stop, _), (release, _) = found.changes
+    # A slip of 1e-10, which counts as none, is there earlier by 1e-10/√(2ε).
+    assert release - stop == pytest.approx(np.sqrt((1 + excess) ** 2 - 1), abs=1e-6)
+    # It is then the cycle that just touches the belt, whatever it was before: one direction is lost.
+    assert np.linalg.det(found.transition) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_coulomb_block_has_its_closed_forms_and_forgets_every_disturbance():
+    found = find_cycle(coulomb(0.2), {"velocity": {"X": 0.2}}, 60.0, sample_rate=50.0, tolerance=1e-8)
+    slips = 2 * (np.pi - np.arctan(0.5 / 0.2))
+    assert found.period_s == pytest.approx(5.0 + slips, abs=1e-8)
+    assert found.sticking_fraction == pytest.approx(5.0 / (5.0 + slips), abs=1e-8)
+    assert found.amplitude["X"] == pytest.approx(np.hypot(0.5, 0.2), abs=1e-7)  # between samples by cubics
+    assert found.multipliers.tolist() == [0]
+    assert found.stable
+    assert "forgotten within a period" in found.verdict
+    dumped = found.model_dump(mode="json")
+    assert (dumped["sticking_phases"], dumped["multipliers"]) == (1, [[0.0, 0.0]])
+
+
+def test_the_block_of_hyperbolic_friction_has_the_published_period():
+    found = find_cycle(hyperbolic(0.2), {"velocity": {"X": 0.2}}, 100.0, sample_rate=20.0)
+    assert found.period_s == pytest.approx(12.0010313, abs=1e-7)
+    assert 2 * found.amplitude["X"] == pytest.approx(1.13394468 + 0.55543269, abs=2e-8)
+    assert found.multipliers.tolist() == [0]
+
+
+def test_multipliers_of_a_block_that_moves_two_ways_are_those_of_an_independent_return_map():
+    speed = 0.3
+    cycle = Family(with_derivative(two_ways), (0.2, 0.4)).sticking_at(speed)
+    assert cycle is not None
+    assert cycle.sticking_phases == 1
+    springs = np.array([[2.0, 0.3], [0.3, 1.7]])
+
+    def sliding(_, state):
+        (x, y), (u, v) = state[:2], state[2:]
+        load, slip = 1.0 + 0.7 * y, speed - u
+        force = -springs @ [x, y] - 0.05 * np.array([u, v])
+        force[0] += (0.3 + 0.5 * np.exp(-2 * slip)) * load
+        return [u, v, force[0], force[1] / 1.3]
+
+    def sticking(t, state):
+        rates = sliding(t, [*state[:2], speed, state[3]])
+        return [speed, state[3], 0.0, rates[3]]
+
+    def needed(_, state):  # what holds the block, beyond what friction can
+        force = springs[0] @ state[:2] + 0.05 * speed
+        return force - 0.8 * (1.0 + 0.7 * state[1])
+
+    def stops(_, state):
+        return state[2] - speed
+
+    needed.terminal = stops.terminal = True
+    stops.direction = 1
+
+    def returned(y, v):
+        """From one release, where y and v fix the place along the belt, to the next."""
+        x = (0.8 * (1.0 + 0.7 * y) - 0.3 * y - 0.05 * speed) / 2.0
+        state = np.array([x, y, speed, v])
+        for rate, end, time in ((sliding, stops, 0.05), (sticking, needed, 0.0)):
+            if time:  # away from the belt's speed, where it begins
+                state = solve_ivp(rate, (0, time), state, "DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
+            state = solve_ivp(rate, (0, 20), state, "DOP853", rtol=1e-12, atol=1e-13, events=end).y[:, -1]
+        return state[[1, 3]]
+
+    samples = cycle.samples
+    last = np.flatnonzero(samples.observation.sticking)[-1]
+    fixed: Any = scipy.optimize.root(
+        lambda z: returned(*z) - z, [samples.displacement[last, 1], samples.velocity[last, 1]], tol=1e-12
+    )
+    columns = [(returned(*(fixed.x + d)) - returned(*(fixed.x - d))) / 2e-5 for d in 1e-5 * np.eye(2)]
+    exact = np.linalg.eigvals(np.array(columns).T)
+    assert cycle.multipliers[-1] == 0
+    # Differences of 1e-12 over 1e-5, and their third derivatives.
+    np.testing.assert_allclose(np.sort_complex(cycle.multipliers[:2]), np.sort_complex(exact), atol=1e-5)
+
+
+def test_what_sticks_again_and_again_and_closes_nowhere_is_not_passed_over(monkeypatch):
+    monkeypatch.setattr(branches, "cycle_from", partial(_raised, CycleError("lost")))
+    diagram = follow_cycles(coulomb, (0.2, 0.4))
+    assert not diagram.branches
+    assert [(each.low, each.high) for each in diagram.not_followed] == [(0.2, 0.4)] * 3
+    assert diagram.not_followed[0].reason == "from rest on the drum at 0.2: lost"
+
+
+def test_what_does_not_stick_again_is_no_cycle():
+    family = Family(with_derivative(falling_friction), (1.8, 2.4))
+    assert family.sticking_at(2.4) is None
+
+
+def test_where_static_friction_exceeds_kinetic_the_branch_ends_with_grazing():
+    # Released at x = μ_s − c V it slides about μ_k; the branch ends where it comes back just as fast as the belt.
+    damping = 0.1
+
+    def fastest(speed):
+        omega, decay = np.sqrt(1 - damping**2 / 4), damping / 2
+        x, v = 1.0 - damping * speed - 0.5, speed
+        time = np.linspace(1.0, 2 * np.pi + 1.0, 200_001)
+        wave = x * np.cos(omega * time) + (v + decay * x) / omega * np.sin(omega * time)
+        slope = -omega * x * np.sin(omega * time) + (v + decay * x) * np.cos(omega * time)
+        return np.max(np.exp(-decay * time) * (slope - decay * wave)) - speed
+
+    exact = brentq(fastest, 0.2, 1.5, xtol=1e-9)
+
+    def model(speed):
+        return block_on_belt(StepLaw(1.0, 0.5), damping=damping, belt_speed=speed)
+
+    diagram = follow_cycles(model, (0.3, 1.0))
+    (branch,) = diagram.branches
+    assert (branch.start, branch.end) == (End.BOUND, End.GRAZING)
+    # Along the branch the period grows with the root of the distance: a step of 1e-5 is one of 1e-10.
+    assert branch.cycles[-1].value == pytest.approx(exact, abs=1e-5)
+    assert branch.cycles[-1].what is Event.GRAZING
+    assert diagram.squeals_only_when_kicked == ((0.3, branch.cycles[-1].value),)
+    assert not diagram.not_followed
 
 
 @pytest.mark.parametrize(
@@ -548,9 +808,9 @@ def made_up_motion(transition) -> Any:
         models=lambda parameter: (None, None),
         scale=np.ones(5),
     )
-    return shooting, SimpleNamespace(
-        unknowns=np.zeros(5), flow=SimpleNamespace(transition=transition, rate=np.array([2.0, 2.0, 0.0]))
-    )
+    shooting.flow = lambda _: found
+    found = SimpleNamespace(transition=transition, rate=np.array([2.0, 2.0, 0.0]), lost=0, pattern=())
+    return shooting, SimpleNamespace(unknowns=np.zeros(5), flow=found)
 
 
 def test_a_cycle_that_all_but_grazes_has_the_multipliers_of_its_side(damped):

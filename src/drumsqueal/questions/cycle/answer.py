@@ -107,7 +107,10 @@ def branches_table(found: CycleBranches) -> str:
                 "unstable_directions": int(np.sum(np.abs(cycle.multipliers) > 1 + NEUTRAL)),
             }
             row |= {f"amplitude_{name}_{unit_of(name)}": size for name, size in cycle.amplitude.items()}
-            row |= {name: getattr(cycle, name) for name in ("contact_fraction", "slip_reversed_fraction")}
+            row |= {
+                name: getattr(cycle, name)
+                for name in ("contact_fraction", "slip_reversed_fraction", "sticking_fraction")
+            }
             for k, value in enumerate(cycle.multipliers.tolist(), start=1):
                 row |= {f"multiplier_{k}_re": value.real, f"multiplier_{k}_im": value.imag}
             row |= {name: getattr(cycle, name) for name in ("residual", "unit_multiplier_error", "tangent_error")}

@@ -12,18 +12,30 @@ from drumsqueal.outcome import Ending
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.cycle.continuation import Track
-from drumsqueal.questions.cycle.diagram import Branch, CycleBranches, Diagram, End, OffBranch, Span, Why, steady_sliding
+from drumsqueal.questions.cycle.diagram import (
+    Branch,
+    CycleBranches,
+    Diagram,
+    End,
+    OffBranch,
+    Span,
+    Unfollowed,
+    Why,
+    steady_sliding,
+)
 from drumsqueal.questions.cycle.orbit import Closed, Cycle, Shooting, Start, Vector, describe, scale_near
-from drumsqueal.questions.cycle.search import checked, find_cycle, modal_start, reach
+from drumsqueal.questions.cycle.search import checked, cycle_from, find_cycle, modal_start, reach, released_start
 from drumsqueal.questions.cycle.seeds import Seed, closed_from, is_branch_cycle, on_branch, settled_at
 from drumsqueal.questions.cycle.words import diagram_verdict
 from drumsqueal.scene import Scene
 from drumsqueal.scene.variation import Variation, may_not_rest, read_variation
 from drumsqueal.solve.linear.branches import Critical, follow_modes, point_at
+from drumsqueal.solve.transient.sticking import can_stick
 
 VALUES = 60  # of the parameter, at which the eigenvalues are looked at first
 SMALL = 0.02  # amplitude of the first cycle near a Hopf point, over that at which the drum's speed is reached
 NEAR_HOPF = 0.02  # of the range: a branch that ends there so near to a Hopf point ends at it
+STICKING_STARTS = 3  # values at which motions begin at rest on the drum
 KEPT_EVERY = 10  # cycles
 
 OnBranch = Callable[[Branch], object]
@@ -67,15 +79,23 @@ def follow_cycles(
     `off_branches`. All is over the coordinates that the scene moves. `keep` takes what is known on the way.
 
     In place of a scene, a function of one number, which JAX can trace, gives a model: `follow_cycles(lambda speed:
-    block_on_belt(law, belt_speed=speed), (0.8, 2.4)).folds`. Branches then begin at the Hopf points and at the seeds,
-    as `Seed(1.3, {"displacement": {"X": 1.5}})`, displaced from steady sliding. Raises SceneError for a scene or a key
-    that cannot be followed.
+    block_on_belt(law, belt_speed=speed), (0.8, 2.4)).folds`. Branches then begin at the Hopf points, where motions end
+    that begin at rest on the drum, at both ends of the range and in its middle, and at the seeds, as `Seed(1.3,
+    {"displacement": {"X": 1.5}})`, displaced from steady sliding. Raises SceneError for a scene or a key that cannot be
+    followed.
     """
     if not isinstance(scene, Scene):
         low, high = sorted(cast("tuple[float, float]", along))
         models = _with_derivative(scene)
         diagram = follow_models(models, low, high, progress=progress, on_diagram=keep)
         family = Family(models, (low, high), partial(progress, "cycles", 0, None))
+        for value in np.linspace(low, high, STICKING_STARTS):
+            try:
+                cycle = family.sticking_at(float(value))
+            except CycleError as error:
+                diagram = _lost(diagram, family, f"from rest on the drum at {value:.6g}: {error}")
+                continue
+            diagram = diagram if cycle is None else _with_cycle(diagram, family, cycle, "sticking ", keep)
         return _with_seeds(diagram, family, seeds, progress, keep)
     variation = read_variation(along, scene, option="along", points=None) if isinstance(along, str) else along
     variation = cast("Variation", variation)
@@ -159,7 +179,7 @@ def follow_models(
     for critical in linear.critical:
         if critical.frequency_Hz and not any(_ends_at(branch, critical, high - low) for branch in diagram.branches):
             origin = f"from the Hopf point of {critical.label} at {critical.value:.6g}"
-            diagram = _extended(diagram, origin, partial(family.from_hopf, critical), on_diagram)
+            diagram = _extended(diagram, origin, family, partial(family.from_hopf, critical), on_diagram)
     return diagram
 
 
@@ -189,7 +209,7 @@ def _with_cycle(
     if is_branch_cycle(diagram.branches, cycle, partial(family.between, cycle.value)):
         return diagram
     origin = f"from the {kind}cycle of {cycle.frequency_Hz:.6g} Hz"
-    return _extended(diagram, origin, partial(family.both_ways, cycle), on_diagram)
+    return _extended(diagram, origin, family, partial(family.both_ways, cycle), on_diagram)
 
 
 def _with_seeds(
@@ -225,7 +245,11 @@ def _with_seeds(
 
 
 def _extended(
-    diagram: Diagram, origin: str, follow: Callable[[OnBranch], Branch], on_diagram: Callable[[Diagram], None]
+    diagram: Diagram,
+    origin: str,
+    family: "Family",
+    follow: Callable[[OnBranch], Branch],
+    on_diagram: Callable[[Diagram], None],
 ) -> Diagram:
     """The diagram with the branch that is followed from an origin, or with a note on why there is none."""
 
@@ -233,9 +257,19 @@ def _extended(
         return diagram.model_copy(update={"branches": (*diagram.branches, branch)})
 
     try:
-        return extended(follow(lambda branch: on_diagram(extended(branch))))
+        branch = follow(lambda branch: on_diagram(extended(branch)))
     except CycleError as error:
-        return _noted(diagram, f"{origin}: {error}")
+        return _lost(diagram, family, f"{origin}: {error}")
+    return _without(extended(branch), branch.not_followed(family.low, family.high))
+
+
+def _lost(diagram: Diagram, family: "Family", reason: str) -> Diagram:
+    """The diagram with cycles that are somewhere in the range and could not be followed."""
+    return _without(_noted(diagram, reason), [Unfollowed(reason=reason, low=family.low, high=family.high)])
+
+
+def _without(diagram: Diagram, lost: Sequence[Unfollowed]) -> Diagram:
+    return diagram.model_copy(update={"not_followed": (*diagram.not_followed, *lost)})
 
 
 def _noted(diagram: Diagram, note: str) -> Diagram:
@@ -264,6 +298,7 @@ class Family:
     ) -> None:
         """Take the models; `on_flow` is called before each integration over a period."""
         self._models, self._bounds, self.on_flow = models, bounds, on_flow
+        self.low, self.high = bounds
 
     def model_at(self, value: float) -> Model:
         """The model at a value."""
@@ -291,6 +326,20 @@ class Family:
         if not cycles:
             raise CycleError(end)
         return Branch(start=End.HOPF, end=end, cycles=tuple(cycles))
+
+    def sticking_at(self, value: float) -> Cycle | None:
+        """The cycle to which a motion leads that begins at rest on the drum; None where that does not stick again.
+
+        Raises CycleError where it does and no cycle is found, or where it cannot be followed.
+        """
+        steady, model = self.steady_at(value), self.model_at(value)
+        if steady is None or not can_stick(model, at_rest=False):
+            return None
+        self.on_flow()
+        start = released_start(model, steady)
+        if start is None:
+            return None
+        return cycle_from(model, start, steady, self.on_flow).model_copy(update={"value": value})
 
     def both_ways(self, cycle: Cycle, on_branch: OnBranch = lambda _: None) -> Branch:
         """Follow the branch of a cycle at a value to either side. Raises CycleError where Newton's method loses it."""

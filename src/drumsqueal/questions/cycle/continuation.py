@@ -9,18 +9,22 @@ of Bifurcation Theory, Academic Press 1977; of the names: Y. A. Kuznetsov, Eleme
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+import jax.numpy as jnp
 import numpy as np
 import scipy
 
 from drumsqueal.errors import CycleError
+from drumsqueal.physics.laws.friction_law import static_coefficient
 from drumsqueal.questions.cycle.diagram import Branch, End
 from drumsqueal.questions.cycle.orbit import SINGULAR, Closed, Cycle, Event, Shooting, Vector, describe, floquet_of
+from drumsqueal.solve.transient.flow import slip_speeds
 
 FIRST_STEP, LEAST_STEP, LONGEST_STEP = 0.02, 1e-5, 0.15  # of arclength, in the scaled unknowns
 FASTER, SLOWER = 1.6, 0.5
 EASY, HARD = 3, 6  # steps of Newton
 TURN = 0.9  # cosine of the angle between two neighbouring tangents, at least
 CORNER_STEPS = (1e-3, 4e-3, 1.6e-2, 6.4e-2)
+SLOW = 0.3  # of the fastest slip of a cycle: where that is less at its cut another one is taken
 BACKWARDS = -0.97  # cosine of the angle to the branch below which one is on it again, on the way back
 LOCATED = 1e-5  # of a step: how well an instability, or the turn of a fold, is found along the branch
 BENT = 1e-3  # |Im μ| above which two multipliers that leave the circle are a pair
@@ -61,7 +65,7 @@ class Track:
         `cycles` grows as it goes, the cycle of the start included.
         """
         try:
-            start = place = self._place(closed, ahead)
+            start = place = self._cut_anew(self._place(closed, ahead))
             step = FIRST_STEP
             self._keep(place.cycle)
             for _ in range(MOST_POINTS):
@@ -79,7 +83,7 @@ class Track:
                 self._keep(following.cycle)
                 step = min(step * (FASTER if following.closed.steps <= EASY else 1.0), LONGEST_STEP)
                 step = step * SLOWER if following.closed.steps >= HARD else step
-                place = following
+                place = self._cut_anew(following)
         except CycleError as error:
             return str(error)
         return f"after {MOST_POINTS} points"
@@ -90,6 +94,20 @@ class Track:
 
     def _place(self, closed: Closed, ahead: Vector) -> _Place:
         return _Place(closed, self._tangent(closed, ahead), describe(self._shooting, closed))
+
+    def _cut_anew(self, place: _Place) -> _Place:
+        """The place seen from where the contact slips fastest, if it slips slowly where the period is cut.
+
+        There it would soon stick, or reverse its slip, and the flow jump from one cycle to the next.
+        """
+        samples = place.cycle.samples
+        speeds = np.asarray(slip_speeds(place.cycle.model, samples.velocity))
+        fastest = int(np.argmax(speeds))
+        if speeds[0] > SLOW * speeds[fastest]:
+            return place
+        later = float(samples.time[fastest] - samples.time[0])
+        closed, ahead = self._shooting.moved(place.closed, place.tangent, later)
+        return place._replace(closed=closed, tangent=self._tangent(closed, ahead))
 
     def _tangent(self, closed: Closed, ahead: Vector) -> Vector:
         """The direction of the branch at a cycle (2n + 2,), of length one, with a part along `ahead`."""
@@ -119,14 +137,21 @@ class Track:
             step *= SLOWER
         following = self._around(place)
         if following is None:
+            if self._jumps_ahead(place):
+                self.cycles[-1] = place.cycle.model_copy(update={"what": Event.GRAZING})
+                raise CycleError(End.GRAZING)
             raise CycleError(why)
-        self.cycles[-1] = place.cycle.model_copy(update={"what": Event.CORNER})
+        grazes = following.closed.flow.pattern != place.closed.flow.pattern
+        what = Event.GRAZING if grazes else Event.CORNER
+        self.cycles[-1] = place.cycle.model_copy(update={"what": what})
         return following, CORNER_STEPS[0], True
 
     def _advance(self, place: _Place, step: float) -> _Place | None:
         """The place at the end of a step, None where that is too long. Raises CycleError where the branch ends."""
         closed = self._corrected(place, step)
         if closed is None or np.linalg.norm(closed.unknowns - place.closed.unknowns) > 3 * step:
+            return None
+        if closed.flow.pattern != place.closed.flow.pattern:  # behind a corner, where the branch may turn round
             return None
         tangent = self._tangent(closed, place.tangent)
         if tangent @ place.tangent < TURN and step > LEAST_STEP / SLOWER:
@@ -149,12 +174,21 @@ class Track:
                     continue
                 way = closed.unknowns - old.unknowns
                 length = float(np.linalg.norm(way))
-                if step / 3 < length < 3 * step and way @ place.tangent > BACKWARDS * length:
+                onwards = way @ place.tangent > BACKWARDS * length or closed.flow.pattern != old.flow.pattern
+                if step / 3 < length < 3 * step and onwards:
                     try:
                         return self._place(closed, way / length)
                     except CycleError:
                         continue
         return None
+
+    def _jumps_ahead(self, place: _Place) -> bool:
+        """Whether it grazes next where static friction exceeds what slides: what touches the drum then jumps away."""
+        friction = place.cycle.model.contact.friction
+        if friction is None or static_coefficient(friction.law) <= friction.law.coefficient(jnp.zeros(())):
+            return False
+        unknowns, ahead = place.closed.unknowns, CORNER_STEPS[0] * place.tangent
+        return self._shooting.flow(unknowns + ahead).pattern != place.closed.flow.pattern
 
     def _corrected(self, place: _Place, step: float) -> Closed | None:
         guess = place.closed.unknowns + step * place.tangent

@@ -17,12 +17,24 @@ Interval = tuple[float, float]
 
 
 class End(StrEnum):
-    """Where a branch begins or ends, if Newton's method does not fail there."""
+    """Where a branch begins or ends, if Newton's method does not fail there.
+
+    With grazing it ends where static friction exceeds what slides: the motion jumps to another one.
+    """
 
     HOPF = "Hopf"
     BOUND = "end of the range"
     LOOP = "closed loop"
+    GRAZING = "grazing"
     CUT_OFF = "cut off"
+
+
+class Unfollowed(Finding):
+    """What was not followed and why, and the range of the parameter in which cycles may have been missed for that."""
+
+    reason: str
+    low: float
+    high: float
 
 
 class Branch(Finding):
@@ -40,6 +52,19 @@ class Branch(Finding):
     def special(self) -> tuple[Cycle, ...]:
         """The cycles at which something happens."""
         return tuple(cycle for cycle in self.cycles if cycle.what is not None)
+
+    def not_followed(self, low: float, high: float) -> tuple[Unfollowed, ...]:
+        """Its ends for which there is no better name than a reason: from there on to the bound that it went to."""
+        found = []
+        for reason, last, before in (
+            (self.start, self.cycles[0], self.cycles[1:2]),
+            (self.end, self.cycles[-1], self.cycles[-2:-1]),
+        ):
+            if reason not in set(End):
+                bound = high if not before or before[0].value <= last.value else low
+                ends = sorted((last.value, bound))
+                found.append(Unfollowed(reason=reason, low=ends[0], high=ends[1]))
+        return tuple(found)
 
     def pieces(self) -> list[tuple[list[Cycle], bool]]:
         """The branch in pieces that are stable or not, in order; neighbours share the cycle at which it changes."""
@@ -82,7 +107,8 @@ class Diagram(Finding):
     """Branches of cycles, and the ranges of the parameter in which steady sliding is stable and in which it is not.
 
     `off_branches` are the motions it was given that are on none of the branches. `notes` says what was looked for and
-    not found; `linear` holds the modes of steady sliding.
+    not found, `not_followed` which branches end where they may go on or could not be followed at all; `linear` holds
+    the modes of steady sliding.
     """
 
     verdict: str | None = None
@@ -91,6 +117,7 @@ class Diagram(Finding):
     branches: tuple[Branch, ...]
     off_branches: tuple[OffBranch, ...] = ()
     notes: tuple[str, ...] = ()
+    not_followed: tuple[Unfollowed, ...] = ()
     linear: Any = Held
 
     @computed_field
@@ -105,8 +132,17 @@ class Diagram(Finding):
     @property
     def folds(self) -> tuple[float, ...]:
         """Values at the folds, by rising value."""
+        return self._values_of(Event.FOLD)
+
+    @computed_field
+    @property
+    def grazings(self) -> tuple[float, ...]:
+        """Values at the grazing bifurcations, by rising value."""
+        return self._values_of(Event.GRAZING)
+
+    def _values_of(self, event: Event) -> tuple[float, ...]:
         special = (cycle for branch in self.branches for cycle in branch.special)
-        return tuple(sorted(cycle.value for cycle in special if cycle.what is Event.FOLD))
+        return tuple(sorted(cycle.value for cycle in special if cycle.what is event))
 
     @computed_field
     @property
@@ -118,6 +154,23 @@ class Diagram(Finding):
             for first, last in self.stable_cycles
             if min(high, last) > max(low, first)
         )
+
+    @computed_field
+    @property
+    def squeals_unknown(self) -> tuple[Interval, ...]:
+        """Ranges with stable steady sliding and no stable cycle that was found, where some may have been missed."""
+        unknown = []
+        for low, high in self.steady_sliding_stable:
+            ends = sorted({low, high, *(end for pair in self._known_and_unknown() for end in pair if low < end < high)})
+            for first, last in pairwise(ends):
+                middle = (first + last) / 2
+                kicked = any(a <= middle <= b for a, b in self.squeals_only_when_kicked)
+                if not kicked and any(each.low <= middle <= each.high for each in self.not_followed):
+                    unknown.append((first, last))
+        return _merged(unknown)
+
+    def _known_and_unknown(self) -> list[Interval]:
+        return [*self.squeals_only_when_kicked, *((each.low, each.high) for each in self.not_followed)]
 
 
 class Span(Parameter):

@@ -14,7 +14,7 @@ from drumsqueal.findings.vibration import ROTATIONS, unit_of
 from drumsqueal.questions.cycle.diagram import CycleBranches, Diagram, Interval
 from drumsqueal.questions.cycle.orbit import Cycle, Event
 from drumsqueal.questions.cycle.search import CycleStudy
-from drumsqueal.questions.onset.figure import DASHES, SHADES, draw_cycles, limit_amplitudes
+from drumsqueal.questions.onset.figure import DASHES, OTHER, SHADES, draw_cycles, limit_amplitudes
 from drumsqueal.questions.onset.found import Kind
 from drumsqueal.questions.run.figures.contact import along_arc
 from drumsqueal.terminal import style
@@ -25,7 +25,7 @@ MICRO = 1e6
 ANGLES = 160  # of the picture of the contact
 NEAR = 0.3  # the slip limit is drawn where the motion comes to this fraction of it
 LEGEND: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "borderaxespad": 0.2}  # above the frame
-MARKERS = dict(zip(Event, "s^vPx", strict=True))
+MARKERS = dict(zip(Event, "s^vPxo", strict=True))
 SPECIAL: dict[str, Any] = {"color": style.DARK, "markersize": 4, "markerfacecolor": "white"}
 ROOM = 0.08  # of the height, above the largest amplitude
 
@@ -148,12 +148,13 @@ def draw_with_events(axes: Axes, diagram: Diagram, colour: str, measure: Callabl
 def _shade(axes: Axes, diagram: Diagram) -> None:
     for kind, spans in _ranges(diagram).items():  # not beyond the range, where nothing is known
         for low, high in spans:
-            axes.axvspan(low, high, color=SHADES[kind], linewidth=0, zorder=0)
+            axes.axvspan(low, high, color=SHADES.get(kind, OTHER), linewidth=0, zorder=0)
 
 
 def _ranges(diagram: Diagram) -> dict[Kind, Sequence[Interval]]:
     return {
         Kind.STABLE: diagram.steady_sliding_stable,
+        Kind.UNDECIDED: diagram.squeals_unknown,  # over what is stable, where a cycle may be, too
         Kind.BISTABLE: diagram.squeals_only_when_kicked,
         Kind.SQUEALS: diagram.steady_sliding_unstable,
     }
@@ -174,4 +175,4 @@ def _legend(found: CycleBranches, colour: str) -> list[Line2D | Patch]:
     # The same but for what Newton's method leaves of the ends of the range.
     if len(stable) == len(bistable) and np.allclose(stable, bistable, rtol=1e-9):
         del present[Kind.STABLE]
-    return handles + [Patch(color=SHADES[kind], label=kind) for kind, spans in present.items() if spans]
+    return handles + [Patch(color=SHADES.get(kind, OTHER), label=kind) for kind, spans in present.items() if spans]

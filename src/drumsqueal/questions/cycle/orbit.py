@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 from pydantic import AfterValidator, BeforeValidator, PlainSerializer, computed_field
 
@@ -13,7 +14,7 @@ from drumsqueal.errors import CycleError, IntegrationError
 from drumsqueal.findings.part import Finding, Held, Number
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.motion import turning_points
-from drumsqueal.solve.transient.flow import Flow, flow, neighbours, state_size
+from drumsqueal.solve.transient.flow import APART, Change, Flow, flow, neighbours, slip_speeds, state_size
 from drumsqueal.solve.transient.integrate import Chunk, integrate
 from drumsqueal.solve.transient.state import CHUNK_SAMPLES
 
@@ -77,18 +78,26 @@ class Shooting:
         return values[:-2], float(values[-2]), float(values[-1])
 
     def flow(self, unknowns: Vector) -> Flow:
-        """The flow over a period, as NumPy arrays."""
+        """The flow over a period."""
         self._on_flow()
         _, period, parameter = self.unscaled(unknowns)
         model, change = self.models(parameter)
-        found = flow(model, self.scale[:-2], unknowns[:-2], period, TOLERANCE, change)
-        return Flow(*(np.asarray(part) for part in found))
+        return flow(model, self.scale[:-2], unknowns[:-2], period, TOLERANCE, change)
 
     def jacobian(self, found: Flow) -> Vector:
         """∂(φ − y)/∂(y, T, p) (2n, 2n + 2), scaled."""
         period, parameter = self.scale[-2:]
         transition = found.transition - np.eye(found.end.size)
         return np.column_stack([transition, found.rate * period, found.sensitivity * parameter])
+
+    def moved(self, closed: Closed, direction: Vector, time: float) -> tuple[Closed, Vector]:
+        """The same motion from a state on it that comes a time (s) later, and a direction (2n + 2,) taken there."""
+        _, _, parameter = self.unscaled(closed.unknowns)
+        model, change = self.models(parameter)
+        found = flow(model, self.scale[:-2], closed.unknowns[:-2], time, TOLERANCE, change)
+        unknowns = np.append(found.end, closed.unknowns[-2:])
+        along = found.transition @ direction[:-2] + found.sensitivity * self.scale[-1] * direction[-1]
+        return closed._replace(unknowns=unknowns, flow=self.flow(unknowns)), np.append(along, direction[-2:])
 
     def vibration(self, closed: Closed, steady: Vector) -> Vector:
         """A scaled state (2n,) from steady sliding q* (n,)."""
@@ -134,6 +143,23 @@ class Shooting:
         return None
 
 
+def cut_in_slip(model: Model, start: Start) -> Start:
+    """The start, moved to where the contact slips fastest in the period from there, if it sticks in it.
+
+    Where it sticks, a state may not be varied: it would not stick then. Where it slips, the flow is smooth, and what
+    sticking forgets are columns of zero of its derivative, not of φ − y.
+    """
+    try:
+        samples = _sample(model, start.state, start.period)
+    except CycleError:
+        return start
+    if not samples.observation.sticking.any():
+        return start
+    fastest = int(np.argmax(slip_speeds(model, samples.velocity)))
+    state = np.concatenate([samples.displacement[fastest], samples.velocity[fastest]])
+    return start._replace(state=state)
+
+
 def scale_near(model: Model, start: Start, steady: Vector, parameter: float = 1.0) -> Vector:
     """What state, period and parameter (2n + 2,) of a cycle are measured in, from a start near it."""
     n = len(steady)
@@ -163,13 +189,18 @@ else:
 
 
 class Event(StrEnum):
-    """What happens at a cycle on a branch; at a corner slip just comes to reverse."""
+    """What happens at a cycle on a branch.
+
+    At a corner slip just comes to reverse on a part of the lining. At a grazing bifurcation the contact as a whole just
+    comes to move with the drum: on one side of it the cycle sticks once more, or reverses its slip, than on the other.
+    """
 
     FOLD = "fold"
     NEIMARK_SACKER = "Neimark-Sacker"
     DOUBLING = "period doubling"
     BRANCHING = "branch point"
     CORNER = "corner"
+    GRAZING = "grazing"
 
 
 class Cycle(Finding):
@@ -180,7 +211,9 @@ class Cycle(Finding):
     and neighbouring motions disagree about what a period does to a disturbance, of the largest (see `floquet_of`).
     `residual` is the periodicity residual: how far the state is from itself after a period, in the scale of the motion.
     `amplitude` is half the peak-to-peak values (m, rad), the fractions are means over the period, and
-    `main_coordinate` has most kinetic energy. On a branch, `value` is the parameter and `what` happens there.
+    `main_coordinate` has most kinetic energy. The contact sticks as a whole in `sticking_phases` of a period, for
+    `sticking_fraction` of it; each direction of slip that it loses then has a multiplier of zero. On a branch, `value`
+    is the parameter and `what` happens there.
     `samples` holds one period.
     """
 
@@ -193,6 +226,8 @@ class Cycle(Finding):
     residual: Number
     contact_fraction: float
     slip_reversed_fraction: float
+    sticking_fraction: float = 0.0
+    sticking_phases: int = 0
     displacement: dict[str, float]
     velocity: dict[str, float]
     value: Number = np.nan
@@ -240,10 +275,7 @@ class Cycle(Finding):
 
 
 def describe(shooting: Shooting, closed: Closed) -> Cycle:
-    """Sample a closed motion over its period.
-
-    Raises CycleError where the contact sticks on it as a whole, and as `floquet_of` does.
-    """
+    """Sample a closed motion over its period. Raises CycleError as `floquet_of` does."""
     state, period, parameter = shooting.unscaled(closed.unknowns)
     model = shooting.models(parameter)[0]
     names, n = model.names, len(model.names)
@@ -253,6 +285,7 @@ def describe(shooting: Shooting, closed: Closed) -> Cycle:
     moved, speed = samples.displacement, samples.velocity
     turns = (turning_points(samples.time, moved[:, k], speed[:, k])[1] for k in range(n))
     sizes = (float(np.ptp(np.concatenate([moved[:, k], values]))) / 2 for k, values in enumerate(turns))
+    stuck = _sticking(closed.flow.changes, period)
     kinetic = np.asarray(model.mass) * np.mean(speed**2, axis=0)
     return Cycle(
         period_s=period,
@@ -265,6 +298,8 @@ def describe(shooting: Shooting, closed: Closed) -> Cycle:
         # Over one period of even samples the mean leaves out the last, which is the first again.
         contact_fraction=float(np.mean(observed.contact_fraction[:-1])),
         slip_reversed_fraction=float(np.mean(observed.slip_reversed_fraction[:-1])),
+        sticking_fraction=sum(stuck) / period,
+        sticking_phases=len(stuck),
         displacement=dict(zip(names, state[:n].tolist(), strict=True)),
         velocity=dict(zip(names, state[n:].tolist(), strict=True)),
         value=parameter,
@@ -274,16 +309,20 @@ def describe(shooting: Shooting, closed: Closed) -> Cycle:
 
 
 def _sample(model: Model, state: Vector, period: float) -> Chunk:
-    """One period of even samples (k,), both ends included. Raises CycleError where the contact sticks as a whole."""
+    """One period of even samples (k,), both ends included. Raises CycleError where it fails."""
     n = len(model.names)
     how: dict[str, Any] = {"duration": period, "sample_rate": SAMPLES / period, "tolerance": TOLERANCE}
     try:
         (chunk,) = integrate(model, np.zeros(n), state[:n], state[n:], solver="dopri8", **how)
     except (IntegrationError, ValueError) as error:
         raise CycleError(f"the motion cannot be sampled over its period: {error}") from None
-    if chunk.changes or chunk.observation.sticking.any():
-        raise CycleError("the contact sticks as a whole: cycles that stick are not followed")
     return chunk
+
+
+def _sticking(changes: tuple[tuple[float, Change], ...], period: float) -> list[float]:
+    """How long (s) each phase of sticking lasts."""
+    ends = [*(time for time, _ in changes), period][1:]
+    return [end - time for (time, what), end in zip(changes, ends, strict=False) if what is Change.STICKS]
 
 
 def floquet_of(shooting: Shooting, closed: Closed) -> tuple[NDArray[np.complex128], float, float]:
@@ -292,35 +331,52 @@ def floquet_of(shooting: Shooting, closed: Closed) -> tuple[NDArray[np.complex12
     The multipliers are the tangents' where tangents and neighbours agree to 1e-3. Where they do not, as pairs of
     contact boundaries appear, the tangents may have been led astray; or the motion all but grazes a boundary and the
     neighbours are on either side of it, where the flow has another derivative each. Then they do not carry the motion's
-    own rate over a period into itself, and the tangents, of the side on which the motion is, hold. Raises CycleError
-    where neighbours are lost.
+    own rate over a period into itself, or stick or reverse their slip where the motion does not, and the tangents, of
+    the side on which the motion is, hold. Raises CycleError where neighbours are lost.
     """
     _, period, parameter = shooting.unscaled(closed.unknowns)
     tangents, rate = closed.flow.transition, closed.flow.rate
     size, units = shooting.scale[:-2], np.eye(len(rate))
-    near = np.asarray(neighbours(shooting.models(parameter)[0], size, closed.unknowns[:-2], units, period)[1])
+    given = shooting.models(parameter)[0], size, closed.unknowns[:-2], units, period
+    near = np.asarray(neighbours(*given)[1])
     if not np.all(np.isfinite(near)):
         raise CycleError("nearby motions are not followed over a period")
     largest = np.max(np.abs(near))
     tangent_error = float(np.max(np.abs(tangents - near)) / largest)
-    if tangent_error >= ASTRAY:
+    if tangent_error >= ASTRAY and not _grazes(shooting, closed):
         # What nothing depends on comes back as it was but for round-off, of which `floquet` knows nothing.
         free = np.all(tangents == units, axis=0)
         multipliers, unit_error = floquet(np.where(free, units, near), rate)
         if unit_error < ASTRAY * largest:
             return multipliers, unit_error, tangent_error
-    return *floquet(tangents, rate), tangent_error
+    return *floquet(tangents, rate, closed.flow.lost), tangent_error
 
 
-def floquet(transition: Vector, rate: Vector) -> tuple[NDArray[np.complex128], float]:
+def _grazes(shooting: Shooting, closed: Closed) -> bool:
+    """Whether motions as far away as neighbours stick or reverse their slip otherwise."""
+    steps = APART * np.eye(closed.unknowns.size)[:-2]
+    return any(
+        shooting.flow(closed.unknowns + sign * step).pattern != closed.flow.pattern
+        for step in steps
+        for sign in (1, -1)
+    )
+
+
+def floquet(transition: Vector, rate: Vector, lost: int = 0) -> tuple[NDArray[np.complex128], float]:
     """Eigenvalues of ∂y(T)/∂y(0) (2n, 2n), largest first, without that of the rate ẏ, and how far that one is from 1.
 
     In a basis that begins with ẏ/|ẏ| the matrix is [[1, *], [0, B]], and B has the others. A displacement that nothing
-    depends on is left out: its multiplier is 1 whatever the motion.
+    depends on is left out: its multiplier is 1 whatever the motion. As many as directions are `lost` are zero exactly:
+    those of a matrix with a rank so much lower, of which round-off would leave the root of itself.
     """
     held = np.flatnonzero(np.any(transition != np.eye(len(rate)), axis=0))
     matrix, along = transition[np.ix_(held, held)], rate[held] / np.linalg.norm(rate[held])
     unit_error = float(np.linalg.norm(matrix @ along - along))
     basis = np.linalg.qr(np.column_stack([along, np.eye(len(along))]))[0]
-    multipliers = np.linalg.eigvals((basis.T @ matrix @ basis)[1:, 1:]).astype(np.complex128)
+    across = (basis.T @ matrix @ basis)[1:, 1:]
+    if lost:
+        left, sizes, right = np.linalg.svd(across)
+        kept = len(sizes) - lost
+        across = scipy.linalg.block_diag((right[:kept] @ left[:, :kept]) * sizes[:kept], np.zeros((lost, lost)))
+    multipliers = np.linalg.eigvals(across).astype(np.complex128)
     return multipliers[np.lexsort((-multipliers.imag, -np.abs(multipliers)))], unit_error

@@ -27,11 +27,13 @@ from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.cycle.orbit import (
     CLOSED,
     NEUTRAL,
+    TOLERANCE,
     Closed,
     Cycle,
     Shooting,
     Start,
     Vector,
+    cut_in_slip,
     describe,
     scale_near,
 )
@@ -39,10 +41,11 @@ from drumsqueal.questions.cycle.words import cycle_verdict, regime_words
 from drumsqueal.scene import Scene, SceneError
 from drumsqueal.simulation import check_constant, constant_transient
 from drumsqueal.solve import motion
-from drumsqueal.solve.linear.modes import Mode, Stability
-from drumsqueal.solve.transient.flow import state_size
+from drumsqueal.solve.linear.modes import Mode, Stability, analyse_stability
+from drumsqueal.solve.transient.flow import Change, flow, state_size
 from drumsqueal.solve.transient.integrate import Chunk
 from drumsqueal.solve.transient.runge_kutta import AUTO
+from drumsqueal.solve.transient.sticking import drum_motion
 
 SMALLEST = 1e-4  # of the scale of the start: what has shrunk to less is steady sliding, not a cycle
 FRACTIONS = (0.6, 0.3, 0.15)  # last parts of a transient that may have settled
@@ -53,6 +56,9 @@ SAME = 1e-6  # relative difference of period and amplitudes below which two cycl
 PHASES = 64  # of a period, at which the work is summed
 LEAST, MOST, AMPLITUDES = 1e-3, 4.0, 80  # of the amplitude at which the fastest point is as fast as the drum
 ROUND_OFF = 1e-9  # of the vibration energy in a radian: a gain below that is none
+RELEASES = 2  # of the contact from the drum in a period, at most, where a search begins
+RETURNS = 8  # periods of the slowest mode: how long a motion from rest on the drum gets to stick again, at first
+LONGEST_STICKING = 7  # times that this is doubled: a slow drum takes long to stretch the springs
 NEAREST = 4  # returns of a record that are tried
 LONGEST_RETURN = 6.0  # periods of the lowest frequency of interest
 APART = 0.05  # of each other: two returns after so different times are two
@@ -151,10 +157,10 @@ def _search(transient: motion.Transient, progress: Progress) -> CycleSearch:
         if any(cycle.stable for cycle, _ in found):
             break
         after = recorded(start, progress, f"transient {disturbed}")
-        if after.period is None:
+        lasting = list(_lasting(after, f"a transient {disturbed}"))
+        if not lasting:
             reasons.append(f"{disturbed}: the transient {after.words}")
-        else:
-            attempt([Start(after.states[-1], after.period, f"the end of a transient {disturbed}")])
+        attempt(lasting)
     if not found:
         raise CycleError("; ".join([f"no periodic motion was found: the transient {record.words}", *reasons]))
     cycle, origin = min(found, key=lambda item: not item[0].stable)
@@ -165,6 +171,7 @@ def _search(transient: motion.Transient, progress: Progress) -> CycleSearch:
 
 def cycle_from(model: Model, start: Start, steady: Vector, on_flow: Callable[[], object] = lambda: None) -> Cycle:
     """The cycle of a model that Newton's method finds from a start; raises CycleError where there is none."""
+    start = cut_in_slip(model, start)
     shooting = Shooting(lambda _: (model, None), scale_near(model, start, steady), on_flow)
     closed = shooting.close(shooting.scaled(start.state, start.period, 0.0))
     if closed is None:
@@ -197,13 +204,17 @@ def is_same(one: Cycle, other: Cycle) -> bool:
 
 @dataclass(frozen=True)
 class Record:
-    """The last part of a transient: times (k,), states (k, 2n), what it does, its period if it has one."""
+    """The last part of a transient: times (k,), states (k, 2n), what it does, its period if it has one.
+
+    `releases` are all times (s) at which the contact began to slip after sticking.
+    """
 
     time: Vector
     states: Vector
     words: str
     period: float | None = None
     at_rest: bool = False
+    releases: tuple[float, ...] = ()
 
 
 def recorded(transient: motion.Transient, progress: Progress, what: str) -> Record:
@@ -219,8 +230,9 @@ def recorded(transient: motion.Transient, progress: Progress, what: str) -> Reco
     time = np.concatenate([np.empty(0), *(chunk.time for chunk in chunks)])
     moved = (np.hstack([chunk.displacement, chunk.velocity]) for chunk in chunks)
     states = np.concatenate([np.empty((0, 2 * n)), *moved])
+    releases = tuple(when for chunk in chunks for when, sticks in chunk.changes if not sticks)
     if failed or lowest is None or time.size < FEWEST_SAMPLES / FRACTIONS[-1]:
-        return Record(time, states, failed or "is too short to judge")
+        return Record(time, states, failed or "is too short to judge", releases=releases)
     for fraction in FRACTIONS:
         part = slice(int((1 - fraction) * time.size), None)
         scale = _size_of(transient, states[part])[:n]
@@ -230,7 +242,7 @@ def recorded(transient: motion.Transient, progress: Progress, what: str) -> Reco
     at_rest = regime.kind is Kind.STEADY
     if regime.kind is Kind.UNKNOWN:
         regime = decay_to_rest(regime, Vibration.of(chunks, stability), part, stability, stability.modes, model)
-    return Record(time[part], states[part], regime_words(regime), regime.period_s, at_rest)
+    return Record(time[part], states[part], regime_words(regime), regime.period_s, at_rest, releases)
 
 
 def _size_of(transient: motion.Transient, states: Vector) -> Vector:
@@ -251,15 +263,52 @@ def _disturbances(transient: motion.Transient) -> Iterator[tuple[str, motion.Tra
         yield f"after a large disturbance along mode {mode.label}", disturbed
 
 
-def _starts(transient: motion.Transient, record: Record) -> Iterator[Start]:
+def _lasting(record: Record, what: str) -> Iterator[Start]:
+    """The end of a transient that is periodic, or the last times at which its contact began to slip."""
     if record.period is not None:
-        yield Start(record.states[-1], record.period, "the end of the transient")
+        yield Start(record.states[-1], record.period, f"the end of {what}")
+        return
+    for first in reversed(record.releases[-1 - RELEASES : -1]):
+        last = record.releases[-1]
+        after = min(int(np.searchsorted(record.time, last)), record.time.size - 1)
+        yield Start(record.states[after], last - first, f"the last releases of the contact in {what}")
+
+
+def _starts(transient: motion.Transient, record: Record) -> Iterator[Start]:
+    yield from _lasting(record, "the transient")
+    if record.period is not None:
         return
     lowest = transient.lowest_frequency_Hz
     moves = record.time.size >= FEWEST_SAMPLES and np.ptp(record.states, axis=0).any() and not record.at_rest
     if lowest is not None and moves:
         yield from returns(record.time, record.states, _size_of(transient, record.states), lowest)
     yield from modal_starts(transient.model, transient.stability)
+
+
+def released_start(model: Model, steady: Vector) -> Start | None:
+    """The last release of a motion that begins at rest on the drum at steady sliding (n,), and the time between two.
+
+    None where it does not stick again. Raises CycleError where it cannot be followed so far.
+    """
+    n, modes = len(steady), analyse_stability(model).modes
+    if not modes:
+        return None
+    period = 2 * np.pi / min(mode.eigenvalue.imag for mode in modes)
+    velocity = np.asarray(drum_motion(model, 0.0, np.zeros(n)))
+    size = np.asarray(state_size(model, jnp.zeros(n), jnp.asarray(velocity)))
+    start = np.concatenate([steady, velocity]) / size
+    for doubling in range(LONGEST_STICKING):
+        duration = RETURNS * period * 2**doubling
+        found = flow(model, size, start, duration, TOLERANCE)
+        releases = [time for time, what in found.changes if what is Change.SLIPS]
+        if not found.reached:
+            raise CycleError("a motion that slips and sticks takes too many steps")
+        if found.pattern[-1:] == (Change.SLIPS,) and duration - releases[-1] > duration / 2:
+            return None
+        if len(releases) > 2:
+            last = flow(model, size, start, releases[-1], TOLERANCE)
+            return Start(last.end * size, releases[-1] - releases[-2], "a motion from rest on the drum")
+    raise CycleError("a motion from rest on the drum is not released in time")
 
 
 def returns(time: Vector, states: Vector, scale: Vector, lowest_frequency: float) -> Iterator[Start]:

@@ -20,9 +20,12 @@ def cycle_verdict(cycle: Cycle) -> str:
     """What the cycle is, and what a small disturbance does on it."""
     brief = describe_briefly(cycle)
     surface = "lining" if isinstance(cycle.model.contact, Contact) else "contact surface"
+    phases = "one phase" if cycle.sticking_phases == 1 else f"{cycle.sticking_phases} phases"
+    sticks = f", sticking as a whole for {percent(cycle.sticking_fraction)} of the period in {phases}"
     return (
         f"{brief[0].upper()}{brief[1:]}, with {percent(cycle.contact_fraction)} of the {surface} in contact and the "
-        f"slip reversed on {percent(cycle.slip_reversed_fraction)} of it on average: {_disturbed(cycle)}."
+        f"slip reversed on {percent(cycle.slip_reversed_fraction)} of it on average"
+        f"{sticks if cycle.sticking_phases else ''}: {_disturbed(cycle)}."
     )
 
 
@@ -39,6 +42,8 @@ def _disturbed(cycle: Cycle) -> str:
     factor = f"{cycle.largest:.4g} times its size"
     if cycle.neutral:
         return "within the accuracy, a small disturbance neither grows nor decays"
+    if cycle.largest == 0:
+        return "a small disturbance is forgotten within a period, for the contact sticks"
     if cycle.stable:
         return f"a small disturbance decays to {factor} in a period"
     largest, count = cycle.multipliers[0], cycle.unstable_directions
@@ -65,19 +70,22 @@ def diagram_verdict(diagram: Diagram, along: Variation) -> str:
     """Where steady sliding is unstable, where stable cycles are, where both are stable, and what is on no branch."""
     off = off_branch_words(diagram, along)
     if not diagram.branches:
-        return f"No cycle was found.{off}"
+        return f"No cycle was found.{off}{_unknown(diagram, along)}"
     unstable, cycles, both = diagram.steady_sliding_unstable, diagram.stable_cycles, diagram.squeals_only_when_kicked
     sliding = f"is unstable for {along.key} {_ranges(unstable, along)}" if unstable else "is stable throughout"
     lives = f"stable cycles exist {_ranges(cycles, along)}" if cycles else "no cycle that was found is stable"
-    folds = [f"{along.shown(value):.6g}" for value in diagram.folds[:-1]]
-    folds += [along.with_unit(value) for value in diagram.folds[-1:]]
-    folded = f" (folds at {', '.join(folds)})" if folds else ""
+    special = ((diagram.folds, "folds"), (diagram.grazings, "grazing"))
+    named = "; ".join(_values(values, what, along) for values, what in special if values)
     bistable = (
         f"{_ranges(both, along)} the brake squeals only after a large disturbance (bistable)"
         if both
+        else "no stable cycle that was found coexists with stable steady sliding"
+        if diagram.squeals_unknown
         else "none of them coexists with stable steady sliding"
     )
-    return f"Steady sliding {sliding}; {lives}{folded}; {bistable}.{off}"
+    return (
+        f"Steady sliding {sliding}; {lives}{f' ({named})' if named else ''}; {bistable}.{off}{_unknown(diagram, along)}"
+    )
 
 
 def off_branch_words(diagram: Diagram, along: Variation) -> str:
@@ -125,6 +133,23 @@ def _span(rising: Sequence[str]) -> str:
 def shown_Hz(frequency: float) -> str:
     """A frequency in whole Hz, or with three digits."""
     return f"{frequency:.0f}" if frequency >= WHOLE else f"{frequency:.3g}"
+
+
+def _values(values: Sequence[float], what: str, along: Variation) -> str:
+    """Where something happens."""
+    shown = [f"{along.shown(value):.6g}" for value in values[:-1]] + [along.with_unit(values[-1])]
+    return f"{what} at {', '.join(shown)}"
+
+
+def _unknown(diagram: Diagram, along: Variation) -> str:
+    """Where nothing is known of cycles, and why."""
+    if not diagram.not_followed:
+        return ""
+    reasons = "; ".join(dict.fromkeys(each.reason for each in diagram.not_followed))
+    if not diagram.squeals_unknown:
+        return f" Not everything was followed: {reasons}."
+    where = _ranges(diagram.squeals_unknown, along)
+    return f" Whether it squeals after a large disturbance is unknown {where}: not everything was followed ({reasons})."
 
 
 def _ranges(intervals: Sequence[Interval], along: Variation) -> str:

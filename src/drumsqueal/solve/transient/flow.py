@@ -1,24 +1,45 @@
 """The flow map of a model whose drum and load are steady, and its derivatives, by the variational equations.
 
 The tangents are integrated with the motion, step for step by the same method: they are derivatives of the motion as
-it was computed, also where contact boundaries appear and vanish.
+it was computed, also where contact boundaries appear and vanish. A contact that sticks as a whole moves by other
+equations from one instant on, which depends on the motion: there a tangent δ becomes δ + (f⁻ − f⁺) δt, with f the rates
+on either side and δt by how much a neighbour gets there later. Source: R. I. Leine & H. Nijmeijer, Dynamics and
+Bifurcations of Non-Smooth Mechanical Systems, Springer 2004, chapter 7 (saltation matrices).
 """
 
 from collections.abc import Callable
+from enum import StrEnum
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jax import Array
 from jax.typing import ArrayLike
 
+from drumsqueal.physics.bodies.body import scalars
 from drumsqueal.physics.kernel import compiled, one_kernel
 from drumsqueal.physics.model import Model
+from drumsqueal.programs import Program
+from drumsqueal.solve.transient.passing import Step, fraction_to_rest
 from drumsqueal.solve.transient.runge_kutta import DEFAULT, make_solver
 from drumsqueal.solve.transient.segment import first_step, local_tolerance, motion_scale
 from drumsqueal.solve.transient.state import State
 from drumsqueal.solve.transient.stepping import Attempt, Stepped, step_through
+from drumsqueal.solve.transient.stick_slip import AWAY
+from drumsqueal.solve.transient.sticking import (
+    Held,
+    can_stick,
+    drum_motion,
+    grip,
+    held,
+    hold,
+    hold_surely,
+    slip,
+    slip_acceleration,
+    slip_motion,
+)
 
 TIGHT = 1e-11  # tolerance of neighbours that are subtracted from each other
 APART = 1e-6  # of the size of the motion: how far they begin from it
@@ -28,11 +49,25 @@ LONGEST_STEP = 25.0  # times the step that a transient begins with, a hundredth 
 SHORT_STEP = 0.1  # of the longest
 
 
+LOOKS = 128  # at a contact that sticks: whether friction still holds it
+TIMING = 1e-14  # of the duration: how well the end of sticking is found
+MOST_CHANGES = 100  # between slip and stick: more is a contact that chatters, not a motion
+
+
+class Change(StrEnum):
+    """What happens where hardly anything slips any more, and where friction no longer holds what sticks."""
+
+    STICKS = "sticks"
+    SLIPS = "slips"
+    REVERSES = "reverses"
+
+
 class Flow(NamedTuple):
     """Where a motion is after a time, with derivatives, all scaled: its end y(T) (2n,) and rate ẏ(T) (2n,) per s.
 
     `transition` is ∂y(T)/∂y(0) (2n, 2n), `sensitivity` ∂y(T)/∂p (2n,), zero where no parameter was given. `steps` is
-    how many were made, `reached` whether the end was.
+    how many were made, `reached` whether the end was. `changes` are what happened between slip and stick, and when (s);
+    where it sticks, `lost` directions of slip are forgotten.
     """
 
     end: Any  # arrays of JAX, or of NumPy once they are in its hands
@@ -41,6 +76,13 @@ class Flow(NamedTuple):
     sensitivity: Any
     steps: Any
     reached: Any
+    changes: tuple[tuple[float, Change], ...] = ()
+    lost: int = 0
+
+    @property
+    def pattern(self) -> tuple[Change, ...]:
+        """What happens, in order: where it is another one, the flow has other derivatives."""
+        return tuple(what for _, what in self.changes)
 
 
 def flow(
@@ -52,51 +94,265 @@ def flow(
     model with respect to the parameter p. Where the model does not depend on time the derivative with respect to the
     duration is `rate`.
     """
-    numbers = (jnp.asarray(np.float64(x)) for x in (duration, local_tolerance(tolerance, DEFAULT)))
-    # One program serves both, for it takes half a minute to compile.
-    change = jax.tree.map(np.zeros_like, model) if change is None else change
-    return _flow(model, jnp.asarray(size), jnp.asarray(state), *numbers, change)
+    # One program serves with and without a parameter, for it takes half a minute to compile.
+    by_parameter: Model = jax.tree.map(np.zeros_like, model) if change is None else change
+    motion = _Motion(model, by_parameter, np.asarray(size), float(duration), float(tolerance))
+    return motion.followed(np.asarray(state))
+
+
+class _Leg(NamedTuple):
+    """A stretch that slips or sticks throughout: where it sticks states (k, 2n) at even times; its end, and when.
+
+    The `rate` is that at the end, if a step was made.
+    """
+
+    samples: Any
+    end: Any
+    rate: Any
+    tangents: Any  # (2n, 2n + 1), the last one of the parameter
+    time: Any
+    steps: Any
+    reached: Any
+    halted: Any
+
+
+class _Motion:
+    """A motion through its changes between slip and stick."""
+
+    def __init__(self, model: Model, change: Model, size: np.ndarray, duration: float, tolerance: float) -> None:
+        self._models, self._changes, self._size = {False: model}, {False: change}, size
+        self._duration, self._local = duration, np.asarray(local_tolerance(np.float64(tolerance), DEFAULT))
+        self._n = size.size // 2
+        self._least = _least_slip(model, size, tolerance)
+        if self._least is not None:
+            self._models[True], self._changes[True] = held(model), held(change)
+            # Which coordinates slip (n,), and the derivative of the drum's motion with respect to p (n,).
+            self._slipping, self._drum = (np.asarray(part) for part in _slip_and_drum(model, change))
+
+    def followed(self, start: np.ndarray) -> Flow:
+        n = 2 * self._n
+        state, tangents, time, steps, sticks = start, np.eye(n, n + 1), 0.0, 0, False
+        changes: list[tuple[float, Change]] = []
+        if self._least is not None and self._slip(state) < self._least:
+            state, tangents, what = self._stopped(state, np.zeros(n), tangents)
+            sticks = what is Change.STICKS
+            changes.append((0.0, what))
+        while len(changes) <= MOST_CHANGES:
+            leg = self._leg(state, self._duration - time, sticks=sticks)
+            released = self._release(state, leg) if sticks else None
+            leg = leg if released is None else self._leg(state, released, sticks=sticks)
+            state = np.asarray(leg.end)
+            rate = np.asarray(leg.rate) if leg.steps else self._rate(state, sticks=sticks)
+            steps, time = steps + int(leg.steps), time + float(leg.time)
+            tangents = _then(np.asarray(leg.tangents), tangents)
+            if released is not None:
+                state, tangents = self._released(state, tangents)
+                what = Change.SLIPS
+            elif bool(leg.halted) and time < self._duration:
+                state, tangents, what = self._stopped(state, rate, tangents)
+            else:
+                sound = bool(leg.reached)
+                break
+            sticks = what is Change.STICKS
+            changes.append((time, what))
+        else:
+            sound = False
+        stuck = any(what is Change.STICKS for _, what in changes)
+        lost = int(self._slipping.sum()) if stuck else 0
+        return Flow(state, rate, tangents[:, :-1], tangents[:, -1], steps, sound, tuple(changes), lost)
+
+    def _leg(self, state: np.ndarray, duration: float, *, sticks: bool) -> _Leg:
+        least = None if sticks else self._least
+        return _leg(
+            self._models[sticks], self._size, state, np.float64(duration), self._local, self._changes[sticks], least
+        )
+
+    def _parts(self, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        moved = state * self._size
+        return moved[: self._n], moved[self._n :]
+
+    def _slip(self, state: np.ndarray) -> float:
+        return float(slip(self._models[False], 0.0, self._parts(state)[1]))
+
+    def _rate(self, state: np.ndarray, *, sticks: bool) -> np.ndarray:
+        return np.asarray(_rate_at(self._models[sticks], self._size, state))
+
+    def _with_drum(self, state: np.ndarray, slipping: np.ndarray | float = 0.0) -> np.ndarray:
+        """The state with the drum's velocity, but for what slips."""
+        q, v = self._parts(state)
+        velocity = np.asarray(drum_motion(self._models[False], 0.0, v)) + slipping
+        return np.concatenate([q, velocity]) / self._size
+
+    def _stopped(
+        self, state: np.ndarray, rate: np.ndarray, tangents: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, Change]:
+        """What goes on where hardly anything slips: it sticks, or slips on at once."""
+        found = hold(self._models[False], 0.0, *self._parts(state))
+        stops = found.reserve >= 1
+        away = 0.0 if stops else AWAY * float(self._least) * found.direction
+        after = self._with_drum(state, away)
+        # Neighbours stop later by what their slip is more, over the rate at which it falls.
+        falls = np.where(self._slipping, (rate * self._size)[self._n :], 0.0)
+        weighed = np.asarray(self._models[False].mass) * falls
+        size = float(weighed @ falls)
+        onwards = stops or float(weighed @ found.direction) > 0
+        if size > 0 and onwards:
+            slipping = self._size[self._n :, None] * tangents[self._n :]
+            slipping[:, -1] -= self._drum
+            later = -(weighed @ slipping) / size
+            tangents = tangents + np.outer(rate - self._rate(after, sticks=stops), later)
+        if stops:
+            tangents = tangents.copy()
+            tangents[self._n :][self._slipping] = 0.0
+            tangents[self._n :, -1] += self._drum / self._size[self._n :]
+        return after, tangents, Change.STICKS if stops else Change.REVERSES
+
+    def _release(self, start: np.ndarray, leg: _Leg) -> float | None:
+        """When (s after the start of the leg) friction no longer holds; None where it does to the end."""
+        samples = np.asarray(leg.samples) * self._size
+        times, (places, speeds) = np.linspace(0.0, float(leg.time), LOOKS), np.split(samples, 2, axis=1)
+        model = self._models[False]
+        surely = hold_surely(model, *(jnp.asarray(each) for each in (np.zeros(LOOKS), places, speeds)))
+        for k in np.flatnonzero(~surely):
+            if k > 0 and hold(model, 0.0, places[k], speeds[k], slips=False).reserve < 1:
+
+                def excess(time: float) -> float:
+                    state = self._leg(start, time, sticks=True).end if time > 0 else start
+                    return hold(model, 0.0, *self._parts(np.asarray(state)), slips=False).reserve - 1
+
+                before, after = float(times[k - 1]), float(times[k])
+                if excess(before) <= 0:
+                    return before
+                found = scipy.optimize.brentq(excess, before, after, xtol=TIMING * self._duration)
+                assert isinstance(found, float)
+                return found
+        return None
+
+    def _released(self, state: np.ndarray, tangents: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The state and tangents with which it slips, where friction can just hold."""
+        q, v = self._parts(state)
+        away = hold(self._models[False], 0.0, q, v, ends=True).direction
+        after = self._with_drum(state, AWAY * float(self._least) * away)
+        slopes, of_parameter = _excess_derivatives(
+            self._models[False], self._changes[False], self._size, state, -np.asarray(away)
+        )
+        rate = self._rate(state, sticks=True)
+        row = np.asarray(slopes) @ tangents
+        row[-1] += float(of_parameter)
+        later = -row / float(np.asarray(slopes) @ rate)
+        return after, tangents + np.outer(rate - self._rate(after, sticks=False), later)
+
+
+def _then(later: np.ndarray, earlier: np.ndarray) -> np.ndarray:
+    """Tangents (2n, 2n + 1) through one stretch and the next, the last one of the parameter."""
+    through = later[:, :-1] @ earlier
+    through[:, -1] += later[:, -1]
+    return through
+
+
+@Program
+def _rate_at(model: Model, size: Array, state: Array) -> Array:
+    return _rate(model, size, state)
+
+
+@Program
+def _slip_alone(model: Model, velocity: Array) -> Array:
+    """Slip speed (m/s) that a velocity (n,) makes on a drum at rest."""
+    still = model.operation.at(0.0)._replace(drum_speed=jnp.zeros(()))
+    return model.contact.fastest_slip(still, scalars(jnp.asarray(velocity)))
+
+
+@Program
+def slip_speeds(model: Model, velocities: Array) -> Array:
+    """Slip speeds (k,) in m/s at velocities (k, n)."""
+    return jax.vmap(lambda velocity: slip(model, 0.0, velocity))(velocities)
+
+
+@Program
+def _slip_and_drum(model: Model, change: Model) -> tuple[Array, Array]:
+    """Which coordinates slip (n,), and the derivative of the drum's motion (n,) with respect to p."""
+    rest, ones = jnp.zeros(len(model.names)), jnp.ones(len(model.names))
+    slipping = slip_acceleration(model, 0.0, ones) != slip_acceleration(model, 0.0, rest)
+    return slipping, jax.jvp(lambda model: drum_motion(model, 0.0, rest), (model,), (change,))[1]
+
+
+@Program
+def _excess_derivatives(
+    model: Model, change: Model, size: Array, state: Array, direction: Array
+) -> tuple[Array, Array]:
+    """Of u·(h′(u) − Q), what friction holds along a direction u over what is needed: by state (2n,) and by p.
+
+    Where it vanishes for the weakest direction, the reserve of `hold` is one, and its derivatives are as these (the
+    envelope theorem).
+    """
+    n = state.size // 2
+
+    def excess(model: Model, scaled: Array) -> Array:
+        y = scaled * size
+        found = grip(model, 0.0, y[:n], y[n:], direction[None])
+        return direction @ (found.farthest[0] - found.needed)
+
+    by_state = jax.jacfwd(lambda y: excess(model, y))(state)
+    return by_state, jax.jvp(lambda model: excess(model, state), (model,), (change,))[1]
 
 
 def neighbours(
     model: Model, size: ArrayLike, state: ArrayLike, directions: ArrayLike, duration: Any
-) -> tuple[Array, Array]:
+) -> tuple[np.ndarray, np.ndarray]:
     """Where a motion is after a time, y(T) (2n,), and ∂y(T)/∂y(0) times directions (2n, k), by central differences.
 
     All scaled as in `flow`; NaN where a motion is not followed to the end. Exact to some 1e-5 of the largest derivative
     also where pairs of contact boundaries appear, where tangents may fail.
     """
-    local = jnp.asarray(local_tolerance(np.float64(TIGHT), DEFAULT))
     steps = APART * np.asarray(directions).T
     starts = np.asarray(state) + np.concatenate([np.zeros((1, steps.shape[1])), steps, -steps])
-    ends = _ends(model, jnp.asarray(size), jnp.asarray(starts), jnp.asarray(np.float64(duration)), local)
+    local = jnp.asarray(local_tolerance(np.float64(TIGHT), DEFAULT))
+    least = _least_slip(model, np.asarray(size), TIGHT)
+    given = model, jnp.asarray(size), jnp.asarray(starts), jnp.asarray(np.float64(duration)), local
+    ends = np.array(_ends(*given, least))
+    for k in np.flatnonzero(~np.isfinite(ends).all(axis=1)):  # those that stop on the way take longer
+        found = flow(model, size, starts[k], duration, TIGHT)
+        ends[k] = found.end if found.reached else np.nan
     return ends[0], (ends[1 : len(steps) + 1] - ends[len(steps) + 1 :]).T / (2 * APART)
 
 
 @compiled
-def _ends(model: Model, size: Array, starts: Array, duration: Array, local: Array) -> Array:
-    return one_kernel(_each_followed, model, size, starts, duration, local)
+def _ends(model: Model, size: Array, starts: Array, duration: Array, local: Array, least: Array | None) -> Array:
+    return one_kernel(_each_followed, model, size, starts, duration, local, least)
 
 
-def _each_followed(model: Model, size: Array, starts: Array, duration: Array, local: Array) -> Array:
+def _each_followed(
+    model: Model, size: Array, starts: Array, duration: Array, local: Array, least: Array | None
+) -> Array:
+    """Where they are after the duration, NaN where a motion does not get there or all but stops slipping before."""
+    rest = {} if least is None else _rest(model, size, least)
+    times = jnp.stack([jnp.zeros(()), duration])
+
     def end(start: Array) -> Array:
-        stepped = _stepped(model, size, start, duration, local)
-        return jnp.where(stepped.reached, stepped.last, jnp.nan)
+        stepped = _stepped(model, size, start, times, local, **rest)
+        return jnp.where(stepped.reached & ~stepped.halted, stepped.last, jnp.nan)
 
     return jax.lax.map(end, starts)
 
 
-def _stepped(model: Model, size: Array, start: Array, duration: Array, local: Array, **tangents: Any) -> Stepped:
+def _least_slip(model: Model, size: np.ndarray, tolerance: float) -> Any:
+    """Slip speed (m/s) below which nothing slips; None for what cannot stick to a drum that turns."""
+    if not can_stick(model, at_rest=False):
+        return None
+    return np.float64(tolerance) * np.asarray(_slip_alone(model, size[size.size // 2 :]))
+
+
+def _stepped(model: Model, size: Array, start: Array, times: Array, local: Array, **more: Any) -> Stepped:
     return step_through(
         make_solver(DEFAULT),
         lambda _, y: _rate(model, size, y),
-        jnp.stack([jnp.zeros(()), duration]),
+        times,
         start,
-        FIRST_STEP * duration,
+        FIRST_STEP * times[-1],
         tolerance=local,
         norm=lambda error: jnp.max(jnp.abs(error)),
         budget=jnp.asarray(BUDGET),
-        **tangents,
+        **more,
     )
 
 
@@ -114,15 +370,25 @@ def state_size(model: Model, vibration: Array, velocity: Array) -> Array:
 
 
 @compiled
-def _flow(model: Model, size: Array, state: Array, duration: Array, local: Array, change: Model) -> Flow:
+def _leg(
+    model: Model, size: Array, state: Array, duration: Array, local: Array, change: Model, least: Array | None
+) -> _Leg:
+    """Follow a motion for a duration (s) or, unless that is None, until its slip speed is below the `least` (m/s)."""
     # A motion near rest asks for no short steps, but its tangents do.
     longest = LONGEST_STEP * first_step(model)
-    return one_kernel(_followed, model, size, state, duration, local, longest, change)
+    return one_kernel(_followed, model, size, state, duration, local, longest, change, least)
 
 
 def _followed(
-    model: Model, size: Array, state: Array, duration: Array, local: Array, longest: Array, change: Model
-) -> Flow:
+    model: Model,
+    size: Array,
+    state: Array,
+    duration: Array,
+    local: Array,
+    longest: Array,
+    change: Model,
+    least: Array | None,
+) -> _Leg:
     unknowns = state.size
 
     def derivatives(state: Array) -> Array:
@@ -138,10 +404,37 @@ def _followed(
         return _pushed(step, carried[0], derivatives, local, longest), step.slope_after
 
     begin = jnp.eye(unknowns + 1, unknowns), state
-    stepped = _stepped(model, size, state, duration, local, longest=longest, along=along, carried=begin)
+    rest = {} if least is None else _rest(model, size, least)
+    looks = LOOKS if isinstance(model, Held) else 2
+    times = jnp.arange(looks) / (looks - 1) * duration
+    stepped = _stepped(model, size, state, times, local, longest=longest, along=along, carried=begin, **rest)
     # Tangents come as rows, one for each direction; a derivative has them as columns.
-    tangents, rates = stepped.carried
-    return Flow(stepped.last, rates, tangents[:unknowns].T, tangents[-1], stepped.steps, stepped.reached)
+    tangents, rate = stepped.carried
+    last = stepped.last, rate, tangents.T, stepped.time
+    return _Leg(stepped.samples, *last, stepped.steps, stepped.reached, stepped.halted)
+
+
+def _rest(model: Model, size: Array, least: Array) -> dict[str, Any]:
+    """What stops `step_through` where no part of the contact slips faster than `least` (m/s)."""
+    speeds = size[size.size // 2 :]
+
+    def motion(scaled: Array) -> Array:
+        return slip_motion(model, 0.0, scaled[speeds.size :] * speeds) / speeds
+
+    def passes(attempt: Attempt) -> Array:
+        def inside(fraction: Array) -> Array:
+            return motion(attempt.inside(attempt.start + fraction * (attempt.end - attempt.start)))
+
+        h = attempt.end - attempt.start
+        slopes = attempt.slope_before, attempt.slope_after
+        changes = (h * slip_acceleration(model, 0.0, each[speeds.size :] * speeds) / speeds for each in slopes)
+        step = Step(motion(attempt.before), motion(attempt.after), *changes)
+        return fraction_to_rest(step, inside, lambda x: _slip_alone(model, x * speeds), least)
+
+    return {
+        "halts": lambda _, scaled: slip(model, 0.0, scaled[speeds.size :] * speeds) < least,
+        "passes": passes,
+    }
 
 
 def _pushed(

@@ -70,8 +70,10 @@ def _nearest(start: Array, end: Array, slip: Callable[[Array], Array], least: Ar
 def _turn(step: Step) -> Array:
     """Fraction of the step at which slip is least, where it falls at first and rises in the end; else 1.
 
-    Of the cubic through the motions and their rates at both ends, by halving.
+    Of the cubic through the motions and their rates at both ends, by halving. Where slip reverses and comes back within
+    the step, that is where it is reversed most, and not where it vanishes: lines that end there do not cross zero.
     """
+    returns = jnp.sum(step.before * step.after) > 0
 
     def growth(fraction: Array) -> Array:
         rest, ahead = 1 - fraction, step.after - step.before
@@ -79,7 +81,8 @@ def _turn(step: Step) -> Array:
         bow = rest * (slope_before - ahead) - fraction * (slope_after - ahead)
         motion = rest * step.before + fraction * step.after + fraction * rest * bow
         rate = ahead + (rest - fraction) * bow + fraction * rest * (2 * ahead - slope_before - slope_after)
-        return jnp.sum(motion * rate)
+        reversed_slip = returns & (jnp.sum(motion * step.before) < 0)
+        return jnp.sum(jnp.where(reversed_slip, step.before, motion) * rate)
 
     zero, one = jnp.zeros(()), jnp.ones(())
     turns = (growth(zero) < 0) & (growth(one) > 0)
