@@ -47,6 +47,15 @@ def smallest_disturbances(
         yield {each.row.value: each.disturbance() for each in found if each.loud}
 
 
+def first_disturbances(family: Family, point: Point) -> list[Start]:
+    """The disturbances that a search at a point begins with: both ways along each mode, twice as large each time."""
+    return [
+        Start(f"{each.mode.label} {each.way}, {size**2:.2g} J", 0 * each.velocity, size * each.velocity)
+        for each in _directions(Row.at(point, asked=True), family)
+        for size in each.next_sizes(math.inf)
+    ]
+
+
 def surface_speed(model: Model, velocity: NDArray[np.float64]) -> float:
     """Velocity (m/s) of the fastest point of the lining's surface, max |v + ω × r|, in a motion (n,) of the shoe."""
     v = dict(zip(model.names, velocity, strict=True))
@@ -67,7 +76,8 @@ class _Direction:
         velocities = (turns[:, None] * shape[1]).real
         energies = velocities**2 @ np.asarray(model.mass) / 2
         of_one_joule = 1 / math.sqrt(energies.max())
-        self.name = f"kick {mode.label} {'forwards' if sign > 0 else 'backwards'}"
+        self.way = "forwards" if sign > 0 else "backwards"
+        self.name = f"kick {mode.label} {self.way}"
         self.row, self.mode, self.coordinates = row, mode, family.moving
         self.velocity = sign * of_one_joule * velocities[np.argmax(energies)]
         self.surface_speed = surface_speed(model, self.velocity)
