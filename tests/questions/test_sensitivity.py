@@ -123,6 +123,13 @@ def test_numbers_without_effect_have_none(nominal, undamped):
             assert max(abs(first), abs(second)) <= undamped.round_off_1_per_s
 
 
+def test_the_points_of_a_measured_curve_are_reported_as_not_covered(nominal):
+    curve = {"law": "table", "speed": [0.0, 0.5, 2.0], "coefficient": [0.5, 0.42, 0.35]}
+    study = study_sensitivity(nominal.with_values(BRIEF | {"friction": curve}))
+    assert study.not_covered == ("friction.speed", "friction.coefficient")
+    assert {row.key for row in study.numbers} == set(study.scene.numbers()) - set(study.not_covered)
+
+
 def test_rows_are_sorted_by_what_they_do_to_unstable_modes(study):
     relevant = list(study.relevant)
     assert [study.modes[k].unstable for k in relevant] == [True] * len(relevant)
@@ -212,19 +219,20 @@ def test_its_change_makes_it_quiet_and_hardly_less_does_not(bistable, bistable_s
     assert quiet.quiet
     assert quiet.succeeded
     (row,) = bistable_study.alone
-    assert row.quiet == quiet.changes[0]
+    # Together with itself it may be changed by the precision more: it is then proven from further disturbances.
+    assert row.quiet.after <= quiet.changes[0].after <= row.quiet.after * (1 + PRECISION)
     # The squeal itself, followed from below by no code of the search: it goes on with less damping, and not with this.
     names = ("X", "Y", "Tz")
     state = squeal.motions[0].state
     for factor, decays in ((1.0, True), (1 - 4 * PRECISION, False)):
-        after = 0.005 + factor * (row.quiet.after - 0.005)
+        after = 0.005 + factor * (quiet.changes[0].after - 0.005)
         start = {
             name: dict(zip(names, part.tolist(), strict=True))
-            for name, part in zip(("displacement", "velocity"), state)
+            for name, part in zip(("displacement", "velocity"), state, strict=True)
         }
         scene = bistable.with_values({"damping.ratio": after, "start": start, "simulate.duration": 0.4})
-        saturation = run(scene).history["kinetic_energy"].sel(time=slice(0.35, None))
-        assert (float(saturation.max()) < 1e-6) is decays
+        energy = run(scene).history["kinetic_energy"]
+        assert (float(energy.sel(time=slice(0.35, None)).max()) < 1e-6 * float(energy.max())) is decays
 
 
 def test_no_small_change_and_few_digits_are_left_in_the_answer(bistable):

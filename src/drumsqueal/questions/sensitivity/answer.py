@@ -50,6 +50,9 @@ def print_study(console: Console, study: SensitivityStudy) -> None:
         console.print(
             f"A motion without oscillation also grows: {study.divergence_rate_1_per_s:+.4g} 1/s.", style="dim"
         )
+    if study.not_covered:
+        lists = " and ".join(study.not_covered)
+        console.print(f"Not covered: {lists}, which are lists; the table and the search leave them as they are.")
     if study.until_stable:
         _print_search(console, study)
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import computed_field
 
 from drumsqueal.errors import RequestError
 from drumsqueal.findings.prediction import PredictedMode, predict
@@ -67,6 +68,12 @@ class SensitivityStudy(Findings):
     alone: tuple[Alone, ...] = ()
     quiet: Quieting | None = None
     state_matrix: Any = Held
+
+    @computed_field
+    @property
+    def not_covered(self) -> tuple[str, ...]:
+        """Lists of the scene, such as the points of a measured friction curve, which are not differentiated."""
+        return tuple(key for key, value in self.scene.numbers().items() if isinstance(value, tuple))
 
     @property
     def relevant(self) -> tuple[int, ...]:
