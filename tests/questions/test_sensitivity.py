@@ -3,6 +3,7 @@
 import csv
 import json
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -237,8 +238,11 @@ def test_its_change_makes_it_quiet_and_hardly_less_does_not(bistable, bistable_s
 
 def test_no_small_change_and_few_digits_are_left_in_the_answer(bistable):
     search_ = Quietening(bistable, ["friction.static", "shoe.width"])
-    alone = search_.alone(search_.squeal().motions)
+    squeal = search_.squeal()
+    assert squeal is not None
+    alone = search_.alone(squeal.motions)
     assert [each.key for each in alone] == ["friction.static", "shoe.width"]  # the least change first
+    assert alone[0].quiet is not None
     assert alone[0].quiet.after == float(f"{alone[0].quiet.after:.3g}")
 
 
@@ -257,10 +261,11 @@ def test_quiet_between_two_that_squeal_is_passed_over():
             self.quiet = quiet
 
     line = Line(lambda x: {"x": x}, [0.51, 1.0, 2.0, 4.0], 0.0)
-    search([line], Judge(), silent, "")
+    search([line], cast("Any", Judge()), silent, "")
+    assert line.quiet_at is not None
     assert 1.3 <= line.quiet_at <= 1.3 * (1 + PRECISION)
     window = Line(lambda x: {"x": x}, [0.51, 1.0], 0.0)
-    search([window], Judge(), silent, "")
+    search([window], cast("Any", Judge()), silent, "")
     assert window.quiet_at is None
     assert min(FURTHER) * 0.51 > 0.52  # what shows that it is a window
 

@@ -48,7 +48,7 @@ class Written:
         It has so few digits that the change from the one before is exact to the fraction `within`.
         """
         size = self._size(key)
-        shown, origin = Decimal(repr(value / size)), Decimal(repr(before / size))
+        shown, origin = (Decimal(f"{each / size:.{MOST_DIGITS}g}") for each in (value, before))
         way, rounded = ROUND_CEILING if shown > origin else ROUND_FLOOR, shown
         for digits in range(FEWEST_DIGITS, MOST_DIGITS + 1):
             step = Decimal(1).scaleb(shown.adjusted() - digits + 1) if shown else Decimal(1)

@@ -1,5 +1,6 @@
 """The smallest change of a brake that makes it quiet: stable, and without squeal after every disturbance tried."""
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -250,6 +251,9 @@ class Quietening:
         """What was found, and the scene with these numbers (SI)."""
         written = self._written.with_values(rounded(self._written, numbers, self._before))
         stability = prepare(written.scene).stability
+        rate, least = written.scene.simulate.sample_rate, 2 * stability.highest_frequency_Hz
+        if rate < least:  # a stiffer brake may need more; a multiple leaves the duration a whole number of samples
+            written = written.with_values({"simulate.sample_rate": math.ceil(least / rate) * rate})
         largest = largest_growth(stability.eigenvalues)
         return Quieting(
             found=largest <= -self._margin * (1 - 2 * SLACK),
