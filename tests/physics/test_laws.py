@@ -19,8 +19,7 @@ from drumsqueal.physics.laws.friction_law import ExponentialLaw, SceneLaw, frict
 from drumsqueal.physics.small_bodies import block_on_belt
 from drumsqueal.questions.effects.reductions import reduce, reductions_of
 from drumsqueal.questions.paper.curves import CONSTANT_FRICTION, constant_friction
-from drumsqueal.questions.sensitivity.quieting import LEAST, _bounds, variable_numbers
-from drumsqueal.questions.sensitivity.study import numbers_of
+from drumsqueal.questions.sensitivity.stabilising import LEAST, _bounds, numbers_of, variable_numbers
 from drumsqueal.scene import COORDINATES, Scene, SceneError, quantity_of, setting_choices
 from drumsqueal.scene.laws import LAWS, lacking
 from drumsqueal.scene.tables import Friction

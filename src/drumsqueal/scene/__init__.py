@@ -157,13 +157,18 @@ def load_scene(path: str | os.PathLike[str], settings: Iterable[str] = ()) -> Sc
     VALUE is read as a TOML value and, if it is none, as a string; it replaces whatever was at KEY.
     `friction=none` leaves the table friction out; so for the other optional tables (`file.py`). Raises SceneError.
     """
+    return load_with_tables(path, settings)[0]
+
+
+def load_with_tables(path: str | os.PathLike[str], settings: Iterable[str] = ()) -> tuple[Scene, dict[str, Any]]:
+    """Read a scene as `load_scene` does, and return its tables, too, as they were written."""
     # Where the tables are no scene, the error names the file, or the first setting that made them so.
     tables, source = read_tables(path), os.fspath(path)
     for setting in settings:
         if _is_scene(tables):
             source = f"--set {setting}"
         tables = apply_setting(tables, setting)
-    return scene_from_dict(tables, source)
+    return scene_from_dict(tables, source), tables
 
 
 def _is_scene(tables: Mapping[str, Any]) -> bool:

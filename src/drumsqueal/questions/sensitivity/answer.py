@@ -1,5 +1,7 @@
 """What the study of sensitivity writes, draws and prints."""
 
+import textwrap
+
 import numpy as np
 from matplotlib.figure import Figure
 from rich import box
@@ -7,9 +9,10 @@ from rich.console import Console
 from rich.table import Table
 
 from drumsqueal.files.output_folder import QUIET_SCENE, SENSITIVITY, SENSITIVITY_SUMMARY, SENSITIVITY_TABLE
-from drumsqueal.questions.sensitivity.decay import Decay, Outcome
-from drumsqueal.questions.sensitivity.quieting import Change, Quieting
+from drumsqueal.questions.sensitivity.change import Change
+from drumsqueal.questions.sensitivity.quieting import Quieting
 from drumsqueal.questions.sensitivity.study import SensitivityStudy
+from drumsqueal.questions.sensitivity.words import quiet_sentence, squeal_words, without_answer
 from drumsqueal.scene.quantities import printable
 from drumsqueal.scene.variation import unit_of
 from drumsqueal.terminal import style
@@ -20,7 +23,7 @@ from drumsqueal.terminal.tables import print_table, rows_to_csv
 LEAST_PLAIN = 0.01  # 1/s
 ROW = 0.8  # of the distance between two numbers that their bars take up
 HATCHES = ("", "////", "....")  # of a second and a third mode of one name
-NEGLIGIBLE = 1e-4  # relative change that the sentence leaves out
+WIDTH = 110  # letters in a line of the comment that heads a scene file
 
 
 def print_study(console: Console, study: SensitivityStudy) -> None:
@@ -47,59 +50,71 @@ def print_study(console: Console, study: SensitivityStudy) -> None:
         console.print(
             f"A motion without oscillation also grows: {study.divergence_rate_1_per_s:+.4g} 1/s.", style="dim"
         )
+    if study.not_covered:
+        lists = " and ".join(study.not_covered)
+        console.print(f"Not covered: {lists}, which are lists; the table and the search leave them as they are.")
+    if study.until_stable:
+        _print_search(console, study)
+
+
+def _print_search(console: Console, study: SensitivityStudy) -> None:
+    """Print what squeals, what each number alone would have to be, and the smallest change of all of them."""
+    if study.squeal is not None:
+        console.print(printable(squeal_words(study.squeal)), style="bold")
+    elif study.needs_no_change:
+        console.print("Nothing in this scene is unstable: there is nothing to make quiet.", style="bold")
+    if any(each.stable is not None or each.quiet is not None for each in study.alone):
+        print_table(console, _each_alone(study))
+    for line in without_answer(study.alone, study.stable):
+        console.print(line, style="dim")
     if study.quiet is not None:
         _print_quiet(console, study.quiet)
-    elif study.until_stable:
-        console.print("Nothing in this scene is unstable: there is nothing to make quiet.", style="bold")
+
+
+def _each_alone(study: SensitivityStudy) -> Table:
+    table = Table(title="Each number alone, the least change first", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    for heading in ("number", "now", *(() if study.stable else ("stable with", "change")), "quiet with", "change"):
+        table.add_column(heading, justify="left" if heading == "number" else "right")
+    for row in study.alone:
+        known = row.quiet or row.stable
+        if known is not None:
+            both = (row.quiet,) if study.stable else (row.stable, row.quiet)
+            cells = [cell for change in both for cell in _cells(change, study)]
+            table.add_row(row.key, _with_unit(known.before_in_unit, known, study), *cells)
+    return table
+
+
+def _cells(change: Change | None, study: SensitivityStudy) -> tuple[str, str]:
+    if change is None:
+        return "none found", ""
+    return _with_unit(change.after_in_unit, change, study), _relative(change)
+
+
+def _with_unit(value: float, change: Change, study: SensitivityStudy) -> str:
+    scene = study.scene if change.before else study.scene.with_values({change.key: change.after})
+    return f"{value:.6g} {change.unit or unit_of(change.key, scene)}".rstrip()
+
+
+def _relative(change: Change) -> str:
+    return f"{100 * change.relative:+.3g} %" if change.before else "new"
 
 
 def _print_quiet(console: Console, quiet: Quieting) -> None:
-    title = "The smallest change that makes every mode decay" if quiet.found else "The change with the least growth"
+    title = "The smallest change of all found that makes the brake quiet" if quiet.quiet else (
+        "The smallest change that makes every mode decay" if quiet.found else "The change with the least growth"
+    )  # fmt: skip
     table = Table(title=title, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    for heading in ("number", "before, SI", "after, SI", "change"):
-        table.add_column(heading, justify="left" if heading == "number" else "right")
-    for change in _by_size(quiet):
-        relative = f"{100 * change.relative:+.3g} %" if change.before else "new"
-        table.add_row(change.key, f"{change.before:.6g}", f"{change.after:.6g}", relative)
-    print_table(console, table)
-    if quiet.found:
+    for heading in ("number", "before", "after", "unit", "change"):
+        table.add_column(heading, justify="left" if heading in ("number", "unit") else "right")
+    for change in sorted(quiet.changes, key=lambda each: -abs(each.relative)):
+        unit = change.unit or unit_of(change.key, quiet.scene)
+        table.add_row(
+            change.key, f"{change.before_in_unit:.6g}", f"{change.after_in_unit:.6g}", unit, _relative(change)
+        )
+    if quiet.changes:
+        print_table(console, table)
+    if quiet.succeeded:
         console.print(printable(quiet_sentence(quiet)), style="bold")
-
-
-def _by_size(quiet: Quieting) -> list[Change]:
-    return sorted(quiet.changes, key=lambda each: -abs(each.relative))
-
-
-def quiet_sentence(quiet: Quieting) -> str:
-    """What to change, what the eigenvalues say of it, and what the transients do."""
-    large = [change for change in _by_size(quiet) if abs(change.relative) > NEGLIGIBLE]
-    named = ", ".join(
-        f"{each.key} changed from {each.before:.4g} to {each.after:.4g} {unit_of(each.key, quiet.scene)}".rstrip()
-        for each in large[:3]
-    )
-    more = f" and {len(large) - 3} smaller changes" if len(large) > 3 else ""
-    stable = f"Stable with {named}{more}: every growth rate is {quiet.largest_growth_rate_1_per_s:.3g} 1/s or below."
-    return " ".join([stable, *map(_ending, quiet.transients)])
-
-
-def not_found(quiet: Quieting) -> str:
-    """Why a search has no result."""
-    names = ", ".join(change.key for change in quiet.changes)
-    least = f"the largest growth rate can be brought down to {quiet.largest_growth_rate_1_per_s:+.4g} 1/s"
-    return f"no change of {names} within the bounds makes every mode decay; {least}"
-
-
-def _ending(decay: Decay) -> str:
-    """How a transient of the changed scene ends."""
-    mostly = "" if decay.frequency_Hz is None else f", mostly at {decay.frequency_Hz:.0f} Hz"
-    ends = {
-        Outcome.DECAYS: "the transient decays; at its end there is neither lift-off nor slip reversal",
-        Outcome.SQUEALS: f"the transient keeps squealing: its motion is {decay.kind}{mostly}",
-        Outcome.NOT_SETTLED: f"the transient has not settled within {decay.duration_s} s; run it for longer",
-        Outcome.NOT_STARTED: "no transient was run, because nothing was started",
-        Outcome.FAILED: f"the transient failed: {decay.reason}",
-    }
-    return f"From {decay.start} {ends[decay.outcome]}."
 
 
 def sensitivity_table(study: SensitivityStudy) -> str:
@@ -120,10 +135,12 @@ def sensitivity_table(study: SensitivityStudy) -> str:
 
 
 def quiet_scene(study: SensitivityStudy) -> str | None:
-    """The changed scene as a file, headed by what was found; None where there is none."""
-    if study.quiet is None or not study.quiet.found:
+    """The changed scene as a file, headed by what was found; None where it is not quiet."""
+    quiet = study.quiet
+    if quiet is None or not quiet.succeeded:
         return None
-    return f"# {printable(quiet_sentence(study.quiet))}\n{study.quiet.scene.to_toml()}"
+    lines = textwrap.wrap(printable(quiet_sentence(quiet)), WIDTH, break_long_words=False)
+    return "".join(f"# {line}\n" for line in lines) + quiet.scene_file
 
 
 def _change(study: SensitivityStudy, value: float) -> str:

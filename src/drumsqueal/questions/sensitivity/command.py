@@ -8,12 +8,12 @@ import typer
 
 from drumsqueal.errors import IntegrationError
 from drumsqueal.files.output_folder import SENSITIVITY_FILES
-from drumsqueal.scene import load_scene
+from drumsqueal.scene import load_with_tables
 from drumsqueal.terminal.completion import complete_list, words
 from drumsqueal.terminal.options import JsonFile, Overwrite, Quiet, SceneFile, Settings, UsageError, output_option
 from drumsqueal.terminal.reply import Reply
 
-_UNTIL = "Also find the smallest change that makes the brake stable."
+_UNTIL = "Also find what makes the brake stable, and quiet after disturbances: each number alone, and together."
 _VARY = "What --until stable may change (default: the design, not speed, load and radius). Repeatable."
 
 
@@ -35,7 +35,8 @@ def sensitivity_command(
 
     Differentiates every growth rate with respect to every parameter of the scene.
 
-    Writes sensitivity.csv, sensitivity.json, sensitivity.png and, with --until stable, quiet.toml, the changed scene.
+    Writes sensitivity.csv, sensitivity.json, sensitivity.png and, with --until stable, quiet.toml: the changed scene,
+    if no disturbance that was tried makes it squeal.
 
     Example: drumsqueal sensitivity scenarios/damped.toml --until stable -o out/quiet
     """
@@ -43,17 +44,18 @@ def sensitivity_command(
         raise UsageError(f"--until {until}: write --until stable, or leave it out")
     if vary and until is None:
         raise UsageError("--vary names what --until stable may change; add --until stable")
-    loaded = load_scene(scene, settings or ())
+    loaded, tables = load_with_tables(scene, settings or ())
     keys = [key.strip() for part in vary for key in part.split(",")] if vary else None
     folder = output if output is not None else Path("out") / f"{scene.stem}-sensitivity"
     reply = Reply.next_to(folder, SENSITIVITY_FILES, (scene,), quiet, json_file, overwrite=overwrite)
-    from drumsqueal.questions.sensitivity.answer import SENSITIVITY_ANSWER, not_found
+    from drumsqueal.questions.sensitivity.answer import SENSITIVITY_ANSWER
     from drumsqueal.questions.sensitivity.study import check_request, study_sensitivity
+    from drumsqueal.questions.sensitivity.words import not_found
     from drumsqueal.terminal.runner import answer
 
     until_stable = until is not None
     check_request(loaded, keys, until_stable=until_stable)  # what cannot be done is reported before there is a folder
-    study = partial(study_sensitivity, loaded, until_stable=until_stable, keys=keys)
+    study = partial(study_sensitivity, loaded, until_stable=until_stable, keys=keys, tables=tables)
     found = answer(reply, SENSITIVITY_ANSWER, lambda progress, keep: study(progress=progress, keep=keep))
-    if found.quiet is not None and not found.quiet.found:
-        raise IntegrationError(not_found(found.quiet))
+    if found.quiet is not None and not found.quiet.succeeded:
+        raise IntegrationError(not_found(found))

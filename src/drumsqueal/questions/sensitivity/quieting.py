@@ -1,92 +1,104 @@
-"""The smallest change of a brake that makes every mode decay."""
+"""The smallest change of a brake that makes it quiet: stable, and without squeal after every disturbance tried."""
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
-from pydantic import computed_field
+from pydantic import Field
 
-from drumsqueal.errors import RequestError
-from drumsqueal.findings.schema import Finding, SceneInFile
+from drumsqueal.findings.part import Finding
+from drumsqueal.findings.schema import SceneInFile
 from drumsqueal.progress import Progress, silent
+from drumsqueal.questions.onset.found import Motion
+from drumsqueal.questions.sensitivity.alone import Alone, each_alone
+from drumsqueal.questions.sensitivity.change import Change, in_SI, rounded
 from drumsqueal.questions.sensitivity.decay import Decay
-from drumsqueal.scene import Scene, quantity_of
-from drumsqueal.scene.tables import Scheduled
+from drumsqueal.questions.sensitivity.disturbing import Brake, Disturber, Judged, Trial
+from drumsqueal.questions.sensitivity.lines import PRECISION, Line, search
+from drumsqueal.questions.sensitivity.stabilising import (
+    MARGIN,
+    SLACK,
+    Problem,
+    largest_growth,
+    numbers_of,
+    variable_numbers,
+)
+from drumsqueal.scene import Profile, Scene
+from drumsqueal.scene.written import Written
 from drumsqueal.simulation import prepare
-from drumsqueal.solve.linear.family import StateMatrix, eigenvalue_gradient, state_matrix_of
-from drumsqueal.solve.linear.modes import DRIFT_FRACTION
+from drumsqueal.solve.linear.family import StateMatrix, state_matrix_of
 
-MARGIN = 1.0  # 1/s: every growth rate is to be at most minus this
-SLACK = 1e-3  # of the margin that an optimum on its limit may miss
-STARTS, SPREAD, SEED = 6, 0.3, 20231122  # starting points, their relative distance, and the seed of the random ones
-NOWHERE = 1e9  # 1/s; the growth rate where there is no steady sliding
-LEAST, MOST = 0.1, 10.0  # times its value: how far a number may go, where physics has no nearer limit
-WIDEST_ARC, THICKEST = 2 * np.pi, 0.99  # rad; of the geometric mean of thickness and outer radius
-DAMPING = "damping.ratio"
-ZERO_SCALE = {DAMPING: 0.01}  # what counts as a change of one of a number that is zero
-GIVEN = ("drum.speed", "contact.normal_load", "shoe.outer_radius", "forcing.")  # of the vehicle, not of the design
+UNCHANGED = 0.1  # of the largest relative change: a number that would change by less stays as it is and is not listed
+STRETCHES = 1 + 0.01 * np.arange(50)  # of the others, which then change a little more, until every mode decays again
+STEP, MOST_STEPS = 1.6, 16  # from one size of the whole change that is tried to the next
+TINY = 1e-300  # keeps a quotient finite where no number alone makes the brake quiet
+NEAREST = 0.25  # of the change that would do if the border of quiet were flat: where the search along it begins
 
 
-class Change(Finding):
-    """One number before and after, in SI."""
+class Squeal(Finding):
+    """What becomes of a brake as it is when it is disturbed.
 
-    key: str
-    before: float
-    after: float
+    Its steady-state responses, the one with most kinetic energy first; each names a disturbance that leads to it.
+    """
 
-    @computed_field
+    steady_sliding_stable: bool
+    motions: tuple[Motion, ...]
+    disturbances: tuple[Trial, ...]
+
     @property
-    def relative(self) -> float:
-        """After over before, less 1; for a number that was zero, in units of its scale."""
-        return (self.after - self.before) / (self.before or ZERO_SCALE[self.key])
+    def smallest_disturbance(self) -> Trial | None:
+        """Of the disturbances along a mode that lead to squeal the one with least energy."""
+        return min((each for each in self._kicks if each.motion is not None), key=_energy, default=None)
+
+    @property
+    def largest_that_decays(self) -> Trial | None:
+        """Of those in the same mode and way with less energy the largest."""
+        smallest = self.smallest_disturbance
+        if smallest is None:
+            return None
+        way = smallest.start.split(",")[0]
+        less = [each for each in self._kicks if each.start.split(",")[0] == way and _energy(each) < _energy(smallest)]
+        return max(less, key=_energy, default=None)
+
+    @property
+    def _kicks(self) -> list[Trial]:
+        return [each for each in self.disturbances if each.energy_J]
+
+
+def _energy(trial: Trial) -> float:
+    return trial.energy_J or 0.0
 
 
 class Quieting(Finding):
     """The smallest change found: the changed scene, its changes, their norm and its largest growth rate.
 
-    `found` states whether every mode decays; where it is False nothing within the bounds makes them, and the change is
-    the one with the least growth. `transients` are those of the changed scene, where it was run.
+    `found` states whether every mode decays, and `quiet` whether no disturbance squeals either (None: not looked for).
+    Where no change within the bounds does both, the change is the smallest that makes every mode decay or, where none
+    does, the one with the least growth. `disturbances` are those of the changed scene, until one squealed;
+    `transients` are two that its scene file starts.
     """
 
     found: bool
+    quiet: bool | None = None
     changes: tuple[Change, ...]
     norm_of_relative_changes: float
     largest_growth_rate_1_per_s: float
+    disturbances: tuple[Trial, ...] = ()
     transients: tuple[Decay, ...] = ()
     scene: SceneInFile
+    scene_file: str = Field(default="", exclude=True)
 
+    @property
+    def succeeded(self) -> bool:
+        """Whether the changed brake is as quiet as was looked for."""
+        return self.found and self.quiet is not False
 
-def numbers_of(scene: Scene) -> dict[str, float]:
-    """The physical numbers of a scene without profiles, by key, in SI."""
-    return {key: value for key, value in scene.numbers().items() if isinstance(value, float)}
-
-
-def variable_numbers(scene: Scene, keys: Sequence[str] | None = None) -> tuple[Scene, tuple[str, ...]]:
-    """The numbers that may change, by default those of the design, and the scene with a damping ratio if it is one.
-
-    Raises RequestError for a key that is none, is named twice, changes over time or is zero.
-    """
-    if keys is not None and DAMPING in keys and scene.damping is None:
-        scene = scene.with_values({"damping": {"ratio": 0.0}})
-    numbers = numbers_of(scene)
-    if keys is None:
-        chosen = tuple(key for key, value in numbers.items() if value and not key.startswith(GIVEN))
-        return scene, chosen
-    for k, key in enumerate(keys):
-        if f"{key}.value" in scene.numbers():
-            raise RequestError(f"--vary {key}: it changes over time; give it one value")
-        if key in scene.numbers() and key not in numbers:
-            raise RequestError(f"--vary {key}: it is a list, which is not varied; choose from {', '.join(numbers)}")
-        if key not in numbers:
-            raise RequestError(f"--vary {key}: not a number of this scene; choose from {', '.join(numbers)}")
-        if key in keys[:k]:
-            raise RequestError(f"--vary {key}: named twice; leave one out")
-        if key.startswith("forcing."):
-            raise RequestError(f"--vary {key}: a harmonic force does not act on growth rates; leave it out")
-        if numbers[key] == 0 and key not in ZERO_SCALE:
-            raise RequestError(f"--vary {key}: it is 0 and has no relative change; give it a value first")
-    return scene, tuple(keys)
+    @property
+    def motions(self) -> tuple[Motion, ...]:
+        """What still squeals."""
+        return tuple(each.motion for each in self.disturbances if each.motion is not None)
 
 
 def quieten(
@@ -97,125 +109,164 @@ def quieten(
     state_matrix: StateMatrix | None = None,
     progress: Progress = silent,
 ) -> Quieting:
-    """Find the smallest norm of relative changes that brings every real part to −`margin` (1/s) or below.
+    """Find the smallest norm of relative changes that makes a brake quiet: `quieten(scene, ["damping.ratio"]).scene`.
 
-    Every eigenvalue is a constraint of its own, not the largest of them, so that each is smooth; a free drift is none.
-    Sequential quadratic programming (SciPy's SLSQP) with derivatives by eigenvectors, from several starts. Only a
-    smallest change near one of these starts is found. Profiles must have been turned into one value before.
-    `state_matrix` is that of the scene's numbers where it is compiled already.
+    Quiet: every real part is −`margin` (1/s) or below, and no disturbance that is tried leads to squeal. `keys` may
+    change (None: the design). Profiles must have been turned into one value before. `state_matrix` is that of the
+    scene's numbers where it is compiled already. Raises RequestError for keys that cannot change.
     """
-    own = scene
-    scene, keys = variable_numbers(scene, keys)
-    if state_matrix is None or scene is not own:
-        state_matrix = state_matrix_of(scene, tuple(numbers_of(scene)))
-    problem = _Problem(scene, keys, margin, state_matrix, progress)
-    generator = np.random.default_rng(SEED)
-    starts = [np.zeros(len(keys)), *(SPREAD * generator.standard_normal((STARTS - 1, len(keys))))]
-    results = [problem.solve(start) for start in starts]
-    quiet = [x for x in results if problem.largest(x) <= -margin * (1 - SLACK)]
-    best = min(quiet, key=np.linalg.norm) if quiet else min(results, key=problem.largest)
-    after = problem.after(best)
-    changed = scene.with_values({key: float(value) for key, value in zip(keys, after, strict=True)})
-    stability = prepare(changed).stability
-    largest = largest_growth(stability.eigenvalues)
-    values = zip(keys, problem.before.tolist(), after.tolist(), strict=True)
-    return Quieting(
-        found=largest <= -margin * (1 - 2 * SLACK),
-        changes=tuple(Change(key=key, before=before, after=later) for key, before, later in values),
-        norm_of_relative_changes=float(np.linalg.norm(best)),
-        largest_growth_rate_1_per_s=largest,
-        scene=changed,
-    )
+    search = Quietening(scene, keys, margin=margin, state_matrix=state_matrix, progress=progress)
+    squeal = search.squeal()
+    if squeal is None or (squeal.steady_sliding_stable and not squeal.motions):
+        return search.together((), ())
+    return search.together(search.alone(squeal.motions), squeal.motions)
 
 
-def largest_growth(eigenvalues: NDArray[np.complex128]) -> float:
-    """Largest real part (1/s) of all eigenvalues but those of a free drift."""
-    held = np.abs(eigenvalues) > DRIFT_FRACTION * np.abs(eigenvalues).max()
-    return float(eigenvalues[held].real.max())
-
-
-class _Problem:
-    """Growth rates as smooth functions of relative changes x (k,), remembered for the last x.
-
-    The numbers are `before` + x `scale`, within `low` and `high`.
-    """
+class Quietening:
+    """The steps of the search: what squeals, what each number alone does, and what all of them together."""
 
     def __init__(
-        self, scene: Scene, keys: tuple[str, ...], margin: float, state_matrix: StateMatrix, progress: Progress
+        self,
+        scene: Scene,
+        keys: Sequence[str] | None = None,
+        *,
+        margin: float = MARGIN,
+        tables: Mapping[str, Any] | None = None,
+        state_matrix: StateMatrix | None = None,
+        progress: Progress = silent,
     ) -> None:
-        numbers = numbers_of(scene)
-        self._numbers, self._own = np.array(list(numbers.values())), [list(numbers).index(key) for key in keys]
-        self._margin, self._evaluate, self._progress = margin, state_matrix, progress
-        self.before = self._numbers[self._own]
-        self.scale = np.array([numbers[key] or ZERO_SCALE[key] for key in keys])
-        self.low, self.high = np.transpose([_bounds(key, numbers, scene) for key in keys])
-        self._at, self._found = None, (np.empty(0), np.empty((0, 0)))
+        """Take a scene without profiles, what may change, and the tables of its file (None: in SI)."""
+        own = scene
+        scene, self._keys = variable_numbers(scene, keys)
+        if state_matrix is None or scene is not own:
+            state_matrix = state_matrix_of(scene, tuple(numbers_of(scene)))
+        self._solved: dict[float, dict[str, float] | None] = {}
+        self._evaluate, self._margin, self._progress = state_matrix, margin, progress
+        self._written = Written(scene, tables)
+        self._problem = self._with_margin(margin)
+        self._before = dict(zip(self._keys, self._problem.before.tolist(), strict=True))
+        self._growth = self._problem.largest(np.zeros(len(self._keys)))
+        load = scene.contact.normal_load
+        squeals = scene.friction is not None and (isinstance(load, Profile) or load > 0)
+        self._disturber = Disturber(scene, progress) if squeals else None
 
-    def after(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The numbers that are changed (k,)."""
-        return self.before + x * self.scale
+    def _with_margin(self, margin: float) -> Problem:
+        return Problem(self._written.scene, self._keys, margin, self._evaluate, self._progress)
 
-    def rates(self, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Real parts (2n,), by rising imaginary part, and their derivatives (2n, k); of a drift −margin and zero."""
-        if self._at is not None and np.array_equal(x, self._at):
-            return self._found
-        self._progress("searching for the smallest change", 0, None)
-        numbers = self._numbers.copy()
-        numbers[self._own] = self.after(x)
-        matrix, derivatives = self._evaluate(numbers)
-        if not (np.isfinite(matrix).all() and np.isfinite(derivatives).all()):  # no steady sliding there
-            return np.full(len(matrix), NOWHERE), np.zeros((len(matrix), x.size))
-        eigenvalues, right = (part.astype(np.complex128) for part in np.linalg.eig(matrix))
-        left = np.linalg.pinv(right).conj().T  # leftᴴ right = 1 for each
-        order = np.lexsort((eigenvalues.real, eigenvalues.imag))
-        drift = np.abs(eigenvalues) <= DRIFT_FRACTION * np.abs(eigenvalues).max()
-        gradients = [eigenvalue_gradient(left[:, k], right[:, k], derivatives[self._own]) for k in order]
-        rates = np.where(drift, -self._margin, eigenvalues.real)[order]
-        slopes = np.where(drift[order, None], 0.0, np.real(gradients)) * self.scale
-        self._at, self._found = x.copy(), (rates, slopes)
-        return self._found
+    def squeal(self) -> Squeal | None:
+        """What becomes of the brake as it is when it is disturbed; None where nothing can squeal."""
+        if self._disturber is None:
+            return None
+        judged = self._disturber.squeal("disturbances")
+        stable = not judged.point.unstable
+        return Squeal(steady_sliding_stable=stable, motions=judged.motions, disturbances=judged.trials)
 
-    def largest(self, x: NDArray[np.float64]) -> float:
-        """Largest growth rate (1/s), drifts at minus the margin."""
-        return float(self.rates(x)[0].max())
+    def alone(self, motions: Sequence[Motion]) -> tuple[Alone, ...]:
+        """What each number alone does; `motions` are those of the brake as it is."""
+        return each_alone(self._problem, self._written, self._margin, self._disturber, motions, self._progress)
 
-    def solve(self, start: NDArray[np.float64]) -> NDArray[np.float64]:
-        """A local optimum from one start, or where the search ended."""
-        scale = max(1.0, float(np.abs(self._margin + self.rates(np.zeros(start.size))[0]).min()))
-        decays = {
-            "type": "ineq",
-            "fun": lambda x: -(self._margin + self.rates(x)[0]) / scale,
-            "jac": lambda x: -self.rates(x)[1] / scale,
-        }
-        result = scipy.optimize.minimize(
-            lambda x: (float(x @ x), 2 * x),
-            np.clip(start, self.low, self.high),
-            jac=True,
-            method="SLSQP",
-            bounds=list(zip(self.low, self.high, strict=True)),
-            constraints=decays,
-            options={"maxiter": 200, "ftol": 1e-12},
+    def together(self, alone: Sequence[Alone], motions: Sequence[Motion]) -> Quieting:
+        """The smallest change of all numbers that was found.
+
+        Towards the border of quiet, as flat as it is through the changes of each number alone, and the smallest of
+        these; where no number alone is enough, the smallest that make every mode decay faster and faster.
+        """
+        stable = self._stable_values(self._margin)
+        if self._disturber is None or (not motions and self._growth <= -self._margin):
+            return self._quieting(stable or {}, None)
+        direction = self._direction(alone)
+        lines = [self._along(direction, motions) if direction.any() else self._by_margin(motions)]
+        search(lines, self._disturber, self._progress, "all numbers")
+        found = [line.numbers_at(line.quiet_at) for line in lines if line.quiet_at is not None]
+        found += [{each.key: each.quiet.after} for each in alone if each.quiet is not None]
+        for numbers in sorted(found, key=self._norm):
+            (judged,) = self._disturber.judge([Brake(numbers, tuple(motions))], "proof")
+            if judged.quiet:
+                return self._quieting(numbers, judged)
+        if stable is None:
+            return self._quieting(self._least_growth(), None)
+        (judged,) = self._disturber.judge([Brake(stable, tuple(motions))], "proof")
+        return self._quieting(stable, judged)
+
+    def _by_margin(self, motions: Sequence[Motion]) -> Line:
+        """Brakes whose every mode decays faster and faster, with the least change each."""
+        first = max(self._margin, -self._growth)
+        stable = self._growth <= -self._margin
+
+        def ladder() -> Iterator[float]:
+            for margin in first * STEP ** np.arange(int(stable), MOST_STEPS):
+                if self._stable_values(margin) is None:
+                    return
+                yield float(margin)
+
+        return Line(lambda margin: self._stable_values(margin) or {}, ladder(), first * (1 - PRECISION), motions)
+
+    def _direction(self, alone: Sequence[Alone]) -> NDArray[np.float64]:
+        """The shortest relative change (k,) to the plane through what each number alone would have to be changed by."""
+        changes = {each.key: each.quiet.relative for each in alone if each.quiet is not None}
+        inverse = np.array([1 / changes[key] if key in changes else 0.0 for key in self._keys])
+        return _without_small(inverse / max(float(inverse @ inverse), TINY))
+
+    def _along(self, direction: NDArray[np.float64], motions: Sequence[Motion]) -> Line:
+        low, high = self._problem.low, self._problem.high
+        sizes = (float(each) for each in NEAREST * STEP ** np.arange(MOST_STEPS))
+        within = [each for each in sizes if np.all((low <= each * direction) & (each * direction <= high))]
+        return Line(
+            lambda size: self._in_file(size * direction), within, 0.0, motions, farthest=max(within, default=0.0)
         )
-        return np.clip(result.x, self.low, self.high)
+
+    def _stable_values(self, margin: float) -> dict[str, float] | None:
+        """The numbers (SI) that change the least of all that make every mode decay at a rate (1/s), None: none do."""
+        if margin not in self._solved:
+            problem = self._with_margin(margin)
+            whole = problem.smallest_change()
+            self._solved[margin] = self._shortened(problem, whole) if problem.decays(whole) else None
+        return self._solved[margin]
+
+    def _shortened(self, problem: Problem, whole: NDArray[np.float64]) -> dict[str, float]:
+        """Without numbers that change by little, and with few digits, if every mode then decays, too."""
+        for stretch in STRETCHES:
+            numbers = self._in_file(np.clip(stretch * _without_small(whole), problem.low, problem.high))
+            if problem.decays(self._relative(numbers)):
+                return numbers
+        return dict(zip(self._keys, problem.after(whole).tolist(), strict=True))
+
+    def _least_growth(self) -> dict[str, float]:
+        return dict(zip(self._keys, self._problem.after(self._problem.smallest_change()).tolist(), strict=True))
+
+    def _in_file(self, relative: NDArray[np.float64]) -> dict[str, float]:
+        """The numbers (SI) that relative changes (k,) lead to, as the scene file will have them."""
+        after = dict(zip(self._keys, self._problem.after(relative).tolist(), strict=True))
+        changed = {key: value for key, value in after.items() if value != self._before[key]}
+        return in_SI(self._written, rounded(self._written, changed, self._before))
+
+    def _relative(self, numbers: Mapping[str, float]) -> NDArray[np.float64]:
+        after = np.array([numbers.get(key, self._before[key]) for key in self._keys])
+        return (after - self._problem.before) / self._problem.scale
+
+    def _norm(self, numbers: Mapping[str, float]) -> float:
+        return float(np.linalg.norm(self._relative(numbers)))
+
+    def _quieting(self, numbers: Mapping[str, float], judged: Judged | None) -> Quieting:
+        """What was found, and the scene with these numbers (SI)."""
+        written = self._written.with_values(rounded(self._written, numbers, self._before))
+        stability = prepare(written.scene).stability
+        rate, least = written.scene.simulate.sample_rate, 2 * stability.highest_frequency_Hz
+        if rate < least:  # a stiffer brake may need more; a multiple leaves the duration a whole number of samples
+            written = written.with_values({"simulate.sample_rate": math.ceil(least / rate) * rate})
+        largest = largest_growth(stability.eigenvalues)
+        return Quieting(
+            found=largest <= -self._margin * (1 - 2 * SLACK),
+            quiet=None if judged is None else judged.quiet,
+            changes=tuple(Change.of(self._written, key, self._before[key], after) for key, after in numbers.items()),
+            norm_of_relative_changes=self._norm(numbers),
+            largest_growth_rate_1_per_s=largest,
+            disturbances=() if judged is None else judged.trials,
+            scene=written.scene,
+            scene_file=written.to_toml(),
+        )
 
 
-def _bounds(key: str, numbers: Mapping[str, float], scene: Scene) -> tuple[float, float]:
-    """Least and largest relative change of a number."""
-    value = numbers[key]
-    if value == 0:
-        return 0.0, 1 / ZERO_SCALE[key]  # up to critical damping
-    quantity = quantity_of(key, scene)
-    may_vanish = quantity.least == 0 and not isinstance(quantity, Scheduled)  # without load there is no contact
-    low = -1.0 if may_vanish else LEAST - 1
-    high = MOST - 1
-    # Thickness and radius stay on their sides of a number between them, so that the shoe remains a sector.
-    middle = float(np.sqrt(numbers["shoe.thickness"] * numbers["shoe.outer_radius"]))
-    if key == DAMPING:
-        high = 1 / value - 1
-    elif key == "shoe.arc_angle":
-        high = min(high, WIDEST_ARC / value - 1)
-    elif key == "shoe.thickness":
-        high = min(high, THICKEST * middle / value - 1)
-    elif key == "shoe.outer_radius":
-        low = max(low, middle / (THICKEST * value) - 1)
-    return low, high
+def _without_small(relative: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Relative changes (k,) without those that are small beside the largest."""
+    return np.where(np.abs(relative) < UNCHANGED * np.abs(relative).max(initial=0.0), 0.0, relative)

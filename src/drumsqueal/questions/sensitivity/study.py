@@ -1,18 +1,21 @@
 """What to change to make a brake quiet: how every growth rate changes with every number of the scene."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import computed_field
 
 from drumsqueal.errors import RequestError
 from drumsqueal.findings.prediction import PredictedMode, predict
 from drumsqueal.findings.schema import Finding, Findings, Held
 from drumsqueal.progress import Progress, silent
+from drumsqueal.questions.sensitivity.alone import Alone
 from drumsqueal.questions.sensitivity.decay import nonlinear_decay
-from drumsqueal.questions.sensitivity.quieting import Quieting, numbers_of, quieten, variable_numbers
+from drumsqueal.questions.sensitivity.quieting import Quietening, Quieting, Squeal
+from drumsqueal.questions.sensitivity.stabilising import numbers_of, variable_numbers
 from drumsqueal.scene import Profile, Scene
 from drumsqueal.simulation import Prepared, check_sample_rate, prepare
 from drumsqueal.solve.linear.family import StateMatrix, eigenvalue_gradient, state_matrix_of
@@ -50,8 +53,9 @@ class SensitivityStudy(Findings):
     value. `largest_deviation_from_central_differences` is relative to the largest derivative, both per percent. A
     growth rate is known to `round_off_1_per_s`. `divergence_rate_1_per_s` is None where nothing grows without
     oscillation. `quiet` is None where the smallest change that makes the scene stable was not asked for
-    (`until_stable`), or nothing is unstable. `state_matrix` is the function of the numbers (`numbers_of(scene)`) that
-    was differentiated.
+    (`until_stable`), or nothing squeals. Where it was asked for, `squeal` is what becomes of the brake as it is when it
+    is disturbed (None: nothing can squeal, or not looked for), and `alone` has what each number alone would have to be.
+    `state_matrix` is the function of the numbers (`numbers_of(scene)`) that was differentiated.
     """
 
     printed_by = "drumsqueal.questions.sensitivity.answer.print_study"
@@ -61,8 +65,16 @@ class SensitivityStudy(Findings):
     largest_deviation_from_central_differences: float
     round_off_1_per_s: float
     until_stable: bool = False
+    squeal: Squeal | None = None
+    alone: tuple[Alone, ...] = ()
     quiet: Quieting | None = None
     state_matrix: Any = Held
+
+    @computed_field
+    @property
+    def not_covered(self) -> tuple[str, ...]:
+        """Lists of the scene, such as the points of a measured friction curve, which are not differentiated."""
+        return tuple(key for key, value in self.scene.numbers().items() if isinstance(value, tuple))
 
     @property
     def relevant(self) -> tuple[int, ...]:
@@ -74,6 +86,11 @@ class SensitivityStudy(Findings):
     def stable(self) -> bool:
         """Whether nothing grows, with or without oscillation."""
         return self.divergence_rate_1_per_s is None and not any(mode.unstable for mode in self.modes)
+
+    @property
+    def needs_no_change(self) -> bool:
+        """Whether nothing grows, and no disturbance that was tried squeals."""
+        return self.stable and (self.squeal is None or not self.squeal.motions)
 
 
 def check_request(scene: Scene, keys: Sequence[str] | None, *, until_stable: bool) -> None:
@@ -97,24 +114,33 @@ def study_sensitivity(
     *,
     until_stable: bool = False,
     keys: Sequence[str] | None = None,
+    tables: Mapping[str, Any] | None = None,
     progress: Progress = silent,
     keep: Callable[[SensitivityStudy], None] = lambda _: None,
 ) -> SensitivityStudy:
     """Differentiate every growth rate with respect to every number: `study_sensitivity(scene).numbers`.
 
-    With `until_stable`, also find the smallest change of the numbers with these `keys` (None: the design) that makes
-    every mode decay, and run the changed scene. A profile counts as what it is at t = 0, or where the drum first turns.
-    `keep` takes what is known after each step. Raises SceneError for a scene without steady sliding and RequestError
-    for one in which nothing oscillates, or for keys that cannot change.
+    With `until_stable`, also look what squeals when the brake is disturbed, find what each number alone and all of them
+    together would have to be for the brake to be quiet, of the numbers with these `keys` (None: the design), and run
+    the changed scene. A profile counts as what it is at t = 0, or where the drum first turns. `tables` are those of the
+    scene's file, whose units the changed scene keeps (None: SI). `keep` takes what is known after each step. Raises
+    SceneError for a scene without steady sliding and RequestError for one in which nothing oscillates, or for keys that
+    cannot change.
     """
     study = _differentiate(scene, progress)
     if not until_stable:
         return study
     study = study.model_copy(update={"until_stable": True})
     keep(study)
-    if study.stable:
+    search = Quietening(study.scene, keys, tables=tables, state_matrix=study.state_matrix, progress=progress)
+    study = study.model_copy(update={"squeal": search.squeal()})
+    if study.needs_no_change:
         return study
-    quiet = quieten(study.scene, keys, state_matrix=study.state_matrix, progress=progress)
+    keep(study)
+    motions = () if study.squeal is None else study.squeal.motions
+    study = study.model_copy(update={"alone": search.alone(motions)})
+    keep(study)
+    quiet = search.together(study.alone, motions)
     study = study.model_copy(update={"quiet": quiet})
     keep(study)
     if not quiet.found:

@@ -1,0 +1,155 @@
+"""For each number alone: the change of it that makes the brake stable, and the one that makes it quiet."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import scipy
+
+from drumsqueal.findings.part import Finding
+from drumsqueal.progress import Progress
+from drumsqueal.questions.onset.found import Motion
+from drumsqueal.questions.sensitivity.change import Change, in_SI, rounded
+from drumsqueal.questions.sensitivity.disturbing import Disturber
+from drumsqueal.questions.sensitivity.lines import PRECISION, Line, search
+from drumsqueal.questions.sensitivity.stabilising import Problem
+from drumsqueal.scene.written import Written
+
+# Relative change tried first, and how much larger the next is, in its logarithm: from 10 % to a factor of ten in
+# six steps. What is quiet between two of them alone goes unseen.
+FIRST, STEP = 0.1, 2.0
+MOST_STEPS = 20  # of them, to the farthest that the bounds of any number allow
+SMALL = 1e-3  # relative change that shows which way a mode decays faster
+FOUND = 1e-6  # of a change: how well the one that makes the brake stable is found
+
+
+class Alone(Finding):
+    """One number, and its smallest change that makes the brake stable, and quiet; None where none within bounds does.
+
+    Stable: every growth rate is minus the margin or below. Quiet: and no disturbance that was tried squeals. `lowest`
+    and `highest` (SI) are the bounds. A brake that is stable as it is has no change that makes it so.
+    """
+
+    key: str
+    lowest: float
+    highest: float
+    stable: Change | None = None
+    quiet: Change | None = None
+
+
+class _Way:
+    """One number that changes one way, by how far: |relative change|."""
+
+    def __init__(self, problem: Problem, written: Written, number: int, sign: int) -> None:
+        self._problem, self._written, self._number, self.sign = problem, written, number, sign
+        self.key = problem.keys[number]
+        self._before = float(problem.before[number])
+        self.farthest = float(problem.high[number] if sign > 0 else -problem.low[number])
+        self.ladder = self._ladder()
+        self.line: Line | None = None
+
+    def _ladder(self) -> list[float]:
+        if self.farthest <= 0:
+            return []
+        steps = FIRST * STEP ** np.arange(MOST_STEPS if self._before == 0 else MOST_STEPS // 2)
+        if self._before != 0:
+            steps = self.sign * np.expm1(self.sign * steps)
+        return [*(float(each) for each in steps[steps < self.farthest * (1 - PRECISION)]), self.farthest]
+
+    def growth(self, position: float) -> float:
+        """The largest growth rate (1/s)."""
+        return self._problem.largest(self._unit * position)
+
+    @property
+    def _unit(self) -> np.ndarray:
+        return self.sign * np.eye(len(self._problem.keys))[self._number]
+
+    def stable_from(self, margin: float) -> float | None:
+        """The first position found at which every growth rate is −`margin` or below."""
+        before = 0.0
+        for position in self.ladder:
+            if self.growth(position) <= -margin:
+                return float(
+                    scipy.optimize.brentq(
+                        lambda x: self.growth(x) + margin, before, position, rtol=FOUND, xtol=FOUND * FIRST
+                    )
+                )
+            before = position
+        return None
+
+    def helps(self) -> float | None:
+        """Zero where the least stable mode decays faster already with a small change, else None."""
+        return 0.0 if self.ladder and self.growth(SMALL) < self.growth(0.0) else None
+
+    def numbers_at(self, position: float) -> dict[str, float]:
+        """The number as the scene file will have it, in SI."""
+        return in_SI(self._written, self._rounded(position))
+
+    def _rounded(self, position: float) -> dict[str, float | str]:
+        after = float(self._problem.after(self._unit * position)[self._number])
+        return rounded(self._written, {self.key: after}, {self.key: self._before})
+
+    def change(self, position: float) -> Change:
+        """What it is at a position."""
+        return Change.of(self._written, self.key, self._before, self.numbers_at(position)[self.key])
+
+
+def each_alone(
+    problem: Problem,
+    written: Written,
+    margin: float,
+    disturber: Disturber | None,
+    motions: Sequence[Motion],
+    progress: Progress,
+) -> tuple[Alone, ...]:
+    """Find the changes of each number alone, the smallest first; `motions` are those of the brake as it is.
+
+    Of a stable brake a number changes the way in which its least stable mode decays faster. Without a disturber no
+    change is looked for that makes the brake quiet.
+    """
+    stable_now = problem.largest(np.zeros(len(problem.keys))) <= -margin
+    ways = [_Way(problem, written, k, sign) for k in range(len(problem.keys)) for sign in (-1, 1)]
+    stable: dict[_Way, float] = {}
+    for k, way in enumerate(ways):
+        progress("each number alone", k, len(ways))
+        found = way.helps() if stable_now else way.stable_from(margin)
+        if found is not None:
+            stable[way] = found
+            ladder = [x for x in way.ladder if x > found * (1 + PRECISION)]
+            first = [] if stable_now else [found]
+            way.line = Line(way.numbers_at, [*first, *ladder], found * (1 - PRECISION), motions, farthest=way.farthest)
+    if disturber is not None:
+        _search(list(stable), disturber, progress)
+    rows = [_row(problem, number, stable, stable_now) for number in range(len(problem.keys))]
+    return tuple(sorted(rows, key=_size))
+
+
+def _search(ways: Sequence[_Way], disturber: Disturber, progress: Progress) -> None:
+    lines = {way.line: way for way in ways if way.line is not None}
+
+    def given_up(line: Line) -> bool:
+        """Whether the other way is quiet already at a smaller change."""
+        others = [other for other, way in lines.items() if way.key == lines[line].key and other is not line]
+        return any(other.quiet_at is not None and other.quiet_at <= line.squeals_at for other in others)
+
+    search(list(lines), disturber, progress, "each number alone", given_up=given_up)
+
+
+def _row(problem: Problem, number: int, stable: dict[_Way, float], stable_now: bool) -> Alone:
+    ways = {way: position for way, position in stable.items() if way.key == problem.keys[number]}
+    quiet = {way: way.line.quiet_at for way in ways if way.line is not None and way.line.quiet_at is not None}
+    nearest, quietest = (min(each, key=lambda way: each[way], default=None) for each in (ways, quiet))
+    limits = sorted(
+        float(problem.before[number] + x[number] * problem.scale[number]) for x in (problem.low, problem.high)
+    )
+    return Alone(
+        key=problem.keys[number],
+        lowest=limits[0],
+        highest=limits[1],
+        stable=None if stable_now or nearest is None else nearest.change(ways[nearest]),
+        quiet=None if quietest is None else quietest.change(quiet[quietest]),
+    )
+
+
+def _size(row: Alone) -> tuple[float, float]:
+    sizes = [np.inf if change is None else abs(change.relative) for change in (row.quiet, row.stable)]
+    return sizes[0], sizes[1]

@@ -1,0 +1,44 @@
+"""A number of a scene before and after, and what rounding makes of it."""
+
+from collections.abc import Mapping
+
+from pydantic import computed_field
+
+from drumsqueal.findings.part import Finding
+from drumsqueal.questions.sensitivity.stabilising import ZERO_SCALE
+from drumsqueal.scene.written import Value, Written
+
+ROUNDING = 0.02  # of a change: how much further rounding may take it
+
+
+class Change(Finding):
+    """One number before and after, in SI, and in the `unit` that it has in the scene file ("": SI)."""
+
+    key: str
+    before: float
+    after: float
+    unit: str = ""
+    before_in_unit: float
+    after_in_unit: float
+
+    @classmethod
+    def of(cls, written: Written, key: str, before: float, after: float) -> "Change":
+        """That of a number of a scene as its file writes it."""
+        shown = {"before_in_unit": written.shown(key, before), "after_in_unit": written.shown(key, after)}
+        return cls(key=key, before=before, after=after, unit=written.unit(key), **shown)
+
+    @computed_field
+    @property
+    def relative(self) -> float:
+        """After over before, less 1; for a number that was zero, in units of its scale."""
+        return (self.after - self.before) / (self.before or ZERO_SCALE[self.key])
+
+
+def rounded(written: Written, values: Mapping[str, float], before: Mapping[str, float]) -> dict[str, Value]:
+    """Values (SI) as the scene file is to have them, each rounded away from the one before."""
+    return {key: written.outward(key, value, before[key], ROUNDING) for key, value in values.items()}
+
+
+def in_SI(written: Written, values: Mapping[str, Value]) -> dict[str, float]:
+    """Values of the scene file in SI."""
+    return {key: written.read(key, value) for key, value in values.items()}

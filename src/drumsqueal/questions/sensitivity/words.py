@@ -1,0 +1,153 @@
+"""What was found about making a brake quiet, in sentences."""
+
+from collections.abc import Sequence
+
+from drumsqueal.findings.vibration import unit_of
+from drumsqueal.questions.onset.found import Motion
+from drumsqueal.questions.sensitivity.alone import Alone
+from drumsqueal.questions.sensitivity.change import Change
+from drumsqueal.questions.sensitivity.decay import Decay, Outcome, Start
+from drumsqueal.questions.sensitivity.disturbing import Trial
+from drumsqueal.questions.sensitivity.quieting import Quieting, Squeal
+from drumsqueal.questions.sensitivity.study import SensitivityStudy
+from drumsqueal.scene.variation import unit_of as unit_of_number
+
+MOST_NAMED = 3  # changes in a sentence
+EARLIER = "earlier squeal"
+WAYS = ("forwards", "backwards")
+
+
+def squeal_words(squeal: Squeal) -> str:
+    """What the brake does as it is: whether it squeals, after which disturbance, at what frequency and how loud."""
+    number = len(squeal.disturbances)
+    if not squeal.motions:
+        if not squeal.steady_sliding_stable:
+            return f"As it is, steady sliding is unstable; none of the {number} disturbances tried settles to squeal."
+        still = "there is nothing to make quiet"
+        return f"Nothing in this scene is unstable, and none of the {number} disturbances tried squeals: {still}."
+    if squeal.steady_sliding_stable:
+        return f"As it is, steady sliding is stable, but squeals after a large disturbance. {_disturbances(squeal)}"
+    each = "; ".join(f"{_motion(motion)} ({_start(motion.start)})" for motion in squeal.motions)
+    return f"As it is, the brake squeals: {each}."
+
+
+def _disturbances(squeal: Squeal) -> str:
+    smallest, decays, sentences = squeal.smallest_disturbance, squeal.largest_that_decays, list[str]()
+    named = list(squeal.motions)
+    if smallest is not None and smallest.motion is not None:
+        size = f"{smallest.energy_J:.2g} J ({smallest.speed_m_per_s:.2g} m/s of the lining's surface)"
+        less = "" if decays is None else f"; {decays.energy_J:.2g} J in the same way decays"
+        leads = (
+            f"A velocity along mode {smallest.start.split()[0]} of {size} leads to {_motion(smallest.motion)}{less}."
+        )
+        sentences.append(leads)
+        named = [motion for motion in named if not motion.like(smallest.motion)]
+    if named:
+        other = "Other disturbances lead" if sentences else "Disturbances lead"
+        sentences.append(f"{other} to {'; '.join(f'{_motion(each)} ({_start(each.start)})' for each in named)}.")
+    return " ".join(sentences)
+
+
+def _motion(motion: Motion) -> str:
+    at = "" if motion.frequency_Hz is None else f" at {motion.frequency_Hz:.0f} Hz"
+    name = motion.line_of
+    return (
+        f"squeal{at}"
+        if name is None
+        else f"squeal{at}, {name} ±{1e6 * motion.amplitude[name]:.3g} {unit_of(name, 'µ')}"
+    )
+
+
+def _start(name: str) -> str:
+    """A disturbance in words, by the name of a start."""
+    if name.startswith("kick "):
+        return f"from {name.removeprefix('kick ')}, three times beyond both contact boundaries"
+    if EARLIER in name:
+        return f"from {name.removeprefix('1 times ')}, before the change"
+    if name.startswith("random"):
+        return f"from a disturbance of all modes at once, {name}"
+    return f"from {name}"
+
+
+def tried_words(trials: Sequence[Trial]) -> str:
+    """Which disturbances were tried, by their kinds."""
+    kicks = [each for each in trials if any(way in each.start for way in WAYS)]
+    carried = sum(EARLIER in each.start for each in trials)
+    random = sum(each.start.startswith("random") for each in trials)
+    parts = ["its own start", "a displacement of 3 p0/k_c", "each mode three times beyond both contact boundaries"]
+    if kicks:
+        modes = ", ".join(dict.fromkeys(each.start.split()[0] for each in kicks))
+        energies = [each.energy_J for each in kicks if each.energy_J]
+        parts.append(f"velocities along {modes}, both ways, from {min(energies):.1g} J to {max(energies):.1g} J")
+    if random:
+        parts.append(f"{random} random ones of all modes at once")
+    if carried:
+        parts.append(f"{carried} from the squeal that there was before")
+    return "; ".join(parts)
+
+
+def quiet_sentence(quiet: Quieting) -> str:
+    """What to change, what the eigenvalues say of it, and what the transients do."""
+    word = "Quiet" if quiet.quiet else "Stable"
+    rates = f"every growth rate is {quiet.largest_growth_rate_1_per_s:.3g} 1/s or below"
+    sentences = [f"{word} with {_changes(quiet)}: {rates}."]
+    if quiet.quiet:
+        tried = tried_words(quiet.disturbances)
+        sentences.append(f"None of the {len(quiet.disturbances)} disturbances tried squeals: {tried}.")
+    # Of what has been shown to decay from every disturbance a record that is too short says nothing.
+    shown = [each for each in quiet.transients if not (quiet.quiet and each.outcome is Outcome.NOT_SETTLED)]
+    return " ".join([*sentences, *(_ending(each) for each in shown if each.start is Start.OWN or not quiet.quiet)])
+
+
+def _changes(quiet: Quieting) -> str:
+    if not quiet.changes:
+        return "nothing changed"
+    by_size = sorted(quiet.changes, key=lambda each: -abs(each.relative))
+    named = ", ".join(
+        f"{each.key} changed from {each.before_in_unit:.5g} to {each.after_in_unit:.6g} {_unit(each, quiet)}".rstrip()
+        for each in by_size[:MOST_NAMED]
+    )
+    left = len(by_size) - MOST_NAMED
+    return f"{named} and {left} smaller change{'s' if left > 1 else ''}" if left > 0 else named
+
+
+def _unit(change: Change, quiet: Quieting) -> str:
+    return change.unit or unit_of_number(change.key, quiet.scene)
+
+
+def not_found(study: SensitivityStudy) -> str:
+    """Why a search has no result."""
+    quiet, names = study.quiet, ", ".join(each.key for each in study.alone)
+    assert quiet is not None
+    if not quiet.found:
+        least = f"the largest growth rate can be brought down to {quiet.largest_growth_rate_1_per_s:+.4g} 1/s"
+        return f"no change of {names} within the bounds makes every mode decay; {least}"
+    none = f"no change of {names} within the bounds was found after which no disturbance squeals"
+    still = (
+        f"{_motion(quiet.motions[0])} ({_start(quiet.motions[0].start)})" if quiet.motions else "is not proven quiet"
+    )
+    smallest = f"with {_changes(quiet)} every mode decays, but there is still {still}"
+    return f"{none}; {smallest}"
+
+
+def without_answer(alone: Sequence[Alone], stable_now: bool) -> tuple[str, ...]:
+    """Which numbers have no row, and why."""
+    none = [each.key for each in alone if each.quiet is None and each.stable is None]
+    if not none:
+        return ()
+    what = "quiet" if stable_now else "stable"
+    found = f"No change within the bounds was found that makes the brake {what} with one of these alone"
+    return (f"{found}: {', '.join(none)}.",)
+
+
+def _ending(decay: Decay) -> str:
+    """How a transient of the changed scene ends."""
+    mostly = "" if decay.frequency_Hz is None else f", mostly at {decay.frequency_Hz:.0f} Hz"
+    ends = {
+        Outcome.DECAYS: "the transient decays; at its end there is neither lift-off nor slip reversal",
+        Outcome.SQUEALS: f"the transient keeps squealing: its motion is {decay.kind}{mostly}",
+        Outcome.NOT_SETTLED: f"the transient has not settled within {decay.duration_s} s; run it for longer",
+        Outcome.NOT_STARTED: "no transient was run, because nothing was started",
+        Outcome.FAILED: f"the transient failed: {decay.reason}",
+    }
+    return f"From {decay.start} {ends[decay.outcome]}."
