@@ -32,6 +32,7 @@ class Growth(StrEnum):
     TOO_LITTLE = "grows too little"
     NOT_EXCITED = "not excited"
     SQUEALS_ALREADY = "squeals already"
+    BEYOND_ALREADY = "beyond a contact boundary already"
 
 
 class Passage(Finding):
@@ -107,13 +108,15 @@ def _passage(
         outcome = Growth.SQUEALS_ALREADY
     elif amplitude <= RESOLVED:
         outcome = Growth.NOT_EXCITED
+    elif needed[0] <= 0:
+        outcome = Growth.BEYOND_ALREADY
     else:
         k = int(np.argmax(growth >= needed))
         outcome = Growth.REACHES if growth[k] >= needed[k] else Growth.TOO_LITTLE
         found = {"growth_needed": float(needed[k] if outcome is Growth.REACHES else needed[-1])}
         if outcome is Growth.REACHES:
-            gap = (needed - growth)[max(k - 1, 0) : k + 1]  # falls through zero
-            found["predicted"] = instant_at(model, float(np.interp(0.0, -gap, times[max(k - 1, 0) : k + 1])))
+            beyond = (growth - needed)[k - 1 : k + 1]  # rises through zero
+            found["predicted"] = instant_at(model, float(np.interp(0.0, beyond, times[k - 1 : k + 1])))
     return Passage(
         mode=along.label,
         unstable_from=instant_at(model, first),

@@ -29,8 +29,11 @@ def way_words(instant: Instant, keys: Sequence[str]) -> str:
 
 def predicted_squeal(ramp: Ramp) -> str:
     """Which modes are unstable on the way, and where."""
+    last = max((line.time_s[-1] for line in ramp.lines), default=0.0)
     found = [
-        f"{each.mode} from {_when(each.unstable_from, ramp.keys)} to {_when(each.unstable_until, ramp.keys)}"
+        f"{each.mode} throughout"
+        if each.unstable_from.time_s == 0 and each.unstable_until.time_s == last
+        else f"{each.mode} from {_when(each.unstable_from, ramp.keys)} to {_when(each.unstable_until, ramp.keys)}"
         for each in ramp.passages
     ]
     return f"squeal in {_some(found)}" if found else "no squeal"
@@ -86,7 +89,7 @@ def _growth(passage: Passage, keys: Sequence[str]) -> str:
     delay = passage.predicted.time_s - begins.time_s
     text += f": ∫ Re λ dt comes to that after {delay:.4g} s, at {_when(passage.predicted, keys)}"
     if passage.measured is None:
-        return f"{text}; the transient does not get there."
+        return f"{text}; the transient does not squeal then."
     return f"{text}; the transient gets there at {passage.measured.time_s:.4g} s."
 
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 PAUSE = (
     50  # periods of the lowest mode: a beat may stay within the contact boundaries so long, and no squeal ends by it
 )
-SHORTEST = 8  # periods: a shorter visit beyond the contact boundaries is no squeal
+SHORTEST = 8  # periods: a shorter visit beyond the contact boundaries, and no more after it, is no squeal
 WINDOW = 8  # periods over which the kinetic energy is a mean
 AROUND = 32  # periods about the largest motion in which its line is sought
 
@@ -120,7 +120,7 @@ def find_spans(
 ) -> list[tuple[int, int, End]]:
     """First and last sample of each squeal, and how it ends, from what is beyond a contact boundary or sticks (time,).
 
-    A pause of so many samples or fewer ends none, and what is shorter than `shortest` is none. Sticking is part of a
+    A pause of so many samples or fewer ends none, and what is shorter than `shortest` and over is none. Sticking is part of a
     stick-slip motion where it is no longer than a pause; at either end of the record and where it is longer it is rest.
     """
     rest = np.zeros(sticks.size, dtype=bool)
@@ -130,8 +130,8 @@ def find_spans(
     for first, stop in runs(~rest):
         places = first + np.flatnonzero((beyond | sticks)[first:stop])
         for part in np.split(places, np.flatnonzero(np.diff(places) > pause) + 1):
-            if part.size and part[-1] - part[0] >= shortest:
-                goes_on = stop - 1 - part[-1] <= pause  # until the lining sticks, or the record ends
+            goes_on = part.size and stop - 1 - part[-1] <= pause  # until the lining sticks, or the record ends
+            if part.size and (goes_on or part[-1] - part[0] >= shortest):
                 end = (End.RECORD if stop == sticks.size else End.STICKS) if goes_on else End.DIES_OUT
                 found.append((int(part[0]), int(part[-1]), end))
     return found

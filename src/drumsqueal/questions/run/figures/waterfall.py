@@ -45,7 +45,9 @@ def draw_waterfall(view: View) -> Figure | None:
             draw_campbell_lines(axes, line, np.array([value_of(instant_at(view.model, t), key) for t in line.time_s]))
         style.frame(axes, None, "Frequency (kHz)")
         axes.set_xlim(values.min(), values.max())
-        named = axes.text(0.99, 0.94, f"{WHAT[key]} {way}", color="white", ha="right", va="top", transform=axes.transAxes)
+        named = axes.text(
+            0.99, 0.94, f"{WHAT[key]} {way}", color="white", ha="right", va="top", transform=axes.transAxes
+        )
         named.set_bbox({"facecolor": "black", "alpha": 0.6, "linewidth": 0})
         label_top_edge(axes, _marks(axes, ramp, key, way))
         label_right_edge(axes, line_labels(ramp, content.highest), reach=6.0)
