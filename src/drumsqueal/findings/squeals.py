@@ -120,8 +120,9 @@ def find_spans(
 ) -> list[tuple[int, int, End]]:
     """First and last sample of each squeal, and how it ends, from what is beyond a contact boundary or sticks (time,).
 
-    A pause of so many samples or fewer ends none, and what is shorter than `shortest` and over is none. Sticking is part of a
-    stick-slip motion where it is no longer than a pause; at either end of the record and where it is longer it is rest.
+    A pause of so many samples or fewer ends none, and what is over in fewer than `shortest` is none. Sticking is part
+    of a stick-slip motion where it is no longer than a pause; where it is longer, and at both ends of the record, it is
+    rest.
     """
     rest = np.zeros(sticks.size, dtype=bool)
     for first, stop in runs(sticks):
