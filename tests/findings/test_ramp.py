@@ -3,6 +3,7 @@
 import dataclasses
 from pathlib import Path
 
+import jax
 import numpy as np
 import pytest
 
@@ -59,14 +60,15 @@ def test_growth_along_the_way_is_the_integral_in_closed_form():
     ]
     corner = int(np.flatnonzero(along.time == 200.0)[0])
     turned = [np.log(along.modes[0].eigenvalue.imag / along.modes[k].eigenvalue.imag) / 2 for k in (corner, -1)]
-    # The rate is linear in time on each ramp: Simpson's rule is exact. What the change of shape adds is 8e-6 here and
-    # comes out with an error of the second order in the step, 24 of them on a ramp.
+    # The rate is linear in time on each ramp: Simpson's rule is exact, and so is the change of shape between two
+    # instants; round-off was found.
     assert along.growth[corner] == pytest.approx(parts[0] + turned[0], abs=1e-6)
     assert along.growth[-1] == pytest.approx(sum(parts) + turned[1], abs=1e-6)
     # Half-way through the second ramp, between two instants that were followed.
     half = (1.5 - 0.2) * 0.51 + 0.2
     wanted = parts[0] - 51.0 * (curve(half) - curve(0.2)) / (2 * (half - 0.2))
-    assert along.growth_at(np.array([251.0]))[0] == pytest.approx(wanted, abs=1e-3)
+    wanted += np.log(along.modes[0].eigenvalue.imag / np.sqrt(1 - (0.15 - 0.15 * half) ** 2)) / 2
+    assert along.growth_at(np.array([251.0]))[0] == pytest.approx(wanted, abs=1e-4)
 
 
 def test_the_way_of_a_changing_frequency_is_followed():
@@ -116,11 +118,11 @@ def test_a_mode_reaches_the_boundary_at_the_amplitude_that_is_named(nominal, spe
     limit = amplitude_at_boundary(model, mode, np.zeros(3), float(moment.preload), float(moment.drum_speed))
     turning = np.exp(2j * np.pi * np.arange(64) / 64)
 
+    observe = jax.jit(jax.vmap(lambda state: model.observe(0.0, state[:3], state[3:])))
+
     def passed(size: float) -> bool:
-        states = np.real(size * turning[:, None] * mode.right)
-        seen = [model.observe(0.0, each[:3], each[3:]) for each in states]
-        lifted = min(float(each.contact_fraction) for each in seen) < 1 - 1e-9
-        return lifted or max(float(each.slip_reversed_fraction) for each in seen) > 1e-9
+        seen = observe(np.real(size * turning[:, None] * mode.right))
+        return bool(np.min(seen.contact_fraction) < 1 - 1e-9 or np.max(seen.slip_reversed_fraction) > 1e-9)
 
     # A phase of 64 misses the largest value by 1e-3 at most, the 65 points along the lining by 3e-4.
     assert not passed(0.999 * limit)
