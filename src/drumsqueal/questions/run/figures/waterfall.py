@@ -86,8 +86,8 @@ def _marks(axes: Axes, ramp: Ramp, key: str, way: str) -> list[tuple[float, str,
             else []
         )
         for instant, what in ends:
-            if way_words(instant, (key,)) == way:
-                value = value_of(instant, key)
+            value = value_of(instant, key)
+            if way_words(instant, (key,)) == way and axes.get_xlim()[0] <= value <= axes.get_xlim()[1]:
                 axes.axvline(value, color="white", linewidth=0.8, linestyle="--", gid=f"{what} {way}")
                 found.append((value, f"{what} at {value:.3g} {UNITS[key]}", style.DARK))
     return found
