@@ -426,6 +426,25 @@ def test_predicted_lines_are_at_the_eigenvalues(case):
             )
 
 
+def test_campbell_lines_follow_the_speed():
+    result, model, figures = drawn("stopping")
+    ramp = result.findings.ramp
+    assert ramp is not None
+    assert {"spectrogram", "waterfall"} <= set(figures)
+    for line in ramp.lines:
+        (over_time,) = named(figures["spectrogram"], f"predicted {line.mode}")
+        (over_speed,) = named(figures["waterfall"], f"predicted {line.mode}")
+        np.testing.assert_allclose(over_time[1], np.array(line.frequency_Hz) / 1e3)
+        # From 5 rad/s at t = 0 by 50/3 rad/s² down, in the order of the speeds.
+        np.testing.assert_allclose(over_speed[0], 5 - np.array(line.time_s[::-1]) / 0.06)
+        np.testing.assert_allclose(over_speed[1], np.array(line.frequency_Hz[::-1]) / 1e3)
+    (unstable,) = named(figures["waterfall"], "unstable Y")
+    assert np.isfinite(unstable[1]).all()
+    assert not named(figures["waterfall"], "unstable X")
+    assert "waterfall" not in drawn("growing")[2]
+    assert model.names == ("X", "Y", "Tz")
+
+
 @pytest.mark.parametrize("case", ["growing", "stable", "spatial"])
 def test_dashed_slope_is_the_predicted_growth_through_the_start(case):
     result, _, figures = drawn(case)

@@ -98,7 +98,7 @@ def test_shipped_scenes_load_and_survive_a_round_trip(path, tmp_path):
 
 def test_the_shipped_scenes_are_what_their_names_say():
     assert {path.stem for path in SHIPPED} >= {
-        *("nominal", "constant_friction", "damped", "self_consistent", "out_of_plane", "rocking", "stop"),
+        *("nominal", "constant_friction", "damped", "self_consistent", "out_of_plane", "ramp", "rocking", "stop"),
     }
     base = nominal()
     named = {path.stem: load_scene(path) for path in SHIPPED}

@@ -27,9 +27,11 @@ HISTORY, SUMMARY, RESUME, REPORT = "history.nc", "summary.json", "resume.json", 
 GROWTH, SPECTROGRAM, SPECTRA = "growth", "spectrogram", "spectra"
 PHASE, CONTACT, EIGENVALUES, FREQUENCY = "phase", "contact", "eigenvalues", "frequency"
 FIGURES = (GROWTH, SPECTROGRAM, SPECTRA, PHASE, CONTACT, EIGENVALUES, FREQUENCY)
+WATERFALL = "waterfall"
+"""The figure that a run has besides where drum speed or load change."""
 MODE_FILES = tuple(f"mode-{name}.gif" for name in ("X", "Y", "Z", "Tx", "Ty", "Tz"))
 """What `animate --mode` makes of the scene of a run where it is given no name."""
-RUN_FILES = (HISTORY, SUMMARY, RESUME, *map(figure_file, FIGURES), REPORT, *made_of(HISTORY), *MODE_FILES)
+RUN_FILES = (HISTORY, SUMMARY, RESUME, *map(figure_file, (*FIGURES, WATERFALL)), REPORT, *made_of(HISTORY), *MODE_FILES)
 
 EFFECTS_TABLE, REDUCED_SCENE, EFFECTS = "effects.csv", "reduced.toml", "effects"
 EFFECT_FILES = (EFFECTS_TABLE, REDUCED_SCENE, figure_file(EFFECTS))
@@ -85,6 +87,11 @@ def history_file(place: Path) -> Path:
         return place / HISTORY if place.is_dir() else place
     except OSError:  # such as a name that is too long, which is reported where the file is opened
         return place
+
+
+def run_figures(*, changing: bool) -> tuple[str, ...]:
+    """The figures of a run by whether drum speed or load change."""
+    return (*FIGURES, WATERFALL) if changing else FIGURES
 
 
 class UnwrittenError(OSError):

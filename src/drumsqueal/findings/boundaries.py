@@ -6,6 +6,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from drumsqueal.physics.model import Model
+from drumsqueal.solve.linear.modes import Mode
+
+LIFTED_FRACTION = 0.1  # of the lining
 
 Columns = Mapping[str, NDArray[np.float64]]
 
@@ -36,6 +39,30 @@ def slip_fraction(model: Model, v: Columns, drum_speed: ArrayLike) -> NDArray[np
     if model.contact.friction is None:
         return np.zeros(along.shape)
     return _over(along, float(model.contact.radius) * np.abs(np.asarray(drum_speed)))
+
+
+def amplitude_at_boundary(
+    model: Model, mode: Mode, steady: NDArray[np.float64], preload: float, drum_speed: float
+) -> float:
+    """The amplitude at which a mode alone reaches a contact boundary, lift-off or slip reversal; infinite without any.
+
+    In m or rad of the coordinate that names it, about steady sliding q* (n,) at a preload (Pa) and a speed (rad/s).
+    Where part of the lining is off the drum in steady sliding already, another tenth must leave or touch it.
+    """
+    into, along = model.body.surface()
+    pressure = preload + float(model.contact.lifting_stiffness) * (into @ steady)
+    rates = mode.right[steady.size :]
+    lifts = _over_size(pressure, float(model.contact.lifting_stiffness) * np.abs(into @ mode.right[: steady.size]))
+    lifted = float(lifts.min() if pressure.min() > 0 else np.quantile(lifts, LIFTED_FRACTION, method="lower"))
+    if model.contact.friction is None:
+        return lifted
+    sliding = np.full(len(along), float(model.contact.radius) * drum_speed)
+    return min(lifted, float(_over_size(sliding, np.abs(along @ rates)).min()))
+
+
+def _over_size(limit: NDArray[np.float64], size: NDArray[np.float64]) -> NDArray[np.float64]:
+    """|limit| over size; infinite where there is no motion."""
+    return np.divide(np.abs(limit), size, out=np.full(limit.shape, np.inf), where=size > 0)
 
 
 def _over(size: NDArray[np.float64], limit: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -13,6 +13,7 @@ from drumsqueal.findings.growth_phase import Growth, ModeComparison, Note, measu
 from drumsqueal.findings.history import memory_of
 from drumsqueal.findings.part import Finding
 from drumsqueal.findings.prediction import Prediction, predict
+from drumsqueal.findings.ramp import Ramp, find_ramp
 from drumsqueal.findings.saturation import Saturation, describe_saturation, saturated_part
 from drumsqueal.findings.schema import Findings
 from drumsqueal.findings.verdict import state_verdict
@@ -91,6 +92,7 @@ class RunFindings(Findings):
     largest_rotation_rad: float = 0.0
     held_though_they_would_move: tuple[str, ...] = ()
     model: dict[str, tuple[str, ...]] = Field(default_factory=dict)
+    ramp: Ramp | None = None
 
     @property
     def modes(self) -> tuple[ModeComparison, ...]:
@@ -165,6 +167,7 @@ def compare(
         largest_rotation_rad=vibration.largest_rotation,
         held_though_they_would_move=held,
         model=take_inventory(scene, history.attrs.get("friction_law", ""))._asdict(),
+        ramp=find_ramp(history, vibration, stability, model) if changing else None,
     )
 
 

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from drumsqueal.findings.ramp_words import predicted_squeal, ramp_sentences
 from drumsqueal.findings.signals.regime import Kind
 from drumsqueal.findings.signals.regime_words import written_frequencies
 from drumsqueal.outcome import Ending
@@ -39,7 +40,10 @@ def state_verdict(found: RunFindings) -> str:
     grows += [] if rate is None else [f"divergence without oscillation at {rate:+.4g} 1/s"]
     predicted = " and ".join(grows) if found.prediction.unstable else " but ".join(["no squeal", *grows])
     time = f" at t = {found.predicted_at_s:g} s" if found.changing else ""
-    return " ".join([f"The linear model predicts {predicted}{time}; {_transient(found)}.", *_remarks(found)])
+    if found.ramp is not None and found.ramp.lines and rate is None:
+        predicted, time = predicted_squeal(found.ramp), ""
+    sentences = [f"The linear model predicts {predicted}{time}; {_transient(found)}."]
+    return " ".join([*sentences, *(ramp_sentences(found.ramp) if found.ramp else ()), *_remarks(found)])
 
 
 def state_headline(found: RunFindings) -> str | None:
@@ -101,6 +105,8 @@ def _transient(found: RunFindings) -> str:
         done = _within_the_boundaries(found)
     elif saturation is None:
         done = f"the motion reaches a contact boundary at {boundary:.4g} s, too late to show what it settles to"
+    elif found.ramp is not None and found.ramp.squeals and not found.sticks_at_the_end:
+        done = f"the transient reaches a contact boundary at {boundary:.4g} s"
     else:
         settled = "comes to stick" if found.sticks_at_the_end else _settled(saturation, bool(found.prediction.unstable))
         done = f"the transient reaches a contact boundary at {boundary:.4g} s and {settled}"

@@ -8,9 +8,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from drumsqueal.findings.boundaries import pressure_fraction, slip_fraction
+from drumsqueal.findings.boundaries import LIFTED_FRACTION, pressure_fraction, slip_fraction
 from drumsqueal.findings.signals.growth import modal_amplitudes
 from drumsqueal.findings.signals.spectra import Spectrum, amplitude_spectrum
 from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 ROTATIONS = ("Tx", "Ty", "Tz")
 FEWEST_FOR_SPECTRUM = 16  # samples
 PIECE = 2**14  # samples that are read at a time
-LIFTED_FRACTION = 0.1  # of the lining
 FRACTION_ROUND_OFF = 1e-12  # of a fraction of the lining, which is a sum over some hundred nodes
 FORCE_ROUND_OFF = 1e-10  # of the load: forces that cancel leave so much at most
 
@@ -90,6 +89,10 @@ class Vibration:
         for rows, piece in self._pieces(name, part):
             found[rows] = piece[:, k] - (steady if name == "displacement" else 0.0)
         return found
+
+    def about(self, steady: NDArray[np.float64], part: slice) -> NDArray[np.float64]:
+        """Displacements (time, n) in a part of the record, from another steady sliding (time, n) than that of t = 0."""
+        return self.read("displacement", part) + self._steady - steady
 
     def pieces(self, part: slice = slice(None)) -> Iterator[tuple[slice, NDArray[np.float64], NDArray[np.float64]]]:
         """Rows of the part, displacement and velocity (rows, n) of it, piece by piece."""
@@ -219,21 +222,22 @@ def _moments(operation: Operation, times: Array) -> Moment:
 
 def first_boundary_time(history: "xarray.Dataset", stability: Stability, model: Model) -> float | None:
     """Time (s) of the first sample at which part of the lining has left the drum or slips backwards; None if never."""
-    reached = beyond_boundaries(history, stability, model)
+    reached = beyond_boundaries(history, stability.contact_fraction, model)
     return float(history["time"].values[np.argmax(reached)]) if reached.any() else None
 
 
-def beyond_boundaries(history: "xarray.Dataset", stability: Stability, model: Model) -> NDArray[np.bool_]:
+def beyond_boundaries(history: "xarray.Dataset", steady_contact: ArrayLike, model: Model) -> NDArray[np.bool_]:
     """At which samples (time,) part of the lining is off the drum or slips backwards.
 
-    Read off what was recorded. Where part of the lining is off the drum in steady sliding already, so that its contact
+    Read off what was recorded; `steady_contact` is the fraction of the lining that touches in steady sliding, of all
+    samples or of each (time,). Where part of the lining is off the drum in steady sliding already, so that its contact
     boundary moves with every motion, another tenth of the lining must leave or touch it.
     """
     touching = history["contact_fraction"].values
     reached = np.zeros(touching.size, dtype=bool)
     if float(model.contact.lifting_stiffness) > 0:
-        steady = stability.contact_fraction
-        most = FRACTION_ROUND_OFF if steady > 1 - FRACTION_ROUND_OFF else LIFTED_FRACTION
+        steady = np.asarray(steady_contact)
+        most = np.where(steady > 1 - FRACTION_ROUND_OFF, FRACTION_ROUND_OFF, LIFTED_FRACTION)
         reached |= np.abs(touching - steady) > most
     if model.contact.friction is not None:
         reached |= history["slip_reversed_fraction"].values > FRACTION_ROUND_OFF

@@ -95,6 +95,11 @@ class Model(eqx.Module):
         operation = Operation(Constant(moment.drum_speed), Constant(moment.preload))
         return dataclasses.replace(self, operation=operation)
 
+    def since(self, time: float) -> "Model":
+        """The same model with its clock set to zero at a time (s): the programs of the one are those of the other."""
+        moved = (each.since(time) for each in (self.operation.drum_speed, self.operation.preload))
+        return dataclasses.replace(self, operation=Operation(*moved))
+
     def in_plane(self) -> "Model":
         """The same model for motion that is the same on every line across: a line integral instead of an area."""
         return dataclasses.replace(self, contact=self.contact.in_plane())

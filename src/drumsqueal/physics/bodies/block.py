@@ -54,6 +54,11 @@ class Block(eqx.Module):
         along = np.abs(q["X"])
         return np.abs(q.get("Y", np.zeros_like(along))), along
 
+    def surface(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Y and X of its one point."""
+        both = np.eye(2)[:, None, : len(self.names)]
+        return both[1], both[0]
+
 
 class PointContact(Touching):
     """N = p0 + k y (its part above zero, where the law lets it separate) and F = −μ(|s|) N sgn(s), s = ẋ − V.

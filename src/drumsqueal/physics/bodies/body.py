@@ -64,6 +64,13 @@ class Body(Protocol):
         """
         ...
 
+    def surface(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Displacement into what rubs on the body, and along it, of points spread over the contact (points, n), each.
+
+        One column a coordinate, for 1 m or 1 rad of it.
+        """
+        ...
+
 
 class LinedBody(Body, Lining, Protocol):
     """A body whose lining rubs on a drum; its surface moves by levels, constant + cosine + sine on each line."""

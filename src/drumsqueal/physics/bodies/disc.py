@@ -58,6 +58,12 @@ class Disc(eqx.Module):
         along = np.hypot(q["X"], q["Y"]) + float(self.radius) * np.abs(q["Tz"])
         return np.zeros_like(along), along
 
+    def surface(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Nothing into the plate; along it, of the centre and of the rim's two points across it."""
+        across = float(self.radius) * np.array([0.0, 1.0, -1.0])
+        along = np.stack([np.ones(3), np.zeros(3), -across], axis=1)
+        return np.zeros_like(along), along
+
 
 class DiscContact(Touching):
     """F = −∫ μ(|V|) p V/|V| dA with V = u + ω e_z × r."""

@@ -26,6 +26,7 @@ from drumsqueal.precision import real
 from drumsqueal.scene import COORDINATES
 
 IN_PLANE, OUT_OF_PLANE = ("X", "Y", "Tz"), ("Z", "Tx", "Ty")
+ALONG = 65  # points along the lining: the largest of a constant, a cosine and a sine to 3e-4
 
 
 class Six(NamedTuple):
@@ -192,6 +193,15 @@ class RigidShoe(eqx.Module):
         half_width = float(self.width) / 2
         radial, along, _ = self._levels(q)
         return _bound(radial, half_width), _bound(along, half_width)
+
+    def surface(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Displacements u_r and u_θ of points of the lining (points, n), of 1 m or 1 rad of each coordinate."""
+        angle = np.linspace(-1, 1, ALONG) * float(self.half_angle)
+        across = np.array([0.0] if all(self.symmetric) else [-0.5, 0.0, 0.5]) * float(self.width)
+        angle, z = (axis.ravel() for axis in np.meshgrid(angle, across, indexing="ij"))
+        shapes = [self.displacement({name: 1.0}, angle, z) for name in self.names]
+        radial, along = ([np.broadcast_to(shape[k], angle.shape) for shape in shapes] for k in (0, 1))
+        return np.stack(radial, axis=1), np.stack(along, axis=1)
 
     def _levels(self, q: Mapping[str, Any], radius: Any = None) -> tuple[Level, Level, Level]:
         """u_r, u_θ, u_z on a radius (m) of coordinates by name; of NumPy where all is."""

@@ -20,6 +20,11 @@ class Constant(eqx.Module):
         del time
         return self.value, None
 
+    def since(self, time: float) -> "Constant":
+        """Itself."""
+        del time
+        return self
+
 
 class Profile(eqx.Module):
     """Piecewise linear between two given points or more, held before the first and after the last."""
@@ -35,6 +40,10 @@ class Profile(eqx.Module):
         slope = (self.value[piece + 1] - self.value[piece]) / (self.time[piece + 1] - self.time[piece])
         rate = jnp.where((after > 0) & (after < points), slope, 0.0)
         return self.value[last] + rate * (time - self.time[last]), rate
+
+    def since(self, time: float) -> "Profile":
+        """The same with its clock set to zero at a time (s)."""
+        return Profile(self.time - time, self.value)
 
 
 Schedule = Constant | Profile

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from drumsqueal.errors import RequestError
-from drumsqueal.files.output_folder import FIGURES, HISTORY, RESUME, SUMMARY, figure_file
+from drumsqueal.files.output_folder import HISTORY, RESUME, SUMMARY, figure_file, run_figures
 from drumsqueal.files.saved_history import read_history
 from drumsqueal.findings.compare import RunFindings
 from drumsqueal.findings.schema import read_findings
@@ -42,7 +42,8 @@ def run_content(folder: Path) -> tuple[RunFindings, dict[str, Any]]:
             raise RequestError(f"{folder}: there is neither {SUMMARY} nor the friction law that it takes to make one")
         prepared = prepare(history.scene)
         found = compared(prepared, history.data).findings
-    pictures = {name: picture(folder / figure_file(name), figure_words(name, found)) for name in FIGURES}
+    names = run_figures(changing=found.changing)
+    pictures = {name: picture(folder / figure_file(name), figure_words(name, found)) for name in names}
     changes, headline = _changes(found.scene), state_headline(found)
     return found, {
         "kind": "report of a run",

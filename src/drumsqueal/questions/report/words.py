@@ -6,6 +6,7 @@ from collections.abc import Callable
 from drumsqueal.files import output_folder
 from drumsqueal.findings.compare import RunFindings
 from drumsqueal.findings.prediction import PredictedMode
+from drumsqueal.findings.ramp_words import ramp_sentences
 from drumsqueal.findings.signals.regime import Kind
 from drumsqueal.findings.verdict import SHIFT, rate_text, shift_words
 from drumsqueal.questions.onset.found import OnsetStudy
@@ -56,6 +57,9 @@ def _contact_fraction(summary: RunFindings) -> list[str]:
 
 def _spectrogram(summary: RunFindings) -> list[str]:
     text = ["Frequencies over time; brighter is stronger."]
+    if summary.ramp is not None:
+        lines = "Lines mark the frequencies of the eigenvalues along the way, solid where they are unstable."
+        return [*text, lines, "Below them the drum speed or the load, grey where it squeals.", *_main_line(summary)]
     pairs, kinds = summary.prediction.labelled.items(), []
     for kind in (True, False):
         named = [f"{label} {m.frequency_Hz:.0f} Hz" for label, m in pairs if m.unstable is kind and _moves(m, summary)]
@@ -63,6 +67,14 @@ def _spectrogram(summary: RunFindings) -> list[str]:
     if kinds:
         text.append(f"Dotted lines mark the predicted frequencies of the modes that move: {'; '.join(kinds)}.")
     return text + _main_line(summary)
+
+
+def _waterfall(summary: RunFindings) -> list[str]:
+    text = [
+        "Spectra over the drum speed or the load, one panel for each way; brighter is stronger.",
+        "Dotted lines mark the frequencies of the eigenvalues, solid pieces of them where these are unstable.",
+    ]
+    return text if summary.ramp is None else [*text, *ramp_sentences(summary.ramp)]
 
 
 def _moves(mode: PredictedMode, summary: RunFindings) -> bool:
@@ -151,4 +163,5 @@ _FIGURES: dict[str, tuple[str, Callable[[RunFindings], list[str]]]] = {
     output_folder.CONTACT: ("Contact along the arc", _contact),
     output_folder.EIGENVALUES: ("Eigenvalues", _eigenvalues),
     output_folder.FREQUENCY: ("Frequency over time", _frequency),
+    output_folder.WATERFALL: ("Waterfall", _waterfall),
 }

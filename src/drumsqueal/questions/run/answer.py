@@ -8,7 +8,7 @@ from rich.console import Console
 from drumsqueal.errors import IntegrationError
 from drumsqueal.files.history_file import HistoryFile, Reached
 from drumsqueal.files.json_file import write_json
-from drumsqueal.files.output_folder import FIGURES, HISTORY, RESUME, SUMMARY, figure_file, not_taken
+from drumsqueal.files.output_folder import HISTORY, RESUME, SUMMARY, figure_file, not_taken, run_figures
 from drumsqueal.files.resumption import Point, ResumeFile
 from drumsqueal.findings.compare import RunFindings
 from drumsqueal.findings.prediction import predict
@@ -47,7 +47,8 @@ def run_into(
         except OSError as error:
             raise IntegrationError(f"{not_taken(error, folder)}; {_kept(history, outcome)}{_again(resume)}") from None
     print_findings(console, result.findings)
-    print_place(console, folder, (HISTORY, SUMMARY, *map(figure_file, FIGURES)), left_out)
+    names = run_figures(changing=result.findings.changing)
+    print_place(console, folder, (HISTORY, SUMMARY, *map(figure_file, names)), left_out)
     if outcome.ending is not Ending.COMPLETE:
         raise IntegrationError(f"{outcome}; what was computed is in {folder}{_again(resume)}")
     return result.findings

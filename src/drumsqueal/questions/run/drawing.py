@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from drumsqueal.compilation import hidden_from_xarray
-from drumsqueal.files.output_folder import FIGURES, figure_file
+from drumsqueal.files.output_folder import figure_file, run_figures
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.terminal.runner import draw_figure
 
@@ -96,7 +96,8 @@ def draw(folder: Path, result: "Result", model: "Model", second: Second | None) 
 
     Raises OSError, and KeyboardInterrupt between two figures.
     """
-    left, drawn, failed = deque[str](FIGURES), dict[str, bool](), list[OSError]()
+    names = run_figures(changing=result.findings.changing)
+    left, drawn, failed = deque[str](names), dict[str, bool](), list[OSError]()
     helps = threading.Event()  # while the second one may have a figure; until it is ready nobody waits for it
 
     def delegate(second: Second) -> None:
@@ -139,7 +140,7 @@ def draw(folder: Path, result: "Result", model: "Model", second: Second | None) 
             helper.join()
     if failed:
         raise failed[0]
-    return [figure_file(name) for name in FIGURES if not drawn[name]]
+    return [figure_file(name) for name in names if not drawn[name]]
 
 
 def _taken(take: Callable[[], str]) -> str | None:

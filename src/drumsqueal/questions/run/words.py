@@ -6,11 +6,18 @@ from rich.table import Table
 
 from drumsqueal.findings.accuracy import INSTANTS
 from drumsqueal.findings.compare import RunFindings
+from drumsqueal.findings.instant import Instant
+from drumsqueal.findings.ramp import Ramp
+from drumsqueal.findings.ramp_words import UNITS, WHAT, value_words
 from drumsqueal.findings.saturation import duration_for
 from drumsqueal.findings.signals.regime import Kind
+from drumsqueal.findings.squeals import End
 from drumsqueal.findings.verdict import difference_is_no_error
+from drumsqueal.findings.vibration import unit_of
 from drumsqueal.solve.transient.runge_kutta import AUTO, IMPLICIT
 from drumsqueal.terminal.tables import print_model, print_table
+
+ENDS = {End.DIES_OUT: "dies out", End.STICKS: "sticks", End.RECORD: "record ends"}
 
 
 def print_findings(console: Console, found: RunFindings) -> None:
@@ -31,6 +38,10 @@ def print_findings(console: Console, found: RunFindings) -> None:
     for note in dict.fromkeys(mode.note for mode in found.modes if mode.note):
         labels = ", ".join(mode.label for mode in found.modes if mode.note is note)
         console.print(f"{labels}: {note}", style="dim")
+    if found.ramp is not None and found.ramp.squeals:
+        print_table(console, _squeal_table(found.ramp))
+    if found.ramp is not None and found.ramp.passages:
+        print_table(console, _passage_table(found.ramp))
     _print_saturation(console, found)
     if found.integration is not None and found.integration.implicit_share > 0 and found.scene.simulate.solver == AUTO:
         took = f"{100 * found.integration.implicit_share:.3g} % of the time"
@@ -58,6 +69,69 @@ def _growth_table(found: RunFindings) -> Table:
             growth.append(_shown(mode.growth_rate_error, "+.1e"))
         table.add_row(mode.label, *frequency, *growth)
     return table
+
+
+def _squeal_table(ramp: Ramp) -> Table:
+    what, unit = (" and ".join(words[key] for key in ramp.keys) for words in (WHAT, UNITS))
+    title = f"Squeal while {what} {'changes' if len(ramp.keys) == 1 else 'change'}"
+    table = Table(title=title, box=box.SIMPLE_HEAD, padding=0)
+    for header in (
+        "sets in\ns",
+        f"\n{unit}",
+        f"largest\n{unit}",
+        "\nsize",
+        "line\nHz",
+        f"lasts to\n{unit}",
+        "ends\ns",
+        f"\n{unit}",
+    ):
+        table.add_column(header, justify="right")
+    table.add_column("\nhow")
+    for each in ramp.squeals:
+        size = f"{1e6 * each.amplitude:.3g}"
+        if each.line is not None:
+            size += f" {unit_of(each.line.coordinate, 'µ')} {each.line.coordinate}"
+        table.add_row(
+            *_moment(each.sets_in, ramp),
+            value_words(each.largest, ramp.keys, unit=False),
+            size,
+            "-" if each.line is None else f"{each.line.frequency_Hz:.0f}",
+            value_words(each.sustained_until, ramp.keys, unit=False),
+            *_moment(each.ends, ramp),
+            ENDS[each.end],
+        )
+    return table
+
+
+def _passage_table(ramp: Ramp) -> Table:
+    unit = " and ".join(UNITS[key] for key in ramp.keys)
+    table = Table(
+        title="Growth integrated along the way: ∫ Re λ dt against the transient", box=box.SIMPLE_HEAD, padding=0
+    )
+    table.add_column("\nmode")
+    for header in (
+        "unstable\nfrom s", f"\n{unit}", "\nto s", f"\n{unit}", "e-folds\nneeded", "\nat hand",
+        "boundary\npredicted", f"\n{unit}", "\nreached", f"\n{unit}",
+    ):  # fmt: skip
+        table.add_column(header, justify="right")
+    for each in ramp.passages:
+        table.add_row(
+            each.mode,
+            *_moment(each.unstable_from, ramp),
+            *_moment(each.unstable_until, ramp),
+            "-" if each.growth_needed is None else f"{each.growth_needed:.2f}",
+            f"{each.growth_available:.2f}",
+            *_moment(each.predicted, ramp),
+            *_moment(each.measured, ramp),
+        )
+    return table
+
+
+def _moment(instant: Instant | None, ramp: Ramp) -> tuple[str, str]:
+    """Time, and what changes, at an instant."""
+    if instant is None:
+        return "-", "-"
+    return f"{instant.time_s:.4f}", value_words(instant, ramp.keys, unit=False)
 
 
 def _shown(value: float | None, form: str) -> str:

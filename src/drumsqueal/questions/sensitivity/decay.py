@@ -89,7 +89,7 @@ def _run(start: Start, scene: Scene, progress: Progress) -> Decay:
     if ratio is None:
         return Decay(start=start, outcome=Outcome.NOT_STARTED)
     vibration = Vibration(result.history, result.stability)
-    beyond = beyond_boundaries(result.history, result.stability, prepared.linear)
+    beyond = beyond_boundaries(result.history, result.stability.contact_fraction, prepared.linear)
     last = slice(vibration.time.size - max(1, round(LAST * vibration.time.size)), None)
     found = Decay(start=start, outcome=Outcome.DECAYS, motion_ratio=ratio, duration_s=float(vibration.time[-1]))
     if ratio < 1 and not np.any(beyond[last]):

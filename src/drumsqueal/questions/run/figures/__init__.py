@@ -1,4 +1,4 @@
-"""Figures of a run, good enough to print: growth, spectra, phase portrait, contact, eigenvalues and frequency."""
+"""Figures of a run, good enough to print: from the growth of its modes to the waterfall of a run-up."""
 
 from collections.abc import Callable
 
@@ -12,6 +12,7 @@ from drumsqueal.questions.run.figures.growth import draw_frequency, draw_growth
 from drumsqueal.questions.run.figures.phase import draw_phase
 from drumsqueal.questions.run.figures.spectra import draw_spectra, draw_spectrogram
 from drumsqueal.questions.run.figures.view import View
+from drumsqueal.questions.run.figures.waterfall import draw_waterfall
 from drumsqueal.simulation import Result
 
 _DRAWINGS = {
@@ -22,6 +23,7 @@ _DRAWINGS = {
     output_folder.CONTACT: draw_contact,
     output_folder.EIGENVALUES: draw_eigenvalues,
     output_folder.FREQUENCY: draw_frequency,
+    output_folder.WATERFALL: draw_waterfall,
 }
 
 
@@ -31,4 +33,5 @@ def drawings(result: Result, model: Model) -> dict[str, Callable[[object], Figur
     It gives None for a record that is too short, or in which nothing moves, to show anything there.
     """
     view = View(result, model)
-    return {name: lambda _, draw=draw: draw(view) for name, draw in _DRAWINGS.items()}
+    left_out = () if result.findings.changing else (output_folder.WATERFALL,)
+    return {name: lambda _, draw=draw: draw(view) for name, draw in _DRAWINGS.items() if name not in left_out}

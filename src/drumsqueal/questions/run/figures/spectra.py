@@ -1,15 +1,22 @@
 """Frequencies of a run: spectra of the growth phase and the saturated part, and the spectrogram."""
 
 from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
 
+from drumsqueal.findings.instant import SPEED, instant_at
+from drumsqueal.findings.ramp import Ramp
+from drumsqueal.findings.ramp_words import UNITS, WHAT
 from drumsqueal.findings.signals.spectra import Spectrogram, Spectrum, spectrogram
 from drumsqueal.findings.verdict import shift_words
 from drumsqueal.findings.vibration import unit_of
+from drumsqueal.questions.run.figures.campbell import draw_campbell_lines, line_labels, line_legend, value_of
 from drumsqueal.questions.run.figures.view import View
+from drumsqueal.solve.linear.passage import corners_of
 from drumsqueal.terminal import style
 from drumsqueal.terminal.placement import extremes, label_right_edge, label_top_edge
 
@@ -20,6 +27,7 @@ RANGE_DB = 90.0  # dynamic range of the spectrogram
 PERIODS, FEWEST_PERIODS = 16.0, 3.0  # of the lowest mode in a window
 OVERLAP = 0.875  # of neighbouring windows
 MOST_COLUMNS = 2000  # or little more; a page has no room for them
+HEIGHTS = (5, 1)  # of a spectrogram and of the speed or load below it
 WINDOWS = 4  # that must fit side by side into the record
 
 
@@ -122,9 +130,18 @@ def _mark_main_line(view: View, axes: Axes) -> str:
     return f"; ▼ {main.frequency_Hz:.0f} Hz{side}"
 
 
-@style.styled()
-def draw_spectrogram(view: View) -> Figure | None:
-    """Draw the spectrogram of a velocity in dB of its maximum; None where the record is too short for one."""
+class Content(NamedTuple):
+    """A spectrogram of a coordinate's velocity: levels in dB of the peak (SI), windows (s), highest frequency (Hz)."""
+
+    coordinate: str
+    picture: Spectrogram
+    peak: float
+    window: float
+    highest: float
+
+
+def spectrogram_of(view: View) -> Content | None:
+    """The spectrogram of the velocity that holds most kinetic energy; None where the record is too short for one."""
     if not view.readable or not view.modes:
         return None
     # A mode that dies out within a few periods does not set the length of the windows.
@@ -144,31 +161,78 @@ def draw_spectrogram(view: View) -> Figure | None:
     )
     peak = content.amplitude.max()
     level = 20 * np.log10(np.maximum(content.amplitude / peak, 10 ** (-RANGE_DB / 20 - 1)))
-    factor, unit = style.time_unit(view.time[-1])
-    figure = style.new_figure(view.title, f"spectrogram of the velocity of {name}")
-    axes = figure.subplots()
-    image = axes.imshow(
-        level,
-        origin="lower",
-        aspect="auto",
-        cmap="magma",
-        vmin=-RANGE_DB,
-        vmax=0,
-        extent=_edges((view.time[0] + content.time_s) * factor) + _edges(content.frequency_Hz / 1e3),
-    )
-    style.frame(axes, f"Time ({unit}), middle of a window of {periods / lowest * 1e3:.3g} ms", "Frequency (kHz)")
-    axes.set_ylim(0, highest / 1e3)
+    picture = Spectrogram(view.time[0] + content.time_s, content.frequency_Hz, level)
+    return Content(name, picture, float(peak), periods / lowest, highest)
+
+
+def levels() -> dict[str, Any]:
+    """How a picture of levels is coloured."""
+    return {"cmap": "magma", "vmin": -RANGE_DB, "vmax": 0}
+
+
+def level_bar(figure: Figure, image: ScalarMappable, axes: Axes | list[Axes], content: Content) -> None:
+    """Draw the scale of levels at the right of the axes."""
     bar = figure.colorbar(image, ax=axes, extend="min", pad=0.02, aspect=30)
-    bar.set_label(f"Velocity amplitude (dB relative to {peak:.3g} {unit_of(name)}/s)")
+    bar.set_label(f"Velocity amplitude (dB relative to {content.peak:.3g} {unit_of(content.coordinate)}/s)")
     bar.ax.tick_params(labelsize=style.SMALL_SIZE)
+
+
+@style.styled()
+def draw_spectrogram(view: View) -> Figure | None:
+    """Draw the spectrogram of a velocity in dB of its maximum; None where the record is too short for one."""
+    content = spectrogram_of(view)
+    if content is None:
+        return None
+    factor, unit = style.time_unit(view.time[-1])
+    figure = style.new_figure(view.title, f"spectrogram of the velocity of {content.coordinate}")
+    ramp = view.findings.ramp
+    rows = figure.subplots(
+        1 if ramp is None else 2, 1, sharex=True, squeeze=False, height_ratios=HEIGHTS[: 1 + (ramp is not None)]
+    )
+    axes, last = rows[0, 0], rows[-1, 0]
+    time, frequency, level = content.picture
+    extent = edges(time * factor) + edges(frequency / 1e3)
+    image = axes.imshow(level, origin="lower", aspect="auto", extent=extent, **levels())
+    style.frame(axes, None, "Frequency (kHz)")
+    axes.set_ylim(0, content.highest / 1e3)
+    level_bar(figure, image, axes, content)
+    if ramp is None:
+        label_right_edge(axes, _mark_eigenvalues(view, axes), reach=6.0)
+    else:
+        for line in ramp.lines:
+            draw_campbell_lines(axes, line, np.array(line.time_s) * factor)
+        label_right_edge(axes, line_labels(ramp, content.highest), reach=6.0)
+        line_legend(axes)
+        _draw_operation(view, last, ramp)
+        axes.set_xlim(extent[:2])
+    last.set_xlabel(f"Time ({unit}), middle of a window of {content.window * 1e3:.3g} ms")
+    return figure
+
+
+def _mark_eigenvalues(view: View, axes: Axes) -> list[tuple[float, str, str]]:
+    """Mark the frequencies of the modes, and return what to write there."""
     labels = []
     for mode in view.modes:
         axes.axhline(
             mode.frequency_Hz / 1e3, color="white", linewidth=0.5, linestyle=(0, (2, 4)), gid=f"predicted {mode.label}"
         )
         labels.append((mode.frequency_Hz / 1e3, f"{mode.label} {mode.frequency_Hz:.0f} Hz", style.COLOUR[mode.name]))
-    label_right_edge(axes, labels, reach=6.0)
-    return figure
+    return labels
+
+
+def _draw_operation(view: View, axes: Axes, ramp: Ramp) -> None:
+    """Draw drum speed or load over time, and shade where it squeals."""
+    factor, _ = style.time_unit(view.time[-1])
+    times = np.unique([*corners_of(view.model, float(view.time[-1])), *(t for line in ramp.lines for t in line.time_s)])
+    key = ramp.keys[0] if ramp.keys else SPEED
+    axes.plot(times * factor, [value_of(instant_at(view.model, t), key) for t in times.tolist()], color=style.DARK)
+    for squeal in ramp.squeals:
+        ends = (squeal.sets_in.time_s * factor, squeal.ends.time_s * factor)
+        axes.axvspan(*ends, color=style.FAINT, linewidth=0, zorder=0, gid="squeal")
+    style.frame(axes, None, f"{WHAT[key].capitalize()}\n({UNITS[key]})")
+    axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]))
+    if ramp.squeals:
+        label_right_edge(axes, [(sum(axes.get_ylim()) / 2, "grey: squeal", style.DARK)], reach=6.0)
 
 
 def _shown(pieces: Iterator[Spectrogram], highest: float, together: int) -> Spectrogram:
@@ -184,7 +248,7 @@ def _shown(pieces: Iterator[Spectrogram], highest: float, together: int) -> Spec
     return Spectrogram(np.concatenate(times), frequencies[0], np.concatenate(amplitudes, axis=1))
 
 
-def _edges(centres: np.ndarray) -> tuple[float, float]:
+def edges(centres: np.ndarray) -> tuple[float, float]:
     """Outer edges of evenly spaced pixels."""
     half = (centres[1] - centres[0]) / 2 if centres.size > 1 else 0.5
     return float(centres[0] - half), float(centres[-1] + half)

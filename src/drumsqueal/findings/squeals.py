@@ -1,0 +1,221 @@
+"""Squeal that comes and goes while drum speed or load change: when, how large, and with which hysteresis."""
+
+from enum import StrEnum
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drumsqueal.findings.decay import NEARLY_LINEAR
+from drumsqueal.findings.instant import SPEED, Instant, changing_keys, instant_at
+from drumsqueal.findings.part import Finding
+from drumsqueal.findings.saturation import Line, describe_motion
+from drumsqueal.findings.vibration import Vibration, beyond_boundaries
+from drumsqueal.physics.model import Model
+from drumsqueal.solve.linear.modes import Stability
+from drumsqueal.solve.linear.passage import Along, corners_of, value_at
+
+if TYPE_CHECKING:
+    import xarray
+
+PAUSE = (
+    50  # periods of the lowest mode: a beat may stay within the contact boundaries so long, and no squeal ends by it
+)
+SHORTEST = 8  # periods: a shorter visit beyond the contact boundaries, and no more after it, is no squeal
+WINDOW = 8  # periods over which the kinetic energy is a mean
+AROUND = 32  # periods about the largest motion in which its line is sought
+
+Vector = NDArray[np.float64]
+Range = tuple[float, float]
+
+
+class End(StrEnum):
+    """How squeal ends."""
+
+    DIES_OUT = "dies out"
+    STICKS = "the lining sticks"
+    RECORD = "the record ends"
+
+
+class Squeal(Finding):
+    """One squeal of the record, from the first to the last sample beyond a contact boundary.
+
+    It is sustained until its motion begins to decay as a small one does there, and its end is when that has fallen
+    below the contact boundaries. `largest` is where its kinetic energy is largest, `line` the main line of the motion
+    there and `amplitude` half the peak-to-peak value of the line's coordinate (m or rad).
+    """
+
+    sets_in: Instant
+    largest: Instant
+    amplitude: float
+    line: Line | None
+    sustained_until: Instant
+    ends: Instant
+    end: End
+
+
+class Hysteresis(Finding):
+    """A range of drum speed (rad/s) or load (N) that squeals on the way one way, and is quiet on the way back."""
+
+    key: str
+    low: float
+    high: float
+    squeals_while: str
+
+
+def find_squeals(
+    history: "xarray.Dataset", vibration: Vibration, stability: Stability, model: Model, modes: list[Along]
+) -> tuple[Squeal, ...]:
+    """Find every squeal of a history; `modes` are those that move, along the same way."""
+    time, rate = vibration.time, vibration.sample_rate
+    period = _longest_period(modes, time)
+    sticks = history["sticking"].values > 0
+    beyond = beyond_boundaries(history, _steady_contact(model, modes, time), model)
+    spans = find_spans(beyond, sticks, max(1, round(PAUSE * period * rate)), max(1, round(SHORTEST * period * rate)))
+    if not spans:
+        return ()
+    middles, energy = _energy(vibration, stability, max(1, round(WINDOW * period * rate)))
+    found = []
+    for first, last, end in spans:
+        inside = np.flatnonzero((middles >= time[first]) & (middles <= time[last]))
+        loudest = float(middles[inside[np.argmax(energy[inside])]]) if inside.size else float(time[first])
+        k, reach = int(np.searchsorted(time, loudest)), round(AROUND * period * rate / 2)
+        motion = describe_motion(vibration, slice(max(k - reach, 0), k + reach + 1), stability, model)
+        sustained = float(time[last])
+        if end is End.DIES_OUT:
+            sustained = sustained_until(middles[inside], energy[inside], modes, sustained)
+        times = (float(time[first]), loudest, sustained, float(time[last]))
+        named = zip(("sets_in", "largest", "sustained_until", "ends"), times, strict=True)
+        main = motion.main
+        found.append(
+            Squeal(
+                **{name: instant_at(model, each) for name, each in named},
+                amplitude=motion.amplitude[main.coordinate] if main else max(motion.amplitude.values()),
+                line=main,
+                end=end,
+            )
+        )
+    return tuple(found)
+
+
+def _longest_period(modes: list[Along], time: Vector) -> float:
+    """That of the lowest mode that does not die out within a period, at any time; without one of a tenth of a pause."""
+    lasting = [m.frequency_Hz for along in modes for m in along.modes if m.growth_rate > -m.frequency_Hz]
+    return 1 / min(lasting) if lasting else float(time[-1] - time[0]) / 10 / PAUSE
+
+
+def _steady_contact(model: Model, modes: list[Along], time: Vector) -> Vector:
+    """The fraction of the lining that touches the drum in steady sliding, over time."""
+    if not modes or model.balanced:
+        return np.ones(1)
+    along = max(modes, key=lambda each: each.time.size)
+    into, _ = model.body.surface()
+    pressure = float(model.contact.lifting_stiffness) * along.steady @ into.T
+    pressure += np.array([value_at(model.operation.preload, t) for t in along.time.tolist()])[:, None]
+    return np.interp(time, along.time, np.mean(pressure > 0, axis=1))
+
+
+def find_spans(
+    beyond: NDArray[np.bool_], sticks: NDArray[np.bool_], pause: int, shortest: int
+) -> list[tuple[int, int, End]]:
+    """First and last sample of each squeal, and how it ends, from what is beyond a contact boundary or sticks (time,).
+
+    A pause of so many samples or fewer ends none, and what is over in fewer than `shortest` is none. Sticking is part
+    of a stick-slip motion where it is no longer than a pause; where it is longer, and at both ends of the record, it is
+    rest.
+    """
+    rest = np.zeros(sticks.size, dtype=bool)
+    for first, stop in runs(sticks):
+        rest[first:stop] = stop - first > pause or first == 0 or stop == sticks.size
+    found = []
+    for first, stop in runs(~rest):
+        places = first + np.flatnonzero((beyond | sticks)[first:stop])
+        for part in np.split(places, np.flatnonzero(np.diff(places) > pause) + 1):
+            goes_on = part.size and stop - 1 - part[-1] <= pause  # until the lining sticks, or the record ends
+            if part.size and (goes_on or part[-1] - part[0] >= shortest):
+                end = (End.RECORD if stop == sticks.size else End.STICKS) if goes_on else End.DIES_OUT
+                found.append((int(part[0]), int(part[-1]), end))
+    return found
+
+
+def runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """First sample of each run that is true, and the one after its last."""
+    padded = np.concatenate([[False], flags, [False]])
+    edges = np.flatnonzero(padded[1:] != padded[:-1]).tolist()
+    return list(zip(edges[::2], edges[1::2], strict=True))
+
+
+def _energy(vibration: Vibration, stability: Stability, window: int) -> tuple[Vector, Vector]:
+    """Times (s) of the middles of windows that overlap by half, and the mean kinetic energy (J) in each."""
+    pieces = [velocity**2 @ stability.mass / 2 for _, _, velocity in vibration.pieces()]
+    summed = np.concatenate([[0.0], np.cumsum(np.concatenate(pieces))])
+    starts = np.arange(0, max(1, vibration.time.size - window), max(1, window // 2))
+    stops = np.minimum(starts + window, vibration.time.size)
+    middles = vibration.time[(starts + stops - 1) // 2]
+    return middles, (summed[stops] - summed[starts]) / (stops - starts)
+
+
+def sustained_until(time: Vector, energy: Vector, modes: list[Along], end: float) -> float:
+    """The time (s) from which on the energy (k,) at some times (s) falls as that of a small motion, to the end (s).
+
+    That is at least half as fast as that of the mode that decays slowest then; it is the end where one grows there.
+    """
+    if time.size < 2 or not modes:
+        return end
+    slowest = np.max([np.interp(time, along.time, along.rate, -np.inf, -np.inf) for along in modes], axis=0)
+    rate = np.diff(np.log(np.maximum(energy, np.finfo(np.float64).tiny))) / np.diff(time) / 2
+    linear = (slowest[1:] + slowest[:-1]) / 2
+    lasting = np.flatnonzero((linear >= 0) | (rate > NEARLY_LINEAR * linear))
+    return float(time[lasting[-1] + 1]) if lasting.size and lasting[-1] < rate.size - 1 else end
+
+
+def find_hysteresis(squeals: tuple[Squeal, ...], model: Model, until: float) -> tuple[Hysteresis, ...]:
+    """The ranges of drum speed, or of load, that squeal while it rises and are quiet while it falls, or the reverse.
+
+    None where both change, or neither. A range is quiet one way only if none of the passages that way squeals there.
+    """
+    changing = changing_keys(model)
+    if len(changing) != 1:
+        return ()
+    ((key, schedule),) = changing.items()
+    scale = 1.0 if key == SPEED else float(model.body.area)
+    ways: dict[str, tuple[list[Range], list[Range]]] = {"rises": ([], []), "falls": ([], [])}
+    corners = corners_of(model, until)
+    for first, last in zip(corners[:-1].tolist(), corners[1:].tolist(), strict=True):
+        ends = [scale * value_at(schedule, time) for time in (first, last)]
+        if ends[0] == ends[1]:
+            continue
+        passed, squealed = ways["rises" if ends[1] > ends[0] else "falls"]
+        passed.append((min(ends), max(ends)))
+        for squeal in squeals:
+            times = [min(max(each.time_s, first), last) for each in (squeal.sets_in, squeal.ends)]
+            if times[0] < times[1]:
+                low, high = sorted(scale * value_at(schedule, time) for time in times)
+                squealed.append((low, high))
+    found = []
+    for way, other in (("rises", "falls"), ("falls", "rises")):
+        quiet = _without(_joined(ways[other][0]), _joined(ways[other][1]))
+        for low, high in _common(_joined(ways[way][1]), quiet):
+            found.append(Hysteresis(key=key, low=low, high=high, squeals_while=way))
+    return tuple(found)
+
+
+def _joined(ranges: list[Range]) -> list[Range]:
+    """Ranges that touch as one, in ascending order."""
+    found: list[Range] = []
+    for low, high in sorted(ranges):
+        if found and low <= found[-1][1]:
+            found[-1] = (found[-1][0], max(high, found[-1][1]))
+        else:
+            found.append((low, high))
+    return found
+
+
+def _common(some: list[Range], others: list[Range]) -> list[Range]:
+    both = [(max(a, c), min(b, d)) for a, b in some for c, d in others]
+    return [(low, high) for low, high in both if low < high]
+
+
+def _without(some: list[Range], others: list[Range]) -> list[Range]:
+    edges = [-np.inf, *(edge for each in others for edge in each), np.inf]
+    return _common(some, list(zip(edges[::2], edges[1::2], strict=True)))
