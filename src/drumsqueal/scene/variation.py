@@ -144,19 +144,19 @@ def _ends(written: str, unit: str, example: str) -> tuple[tuple[float, float], s
         raise SceneError(f"{written or 'nothing'} is no range; write FROM..TO, such as {example}")
     first, last = texts
     if _PLAIN.fullmatch(first) and not _PLAIN.fullmatch(last):  # 10..400 rpm
-        first += _unit_written(last)
+        first += unit_written(last)
     elif _PLAIN.fullmatch(last) and not _PLAIN.fullmatch(first):
         _value(first, unit)  # a mistake in it comes first
         raise SceneError(f"the unit of {last} is missing; write it after the second value, too")
     ends = _value(first, unit), _value(last, unit)
     if ends[0] == ends[1]:
         raise SceneError("the range begins where it ends; give it two values")
-    units = {_unit_written(text).strip() for text in (first, last)}
+    units = {unit_written(text).strip() for text in (first, last)}
     return ends, units.pop() if len(units) == 1 and units != {unit} else ""
 
 
-def _unit_written(text: str) -> str:
-    """What follows the number, if it could be a unit."""
+def unit_written(text: str) -> str:
+    """What follows the number in a text, if it could be a unit."""
     number = _PLAIN.match(text)
     rest = text[number.end() :] if number else ""
     return rest if _UNIT.fullmatch(rest) else ""
