@@ -11,7 +11,7 @@ from drumsqueal.questions.fit.eigenlines import Eigenmodes
 from drumsqueal.questions.fit.estimate import Estimate, Scale, estimate
 from drumsqueal.questions.fit.record import RecordLine
 
-# A model of a brake has its frequencies to a percent or so and its growth rates to a third; a number may be off by half.
+# A model of a brake has its frequencies to a percent or so and its growth rates to a third; a number is off by half.
 MODEL_FREQUENCY, MODEL_RATE, LEAST_RATE, LIKELY = 0.01, 0.3, 10.0, 0.5
 FURTHEST = 0.4  # of log frequency, between a line and its mode in the scene
 LOOSE = 0.2  # of log frequency, by which assignments are sorted before they are tried

@@ -98,11 +98,16 @@ def estimate(residuals: Residuals, scale: Scale) -> Estimate:
         gtol=1e-13,
         max_nfev=100,
     )
-    x = _polished(lambda x: tuple(each[:-size] for each in evaluate(x)), found.x, scale)
-    return _assess(*(each[:-size] for each in evaluate(x)), x)
+
+    def of_lines(x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        r, jacobian = evaluate(x)
+        return r[:-size], jacobian[:-size]
+
+    x = _polished(of_lines, found.x, scale)
+    return _assess(*of_lines(x), x)
 
 
-def _polished(evaluate: Callable, x: NDArray[np.float64], scale: Scale) -> NDArray[np.float64]:
+def _polished(evaluate: Residuals, x: NDArray[np.float64], scale: Scale) -> NDArray[np.float64]:
     r, jacobian = evaluate(x)
     low, high = scale.bounds
     best, least = x, float(r @ r)

@@ -71,7 +71,8 @@ def _draw_spectrum(fit: Fit, axes: Axes, highest: float) -> None:
 
 def _draw_deviations(used: list[FittedLine], axes: Axes) -> None:
     for line in used:
-        assert line.before_Hz is not None and line.after_Hz is not None
+        assert line.before_Hz is not None
+        assert line.after_Hz is not None
         for value, colour, mark in ((line.before_Hz, BEFORE, "o"), (line.after_Hz, AFTER, "D")):
             off = max(100 * abs(value / line.measured_Hz - 1), LEAST_PERCENT)
             axes.plot([line.measured_Hz / 1e3], [off], marker=mark, color=colour, markersize=4, linestyle="")

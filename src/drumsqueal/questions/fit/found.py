@@ -64,9 +64,9 @@ class Fit(Findings):
     The `record_kind` is "linear" for small vibration, whose lines are compared with the eigenvalues, and "saturated"
     for squeal, whose lines are compared with those of transients. `observations` counts frequencies and growth rates.
     `chi_square_per_freedom` is that of the lines, None where there are no more observations than numbers determined;
-    uncertainties are scaled by its root where it exceeds 1. `open_combinations` are those of the numbers that the record
-    does not determine: exponents by key, along which the product of powers may change. `ambiguous` says which other
-    assignment of lines to modes fits as well.
+    uncertainties are scaled by its root where it exceeds 1. `open_combinations` are those of the numbers that the
+    record does not determine: exponents by key, along which the product of powers may change. `ambiguous` says which
+    other assignment of lines to modes fits as well.
     """
 
     file: str

@@ -275,8 +275,8 @@ def saturated_lines(
     """Lines of a saturated motion, strongest first, and the frequencies of its harmonics, combinations and sidebands.
 
     What is no multiple of a stronger line, no combination of two up to the sixth order and no sideband within 10 %
-    counts as the line of a mode, down to a tenth of the strongest. The uncertainty is that of `find_lines` and, where
-    they differ by more, half the difference between the first and the last 60 % of the record, with that of the `clock`.
+    counts as the line of a mode, down to a tenth of the strongest. The uncertainty is that of `find_lines` or, where it
+    is more, half the difference between the first and the last 60 % of the record, with that of the `clock`.
     """
     tones = find_tones(values, rate, segment=values.size / rate, lowest=LOWEST)
     if not tones.peaks.frequency_Hz.size:

@@ -23,7 +23,9 @@ from drumsqueal.scene import Scene, SceneError
 from drumsqueal.simulation import check_sample_rate, follow, prepare
 from drumsqueal.solve.transient.integrate import Chunk
 
-STEP = 0.02  # of log number, for derivatives by differences: 1 % of a frequency, hundreds of times its error
+# Of log number, for derivatives by differences: 1 % of a frequency, hundreds of times its error; where it is not above
+# that, or the motion is another there, other steps are tried.
+STEPS = (0.02, -0.02, 0.08)
 WIDEST = 0.3  # between a measured line and the simulated one at the scene's numbers
 FOLLOWED = 0.1  # between a simulated line and where it was expected
 NOISE = 3.0  # times the error of a derivative by differences, below which it is none
@@ -99,11 +101,11 @@ def _apart(lines: Sequence[RecordLine], frequency: float) -> float:
 
 def pair_squeal(measured: Sequence[RecordLine], simulated: Sequence[RecordLine]) -> tuple[int | None, ...]:
     """The simulated line of each measured one, by frequency and level."""
-    levels = tuple(
+    frequencies = [[line.frequency_Hz for line in lines] for lines in (measured, simulated)]
+    own, theirs = (
         20 * np.log10([line.amplitude / lines[0].amplitude for line in lines]) for lines in (measured, simulated)
     )
-    frequencies = [[line.frequency_Hz for line in lines] for lines in (measured, simulated)]
-    matches = match_lines(*frequencies, widest=WIDEST, levels=levels)  # pyright: ignore[reportArgumentType]
+    matches = match_lines(*frequencies, widest=WIDEST, levels=(own, theirs))
     return tuple(match.reference if match is not None and match.paired else None for match in matches)
 
 
@@ -135,19 +137,19 @@ def fit_squeal(
         if moved < CLOSE:
             break
         for _ in range(HALVINGS):
-            there = work.lines(x + step, here.frequency + jacobian @ step)
+            there = work.lines(x + step, np.asarray(here.frequency + jacobian @ step))
             if there is not None and work.misfit(there) < work.misfit(here):
                 break
             step = step / 2
         else:
             break
         missed = there.frequency - here.frequency - jacobian @ step
-        jacobian = jacobian + np.outer(missed, step) / (step @ step)
+        jacobian = np.asarray(jacobian + np.outer(missed, step) / (step @ step))
         x, here = x + step, there
-    if np.max(np.abs(x - derived_at)) > STEP:
+    if np.max(np.abs(x - derived_at)) > STEPS[0]:
         jacobian = work.derivatives(x, here)
         step = work.step(x, here, jacobian) - x
-        there = work.lines(x + step, here.frequency + jacobian @ step)
+        there = work.lines(x + step, np.asarray(here.frequency + jacobian @ step))
         if there is not None and work.misfit(there) <= work.misfit(here):
             x, here = x + step, there
     final = work.linear(x, here, jacobian, missed=np.abs(here.frequency - work.measured))
@@ -204,19 +206,20 @@ class _Work:
         columns = []
         self.faint = np.zeros(here.frequency.size)
         for k in range(x.size):
-            difference = np.zeros(here.frequency.size)
-            for sign in (1, -1):
+            difference, error = np.zeros(here.frequency.size), np.zeros(here.frequency.size)
+            for size in STEPS:
                 step = np.zeros(x.size)
-                step[k] = sign * STEP
+                step[k] = size
                 there = self.lines(x + step, here.frequency)
-                if there is not None:
-                    difference = (there.frequency - here.frequency) / step[k]
-                    error = np.hypot(there.error, here.error) / STEP
-                    faint = np.abs(difference) <= NOISE * error
-                    self.faint += np.where(faint, (WIDTH * np.maximum(np.abs(difference), error)) ** 2, 0.0)
-                    difference = np.where(faint, 0.0, difference)
+                if there is None:
+                    continue
+                difference = (there.frequency - here.frequency) / size
+                error = np.hypot(there.error, here.error) / abs(size)
+                if np.all(np.abs(difference) > NOISE * error):
                     break
-            columns.append(difference)
+            faint = np.abs(difference) <= NOISE * error
+            self.faint += np.where(faint, (WIDTH * np.maximum(np.abs(difference), error)) ** 2, 0.0)
+            columns.append(np.where(faint, 0.0, difference))
         return np.array(columns).T
 
     def spread(self, here: _Lines) -> NDArray[np.float64]:

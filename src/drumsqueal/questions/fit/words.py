@@ -107,5 +107,6 @@ def _open(combination: dict[str, float]) -> str:
         if abs(first[1]) < abs(second[1]):
             first, second = second, first
         power = second[1] / first[1]
-        return f"{keys[0]} and {keys[1]} are not told apart: what the lines fix is about {first[0]} × {second[0]}^{power:.2g}"
+        fixed = f"what the lines fix is about {first[0]} × {second[0]}^{power:.2g}"
+        return f"{keys[0]} and {keys[1]} are not told apart: {fixed}"
     return f"{', '.join(keys[:-1])} and {keys[-1]} are not told apart: the lines fix one combination fewer than numbers"
