@@ -30,7 +30,7 @@ def print_fit(console: Console, fit: Fit) -> None:
 
 def _print_numbers(console: Console, fit: Fit) -> None:
     table = Table(title="Numbers", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    for heading in ("number", "scene", "fitted", "±", "unit", "change\n%", "determined"):
+    for heading in ("number", "scene", "fitted", "±", "unit", "change\n%", "deter-\nmined"):
         table.add_column(heading, justify="left" if heading in ("number", "unit") else "right", vertical="bottom")
     for number in fit.numbers:
         table.add_row(*_number(number))

@@ -16,7 +16,8 @@ MODEL_FREQUENCY, MODEL_RATE, LEAST_RATE, LIKELY = 0.01, 0.3, 10.0, 0.5
 FURTHEST = 0.4  # of log frequency, between a line and its mode in the scene
 LOOSE = 0.2  # of log frequency, by which assignments are sorted before they are tried
 TRIED = 12
-MISSED = 25.0  # what it costs to leave the strongest line out; a weaker one less, by the root of its amplitude
+# What it costs to leave the strongest line out; a weaker one less, by the fourth root of its amplitude: a tenth at 80 dB.
+MISSED, BY_AMPLITUDE = 25.0, 0.25
 UNMOVED = 6.0  # what it costs to take a mode that nothing moves in the scene's own run
 AMBIGUOUS = 4.0  # difference in cost below which another assignment fits as well
 
@@ -38,7 +39,7 @@ def assign(lines: Sequence[RecordLine], modes: Eigenmodes, scale: Scale, moved: 
     frequency = np.array([mode.frequency_Hz for mode in modes.modes])
     measured = np.array([line.frequency_Hz for line in lines])
     loudest = max(line.amplitude for line in lines)
-    missed = [MISSED * (line.amplitude / loudest) ** 0.5 for line in lines]
+    missed = [MISSED * (line.amplitude / loudest) ** BY_AMPLITUDE for line in lines]
 
     def at_first(choice: tuple[int | None, ...]) -> float:
         pairs = [(j, k) for j, k in enumerate(choice) if k is not None]

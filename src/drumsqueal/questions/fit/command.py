@@ -6,8 +6,9 @@ from typing import Annotated
 import typer
 
 from drumsqueal.errors import RequestError
+from drumsqueal.files.claims import claim_results
 from drumsqueal.files.output_folder import FIT_FILES, history_file
-from drumsqueal.questions.compare.command import SIGNAL
+from drumsqueal.questions.compare.command import SIGNAL, is_history
 from drumsqueal.scene import load_scene
 from drumsqueal.scene.file import apply_setting, read_tables
 from drumsqueal.terminal.completion import SIGNALS, complete_list, words
@@ -85,6 +86,8 @@ def fit_command(
     folder = output if output is not None else Path("out") / f"{scene.stem}-fit"
     read = (scene, history_file(measured))
     reply = Reply.next_to(folder, FIT_FILES, read, quiet, json_file, overwrite=overwrite)
+    if is_history(measured):
+        claim_results(history_file(measured).parent)
     begin, end, sampled = read_time(since, "--from"), read_time(until, "--until"), read_rate(rate, "--rate")
     from drumsqueal.questions.fit.answer import FIT_ANSWER
     from drumsqueal.questions.fit.study import fit_scene, read_record

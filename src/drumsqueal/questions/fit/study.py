@@ -32,7 +32,7 @@ from drumsqueal.scene.variation import unit_of
 from drumsqueal.scene.written import Written
 from drumsqueal.simulation import prepare
 
-FEWEST_DIGITS, MOST_DIGITS = 3, 10  # of a fitted number; one more than its uncertainty asks for
+FEWEST_DIGITS, OPEN_DIGITS, MOST_DIGITS = 3, 6, 10  # of a fitted number; one more than its uncertainty asks for
 BOUND = 1e-3  # of x, this close to the end of what is allowed
 
 
@@ -281,7 +281,7 @@ def _report(
 
 def _rounded(value: float, uncertainty: float | None) -> str:
     """A number with one digit more than its uncertainty leaves."""
-    digits = FEWEST_DIGITS
+    digits = OPEN_DIGITS
     if uncertainty and value:
         digits = math.ceil(-math.log10(min(uncertainty / abs(value), 1.0))) + 1
     return f"{value:.{min(max(digits, FEWEST_DIGITS), MOST_DIGITS)}g}"

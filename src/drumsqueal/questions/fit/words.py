@@ -37,6 +37,8 @@ def describe_fit(fit: Fit) -> str:
     used = [line for line in fit.lines if line.used]
     before, after = (max(abs(_off(line, which)) for line in used) for which in ("before_Hz", "after_Hz"))
     was = f"the {how}, up to {_percent(before)} off before, are now within {_percent(after)} of the measured lines"
+    if _misses(fit):
+        was += f", which is still {_misses(fit)} times their uncertainty"
     known = [f"{number.key} = {with_uncertainty(number)}" for number in fit.determined]
     left = [number.key for number in fit.numbers if not number.determined]
     if not known:
@@ -44,6 +46,12 @@ def describe_fit(fit: Fit) -> str:
     text = f"The record gives {' and '.join([', '.join(known[:-1]), known[-1]] if known[1:] else known)}"
     text += f" (95 % confidence); {was}."
     return f"{text} Not determined: {', '.join(left)}." if left else text
+
+
+def _misses(fit: Fit) -> str:
+    """By how many times their uncertainty lines miss, where that is too much; else nothing."""
+    chi = fit.chi_square_per_freedom
+    return f"{math.sqrt(chi):.2g}" if chi is not None and chi > POOR else ""
 
 
 def _off(line, which: str) -> float:
@@ -62,15 +70,13 @@ def describe_notes(fit: Fit) -> tuple[str, ...]:
     what = f"{used} line{'s' if used > 1 else ''}"
     rates = " with growth rates" if fit.record_kind is Kind.LINEAR else ""
     if count < varied:
-        notes.append(f"{what}{rates} are {count} observations, fewer than the {varied} numbers that vary")
+        are = f"are {count} observations" if count > 1 else "is one observation"
+        notes.append(f"{what}{rates} {are}, fewer than the {varied} numbers that vary")
     if any(not number.determined for number in fit.numbers):
         notes.append("what is not determined stays as near to the scene's values as the lines allow")
-    chi = fit.chi_square_per_freedom
-    if chi is not None and chi > POOR:
-        miss = (
-            f"the lines still miss by {math.sqrt(chi):.2g} times their uncertainty: the record has what these numbers"
-        )
-        notes.append(f"{miss} cannot give, so other numbers differ, too; the uncertainties are widened by that factor")
+    if _misses(fit):
+        miss = f"the lines still miss by {_misses(fit)} times their uncertainty: other numbers differ, too,"
+        notes.append(f"{miss} or the model lacks something; the uncertainties are widened by that factor")
     if fit.freedom <= 0:
         notes.append("there are no more observations than numbers, so nothing tests the fit")
     if fit.ambiguous:
