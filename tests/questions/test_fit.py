@@ -1,4 +1,4 @@
-"""Numbers of a scene fitted to a measured record: what was changed comes back, within the uncertainty that is stated."""
+"""Numbers of a scene fitted to a measured record: what was changed comes back, within the stated uncertainty."""
 
 import json
 import tomllib
@@ -87,7 +87,10 @@ def test_gradients_are_those_of_the_eigenvalues(modes, scale):
 
 
 def test_the_stated_interval_holds_the_truth_as_often_as_it_says(damped, modes, scale):
-    exact, truth = lines_of(damped.with_values(CHANGED), ("X", "Y", "Tz"), 1e-4), np.array([CHANGED[key] for key in KEYS])
+    exact, truth = (
+        lines_of(damped.with_values(CHANGED), ("X", "Y", "Tz"), 1e-4),
+        np.array([CHANGED[key] for key in KEYS]),
+    )
     generator, held, repeats = np.random.default_rng(20), np.zeros(4), 60
     places = [modes.labels.index(label) for label in ("Y", "X", "Tz")]
     for _ in range(repeats):
@@ -264,7 +267,7 @@ def test_one_line_does_not_determine_two_numbers(damped, squealing):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(squeal, "simulate", simulate)
         start = simulate(np.zeros(2))
-        found = fit_squeal(change, [line], start, scale, "", lambda *_: None, own_start=True)
+        found = fit_squeal(change, [line], start, scale, "", lambda *_: None, begin=0.0)
     assert not found.estimate.determined.any()
     assert found.after == pytest.approx([1000.0], abs=0.1)
     # Of all pairs that give the line the one nearest to the scene: both change by as much.

@@ -16,7 +16,7 @@ MODEL_FREQUENCY, MODEL_RATE, LEAST_RATE, LIKELY = 0.01, 0.3, 10.0, 0.5
 FURTHEST = 0.4  # of log frequency, between a line and its mode in the scene
 LOOSE = 0.2  # of log frequency, by which assignments are sorted before they are tried
 TRIED = 12
-# What it costs to leave the strongest line out; a weaker one less, by the fourth root of its amplitude: a tenth at 80 dB.
+# What it costs to leave the strongest line out; a weaker one less, by the fourth root of its amplitude.
 MISSED, BY_AMPLITUDE = 25.0, 0.25
 UNMOVED = 6.0  # what it costs to take a mode that nothing moves in the scene's own run
 AMBIGUOUS = 4.0  # difference in cost below which another assignment fits as well

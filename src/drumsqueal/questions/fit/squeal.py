@@ -26,6 +26,10 @@ from drumsqueal.solve.transient.integrate import Chunk
 # Of log number, for derivatives by differences: 1 % of a frequency, hundreds of times its error; where it is not above
 # that, or the motion is another there, other steps are tried.
 STEPS = (0.02, -0.02, 0.08)
+# Disturbances of 3 p0/k_c times this, 0 for the scene's own start. Squeals that coexist ask for different ones.
+STARTS = (0.0, 1.0, 3.0, 10.0)
+DRIFTS, LONGER = 2e-4, 3.0  # of its frequency, from which a line has not settled; the transient then is so much longer
+ALIKE = 0.05  # of log frequency, within which a squeal is taken without a look at further starts
 WIDEST = 0.3  # between a measured line and the simulated one at the scene's numbers
 FOLLOWED = 0.1  # between a simulated line and where it was expected
 NOISE = 3.0  # times the error of a derivative by differences, below which it is none
@@ -36,10 +40,14 @@ GONE = 0.3  # of its rms in the first third of the saturated part, below which a
 
 
 class Squeal(NamedTuple):
-    """Lines of a saturated transient, strongest first, and whether it went from the scene's own start."""
+    """Lines of a saturated transient, strongest first, and its start: 0 the scene's own, or times 3 p0/k_c.
+
+    `scene` runs for so long that they settle.
+    """
 
     lines: tuple[RecordLine, ...]
-    own_start: bool
+    start: float
+    scene: Scene
 
 
 class Fitted(NamedTuple):
@@ -51,9 +59,9 @@ class Fitted(NamedTuple):
     transients: int
 
 
-def simulate(scene: Scene, signal: str, progress: Progress, *, own_start: bool) -> tuple[RecordLine, ...]:
-    """Lines of the saturated part of a transient; none where it does not saturate."""
-    started = scene if own_start else disturbed(scene)
+def simulate(scene: Scene, signal: str, progress: Progress, *, start: float) -> tuple[RecordLine, ...]:
+    """Lines of the saturated part of a transient from a start; none where it does not saturate."""
+    started = _started(scene, start)
     prepared = prepare(started, runs=True)
     check_sample_rate(prepared)
     chunks: list[Chunk] = []
@@ -73,25 +81,37 @@ def simulate(scene: Scene, signal: str, progress: Progress, *, own_start: bool) 
     return saturated_lines(channel.values, saved.sample_rate, clock=0.0)[0]
 
 
+def _started(scene: Scene, start: float) -> Scene:
+    """The scene with a start of so many times 3 p0/k_c; 0 for its own."""
+    if not start:
+        return scene
+    disturbance = disturbed(scene)
+    size = {name: start * value for name, value in disturbance.start.displacement.items()}
+    return disturbance.with_values({"start.displacement": size})
+
+
 def find_squeal(scene: Scene, measured: Sequence[RecordLine], signal: str, progress: Progress) -> Squeal:
-    """The squeal of the scene that is most like the measured one: from its own start, or after a large disturbance.
+    """The squeal of the scene that is most like the measured one: from its own start, or after larger disturbances.
 
     Raises RequestError where the scene does not squeal, or in no line like the measured ones.
     """
     found: list[Squeal] = []
-    for own_start in (True, False):
+    for start in STARTS:
         try:
-            lines = simulate(scene, signal, progress, own_start=own_start)
+            whole, lines = scene, simulate(scene, signal, progress, start=start)
+            if lines and lines[0].frequency_uncertainty_Hz > DRIFTS * lines[0].frequency_Hz:
+                whole = scene.with_values({"simulate.duration": LONGER * scene.simulate.duration})
+                lines = simulate(whole, signal, progress, start=start)
         except IntegrationError:
-            lines = ()
+            whole, lines = scene, ()
         if lines:
-            found.append(Squeal(lines, own_start))
-        if lines and abs(np.log(lines[0].frequency_Hz / measured[0].frequency_Hz)) < FOLLOWED:
+            found.append(Squeal(lines, start, whole))
+        if lines and _apart(lines[:1], measured[0].frequency_Hz) < ALIKE:
             break
     if not found:
-        fault = "the record is squeal that has saturated, but this scene does not squeal, from its own start or a large"
+        fault = "the record is squeal that has saturated, but this scene does not squeal, from its own start or after"
         cure = "change numbers so that it does (drumsqueal onset finds where), or take the record with --as linear"
-        raise RequestError(f"{fault} disturbance, within {scene.simulate.duration:g} s; {cure}")
+        raise RequestError(f"{fault} large disturbances, within {scene.simulate.duration:g} s; {cure}")
     return min(found, key=lambda each: _apart(each.lines, measured[0].frequency_Hz))
 
 
@@ -117,20 +137,26 @@ def fit_squeal(
     signal: str,
     progress: Progress,
     *,
-    own_start: bool,
+    begin: float,
+    guess: NDArray[np.float64] | None = None,
 ) -> Fitted:
     """Fit numbers so that transients of the scene `change(x)` have the measured lines, of which `start` are at x = 0.
 
-    Gauss–Newton steps with derivatives by differences, which Broyden's update keeps in between; they are taken anew
-    at the end. The uncertainty of a line is that of the measured and of the simulated one. A derivative that is not
-    well above the simulated line's uncertainty counts as zero.
+    They begin at `begin` times 3 p0/k_c, or at 0 as the scene does. The search begins at x = 0 or, where its lines are
+    nearer to the measured ones, at the `guess`: Gauss–Newton steps with derivatives by differences, which Broyden's
+    update keeps in between; they are taken anew at the end. The uncertainty of a line is that of the measured and of
+    the simulated one. A derivative that is not well above the simulated line's uncertainty counts as zero.
     """
-    work = _Work(change, measured, scale, signal, progress, own_start)
+    work = _Work(change, measured, scale, signal, progress, begin)
     x = np.zeros(scale.before.size)
     here = _Lines(
         np.array([line.frequency_Hz for line in start]), np.array([line.frequency_uncertainty_Hz for line in start])
     )
-    before, jacobian, derived_at = here.frequency, work.derivatives(x, here), x
+    before = here.frequency
+    guessed = None if guess is None else work.lines(guess, work.measured)
+    if guess is not None and guessed is not None and work.misfit(guessed) < work.misfit(here):
+        x, here = guess, guessed
+    jacobian, derived_at = work.derivatives(x, here), x
     for _ in range(ROUNDS):
         step = work.step(x, here, jacobian) - x
         moved = np.max(np.abs(jacobian @ step) / work.spread(here), initial=0.0)
@@ -171,9 +197,9 @@ class _Work:
         scale: Scale,
         signal: str,
         progress: Progress,
-        own_start: bool,
+        begin: float,
     ) -> None:
-        self.change, self.scale, self.signal, self.progress, self.own = change, scale, signal, progress, own_start
+        self.change, self.scale, self.signal, self.progress, self.begin = change, scale, signal, progress, begin
         self.measured = np.array([line.frequency_Hz for line in measured])
         self.error = np.array([line.frequency_uncertainty_Hz for line in measured])
         self.transients = 1
@@ -186,7 +212,7 @@ class _Work:
             return None
         self.transients += 1
         try:
-            found = simulate(self.change(x), self.signal, self.progress, own_start=self.own)
+            found = simulate(self.change(x), self.signal, self.progress, start=self.begin)
         except (IntegrationError, SceneError):
             return None
         matches = match_lines(expected, [line.frequency_Hz for line in found], widest=FOLLOWED)

@@ -13,16 +13,18 @@ from drumsqueal.files.saved_history import read_history
 from drumsqueal.findings.time_window import time_window
 from drumsqueal.physics.composition import kept_coordinates
 from drumsqueal.progress import Progress, silent
+from drumsqueal.questions.compare.matching import match_lines
 from drumsqueal.questions.compare.measured.reader import read_measured
 from drumsqueal.questions.compare.measured.record import Measured, check_count
 from drumsqueal.questions.export.signals import SURFACE, make_channels, names_of
-from drumsqueal.questions.fit.assignment import Assignment, assign, fit_lines
+from drumsqueal.questions.fit.assignment import FURTHEST, MODEL_FREQUENCY, Assignment, assign, fit_lines
 from drumsqueal.questions.fit.eigenlines import Eigenmodes
 from drumsqueal.questions.fit.estimate import PERCENT_95, Estimate, Scale
 from drumsqueal.questions.fit.found import Fit, FittedLine, FittedNumber
 from drumsqueal.questions.fit.record import Kind, Reading, RecordLine, read_lines
 from drumsqueal.questions.fit.squeal import find_squeal, fit_squeal, pair_squeal
 from drumsqueal.questions.fit.words import describe_fit, describe_notes
+from drumsqueal.questions.sensitivity.decay import DISTURBANCE
 from drumsqueal.questions.sensitivity.quieting import numbers_of, variable_numbers
 from drumsqueal.questions.sensitivity.study import at_one_time
 from drumsqueal.scene import Scene, load_scene
@@ -195,10 +197,11 @@ def _fit_saturated(
         raise RequestError(f"the scene squeals at {own} Hz, and no line of the record ({heard} Hz) is near; correct it")
 
     def change(x: NDArray[np.float64]) -> Scene:
-        return scene.with_values(dict(zip(keys, map(float, scale.numbers(x)), strict=True)))
+        return squeal.scene.with_values(dict(zip(keys, map(float, scale.numbers(x)), strict=True)))
 
     measured, simulated = [line for line, _ in used], [line for _, line in used]
-    found = fit_squeal(change, measured, simulated, scale, signal, progress, own_start=squeal.own_start)
+    guess = _shifted(scene, keys, scale, measured, simulated)
+    found = fit_squeal(change, measured, simulated, scale, signal, progress, begin=squeal.start, guess=guess)
     after = dict(zip([line.frequency_Hz for line in measured], found.after.tolist(), strict=True))
     before = dict(zip([line.frequency_Hz for line in measured], found.before.tolist(), strict=True))
     rows = [
@@ -210,8 +213,34 @@ def _fit_saturated(
         )
         for line in reading.lines
     ]
-    start = () if squeal.own_start else ("The transients start from a large disturbance: 3 p0/k_c.",)
+    size = (
+        f"the transients start from a disturbance of {DISTURBANCE * squeal.start:g} p0/k_c, which leads to the squeal"
+    )
+    start = (f"{size} that is most like the measured one",) if squeal.start else ()
+    if squeal.scene is not scene:
+        ran = squeal.scene.simulate.duration
+        start = (*start, f"the transients ran for {ran:g} s, since squeal has not settled within the scene's duration")
     return _Result(found.estimate, tuple(rows), len(used), None, found.transients, start)
+
+
+def _shifted(
+    scene: Scene, keys: Sequence[str], scale: Scale, measured: Sequence[RecordLine], simulated: Sequence[RecordLine]
+) -> NDArray[np.float64] | None:
+    """Where eigenvalues move as far as the lines of squeal are to, as if their ratio to these stayed: a first guess."""
+    modes = Eigenmodes(at_one_time(scene, prepare(scene).stability.time), keys)
+    kept = kept_coordinates(scene)
+    own = [k for k, mode in enumerate(modes.modes) if mode.name in kept]
+    matches = match_lines(
+        [line.frequency_Hz for line in simulated], [modes.modes[k].frequency_Hz for k in own], widest=FURTHEST
+    )
+    lines, places = [], []
+    for line, of_scene, match in zip(measured, simulated, matches, strict=True):
+        if match is not None and match.paired:
+            places.append(own[match.reference])
+            frequency = modes.modes[places[-1]].frequency_Hz * line.frequency_Hz / of_scene.frequency_Hz
+            known = {"frequency_Hz": frequency, "frequency_uncertainty_Hz": MODEL_FREQUENCY * frequency}
+            lines.append(line.model_copy(update=known))
+    return fit_lines(lines, places, modes, scale).x if lines else None
 
 
 def _report(

@@ -6,6 +6,7 @@ from drumsqueal.questions.fit.found import Fit, FittedNumber
 from drumsqueal.questions.fit.record import Kind
 
 PRESENT = 0.1  # of a combination's largest exponent, from which a number is named in it
+SHORT = 2e-3  # of a frequency that a search for squeal misses, from which it is reported
 POOR = 9.0  # χ² per degree of freedom: the lines are off by three times their uncertainty
 
 
@@ -79,6 +80,10 @@ def describe_notes(fit: Fit) -> tuple[str, ...]:
         notes.append(f"{miss} or the model lacks something; the uncertainties are widened by that factor")
     if fit.freedom <= 0:
         notes.append("there are no more observations than numbers, so nothing tests the fit")
+    short_of = [line for line in fit.lines if line.used and abs(_off(line, "after_Hz")) > SHORT]
+    if fit.record_kind is Kind.SATURATED and short_of:
+        missed = ", ".join(f"{line.measured_Hz:.1f}" for line in short_of)
+        notes.append(f"the search stopped short of {missed} Hz: the squeal jumps to another motion on the way there")
     if fit.ambiguous:
         notes.append(f"another assignment of lines to modes fits as well: {fit.ambiguous}")
     bound = [number.key for number in fit.numbers if number.at_bound]
