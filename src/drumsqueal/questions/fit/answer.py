@@ -38,7 +38,7 @@ def _print_numbers(console: Console, fit: Fit) -> None:
 
 
 def _number(number: FittedNumber) -> list[str]:
-    change = NOTHING if number.relative_change is None else f"{100 * number.relative_change:+.3g}"
+    change = NOTHING if number.relative_change is None else f"{100 * number.relative_change:+.2f}"
     if number.uncertainty is None:
         fitted, wide = short(number.fitted_value, 4), NOTHING
     else:
@@ -49,8 +49,8 @@ def _number(number: FittedNumber) -> list[str]:
 
 def _print_lines(console: Console, fit: Fit) -> None:
     linear = fit.record_kind is Kind.LINEAR
-    kind = "small vibration and eigenvalues" if linear else "saturated squeal and transients"
-    table = Table(title=f"Lines: {kind}", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    kind = "Lines and eigenvalues" if linear else "Lines of squeal"
+    table = Table(title=kind, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     headings = ["measured\nHz", "±", "scene\nHz", "fitted\nHz"]
     if linear:
         headings = ["mode", *headings, "growth\n1/s", "±", "scene\n1/s", "fitted\n1/s"]

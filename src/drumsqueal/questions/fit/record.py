@@ -88,7 +88,8 @@ def read_lines(measured: Measured, kind: Kind | None = None) -> Reading:
     values, start = _strongest_stretch(measured)
     rate = measured.sample_rate
     block = _block(measured.name, values, rate)
-    if kind is not Kind.SATURATED and (kind is Kind.LINEAR or not _saturates(values, rate, block)):
+    stays = kind is not Kind.LINEAR and _saturates(values, rate, block)
+    if kind is not Kind.SATURATED and not stays:
         part = _linear_part(values, rate, block)
         if part is None and kind is Kind.LINEAR:
             part = slice(0, values.size), "the record is taken as small vibration, as asked"
@@ -98,7 +99,11 @@ def read_lines(measured: Measured, kind: Kind | None = None) -> Reading:
                 return found
             if kind is Kind.LINEAR:
                 raise RequestError(f"the measured {measured.name!r}: no line stands out of its noise")
-    return _saturated(measured.name, values, rate, block, start, asked=kind is not None)
+    why = "it is no sum of lines that grow or decay exponentially"
+    if stays:
+        why = "it neither grows nor decays, and a line has harmonics"
+    why = "the record is taken as saturated squeal, as asked" if kind is not None else f"{why}: saturated squeal"
+    return _saturated(measured.name, values, rate, block, start, why)
 
 
 def _strongest_stretch(measured: Measured) -> tuple[NDArray[np.float64], float]:
@@ -245,9 +250,7 @@ def _saturates(values: NDArray[np.float64], rate: float, block: int) -> bool:
     return any(harmonics)
 
 
-def _saturated(
-    name: str, values: NDArray[np.float64], rate: float, block: int, start: float, *, asked: bool
-) -> Reading:
+def _saturated(name: str, values: NDArray[np.float64], rate: float, block: int, start: float, reason: str) -> Reading:
     """The lines of saturated squeal, from when the envelope has reached half its largest value on."""
     envelope = _envelope(values, block)
     reached = int(np.argmax(envelope >= REACHED * envelope.max())) * block
@@ -257,10 +260,9 @@ def _saturated(
     lines, left_out = saturated_lines(piece, rate)
     if not lines:
         raise RequestError(f"the measured {name!r}: no line stands out of its noise; take another channel or part")
-    why = "the strongest lines neither grow nor decay and have harmonics, or the motion is not exponential"
     return Reading(
         kind=Kind.SATURATED,
-        reason="the record is taken as saturated squeal, as asked" if asked else f"{why}: squeal that has saturated",
+        reason=reason,
         from_s=start + first / rate,
         until_s=start + (values.size - 1) / rate,
         lines=lines,
