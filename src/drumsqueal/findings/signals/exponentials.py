@@ -112,7 +112,7 @@ class _Fit:
 
     def __init__(self, record: NDArray[np.float64], time: NDArray[np.float64]) -> None:
         self.record, self.time = record, time
-        self.eigenvalues = np.zeros(0, dtype=np.complex128)
+        self.eigenvalues: NDArray[np.complex128] = np.zeros(0, dtype=np.complex128)
         self.settled = True
         self._update()
 
@@ -123,7 +123,7 @@ class _Fit:
 
     def add(self, eigenvalue: complex) -> None:
         """Take a line in and refine all by the Levenberg–Marquardt method on the variable projection."""
-        self.eigenvalues = np.append(self.eigenvalues, eigenvalue)
+        self.eigenvalues = np.array([*self.eigenvalues, eigenvalue], dtype=np.complex128)
         self._update()
         damping = 1e-3
         for _ in range(STEPS):
@@ -133,7 +133,7 @@ class _Fit:
             before, size = self.copy(), float(self.rest @ self.rest)
             for _ in range(TRIALS):
                 step = np.linalg.solve(normal + damping * np.diag(scale), slope)
-                self.eigenvalues = before.eigenvalues + step[::2] + 1j * step[1::2]
+                self.eigenvalues = np.asarray(before.eigenvalues + step[::2] + 1j * step[1::2], dtype=np.complex128)
                 self._update()
                 if float(self.rest @ self.rest) <= size:
                     damping = max(damping / 100, 1e-12)
@@ -160,7 +160,7 @@ class _Fit:
             covariance = inverse[columns.shape[1] :, columns.shape[1] :]
             noise = np.array([self._noise(value, rate) for value in self.eigenvalues])
             errors = np.sqrt(np.maximum(np.diag(covariance).reshape(-1, 2), 0.0) * noise[:, None])
-        values = self.eigenvalues[order]
+        values: NDArray[np.complex128] = self.eigenvalues[order]
         spread = errors[order]
         return Exponentials(
             values.imag / (2 * np.pi),

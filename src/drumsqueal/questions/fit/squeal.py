@@ -163,19 +163,19 @@ def fit_squeal(
         if moved < CLOSE:
             break
         for _ in range(HALVINGS):
-            there = work.lines(x + step, np.asarray(here.frequency + jacobian @ step))
+            there = work.lines(x + step, np.asarray(here.frequency + jacobian @ step, dtype=np.float64))
             if there is not None and work.misfit(there) < work.misfit(here):
                 break
             step = step / 2
         else:
             break
         missed = there.frequency - here.frequency - jacobian @ step
-        jacobian = np.asarray(jacobian + np.outer(missed, step) / (step @ step))
+        jacobian = np.asarray(jacobian + np.outer(missed, step) / (step @ step), dtype=np.float64)
         x, here = x + step, there
     if np.max(np.abs(x - derived_at)) > STEPS[0]:
         jacobian = work.derivatives(x, here)
         step = work.step(x, here, jacobian) - x
-        there = work.lines(x + step, np.asarray(here.frequency + jacobian @ step))
+        there = work.lines(x + step, np.asarray(here.frequency + jacobian @ step, dtype=np.float64))
         if there is not None and work.misfit(there) <= work.misfit(here):
             x, here = x + step, there
     final = work.linear(x, here, jacobian, missed=np.abs(here.frequency - work.measured))

@@ -21,7 +21,7 @@ from drumsqueal.questions.fit.assignment import FURTHEST, MODEL_FREQUENCY, Assig
 from drumsqueal.questions.fit.eigenlines import Eigenmodes
 from drumsqueal.questions.fit.estimate import PERCENT_95, Estimate, Scale
 from drumsqueal.questions.fit.found import Fit, FittedLine, FittedNumber
-from drumsqueal.questions.fit.record import Kind, Reading, RecordLine, read_lines
+from drumsqueal.questions.fit.record import CLOCK, Kind, Reading, RecordLine, read_lines
 from drumsqueal.questions.fit.squeal import find_squeal, fit_squeal, pair_squeal
 from drumsqueal.questions.fit.words import describe_fit, describe_notes
 from drumsqueal.questions.sensitivity.decay import DISTURBANCE
@@ -264,7 +264,8 @@ def _report(
         si = unit_of(key, scene) if unit else ""
         size = parse_quantity(f"1 {unit}", si) if unit else 1.0
         shown = _rounded(values[k] / size, wide / size if determined else None)
-        same = values[k] == scale.before[k]
+        # An open number is as it was but for round-off of the lines.
+        same = bool(abs(values[k] - scale.before[k]) <= (0.0 if determined else CLOCK * abs(scale.before[k])))
         if not same:
             texts[key] = f"{_plain(shown)} {unit}" if unit else float(shown)
         numbers.append(
