@@ -161,6 +161,21 @@ def test_growing_and_decaying_lines_are_found_with_their_uncertainty():
     assert 0.75 <= np.sqrt(np.mean(np.square(off))) <= 1.25
 
 
+@pytest.mark.parametrize("before", [0, 37, 900])
+def test_a_ring_down_begins_at_the_blow(before):
+    """Silence before it would be taken for a slower decay."""
+    time = np.arange(3000) / RATE
+    rings = np.exp(-20 * time) * np.cos(2 * np.pi * 1400 * time) + 0.5 * np.exp(-60 * time) * np.cos(27000 * time)
+    values = with_noise(np.concatenate([np.zeros(before), rings]), 0.02, before)
+    reading = read_lines(Measured("hammer", "", RATE, 0.0, values, ()))
+    assert reading.kind is Kind.LINEAR
+    # The first or the second period after the blow, whatever noise makes the largest.
+    assert 0 <= reading.from_s - before / RATE <= 2 / 1400
+    for line, f, s in zip(reading.lines, (1400, 27000 / (2 * np.pi)), (-20, -60), strict=True):
+        assert abs(line.frequency_Hz - f) < 4 * line.frequency_uncertainty_Hz
+        assert abs(line.growth_rate_1_per_s - s) < 4 * line.growth_rate_uncertainty_1_per_s
+
+
 def test_noise_alone_has_no_lines():
     generator = np.random.default_rng(6)
     found = [find_exponentials(generator.standard_normal(1000), RATE, lowest=20).frequency_Hz.size for _ in range(20)]

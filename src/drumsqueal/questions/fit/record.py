@@ -16,7 +16,7 @@ from drumsqueal.findings.signals.tones import find_harmonics, find_tones
 from drumsqueal.questions.compare.measured.record import Measured
 
 LOWEST = 20.0  # Hz: below it there is no sound, but there are drifts of a measurement
-LONGEST = 2**18  # samples that are looked at, from where the motion is largest: 5 s at 50 kHz
+LONGEST = 2**16  # samples that are looked at, about where the motion is largest: 1.3 s at 50 kHz; as many take seconds
 FEWEST_BLOCKS = 8
 PERIODS = 5.0  # of the strongest line, over which the envelope is a mean
 FEWEST_IN_BLOCK = 16
@@ -80,10 +80,10 @@ class _Part(NamedTuple):
 def read_lines(measured: Measured, kind: Kind | None = None) -> Reading:
     """Find the lines of a record, as those of small vibration or of saturated squeal; `kind` forces one of the two.
 
-    Small vibration is a sum of lines that grow or decay exponentially. The whole record is tried, then what comes
-    before (after) the envelope reaches 35 % to 10 % of its largest value, which must grow (decay) five times. A
-    record in which nothing grows or decays is saturated where its strongest line has harmonics. Raises RequestError for
-    a record that is too short or has no line.
+    Small vibration is a sum of lines that grow or decay exponentially. The whole record is tried, of a ring-down from
+    its largest value on, then what comes before (after) the envelope reaches 35 % to 10 % of its largest value, which
+    must grow (decay) five times. A record in which nothing grows or decays is saturated where its strongest line has
+    harmonics. Raises RequestError for a record that is too short or has no line.
     """
     values, start = _strongest_stretch(measured)
     rate = measured.sample_rate
@@ -157,8 +157,14 @@ def _linear_part(values: NDArray[np.float64], rate: float, block: int) -> tuple[
 
 
 def _candidates(values: NDArray[np.float64], block: int) -> Iterator[tuple[slice, str]]:
-    yield slice(0, values.size), "whole"
     envelope = _envelope(values, block)
+    first, last = (float(np.sqrt(np.mean(each**2))) for each in np.array_split(envelope, 3)[::2])
+    hit = int(np.argmax(np.abs(values - values.mean())))
+    # A record of a hammer test begins before the blow: a ring-down is taken from its largest value on.
+    if 2 * last < first and hit < values.size // 2:
+        yield slice(hit, values.size), "whole"
+    else:
+        yield slice(0, values.size), "whole"
     # In the mean of three blocks a single knock is no growth.
     smooth = np.convolve(np.pad(envelope, 1, mode="edge"), np.ones(3) / 3, mode="valid")
     for level in LEVELS:
@@ -208,8 +214,9 @@ def _linear(values: NDArray[np.float64], rate: float, part: slice, start: float,
                 amplitude=float(amplitude),
             )
         )
+    of = f"all of the record from {start + part.start / rate:.4g} s on" if part.start else "all of the record"
     reasons = {
-        "whole": "all of the record is a sum of lines that grow or decay exponentially: small vibration",
+        "whole": f"{of} is a sum of lines that grow or decay exponentially: small vibration",
         "growth": "the record grows exponentially up to there: small vibration before it saturates",
         "decay": "the record decays exponentially from there on: small vibration",
     }
