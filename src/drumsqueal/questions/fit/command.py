@@ -63,7 +63,7 @@ def fit_command(
     quiet: Quiet = False,
     json_file: JsonFile = None,
 ) -> None:
-    """Which numbers of the scene bring the predicted lines onto the measured ones?
+    """Which numbers of the scene fit a measured record?
 
     Fits the numbers that --vary names to the lines of a measured record, with their uncertainty, and states what the
     record cannot determine. Small vibration (a ring-down, a hammer test, growing squeal) is compared with the
