@@ -45,6 +45,8 @@ from drumsqueal.questions.cycle.search import find_cycle as find_cycle
 from drumsqueal.questions.cycle.seeds import Seed as Seed
 from drumsqueal.questions.effects.study import EffectStudy as EffectStudy
 from drumsqueal.questions.effects.study import study_effects as study_effects
+from drumsqueal.questions.fit.found import Fit as Fit
+from drumsqueal.questions.fit.study import fit_scene as fit_scene
 from drumsqueal.questions.motion.study import MotionStudy as MotionStudy
 from drumsqueal.questions.motion.study import SettledMotion as SettledMotion
 from drumsqueal.questions.motion.study import study_motion as study_motion

@@ -28,6 +28,7 @@ from drumsqueal.questions.compare.command import compare_command
 from drumsqueal.questions.cycle.command import cycle_command
 from drumsqueal.questions.effects.command import effects_command
 from drumsqueal.questions.export.command import export_command
+from drumsqueal.questions.fit.command import fit_command
 from drumsqueal.questions.motion.command import motion_command
 from drumsqueal.questions.onset.command import onset_command
 from drumsqueal.questions.paper.command import paper_command
@@ -67,6 +68,7 @@ GROUPS: dict[str, dict[str, Callable[..., None]]] = {
         "animate": animate_command,
         "export": export_command,
         "compare": compare_command,
+        "fit": fit_command,
     },
 }
 """The commands in the order of the help, by the panel they stand in."""

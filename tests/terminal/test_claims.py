@@ -110,6 +110,7 @@ WRITERS = {
     "effects": (NOMINAL,),
     "paper": (),
     "motion": (NOMINAL,),
+    "fit": (NOMINAL, "rig.wav", "--vary", "contact.stiffness"),
 }
 
 

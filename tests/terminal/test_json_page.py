@@ -16,6 +16,7 @@ from drumsqueal.questions.cycle.diagram import CycleBranches
 from drumsqueal.questions.cycle.search import CycleStudy
 from drumsqueal.questions.effects.study import EffectStudy
 from drumsqueal.questions.export.export import Exported
+from drumsqueal.questions.fit.found import Fit
 from drumsqueal.questions.motion.study import MotionStudy
 from drumsqueal.questions.onset.found import OnsetStudy
 from drumsqueal.questions.paper.study import PaperStudy
@@ -38,6 +39,7 @@ MODELS: dict[str, type[BaseModel]] = {
     "effects": EffectStudy,
     "accuracy": AccuracyStudy,
     "compare": MeasuredComparison,
+    "fit": Fit,
     "animate": Animation,
     "export": Exported,
     "report": Page,

@@ -77,6 +77,9 @@ SENSITIVITY_FILES = (SENSITIVITY_TABLE, SENSITIVITY_SUMMARY, QUIET_SCENE, figure
 COMPARE_TABLE, COMPARE_SUMMARY, COMPARE = "compare.csv", "compare.json", "compare"
 COMPARE_FILES = (COMPARE_TABLE, COMPARE_SUMMARY, figure_file(COMPARE))
 
+FIT_SUMMARY, FITTED_SCENE, FIT = "fit.json", "fitted.toml", "fit"
+FIT_FILES = (FIT_SUMMARY, FITTED_SCENE, figure_file(FIT))
+
 MADE_FILES = (REPORT, *made_of(HISTORY), *MODE_FILES, *made_of(CYCLE_HISTORY))
 """The names of what other commands make of results; it is removed with them, and does not come again by itself."""
 

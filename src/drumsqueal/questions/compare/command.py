@@ -69,7 +69,7 @@ def compare_command(
 
     Example: drumsqueal compare out/nominal rig.csv --channel vibrometer --unit mm/s
     """
-    if _is_history(measured) and not _is_history(history):
+    if is_history(measured) and not is_history(history):
         why = f"{measured} is a history and {history} is not: the history comes first"
         raise RequestError(f"{why}; write drumsqueal compare {measured} {history}")
     read, whole = (history_file(history), measured), history.absolute()
@@ -91,7 +91,7 @@ def compare_command(
     answer(reply, COMPARED, lambda *_: found)
 
 
-def _is_history(path: Path) -> bool:
+def is_history(path: Path) -> bool:
     """Whether there is an HDF5 file, as every history is, or a folder with one."""
     file = history_file(path)
     try:

@@ -1,0 +1,1 @@
+"""`drumsqueal fit`."""

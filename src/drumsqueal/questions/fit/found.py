@@ -1,0 +1,96 @@
+"""What a fit to a measured record finds."""
+
+from typing import Any
+
+from pydantic import computed_field
+
+from drumsqueal.findings.schema import Finding, Findings, Held, InMemory, SceneInFile
+from drumsqueal.questions.fit.record import Kind, Reading
+
+
+class FittedNumber(Finding):
+    """A number of the scene before and after, in SI and in the `unit` of the scene file ("": SI).
+
+    `uncertainty` is half the 95 % confidence interval of the fitted one and `standard_uncertainty` its standard error;
+    both are None where the record does not determine it, and it then is near the scene's own.
+    """
+
+    key: str
+    unit: str
+    scene_value: float
+    fitted_value: float
+    uncertainty: float | None
+    standard_uncertainty: float | None
+    determined: bool
+    scene_value_SI: float
+    fitted_value_SI: float
+    uncertainty_SI: float | None
+    at_bound: bool = False
+
+    @computed_field
+    @property
+    def relative_change(self) -> float | None:
+        """Fitted over the scene's value, less 1; None where that is zero."""
+        return self.fitted_value_SI / self.scene_value_SI - 1 if self.scene_value_SI else None
+
+
+class FittedLine(Finding):
+    """A measured line with what the scene predicts before and after; uncertainties are half the 95 % intervals.
+
+    `mode` is the mode it is taken for; None of a line of saturated squeal, and where it is `used` for nothing. Growth
+    rates are None where the record does not show them.
+    """
+
+    measured_Hz: float
+    uncertainty_Hz: float
+    mode: str | None = None
+    before_Hz: float | None = None
+    after_Hz: float | None = None
+    measured_growth_rate_1_per_s: float | None = None
+    growth_rate_uncertainty_1_per_s: float | None = None
+    before_growth_rate_1_per_s: float | None = None
+    after_growth_rate_1_per_s: float | None = None
+
+    @computed_field
+    @property
+    def used(self) -> bool:
+        """Whether the fit takes it."""
+        return self.after_Hz is not None
+
+
+class Fit(Findings):
+    """Numbers of a scene fitted to a measured record; `scene` is the one before, `fitted_scene` the one after.
+
+    The `record_kind` is "linear" for small vibration, whose lines are compared with the eigenvalues, and "saturated"
+    for squeal, whose lines are compared with those of transients. `observations` counts frequencies and growth rates.
+    `chi_square_per_freedom` is that of the lines, None where there are no more observations than numbers determined;
+    uncertainties are scaled by its root where it exceeds 1. `open_combinations` are those of the numbers that the
+    record does not determine: exponents by key, along which the product of powers may change. `ambiguous` says which
+    other assignment of lines to modes fits as well.
+    """
+
+    file: str
+    channel: str
+    record_kind: Kind
+    reason: str
+    from_s: float
+    until_s: float
+    sample_rate_Hz: float
+    numbers: tuple[FittedNumber, ...]
+    lines: tuple[FittedLine, ...]
+    observations: int
+    chi_square_per_freedom: float | None
+    freedom: int
+    open_combinations: tuple[dict[str, float], ...]
+    ambiguous: str | None = None
+    transients: int = 0
+    verdict: str = ""
+    notes: tuple[str, ...] = ()
+    fitted_scene: SceneInFile
+    reading: InMemory[Reading] = Held
+    written: InMemory[Any] = Held
+
+    @property
+    def determined(self) -> tuple[FittedNumber, ...]:
+        """The numbers that the record determines."""
+        return tuple(number for number in self.numbers if number.determined)

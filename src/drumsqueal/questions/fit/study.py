@@ -1,0 +1,323 @@
+"""Numbers of a scene that bring its predicted lines onto measured ones, with their uncertainty."""
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drumsqueal.errors import RequestError
+from drumsqueal.files.saved_history import read_history
+from drumsqueal.findings.time_window import time_window
+from drumsqueal.physics.composition import kept_coordinates
+from drumsqueal.progress import Progress, silent
+from drumsqueal.questions.compare.matching import match_lines
+from drumsqueal.questions.compare.measured.reader import read_measured
+from drumsqueal.questions.compare.measured.record import Measured, check_count
+from drumsqueal.questions.export.signals import SURFACE, make_channels, names_of
+from drumsqueal.questions.fit.assignment import FURTHEST, MODEL_FREQUENCY, Assignment, assign, fit_lines
+from drumsqueal.questions.fit.eigenlines import Eigenmodes
+from drumsqueal.questions.fit.estimate import PERCENT_95, Estimate, Scale
+from drumsqueal.questions.fit.found import Fit, FittedLine, FittedNumber
+from drumsqueal.questions.fit.record import CLOCK, Kind, Reading, RecordLine, read_lines
+from drumsqueal.questions.fit.squeal import find_squeal, fit_squeal, pair_squeal
+from drumsqueal.questions.fit.words import describe_fit, describe_notes
+from drumsqueal.questions.sensitivity.decay import DISTURBANCE
+from drumsqueal.questions.sensitivity.stabilising import numbers_of, variable_numbers
+from drumsqueal.questions.sensitivity.study import at_one_time
+from drumsqueal.scene import Scene, load_scene
+from drumsqueal.scene.file import read_tables
+from drumsqueal.scene.quantities import parse_quantity
+from drumsqueal.scene.variation import unit_of
+from drumsqueal.scene.written import Written
+from drumsqueal.simulation import prepare
+
+FEWEST_DIGITS, OPEN_DIGITS, MOST_DIGITS = 3, 6, 10  # of a fitted number; one more than its uncertainty asks for
+BOUND = 1e-3  # of x, this close to the end of what is allowed
+
+
+class _Result(NamedTuple):
+    """An estimate, the lines as they are to be reported, and what else is to be said."""
+
+    estimate: Estimate
+    lines: tuple[FittedLine, ...]
+    observations: int
+    ambiguous: str | None = None
+    transients: int = 0
+    notes: tuple[str, ...] = ()
+
+
+def fit_scene(
+    scene: Scene | Path | str,
+    measured: Measured | Path | str,
+    vary: Sequence[str],
+    *,
+    kind: str | None = None,
+    channel: str | None = None,
+    signal: str = SURFACE,
+    file: Path | str = "",
+    written: Written | None = None,
+    progress: Progress = silent,
+) -> Fit:
+    """Fit numbers of a scene, named by dotted key in `vary`, to the lines of a measured record.
+
+    Small vibration is compared with the eigenvalues, in frequency and growth rate; squeal that has saturated with
+    transients of the scene, in the frequencies of `signal`. Which of the two a record, or a part of it, holds is seen
+    from the record, unless `kind` states "linear" or "saturated". Weighted least squares in the logarithms of the
+    numbers; combinations that the record does not determine stay at the scene's values. A `measured` file is read as
+    `read_measured` does, or is a history, of which `channel` names the signal. Raises RequestError for numbers that
+    cannot be varied and for records without lines, and SceneError for a scene without steady sliding.
+    """
+    if not vary:
+        raise RequestError("--vary: name at least one number, such as --vary contact.stiffness")
+    if not isinstance(scene, Scene):
+        written = written or Written(load_scene(scene), read_tables(scene))
+        scene = written.scene
+    if not isinstance(measured, Measured):
+        file, measured = file or measured, read_record(Path(measured), channel, signal)
+    changed, keys = variable_numbers(scene, vary)
+    prepare(changed)  # what has no steady sliding is reported first
+    progress("lines of the record", 0.0, None)
+    asked = None if kind is None else Kind(kind)
+    reading = read_lines(measured, asked)
+    numbers = numbers_of(changed)
+    scale = Scale.of(keys, [numbers[key] for key in keys])
+    how = _fit_linear if reading.kind is Kind.LINEAR else _fit_saturated
+    result = how(changed, keys, scale, reading, signal, progress)
+    return _report(scene, keys, scale, reading, result, measured, str(file), written or Written(scene))
+
+
+def read_record(
+    path: Path,
+    channel: str | None = None,
+    signal: str = SURFACE,
+    *,
+    rate: float | None = None,
+    first: float | None = None,
+    last: float | None = None,
+) -> Measured:
+    """Read a channel of a measured file or, where it is a history or the folder of one, a signal of that.
+
+    `first` and `last` (s) are the part to take, `rate` (Hz) is that of a file without one. Raises RequestError.
+    """
+    if not _is_history(path):
+        return read_measured(path, channel, rate=rate, first=first, last=last)
+    if rate is not None:
+        raise RequestError(f"--rate: {path} is a history, which has its own; leave it out")
+    saved = read_history(path)
+    names, _ = names_of([channel or signal], saved, option="--channel")
+    if len(names) != 1:
+        raise RequestError(f"--channel {channel}: there are several such, {', '.join(names)}; take one of them")
+    time = saved.data["time"].values
+    ends = (float(time[0]), float(time[-1]))
+    since, until = time_window(str(path), ends, 1 / saved.sample_rate, first, last)
+    part = slice(int(np.searchsorted(time, since - 1e-9)), int(np.searchsorted(time, until + 1e-9, side="right")))
+    check_count(path, part.stop - part.start)
+    (found,) = make_channels(saved, names, part)
+    if not np.ptp(found.values) > 0:
+        raise RequestError(f"{path}: {names[0]} does not move in this history; take another with --channel")
+    return Measured(names[0], found.units, saved.sample_rate, float(time[part.start]), found.values, ())
+
+
+def _is_history(path: Path) -> bool:
+    from drumsqueal.questions.compare.command import is_history
+
+    return is_history(path)
+
+
+def _fit_linear(
+    scene: Scene, keys: Sequence[str], scale: Scale, reading: Reading, signal: str, progress: Progress
+) -> _Result:
+    """Eigenvalues onto the lines of small vibration."""
+    del signal
+    frozen = at_one_time(scene, prepare(scene).stability.time)
+    progress("fitting eigenvalues", 0.0, None)
+    modes, lines = Eigenmodes(frozen, keys), reading.lines
+    kept = kept_coordinates(scene)
+    found = assign(lines, modes, scale, [mode.name in kept for mode in modes.modes])
+    pairs = [(line, k) for line, k in zip(lines, found.modes, strict=True) if k is not None]
+    if not pairs:
+        near = ", ".join(f"{mode.label} {mode.frequency_Hz:.0f}" for mode in modes.modes)
+        heard = ", ".join(f"{line.frequency_Hz:.0f}" for line in lines)
+        raise RequestError(f"no measured line ({heard} Hz) is near a mode of the scene ({near} Hz); correct the scene")
+    estimate = fit_lines([line for line, _ in pairs], [k for _, k in pairs], modes, scale)
+    before, after = modes.at(scale.before).eigenvalues, modes.at(scale.numbers(estimate.x)).eigenvalues
+    rows = [_mode_line(line, k, modes.labels, before, after) for line, k in zip(lines, found.modes, strict=True)]
+    return _Result(estimate, tuple(rows), 2 * len(pairs), _rival(found, lines, modes.labels))
+
+
+def _mode_line(
+    line: RecordLine,
+    k: int | None,
+    labels: Sequence[str],
+    before: NDArray[np.complex128],
+    after: NDArray[np.complex128],
+) -> FittedLine:
+    known = {
+        "measured_Hz": line.frequency_Hz,
+        "uncertainty_Hz": PERCENT_95 * line.frequency_uncertainty_Hz,
+        "measured_growth_rate_1_per_s": line.growth_rate_1_per_s,
+        "growth_rate_uncertainty_1_per_s": PERCENT_95 * (line.growth_rate_uncertainty_1_per_s or 0.0),
+    }
+    if k is None:
+        return FittedLine(**known)  # pyright: ignore[reportArgumentType]
+    return FittedLine(
+        **known,  # pyright: ignore[reportArgumentType]
+        mode=labels[k],
+        before_Hz=before[k].imag / math.tau,
+        after_Hz=after[k].imag / math.tau,
+        before_growth_rate_1_per_s=before[k].real,
+        after_growth_rate_1_per_s=after[k].real,
+    )
+
+
+def _rival(found: Assignment, lines: Sequence[RecordLine], labels: Sequence[str]) -> str | None:
+    """What else the lines could be, in words."""
+    if found.rival is None:
+        return None
+    named = [
+        f"{line.frequency_Hz:.1f} Hz as {labels[other] if other is not None else 'no mode'}"
+        for line, own, other in zip(lines, found.modes, found.rival, strict=True)
+        if own != other
+    ]
+    return ", ".join(named)
+
+
+def _fit_saturated(
+    scene: Scene, keys: Sequence[str], scale: Scale, reading: Reading, signal: str, progress: Progress
+) -> _Result:
+    """Lines of transients onto those of saturated squeal."""
+    squeal = find_squeal(scene, reading.lines, signal, progress)
+    pairs = pair_squeal(reading.lines, squeal.lines)
+    used = [(line, squeal.lines[k]) for line, k in zip(reading.lines, pairs, strict=True) if k is not None]
+    if not used:
+        heard, own = (", ".join(f"{line.frequency_Hz:.0f}" for line in each) for each in (reading.lines, squeal.lines))
+        raise RequestError(f"the scene squeals at {own} Hz, and no line of the record ({heard} Hz) is near; correct it")
+
+    def change(x: NDArray[np.float64]) -> Scene:
+        return squeal.scene.with_values(dict(zip(keys, map(float, scale.numbers(x)), strict=True)))
+
+    measured, simulated = [line for line, _ in used], [line for _, line in used]
+    guess = _shifted(scene, keys, scale, measured, simulated)
+    found = fit_squeal(change, measured, simulated, scale, signal, progress, begin=squeal.start, guess=guess)
+    after = dict(zip([line.frequency_Hz for line in measured], found.after.tolist(), strict=True))
+    before = dict(zip([line.frequency_Hz for line in measured], found.before.tolist(), strict=True))
+    rows = [
+        FittedLine(
+            measured_Hz=line.frequency_Hz,
+            uncertainty_Hz=PERCENT_95 * line.frequency_uncertainty_Hz,
+            before_Hz=before.get(line.frequency_Hz),
+            after_Hz=after.get(line.frequency_Hz),
+        )
+        for line in reading.lines
+    ]
+    size = (
+        f"the transients start from a disturbance of {DISTURBANCE * squeal.start:g} p0/k_c, which leads to the squeal"
+    )
+    start = (f"{size} that is most like the measured one",) if squeal.start else ()
+    if squeal.scene is not scene:
+        ran = squeal.scene.simulate.duration
+        start = (*start, f"the transients ran for {ran:g} s, since squeal has not settled within the scene's duration")
+    return _Result(found.estimate, tuple(rows), len(used), None, found.transients, start)
+
+
+def _shifted(
+    scene: Scene, keys: Sequence[str], scale: Scale, measured: Sequence[RecordLine], simulated: Sequence[RecordLine]
+) -> NDArray[np.float64] | None:
+    """Where eigenvalues move as far as the lines of squeal are to, as if their ratio to these stayed: a first guess."""
+    modes = Eigenmodes(at_one_time(scene, prepare(scene).stability.time), keys)
+    kept = kept_coordinates(scene)
+    own = [k for k, mode in enumerate(modes.modes) if mode.name in kept]
+    matches = match_lines(
+        [line.frequency_Hz for line in simulated], [modes.modes[k].frequency_Hz for k in own], widest=FURTHEST
+    )
+    lines, places = [], []
+    for line, of_scene, match in zip(measured, simulated, matches, strict=True):
+        if match is not None and match.paired:
+            places.append(own[match.reference])
+            frequency = modes.modes[places[-1]].frequency_Hz * line.frequency_Hz / of_scene.frequency_Hz
+            known = {"frequency_Hz": frequency, "frequency_uncertainty_Hz": MODEL_FREQUENCY * frequency}
+            lines.append(line.model_copy(update=known))
+    return fit_lines(lines, places, modes, scale).x if lines else None
+
+
+def _report(
+    scene: Scene,
+    keys: Sequence[str],
+    scale: Scale,
+    reading: Reading,
+    result: _Result,
+    measured: Measured,
+    file: str,
+    written: Written,
+) -> Fit:
+    estimate = result.estimate
+    values, slopes = scale.numbers(estimate.x), np.abs(scale.slopes(estimate.x))
+    low, high = scale.bounds
+    numbers, texts = [], {}
+    for k, key in enumerate(keys):
+        standard = float(slopes[k] * estimate.errors[k])
+        wide, determined = standard * estimate.factor_95, bool(estimate.determined[k])
+        unit = written.unit(key)
+        si = unit_of(key, scene) if unit else ""
+        size = parse_quantity(f"1 {unit}", si) if unit else 1.0
+        shown = _rounded(values[k] / size, wide / size if determined else None)
+        # An open number is as it was but for round-off of the lines.
+        same = bool(abs(values[k] - scale.before[k]) <= (0.0 if determined else CLOCK * abs(scale.before[k])))
+        if not same:
+            texts[key] = f"{_plain(shown)} {unit}" if unit else float(shown)
+        numbers.append(
+            FittedNumber(
+                key=key,
+                unit=unit,
+                scene_value=float(f"{scale.before[k] / size:.14g}"),
+                fitted_value=float(shown) if not same else float(f"{scale.before[k] / size:.14g}"),
+                uncertainty=wide / size if determined else None,
+                standard_uncertainty=standard / size if determined else None,
+                determined=determined,
+                scene_value_SI=float(scale.before[k]),
+                fitted_value_SI=float(values[k]),
+                uncertainty_SI=wide if determined else None,
+                at_bound=bool(min(estimate.x[k] - low[k], high[k] - estimate.x[k]) < BOUND and scale.before[k] != 0),
+            )
+        )
+    changed = written.with_values(texts)
+    fit = Fit(
+        scene=scene,
+        file=file,
+        channel=measured.name,
+        record_kind=reading.kind,
+        reason=reading.reason,
+        from_s=reading.from_s,
+        until_s=reading.until_s,
+        sample_rate_Hz=measured.sample_rate,
+        numbers=tuple(numbers),
+        lines=result.lines,
+        observations=result.observations,
+        chi_square_per_freedom=estimate.chi_square / estimate.freedom if estimate.freedom > 0 else None,
+        freedom=estimate.freedom,
+        open_combinations=tuple(dict(zip(keys, each.tolist(), strict=True)) for each in estimate.open),
+        ambiguous=result.ambiguous,
+        transients=result.transients,
+        fitted_scene=changed.scene,
+        reading=reading,
+        written=changed,
+    )
+    notes = (*measured.remarks, *result.notes, *describe_notes(fit))
+    return fit.model_copy(update={"verdict": describe_fit(fit), "notes": notes})
+
+
+def _rounded(value: float, uncertainty: float | None) -> str:
+    """A number with one digit more than its uncertainty leaves."""
+    digits = OPEN_DIGITS
+    if uncertainty and value:
+        digits = math.ceil(-math.log10(min(uncertainty / abs(value), 1.0))) + 1
+    return f"{value:.{min(max(digits, FEWEST_DIGITS), MOST_DIGITS)}g}"
+
+
+def _plain(text: str) -> str:
+    """1.30e+08 as 1.3e8."""
+    mantissa, e, exponent = text.partition("e")
+    return f"{mantissa}e{int(exponent)}" if e else mantissa
