@@ -1,7 +1,6 @@
 """A sweep into one folder: its file fills on disk batch by batch; then what is written, drawn and printed."""
 
-from collections.abc import Callable, Iterator
-from contextlib import closing
+from collections.abc import Callable
 
 from rich import box
 from rich.console import Console
@@ -11,17 +10,14 @@ from drumsqueal.files.output_folder import AMPLITUDE, CHANCE, STABILITY, SWEEP, 
 from drumsqueal.progress import Progress
 from drumsqueal.questions.sweep.figure import draw_amplitude, draw_chance, draw_stability
 from drumsqueal.questions.sweep.file import SweepFile
-from drumsqueal.questions.sweep.points import COMPUTED, OUTCOMES, Columns
-from drumsqueal.questions.sweep.study import batches, compute
+from drumsqueal.questions.sweep.filling import Source, fill_file
+from drumsqueal.questions.sweep.points import COMPUTED, OUTCOMES
 from drumsqueal.questions.sweep.summary import ChanceStudy, Responses, SweepStudy, summarise
 from drumsqueal.scene.plan import Plan
 from drumsqueal.scene.quantities import printable
 from drumsqueal.terminal.reply import Reply
 from drumsqueal.terminal.runner import Answer, answer
 from drumsqueal.terminal.tables import print_table
-
-Batches = list[tuple[int, int]]  # the first point of each, and the one after the last
-Source = Callable[[Plan, Batches, Callable[[], None]], Iterator[tuple[int, Columns]]]
 
 
 def sweep_into(reply: Reply, plan: Plan, source: Source, *, resume: bool = False) -> SweepStudy:
@@ -38,32 +34,9 @@ def sweep_into(reply: Reply, plan: Plan, source: Source, *, resume: bool = False
             file.take_up()
         else:
             file.create(progress)
-        _fill(file, plan, source, progress)
-        return summarise(file.read(), plan)
+        return summarise(fill_file(file, plan, source, progress), plan)
 
     return answer(reply, SWEEP_ANSWER, find, record=file, resume=resume)
-
-
-def here(plan: Plan, left: Batches, look: Callable[[], None]) -> Iterator[tuple[int, Columns]]:
-    """Compute the batches in this process: the first point of each, and its results."""
-    for first, stop in left:
-        yield first, compute(plan, first, stop, look=look)
-
-
-def _fill(file: SweepFile, plan: Plan, source: Source, progress: Progress) -> None:
-    """Compute what is missing, each batch once."""
-    computed = file.computed()
-    left = {first: stop for first, stop in batches(plan) if not computed[first:stop].all()}
-
-    def look() -> None:
-        progress("sweeping", plan.points - sum(stop - first for first, stop in left.items()), plan.points)
-
-    look()
-    with closing(source(plan, list(left.items()), look)) as stream:  # pyright: ignore[reportArgumentType]
-        for first, columns in stream:
-            file.write(first, columns)
-            del left[first]
-            look()
 
 
 def print_study(console: Console, study: SweepStudy) -> None:
