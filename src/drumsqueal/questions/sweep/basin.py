@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from drumsqueal.findings.part import Finding, Held, Number
 from drumsqueal.questions.onset.found import ALIKE_ENERGY, ALIKE_FREQUENCY, Leads
 from drumsqueal.questions.sweep.chance import Chance, chance, fraction
-from drumsqueal.questions.sweep.points import LEADS, NONE, Points
+from drumsqueal.questions.sweep.points import LEADS, NONE, Points, squealing
 
 OTHERS = (Leads.NEUTRAL, Leads.RUNS_AWAY, Leads.GROWS, Leads.UNDECIDED)
 
@@ -36,10 +36,12 @@ class Basin(Finding):
     that lead to neither. Motions whose kinetic energies differ by less than a factor of 1.6 and whose frequencies by
     less than 5 % are one attractor; there are none where the brake is varied, too. `starts` (N, keys) are in SI, in the
     order of `keys`, and `attractor` (N,) has the number of the squeal that each leads to, 0 for steady sliding, −1 for
-    neither. `data` are all results.
+    neither. `coordinate` is the one that has most kinetic energy in most of
+    the squeals, and `data` are all results.
     """
 
     keys: tuple[str, ...]
+    coordinate: str
     squeal: Chance
     decay: Chance
     attractors: tuple[Attractor, ...]
@@ -92,11 +94,13 @@ def find_basin(data: xarray.Dataset, plan: Points) -> Basin:
     of = chance if plan.draws else fraction  # the points of a grid are no samples
     return Basin(
         keys=plan.keys,
+        coordinate=_main_coordinate(data, plan),
         squeal=of(count[Leads.SQUEALS], clear),
         decay=of(count[Leads.DECAYS], clear),
         attractors=tuple(
             _attractor(data, plan, number, np.flatnonzero(numbers == number), of(int((numbers == number).sum()), clear))
             for number in range(1, numbers.max(initial=0) + 1)
+            if set(plan.keys) == set(plan.starts)
         ),
         elsewhere={each.value: count[each] for each in (Leads.NEUTRAL, Leads.RUNS_AWAY) if count[each]},
         unclear=plan.points - clear,
@@ -104,6 +108,11 @@ def find_basin(data: xarray.Dataset, plan: Points) -> Basin:
         attractor=numbers,
         data=data,
     )
+
+
+def _main_coordinate(data: xarray.Dataset, plan: Points) -> str:
+    main = np.ravel(data["main_coordinate"].values)[np.ravel(squealing(data))]
+    return plan.coordinates[int(np.bincount(main[main >= 0], minlength=1).argmax())]
 
 
 def _attractor(

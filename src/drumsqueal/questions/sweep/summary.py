@@ -84,6 +84,11 @@ class SweepStudy(Findings):
     data: Any = Held
     plan: Any = Held
 
+    @property
+    def of_starts_alone(self) -> bool:
+        """Whether one brake starts in many ways."""
+        return set(self.plan.keys) == set(self.plan.starts)
+
 
 def summarise(data: xarray.Dataset, plan: Plan) -> SweepStudy:
     """Summarise the results at all points of a sweep."""
