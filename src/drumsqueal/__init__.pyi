@@ -46,7 +46,9 @@ from drumsqueal.questions.sensitivity.quieting import Quieting as Quieting
 from drumsqueal.questions.sensitivity.quieting import quieten as quieten
 from drumsqueal.questions.sensitivity.study import SensitivityStudy as SensitivityStudy
 from drumsqueal.questions.sensitivity.study import study_sensitivity as study_sensitivity
+from drumsqueal.questions.sweep.basin import Basin as Basin
 from drumsqueal.questions.sweep.study import sweep_parameters as sweep_parameters
+from drumsqueal.questions.sweep.study_basin import study_basin as study_basin
 from drumsqueal.scene import Scene as Scene
 from drumsqueal.scene import SceneError as SceneError
 from drumsqueal.scene import load_scene as load_scene
