@@ -34,6 +34,8 @@ from drumsqueal.questions.cycle.search import CycleStudy as CycleStudy
 from drumsqueal.questions.cycle.search import find_cycle as find_cycle
 from drumsqueal.questions.effects.study import EffectStudy as EffectStudy
 from drumsqueal.questions.effects.study import study_effects as study_effects
+from drumsqueal.questions.matrix.study import NoiseMatrix as NoiseMatrix
+from drumsqueal.questions.matrix.study import study_matrix as study_matrix
 from drumsqueal.questions.motion.study import MotionStudy as MotionStudy
 from drumsqueal.questions.motion.study import SettledMotion as SettledMotion
 from drumsqueal.questions.motion.study import study_motion as study_motion

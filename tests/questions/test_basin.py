@@ -79,7 +79,7 @@ def test_starts_of_a_block_lead_where_the_unstable_cycle_parts_them(tmp_path):
     assert squeal.frequency_Hz == pytest.approx(0.1583, abs=2e-4)
     assert len(repr(found)) < 200
     # Another study is not taken for this one, and what is complete is read.
-    with pytest.raises(RequestError, match="another box"):
+    with pytest.raises(RequestError, match="another set of points"):
         ds.study_basin(block(), BOX, samples=7, file=file)
     with pytest.raises(RequestError, match="another model"):
         ds.study_basin(ds.block_on_belt(lambda s: 0.5 + 0 * s, damping=0.1, belt_speed=1.5), BOX, samples=6, file=file)

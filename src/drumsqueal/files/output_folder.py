@@ -54,6 +54,9 @@ SWEEP, SWEEP_SUMMARY = "sweep.nc", "sweep.json"
 STABILITY, AMPLITUDE, CHANCE, BASIN = "stability", "amplitude", "chance", "basin"
 SWEEP_FILES = (SWEEP, SWEEP_SUMMARY, *map(figure_file, (STABILITY, AMPLITUDE, CHANCE, BASIN)))
 
+MATRIX_DATA, MATRIX_SUMMARY, MATRIX_TABLE, MATRIX = "matrix.nc", "matrix.json", "matrix.csv", "matrix"
+MATRIX_FILES = (MATRIX_DATA, MATRIX_SUMMARY, MATRIX_TABLE, figure_file(MATRIX))
+
 PAPER_TABLE, STATEMENTS_TABLE, STATEMENTS = "paper.csv", "statements.csv", "statements.json"
 PAPER_FIGURES = {
     "4": "fig04_friction",

@@ -17,7 +17,7 @@ from drumsqueal.questions.sweep.chance import Chance
 from drumsqueal.questions.sweep.figure import draw_amplitude, draw_chance, draw_stability
 from drumsqueal.questions.sweep.file import SweepFile
 from drumsqueal.questions.sweep.filling import Source, fill_file
-from drumsqueal.questions.sweep.points import COMPUTED, OUTCOMES, Points
+from drumsqueal.questions.sweep.points import COMPUTED, OUTCOMES, Starting
 from drumsqueal.questions.sweep.summary import ChanceStudy, Responses, SweepStudy, summarise
 from drumsqueal.scene.plan import Plan
 from drumsqueal.scene.quantities import printable
@@ -78,29 +78,31 @@ def _print_linear(console: Console, study: SweepStudy) -> None:
     console.print(f"By the eigenvalues steady sliding is {f'unstable: {growing}' if growing else 'stable'}")
 
 
-def print_basin(console: Console, basin: Basin, plan: Points) -> None:
+def print_basin(console: Console, basin: Basin, plan: Starting) -> None:
     """Print which fraction of the starts leads where."""
     name = basin.coordinate
-    headings = ["leads to", "fraction", "Hz", f"{name} {unit_of(name, 'µ')}", "for instance from"]
+    headings = ["leads to", "fraction", "Hz", f"{name} {unit_of(name, 'µ')}"]
     if not math.isnan(basin.squeal.low):
         headings[2:2] = ["95 % from", "to"]
     table = Table(title=f"Where {plan.points} disturbances lead", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     for heading in headings:
-        table.add_column(heading, justify="left" if heading in (headings[0], headings[-1]) else "right")
+        table.add_column(heading, justify="left" if heading == headings[0] else "right")
 
     def row(what: str, chance: Chance, *cells: str) -> None:
         ends = [] if math.isnan(basin.squeal.low) else [f"{100 * end:.1f} %" for end in (chance.low, chance.high)]
         table.add_row(what, f"{100 * chance.share:.1f} %", *ends, *cells)
 
-    row("steady sliding", basin.decay, "", "", "")
+    row("steady sliding", basin.decay, "", "")
+    for each in basin.attractors:
+        amplitude = f"{1e6 * each.amplitude[name]:.4g}"
+        row(f"squeal {each.number}", each.chance, f"{each.frequency_Hz:.5g}", amplitude)
+    if not basin.attractors:
+        row("squeal", basin.squeal, "", "")
+    print_table(console, table)
     for each in basin.attractors:
         start = {key: plan.listed(key, value) for key, value in each.start.items()}
         where = ", ".join(f"{key.removeprefix('start.')} {value:.3g} {plan.unit(key)}" for key, value in start.items())
-        amplitude = f"{1e6 * each.amplitude[name]:.4g}"
-        row(f"squeal {each.number}", each.chance, f"{each.frequency_Hz:.5g}", amplitude, where)
-    if not basin.attractors:
-        row("squeal", basin.squeal, "", "", "")
-    print_table(console, table)
+        console.print(printable(f"Squeal {each.number} follows, for instance, on {where}"))
     ranges = ", ".join(_range(plan, key) for key in plan.starts)
     console.print(printable(f"{basin.squeal.in_words} of the disturbances squeal; they start with {ranges}"))
     for what, count in basin.elsewhere.items():
@@ -111,7 +113,7 @@ def print_basin(console: Console, basin: Basin, plan: Points) -> None:
         )
 
 
-def _range(plan: Points, key: str) -> str:
+def _range(plan: Starting, key: str) -> str:
     """What a number of the start is drawn from, or taken from."""
     values = plan.values(0, plan.points)[:, plan.keys.index(key)]
     given = plan.given.get(key)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from drumsqueal.findings.part import Finding, Held, Number
 from drumsqueal.questions.onset.found import ALIKE_ENERGY, ALIKE_FREQUENCY, Leads
 from drumsqueal.questions.sweep.chance import Chance, chance, fraction
-from drumsqueal.questions.sweep.points import LEADS, NONE, Points, squealing
+from drumsqueal.questions.sweep.points import LEADS, NONE, Starting, squealing
 
 OTHERS = (Leads.NEUTRAL, Leads.RUNS_AWAY, Leads.GROWS, Leads.UNDECIDED)
 
@@ -85,7 +85,7 @@ def _alike(energies: NDArray[np.float64], frequencies: NDArray[np.float64]) -> b
     return near and bool(abs(np.diff(np.log(frequencies))[0]) < ALIKE_FREQUENCY)
 
 
-def find_basin(data: xarray.Dataset, plan: Points) -> Basin:
+def find_basin(data: xarray.Dataset, plan: Starting) -> Basin:
     """Count where the starts of a sweep lead."""
     leads = np.ravel(data["leads_to"].values)
     count = {each: int((leads == code).sum()) for code, each in enumerate(LEADS)}
@@ -110,13 +110,13 @@ def find_basin(data: xarray.Dataset, plan: Points) -> Basin:
     )
 
 
-def _main_coordinate(data: xarray.Dataset, plan: Points) -> str:
+def _main_coordinate(data: xarray.Dataset, plan: Starting) -> str:
     main = np.ravel(data["main_coordinate"].values)[np.ravel(squealing(data))]
     return plan.coordinates[int(np.bincount(main[main >= 0], minlength=1).argmax())]
 
 
 def _attractor(
-    data: xarray.Dataset, plan: Points, number: int, members: NDArray[np.intp], chance_of_it: Chance
+    data: xarray.Dataset, plan: Starting, number: int, members: NDArray[np.intp], chance_of_it: Chance
 ) -> Attractor:
     names = plan.coordinates
     amplitude = data["amplitude"].values.reshape(-1, len(names))[members]

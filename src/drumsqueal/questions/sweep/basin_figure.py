@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from drumsqueal.findings.vibration import unit_of
 from drumsqueal.questions.sweep.basin import Basin
 from drumsqueal.questions.sweep.figure import in_words
-from drumsqueal.questions.sweep.points import NONE, Points
+from drumsqueal.questions.sweep.points import NONE, Starting
 from drumsqueal.terminal import style
 from drumsqueal.terminal.style import frame, new_figure, styled
 
@@ -20,7 +20,7 @@ SIZES = 4.5, 1.5  # of their dots, points
 
 
 @styled()
-def draw_basin(data: xarray.Dataset, plan: Points, basin: Basin) -> Figure:
+def draw_basin(data: xarray.Dataset, plan: Starting, basin: Basin) -> Figure:
     """Draw the first two numbers of the starts, or over one number the amplitude that it leads to."""
     two = len(plan.starts) > 1
     rest = plan.starts[2:]
@@ -55,11 +55,11 @@ def _kinds(basin: Basin) -> list[tuple[int, str, str]]:
     return [*found, (NONE, ELSEWHERE, "elsewhere, or not clear")]
 
 
-def _values(plan: Points, basin: Basin, key: str) -> np.ndarray:
+def _values(plan: Starting, basin: Basin, key: str) -> np.ndarray:
     return np.array([plan.listed(key, value) for value in basin.starts[:, plan.keys.index(key)].tolist()])
 
 
-def _label(plan: Points, key: str) -> str:
+def _label(plan: Starting, key: str) -> str:
     return f"{in_words(key).removeprefix('start ')} from steady sliding ({plan.unit(key)})"
 
 

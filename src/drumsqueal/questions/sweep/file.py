@@ -142,6 +142,20 @@ def find_sweep(folder: Path, plan: Plan) -> Plan:
     return plan
 
 
+def outcome_of(path: Path, plan: Points) -> str:
+    """How the study in a file ended. Raises RequestError where it is another one."""
+    wanted = attributes(plan)
+    try:
+        there = read_texts(path, [*wanted, "outcome"])
+    except Exception:  # h5py raises nearly all there is on a file that is damaged
+        raise RequestError(f"{path}: this is no file of such a study, or it is damaged; name another one") from None
+    differ = [name for name in wanted if there[name] != wanted[name]]
+    if differ:
+        what = {"sweep": "set of points"}.get(differ[0], differ[0])
+        raise RequestError(f"{path} holds a study with another {what}; give it that, or name another file")
+    return there["outcome"]
+
+
 def _same(there: Any, here: Any) -> bool:
     """Whether two descriptions are the same but for round-off, as of one range in two units."""
     if isinstance(there, dict) and isinstance(here, dict):

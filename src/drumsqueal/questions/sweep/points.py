@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from drumsqueal.findings.decay import BEYOND
 from drumsqueal.findings.history import versions
 from drumsqueal.findings.saturated import Saturated
+from drumsqueal.questions.matrix.table import MatrixPlan
 from drumsqueal.questions.onset.found import Leads
 from drumsqueal.questions.sweep.body import BodyPlan
 from drumsqueal.scene import COORDINATES
@@ -31,8 +32,10 @@ OUTCOMES = {
 TRENDS = ("grows", "decays", "settled", "at rest", "failed")
 NONE = -1  # of a coordinate or a trend: there is none
 MODES = len(COORDINATES)  # at most
-Points = Plan | BodyPlan
+Starting = Plan | BodyPlan
+Points = Starting | MatrixPlan
 """What is computed at which points."""
+VERDICTS = ("none", "quiet", "squeals", "not clear")  # of a cell, from -1 on
 LEADS = tuple(Leads)
 OPEN = (Leads.GROWS, Leads.UNDECIDED)  # it is not clear where these lead
 
@@ -102,11 +105,32 @@ STARTS = {
     "leads_to": Variable((), "i1", "1", "where the start leads", ((NONE, "none"), *enumerate(LEADS))),
     "attractor": Variable((), "i2", "1", "0: steady sliding; 1 and so on: squeal, by falling energy; -1: not known"),
 }
+CELLS = {
+    "squeal": Variable(
+        (),
+        "i1",
+        "1",
+        "of a noise matrix: 0 quiet, 1 squeals, 2 not clear",
+        tuple(enumerate(VERDICTS, NONE)),
+    ),
+    "unstable": Variable((), "i1", "1", "1 where a mode grows at the start of the procedure"),
+    "growth_rate": Variable((), "f8", "1/s", "the largest growth rate there"),
+    "velocity": Variable((), "f8", "m/s", "rms velocity of the shoe in the loudest squeal"),
+    "frequency": Variable((), "f8", "Hz", "of its line with most kinetic energy"),
+    "time": Variable((), "f8", "s", "middle of the 50 ms in which a procedure is loudest"),
+    "speed": Variable((), "f8", "rad/s", "drum speed then"),
+    "after": Variable((), "i1", "1", "0: after the smallest disturbance, 1: after a large one only"),
+    "along": Variable((), "i1", "1", "the mode along which the disturbance was that leads to the loudest", _NAMES),
+    "small_velocity": Variable((), "f8", "m/s", "rms velocity of the squeal after a small disturbance"),
+    "small_frequency": Variable((), "f8", "Hz", "of its line with most kinetic energy"),
+}
 Columns = dict[str, np.ndarray]
 
 
 def variables_of(plan: Points) -> dict[str, Variable]:
     """The variables of a sweep, by name."""
+    if isinstance(plan, MatrixPlan):
+        return ALWAYS | CELLS
     found = ALWAYS | (LINEAR if plan.eigenvalues else {}) | (TRANSIENT if plan.transient else {})
     found |= STARTS if plan.starts else {}
     names = ((NONE, "none"), *enumerate(plan.coordinates))
@@ -128,6 +152,8 @@ def blank(plan: Points, points: int) -> Columns:
 
 def axes(plan: Points) -> dict[str, tuple[tuple[str, ...], np.ndarray, dict[str, Any]]]:
     """What does not depend on the results: values of a grid or of the samples, names of modes and coordinates."""
+    if isinstance(plan, MatrixPlan):
+        return {}
     columns: dict[str, tuple[str, Iterable[float]]] = {each.key: (each.key, each.values) for each in plan.variations}
     if plan.draws:
         columns = {key: ("sample", drawn) for key, drawn in zip(plan.keys, plan.values(0, plan.draws).T, strict=True)}

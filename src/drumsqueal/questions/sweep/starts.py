@@ -34,7 +34,7 @@ Vectors = Mapping[int, tuple[NDArray[np.float64], NDArray[np.float64]]]
 
 def round_of(stability: Stability, moving: Sequence[str]) -> float:
     """How long a round is (s): a hundred periods of the slowest mode, or until the one that decays slowest has."""
-    point = _point(0, stability)
+    point = point_of(0, stability)
     longest = round_seconds([point], tuple(moving))
     modes = [mode for mode in stability.modes if mode.name in moving]
     if not modes:
@@ -54,7 +54,7 @@ def follow_starts(
 ) -> None:
     """Run the starts of models of one composition by their points, and note in the columns where each leads."""
     some = next(iter(models))
-    points = {k: _point(k, found[k]) for k in models}
+    points = {k: point_of(k, found[k]) for k in models}
     family = Family(lambda value: models[int(value)], models[some].names, found[some].coordinates)
     tasks = [(points[k], Start(str(k), *starts[k])) for k in models]
     seconds = dict.fromkeys(models, 0.0)
@@ -98,7 +98,8 @@ def _is_same(first: Motion, second: Motion) -> bool:
     return name == second.line_of and (name is None or abs(second.amplitude[name] / first.amplitude[name] - 1) < SURE)
 
 
-def _point(k: int, found: Stability) -> Point:
+def point_of(k: int, found: Stability) -> Point:
+    """A stability as the linear point of number k."""
     largest = float(np.abs(found.eigenvalues).max())
     return Point(float(k), found.steady_state, found.modes, found.divergence, largest)
 

@@ -16,6 +16,8 @@ from drumsqueal.findings.saturated import Saturated, saturated_motions
 from drumsqueal.physics.composition import compose, moved_coordinates
 from drumsqueal.physics.model import build_model
 from drumsqueal.progress import Progress, silent
+from drumsqueal.questions.matrix.cells import compute_cells
+from drumsqueal.questions.matrix.table import MatrixPlan
 from drumsqueal.questions.onset.attractors import How
 from drumsqueal.questions.sweep.basin import number_motions
 from drumsqueal.questions.sweep.body import BodyPlan
@@ -44,7 +46,7 @@ from drumsqueal.solve.linear.modes import Stability
 
 STILL = 0.1  # of the linear growth rate: what changes so slowly has settled
 MOST_ROUNDS = 16  # times the scene's duration that a transient may take to settle
-BATCH, BATCH_OF_TRANSIENTS = 8 * BLOCK, 32  # points
+BATCH, BATCH_OF_TRANSIENTS, BATCH_OF_CELLS = 8 * BLOCK, 32, 1  # points; of a cell there are many transients
 _REASONS = {
     NoSteadySliding.AT_REST: AT_REST,
     NoSteadySliding.NOT_FOUND: NOT_FOUND,
@@ -108,7 +110,7 @@ def _variation(scene: Scene, key: str, values: Iterable[Any]) -> Variation:
 
 def batches(plan: Points) -> list[tuple[int, int]]:
     """The first point, and the one after the last, of the batches that work goes in."""
-    size = BATCH_OF_TRANSIENTS if plan.transient else BATCH
+    size = BATCH_OF_CELLS if isinstance(plan, MatrixPlan) else BATCH_OF_TRANSIENTS if plan.transient else BATCH
     return [(first, min(first + size, plan.points)) for first in range(0, plan.points, size)]
 
 
@@ -138,6 +140,8 @@ def compute(
 
     `look` is called between two steps.
     """
+    if isinstance(plan, MatrixPlan):
+        return compute_cells(plan, first, stop, threads, look)
     if isinstance(plan, BodyPlan):
         return compute_starts(plan, first, stop, threads, look)
     columns = blank(plan, stop - first)

@@ -6,16 +6,14 @@ from pathlib import Path
 
 import xarray
 
-from drumsqueal.errors import RequestError
-from drumsqueal.files.in_place import read_texts
 from drumsqueal.findings.history import COMPLETE
 from drumsqueal.physics.model import Model
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.sweep.basin import Basin, find_basin
 from drumsqueal.questions.sweep.body import Box, body_plan, flat_box
-from drumsqueal.questions.sweep.file import SweepFile
+from drumsqueal.questions.sweep.file import SweepFile, outcome_of
 from drumsqueal.questions.sweep.filling import Batches, fill_file
-from drumsqueal.questions.sweep.points import Columns, Points, attributes
+from drumsqueal.questions.sweep.points import Columns, Points, Starting
 from drumsqueal.questions.sweep.study import check_plan, compute, in_memory
 from drumsqueal.scene import Scene
 from drumsqueal.scene.plan import sample
@@ -53,7 +51,7 @@ def study_basin(
     Raises RequestError for a box, a number of samples or a file that is of no use here, ValueError for a model that
     changes with time, SceneError, and SteadyStateError where there is no steady sliding.
     """
-    plan: Points
+    plan: Starting
     if isinstance(subject, Scene):
         plan = _plan_of_scene(subject, box, samples, seed)
     else:
@@ -63,7 +61,7 @@ def study_basin(
     return find_basin(_in_file(Path(file), plan, progress, threads), plan)
 
 
-def _plan_of_scene(scene: Scene, box: Box, samples: int, seed: int) -> Points:
+def _plan_of_scene(scene: Scene, box: Box, samples: int, seed: int) -> Starting:
     variations = []
     for key, ends in flat_box(box).items():
         unit = unit_of(f"start.{key}", scene)
@@ -88,8 +86,7 @@ def _in_file(path: Path, plan: Points, progress: Progress, threads: int | None) 
     """What a file of the same study holds, or goes on to hold. Raises RequestError for a file of anything else."""
     file = SweepFile(path, plan)
     if path.exists():
-        outcome = _outcome(path, plan)
-        if outcome == COMPLETE:
+        if outcome_of(path, plan) == COMPLETE:
             return file.read()
         file.take_up()
     else:
@@ -102,17 +99,3 @@ def _in_file(path: Path, plan: Points, progress: Progress, threads: int | None) 
     data = fill_file(file, plan, here, progress)
     file.completed()
     return data
-
-
-def _outcome(path: Path, plan: Points) -> str:
-    """How the study in a file ended. Raises RequestError where it is another one."""
-    wanted = attributes(plan)
-    try:
-        there = read_texts(path, [*wanted, "outcome"])
-    except Exception:  # h5py raises nearly all there is on a file that is damaged
-        raise RequestError(f"{path}: this is no file of such a study, or it is damaged; name another one") from None
-    differ = [name for name in wanted if there[name] != wanted[name]]
-    if differ:
-        what = {"sweep": "box, samples, seed or integration"}.get(differ[0], differ[0])
-        raise RequestError(f"{path} holds a study with another {what}; give it that, or name another file")
-    return there["outcome"]
