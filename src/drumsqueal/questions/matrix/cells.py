@@ -4,6 +4,7 @@ loudest moment of a procedure is."""
 import math
 from collections.abc import Callable, Sequence
 from contextlib import closing
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -70,7 +71,7 @@ def compute_cells(plan: MatrixPlan, first: int, stop: int, threads: int | None, 
         columns["unstable"][k] = bool(cell.stability.unstable)
         found, unclear, failed = (_through if procedure.time else _lasting)(cell, threads, lambda *_: look())
         columns["outcome"][k] = FAILED if failed else COMPUTED
-        columns["squeal"][k] = SQUEALS if found else UNCLEAR if unclear else QUIET
+        columns["squeal"][k] = SQUEALS if found else UNCLEAR if unclear or failed else QUIET
         _note(columns, k, found)
     return columns
 
@@ -118,7 +119,7 @@ def _through(cell: Cell, threads: int | None, progress: Progress) -> tuple[list[
     steady = cell.family.shown(cell.stability.steady_state)
     loudest: list[Loudest | None] = [None] * len(starts)
     holds = [0.0, *(_decay_time(cell, mode) for mode in cell.family.modes(cell.point))]
-    reached = np.ones(len(starts), bool)
+    ended = np.full(len(starts), np.inf)  # s, where one has failed; where the drum all but stands that does not matter
     held: list[list[tuple[NDArray, NDArray, NDArray]]] = [[] for _ in starts]
     stream = integrate_many(
         [cell.model] * len(starts), np.array([steady] * len(starts)), np.array([each.vibration for each in starts]),
@@ -129,10 +130,12 @@ def _through(cell: Cell, threads: int | None, progress: Progress) -> tuple[list[
     with closing(stream):
         for chunk in stream:
             progress("procedure", float(chunk.time[-1]), simulate.duration)
-            reached &= chunk.reached
             for k, start in enumerate(starts):
-                held[k].append((chunk.time, chunk.vibration[k], chunk.velocity[k]))
-                while reached[k] and sum(len(part[0]) for part in held[k]) >= samples:
+                sound = np.isfinite(chunk.velocity[k]).all(axis=1)
+                if not sound.all():
+                    ended[k] = min(ended[k], chunk.time[sound.argmin()])
+                held[k].append((chunk.time[sound], chunk.vibration[k][sound], chunk.velocity[k][sound]))
+                while sum(len(part[0]) for part in held[k]) >= samples:
                     time, vibration, velocity = (np.concatenate(parts) for parts in zip(*held[k], strict=True))
                     window = slice(0, samples)
                     heard = None
@@ -140,7 +143,18 @@ def _through(cell: Cell, threads: int | None, progress: Progress) -> tuple[list[
                         heard = _heard(cell.model, start.name, time[window], vibration[window], velocity[window])
                     loudest[k] = max((each for each in (loudest[k], heard) if each), key=_how_loud, default=None)
                     held[k] = [(time[samples:], vibration[samples:], velocity[samples:])]
-    return [each for each in loudest if each is not None], max(holds) > simulate.duration - WINDOW, not reached.all()
+    return (
+        [each for each in loudest if each is not None],
+        max(holds) > simulate.duration - WINDOW,
+        any(map(partial(_turns, cell.model), ended)),
+    )
+
+
+def _turns(model: Model, time: float | NDArray) -> bool:
+    """Whether the drum turns at all times (s) of a window, and does not all but stand."""
+    schedule = model.operation.drum_speed
+    fastest = np.abs(np.asarray(getattr(schedule, "value", 0.0))).max()
+    return bool(np.all(np.isfinite(time)) and np.abs(schedule.at(time)[0]).min() >= TURNS * fastest)
 
 
 def _decay_time(cell: Cell, mode: Mode) -> float:
@@ -159,8 +173,7 @@ def _heard(model: Model, start: str, time: NDArray, vibration: NDArray, velocity
     """The squeal in a window; None where the motion stays within the contact boundaries, or the drum all but stands."""
     moments = model.operation.at(time)
     speed = np.broadcast_to(np.asarray(moments.drum_speed), time.shape)
-    fastest = float(np.max(np.abs(np.asarray(_speeds(model)))))
-    if np.abs(speed).min() < TURNS * fastest:
+    if not _turns(model, time):
         return None
     q, v = (dict(zip(model.names, columns.T, strict=True)) for columns in (vibration, velocity))
     beyond = [pressure_fraction(model, q, moments.preload), slip_fraction(model, v, speed)]
@@ -169,11 +182,6 @@ def _heard(model: Model, start: str, time: NDArray, vibration: NDArray, velocity
     energy = float(np.mean(velocity**2, axis=0) @ np.asarray(model.mass)) / 2
     middle = len(time) // 2
     return Loudest(start, _rms(model, energy), _line(model, time, velocity), float(time[middle]), float(speed[middle]))
-
-
-def _speeds(model: Model) -> NDArray:
-    schedule = model.operation.drum_speed
-    return np.asarray(getattr(schedule, "value", 0.0))
 
 
 def _line(model: Model, time: NDArray, velocity: NDArray) -> float:

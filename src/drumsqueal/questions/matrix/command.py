@@ -27,13 +27,14 @@ def matrix_command(
     quiet: Quiet = False,
     json_file: JsonFile = None,
 ) -> None:
-    """Which of many scenes squeal, in which procedure, at what frequency, how loud, and after what disturbance?
+    """Which of many scenes squeal, and how loud?
 
-    A table combines scenes, loads, speeds, frictions and procedures such as a stop.
+    A table combines scenes, loads, speeds, frictions, and procedures such as a stop or a run-up. Each is tried after a
+    small and after large disturbances.
 
     Writes matrix.nc, matrix.json, matrix.csv and matrix.png into DIR.
 
-    Example: drumsqueal matrix scenarios/matrix/damped.toml -o out/matrix
+    Example: drumsqueal matrix noise.toml -o out/noise
     """
     if resume and overwrite:
         raise UsageError("--resume continues what is there, --overwrite replaces it; leave one of them out")

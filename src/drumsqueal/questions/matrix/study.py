@@ -16,7 +16,7 @@ from drumsqueal.findings.part import Finding, Held, Number
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.matrix.cells import QUIET, SQUEALS, UNCLEAR
 from drumsqueal.questions.matrix.table import PROCEDURE, SCENE, MatrixPlan, read_matrix
-from drumsqueal.questions.sweep.points import COMPUTED, OUTCOMES
+from drumsqueal.questions.sweep.points import OUTCOMES
 from drumsqueal.questions.sweep.study import in_memory
 from drumsqueal.scene import COORDINATES
 
@@ -87,7 +87,7 @@ def find_matrix(data: xarray.Dataset, plan: MatrixPlan) -> NoiseMatrix:
         cells=cells,
         squeal=len(loud),
         squeal_after_large_only=sum(cell.after != SMALL_WORDS for cell in loud),
-        not_clear=sum(cell.verdict == VERDICTS[UNCLEAR] or cell.outcome != OUTCOMES[COMPUTED] for cell in cells),
+        not_clear=sum(cell.verdict not in (VERDICTS[QUIET], VERDICTS[SQUEALS]) for cell in cells),
         data=data,
     )
 

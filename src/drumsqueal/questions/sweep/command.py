@@ -52,6 +52,7 @@ def sweep_command(
     """For which parameters does the brake squeal, and how likely?
 
     Computes growth rates, and with --transient amplitudes and frequencies, over a grid or for uncertain parameters.
+    With --transient the start may vary, too, as start.velocity.Y: then it counts which disturbances squeal.
 
     Writes sweep.nc, sweep.json and figures into DIR.
 
