@@ -4,7 +4,6 @@ loudest moment of a procedure is."""
 import math
 from collections.abc import Callable, Sequence
 from contextlib import closing
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -12,19 +11,19 @@ from numpy.typing import NDArray
 
 from drumsqueal.errors import SteadyStateError
 from drumsqueal.findings.boundaries import pressure_fraction, slip_fraction
-from drumsqueal.findings.decay import BEYOND
+from drumsqueal.findings.decay import BEYOND, NEARLY_LINEAR
 from drumsqueal.findings.signals.spectra import amplitude_spectrum, spectral_peaks
 from drumsqueal.physics.composition import linear_coordinates
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.progress import Progress
 from drumsqueal.questions.matrix.table import MatrixPlan
-from drumsqueal.questions.onset.attractors import LARGE, Family, How, Start, find_attractors
+from drumsqueal.questions.onset.attractors import Family, How, Start, find_attractors
 from drumsqueal.questions.onset.found import Leads, Row
 from drumsqueal.questions.sweep.points import COMPUTED, FAILED, FOLDED, NOT_FINITE, Columns, blank
 from drumsqueal.questions.sweep.starts import point_of, round_of
 from drumsqueal.scene import COORDINATES, Scene
 from drumsqueal.solve.linear.branches import Point
-from drumsqueal.solve.linear.modes import Mode, Stability, analyse_stability
+from drumsqueal.solve.linear.modes import Stability, analyse_stability
 from drumsqueal.solve.transient.batch import integrate_many
 
 WINDOW = 0.05  # s of a procedure, of which the loudest counts
@@ -113,12 +112,12 @@ def _lasting(cell: Cell, threads: int | None, progress: Progress) -> tuple[list[
 def _through(cell: Cell, threads: int | None, progress: Progress) -> tuple[list[Loudest], bool, bool]:
     """The loudest squeal of a procedure from each start, in windows of 50 ms beyond a contact boundary.
 
-    Whether any is unclear, because it is over before its disturbance would have decayed, and whether any failed.
+    That none is unclear, and whether any failed.
     """
     starts, simulate = cell.starts, cell.scene.simulate
     steady = cell.family.shown(cell.stability.steady_state)
     loudest: list[Loudest | None] = [None] * len(starts)
-    holds = [0.0, *(_decay_time(cell, mode) for mode in cell.family.modes(cell.point))]
+    rates = [-math.inf, *(mode.growth_rate for mode in cell.family.modes(cell.point))]  # of what decays by itself
     ended = np.full(len(starts), np.inf)  # s, where one has failed; where the drum all but stands that does not matter
     held: list[list[tuple[NDArray, NDArray, NDArray]]] = [[] for _ in starts]
     stream = integrate_many(
@@ -138,16 +137,10 @@ def _through(cell: Cell, threads: int | None, progress: Progress) -> tuple[list[
                 while sum(len(part[0]) for part in held[k]) >= samples:
                     time, vibration, velocity = (np.concatenate(parts) for parts in zip(*held[k], strict=True))
                     window = slice(0, samples)
-                    heard = None
-                    if time[0] >= holds[k]:
-                        heard = _heard(cell.model, start.name, time[window], vibration[window], velocity[window])
+                    heard = _heard(cell.model, start.name, time[window], vibration[window], velocity[window], rates[k])
                     loudest[k] = max((each for each in (loudest[k], heard) if each), key=_how_loud, default=None)
                     held[k] = [(time[samples:], vibration[samples:], velocity[samples:])]
-    return (
-        [each for each in loudest if each is not None],
-        max(holds) > simulate.duration - WINDOW,
-        any(map(partial(_turns, cell.model), ended)),
-    )
+    return [each for each in loudest if each is not None], False, any(_turns(cell.model, each) for each in ended)
 
 
 def _turns(model: Model, time: float | NDArray) -> bool:
@@ -157,20 +150,18 @@ def _turns(model: Model, time: float | NDArray) -> bool:
     return bool(np.all(np.isfinite(time)) and np.abs(schedule.at(time)[0]).min() >= TURNS * fastest)
 
 
-def _decay_time(cell: Cell, mode: Mode) -> float:
-    """How long (s) a large disturbance along a mode that decays is heard itself: twice what the linear model says."""
-    _, reached = cell.family.reach(mode, cell.model)
-    if mode.growth_rate >= 0 or not reached:
-        return 0.0
-    return -2 * math.log(LARGE * max(reached) / min(reached) / BEYOND) / mode.growth_rate
-
-
 def _how_loud(squeal: Loudest) -> float:
     return squeal.velocity
 
 
-def _heard(model: Model, start: str, time: NDArray, vibration: NDArray, velocity: NDArray) -> Loudest | None:
-    """The squeal in a window; None where the motion stays within the contact boundaries, or the drum all but stands."""
+def _heard(
+    model: Model, start: str, time: NDArray, vibration: NDArray, velocity: NDArray, linear: float
+) -> Loudest | None:
+    """The squeal in a window; None where the motion stays within the contact boundaries, or the drum all but stands.
+
+    Nor is it squeal where the motion falls, relative to the drum's speed, more than half as fast as by the linear model
+    of its mode (1/s): that is a disturbance which decays.
+    """
     moments = model.operation.at(time)
     speed = np.broadcast_to(np.asarray(moments.drum_speed), time.shape)
     if not _turns(model, time):
@@ -179,7 +170,10 @@ def _heard(model: Model, start: str, time: NDArray, vibration: NDArray, velocity
     beyond = [pressure_fraction(model, q, moments.preload), slip_fraction(model, v, speed)]
     if max(float(each.max()) for each in beyond) < BEYOND:
         return None
-    energy = float(np.mean(velocity**2, axis=0) @ np.asarray(model.mass)) / 2
+    energies = velocity**2 @ np.asarray(model.mass) / 2
+    energy, sizes = float(energies.mean()), np.sqrt([half.mean() for half in np.array_split(energies / speed**2, 2)])
+    if linear < 0 and np.log(sizes[1] / sizes[0]) < NEARLY_LINEAR * linear * (time[-1] - time[0]) / 2:
+        return None
     middle = len(time) // 2
     return Loudest(start, _rms(model, energy), _line(model, time, velocity), float(time[middle]), float(speed[middle]))
 

@@ -2,6 +2,7 @@
 
 import math
 
+from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
@@ -14,6 +15,7 @@ from drumsqueal.terminal.style import frame, new_figure, styled
 COLOURS = "YlOrRd"
 ROW_MM, LOWEST_MM, MARGIN_MM = 9.0, 60.0, 34.0
 MOST_ROWS, MOST_COLUMNS = 60, 16  # more would be too small to read: the table has them all
+DARK_FROM = 0.65  # of the scale: text is white on what is darker
 SPAN = 12.0  # dB from the softest to the loudest, at least
 
 
@@ -48,12 +50,14 @@ def draw_matrix(found: NoiseMatrix) -> Figure | None:
     return figure
 
 
-def _draw_cell(axes, x: int, y: int, cell: CellFound, colours: ScalarMappable) -> None:
+def _draw_cell(axes: Axes, x: int, y: int, cell: CellFound, colours: ScalarMappable) -> None:
     loud = math.isfinite(cell.level_dB)
     face = colours.to_rgba(cell.level_dB) if loud else "white"
     axes.add_patch(Rectangle((x - 0.5, y - 0.5), 1, 1, facecolor=face, edgecolor=style.FAINT, linewidth=0.6))
+    bottom, top = colours.get_clim()
+    dark = loud and bottom is not None and top is not None and cell.level_dB > bottom + DARK_FROM * (top - bottom)
+    ink = "white" if dark else style.DARK
     if loud and cell.after != "small":
-        axes.add_patch(Rectangle((x - 0.46, y - 0.42), 0.92, 0.84, fill=False, edgecolor=style.DARK, linewidth=0.9))
+        axes.add_patch(Rectangle((x - 0.46, y - 0.42), 0.92, 0.84, fill=False, edgecolor=ink, linewidth=0.9))
     text = f"{cell.frequency_Hz:.0f} Hz" if loud else "" if cell.verdict == "quiet" else "?"
-    dark = loud and colours.norm(cell.level_dB) > 0.65
-    axes.text(x, y, text, ha="center", va="center", fontsize=style.SMALL_SIZE, color="white" if dark else style.DARK)
+    axes.text(x, y, text, ha="center", va="center", fontsize=style.SMALL_SIZE, color=ink)
