@@ -117,7 +117,7 @@ def _through(cell: Cell, threads: int | None, progress: Progress) -> tuple[list[
     starts, simulate = cell.starts, cell.scene.simulate
     steady = cell.family.shown(cell.stability.steady_state)
     loudest: list[Loudest | None] = [None] * len(starts)
-    rates = [-math.inf, *(mode.growth_rate for mode in cell.family.modes(cell.point))]  # of what decays by itself
+    slowest = max((mode.growth_rate for mode in cell.family.modes(cell.point)), default=0.0)
     ended = np.full(len(starts), np.inf)  # s, where one has failed; where the drum all but stands that does not matter
     held: list[list[tuple[NDArray, NDArray, NDArray]]] = [[] for _ in starts]
     stream = integrate_many(
@@ -137,7 +137,7 @@ def _through(cell: Cell, threads: int | None, progress: Progress) -> tuple[list[
                 while sum(len(part[0]) for part in held[k]) >= samples:
                     time, vibration, velocity = (np.concatenate(parts) for parts in zip(*held[k], strict=True))
                     window = slice(0, samples)
-                    heard = _heard(cell.model, start.name, time[window], vibration[window], velocity[window], rates[k])
+                    heard = _heard(cell.model, start.name, time[window], vibration[window], velocity[window], slowest)
                     loudest[k] = max((each for each in (loudest[k], heard) if each), key=_how_loud, default=None)
                     held[k] = [(time[samples:], vibration[samples:], velocity[samples:])]
     return [each for each in loudest if each is not None], False, any(_turns(cell.model, each) for each in ended)
@@ -159,8 +159,8 @@ def _heard(
 ) -> Loudest | None:
     """The squeal in a window; None where the motion stays within the contact boundaries, or the drum all but stands.
 
-    Nor is it squeal where the motion falls, relative to the drum's speed, more than half as fast as by the linear model
-    of its mode (1/s): that is a disturbance which decays.
+    Nor is it squeal where the motion falls, relative to the drum's speed, more than half as fast as the mode that
+    decays slowest (1/s): that is a disturbance which decays.
     """
     moments = model.operation.at(time)
     speed = np.broadcast_to(np.asarray(moments.drum_speed), time.shape)
