@@ -47,6 +47,8 @@ from drumsqueal.questions.effects.study import EffectStudy as EffectStudy
 from drumsqueal.questions.effects.study import study_effects as study_effects
 from drumsqueal.questions.fit.found import Fit as Fit
 from drumsqueal.questions.fit.study import fit_scene as fit_scene
+from drumsqueal.questions.matrix.study import NoiseMatrix as NoiseMatrix
+from drumsqueal.questions.matrix.study import study_matrix as study_matrix
 from drumsqueal.questions.motion.study import MotionStudy as MotionStudy
 from drumsqueal.questions.motion.study import SettledMotion as SettledMotion
 from drumsqueal.questions.motion.study import study_motion as study_motion
@@ -59,7 +61,9 @@ from drumsqueal.questions.sensitivity.quieting import Quieting as Quieting
 from drumsqueal.questions.sensitivity.quieting import quieten as quieten
 from drumsqueal.questions.sensitivity.study import SensitivityStudy as SensitivityStudy
 from drumsqueal.questions.sensitivity.study import study_sensitivity as study_sensitivity
+from drumsqueal.questions.sweep.basin import Basin as Basin
 from drumsqueal.questions.sweep.study import sweep_parameters as sweep_parameters
+from drumsqueal.questions.sweep.study_basin import study_basin as study_basin
 from drumsqueal.scene import Scene as Scene
 from drumsqueal.scene import SceneError as SceneError
 from drumsqueal.scene import load_scene as load_scene

@@ -29,6 +29,7 @@ from drumsqueal.questions.cycle.command import cycle_command
 from drumsqueal.questions.effects.command import effects_command
 from drumsqueal.questions.export.command import export_command
 from drumsqueal.questions.fit.command import fit_command
+from drumsqueal.questions.matrix.command import matrix_command
 from drumsqueal.questions.motion.command import motion_command
 from drumsqueal.questions.onset.command import onset_command
 from drumsqueal.questions.paper.command import paper_command
@@ -59,6 +60,7 @@ GROUPS: dict[str, dict[str, Callable[..., None]]] = {
         "onset": onset_command,
         "cycle": cycle_command,
         "sweep": sweep_command,
+        "matrix": matrix_command,
         "sensitivity": sensitivity_command,
         "paper": paper_command,
     },
@@ -73,6 +75,7 @@ GROUPS: dict[str, dict[str, Callable[..., None]]] = {
 }
 """The commands in the order of the help, by the panel they stand in."""
 _WITHOUT_JAX = (scenes_command,)
+_WITH_DASK = (sweep_command, matrix_command)
 _MORE_ARGUMENTS = {"effects"}  # so that --within 1 % is read without quotes
 
 
@@ -85,7 +88,7 @@ def _naming_the_scene(command: Callable[..., None]) -> Callable[..., None]:
             check_address_space()
             note_unkept_programs()
         try:
-            with nullcontext() if command is sweep_command else hidden_from_xarray():  # a sweep works with dask
+            with nullcontext() if command in _WITH_DASK else hidden_from_xarray():
                 command(**values)
         except SceneError as error:
             file = values.get("scene", values.get("source"))

@@ -389,7 +389,7 @@ def test_figures_of_a_sweep_with_transients(drumsqueal, tmp_path, vary):
     assert (status, errors) == (0, "")
     assert "Transients at their end" in printed
     assert to_json(read_findings(tmp_path / "sweep.json", SweepStudy)) == (tmp_path / "sweep.json").read_text()
-    assert {path.name for path in tmp_path.iterdir()} == {*SWEEP_FILES} - {"chance.png"}
+    assert {path.name for path in tmp_path.iterdir()} == {*SWEEP_FILES} - {"chance.png", "basin.png"}
 
 
 REFUSED = [

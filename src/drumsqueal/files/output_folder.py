@@ -53,8 +53,11 @@ BRANCH_TABLE, BRANCH_SUMMARY, BRANCH = "branch.csv", "branch.json", "branch"
 BRANCH_FILES = (BRANCH_TABLE, BRANCH_SUMMARY, figure_file(BRANCH))
 
 SWEEP, SWEEP_SUMMARY = "sweep.nc", "sweep.json"
-STABILITY, AMPLITUDE, CHANCE = "stability", "amplitude", "chance"
-SWEEP_FILES = (SWEEP, SWEEP_SUMMARY, *map(figure_file, (STABILITY, AMPLITUDE, CHANCE)))
+STABILITY, AMPLITUDE, CHANCE, BASIN = "stability", "amplitude", "chance", "basin"
+SWEEP_FILES = (SWEEP, SWEEP_SUMMARY, *map(figure_file, (STABILITY, AMPLITUDE, CHANCE, BASIN)))
+
+MATRIX_DATA, MATRIX_SUMMARY, MATRIX_TABLE, MATRIX = "matrix.nc", "matrix.json", "matrix.csv", "matrix"
+MATRIX_FILES = (MATRIX_DATA, MATRIX_SUMMARY, MATRIX_TABLE, figure_file(MATRIX))
 
 PAPER_TABLE, STATEMENTS_TABLE, STATEMENTS = "paper.csv", "statements.csv", "statements.json"
 PAPER_FIGURES = {

@@ -102,7 +102,7 @@ class Scene(Table):
         certain = None if not self.uncertain else self.model_copy(update={"uncertain": None})
         for key, distribution in (self.uncertain or {}).items():
             assert certain is not None
-            if not isinstance(self.numbers().get(key), float):
+            if not isinstance((self.numbers() | self.starts()).get(key), float):
                 reason = "this scene has no such number, or has a list there; remove it here, or give it one value"
                 raise SceneError(reason, ("uncertain", key))
             for value in reach(distribution):
@@ -142,6 +142,11 @@ class Scene(Table):
                 elif isinstance(value, float | tuple):
                     numbers[f"{name}.{key}"] = value
         return numbers
+
+    def starts(self) -> dict[str, float]:
+        """Return the start of the transient in SI by dotted key, start.displacement.X to start.velocity.Tz."""
+        keys = start_units() if self.simulate.coordinates == "auto" else start_units(self.simulate.coordinates)
+        return {key: getattr(self.start, key.split(".")[1]).get(key.split(".")[2], 0.0) for key in keys}
 
     def to_toml(self) -> str:
         """Return the scene as run, in bare SI numbers: a file of this text loads to an equal scene."""
@@ -218,8 +223,19 @@ def number_units() -> dict[str, str]:
 
 
 def uncertain_units() -> dict[str, str]:
-    """Those of the numbers that may be uncertain: the brake's, not the force's on it."""
-    return {key: unit for key, unit in number_units().items() if not key.startswith("forcing.")}
+    """Those of the numbers that may be uncertain: the brake's, not the force's on it, and the start's."""
+    return {key: unit for key, unit in number_units().items() if not key.startswith("forcing.")} | start_units()
+
+
+def start_units(coordinates: Iterable[str] = COORDINATES) -> dict[str, str]:
+    """The SI unit of every number of the start, by the dotted key."""
+    return {
+        f"{key}.{name}": each.angle_unit if name.startswith("T") else each.length_unit
+        for key, field in _fields_of("start")
+        for each in field.metadata
+        if isinstance(each, PerCoordinate)
+        for name in coordinates
+    }
 
 
 def quantity_of(key: str, scene: Scene) -> Quantity:

@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.errors import RequestError
-from drumsqueal.scene import Scene, SceneError
+from drumsqueal.scene import COORDINATES, Scene, SceneError
 from drumsqueal.scene.uncertain import PLACES, Distribution, Uniform, describe, reach
 from drumsqueal.scene.variation import Variation, unit_of
 
 MOST_POINTS = 10**7
 BYTES_PER_POINT, MORE_WITH_TRANSIENT = 160, 80  # of the file, about
 POINTS_PER_HOUR = 10**7  # of the linear part, about, on one processor
+_START = "start."
 _SHIFT = np.uint64(32)  # of the 64 bits of a sample, the upper 32 decide its place
 
 
@@ -42,6 +43,26 @@ class Plan(NamedTuple):
         return tuple(self.distributions) if self.draws else tuple(each.key for each in self.variations)
 
     @property
+    def starts(self) -> tuple[str, ...]:
+        """Those that are the start of the transients, not the brake: how large a disturbance is."""
+        return tuple(key for key in self.keys if key.startswith(_START))
+
+    @property
+    def eigenvalues(self) -> bool:
+        """Whether each point has its own."""
+        return True
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Names of the coordinates of the results."""
+        return COORDINATES
+
+    @property
+    def about(self) -> dict[str, str]:
+        """What is swept, as text, for the file of the results."""
+        return {"title": self.scene.title, "scene": self.scene.to_toml()}
+
+    @property
     def shape(self) -> tuple[int, ...]:
         """Number of values of each number of a grid, or the number of samples."""
         return (self.draws,) if self.draws else tuple(len(each.values) for each in self.variations)
@@ -64,11 +85,7 @@ class Plan(NamedTuple):
         if not self.draws:
             places = np.unravel_index(np.arange(first, stop), self.shape)
             return np.stack([np.array(each.values)[at] for each, at in zip(self.variations, places, strict=True)], 1)
-        bits = np.random.PCG64(self.seed).advance(first * len(self.keys))
-        places = np.asarray(bits.random_raw((stop - first) * len(self.keys))) >> _SHIFT
-        fractions = ((places + 0.5) / PLACES).reshape(stop - first, len(self.keys))
-        drawn = [each.quantile(fractions[:, k]) for k, each in enumerate(self.distributions.values())]
-        return np.stack(drawn, 1)
+        return draw(list(self.distributions.values()), self.seed, first, stop)
 
     def listed(self, key: str, value: float) -> float:
         """A value (SI) of a number, in the unit in which its range was written."""
@@ -94,6 +111,14 @@ class Plan(NamedTuple):
         return how | {"vary": {each.key: [each.first, each.last, len(each.values)] for each in self.variations}}
 
 
+def draw(distributions: Sequence[Distribution], seed: int, first: int, stop: int) -> NDArray[np.float64]:
+    """Samples from number `first` to `stop` of independent distributions (stop − first, number of them), by PCG64."""
+    bits = np.random.PCG64(seed).advance(first * len(distributions))
+    places = np.asarray(bits.random_raw((stop - first) * len(distributions))) >> _SHIFT
+    fractions = ((places + 0.5) / PLACES).reshape(stop - first, len(distributions))
+    return np.stack([each.quantile(fractions[:, k]) for k, each in enumerate(distributions)], 1)
+
+
 def grid(scene: Scene, variations: Sequence[Variation], *, transient: bool = False) -> Plan:
     """Every combination of the values. Raises RequestError for none, and for too many points, and SceneError."""
     if not variations:
@@ -108,23 +133,31 @@ def sample(
 ) -> Plan:
     """Samples from the scene's table `uncertain` and, uniformly, from the ranges, which go first. Raises as `grid`."""
     uniform = {each.key: Uniform(min(each.values), max(each.values)) for each in variations}
-    distributions = {**(scene.uncertain or {}), **uniform}
+    uncertain = {key: each for key, each in (scene.uncertain or {}).items() if transient or not key.startswith(_START)}
+    distributions = {**uncertain, **uniform}
     if not distributions:
         message = "nothing in this scene is uncertain; add a table [uncertain] to it, or --vary drum.speed=1..40"
         raise RequestError(f"--random {draws}: {message}")
+    check_number_of_samples(draws, seed)
+    given = {each.key: each for each in variations}
+    plan = Plan(scene.with_values({"uncertain": None}), (), distributions, draws, seed, transient, given)
+    return _checked(plan, [each.key for each in variations])
+
+
+def check_number_of_samples(draws: int, seed: int) -> None:
+    """Raise RequestError for what is no number of samples, and no seed."""
     if draws < 1:
         raise RequestError(f"--random {draws}: write a number of samples, such as 1000")
     if not 0 <= seed < 2**63:
         raise RequestError(f"--seed {seed}: write a whole number from 0 to 2**63 - 1")
-    given = {each.key: each for each in variations}
-    plan = Plan(scene.with_values({"uncertain": None}), (), distributions, draws, seed, transient, given)
-    return _checked(plan, [each.key for each in variations])
 
 
 def _checked(plan: Plan, given: list[str]) -> Plan:
     twice = [key for key in given if given.count(key) > 1]
     if twice:
         raise RequestError(f"--vary {twice[0]}: this is varied twice; leave one of the two out")
+    if plan.starts and not plan.transient:
+        raise RequestError(f"--vary {plan.starts[0]}: eigenvalues do not depend on the start; add --transient")
     points = plan.points
     if points > MOST_POINTS:
         size = points * (BYTES_PER_POINT + plan.transient * MORE_WITH_TRANSIENT)
@@ -137,7 +170,7 @@ def _checked(plan: Plan, given: list[str]) -> Plan:
     # What the numbers of one table must fulfil together, they fulfil everywhere between if they do at every corner.
     tables: dict[str, list[str]] = {}
     for key in plan.keys:
-        tables.setdefault(key.split(".")[0], []).append(key)
+        tables.setdefault(key if key in plan.starts else key.split(".")[0], []).append(key)
     for keys in tables.values():
         for corner in itertools.product(*(ends[key] for key in keys)):
             try:

@@ -4,7 +4,7 @@ Quantiles are by scipy.special: those of scipy.stats load for 0.4 s longer, take
 is truncated, and differ in the last digit, which would change the samples of a seed.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
@@ -123,7 +123,7 @@ def read_distributions(table: Any, units: Mapping[str, str]) -> dict[str, Distri
     if not isinstance(table, Mapping):
         raise SceneError('this must be a table of distributions; write [uncertain] with keys such as "drum.speed"')
     found = {}
-    for key, written in _flat(table, {key.split(".")[0] for key in units}):
+    for key, written in _flat(table, {key.rsplit(".", parts)[0] for key in units for parts in range(1, 3)}):
         if key in found:
             raise SceneError("this key is there twice, with quotes and without; leave one of them out", (key,))
         if key not in units:
@@ -134,18 +134,18 @@ def read_distributions(table: Any, units: Mapping[str, str]) -> dict[str, Distri
     return found or None
 
 
-def _flat(table: Mapping[str, Any], tables: Iterable[str]) -> Iterator[tuple[str, Any]]:
+def _flat(table: Mapping[str, Any], tables: Collection[str], within: str = "") -> Iterator[tuple[str, Any]]:
     """Dotted keys and what stands there: drum.speed = {...} makes tables in tables, "drum.speed" = {...} does not."""
     for name, value in table.items():
-        key = str(name)
+        key = f"{within}{name}"
         if isinstance(value, Mapping) and "distribution" not in value and key in tables:
-            yield from ((f"{key}.{inner}", written) for inner, written in value.items())
+            yield from _flat(value, tables, f"{key}.")
         else:
             yield key, value
 
 
 def _unknown(key: str, units: Mapping[str, str]) -> str:
-    same_name = [each for each in units if each.split(".", 1)[1] == key.rsplit(".", 1)[-1]]
+    same_name = [each for each in units if each.rsplit(".", 1)[1] == key.rsplit(".", 1)[-1]]
     near = same_name or nearest(key, units)
     return f"unknown key; did you mean {near[0]}?" if near else f"unknown key; the keys here are {', '.join(units)}"
 

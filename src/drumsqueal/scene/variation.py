@@ -78,13 +78,16 @@ class Variation(NamedTuple):
         return self.values[-1]
 
 
-def read_variation(text: str, scene: Scene, *, option: str = "--along", points: int | None = POINTS) -> Variation:
+def read_variation(
+    text: str, scene: Scene, *, option: str = "--along", points: int | None = POINTS, starts: bool = False
+) -> Variation:
     """Read "KEY=FROM..TO" or "KEY=FROM..TOxN": N values (`points` without it) from FROM to TO, both included.
 
-    KEY is the dotted path of a number of the scene's brake (`scene.numbers()`). FROM and TO are numbers in SI or with
-    a unit, as in a scene; a unit after TO alone holds for both. `points` None takes a range only, without N, and gives
-    its two ends. Raises SceneError, headed by `option`, for a key that is no number of this scene, for one that is a
-    profile, for values that the scene does not take, for a range without length, and for too many values.
+    KEY is the dotted path of a number of the scene's brake (`scene.numbers()`) or, where `starts` may be varied, of its
+    start, such as start.velocity.Y. FROM and TO are numbers in SI or with a unit, as in a scene; a unit after TO alone
+    holds for both. `points` None takes a range only, without N, and gives its two ends. Raises SceneError, headed by
+    `option`, for a key that is no number of this scene, for one that is a profile, for values that the scene does not
+    take, for a range without length, and for too many values.
     """
     example = EXAMPLE if points else RANGE
     try:
@@ -92,6 +95,8 @@ def read_variation(text: str, scene: Scene, *, option: str = "--along", points: 
         if not equals:
             raise SceneError(f"write {SYNTAX if points else 'KEY=FROM..TO'}, such as {example}")
         unit = unit_of(key, scene)
+        if key in scene.starts() and not starts:
+            raise SceneError(f"{key} is where the transient starts; `sweep --transient` varies it")
         counted = _COUNT.fullmatch(written)
         if counted and points is None:
             raise SceneError(f"a range takes no number of values; leave out x{counted['count']}")
@@ -118,9 +123,9 @@ def may_not_rest(variation: Variation) -> None:
 
 
 def unit_of(key: str, scene: Scene) -> str:
-    """The SI unit of a number of a scene's brake; raises SceneError for a key that is none, or that is a profile."""
-    numbers = scene.numbers()
+    """The SI unit of a number of a scene's brake or start; raises SceneError for any other key, and for a profile."""
     table, _, name = key.partition(".")
+    numbers = scene.starts() if table == "start" else scene.numbers()
     if isinstance(getattr(getattr(scene, table, None), name.split(".")[0], None), Profile):
         key = ".".join(key.split(".")[:2])  # without time or value
         raise SceneError(f"{key} is a profile over time in this scene; give it one value, as by --set {key}=...")
@@ -134,7 +139,9 @@ def unit_of(key: str, scene: Scene) -> str:
     same_name = [each for each in plain if each.split(".", 1)[1] in (key, name)]
     near = same_name or nearest(key, plain)
     message = f"did you mean {near[0]}?" if near else f"its numbers are {', '.join(plain)}"
-    raise SceneError(f"{key or 'nothing'} is no number of this scene's brake; {message}")
+    raise SceneError(
+        f"{key or 'nothing'} is no number of this scene's {'start' if table == 'start' else 'brake'}; {message}"
+    )
 
 
 def _ends(written: str, unit: str, example: str) -> tuple[tuple[float, float], str]:

@@ -1,27 +1,29 @@
 """A sweep into one folder: its file fills on disk batch by batch; then what is written, drawn and printed."""
 
-from collections.abc import Callable, Iterator
-from contextlib import closing
+import math
+from collections.abc import Callable
 
+from matplotlib.figure import Figure
 from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from drumsqueal.files.output_folder import AMPLITUDE, CHANCE, STABILITY, SWEEP, SWEEP_SUMMARY
+from drumsqueal.files.output_folder import AMPLITUDE, BASIN, CHANCE, STABILITY, SWEEP, SWEEP_SUMMARY
+from drumsqueal.findings.vibration import unit_of
 from drumsqueal.progress import Progress
+from drumsqueal.questions.sweep.basin import Basin
+from drumsqueal.questions.sweep.basin_figure import draw_basin
+from drumsqueal.questions.sweep.chance import Chance
 from drumsqueal.questions.sweep.figure import draw_amplitude, draw_chance, draw_stability
 from drumsqueal.questions.sweep.file import SweepFile
-from drumsqueal.questions.sweep.points import COMPUTED, OUTCOMES, Columns
-from drumsqueal.questions.sweep.study import batches, compute
+from drumsqueal.questions.sweep.filling import Source, fill_file
+from drumsqueal.questions.sweep.points import COMPUTED, OUTCOMES, Starting
 from drumsqueal.questions.sweep.summary import ChanceStudy, Responses, SweepStudy, summarise
 from drumsqueal.scene.plan import Plan
 from drumsqueal.scene.quantities import printable
 from drumsqueal.terminal.reply import Reply
 from drumsqueal.terminal.runner import Answer, answer
 from drumsqueal.terminal.tables import print_table
-
-Batches = list[tuple[int, int]]  # the first point of each, and the one after the last
-Source = Callable[[Plan, Batches, Callable[[], None]], Iterator[tuple[int, Columns]]]
 
 
 def sweep_into(reply: Reply, plan: Plan, source: Source, *, resume: bool = False) -> SweepStudy:
@@ -38,48 +40,86 @@ def sweep_into(reply: Reply, plan: Plan, source: Source, *, resume: bool = False
             file.take_up()
         else:
             file.create(progress)
-        _fill(file, plan, source, progress)
-        return summarise(file.read(), plan)
+        return summarise(fill_file(file, plan, source, progress), plan)
 
-    return answer(reply, SWEEP_ANSWER, find, record=file, resume=resume)
-
-
-def here(plan: Plan, left: Batches, look: Callable[[], None]) -> Iterator[tuple[int, Columns]]:
-    """Compute the batches in this process: the first point of each, and its results."""
-    for first, stop in left:
-        yield first, compute(plan, first, stop, look=look)
-
-
-def _fill(file: SweepFile, plan: Plan, source: Source, progress: Progress) -> None:
-    """Compute what is missing, each batch once."""
-    computed = file.computed()
-    left = {first: stop for first, stop in batches(plan) if not computed[first:stop].all()}
-
-    def look() -> None:
-        progress("sweeping", plan.points - sum(stop - first for first, stop in left.items()), plan.points)
-
-    look()
-    with closing(source(plan, list(left.items()), look)) as stream:  # pyright: ignore[reportArgumentType]
-        for first, columns in stream:
-            file.write(first, columns)
-            del left[first]
-            look()
+    return answer(reply, _how(plan), find, record=file, resume=resume)
 
 
 def print_study(console: Console, study: SweepStudy) -> None:
     """Print how often each mode squeals and, of random samples, how likely that is and what it depends on."""
+    if study.basin is not None and study.of_starts_alone:
+        _print_linear(console, study)
+        print_basin(console, study.basin, study.plan)
+        _print_outcomes(console, study)
+        return
     print_table(console, _grid_table(study) if study.chance is None else _chance_table(study, study.chance))
     if study.chance is not None and study.chance.known_correlations:
         listed = ", ".join(f"{key} {value:+.2f}" for key, value in study.chance.known_correlations.items())
         insignificant = f"below {study.chance.noise:.2f} it is not significant"
         console.print(printable(f"Rank correlation with the largest growth rate ({insignificant}): {listed}"))
-    if study.transients is not None:
+    if study.basin is not None:
+        print_basin(console, study.basin, study.plan)
+    elif study.transients is not None:
         _print_responses(console, study.transients)
     if study.points_with_divergence:
         console.print(f"Steady sliding diverges without oscillation at {study.points_with_divergence} points")
+    _print_outcomes(console, study)
+
+
+def _print_outcomes(console: Console, study: SweepStudy) -> None:
     for name, count in study.outcomes.items():
         if name != OUTCOMES[COMPUTED]:
             console.print(f"{count} of {study.points} points: {name}")
+
+
+def _print_linear(console: Console, study: SweepStudy) -> None:
+    """Print what the eigenvalues say of the one brake whose starts are varied."""
+    growing = ", ".join(f"{name} ({mode.frequency_there_Hz:.5g} Hz)" for name, mode in study.modes.items())
+    console.print(f"By the eigenvalues steady sliding is {f'unstable: {growing}' if growing else 'stable'}")
+
+
+def print_basin(console: Console, basin: Basin, plan: Starting) -> None:
+    """Print which fraction of the starts leads where."""
+    name = basin.coordinate
+    headings = ["leads to", "fraction", "Hz", f"{name} {unit_of(name, 'µ')}"]
+    if not math.isnan(basin.squeal.low):
+        headings[2:2] = ["95 % from", "to"]
+    table = Table(title=f"Where {plan.points} disturbances lead", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    for heading in headings:
+        table.add_column(heading, justify="left" if heading == headings[0] else "right")
+
+    def row(what: str, chance: Chance, *cells: str) -> None:
+        ends = [] if math.isnan(basin.squeal.low) else [f"{100 * end:.1f} %" for end in (chance.low, chance.high)]
+        table.add_row(what, f"{100 * chance.share:.1f} %", *ends, *cells)
+
+    row("steady sliding", basin.decay, "", "")
+    for each in basin.attractors:
+        amplitude = f"{1e6 * each.amplitude[name]:.4g}"
+        row(f"squeal {each.number}", each.chance, f"{each.frequency_Hz:.5g}", amplitude)
+    if not basin.attractors:
+        row("squeal", basin.squeal, "", "")
+    print_table(console, table)
+    for each in basin.attractors:
+        start = {key: plan.listed(key, value) for key, value in each.start.items()}
+        where = ", ".join(f"{key.removeprefix('start.')} {value:.3g} {plan.unit(key)}" for key, value in start.items())
+        console.print(printable(f"Squeal {each.number} follows, for instance, on {where}"))
+    ranges = ", ".join(_range(plan, key) for key in plan.starts)
+    console.print(printable(f"{basin.squeal.in_words} of the disturbances squeal; they start with {ranges}"))
+    for what, count in basin.elsewhere.items():
+        console.print(f"{count} of {plan.points}: motion {what}")
+    if basin.unclear:
+        console.print(
+            f"{basin.unclear} of {plan.points}: it is not clear where they lead; the fractions leave them out"
+        )
+
+
+def _range(plan: Starting, key: str) -> str:
+    """What a number of the start is drawn from, or taken from."""
+    values = plan.values(0, plan.points)[:, plan.keys.index(key)]
+    given = plan.given.get(key)
+    ends = (given.values[0], given.values[-1]) if given else (float(values.min()), float(values.max()))
+    low, high = (f"{plan.listed(key, end):.4g}" for end in ends)
+    return f"{key.removeprefix('start.')} from {low} to {high} {plan.unit(key)}"
 
 
 def _print_responses(console: Console, found: Responses) -> None:
@@ -123,13 +163,16 @@ def _chance_table(study: SweepStudy, chance: ChanceStudy) -> Table:
     return table
 
 
-SWEEP_ANSWER = Answer(
-    words=print_study,
-    summary=SWEEP_SUMMARY,
-    figures={
-        STABILITY: lambda study: None if study.plan.draws else draw_stability(study.data, study.plan),
-        CHANCE: lambda study: study.chance and draw_chance(study.data, study.plan, study.chance),
-        AMPLITUDE: lambda study: draw_amplitude(study.data, study.plan) if study.plan.transient else None,
-    },
-    filled=SWEEP,
-)
+def _how(plan: Plan) -> Answer[SweepStudy]:
+    """Words, file and figures of a sweep: of one brake that starts in many ways the basins alone."""
+    figures: dict[str, Callable[[SweepStudy], Figure | None]] = {}
+    one_brake = set(plan.keys) == set(plan.starts)
+    if plan.starts:
+        figures[BASIN] = lambda study: study.basin and draw_basin(study.data, plan, study.basin)
+    if not plan.draws and not one_brake:
+        figures[STABILITY] = lambda study: draw_stability(study.data, plan)
+    if plan.draws and not one_brake:
+        figures[CHANCE] = lambda study: study.chance and draw_chance(study.data, plan, study.chance)
+    if plan.transient and not (plan.draws and one_brake):
+        figures[AMPLITUDE] = lambda study: draw_amplitude(study.data, plan)
+    return Answer(words=print_study, summary=SWEEP_SUMMARY, figures=figures, filled=SWEEP)

@@ -16,8 +16,7 @@ from drumsqueal.errors import IntegrationError, RequestError, missing_extra
 from drumsqueal.findings.history import versions
 from drumsqueal.progress import Progress
 from drumsqueal.questions.sweep.cluster_work import work
-from drumsqueal.questions.sweep.points import Columns
-from drumsqueal.scene.plan import Plan
+from drumsqueal.questions.sweep.points import Columns, Points
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -49,7 +48,7 @@ class Cluster:
         self._lost_since: float | None = None
 
     def results(
-        self, plan: Plan, left: list[tuple[int, int]], look: Callable[[], None] = lambda: None
+        self, plan: Points, left: list[tuple[int, int]], look: Callable[[], None] = lambda: None
     ) -> Iterator[tuple[int, Columns]]:
         """The first point of each batch, and its results, as they come; `look` is called while they are awaited.
 

@@ -52,6 +52,7 @@ def sweep_command(
     """For which parameters does the brake squeal, and how likely?
 
     Computes growth rates, and with --transient amplitudes and frequencies, over a grid or for uncertain parameters.
+    With --transient the start may vary, too, as start.velocity.Y: then it counts which disturbances squeal.
 
     Writes sweep.nc, sweep.json and figures into DIR.
 
@@ -62,9 +63,10 @@ def sweep_command(
     plan = _plan(load_scene(scene, settings or ()), vary or [], random, seed, transient)
     folder = output if output is not None else Path("out") / f"{scene.stem}-sweep"
     reply = Reply.next_to(folder, SWEEP_FILES, (scene,), quiet, json_file, overwrite=overwrite or resume)
-    from drumsqueal.questions.sweep.answer import here, sweep_into
+    from drumsqueal.questions.sweep.answer import sweep_into
     from drumsqueal.questions.sweep.cluster import check_cluster, connected
     from drumsqueal.questions.sweep.file import find_sweep
+    from drumsqueal.questions.sweep.filling import here
     from drumsqueal.questions.sweep.study import check_plan
     from drumsqueal.terminal.runner import shown_progress
 
@@ -83,11 +85,13 @@ def sweep_command(
 
 def _plan(scene: Scene, vary: list[str], random: int | None, seed: int | None, transient: bool) -> Plan:
     if random is not None:
-        ranges = [read_variation(text, scene, option="--vary", points=None) for text in vary]
+        ranges = [read_variation(text, scene, option="--vary", points=None, starts=True) for text in vary]
         return sample(scene, ranges, random, seed=seed or 0, transient=transient)
     if seed is not None:
         raise RequestError(f"--seed {seed} is the seed of --random; add --random, or leave --seed out")
     if not vary and scene.uncertain:
         cure = "add --random 1000 to sample what is uncertain, or --vary drum.speed=1..40x20"
         raise RequestError(f"there is nothing to sweep; {cure}")
-    return grid(scene, [read_variation(text, scene, option="--vary") for text in vary], transient=transient)
+    return grid(
+        scene, [read_variation(text, scene, option="--vary", starts=True) for text in vary], transient=transient
+    )

@@ -22,7 +22,17 @@ from drumsqueal.files.output_folder import SWEEP, part_of
 from drumsqueal.files.resumption import changed_versions, difference
 from drumsqueal.findings.history import COMPLETE, versions
 from drumsqueal.progress import Progress
-from drumsqueal.questions.sweep.points import NOT_YET, OUTCOME, Columns, attributes, axes, blank, shape_of, variables_of
+from drumsqueal.questions.sweep.points import (
+    NOT_YET,
+    OUTCOME,
+    Columns,
+    Points,
+    attributes,
+    axes,
+    blank,
+    shape_of,
+    variables_of,
+)
 from drumsqueal.scene import scene_from_dict
 from drumsqueal.scene.plan import Plan
 
@@ -36,7 +46,7 @@ _ANEW = "add --overwrite instead of --resume to compute it again"
 class SweepFile:
     """The results of one sweep; whole and readable between two batches, and wherever the program ends."""
 
-    def __init__(self, path: Path, plan: Plan) -> None:
+    def __init__(self, path: Path, plan: Points) -> None:
         """Name the file; `create` makes it, or `take_up` goes on with one that is there."""
         self.path, self._plan = path, plan
         self._places: dict[str, int] = {}
@@ -77,6 +87,10 @@ class SweepFile:
         """Write the results of the points from number `first` on. Raises OSError."""
         fill(self.path, self._places, first, {name: column for name, column in columns.items() if name != OUTCOME})
         fill(self.path, self._places, first, {OUTCOME: columns[OUTCOME]})
+
+    def note(self, name: str, values: np.ndarray) -> None:
+        """Write a variable that follows from the results of all points. Raises OSError."""
+        fill(self.path, self._places, 0, {name: values})
 
     def read(self) -> xarray.Dataset:
         """All of it, in memory."""
@@ -128,6 +142,20 @@ def find_sweep(folder: Path, plan: Plan) -> Plan:
     return plan
 
 
+def outcome_of(path: Path, plan: Points) -> str:
+    """How the study in a file ended. Raises RequestError where it is another one."""
+    wanted = attributes(plan)
+    try:
+        there = read_texts(path, [*wanted, "outcome"])
+    except Exception:  # h5py raises nearly all there is on a file that is damaged
+        raise RequestError(f"{path}: this is no file of such a study, or it is damaged; name another one") from None
+    differ = [name for name in wanted if there[name] != wanted[name]]
+    if differ:
+        what = {"sweep": "set of points"}.get(differ[0], differ[0])
+        raise RequestError(f"{path} holds a study with another {what}; give it that, or name another file")
+    return there["outcome"]
+
+
 def _same(there: Any, here: Any) -> bool:
     """Whether two descriptions are the same but for round-off, as of one range in two units."""
     if isinstance(there, dict) and isinstance(here, dict):
@@ -153,7 +181,7 @@ def _other(there: dict[str, Any], here: dict[str, Any]) -> str:
     return f"{key} was {was} in the sweep and is {given} here"
 
 
-def _lay_out(path: Path, plan: Plan) -> None:
+def _lay_out(path: Path, plan: Points) -> None:
     """Create the structure of the file; each variable has its place, but nothing in it."""
     with h5netcdf.File(path, "w") as file:
         along = axes(plan)
@@ -172,12 +200,12 @@ def _lay_out(path: Path, plan: Plan) -> None:
         file.attrs.create("outcome", RUNNING.encode(), dtype=f"S{_LONGEST}")
 
 
-def _find_places(path: Path, plan: Plan) -> dict[str, int]:
+def _find_places(path: Path, plan: Points) -> dict[str, int]:
     """Where in the file (bytes) each variable begins; raises ValueError where the file is of another sweep."""
     places = {}
     with opened(path, "r") as file:
         for name, each in variables_of(plan).items():
-            found = own_variable(file, name, (*plan.shape, *shape_of(each, 1)[1:]))
+            found = own_variable(file, name, (*plan.shape, *shape_of(plan, each, 1)[1:]))
             if found.dtype != np.dtype(each.kind):
                 raise ValueError(name)
             places[name] = found.id.get_offset()

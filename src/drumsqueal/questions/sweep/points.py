@@ -1,7 +1,7 @@
 """What a sweep computes: the variables of sweep.nc, along the numbers of a grid or along random samples."""
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,6 +10,10 @@ from numpy.typing import NDArray
 
 from drumsqueal.findings.decay import BEYOND
 from drumsqueal.findings.history import versions
+from drumsqueal.findings.saturated import Saturated
+from drumsqueal.questions.matrix.table import MatrixPlan
+from drumsqueal.questions.onset.found import Leads
+from drumsqueal.questions.sweep.body import BodyPlan
 from drumsqueal.scene import COORDINATES
 from drumsqueal.scene.plan import Plan
 
@@ -28,6 +32,12 @@ OUTCOMES = {
 TRENDS = ("grows", "decays", "settled", "at rest", "failed")
 NONE = -1  # of a coordinate or a trend: there is none
 MODES = len(COORDINATES)  # at most
+Starting = Plan | BodyPlan
+Points = Starting | MatrixPlan
+"""What is computed at which points."""
+VERDICTS = ("none", "quiet", "squeals", "not clear")  # of a cell, from -1 on
+LEADS = tuple(Leads)
+OPEN = (Leads.GROWS, Leads.UNDECIDED)  # it is not clear where these lead
 
 
 class Variable(NamedTuple):
@@ -55,8 +65,10 @@ class Variable(NamedTuple):
 
 _NAMES = ((NONE, "none"), *enumerate(COORDINATES))
 OUTCOME = "outcome"
-LINEAR = {
+ALWAYS = {
     OUTCOME: Variable((), "i1", "1", "what became of the point, and why its numbers are NaN", tuple(OUTCOMES.items())),
+}
+LINEAR = {
     "growth_rate": Variable(("mode",), "f8", "1/s", "real part of the eigenvalue of each oscillating mode"),
     "frequency": Variable(("mode",), "f8", "Hz", "imaginary part of the eigenvalue over 2 pi"),
     "unstable": Variable(("mode",), "i1", "1", "1 where the mode grows, 0 where not, -1 where there is no such mode"),
@@ -87,28 +99,61 @@ TRANSIENT = {
     "trend": Variable((), "i1", "1", "what the motion does there", _KINDS),
     "separation_share": Variable((), "f8", "1", "largest motion over the one at which the lining begins to lift off"),
     "reversal_share": Variable((), "f8", "1", "largest motion over the one at which slip begins to reverse"),
+    "kinetic_energy": Variable((), "f8", "J", "mean kinetic energy there"),
 }
-_SIZES = {"mode": MODES, "coordinate": len(COORDINATES)}
+STARTS = {
+    "leads_to": Variable((), "i1", "1", "where the start leads", ((NONE, "none"), *enumerate(LEADS))),
+    "attractor": Variable((), "i2", "1", "0: steady sliding; 1 and so on: squeal, by falling energy; -1: not known"),
+}
+CELLS = {
+    "squeal": Variable(
+        (),
+        "i1",
+        "1",
+        "of a noise matrix: 0 quiet, 1 squeals, 2 not clear",
+        tuple(enumerate(VERDICTS, NONE)),
+    ),
+    "unstable": Variable((), "i1", "1", "1 where a mode grows at the start of the procedure"),
+    "growth_rate": Variable((), "f8", "1/s", "the largest growth rate there"),
+    "velocity": Variable((), "f8", "m/s", "rms velocity of the shoe in the loudest squeal"),
+    "frequency": Variable((), "f8", "Hz", "of its line with most kinetic energy"),
+    "time": Variable((), "f8", "s", "middle of the 50 ms in which a procedure is loudest"),
+    "speed": Variable((), "f8", "rad/s", "drum speed then"),
+    "after": Variable((), "i1", "1", "0: after the smallest disturbance, 1: after a large one only"),
+    "along": Variable((), "i1", "1", "the mode along which the disturbance was that leads to the loudest", _NAMES),
+    "small_velocity": Variable((), "f8", "m/s", "rms velocity of the squeal after a small disturbance"),
+    "small_frequency": Variable((), "f8", "Hz", "of its line with most kinetic energy"),
+}
 Columns = dict[str, np.ndarray]
 
 
-def variables_of(plan: Plan) -> dict[str, Variable]:
+def variables_of(plan: Points) -> dict[str, Variable]:
     """The variables of a sweep, by name."""
-    return LINEAR | (TRANSIENT if plan.transient else {})
+    if isinstance(plan, MatrixPlan):
+        return ALWAYS | CELLS
+    found = ALWAYS | (LINEAR if plan.eigenvalues else {}) | (TRANSIENT if plan.transient else {})
+    found |= STARTS if plan.starts else {}
+    names = ((NONE, "none"), *enumerate(plan.coordinates))
+    return {name: each._replace(flags=names) if each.flags == _NAMES else each for name, each in found.items()}
 
 
-def shape_of(variable: Variable, points: int) -> tuple[int, ...]:
+def shape_of(plan: Points, variable: Variable, points: int) -> tuple[int, ...]:
     """Shape of a variable over so many points."""
-    return (points, *(_SIZES[name] for name in variable.dimensions))
+    sizes = {"mode": MODES, "coordinate": len(plan.coordinates)}
+    return (points, *(sizes[name] for name in variable.dimensions))
 
 
-def blank(plan: Plan, points: int) -> Columns:
+def blank(plan: Points, points: int) -> Columns:
     """Every variable of so many points, nothing computed."""
-    return {name: np.full(shape_of(each, points), each.fill, each.kind) for name, each in variables_of(plan).items()}
+    return {
+        name: np.full(shape_of(plan, each, points), each.fill, each.kind) for name, each in variables_of(plan).items()
+    }
 
 
-def axes(plan: Plan) -> dict[str, tuple[tuple[str, ...], np.ndarray, dict[str, Any]]]:
+def axes(plan: Points) -> dict[str, tuple[tuple[str, ...], np.ndarray, dict[str, Any]]]:
     """What does not depend on the results: values of a grid or of the samples, names of modes and coordinates."""
+    if isinstance(plan, MatrixPlan):
+        return {}
     columns: dict[str, tuple[str, Iterable[float]]] = {each.key: (each.key, each.values) for each in plan.variations}
     if plan.draws:
         columns = {key: ("sample", drawn) for key, drawn in zip(plan.keys, plan.values(0, plan.draws).T, strict=True)}
@@ -116,28 +161,27 @@ def axes(plan: Plan) -> dict[str, tuple[tuple[str, ...], np.ndarray, dict[str, A
     for key, (dimension, values) in columns.items():
         listed = np.array([plan.listed(key, float(value)) for value in values])
         found[key] = ((dimension,), listed, {"units": plan.unit(key), "long_name": key})
-    ranks = {"long_name": "modes of a point by rising frequency; mode_coordinate names them"}
-    found["mode"] = (("mode",), np.arange(MODES, dtype="i1"), ranks)
+    if plan.eigenvalues:
+        ranks = {"long_name": "modes of a point by rising frequency; mode_coordinate names them"}
+        found["mode"] = (("mode",), np.arange(MODES, dtype="i1"), ranks)
     if plan.transient:
-        found["coordinate"] = (("coordinate",), np.array(COORDINATES, dtype=object), {})
+        found["coordinate"] = (("coordinate",), np.array(plan.coordinates, dtype=object), {})
     return found
 
 
-def attributes(plan: Plan) -> dict[str, str]:
+def attributes(plan: Points) -> dict[str, str]:
     """The scene, what is swept, and the versions, as text."""
-    return {
-        "title": plan.scene.title,
-        "scene": plan.scene.to_toml(),
+    return plan.about | {
         "sweep": json.dumps(plan.describe()),
         "versions": json.dumps(versions()),
     }
 
 
-def to_dataset(plan: Plan, columns: Columns, outcome: str) -> xarray.Dataset:
+def to_dataset(plan: Points, columns: Columns, outcome: str) -> xarray.Dataset:
     """Put the results of all points into one Dataset."""
     data = {}
     for name, each in variables_of(plan).items():
-        shape = (*plan.shape, *shape_of(each, 1)[1:])
+        shape = (*plan.shape, *shape_of(plan, each, 1)[1:])
         data[name] = ((*plan.dimensions, *each.dimensions), columns[name].reshape(shape), each.attributes())
     return xarray.Dataset(data, axes(plan), attributes(plan) | {"outcome": outcome})
 
@@ -146,8 +190,10 @@ def squealing(sweep: xarray.Dataset) -> NDArray[np.bool_]:
     """At which points the steady-state response of the transient is squeal.
 
     The motion has settled and is sustained. What changes by less than a tenth below the contact boundary, where all
-    modes decay, decays slowly.
+    modes decay, decays slowly. Where starts are varied it is known where each leads.
     """
+    if "leads_to" in sweep:
+        return sweep["leads_to"].values == LEADS.index(Leads.SQUEALS)
     below = np.maximum(sweep["separation_share"].values, sweep["reversal_share"].values) < BEYOND
     sustained = (sweep["trend"].values == TRENDS.index("settled")) & (sweep["settled"].values == 1)
     return sustained & ~(below & (sweep["squeal"].values == 0))
@@ -156,3 +202,21 @@ def squealing(sweep: xarray.Dataset) -> NDArray[np.bool_]:
 def undecided(sweep: xarray.Dataset) -> NDArray[np.bool_]:
     """At which points the motion has not settled: it may go on as it is, grow or decay."""
     return sweep["settled"].values == 0
+
+
+def note_motion(
+    columns: Columns, k: int, motion: Saturated, coordinates: Sequence[str], names: Sequence[str], *, settled: bool
+) -> None:
+    """Put down how a transient over the coordinates with these names ended, and whether it is clear where it leads."""
+    columns["trend"][k] = TRENDS.index(motion.trend)
+    if motion.failed:
+        columns["outcome"][k] = FAILED
+        return
+    columns["settled"][k] = settled
+    columns["amplitude"][k] = 0.0  # of coordinates that the transient leaves out
+    columns["amplitude"][k, [coordinates.index(name) for name in names]] = motion.amplitude
+    columns["kinetic_energy"][k] = motion.kinetic_energy
+    columns["separation_share"][k], columns["reversal_share"][k] = motion.boundary_ratios
+    if motion.frequency_Hz is not None and motion.line is not None:
+        columns["main_frequency"][k] = motion.frequency_Hz
+        columns["main_coordinate"][k] = coordinates.index(motion.line)

@@ -16,30 +16,37 @@ from drumsqueal.findings.saturated import Saturated, saturated_motions
 from drumsqueal.physics.composition import compose, moved_coordinates
 from drumsqueal.physics.model import build_model
 from drumsqueal.progress import Progress, silent
+from drumsqueal.questions.matrix.cells import compute_cells
+from drumsqueal.questions.matrix.table import MatrixPlan
+from drumsqueal.questions.onset.attractors import How
+from drumsqueal.questions.sweep.basin import number_motions
+from drumsqueal.questions.sweep.body import BodyPlan
 from drumsqueal.questions.sweep.points import (
     AT_REST,
     COMPUTED,
-    FAILED,
     FOLDED,
     MODES,
     NOT_FINITE,
     NOT_FOUND,
     NOT_TAKEN,
-    TRENDS,
     Columns,
+    Points,
     blank,
+    note_motion,
     to_dataset,
 )
+from drumsqueal.questions.sweep.starts import compute_starts, follow_starts, round_of
 from drumsqueal.scene import COORDINATES, Profile, Scene, SceneError
 from drumsqueal.scene.plan import Plan, grid, sample
 from drumsqueal.scene.quantities import parse_quantity
 from drumsqueal.scene.variation import Variation, unit_of
+from drumsqueal.simulation import check_constant, start_of
 from drumsqueal.solve.linear.family import BLOCK, analyse_many
 from drumsqueal.solve.linear.modes import Stability
 
 STILL = 0.1  # of the linear growth rate: what changes so slowly has settled
 MOST_ROUNDS = 16  # times the scene's duration that a transient may take to settle
-BATCH, BATCH_OF_TRANSIENTS = 8 * BLOCK, 32  # points
+BATCH, BATCH_OF_TRANSIENTS, BATCH_OF_CELLS = 8 * BLOCK, 32, 1  # points; of a cell there are many transients
 _REASONS = {
     NoSteadySliding.AT_REST: AT_REST,
     NoSteadySliding.NOT_FOUND: NOT_FOUND,
@@ -71,13 +78,21 @@ def sweep_parameters(
     else:
         plan = grid(scene, variations, transient=transient)
     check_plan(plan)
+    return in_memory(plan, progress)
+
+
+def in_memory(plan: Points, progress: Progress = silent, threads: int | None = None) -> xarray.Dataset:
+    """Compute all points of a sweep without a file."""
     columns = blank(plan, plan.points)
     for first, stop in batches(plan):
         look = partial(progress, "sweeping", first, plan.points)
-        for name, values in compute(plan, first, stop, look=look).items():
+        for name, values in compute(plan, first, stop, threads, look).items():
             columns[name][first:stop] = values
         progress("sweeping", stop, plan.points)
-    return to_dataset(plan, columns, COMPLETE)
+    data = to_dataset(plan, columns, COMPLETE)
+    if plan.starts:
+        data["attractor"].values = number_motions(data).reshape(plan.shape)
+    return data
 
 
 def _variation(scene: Scene, key: str, values: Iterable[Any]) -> Variation:
@@ -93,15 +108,21 @@ def _variation(scene: Scene, key: str, values: Iterable[Any]) -> Variation:
     return Variation(key, unit, tuple(read))
 
 
-def batches(plan: Plan) -> list[tuple[int, int]]:
+def batches(plan: Points) -> list[tuple[int, int]]:
     """The first point, and the one after the last, of the batches that work goes in."""
-    size = BATCH_OF_TRANSIENTS if plan.transient else BATCH
+    size = BATCH_OF_CELLS if isinstance(plan, MatrixPlan) else BATCH_OF_TRANSIENTS if plan.transient else BATCH
     return [(first, min(first + size, plan.points)) for first in range(0, plan.points, size)]
 
 
 def check_plan(plan: Plan) -> None:
     """Raise SceneError where no transient can be computed."""
     if not plan.transient:
+        return
+    if plan.starts:
+        check_constant(plan.scene)
+        if plan.scene.forcing is not None:
+            cure = "a force keeps the brake moving wherever it starts; leave it out (forcing=none)"
+            raise SceneError(cure, ("forcing",))
         return
     if not moved_coordinates(plan.scene):
         cure = "start something, such as displacement = { Y = 1e-7 }"
@@ -113,12 +134,16 @@ def check_plan(plan: Plan) -> None:
 
 
 def compute(
-    plan: Plan, first: int, stop: int, threads: int | None = None, look: Callable[[], None] = lambda: None
+    plan: Points, first: int, stop: int, threads: int | None = None, look: Callable[[], None] = lambda: None
 ) -> Columns:
     """Every variable at the points from number `first` to `stop`; the batch they come in changes not a bit of them.
 
     `look` is called between two steps.
     """
+    if isinstance(plan, MatrixPlan):
+        return compute_cells(plan, first, stop, threads, look)
+    if isinstance(plan, BodyPlan):
+        return compute_starts(plan, first, stop, threads, look)
     columns = blank(plan, stop - first)
     scenes: dict[int, Scene] = {}
     for k, values in enumerate(plan.values(first, stop)):
@@ -126,7 +151,7 @@ def compute(
             scenes[k] = plan.scene_at(values)
         except SceneError:
             columns["outcome"][k] = NOT_TAKEN
-    found = dict(zip(scenes, analyse_many(list(scenes.values())), strict=True))
+    found = _analyse(plan, first, scenes)
     for k, stability in found.items():
         if isinstance(stability, SteadyStateError):
             columns["outcome"][k] = _REASONS[stability.reason]
@@ -135,8 +160,19 @@ def compute(
     if plan.transient:
         look()
         sound = {k: each for k, each in found.items() if isinstance(each, Stability)}
-        _transients(columns, scenes, sound, threads or os.cpu_count() or 1, look)
+        follow = partial(_starts, plan) if plan.starts else _transients
+        for members in _alike(columns, scenes, sound):
+            follow(columns, {k: scenes[k] for k in members}, sound, threads or os.cpu_count() or 1, look)
     return columns
+
+
+def _analyse(plan: Plan, first: int, scenes: Mapping[int, Scene]) -> dict[int, Stability | SteadyStateError]:
+    """Steady sliding and eigenvalues of each scene; those that differ in their start alone are one brake."""
+    fixed = [place for place, key in enumerate(plan.keys) if key not in plan.starts]
+    brakes = {k: tuple(plan.values(first + k, first + k + 1)[0, fixed]) for k in scenes}
+    each = {brake: scenes[k] for k, brake in brakes.items()}
+    found = dict(zip(each, analyse_many(list(each.values())), strict=True))
+    return {k: found[brake] for k, brake in brakes.items()}
 
 
 def _note_stability(columns: Columns, k: int, stability: Stability) -> None:
@@ -154,6 +190,17 @@ def _note_stability(columns: Columns, k: int, stability: Stability) -> None:
     columns["outcome"][k] = COMPUTED
 
 
+def _alike(columns: Columns, scenes: Mapping[int, Scene], found: Mapping[int, Stability]) -> list[list[int]]:
+    """The points whose scenes call for the same effects, together; without those whose samples fold."""
+    groups: dict[Any, list[int]] = {}
+    for k, stability in found.items():
+        if scenes[k].simulate.sample_rate < 2 * stability.highest_frequency_Hz:
+            columns["outcome"][k] = FOLDED
+        else:
+            groups.setdefault(compose(scenes[k]), []).append(k)
+    return list(groups.values())
+
+
 def _transients(
     columns: Columns,
     scenes: Mapping[int, Scene],
@@ -161,44 +208,60 @@ def _transients(
     threads: int,
     look: Callable[[], None],
 ) -> None:
-    """Integrate the scenes, those that call for the same effects together."""
-    groups: dict[Any, list[int]] = {}
-    for k, stability in found.items():
-        if scenes[k].simulate.sample_rate < 2 * stability.highest_frequency_Hz:
-            columns["outcome"][k] = FOLDED
-        else:
-            groups.setdefault(compose(scenes[k]), []).append(k)
-    for members in groups.values():
-        some = scenes[members[0]]
-        duration = some.simulate.duration
-        models = {k: build_model(scenes[k]) for k in members}
-        names = models[members[0]].names
-        places = [found[members[0]].coordinates.index(name) for name in names]
-        tables = some.start.displacement, some.start.velocity
-        displacement, velocity = (np.array([table.get(name, 0.0) for name in names]) for table in tables)
-        before: dict[int, Saturated | None] = dict.fromkeys(members)  # how the last round of what goes on ended
-        for number in range(1, most_rounds(some) + 1):
-            look()
-            motions = saturated_motions(
-                [models[k] for k in before],
-                [found[k].steady_state[places] for k in before],
-                [displacement if motion is None else motion.vibration for motion in before.values()],
-                [velocity if motion is None else motion.velocity for motion in before.values()],
-                duration=duration,
-                sample_rate=some.simulate.sample_rate,
-                tolerance=some.simulate.tolerance,
-                solver=some.simulate.solver,
-                threads=threads,
-            )
-            for k, motion in zip(tuple(before), motions, strict=True):
-                settled = has_settled(motion, found[k], _rate_since(before[k], motion, duration))
-                _note_motion(columns, k, motion, names, settled=settled)
-                columns["simulated"][k] = number * duration
-                before[k] = motion
-                if settled:
-                    del before[k]
-            if not before:
-                break
+    """Integrate scenes that call for the same effects."""
+    some = next(iter(scenes.values()))
+    duration = some.simulate.duration
+    models = {k: build_model(scene) for k, scene in scenes.items()}
+    names = next(iter(models.values())).names
+    places = [found[next(iter(scenes))].coordinates.index(name) for name in names]
+    displacement, velocity = start_of(some, names)
+    before: dict[int, Saturated | None] = dict.fromkeys(scenes)  # how the last round of what goes on ended
+    for number in range(1, most_rounds(some) + 1):
+        look()
+        motions = saturated_motions(
+            [models[k] for k in before],
+            [found[k].steady_state[places] for k in before],
+            [displacement if motion is None else motion.vibration for motion in before.values()],
+            [velocity if motion is None else motion.velocity for motion in before.values()],
+            duration=duration,
+            sample_rate=some.simulate.sample_rate,
+            tolerance=some.simulate.tolerance,
+            solver=some.simulate.solver,
+            threads=threads,
+        )
+        for k, motion in zip(tuple(before), motions, strict=True):
+            settled = has_settled(motion, found[k], _rate_since(before[k], motion, duration))
+            note_motion(columns, k, motion, COORDINATES, names, settled=settled)
+            columns["simulated"][k] = number * duration
+            before[k] = motion
+            if settled:
+                del before[k]
+        if not before:
+            break
+
+
+def _starts(
+    plan: Plan,
+    columns: Columns,
+    scenes: Mapping[int, Scene],
+    found: Mapping[int, Stability],
+    threads: int,
+    look: Callable[[], None],
+) -> None:
+    """Run the starts of scenes that call for the same effects until it is clear where each leads.
+
+    A round is as long for all of them: by the slowest mode of the scene itself.
+    """
+    some = next(iter(scenes.values()))
+    brakes = {id(found[k]): scene for k, scene in scenes.items()}  # whose starts alone differ has one stability
+    built = {brake: build_model(scene) for brake, scene in brakes.items()}
+    models = {k: built[id(found[k])] for k in scenes}
+    own, names = analyse_many([plan.scene])[0], models[next(iter(models))].names
+    seconds = round_of(own, names) if isinstance(own, Stability) else some.simulate.duration
+    simulate = some.simulate
+    how = How(simulate.sample_rate, simulate.tolerance, seconds, simulate.solver, threads)
+    starts = {k: start_of(scene, names) for k, scene in scenes.items()}
+    follow_starts(columns, plan.coordinates, models, {k: found[k] for k in scenes}, starts, how, look)
 
 
 def _rate_since(before: Saturated | None, motion: Saturated, seconds: float) -> float:
@@ -230,17 +293,3 @@ def has_settled(motion: Saturated, stability: Stability, earlier_rate: float = m
         return motion.trend == "settled" or (motion.trend == "decays" and not beyond)
     slow = min(abs(motion.rate), abs(earlier_rate)) < STILL * max(growing)
     return beyond and motion.trend == "settled" and slow
-
-
-def _note_motion(columns: Columns, k: int, motion: Saturated, names: tuple[str, ...], *, settled: bool) -> None:
-    columns["trend"][k] = TRENDS.index(motion.trend)
-    if motion.failed:
-        columns["outcome"][k] = FAILED
-        return
-    columns["settled"][k] = settled
-    columns["amplitude"][k] = 0.0  # of coordinates that the transient leaves out
-    columns["amplitude"][k, [COORDINATES.index(name) for name in names]] = motion.amplitude
-    columns["separation_share"][k], columns["reversal_share"][k] = motion.boundary_ratios
-    if motion.frequency_Hz is not None and motion.line is not None:
-        columns["main_frequency"][k] = motion.frequency_Hz
-        columns["main_coordinate"][k] = COORDINATES.index(motion.line)

@@ -8,12 +8,13 @@ import xarray
 from numpy.typing import ArrayLike
 
 from drumsqueal.findings.schema import Finding, Findings, Held
+from drumsqueal.questions.sweep.basin import Basin, find_basin
+from drumsqueal.questions.sweep.chance import Chance, chance
 from drumsqueal.questions.sweep.points import COMPUTED, OUTCOMES, TRENDS, squealing, undecided
 from drumsqueal.scene import COORDINATES
 from drumsqueal.scene.plan import Plan
 
 NOT_SETTLED = "not settled"
-LEVEL = 0.95  # of the intervals
 _NORMAL = 1.96  # deviations that enclose it
 FEWEST = 4  # samples for a correlation
 
@@ -38,19 +39,6 @@ class Responses(Finding):
     longest_of_them_s: float
     trends: dict[str, int]
     largest_amplitude: dict[str, float]
-
-
-class Chance(Finding):
-    """So many of all samples: their fraction, and Wilson's interval of 95 % for the probability.
-
-    (p + z²/2n ± z √(p(1 − p)/n + z²/4n²))/(1 + z²/n), z = 1.96. Wilson, J. Am. Stat. Assoc. 22 (1927) 209.
-    """
-
-    count: int
-    total: int
-    share: float
-    low: float
-    high: float
 
 
 class ChanceStudy(Finding):
@@ -79,7 +67,8 @@ class SweepStudy(Findings):
     """What is swept, in SI, and the units of the results; how many points had each outcome, squeal, or divergence.
 
     `modes` has those that grow anywhere, `chance` the probabilities of a random sweep, `transients` is None without
-    them. `data` are the results at all points, and `plan` is what was swept.
+    them, and `basin` says where the starts lead, where they are varied. `data` are the results at all points, and
+    `plan` is what was swept.
     """
 
     printed_by = "drumsqueal.questions.sweep.answer.print_study"
@@ -92,8 +81,14 @@ class SweepStudy(Findings):
     modes: dict[str, UnstableMode]
     chance: ChanceStudy | None
     transients: Responses | None
+    basin: Basin | None = None
     data: Any = Held
     plan: Any = Held
+
+    @property
+    def of_starts_alone(self) -> bool:
+        """Whether one brake starts in many ways."""
+        return set(self.plan.keys) == set(self.plan.starts)
 
 
 def summarise(data: xarray.Dataset, plan: Plan) -> SweepStudy:
@@ -110,6 +105,7 @@ def summarise(data: xarray.Dataset, plan: Plan) -> SweepStudy:
         modes=_unstable_modes(data, plan),
         chance=study_chance(data) if plan.draws else None,
         transients=_responses(data) if plan.transient else None,
+        basin=find_basin(data, plan) if plan.starts else None,
         data=data,
         plan=plan,
     )
@@ -147,15 +143,6 @@ def _responses(data: xarray.Dataset) -> Responses:
         trends={name: count for name, count in counts.items() if count},
         largest_amplitude=dict(zip(COORDINATES, largest.tolist(), strict=True)),
     )
-
-
-def chance(count: int, total: int) -> Chance:
-    """The probability of what happened so many times; raises ValueError without samples."""
-    from scipy.stats import binomtest
-
-    interval = binomtest(count, total).proportion_ci(LEVEL, "wilson")
-    low, high = float(interval.low), float(interval.high)
-    return Chance(count=count, total=total, share=count / total, low=low, high=high)
 
 
 def study_chance(sweep: xarray.Dataset) -> ChanceStudy | None:

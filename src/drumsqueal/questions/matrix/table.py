@@ -1,0 +1,223 @@
+"""A table of scenes as data: scene files, numbers and levels to combine, and the procedures that each goes through."""
+
+import itertools
+import json
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from drumsqueal.errors import RequestError, nearest
+from drumsqueal.scene import COORDINATES, Profile, Scene, SceneError, load_scene
+from drumsqueal.scene.file import read_tables
+from drumsqueal.scene.quantities import parse_quantity
+from drumsqueal.scene.shipped import find_scene
+from drumsqueal.scene.variation import Variation
+
+MOST_CELLS = 10_000
+KEYS = ("title", "scenes", "vary", "levels", "procedures")
+STEPS = ("time", "speed", "load")
+SCENE, PROCEDURE = "scene", "procedure"
+CONSTANT = "constant"
+
+
+class Level(NamedTuple):
+    """One place on an axis: what it is called, and the values that it puts into a scene by dotted key."""
+
+    label: str
+    values: Mapping[str, Any]
+
+
+class Axis(NamedTuple):
+    """What changes from cell to cell: a number of the scene, several at once, the scene, or the procedure."""
+
+    name: str
+    levels: tuple[Level, ...]
+
+
+class Procedure(NamedTuple):
+    """Drum speed and load over time (s), as multiples of a cell's own; constant without times."""
+
+    name: str
+    time: tuple[float, ...] = ()
+    speed: tuple[float, ...] = ()
+    load: tuple[float, ...] = ()
+
+    def over(self, scene: Scene) -> Scene:
+        """The scene as it goes through the procedure. Raises SceneError where its speed or load change already."""
+        if not self.time:
+            return scene
+        values: dict[str, Any] = {"simulate.duration": self.time[-1]}
+        for key, own, factors in (
+            ("drum.speed", scene.drum.speed, self.speed),
+            ("contact.normal_load", scene.contact.normal_load, self.load),
+        ):
+            if isinstance(own, Profile):
+                raise SceneError(f"{key} is a profile in the scene, which a procedure replaces; give it one value")
+            if factors:
+                values[key] = {"time": list(self.time), "value": [own * factor for factor in factors]}
+        return scene.with_values(values)
+
+
+class MatrixPlan(NamedTuple):
+    """The cells of a noise matrix: every procedure in every combination of levels, the last axis running fastest."""
+
+    title: str
+    scenes: tuple[Scene, ...]
+    axes: tuple[Axis, ...]
+    procedures: tuple[Procedure, ...]
+    given: Mapping[str, Variation] = {}
+
+    eigenvalues = False
+    transient = False
+    starts = ()
+    draws = 0
+    variations = ()
+    coordinates = COORDINATES
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Names of the axes."""
+        return tuple(each.name for each in self.axes)
+
+    @property
+    def dimensions(self) -> tuple[str, ...]:
+        """Names of the axes."""
+        return self.keys
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Number of levels of each."""
+        return tuple(len(each.levels) for each in self.axes)
+
+    @property
+    def points(self) -> int:
+        """Number of cells."""
+        return math.prod(self.shape)
+
+    @property
+    def about(self) -> dict[str, str]:
+        """What is combined, as text."""
+        return {"title": self.title, "scenes": json.dumps([scene.to_toml() for scene in self.scenes])}
+
+    def levels(self, number: int) -> dict[str, Level]:
+        """The level of a cell on each axis."""
+        places = np.unravel_index(number, self.shape)
+        return {axis.name: axis.levels[int(place)] for axis, place in zip(self.axes, places, strict=True)}
+
+    def scene_at(self, number: int) -> tuple[Scene, Procedure]:
+        """The scene of a cell, as it is at the start of its procedure, and the procedure. Raises SceneError."""
+        levels = self.levels(number)
+        scene = self.scenes[levels[SCENE].values["number"]]
+        for name, level in levels.items():
+            if name not in (SCENE, PROCEDURE):
+                scene = scene.with_values(level.values)
+        return scene, self.procedures[levels[PROCEDURE].values["number"]]
+
+    def describe(self) -> dict[str, Any]:
+        """What is combined, as plain data."""
+        axes = {axis.name: {level.label: dict(level.values) for level in axis.levels} for axis in self.axes}
+        return {"matrix": axes, "procedures": [each._asdict() for each in self.procedures]}
+
+
+def read_matrix(path: Path) -> MatrixPlan:
+    """Read the table in a file. Raises SceneError and RequestError for what is none, and for cells that are no scenes.
+
+    Files of scenes are relative to it, or names of shipped ones.
+    """
+    table = read_tables(path)
+    for key in table:
+        if key not in KEYS:
+            near = nearest(key, KEYS)
+            meant = f"did you mean {near[0]}?" if near else f"the keys are {', '.join(KEYS)}"
+            raise RequestError(f"{path}: {key}: unknown key; {meant}")
+    try:
+        scenes = _scenes(table.get("scenes"), path)
+        procedures = _procedures(table.get("procedures", {CONSTANT: {}}))
+        axes = [
+            *_varied(table.get("vary", {})),
+            *_levelled(table.get("levels", {})),
+            Axis(SCENE, tuple(Level(name, {"number": k}) for k, name in enumerate(scenes))),
+            Axis(PROCEDURE, tuple(Level(each.name, {"number": k}) for k, each in enumerate(procedures))),
+        ]
+    except RequestError as error:
+        raise RequestError(f"{path}: {error}") from None
+    plan = MatrixPlan(str(table.get("title", "")), tuple(scenes.values()), tuple(axes), procedures)
+    if plan.points > MOST_CELLS:
+        raise RequestError(f"{path}: {plan.points} cells; write at most {MOST_CELLS}")
+    for number in range(plan.points):
+        try:
+            scene, procedure = plan.scene_at(number)
+            if scene.forcing is not None or scene.friction is None:
+                raise SceneError("a noise matrix takes scenes with friction and without a harmonic force")
+            procedure.over(scene)
+        except SceneError as error:
+            where = ", ".join(f"{name} = {level.label}" for name, level in plan.levels(number).items())
+            raise RequestError(f"{path}: the cell {where}: {error}") from None
+    return plan
+
+
+def _scenes(names: Any, path: Path) -> dict[str, Scene]:
+    if not isinstance(names, list) or not names or not all(isinstance(name, str) for name in names):
+        raise RequestError('scenes: write a list of scene files, such as scenes = ["damped.toml"]')
+    files = {name: path.parent / name for name in names}
+    if len(files) < len(names):
+        raise RequestError("scenes: one is there twice; leave it out")
+    return {Path(name).stem: load_scene(file if file.exists() else find_scene(name)) for name, file in files.items()}
+
+
+def _varied(table: Any) -> list[Axis]:
+    found = []
+    for key, values in _mapping("vary", table).items():
+        if not isinstance(values, list) or not values:
+            raise RequestError(f'vary: {key}: write a list of values, such as "{key}" = [1, 2, 4]')
+        levels = [Level(value if isinstance(value, str) else f"{value:g}", {key: value}) for value in values]
+        found.append(Axis(key, tuple(levels)))
+    return found
+
+
+def _levelled(table: Any) -> list[Axis]:
+    found = []
+    for name, levels in _mapping("levels", table).items():
+        read = [Level(label, _mapping(f"levels.{name}.{label}", values)) for label, values in levels.items()]
+        if not read or name in (SCENE, PROCEDURE):
+            raise RequestError(f'levels.{name}: name it otherwise, or write hot = {{ "friction.static" = 0.4 }}')
+        found.append(Axis(name, tuple(read)))
+    return found
+
+
+def _procedures(table: Any) -> tuple[Procedure, ...]:
+    found = []
+    for name, steps in _mapping("procedures", table).items():
+        where = f"procedures.{name}"
+        unknown = [key for key in _mapping(where, steps) if key not in STEPS]
+        if unknown:
+            raise RequestError(f"{where}.{unknown[0]}: unknown key; a procedure has {', '.join(STEPS)}")
+        if not steps:
+            found.append(Procedure(name))
+            continue
+        try:
+            time = tuple(parse_quantity(each, "s") for each in steps.get("time", ()))
+            speed, load = (tuple(map(float, steps.get(key, ()))) for key in STEPS[1:])
+        except (SceneError, TypeError, ValueError) as error:
+            raise RequestError(f"{where}: {error}; write time = ['0 s', '1 s'] and speed = [1.0, 0.0]") from None
+        if len(time) < 2 or time[0] != 0 or not (speed or load) or {len(speed), len(load)} - {0, len(time)}:
+            reason = "time must begin at 0 s, and speed or load have one multiple of the cell's own for each time"
+            raise RequestError(f"{where}: {reason}")
+        if speed and not speed[0] > 0:
+            raise RequestError(f"{where}: the drum must turn at the start; write 0.05 in place of {speed[0]:g}")
+        found.append(Procedure(name, time, speed, load))
+    return tuple(found)
+
+
+def _mapping(where: str, table: Any) -> Mapping[str, Any]:
+    if not isinstance(table, Mapping):
+        raise RequestError(f"{where}: this must be a table")
+    return table
+
+
+def combinations(axes: Sequence[Axis]) -> list[tuple[Level, ...]]:
+    """Every combination of the levels of some axes, the last running fastest."""
+    return list(itertools.product(*(axis.levels for axis in axes)))

@@ -1,0 +1,132 @@
+"""Where many starts lead: the fraction of the disturbances that squeal, and of those that lead to each attractor."""
+
+from typing import Any
+
+import numpy as np
+import xarray
+from numpy.typing import NDArray
+
+from drumsqueal.findings.part import Finding, Held, Number
+from drumsqueal.questions.onset.found import ALIKE_ENERGY, ALIKE_FREQUENCY, Leads
+from drumsqueal.questions.sweep.chance import Chance, chance, fraction
+from drumsqueal.questions.sweep.points import LEADS, NONE, Starting, squealing
+
+OTHERS = (Leads.NEUTRAL, Leads.RUNS_AWAY, Leads.GROWS, Leads.UNDECIDED)
+
+
+class Attractor(Finding):
+    """A squeal that disturbances lead to, and the chance of it.
+
+    Frequency (Hz), mean kinetic energy (J) and amplitude, half the peak-to-peak value of each coordinate (m, rad), are
+    medians over the starts that lead there; `start` is the first of these, by the keys that were varied.
+    """
+
+    number: int
+    chance: Chance
+    frequency_Hz: Number
+    kinetic_energy_J: float
+    amplitude: dict[str, float]
+    start: dict[str, float]
+
+
+class Basin(Finding):
+    """Where starts lead: the chance of squeal and of decay to steady sliding, and each squeal by falling energy.
+
+    The chances are of the starts of which it is clear where they lead; `unclear` counts the others, `elsewhere` those
+    that lead to neither. Motions whose kinetic energies differ by less than a factor of 1.6 and whose frequencies by
+    less than 5 % are one attractor; there are none where the brake is varied, too. `starts` (N, keys) are in SI, in the
+    order of `keys`, and `attractor` (N,) has the number of the squeal that each leads to, 0 for steady sliding, −1 for
+    neither. `coordinate` is the one that has most kinetic energy in most of
+    the squeals, and `data` are all results.
+    """
+
+    keys: tuple[str, ...]
+    coordinate: str
+    squeal: Chance
+    decay: Chance
+    attractors: tuple[Attractor, ...]
+    elsewhere: dict[str, int]
+    unclear: int
+    starts: Any = Held
+    attractor: Any = Held
+    data: Any = Held
+
+    def __repr__(self) -> str:
+        """One line."""
+        motions = ", ".join(f"{each.frequency_Hz:.4g} Hz {each.chance.percent}" for each in self.attractors)
+        unclear = f", {self.unclear} unclear" if self.unclear else ""
+        return f"Basin of {self.squeal.total} starts: {self.squeal.in_words} squeal ({motions or 'none'}){unclear}"
+
+
+def number_motions(data: xarray.Dataset) -> NDArray[np.int16]:
+    """The number of the squeal that each point leads to: 1 has most kinetic energy; 0 decays, −1 leads elsewhere.
+
+    From the largest energy down each motion belongs to the first one that it is like.
+    """
+    leads = np.ravel(data["leads_to"].values)
+    energy, frequency = (np.ravel(data[name].values) for name in ("kinetic_energy", "main_frequency"))
+    numbers = np.where(leads == LEADS.index(Leads.DECAYS), 0, NONE).astype(np.int16)
+    squeals = np.flatnonzero(leads == LEADS.index(Leads.SQUEALS))
+    firsts: list[int] = []
+    for k in squeals[np.argsort(-energy[squeals], kind="stable")]:
+        alike = (number for number, first in enumerate(firsts, 1) if _alike(energy[[first, k]], frequency[[first, k]]))
+        number = next(alike, 0)
+        if not number:
+            firsts.append(int(k))
+        numbers[k] = number or len(firsts)
+    return numbers
+
+
+def _alike(energies: NDArray[np.float64], frequencies: NDArray[np.float64]) -> bool:
+    """Whether two motions are one, as `Motion.like` has it."""
+    near = bool(abs(np.diff(np.log(energies))[0]) < ALIKE_ENERGY)
+    if np.isnan(frequencies).any():
+        return near
+    return near and bool(abs(np.diff(np.log(frequencies))[0]) < ALIKE_FREQUENCY)
+
+
+def find_basin(data: xarray.Dataset, plan: Starting) -> Basin:
+    """Count where the starts of a sweep lead."""
+    leads = np.ravel(data["leads_to"].values)
+    count = {each: int((leads == code).sum()) for code, each in enumerate(LEADS)}
+    clear = sum(count[each] for each in (Leads.DECAYS, Leads.SQUEALS, Leads.NEUTRAL, Leads.RUNS_AWAY))
+    starts, numbers = plan.values(0, plan.points), np.ravel(data["attractor"].values)
+    of = chance if plan.draws else fraction  # the points of a grid are no samples
+    return Basin(
+        keys=plan.keys,
+        coordinate=_main_coordinate(data, plan),
+        squeal=of(count[Leads.SQUEALS], clear),
+        decay=of(count[Leads.DECAYS], clear),
+        attractors=tuple(
+            _attractor(data, plan, number, np.flatnonzero(numbers == number), of(int((numbers == number).sum()), clear))
+            for number in range(1, numbers.max(initial=0) + 1)
+            if set(plan.keys) == set(plan.starts)
+        ),
+        elsewhere={each.value: count[each] for each in (Leads.NEUTRAL, Leads.RUNS_AWAY) if count[each]},
+        unclear=plan.points - clear,
+        starts=starts,
+        attractor=numbers,
+        data=data,
+    )
+
+
+def _main_coordinate(data: xarray.Dataset, plan: Starting) -> str:
+    main = np.ravel(data["main_coordinate"].values)[np.ravel(squealing(data))]
+    return plan.coordinates[int(np.bincount(main[main >= 0], minlength=1).argmax())]
+
+
+def _attractor(
+    data: xarray.Dataset, plan: Starting, number: int, members: NDArray[np.intp], chance_of_it: Chance
+) -> Attractor:
+    names = plan.coordinates
+    amplitude = data["amplitude"].values.reshape(-1, len(names))[members]
+    frequency = np.ravel(data["main_frequency"].values)[members]
+    first = plan.values(int(members[0]), int(members[0]) + 1)[0]
+    return Attractor(
+        number=number,
+        chance=chance_of_it,
+        frequency_Hz=float(np.median(frequency)),
+        kinetic_energy_J=float(np.median(np.ravel(data["kinetic_energy"].values)[members])),
+        amplitude=dict(zip(names, np.median(amplitude, axis=0).tolist(), strict=True)),
+        start=dict(zip(plan.keys, first.tolist(), strict=True)),
+    )

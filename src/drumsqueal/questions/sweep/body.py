@@ -1,0 +1,138 @@
+"""Starts of one body, drawn from a box: the points of a basin, as a `Plan` has those of a sweep of scenes."""
+
+import hashlib
+import math
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+from numpy.typing import NDArray
+
+from drumsqueal.errors import RequestError
+from drumsqueal.findings.vibration import unit_of
+from drumsqueal.physics.model import Model
+from drumsqueal.scene.plan import check_number_of_samples, draw
+from drumsqueal.scene.uncertain import Uniform, describe
+from drumsqueal.scene.variation import Variation
+
+Box = Mapping[str, Mapping[str, tuple[Any, Any]]]
+"""Ranges of `displacement` and `velocity` by coordinate: {"velocity": {"X": (-1.0, 1.0)}}."""
+TABLES = ("displacement", "velocity")
+_ADDRESS = re.compile(r"0x[0-9a-fA-F]+")  # in the name of a function, another one in each process
+
+
+class BodyPlan(NamedTuple):
+    """So many starts of a model, drawn uniformly from the ranges of each number, measured from steady sliding.
+
+    Transients have the sample rate (Hz), tolerance and method. Keys are displacement.X, velocity.X and so on.
+    """
+
+    model: Model
+    distributions: Mapping[str, Uniform]
+    draws: int
+    seed: int
+    sample_rate: float
+    tolerance: float
+    solver: str
+    variations: tuple[Variation, ...] = ()
+    given: Mapping[str, Variation] = {}
+
+    eigenvalues = False
+    transient = True
+    dimensions = ("sample",)
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """What changes."""
+        return tuple(self.distributions)
+
+    @property
+    def starts(self) -> tuple[str, ...]:
+        """Those that are the start of the transients: all."""
+        return self.keys
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Names of the coordinates of the results."""
+        return self.model.names
+
+    @property
+    def about(self) -> dict[str, str]:
+        """The model as text: two with the same numbers and effects have the same one."""
+        numbers = b"".join(np.asarray(leaf, dtype=np.float64).tobytes() for leaf in jax.tree.leaves(self.model))
+        structure = _ADDRESS.sub("", str(jax.tree.structure(self.model)))
+        return {"title": "basins of attraction", "model": hashlib.sha256(numbers + structure.encode()).hexdigest()}
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Number of starts."""
+        return (self.draws,)
+
+    @property
+    def points(self) -> int:
+        """Number of starts."""
+        return self.draws
+
+    def values(self, first: int, stop: int) -> NDArray[np.float64]:
+        """The starts (SI) from number `first` to `stop`, (stop − first, number of keys); each depends on the seed."""
+        return draw(list(self.distributions.values()), self.seed, first, stop)
+
+    def listed(self, _key: str, value: float) -> float:
+        """A value in the unit in which it is listed."""
+        return value
+
+    def unit(self, key: str) -> str:
+        """The SI unit of a key."""
+        table, name = key.split(".")
+        return unit_of(name) + ("/s" if table == "velocity" else "")
+
+    def start(self, values: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Displacement from steady sliding and velocity (n,) at a point."""
+        drawn = dict(zip(self.keys, values.tolist(), strict=True))
+        displacement, velocity = (
+            np.array([drawn.get(f"{table}.{name}", 0.0) for name in self.model.names]) for table in TABLES
+        )
+        return displacement, velocity
+
+    def describe(self) -> dict[str, Any]:
+        """What is drawn, as plain data: two plans with the same model and description have the same points."""
+        drawn = {key: describe(each) | {"unit": self.unit(key)} for key, each in self.distributions.items()}
+        how = {"sample_rate": self.sample_rate, "tolerance": self.tolerance, "solver": self.solver}
+        return how | {"random": self.draws, "seed": self.seed, "distributions": drawn}
+
+
+def flat_box(box: Box) -> dict[str, tuple[Any, Any]]:
+    """The ranges of a box by key, velocity.X and so on. Raises RequestError where there are none."""
+    wrong = [table for table in box if table not in TABLES]
+    if wrong:
+        raise RequestError(f"box: {wrong[0]!r} is neither displacement nor velocity")
+    found = {f"{table}.{name}": ends for table, ranges in box.items() for name, ends in ranges.items()}
+    if not found:
+        raise RequestError('box: there are no ranges; write {"velocity": {"X": (-1.0, 1.0)}}')
+    for key, ends in found.items():
+        if not isinstance(ends, Sequence) or len(ends) != 2:
+            raise RequestError(f"box: {key}: give it two values, such as (-1.0, 1.0); got {ends}")
+    return found
+
+
+def read_box(box: Box, names: tuple[str, ...]) -> dict[str, Uniform]:
+    """The ranges of a box by key. Raises RequestError for what is no box of a body with these coordinates."""
+    found = {}
+    for key, ends in flat_box(box).items():
+        if key.split(".", 1)[1] not in names:
+            raise RequestError(f"box: {key}: this body has the coordinates {', '.join(names)}")
+        low, high = map(float, ends)
+        if not (math.isfinite(high - low) and low < high):
+            raise RequestError(f"box: {key}: the first value must be below the second, got {low:g} and {high:g}")
+        found[key] = Uniform(low, high)
+    return found
+
+
+def body_plan(
+    model: Model, box: Box, samples: int, seed: int, sample_rate: float, tolerance: float, solver: str
+) -> BodyPlan:
+    """The starts of a body. Raises RequestError for what cannot be drawn."""
+    check_number_of_samples(samples, seed)
+    return BodyPlan(model, read_box(box, model.names), samples, seed, sample_rate, tolerance, solver)

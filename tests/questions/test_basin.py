@@ -1,0 +1,198 @@
+"""Basins: where starts lead, against a boundary from another integrator; the same whatever comes between."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+import xarray
+from matplotlib.path import Path as Polygon
+from scipy.integrate import solve_ivp
+
+import drumsqueal as ds
+from drumsqueal.errors import RequestError
+from drumsqueal.files.json_file import to_json
+from drumsqueal.questions.onset.found import Leads
+from drumsqueal.questions.sweep.basin import number_motions
+from drumsqueal.questions.sweep.points import LEADS, NOT_YET
+from drumsqueal.questions.sweep.study import compute
+from drumsqueal.scene import SceneError, load_scene
+from drumsqueal.scene.plan import sample
+from drumsqueal.scene.variation import read_variation
+
+SPEED, DAMPING = 1.5, 0.1
+BOX = {"displacement": {"X": (-2.0, 2.0)}, "velocity": {"X": (-2.0, 2.0)}}
+
+
+def block() -> ds.Model:
+    """A block that is quiet, or sticks and slips: bistable from 1.1513 to 1.8366 m/s."""
+    return ds.block_on_belt(ds.ExponentialLaw(1.0, 0.5, 2.0), damping=DAMPING, belt_speed=SPEED)
+
+
+@pytest.fixture(scope="module")
+def bistable() -> ds.Scene:
+    return load_scene("scenarios/damped.toml", ["drum.speed=15", "simulate.duration=0.02"])
+
+
+def ranges(scene: ds.Scene, *texts: str) -> list[ds.Variation]:
+    return [read_variation(text, scene, option="--vary", points=None, starts=True) for text in texts]
+
+
+def boundary_of_the_block() -> Polygon:
+    """The unstable cycle, which never sticks: backwards in time all slipping motion between the two ends on it."""
+
+    def backwards(_: float, state: np.ndarray) -> list[float]:
+        x, v = state
+        pull = 0.5 * (math.exp(-2 * abs(v - SPEED)) - math.exp(-2 * SPEED))  # beyond that of steady sliding
+        return [-v, DAMPING * v + x - pull]
+
+    found = solve_ivp(backwards, (0, 600), [0.01, 0.0], rtol=1e-10, atol=1e-12, max_step=0.05)
+    x, v = found.y
+    assert v[found.t > 590].max() < SPEED
+    first, last = np.flatnonzero((v[:-1] < 0) & (v[1:] >= 0))[-2:]
+    return Polygon(np.stack([x, v], 1)[first : last + 2])
+
+
+# --- bodies ---------------------------------------------------------------------------------------------------------
+
+
+def test_starts_of_a_block_lead_where_the_unstable_cycle_parts_them(tmp_path):
+    file = tmp_path / "basin.nc"
+    done = []
+
+    def stop(what: str, points: float = 0.0, _: float | None = None) -> None:
+        done.append(points)
+        if what == "sweeping" and len(done) > 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        ds.study_basin(block(), BOX, samples=6, file=file, progress=stop)
+    with xarray.open_dataset(file, engine="h5netcdf") as there:
+        assert (there["outcome"].values == NOT_YET).all()
+    found = ds.study_basin(block(), BOX, samples=6, file=file)
+    inside = boundary_of_the_block().contains_points(found.starts)
+    assert 0 < inside.sum() < 6
+    assert (found.attractor == np.where(inside, 0, 1)).all()
+    assert (found.squeal.count, found.squeal.total, found.unclear) == (6 - inside.sum(), 6, 0)
+    # It sticks, so that it moves as fast as the belt, and slips off where static friction gives way.
+    (squeal,) = found.attractors
+    assert squeal.frequency_Hz == pytest.approx(0.1583, abs=2e-4)
+    assert len(repr(found)) < 200
+    # Another study is not taken for this one, and what is complete is read.
+    with pytest.raises(RequestError, match="another set of points"):
+        ds.study_basin(block(), BOX, samples=7, file=file)
+    with pytest.raises(RequestError, match="another model"):
+        ds.study_basin(ds.block_on_belt(lambda s: 0.5 + 0 * s, damping=0.1, belt_speed=1.5), BOX, samples=6, file=file)
+    again = ds.study_basin(block(), BOX, samples=6, file=file, progress=lambda *_: pytest.fail("it computes"))
+    assert (again.attractor == found.attractor).all()
+    assert again.model_dump_json() == found.model_dump_json()
+
+
+@pytest.mark.parametrize(
+    ("box", "message"),
+    [
+        ({}, "no ranges"),
+        ({"speed": {"X": (0, 1)}}, "neither displacement nor velocity"),
+        ({"velocity": {"Y": (0, 1)}}, "velocity.Y: this body has the coordinates X"),
+        ({"velocity": {"X": (1, 0)}}, "velocity.X: the first value must be below the second"),
+        ({"velocity": {"X": 1.0}}, "velocity.X: give it two values"),
+    ],
+)
+def test_a_wrong_box_is_refused(box, message):
+    with pytest.raises(RequestError, match=message):
+        ds.study_basin(block(), box)
+
+
+def test_what_keeps_moving_has_no_basin(bistable):
+    driven = ds.block_on_belt(lambda s: 0.5 + 0 * s, belt_speed=1.0, forces={"X": (0.1, 0.2)})
+    with pytest.raises(ValueError, match="a force keeps"):
+        ds.study_basin(driven, BOX)
+    with pytest.raises(RequestError, match="number of samples"):
+        ds.study_basin(block(), BOX, samples=0)
+    box = {"velocity": {"Y": ("-1 m/s", "1 m/s")}}
+    forced = {"forcing": {"frequency": 1000.0, "amplitude": {"Y": 1.0}}}
+    with pytest.raises(SceneError, match="a force keeps"):
+        ds.study_basin(bistable.with_values(forced), box)
+    run_up = {"drum.speed": {"time": [0.0, 1.0], "value": [5.0, 6.0]}}
+    with pytest.raises(SceneError, match="constant"):
+        ds.study_basin(bistable.with_values(run_up), box)
+
+
+# --- scenes ---------------------------------------------------------------------------------------------------------
+
+
+def test_where_a_start_leads_hangs_neither_on_its_batch_nor_on_threads(bistable):
+    some = ranges(bistable, "start.velocity.Y=-1.5..1.5", "start.displacement.Y=-200..200 µm")
+    plan = sample(bistable, some, 10, seed=3, transient=True)
+    whole = compute(plan, 0, 10, threads=2)
+    assert set(whole["leads_to"]) == {LEADS.index(Leads.DECAYS), LEADS.index(Leads.SQUEALS)}
+    parts = [compute(plan, first, stop, threads=1) for first, stop in ((0, 3), (3, 10))]
+    for name, values in whole.items():
+        assert np.concatenate([part[name] for part in parts]).tobytes() == values.tobytes(), name
+    # One brake: its eigenvalues are those of the scene itself.
+    own = ds.analyse_stability(ds.build_model(bistable, coordinates=ds.scene.COORDINATES))
+    assert whole["largest_growth_rate"] == pytest.approx(max(mode.growth_rate for mode in own.modes), rel=1e-9)
+    # The start that is run by itself ends as it does here.
+    loud = int(np.flatnonzero(whole["leads_to"] == LEADS.index(Leads.SQUEALS))[0])
+    alone = plan.scene_at(plan.values(loud, loud + 1)[0]).with_values({"simulate.duration": 0.4})
+    motion = ds.run(alone).findings.saturation
+    assert motion is not None
+    assert motion.amplitude["Y"] == pytest.approx(whole["amplitude"][loud, 1], rel=0.01)
+
+
+def test_a_sweep_of_starts_goes_on_and_says_which_fraction_squeals(drumsqueal, bistable, tmp_path, monkeypatch):
+    monkeypatch.setattr("drumsqueal.questions.sweep.study.BATCH_OF_TRANSIENTS", 4)
+    arguments = ["sweep", "scenarios/damped.toml", "--set", "drum.speed=15", "--set", "simulate.duration=0.02"]
+    arguments += ["--vary", "start.velocity.Y=-1.5..1.5", "--vary", "start.displacement.Y=-200..200 µm"]
+    arguments += ["--random", "8", "--seed", "3", "--transient", "-o", str(tmp_path)]
+    filled = []
+
+    def stopped(plan, first, stop, *_, **__):
+        if filled:
+            raise KeyboardInterrupt
+        filled.append(first)
+        return compute(plan, first, stop)
+
+    with monkeypatch.context() as patch:
+        patch.setattr("drumsqueal.questions.sweep.filling.compute", stopped)
+        status, _, errors = drumsqueal(*arguments)
+    assert (status, "4 of 8 points were computed" in errors) == (1, True)
+    status, printed, errors = drumsqueal(*arguments, "--resume")
+    assert (status, errors) == (0, "")
+    assert {path.name for path in tmp_path.iterdir()} == {"sweep.nc", "sweep.json", "basin.png"}
+    assert "By the eigenvalues steady sliding is stable" in printed
+    basin = json.loads((tmp_path / "sweep.json").read_text())["basin"]
+    # The same from Python, without a file.
+    box = {"velocity": {"Y": (-1.5, 1.5)}, "displacement": {"Y": ("-200 µm", 200e-6)}}
+    once = ds.study_basin(bistable, box, samples=8, seed=3)
+    assert json.loads(to_json(once)) == basin
+    assert once.squeal.count + once.decay.count == once.squeal.total == 8
+    assert once.attractors[0].frequency_Hz == pytest.approx(950.7, abs=1)
+    text = f"{once.squeal.in_words} of the disturbances squeal"
+    assert text in " ".join(printed.split())
+    with xarray.open_dataset(tmp_path / "sweep.nc", engine="h5netcdf") as there:
+        assert there["attractor"].values.tolist() == once.attractor.tolist()
+
+
+def test_starts_need_transients(drumsqueal, tmp_path):
+    vary = ("--vary", "start.velocity.Y=-1..1x5", "-o", str(tmp_path / "out"))
+    status, _, errors = drumsqueal("sweep", "scenarios/damped.toml", *vary)
+    assert (status, errors.count("\n"), "add --transient" in errors) == (2, 1, True)
+    status, _, errors = drumsqueal("onset", "scenarios/damped.toml", "--along", "start.velocity.Y=-1..1x5")
+    assert (status, "where the transient starts" in errors) == (2, True)
+    assert not (tmp_path / "out").exists()
+
+
+# --- attractors -----------------------------------------------------------------------------------------------------
+
+
+def test_motions_are_numbered_by_energy_whatever_their_order():
+    decays, squeals, grows = (LEADS.index(each) for each in (Leads.DECAYS, Leads.SQUEALS, Leads.GROWS))
+    leads = np.array([squeals, decays, squeals, squeals, grows, squeals])
+    energy = np.array([1.0, 1e-20, 9.0, 1.3, 5.0, 1.1])
+    frequency = np.array([700.0, np.nan, 700.0, 705.0, 700.0, 970.0])
+    columns = {"leads_to": leads, "kinetic_energy": energy, "main_frequency": frequency}
+    data = xarray.Dataset({name: ("sample", values) for name, values in columns.items()})
+    assert number_motions(data).tolist() == [2, 0, 1, 2, -1, 3]
+    order = [5, 3, 1, 0, 2, 4]
+    assert number_motions(data.isel(sample=order)).tolist() == [3, 2, 0, 2, 1, -1]

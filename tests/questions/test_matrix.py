@@ -1,0 +1,140 @@
+"""Noise matrices: cells as they are alone, tables that are wrong, and a matrix that was cut off."""
+
+import csv
+import json
+import math
+from pathlib import Path
+
+import pytest
+
+import drumsqueal as ds
+from drumsqueal.errors import RequestError
+from drumsqueal.files.json_file import to_json
+from drumsqueal.files.output_folder import MATRIX_FILES
+from drumsqueal.questions.matrix.figure import draw_matrix
+from drumsqueal.questions.matrix.study import NoiseMatrix, in_rows
+from drumsqueal.questions.matrix.table import read_matrix
+from drumsqueal.scene import load_scene
+
+TABLE = """
+title = "Damped brake"
+scenes = ["damped"]
+[vary]
+"drum.speed" = ["5 rad/s", "15 rad/s", "60 rad/s"]
+[procedures.drag]
+[procedures.stop]
+time = ["0 s", "0.2 s"]
+speed = [1.0, 0.5]
+"""
+
+
+@pytest.fixture
+def table(tmp_path) -> Path:
+    path = tmp_path / "noise.toml"
+    path.write_text(TABLE)
+    return path
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory) -> NoiseMatrix:
+    path = tmp_path_factory.mktemp("matrix") / "noise.toml"
+    path.write_text(TABLE)
+    return ds.study_matrix(path)
+
+
+def test_cells_squeal_as_onset_and_transients_say(found):
+    cells = {(each.levels["drum.speed"], each.levels["procedure"]): each for each in found.cells}
+    assert len(cells) == 6
+    # Below 10.61 rad/s steady sliding is unstable, up to 47.9 rad/s it is bistable, and beyond it is stable.
+    after = {speed: cells[speed, "drag"].after for speed in found.axes["drum.speed"]}
+    assert after == {"5 rad/s": "small", "15 rad/s": "large, along Y", "60 rad/s": None}
+    assert [cells[speed, "drag"].unstable for speed in after] == [True, False, False]
+    assert cells["60 rad/s", "drag"].verdict == "quiet"
+    squeal = cells["15 rad/s", "drag"]
+    assert squeal.frequency_Hz == pytest.approx(950.7, abs=1)
+    # The shoe moves as in a run from such a disturbance: v = √(2T/m).
+    scene = load_scene("scenarios/damped.toml", ["drum.speed=15", "start.velocity.Y=1.5"])
+    result = ds.run(scene)
+    late = result.history.isel(time=slice(-5000, None))
+    energy = float(late["kinetic_energy"].mean())
+    mass = float(ds.build_model(scene).mass[1])
+    assert squeal.velocity_m_per_s == pytest.approx(math.sqrt(2 * energy / mass), rel=0.02)
+    assert squeal.level_dB == pytest.approx(20 * math.log10(squeal.velocity_m_per_s / 1e-9))
+    # A disturbance that decays is no squeal of the stop; one that lasts is.
+    assert cells["60 rad/s", "stop"].verdict in ("quiet", "squeals")
+    stop = cells["15 rad/s", "stop"]
+    assert stop.verdict == "squeals"
+    assert 7.5 <= stop.speed_rad_per_s <= 15
+    assert stop.velocity_m_per_s < 1.1 * squeal.velocity_m_per_s
+
+
+def test_a_matrix_that_was_cut_off_goes_on_and_is_the_same(drumsqueal, table, found, tmp_path, monkeypatch):
+    from drumsqueal.questions.sweep.study import compute
+
+    folder, done = tmp_path / "out", []
+
+    def stopped(plan, first, stop, *_, **__):
+        if len(done) == 2:
+            raise KeyboardInterrupt
+        done.append(first)
+        return compute(plan, first, stop)
+
+    with monkeypatch.context() as patch:
+        patch.setattr("drumsqueal.questions.sweep.filling.compute", stopped)
+        status, _, errors = drumsqueal("matrix", str(table), "-o", str(folder))
+    assert (status, "2 of 6 points were computed" in errors) == (1, True)
+    status, printed, errors = drumsqueal("matrix", str(table), "-o", str(folder), "--resume")
+    assert (status, errors) == (0, "")
+    assert {path.name for path in folder.iterdir()} == set(MATRIX_FILES)
+    assert (folder / "matrix.json").read_text() == to_json(found)
+    assert f"{found.squeal} of 6 cells squeal" in printed
+    rows = list(csv.DictReader((folder / "matrix.csv").read_text().splitlines()))
+    assert [row["drum.speed"] for row in rows] == [each.levels["drum.speed"] for each in found.cells]
+    assert json.loads((folder / "matrix.json").read_text())["axes"]["procedure"] == ["drag", "stop"]
+    status, _, errors = drumsqueal("matrix", str(table), "-o", str(folder), "--resume")
+    assert (status, "nothing to resume" in errors) == (2, True)
+    table.write_text(TABLE.replace("15 rad/s", "16 rad/s"))
+    status, _, errors = drumsqueal("matrix", str(table), "-o", str(folder), "--resume")
+    assert (status, "another set of points" in errors) == (2, True)
+
+
+def test_the_figure_has_a_cell_for_each(found):
+    columns, rows = in_rows(found)
+    assert columns == found.axes["drum.speed"]
+    assert [label for label, _ in rows] == ["drag", "stop"]
+    figure = draw_matrix(found)
+    assert figure is not None
+    texts = [text.get_text() for text in figure.axes[0].texts]
+    assert len(texts) == 6
+    assert sum(text.endswith("Hz") for text in texts) == found.squeal
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("title", "titel", "titel: unknown key; did you mean title"),
+        ('scenes = ["damped"]', "scenes = []", "scenes: write a list"),
+        ('"15 rad/s"', '"15 rad"', "the cell drum.speed = 15 rad"),
+        ("speed = [1.0, 0.5]", "speed = [1.0]", "procedures.stop: time must begin at 0 s"),
+        ("speed = [1.0, 0.5]", "speed = [0.0, 0.5]", "the drum must turn at the start"),
+        ("speed = [1.0, 0.5]", "spede = [1.0, 0.5]", "procedures.stop.spede: unknown key"),
+    ],
+)
+def test_a_wrong_table_is_refused(table, old, new, message):
+    table.write_text(TABLE.replace(old, new))
+    with pytest.raises(RequestError, match=message):
+        read_matrix(table)
+
+
+def test_levels_set_several_numbers_and_scenes_combine(table):
+    hot = '{ "friction.static" = 0.4, "friction.kinetic" = 0.28 }'
+    levels = f'[levels.temperature]\ncold = {{ "friction.static" = 0.5 }}\nhot = {hot}\n'
+    table.write_text(TABLE.replace('["damped"]', '["damped", "nominal"]') + levels)
+    plan = read_matrix(table)
+    assert plan.keys == ("drum.speed", "temperature", "scene", "procedure")
+    assert plan.points == 3 * 2 * 2 * 2
+    scene, procedure = plan.scene_at(plan.points - 1)
+    assert (scene.friction.static, scene.friction.kinetic, scene.drum.speed) == (0.4, 0.28, 60.0)
+    assert scene.damping is None
+    ran = procedure.over(scene)
+    assert (ran.drum.speed.value, ran.simulate.duration) == ((60.0, 30.0), 0.2)
