@@ -13,7 +13,6 @@ from drumsqueal.physics.model import build_model
 from drumsqueal.scene import COORDINATES
 from drumsqueal.scene.tables import Simulate
 from drumsqueal.simulation import prepare, run, transient
-from drumsqueal.solve.transient import segment as integration
 from drumsqueal.solve.transient import stick_slip
 from drumsqueal.solve.transient.batch import integrate_many
 from drumsqueal.solve.transient.integrate import integrate
@@ -28,7 +27,7 @@ from drumsqueal.solve.transient.runge_kutta import (
     Stages,
     make_solver,
 )
-from drumsqueal.solve.transient.segment import first_step
+from drumsqueal.solve.transient.segment import advance_packed, first_step, no_rows
 from drumsqueal.solve.transient.state import Span, State
 from drumsqueal.solve.transient.stepping import step_through
 
@@ -273,10 +272,11 @@ def test_the_transient_is_one_kernel(nominal, coordinates):
     n = len(model.names)
     state = State(jnp.zeros(n), jnp.zeros(n), jnp.zeros(()))
     span = Span(np.float64(0), np.float64(2e-5), np.int64(500))
-    arguments = model, jnp.zeros(n), state, span, np.float64(1e-6), first_step(model)
-    text = integration.advance_packed.lower(*arguments).as_text()
-    assert text.count("xla_cpu_small_call") >= 1
-    assert "callback" not in text
+    arguments = model, jnp.zeros(n), state, span, np.float64(1e-6), first_step(model), np.ones(2), no_rows(model)
+    for most_changes in (0, 10):
+        text = advance_packed.lower(*arguments, could_stick=True, most_changes=most_changes).as_text()
+        assert text.count("xla_cpu_small_call") >= 1
+        assert "callback" not in text
 
 
 def test_many_transients_are_those_run_one_by_one(nominal):

@@ -68,7 +68,10 @@ def _updated(inverse: Array, step: Array, change: Array) -> Array:
     bend = jnp.sum(step * change)
     share = step / jnp.where(bend > 0, bend, 1.0)
     moved = jnp.sum(inverse * change, axis=1)
-    new = inverse - share[:, None] * moved - moved[:, None] * share + (1 + jnp.sum(change * moved) / bend) * (
-        share[:, None] * step
+    new = (
+        inverse
+        - share[:, None] * moved
+        - moved[:, None] * share
+        + (1 + jnp.sum(change * moved) / bend) * (share[:, None] * step)
     )
     return jnp.where(bend > 0, new, inverse)

@@ -232,9 +232,7 @@ class _Phase(NamedTuple):
         """Accelerations (n,), power beyond the stored energy and rate of the memory."""
 
         def act(model: Model) -> tuple[Array, Array, Array | None]:
-            force, power, changed = model.rates(
-                self.at(time), self.steady + now.vibration, now.velocity, now.memory
-            )
+            force, power, changed = model.rates(self.at(time), self.steady + now.vibration, now.velocity, now.memory)
             return force / model.mass, power, changed
 
         return self.either(act, act)
@@ -364,9 +362,7 @@ class _Phase(NamedTuple):
             sticks, least = ~stuck & (found.reserve >= 1), self.least_slip(self.amplitudes(scaled))
             return following + jnp.where(sticks, 0.0, AWAY * least) * found.direction, sticks
 
-        velocity, sticks = jax.lax.cond(
-            halted, change, lambda: (jnp.where(stuck, following, now.velocity), stuck)
-        )
+        velocity, sticks = jax.lax.cond(halted, change, lambda: (jnp.where(stuck, following, now.velocity), stuck))
         return now._replace(velocity=velocity).flat() * self.inverse, sticks
 
     def row(self, time: Array, scaled: Array, work: Array, observes: bool) -> Array:
@@ -447,7 +443,8 @@ def advance_scaled(
             halts=None if slip_tolerance is None else phase.halts,
             passes=None if slip_tolerance is None else phase.passes,
             kinks=phase.kinks if is_explicit(solver) and _has_kinks(phase, now.state) else None,
-            size=phase.size_of, origin=span.start, corners=corners, begin=now.time, end=end, halted=now.halted & (now.phases == 0),
+            size=phase.size_of, origin=span.start, corners=corners, begin=now.time, end=end,
+            halted=now.halted & (now.phases == 0),
             sampled=(now.sampled, jnp.where(begins, now.samples.at[0].set(now.state), now.samples)),
         )  # fmt: skip
         last, sticks, there, changes = stepped.last, now.sticks, now.stuck, now.changes
@@ -494,6 +491,7 @@ def advance_scaled(
 
 def _has_kinks(phase: _Phase, state: Array) -> bool:
     return jax.eval_shape(phase.kinks, jnp.zeros(()), state).size > 0
+
 
 @Program
 def first_step(model: Model) -> Array:

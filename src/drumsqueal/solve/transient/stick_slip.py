@@ -1,5 +1,6 @@
 """A chunk of a transient through all that changes in it: slip and stick, the method, the drum's direction."""
 
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import jax
@@ -128,22 +129,21 @@ class StickSlip:
             rows, state, step = segment.rows, segment.final, segment.step
             steps, kept = steps + segment.steps, kept + segment.kept
             ended, might_stick = segment.time >= span.length, segment.halted and not (sticks or halted)
-            if ended or not (segment.reached or might_stick or (not segment.halted and self._choice.switch())):
+            more = segment.reached or might_stick or (segment.steps and not segment.halted and self._choice.switch())
+            if ended or not more:
                 return segment._replace(steps=steps, kept=kept, reached=ended)
             span, sticks, halted = span._replace(offset=np.float64(segment.time)), segment.sticks, might_stick
 
     def _note(self, segment: Segment, span: Span, sticks: bool) -> None:
-        """Keep the method, and when the lining began to stick or to slip: in a segment, or where that begins."""
-        changes = [(float(time), k % 2 == sticks) for k, time in enumerate(segment.changes)]
-        if segment.time > span.offset:
-            changes = [(float(span.offset), sticks), *changes]
-            if not sticks or segment.changes.size:
-                self.solvers.add(self._choice.solver)
-        for k, (time, now) in enumerate(changes):
-            last = k + 1 == len(changes) or changes[k + 1][0] > time
-            if last and now != self.sticks:
-                self.sticks = now
-                self.changes.append((float(span.start) + time, now))
+        """Keep when the lining began to stick or to slip, and what it slipped by."""
+        times = [span.offset, *segment.changes, segment.time]
+        for begin, end in pairwise(times):
+            if end > begin or end >= span.length:
+                if sticks != self.sticks:
+                    self.changes.append((float(span.start + begin), sticks))
+                self.sticks = sticks
+                self.solvers |= set() if sticks else {self._choice.solver}
+            sticks = not sticks
 
     def _between_jumps(self, span: Span) -> tuple[Span, bool]:
         """The span up to the next jump, seen from between the two about it, and whether it begins at one."""

@@ -243,9 +243,7 @@ def _resistance(
     return narrow(needed), resistance, widen
 
 
-def _weakest(
-    needed: Array, resistance: Callable[[Array], tuple[Array, Array]], near: Array
-) -> tuple[Array, Array]:
+def _weakest(needed: Array, resistance: Callable[[Array], tuple[Array, Array]], near: Array) -> tuple[Array, Array]:
     """The least of h(u) where Q·u = 1, and u times |Q|; h is convex."""
     size = jnp.sqrt(jnp.sum(needed * needed))
     along = jnp.where(size > 0, needed / jnp.where(size > 0, size, 1.0), jnp.eye(needed.size)[0])
