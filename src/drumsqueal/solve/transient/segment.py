@@ -24,6 +24,7 @@ from drumsqueal.solve.transient.stepping import Attempt, step_through
 from drumsqueal.solve.transient.sticking import (
     decide,
     drum_motion,
+    following,
     held,
     reserve,
     slip,
@@ -269,19 +270,12 @@ class _Phase(NamedTuple):
         return jnp.maximum(jnp.abs(scaled) + self.first, self.amplitudes(scaled)) - 1
 
     def kinks(self, time: Array, scaled: Array) -> Array:
-        """Numbers of which one changes its sign where the force has a kink; positive ones for those of slip at rest."""
+        """Numbers of which one changes its sign where the force has a kink."""
         now = self.split(scaled)
-
-        def found(model: Model) -> Array:
-            return model.kinks(self.at(time), self.steady + now.vibration, now.velocity, now.memory)
-
-        count = jax.eval_shape(lambda: found(self.model)).size
-
-        def padded(model: Model) -> Array:
-            kinks = found(model)
-            return jnp.concatenate([kinks, jnp.ones(count - kinks.size)])
-
-        return self.either(padded, padded)
+        velocity = now.velocity
+        if self.stuck is not None:  # the signs of a slip that is zero but for round-off say nothing
+            velocity = jnp.where(self.stuck, velocity + following(self.model), velocity)
+        return self.model.kinks(self.at(time), self.steady + now.vibration, velocity, now.memory)
 
     def least_slip(self, scaled: Array) -> Array:
         """Slip speed (m/s) below which nothing counts as slipping."""
@@ -354,15 +348,15 @@ class _Phase(NamedTuple):
         """The state to go on with, and whether the lining sticks from then on."""
         assert self.stuck is not None
         stuck, now, moment = self.stuck, self.split(scaled), self.at(time)
-        following = drum_motion(self.model, moment, now.velocity)
+        together = drum_motion(self.model, moment, now.velocity)
 
         def change() -> tuple[Array, Array]:
             q = self.steady + now.vibration
             found = decide(self.model, moment, q, now.velocity, now.memory, stuck)
             sticks, least = ~stuck & (found.reserve >= 1), self.least_slip(self.amplitudes(scaled))
-            return following + jnp.where(sticks, 0.0, AWAY * least) * found.direction, sticks
+            return together + jnp.where(sticks, 0.0, AWAY * least) * found.direction, sticks
 
-        velocity, sticks = jax.lax.cond(halted, change, lambda: (jnp.where(stuck, following, now.velocity), stuck))
+        velocity, sticks = jax.lax.cond(halted, change, lambda: (jnp.where(stuck, together, now.velocity), stuck))
         return now._replace(velocity=velocity).flat() * self.inverse, sticks
 
     def row(self, time: Array, scaled: Array, work: Array, observes: bool) -> Array:

@@ -52,11 +52,6 @@ class Held(Model):
         held = _grip(self, moment, free)
         return free + held, power + held @ v, self.memory_rate(memory, 0.0)
 
-    def kinks(self, time: ArrayLike, q: Array, v: Array, memory: Array | None = None) -> Array:
-        """Those of the pressure: the slip velocity is zero but for round-off, the signs of which say nothing."""
-        del memory
-        return self.contact.with_friction(None).kinks(self.operation.at(time), scalars(q), scalars(v))
-
     def observe(self, time: ArrayLike, q: Array, v: Array, memory: Array | None = None) -> Observation:
         """Torque, forces and extent of the contact at one instant; nothing slips, nothing is turned into heat."""
         del memory
@@ -81,19 +76,19 @@ def slip(model: Model, time: ArrayLike, v: Array) -> Array:
 
 def slip_motion(model: Model, time: ArrayLike, v: Array) -> Array:
     """Velocity (n,) relative to the drum's motion; zero in coordinates that do not slip."""
-    return jnp.where(_slips(model), v - _following(model) * model.operation.at(time).drum_speed, 0.0)
+    return jnp.where(_slips(model), v - following(model) * model.operation.at(time).drum_speed, 0.0)
 
 
 def slip_acceleration(model: Model, time: ArrayLike, a: Array) -> Array:
     """Acceleration (n,) relative to the drum's motion; zero in coordinates that do not slip."""
     rate = model.operation.drum_speed.at(time)[1]
-    return jnp.where(_slips(model), a - _following(model) * (0.0 if rate is None else rate), 0.0)
+    return jnp.where(_slips(model), a - following(model) * (0.0 if rate is None else rate), 0.0)
 
 
 @Program
 def drum_motion(model: Model, time: ArrayLike, v: Array) -> Array:
     """Velocity (n,) of a shoe whose lining moves with the drum; coordinates that do not slip keep theirs."""
-    return jnp.where(_slips(model), _following(model) * model.operation.at(time).drum_speed, v)
+    return jnp.where(_slips(model), following(model) * model.operation.at(time).drum_speed, v)
 
 
 class Grip(NamedTuple):
@@ -137,11 +132,11 @@ def _without_friction(model: Model, time: ArrayLike, q: Array, v: Array) -> tupl
 def _grip(model: Model, moment: Moment, free: Array) -> Array:
     """M d Ω̇ − Q: what friction adds to the other forces Q (n,) so that the shoe turns with the drum."""
     rate = model.operation.drum_speed.at(moment.time)[1]
-    turning = _following(model) * model.mass * (0.0 if rate is None else rate)
+    turning = following(model) * model.mass * (0.0 if rate is None else rate)
     return jnp.where(_slips(model), turning - free, 0.0)
 
 
-def _following(model: Model) -> Array:
+def following(model: Model) -> Array:
     """Velocities d of a shoe that turns with the drum at 1 rad/s."""
     return jnp.stack([jnp.asarray(each) for each in model.body.following])
 
