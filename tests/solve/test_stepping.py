@@ -408,7 +408,8 @@ def calls(monkeypatch):
 
 def test_a_chunk_takes_two_calls_however_often_it_sticks_and_slips(calls):
     # One up to where it first might stick, and one from there on.
-    chunks = list(integrate(block(), [0.5], [1.5], [0.0], duration=100.0, sample_rate=20.0, tolerance=1e-6))
+    start = np.array([0.5]), np.array([1.5]), np.zeros(1)
+    chunks = list(integrate(block(), *start, duration=100.0, sample_rate=20.0, tolerance=1e-6))
     assert sum(len(chunk.changes) for chunk in chunks) > 25
     assert len(calls) <= 2 * len(chunks) == 8
 
