@@ -133,8 +133,8 @@ def _to_chunk(
     states, (*observation, kinetic, potential) = segment.states, segment.looks
     return Chunk(
         time=time,
-        displacement=states.vibration + steady,
-        velocity=states.velocity,
+        displacement=np.asarray(states.vibration) + steady,
+        velocity=np.asarray(states.velocity),
         observation=Observation(*observation),
         kinetic_energy=kinetic,
         potential_energy=potential,

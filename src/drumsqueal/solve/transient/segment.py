@@ -63,7 +63,7 @@ class Segment(NamedTuple):
     rows: np.ndarray
     final: State
     time: float
-    step: float
+    step: Any  # a number of NumPy, which goes into the next call as it is
     steps: int
     kept: int
     reached: bool
