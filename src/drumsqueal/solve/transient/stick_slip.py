@@ -10,7 +10,7 @@ from jax.errors import JaxRuntimeError
 
 from drumsqueal.physics.effects.operation import Constant
 from drumsqueal.physics.model import Model
-from drumsqueal.solve.transient.runge_kutta import AUTO, DEFAULT, IMPLICIT
+from drumsqueal.solve.transient.runge_kutta import AUTO, DEFAULT, IMPLICIT, is_explicit
 from drumsqueal.solve.transient.segment import CORNER_BUDGET, STEP_BUDGET, Segment, advance, advance_packed, no_rows
 from drumsqueal.solve.transient.state import Span, State
 from drumsqueal.solve.transient.sticking import can_stick
@@ -55,14 +55,15 @@ class Choice:
         return self.method.name
 
     @property
-    def through_changes(self) -> str:
-        """The method from a change between stick and slip on: an implicit one takes long to compile for both."""
-        return DEFAULT if self._automatic else self.solver
+    def explicit(self) -> str:
+        """A method for what is not stiff."""
+        return self.solver if is_explicit(self.solver) else DEFAULT
 
-    def budget(self, solver: str) -> np.ndarray:
-        """Steps that a method gets, and how many more each BUDGET_RADIANS (2,)."""
+    @property
+    def budget(self) -> np.ndarray:
+        """Steps that the method gets, and how many more each BUDGET_RADIANS (2,)."""
         most = np.full(2, float(STEP_BUDGET))
-        return np.minimum(self._explicit_budget, most) if self._automatic and solver == DEFAULT else most
+        return np.minimum(self._explicit_budget, most) if self._automatic and self.solver == DEFAULT else most
 
     def begin(self) -> None:
         """A chunk begins."""
@@ -123,20 +124,17 @@ class StickSlip:
         while True:
             span, fresh = self._between_jumps(span)
             sticks = sticks and not fresh  # what it does then is found out
-            solver = self._choice.through_changes if sticks or halted else self._choice.solver
-            segment = self._advanced(state, span, step, rows, solver, sticks=sticks, halted=halted)
-            self._note(segment, span, solver, sticks)
+            segment = self._advanced(state, span, step, rows, sticks=sticks, halted=halted)
+            self._note(segment, span, sticks)
             rows, state, step = segment.rows, segment.final, segment.step
             steps, kept = steps + segment.steps, kept + segment.kept
             ended, might_stick = segment.time >= span.length, segment.halted and not (sticks or halted)
-            # What has made all its steps is gone on with by another method, or by the implicit one at hand.
-            spent = segment.steps > 0 and not (segment.halted or segment.reached)
-            other = solver != self._choice.solver and not segment.sticks
-            if ended or not (segment.reached or might_stick or (spent and (other or self._choice.switch()))):
+            more = segment.reached or might_stick or (segment.steps and not segment.halted and self._choice.switch())
+            if ended or not more:
                 return segment._replace(steps=steps, kept=kept, reached=ended)
             span, sticks, halted = span._replace(offset=np.float64(segment.time)), segment.sticks, might_stick
 
-    def _note(self, segment: Segment, span: Span, solver: str, sticks: bool) -> None:
+    def _note(self, segment: Segment, span: Span, sticks: bool) -> None:
         """Keep when the lining began to stick or to slip, and what it slipped by."""
         times = [span.offset, *segment.changes, segment.time]
         for begin, end in pairwise(times):
@@ -144,7 +142,7 @@ class StickSlip:
                 if sticks != self.sticks:
                     self.changes.append((float(span.start + begin), sticks))
                 self.sticks = sticks
-                self.solvers |= set() if sticks else {solver}
+                self.solvers |= set() if sticks else {self._choice.solver}
             sticks = not sticks
 
     def _between_jumps(self, span: Span) -> tuple[Span, bool]:
@@ -178,25 +176,22 @@ class StickSlip:
             _beyond_kernels.add(self._kind)
             return advance(*self._given(*begins, **how))
 
-    def _given(
-        self, state: State, span: Span, step: Any, rows: Any, solver: str, *, sticks: bool, halted: bool
-    ) -> tuple[Any, ...]:
+    def _given(self, state: State, span: Span, step: Any, rows: Any, *, sticks: bool, halted: bool) -> tuple[Any, ...]:
         """What `advance` is given."""
-        given = self._model, self._steady, state, span, self._tolerance, step, self._budget(span, solver), rows
+        given = self._model, self._steady, state, span, self._tolerance, step, self._budget(span), rows
         could_stick, most_changes = self._may_stick(span), MOST_CHANGES if sticks or halted else 0
-        how = solver, self._kind not in _beyond_kernels, could_stick, most_changes
+        how = self._choice.solver, self._kind not in _beyond_kernels, could_stick, most_changes
         return *given, np.bool_(sticks), np.bool_(halted), *how
 
     def load_ahead(self, state: State, span: Span, step: Any) -> None:
         """Load or compile, in another thread, the program of a first chunk that slips."""
         span = self._between_jumps(span)[0]
-        solver = self._choice.solver
-        advance_packed.ahead(*self._given(state, span, step, self._rows, solver, sticks=False, halted=False))
+        advance_packed.ahead(*self._given(state, span, step, self._rows, sticks=False, halted=False))
 
-    def _budget(self, span: Span, solver: str) -> np.ndarray:
-        """A method's budget of steps, with some for each corner of what is prescribed in a chunk."""
+    def _budget(self, span: Span) -> np.ndarray:
+        """The method's budget of steps, with some for each corner of what is prescribed in a chunk."""
         within = np.diff(np.searchsorted(self._corners, [float(span.start), float(span.start + span.length)]))[0]
-        return self._choice.budget(solver) + np.array([CORNER_BUDGET * within, 0.0])
+        return self._choice.budget + np.array([CORNER_BUDGET * within, 0.0])
 
 
 def _jumps(model: Model) -> tuple[np.ndarray, float]:
