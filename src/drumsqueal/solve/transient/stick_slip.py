@@ -10,7 +10,7 @@ from jax.errors import JaxRuntimeError
 
 from drumsqueal.physics.effects.operation import Constant
 from drumsqueal.physics.model import Model
-from drumsqueal.solve.transient.runge_kutta import AUTO, DEFAULT, IMPLICIT, is_explicit
+from drumsqueal.solve.transient.runge_kutta import AUTO, DEFAULT, IMPLICIT
 from drumsqueal.solve.transient.segment import CORNER_BUDGET, STEP_BUDGET, Segment, advance, advance_packed, no_rows
 from drumsqueal.solve.transient.state import Span, State
 from drumsqueal.solve.transient.sticking import can_stick
@@ -53,11 +53,6 @@ class Choice:
     def solver(self) -> str:
         """Name of the method."""
         return self.method.name
-
-    @property
-    def explicit(self) -> str:
-        """A method for what is not stiff."""
-        return self.solver if is_explicit(self.solver) else DEFAULT
 
     @property
     def budget(self) -> np.ndarray:
