@@ -18,7 +18,7 @@ from rich.console import Console
 
 from parts.record import Record, describe_machine
 
-PARTS = ("evaluation", "one", "many", "step", "long", "start", "growth", "accuracy")
+PARTS = ("evaluation", "one", "many", "sticking", "step", "long", "start", "growth", "accuracy")
 DOCS = Path(__file__).parents[2] / "docs"
 
 

@@ -8,13 +8,15 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from drumsqueal.errors import IntegrationError
 from drumsqueal.physics.kernel import compiled, one_kernel
+from drumsqueal.physics.laws.friction_law import ExponentialLaw
 from drumsqueal.physics.model import build_model
+from drumsqueal.physics.small_bodies import block_on_belt
 from drumsqueal.scene import COORDINATES
 from drumsqueal.scene.tables import Simulate
 from drumsqueal.simulation import prepare, run, transient
-from drumsqueal.solve.transient import segment as integration
-from drumsqueal.solve.transient import stick_slip
+from drumsqueal.solve.transient import segment, stick_slip
 from drumsqueal.solve.transient.batch import integrate_many
 from drumsqueal.solve.transient.integrate import integrate
 from drumsqueal.solve.transient.landing import NEAR, fraction_to_excursion, fraction_to_kink
@@ -28,7 +30,7 @@ from drumsqueal.solve.transient.runge_kutta import (
     Stages,
     make_solver,
 )
-from drumsqueal.solve.transient.segment import first_step
+from drumsqueal.solve.transient.segment import advance_packed, first_step, no_rows
 from drumsqueal.solve.transient.state import Span, State
 from drumsqueal.solve.transient.stepping import step_through
 
@@ -273,10 +275,11 @@ def test_the_transient_is_one_kernel(nominal, coordinates):
     n = len(model.names)
     state = State(jnp.zeros(n), jnp.zeros(n), jnp.zeros(()))
     span = Span(np.float64(0), np.float64(2e-5), np.int64(500))
-    arguments = model, jnp.zeros(n), state, span, np.float64(1e-6), first_step(model)
-    text = integration.advance_packed.lower(*arguments).as_text()
-    assert text.count("xla_cpu_small_call") >= 1
-    assert "callback" not in text
+    arguments = model, jnp.zeros(n), state, span, np.float64(1e-6), first_step(model), np.ones(2), no_rows(model)
+    for most_changes in (0, 10):
+        text = advance_packed.lower(*arguments, could_stick=True, most_changes=most_changes).as_text()
+        assert text.count("xla_cpu_small_call") >= 1
+        assert "callback" not in text
 
 
 def test_many_transients_are_those_run_one_by_one(nominal):
@@ -380,3 +383,43 @@ def test_many_transients_must_be_of_one_composition(nominal):
     models = [build_model(nominal), build_model(nominal.with_values({"support": None}))]
     with pytest.raises(ValueError, match="one composition"):
         next(integrate_many(models, *[np.zeros((2, 3))] * 3, duration=0.01, sample_rate=5e4, tolerance=1e-6))
+
+
+# --- stick and slip --------------------------------------------------------------------------------------------------
+
+
+def block():
+    """A block that lies still beside stick and slip, from X = 1.5 on."""
+    return block_on_belt(ExponentialLaw(1.0, 0.5, 2.0), damping=0.1, belt_speed=1.3)
+
+
+@pytest.fixture
+def calls(monkeypatch):
+    """What is given to the calls of compiled programs that take a transient through time."""
+    made = []
+
+    def advance(*given):
+        made.append(given)
+        return segment.advance(*given)
+
+    monkeypatch.setattr(stick_slip, "advance", advance)
+    return made
+
+
+def test_a_chunk_takes_two_calls_however_often_it_sticks_and_slips(calls):
+    # One up to where it first might stick, and one from there on.
+    start = np.array([0.5]), np.array([1.5]), np.zeros(1)
+    chunks = list(integrate(block(), *start, duration=100.0, sample_rate=20.0, tolerance=1e-6))
+    assert sum(len(chunk.changes) for chunk in chunks) > 25
+    assert len(calls) <= 2 * len(chunks) == 8
+
+
+def test_an_undefined_start_costs_nothing_and_stops_none_of_the_others(calls):
+    models, steady, rest = [block()] * 3, np.zeros((3, 1)), np.zeros((3, 1))
+    start = np.array([[0.1], [np.nan], [0.2]])
+    how: Any = {"duration": 50.0, "sample_rate": 20.0, "tolerance": 1e-6, "threads": 1}
+    batches = list(integrate_many(models, steady, start, rest, **how))
+    assert all(batch.reached.tolist() == [True, False, True] for batch in batches)
+    assert sum(np.isnan(given[2].vibration).any() for given in calls) == 1
+    with pytest.raises(IntegrationError, match=r"infinite or undefined after t = 0 s"):
+        list(integrate(models[1], steady[1], start[1], rest[1], duration=1.0, sample_rate=20.0, tolerance=1e-6))

@@ -30,7 +30,7 @@ from drumsqueal.physics.kernel import compiled, one_kernel
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.simulation import prepare, transient
 from drumsqueal.solve.transient.runge_kutta import DEFAULT, STAGES
-from drumsqueal.solve.transient.segment import Segment, advance, first_step
+from drumsqueal.solve.transient.segment import STEP_BUDGET, Segment, advance, first_step, no_rows
 from drumsqueal.solve.transient.state import CHUNK_SAMPLES, Span, State
 
 from .record import Record
@@ -141,7 +141,8 @@ def advance_all(model: Model, q: Array, v: Array, interval: np.float64, step: Ar
         state = State(q[start], v[start], jnp.zeros(()))
         span = Span(np.float64(start / SAMPLE_RATE), interval, np.int64(1))
         steady = jnp.zeros(q.shape[1])
-        segments.append(advance(model, steady, state, span, np.float64(TOLERANCE), step))
+        how = np.float64(TOLERANCE), step, np.full(2, float(STEP_BUDGET)), no_rows(model)
+        segments.append(advance(model, steady, state, span, *how))
     return segments
 
 

@@ -91,7 +91,7 @@ def integrate(
         span = Span(np.float64(first / sample_rate), np.float64(1 / sample_rate), np.int64(count))
         segment = run.through(state, span, step)
         if first == 0:
-            first_energy = float(segment.kinetic[0] + segment.potential[0])
+            first_energy = float(np.sum(segment.looks[-2:, 0]))
         time = np.arange(first, first + count + 1) / sample_rate
         chunk = _to_chunk(segment, time, first_energy, np.asarray(steady), model.remembered, run)
         good = np.isfinite(chunk.displacement).all(axis=1) & np.isfinite(chunk.velocity).all(axis=1)
@@ -129,12 +129,13 @@ def _to_chunk(
     run: StickSlip,
 ) -> Chunk:
     """What the segment has up to the last time (k,)."""
-    states, observation, kinetic, potential = jax.tree.map(lambda x: np.asarray(x)[: time.size], segment[:4])
+    segment = segment._replace(rows=segment.rows[: time.size])
+    states, (*observation, kinetic, potential) = segment.states, segment.looks
     return Chunk(
         time=time,
-        displacement=states.vibration + steady,
-        velocity=states.velocity,
-        observation=observation,
+        displacement=np.asarray(states.vibration) + steady,
+        velocity=np.asarray(states.velocity),
+        observation=Observation(*observation),
         kinetic_energy=kinetic,
         potential_energy=potential,
         energy_balance_error=kinetic + potential - first_energy - states.work,
@@ -162,7 +163,7 @@ def _rows(chunk: Chunk, rows: slice) -> Chunk:
 def _why(segment: Segment, chunk: Chunk, last: int) -> str:
     """What stopped the integration after the good sample number `last` of the chunk."""
     time = chunk.time[last]
-    if bool(segment.reached):
+    if segment.reached or not all(np.isfinite(each).all() for each in jax.tree.leaves(segment.final)):
         return f"the motion became infinite or undefined after t = {time:.6g} s"
     collapsed = f"the step size collapsed: {segment.steps:,} steps were not enough to get past t = {time:.6g} s"
     heat, load = chunk.observation.friction_power[last], chunk.observation.normal_force[last]

@@ -38,8 +38,7 @@ class Span(NamedTuple):
     """One chunk in time: its start (s), the interval between samples (s), and how many there are after the first.
 
     It is entered `offset` and left `until` (s) after its start, if that is before its end. What is prescribed over time
-    is taken from within `after` and `before` (s of the transient): where it jumps, from this side of the jump. With
-    `looks` (CHUNK_SAMPLES + 1,), in s after its start, these times take the place of its samples.
+    is taken from within `after` and `before` (s of the transient): where it jumps, from this side of the jump.
     """
 
     start: Any  # numbers outside a compiled call, arrays within
@@ -49,7 +48,6 @@ class Span(NamedTuple):
     until: Any = np.float64(np.inf)
     after: Any = np.float64(-np.inf)
     before: Any = np.float64(np.inf)
-    looks: Any = None
 
     @property
     def length(self) -> Any:
@@ -57,17 +55,10 @@ class Span(NamedTuple):
         return self.samples * self.interval
 
     @property
-    def now(self) -> Any:
-        """Where it is entered, as a time at which to ask for what is prescribed (s of the transient)."""
-        return self.inside(self.start + self.offset)
-
-    @property
     def grid(self) -> Array:
-        """Its samples (s after its start), CHUNK_SAMPLES + 1 of them: those it does not reach lie at its ends."""
-        grid = self.looks
-        if grid is None:
-            grid = jnp.minimum(jnp.arange(CHUNK_SAMPLES + 1), self.samples) * jnp.asarray(self.interval)
-        return jnp.clip(grid, self.offset, jnp.minimum(self.until, self.length))
+        """Its samples (s after its start), CHUNK_SAMPLES + 1 of them: those beyond its last one never come."""
+        numbers = jnp.arange(CHUNK_SAMPLES + 1)
+        return jnp.where(numbers <= self.samples, numbers * jnp.asarray(self.interval), jnp.inf)
 
     def inside(self, time: Any) -> Any:
         """A time (s of the transient) at which to ask for what is prescribed."""

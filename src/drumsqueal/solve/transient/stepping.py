@@ -29,6 +29,7 @@ class Attempt(NamedTuple):
     """A step: its ends in time, the states (n,) and slopes (n,) there, and the state at any time between them.
 
     `dense` is what the method interpolates from: of an explicit one "k", h times the slopes of its stages (s, n).
+    `piece` are the first and the last time at which to ask for what is prescribed.
     """
 
     start: Array
@@ -39,13 +40,14 @@ class Attempt(NamedTuple):
     slope_after: Array
     inside: Callable[[Array], Array]
     dense: dict[str, Any]
+    piece: tuple[Array, Array]
 
 
 class Stepped(NamedTuple):
     """Samples (k, n), NaN where not reached; the last state (n,) and its time; the next step; how many made and kept.
 
     `reached` states whether the end was reached within the budget of steps, `halted` whether a stop was requested;
-    `carried` is what was taken along, in the end.
+    `carried` is what was taken along, in the end, and `sampled` how many samples there are.
     """
 
     samples: Array
@@ -57,6 +59,7 @@ class Stepped(NamedTuple):
     reached: Array
     halted: Array
     carried: Any
+    sampled: Array
 
 
 class _Plan(NamedTuple):
@@ -108,6 +111,10 @@ def step_through(
     corners: Array | None = None,
     along: Callable[[Attempt, Any], Any] | None = None,
     carried: Any = None,
+    begin: Any = None,
+    end: Any = None,
+    halted: Any = False,
+    sampled: tuple[Array, Array] | None = None,
 ) -> Stepped:
     """Integrate ẏ = f(t, y) from a start (n,) at times[0] and sample it at the times (k,), which do not decrease.
 
@@ -119,12 +126,15 @@ def step_through(
     `passes` gives the fraction after which that would have been so, or 1: it is then made again so far only. Of a time
     and state `kinks` gives numbers, of which one changes its sign where f has a kink: a step that is not kept, or
     within which one comes to the other side and goes back, ends there when it is made again. With every step that is
-    kept `along` takes `carried`, a tree of arrays, from its start to its end.
+    kept `along` takes `carried`, a tree of arrays, from its start to its end. It may go on from a later `begin`, with
+    as many samples `sampled` as are there, to an earlier `end`, and make no step where it is `halted`.
     """
     import diffrax  # as in make_solver
 
     controller = diffrax.PIDController(rtol=tolerance, atol=tolerance, norm=norm, pcoeff=PROPORTIONAL, icoeff=INTEGRAL)
-    end = times[-1]
+    begin, end = times[0] if begin is None else begin, times[-1] if end is None else end
+    if sampled is None:
+        sampled = jnp.ones((), int), jnp.full((len(times), start.size), jnp.nan).at[0].set(start)
 
     def rate(t: Array, y: Array, piece: tuple[Array, Array]) -> Array:
         return vector_field(jnp.clip(t, *piece), y)
@@ -152,7 +162,7 @@ def step_through(
         # A step that was cut short at the end says little about the next one.
         next_step = jnp.where(keep & (there == until), jnp.maximum(following - time, now.step), following - time)
         interpolation = solver.interpolation(t0=now.time, t1=there, **dense)
-        attempt = Attempt(now.time, there, now.state, state, first, last, interpolation.evaluate, dense)
+        attempt = Attempt(now.time, there, now.state, state, first, last, interpolation.evaluate, dense, piece)
         plan = _Plan(jnp.asarray(keep), jnp.asarray(time), next_step, jnp.zeros(()), controller_state)
         rests, levels = jnp.zeros((), bool), now.levels
         if kinks is not None:
@@ -167,31 +177,32 @@ def step_through(
         if along is not None:
             taken = along
             carried = jax.lax.cond(keep, lambda: taken(attempt, now.carried), lambda: now.carried)
-        sampled, samples = _sample(times, interpolation, there, keep, now.sampled, now.samples)
+        samples = _sample(times, interpolation, there, keep, now.sampled, now.samples)
         return _Now(
             time, next_step, jnp.minimum(budget, now.credit + pace * (time - now.time)) - 1, onwards,
             _either(keep, levels, now.levels), jnp.where(keep, state, now.state), jnp.where(keep, last, first),
             # Beyond a corner the last slope is that of its other side.
-            keep & (there == until), passed, controller_state, sampled, samples, now.steps + 1,
+            keep & (there == until), passed, controller_state, *samples, now.steps + 1,
             now.kept + jnp.where(keep, 1, 0),
             rests if halts is None else rests | (keep & halts(time, state)),
             carried,
         )  # fmt: skip
 
     none = jnp.zeros((), int)
-    samples = jnp.full((len(times), start.size), jnp.nan).at[0].set(start)
     unused: Any = None
-    _, controller_state = controller.init(unused, times[0], end, start, step, None, unused, solver.order)
+    _, controller_state = controller.init(unused, begin, end, start, step, None, unused, solver.order)
     controller_state = jax.tree.map(jnp.asarray, controller_state)
-    yes, no = jnp.ones((), bool), jnp.zeros((), bool)
-    levels = None if kinks is None else kinks(times[0], start)
+    levels = None if kinks is None else kinks(begin, start)
+    credit = jnp.where(jnp.isfinite(start).all(), budget, 0.0)  # what is undefined leads nowhere
     now = _Now(
-        times[0], step, jnp.asarray(budget, float), jnp.zeros(()), levels, start, jnp.zeros_like(start), yes,
-        jnp.searchsorted(coming, times[0]), controller_state, none + 1, samples, none, none, no, carried,
+        begin, step, credit, jnp.zeros(()), levels, start, jnp.zeros_like(start), jnp.ones((), bool),
+        jnp.searchsorted(coming, begin), controller_state, *sampled, none, none, jnp.asarray(halted), carried,
     )  # fmt: skip
     now = jax.lax.while_loop(unfinished, advance, now)
     reached = now.time >= end
-    return Stepped(now.samples, now.state, now.time, now.step, now.steps, now.kept, reached, now.halted, now.carried)
+    return Stepped(
+        now.samples, now.state, now.time, now.step, now.steps, now.kept, reached, now.halted, now.carried, now.sampled
+    )
 
 
 def _landing(plan: _Plan, attempt: Attempt, now: _Now, kinks: Callable[[Array, Array], Array], after: Array) -> _Plan:

@@ -1,32 +1,21 @@
 """A chunk of a transient through all that changes in it: slip and stick, the method, the drum's direction."""
 
-from collections.abc import Iterator
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
-import scipy
 from jax import Array
 from jax.errors import JaxRuntimeError
 
 from drumsqueal.physics.effects.operation import Constant
 from drumsqueal.physics.model import Model
-from drumsqueal.solve.transient.runge_kutta import AUTO, DEFAULT, IMPLICIT, is_explicit
-from drumsqueal.solve.transient.segment import (
-    CORNER_BUDGET,
-    STEP_BUDGET,
-    Segment,
-    advance,
-    advance_packed,
-    slip_and_least,
-)
-from drumsqueal.solve.transient.state import CHUNK_SAMPLES, Span, State
-from drumsqueal.solve.transient.sticking import can_stick, drum_motion, drum_motions, held, hold, hold_surely
+from drumsqueal.solve.transient.runge_kutta import AUTO, DEFAULT, IMPLICIT
+from drumsqueal.solve.transient.segment import CORNER_BUDGET, STEP_BUDGET, Segment, advance, advance_packed, no_rows
+from drumsqueal.solve.transient.state import Span, State
+from drumsqueal.solve.transient.sticking import can_stick
 
-AWAY = 2.0  # times the slip that counts as none: what a lining that cannot stick goes on with
 MOST_CHANGES = 1000  # in one chunk, two a sample: more is a mistake, not a motion
-TIMING = 1e-12  # of a chunk: how well the end of sticking is found
 MARGIN = 1e-12  # of the drum's schedule: its jumps are looked at from so far, beyond round-off
 # Steps that the explicit method gets where another may take over, at a tolerance of 1e-6, and how many more each
 # BUDGET_RADIANS: where it takes more of them the implicit one gets through sooner, though a step of it takes four times
@@ -64,11 +53,6 @@ class Choice:
     def solver(self) -> str:
         """Name of the method."""
         return self.method.name
-
-    @property
-    def explicit(self) -> str:
-        """A method for what is not stiff."""
-        return self.solver if is_explicit(self.solver) else DEFAULT
 
     @property
     def budget(self) -> np.ndarray:
@@ -110,61 +94,51 @@ class StickSlip:
         observes: bool = True,
     ) -> None:
         """Begin at the start of the transient, or go on with a lining that sticks or not and the method at hand."""
-        self._observes = observes  # whether samples come with observations and energies
         self._model, self._steady, self._tolerance = model, steady, tolerance
+        self._rows = no_rows(model, observes=observes)
         self._kind = jax.tree.structure(model)
-        self._held: Model | None = held(model) if sticks else None  # the model that sticks, while it does
-        self._stuck = sticks  # whether it did when that was noted last
         self._jumps, self._margin = _jumps(model)
         self._may: dict[float, bool] = {}  # stick from the last jump on, by its time: asking takes as long as 100 steps
         corners = model.operation.corners
         self._corners = np.zeros(0) if corners is None else np.unique(corners)
         self._choice = Choice(solver, float(tolerance), method)
+        self.sticks = sticks  # at the end of the last chunk
         self.solvers: set[str] = set()  # that made the last chunk
         self.changes: list[tuple[float, bool]] = []  # in the last chunk: when (s), and whether it sticks from then on
-
-    @property
-    def sticks(self) -> bool:
-        """Whether the lining sticks at the end of the last chunk."""
-        return self._held is not None
 
     @property
     def method(self) -> Method:
         """The method at hand."""
         return self._choice.method
 
-    def through(self, state: State, span: Span, step: Array) -> Segment:
-        """One chunk."""
-        whole, self.solvers, self.changes = None, set(), []
+    def through(self, state: State, span: Span, step: Any) -> Segment:
+        """One chunk: up to where something might stick by one program, from there on by one that few runs need."""
+        rows, steps, kept, sticks, halted = self._rows, 0, 0, self.sticks, False
+        self.solvers, self.changes = set(), []
         self._choice.begin()
-        for _ in range(MOST_CHANGES):
+        while True:
             span, fresh = self._between_jumps(span)
-            if fresh:
-                state = self._settled(state, span)
-            self._note(span)
-            stuck = self._held is not None
-            segment = self._stick(state, span, step) if stuck else self._slip(state, span, step)
-            whole = segment if whole is None else _joined(whole, segment, span)
-            state, step = segment.final, segment.step
-            span = span._replace(offset=np.float64(segment.time))
-            if bool(segment.halted):
-                state = self._changed(state, span, self._slip_and_least(state, span)[1], ends=stuck)
-            if float(whole.time) >= float(span.length):
-                self._note(span)
-                return whole._replace(final=state, reached=np.True_)
-            if bool(segment.halted) or bool(segment.reached):
-                continue
-            if not self._choice.switch():
-                break
-        assert whole is not None
-        return _only_reached(whole, span)
+            sticks = sticks and not fresh  # what it does then is found out
+            segment = self._advanced(state, span, step, rows, sticks=sticks, halted=halted)
+            self._note(segment, span, sticks)
+            rows, state, step = segment.rows, segment.final, segment.step
+            steps, kept = steps + segment.steps, kept + segment.kept
+            ended, might_stick = segment.time >= span.length, segment.halted and not (sticks or halted)
+            more = segment.reached or might_stick or (segment.steps and not segment.halted and self._choice.switch())
+            if ended or not more:
+                return segment._replace(steps=steps, kept=kept, reached=ended)
+            span, sticks, halted = span._replace(offset=np.float64(segment.time)), segment.sticks, might_stick
 
-    def _note(self, span: Span) -> None:
-        """Keep when the lining begins to stick or to slip."""
-        sticks = self._held is not None
-        if sticks != self._stuck:
-            self._stuck = sticks
-            self.changes.append((float(span.start + span.offset), sticks))
+    def _note(self, segment: Segment, span: Span, sticks: bool) -> None:
+        """Keep when the lining began to stick or to slip, and what it slipped by."""
+        times = [span.offset, *segment.changes, segment.time]
+        for begin, end in pairwise(times):
+            if end > begin or end >= span.length:
+                if sticks != self.sticks:
+                    self.changes.append((float(span.start + begin), sticks))
+                self.sticks = sticks
+                self.solvers |= set() if sticks else {self._choice.solver}
+            sticks = not sticks
 
     def _between_jumps(self, span: Span) -> tuple[Span, bool]:
         """The span up to the next jump, seen from between the two about it, and whether it begins at one."""
@@ -186,130 +160,33 @@ class StickSlip:
             )
         return self._may[after]
 
-    def _slip_and_least(self, state: State, span: Span) -> tuple[float, float]:
-        slip, least = np.asarray(slip_and_least(self._model, state, span, self._tolerance))
-        return float(slip), float(least)
-
-    def _settled(self, state: State, span: Span) -> State:
-        """The state to go on with from the start or a jump, where it is not known whether the lining sticks."""
-        self._held = None
-        if not self._may_stick(span):
-            return state
-        slip, least = self._slip_and_least(state, span)
-        return self._changed(state, span, least) if slip < least else state  # nor where it is undefined
-
-    def _slip(self, state: State, span: Span, step: Array) -> Segment:
-        """Slip to the end of the span, until hardly anything slips, or as far as the method gets."""
-        self.solvers.add(self._choice.solver)
+    def _advanced(self, *begins: Any, **how: Any) -> Segment:
+        """What one program makes of the span: all of it, or less."""
         try:
-            return advance(*self._slipping(state, span, step))
+            return advance(*self._given(*begins, **how))
         except JaxRuntimeError:
             # A law of the user's own may call what no kernel can: a matrix product, a sort, a solver of equations.
             if self._kind in _beyond_kernels:
                 raise
             _beyond_kernels.add(self._kind)
-            return advance(*self._slipping(state, span, step))
+            return advance(*self._given(*begins, **how))
 
-    def _slipping(self, state: State, span: Span, step: Array) -> tuple[Any, ...]:
+    def _given(self, state: State, span: Span, step: Any, rows: Any, *, sticks: bool, halted: bool) -> tuple[Any, ...]:
         """What `advance` is given."""
-        sticks, budget = self._may_stick(span), self._budget(span, self._choice.budget)
-        given = self._model, self._steady, state, span, self._tolerance, step, self._choice.solver
-        return *given, self._kind not in _beyond_kernels, sticks, budget, self._observes
+        given = self._model, self._steady, state, span, self._tolerance, step, self._budget(span), rows
+        could_stick, most_changes = self._may_stick(span), MOST_CHANGES if sticks or halted else 0
+        how = self._choice.solver, self._kind not in _beyond_kernels, could_stick, most_changes
+        return *given, np.bool_(sticks), np.bool_(halted), *how
 
     def load_ahead(self, state: State, span: Span, step: Any) -> None:
         """Load or compile, in another thread, the program of a first chunk that slips."""
-        advance_packed.ahead(*self._slipping(state, self._between_jumps(span)[0], step))
+        span = self._between_jumps(span)[0]
+        advance_packed.ahead(*self._given(state, span, step, self._rows, sticks=False, halted=False))
 
-    def _budget(self, span: Span, budget: np.ndarray) -> np.ndarray:
-        """A budget of steps, with some for each corner of what is prescribed in a chunk."""
+    def _budget(self, span: Span) -> np.ndarray:
+        """The method's budget of steps, with some for each corner of what is prescribed in a chunk."""
         within = np.diff(np.searchsorted(self._corners, [float(span.start), float(span.start + span.length)]))[0]
-        return budget + np.array([CORNER_BUDGET * within, 0.0])
-
-    def _stick(self, state: State, span: Span, step: Array) -> Segment:
-        """Move with the drum to the end of the span, or until friction no longer holds."""
-        segment = self._moved(state, span, step)
-        looks = [(float(span.start) + np.asarray(span.grid), segment.states), *self._at_corners(state, span, step)]
-        times = np.concatenate([each for each, _ in looks])
-        states = jax.tree.map(lambda *parts: np.concatenate(parts), *(each for _, each in looks))
-        surely = np.concatenate(
-            [
-                hold_surely(self._model, span.inside(t), self._steady + s.vibration, s.velocity, s.memory)
-                for t, s in looks
-            ]
-        )
-        before = float(span.start + span.offset)
-        for look in np.argsort(times, kind="stable"):
-            if times[look] <= before:
-                continue
-            now = jax.tree.map(lambda x, look=look: x[look], states)
-            if not surely[look] and self._reserve(now, span, float(times[look])) < 1:
-                return self._released(segment, state, span, step, before, float(times[look]))
-            before = float(times[look])
-        return segment
-
-    def _at_corners(self, state: State, span: Span, step: Array) -> Iterator[tuple[np.ndarray, State]]:
-        """The times just before and at each corner within the span, and the states there, some hundred at a time."""
-        begin, end = float(span.start + span.offset), float(span.start) + float(span.grid[-1])
-        within = self._corners[(self._corners > begin) & (self._corners < end)]
-        for first in range(0, within.size, CHUNK_SAMPLES // 2):
-            corners = np.resize(within[first : first + CHUNK_SAMPLES // 2], CHUNK_SAMPLES // 2)
-            corners = np.maximum.accumulate(corners)  # as many as fill a chunk
-            times = np.stack([np.nextafter(corners, -np.inf), corners], axis=1).ravel()
-            looks = np.append(np.float64(span.offset), times - float(span.start))
-            states = self._moved(state, span._replace(looks=looks), step).states
-            yield np.append(begin, times), states
-
-    def _moved(self, state: State, span: Span, step: Array) -> Segment:
-        """Move with the drum: at its own speed, which the integral of its rate has but to the tolerance."""
-        assert self._held is not None
-        segment = advance(
-            self._held, self._steady, state, span, self._tolerance, step, self._choice.explicit,
-            budget=self._budget(span, np.full(2, float(STEP_BUDGET))), observes=self._observes,
-        )  # fmt: skip
-        velocity = drum_motions(self._model, span.inside(span.start + span.grid), segment.states.velocity)
-        final = drum_motion(self._model, span.inside(span.start + segment.time), segment.final.velocity)
-        return segment._replace(
-            states=segment.states._replace(velocity=velocity), final=segment.final._replace(velocity=final)
-        )
-
-    def _reserve(self, state: State, span: Span, time: float) -> float:
-        q = self._steady + state.vibration
-        return hold(self._model, span.inside(time), q, state.velocity, state.memory, slips=False).reserve
-
-    def _released(
-        self, segment: Segment, state: State, span: Span, step: Array, before: float, after: float
-    ) -> Segment:
-        """The segment up to the time (s of the transient) at which friction ceases to hold."""
-
-        def at(time: float) -> State:
-            if time <= float(span.start + span.offset):
-                return state
-            until = np.float64(time - float(span.start))
-            return self._moved(state, span._replace(until=until), step).final
-
-        def excess(time: float) -> float:
-            return self._reserve(at(time), span, time) - 1
-
-        time = before
-        if after - before <= TIMING * float(span.length):  # a corner between the two, say: it holds up to there
-            time = float(np.nextafter(after, np.inf))
-        elif excess(before) > 0:
-            time = scipy.optimize.brentq(excess, before, after, xtol=TIMING * float(span.length))
-        assert isinstance(time, float)
-        yes, no = np.True_, np.False_
-        passed = np.float64(time - float(span.start))
-        return segment._replace(final=at(time), time=passed, step=step, reached=no, halted=yes)
-
-    def _changed(self, state: State, span: Span, least: float, *, ends: bool = False) -> State:
-        """The state to go on with where hardly anything slips: at rest on the drum, or slipping off it."""
-        q = self._steady + state.vibration
-        found = hold(self._model, span.now, q, state.velocity, state.memory, ends=ends)
-        velocity = drum_motion(self._model, span.now, state.velocity)
-        if found.reserve >= 1 and not ends:
-            self._held = held(self._model)
-            return state._replace(velocity=velocity)
-        self._held = None
-        return state._replace(velocity=velocity + AWAY * least * jnp.asarray(found.direction))
+        return self._choice.budget + np.array([CORNER_BUDGET * within, 0.0])
 
 
 def _jumps(model: Model) -> tuple[np.ndarray, float]:
@@ -324,27 +201,3 @@ def _jumps(model: Model) -> tuple[np.ndarray, float]:
     rests = time[(value == 0) & ((padded[:-2] != 0) | (padded[2:] != 0))]
     jumps = np.sort(np.concatenate([crossed, rests]))
     return np.concatenate([[0.0], jumps[jumps > 0]]), MARGIN * float(np.max(np.abs(time)))
-
-
-def _only_reached(whole: Segment, span: Span) -> Segment:
-    """A chunk that ends early: without samples of what did not come to pass."""
-    there = np.arange(len(whole.states.work)) * float(span.interval) <= float(whole.time)
-    vibration, velocity = (np.where(there[:, None], x, np.nan) for x in whole.states[:2])
-    states = whole.states._replace(vibration=vibration, velocity=velocity)
-    return whole._replace(states=states, reached=np.False_)
-
-
-def _joined(whole: Segment, segment: Segment, span: Span) -> Segment:
-    """Samples up to where the segment begins from the one, later ones from the other."""
-    earlier = np.arange(len(whole.states.work)) * float(span.interval) <= float(span.offset)
-
-    def join(old: Any, new: Any) -> Any:
-        after = earlier.reshape(-1, *[1] * (np.ndim(new) - 1))
-        return np.where(after, np.asarray(old), np.asarray(new))
-
-    joined = {
-        name: jax.tree.map(join, getattr(whole, name), getattr(segment, name))
-        for name in ("states", "observation", "kinetic", "potential")
-    }
-    counts = {"steps": whole.steps + segment.steps, "kept": whole.kept + segment.kept}
-    return segment._replace(**joined, **counts)
