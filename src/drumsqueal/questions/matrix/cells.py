@@ -18,6 +18,7 @@ from drumsqueal.physics.model import Model, build_model
 from drumsqueal.progress import Progress
 from drumsqueal.questions.matrix.table import MatrixPlan
 from drumsqueal.questions.onset.attractors import Family, How, Start, find_attractors
+from drumsqueal.questions.onset.kicks import directions
 from drumsqueal.questions.onset.found import Leads, Row
 from drumsqueal.questions.sweep.points import COMPUTED, FAILED, FOLDED, NOT_FINITE, Columns, blank
 from drumsqueal.questions.sweep.starts import point_of, round_of
@@ -44,7 +45,8 @@ class Cell(NamedTuple):
     @property
     def starts(self) -> list[Start]:
         """A small start, and a large disturbance along each mode."""
-        return [self.family.small_start(self.point, self.model), *self.family.large_starts(self.point, self.model)]
+        large = (each.start(each.sizes[-1]) for each in directions(self.point, self.family, (1,)))
+        return [self.family.small_start(self.point, self.model), *large]
 
 
 class Loudest(NamedTuple):

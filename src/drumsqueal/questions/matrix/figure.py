@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
@@ -52,7 +53,7 @@ def draw_matrix(found: NoiseMatrix) -> Figure | None:
 
 def _draw_cell(axes: Axes, x: int, y: int, cell: CellFound, colours: ScalarMappable) -> None:
     loud = math.isfinite(cell.level_dB)
-    face = colours.to_rgba(cell.level_dB) if loud else "white"
+    face = colours.to_rgba(np.asarray(cell.level_dB)) if loud else "white"
     axes.add_patch(Rectangle((x - 0.5, y - 0.5), 1, 1, facecolor=face, edgecolor=style.FAINT, linewidth=0.6))
     bottom, top = colours.get_clim()
     dark = loud and bottom is not None and top is not None and cell.level_dB > bottom + DARK_FROM * (top - bottom)

@@ -24,10 +24,9 @@ from drumsqueal.physics.model import Model
 from drumsqueal.programs import Program
 from drumsqueal.solve.transient.passing import Step, fraction_to_rest
 from drumsqueal.solve.transient.runge_kutta import DEFAULT, make_solver
-from drumsqueal.solve.transient.segment import first_step, local_tolerance, motion_scale
+from drumsqueal.solve.transient.segment import AWAY, first_step, local_tolerance, motion_scale
 from drumsqueal.solve.transient.state import State
 from drumsqueal.solve.transient.stepping import Attempt, Stepped, step_through
-from drumsqueal.solve.transient.stick_slip import AWAY
 from drumsqueal.solve.transient.sticking import (
     Held,
     can_stick,
@@ -35,7 +34,7 @@ from drumsqueal.solve.transient.sticking import (
     grip,
     held,
     hold,
-    hold_surely,
+    reserve,
     slip,
     slip_acceleration,
     slip_motion,
@@ -188,14 +187,14 @@ class _Motion:
     ) -> tuple[np.ndarray, np.ndarray, Change]:
         """What goes on where hardly anything slips: it sticks, or slips on at once."""
         found = hold(self._models[False], 0.0, *self._parts(state))
-        stops = found.reserve >= 1
-        away = 0.0 if stops else AWAY * float(self._least) * found.direction
+        stops, direction = bool(found.reserve >= 1), np.asarray(found.direction)
+        away = 0.0 if stops else AWAY * float(self._least) * direction
         after = self._with_drum(state, away)
         # Neighbours stop later by what their slip is more, over the rate at which it falls.
         falls = np.where(self._slipping, (rate * self._size)[self._n :], 0.0)
         weighed = np.asarray(self._models[False].mass) * falls
         size = float(weighed @ falls)
-        onwards = stops or float(weighed @ found.direction) > 0
+        onwards = stops or float(weighed @ direction) > 0
         if size > 0 and onwards:
             slipping = self._size[self._n :, None] * tangents[self._n :]
             slipping[:, -1] -= self._drum
@@ -212,30 +211,27 @@ class _Motion:
         samples = np.asarray(leg.samples) * self._size
         times, (places, speeds) = np.linspace(0.0, float(leg.time), LOOKS), np.split(samples, 2, axis=1)
         model = self._models[False]
-        surely = hold_surely(model, *(jnp.asarray(each) for each in (np.zeros(LOOKS), places, speeds)))
-        for k in np.flatnonzero(~surely):
-            if k > 0 and hold(model, 0.0, places[k], speeds[k], slips=False).reserve < 1:
+        ends = np.flatnonzero(np.asarray(_reserves(model, places, speeds))[1:] < 1)
+        if not ends.size:
+            return None
 
-                def excess(time: float) -> float:
-                    state = self._leg(start, time, sticks=True).end if time > 0 else start
-                    return hold(model, 0.0, *self._parts(np.asarray(state)), slips=False).reserve - 1
+        def excess(time: float) -> float:
+            state = self._leg(start, time, sticks=True).end if time > 0 else start
+            return float(hold(model, 0.0, *self._parts(np.asarray(state)), slips=False).reserve) - 1
 
-                before, after = float(times[k - 1]), float(times[k])
-                if excess(before) <= 0:
-                    return before
-                found = scipy.optimize.brentq(excess, before, after, xtol=TIMING * self._duration)
-                assert isinstance(found, float)
-                return found
-        return None
+        before, after = times[ends[0] : ends[0] + 2].tolist()
+        if excess(before) <= 0:
+            return before
+        found = scipy.optimize.brentq(excess, before, after, xtol=TIMING * self._duration)
+        assert isinstance(found, float)
+        return found
 
     def _released(self, state: np.ndarray, tangents: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The state and tangents with which it slips, where friction can just hold."""
         q, v = self._parts(state)
-        away = hold(self._models[False], 0.0, q, v, ends=True).direction
+        away = np.asarray(hold(self._models[False], 0.0, q, v, ends=True).direction)
         after = self._with_drum(state, AWAY * float(self._least) * away)
-        slopes, of_parameter = _excess_derivatives(
-            self._models[False], self._changes[False], self._size, state, -np.asarray(away)
-        )
+        slopes, of_parameter = _excess_derivatives(self._models[False], self._changes[False], self._size, state, -away)
         rate = self._rate(state, sticks=True)
         row = np.asarray(slopes) @ tangents
         row[-1] += float(of_parameter)
@@ -248,6 +244,12 @@ def _then(later: np.ndarray, earlier: np.ndarray) -> np.ndarray:
     through = later[:, :-1] @ earlier
     through[:, -1] += later[:, -1]
     return through
+
+
+@Program
+def _reserves(model: Model, places: Array, speeds: Array) -> Array:
+    """What friction could hold over what is needed (k,), of states (k, n)."""
+    return jax.lax.map(lambda now: reserve(model, 0.0, *now)[0], (places, speeds))
 
 
 @Program
