@@ -2,6 +2,7 @@
 
 import dataclasses
 from pathlib import Path
+from typing import Any
 
 import jax
 import numpy as np
@@ -87,7 +88,7 @@ def test_a_transient_grows_by_the_integral():
     # The difference of two transients, one of which is started, is free of the way that the equilibrium moves.
     until, size = 60.0, 1e-4
     model = block([0.0, until], [1.4, 0.2], stiffness=100.0)
-    how = {"sample_rate": 40.0, "tolerance": 1e-9}
+    how: Any = {"sample_rate": 40.0, "tolerance": 1e-9}
     moved, still = (integrate(model, {"displacement": [x]}, until, **how) for x in (size, 0.0))
     state = np.hstack([moved.displacement - still.displacement, moved.velocity - still.velocity])[-1:]
     (mode,) = point_in_time(model, until).modes
@@ -269,9 +270,12 @@ def test_a_load_that_rises_is_followed_in_newtons(nominal):
     load = {"time": [0, 0.05, 0.3], "value": [500, 1100, 4000]}
     scene = nominal.with_values({"contact.normal_load": load, "damping": {"ratio": 0.005}, "simulate.duration": 0.3})
     found = run(scene).findings
+    assert found.ramp is not None
     (squeal,), passage = found.ramp.squeals, found.ramp.passages[0]
     assert passage.unstable_from.normal_load_N == pytest.approx(1137, abs=2)
     assert passage.measured == squeal.sets_in
+    assert passage.predicted is not None
+    assert squeal.sets_in is not None
     assert passage.predicted.normal_load_N == pytest.approx(squeal.sets_in.normal_load_N, rel=1e-2)
     assert squeal.end is End.RECORD
     assert " N, rising)" in found.verdict

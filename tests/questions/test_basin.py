@@ -16,7 +16,7 @@ from drumsqueal.questions.onset.found import Leads
 from drumsqueal.questions.sweep.basin import number_motions
 from drumsqueal.questions.sweep.points import LEADS, NOT_YET
 from drumsqueal.questions.sweep.study import compute
-from drumsqueal.scene import SceneError, load_scene
+from drumsqueal.scene import COORDINATES, SceneError, load_scene
 from drumsqueal.scene.plan import sample
 from drumsqueal.scene.variation import read_variation
 
@@ -130,7 +130,7 @@ def test_where_a_start_leads_hangs_neither_on_its_batch_nor_on_threads(bistable)
     for name, values in whole.items():
         assert np.concatenate([part[name] for part in parts]).tobytes() == values.tobytes(), name
     # One brake: its eigenvalues are those of the scene itself.
-    own = ds.analyse_stability(ds.build_model(bistable, coordinates=ds.scene.COORDINATES))
+    own = ds.analyse_stability(ds.build_model(bistable, coordinates=COORDINATES))
     assert whole["largest_growth_rate"] == pytest.approx(max(mode.growth_rate for mode in own.modes), rel=1e-9)
     # The start that is run by itself ends as it does here.
     loud = int(np.flatnonzero(whole["leads_to"] == LEADS.index(Leads.SQUEALS))[0])

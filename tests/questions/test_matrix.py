@@ -134,7 +134,8 @@ def test_levels_set_several_numbers_and_scenes_combine(table):
     assert plan.keys == ("drum.speed", "temperature", "scene", "procedure")
     assert plan.points == 3 * 2 * 2 * 2
     scene, procedure = plan.scene_at(plan.points - 1)
-    assert (scene.friction.static, scene.friction.kinetic, scene.drum.speed) == (0.4, 0.28, 60.0)
+    numbers = scene.numbers()
+    assert [numbers[key] for key in ("friction.static", "friction.kinetic", "drum.speed")] == [0.4, 0.28, 60.0]
     assert scene.damping is None
     ran = procedure.over(scene)
-    assert (ran.drum.speed.value, ran.simulate.duration) == ((60.0, 30.0), 0.2)
+    assert (ran.numbers()["drum.speed.value"], ran.simulate.duration) == ((60.0, 30.0), 0.2)

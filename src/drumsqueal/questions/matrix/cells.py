@@ -18,8 +18,8 @@ from drumsqueal.physics.model import Model, build_model
 from drumsqueal.progress import Progress
 from drumsqueal.questions.matrix.table import MatrixPlan
 from drumsqueal.questions.onset.attractors import Family, How, Start, find_attractors
-from drumsqueal.questions.onset.kicks import directions
 from drumsqueal.questions.onset.found import Leads, Row
+from drumsqueal.questions.onset.kicks import directions
 from drumsqueal.questions.sweep.points import COMPUTED, FAILED, FOLDED, NOT_FINITE, Columns, blank
 from drumsqueal.questions.sweep.starts import point_of, round_of
 from drumsqueal.scene import COORDINATES, Scene
