@@ -21,8 +21,9 @@ class Finding(BaseModel):
     def __repr__(self) -> str:
         """Title and verdict of the whole of what a command found; of a part its fields, the long ones cut."""
         fields = type(self).model_fields
-        if self.printed_by:
-            return headed(self, getattr(self, "title", ""), getattr(self, "verdict", ""))
+        verdict = getattr(self, "verdict", None) or ""
+        if self.printed_by or verdict:
+            return headed(self, getattr(self, "title", ""), verdict)
         return abridged(self, {name: getattr(self, name) for name, field in fields.items() if not field.exclude})
 
     def __str__(self) -> str:

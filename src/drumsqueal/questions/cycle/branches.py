@@ -96,7 +96,9 @@ def follow_cycles(
                 diagram = _lost(diagram, family, f"from rest on the drum at {value:.6g}: {error}")
                 continue
             diagram = diagram if cycle is None else _with_cycle(diagram, family, cycle, "sticking ", keep)
-        return _with_seeds(diagram, family, seeds, progress, keep)
+        diagram = _with_seeds(diagram, family, seeds, progress, keep)
+        whole_range = Variation("the parameter", "", (low, high))
+        return diagram.model_copy(update={"verdict": diagram_verdict(diagram, whole_range)})
     variation = read_variation(along, scene, option="along", points=None) if isinstance(along, str) else along
     variation = cast("Variation", variation)
     checked_range(scene, variation)
