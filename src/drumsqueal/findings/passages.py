@@ -138,8 +138,9 @@ def growth_against_boundary(along: Along, first: float, last: float, model: Mode
         amplitude_at_boundary(model, mode, q, value_at(operation.preload, t), value_at(operation.drum_speed, t))
         for t, mode, q in zip(along.time.tolist(), along.modes, along.steady, strict=True)
     ]
-    with np.errstate(invalid="ignore"):  # infinite where there is no boundary
-        room = np.nan_to_num(np.interp(times, along.time, np.log(limits)), nan=np.inf, posinf=np.inf)
+    with np.errstate(invalid="ignore", divide="ignore"):  # infinite where there is no boundary; of no load, any motion
+        room = np.interp(times, along.time, np.log(limits))
+    room = np.where(np.isnan(room), np.inf, room)
     return times, along.growth_at(times) - float(along.growth_at(np.array([first]))[0]), room
 
 

@@ -72,7 +72,7 @@ def fit_command(
     Writes fit.json, fitted.toml, the scene with the fitted numbers, and fit.png into DIR. --from and --until take a
     part of MEASURED.
 
-    Example: drumsqueal fit scenarios/nominal.toml rig.wav --vary contact.stiffness --vary support.upper_stiffness
+    Example: drumsqueal fit scenarios/nominal.toml rig.wav --vary damping.ratio
     """
     if kind not in (None, *KINDS):
         raise RequestError(f"--as {kind}: write --as linear or --as saturated, or leave it out")

@@ -14,8 +14,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import cumulative_simpson
-from scipy.interpolate import CubicHermiteSpline
 
 from drumsqueal.errors import NoSteadySliding, SteadyStateError
 from drumsqueal.physics.effects.operation import Profile, Schedule
@@ -50,6 +48,8 @@ class Along(NamedTuple):
 
     def growth_at(self, times: Vector) -> Vector:
         """The growth at any times (s) within its own."""
+        from scipy.interpolate import CubicHermiteSpline  # which a report does without
+
         return CubicHermiteSpline(self.time, self.growth, self.rate)(times)
 
 
@@ -127,6 +127,8 @@ def _with(point: Point, eigenvalue: complex) -> Mode:
 
 def _growth(time: Vector, modes: tuple[Mode, ...], corners: Vector) -> Vector:
     """∫ Re λ dt by Simpson's rule between the corners, and what changes of the shape add."""
+    from scipy.integrate import cumulative_simpson
+
     rate, total = np.array([mode.growth_rate for mode in modes]), np.zeros(time.size)
     ends = [0, *(int(k) for k in np.flatnonzero(np.isin(time[1:-1], corners)) + 1), time.size - 1]
     for first, last in pairwise(ends):
