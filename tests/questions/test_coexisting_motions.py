@@ -5,6 +5,7 @@ import json
 import math
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import equinox as eqx
@@ -19,9 +20,10 @@ from drumsqueal import Seed, follow_cycles
 from drumsqueal.findings.history import COMPLETE
 from drumsqueal.findings.saturated import Saturated
 from drumsqueal.findings.schema import read_findings
+from drumsqueal.physics.laws.friction_law import ExponentialLaw
 from drumsqueal.physics.small_bodies import block_on_belt
 from drumsqueal.questions.cycle import branches
-from drumsqueal.questions.cycle.diagram import Diagram, End, OffBranch, Why
+from drumsqueal.questions.cycle.diagram import Branch, Diagram, End, OffBranch, Why
 from drumsqueal.questions.cycle.seeds import Settled
 from drumsqueal.questions.cycle.words import diagram_verdict
 from drumsqueal.questions.onset import attractors
@@ -281,9 +283,9 @@ def test_what_is_on_no_branch_is_said_by_value_and_motion(monkeypatch):
     diagram = Diagram(steady_sliding_stable=(), steady_sliding_unstable=((2.0, 10.0),), branches=(), off_branches=off)
     told = diagram_verdict(diagram, speed)
     assert told == (
-        "No cycle was found. From 2 to 3 rad/s (2 values) motions of 702 to 703 Hz with 10 µm of Y are on none of the "
-        "branches: not periodic. At 9 rad/s the motion of 709 Hz with 10 µm of Y is on none of the branches: not "
-        "closed by Newton's method."
+        "No cycle was found, which does not prove that there is none. From 2 to 3 rad/s (2 values) motions of 702 to "
+        "703 Hz with 10 µm of Y are on none of the branches: not periodic. At 9 rad/s the motion of 709 Hz with 10 µm "
+        "of Y is on none of the branches: not closed by Newton's method."
     )
 
 
@@ -300,3 +302,25 @@ def test_a_motion_that_is_not_periodic_is_reported_and_not_closed(monkeypatch):
 
 def test_jax_can_trace_the_block():
     assert jnp.isfinite(jax.jvp(lambda c: block(c).act(0.0, jnp.zeros(1), jnp.zeros(1))[0], (0.1,), (1.0,))[1]).all()
+
+
+def test_a_seed_at_rest_is_no_motion_and_a_wrong_one_is_refused():
+    def block(speed):
+        return block_on_belt(ExponentialLaw(1.0, 0.5, 2.0), damping=0.1, belt_speed=speed)
+
+    quiet = Seed(1.5, {"displacement": {"X": 0.01}})
+    assert follow_cycles(block, (1.45, 1.55), seeds=[quiet]).off_branches == ()
+    with pytest.raises(ValueError, match="'Q' is no coordinate of this model; it has X"):
+        follow_cycles(block, (1.45, 1.55), seeds=[Seed(1.5, {"displacement": {"Q": 1.0}})])
+    for range_ in ((1.0, 1.0), (1.0, np.nan)):
+        with pytest.raises(ValueError, match="from one finite number to another"):
+            follow_cycles(block, range_)
+
+
+def test_what_was_not_found_is_unknown_and_of_one_cycle_both_sides_are():
+    none = Diagram(steady_sliding_stable=((1.0, 2.0),), steady_sliding_unstable=(), branches=())
+    assert none.squeals_unknown == ((1.0, 2.0),)
+    assert "does not prove that there is none" in diagram_verdict(none, Variation("drum.speed", "rad/s", (1.0, 2.0)))
+    alone = SimpleNamespace(value=0.5)
+    branch = Branch.model_construct(start="lost", end="lost", cycles=(alone,))
+    assert {(each.low, each.high) for each in branch.not_followed(0.0, 1.0)} == {(0.0, 1.0)}

@@ -35,7 +35,7 @@ from drumsqueal.solve.transient.sticking import can_stick
 VALUES = 60  # of the parameter, at which the eigenvalues are looked at first
 SMALL = 0.02  # amplitude of the first cycle near a Hopf point, over that at which the drum's speed is reached
 NEAR_HOPF = 0.02  # of the range: a branch that ends there so near to a Hopf point ends at it
-STICKING_STARTS = 3  # values at which motions begin at rest on the drum
+STICKING_STARTS = 9  # values at which motions begin at rest on the drum
 KEPT_EVERY = 10  # cycles
 
 OnBranch = Callable[[Branch], object]
@@ -80,12 +80,14 @@ def follow_cycles(
 
     In place of a scene, a function of one number, which JAX can trace, gives a model: `follow_cycles(lambda speed:
     block_on_belt(law, belt_speed=speed), (0.8, 2.4)).folds`. Branches then begin at the Hopf points, where motions end
-    that begin at rest on the drum, at both ends of the range and in its middle, and at the seeds, as `Seed(1.3,
+    that begin at rest on the drum, at nine values of the range, and at the seeds, as `Seed(1.3,
     {"displacement": {"X": 1.5}})`, displaced from steady sliding. Raises SceneError for a scene or a key that cannot be
-    followed.
+    followed, and ValueError for a range that is none and for a seed that the model does not take.
     """
     if not isinstance(scene, Scene):
         low, high = sorted(cast("tuple[float, float]", along))
+        if not (np.isfinite([low, high]).all() and low < high):
+            raise ValueError(f"cycles are followed from one finite number to another, got {along}")
         models = _with_derivative(scene)
         diagram = follow_models(models, low, high, progress=progress, on_diagram=keep)
         family = Family(models, (low, high), partial(progress, "cycles", 0, None))
@@ -93,7 +95,7 @@ def follow_cycles(
             try:
                 cycle = family.sticking_at(float(value))
             except CycleError as error:
-                diagram = _lost(diagram, family, f"from rest on the drum at {value:.6g}: {error}")
+                diagram = _lost(diagram, family, f"from rest on the drum: {error}")
                 continue
             diagram = diagram if cycle is None else _with_cycle(diagram, family, cycle, "sticking ", keep)
         diagram = _with_seeds(diagram, family, seeds, progress, keep)
@@ -233,6 +235,8 @@ def _with_seeds(
             why, line = Why.NOT_RECORDED, seed.frequency_Hz
             off.append(OffBranch(value=seed.value, frequency_Hz=line, amplitude={}, why=why, reason=str(error)))
             continue
+        if found.at_rest:  # which is steady sliding, and no cycle
+            continue
         if found.period is not None and on_branch(diagram.branches, found.period, found.amplitude, found.value):
             continue
         try:
@@ -267,6 +271,8 @@ def _extended(
 
 def _lost(diagram: Diagram, family: "Family", reason: str) -> Diagram:
     """The diagram with cycles that are somewhere in the range and could not be followed."""
+    if reason in diagram.notes:
+        return diagram
     return _without(_noted(diagram, reason), [Unfollowed(reason=reason, low=family.low, high=family.high)])
 
 

@@ -61,8 +61,9 @@ class Branch(Finding):
             (self.end, self.cycles[-1], self.cycles[-2:-1]),
         ):
             if reason not in set(End):
-                bound = high if not before or before[0].value <= last.value else low
-                ends = sorted((last.value, bound))
+                onwards = not before or before[0].value <= last.value
+                # Of a branch of one cycle it is not known to which side it goes.
+                ends = sorted((last.value if before else low, high if onwards else low))
                 found.append(Unfollowed(reason=reason, low=ends[0], high=ends[1]))
         return tuple(found)
 
@@ -159,6 +160,8 @@ class Diagram(Finding):
     @property
     def squeals_unknown(self) -> tuple[Interval, ...]:
         """Ranges with stable steady sliding and no stable cycle that was found, where some may have been missed."""
+        if not self.branches:  # and nothing that was tried proves that there is none
+            return self.steady_sliding_stable
         unknown = []
         for low, high in self.steady_sliding_stable:
             ends = sorted({low, high, *(end for pair in self._known_and_unknown() for end in pair if low < end < high)})

@@ -215,6 +215,7 @@ class Record:
     period: float | None = None
     at_rest: bool = False
     releases: tuple[float, ...] = ()
+    ends_at_rest: bool = False  # after it has decayed
 
 
 def recorded(transient: motion.Transient, progress: Progress, what: str) -> Record:
@@ -242,7 +243,8 @@ def recorded(transient: motion.Transient, progress: Progress, what: str) -> Reco
     at_rest = regime.kind is Kind.STEADY
     if regime.kind is Kind.UNKNOWN:
         regime = decay_to_rest(regime, Vibration.of(chunks, stability), part, stability, stability.modes, model)
-    return Record(time[part], states[part], regime_words(regime), regime.period_s, at_rest, releases)
+    ends_at_rest = regime.kind is Kind.STEADY
+    return Record(time[part], states[part], regime_words(regime), regime.period_s, at_rest, releases, ends_at_rest)
 
 
 def _size_of(transient: motion.Transient, states: Vector) -> Vector:

@@ -40,6 +40,7 @@ class Settled(NamedTuple):
     frequency_Hz: float | None
     state: np.ndarray
     words: str
+    at_rest: bool = False
 
     def off(self, why: Why, reason: str) -> OffBranch:
         """The finding that it is on no branch."""
@@ -50,22 +51,21 @@ class Settled(NamedTuple):
 
 def settled_at(seed: Seed, model: Model, progress: Progress) -> Settled:
     """Record the motion of a seed and find its period. Raises CycleError where it cannot be recorded."""
-    try:
-        transient = motion.constant_transient(model, seed.start, duration=1.0, sample_rate=np.inf)
-    except ValueError as error:
-        raise CycleError(str(error)) from None
+    transient = motion.constant_transient(model, seed.start, duration=1.0, sample_rate=np.inf)
     frequencies = [mode.frequency_Hz for mode in transient.stability.modes]
     if not frequencies:
         raise CycleError("nothing oscillates there")
     duration, rate = PERIODS / min(frequencies), SAMPLES * max(frequencies)
     how = {"duration": duration, "sample_rate": rate, "tolerance": TOLERANCE, "solver": "auto"}
     record = recorded(transient._replace(how=how), progress, "motion that a branch may begin at")
+    if not record.states.size:
+        raise CycleError(f"it {record.words}")
     n = len(model.names)
     amplitude = np.ptp(record.states[:, :n], axis=0) / 2
     line = seed.frequency_Hz if record.period is None else 1 / record.period
     return Settled(
         seed.value, record.period, dict(zip(model.names, amplitude.tolist(), strict=True)), line, record.states[-1],
-        record.words,
+        record.words, record.ends_at_rest,
     )  # fmt: skip
 
 

@@ -12,6 +12,7 @@ from drumsqueal.scene.quantities import percent
 from drumsqueal.scene.variation import Variation
 
 TINY, ALIKE = 1e-12, 0.7  # m, rad; and logarithm of the ratio of amplitudes at neighbouring values of one motion
+UNPROVEN = "which does not prove that there is none"
 WHOLE = 100.0  # Hz, from which on frequencies are given without decimals
 VISIBLE = 1e-2  # m, rad; an amplitude from which on it is not given in millionths
 
@@ -70,7 +71,7 @@ def diagram_verdict(diagram: Diagram, along: Variation) -> str:
     """Where steady sliding is unstable, where stable cycles are, where both are stable, and what is on no branch."""
     off = off_branch_words(diagram, along)
     if not diagram.branches:
-        return f"No cycle was found.{off}{_unknown(diagram, along)}"
+        return f"No cycle was found, {UNPROVEN}.{off}{_unknown(diagram, along)}"
     unstable, cycles, both = diagram.steady_sliding_unstable, diagram.stable_cycles, diagram.squeals_only_when_kicked
     sliding = f"is unstable for {along.key} {_ranges(unstable, along)}" if unstable else "is stable throughout"
     lives = f"stable cycles exist {_ranges(cycles, along)}" if cycles else "no cycle that was found is stable"
@@ -79,9 +80,7 @@ def diagram_verdict(diagram: Diagram, along: Variation) -> str:
     bistable = (
         f"{_ranges(both, along)} the brake squeals only after a large disturbance (bistable)"
         if both
-        else "no stable cycle that was found coexists with stable steady sliding"
-        if diagram.squeals_unknown
-        else "none of them coexists with stable steady sliding"
+        else f"no stable cycle that was found coexists with stable steady sliding, {UNPROVEN}"
     )
     return (
         f"Steady sliding {sliding}; {lives}{f' ({named})' if named else ''}; {bistable}.{off}{_unknown(diagram, along)}"

@@ -39,7 +39,7 @@ def _place(study: Onset, found: Range) -> str:
         return "all along"
     ends = [found.first] * (found.first_uncertainty is not None) + [found.last] * (found.last_uncertainty is not None)
     modes = [
-        each.label if each.label == DIVERGENCE else f"{each.label}, {each.frequency_Hz:.0f} Hz"
+        each.label if each.label == DIVERGENCE else f"{each.label}, {shown_Hz(each.frequency_Hz)} Hz"
         for each in study.critical_values
         if any(abs(each.value - end) <= each.uncertainty for end in ends)
     ]
@@ -69,10 +69,10 @@ def _bistable(study: Onset) -> str:
     if not lines:
         return text
     low, high = min(lines), max(lines)
-    heard = f"{low:.0f} Hz" if high - low < 1 else f"{low:.0f} to {high:.0f} Hz"
+    heard = f"{' to '.join(dict.fromkeys([shown_Hz(low), shown_Hz(high)]))} Hz"
     ends = {end for each in bistable for end in (each.first, each.last)}
     onset = next((each.frequency_Hz for each in study.critical_values if each.value in ends), 0.0)
-    compared = f" (eigenvalue at the critical value: {onset:.0f} Hz)" if onset > 0 else ""
+    compared = f" (eigenvalue at the critical value: {shown_Hz(onset)} Hz)" if onset > 0 else ""
     return f"{text}, at the values tried at {heard}{compared}"
 
 

@@ -212,7 +212,7 @@ class _Motion:
         times, (places, speeds) = np.linspace(0.0, float(leg.time), LOOKS), np.split(samples, 2, axis=1)
         model = self._models[False]
         ends = np.flatnonzero(np.asarray(_reserves(model, places, speeds))[1:] < 1)
-        if not ends.size:
+        if not (ends.size and bool(leg.reached)):  # nor is it known where it took too many steps
             return None
 
         def excess(time: float) -> float:
