@@ -35,7 +35,6 @@ from drumsqueal.scene.written import Written
 from drumsqueal.simulation import prepare
 
 FEWEST_DIGITS, OPEN_DIGITS, MOST_DIGITS = 3, 6, 10  # of a fitted number; one more than its uncertainty asks for
-BOUND = 1e-3  # of x, this close to the end of what is allowed
 
 
 class _Result(NamedTuple):
@@ -255,7 +254,7 @@ def _report(
 ) -> Fit:
     estimate = result.estimate
     values, slopes = scale.numbers(estimate.x), np.abs(scale.slopes(estimate.x))
-    low, high = scale.bounds
+    at_bound = scale.at_bound(estimate.x)
     numbers, texts = [], {}
     for k, key in enumerate(keys):
         standard = float(slopes[k] * estimate.errors[k])
@@ -280,7 +279,7 @@ def _report(
                 scene_value_SI=float(scale.before[k]),
                 fitted_value_SI=float(values[k]),
                 uncertainty_SI=wide if determined else None,
-                at_bound=bool(min(estimate.x[k] - low[k], high[k] - estimate.x[k]) < BOUND and scale.before[k] != 0),
+                at_bound=bool(at_bound[k]),
             )
         )
     changed = written.with_values(texts)
@@ -296,7 +295,7 @@ def _report(
         numbers=tuple(numbers),
         lines=result.lines,
         observations=result.observations,
-        chi_square_per_freedom=estimate.chi_square / estimate.freedom if estimate.freedom > 0 else None,
+        chi_square_per_freedom=estimate.chi_square_per_freedom,
         freedom=estimate.freedom,
         open_combinations=tuple(dict(zip(keys, each.tolist(), strict=True)) for each in estimate.open),
         ambiguous=result.ambiguous,
