@@ -173,6 +173,10 @@ def test_as_many_numbers_as_observations_do_not_hide_a_poor_fit(damped):
     assert f"{CONTACT}: not determined, for the lines are missed" in notes
     assert f"{UPPER}: not determined, at the end of what is tried" in notes
     assert "nothing tests the fit" not in notes
+    page = fit._repr_html_()
+    assert page is not None
+    assert "Lines and eigenvalues" in page
+    assert "Lines and eigenvalues" in str(fit)
 
 
 def test_what_is_determined_is_told_from_the_widened_uncertainty(damped):
@@ -245,6 +249,18 @@ def test_a_short_record_and_one_without_lines_are_refused():
     tone = np.sin(2 * np.pi * 50 * np.arange(200) / RATE)
     with pytest.raises(RequestError, match="periods of its strongest line"):
         read_lines(Measured("tone", "", RATE, 0.0, tone, ()))
+
+
+@pytest.mark.parametrize("size", [0.0, 1e-300, 1e300, np.nan])
+def test_a_record_whose_squares_are_no_numbers_is_refused(size):
+    tone = np.sin(2 * np.pi * 1400 * np.arange(4000) / RATE)
+    with pytest.raises(RequestError, match="its values span"):
+        read_lines(Measured("tone", "", RATE, 0.0, size * tone, ()))
+
+
+def test_another_kind_of_record_is_refused(damped):
+    with pytest.raises(RequestError, match="kind 'x': write 'linear' or 'saturated'"):
+        fit_scene(damped, tone_that_decays(0.0), [CONTACT], kind="x")
 
 
 # --- the whole way ---------------------------------------------------------------------------------------------------

@@ -69,6 +69,8 @@ class Fit(Findings):
     product of powers may change. `ambiguous` says which other assignment of lines to modes fits as well.
     """
 
+    printed_by = "drumsqueal.questions.fit.answer.print_fit"
+
     file: str
     channel: str
     record_kind: Kind

@@ -67,7 +67,8 @@ def fit_scene(
     from the record, unless `kind` states "linear" or "saturated". Weighted least squares in the logarithms of the
     numbers; combinations that the record does not determine stay at the scene's values. A `measured` file is read as
     `read_measured` does, or is a history, of which `channel` names the signal. Raises RequestError for numbers that
-    cannot be varied and for records without lines, and SceneError for a scene without steady sliding.
+    cannot be varied, for another `kind` and for records without lines, and SceneError for a scene without steady
+    sliding.
     """
     if not vary:
         raise RequestError("--vary: name at least one number, such as --vary contact.stiffness")
@@ -77,6 +78,8 @@ def fit_scene(
     if not isinstance(measured, Measured):
         file, measured = file or measured, read_record(Path(measured), channel, signal)
     changed, keys = variable_numbers(scene, vary)
+    if kind is not None and kind not in list(Kind):
+        raise RequestError(f"kind {kind!r}: write {' or '.join(map(repr, map(str, Kind)))}, or leave it out")
     prepare(changed)  # what has no steady sliding is reported first
     progress("lines of the record", 0.0, None)
     asked = None if kind is None else Kind(kind)
