@@ -18,7 +18,7 @@ from drumsqueal.questions.export.signals import surface_velocity
 from drumsqueal.questions.fit import squeal
 from drumsqueal.questions.fit.assignment import assign, fit_lines
 from drumsqueal.questions.fit.eigenlines import Eigenmodes
-from drumsqueal.questions.fit.estimate import Scale
+from drumsqueal.questions.fit.estimate import Scale, estimate
 from drumsqueal.questions.fit.record import Kind, RecordLine, read_lines
 from drumsqueal.questions.fit.study import fit_scene
 from drumsqueal.questions.sensitivity.stabilising import numbers_of
@@ -148,6 +148,57 @@ def test_a_number_without_effect_stays_as_it_is(nominal):
     assert scale.numbers(found.x)[2] == numbers["drum.speed"]
 
 
+def tone_that_decays(growth: float) -> Measured:
+    """A line near mode Y, which decays as no support or contact stiffness makes it."""
+    time = np.arange(4000) / RATE
+    return Measured("rig", "m/s", RATE, 0.0, np.exp(growth * time) * np.sin(2 * np.pi * 1400 * time), ())
+
+
+def test_as_many_numbers_as_observations_do_not_hide_a_poor_fit(damped):
+    """The mode grows whatever the two stiffnesses are: one of them ends at its bound, and the growth rate is missed."""
+    fit = fit_scene(damped, tone_that_decays(-20.0), [CONTACT, UPPER])
+    (line,) = fit.lines
+    assert line.after_growth_rate_1_per_s is not None
+    assert line.growth_rate_uncertainty_1_per_s is not None
+    missed = abs(line.after_growth_rate_1_per_s + 20)
+    assert missed > 1000 * line.growth_rate_uncertainty_1_per_s
+    assert fit.freedom == 0
+    assert fit.chi_square_per_freedom is not None
+    # χ² is that of this miss, in standard errors, and a little of the frequency's.
+    assert fit.chi_square_per_freedom >= (1.96 * missed / line.growth_rate_uncertainty_1_per_s) ** 2 * 0.999
+    assert [number.at_bound for number in fit.numbers] == [False, True]
+    assert not fit.determined
+    assert f"{missed:.2g} 1/s of the measured lines, which is still" in fit.verdict
+    notes = " ".join(fit.notes)
+    assert f"{CONTACT}: not determined, for the lines are missed" in notes
+    assert f"{UPPER}: not determined, at the end of what is tried" in notes
+    assert "nothing tests the fit" not in notes
+    page = fit._repr_html_()
+    assert page is not None
+    assert "Lines and eigenvalues" in page
+    assert "Lines and eigenvalues" in str(fit)
+
+
+def test_what_is_determined_is_told_from_the_widened_uncertainty(damped):
+    """One number and two observations that it cannot meet: the interval would be as wide as the number."""
+    fit = fit_scene(damped, tone_that_decays(0.0), [CONTACT])
+    assert (fit.freedom, fit.determined) == (1, ())
+    assert fit.numbers[0].uncertainty is None
+
+
+def test_a_number_is_determined_where_its_widened_uncertainty_is_small():
+    """Two observations of one number, 1 % each and 4 % apart: its standard error is half the difference."""
+
+    def residuals(x):
+        return np.array([x[0] / 0.01, (x[0] - 0.04) / 0.01]), np.full((2, 1), 100.0)
+
+    found = estimate(residuals, Scale.of((CONTACT,), (1.0,)))
+    assert (found.determined.all(), found.freedom) == (True, 1)
+    assert found.chi_square_per_freedom == pytest.approx(8)
+    assert found.errors[0] == pytest.approx(0.02, rel=1e-6)
+    assert found.factor_95 == pytest.approx(12.706, rel=1e-4)  # Student's distribution of freedom 1
+
+
 # --- records ---------------------------------------------------------------------------------------------------------
 
 RATE = 20e3
@@ -198,6 +249,18 @@ def test_a_short_record_and_one_without_lines_are_refused():
     tone = np.sin(2 * np.pi * 50 * np.arange(200) / RATE)
     with pytest.raises(RequestError, match="periods of its strongest line"):
         read_lines(Measured("tone", "", RATE, 0.0, tone, ()))
+
+
+@pytest.mark.parametrize("size", [0.0, 1e-300, 1e300, np.nan])
+def test_a_record_whose_squares_are_no_numbers_is_refused(size):
+    tone = np.sin(2 * np.pi * 1400 * np.arange(4000) / RATE)
+    with pytest.raises(RequestError, match="its values span"):
+        read_lines(Measured("tone", "", RATE, 0.0, size * tone, ()))
+
+
+def test_another_kind_of_record_is_refused(damped):
+    with pytest.raises(RequestError, match="kind 'x': write 'linear' or 'saturated'"):
+        fit_scene(damped, tone_that_decays(0.0), [CONTACT], kind="x")
 
 
 # --- the whole way ---------------------------------------------------------------------------------------------------

@@ -1,5 +1,6 @@
 """Numbers from observations by weighted least squares: values, covariance, and what the observations leave open."""
 
+import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
@@ -13,6 +14,7 @@ WIDTH = 1.0  # of log number: how far, by a factor e, one may be off that no obs
 OPEN = 0.35  # standard error in that, from which a combination of numbers is not determined
 PART = 0.1  # of a number's freedom that an open combination takes, from which the number is not determined
 FURTHEST = float(np.log(20.0))  # of log number from the scene's value
+AT_BOUND = 1e-3  # of x, this close to the end of what is tried
 POLISH, SETTLED = 20, 1e-12  # steps without the scene's values, and the length of the last
 NOWHERE = 1e6  # residual where the model has no answer
 PERCENT_95 = 1.959964  # standard errors of a normal distribution
@@ -45,13 +47,20 @@ class Scale(NamedTuple):
         none = self.before == 0
         return np.where(none, -1e-9, -FURTHEST), np.where(none, 1 / self.zero, FURTHEST)
 
+    def at_bound(self, x: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Which numbers (k,) end where the search does, where no observation stopped them. Zero is no such end."""
+        low, high = self.bounds
+        return (high - x < AT_BOUND) | ((x - low < AT_BOUND) & (self.before != 0))
+
 
 class Estimate(NamedTuple):
     """What observations say of x (k,): its value, its covariance (k, k), and `open` combinations (m, k) of length 1.
 
-    `chi_square` is the sum of squared residuals and `freedom` the observations beyond what is determined. Where the
-    residuals are larger than their uncertainties the covariance is scaled by χ²/freedom, and `factor_95` is that of
-    Student's distribution, which makes 95 % of a standard error. `determined` (k,) are the numbers that are.
+    `chi_square` is the sum of squared residuals and `freedom` the observations beyond what is fitted. Where the
+    residuals are larger than their uncertainties, χ² > max(freedom, 1), the covariance is scaled by their ratio, and
+    `factor_95` is that of Student's distribution, which makes 95 % of a standard error. As many numbers as observations
+    should leave no residual, so that one that is left is that of freedom 1. `determined` (k,) are the numbers that are
+    in no combination whose error, so widened, is OPEN or more, and not at the end of what is tried.
     """
 
     x: NDArray[np.float64]
@@ -61,6 +70,11 @@ class Estimate(NamedTuple):
     chi_square: float
     freedom: int
     factor_95: float
+
+    @property
+    def chi_square_per_freedom(self) -> float | None:
+        """χ²/max(freedom, 1); None where no freedom is left and the observations are met."""
+        return self.chi_square / max(self.freedom, 1) if self.freedom > 0 or self.chi_square > 1 else None
 
     @property
     def errors(self) -> NDArray[np.float64]:
@@ -104,7 +118,7 @@ def estimate(residuals: Residuals, scale: Scale) -> Estimate:
         return r[:-size], jacobian[:-size]
 
     x = _polished(of_lines, found.x, scale)
-    return _assess(*of_lines(x), x)
+    return _assess(*of_lines(x), x, scale.at_bound(x))
 
 
 def _polished(evaluate: Residuals, x: NDArray[np.float64], scale: Scale) -> NDArray[np.float64]:
@@ -126,15 +140,19 @@ def _polished(evaluate: Residuals, x: NDArray[np.float64], scale: Scale) -> NDAr
     return best
 
 
-def _assess(r: NDArray[np.float64], jacobian: NDArray[np.float64], x: NDArray[np.float64]) -> Estimate:
+def _assess(
+    r: NDArray[np.float64], jacobian: NDArray[np.float64], x: NDArray[np.float64], at_bound: NDArray[np.bool_]
+) -> Estimate:
     _, values, right = np.linalg.svd(jacobian, full_matrices=True)
-    held = int(np.sum(values * OPEN > 1))
-    freedom, chi_square = r.size - held, float(r @ r)
-    scale, factor = 1.0, PERCENT_95
-    if freedom > 0 and chi_square > freedom:
-        scale = chi_square / freedom
-        factor = float(scipy.special.stdtrit(freedom, 0.975))
+    fitted = int(np.sum(values * OPEN > 1))
+    freedom, chi_square = r.size - fitted, float(r @ r)
+    spread, factor = 1.0, PERCENT_95
+    if chi_square > max(freedom, 1):
+        spread = math.sqrt(chi_square / max(freedom, 1))
+        factor = float(scipy.special.stdtrit(max(freedom, 1), 0.975))
+    # Judged by its whole interval: few residuals make it wider than its standard error tells.
+    held = int(np.sum(values * OPEN > spread * factor / PERCENT_95))
     known, free = right[:held], right[held:]
-    covariance = scale * (known.T / values[:held] ** 2) @ known + WIDTH**2 * free.T @ free
-    determined = np.sqrt(np.sum(free**2, axis=0)) < PART
-    return Estimate(x, covariance, free, determined, chi_square, freedom, factor)
+    covariance = spread**2 * (known.T / values[:held] ** 2) @ known + WIDTH**2 * free.T @ free
+    determined = (np.sqrt(np.sum(free**2, axis=0)) < PART) & ~at_bound
+    return Estimate(x, covariance, right[fitted:], determined, chi_square, freedom, factor)

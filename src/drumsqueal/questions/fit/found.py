@@ -12,7 +12,7 @@ class FittedNumber(Finding):
     """A number of the scene before and after, in SI and in the `unit` of the scene file ("": SI).
 
     `uncertainty` is half the 95 % confidence interval of the fitted one and `standard_uncertainty` its standard error;
-    both are None where the record does not determine it, and it then is near the scene's own.
+    both are None where the record does not determine it, and it then is as near to the scene's own as the lines allow.
     """
 
     key: str
@@ -63,11 +63,13 @@ class Fit(Findings):
 
     The `record_kind` is "linear" for small vibration, whose lines are compared with the eigenvalues, and "saturated"
     for squeal, whose lines are compared with those of transients. `observations` counts frequencies and growth rates.
-    `chi_square_per_freedom` is that of the lines, None where there are no more observations than numbers determined;
-    uncertainties are scaled by its root where it exceeds 1. `open_combinations` are those of the numbers that the
-    record does not determine: exponents by key, along which the product of powers may change. `ambiguous` says which
-    other assignment of lines to modes fits as well.
+    `chi_square_per_freedom` is that of the lines, of a freedom of at least 1, and None where there are no more
+    observations than numbers and the lines are met; uncertainties are scaled by its root where it exceeds 1.
+    `open_combinations` are those of the numbers that the record does not determine: exponents by key, along which the
+    product of powers may change. `ambiguous` says which other assignment of lines to modes fits as well.
     """
+
+    printed_by = "drumsqueal.questions.fit.answer.print_fit"
 
     file: str
     channel: str

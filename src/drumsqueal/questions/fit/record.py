@@ -16,6 +16,7 @@ from drumsqueal.findings.signals.tones import find_harmonics, find_tones
 from drumsqueal.questions.compare.measured.record import Measured
 
 LOWEST = 20.0  # Hz: below it there is no sound, but there are drifts of a measurement
+LEAST = 1e-100  # span of a record in its unit: the square of 1e-50 of it, 1e-300, is above the smallest float
 LONGEST = 2**16  # samples that are looked at, about where the motion is largest: 1.3 s at 50 kHz; as many take seconds
 FEWEST_BLOCKS = 8
 PERIODS = 5.0  # of the strongest line, over which the envelope is a mean
@@ -83,7 +84,7 @@ def read_lines(measured: Measured, kind: Kind | None = None) -> Reading:
     Small vibration is a sum of lines that grow or decay exponentially. The whole record is tried, of a ring-down from
     its largest value on, then what comes before (after) the envelope reaches 35 % to 10 % of its largest value, which
     must grow (decay) five times. A record in which nothing grows or decays is saturated where its strongest line has
-    harmonics. Raises RequestError for a record that is too short or has no line.
+    harmonics. Raises RequestError for a record that is too short, has no line or does not move.
     """
     values, start = _strongest_stretch(measured)
     rate = measured.sample_rate
@@ -109,6 +110,10 @@ def read_lines(measured: Measured, kind: Kind | None = None) -> Reading:
 def _strongest_stretch(measured: Measured) -> tuple[NDArray[np.float64], float]:
     """The record or, of a long one, the stretch with its largest value in the middle; and when it begins (s)."""
     values = np.asarray(measured.values, dtype=np.float64)
+    span = float(np.ptp(values))
+    if not LEAST < span < 1 / LEAST:
+        why = f"its values span {span:g}, too little or too much to be squared"
+        raise RequestError(f"the measured {measured.name!r}: {why}; take a channel that moves, and correct its unit")
     first = 0
     if values.size > LONGEST:
         first = int(np.clip(int(np.argmax(np.abs(values))) - LONGEST // 2, 0, values.size - LONGEST))

@@ -35,7 +35,6 @@ from drumsqueal.scene.written import Written
 from drumsqueal.simulation import prepare
 
 FEWEST_DIGITS, OPEN_DIGITS, MOST_DIGITS = 3, 6, 10  # of a fitted number; one more than its uncertainty asks for
-BOUND = 1e-3  # of x, this close to the end of what is allowed
 
 
 class _Result(NamedTuple):
@@ -68,7 +67,8 @@ def fit_scene(
     from the record, unless `kind` states "linear" or "saturated". Weighted least squares in the logarithms of the
     numbers; combinations that the record does not determine stay at the scene's values. A `measured` file is read as
     `read_measured` does, or is a history, of which `channel` names the signal. Raises RequestError for numbers that
-    cannot be varied and for records without lines, and SceneError for a scene without steady sliding.
+    cannot be varied, for another `kind` and for records without lines, and SceneError for a scene without steady
+    sliding.
     """
     if not vary:
         raise RequestError("--vary: name at least one number, such as --vary contact.stiffness")
@@ -78,6 +78,8 @@ def fit_scene(
     if not isinstance(measured, Measured):
         file, measured = file or measured, read_record(Path(measured), channel, signal)
     changed, keys = variable_numbers(scene, vary)
+    if kind is not None and kind not in list(Kind):
+        raise RequestError(f"kind {kind!r}: write {' or '.join(map(repr, map(str, Kind)))}, or leave it out")
     prepare(changed)  # what has no steady sliding is reported first
     progress("lines of the record", 0.0, None)
     asked = None if kind is None else Kind(kind)
@@ -255,7 +257,7 @@ def _report(
 ) -> Fit:
     estimate = result.estimate
     values, slopes = scale.numbers(estimate.x), np.abs(scale.slopes(estimate.x))
-    low, high = scale.bounds
+    at_bound = scale.at_bound(estimate.x)
     numbers, texts = [], {}
     for k, key in enumerate(keys):
         standard = float(slopes[k] * estimate.errors[k])
@@ -280,7 +282,7 @@ def _report(
                 scene_value_SI=float(scale.before[k]),
                 fitted_value_SI=float(values[k]),
                 uncertainty_SI=wide if determined else None,
-                at_bound=bool(min(estimate.x[k] - low[k], high[k] - estimate.x[k]) < BOUND and scale.before[k] != 0),
+                at_bound=bool(at_bound[k]),
             )
         )
     changed = written.with_values(texts)
@@ -296,7 +298,7 @@ def _report(
         numbers=tuple(numbers),
         lines=result.lines,
         observations=result.observations,
-        chi_square_per_freedom=estimate.chi_square / estimate.freedom if estimate.freedom > 0 else None,
+        chi_square_per_freedom=estimate.chi_square_per_freedom,
         freedom=estimate.freedom,
         open_combinations=tuple(dict(zip(keys, each.tolist(), strict=True)) for each in estimate.open),
         ambiguous=result.ambiguous,

@@ -1,12 +1,14 @@
 """What a fit found, in words."""
 
 import math
+from collections.abc import Sequence
 
-from drumsqueal.questions.fit.found import Fit, FittedNumber
+from drumsqueal.questions.fit.found import Fit, FittedLine, FittedNumber
 from drumsqueal.questions.fit.record import Kind
 
 PRESENT = 0.1  # of a combination's largest exponent, from which a number is named in it
 SHORT = 2e-3  # of a frequency that a search for squeal misses, from which it is reported
+EXTREMES = "20 times or a twentieth of the scene's value"
 POOR = 9.0  # χ² per degree of freedom: the lines are off by three times their uncertainty
 
 
@@ -36,8 +38,10 @@ def describe_fit(fit: Fit) -> str:
     """The result in one or two sentences."""
     how = "eigenvalues" if fit.record_kind is Kind.LINEAR else "lines of the scene's squeal"
     used = [line for line in fit.lines if line.used]
-    before, after = (max(abs(_off(line, which)) for line in used) for which in ("before_Hz", "after_Hz"))
-    was = f"the {how}, up to {_percent(before)} off before, are now within {_percent(after)} of the measured lines"
+    (before, rates_before), (after, rates_after) = (_furthest(used, which) for which in ("before", "after"))
+    if rates_before:
+        before, after = f"{before} in frequency and {rates_before} in growth rate", f"{after} and {rates_after}"
+    was = f"the {how}, up to {before} off before, are now within {after} of the measured lines"
     if _misses(fit):
         was += f", which is still {_misses(fit)} times their uncertainty"
     known = [f"{number.key} = {with_uncertainty(number)}" for number in fit.determined]
@@ -59,6 +63,17 @@ def _off(line, which: str) -> float:
     return getattr(line, which) / line.measured_Hz - 1
 
 
+def _furthest(lines: Sequence[FittedLine], which: str) -> tuple[str, str]:
+    """The largest deviations of frequency and, where they are fitted, of growth rate; else nothing."""
+    frequency = _percent(max(abs(_off(line, f"{which}_Hz")) for line in lines))
+    rates = [
+        abs(getattr(line, f"{which}_growth_rate_1_per_s") - line.measured_growth_rate_1_per_s)
+        for line in lines
+        if line.mode is not None and line.measured_growth_rate_1_per_s is not None
+    ]
+    return frequency, f"{short(max(rates), 2)} 1/s" if rates else ""
+
+
 def _percent(fraction: float) -> str:
     return f"{100 * fraction:.2g} %" if fraction >= 1e-5 else "0.001 %"
 
@@ -78,7 +93,12 @@ def describe_notes(fit: Fit) -> tuple[str, ...]:
     if _misses(fit):
         miss = f"the lines still miss by {_misses(fit)} times their uncertainty: other numbers differ, too,"
         notes.append(f"{miss} or the model lacks something; the uncertainties are widened by that factor")
-    if fit.freedom <= 0:
+    explained = {key for each in _combinations(fit) for key in each} | {n.key for n in fit.numbers if n.at_bound}
+    wide = [number.key for number in fit.numbers if not number.determined and number.key not in explained]
+    if wide:
+        why = "the lines are missed by more than their uncertainty, which widens that of a number too far"
+        notes.append(f"{', '.join(wide)}: not determined, for {why}")
+    if fit.chi_square_per_freedom is None:
         notes.append("there are no more observations than numbers, so nothing tests the fit")
     short_of = [line for line in fit.lines if line.used and abs(_off(line, "after_Hz")) > SHORT]
     if fit.record_kind is Kind.SATURATED and short_of:
@@ -88,7 +108,7 @@ def describe_notes(fit: Fit) -> tuple[str, ...]:
         notes.append(f"another assignment of lines to modes fits as well: {fit.ambiguous}")
     bound = [number.key for number in fit.numbers if number.at_bound]
     if bound:
-        notes.append(f"{', '.join(bound)}: at the end of what is tried, 20 times or a twentieth of the scene's value")
+        notes.append(f"{', '.join(bound)}: not determined, at the end of what is tried, {EXTREMES}")
     unused = [f"{line.measured_Hz:.1f}" for line in fit.lines if not line.used]
     if unused:
         like = "near no mode" if fit.record_kind is Kind.LINEAR else "like none of the simulated squeal"
