@@ -125,6 +125,19 @@ def test_a_wrong_box_is_refused(box, message):
         ds.study_basin(block(), box)
 
 
+@pytest.mark.parametrize(
+    ("ends", "message"),
+    [
+        (("a", "b"), "velocity.Y: this is not a number"),
+        ((None, 1.0), "velocity.Y: this is not a number"),
+        (("1 m/s", "-1 m/s"), "velocity.Y: the first value must be below the second"),
+    ],
+)
+def test_a_wrong_box_of_a_scene_is_refused(bistable, ends, message):
+    with pytest.raises(RequestError, match=message):
+        ds.study_basin(bistable, {"velocity": {"Y": ends}})
+
+
 def test_what_keeps_moving_has_no_basin(bistable):
     driven = ds.block_on_belt(lambda s: 0.5 + 0 * s, belt_speed=1.0, forces={"X": (0.1, 0.2)})
     with pytest.raises(ValueError, match="a force keeps"):

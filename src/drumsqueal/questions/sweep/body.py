@@ -136,6 +136,12 @@ def flat_box(box: Box) -> dict[str, tuple[Any, Any]]:
     return found
 
 
+def check_range(key: str, low: float, high: float) -> None:
+    """Raise RequestError for what is no range."""
+    if not (math.isfinite(high - low) and low < high):
+        raise RequestError(f"box: {key}: the first value must be below the second, got {low:g} and {high:g}")
+
+
 def read_box(box: Box, names: tuple[str, ...]) -> dict[str, Uniform]:
     """The ranges of a box by key. Raises RequestError for what is no box of a body with these coordinates."""
     found = {}
@@ -146,8 +152,7 @@ def read_box(box: Box, names: tuple[str, ...]) -> dict[str, Uniform]:
             low, high = map(float, ends)
         except (TypeError, ValueError):
             raise RequestError(f"box: {key}: its two values must be numbers in SI; got {ends!r}") from None
-        if not (math.isfinite(high - low) and low < high):
-            raise RequestError(f"box: {key}: the first value must be below the second, got {low:g} and {high:g}")
+        check_range(key, low, high)
         found[key] = Uniform(low, high)
     return found
 
