@@ -1,12 +1,14 @@
 """Run-up and coast-down: growth integrated along the way, squeals with their speeds, hysteresis."""
 
 import dataclasses
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
 import jax
 import numpy as np
 import pytest
+from rich.console import Console
 
 from drumsqueal.findings.boundaries import amplitude_at_boundary
 from drumsqueal.findings.instant import instant_at
@@ -17,6 +19,7 @@ from drumsqueal.findings.squeals import End, Squeal, find_hysteresis, find_spans
 from drumsqueal.physics.effects.operation import Constant, Operation, Profile
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.physics.small_bodies import block_on_belt
+from drumsqueal.questions.run.words import print_findings
 from drumsqueal.scene import load_scene
 from drumsqueal.simulation import Result, run
 from drumsqueal.solve.linear.modes import analyse_stability
@@ -288,6 +291,20 @@ def test_a_disturbance_that_decays_is_no_squeal(nominal):
     assert found.ramp is not None
     assert (found.ramp.squeals, found.ramp.hysteresis) == ((), ())
     assert "squeals" not in found.verdict
+
+
+def test_a_mode_without_a_boundary_has_a_sentence_of_its_own(ramp):
+    found = ramp.findings.ramp
+    endless = {"growth_needed": np.inf, "outcome": Growth.TOO_LITTLE, "predicted": None, "measured": None}
+    passage = found.passages[0].model_copy(update=endless)
+    changed = found.model_copy(update={"squeals": (), "hysteresis": (), "passages": (passage,)})
+    assert list(ramp_sentences(changed)) == [
+        "Y gathers 14 e-folds while it is unstable, but at the end of that no amplitude of it alone would reach a "
+        "contact boundary."
+    ]
+    printed = StringIO()
+    print_findings(Console(file=printed, width=100), ramp.findings.model_copy(update={"ramp": changed}))
+    assert "inf" not in printed.getvalue().split("Growth integrated")[1].split("After growth")[0]
 
 
 def test_a_load_that_rises_is_followed_in_newtons(nominal):
