@@ -1,12 +1,14 @@
 """Run-up and coast-down: growth integrated along the way, squeals with their speeds, hysteresis."""
 
 import dataclasses
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
 import jax
 import numpy as np
 import pytest
+from rich.console import Console
 
 from drumsqueal.findings.boundaries import amplitude_at_boundary
 from drumsqueal.findings.instant import instant_at
@@ -17,6 +19,7 @@ from drumsqueal.findings.squeals import End, Squeal, find_hysteresis, find_spans
 from drumsqueal.physics.effects.operation import Constant, Operation, Profile
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.physics.small_bodies import block_on_belt
+from drumsqueal.questions.run.words import print_findings
 from drumsqueal.scene import load_scene
 from drumsqueal.simulation import Result, run
 from drumsqueal.solve.linear.modes import analyse_stability
@@ -170,23 +173,32 @@ def test_a_squeal_is_sustained_until_it_falls_as_a_small_motion():
     time = np.linspace(0.2, 0.9, 701)
     energy = np.where(time < 0.6, 1 + time, 1.6 * np.exp(-80 * (time - 0.6)))
     assert sustained_until(time, energy, [decaying], 0.9) == pytest.approx(0.6, abs=2e-3)
+    # What falls so from the first on is not sustained at all, with a beat as without; it may do so after it has landed
+    # on a motion that lasts.
+    beat = np.exp(-80 * time + 0.1 * np.sin(200 * time))
+    for falling in (np.exp(-80 * time), beat):
+        assert sustained_until(time, falling, [decaying], 0.9) == time[0]
+    landed = np.exp(-80 * np.clip(time, None, 0.3) - 80 * np.clip(time - 0.4, 0, None))
+    assert sustained_until(time, landed, [decaying], 0.9) == pytest.approx(0.4, abs=2e-3)
     # One that falls more slowly than that, and one that falls where a mode grows, is sustained to its end.
     assert sustained_until(time, np.exp(-20 * time), [decaying], 0.9) == 0.9
     growing = along._replace(modes=tuple(m._replace(eigenvalue=4 + 1j * m.eigenvalue.imag) for m in along.modes))
     assert sustained_until(time, energy, [growing], 0.9) == 0.9
 
 
-def squeal(model: Model, first: float, last: float) -> Squeal:
-    begins, ends = instant_at(model, first), instant_at(model, last)
+def squeal(model: Model, first: float, last: float, gone: float | None = None) -> Squeal:
+    """Return a squeal that is sustained to a time (s), and is gone at a later one."""
+    begins, until = instant_at(model, first), instant_at(model, last)
+    ends = until if gone is None else instant_at(model, gone)
     return Squeal(
-        sets_in=begins, largest=begins, amplitude=1.0, line=None, sustained_until=ends, ends=ends, end=End.DIES_OUT
+        sets_in=begins, largest=begins, amplitude=1.0, line=None, sustained_until=until, ends=ends, end=End.DIES_OUT
     )
 
 
 def test_hysteresis_is_what_squeals_one_way_only():
-    # Down from 60 to 10 in 1 s, up to 60 in 2 s: squeal from 20 down, and up to 45.
+    # Down from 60 to 10 in 1 s, up to 60 in 2 s: squeal from 20 down, and up to 45; what is left of it decays to 55.
     model = block([0.0, 1.0, 3.0], [60.0, 10.0, 60.0])
-    (found,) = find_hysteresis((squeal(model, 0.8, 2.4),), model, 3.0)
+    (found,) = find_hysteresis((squeal(model, 0.8, 2.4, gone=2.8),), model, 3.0)
     assert (found.key, found.squeals_while) == ("drum.speed", "rises")
     assert (found.low, found.high) == pytest.approx((20.0, 45.0))
     # On the way up alone there is nothing to compare it with; nor where both ways squeal alike.
@@ -230,7 +242,7 @@ def test_squeal_sets_in_and_dies_out_where_folds_and_eigenvalues_let_it(ramp):
     (hysteresis,) = found.hysteresis
     assert hysteresis.squeals_while == "rises"
     assert hysteresis.low == pytest.approx(squeal.sets_in.drum_speed_rad_per_s)
-    assert hysteresis.high == pytest.approx(squeal.ends.drum_speed_rad_per_s)
+    assert hysteresis.high == pytest.approx(squeal.sustained_until.drum_speed_rad_per_s)
 
 
 def test_growth_along_the_way_says_when_squeal_sets_in(ramp):
@@ -263,6 +275,36 @@ def test_the_verdict_reports_the_speeds_and_the_hysteresis(ramp):
     assert list(ramp_sentences(ramp.findings.ramp))
     again = type(ramp.findings).model_validate_json(ramp.findings.model_dump_json())
     assert again.ramp == ramp.findings.ramp
+
+
+def test_a_disturbance_that_decays_is_no_squeal(nominal):
+    # Under constant friction all modes decay. A start of 40 µm is beyond the boundaries at first, and falls throughout.
+    changes = {
+        "friction": {"law": "constant", "coefficient": 0.3},
+        "damping": {"ratio": 0.001},
+        "drum.speed": {"time": [0, 0.2, 0.4], "value": [20, 25, 20]},
+        "start": {"displacement": {"Y": 4e-5}, "velocity": {}},
+        "simulate.duration": 0.4,
+    }
+    found = run(nominal.with_values(changes)).findings
+    assert found.edge_reached_s == 0
+    assert found.ramp is not None
+    assert (found.ramp.squeals, found.ramp.hysteresis) == ((), ())
+    assert "squeals" not in found.verdict
+
+
+def test_a_mode_without_a_boundary_has_a_sentence_of_its_own(ramp):
+    found = ramp.findings.ramp
+    endless = {"growth_needed": np.inf, "outcome": Growth.TOO_LITTLE, "predicted": None, "measured": None}
+    passage = found.passages[0].model_copy(update=endless)
+    changed = found.model_copy(update={"squeals": (), "hysteresis": (), "passages": (passage,)})
+    assert list(ramp_sentences(changed)) == [
+        "Y gathers 14 e-folds while it is unstable, but at the end of that no amplitude of it alone would reach a "
+        "contact boundary."
+    ]
+    printed = StringIO()
+    print_findings(Console(file=printed, width=100), ramp.findings.model_copy(update={"ramp": changed}))
+    assert "inf" not in printed.getvalue().split("Growth integrated")[1].split("After growth")[0]
 
 
 def test_a_load_that_rises_is_followed_in_newtons(nominal):

@@ -2,7 +2,9 @@
 
 import json
 import math
+from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 import xarray
@@ -13,7 +15,7 @@ import drumsqueal as ds
 from drumsqueal.errors import RequestError
 from drumsqueal.files.json_file import to_json
 from drumsqueal.questions.onset.found import Leads
-from drumsqueal.questions.sweep.basin import number_motions
+from drumsqueal.questions.sweep.basin import Basin, number_motions
 from drumsqueal.questions.sweep.points import LEADS, NOT_YET
 from drumsqueal.questions.sweep.study import compute
 from drumsqueal.scene import COORDINATES, SceneError, load_scene
@@ -88,6 +90,21 @@ def test_starts_of_a_block_lead_where_the_unstable_cycle_parts_them(tmp_path):
     assert again.model_dump_json() == found.model_dump_json()
 
 
+def test_a_file_of_another_law_of_the_same_name_is_not_taken_for_this_one(tmp_path):
+    def study(law, **how: Any) -> Basin:
+        body = ds.block_on_belt(law, damping=0.1, belt_speed=1.5)
+        small = {"velocity": {"X": (-0.1, 0.1)}}
+        return ds.study_basin(body, small, samples=2, sample_rate=20, file=tmp_path / "basin.nc", **how)
+
+    flat, falling = lambda s: 0.3 + 0 * s, lambda s: 0.3 + 0.5 * jnp.exp(-s)
+    found = study(flat)
+    for other in (falling, lambda s: 0.3 + 1e-12 + 0 * s):
+        with pytest.raises(RequestError, match="another model"):
+            study(other)
+    again = study(lambda s: 0.3 + 0 * s, progress=lambda *_: pytest.fail("it computes"))
+    assert again.model_dump_json() == found.model_dump_json()
+
+
 @pytest.mark.parametrize(
     ("box", "message"),
     [
@@ -96,11 +113,29 @@ def test_starts_of_a_block_lead_where_the_unstable_cycle_parts_them(tmp_path):
         ({"velocity": {"Y": (0, 1)}}, "velocity.Y: this body has the coordinates X"),
         ({"velocity": {"X": (1, 0)}}, "velocity.X: the first value must be below the second"),
         ({"velocity": {"X": 1.0}}, "velocity.X: give it two values"),
+        ({"velocity": {"X": "ab"}}, "velocity.X: give it two values.*got 'ab'"),
+        ({"velocity": {"X": ("a", "b")}}, "velocity.X: its two values must be numbers"),
+        ({"velocity": {"X": (None, 1.0)}}, "velocity.X: its two values must be numbers"),
+        ({"velocity": (-1, 1)}, "velocity: say which coordinate has this range"),
+        ([("velocity", 1.0)], "write it as"),
     ],
 )
 def test_a_wrong_box_is_refused(box, message):
     with pytest.raises(RequestError, match=message):
         ds.study_basin(block(), box)
+
+
+@pytest.mark.parametrize(
+    ("ends", "message"),
+    [
+        (("a", "b"), "velocity.Y: this is not a number"),
+        ((None, 1.0), "velocity.Y: this is not a number"),
+        (("1 m/s", "-1 m/s"), "velocity.Y: the first value must be below the second"),
+    ],
+)
+def test_a_wrong_box_of_a_scene_is_refused(bistable, ends, message):
+    with pytest.raises(RequestError, match=message):
+        ds.study_basin(bistable, {"velocity": {"Y": ends}})
 
 
 def test_what_keeps_moving_has_no_basin(bistable):

@@ -1,5 +1,6 @@
 """Run-up and coast-down in sentences."""
 
+import math
 from collections.abc import Iterator, Sequence
 
 from drumsqueal.findings.instant import LOAD, SPEED, Instant
@@ -80,6 +81,14 @@ def _squeal(squeal: Squeal, keys: Sequence[str]) -> str:
 def _growth(passage: Passage, keys: Sequence[str]) -> str:
     """The growth integrated along the way against the transient."""
     needed, begins = passage.growth_needed, passage.unstable_from
+    if needed is None or math.isinf(needed):
+        text = f"{passage.mode} gathers {passage.growth_available:.3g} e-folds while it is unstable, but at the end of"
+        text += " that no amplitude of it alone would reach a contact boundary"
+        return (
+            f"{text}."
+            if passage.measured is None
+            else f"{text}; the transient does at {_when(passage.measured, keys)}."
+        )
     start = "when it turns unstable" if begins.time_s > 0 else "at the start"
     text = f"From its amplitude {start}, {passage.mode} has to grow by {needed:.3g} e-folds to reach a contact boundary"
     if passage.outcome is not Growth.REACHES or passage.predicted is None:

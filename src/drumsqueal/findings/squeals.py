@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
 
 from drumsqueal.findings.decay import NEARLY_LINEAR
 from drumsqueal.findings.instant import SPEED, Instant, changing_keys, instant_at
@@ -23,6 +24,7 @@ PAUSE = (
 )
 SHORTEST = 8  # periods: a shorter visit beyond the contact boundaries, and no more after it, is no squeal
 WINDOW = 8  # periods over which the kinetic energy is a mean
+KEPT = 0.2  # e-folds of amplitude that a motion gains on half the linear decay, or it decays: beats gain 0.02 by chance
 AROUND = 32  # periods about the largest motion in which its line is sought
 
 Vector = NDArray[np.float64]
@@ -66,7 +68,10 @@ class Hysteresis(Finding):
 def find_squeals(
     history: "xarray.Dataset", vibration: Vibration, stability: Stability, model: Model, modes: list[Along]
 ) -> tuple[Squeal, ...]:
-    """Find every squeal of a history; `modes` are those that move, along the same way."""
+    """Find every squeal of a history; `modes` are those that move, along the same way.
+
+    What falls as a small motion from the first on is a disturbance that decays, and no squeal.
+    """
     time, rate = vibration.time, vibration.sample_rate
     period = _longest_period(modes, time)
     sticks = history["sticking"].values > 0
@@ -79,11 +84,13 @@ def find_squeals(
     for first, last, end in spans:
         inside = np.flatnonzero((middles >= time[first]) & (middles <= time[last]))
         loudest = float(middles[inside[np.argmax(energy[inside])]]) if inside.size else float(time[first])
-        k, reach = int(np.searchsorted(time, loudest)), round(AROUND * period * rate / 2)
-        motion = describe_motion(vibration, slice(max(k - reach, 0), k + reach + 1), stability, model)
         sustained = float(time[last])
         if end is End.DIES_OUT:
             sustained = sustained_until(middles[inside], energy[inside], modes, sustained)
+            if inside.size and sustained == middles[inside[0]]:  # nothing kept it up: a disturbance that decays
+                continue
+        k, reach = int(np.searchsorted(time, loudest)), round(AROUND * period * rate / 2)
+        motion = describe_motion(vibration, slice(max(k - reach, 0), k + reach + 1), stability, model)
         times = (float(time[first]), loudest, sustained, float(time[last]))
         named = zip(("sets_in", "largest", "sustained_until", "ends"), times, strict=True)
         main = motion.main
@@ -158,21 +165,29 @@ def _energy(vibration: Vibration, stability: Stability, window: int) -> tuple[Ve
 def sustained_until(time: Vector, energy: Vector, modes: list[Along], end: float) -> float:
     """The time (s) from which on the energy (k,) at some times (s) falls as that of a small motion, to the end (s).
 
-    That is at least half as fast as that of the mode that decays slowest then; it is the end where one grows there.
+    That is at least half as fast as that of the mode that decays slowest then; it is the end where one grows there, and
+    the first time where it falls so from the first on.
     """
-    if time.size < 2 or not modes:
+    if not time.size or not modes:
         return end
     slowest = np.max([np.interp(time, along.time, along.rate, -np.inf, -np.inf) for along in modes], axis=0)
-    rate = np.diff(np.log(np.maximum(energy, np.finfo(np.float64).tiny))) / np.diff(time) / 2
-    linear = (slowest[1:] + slowest[:-1]) / 2
-    lasting = np.flatnonzero((linear >= 0) | (rate > NEARLY_LINEAR * linear))
-    return float(time[lasting[-1] + 1]) if lasting.size and lasting[-1] < rate.size - 1 else end
+    decay = NEARLY_LINEAR * np.where(np.isfinite(slowest), np.minimum(slowest, 0.0), 0.0)
+    kept = np.log(np.maximum(energy, np.finfo(np.float64).tiny)) / 2 - cumulative_trapezoid(decay, time, initial=0.0)
+    first = int(np.flatnonzero(decay == 0)[-1]) if (decay == 0).any() else 0
+    rises = np.flatnonzero(np.maximum.accumulate(kept[::-1])[::-1] - kept > KEPT)
+    if rises.size and rises[-1] >= first:
+        first = int(rises[-1])
+    elif decay[first] < 0:
+        return float(time[0])
+    last = first + int(np.argmax(kept[first:]))
+    return float(time[last]) if last < time.size - 1 else end
 
 
 def find_hysteresis(squeals: tuple[Squeal, ...], model: Model, until: float) -> tuple[Hysteresis, ...]:
     """The ranges of drum speed, or of load, that squeal while it rises and are quiet while it falls, or the reverse.
 
-    None where both change, or neither. A range is quiet one way only if none of the passages that way squeals there.
+    None where both change, or neither. A range is quiet one way only if none of the passages that way squeals there,
+    and squeals only while squeal is sustained: what decays there is left over from elsewhere.
     """
     changing = changing_keys(model)
     if len(changing) != 1:
@@ -188,7 +203,7 @@ def find_hysteresis(squeals: tuple[Squeal, ...], model: Model, until: float) -> 
         passed, squealed = ways["rises" if ends[1] > ends[0] else "falls"]
         passed.append((min(ends), max(ends)))
         for squeal in squeals:
-            times = [min(max(each.time_s, first), last) for each in (squeal.sets_in, squeal.ends)]
+            times = [min(max(each.time_s, first), last) for each in (squeal.sets_in, squeal.sustained_until)]
             if times[0] < times[1]:
                 low, high = sorted(scale * value_at(schedule, time) for time in times)
                 squealed.append((low, high))

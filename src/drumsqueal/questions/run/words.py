@@ -1,5 +1,7 @@
 """What a run prints on the terminal, on a console that takes no markup: text is text."""
 
+import math
+
 from rich import box
 from rich.console import Console
 from rich.table import Table
@@ -119,7 +121,7 @@ def _passage_table(ramp: Ramp) -> Table:
             each.mode,
             *_moment(each.unstable_from, ramp),
             *_moment(each.unstable_until, ramp),
-            "-" if each.growth_needed is None else f"{each.growth_needed:.2f}",
+            _shown(each.growth_needed if math.isfinite(each.growth_needed or 0.0) else None, ".2f"),
             f"{each.growth_available:.2f}",
             *_moment(each.predicted, ramp),
             *_moment(each.measured, ramp),

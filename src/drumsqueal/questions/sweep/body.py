@@ -2,7 +2,6 @@
 
 import hashlib
 import math
-import re
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 
 from drumsqueal.errors import RequestError
 from drumsqueal.findings.vibration import unit_of
+from drumsqueal.physics.laws.friction_law import static_coefficient
 from drumsqueal.physics.model import Model
 from drumsqueal.scene.plan import check_number_of_samples, draw
 from drumsqueal.scene.uncertain import Uniform, describe
@@ -20,7 +20,7 @@ from drumsqueal.scene.variation import Variation
 Box = Mapping[str, Mapping[str, tuple[Any, Any]]]
 """Ranges of `displacement` and `velocity` by coordinate: {"velocity": {"X": (-1.0, 1.0)}}."""
 TABLES = ("displacement", "velocity")
-_ADDRESS = re.compile(r"0x[0-9a-fA-F]+")  # in the name of a function, another one in each process
+SUCH_AS = 'write it as {"velocity": {"X": (-1.0, 1.0)}}'
 
 
 class BodyPlan(NamedTuple):
@@ -60,10 +60,12 @@ class BodyPlan(NamedTuple):
 
     @property
     def about(self) -> dict[str, str]:
-        """The model as text: two with the same numbers and effects have the same one."""
+        """The model as text: two with the same numbers and forces have the same one."""
         numbers = b"".join(np.asarray(leaf, dtype=np.float64).tobytes() for leaf in jax.tree.leaves(self.model))
-        structure = _ADDRESS.sub("", str(jax.tree.structure(self.model)))
-        return {"title": "basins of attraction", "model": hashlib.sha256(numbers + structure.encode()).hexdigest()}
+        return {
+            "title": "basins of attraction",
+            "model": hashlib.sha256(numbers + program_of(self.model).encode()).hexdigest(),
+        }
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -103,18 +105,41 @@ class BodyPlan(NamedTuple):
         return how | {"random": self.draws, "seed": self.seed, "distributions": drawn}
 
 
+def program_of(model: Model) -> str:
+    """What a model computes, with all constants, as text: a function has the name of another, but not its program."""
+
+    def seen(q: jax.Array, v: jax.Array) -> Any:
+        memory = model.first_memory
+        rates, kinks = model.rates(0.0, q, v, memory), model.kinks(0.0, q, v, memory)
+        friction = getattr(model.contact, "friction", None)
+        return rates, kinks, None if friction is None else static_coefficient(friction.law)
+
+    at = np.zeros(len(model.names))
+    return f"{model.names} {jax.jit(seen).lower(at, at).as_text()}"
+
+
 def flat_box(box: Box) -> dict[str, tuple[Any, Any]]:
     """The ranges of a box by key, velocity.X and so on. Raises RequestError where there are none."""
-    wrong = [table for table in box if table not in TABLES]
-    if wrong:
-        raise RequestError(f"box: {wrong[0]!r} is neither displacement nor velocity")
+    if not isinstance(box, Mapping):
+        raise RequestError(f"box: {SUCH_AS}; got {box!r}")
+    for table, ranges in box.items():
+        if table not in TABLES:
+            raise RequestError(f"box: {table!r} is neither displacement nor velocity")
+        if not isinstance(ranges, Mapping):
+            raise RequestError(f"box: {table}: say which coordinate has this range; {SUCH_AS}; got {ranges!r}")
     found = {f"{table}.{name}": ends for table, ranges in box.items() for name, ends in ranges.items()}
     if not found:
-        raise RequestError('box: there are no ranges; write {"velocity": {"X": (-1.0, 1.0)}}')
+        raise RequestError(f"box: there are no ranges; {SUCH_AS}")
     for key, ends in found.items():
-        if not isinstance(ends, Sequence) or len(ends) != 2:
-            raise RequestError(f"box: {key}: give it two values, such as (-1.0, 1.0); got {ends}")
+        if isinstance(ends, str) or not isinstance(ends, Sequence) or len(ends) != 2:
+            raise RequestError(f"box: {key}: give it two values, such as (-1.0, 1.0); got {ends!r}")
     return found
+
+
+def check_range(key: str, low: float, high: float) -> None:
+    """Raise RequestError for what is no range."""
+    if not (math.isfinite(high - low) and low < high):
+        raise RequestError(f"box: {key}: the first value must be below the second, got {low:g} and {high:g}")
 
 
 def read_box(box: Box, names: tuple[str, ...]) -> dict[str, Uniform]:
@@ -123,9 +148,11 @@ def read_box(box: Box, names: tuple[str, ...]) -> dict[str, Uniform]:
     for key, ends in flat_box(box).items():
         if key.split(".", 1)[1] not in names:
             raise RequestError(f"box: {key}: this body has the coordinates {', '.join(names)}")
-        low, high = map(float, ends)
-        if not (math.isfinite(high - low) and low < high):
-            raise RequestError(f"box: {key}: the first value must be below the second, got {low:g} and {high:g}")
+        try:
+            low, high = map(float, ends)
+        except (TypeError, ValueError):
+            raise RequestError(f"box: {key}: its two values must be numbers in SI; got {ends!r}") from None
+        check_range(key, low, high)
         found[key] = Uniform(low, high)
     return found
 

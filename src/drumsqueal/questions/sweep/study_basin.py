@@ -6,18 +6,19 @@ from pathlib import Path
 
 import xarray
 
+from drumsqueal.errors import RequestError
 from drumsqueal.findings.history import COMPLETE
 from drumsqueal.physics.model import Model
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.sweep.basin import Basin, find_basin
-from drumsqueal.questions.sweep.body import Box, body_plan, flat_box
+from drumsqueal.questions.sweep.body import Box, body_plan, check_range, flat_box
 from drumsqueal.questions.sweep.file import SweepFile, outcome_of
 from drumsqueal.questions.sweep.filling import Batches, fill_file
 from drumsqueal.questions.sweep.points import Columns, Points, Starting
 from drumsqueal.questions.sweep.study import check_plan, compute, in_memory
 from drumsqueal.scene import Scene
 from drumsqueal.scene.plan import sample
-from drumsqueal.scene.quantities import parse_quantity
+from drumsqueal.scene.quantities import QuantityError, parse_quantity
 from drumsqueal.scene.variation import Variation, unit_of
 from drumsqueal.solve.linear.modes import analyse_stability
 from drumsqueal.solve.motion import constant_transient
@@ -65,7 +66,11 @@ def _plan_of_scene(scene: Scene, box: Box, samples: int, seed: int) -> Starting:
     variations = []
     for key, ends in flat_box(box).items():
         unit = unit_of(f"start.{key}", scene)
-        low, high = (parse_quantity(end, unit) for end in ends)
+        try:
+            low, high = (parse_quantity(end, unit) for end in ends)
+        except QuantityError as error:
+            raise RequestError(f"box: {key}: {error}") from None
+        check_range(key, low, high)
         variations.append(Variation(f"start.{key}", unit, (low, high)))
     plan = sample(scene.with_values({"uncertain": None}), variations, samples, seed=seed, transient=True)
     check_plan(plan)
