@@ -118,6 +118,14 @@ def test_the_figure_has_a_cell_for_each(found):
         ("speed = [1.0, 0.5]", "speed = [1.0]", "procedures.stop: time must begin at 0 s"),
         ("speed = [1.0, 0.5]", "speed = [0.0, 0.5]", "the drum must turn at the start"),
         ("speed = [1.0, 0.5]", "spede = [1.0, 0.5]", "procedures.stop.spede: unknown key"),
+        ('"0.2 s"', '"0.045 s"', "procedures.stop: it must last 0.05 s or longer"),
+        (TABLE[TABLE.index("[proc") :], "[procedures]", "procedures: write at least one"),
+        ('"drum.speed" =', "scene =", "scene: there are two axes of this name"),
+        ("[procedures.drag]", '[levels."drum.speed"]\nslow = { "drum.speed" = 1 }', "drum.speed: there are two axes"),
+        ("[procedures.drag]", '[levels.slow]\nslow = { "drum.speed" = 1 }', "drum.speed and slow both set drum.speed"),
+        ('["5 rad/s", "15 rad/s", "60 rad/s"]', "[[5]]", "vary: drum.speed: .* is no number"),
+        ('["5 rad/s", "15 rad/s", "60 rad/s"]', "[{a = 1}]", "vary: drum.speed: .* is no number"),
+        ('["5 rad/s", "15 rad/s", "60 rad/s"]', "[5, 5]", "vary: drum.speed: 5 is there twice"),
     ],
 )
 def test_a_wrong_table_is_refused(table, old, new, message):
@@ -139,3 +147,23 @@ def test_levels_set_several_numbers_and_scenes_combine(table):
     assert scene.damping is None
     ran = procedure.over(scene)
     assert (ran.numbers()["drum.speed.value"], ran.simulate.duration) == ((60.0, 30.0), 0.2)
+
+
+def test_scenes_of_one_file_name_in_two_folders_are_two(table):
+    for folder in "ab":
+        (table.parent / folder).mkdir()
+        (table.parent / folder / "s.toml").write_text(load_scene("scenarios/damped.toml").to_toml())
+    table.write_text(TABLE.replace('["damped"]', '["a/s.toml", "b/s.toml"]'))
+    plan = read_matrix(table)
+    assert plan.points == 2 * 3 * 2
+    assert [level.label for axis in plan.axes if axis.name == "scene" for level in axis.levels] == [
+        "a/s.toml",
+        "b/s.toml",
+    ]
+
+
+def test_a_cell_without_steady_sliding_says_why(table):
+    still = TABLE.replace('"5 rad/s", "15 rad/s", "60 rad/s"', '"0 rad/s"')
+    table.write_text(still[: still.index("[procedures.stop]")])
+    (cell,) = ds.study_matrix(table).cells
+    assert (cell.verdict, cell.outcome) == ("not computed", "no steady sliding: the drum is at rest")

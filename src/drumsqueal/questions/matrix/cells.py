@@ -16,18 +16,17 @@ from drumsqueal.findings.signals.spectra import amplitude_spectrum, spectral_pea
 from drumsqueal.physics.composition import linear_coordinates
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.progress import Progress
-from drumsqueal.questions.matrix.table import MatrixPlan
+from drumsqueal.questions.matrix.table import WINDOW, MatrixPlan
 from drumsqueal.questions.onset.attractors import Family, How, Start, find_attractors
 from drumsqueal.questions.onset.found import Leads, Row
 from drumsqueal.questions.onset.kicks import directions
-from drumsqueal.questions.sweep.points import COMPUTED, FAILED, FOLDED, NOT_FINITE, Columns, blank
+from drumsqueal.questions.sweep.points import COMPUTED, FAILED, FOLDED, NOWHERE, Columns, blank
 from drumsqueal.questions.sweep.starts import point_of, round_of
 from drumsqueal.scene import COORDINATES, Scene
 from drumsqueal.solve.linear.branches import Point
 from drumsqueal.solve.linear.modes import Stability, analyse_stability
 from drumsqueal.solve.transient.batch import integrate_many
 
-WINDOW = 0.05  # s of a procedure, of which the loudest counts
 SMALL = "small"
 QUIET, SQUEALS, UNCLEAR = 0, 1, 2
 TURNS = 0.02  # of the largest drum speed: below it the drum all but stands, and what slips back is no squeal
@@ -82,8 +81,8 @@ def _prepared(scene: Scene, columns: Columns, k: int) -> Cell | None:
     model = build_model(scene)
     try:
         stability = analyse_stability(build_model(scene, coordinates=linear_coordinates(scene)))
-    except SteadyStateError:
-        columns["outcome"][k] = NOT_FINITE
+    except SteadyStateError as error:
+        columns["outcome"][k] = NOWHERE[error.reason]
         return None
     if scene.simulate.sample_rate < 2 * stability.highest_frequency_Hz:
         columns["outcome"][k] = FOLDED

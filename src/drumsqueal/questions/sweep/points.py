@@ -8,6 +8,7 @@ import numpy as np
 import xarray
 from numpy.typing import NDArray
 
+from drumsqueal.errors import NoSteadySliding
 from drumsqueal.findings.decay import BEYOND
 from drumsqueal.findings.history import versions
 from drumsqueal.findings.saturated import Saturated
@@ -28,6 +29,11 @@ OUTCOMES = {
     NOT_TAKEN: "the scene does not take these values",
     FOLDED: "no transient: the sample rate is below twice the highest frequency",
     FAILED: "no transient: its integration failed",
+}
+NOWHERE = {
+    NoSteadySliding.AT_REST: AT_REST,
+    NoSteadySliding.NOT_FOUND: NOT_FOUND,
+    NoSteadySliding.NOT_FINITE: NOT_FINITE,
 }
 TRENDS = ("grows", "decays", "settled", "at rest", "failed")
 NONE = -1  # of a coordinate or a trend: there is none
