@@ -12,7 +12,7 @@ from drumsqueal.errors import RequestError
 from drumsqueal.files.json_file import to_json
 from drumsqueal.files.output_folder import MATRIX_FILES
 from drumsqueal.questions.matrix.figure import draw_matrix
-from drumsqueal.questions.matrix.study import NoiseMatrix, in_rows
+from drumsqueal.questions.matrix.study import CellFound, NoiseMatrix, in_rows
 from drumsqueal.questions.matrix.table import read_matrix
 from drumsqueal.scene import load_scene
 
@@ -167,3 +167,31 @@ def test_a_cell_without_steady_sliding_says_why(table):
     table.write_text(still[: still.index("[procedures.stop]")])
     (cell,) = ds.study_matrix(table).cells
     assert (cell.verdict, cell.outcome) == ("not computed", "no steady sliding: the drum is at rest")
+
+
+def _cells(table, scene, *procedures) -> list[CellFound]:
+    text = f'scenes = ["{scene}"]\n[vary]\n"drum.speed" = [5]\n[procedures.drag]\n'
+    for name, times, speeds in procedures:
+        text += f"[procedures.{name}]\ntime = {[f'{time} s' for time in times]}\nspeed = {speeds}\n"
+    table.write_text(text)
+    return list(ds.study_matrix(table).cells)
+
+
+def test_a_procedure_of_constant_speed_sounds_as_the_drag_does(table):
+    """Where a small start squeals, not the large disturbance of another start is shown."""
+    drag, hold = _cells(table, "nominal", ("hold", [0, 0.3], [1, 1]))
+    assert (drag.after, hold.after) == ("small", "small")
+    for cell in (drag, hold):
+        assert cell.velocity_m_per_s == cell.small_velocity_m_per_s
+        assert cell.frequency_Hz == cell.small_frequency_Hz
+    # The loudest 50 ms of a motion that fluctuates against its mean over a longer time.
+    assert hold.frequency_Hz == pytest.approx(drag.frequency_Hz, rel=0.05)
+    assert hold.level_dB == pytest.approx(drag.level_dB, abs=1.5)
+
+
+def test_the_end_of_a_procedure_counts(table):
+    """Of 99 ms the last 50 squeal: a window that began at 50 ms would not be full."""
+    _, whole, cut = _cells(table, "nominal", ("whole", [0, 0.1], [1, 1]), ("cut", [0, 0.099], [1, 1]))
+    assert cut.verdict == whole.verdict == "squeals"
+    assert cut.time_s == pytest.approx(0.074, abs=1e-3)
+    assert cut.level_dB == pytest.approx(whole.level_dB, abs=1)
