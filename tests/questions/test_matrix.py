@@ -98,6 +98,15 @@ def test_a_matrix_that_was_cut_off_goes_on_and_is_the_same(drumsqueal, table, fo
     assert (status, "another set of points" in errors) == (2, True)
 
 
+def test_a_notebook_shows_the_table_of_the_command(found):
+    for shown in (str(found), found._repr_html_()):
+        assert f"{found.squeal} of 6 cells squeal" in shown
+        assert "Damped brake" in shown
+    read = NoiseMatrix.model_validate_json(to_json(found))
+    assert [each.disturbance for each in read.cells] == [each.disturbance for each in found.cells]
+    assert str(read) == str(found)
+
+
 def test_the_figure_has_a_cell_for_each(found):
     columns, rows = in_rows(found)
     assert columns == found.axes["drum.speed"]
