@@ -12,7 +12,7 @@ from drumsqueal.errors import RequestError
 from drumsqueal.files.json_file import to_json
 from drumsqueal.files.output_folder import MATRIX_FILES
 from drumsqueal.questions.matrix.figure import draw_matrix
-from drumsqueal.questions.matrix.study import NoiseMatrix, in_rows
+from drumsqueal.questions.matrix.study import CellFound, NoiseMatrix, in_rows
 from drumsqueal.questions.matrix.table import read_matrix
 from drumsqueal.scene import load_scene
 
@@ -98,6 +98,15 @@ def test_a_matrix_that_was_cut_off_goes_on_and_is_the_same(drumsqueal, table, fo
     assert (status, "another set of points" in errors) == (2, True)
 
 
+def test_a_notebook_shows_the_table_of_the_command(found):
+    for shown in (str(found), found._repr_html_()):
+        assert f"{found.squeal} of 6 cells squeal" in shown
+        assert "Damped brake" in shown
+    read = NoiseMatrix.model_validate_json(to_json(found))
+    assert [each.disturbance for each in read.cells] == [each.disturbance for each in found.cells]
+    assert str(read) == str(found)
+
+
 def test_the_figure_has_a_cell_for_each(found):
     columns, rows = in_rows(found)
     assert columns == found.axes["drum.speed"]
@@ -118,6 +127,14 @@ def test_the_figure_has_a_cell_for_each(found):
         ("speed = [1.0, 0.5]", "speed = [1.0]", "procedures.stop: time must begin at 0 s"),
         ("speed = [1.0, 0.5]", "speed = [0.0, 0.5]", "the drum must turn at the start"),
         ("speed = [1.0, 0.5]", "spede = [1.0, 0.5]", "procedures.stop.spede: unknown key"),
+        ('"0.2 s"', '"0.045 s"', "procedures.stop: it must last 0.05 s or longer"),
+        (TABLE[TABLE.index("[proc") :], "[procedures]", "procedures: write at least one"),
+        ('"drum.speed" =', "scene =", "scene: there are two axes of this name"),
+        ("[procedures.drag]", '[levels."drum.speed"]\nslow = { "drum.speed" = 1 }', "drum.speed: there are two axes"),
+        ("[procedures.drag]", '[levels.slow]\nslow = { "drum.speed" = 1 }', "drum.speed and slow both set drum.speed"),
+        ('["5 rad/s", "15 rad/s", "60 rad/s"]', "[[5]]", "vary: drum.speed: .* is no number"),
+        ('["5 rad/s", "15 rad/s", "60 rad/s"]', "[{a = 1}]", "vary: drum.speed: .* is no number"),
+        ('["5 rad/s", "15 rad/s", "60 rad/s"]', "[5, 5]", "vary: drum.speed: 5 is there twice"),
     ],
 )
 def test_a_wrong_table_is_refused(table, old, new, message):
@@ -139,3 +156,51 @@ def test_levels_set_several_numbers_and_scenes_combine(table):
     assert scene.damping is None
     ran = procedure.over(scene)
     assert (ran.numbers()["drum.speed.value"], ran.simulate.duration) == ((60.0, 30.0), 0.2)
+
+
+def test_scenes_of_one_file_name_in_two_folders_are_two(table):
+    for folder in "ab":
+        (table.parent / folder).mkdir()
+        (table.parent / folder / "s.toml").write_text(load_scene("scenarios/damped.toml").to_toml())
+    table.write_text(TABLE.replace('["damped"]', '["a/s.toml", "b/s.toml"]'))
+    plan = read_matrix(table)
+    assert plan.points == 2 * 3 * 2
+    assert [level.label for axis in plan.axes if axis.name == "scene" for level in axis.levels] == [
+        "a/s.toml",
+        "b/s.toml",
+    ]
+
+
+def test_a_cell_without_steady_sliding_says_why(table):
+    still = TABLE.replace('"5 rad/s", "15 rad/s", "60 rad/s"', '"0 rad/s"')
+    table.write_text(still[: still.index("[procedures.stop]")])
+    (cell,) = ds.study_matrix(table).cells
+    assert (cell.verdict, cell.outcome) == ("not computed", "no steady sliding: the drum is at rest")
+
+
+def _cells(table, scene, *procedures) -> list[CellFound]:
+    text = f'scenes = ["{scene}"]\n[vary]\n"drum.speed" = [5]\n[procedures.drag]\n'
+    for name, times, speeds in procedures:
+        text += f"[procedures.{name}]\ntime = {[f'{time} s' for time in times]}\nspeed = {speeds}\n"
+    table.write_text(text)
+    return list(ds.study_matrix(table).cells)
+
+
+def test_a_procedure_of_constant_speed_sounds_as_the_drag_does(table):
+    """Where a small start squeals, not the large disturbance of another start is shown."""
+    drag, hold = _cells(table, "nominal", ("hold", [0, 0.3], [1, 1]))
+    assert (drag.after, hold.after) == ("small", "small")
+    for cell in (drag, hold):
+        assert cell.velocity_m_per_s == cell.small_velocity_m_per_s
+        assert cell.frequency_Hz == cell.small_frequency_Hz
+    # The loudest 50 ms of a motion that fluctuates against its mean over a longer time.
+    assert hold.frequency_Hz == pytest.approx(drag.frequency_Hz, rel=0.05)
+    assert hold.level_dB == pytest.approx(drag.level_dB, abs=1.5)
+
+
+def test_the_end_of_a_procedure_counts(table):
+    """Of 99 ms the last 50 squeal: a window that began at 50 ms would not be full."""
+    _, whole, cut = _cells(table, "nominal", ("whole", [0, 0.1], [1, 1]), ("cut", [0, 0.099], [1, 1]))
+    assert cut.verdict == whole.verdict == "squeals"
+    assert cut.time_s == pytest.approx(0.074, abs=1e-3)
+    assert cut.level_dB == pytest.approx(whole.level_dB, abs=1)

@@ -12,7 +12,15 @@ from drumsqueal.files.output_folder import MATRIX, MATRIX_DATA, MATRIX_SUMMARY, 
 from drumsqueal.findings.history import COMPLETE
 from drumsqueal.progress import Progress
 from drumsqueal.questions.matrix.figure import draw_matrix
-from drumsqueal.questions.matrix.study import CellFound, NoiseMatrix, find_matrix, matrix_table, shown_axes
+from drumsqueal.questions.matrix.study import (
+    CLEAR,
+    CellFound,
+    NoiseMatrix,
+    Verdict,
+    find_matrix,
+    matrix_table,
+    shown_axes,
+)
 from drumsqueal.questions.matrix.table import MatrixPlan
 from drumsqueal.questions.sweep.file import SweepFile, outcome_of
 from drumsqueal.questions.sweep.filling import Source, fill_file
@@ -62,7 +70,7 @@ def print_matrix(console: Console, found: NoiseMatrix) -> None:
         size = f"{loudest.velocity_m_per_s:.3g} m/s rms of the shoe at {loudest.frequency_Hz:.4g} Hz"
         console.print(printable(f"Loudest: {size}{where and f', at {where}'}"))
         console.print("Levels: rms velocity of the shoe, over its mass and over time, re 1 nm/s (ISO 1683)")
-    unclear = [cell for cell in found.cells if cell.verdict not in ("quiet", "squeals")]
+    unclear = [cell for cell in found.cells if cell.verdict not in CLEAR]
     for cell in unclear:
         where = ", ".join(f"{name} {label}" for name, label in _shown(found, cell).items())
         console.print(printable(f"{cell.verdict}{where and f' at {where}'}: {cell.outcome}"))
@@ -76,7 +84,7 @@ def _shown(found: NoiseMatrix, cell: CellFound) -> dict[str, str]:
 
 def _table(found: NoiseMatrix) -> Table:
     table = Table(title=found.title or "Noise matrix", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    loud = [cell for cell in found.cells if cell.verdict == "squeals"]
+    loud = [cell for cell in found.cells if cell.verdict is Verdict.SQUEALS]
     names = list(_shown(found, loud[0]))
     procedures = any(math.isfinite(cell.time_s) for cell in loud)
     for name in names:

@@ -4,6 +4,7 @@ loudest moment of a procedure is."""
 import math
 from collections.abc import Callable, Sequence
 from contextlib import closing
+from functools import cache, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -16,21 +17,24 @@ from drumsqueal.findings.signals.spectra import amplitude_spectrum, spectral_pea
 from drumsqueal.physics.composition import linear_coordinates
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.progress import Progress
-from drumsqueal.questions.matrix.table import MatrixPlan
+from drumsqueal.questions.matrix.table import WINDOW, MatrixPlan
 from drumsqueal.questions.onset.attractors import Family, How, Start, find_attractors
-from drumsqueal.questions.onset.found import Leads, Row
+from drumsqueal.questions.onset.found import SMALL_START, Leads, Row
 from drumsqueal.questions.onset.kicks import directions
-from drumsqueal.questions.sweep.points import COMPUTED, FAILED, FOLDED, NOT_FINITE, Columns, blank
+from drumsqueal.questions.sweep.points import COMPUTED, FAILED, FOLDED, NOWHERE, Columns, blank
 from drumsqueal.questions.sweep.starts import point_of, round_of
 from drumsqueal.scene import COORDINATES, Scene
 from drumsqueal.solve.linear.branches import Point
 from drumsqueal.solve.linear.modes import Stability, analyse_stability
+from drumsqueal.solve.linear.passage import point_in_time
 from drumsqueal.solve.transient.batch import integrate_many
 
-WINDOW = 0.05  # s of a procedure, of which the loudest counts
-SMALL = "small"
 QUIET, SQUEALS, UNCLEAR = 0, 1, 2
 TURNS = 0.02  # of the largest drum speed: below it the drum all but stands, and what slips back is no squeal
+
+
+Record = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+"""Times (k,) in s, displacements from steady sliding (k, n) and velocities (k, n)."""
 
 
 class Cell(NamedTuple):
@@ -38,6 +42,7 @@ class Cell(NamedTuple):
 
     scene: Scene
     model: Model
+    linear: Model
     stability: Stability
     family: Family
     point: Point
@@ -52,7 +57,7 @@ class Cell(NamedTuple):
 class Loudest(NamedTuple):
     """The loudest squeal after a start: rms velocity (m/s), frequency (Hz), and when (s) and at which speed (rad/s)."""
 
-    start: str
+    start: Start
     velocity: float
     frequency: float
     time: float = math.nan
@@ -79,17 +84,17 @@ def compute_cells(plan: MatrixPlan, first: int, stop: int, threads: int | None, 
 
 def _prepared(scene: Scene, columns: Columns, k: int) -> Cell | None:
     """The models of a scene; None, with the reason in the columns, where it does not slide or its samples fold."""
-    model = build_model(scene)
+    model, linear = build_model(scene), build_model(scene, coordinates=linear_coordinates(scene))
     try:
-        stability = analyse_stability(build_model(scene, coordinates=linear_coordinates(scene)))
-    except SteadyStateError:
-        columns["outcome"][k] = NOT_FINITE
+        stability = analyse_stability(linear)
+    except SteadyStateError as error:
+        columns["outcome"][k] = NOWHERE[error.reason]
         return None
     if scene.simulate.sample_rate < 2 * stability.highest_frequency_Hz:
         columns["outcome"][k] = FOLDED
         return None
     family = Family(lambda _: model, model.names, stability.coordinates)
-    return Cell(scene, model, stability, family, point_of(0, stability))
+    return Cell(scene, model, linear, stability, family, point_of(0, stability))
 
 
 def _how(cell: Cell, threads: int | None) -> How:
@@ -99,11 +104,14 @@ def _how(cell: Cell, threads: int | None) -> How:
 
 def _lasting(cell: Cell, threads: int | None, progress: Progress) -> tuple[list[Loudest], bool, bool]:
     """The squeals at constant speed and load by the start that leads to each, whether any is unclear, or failed."""
-    tasks = [(cell.point, start) for start in cell.starts]
+    starts = {start.name: start for start in cell.starts}
+    tasks = [(cell.point, start) for start in starts.values()]
     responses = list(find_attractors(cell.family, tasks, _how(cell, threads), progress=progress))
     row = Row.at(cell.point, *responses, asked=True)
     found = [
-        Loudest(each.start, _rms(cell.model, each.motion.kinetic_energy_J), each.motion.frequency_Hz or math.nan)
+        Loudest(
+            starts[each.start], _rms(cell.model, each.motion.kinetic_energy_J), each.motion.frequency_Hz or math.nan
+        )
         for each in row.starts
         if each.motion is not None
     ]
@@ -114,35 +122,58 @@ def _lasting(cell: Cell, threads: int | None, progress: Progress) -> tuple[list[
 def _through(cell: Cell, threads: int | None, progress: Progress) -> tuple[list[Loudest], bool, bool]:
     """The loudest squeal of a procedure from each start, in windows of 50 ms beyond a contact boundary.
 
-    That none is unclear, and whether any failed.
+    That none is unclear, and whether any failed. The last window ends with the procedure and may overlap another.
     """
     starts, simulate = cell.starts, cell.scene.simulate
     steady = cell.family.shown(cell.stability.steady_state)
     loudest: list[Loudest | None] = [None] * len(starts)
-    slowest = max((mode.growth_rate for mode in cell.family.modes(cell.point)), default=0.0)
+    slowest_rate = cache(partial(_slowest_rate, cell))
     ended = np.full(len(starts), np.inf)  # s, where one has failed; where the drum all but stands that does not matter
-    held: list[list[tuple[NDArray, NDArray, NDArray]]] = [[] for _ in starts]
+    none = np.empty((0, len(steady)))
+    held: list[Record] = [(np.empty(0), none, none) for _ in starts]
+    last = held[:]
+    samples = round(WINDOW * simulate.sample_rate)
+
+    def hear(k: int, record: Record) -> None:
+        heard = _heard(cell.model, starts[k], *record, slowest_rate)
+        loudest[k] = max((each for each in (loudest[k], heard) if each), key=_how_loud, default=None)
+
     stream = integrate_many(
         [cell.model] * len(starts), np.array([steady] * len(starts)), np.array([each.vibration for each in starts]),
         np.array([each.velocity for each in starts]), duration=simulate.duration, sample_rate=simulate.sample_rate,
         tolerance=simulate.tolerance, solver=simulate.solver, threads=threads,
     )  # fmt: skip
-    samples = round(WINDOW * simulate.sample_rate)
     with closing(stream):
         for chunk in stream:
             progress("procedure", float(chunk.time[-1]), simulate.duration)
-            for k, start in enumerate(starts):
+            for k in range(len(starts)):
                 sound = np.isfinite(chunk.velocity[k]).all(axis=1)
                 if not sound.all():
                     ended[k] = min(ended[k], chunk.time[sound.argmin()])
-                held[k].append((chunk.time[sound], chunk.vibration[k][sound], chunk.velocity[k][sound]))
-                while sum(len(part[0]) for part in held[k]) >= samples:
-                    time, vibration, velocity = (np.concatenate(parts) for parts in zip(*held[k], strict=True))
-                    window = slice(0, samples)
-                    heard = _heard(cell.model, start.name, time[window], vibration[window], velocity[window], slowest)
-                    loudest[k] = max((each for each in (loudest[k], heard) if each), key=_how_loud, default=None)
-                    held[k] = [(time[samples:], vibration[samples:], velocity[samples:])]
+                held[k] = _joined(held[k], (chunk.time[sound], chunk.vibration[k][sound], chunk.velocity[k][sound]))
+                while held[k][0].size >= samples:
+                    last[k], held[k] = _part(held[k], slice(samples)), _part(held[k], slice(samples, None))
+                    hear(k, last[k])
+    for k, rest in enumerate(held):
+        if rest[0].size and last[k][0].size:
+            hear(k, _part(_joined(last[k], rest), slice(-samples, None)))
     return [each for each in loudest if each is not None], False, any(_turns(cell.model, each) for each in ended)
+
+
+def _joined(one: Record, other: Record) -> Record:
+    time, vibration, velocity = (np.concatenate(both) for both in zip(one, other, strict=True))
+    return time, vibration, velocity
+
+
+def _part(record: Record, part: slice) -> Record:
+    time, vibration, velocity = record
+    return time[part], vibration[part], velocity[part]
+
+
+def _slowest_rate(cell: Cell, time: float) -> float:
+    """How fast the slowest mode grows or decays at the speed and the load of a time (s), |Re λ| (1/s); 0 for none."""
+    modes = cell.family.modes(point_in_time(cell.linear, time))
+    return min((abs(mode.growth_rate) for mode in modes), default=0.0)
 
 
 def _turns(model: Model, time: float | NDArray) -> bool:
@@ -157,12 +188,17 @@ def _how_loud(squeal: Loudest) -> float:
 
 
 def _heard(
-    model: Model, start: str, time: NDArray, vibration: NDArray, velocity: NDArray, linear: float
+    model: Model,
+    start: Start,
+    time: NDArray,
+    vibration: NDArray,
+    velocity: NDArray,
+    slowest_rate: Callable[[float], float],
 ) -> Loudest | None:
     """The squeal in a window; None where the motion stays within the contact boundaries, or the drum all but stands.
 
-    Nor is it squeal where the motion falls, relative to the drum's speed, more than half as fast as the mode that
-    decays slowest (1/s): that is a disturbance which decays.
+    Nor is it squeal where the motion falls, relative to the drum's speed, more than half as fast as the slowest mode
+    changes at the speed and the load of the window: that is a disturbance which decays, or one on its way to squeal.
     """
     moments = model.operation.at(time)
     speed = np.broadcast_to(np.asarray(moments.drum_speed), time.shape)
@@ -174,9 +210,10 @@ def _heard(
         return None
     energies = velocity**2 @ np.asarray(model.mass) / 2
     energy, sizes = float(energies.mean()), np.sqrt([half.mean() for half in np.array_split(energies / speed**2, 2)])
-    if linear < 0 and np.log(sizes[1] / sizes[0]) < NEARLY_LINEAR * linear * (time[-1] - time[0]) / 2:
-        return None
     middle = len(time) // 2
+    falls = -NEARLY_LINEAR * slowest_rate(float(time[middle])) * (time[-1] - time[0]) / 2
+    if falls < 0 and np.log(sizes[1] / sizes[0]) < falls:
+        return None
     return Loudest(start, _rms(model, energy), _line(model, time, velocity), float(time[middle]), float(speed[middle]))
 
 
@@ -197,16 +234,15 @@ def _rms(model: Model, kinetic_energy: float) -> float:
 
 
 def _note(columns: Columns, k: int, found: Sequence[Loudest]) -> None:
-    """Put down the loudest squeal and, where a small start squeals, that."""
-    small = next((each for each in found if each.start == SMALL), None)
-    if small is not None:
-        columns["small_velocity"][k], columns["small_frequency"][k] = small.velocity, small.frequency
+    """Put down the squeal after the small start, or else the loudest after a large disturbance."""
     if not found:
         return
-    loudest = max(found, key=_how_loud)
-    columns["velocity"][k], columns["frequency"][k] = loudest.velocity, loudest.frequency
-    columns["time"][k], columns["speed"][k] = loudest.time, loudest.speed
-    columns["after"][k] = 0 if small is not None else 1
-    name = loudest.start.removeprefix("kick ").split(" ")[0]
-    if name in COORDINATES:
-        columns["along"][k] = COORDINATES.index(name)
+    small = next((each for each in found if each.start.name == SMALL_START), None)
+    heard = small or max(found, key=_how_loud)
+    columns["velocity"][k], columns["frequency"][k] = heard.velocity, heard.frequency
+    columns["time"][k], columns["speed"][k] = heard.time, heard.speed
+    columns["after"][k] = 0 if small else 1
+    if small:
+        columns["small_velocity"][k], columns["small_frequency"][k] = small.velocity, small.frequency
+    elif heard.start.kick is not None:
+        columns["along"][k] = COORDINATES.index(heard.start.kick.mode.split()[0])

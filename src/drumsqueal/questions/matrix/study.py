@@ -4,6 +4,7 @@ import csv
 import io
 import math
 import os
+from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
@@ -21,19 +22,40 @@ from drumsqueal.questions.sweep.study import in_memory
 from drumsqueal.scene import COORDINATES
 
 REFERENCE = 1e-9  # m/s, of velocity levels by ISO 1683
-VERDICTS = {QUIET: "quiet", SQUEALS: "squeals", UNCLEAR: "not clear"}
+
+
+class Verdict(StrEnum):
+    """What is known of a cell."""
+
+    QUIET = "quiet"
+    SQUEALS = "squeals"
+    NOT_CLEAR = "not clear"
+    NOT_COMPUTED = "not computed"
+
+
+class Disturbance(StrEnum):
+    """The smallest disturbance after which a cell squeals."""
+
+    SMALL = "small"
+    LARGE = "large"
+
+
+VERDICTS = {QUIET: Verdict.QUIET, SQUEALS: Verdict.SQUEALS, UNCLEAR: Verdict.NOT_CLEAR}
+CLEAR = (Verdict.QUIET, Verdict.SQUEALS)
+DISTURBANCES = {0: Disturbance.SMALL, 1: Disturbance.LARGE}
 
 
 class CellFound(Finding):
-    """A cell by its labels: whether it squeals, by transients and by eigenvalues, and its loudest squeal.
+    """A cell by its labels: whether it squeals, by transients and by eigenvalues, and its squeal.
 
+    That is the one after a small disturbance, or else the loudest after a large one.
     `velocity_m_per_s` is the rms velocity of the shoe over its mass and over time, `level_dB` that over 1 nm/s (ISO
     1683); of a procedure it is that of its loudest 50 ms, in the middle of which are `time_s` and `speed_rad_per_s`.
-    `after` is the smallest disturbance that it was found after: small, or large along a mode.
+    `disturbance` is the smallest that it was found after, `after` says of a large one also along which mode it was.
     """
 
     levels: dict[str, str]
-    verdict: str
+    verdict: Verdict
     outcome: str
     unstable: bool | None
     growth_rate_1_per_s: Number
@@ -45,11 +67,13 @@ class CellFound(Finding):
     speed_rad_per_s: Number
     small_frequency_Hz: Number
     small_velocity_m_per_s: Number
+    disturbance: Disturbance | None = None
 
 
 class NoiseMatrix(Finding):
     """Every cell, how many squeal after a small disturbance and after a large one only, and how many are not clear."""
 
+    printed_by = "drumsqueal.questions.matrix.answer.print_matrix"
     title: str
     axes: dict[str, list[str]]
     cells: tuple[CellFound, ...]
@@ -80,42 +104,37 @@ def find_matrix(data: xarray.Dataset, plan: MatrixPlan) -> NoiseMatrix:
     """Put the results of all cells into words and numbers."""
     columns = {str(name): np.ravel(each.values) for name, each in data.variables.items()}
     cells = tuple(_cell(columns, plan, number) for number in range(plan.points))
-    loud = [cell for cell in cells if cell.verdict == VERDICTS[SQUEALS]]
+    loud = [cell for cell in cells if cell.verdict is Verdict.SQUEALS]
     return NoiseMatrix(
         title=plan.title,
         axes={axis.name: [level.label for level in axis.levels] for axis in plan.axes},
         cells=cells,
         squeal=len(loud),
-        squeal_after_large_only=sum(cell.after != SMALL_WORDS for cell in loud),
-        not_clear=sum(cell.verdict not in (VERDICTS[QUIET], VERDICTS[SQUEALS]) for cell in cells),
+        squeal_after_large_only=sum(cell.disturbance is Disturbance.LARGE for cell in loud),
+        not_clear=sum(cell.verdict not in CLEAR for cell in cells),
         data=data,
     )
 
 
-SMALL_WORDS = "small"
-
-
 def _cell(columns: dict[str, np.ndarray], plan: MatrixPlan, number: int) -> CellFound:
     here = {name: values[number].item() for name, values in columns.items()}
-    velocity, after = here["velocity"], None
-    if here["after"] == 0:
-        after = SMALL_WORDS
-    elif here["after"] == 1:
-        after = f"large, along {COORDINATES[here['along']]}" if here["along"] >= 0 else "large"
+    velocity, disturbance = here["velocity"], DISTURBANCES.get(here["after"])
+    along = f", along {COORDINATES[here['along']]}" if here["along"] >= 0 else ""
     return CellFound(
         levels={name: level.label for name, level in plan.levels(number).items()},
-        verdict=VERDICTS.get(here["squeal"], "not computed"),
+        verdict=VERDICTS.get(here["squeal"], Verdict.NOT_COMPUTED),
         outcome=OUTCOMES[here["outcome"]],
         unstable=None if here["unstable"] < 0 else bool(here["unstable"]),
         growth_rate_1_per_s=here["growth_rate"],
         frequency_Hz=here["frequency"],
         velocity_m_per_s=velocity,
         level_dB=20 * math.log10(velocity / REFERENCE) if velocity > 0 else math.nan,
-        after=after,
+        after=disturbance and f"{disturbance}{along}",
         time_s=here["time"],
         speed_rad_per_s=here["speed"],
         small_frequency_Hz=here["small_frequency"],
         small_velocity_m_per_s=here["small_velocity"],
+        disturbance=disturbance,
     )
 
 

@@ -1,9 +1,10 @@
 """A table of scenes as data: scene files, numbers and levels to combine, and the procedures that each goes through."""
 
-import itertools
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Mapping
+from itertools import combinations
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -21,6 +22,7 @@ KEYS = ("title", "scenes", "vary", "levels", "procedures")
 STEPS = ("time", "speed", "load")
 SCENE, PROCEDURE = "scene", "procedure"
 CONSTANT = "constant"
+WINDOW = 0.05  # s of a procedure, of which the loudest counts
 
 
 class Level(NamedTuple):
@@ -142,6 +144,7 @@ def read_matrix(path: Path) -> MatrixPlan:
             Axis(SCENE, tuple(Level(name, {"number": k}) for k, name in enumerate(scenes))),
             Axis(PROCEDURE, tuple(Level(each.name, {"number": k}) for k, each in enumerate(procedures))),
         ]
+        _check_apart(axes)
     except RequestError as error:
         raise RequestError(f"{path}: {error}") from None
     plan = MatrixPlan(str(table.get("title", "")), tuple(scenes.values()), tuple(axes), procedures)
@@ -165,7 +168,10 @@ def _scenes(names: Any, path: Path) -> dict[str, Scene]:
     files = {name: path.parent / name for name in names}
     if len(files) < len(names):
         raise RequestError("scenes: one is there twice; leave it out")
-    return {Path(name).stem: load_scene(file if file.exists() else find_scene(name)) for name, file in files.items()}
+    stems = Counter(Path(name).stem for name in names)
+    labels = {name: Path(name).stem if max(stems.values()) == 1 else name for name in names}
+    found = {name: load_scene(file if file.exists() else find_scene(name)) for name, file in files.items()}
+    return {labels[name]: scene for name, scene in found.items()}
 
 
 def _varied(table: Any) -> list[Axis]:
@@ -173,8 +179,16 @@ def _varied(table: Any) -> list[Axis]:
     for key, values in _mapping("vary", table).items():
         if not isinstance(values, list) or not values:
             raise RequestError(f'vary: {key}: write a list of values, such as "{key}" = [1, 2, 4]')
-        levels = [Level(value if isinstance(value, str) else f"{value:g}", {key: value}) for value in values]
-        found.append(Axis(key, tuple(levels)))
+        wrong = [value for value in values if not isinstance(value, str | int | float)]
+        if wrong:
+            raise RequestError(
+                f"vary: {key}: {wrong[0]} is no number with its unit; what has several belongs in levels"
+            )
+        labels = [value if isinstance(value, str) else f"{value:.12g}" for value in values]
+        twice = [label for label, count in Counter(labels).items() if count > 1]
+        if twice:
+            raise RequestError(f"vary: {key}: {twice[0]} is there twice; leave one out")
+        found.append(Axis(key, tuple(Level(label, {key: value}) for label, value in zip(labels, values, strict=True))))
     return found
 
 
@@ -188,8 +202,23 @@ def _levelled(table: Any) -> list[Axis]:
     return found
 
 
+def _check_apart(axes: list[Axis]) -> None:
+    """Refuse axes of one name, and two that set one number: one of them would change nothing."""
+    for one, other in combinations(axes, 2):
+        if one.name == other.name:
+            raise RequestError(f"{other.name}: there are two axes of this name; name one otherwise")
+        if SCENE in (one.name, other.name) or PROCEDURE in (one.name, other.name):
+            continue
+        keys = [{key for level in axis.levels for key in level.values} for axis in (one, other)]
+        both = [b for a in keys[0] for b in keys[1] if f"{a}.".startswith(f"{b}.") or f"{b}.".startswith(f"{a}.")]
+        if both:
+            raise RequestError(f"{one.name} and {other.name} both set {min(both)}; leave it out of one of them")
+
+
 def _procedures(table: Any) -> tuple[Procedure, ...]:
     found = []
+    if table == {}:
+        raise RequestError("procedures: write at least one, or leave it out for constant speed and load")
     for name, steps in _mapping("procedures", table).items():
         where = f"procedures.{name}"
         unknown = [key for key in _mapping(where, steps) if key not in STEPS]
@@ -206,6 +235,10 @@ def _procedures(table: Any) -> tuple[Procedure, ...]:
         if len(time) < 2 or time[0] != 0 or not (speed or load) or {len(speed), len(load)} - {0, len(time)}:
             reason = "time must begin at 0 s, and speed or load have one multiple of the cell's own for each time"
             raise RequestError(f"{where}: {reason}")
+        if not time[-1] >= WINDOW:
+            raise RequestError(
+                f"{where}: it must last {WINDOW:g} s or longer: squeal is sought in windows of {WINDOW:g} s"
+            )
         if speed and not speed[0] > 0:
             raise RequestError(f"{where}: the drum must turn at the start; write 0.05 in place of {speed[0]:g}")
         found.append(Procedure(name, time, speed, load))
@@ -216,8 +249,3 @@ def _mapping(where: str, table: Any) -> Mapping[str, Any]:
     if not isinstance(table, Mapping):
         raise RequestError(f"{where}: this must be a table")
     return table
-
-
-def combinations(axes: Sequence[Axis]) -> list[tuple[Level, ...]]:
-    """Every combination of the levels of some axes, the last running fastest."""
-    return list(itertools.product(*(axis.levels for axis in axes)))

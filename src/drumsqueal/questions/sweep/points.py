@@ -8,6 +8,7 @@ import numpy as np
 import xarray
 from numpy.typing import NDArray
 
+from drumsqueal.errors import NoSteadySliding
 from drumsqueal.findings.decay import BEYOND
 from drumsqueal.findings.history import versions
 from drumsqueal.findings.saturated import Saturated
@@ -28,6 +29,11 @@ OUTCOMES = {
     NOT_TAKEN: "the scene does not take these values",
     FOLDED: "no transient: the sample rate is below twice the highest frequency",
     FAILED: "no transient: its integration failed",
+}
+NOWHERE = {
+    NoSteadySliding.AT_REST: AT_REST,
+    NoSteadySliding.NOT_FOUND: NOT_FOUND,
+    NoSteadySliding.NOT_FINITE: NOT_FINITE,
 }
 TRENDS = ("grows", "decays", "settled", "at rest", "failed")
 NONE = -1  # of a coordinate or a trend: there is none
@@ -115,12 +121,14 @@ CELLS = {
     ),
     "unstable": Variable((), "i1", "1", "1 where a mode grows at the start of the procedure"),
     "growth_rate": Variable((), "f8", "1/s", "the largest growth rate there"),
-    "velocity": Variable((), "f8", "m/s", "rms velocity of the shoe in the loudest squeal"),
+    "velocity": Variable(
+        (), "f8", "m/s", "rms velocity of the shoe in the squeal after a small disturbance, or else in the loudest"
+    ),
     "frequency": Variable((), "f8", "Hz", "of its line with most kinetic energy"),
     "time": Variable((), "f8", "s", "middle of the 50 ms in which a procedure is loudest"),
     "speed": Variable((), "f8", "rad/s", "drum speed then"),
     "after": Variable((), "i1", "1", "0: after the smallest disturbance, 1: after a large one only"),
-    "along": Variable((), "i1", "1", "the mode along which the disturbance was that leads to the loudest", _NAMES),
+    "along": Variable((), "i1", "1", "the mode along which the large disturbance was", _NAMES),
     "small_velocity": Variable((), "f8", "m/s", "rms velocity of the squeal after a small disturbance"),
     "small_frequency": Variable((), "f8", "Hz", "of its line with most kinetic energy"),
 }

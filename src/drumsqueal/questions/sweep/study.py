@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import xarray
 
-from drumsqueal.errors import NoSteadySliding, SteadyStateError
+from drumsqueal.errors import SteadyStateError
 from drumsqueal.findings.decay import BEYOND
 from drumsqueal.findings.history import COMPLETE
 from drumsqueal.findings.saturated import Saturated, saturated_motions
@@ -22,13 +22,11 @@ from drumsqueal.questions.onset.attractors import How
 from drumsqueal.questions.sweep.basin import number_motions
 from drumsqueal.questions.sweep.body import BodyPlan
 from drumsqueal.questions.sweep.points import (
-    AT_REST,
     COMPUTED,
     FOLDED,
     MODES,
-    NOT_FINITE,
-    NOT_FOUND,
     NOT_TAKEN,
+    NOWHERE,
     Columns,
     Points,
     blank,
@@ -47,11 +45,6 @@ from drumsqueal.solve.linear.modes import Stability
 STILL = 0.1  # of the linear growth rate: what changes so slowly has settled
 MOST_ROUNDS = 16  # times the scene's duration that a transient may take to settle
 BATCH, BATCH_OF_TRANSIENTS, BATCH_OF_CELLS = 8 * BLOCK, 32, 1  # points; of a cell there are many transients
-_REASONS = {
-    NoSteadySliding.AT_REST: AT_REST,
-    NoSteadySliding.NOT_FOUND: NOT_FOUND,
-    NoSteadySliding.NOT_FINITE: NOT_FINITE,
-}
 
 
 def sweep_parameters(
@@ -154,7 +147,7 @@ def compute(
     found = _analyse(plan, first, scenes)
     for k, stability in found.items():
         if isinstance(stability, SteadyStateError):
-            columns["outcome"][k] = _REASONS[stability.reason]
+            columns["outcome"][k] = NOWHERE[stability.reason]
         else:
             _note_stability(columns, k, stability)
     if plan.transient:
