@@ -2,6 +2,7 @@
 
 import csv
 import json
+from collections import Counter
 from pathlib import Path
 from typing import Any, cast
 
@@ -15,11 +16,11 @@ from drumsqueal.findings.schema import read_findings
 from drumsqueal.findings.vibration import beyond_boundaries
 from drumsqueal.physics.model import build_model
 from drumsqueal.progress import silent
-from drumsqueal.questions.onset.found import Leads
+from drumsqueal.questions.onset.found import Kick, Leads, Motion
 from drumsqueal.questions.sensitivity.decay import DISTURBANCE, Outcome, disturbed, nonlinear_decay
-from drumsqueal.questions.sensitivity.disturbing import RANDOM, Brake, Disturber
+from drumsqueal.questions.sensitivity.disturbing import RANDOM, Brake, Disturber, Origin, Trial
 from drumsqueal.questions.sensitivity.lines import FURTHER, PRECISION, Line, search
-from drumsqueal.questions.sensitivity.quieting import Quietening, quieten
+from drumsqueal.questions.sensitivity.quieting import Quietening, Squeal, quieten
 from drumsqueal.questions.sensitivity.stabilising import (
     LEAST,
     MARGIN,
@@ -275,10 +276,47 @@ def test_a_brake_is_disturbed_in_every_way_before_it_counts_as_quiet(bistable):
     assert not loud.quiet
     assert quiet.quiet
     assert {each.leads_to for each in quiet.trials} == {Leads.DECAYS}
-    starts = [each.start for each in quiet.trials]
-    assert sum("backwards" in start for start in starts) == sum("forwards" in start for start in starts) > 0
-    assert sum(start.startswith("random") for start in starts) == RANDOM
-    assert {"own start", "kick Y", "kick X", "kick Tz"} <= set(starts)
+    kicks = [each.kick for each in quiet.trials if each.kick is not None]
+    backwards, forwards = (
+        {(each.mode, each.energy_J) for each in kicks if each.forwards is way} for way in (False, True)
+    )
+    assert backwards == forwards
+    assert len(kicks) == 2 * len(forwards)  # each once
+    assert {mode for mode, _ in forwards} == {"Y", "X", "Tz"}
+    number = Counter(each.kind for each in quiet.trials)
+    assert number == {Origin.OWN: 1, Origin.DISPLACEMENT: 1, Origin.MODE: len(kicks), Origin.RANDOM: RANDOM}
+
+
+def test_the_smallest_disturbance_is_told_with_the_largest_that_decays_in_the_same_mode_and_way():
+    def trial(energy_J: float, leads_to: Leads, *, forwards: bool = True, mode: str | None = "Y") -> Trial:
+        moving = {"velocity": {"Y": 1.0}, "speed_m_per_s": 1.0, "energy_J": energy_J}
+        kick = mode and Kick(mode=mode, forwards=forwards, edge_share=1.0, **moving)
+        kind, start = (Origin.MODE if kick else Origin.OWN), f"{mode} {forwards} {energy_J}"
+        motion = Motion.model_construct(
+            start=start, frequency_Hz=900.0, line_of=None, kinetic_energy_J=1.0, amplitude={}, rms={}
+        )
+        squeals = leads_to is Leads.SQUEALS
+        return Trial.model_construct(
+            start=start, kind=kind, kick=kick or None, leads_to=leads_to, motion=motion if squeals else None, **moving
+        )
+
+    largest = trial(1.0, Leads.DECAYS)
+    trials = (
+        trial(0.5, Leads.SQUEALS, mode=None),  # its own start, a velocity of less energy, is along no mode
+        trial(0.5, Leads.DECAYS),
+        largest,
+        trial(1.5, Leads.RUNS_AWAY),
+        trial(1.8, Leads.DECAYS, forwards=False),
+        trial(1.9, Leads.DECAYS, mode="X"),
+        trial(2.0, Leads.SQUEALS),
+        trial(4.0, Leads.DECAYS),
+    )
+    squeal = Squeal.model_construct(steady_sliding_stable=True, motions=(trials[6].motion,), disturbances=trials)
+    assert squeal.smallest_disturbance is trials[6]
+    assert squeal.largest_that_decays is largest
+    told = squeal_words(squeal)
+    assert "A velocity along mode Y of 2 J (1 m/s of the lining's surface) leads to squeal at 900 Hz" in told
+    assert "1 J in the same way decays" in told
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from pydantic import Field
 from drumsqueal.findings.part import Finding
 from drumsqueal.findings.schema import SceneInFile
 from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.onset.found import Motion
+from drumsqueal.questions.onset.found import Leads, Motion
 from drumsqueal.questions.sensitivity.alone import Alone, each_alone
 from drumsqueal.questions.sensitivity.change import Change, in_SI, rounded
 from drumsqueal.questions.sensitivity.decay import Decay
@@ -50,7 +50,7 @@ class Squeal(Finding):
     @property
     def smallest_disturbance(self) -> Trial | None:
         """Of the disturbances along a mode that lead to squeal the one with least energy."""
-        return min((each for each in self._kicks if each.motion is not None), key=_energy, default=None)
+        return min((each for each in self.disturbances if each.kick and each.motion), key=_energy, default=None)
 
     @property
     def largest_that_decays(self) -> Trial | None:
@@ -58,17 +58,18 @@ class Squeal(Finding):
         smallest = self.smallest_disturbance
         if smallest is None:
             return None
-        way = smallest.start.split(",")[0]
-        less = [each for each in self._kicks if each.start.split(",")[0] == way and _energy(each) < _energy(smallest)]
-        return max(less, key=_energy, default=None)
+        less = [
+            each for each in self.disturbances if _way(each) == _way(smallest) and _energy(each) < _energy(smallest)
+        ]
+        return max((each for each in less if each.leads_to is Leads.DECAYS), key=_energy, default=None)
 
-    @property
-    def _kicks(self) -> list[Trial]:
-        return [each for each in self.disturbances if each.energy_J]
+
+def _way(trial: Trial) -> tuple[str, bool] | None:
+    return None if trial.kick is None else (trial.kick.mode, trial.kick.forwards)
 
 
 def _energy(trial: Trial) -> float:
-    return trial.energy_J or 0.0
+    return 0.0 if trial.kick is None else trial.kick.energy_J
 
 
 class Quieting(Finding):
