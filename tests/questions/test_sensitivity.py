@@ -246,6 +246,16 @@ def test_no_small_change_and_few_digits_are_left_in_the_answer(bistable):
     assert alone[0].quiet.after == float(f"{alone[0].quiet.after:.3g}")
 
 
+def test_the_scene_that_is_written_has_the_numbers_that_were_proven(nominal):
+    """Two digits of 54.9 MN/m are 54 MN/m: rounded a second time it would be another brake."""
+    search_ = Quietening(nominal.with_values(BRIEF), ["support.lower_stiffness", "friction.static"])
+    numbers = {"support.lower_stiffness": 5.49e7, "friction.static": 0.3457}
+    quiet = search_._quieting(numbers, None)  # pyright: ignore[reportPrivateUsage]
+    assert {each.key: each.after for each in quiet.changes} == numbers
+    for each in quiet.changes:
+        assert quiet.scene.numbers()[each.key] == each.after
+
+
 def test_quiet_between_two_that_squeal_is_passed_over():
     class Judge:
         """Quiet from 0.5 to 0.52, and from 1.3 on."""

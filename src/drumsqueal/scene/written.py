@@ -55,9 +55,16 @@ class Written:
             rounded = shown.quantize(step, way)
             if abs(rounded - shown) <= Decimal(within) * abs(shown - origin):
                 break
-        unit = self.unit(key)
-        text = _EXPONENT.sub(r"e\1", f"{float(rounded):.{MOST_DIGITS}g}")
-        return f"{text} {unit}" if unit else float(rounded)
+        return self._value(key, float(rounded), MOST_DIGITS)
+
+    def exact(self, key: str, value: float) -> Value:
+        """A value (SI) as it stands in the file: with the fewest digits that are read as it, 15 at most."""
+        texts = [self._value(key, self.shown(key, value), digits) for digits in range(1, MOST_DIGITS + 1)]
+        return next((text for text in texts if self.read(key, text) == value), texts[-1])
+
+    def _value(self, key: str, shown: float, digits: int) -> Value:
+        unit, text = self.unit(key), _EXPONENT.sub(r"e\1", f"{shown:.{digits}g}")
+        return f"{text} {unit}" if unit else float(text)
 
     def read(self, key: str, value: Value) -> float:
         """A value of the file in SI; raises SceneError."""

@@ -230,10 +230,18 @@ class Quietening:
             numbers = self._in_file(np.clip(stretch * _without_small(whole), problem.low, problem.high))
             if problem.decays(self._relative(numbers)):
                 return numbers
-        return dict(zip(self._keys, problem.after(whole).tolist(), strict=True))
+        return self._exact(whole)
 
     def _least_growth(self) -> dict[str, float]:
-        return dict(zip(self._keys, self._problem.after(self._problem.smallest_change()).tolist(), strict=True))
+        return self._exact(self._problem.smallest_change())
+
+    def _exact(self, relative: NDArray[np.float64]) -> dict[str, float]:
+        """The numbers (SI) that relative changes (k,) lead to, with all digits that the scene file can have."""
+        after = dict(zip(self._keys, self._problem.after(relative).tolist(), strict=True))
+        return in_SI(self._written, self._as_written(after))
+
+    def _as_written(self, numbers: Mapping[str, float]) -> dict[str, float | str]:
+        return {key: self._written.exact(key, value) for key, value in numbers.items()}
 
     def _in_file(self, relative: NDArray[np.float64]) -> dict[str, float]:
         """The numbers (SI) that relative changes (k,) lead to, as the scene file will have them."""
@@ -250,7 +258,7 @@ class Quietening:
 
     def _quieting(self, numbers: Mapping[str, float], judged: Judged | None) -> Quieting:
         """What was found, and the scene with these numbers (SI)."""
-        written = self._written.with_values(rounded(self._written, numbers, self._before))
+        written = self._written.with_values(self._as_written(numbers))
         stability = prepare(written.scene).stability
         rate, least = written.scene.simulate.sample_rate, 2 * stability.highest_frequency_Hz
         if rate < least:  # a stiffer brake may need more; a multiple leaves the duration a whole number of samples
