@@ -29,7 +29,7 @@ from drumsqueal.questions.sensitivity.stabilising import (
     numbers_of,
     variable_numbers,
 )
-from drumsqueal.questions.sensitivity.study import SensitivityStudy, at_one_time, study_sensitivity
+from drumsqueal.questions.sensitivity.study import SensitivityStudy, at_one_time, check_request, study_sensitivity
 from drumsqueal.questions.sensitivity.words import squeal_words
 from drumsqueal.scene import COORDINATES, load_scene
 from drumsqueal.simulation import run
@@ -256,6 +256,24 @@ def test_the_scene_that_is_written_has_the_numbers_that_were_proven(nominal):
         assert quiet.scene.numbers()[each.key] == each.after
 
 
+@pytest.mark.parametrize("ending", [Leads.RUNS_AWAY, Leads.FAILED, Leads.UNDECIDED])
+def test_a_brake_that_was_not_seen_to_decay_is_not_called_quiet(study, ending):
+    trials = tuple(Trial.model_construct(leads_to=each, motion=None) for each in (Leads.DECAYS, ending))
+    squeal = Squeal.model_construct(steady_sliding_stable=True, quiet=False, motions=(), disturbances=trials)
+    stable = study.model_copy(update={"modes": (), "divergence_rate_1_per_s": None, "squeal": squeal})
+    assert not stable.needs_no_change
+    assert "nothing to make quiet" not in squeal_words(squeal)
+    assert f"1 of the 2 tried do not decay either ({ending})" in squeal_words(squeal)
+
+
+def test_a_brake_without_load_at_the_time_that_counts_is_refused(nominal):
+    rising = nominal.with_values(BRIEF | {"contact.normal_load": {"time": [0.0, 0.1], "value": [0.0, 2000.0]}})
+    with pytest.raises(RequestError, match="normal_load is 0 N at t = 0 s"):
+        check_request(rising, None, until_stable=True)
+    with pytest.raises(RequestError, match="normal_load is 0 N at t = 0 s"):
+        study_sensitivity(rising, until_stable=True)
+
+
 def test_quiet_between_two_that_squeal_is_passed_over():
     class Judge:
         """Quiet from 0.5 to 0.52, and from 1.3 on."""
@@ -321,7 +339,9 @@ def test_the_smallest_disturbance_is_told_with_the_largest_that_decays_in_the_sa
         trial(2.0, Leads.SQUEALS),
         trial(4.0, Leads.DECAYS),
     )
-    squeal = Squeal.model_construct(steady_sliding_stable=True, motions=(trials[6].motion,), disturbances=trials)
+    squeal = Squeal.model_construct(
+        steady_sliding_stable=True, quiet=False, motions=(trials[6].motion,), disturbances=trials
+    )
     assert squeal.smallest_disturbance is trials[6]
     assert squeal.largest_that_decays is largest
     told = squeal_words(squeal)

@@ -41,9 +41,11 @@ class Squeal(Finding):
     """What becomes of a brake as it is when it is disturbed.
 
     Its steady-state responses, the one with most kinetic energy first; each names a disturbance that leads to it.
+    `quiet` states whether steady sliding is stable and every disturbance decays.
     """
 
     steady_sliding_stable: bool
+    quiet: bool
     motions: tuple[Motion, ...]
     disturbances: tuple[Trial, ...]
 
@@ -118,9 +120,9 @@ def quieten(
     """
     search = Quietening(scene, keys, margin=margin, state_matrix=state_matrix, progress=progress)
     squeal = search.squeal()
-    if squeal is None or (squeal.steady_sliding_stable and not squeal.motions):
-        return search.together((), ())
-    return search.together(search.alone(squeal.motions), squeal.motions)
+    if squeal is None or squeal.quiet:
+        return search.together((), (), quiet=True)
+    return search.together(search.alone(squeal.motions), squeal.motions, quiet=False)
 
 
 class Quietening:
@@ -160,20 +162,22 @@ class Quietening:
             return None
         judged = self._disturber.squeal("disturbances")
         stable = not judged.point.unstable
-        return Squeal(steady_sliding_stable=stable, motions=judged.motions, disturbances=judged.trials)
+        return Squeal(
+            steady_sliding_stable=stable, quiet=judged.quiet, motions=judged.motions, disturbances=judged.trials
+        )
 
     def alone(self, motions: Sequence[Motion]) -> tuple[Alone, ...]:
         """What each number alone does; `motions` are those of the brake as it is."""
         return each_alone(self._problem, self._written, self._margin, self._disturber, motions, self._progress)
 
-    def together(self, alone: Sequence[Alone], motions: Sequence[Motion]) -> Quieting:
-        """The smallest change of all numbers that was found.
+    def together(self, alone: Sequence[Alone], motions: Sequence[Motion], *, quiet: bool) -> Quieting:
+        """The smallest change of all numbers that was found; `quiet` states whether the brake as it is squeals never.
 
         Towards the border of quiet, as flat as it is through the changes of each number alone, and the smallest of
         these; where no number alone is enough, the smallest that make every mode decay faster and faster.
         """
         stable = self._stable_values(self._margin)
-        if self._disturber is None or (not motions and self._growth <= -self._margin):
+        if self._disturber is None or (quiet and self._growth <= -self._margin):
             return self._quieting(stable or {}, None)
         direction = self._direction(alone)
         lines = [self._along(direction, motions) if direction.any() else self._by_margin(motions)]

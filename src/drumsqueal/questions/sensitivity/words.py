@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from drumsqueal.findings.vibration import unit_of
-from drumsqueal.questions.onset.found import Kick, Motion
+from drumsqueal.questions.onset.found import Kick, Leads, Motion
 from drumsqueal.questions.sensitivity.alone import Alone
 from drumsqueal.questions.sensitivity.change import Change
 from drumsqueal.questions.sensitivity.decay import Decay, Outcome, Start
@@ -21,6 +21,13 @@ def squeal_words(squeal: Squeal) -> str:
     if not squeal.motions:
         if not squeal.steady_sliding_stable:
             return f"As it is, steady sliding is unstable; none of the {number} disturbances tried settles to squeal."
+        if not squeal.quiet:
+            left = [each for each in squeal.disturbances if each.leads_to is not Leads.DECAYS]
+            how = ", ".join(dict.fromkeys(each.leads_to for each in left))
+            return (
+                "As it is, steady sliding is stable, and no disturbance was seen to settle to squeal, but "
+                f"{len(left)} of the {number} tried do not decay either ({how})."
+            )
         still = "there is nothing to make quiet"
         return f"Nothing in this scene is unstable, and none of the {number} disturbances tried squeals: {still}."
     if squeal.steady_sliding_stable:
