@@ -4,7 +4,7 @@ import csv
 import json
 from collections import Counter
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, ClassVar, cast
 
 import numpy as np
 import pytest
@@ -254,6 +254,31 @@ def test_the_scene_that_is_written_has_the_numbers_that_were_proven(nominal):
     assert {each.key: each.after for each in quiet.changes} == numbers
     for each in quiet.changes:
         assert quiet.scene.numbers()[each.key] == each.after
+
+
+def test_a_position_at_which_there_is_no_brake_is_not_tried():
+    """Up to 2.2 there is one, and from 1.9 on it is quiet: further out than 2 only the one at 2.2 is tried."""
+
+    class Judge:
+        tried: ClassVar[list[float]] = []
+
+        def judge(self, brakes, what, thorough):
+            self.tried += (positions := [brake.numbers["x"] for brake in brakes])
+            return [Judged(quiet=x >= 1.9) for x in positions]
+
+    class Judged:
+        motions = ()
+
+        def __init__(self, quiet):
+            self.quiet = quiet
+
+    line = Line(lambda x: {"x": x} if x <= 2.2 else None, [1.0, 2.0, 4.0], 0.0)
+    search([line], cast("Any", Judge()), silent, "")
+    assert line.quiet_at is not None
+    assert 1.9 <= line.quiet_at <= 1.9 * (1 + PRECISION)
+    nowhere = Line(lambda _: None, [1.0, 2.0], 0.0)
+    search([nowhere], cast("Any", Judge()), silent, "")
+    assert nowhere.quiet_at is None
 
 
 @pytest.mark.parametrize("ending", [Leads.RUNS_AWAY, Leads.FAILED, Leads.UNDECIDED])

@@ -182,7 +182,8 @@ class Quietening:
         direction = self._direction(alone)
         lines = [self._along(direction, motions) if direction.any() else self._by_margin(motions)]
         search(lines, self._disturber, self._progress, "all numbers")
-        found = [line.numbers_at(line.quiet_at) for line in lines if line.quiet_at is not None]
+        at_quiet = [line.numbers_at(line.quiet_at) for line in lines if line.quiet_at is not None]
+        found = [each for each in at_quiet if each is not None]
         found += [{each.key: each.quiet.after} for each in alone if each.quiet is not None]
         for numbers in sorted(found, key=self._norm):
             (judged,) = self._disturber.judge([Brake(numbers, tuple(motions))], "proof")
@@ -204,7 +205,7 @@ class Quietening:
                     return
                 yield float(margin)
 
-        return Line(lambda margin: self._stable_values(margin) or {}, ladder(), first * (1 - PRECISION), motions)
+        return Line(lambda margin: self._stable_values(margin), ladder(), first * (1 - PRECISION), motions)
 
     def _direction(self, alone: Sequence[Alone]) -> NDArray[np.float64]:
         """The shortest relative change (k,) to the plane through what each number alone would have to be changed by."""
