@@ -17,6 +17,7 @@ from drumsqueal.findings.vibration import beyond_boundaries
 from drumsqueal.physics.model import build_model
 from drumsqueal.progress import silent
 from drumsqueal.questions.onset.found import Kick, Leads, Motion
+from drumsqueal.questions.sensitivity.alone import Alone
 from drumsqueal.questions.sensitivity.decay import DISTURBANCE, Outcome, disturbed, nonlinear_decay
 from drumsqueal.questions.sensitivity.disturbing import RANDOM, Brake, Disturber, Origin, Trial
 from drumsqueal.questions.sensitivity.lines import FURTHER, PRECISION, Line, search
@@ -30,7 +31,7 @@ from drumsqueal.questions.sensitivity.stabilising import (
     variable_numbers,
 )
 from drumsqueal.questions.sensitivity.study import SensitivityStudy, at_one_time, check_request, study_sensitivity
-from drumsqueal.questions.sensitivity.words import squeal_words
+from drumsqueal.questions.sensitivity.words import squeal_words, without_answer
 from drumsqueal.scene import COORDINATES, load_scene
 from drumsqueal.simulation import run
 from drumsqueal.solve.linear.family import eigenvalue_gradient, state_matrix_of
@@ -254,6 +255,12 @@ def test_the_scene_that_is_written_has_the_numbers_that_were_proven(nominal):
     assert {each.key: each.after for each in quiet.changes} == numbers
     for each in quiet.changes:
         assert quiet.scene.numbers()[each.key] == each.after
+
+
+def test_the_one_way_in_which_the_numbers_of_a_stable_brake_change_is_told():
+    alone = (Alone(key="shoe.width", lowest=0.01, highest=1.0),)
+    assert "way in which the least stable mode decays faster: shoe.width" in without_answer(alone, stable_now=True)[0]
+    assert "way in which" not in without_answer(alone, stable_now=False)[0]
 
 
 def test_a_position_at_which_there_is_no_brake_is_not_tried():

@@ -146,7 +146,9 @@ def without_answer(alone: Sequence[Alone], stable_now: bool) -> tuple[str, ...]:
         return ()
     what = "quiet" if stable_now else "stable"
     found = f"No change within the bounds was found that makes the brake {what} with one of these alone"
-    return (f"{found}: {', '.join(none)}.",)
+    # Of a stable brake each number is changed one way only.
+    way = ", each changed the way in which the least stable mode decays faster" if stable_now else ""
+    return (f"{found}{way}: {', '.join(none)}.",)
 
 
 def _ending(decay: Decay) -> str:
