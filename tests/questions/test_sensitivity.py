@@ -18,6 +18,7 @@ from drumsqueal.physics.model import build_model
 from drumsqueal.progress import silent
 from drumsqueal.questions.onset.found import Kick, Leads, Motion
 from drumsqueal.questions.sensitivity.alone import Alone
+from drumsqueal.questions.sensitivity.change import in_SI, rounded
 from drumsqueal.questions.sensitivity.decay import DISTURBANCE, Outcome, disturbed, nonlinear_decay
 from drumsqueal.questions.sensitivity.disturbing import RANDOM, Brake, Disturber, Origin, Trial
 from drumsqueal.questions.sensitivity.lines import FURTHER, PRECISION, Line, search
@@ -33,6 +34,8 @@ from drumsqueal.questions.sensitivity.stabilising import (
 from drumsqueal.questions.sensitivity.study import SensitivityStudy, at_one_time, check_request, study_sensitivity
 from drumsqueal.questions.sensitivity.words import squeal_words, without_answer
 from drumsqueal.scene import COORDINATES, load_scene
+from drumsqueal.scene.file import replace_value
+from drumsqueal.scene.written import Written
 from drumsqueal.simulation import run
 from drumsqueal.solve.linear.family import eigenvalue_gradient, state_matrix_of
 from drumsqueal.solve.linear.modes import analyse_stability
@@ -261,6 +264,17 @@ def test_the_one_way_in_which_the_numbers_of_a_stable_brake_change_is_told():
     alone = (Alone(key="shoe.width", lowest=0.01, highest=1.0),)
     assert "way in which the least stable mode decays faster: shoe.width" in without_answer(alone, stable_now=True)[0]
     assert "way in which" not in without_answer(alone, stable_now=False)[0]
+
+
+@pytest.mark.parametrize("unit", ["rad", "deg"])
+def test_rounding_stays_within_the_bounds(nominal, unit):
+    """Two digits of a whole turn, 6.3 rad, are no shoe."""
+    written = Written(nominal, replace_value(nominal.model_dump(exclude_none=True), "shoe.arc_angle", f"2.27 {unit}"))
+    before, most = nominal.shoe.arc_angle, 2 * np.pi
+    texts = rounded(written, {"shoe.arc_angle": most}, {"shoe.arc_angle": before}, {"shoe.arc_angle": (0.227, most)})
+    (after,) = in_SI(written, texts).values()
+    assert most - 1e-5 < after <= most
+    nominal.with_values({"shoe.arc_angle": after})
 
 
 def test_a_position_at_which_there_is_no_brake_is_not_tried():

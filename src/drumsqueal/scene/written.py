@@ -42,14 +42,14 @@ class Written:
         """A value (SI) in the unit of the file."""
         return value / self._size(key)
 
-    def outward(self, key: str, value: float, before: float, within: float) -> Value:
-        """A value (SI) as it would stand in the file, rounded away from the one before.
+    def outward(self, key: str, value: float, before: float, within: float, *, inward: bool = False) -> Value:
+        """A value (SI) as it would stand in the file, rounded away from the one before (`inward`: towards it).
 
         It has so few digits that the change from the one before is exact to the fraction `within`.
         """
         size = self._size(key)
         shown, origin = (Decimal(f"{each / size:.{MOST_DIGITS}g}") for each in (value, before))
-        way, rounded = ROUND_CEILING if shown > origin else ROUND_FLOOR, shown
+        way, rounded = ROUND_CEILING if (shown > origin) is not inward else ROUND_FLOOR, shown
         for digits in range(FEWEST_DIGITS, MOST_DIGITS + 1):
             step = Decimal(1).scaleb(shown.adjusted() - digits + 1) if shown else Decimal(1)
             rounded = shown.quantize(step, way)

@@ -252,7 +252,7 @@ class Quietening:
         """The numbers (SI) that relative changes (k,) lead to, as the scene file will have them."""
         after = dict(zip(self._keys, self._problem.after(relative).tolist(), strict=True))
         changed = {key: value for key, value in after.items() if value != self._before[key]}
-        return in_SI(self._written, rounded(self._written, changed, self._before))
+        return in_SI(self._written, rounded(self._written, changed, self._before, self._problem.limits))
 
     def _relative(self, numbers: Mapping[str, float]) -> NDArray[np.float64]:
         after = np.array([numbers.get(key, self._before[key]) for key in self._keys])
