@@ -2,6 +2,7 @@
 
 import csv
 import json
+from collections import Counter
 from pathlib import Path
 from typing import Any, cast
 
@@ -15,11 +16,13 @@ from drumsqueal.findings.schema import read_findings
 from drumsqueal.findings.vibration import beyond_boundaries
 from drumsqueal.physics.model import build_model
 from drumsqueal.progress import silent
-from drumsqueal.questions.onset.found import Leads
+from drumsqueal.questions.onset.found import Kick, Leads, Motion
+from drumsqueal.questions.sensitivity.alone import Alone
+from drumsqueal.questions.sensitivity.change import in_SI, rounded
 from drumsqueal.questions.sensitivity.decay import DISTURBANCE, Outcome, disturbed, nonlinear_decay
-from drumsqueal.questions.sensitivity.disturbing import RANDOM, Brake, Disturber
+from drumsqueal.questions.sensitivity.disturbing import RANDOM, Brake, Disturber, Origin, Trial
 from drumsqueal.questions.sensitivity.lines import FURTHER, PRECISION, Line, search
-from drumsqueal.questions.sensitivity.quieting import Quietening, quieten
+from drumsqueal.questions.sensitivity.quieting import Quietening, Squeal, quieten
 from drumsqueal.questions.sensitivity.stabilising import (
     LEAST,
     MARGIN,
@@ -28,9 +31,11 @@ from drumsqueal.questions.sensitivity.stabilising import (
     numbers_of,
     variable_numbers,
 )
-from drumsqueal.questions.sensitivity.study import SensitivityStudy, at_one_time, study_sensitivity
-from drumsqueal.questions.sensitivity.words import squeal_words
+from drumsqueal.questions.sensitivity.study import SensitivityStudy, at_one_time, check_request, study_sensitivity
+from drumsqueal.questions.sensitivity.words import squeal_words, without_answer
 from drumsqueal.scene import COORDINATES, load_scene
+from drumsqueal.scene.file import replace_value
+from drumsqueal.scene.written import Written
 from drumsqueal.simulation import run
 from drumsqueal.solve.linear.family import eigenvalue_gradient, state_matrix_of
 from drumsqueal.solve.linear.modes import analyse_stability
@@ -245,6 +250,73 @@ def test_no_small_change_and_few_digits_are_left_in_the_answer(bistable):
     assert alone[0].quiet.after == float(f"{alone[0].quiet.after:.3g}")
 
 
+def test_the_scene_that_is_written_has_the_numbers_that_were_proven(nominal):
+    """Two digits of 54.9 MN/m are 54 MN/m: rounded a second time it would be another brake."""
+    search_ = Quietening(nominal.with_values(BRIEF), ["support.lower_stiffness", "friction.static"])
+    numbers = {"support.lower_stiffness": 5.49e7, "friction.static": 0.3457}
+    quiet = search_._quieting(numbers, None)  # pyright: ignore[reportPrivateUsage]
+    assert {each.key: each.after for each in quiet.changes} == numbers
+    for each in quiet.changes:
+        assert quiet.scene.numbers()[each.key] == each.after
+
+
+def test_the_one_way_in_which_the_numbers_of_a_stable_brake_change_is_told():
+    alone = (Alone(key="shoe.width", lowest=0.01, highest=1.0),)
+    assert "way in which the least stable mode decays faster: shoe.width" in without_answer(alone, stable_now=True)[0]
+    assert "way in which" not in without_answer(alone, stable_now=False)[0]
+
+
+@pytest.mark.parametrize("unit", ["rad", "deg"])
+def test_rounding_stays_within_the_bounds(nominal, unit):
+    """Two digits of a whole turn, 6.3 rad, are no shoe."""
+    written = Written(nominal, replace_value(nominal.model_dump(exclude_none=True), "shoe.arc_angle", f"2.27 {unit}"))
+    before, most = nominal.shoe.arc_angle, 2 * np.pi
+    texts = rounded(written, {"shoe.arc_angle": most}, {"shoe.arc_angle": before}, {"shoe.arc_angle": (0.227, most)})
+    (after,) = in_SI(written, texts).values()
+    assert most - 1e-5 < after <= most
+    nominal.with_values({"shoe.arc_angle": after})
+
+
+def test_a_position_at_which_there_is_no_brake_is_not_tried():
+    """Up to 2.2 there is one, and from 1.9 on it is quiet: further out than 2 only the one at 2.2 is tried."""
+
+    class Judge:
+        def judge(self, brakes, what, thorough):
+            return [Judged(quiet=brake.numbers["x"] >= 1.9) for brake in brakes]
+
+    class Judged:
+        motions = ()
+
+        def __init__(self, quiet):
+            self.quiet = quiet
+
+    line = Line(lambda x: {"x": x} if x <= 2.2 else None, [1.0, 2.0, 4.0], 0.0)
+    search([line], cast("Any", Judge()), silent, "")
+    assert line.quiet_at is not None
+    assert 1.9 <= line.quiet_at <= 1.9 * (1 + PRECISION)
+    nowhere = Line(lambda _: None, [1.0, 2.0], 0.0)
+    search([nowhere], cast("Any", Judge()), silent, "")
+    assert nowhere.quiet_at is None
+
+
+@pytest.mark.parametrize("ending", [Leads.RUNS_AWAY, Leads.FAILED, Leads.UNDECIDED])
+def test_a_brake_that_was_not_seen_to_decay_is_not_called_quiet(study, ending):
+    trials = tuple(Trial.model_construct(leads_to=each, motion=None) for each in (Leads.DECAYS, ending))
+    squeal = Squeal.model_construct(steady_sliding_stable=True, quiet=False, motions=(), disturbances=trials)
+    stable = study.model_copy(update={"modes": (), "divergence_rate_1_per_s": None, "squeal": squeal})
+    assert not stable.needs_no_change
+    assert "nothing to make quiet" not in squeal_words(squeal)
+    assert f"1 of the 2 tried do not decay either ({ending})" in squeal_words(squeal)
+
+
+def test_a_brake_without_load_at_the_time_that_counts_is_refused(nominal):
+    rising = nominal.with_values(BRIEF | {"contact.normal_load": {"time": [0.0, 0.1], "value": [0.0, 2000.0]}})
+    with pytest.raises(RequestError, match="normal_load is 0 N at t = 0 s"):
+        check_request(rising, None, until_stable=True)
+    with pytest.raises(RequestError, match="normal_load is 0 N at t = 0 s"):
+        study_sensitivity(rising, until_stable=True)
+
+
 def test_quiet_between_two_that_squeal_is_passed_over():
     class Judge:
         """Quiet from 0.5 to 0.52, and from 1.3 on."""
@@ -275,10 +347,49 @@ def test_a_brake_is_disturbed_in_every_way_before_it_counts_as_quiet(bistable):
     assert not loud.quiet
     assert quiet.quiet
     assert {each.leads_to for each in quiet.trials} == {Leads.DECAYS}
-    starts = [each.start for each in quiet.trials]
-    assert sum("backwards" in start for start in starts) == sum("forwards" in start for start in starts) > 0
-    assert sum(start.startswith("random") for start in starts) == RANDOM
-    assert {"own start", "kick Y", "kick X", "kick Tz"} <= set(starts)
+    kicks = [each.kick for each in quiet.trials if each.kick is not None]
+    backwards, forwards = (
+        {(each.mode, each.energy_J) for each in kicks if each.forwards is way} for way in (False, True)
+    )
+    assert backwards == forwards
+    assert len(kicks) == 2 * len(forwards)  # each once
+    assert {mode for mode, _ in forwards} == {"Y", "X", "Tz"}
+    number = Counter(each.kind for each in quiet.trials)
+    assert number == {Origin.OWN: 1, Origin.DISPLACEMENT: 1, Origin.MODE: len(kicks), Origin.RANDOM: RANDOM}
+
+
+def test_the_smallest_disturbance_is_told_with_the_largest_that_decays_in_the_same_mode_and_way():
+    def trial(energy_J: float, leads_to: Leads, *, forwards: bool = True, mode: str | None = "Y") -> Trial:
+        moving = {"velocity": {"Y": 1.0}, "speed_m_per_s": 1.0, "energy_J": energy_J}
+        kick = mode and Kick(mode=mode, forwards=forwards, edge_share=1.0, **moving)
+        kind, start = (Origin.MODE if kick else Origin.OWN), f"{mode} {forwards} {energy_J}"
+        motion = Motion.model_construct(
+            start=start, frequency_Hz=900.0, line_of=None, kinetic_energy_J=1.0, amplitude={}, rms={}
+        )
+        squeals = leads_to is Leads.SQUEALS
+        return Trial.model_construct(
+            start=start, kind=kind, kick=kick or None, leads_to=leads_to, motion=motion if squeals else None, **moving
+        )
+
+    largest = trial(1.0, Leads.DECAYS)
+    trials = (
+        trial(0.5, Leads.SQUEALS, mode=None),  # its own start, a velocity of less energy, is along no mode
+        trial(0.5, Leads.DECAYS),
+        largest,
+        trial(1.5, Leads.RUNS_AWAY),
+        trial(1.8, Leads.DECAYS, forwards=False),
+        trial(1.9, Leads.DECAYS, mode="X"),
+        trial(2.0, Leads.SQUEALS),
+        trial(4.0, Leads.DECAYS),
+    )
+    squeal = Squeal.model_construct(
+        steady_sliding_stable=True, quiet=False, motions=(trials[6].motion,), disturbances=trials
+    )
+    assert squeal.smallest_disturbance is trials[6]
+    assert squeal.largest_that_decays is largest
+    told = squeal_words(squeal)
+    assert "A velocity along mode Y of 2 J (1 m/s of the lining's surface) leads to squeal at 900 Hz" in told
+    assert "1 J in the same way decays" in told
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ import math
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drumsqueal.scene import load_scene, scene_from_dict
@@ -12,6 +12,7 @@ from drumsqueal.scene.file import replace_value
 from drumsqueal.scene.written import Written
 
 PLAIN = Written(load_scene(Path(__file__).parents[2] / "scenarios" / "nominal.toml"))
+IN_UNITS = {unit: PLAIN.with_values({"support.lower_stiffness": f"1e6 {unit}"}) for unit in ("N/m", "kN/mm", "GN/m")}
 
 
 @pytest.fixture
@@ -64,3 +65,16 @@ def test_rounding_leads_away_from_the_old_value_and_not_far(before, factor, with
     assert (after - before) * (value - before) >= 0
     assert abs(after - before) >= abs(value - before) * (1 - 1e-12)
     assert abs(after - value) <= within * abs(value - before) * (1 + 1e-9) + 1e-14 * value
+
+
+@settings(deadline=None)
+@given(st.floats(1e-3, 1e12), st.sampled_from(["N/m", "kN/mm", "GN/m"]), st.integers(1, 15))
+def test_a_value_that_was_read_from_a_file_is_written_as_it_was(value, unit, digits):
+    written = IN_UNITS[unit]
+    of_file = written.read("support.lower_stiffness", f"{value:.{digits}g} {unit}")
+    assert written.read("support.lower_stiffness", written.exact("support.lower_stiffness", of_file)) == of_file
+
+
+def test_a_value_is_written_with_the_digits_that_it_was_read_with(tables):
+    written = Written(scene_from_dict(tables), tables)
+    assert written.exact("shoe.thickness", written.read("shoe.thickness", "20.3 mm")) == "20.3 mm"

@@ -42,22 +42,29 @@ class Written:
         """A value (SI) in the unit of the file."""
         return value / self._size(key)
 
-    def outward(self, key: str, value: float, before: float, within: float) -> Value:
-        """A value (SI) as it would stand in the file, rounded away from the one before.
+    def outward(self, key: str, value: float, before: float, within: float, *, inward: bool = False) -> Value:
+        """A value (SI) as it would stand in the file, rounded away from the one before (`inward`: towards it).
 
         It has so few digits that the change from the one before is exact to the fraction `within`.
         """
         size = self._size(key)
         shown, origin = (Decimal(f"{each / size:.{MOST_DIGITS}g}") for each in (value, before))
-        way, rounded = ROUND_CEILING if shown > origin else ROUND_FLOOR, shown
+        way, rounded = ROUND_CEILING if (shown > origin) is not inward else ROUND_FLOOR, shown
         for digits in range(FEWEST_DIGITS, MOST_DIGITS + 1):
             step = Decimal(1).scaleb(shown.adjusted() - digits + 1) if shown else Decimal(1)
             rounded = shown.quantize(step, way)
             if abs(rounded - shown) <= Decimal(within) * abs(shown - origin):
                 break
-        unit = self.unit(key)
-        text = _EXPONENT.sub(r"e\1", f"{float(rounded):.{MOST_DIGITS}g}")
-        return f"{text} {unit}" if unit else float(rounded)
+        return self._value(key, float(rounded), MOST_DIGITS)
+
+    def exact(self, key: str, value: float) -> Value:
+        """A value (SI) as it stands in the file: with the fewest digits that are read as it, 15 at most."""
+        texts = [self._value(key, self.shown(key, value), digits) for digits in range(1, MOST_DIGITS + 1)]
+        return next((text for text in texts if self.read(key, text) == value), texts[-1])
+
+    def _value(self, key: str, shown: float, digits: int) -> Value:
+        unit, text = self.unit(key), _EXPONENT.sub(r"e\1", f"{shown:.{digits}g}")
+        return f"{text} {unit}" if unit else float(text)
 
     def read(self, key: str, value: Value) -> float:
         """A value of the file in SI; raises SceneError."""

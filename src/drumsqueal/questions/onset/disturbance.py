@@ -49,8 +49,9 @@ class _Search:
         self._led: list[dict[float, Response]] = [{} for _ in self._directions]
         for response in row.starts:
             for direction, led in zip(self._directions, self._led, strict=True):
-                if response.kick is not None and response.start.startswith(f"{direction.name} "):
-                    led[math.sqrt(response.kick.energy_J)] = response
+                kick = response.kick
+                if kick is not None and (kick.mode, kick.forwards) == (direction.mode.label, direction.forwards):
+                    led[math.sqrt(kick.energy_J)] = response
 
     @property
     def point(self) -> Point:

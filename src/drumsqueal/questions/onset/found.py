@@ -64,7 +64,7 @@ SMALL_START = "small"  # the name of the small perturbation
 
 
 class Kick(Finding):
-    """A disturbance that was tried: a velocity from steady sliding (m/s, rad/s) along `mode` (its label).
+    """A disturbance that was tried: a velocity from steady sliding (m/s, rad/s) along `mode` (its label), either way.
 
     With it the fastest point of the lining's surface moves at `speed_m_per_s` and the shoe has the kinetic energy
     `energy_J`. Free vibration from it would come to `edge_share` times the nearer contact boundary, lift-off or slip
@@ -72,6 +72,7 @@ class Kick(Finding):
     """
 
     mode: str
+    forwards: bool
     velocity: dict[str, float]
     speed_m_per_s: float
     energy_J: float

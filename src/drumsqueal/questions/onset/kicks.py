@@ -32,7 +32,7 @@ class Direction:
         energies = velocities**2 @ np.asarray(model.mass) / 2
         of_one_joule = 1 / math.sqrt(energies.max())
         self.name = f"kick {mode.label} {'forwards' if sign > 0 else 'backwards'}"
-        self.mode, self._coordinates = mode, family.moving
+        self.mode, self.forwards, self._coordinates = mode, sign > 0, family.moving
         self._velocity = sign * of_one_joule * velocities[np.argmax(energies)]
         self._surface_speed = surface_speed(model, self._velocity)
         self.boundary_ratio = of_one_joule * max(fractions)
@@ -45,6 +45,7 @@ class Direction:
         """The disturbance of a size."""
         return Kick(
             mode=self.mode.label,
+            forwards=self.forwards,
             velocity=dict(zip(self._coordinates, (size * self._velocity).tolist(), strict=True)),
             speed_m_per_s=size * self._surface_speed,
             energy_J=size**2,

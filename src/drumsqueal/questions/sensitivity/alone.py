@@ -86,7 +86,7 @@ class _Way:
 
     def _rounded(self, position: float) -> dict[str, float | str]:
         after = float(self._problem.after(self._unit * position)[self._number])
-        return rounded(self._written, {self.key: after}, {self.key: self._before})
+        return rounded(self._written, {self.key: after}, {self.key: self._before}, self._problem.limits)
 
     def change(self, position: float) -> Change:
         """What it is at a position."""
@@ -138,9 +138,7 @@ def _row(problem: Problem, number: int, stable: dict[_Way, float], stable_now: b
     ways = {way: position for way, position in stable.items() if way.key == problem.keys[number]}
     quiet = {way: way.line.quiet_at for way in ways if way.line is not None and way.line.quiet_at is not None}
     nearest, quietest = (min(each, key=lambda way: each[way], default=None) for each in (ways, quiet))
-    limits = sorted(
-        float(problem.before[number] + x[number] * problem.scale[number]) for x in (problem.low, problem.high)
-    )
+    limits = problem.limits[problem.keys[number]]
     return Alone(
         key=problem.keys[number],
         lowest=limits[0],

@@ -9,6 +9,7 @@ from drumsqueal.questions.sensitivity.stabilising import ZERO_SCALE
 from drumsqueal.scene.written import Value, Written
 
 ROUNDING = 0.02  # of a change: how much further rounding may take it
+AT_BOUND = 1e-6  # of a change: how much less far rounding may take it where further is out of bounds
 
 
 class Change(Finding):
@@ -34,9 +35,22 @@ class Change(Finding):
         return (self.after - self.before) / (self.before or ZERO_SCALE[self.key])
 
 
-def rounded(written: Written, values: Mapping[str, float], before: Mapping[str, float]) -> dict[str, Value]:
-    """Values (SI) as the scene file is to have them, each rounded away from the one before."""
-    return {key: written.outward(key, value, before[key], ROUNDING) for key, value in values.items()}
+def rounded(
+    written: Written,
+    values: Mapping[str, float],
+    before: Mapping[str, float],
+    limits: Mapping[str, tuple[float, float]],
+) -> dict[str, Value]:
+    """Values (SI) as the scene file is to have them, each rounded away from the one before, within its limits."""
+    return {key: _rounded(written, key, value, before[key], *limits[key]) for key, value in values.items()}
+
+
+def _rounded(written: Written, key: str, value: float, before: float, low: float, high: float) -> Value:
+    outward = written.outward(key, value, before, ROUNDING)
+    shown = float(outward.split()[0]) if isinstance(outward, str) else outward
+    if written.shown(key, low) <= shown <= written.shown(key, high):
+        return outward
+    return written.outward(key, value, before, AT_BOUND, inward=True)
 
 
 def in_SI(written: Written, values: Mapping[str, Value]) -> dict[str, float]:

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from enum import StrEnum
 from typing import NamedTuple
 
 import numpy as np
@@ -19,8 +20,8 @@ from drumsqueal.questions.onset.attractors import (
     go_on,
     round_seconds,
 )
-from drumsqueal.questions.onset.found import Leads, Motion, Response
-from drumsqueal.questions.onset.kicks import LARGE, LEAST, directions, surface_speed
+from drumsqueal.questions.onset.found import Kick, Leads, Motion, Response
+from drumsqueal.questions.onset.kicks import LARGE, LEAST, Direction, directions, surface_speed
 from drumsqueal.questions.onset.study import SIZES
 from drumsqueal.questions.sensitivity.decay import disturbed
 from drumsqueal.scene import Scene
@@ -32,15 +33,28 @@ RANDOM, SEED = 32, 20231122  # disturbances of all modes at once, and the seed o
 SAMPLES = 2.5  # a period of the fastest mode, where the scene's rate is lower
 
 
+class Origin(StrEnum):
+    """What a disturbance is."""
+
+    OWN = "own start"
+    DISPLACEMENT = "displacement"
+    MODE = "along a mode"
+    RANDOM = "random"
+    EARLIER = "earlier squeal"
+
+
 class Trial(Finding):
     """A transient of a disturbed brake: its start, from steady sliding, where it leads, and after how long (s).
 
     Displacement in m and rad, velocity in m/s and rad/s, as in the table `start` of a scene. A start without
     displacement has the energy `energy_J`, and the fastest point of the lining's surface moves at `speed_m_per_s`.
-    `motion` is the squeal that it leads to.
+    `kick` has the mode, the way and the size of a disturbance along a mode, None for others. `motion` is the squeal
+    that it leads to.
     """
 
     start: str
+    kind: Origin
+    kick: Kick | None = None
     displacement: dict[str, float]
     velocity: dict[str, float]
     energy_J: float | None
@@ -48,6 +62,13 @@ class Trial(Finding):
     leads_to: Leads
     simulated_s: float
     motion: Motion | None = None
+
+
+class Disturbed(NamedTuple):
+    """A start, and what disturbance it is."""
+
+    kind: Origin
+    start: Start
 
 
 class Judged(NamedTuple):
@@ -126,27 +147,30 @@ class Disturber:
 
     def _stages(
         self, brakes: Sequence[Brake], points: Sequence[Point], family: Family
-    ) -> list[Callable[[int], list[Start]]]:
+    ) -> list[Callable[[int], list[Disturbed]]]:
         """The disturbances of brake k, those first that are likeliest to make it squeal."""
         own, beyond = (
-            Start(name, *start_of(scene, family.moving))
-            for name, scene in (("own start", self._scene), ("a displacement of 3 p0/k_c", disturbed(self._scene)))
+            Disturbed(kind, Start(name, *start_of(scene, family.moving)))
+            for kind, name, scene in (
+                (Origin.OWN, "own start", self._scene),
+                (Origin.DISPLACEMENT, "a displacement of 3 p0/k_c", disturbed(self._scene)),
+            )
         )
 
-        def likeliest(k: int) -> list[Start]:
+        def likeliest(k: int) -> list[Disturbed]:
             return [_carried(motion) for motion in brakes[k].carried[:1]]
 
-        def carried(k: int) -> list[Start]:
+        def carried(k: int) -> list[Disturbed]:
             return [_carried(motion) for motion in brakes[k].carried[1:]]
 
-        def large(k: int) -> list[Start]:
-            return [own, beyond, *(each.start(each.sizes[-1]) for each in directions(points[k], family, (1,)))]
+        def large(k: int) -> list[Disturbed]:
+            return [own, beyond, *(_along(each, each.sizes[-1]) for each in directions(points[k], family, (1,)))]
 
-        def thorough(k: int) -> list[Start]:
+        def thorough(k: int) -> list[Disturbed]:
             multiples = [_carried(motion, size) for motion in brakes[k].carried for size in SIZES[1:]]
             return [*multiples, *_both_ways(family, points[k]), *random_starts(k)]
 
-        def random_starts(k: int) -> list[Start]:
+        def random_starts(k: int) -> list[Disturbed]:
             """All modes at once, each in a size and a phase of its own."""
             model, generator = family.model_at(k), np.random.default_rng(SEED)
             reached = [family.reach(mode, model) for mode in family.modes(points[k])]
@@ -158,7 +182,7 @@ class Disturber:
                 parts = [
                     size * (turn * shape).real for size, turn, (shape, *_) in zip(sizes, turns, modes, strict=True)
                 ]
-                starts.append(Start(f"random {number + 1}", *np.sum(parts, axis=0)))
+                starts.append(Disturbed(Origin.RANDOM, Start(f"random {number + 1}", *np.sum(parts, axis=0))))
             return starts
 
         return [likeliest, carried, large, thorough]
@@ -193,38 +217,47 @@ class Disturber:
             how = self._how([point for point, _ in some], family)
             yield from find_attractors(family, some, how, rounds=PERSISTENT, progress=report)
 
-    def _run(self, family: Family, tasks: Sequence[tuple[Point, Start]], what: str) -> Iterator[tuple[int, Trial]]:
+    def _run(self, family: Family, tasks: Sequence[tuple[Point, Disturbed]], what: str) -> Iterator[tuple[int, Trial]]:
         done = 0
 
         def report(*_: object) -> None:
             self._progress(what, done, len(tasks))
 
         # Each under a name of its own, by which it is told from the others when it comes back.
-        named = [(point, start._replace(name=str(k))) for k, (point, start) in enumerate(tasks)]
+        named = [(point, each.start._replace(name=str(k))) for k, (point, each) in enumerate(tasks)]
         for response in self._responses(family, named, report):
-            start, k = tasks[int(response.start)][1], int(response.value)
-            yield k, _trial(start, response, family.model_at(k))
+            tried, k = tasks[int(response.start)][1], int(response.value)
+            yield k, _trial(tried, response, family.model_at(k))
             done += 1
             report()
 
 
-def _both_ways(family: Family, point: Point) -> list[Start]:
-    """Velocities both ways along each mode, twice as large each time."""
+def _both_ways(family: Family, point: Point) -> list[Disturbed]:
+    """Velocities both ways along each mode, twice as large each time, but for the largest forwards, run before."""
     return [
-        each.start(size)._replace(name=f"{each.name.removeprefix('kick ')}, {size**2:.2g} J")
+        _along(each, size)
         for each in directions(point, family)
-        for size in each.sizes
+        for size in (each.sizes[:-1] if each.forwards else each.sizes)
     ]
 
 
-def _carried(motion: Motion, size: float = 1.0) -> Start:
+def _along(direction: Direction, size: float) -> Disturbed:
+    """A velocity of a size along a mode."""
+    way = "forwards" if direction.forwards else "backwards"
+    name = f"{direction.mode.label} {way}, {direction.kick(size).energy_J:.2g} J"
+    return Disturbed(Origin.MODE, direction.start(size)._replace(name=name))
+
+
+def _carried(motion: Motion, size: float = 1.0) -> Disturbed:
     """The squeal of a similar brake, or a multiple of it."""
     line = "" if motion.frequency_Hz is None else f" at {motion.frequency_Hz:.0f} Hz"
-    return go_on(0.0, motion, size)._replace(name=f"{size:g} times earlier squeal{line}")
+    times = "" if size == 1 else f"{size:g} times "
+    return Disturbed(Origin.EARLIER, go_on(0.0, motion, size)._replace(name=f"{times}earlier squeal{line}"))
 
 
-def _trial(start: Start, response: Response, model: Model) -> Trial:
-    """The transient of a model from a start."""
+def _trial(tried: Disturbed, response: Response, model: Model) -> Trial:
+    """The transient of a model from a disturbance."""
+    kind, start = tried
     displacement, velocity = (
         dict(zip(model.names, part.tolist(), strict=True)) for part in (start.vibration, start.velocity)
     )
@@ -232,6 +265,8 @@ def _trial(start: Start, response: Response, model: Model) -> Trial:
     motion = response.motion
     return Trial(
         start=start.name,
+        kind=kind,
+        kick=start.kick,
         displacement=displacement,
         velocity=velocity,
         energy_J=float(np.asarray(model.mass) @ start.velocity**2 / 2) if kicked else None,

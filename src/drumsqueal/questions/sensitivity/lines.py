@@ -22,13 +22,14 @@ Numbers = Mapping[str, float]
 class Line:
     """Positions tried along a line, and what is known of them.
 
-    The numbers of a brake are a function of its position; `ladder` has the positions to try, outwards, until one is
-    quiet. Up to `squeals_at` none is, and `motions` are those of the brake at position zero.
+    The numbers of a brake are a function of its position, None where there is no brake; `ladder` has the positions to
+    try, outwards, until one is quiet. Up to `squeals_at` none is, and `motions` are those of the brake at position
+    zero.
     """
 
     def __init__(
         self,
-        numbers_at: Callable[[float], Numbers],
+        numbers_at: Callable[[float], Numbers | None],
         ladder: Iterable[float],
         squeals_at: float,
         motions: Sequence[Motion] = (),
@@ -40,7 +41,6 @@ class Line:
         self.numbers_at, self._ladder = numbers_at, iter(ladder)
         self.squeals_at, self.quiet_at = squeals_at, None
         self._motions, self._last, self._confirmed = tuple(motions), tuple(motions), False
-        self.judged: Judged | None = None
         self._further = self._next_further()
 
     def _next_further(self) -> float | None:
@@ -62,19 +62,24 @@ class Line:
 
     @property
     def next_brakes(self) -> list[Brake]:
-        """The brake at that position, with the squeal that may go on in it, and those further out where it is quiet."""
+        """The brake at that position, with the squeal that may go on in it, and those further out where it is quiet.
+
+        None at all where there is no brake at that position, which then counts as one that squeals.
+        """
         assert self.position is not None
         others = [each for each in self._motions if not any(each.like(known) for known in self._last)]
         further = [each * self.position for each in FURTHER if each * self.position <= self._farthest]
         positions = [self.position, *(further if self.confirms else ())]
-        return [Brake(self.numbers_at(each), (*self._last, *others)) for each in positions]
+        numbers = [self.numbers_at(each) for each in positions]
+        if numbers[0] is None:
+            return []
+        return [Brake(each, (*self._last, *others)) for each in numbers if each is not None]
 
     def take(self, judged: Sequence[Judged]) -> None:
         """Note what became of the brakes that were tried."""
         position, confirmed = self.position, self.confirms
         assert position is not None
-        self.judged = judged[0]
-        if all(each.quiet for each in judged):
+        if judged and all(each.quiet for each in judged):
             self.quiet_at, self._confirmed = position, confirmed
             return
         self.squeals_at, self._confirmed = position, False

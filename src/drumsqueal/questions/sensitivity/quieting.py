@@ -11,7 +11,7 @@ from pydantic import Field
 from drumsqueal.findings.part import Finding
 from drumsqueal.findings.schema import SceneInFile
 from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.onset.found import Motion
+from drumsqueal.questions.onset.found import Leads, Motion
 from drumsqueal.questions.sensitivity.alone import Alone, each_alone
 from drumsqueal.questions.sensitivity.change import Change, in_SI, rounded
 from drumsqueal.questions.sensitivity.decay import Decay
@@ -41,16 +41,18 @@ class Squeal(Finding):
     """What becomes of a brake as it is when it is disturbed.
 
     Its steady-state responses, the one with most kinetic energy first; each names a disturbance that leads to it.
+    `quiet` states whether steady sliding is stable and every disturbance decays.
     """
 
     steady_sliding_stable: bool
+    quiet: bool
     motions: tuple[Motion, ...]
     disturbances: tuple[Trial, ...]
 
     @property
     def smallest_disturbance(self) -> Trial | None:
         """Of the disturbances along a mode that lead to squeal the one with least energy."""
-        return min((each for each in self._kicks if each.motion is not None), key=_energy, default=None)
+        return min((each for each in self.disturbances if each.kick and each.motion), key=_energy, default=None)
 
     @property
     def largest_that_decays(self) -> Trial | None:
@@ -58,17 +60,18 @@ class Squeal(Finding):
         smallest = self.smallest_disturbance
         if smallest is None:
             return None
-        way = smallest.start.split(",")[0]
-        less = [each for each in self._kicks if each.start.split(",")[0] == way and _energy(each) < _energy(smallest)]
-        return max(less, key=_energy, default=None)
+        less = [
+            each for each in self.disturbances if _way(each) == _way(smallest) and _energy(each) < _energy(smallest)
+        ]
+        return max((each for each in less if each.leads_to is Leads.DECAYS), key=_energy, default=None)
 
-    @property
-    def _kicks(self) -> list[Trial]:
-        return [each for each in self.disturbances if each.energy_J]
+
+def _way(trial: Trial) -> tuple[str, bool] | None:
+    return None if trial.kick is None else (trial.kick.mode, trial.kick.forwards)
 
 
 def _energy(trial: Trial) -> float:
-    return trial.energy_J or 0.0
+    return 0.0 if trial.kick is None else trial.kick.energy_J
 
 
 class Quieting(Finding):
@@ -117,9 +120,9 @@ def quieten(
     """
     search = Quietening(scene, keys, margin=margin, state_matrix=state_matrix, progress=progress)
     squeal = search.squeal()
-    if squeal is None or (squeal.steady_sliding_stable and not squeal.motions):
-        return search.together((), ())
-    return search.together(search.alone(squeal.motions), squeal.motions)
+    if squeal is None or squeal.quiet:
+        return search.together((), (), quiet=True)
+    return search.together(search.alone(squeal.motions), squeal.motions, quiet=False)
 
 
 class Quietening:
@@ -159,25 +162,28 @@ class Quietening:
             return None
         judged = self._disturber.squeal("disturbances")
         stable = not judged.point.unstable
-        return Squeal(steady_sliding_stable=stable, motions=judged.motions, disturbances=judged.trials)
+        return Squeal(
+            steady_sliding_stable=stable, quiet=judged.quiet, motions=judged.motions, disturbances=judged.trials
+        )
 
     def alone(self, motions: Sequence[Motion]) -> tuple[Alone, ...]:
         """What each number alone does; `motions` are those of the brake as it is."""
         return each_alone(self._problem, self._written, self._margin, self._disturber, motions, self._progress)
 
-    def together(self, alone: Sequence[Alone], motions: Sequence[Motion]) -> Quieting:
-        """The smallest change of all numbers that was found.
+    def together(self, alone: Sequence[Alone], motions: Sequence[Motion], *, quiet: bool) -> Quieting:
+        """The smallest change of all numbers that was found; `quiet` states whether the brake as it is squeals never.
 
         Towards the border of quiet, as flat as it is through the changes of each number alone, and the smallest of
         these; where no number alone is enough, the smallest that make every mode decay faster and faster.
         """
         stable = self._stable_values(self._margin)
-        if self._disturber is None or (not motions and self._growth <= -self._margin):
+        if self._disturber is None or (quiet and self._growth <= -self._margin):
             return self._quieting(stable or {}, None)
         direction = self._direction(alone)
         lines = [self._along(direction, motions) if direction.any() else self._by_margin(motions)]
         search(lines, self._disturber, self._progress, "all numbers")
-        found = [line.numbers_at(line.quiet_at) for line in lines if line.quiet_at is not None]
+        at_quiet = [line.numbers_at(line.quiet_at) for line in lines if line.quiet_at is not None]
+        found = [each for each in at_quiet if each is not None]
         found += [{each.key: each.quiet.after} for each in alone if each.quiet is not None]
         for numbers in sorted(found, key=self._norm):
             (judged,) = self._disturber.judge([Brake(numbers, tuple(motions))], "proof")
@@ -199,7 +205,7 @@ class Quietening:
                     return
                 yield float(margin)
 
-        return Line(lambda margin: self._stable_values(margin) or {}, ladder(), first * (1 - PRECISION), motions)
+        return Line(lambda margin: self._stable_values(margin), ladder(), first * (1 - PRECISION), motions)
 
     def _direction(self, alone: Sequence[Alone]) -> NDArray[np.float64]:
         """The shortest relative change (k,) to the plane through what each number alone would have to be changed by."""
@@ -229,16 +235,24 @@ class Quietening:
             numbers = self._in_file(np.clip(stretch * _without_small(whole), problem.low, problem.high))
             if problem.decays(self._relative(numbers)):
                 return numbers
-        return dict(zip(self._keys, problem.after(whole).tolist(), strict=True))
+        return self._exact(whole)
 
     def _least_growth(self) -> dict[str, float]:
-        return dict(zip(self._keys, self._problem.after(self._problem.smallest_change()).tolist(), strict=True))
+        return self._exact(self._problem.smallest_change())
+
+    def _exact(self, relative: NDArray[np.float64]) -> dict[str, float]:
+        """The numbers (SI) that relative changes (k,) lead to, with all digits that the scene file can have."""
+        after = dict(zip(self._keys, self._problem.after(relative).tolist(), strict=True))
+        return in_SI(self._written, self._as_written(after))
+
+    def _as_written(self, numbers: Mapping[str, float]) -> dict[str, float | str]:
+        return {key: self._written.exact(key, value) for key, value in numbers.items()}
 
     def _in_file(self, relative: NDArray[np.float64]) -> dict[str, float]:
         """The numbers (SI) that relative changes (k,) lead to, as the scene file will have them."""
         after = dict(zip(self._keys, self._problem.after(relative).tolist(), strict=True))
         changed = {key: value for key, value in after.items() if value != self._before[key]}
-        return in_SI(self._written, rounded(self._written, changed, self._before))
+        return in_SI(self._written, rounded(self._written, changed, self._before, self._problem.limits))
 
     def _relative(self, numbers: Mapping[str, float]) -> NDArray[np.float64]:
         after = np.array([numbers.get(key, self._before[key]) for key in self._keys])
@@ -249,7 +263,7 @@ class Quietening:
 
     def _quieting(self, numbers: Mapping[str, float], judged: Judged | None) -> Quieting:
         """What was found, and the scene with these numbers (SI)."""
-        written = self._written.with_values(rounded(self._written, numbers, self._before))
+        written = self._written.with_values(self._as_written(numbers))
         stability = prepare(written.scene).stability
         rate, least = written.scene.simulate.sample_rate, 2 * stability.highest_frequency_Hz
         if rate < least:  # a stiffer brake may need more; a multiple leaves the duration a whole number of samples

@@ -85,6 +85,12 @@ class Problem:
         """The numbers that are changed (k,)."""
         return self.before + x * self.scale
 
+    @property
+    def limits(self) -> dict[str, tuple[float, float]]:
+        """The least and the largest value (SI) of each number."""
+        ends = np.sort([self.after(self.low), self.after(self.high)], axis=0).T.tolist()
+        return {key: (low, high) for key, (low, high) in zip(self.keys, ends, strict=True)}
+
     def rates(self, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Real parts (2n,), by rising imaginary part, and their derivatives (2n, k); of a drift −margin and zero."""
         if self._at is not None and np.array_equal(x, self._at):

@@ -89,8 +89,8 @@ class SensitivityStudy(Findings):
 
     @property
     def needs_no_change(self) -> bool:
-        """Whether nothing grows, and no disturbance that was tried squeals."""
-        return self.stable and (self.squeal is None or not self.squeal.motions)
+        """Whether nothing grows, and every disturbance that was tried decays."""
+        return self.stable and (self.squeal is None or self.squeal.quiet)
 
 
 def check_request(scene: Scene, keys: Sequence[str] | None, *, until_stable: bool) -> None:
@@ -98,7 +98,17 @@ def check_request(scene: Scene, keys: Sequence[str] | None, *, until_stable: boo
     prepared = _prepare(scene)
     if until_stable:
         check_sample_rate(prepared)
+        _check_load(scene, prepared.stability.time)
         variable_numbers(scene, keys)
+
+
+def _check_load(scene: Scene, time: float) -> None:
+    """Raise RequestError for a load that is 0 at the time (s) for which a quiet brake would be looked for."""
+    if scene.friction is not None and at_one_time(scene, time).contact.normal_load == 0:
+        raise RequestError(
+            f"--until stable: contact.normal_load is 0 N at t = {time:g} s, for which the brake would be made quiet, "
+            "and without load nothing squeals; give the load of the braking as one value"
+        )
 
 
 def _prepare(scene: Scene) -> Prepared:
@@ -127,6 +137,8 @@ def study_sensitivity(
     SceneError for a scene without steady sliding and RequestError for one in which nothing oscillates, or for keys that
     cannot change.
     """
+    if until_stable:
+        _check_load(scene, _prepare(scene).stability.time)
     study = _differentiate(scene, progress)
     if not until_stable:
         return study
@@ -140,7 +152,7 @@ def study_sensitivity(
     motions = () if study.squeal is None else study.squeal.motions
     study = study.model_copy(update={"alone": search.alone(motions)})
     keep(study)
-    quiet = search.together(study.alone, motions)
+    quiet = search.together(study.alone, motions, quiet=study.squeal is None or study.squeal.quiet)
     study = study.model_copy(update={"quiet": quiet})
     keep(study)
     if not quiet.found:

@@ -3,18 +3,16 @@
 from collections.abc import Sequence
 
 from drumsqueal.findings.vibration import unit_of
-from drumsqueal.questions.onset.found import Motion
+from drumsqueal.questions.onset.found import Kick, Leads, Motion
 from drumsqueal.questions.sensitivity.alone import Alone
 from drumsqueal.questions.sensitivity.change import Change
 from drumsqueal.questions.sensitivity.decay import Decay, Outcome, Start
-from drumsqueal.questions.sensitivity.disturbing import Trial
+from drumsqueal.questions.sensitivity.disturbing import Origin, Trial
 from drumsqueal.questions.sensitivity.quieting import Quieting, Squeal
 from drumsqueal.questions.sensitivity.study import SensitivityStudy
 from drumsqueal.scene.variation import unit_of as unit_of_number
 
 MOST_NAMED = 3  # changes in a sentence
-EARLIER = "earlier squeal"
-WAYS = ("forwards", "backwards")
 
 
 def squeal_words(squeal: Squeal) -> str:
@@ -23,28 +21,32 @@ def squeal_words(squeal: Squeal) -> str:
     if not squeal.motions:
         if not squeal.steady_sliding_stable:
             return f"As it is, steady sliding is unstable; none of the {number} disturbances tried settles to squeal."
+        if not squeal.quiet:
+            left = [each for each in squeal.disturbances if each.leads_to is not Leads.DECAYS]
+            how = ", ".join(dict.fromkeys(each.leads_to for each in left))
+            return (
+                "As it is, steady sliding is stable, and no disturbance was seen to settle to squeal, but "
+                f"{len(left)} of the {number} tried do not decay either ({how})."
+            )
         still = "there is nothing to make quiet"
         return f"Nothing in this scene is unstable, and none of the {number} disturbances tried squeals: {still}."
     if squeal.steady_sliding_stable:
         return f"As it is, steady sliding is stable, but squeals after a large disturbance. {_disturbances(squeal)}"
-    each = "; ".join(f"{_motion(motion)} ({_start(motion.start)})" for motion in squeal.motions)
+    each = "; ".join(f"{_motion(motion)} ({_start(motion, squeal.disturbances)})" for motion in squeal.motions)
     return f"As it is, the brake squeals: {each}."
 
 
 def _disturbances(squeal: Squeal) -> str:
     smallest, decays, sentences = squeal.smallest_disturbance, squeal.largest_that_decays, list[str]()
     named = list(squeal.motions)
-    if smallest is not None and smallest.motion is not None:
-        size = f"{smallest.energy_J:.2g} J ({smallest.speed_m_per_s:.2g} m/s of the lining's surface)"
+    if smallest is not None and smallest.kick is not None and smallest.motion is not None:
         less = "" if decays is None else f"; {decays.energy_J:.2g} J in the same way decays"
-        leads = (
-            f"A velocity along mode {smallest.start.split()[0]} of {size} leads to {_motion(smallest.motion)}{less}."
-        )
-        sentences.append(leads)
+        sentences.append(f"A velocity along mode {_kick(smallest.kick)} leads to {_motion(smallest.motion)}{less}.")
         named = [motion for motion in named if not motion.like(smallest.motion)]
     if named:
         other = "Other disturbances lead" if sentences else "Disturbances lead"
-        sentences.append(f"{other} to {'; '.join(f'{_motion(each)} ({_start(each.start)})' for each in named)}.")
+        each = "; ".join(f"{_motion(motion)} ({_start(motion, squeal.disturbances)})" for motion in named)
+        sentences.append(f"{other} to {each}.")
     return " ".join(sentences)
 
 
@@ -58,26 +60,31 @@ def _motion(motion: Motion) -> str:
     )
 
 
-def _start(name: str) -> str:
-    """A disturbance in words, by the name of a start."""
-    if name.startswith("kick "):
-        return f"from {name.removeprefix('kick ')}, three times beyond both contact boundaries"
-    if EARLIER in name:
-        return f"from {name.removeprefix('1 times ')}, before the change"
-    if name.startswith("random"):
-        return f"from a disturbance of all modes at once, {name}"
-    return f"from {name}"
+def _kick(kick: Kick) -> str:
+    return f"{kick.mode} of {kick.energy_J:.2g} J ({kick.speed_m_per_s:.2g} m/s of the lining's surface)"
+
+
+def _start(motion: Motion, trials: Sequence[Trial]) -> str:
+    """The disturbance that led to a motion, in words."""
+    trial = next(each for each in trials if each.start == motion.start)
+    if trial.kick is not None:
+        return f"from a velocity along mode {_kick(trial.kick)}"
+    if trial.kind is Origin.EARLIER:
+        return f"from {trial.start}, before the change"
+    if trial.kind is Origin.RANDOM:
+        return f"from a disturbance of all modes at once, {trial.start}"
+    return f"from {trial.start}"
 
 
 def tried_words(trials: Sequence[Trial]) -> str:
     """Which disturbances were tried, by their kinds."""
-    kicks = [each for each in trials if any(way in each.start for way in WAYS)]
-    carried = sum(EARLIER in each.start for each in trials)
-    random = sum(each.start.startswith("random") for each in trials)
+    kicks = [each.kick for each in trials if each.kick is not None]
+    carried = sum(each.kind is Origin.EARLIER for each in trials)
+    random = sum(each.kind is Origin.RANDOM for each in trials)
     parts = ["its own start", "a displacement of 3 p0/k_c", "each mode three times beyond both contact boundaries"]
     if kicks:
-        modes = ", ".join(dict.fromkeys(each.start.split()[0] for each in kicks))
-        energies = [each.energy_J for each in kicks if each.energy_J]
+        modes = ", ".join(dict.fromkeys(each.mode for each in kicks))
+        energies = [each.energy_J for each in kicks]
         parts.append(f"velocities along {modes}, both ways, from {min(energies):.1g} J to {max(energies):.1g} J")
     if random:
         parts.append(f"{random} random ones of all modes at once")
@@ -124,7 +131,9 @@ def not_found(study: SensitivityStudy) -> str:
         return f"no change of {names} within the bounds makes every mode decay; {least}"
     none = f"no change of {names} within the bounds was found after which no disturbance squeals"
     still = (
-        f"{_motion(quiet.motions[0])} ({_start(quiet.motions[0].start)})" if quiet.motions else "is not proven quiet"
+        f"{_motion(quiet.motions[0])} ({_start(quiet.motions[0], quiet.disturbances)})"
+        if quiet.motions
+        else "is not proven quiet"
     )
     smallest = f"with {_changes(quiet)} every mode decays, but there is still {still}"
     return f"{none}; {smallest}"
@@ -137,7 +146,9 @@ def without_answer(alone: Sequence[Alone], stable_now: bool) -> tuple[str, ...]:
         return ()
     what = "quiet" if stable_now else "stable"
     found = f"No change within the bounds was found that makes the brake {what} with one of these alone"
-    return (f"{found}: {', '.join(none)}.",)
+    # Of a stable brake each number is changed one way only.
+    way = ", each changed the way in which the least stable mode decays faster" if stable_now else ""
+    return (f"{found}{way}: {', '.join(none)}.",)
 
 
 def _ending(decay: Decay) -> str:
