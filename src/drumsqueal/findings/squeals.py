@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import cumulative_trapezoid
 
 from drumsqueal.findings.decay import NEARLY_LINEAR
 from drumsqueal.findings.instant import SPEED, Instant, changing_keys, instant_at
@@ -168,6 +167,8 @@ def sustained_until(time: Vector, energy: Vector, modes: list[Along], end: float
     That is at least half as fast as that of the mode that decays slowest then; it is the end where one grows there, and
     the first time where it falls so from the first on.
     """
+    from scipy.integrate import cumulative_trapezoid  # which a report does without
+
     if not time.size or not modes:
         return end
     slowest = np.max([np.interp(time, along.time, along.rate, -np.inf, -np.inf) for along in modes], axis=0)
