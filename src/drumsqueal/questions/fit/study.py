@@ -27,8 +27,7 @@ from drumsqueal.questions.fit.words import describe_fit, describe_notes
 from drumsqueal.questions.sensitivity.decay import DISTURBANCE
 from drumsqueal.questions.sensitivity.stabilising import numbers_of, variable_numbers
 from drumsqueal.questions.sensitivity.study import at_one_time
-from drumsqueal.scene import Scene, load_scene
-from drumsqueal.scene.file import read_tables
+from drumsqueal.scene import Scene, load_with_tables
 from drumsqueal.scene.quantities import parse_quantity
 from drumsqueal.scene.variation import unit_of
 from drumsqueal.scene.written import Written
@@ -73,7 +72,7 @@ def fit_scene(
     if not vary:
         raise RequestError("--vary: name at least one number, such as --vary contact.stiffness")
     if not isinstance(scene, Scene):
-        written = written or Written(load_scene(scene), read_tables(scene))
+        written = written or Written(*load_with_tables(scene))
         scene = written.scene
     if not isinstance(measured, Measured):
         file, measured = file or measured, read_record(Path(measured), channel, signal)
