@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from drumsqueal.errors import SteadyStateError
 from drumsqueal.findings.boundaries import pressure_fraction, slip_fraction
-from drumsqueal.findings.decay import BEYOND, NEARLY_LINEAR
+from drumsqueal.findings.decay import BEYOND, falls_as_small, rate_of_halves
 from drumsqueal.findings.signals.spectra import amplitude_spectrum, spectral_peaks
 from drumsqueal.physics.composition import linear_coordinates
 from drumsqueal.physics.model import Model, build_model
@@ -208,12 +208,12 @@ def _heard(
     beyond = [pressure_fraction(model, q, moments.preload), slip_fraction(model, v, speed)]
     if max(float(each.max()) for each in beyond) < BEYOND:
         return None
-    energies = velocity**2 @ np.asarray(model.mass) / 2
-    energy, sizes = float(energies.mean()), np.sqrt([half.mean() for half in np.array_split(energies / speed**2, 2)])
-    middle = len(time) // 2
-    falls = -NEARLY_LINEAR * slowest_rate(float(time[middle])) * (time[-1] - time[0]) / 2
-    if falls < 0 and np.log(sizes[1] / sizes[0]) < falls:
+    energies, middle = velocity**2 @ np.asarray(model.mass) / 2, len(time) // 2
+    before, after = (float(half.mean()) for half in np.array_split(energies / speed**2, 2))
+    slowest = slowest_rate(float(time[middle]))
+    if slowest and falls_as_small(rate_of_halves(before, after, float(time[-1] - time[0])), -slowest):
         return None
+    energy = float(energies.mean())
     return Loudest(start, _rms(model, energy), _line(model, time, velocity), float(time[middle]), float(speed[middle]))
 
 

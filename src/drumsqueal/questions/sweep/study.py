@@ -10,7 +10,7 @@ import numpy as np
 import xarray
 
 from drumsqueal.errors import SteadyStateError
-from drumsqueal.findings.decay import BEYOND
+from drumsqueal.findings.decay import BEYOND, is_decaying
 from drumsqueal.findings.history import COMPLETE
 from drumsqueal.findings.saturated import Saturated, saturated_motions
 from drumsqueal.physics.composition import compose, moved_coordinates
@@ -278,10 +278,11 @@ def has_settled(motion: Saturated, stability: Stability, earlier_rate: float = m
     """
     if motion.failed or motion.at_rest:
         return True
-    beyond = max(motion.boundary_ratios) >= BEYOND
+    fraction = max(motion.boundary_ratios)
     growing = [mode.growth_rate for mode in stability.unstable]
     growing += [] if stability.divergence is None else [stability.divergence]
     if not growing:
-        return motion.trend == "settled" or (motion.trend == "decays" and not beyond)
+        slowest = max((mode.growth_rate for mode in stability.modes), default=0.0)
+        return motion.trend == "settled" or is_decaying(fraction, motion.rate, slowest)
     slow = min(abs(motion.rate), abs(earlier_rate)) < STILL * max(growing)
-    return beyond and motion.trend == "settled" and slow
+    return fraction >= BEYOND and motion.trend == "settled" and slow
