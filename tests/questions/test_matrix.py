@@ -198,6 +198,20 @@ def test_a_procedure_of_constant_speed_sounds_as_the_drag_does(table):
     assert hold.level_dB == pytest.approx(drag.level_dB, abs=1.5)
 
 
+def test_a_procedure_that_ends_while_a_disturbance_falls_is_undecided(table):
+    """At 60 rad/s every disturbance decays; in 50 ms the large ones do not come below the contact boundaries."""
+    text = TABLE[: TABLE.index("[procedures.drag]")].replace('"5 rad/s", "15 rad/s", ', "")
+    ends = {"short": 0.05, "long": 0.3}
+    procedures = (f'[procedures.{name}]\ntime = ["0 s", "{end} s"]\nspeed = [1, 1]\n' for name, end in ends.items())
+    table.write_text(text + "".join(procedures))
+    found = ds.study_matrix(table)
+    short, long = found.cells
+    assert (short.verdict, found.not_clear) == ("undecided at its end", 1)
+    assert short.outcome == "a disturbance still falls when the procedure ends"
+    assert (long.verdict, long.outcome) == ("quiet", "computed")
+    assert "undecided at its end (procedure short): a disturbance still falls" in " ".join(str(found).split())
+
+
 def test_the_end_of_a_procedure_counts(table):
     """Of 99 ms the last 50 squeal: a window that began at 50 ms would not be full."""
     _, whole, cut = _cells(table, "nominal", ("whole", [0, 0.1], [1, 1]), ("cut", [0, 0.099], [1, 1]))

@@ -73,7 +73,7 @@ def print_matrix(console: Console, found: NoiseMatrix) -> None:
     unclear = [cell for cell in found.cells if cell.verdict not in CLEAR]
     for cell in unclear:
         where = ", ".join(f"{name} {label}" for name, label in _shown(found, cell).items())
-        console.print(printable(f"{cell.verdict}{where and f' at {where}'}: {cell.outcome}"))
+        console.print(printable(f"{cell.verdict}{where and f' ({where})'}: {cell.outcome}"))
 
 
 def _shown(found: NoiseMatrix, cell: CellFound) -> dict[str, str]:

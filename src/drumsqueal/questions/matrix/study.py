@@ -15,7 +15,7 @@ from pydantic import Field
 from drumsqueal.findings.history import versions
 from drumsqueal.findings.part import Finding, Held, Number
 from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.matrix.cells import QUIET, SQUEALS, UNCLEAR
+from drumsqueal.questions.matrix.cells import QUIET, SQUEALS, UNCLEAR, UNDECIDED
 from drumsqueal.questions.matrix.table import PROCEDURE, SCENE, MatrixPlan, read_matrix
 from drumsqueal.questions.sweep.points import OUTCOMES
 from drumsqueal.questions.sweep.study import in_memory
@@ -30,6 +30,7 @@ class Verdict(StrEnum):
     QUIET = "quiet"
     SQUEALS = "squeals"
     NOT_CLEAR = "not clear"
+    UNDECIDED = "undecided at its end"
     NOT_COMPUTED = "not computed"
 
 
@@ -40,7 +41,12 @@ class Disturbance(StrEnum):
     LARGE = "large"
 
 
-VERDICTS = {QUIET: Verdict.QUIET, SQUEALS: Verdict.SQUEALS, UNCLEAR: Verdict.NOT_CLEAR}
+VERDICTS = {
+    QUIET: Verdict.QUIET,
+    SQUEALS: Verdict.SQUEALS,
+    UNCLEAR: Verdict.NOT_CLEAR,
+    UNDECIDED: Verdict.UNDECIDED,
+}
 CLEAR = (Verdict.QUIET, Verdict.SQUEALS)
 DISTURBANCES = {0: Disturbance.SMALL, 1: Disturbance.LARGE}
 
