@@ -12,7 +12,7 @@ from drumsqueal.errors import RequestError
 from drumsqueal.files.json_file import to_json
 from drumsqueal.files.output_folder import MATRIX_FILES
 from drumsqueal.questions.matrix.figure import draw_matrix
-from drumsqueal.questions.matrix.study import CellFound, NoiseMatrix, in_rows
+from drumsqueal.questions.matrix.found import CellFound, NoiseMatrix, in_rows
 from drumsqueal.questions.matrix.table import read_matrix
 from drumsqueal.scene import load_scene
 
