@@ -427,10 +427,9 @@ def test_a_disturbance_starts_beyond_the_contact_boundary_and_growth_is_no_decay
     assert start.start.displacement["Y"] == pytest.approx(DISTURBANCE * lost)
     result = run(start)
     assert beyond_boundaries(result.history, result.stability.contact_fraction, build_model(start)).any()
-    own, large = nonlinear_decay(scene)
+    own = nonlinear_decay(scene)
     assert (own.outcome, own.decays) == (Outcome.DECAYS, True)
-    assert large.motion_ratio is not None
-    growing, _ = nonlinear_decay(nominal.with_values({"simulate.duration": 0.05}))
+    growing = nonlinear_decay(nominal.with_values({"simulate.duration": 0.05}))
     assert growing.decays is not True
 
 
@@ -447,6 +446,7 @@ def test_the_command_writes_a_quiet_scene_that_is_one(drumsqueal, tmp_path):
     assert not analyse_stability(build_model(quiet, coordinates=COORDINATES)).unstable
     found = json.loads((out / "sensitivity.json").read_text())
     assert found["quiet"]["transients"][0]["start"] == "its own start"
+    assert len(found["quiet"]["transients"]) == 1  # the disturbances hold all other starts
     assert found["quiet"]["quiet"] is True
     assert {each["leads_to"] for each in found["quiet"]["disturbances"]} == {"decays"}
     text = (out / QUIET_SCENE).read_text()

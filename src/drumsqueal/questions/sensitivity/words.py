@@ -6,7 +6,7 @@ from drumsqueal.findings.vibration import unit_of
 from drumsqueal.questions.onset.found import Kick, Leads, Motion
 from drumsqueal.questions.sensitivity.alone import Alone
 from drumsqueal.questions.sensitivity.change import Change
-from drumsqueal.questions.sensitivity.decay import Decay, Outcome, Start
+from drumsqueal.questions.sensitivity.decay import Decay, Outcome
 from drumsqueal.questions.sensitivity.disturbing import Origin, Trial
 from drumsqueal.questions.sensitivity.quieting import Quieting, Squeal
 from drumsqueal.questions.sensitivity.study import SensitivityStudy
@@ -109,7 +109,7 @@ def quiet_sentence(quiet: Quieting) -> str:
         sentences.append(f"None of the {len(quiet.disturbances)} disturbances tried squeals: {tried}.")
     # Of what has been shown to decay from every disturbance a record that is too short says nothing.
     shown = [each for each in quiet.transients if not (quiet.quiet and each.outcome is Outcome.NOT_SETTLED)]
-    return " ".join([*sentences, *(_ending(each) for each in shown if each.start is Start.OWN or not quiet.quiet)])
+    return " ".join([*sentences, *map(_ending, shown)])
 
 
 def _changes(quiet: Quieting) -> str:
