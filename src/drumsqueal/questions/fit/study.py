@@ -103,7 +103,9 @@ def read_record(
 
     `first` and `last` (s) are the part to take, `rate` (Hz) is that of a file without one. Raises RequestError.
     """
-    if not _is_history(path):
+    from drumsqueal.questions.compare.command import is_history
+
+    if not is_history(path):
         return read_measured(path, channel, rate=rate, first=first, last=last)
     if rate is not None:
         raise RequestError(f"--rate: {path} is a history, which has its own; leave it out")
@@ -120,12 +122,6 @@ def read_record(
     if not np.ptp(found.values) > 0:
         raise RequestError(f"{path}: {names[0]} does not move in this history; take another with --channel")
     return Measured(names[0], found.units, saved.sample_rate, float(time[part.start]), found.values, ())
-
-
-def _is_history(path: Path) -> bool:
-    from drumsqueal.questions.compare.command import is_history
-
-    return is_history(path)
 
 
 def _fit_linear(
