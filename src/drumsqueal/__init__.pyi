@@ -47,7 +47,7 @@ from drumsqueal.questions.effects.study import EffectStudy as EffectStudy
 from drumsqueal.questions.effects.study import study_effects as study_effects
 from drumsqueal.questions.fit.found import Fit as Fit
 from drumsqueal.questions.fit.study import fit_scene as fit_scene
-from drumsqueal.questions.matrix.study import NoiseMatrix as NoiseMatrix
+from drumsqueal.questions.matrix.found import NoiseMatrix as NoiseMatrix
 from drumsqueal.questions.matrix.study import study_matrix as study_matrix
 from drumsqueal.questions.motion.study import MotionStudy as MotionStudy
 from drumsqueal.questions.motion.study import SettledMotion as SettledMotion

@@ -12,7 +12,7 @@ from drumsqueal.errors import RequestError
 from drumsqueal.files.json_file import to_json
 from drumsqueal.files.output_folder import MATRIX_FILES
 from drumsqueal.questions.matrix.figure import draw_matrix
-from drumsqueal.questions.matrix.study import CellFound, NoiseMatrix, in_rows
+from drumsqueal.questions.matrix.found import CellFound, NoiseMatrix, in_rows
 from drumsqueal.questions.matrix.table import read_matrix
 from drumsqueal.scene import load_scene
 
@@ -196,6 +196,20 @@ def test_a_procedure_of_constant_speed_sounds_as_the_drag_does(table):
     # The loudest 50 ms of a motion that fluctuates against its mean over a longer time.
     assert hold.frequency_Hz == pytest.approx(drag.frequency_Hz, rel=0.05)
     assert hold.level_dB == pytest.approx(drag.level_dB, abs=1.5)
+
+
+def test_a_procedure_that_ends_while_a_disturbance_falls_is_undecided(table):
+    """At 60 rad/s every disturbance decays; in 50 ms the large ones do not come below the contact boundaries."""
+    text = TABLE[: TABLE.index("[procedures.drag]")].replace('"5 rad/s", "15 rad/s", ', "")
+    ends = {"short": 0.05, "long": 0.3}
+    procedures = (f'[procedures.{name}]\ntime = ["0 s", "{end} s"]\nspeed = [1, 1]\n' for name, end in ends.items())
+    table.write_text(text + "".join(procedures))
+    found = ds.study_matrix(table)
+    short, long = found.cells
+    assert (short.verdict, found.not_clear) == ("undecided at its end", 1)
+    assert short.outcome == "a disturbance still falls when the procedure ends"
+    assert (long.verdict, long.outcome) == ("quiet", "computed")
+    assert "undecided at its end (procedure short): a disturbance still falls" in " ".join(str(found).split())
 
 
 def test_the_end_of_a_procedure_counts(table):

@@ -19,12 +19,14 @@ import pytest
 from rich.console import Console
 
 from browser import BROWSER, Browser
-from drumsqueal.files.output_folder import FIGURES, ONSET_FILES, REPORT, RUN_FILES, figure_file
+from drumsqueal.files.json_file import to_json
+from drumsqueal.files.output_folder import FIGURES, MATRIX_SUMMARY, ONSET_FILES, REPORT, RUN_FILES, figure_file
 from drumsqueal.files.saved_history import read_history
 from drumsqueal.findings.compare import RunFindings
 from drumsqueal.findings.saturated import Saturated
 from drumsqueal.findings.signals.spectra import amplitude_spectrum, peak_near
 from drumsqueal.physics.model import build_model
+from drumsqueal.questions.matrix.found import NoiseMatrix
 from drumsqueal.questions.onset import study as study_module
 from drumsqueal.questions.onset.answer import ONSET
 from drumsqueal.questions.onset.found import Leads, Response
@@ -452,6 +454,28 @@ def test_a_range_goes_into_the_command_in_its_unit_only_where_that_gives_the_sam
     assert onset_page_module._range(asked._replace(given="fathoms"), nominal) == in_si
 
 
+def test_a_noise_matrix_is_a_page_with_a_row_for_each_cell(report, tmp_path):
+    """One cell squeals after a large disturbance, one is undecided at its end; the other numbers are not reported."""
+    numbers = dict.fromkeys(("small_frequency_Hz", "small_velocity_m_per_s", "time_s", "speed_rad_per_s"), np.nan)
+    loud = {"frequency_Hz": 950.7, "velocity_m_per_s": 1.2, "level_dB": 181.6, "after": "large, along Y"}
+    still = {"frequency_Hz": np.nan, "velocity_m_per_s": np.nan, "level_dB": np.nan, "after": None}
+    common = {"unstable": False, "growth_rate_1_per_s": -15.5} | numbers
+    cells = [
+        {"levels": {"drum.speed": "15"}, "verdict": "squeals", "outcome": "computed", **loud, **common},
+        {"levels": {"drum.speed": "60"}, "verdict": "undecided at its end", "outcome": "it falls", **still, **common},
+    ]
+    counts = {"squeal": 1, "squeal_after_large_only": 1, "not_clear": 1}
+    found = NoiseMatrix.model_validate({"title": TITLE, "axes": {"drum.speed": ["15", "60"]}, "cells": cells, **counts})
+    (tmp_path / MATRIX_SUMMARY).write_text(to_json(found))
+    made = report(tmp_path)
+    assert made.one("headline")["text"] == f"{found.headline}."
+    assert "1 of 2 cells squeal, 1 of them after a large disturbance only; 0 are quiet, 1 not clear" in found.headline
+    assert {950.7: "950.7", 181.6: "181.6", -15.5: "−15.5"}.items() <= made.numbers.items()
+    assert "undecided at its end: it falls" in made.source
+    assert "nan" not in made.source.partition("<main")[2].partition("<dialog")[0].lower()
+    assert "<script>document" not in made.source  # what a table names is escaped
+
+
 def test_a_table_without_its_summary_is_refused(onset_folder, drumsqueal, tmp_path):
     shutil.copy(onset_folder / "onset.csv", tmp_path)
     status, _, errors = drumsqueal("report", str(tmp_path))
@@ -567,8 +591,8 @@ def test_a_summary_of_another_version_is_refused_in_one_line(folder, drumsqueal,
         (lambda folder: (folder / "summary.json").write_bytes(b"\xff\xfe"), "summary.json is damaged"),
         (lambda folder: (folder / "history.nc").write_text("a,b"), "not NetCDF-4"),
         (lambda folder: (folder / "phase.png").write_text("<svg>"), "phase.png is not a PNG"),
-        (lambda folder: (folder / "onset.csv").write_text("kind\n"), "holds a run and a study of the onset"),
-        (lambda folder: [path.unlink() for path in folder.iterdir()], "holds neither a run"),
+        (lambda folder: (folder / "onset.csv").write_text("kind\n"), "holds the results of run and onset"),
+        (lambda folder: [path.unlink() for path in folder.iterdir()], "does not hold a run"),
         (lambda folder: shutil.rmtree(folder), "not there"),
         (lambda folder: (folder / REPORT).write_text("mine"), "report.html exists; add --overwrite"),
         (lambda folder: (folder / REPORT).mkdir(), "report.html is a folder"),

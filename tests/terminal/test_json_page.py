@@ -17,7 +17,7 @@ from drumsqueal.questions.cycle.search import CycleStudy
 from drumsqueal.questions.effects.study import EffectStudy
 from drumsqueal.questions.export.export import Exported
 from drumsqueal.questions.fit.found import Fit
-from drumsqueal.questions.matrix.study import NoiseMatrix
+from drumsqueal.questions.matrix.found import NoiseMatrix
 from drumsqueal.questions.motion.study import MotionStudy
 from drumsqueal.questions.onset.found import OnsetStudy
 from drumsqueal.questions.paper.study import PaperStudy

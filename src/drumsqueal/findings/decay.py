@@ -1,5 +1,6 @@
 """Whether a motion that has not settled decays to rest: whether it is below the contact boundaries and falls."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -22,7 +23,20 @@ def is_decaying(fraction: float, rate: float, linear: float) -> bool:
     Within a tenth of the contact boundaries it must fall, below them at least half as fast as the slowest mode at
     `linear` (1/s).
     """
-    return (fraction < SMALL and rate < 0) or (fraction < BEYOND and rate < NEARLY_LINEAR * linear)
+    return (fraction < SMALL and rate < 0) or (fraction < BEYOND and falls_as_small(rate, linear))
+
+
+def falls_as_small(rate: float, linear: float) -> bool:
+    """Whether a motion that changes at this rate (1/s) falls at least half as fast as a small one, at `linear`."""
+    return rate < NEARLY_LINEAR * linear
+
+
+def rate_of_halves(before: float, after: float, seconds: float) -> float:
+    """Growth rate (1/s) of the rms by the mean squares in both halves of so many seconds; 0 where nothing moves.
+
+    That is half the logarithm of their ratio over half the time.
+    """
+    return math.log(after / before) / seconds if min(before, after) > 0 else 0.0
 
 
 def slowest(stability: Stability, modes: Sequence[Mode]) -> Mode | None:
@@ -67,12 +81,4 @@ def _rate(vibration: Vibration, part: slice, mass: NDArray[np.float64]) -> float
     first, stop, _ = part.indices(vibration.time.size)
     half = first + (stop - first) // 2
     before, after = (vibration.mean_square_velocity(each) for each in (slice(first, half), slice(half, stop)))
-    return _between(before, after, mass, (stop - first) / vibration.sample_rate)
-
-
-def _between(
-    first: NDArray[np.float64], second: NDArray[np.float64], mass: NDArray[np.float64], seconds: float
-) -> float:
-    """Growth rate from the mean squares (n,) of the halves of so many seconds."""
-    before, after = float(mass @ first), float(mass @ second)
-    return float(np.log(after / before)) / seconds if min(before, after) > 0 else 0.0
+    return rate_of_halves(float(mass @ before), float(mass @ after), (stop - first) / vibration.sample_rate)

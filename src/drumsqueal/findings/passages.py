@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from drumsqueal.findings.boundaries import amplitude_at_boundary
 from drumsqueal.findings.instant import Instant, instant_at
+from drumsqueal.findings.intervals import Interval
 from drumsqueal.findings.part import Finding
 from drumsqueal.findings.signals.growth import modal_amplitudes
-from drumsqueal.findings.squeals import Range, Squeal, runs
+from drumsqueal.findings.squeals import Squeal, runs
 from drumsqueal.findings.vibration import Vibration
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.linear.branches import Branches
@@ -84,7 +85,7 @@ def _order(passage: Passage) -> tuple[float, float]:
     return (math.inf if passage.predicted is None else passage.predicted.time_s, lacking)
 
 
-def unstable_spans(along: Along, branches: Branches) -> list[Range]:
+def unstable_spans(along: Along, branches: Branches) -> list[Interval]:
     """From and until when (s) a mode grows: at the roots of its Re λ, or at its first and last instant."""
     roots = np.array([each.value for each in branches.critical if each.label == along.label])
     grows = np.array([mode.unstable for mode in along.modes])

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from drumsqueal.findings.boundaries import boundary_ratios
+from drumsqueal.findings.decay import rate_of_halves
 from drumsqueal.findings.signals.spectra import amplitude_spectrum, spectral_peaks
 from drumsqueal.outcome import COMPLETE, Ending, Outcome
 from drumsqueal.physics.model import Model
@@ -148,7 +149,6 @@ def _looked_at(part: _Part, model: Model, sample_rate: float) -> Saturated:
     seconds, half = (len(vibration) - 1) / sample_rate, len(vibration) // 2
     mass = np.asarray(model.mass)
     before, after = (float(mass @ np.mean(each**2, axis=0)) for each in (velocity[:half], velocity[half:]))
-    rate = np.log(after / before) / seconds if min(before, after) > 0 else 0.0  # half the logarithm over half the time
     kinetic = (before + after) / 4
     # Of a vibration half the energy is kinetic. What moves without stiffness has no other, and any motion of it counts.
     at_rest = not np.any(np.ptp(vibration, axis=0)) or 2 * kinetic < float(least_energy(model))
@@ -160,7 +160,7 @@ def _looked_at(part: _Part, model: Model, sample_rate: float) -> Saturated:
         frequency_Hz=frequency,
         line=line,
         kinetic_energy=kinetic,
-        rate=float(rate),
+        rate=rate_of_halves(before, after, seconds),
         seconds=seconds,
         vibration=vibration[-1],
         velocity=velocity[-1],

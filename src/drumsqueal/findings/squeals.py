@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from drumsqueal.findings.decay import NEARLY_LINEAR
 from drumsqueal.findings.instant import SPEED, Instant, changing_keys, instant_at
+from drumsqueal.findings.intervals import Interval, common, joined, without
 from drumsqueal.findings.part import Finding
 from drumsqueal.findings.saturation import Line, describe_motion
 from drumsqueal.findings.vibration import Vibration, beyond_boundaries
@@ -27,7 +28,6 @@ KEPT = 0.2  # e-folds of amplitude that a motion gains on half the linear decay,
 AROUND = 32  # periods about the largest motion in which its line is sought
 
 Vector = NDArray[np.float64]
-Range = tuple[float, float]
 
 
 class End(StrEnum):
@@ -195,7 +195,7 @@ def find_hysteresis(squeals: tuple[Squeal, ...], model: Model, until: float) -> 
         return ()
     ((key, schedule),) = changing.items()
     scale = 1.0 if key == SPEED else float(model.body.area)
-    ways: dict[str, tuple[list[Range], list[Range]]] = {"rises": ([], []), "falls": ([], [])}
+    ways: dict[str, tuple[list[Interval], list[Interval]]] = {"rises": ([], []), "falls": ([], [])}
     corners = corners_of(model, until)
     for first, last in zip(corners[:-1].tolist(), corners[1:].tolist(), strict=True):
         ends = [scale * value_at(schedule, time) for time in (first, last)]
@@ -210,28 +210,7 @@ def find_hysteresis(squeals: tuple[Squeal, ...], model: Model, until: float) -> 
                 squealed.append((low, high))
     found = []
     for way, other in (("rises", "falls"), ("falls", "rises")):
-        quiet = _without(_joined(ways[other][0]), _joined(ways[other][1]))
-        for low, high in _common(_joined(ways[way][1]), quiet):
+        quiet = without(joined(ways[other][0]), joined(ways[other][1]))
+        for low, high in common(joined(ways[way][1]), quiet):
             found.append(Hysteresis(key=key, low=low, high=high, squeals_while=way))
     return tuple(found)
-
-
-def _joined(ranges: list[Range]) -> list[Range]:
-    """Ranges that touch as one, in ascending order."""
-    found: list[Range] = []
-    for low, high in sorted(ranges):
-        if found and low <= found[-1][1]:
-            found[-1] = (found[-1][0], max(high, found[-1][1]))
-        else:
-            found.append((low, high))
-    return found
-
-
-def _common(some: list[Range], others: list[Range]) -> list[Range]:
-    both = [(max(a, c), min(b, d)) for a, b in some for c, d in others]
-    return [(low, high) for low, high in both if low < high]
-
-
-def _without(some: list[Range], others: list[Range]) -> list[Range]:
-    edges = [-np.inf, *(edge for each in others for edge in each), np.inf]
-    return _common(some, list(zip(edges[::2], edges[1::2], strict=True)))

@@ -10,7 +10,7 @@ import typer
 from drumsqueal.errors import RequestError
 from drumsqueal.scene.quantities import QuantityError, parse_quantity
 from drumsqueal.scene.shipped import find_scene
-from drumsqueal.terminal.completion import complete_scene, complete_setting
+from drumsqueal.terminal.completion import complete_scene, complete_setting, words
 
 UsageError: type[typer.BadParameter] = typer.BadParameter.__mro__[1]  # any misuse; it has no public name of its own
 LONGEST = 1000.0  # s, of what an option may ask to record or compute
@@ -59,11 +59,26 @@ Since = Annotated[str | None, typer.Option("--from", metavar="TIME", help='Start
 Until = Annotated[str | None, typer.Option("--until", metavar="TIME", help='End of the part, e.g. "200 ms".')]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace existing results.")]
 Resume = Annotated[bool, typer.Option("--resume", help="Continue a run that was interrupted.")]
+Cluster = Annotated[
+    str | None,
+    typer.Option(
+        "--cluster",
+        metavar="WHERE",
+        help="Compute in several processes: local, or the address of a Dask scheduler, e.g. tcp://host:8786.",
+        autocompletion=words("local"),
+    ),
+]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print only errors.")]
 JsonFile = Annotated[
     str | None,
     typer.Option("--json", metavar="FILE", help="Write the result as JSON instead of printing; - for standard output."),
 ]
+
+
+def check_resume(*, resume: bool, overwrite: bool) -> None:
+    """Raise UsageError where both are asked for."""
+    if resume and overwrite:
+        raise UsageError("--resume continues what is there, --overwrite replaces it; leave one of them out")
 
 
 def read_fraction(text: str, option: str) -> float:

@@ -6,14 +6,13 @@ from typing import Any
 
 from pydantic import computed_field
 
+from drumsqueal.findings.intervals import Interval, common, joined
 from drumsqueal.findings.parameter import Parameter
 from drumsqueal.findings.part import Finding, Held
 from drumsqueal.findings.schema import Findings
 from drumsqueal.outcome import Ending
 from drumsqueal.questions.cycle.orbit import Cycle, Event
 from drumsqueal.solve.linear.branches import Branches, Critical
-
-Interval = tuple[float, float]
 
 
 class End(StrEnum):
@@ -127,7 +126,7 @@ class Diagram(Finding):
         """Ranges with a stable cycle at least."""
         pieces = (piece for branch in self.branches for piece in branch.pieces())
         values = ([cycle.value for cycle in cycles] for cycles, stable in pieces if stable)
-        return _merged([(min(each), max(each)) for each in values])
+        return joined([(min(each), max(each)) for each in values])
 
     @computed_field
     @property
@@ -149,12 +148,7 @@ class Diagram(Finding):
     @property
     def squeals_only_when_kicked(self) -> tuple[Interval, ...]:
         """Bistable ranges: steady sliding is stable and a stable cycle is, too."""
-        return tuple(
-            (max(low, first), min(high, last))
-            for low, high in self.steady_sliding_stable
-            for first, last in self.stable_cycles
-            if min(high, last) > max(low, first)
-        )
+        return common(self.steady_sliding_stable, self.stable_cycles)
 
     @computed_field
     @property
@@ -170,7 +164,7 @@ class Diagram(Finding):
                 kicked = any(a <= middle <= b for a, b in self.squeals_only_when_kicked)
                 if not kicked and any(each.low <= middle <= each.high for each in self.not_followed):
                     unknown.append((first, last))
-        return _merged(unknown)
+        return joined(unknown)
 
     def _known_and_unknown(self) -> list[Interval]:
         return [*self.squeals_only_when_kicked, *((each.low, each.high) for each in self.not_followed)]
@@ -210,14 +204,4 @@ def steady_sliding(linear: Branches, low: float, high: float, *, stable: bool) -
         nearest = min(linear.points, key=lambda point: abs(point.value - middle))
         if not nearest.reason and nearest.unstable != stable:
             spans.append((first, last))
-    return _merged(spans)
-
-
-def _merged(spans: list[Interval]) -> tuple[Interval, ...]:
-    merged: list[Interval] = []
-    for low, high in sorted(spans):
-        if merged and low <= merged[-1][1]:
-            merged[-1] = (merged[-1][0], max(high, merged[-1][1]))
-        else:
-            merged.append((low, high))
-    return tuple(merged)
+    return joined(spans)

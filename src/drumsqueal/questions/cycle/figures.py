@@ -10,8 +10,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from drumsqueal.findings.intervals import Interval
 from drumsqueal.findings.vibration import ROTATIONS, unit_of
-from drumsqueal.questions.cycle.diagram import CycleBranches, Diagram, Interval
+from drumsqueal.questions.cycle.diagram import CycleBranches, Diagram
 from drumsqueal.questions.cycle.orbit import Cycle, Event
 from drumsqueal.questions.cycle.search import CycleStudy
 from drumsqueal.questions.onset.figure import DASHES, OTHER, SHADES, draw_cycles, limit_amplitudes

@@ -3,10 +3,11 @@
 import math
 from collections.abc import Sequence
 
+from drumsqueal.findings.intervals import Interval
 from drumsqueal.findings.signals.regime import Kind, Regime
 from drumsqueal.findings.vibration import unit_of
 from drumsqueal.physics.effects.contact import Contact
-from drumsqueal.questions.cycle.diagram import Diagram, Interval, OffBranch
+from drumsqueal.questions.cycle.diagram import Diagram, OffBranch
 from drumsqueal.questions.cycle.orbit import Cycle
 from drumsqueal.scene.quantities import percent
 from drumsqueal.scene.variation import Variation

@@ -9,8 +9,7 @@ from drumsqueal.errors import RequestError
 from drumsqueal.files.claims import claim_results
 from drumsqueal.files.output_folder import FIT_FILES, history_file
 from drumsqueal.questions.compare.command import SIGNAL, is_history
-from drumsqueal.scene import load_scene
-from drumsqueal.scene.file import apply_setting, read_tables
+from drumsqueal.scene import load_with_tables
 from drumsqueal.terminal.completion import SIGNALS, complete_list, words
 from drumsqueal.terminal.options import (
     JsonFile,
@@ -79,10 +78,7 @@ def fit_command(
     keys = [key.strip() for part in vary or () for key in part.split(",") if key.strip()]
     if not keys:
         raise RequestError("--vary: name at least one number to fit, such as --vary contact.stiffness")
-    loaded = load_scene(scene, settings or ())
-    tables = read_tables(scene)
-    for setting in settings or ():
-        tables = apply_setting(tables, setting)
+    loaded, tables = load_with_tables(scene, settings or ())
     folder = output if output is not None else Path("out") / f"{scene.stem}-fit"
     read = (scene, history_file(measured))
     reply = Reply.next_to(folder, FIT_FILES, read, quiet, json_file, overwrite=overwrite)

@@ -27,8 +27,7 @@ from drumsqueal.questions.fit.words import describe_fit, describe_notes
 from drumsqueal.questions.sensitivity.decay import DISTURBANCE
 from drumsqueal.questions.sensitivity.stabilising import numbers_of, variable_numbers
 from drumsqueal.questions.sensitivity.study import at_one_time
-from drumsqueal.scene import Scene, load_scene
-from drumsqueal.scene.file import read_tables
+from drumsqueal.scene import Scene, load_with_tables
 from drumsqueal.scene.quantities import parse_quantity
 from drumsqueal.scene.variation import unit_of
 from drumsqueal.scene.written import Written
@@ -73,7 +72,7 @@ def fit_scene(
     if not vary:
         raise RequestError("--vary: name at least one number, such as --vary contact.stiffness")
     if not isinstance(scene, Scene):
-        written = written or Written(load_scene(scene), read_tables(scene))
+        written = written or Written(*load_with_tables(scene))
         scene = written.scene
     if not isinstance(measured, Measured):
         file, measured = file or measured, read_record(Path(measured), channel, signal)
@@ -104,7 +103,9 @@ def read_record(
 
     `first` and `last` (s) are the part to take, `rate` (Hz) is that of a file without one. Raises RequestError.
     """
-    if not _is_history(path):
+    from drumsqueal.questions.compare.command import is_history
+
+    if not is_history(path):
         return read_measured(path, channel, rate=rate, first=first, last=last)
     if rate is not None:
         raise RequestError(f"--rate: {path} is a history, which has its own; leave it out")
@@ -121,12 +122,6 @@ def read_record(
     if not np.ptp(found.values) > 0:
         raise RequestError(f"{path}: {names[0]} does not move in this history; take another with --channel")
     return Measured(names[0], found.units, saved.sample_rate, float(time[part.start]), found.values, ())
-
-
-def _is_history(path: Path) -> bool:
-    from drumsqueal.questions.compare.command import is_history
-
-    return is_history(path)
 
 
 def _fit_linear(

@@ -12,15 +12,8 @@ from drumsqueal.files.output_folder import MATRIX, MATRIX_DATA, MATRIX_SUMMARY, 
 from drumsqueal.findings.history import COMPLETE
 from drumsqueal.progress import Progress
 from drumsqueal.questions.matrix.figure import draw_matrix
-from drumsqueal.questions.matrix.study import (
-    CLEAR,
-    CellFound,
-    NoiseMatrix,
-    Verdict,
-    find_matrix,
-    matrix_table,
-    shown_axes,
-)
+from drumsqueal.questions.matrix.found import CLEAR, NoiseMatrix, Verdict, shown_levels
+from drumsqueal.questions.matrix.study import find_matrix, matrix_table
 from drumsqueal.questions.matrix.table import MatrixPlan
 from drumsqueal.questions.sweep.file import SweepFile, outcome_of
 from drumsqueal.questions.sweep.filling import Source, fill_file
@@ -61,31 +54,23 @@ def print_matrix(console: Console, found: NoiseMatrix) -> None:
     """Print the cells that squeal, and how many are quiet."""
     if found.squeal:
         print_table(console, _table(found))
-    quiet = len(found.cells) - found.squeal - found.not_clear
-    large = f", {found.squeal_after_large_only} of them after a large disturbance only" * bool(found.squeal)
-    console.print(f"{found.squeal} of {len(found.cells)} cells squeal{large}; {quiet} are quiet")
+    console.print(found.headline)
     if found.squeal:
         loudest = max(found.cells, key=lambda cell: cell.level_dB if math.isfinite(cell.level_dB) else -math.inf)
-        where = ", ".join(f"{name} {label}" for name, label in _shown(found, loudest).items())
+        where = ", ".join(f"{name} {label}" for name, label in shown_levels(found, loudest).items())
         size = f"{loudest.velocity_m_per_s:.3g} m/s rms of the shoe at {loudest.frequency_Hz:.4g} Hz"
         console.print(printable(f"Loudest: {size}{where and f', at {where}'}"))
         console.print("Levels: rms velocity of the shoe, over its mass and over time, re 1 nm/s (ISO 1683)")
     unclear = [cell for cell in found.cells if cell.verdict not in CLEAR]
     for cell in unclear:
-        where = ", ".join(f"{name} {label}" for name, label in _shown(found, cell).items())
-        console.print(printable(f"{cell.verdict}{where and f' at {where}'}: {cell.outcome}"))
-
-
-def _shown(found: NoiseMatrix, cell: CellFound) -> dict[str, str]:
-    """The labels of a cell on the axes that have several levels."""
-    across, down = shown_axes(found)
-    return {name: cell.levels[name] for name in (*down, across) if len(found.axes[name]) > 1}
+        where = ", ".join(f"{name} {label}" for name, label in shown_levels(found, cell).items())
+        console.print(printable(f"{cell.verdict}{where and f' ({where})'}: {cell.outcome}"))
 
 
 def _table(found: NoiseMatrix) -> Table:
     table = Table(title=found.title or "Noise matrix", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     loud = [cell for cell in found.cells if cell.verdict is Verdict.SQUEALS]
-    names = list(_shown(found, loud[0]))
+    names = list(shown_levels(found, loud[0]))
     procedures = any(math.isfinite(cell.time_s) for cell in loud)
     for name in names:
         table.add_column(name.replace(".", "\n").replace("_", " "))
@@ -94,7 +79,7 @@ def _table(found: NoiseMatrix) -> Table:
     table.add_column("after a\ndisturbance")
     for cell in loud:
         at = ["" if math.isnan(each) else f"{each:.3g}" for each in (cell.time_s, cell.speed_rad_per_s)] * procedures
-        labels = _shown(found, cell).values()
+        labels = shown_levels(found, cell).values()
         table.add_row(*labels, f"{cell.frequency_Hz:.4g}", f"{cell.level_dB:.1f}", *at, cell.after or "")
     return table
 

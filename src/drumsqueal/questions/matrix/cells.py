@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from drumsqueal.errors import SteadyStateError
 from drumsqueal.findings.boundaries import pressure_fraction, slip_fraction
-from drumsqueal.findings.decay import BEYOND, NEARLY_LINEAR
+from drumsqueal.findings.decay import BEYOND, falls_as_small, rate_of_halves
 from drumsqueal.findings.signals.spectra import amplitude_spectrum, spectral_peaks
 from drumsqueal.physics.composition import linear_coordinates
 from drumsqueal.physics.model import Model, build_model
@@ -21,7 +21,16 @@ from drumsqueal.questions.matrix.table import WINDOW, MatrixPlan
 from drumsqueal.questions.onset.attractors import Family, How, Start, find_attractors
 from drumsqueal.questions.onset.found import SMALL_START, Leads, Row
 from drumsqueal.questions.onset.kicks import directions
-from drumsqueal.questions.sweep.points import COMPUTED, FAILED, FOLDED, NOWHERE, Columns, blank
+from drumsqueal.questions.sweep.points import (
+    COMPUTED,
+    FAILED,
+    FOLDED,
+    NOT_SETTLED,
+    NOWHERE,
+    STILL_FALLS,
+    Columns,
+    blank,
+)
 from drumsqueal.questions.sweep.starts import point_of, round_of
 from drumsqueal.scene import COORDINATES, Scene
 from drumsqueal.solve.linear.branches import Point
@@ -29,7 +38,8 @@ from drumsqueal.solve.linear.modes import Stability, analyse_stability
 from drumsqueal.solve.linear.passage import point_in_time
 from drumsqueal.solve.transient.batch import integrate_many
 
-QUIET, SQUEALS, UNCLEAR = 0, 1, 2
+QUIET, SQUEALS, UNCLEAR, UNDECIDED = range(4)
+OF_OUTCOME = {COMPUTED: QUIET, STILL_FALLS: UNDECIDED}  # where nothing squeals
 TURNS = 0.02  # of the largest drum speed: below it the drum all but stands, and what slips back is no squeal
 
 
@@ -75,9 +85,9 @@ def compute_cells(plan: MatrixPlan, first: int, stop: int, threads: int | None, 
             continue
         columns["growth_rate"][k] = max((mode.growth_rate for mode in cell.stability.modes), default=np.nan)
         columns["unstable"][k] = bool(cell.stability.unstable)
-        found, unclear, failed = (_through if procedure.time else _lasting)(cell, threads, lambda *_: look())
-        columns["outcome"][k] = FAILED if failed else COMPUTED
-        columns["squeal"][k] = SQUEALS if found else UNCLEAR if unclear or failed else QUIET
+        found, outcome = (_through if procedure.time else _lasting)(cell, threads, lambda *_: look())
+        columns["outcome"][k] = outcome
+        columns["squeal"][k] = SQUEALS if found else OF_OUTCOME.get(outcome, UNCLEAR)
         _note(columns, k, found)
     return columns
 
@@ -102,8 +112,8 @@ def _how(cell: Cell, threads: int | None) -> How:
     return How(simulate.sample_rate, simulate.tolerance, seconds, simulate.solver, threads)
 
 
-def _lasting(cell: Cell, threads: int | None, progress: Progress) -> tuple[list[Loudest], bool, bool]:
-    """The squeals at constant speed and load by the start that leads to each, whether any is unclear, or failed."""
+def _lasting(cell: Cell, threads: int | None, progress: Progress) -> tuple[list[Loudest], int]:
+    """The squeals at constant speed and load by the start that leads to each, and what became of the cell."""
     starts = {start.name: start for start in cell.starts}
     tasks = [(cell.point, start) for start in starts.values()]
     responses = list(find_attractors(cell.family, tasks, _how(cell, threads), progress=progress))
@@ -116,17 +126,22 @@ def _lasting(cell: Cell, threads: int | None, progress: Progress) -> tuple[list[
         if each.motion is not None
     ]
     leads = {each.leads_to for each in row.starts}
-    return found, bool(leads & {Leads.UNDECIDED, Leads.GROWS, Leads.RUNS_AWAY}), Leads.FAILED in leads
+    if Leads.FAILED in leads:
+        return found, FAILED
+    unclear = not found and leads & {Leads.UNDECIDED, Leads.GROWS, Leads.RUNS_AWAY}
+    return found, NOT_SETTLED if unclear else COMPUTED
 
 
-def _through(cell: Cell, threads: int | None, progress: Progress) -> tuple[list[Loudest], bool, bool]:
+def _through(cell: Cell, threads: int | None, progress: Progress) -> tuple[list[Loudest], int]:
     """The loudest squeal of a procedure from each start, in windows of 50 ms beyond a contact boundary.
 
-    That none is unclear, and whether any failed. The last window ends with the procedure and may overlap another.
+    And what became of the cell: where nothing squeals, a disturbance may still fall when the procedure ends. The last
+    window ends with the procedure and may overlap another.
     """
     starts, simulate = cell.starts, cell.scene.simulate
     steady = cell.family.shown(cell.stability.steady_state)
     loudest: list[Loudest | None] = [None] * len(starts)
+    falls = [False] * len(starts)  # in the window that was looked at last
     slowest_rate = cache(partial(_slowest_rate, cell))
     ended = np.full(len(starts), np.inf)  # s, where one has failed; where the drum all but stands that does not matter
     none = np.empty((0, len(steady)))
@@ -135,7 +150,7 @@ def _through(cell: Cell, threads: int | None, progress: Progress) -> tuple[list[
     samples = round(WINDOW * simulate.sample_rate)
 
     def hear(k: int, record: Record) -> None:
-        heard = _heard(cell.model, starts[k], *record, slowest_rate)
+        heard, falls[k] = _heard(cell.model, starts[k], *record, slowest_rate)
         loudest[k] = max((each for each in (loudest[k], heard) if each), key=_how_loud, default=None)
 
     stream = integrate_many(
@@ -157,7 +172,10 @@ def _through(cell: Cell, threads: int | None, progress: Progress) -> tuple[list[
     for k, rest in enumerate(held):
         if rest[0].size and last[k][0].size:
             hear(k, _part(_joined(last[k], rest), slice(-samples, None)))
-    return [each for each in loudest if each is not None], False, any(_turns(cell.model, each) for each in ended)
+    found = [each for each in loudest if each is not None]
+    if any(_turns(cell.model, each) for each in ended):
+        return found, FAILED
+    return found, STILL_FALLS if any(falls) and not found else COMPUTED
 
 
 def _joined(one: Record, other: Record) -> Record:
@@ -194,27 +212,28 @@ def _heard(
     vibration: NDArray,
     velocity: NDArray,
     slowest_rate: Callable[[float], float],
-) -> Loudest | None:
+) -> tuple[Loudest | None, bool]:
     """The squeal in a window; None where the motion stays within the contact boundaries, or the drum all but stands.
 
     Nor is it squeal where the motion falls, relative to the drum's speed, more than half as fast as the slowest mode
     changes at the speed and the load of the window: that is a disturbance which decays, or one on its way to squeal.
+    The other value is whether it falls so and is beyond a contact boundary in the second half of the window, too.
     """
     moments = model.operation.at(time)
     speed = np.broadcast_to(np.asarray(moments.drum_speed), time.shape)
     if not _turns(model, time):
-        return None
+        return None, False
     q, v = (dict(zip(model.names, columns.T, strict=True)) for columns in (vibration, velocity))
-    beyond = [pressure_fraction(model, q, moments.preload), slip_fraction(model, v, speed)]
-    if max(float(each.max()) for each in beyond) < BEYOND:
-        return None
-    energies = velocity**2 @ np.asarray(model.mass) / 2
-    energy, sizes = float(energies.mean()), np.sqrt([half.mean() for half in np.array_split(energies / speed**2, 2)])
-    middle = len(time) // 2
-    falls = -NEARLY_LINEAR * slowest_rate(float(time[middle])) * (time[-1] - time[0]) / 2
-    if falls < 0 and np.log(sizes[1] / sizes[0]) < falls:
-        return None
-    return Loudest(start, _rms(model, energy), _line(model, time, velocity), float(time[middle]), float(speed[middle]))
+    beyond = np.maximum(pressure_fraction(model, q, moments.preload), slip_fraction(model, v, speed)) >= BEYOND
+    if not beyond.any():
+        return None, False
+    energies, middle = velocity**2 @ np.asarray(model.mass) / 2, len(time) // 2
+    before, after = (float(half.mean()) for half in np.array_split(energies / speed**2, 2))
+    slowest = slowest_rate(float(time[middle]))
+    if slowest and falls_as_small(rate_of_halves(before, after, float(time[-1] - time[0])), -slowest):
+        return None, bool(beyond[middle:].any())
+    frequency, loud = _line(model, time, velocity), _rms(model, float(energies.mean()))
+    return Loudest(start, loud, frequency, float(time[middle]), float(speed[middle])), False
 
 
 def _line(model: Model, time: NDArray, velocity: NDArray) -> float:

@@ -1,17 +1,22 @@
 """`drumsqueal matrix TABLE -o DIR`."""
 
-from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from drumsqueal.files.output_folder import MATRIX_FILES
-from drumsqueal.terminal.completion import words
-from drumsqueal.terminal.options import JsonFile, Overwrite, Quiet, Resume, UsageError, output_option, read_file
+from drumsqueal.terminal.options import (
+    Cluster,
+    JsonFile,
+    Overwrite,
+    Quiet,
+    Resume,
+    check_resume,
+    output_option,
+    read_file,
+)
 from drumsqueal.terminal.reply import Reply
-
-_CLUSTER = "Compute in several processes: local, or the address of a Dask scheduler, e.g. tcp://host:8786."
 
 
 def matrix_command(
@@ -19,9 +24,7 @@ def matrix_command(
         Path, typer.Argument(metavar="TABLE", parser=read_file, help="Table of scenes (TOML).", show_default=False)
     ],
     output: Annotated[Path | None, output_option("TABLE-matrix")] = None,
-    cluster: Annotated[
-        str | None, typer.Option("--cluster", metavar="WHERE", help=_CLUSTER, autocompletion=words("local"))
-    ] = None,
+    cluster: Cluster = None,
     overwrite: Overwrite = False,
     resume: Resume = False,
     quiet: Quiet = False,
@@ -36,23 +39,14 @@ def matrix_command(
 
     Example: drumsqueal matrix noise.toml -o out/noise
     """
-    if resume and overwrite:
-        raise UsageError("--resume continues what is there, --overwrite replaces it; leave one of them out")
+    check_resume(resume=resume, overwrite=overwrite)
     from drumsqueal.questions.matrix.table import read_matrix
 
     plan = read_matrix(table)
     folder = output if output is not None else Path("out") / f"{table.stem}-matrix"
     reply = Reply.next_to(folder, MATRIX_FILES, (table,), quiet, json_file, overwrite=overwrite or resume)
     from drumsqueal.questions.matrix.answer import matrix_into
-    from drumsqueal.questions.sweep.cluster import check_cluster, connected
-    from drumsqueal.questions.sweep.filling import here
-    from drumsqueal.terminal.runner import shown_progress
+    from drumsqueal.questions.sweep.cluster import source_of
 
-    if cluster is None:
-        matrix_into(reply, plan, here, resume=resume)
-        return
-    check_cluster(cluster)
-    with ExitStack() as stack:
-        with shown_progress(reply.console) as progress:
-            workers = stack.enter_context(connected(cluster, progress))
-        matrix_into(reply, plan, workers.results, resume=resume)
+    with source_of(cluster, reply.console) as source:
+        matrix_into(reply, plan, source, resume=resume)

@@ -9,7 +9,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from drumsqueal.questions.matrix.study import CellFound, Disturbance, NoiseMatrix, Verdict, in_rows, shown_axes
+from drumsqueal.questions.matrix.found import CellFound, Disturbance, NoiseMatrix, Verdict, in_rows, shown_axes
 from drumsqueal.terminal import style
 from drumsqueal.terminal.style import frame, new_figure, styled
 

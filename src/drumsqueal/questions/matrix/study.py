@@ -1,22 +1,18 @@
-"""A noise matrix: which cells squeal, at what frequency, how loud, and after what disturbance."""
+"""A noise matrix in memory, and its cells as a table."""
 
 import csv
 import io
 import math
 import os
-from enum import StrEnum
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import xarray
-from pydantic import Field
 
-from drumsqueal.findings.history import versions
-from drumsqueal.findings.part import Finding, Held, Number
 from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.matrix.cells import QUIET, SQUEALS, UNCLEAR
-from drumsqueal.questions.matrix.table import PROCEDURE, SCENE, MatrixPlan, read_matrix
+from drumsqueal.questions.matrix.cells import QUIET, SQUEALS, UNCLEAR, UNDECIDED
+from drumsqueal.questions.matrix.found import CLEAR, CellFound, Disturbance, NoiseMatrix, Verdict
+from drumsqueal.questions.matrix.table import MatrixPlan, read_matrix
 from drumsqueal.questions.sweep.points import OUTCOMES
 from drumsqueal.questions.sweep.study import in_memory
 from drumsqueal.scene import COORDINATES
@@ -24,69 +20,13 @@ from drumsqueal.scene import COORDINATES
 REFERENCE = 1e-9  # m/s, of velocity levels by ISO 1683
 
 
-class Verdict(StrEnum):
-    """What is known of a cell."""
-
-    QUIET = "quiet"
-    SQUEALS = "squeals"
-    NOT_CLEAR = "not clear"
-    NOT_COMPUTED = "not computed"
-
-
-class Disturbance(StrEnum):
-    """The smallest disturbance after which a cell squeals."""
-
-    SMALL = "small"
-    LARGE = "large"
-
-
-VERDICTS = {QUIET: Verdict.QUIET, SQUEALS: Verdict.SQUEALS, UNCLEAR: Verdict.NOT_CLEAR}
-CLEAR = (Verdict.QUIET, Verdict.SQUEALS)
+VERDICTS = {
+    QUIET: Verdict.QUIET,
+    SQUEALS: Verdict.SQUEALS,
+    UNCLEAR: Verdict.NOT_CLEAR,
+    UNDECIDED: Verdict.UNDECIDED,
+}
 DISTURBANCES = {0: Disturbance.SMALL, 1: Disturbance.LARGE}
-
-
-class CellFound(Finding):
-    """A cell by its labels: whether it squeals, by transients and by eigenvalues, and its squeal.
-
-    That is the one after a small disturbance, or else the loudest after a large one.
-    `velocity_m_per_s` is the rms velocity of the shoe over its mass and over time, `level_dB` that over 1 nm/s (ISO
-    1683); of a procedure it is that of its loudest 50 ms, in the middle of which are `time_s` and `speed_rad_per_s`.
-    `disturbance` is the smallest that it was found after, `after` says of a large one also along which mode it was.
-    """
-
-    levels: dict[str, str]
-    verdict: Verdict
-    outcome: str
-    unstable: bool | None
-    growth_rate_1_per_s: Number
-    frequency_Hz: Number
-    velocity_m_per_s: Number
-    level_dB: Number
-    after: str | None
-    time_s: Number
-    speed_rad_per_s: Number
-    small_frequency_Hz: Number
-    small_velocity_m_per_s: Number
-    disturbance: Disturbance | None = None
-
-
-class NoiseMatrix(Finding):
-    """Every cell, how many squeal after a small disturbance and after a large one only, and how many are not clear."""
-
-    printed_by = "drumsqueal.questions.matrix.answer.print_matrix"
-    title: str
-    axes: dict[str, list[str]]
-    cells: tuple[CellFound, ...]
-    squeal: int
-    squeal_after_large_only: int
-    not_clear: int
-    versions: dict[str, str] = Field(default_factory=versions)
-    data: Any = Held
-
-    def __repr__(self) -> str:
-        """One line."""
-        large = f"{self.squeal_after_large_only} of them after a large disturbance only"
-        return f"NoiseMatrix of {len(self.cells)} cells: {self.squeal} squeal, {large}"
 
 
 def study_matrix(
@@ -149,19 +89,3 @@ def matrix_table(found: NoiseMatrix) -> str:
         row = ("" if each is None or (isinstance(each, float) and math.isnan(each)) else each for each in values)
         writer.writerow([*cell.levels.values(), *row])
     return text.getvalue()
-
-
-def shown_axes(found: NoiseMatrix) -> tuple[str, list[str]]:
-    """The axis of the columns, the first that has several levels, and those of the rows that have."""
-    several = [name for name, labels in found.axes.items() if len(labels) > 1]
-    columns = next((name for name in several if name not in (SCENE, PROCEDURE)), several[0] if several else SCENE)
-    return columns, [name for name in several if name != columns]
-
-
-def in_rows(found: NoiseMatrix) -> tuple[list[str], list[tuple[str, list[CellFound]]]]:
-    """The labels of the columns, and of each row its label and cells."""
-    across, down = shown_axes(found)
-    rows: dict[str, list[CellFound]] = {}
-    for cell in found.cells:
-        rows.setdefault(", ".join(cell.levels[name] for name in down), []).append(cell)
-    return found.axes[across], list(rows.items())

@@ -7,6 +7,7 @@ from itertools import pairwise
 from typing import Any, Self, cast
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, computed_field
 
 from drumsqueal.findings.parameter import Parameter
@@ -26,6 +27,7 @@ ALIKE_ENERGY, ALIKE_FREQUENCY = 0.5, 0.05
 SAME_RMS, SAME_FREQUENCY = 0.05, 5e-3
 # An irregular motion is known no better than it fluctuates: in standard deviations of a part of it, and that at most.
 FLUCTUATIONS, MOST_FLUCTUATION = 2.0, 0.25
+TINY = 1e-300  # J: of a motion without energy the logarithm is finite
 COUNTS = 1e-3  # of the largest rms, m or rad: a coordinate that moves less does not distinguish motions
 
 
@@ -118,11 +120,19 @@ class Motion(Finding):
 
     def apart(self, other: "Motion") -> float:
         """How much less alike in size and frequency they are, over what counts as alike."""
-        sizes = [max(each.kinetic_energy_J, 1e-300) for each in (self, other)]
-        apart = abs(np.log(sizes[0] / sizes[1])) / ALIKE_ENERGY
-        if self.frequency_Hz is not None and other.frequency_Hz is not None:
-            apart = max(apart, abs(np.log(self.frequency_Hz / other.frequency_Hz)) / ALIKE_FREQUENCY)
-        return float(apart)
+        frequencies = (self.frequency_Hz or math.nan, other.frequency_Hz or math.nan)
+        return how_unlike((self.kinetic_energy_J, other.kinetic_energy_J), frequencies)
+
+
+def how_unlike(
+    energies: Sequence[float] | NDArray[np.float64], frequencies: Sequence[float] | NDArray[np.float64]
+) -> float:
+    """How far two motions are apart in kinetic energy and frequency (NaN: none), over what counts as alike."""
+    sizes = [math.log(max(each, TINY)) for each in energies]
+    apart = abs(sizes[0] - sizes[1]) / ALIKE_ENERGY
+    if any(map(math.isnan, frequencies)):
+        return apart
+    return max(apart, abs(math.log(frequencies[0] / frequencies[1])) / ALIKE_FREQUENCY)
 
 
 class Response(Finding):

@@ -7,8 +7,9 @@ from rich.console import Console
 from drumsqueal.files.output_folder import write_whole
 from drumsqueal.findings.part import Finding
 from drumsqueal.progress import Progress, silent
+from drumsqueal.questions.report.matrix_page import matrix_content
 from drumsqueal.questions.report.onset_page import onset_content
-from drumsqueal.questions.report.page import MEGABYTE, render
+from drumsqueal.questions.report.page import MEGABYTE, about_scene, render
 from drumsqueal.questions.report.run_page import run_content
 from drumsqueal.scene.quantities import printable
 
@@ -23,14 +24,18 @@ class Page(Finding):
 
 
 def write_page(file: Path, folder: Path, kind: str, progress: Progress = silent) -> Page:
-    """Write the page of a folder that holds results of the command `kind`, "run" or "onset".
+    """Write the page of a folder that holds results of the command `kind`, "run", "onset" or "matrix".
 
     Raises RequestError for files that this version does not take, and OSError.
     """
     progress("reading", 0.0, None)
-    found, content = run_content(folder) if kind == "run" else onset_content(folder, progress)
+    if kind == "matrix":
+        found, content = matrix_content(folder)
+    else:
+        found, content = run_content(folder) if kind == "run" else onset_content(folder, progress)
+        content |= about_scene(found.scene)
     progress("writing the page", 0.0, None)
-    page = render(f"{kind}.html", found.scene, content | {"found": found}).encode()
+    page = render(f"{kind}.html", content | {"found": found}).encode()
     progress("writing the page", 1.0, 1.0)
     write_whole(file, page)
     return Page(finding=content["headline"], warning=content["warning"], page=str(file), bytes=len(page))

@@ -9,6 +9,9 @@ from drumsqueal.errors import RequestError
 from drumsqueal.files.claims import claim_results
 from drumsqueal.files.output_folder import (
     HISTORY,
+    MATRIX_DATA,
+    MATRIX_FILES,
+    MATRIX_SUMMARY,
     ONSET_FILES,
     ONSET_SUMMARY,
     ONSET_TABLE,
@@ -25,7 +28,10 @@ def report_command(
     folder: Annotated[
         Path,
         typer.Argument(
-            metavar="DIR", parser=read_folder, help="Folder with the results of run or onset.", show_default=False
+            metavar="DIR",
+            parser=read_folder,
+            help="Folder with the results of run, onset or matrix.",
+            show_default=False,
         ),
     ],
     output: Annotated[
@@ -36,7 +42,7 @@ def report_command(
     quiet: Quiet = False,
     json_file: JsonFile = None,
 ) -> None:
-    """Make one HTML page of the results of run or onset.
+    """Make one HTML page of the results of run, onset or matrix.
 
     The page needs no network. It holds the verdict, figures, animated modes, sound, accuracy, scene and versions.
 
@@ -45,7 +51,7 @@ def report_command(
     kind = what_is_in(folder)
     file = folder / REPORT if output is None else output
     check_ending(file, (".html", ".htm"), "a page")
-    read = [folder / name for name in (*RUN_FILES, *ONSET_FILES) if name != REPORT]
+    read = [folder / name for name in (*RUN_FILES, *ONSET_FILES, *MATRIX_FILES) if name != REPORT]
     reply = Reply.with_file(file, read, quiet, json_file, overwrite=overwrite)
     claim_results(folder)
     from drumsqueal.questions.report.answer import print_page, write_page
@@ -55,18 +61,20 @@ def report_command(
 
 
 def what_is_in(folder: Path) -> str:
-    """Which command's results a folder holds, "run" or "onset". Raises RequestError for neither, and for both."""
-    kinds = {"run": (SUMMARY, HISTORY), "onset": (ONSET_SUMMARY, ONSET_TABLE)}
+    """Whose results a folder holds, "run", "onset" or "matrix". Raises RequestError for none, and for several."""
+    kinds = {"run": (SUMMARY, HISTORY), "onset": (ONSET_SUMMARY, ONSET_TABLE), "matrix": (MATRIX_SUMMARY, MATRIX_DATA)}
     try:
         if not folder.is_dir():
             there = "a file, not a folder" if folder.exists() else "not there"
-            raise RequestError(f"{folder} is {there}; name a folder that drumsqueal run or drumsqueal onset wrote")
+            raise RequestError(f"{folder} is {there}; name a folder that drumsqueal run, onset or matrix wrote")
         held = [kind for kind, files in kinds.items() if any((folder / name).is_file() for name in files)]
     except OSError as error:
         raise RequestError(f"{folder}: cannot be read ({error.strerror or error})") from None
     if not held:
-        fault = f"{folder} holds neither a run ({SUMMARY}, {HISTORY}) nor a study of the onset ({ONSET_SUMMARY})"
-        raise RequestError(f"{fault}; name a folder that one of them wrote")
+        wanted = f"a run ({SUMMARY}, {HISTORY}), a study of the onset ({ONSET_SUMMARY}) or a matrix ({MATRIX_SUMMARY})"
+        raise RequestError(f"{folder} does not hold {wanted}; name a folder that one of them wrote")
     if len(held) > 1:
-        raise RequestError(f"{folder} holds a run and a study of the onset; put one of them into a folder of its own")
+        raise RequestError(
+            f"{folder} holds the results of {' and '.join(held)}; put one of them into a folder of its own"
+        )
     return held[0]

@@ -3,6 +3,7 @@
 import base64
 import hashlib
 import importlib.metadata
+import math
 import re
 import struct
 from pathlib import Path
@@ -52,7 +53,18 @@ def data_uri(kind: str, content: bytes) -> str:
     return f"data:{kind};base64,{base64.b64encode(content).decode()}"
 
 
-def render(template: str, scene: Scene, content: dict[str, Any]) -> str:
+def about_scene(scene: Scene) -> dict[str, Any]:
+    """What a template takes of the scene."""
+    toml = scene.to_toml()
+    return {
+        "title": scene.title or "Untitled scene",
+        "tolerance": scene.simulate.tolerance,
+        "toml": toml,
+        "toml_uri": data_uri("application/toml", toml.encode()),
+    }
+
+
+def render(template: str, content: dict[str, Any]) -> str:
     """Fill in a template of this folder; whatever comes from a scene is escaped.
 
     The page states its own size, and allows by their hashes only its own style and script.
@@ -71,12 +83,7 @@ def render(template: str, scene: Scene, content: dict[str, Any]) -> str:
         lstrip_blocks=True,
     )
     environment.filters |= {"number": number, "breakable": breakable, "unit_of": unit_of}
-    toml = scene.to_toml()
     given = content | {
-        "title": scene.title or "Untitled scene",
-        "tolerance": scene.simulate.tolerance,
-        "toml": toml,
-        "toml_uri": data_uri("application/toml", toml.encode()),
         "maker": importlib.metadata.version("drumsqueal"),
         # Not escaped, for they are ours: what a browser takes as text to the end of the element.
         "style": Markup(style),
@@ -95,7 +102,7 @@ def breakable(text: str) -> str:
 
 def number(value: float | None, form: str = ".4g", factor: float = 1.0) -> str:
     """A number as it reads well, and as it was found for programs; a dash where there is none."""
-    if value is None:
+    if value is None or math.isnan(value):
         return Markup('<span class="none">–<span class="unseen"> not reported</span></span>')
     shown = format(value if factor == 1 else factor * value, form) if value else "0"
     shown = shown.lstrip("+-") if float(shown) == 0 else shown  # round-off has no sign

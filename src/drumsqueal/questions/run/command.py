@@ -12,7 +12,7 @@ from drumsqueal.terminal.options import (
     Resume,
     SceneFile,
     Settings,
-    UsageError,
+    check_resume,
     output_option,
 )
 from drumsqueal.terminal.reply import Reply
@@ -34,8 +34,7 @@ def run_command(
 
     Example: drumsqueal run scenarios/nominal.toml -o out/fast --set drum.speed=8
     """
-    if resume and overwrite:
-        raise UsageError("--resume continues what is there, --overwrite replaces it; leave one of them out")
+    check_resume(resume=resume, overwrite=overwrite)
     loaded = load_scene(scene, settings or ())
     # A file "...toml" is called "..", which would lead out of the folder out.
     folder = output if output is not None else Path("out") / (scene.stem if scene.stem.strip(".") else "scene")

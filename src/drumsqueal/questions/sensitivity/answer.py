@@ -12,7 +12,7 @@ from drumsqueal.files.output_folder import QUIET_SCENE, SENSITIVITY, SENSITIVITY
 from drumsqueal.questions.sensitivity.change import Change
 from drumsqueal.questions.sensitivity.quieting import Quieting
 from drumsqueal.questions.sensitivity.study import SensitivityStudy
-from drumsqueal.questions.sensitivity.words import quiet_sentence, squeal_words, without_answer
+from drumsqueal.questions.sensitivity.words import as_it_is, quiet_sentence, without_answer
 from drumsqueal.scene.quantities import printable
 from drumsqueal.scene.variation import unit_of
 from drumsqueal.terminal import style
@@ -59,10 +59,9 @@ def print_study(console: Console, study: SensitivityStudy) -> None:
 
 def _print_search(console: Console, study: SensitivityStudy) -> None:
     """Print what squeals, what each number alone would have to be, and the smallest change of all of them."""
-    if study.squeal is not None:
-        console.print(printable(squeal_words(study.squeal)), style="bold")
-    elif study.needs_no_change:
-        console.print("Nothing in this scene is unstable: there is nothing to make quiet.", style="bold")
+    words = as_it_is(study)
+    if words is not None:
+        console.print(printable(words), style="bold")
     if any(each.stable is not None or each.quiet is not None for each in study.alone):
         print_table(console, _each_alone(study))
     for line in without_answer(study.alone, study.stable):

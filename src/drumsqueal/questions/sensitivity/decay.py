@@ -1,5 +1,4 @@
-"""Does a brake whose modes all decay stay quiet in the nonlinear model, too? From its own start, and after a large
-disturbance."""
+"""Does a brake whose modes all decay stay quiet in the nonlinear model, too, from its own start?"""
 
 from enum import StrEnum
 
@@ -20,13 +19,6 @@ LAST = 0.1  # of the record, which shows how a motion ends
 SUSTAINED = (Kind.PERIODIC, Kind.QUASI_PERIODIC, Kind.IRREGULAR)
 
 
-class Start(StrEnum):
-    """Where a transient starts."""
-
-    OWN = "its own start"
-    DISTURBED = f"a disturbance of {DISTURBANCE:g} p0/k_c"
-
-
 class Outcome(StrEnum):
     """How a transient ends."""
 
@@ -45,7 +37,7 @@ class Decay(Finding):
     was run, and `reason` says why it failed.
     """
 
-    start: Start
+    start: str = "its own start"
     outcome: Outcome
     motion_ratio: float | None = None
     duration_s: float | None = None
@@ -60,14 +52,6 @@ class Decay(Finding):
         return {Outcome.DECAYS: True, Outcome.SQUEALS: False}.get(self.outcome)
 
 
-def nonlinear_decay(scene: Scene, progress: Progress = silent) -> tuple[Decay, Decay]:
-    """Transients of a scene from its own start and from a disturbance of 3 p0/k_c.
-
-    Raises SceneError for a scene that cannot be run.
-    """
-    return _run(Start.OWN, scene, progress), _run(Start.DISTURBED, disturbed(scene), progress)
-
-
 def disturbed(scene: Scene) -> Scene:
     """The scene with a start beyond the contact boundary: Y and Tz or, if neither is kept, whatever is."""
     shoe, load = scene.shoe, scene.contact.normal_load
@@ -79,19 +63,20 @@ def disturbed(scene: Scene) -> Scene:
     return scene.with_values({"start": {"displacement": start, "velocity": {}}})
 
 
-def _run(start: Start, scene: Scene, progress: Progress) -> Decay:
+def nonlinear_decay(scene: Scene, progress: Progress = silent) -> Decay:
+    """The transient of a scene from its own start. Raises SceneError for a scene that cannot be run."""
     prepared = prepare(scene)
     try:
         result = run_whole(prepared, progress)
     except IntegrationError as error:
-        return Decay(start=start, outcome=Outcome.FAILED, reason=str(error))
+        return Decay(outcome=Outcome.FAILED, reason=str(error))
     ratio = result.findings.motion_ratio
     if ratio is None:
-        return Decay(start=start, outcome=Outcome.NOT_STARTED)
+        return Decay(outcome=Outcome.NOT_STARTED)
     vibration = Vibration(result.history, result.stability)
     beyond = beyond_boundaries(result.history, result.stability.contact_fraction, prepared.linear)
     last = slice(vibration.time.size - max(1, round(LAST * vibration.time.size)), None)
-    found = Decay(start=start, outcome=Outcome.DECAYS, motion_ratio=ratio, duration_s=float(vibration.time[-1]))
+    found = Decay(outcome=Outcome.DECAYS, motion_ratio=ratio, duration_s=float(vibration.time[-1]))
     if ratio < 1 and not np.any(beyond[last]):
         return found
     saturation = result.findings.saturation

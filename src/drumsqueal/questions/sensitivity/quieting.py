@@ -80,7 +80,7 @@ class Quieting(Finding):
     `found` states whether every mode decays, and `quiet` whether no disturbance squeals either (None: not looked for).
     Where no change within the bounds does both, the change is the smallest that makes every mode decay or, where none
     does, the one with the least growth. `disturbances` are those of the changed scene, until one squealed;
-    `transients` are two that its scene file starts.
+    `transients` is the one that its scene file starts.
     """
 
     found: bool

@@ -157,7 +157,7 @@ def study_sensitivity(
     keep(study)
     if not quiet.found:
         return study
-    tested = quiet.model_copy(update={"transients": nonlinear_decay(quiet.scene, progress)})
+    tested = quiet.model_copy(update={"transients": (nonlinear_decay(quiet.scene, progress),)})
     return study.model_copy(update={"quiet": tested})
 
 

@@ -6,7 +6,7 @@ from drumsqueal.findings.vibration import unit_of
 from drumsqueal.questions.onset.found import Kick, Leads, Motion
 from drumsqueal.questions.sensitivity.alone import Alone
 from drumsqueal.questions.sensitivity.change import Change
-from drumsqueal.questions.sensitivity.decay import Decay, Outcome, Start
+from drumsqueal.questions.sensitivity.decay import Decay, Outcome
 from drumsqueal.questions.sensitivity.disturbing import Origin, Trial
 from drumsqueal.questions.sensitivity.quieting import Quieting, Squeal
 from drumsqueal.questions.sensitivity.study import SensitivityStudy
@@ -15,21 +15,27 @@ from drumsqueal.scene.variation import unit_of as unit_of_number
 MOST_NAMED = 3  # changes in a sentence
 
 
+def as_it_is(study: SensitivityStudy) -> str | None:
+    """What the brake does before anything is changed; None where modes grow but nothing can squeal."""
+    squeal = study.squeal
+    if study.needs_no_change:
+        tried = "" if squeal is None else f", and none of the {len(squeal.disturbances)} disturbances tried squeals"
+        return f"Nothing in this scene is unstable{tried}: there is nothing to make quiet."
+    return None if squeal is None else squeal_words(squeal)
+
+
 def squeal_words(squeal: Squeal) -> str:
-    """What the brake does as it is: whether it squeals, after which disturbance, at what frequency and how loud."""
+    """What a brake that is not quiet does: whether it squeals, after which disturbance, at what frequency, how loud."""
     number = len(squeal.disturbances)
     if not squeal.motions:
         if not squeal.steady_sliding_stable:
             return f"As it is, steady sliding is unstable; none of the {number} disturbances tried settles to squeal."
-        if not squeal.quiet:
-            left = [each for each in squeal.disturbances if each.leads_to is not Leads.DECAYS]
-            how = ", ".join(dict.fromkeys(each.leads_to for each in left))
-            return (
-                "As it is, steady sliding is stable, and no disturbance was seen to settle to squeal, but "
-                f"{len(left)} of the {number} tried do not decay either ({how})."
-            )
-        still = "there is nothing to make quiet"
-        return f"Nothing in this scene is unstable, and none of the {number} disturbances tried squeals: {still}."
+        left = [each for each in squeal.disturbances if each.leads_to is not Leads.DECAYS]
+        how = ", ".join(dict.fromkeys(each.leads_to for each in left))
+        return (
+            "As it is, steady sliding is stable, and no disturbance was seen to settle to squeal, but "
+            f"{len(left)} of the {number} tried do not decay either ({how})."
+        )
     if squeal.steady_sliding_stable:
         return f"As it is, steady sliding is stable, but squeals after a large disturbance. {_disturbances(squeal)}"
     each = "; ".join(f"{_motion(motion)} ({_start(motion, squeal.disturbances)})" for motion in squeal.motions)
@@ -103,7 +109,7 @@ def quiet_sentence(quiet: Quieting) -> str:
         sentences.append(f"None of the {len(quiet.disturbances)} disturbances tried squeals: {tried}.")
     # Of what has been shown to decay from every disturbance a record that is too short says nothing.
     shown = [each for each in quiet.transients if not (quiet.quiet and each.outcome is Outcome.NOT_SETTLED)]
-    return " ".join([*sentences, *(_ending(each) for each in shown if each.start is Start.OWN or not quiet.quiet)])
+    return " ".join([*sentences, *map(_ending, shown)])
 
 
 def _changes(quiet: Quieting) -> str:

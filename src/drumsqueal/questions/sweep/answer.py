@@ -14,7 +14,8 @@ from drumsqueal.progress import Progress
 from drumsqueal.questions.sweep.basin import Basin
 from drumsqueal.questions.sweep.basin_figure import draw_basin
 from drumsqueal.questions.sweep.chance import Chance
-from drumsqueal.questions.sweep.figure import draw_amplitude, draw_chance, draw_stability
+from drumsqueal.questions.sweep.chance_figure import draw_chance
+from drumsqueal.questions.sweep.figure import draw_amplitude, draw_stability
 from drumsqueal.questions.sweep.file import SweepFile
 from drumsqueal.questions.sweep.filling import Source, fill_file
 from drumsqueal.questions.sweep.points import COMPUTED, OUTCOMES, Starting

@@ -7,7 +7,7 @@ import xarray
 from numpy.typing import NDArray
 
 from drumsqueal.findings.part import Finding, Held, Number
-from drumsqueal.questions.onset.found import ALIKE_ENERGY, ALIKE_FREQUENCY, Leads
+from drumsqueal.questions.onset.found import Leads, how_unlike
 from drumsqueal.questions.sweep.chance import Chance, chance, fraction
 from drumsqueal.questions.sweep.points import LEADS, NONE, Starting, squealing
 
@@ -69,20 +69,12 @@ def number_motions(data: xarray.Dataset) -> NDArray[np.int16]:
     squeals = np.flatnonzero(leads == LEADS.index(Leads.SQUEALS))
     firsts: list[int] = []
     for k in squeals[np.argsort(-energy[squeals], kind="stable")]:
-        alike = (number for number, first in enumerate(firsts, 1) if _alike(energy[[first, k]], frequency[[first, k]]))
-        number = next(alike, 0)
+        unlike = [how_unlike(energy[[first, k]], frequency[[first, k]]) for first in firsts]
+        number = next((number for number, each in enumerate(unlike, 1) if each < 1), 0)
         if not number:
             firsts.append(int(k))
         numbers[k] = number or len(firsts)
     return numbers
-
-
-def _alike(energies: NDArray[np.float64], frequencies: NDArray[np.float64]) -> bool:
-    """Whether two motions are one, as `Motion.like` has it."""
-    near = bool(abs(np.diff(np.log(energies))[0]) < ALIKE_ENERGY)
-    if np.isnan(frequencies).any():
-        return near
-    return near and bool(abs(np.diff(np.log(frequencies))[0]) < ALIKE_FREQUENCY)
 
 
 def find_basin(data: xarray.Dataset, plan: Starting) -> Basin:

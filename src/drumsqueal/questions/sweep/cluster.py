@@ -16,10 +16,13 @@ from drumsqueal.errors import IntegrationError, RequestError, missing_extra
 from drumsqueal.findings.history import versions
 from drumsqueal.progress import Progress
 from drumsqueal.questions.sweep.cluster_work import work
+from drumsqueal.questions.sweep.filling import Source, here
 from drumsqueal.questions.sweep.points import Columns, Points
+from drumsqueal.terminal.runner import shown_progress
 
 if TYPE_CHECKING:
     from distributed import Client, Future
+    from rich.console import Console
 
 LOCAL = "local"
 PATIENCE = 20  # s to wait for a scheduler, for its first worker, and for one that is lost to come back
@@ -29,8 +32,23 @@ _LOOK = 0.1  # s between two looks for Ctrl-C
 _ADDRESS = re.compile(r"(tcp|tls|ws|wss|ucx)://\S+:[0-9]+")
 
 
-def check_cluster(name: str) -> None:
-    """Raise RequestError for what is neither "local" nor an address, and where the extra is not installed."""
+@contextmanager
+def source_of(cluster: str | None, console: "Console") -> Iterator[Source]:
+    """Where batches are computed: in this process, or for the time of a block by the workers of a cluster.
+
+    Raises RequestError for what is neither "local" nor an address, and where the extra is not installed.
+    """
+    if cluster is None:
+        yield here
+        return
+    _check_cluster(cluster)
+    with ExitStack() as stack:
+        with shown_progress(console) as progress:
+            workers = stack.enter_context(_connected(cluster, progress))
+        yield workers.results
+
+
+def _check_cluster(name: str) -> None:
     if name != LOCAL and not _ADDRESS.fullmatch(name):
         raise RequestError(f"--cluster {name}: write local, or the address of a scheduler such as tcp://host:8786")
     try:
@@ -107,7 +125,7 @@ class Cluster:
 
 
 @contextmanager
-def connected(name: str, progress: Progress) -> Iterator[Cluster]:
+def _connected(name: str, progress: Progress) -> Iterator[Cluster]:
     """Connect with the scheduler at an address, or start one here with a worker for each processor.
 
     Raises RequestError where no scheduler answers, or where it has no workers.

@@ -1,6 +1,5 @@
 """`drumsqueal sweep SCENE -o DIR`."""
 
-from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated
 
@@ -11,22 +10,22 @@ from drumsqueal.files.output_folder import SWEEP_FILES
 from drumsqueal.scene import Scene, load_scene
 from drumsqueal.scene.plan import Plan, grid, sample
 from drumsqueal.scene.variation import SYNTAX, read_variation
-from drumsqueal.terminal.completion import complete_range, words
+from drumsqueal.terminal.completion import complete_range
 from drumsqueal.terminal.options import (
+    Cluster,
     JsonFile,
     Overwrite,
     Quiet,
     Resume,
     SceneFile,
     Settings,
-    UsageError,
+    check_resume,
     output_option,
 )
 from drumsqueal.terminal.reply import Reply
 
 _VARY = "Values of a parameter, e.g. drum.speed=1..40x20; with --random a range, e.g. drum.speed=1..40. Repeatable."
 _RANDOM = "Number of random samples from the scene's table [uncertain] and from the ranges of --vary."
-_CLUSTER = "Compute in several processes: local, or the address of a Dask scheduler, e.g. tcp://host:8786."
 
 
 def sweep_command(
@@ -40,9 +39,7 @@ def sweep_command(
     transient: Annotated[
         bool, typer.Option("--transient", help="Also integrate every point: amplitude and frequency of the response.")
     ] = False,
-    cluster: Annotated[
-        str | None, typer.Option("--cluster", metavar="WHERE", help=_CLUSTER, autocompletion=words("local"))
-    ] = None,
+    cluster: Cluster = None,
     settings: Settings = None,
     overwrite: Overwrite = False,
     resume: Resume = False,
@@ -58,29 +55,20 @@ def sweep_command(
 
     Example: drumsqueal sweep scenarios/damped.toml --vary drum.speed=1..40x20 -o out/map
     """
-    if resume and overwrite:
-        raise UsageError("--resume continues what is there, --overwrite replaces it; leave one of them out")
+    check_resume(resume=resume, overwrite=overwrite)
     plan = _plan(load_scene(scene, settings or ()), vary or [], random, seed, transient)
     folder = output if output is not None else Path("out") / f"{scene.stem}-sweep"
     reply = Reply.next_to(folder, SWEEP_FILES, (scene,), quiet, json_file, overwrite=overwrite or resume)
     from drumsqueal.questions.sweep.answer import sweep_into
-    from drumsqueal.questions.sweep.cluster import check_cluster, connected
+    from drumsqueal.questions.sweep.cluster import source_of
     from drumsqueal.questions.sweep.file import find_sweep
-    from drumsqueal.questions.sweep.filling import here
     from drumsqueal.questions.sweep.study import check_plan
-    from drumsqueal.terminal.runner import shown_progress
 
     check_plan(plan)
     if resume:
         plan = find_sweep(folder, plan)
-    if cluster is None:
-        sweep_into(reply, plan, here, resume=resume)
-        return
-    check_cluster(cluster)
-    with ExitStack() as stack:
-        with shown_progress(reply.console) as progress:
-            workers = stack.enter_context(connected(cluster, progress))
-        sweep_into(reply, plan, workers.results, resume=resume)
+    with source_of(cluster, reply.console) as source:
+        sweep_into(reply, plan, source, resume=resume)
 
 
 def _plan(scene: Scene, vary: list[str], random: int | None, seed: int | None, transient: bool) -> Plan:

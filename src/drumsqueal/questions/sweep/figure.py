@@ -1,4 +1,4 @@
-"""The figures of a sweep: its stability, the probability of squeal, and amplitude and frequency of its response.
+"""The figures of a sweep: its stability, and amplitude and frequency of its response.
 
 A map has the first number along x and the second along y; panels are slices of the third and of the fourth.
 """
@@ -17,7 +17,6 @@ from matplotlib.patches import Patch
 
 from drumsqueal.findings.vibration import unit_of
 from drumsqueal.questions.sweep.points import squealing, undecided
-from drumsqueal.questions.sweep.summary import ChanceStudy
 from drumsqueal.scene import COORDINATES
 from drumsqueal.scene.plan import Plan
 from drumsqueal.terminal import style
@@ -31,9 +30,6 @@ RESPONSE_COLOURS = "viridis"
 BOUNDARY, OF_A_MODE = 2.2, 1.0  # line widths
 ROOM = 1.3  # of an axis of growth rates, over the largest
 LEGEND_COLUMNS = 5
-BINS = 40
-GROWS, DECAYS = style.COLOUR["Y"], style.TOUCHING
-BAR = 0.55  # of a row
 
 Panel = tuple[Axes, dict[str, Any]]
 """Where a part of the grid is drawn, and which part: the places of the numbers that are held."""
@@ -145,72 +141,6 @@ def _places_of_the_scene(plan: Plan, select: dict[str, Any]) -> list[float | Non
         else:
             found.append(None)
     return found
-
-
-# --- probability of squeal -----------------------------------------------------------------------------------------
-
-
-@styled()
-def draw_chance(sweep: xarray.Dataset, plan: Plan, chances: ChanceStudy) -> Figure:
-    """Draw growth rates and frequencies of the samples on the left, rank correlations on the right."""
-    squeal = chances.squeal
-    interval = f"{100 * squeal.low:.1f} to {100 * squeal.high:.1f} %"
-    fraction = f"{100 * squeal.share:.1f} % ({interval} at 95 %)"
-    figure = new_figure(plan.scene.title, f"probability of squeal by eigenvalues {fraction}, {squeal.total} samples")
-    left, right = figure.subfigures(1, 2, squeeze=False, width_ratios=[1.25, 1])[0]
-    upper, lower = left.subplots(2, 1)
-    _draw_growth(upper, sweep)
-    _draw_frequencies(lower, sweep)
-    _draw_correlations(right.subplots(), chances)
-    return figure
-
-
-def _draw_growth(axes: Axes, sweep: xarray.Dataset) -> None:
-    growth = sweep["largest_growth_rate"].values
-    growth = growth[np.isfinite(growth)]
-    if growth.size:
-        edges = _edges_through_zero(float(growth.min()), float(growth.max()))
-        counts, _ = np.histogram(growth, edges)
-        colours = [GROWS if low >= 0 else DECAYS for low in edges[:-1]]
-        axes.bar(edges[:-1], counts / growth.size * 100, np.diff(edges), align="edge", color=colours, linewidth=0)
-    axes.axvline(0, color=style.DARK, linewidth=0.6)
-    frame(axes, "largest growth rate (1/s)", "samples (%)")
-
-
-def _edges_through_zero(low: float, high: float) -> np.ndarray:
-    """Edges of bins of one width, one of them at zero where that lies between: no bar is of both kinds."""
-    width = max((high - low) / BINS, 1e-9 * max(abs(low), abs(high), 1e-9))
-    if low < 0 < high:
-        return width * np.arange(np.floor(low / width), np.ceil(high / width) + 1)
-    return low + width * np.arange(BINS + 1)
-
-
-def _draw_frequencies(axes: Axes, sweep: xarray.Dataset) -> None:
-    unstable, which = sweep["unstable"].values == 1, sweep["mode_coordinate"].values
-    frequency, samples = sweep["frequency"].values, sweep.sizes["sample"]
-    if unstable.any():
-        edges = np.histogram_bin_edges(frequency[unstable], 2 * BINS).tolist()
-        for index, name in enumerate(COORDINATES):
-            mine = frequency[unstable & (which == index)]
-            if mine.size:
-                weights = np.full(mine.size, 100 / samples)
-                axes.hist(mine, edges, weights=weights, color=style.COLOUR[name], label=name, alpha=0.85)
-        axes.legend(loc="upper right", title="mode")
-    else:
-        axes.text(0.5, 0.5, "no sample squeals", transform=axes.transAxes, ha="center", fontsize=style.SMALL_SIZE)
-    frame(axes, "frequency of unstable modes (Hz)", "samples (%)")
-
-
-def _draw_correlations(axes: Axes, chances: ChanceStudy) -> None:
-    known = dict(reversed(chances.known_correlations.items()))
-    axes.axvspan(-chances.noise, chances.noise, color=style.PALE, linewidth=0, zorder=0)
-    axes.axvline(0, color=style.DARK, linewidth=0.6)
-    axes.barh(range(len(known)), list(known.values()), height=BAR, color=style.SEPARATED)
-    axes.set_yticks(range(len(known)), [in_words(key).replace(" ", "\n", 1) for key in known])
-    axes.set_xlim(-1, 1)
-    axes.set_ylim(-0.6, max(len(known), 1) - 0.4)
-    frame(axes, "rank correlation with the largest\ngrowth rate; pale band: not significant", None)
-    axes.tick_params(axis="y", length=0)
 
 
 # --- steady-state response ------------------------------------------------------------------------------------------

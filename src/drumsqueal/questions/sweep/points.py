@@ -19,7 +19,7 @@ from drumsqueal.scene import COORDINATES
 from drumsqueal.scene.plan import Plan
 
 # Outcome of a point: why its numbers are NaN.
-COMPUTED, NOT_YET, AT_REST, NOT_FOUND, NOT_FINITE, NOT_TAKEN, FOLDED, FAILED = range(8)
+COMPUTED, NOT_YET, AT_REST, NOT_FOUND, NOT_FINITE, NOT_TAKEN, FOLDED, FAILED, NOT_SETTLED, STILL_FALLS = range(10)
 OUTCOMES = {
     COMPUTED: "computed",
     NOT_YET: "not computed yet",
@@ -29,6 +29,8 @@ OUTCOMES = {
     NOT_TAKEN: "the scene does not take these values",
     FOLDED: "no transient: the sample rate is below twice the highest frequency",
     FAILED: "no transient: its integration failed",
+    NOT_SETTLED: "it is not clear where a disturbance leads",
+    STILL_FALLS: "a disturbance still falls when the procedure ends",
 }
 NOWHERE = {
     NoSteadySliding.AT_REST: AT_REST,
@@ -41,7 +43,7 @@ MODES = len(COORDINATES)  # at most
 Starting = Plan | BodyPlan
 Points = Starting | MatrixPlan
 """What is computed at which points."""
-VERDICTS = ("none", "quiet", "squeals", "not clear")  # of a cell, from -1 on
+VERDICTS = ("none", "quiet", "squeals", "not clear", "undecided at its end")  # of a cell, from -1 on
 LEADS = tuple(Leads)
 OPEN = (Leads.GROWS, Leads.UNDECIDED)  # it is not clear where these lead
 
@@ -116,7 +118,7 @@ CELLS = {
         (),
         "i1",
         "1",
-        "of a noise matrix: 0 quiet, 1 squeals, 2 not clear",
+        "of a noise matrix: 0 quiet, 1 squeals, 2 not clear, 3 undecided at its end",
         tuple(enumerate(VERDICTS, NONE)),
     ),
     "unstable": Variable((), "i1", "1", "1 where a mode grows at the start of the procedure"),

@@ -10,7 +10,7 @@ import numpy as np
 import xarray
 
 from drumsqueal.errors import SteadyStateError
-from drumsqueal.findings.decay import BEYOND
+from drumsqueal.findings.decay import BEYOND, is_decaying
 from drumsqueal.findings.history import COMPLETE
 from drumsqueal.findings.saturated import Saturated, saturated_motions
 from drumsqueal.physics.composition import compose, moved_coordinates
@@ -153,9 +153,9 @@ def compute(
     if plan.transient:
         look()
         sound = {k: each for k, each in found.items() if isinstance(each, Stability)}
-        follow = partial(_starts, plan) if plan.starts else _transients
+        follow = _follow_starts if plan.starts else _follow_scenes
         for members in _alike(columns, scenes, sound):
-            follow(columns, {k: scenes[k] for k in members}, sound, threads or os.cpu_count() or 1, look)
+            follow(plan, columns, {k: scenes[k] for k in members}, sound, threads or os.cpu_count() or 1, look)
     return columns
 
 
@@ -194,7 +194,8 @@ def _alike(columns: Columns, scenes: Mapping[int, Scene], found: Mapping[int, St
     return list(groups.values())
 
 
-def _transients(
+def _follow_scenes(
+    plan: Plan,
     columns: Columns,
     scenes: Mapping[int, Scene],
     found: Mapping[int, Stability],
@@ -202,30 +203,29 @@ def _transients(
     look: Callable[[], None],
 ) -> None:
     """Integrate scenes that call for the same effects."""
-    some = next(iter(scenes.values()))
-    duration = some.simulate.duration
+    simulate = plan.scene.simulate
     models = {k: build_model(scene) for k, scene in scenes.items()}
     names = next(iter(models.values())).names
     places = [found[next(iter(scenes))].coordinates.index(name) for name in names]
-    displacement, velocity = start_of(some, names)
+    displacement, velocity = start_of(plan.scene, names)
     before: dict[int, Saturated | None] = dict.fromkeys(scenes)  # how the last round of what goes on ended
-    for number in range(1, most_rounds(some) + 1):
+    for number in range(1, most_rounds(next(iter(scenes.values()))) + 1):
         look()
         motions = saturated_motions(
             [models[k] for k in before],
             [found[k].steady_state[places] for k in before],
             [displacement if motion is None else motion.vibration for motion in before.values()],
             [velocity if motion is None else motion.velocity for motion in before.values()],
-            duration=duration,
-            sample_rate=some.simulate.sample_rate,
-            tolerance=some.simulate.tolerance,
-            solver=some.simulate.solver,
+            duration=simulate.duration,
+            sample_rate=simulate.sample_rate,
+            tolerance=simulate.tolerance,
+            solver=simulate.solver,
             threads=threads,
         )
         for k, motion in zip(tuple(before), motions, strict=True):
-            settled = has_settled(motion, found[k], _rate_since(before[k], motion, duration))
+            settled = has_settled(motion, found[k], _rate_since(before[k], motion, simulate.duration))
             note_motion(columns, k, motion, COORDINATES, names, settled=settled)
-            columns["simulated"][k] = number * duration
+            columns["simulated"][k] = number * simulate.duration
             before[k] = motion
             if settled:
                 del before[k]
@@ -233,7 +233,7 @@ def _transients(
             break
 
 
-def _starts(
+def _follow_starts(
     plan: Plan,
     columns: Columns,
     scenes: Mapping[int, Scene],
@@ -245,13 +245,12 @@ def _starts(
 
     A round is as long for all of them: by the slowest mode of the scene itself.
     """
-    some = next(iter(scenes.values()))
+    simulate = plan.scene.simulate
     brakes = {id(found[k]): scene for k, scene in scenes.items()}  # whose starts alone differ has one stability
     built = {brake: build_model(scene) for brake, scene in brakes.items()}
     models = {k: built[id(found[k])] for k in scenes}
     own, names = analyse_many([plan.scene])[0], models[next(iter(models))].names
-    seconds = round_of(own, names) if isinstance(own, Stability) else some.simulate.duration
-    simulate = some.simulate
+    seconds = round_of(own, names) if isinstance(own, Stability) else simulate.duration
     how = How(simulate.sample_rate, simulate.tolerance, seconds, simulate.solver, threads)
     starts = {k: start_of(scene, names) for k, scene in scenes.items()}
     follow_starts(columns, plan.coordinates, models, {k: found[k] for k in scenes}, starts, how, look)
@@ -279,10 +278,11 @@ def has_settled(motion: Saturated, stability: Stability, earlier_rate: float = m
     """
     if motion.failed or motion.at_rest:
         return True
-    beyond = max(motion.boundary_ratios) >= BEYOND
+    fraction = max(motion.boundary_ratios)
     growing = [mode.growth_rate for mode in stability.unstable]
     growing += [] if stability.divergence is None else [stability.divergence]
     if not growing:
-        return motion.trend == "settled" or (motion.trend == "decays" and not beyond)
+        slowest = max((mode.growth_rate for mode in stability.modes), default=0.0)
+        return motion.trend == "settled" or is_decaying(fraction, motion.rate, slowest)
     slow = min(abs(motion.rate), abs(earlier_rate)) < STILL * max(growing)
-    return beyond and motion.trend == "settled" and slow
+    return fraction >= BEYOND and motion.trend == "settled" and slow
