@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.findings.boundaries import boundary_ratios
-from drumsqueal.findings.decay import BEYOND, SMALL, is_decaying
+from drumsqueal.findings.decay import BEYOND, NEARLY_LINEAR, SMALL, is_decaying
 from drumsqueal.findings.saturated import DRIFT, Saturated, at_once, saturated_motions
 from drumsqueal.findings.verdict import SMALL_ROTATION
 from drumsqueal.findings.vibration import ROTATIONS
@@ -32,6 +32,10 @@ PERSISTENT, LASTING = 3, 10  # rounds a motion must last to count as settled, on
 LEAVES, FASTER = 1e-4, 1.2
 IRREGULAR = 20  # rounds over which one whose rms comes and goes must go on as it was
 STILL = 0.1  # of the linear rate: a motion below the contact boundaries that changes so slowly has settled
+SCATTER = 2.0  # standard errors of a trend: an irregular motion whose energy falls by less may not fall at all
+# Of the tolerance, a round: a motion that falls by less keeps its energy as well as is known. The integrator itself
+# was seen to change the rms velocity of an undamped block by a quarter of the tolerance.
+RESOLVED = 10.0
 STEADY = 0.02  # change of the rms from half to half below which a motion may be one that is known already
 PROBE = 0.7  # a motion made so much smaller comes back where it is an attractor, and stays where it is one of many
 
@@ -112,10 +116,33 @@ class _Job:
         self.model, self.steady = family.model_at(point.value), family.shown(point.steady)
         self.vibration, self.velocity = start.vibration, start.velocity
         self.energies: list[float] = []  # mean kinetic energy of each round (J) since it last changed much
-        self.history: list[float] = []  # and of all rounds
+        self.history: list[float] = []  # and of all rounds since the start, or since it was made smaller
         self.fluctuations: list[float] = []  # of all rounds
         self.rounds = 0
         self.probed: float | None = None  # mean kinetic energy (J) of the settled motion that was made smaller
+
+    def note(self, motion: Saturated) -> None:
+        """Note the energy of a round."""
+        if abs(motion.drift) > DRIFT:
+            self.energies.clear()
+        self.energies.append(motion.kinetic_energy)
+        self.history.append(motion.kinetic_energy)
+        self.fluctuations.append(motion.fluctuation)
+
+    def change(self, rounds: int) -> float:
+        """Mean change a round of the logarithm of the rms velocity, over so many rounds; NaN before."""
+        last = self.energies[-rounds:]
+        if len(last) < max(rounds, 2) or min(last) <= 0:
+            return np.nan
+        return float(np.log(last[-1] / last[0])) / 2 / (len(last) - 1)
+
+    def falls(self, least: float) -> bool:
+        """Whether the same of many rounds falls by more than `least` a round, and by more than it scatters."""
+        last = self.history[-IRREGULAR:]
+        if len(last) < IRREGULAR or min(last) <= 0:
+            return False
+        (slope, _), covariance = np.polyfit(np.arange(IRREGULAR), np.log(last) / 2, 1, cov=True)
+        return bool(slope < -max(least, SCATTER * np.sqrt(covariance[0, 0])))
 
     def probe(self, energy: float) -> None:
         """Go on from less than what has settled."""
@@ -145,15 +172,18 @@ def find_attractors(
 
     A motion has settled when for `rounds` rounds its rms velocity has changed by less than a tenth and, below the
     contact boundaries, by less than a tenth of what the linear growth rate would make of it, unless it fluctuates more
-    than a round before, as one does that leaves an unstable cycle. A motion within a tenth of the boundaries that falls
-    where the linear model is stable has decayed, as has one below them that falls as fast as half the linear rate; what
-    is below the resolved size is at rest. A disturbance that has fallen to within a tenth of the boundaries where the
-    linear model is unstable grows, as the small perturbation does. One that comes and goes beyond the boundaries has
-    settled when its mean energy over ten rounds is that over the ten before, to a fifth. After `MOST_ROUNDS` rounds one
-    beyond them counts as squeal, too. Where no mode decays or grows by more than round-off, motion below the boundaries
-    that has settled is neutral, and so is one beyond them that stays smaller when it has been made smaller. A shoe that
-    has turned by more than `SMALL_ROTATION` has run away: it may do so without coming near a boundary. A steady motion
-    that is the same as one of those `known` at its value, or found there, has settled after its first round on it.
+    than a round before, as one does that leaves an unstable cycle. Beyond the boundaries, where steady sliding is
+    stable, it must not fall by more in a round than the integrator may make it: what loses energy in each period is no
+    limit cycle. A motion within a tenth of the boundaries that falls where the linear model is stable has decayed, as
+    has one below them that falls as fast as half the linear rate; what is below the resolved size is at rest. A
+    disturbance that has fallen to within a tenth of the boundaries where the linear model is unstable grows, as the
+    small perturbation does. One that comes and goes beyond the boundaries has settled when its mean energy over ten
+    rounds is that over the ten before, to a fifth, and falls no more than it scatters. After `MOST_ROUNDS` rounds one
+    beyond them counts as squeal, too, but for one that falls, which is undecided. Where no mode decays or grows by more
+    than is resolved, motion below the boundaries that has settled is neutral, and so is one beyond them that stays
+    smaller when it has been made smaller. A shoe that has turned by more than `SMALL_ROTATION` has run away: it may do
+    so without coming near a boundary. A steady motion that is the same as one of those `known` at its value, or found
+    there, has settled after its first round on it.
     `progress` is called after each chunk.
     """
     settled = {value: list(motions) for value, motions in (known or {}).items()}
@@ -177,7 +207,7 @@ def find_attractors(
         for job, motion in zip(jobs, motions, strict=True):
             job.rounds += 1
             job.vibration, job.velocity = motion.vibration, motion.velocity
-            kind = _judge(job, motion, family, rounds)
+            kind = _judge(job, motion, family, how, rounds)
             there = settled.setdefault(job.point.value, [])
             seconds = job.rounds * how.round_seconds
             named = {"kick": job.start.kick, "from_value": job.start.from_value}
@@ -193,26 +223,32 @@ def find_attractors(
         pending = left + pending
 
 
-def _judge(job: _Job, motion: Saturated, family: Family, rounds: int) -> Leads | None:
+def _judge(job: _Job, motion: Saturated, family: Family, how: How, rounds: int) -> Leads | None:
     """Where a transient leads, None while that is not clear."""
     if motion.failed:
         return Leads.FAILED
     if any(abs(turn) > SMALL_ROTATION for turn in motion.vibration[[name in ROTATIONS for name in family.moving]]):
         return Leads.RUNS_AWAY
+    job.note(motion)
     fraction = max(motion.boundary_ratios)
     rates = [mode.growth_rate for mode in family.modes(job.point)]
     if job.point.divergence is not None:
         rates.append(job.point.divergence)
-    linear = max(rates, default=0.0)
-    noise = UNDAMPED_FRACTION * job.point.largest
-    stable, neutral = linear <= noise, bool(rates) and abs(linear) <= noise
+    linear, seconds = max(rates, default=0.0), how.round_seconds
+    noise, resolved = UNDAMPED_FRACTION * job.point.largest, RESOLVED * how.tolerance
+    stable, neutral = linear <= noise, bool(rates) and -max(noise, resolved / seconds) <= linear <= noise
     if stable and (fraction == 0 or motion.at_rest):
         return Leads.DECAYS
-    if stable and not neutral and is_decaying(fraction, motion.rate, linear):
-        return Leads.DECAYS
+    if stable and not neutral:
+        # Within the contact boundaries all smaller motions decay like one that has kept on decaying there.
+        goes_on = fraction < 1 and job.change(LASTING) < NEARLY_LINEAR * linear * seconds
+        if goes_on or is_decaying(fraction, motion.rate, linear):
+            return Leads.DECAYS
     if not stable and fraction < SMALL and job.start.name != SMALL_START:
         return Leads.GROWS
-    if _settled(job, motion, rounds, STILL * abs(linear) if not neutral else np.inf):
+    still = np.inf if neutral else STILL * abs(linear) * seconds
+    falls = min(still, resolved) if stable else np.inf
+    if _settled(job, motion, rounds, still, falls):
         if not neutral:
             return Leads.SQUEALS
         if fraction < BEYOND:
@@ -222,28 +258,25 @@ def _judge(job: _Job, motion: Saturated, family: Family, rounds: int) -> Leads |
         job.probe(motion.kinetic_energy)
     if job.rounds < MOST_ROUNDS:
         return None
-    return Leads.SQUEALS if fraction >= BEYOND else Leads.GROWS if not stable else Leads.UNDECIDED
+    if fraction < BEYOND:
+        return Leads.UNDECIDED if stable else Leads.GROWS
+    return Leads.UNDECIDED if job.falls(falls) else Leads.SQUEALS
 
 
-def _settled(job: _Job, motion: Saturated, rounds: int, still: float) -> bool:
-    """Whether it has, a motion below the contact boundaries at a rate (1/s) below `still`; notes its energy."""
+def _settled(job: _Job, motion: Saturated, rounds: int, still: float, falls: float) -> bool:
+    """Whether it has, by the change of the logarithm of its rms velocity in a round.
+
+    A limit cycle keeps its energy over a period: beyond the contact boundaries it is none where it falls by more than
+    `falls`, below them where it changes by more than `still`.
+    """
     beyond = max(motion.boundary_ratios) >= BEYOND
-    if abs(motion.drift) > DRIFT:
-        job.energies.clear()
-    job.energies.append(motion.kinetic_energy)
-    job.history.append(motion.kinetic_energy)
-    job.fluctuations.append(motion.fluctuation)
-    last = job.energies[-rounds:]
-    rate, changed = motion.rate, abs(motion.drift)
-    if len(last) > 1 and min(last) > 0:
-        logarithm = np.log(last[-1] / last[0]) / 2  # of the rms velocity
-        # A round is twice what is looked at of it.
-        rate, changed = logarithm / ((len(last) - 1) * motion.seconds * 2), abs(np.expm1(logarithm))
+    change = job.change(rounds)
     departs = LEAVES < motion.fluctuation > FASTER * job.fluctuations[-2] if len(job.fluctuations) > 1 else False
-    if len(job.energies) >= rounds and changed < DRIFT and (beyond or abs(rate) < still) and not departs:
+    slow = change > -falls if beyond else abs(change) < still
+    if abs(np.expm1(change * (rounds - 1))) < DRIFT and slow and not departs:
         return not motion.at_rest
     if not beyond or len(job.history) < IRREGULAR:
         return False
     # An irregular motion goes on as it was where the mean energies over both halves of many rounds are alike.
     earlier, later = job.history[-IRREGULAR : -IRREGULAR // 2], job.history[-IRREGULAR // 2 :]
-    return bool(abs(np.log(np.mean(later) / np.mean(earlier))) / 2 < DRIFT)
+    return bool(abs(np.log(np.mean(later) / np.mean(earlier))) / 2 < DRIFT) and not job.falls(falls)

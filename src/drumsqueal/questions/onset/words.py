@@ -54,14 +54,7 @@ def _place(study: Onset, found: Range) -> str:
 def _bistable(study: Onset) -> str:
     bistable = [each for each in study.ranges if each.kind is Kind.BISTABLE]
     if not bistable:
-        kinds = {each.kind for each in study.ranges}
-        elsewhere = "elsewhere " if Kind.SQUEALS in kinds else ""
-        if Kind.STABLE in kinds:
-            return f"{elsewhere}no start that was tried squeals"
-        if Kind.NEUTRAL in kinds:
-            neutral = "its amplitude is that of the initial perturbation, which is not squeal"
-            return f"{elsewhere}motion neither grows nor decays: {neutral}"
-        return "there is nothing else to find"
+        return _quiet(study)
     places = _joined([_place(study, each) for each in bistable])
     text = f"steady sliding is stable {places}, but a large disturbance leads to squeal there (bistable)"
     motions = [motion for row in study.values if row.kind is Kind.BISTABLE for motion in row.motions]
@@ -74,6 +67,22 @@ def _bistable(study: Onset) -> str:
     onset = next((each.frequency_Hz for each in study.critical_values if each.value in ends), 0.0)
     compared = f" (eigenvalue at the critical value: {shown_Hz(onset)} Hz)" if onset > 0 else ""
     return f"{text}, at the values tried at {heard}{compared}"
+
+
+def _quiet(study: Onset) -> str:
+    """What becomes of starts where none squeals with steady sliding stable."""
+    kinds = {each.kind for each in study.ranges}
+    elsewhere = "elsewhere " if Kind.SQUEALS in kinds else ""
+    texts = []
+    if Kind.STABLE in kinds:
+        texts = [f"{elsewhere}no start that was tried squeals"]
+    elif Kind.NEUTRAL in kinds:
+        neutral = "its amplitude is that of the initial perturbation, which is not squeal"
+        texts = [f"{elsewhere}motion neither grows nor decays: {neutral}"]
+    undecided = [_place(study, each) for each in study.ranges if each.kind is Kind.UNDECIDED]
+    if undecided:
+        texts.append(f"whether a disturbance leads to squeal is undecided {_joined(undecided)}")
+    return "; ".join(texts) or "there is nothing else to find"
 
 
 def _coexisting(study: Onset) -> str:
