@@ -12,14 +12,13 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-import scipy
 from jax import Array
 from jax.typing import ArrayLike
 
 from drumsqueal.physics.kernel import compiled, one_kernel
 from drumsqueal.physics.model import Model
 from drumsqueal.programs import Program
-from drumsqueal.solve.transient.legs import LOOKS, Leg, follow_leg, rate_at, slip_alone, stepped_through, until_rest
+from drumsqueal.solve.transient.legs import Leg, follow_leg, rate_at, slip_alone, stepped_through, until_rest
 from drumsqueal.solve.transient.phase import AWAY
 from drumsqueal.solve.transient.resolution import local_tolerance, motion_scale
 from drumsqueal.solve.transient.runge_kutta import DEFAULT
@@ -30,14 +29,12 @@ from drumsqueal.solve.transient.sticking import (
     grip,
     held,
     hold,
-    reserve,
     slip,
     slip_acceleration,
 )
 
 TIGHT = 1e-11  # tolerance of neighbours that are subtracted from each other
 APART = 1e-6  # of the size of the motion: how far they begin from it
-TIMING = 1e-14  # of the duration: how well the end of sticking is found
 MOST_CHANGES = 100  # between slip and stick: more is a contact that chatters, not a motion
 
 
@@ -110,20 +107,18 @@ class _Motion:
             changes.append((0.0, what))
         while len(changes) <= MOST_CHANGES:
             leg = self._leg(state, self._duration - time, sticks=sticks)
-            released = self._release(state, leg) if sticks else None
-            leg = leg if released is None else self._leg(state, released, sticks=sticks)
             state = np.asarray(leg.end)
             rate = np.asarray(leg.rate) if leg.steps else self._rate(state, sticks=sticks)
             steps, time = steps + int(leg.steps), time + float(leg.time)
             tangents = _then(np.asarray(leg.tangents), tangents)
-            if released is not None:
-                state, tangents = self._released(state, tangents)
-                what = Change.SLIPS
-            elif bool(leg.halted) and time < self._duration:
-                state, tangents, what = self._stopped(state, rate, tangents)
-            else:
+            if not (bool(leg.halted) and time < self._duration):
                 sound = bool(leg.reached)
                 break
+            if sticks:
+                state, tangents = self._released(state, rate, tangents)
+                what = Change.SLIPS
+            else:
+                state, tangents, what = self._stopped(state, rate, tangents)
             sticks = what is Change.STICKS
             changes.append((time, what))
         else:
@@ -133,10 +128,8 @@ class _Motion:
         return Flow(state, rate, tangents[:, :-1], tangents[:, -1], steps, sound, tuple(changes), lost)
 
     def _leg(self, state: np.ndarray, duration: float, *, sticks: bool) -> Leg:
-        least = None if sticks else self._least
-        return follow_leg(
-            self._models[sticks], self._size, state, np.float64(duration), self._local, self._changes[sticks], least
-        )
+        given = self._models[sticks], self._size, state, np.float64(duration), self._local
+        return follow_leg(*given, self._changes[sticks], self._least)
 
     def _parts(self, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         moved = state * self._size
@@ -178,33 +171,12 @@ class _Motion:
             tangents[self._n :, -1] += self._drum / self._size[self._n :]
         return after, tangents, Change.STICKS if stops else Change.REVERSES
 
-    def _release(self, start: np.ndarray, leg: Leg) -> float | None:
-        """When (s after the start of the leg) friction no longer holds; None where it does to the end."""
-        samples = np.asarray(leg.samples) * self._size
-        times, (places, speeds) = np.linspace(0.0, float(leg.time), LOOKS), np.split(samples, 2, axis=1)
-        model = self._models[False]
-        ends = np.flatnonzero(np.asarray(_reserves(model, places, speeds))[1:] < 1)
-        if not (ends.size and bool(leg.reached)):  # nor is it known where it took too many steps
-            return None
-
-        def excess(time: float) -> float:
-            state = self._leg(start, time, sticks=True).end if time > 0 else start
-            return float(hold(model, 0.0, *self._parts(np.asarray(state)), slips=False).reserve) - 1
-
-        before, after = times[ends[0] : ends[0] + 2].tolist()
-        if excess(before) <= 0:
-            return before
-        found = scipy.optimize.brentq(excess, before, after, xtol=TIMING * self._duration)
-        assert isinstance(found, float)
-        return found
-
-    def _released(self, state: np.ndarray, tangents: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _released(self, state: np.ndarray, rate: np.ndarray, tangents: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The state and tangents with which it slips, where friction can just hold."""
         q, v = self._parts(state)
         away = np.asarray(hold(self._models[False], 0.0, q, v, ends=True).direction)
         after = self._with_drum(state, AWAY * float(self._least) * away)
         slopes, of_parameter = _excess_derivatives(self._models[False], self._changes[False], self._size, state, -away)
-        rate = self._rate(state, sticks=True)
         row = np.asarray(slopes) @ tangents
         row[-1] += float(of_parameter)
         later = -row / float(np.asarray(slopes) @ rate)
@@ -216,12 +188,6 @@ def _then(later: np.ndarray, earlier: np.ndarray) -> np.ndarray:
     through = later[:, :-1] @ earlier
     through[:, -1] += later[:, -1]
     return through
-
-
-@Program
-def _reserves(model: Model, places: Array, speeds: Array) -> Array:
-    """What friction could hold over what is needed (k,), of states (k, n)."""
-    return jax.lax.map(lambda now: reserve(model, 0.0, *now)[0], (places, speeds))
 
 
 @Program

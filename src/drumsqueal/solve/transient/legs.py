@@ -5,6 +5,7 @@ it was computed, also where contact boundaries appear and vanish.
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 import jax
@@ -16,25 +17,21 @@ from drumsqueal.physics.kernel import compiled, one_kernel
 from drumsqueal.physics.model import Model
 from drumsqueal.programs import Program
 from drumsqueal.solve.transient.passing import Step, fraction_to_rest
+from drumsqueal.solve.transient.release import fraction_to_release
 from drumsqueal.solve.transient.runge_kutta import DEFAULT, make_solver
 from drumsqueal.solve.transient.segment import first_step
 from drumsqueal.solve.transient.stepping import Attempt, Stepped, step_through
-from drumsqueal.solve.transient.sticking import Held, slip, slip_acceleration, slip_motion
+from drumsqueal.solve.transient.sticking import Held, fastest_held, slip, slip_acceleration, slip_motion, spare
 
 BUDGET = 20_000  # steps; a period takes some hundred
 FIRST_STEP = 1e-3  # of the duration
 LONGEST_STEP = 25.0  # times the step that a transient begins with, a hundredth of a radian of the fastest mode
 SHORT_STEP = 0.1  # of the longest
-LOOKS = 128  # at a contact that sticks: whether friction still holds it
 
 
 class Leg(NamedTuple):
-    """A stretch that slips or sticks throughout: where it sticks states (k, 2n) at even times; its end, and when.
+    """A stretch that slips or sticks throughout: its end, the rate there if a step was made, and when that is (s)."""
 
-    The `rate` is that at the end, if a step was made.
-    """
-
-    samples: Any
     end: Any
     rate: Any
     tangents: Any  # (2n, 2n + 1), the last one of the parameter
@@ -48,7 +45,10 @@ class Leg(NamedTuple):
 def follow_leg(
     model: Model, size: Array, state: Array, duration: Array, local: Array, change: Model, least: Array | None
 ) -> Leg:
-    """Follow a motion for a duration (s) or, unless that is None, until its slip speed is below the `least` (m/s)."""
+    """Follow a motion for a duration (s), or until slip is below the `least` speed (m/s) or friction gives way.
+
+    Where `least` is None the motion cannot stick.
+    """
     # A motion near rest asks for no short steps, but its tangents do.
     longest = LONGEST_STEP * first_step(model)
     return one_kernel(_followed, model, size, state, duration, local, longest, change, least)
@@ -79,14 +79,19 @@ def _followed(
         return _pushed(step, carried[0], derivatives, local, longest), step.slope_after
 
     begin = jnp.eye(unknowns + 1, unknowns), state
-    rest = {} if least is None else until_rest(model, size, least)
-    looks = LOOKS if isinstance(model, Held) else 2
-    times = jnp.arange(looks) / (looks - 1) * duration
-    stepped = stepped_through(model, size, state, times, local, longest=longest, along=along, carried=begin, **rest)
+    stops = (
+        {}
+        if least is None
+        else until_release(model, size)
+        if isinstance(model, Held)
+        else until_rest(model, size, least)
+    )
+    times = jnp.stack([jnp.zeros(()), duration])
+    stepped = stepped_through(model, size, state, times, local, longest=longest, along=along, carried=begin, **stops)
     # Tangents come as rows, one for each direction; a derivative has them as columns.
     tangents, rate = stepped.carried
     last = stepped.last, rate, tangents.T, stepped.time
-    return Leg(stepped.samples, *last, stepped.steps, stepped.reached, stepped.halted)
+    return Leg(*last, stepped.steps, stepped.reached, stepped.halted)
 
 
 def until_rest(model: Model, size: Array, least: Array) -> dict[str, Any]:
@@ -110,6 +115,20 @@ def until_rest(model: Model, size: Array, least: Array) -> dict[str, Any]:
         "halts": lambda _, scaled: slip(model, 0.0, scaled[speeds.size :] * speeds) < least,
         "passes": passes,
     }
+
+
+def until_release(model: Model, size: Array) -> dict[str, Any]:
+    """What stops `step_through` where friction ceases to hold the contact."""
+    n = size.size // 2
+
+    def passes(attempt: Attempt) -> Array:
+        def motion(time: Array) -> tuple[float, Array, Array, None]:
+            y = attempt.inside(time) * size
+            return 0.0, y[:n], y[n:], None
+
+        return fraction_to_release(attempt, partial(spare, model, motion), fastest_held(model))
+
+    return {"passes": passes}
 
 
 def _pushed(

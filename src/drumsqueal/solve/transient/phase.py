@@ -5,31 +5,32 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jax import Array
 
 from drumsqueal.physics.bodies.body import scalars
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.transient.passing import Step, fraction_to_rest
+from drumsqueal.solve.transient.release import fraction_to_release
 from drumsqueal.solve.transient.resolution import Resolution
 from drumsqueal.solve.transient.runge_kutta import Stages
 from drumsqueal.solve.transient.state import Span, State
 from drumsqueal.solve.transient.stepping import Attempt
 from drumsqueal.solve.transient.sticking import (
+    Spare,
     decide,
     drum_motion,
+    fastest_held,
     following,
     held,
-    reserve,
     slip,
     slip_acceleration,
     slip_motion,
+    spare,
 )
 
 # Slip below this many tolerances of the vibration's own counts as none: there the lining sticks, or it slips on.
 SLIP_FRACTION = 1.0
 AWAY = 2.0  # times the slip that counts as none: what a lining that cannot stick goes on with
-TIMING = 1e-12  # of a chunk: how well the end of sticking is found
 
 
 class Phase(NamedTuple):
@@ -149,34 +150,16 @@ class Phase(NamedTuple):
         return fraction_to_rest(step, inside, lambda x: _slip_of(self.model, self.span, x * size), least)
 
     def _gives_way(self, attempt: Attempt) -> Array:
-        """By a look each interval of the samples, and then by false position (Illinois)."""
-        length, apart = attempt.end - attempt.start, TIMING * self.span.length
+        def motion(time: Array) -> tuple[Array, Array, Array, Array | None]:
+            now, there = self.split(attempt.inside(time)), jax.lax.stop_gradient(time)
+            # What is prescribed is looked at from within its piece, but goes on with time all the same.
+            moment = jax.lax.stop_gradient(self.at(jnp.clip(there, *attempt.piece))) + (time - there)
+            return moment, self.steady + now.vibration, now.velocity, now.memory
 
-        def to_spare(time: Array, near: Array) -> tuple[Array, Array]:
-            now, moment = self.split(attempt.inside(time)), self.at(jnp.clip(time, *attempt.piece))
-            velocity = drum_motion(self.model, moment, now.velocity)
-            found, weakest = reserve(self.model, moment, self.steady + now.vibration, velocity, now.memory, near)
-            return jnp.maximum(1 - 1 / found, -1.0), weakest
+        def look(time: Array, near: Array | None) -> Spare:
+            return spare(self.model, motion, time, near)
 
-        def look(now: _Look) -> _Look:
-            value, weakest = to_spare(now.time, now.weakest)
-            holds, bracketed = ~(value < 0), jnp.isfinite(now.high)
-            low, high = jnp.where(holds, now.time, now.low), jnp.where(holds, now.high, now.time)
-            at_low = jnp.where(holds, value, jnp.where(bracketed, now.at_low / 2, now.at_low))
-            at_high = jnp.where(holds, jnp.where(bracketed, now.at_high / 2, now.at_high), value)
-            secant = jnp.clip(low + (high - low) * at_low / (at_low - at_high) + apart / 2, low, high)
-            ahead = jnp.minimum(now.time + self.span.interval, attempt.end)
-            return _Look(low, at_low, high, at_high, jnp.where(jnp.isfinite(high), secant, ahead), weakest)
-
-        def unfinished(now: _Look) -> Array:
-            return jnp.where(jnp.isfinite(now.high), now.high - now.low > apart, now.low < attempt.end)
-
-        one, infinity = jnp.ones(()), jnp.full((), jnp.inf)
-        nearest = jax.eval_shape(to_spare, attempt.start, None)[1]
-        first = _Look(attempt.start, one, infinity, -one, attempt.start, jnp.zeros(nearest.shape))
-        found = jax.lax.while_loop(unfinished, look, first).high
-        fraction = jnp.maximum(found - attempt.start, apart) / length
-        return jnp.where(jnp.isfinite(found), jnp.minimum(fraction, 1 - np.finfo(np.float64).epsneg), 1.0)
+        return fraction_to_release(attempt, look, fastest_held(self.model))
 
     def changed(self, time: Array, scaled: Array, halted: Array) -> tuple[Array, Array]:
         """The state to go on with, and whether the lining sticks from then on."""
@@ -207,17 +190,6 @@ class Phase(NamedTuple):
 
         energies = jnp.stack(self.model.energy(t, q, now.velocity))
         return jnp.concatenate([flat, self.either(observed, observed), energies])
-
-
-class _Look(NamedTuple):
-    """Times between which friction ceases to hold, what it has to spare at them, the next time, and a motion."""
-
-    low: Array
-    at_low: Array
-    high: Array
-    at_high: Array
-    time: Array
-    weakest: Array
 
 
 def _slip_of(model: Model, span: Span, velocity: Array) -> Array:
