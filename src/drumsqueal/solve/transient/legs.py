@@ -117,8 +117,8 @@ def until_rest(model: Model, size: Array, least: Array) -> dict[str, Any]:
     }
 
 
-def until_release(model: Model, size: Array) -> dict[str, Any]:
-    """What stops `step_through` where friction ceases to hold the contact."""
+def until_release(model: Model, size: Array, timing: Array) -> dict[str, Any]:
+    """What stops `step_through` where friction ceases to hold the contact, to a `timing` (s)."""
     n = size.size // 2
 
     def passes(attempt: Attempt) -> Array:
@@ -126,7 +126,7 @@ def until_release(model: Model, size: Array) -> dict[str, Any]:
             y = attempt.inside(time) * size
             return 0.0, y[:n], y[n:], None
 
-        return fraction_to_release(attempt, partial(spare, model, motion), fastest_held(model))
+        return fraction_to_release(attempt, partial(spare, model, motion), fastest_held(model), timing)
 
     return {"passes": passes}
 

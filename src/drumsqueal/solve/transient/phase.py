@@ -10,7 +10,7 @@ from jax import Array
 from drumsqueal.physics.bodies.body import scalars
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.transient.passing import Step, fraction_to_rest
-from drumsqueal.solve.transient.release import fraction_to_release
+from drumsqueal.solve.transient.release import TIMING, fraction_to_release
 from drumsqueal.solve.transient.resolution import Resolution
 from drumsqueal.solve.transient.runge_kutta import Stages
 from drumsqueal.solve.transient.state import Span, State
@@ -159,7 +159,7 @@ class Phase(NamedTuple):
         def look(time: Array, near: Array | None) -> Spare:
             return spare(self.model, motion, time, near)
 
-        return fraction_to_release(attempt, look, fastest_held(self.model))
+        return fraction_to_release(attempt, look, fastest_held(self.model), TIMING * self.span.length)
 
     def changed(self, time: Array, scaled: Array, halted: Array) -> tuple[Array, Array]:
         """The state to go on with, and whether the lining sticks from then on."""
