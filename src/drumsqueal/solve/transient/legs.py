@@ -17,7 +17,7 @@ from drumsqueal.physics.kernel import compiled, one_kernel
 from drumsqueal.physics.model import Model
 from drumsqueal.programs import Program
 from drumsqueal.solve.transient.passing import Step, fraction_to_rest
-from drumsqueal.solve.transient.release import fraction_to_release
+from drumsqueal.solve.transient.release import TIMING, fraction_to_release
 from drumsqueal.solve.transient.runge_kutta import DEFAULT, make_solver
 from drumsqueal.solve.transient.segment import first_step
 from drumsqueal.solve.transient.stepping import Attempt, Stepped, step_through
@@ -79,13 +79,11 @@ def _followed(
         return _pushed(step, carried[0], derivatives, local, longest), step.slope_after
 
     begin = jnp.eye(unknowns + 1, unknowns), state
-    stops = (
-        {}
-        if least is None
-        else until_release(model, size)
-        if isinstance(model, Held)
-        else until_rest(model, size, least)
-    )
+    stops: dict[str, Any] = {}
+    if least is not None and isinstance(model, Held):
+        stops = until_release(model, size, TIMING * duration)
+    elif least is not None:
+        stops = until_rest(model, size, least)
     times = jnp.stack([jnp.zeros(()), duration])
     stepped = stepped_through(model, size, state, times, local, longest=longest, along=along, carried=begin, **stops)
     # Tangents come as rows, one for each direction; a derivative has them as columns.
