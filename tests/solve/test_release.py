@@ -36,7 +36,7 @@ def first_root(function, end, count=2_000_001):
     times = np.linspace(0.0, end, count)
     after = int(np.argmax(function(times) > 0))
     assert after > 0
-    return brentq(function, times[after - 1], times[after], xtol=1e-15, rtol=1e-15)
+    return brentq(function, times[after - 1], times[after], xtol=1e-15)
 
 
 @pytest.mark.parametrize("rate", [0.5, 20.0, 54.7, 2000.0])
