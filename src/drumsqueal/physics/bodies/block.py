@@ -74,6 +74,12 @@ class PointContact(Touching):
         """|s| (m/s)."""
         return jnp.abs(_slip(moment, v))
 
+    def kinks(self, moment: Moment, q: Motion, v: Motion) -> Array:
+        """p0 + k y (N), which vanishes where the block lifts off and lands."""
+        del v
+        level = self.law.boundaries(self._level(moment, q) + jnp.zeros(()))
+        return jnp.zeros(0) if level is None else level[None]
+
     def pressure_range(self, moment: Moment, q: Motion) -> tuple[Array, Array]:
         """The force N (N), twice."""
         load = self.law.pressure(self._level(moment, q))
