@@ -1,7 +1,7 @@
 """A bonded contact that pulls, which no dry contact does: how hard, and what to do about it."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from drumsqueal.physics.bodies.block import PointContact
 from drumsqueal.physics.effects.pressure import Bonded
@@ -22,7 +22,7 @@ def smallest_force(model: Model, displacement: ArrayLike) -> float:
     return float(model.operation.at(0.0).preload + model.contact.law.stiffness * np.min(depth))
 
 
-def smallest_recorded(model: Model, force: NDArray[np.float64]) -> float:
+def smallest_recorded(model: Model, force: ArrayLike) -> float:
     """The same of recorded normal forces (k,) in N."""
     return float(np.min(force)) if _can_pull(model) else np.inf
 

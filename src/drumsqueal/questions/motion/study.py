@@ -268,9 +268,7 @@ class _Study:
 
         def take(chunk: Chunk) -> bool:
             nonlocal kept, start, settled, smallest
-            smallest = min(
-                smallest, smallest_recorded(self.transient.model, np.asarray(chunk.observation.normal_force))
-            )
+            smallest = min(smallest, smallest_recorded(self.transient.model, chunk.observation.normal_force))
             now = float(chunk.time[-1])
             kept.append(chunk)
             if start is None:
