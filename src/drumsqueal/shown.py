@@ -10,6 +10,8 @@ import reprlib
 import shutil
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 if TYPE_CHECKING:
     from rich.console import Console
 
@@ -45,6 +47,18 @@ def _brief(value: Any) -> str:
         kind = type(value[0]).__name__ if value else ""
         return f"({', '.join(map(_brief, value))})" if few else f"<{len(value)} {kind}>"
     return f"<array {value.shape}>" if hasattr(value, "shape") else f"{type(value).__name__}(…)"
+
+
+def short(value: Any, unit: str = "") -> str:
+    """A number or a few of them in six digits, with a unit; what is traced, as by `jax.grad`, has no value."""
+    try:
+        numbers = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        return "traced"
+    if numbers.size > FEW**2:
+        return f"<{numbers.size} numbers>"
+    rows = (", ".join(f"{each:.6g}" for each in row) for row in np.atleast_2d(numbers))
+    return f"{'; '.join(rows)} {unit}".rstrip()
 
 
 def as_text(found: Any) -> str:

@@ -1,20 +1,32 @@
 """The oscillators of the documentation: its examples run as they stand there, and print the published figures."""
 
+import dataclasses
 import re
 from pathlib import Path
 
+import equinox as eqx
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from drumsqueal import (
     ConstantLaw,
+    ExponentialLaw,
     IntegrationError,
+    StepLaw,
+    TabulatedLaw,
+    Variation,
     analyse_stability,
     block_on_belt,
+    find_cycle,
     integrate,
     sprung_block_on_belt,
+    study_onset,
 )
 from drumsqueal.outcome import Ending
+from drumsqueal.physics.effects.effect import Action, Effect
 from drumsqueal.solve import motion as motion_module
 
 PAGE = (Path(__file__).parents[2] / "docs" / "oscillators.md").read_text(encoding="utf-8")
@@ -31,12 +43,14 @@ PUBLISHED = [
     [12.0010313, -0.55543269, LEINE, (11.901, 5e-4), None, ((1 - 0.0092) * LEINE, 5e-5 * LEINE)],
     [1.03, -0.83, 0.63, -0.43, 0.23, -0.03, -0.03, 5 * np.pi / 2, 5.0],
     [0.75, np.sqrt(2), 0.2020718, 1.4285773],
+    [4.4851447, 0.6835692, None],  # of the witness in tests/hard/test_lift_off.py
     [
         *(0.1, 0.0998748, 0.6616761, 0.5, 0.4838438, 0.5477484, 1.0, 8 / 3 / np.pi, 8 / 9 / np.pi),
         *(None, (0.6530018, 5e-7), (0.6530018, 5e-7)),  # printed with six digits
     ],
     # Grazing as of a return map of another code, printed with four digits.
     [1.1512925, 0.8, 0.0509483, 0.9987013, None, (1.836601, 5e-5), 0.8, (1.1512925, 5e-5), (1.836601, 5e-5)],
+    [4.7680220, 4.7680220],  # 4 K(1/4)/√2
 ]
 
 
@@ -48,7 +62,7 @@ def numbers(text: str) -> list[str]:
 def test_examples_print_what_stands_below_them_and_that_is_what_was_published(k, capsys):
     code, shown = EXAMPLES[k]
     assert len([line for line in code.splitlines() if line]) <= 12
-    names: dict = {}
+    names: dict = {"__name__": "oscillators"}
     exec(compile(IMPORTS, "oscillators.md", "exec"), names)  # the point of this test
     exec(compile(code, "oscillators.md", "exec"), names)
     printed = capsys.readouterr().out
@@ -82,10 +96,10 @@ def test_a_harmonic_force_by_name_acts_on_its_coordinate():
         mass=[1.0, 1.0],
         springs=np.diag([1.0, 2.0]),
         contact_stiffness=2.0,
-        forces={"Y": (3.0, 0.5 / np.pi, np.pi / 2)},
+        forces={"Y": (0.3, 0.5 / np.pi, np.pi / 2)},  # so small that it does not lift off
     )
     motion = integrate(block, {}, 20.0, sample_rate=10.0, tolerance=1e-9, origin=[0.0, 0.0])
-    wanted = (np.cos(motion.time) - np.cos(2 * motion.time)) * 3.0 / (4.0 - 1.0)
+    wanted = (np.cos(motion.time) - np.cos(2 * motion.time)) * 0.3 / (4.0 - 1.0)
     np.testing.assert_allclose(motion.displacement[:, 1], wanted, atol=1e-7)  # the tolerance over twenty radians
     np.testing.assert_array_equal(motion.displacement[:, 0], 0.0)
 
@@ -151,3 +165,76 @@ def test_what_cannot_be_integrated_is_refused(wrong, why):
 def test_a_force_that_is_none_is_refused(forces, why):
     with pytest.raises(ValueError, match=why):
         block_on_belt(ConstantLaw(0.3), forces=forces)
+
+
+class CubicSpring(Effect):
+    """F = −κ x³."""
+
+    stiffness: jax.Array = eqx.field(converter=jnp.asarray)
+
+    def act(self, moment, q, v):
+        """The force; all of it comes from the potential."""
+        del moment, v
+        return Action((-self.stiffness * q[0] ** 3,), 0.0)
+
+    def potential_energy(self, moment, q):
+        """κ x⁴/4 (J)."""
+        del moment
+        return self.stiffness * q[0] ** 4 / 4
+
+
+def stiffening(speed):
+    """m x″ + c x′ + x + x³ = μ sgn(V − x′), μ = 0.5 + 0.5 exp(−2 s)."""
+    block = block_on_belt(ExponentialLaw(1.0, 0.5, 2.0), damping=0.1, belt_speed=speed)
+    return dataclasses.replace(block, others=(*block.others, CubicSpring(1.0)))
+
+
+def test_a_cycle_with_a_force_of_ones_own_is_that_of_another_integration():
+    speed = 0.8
+    cycle = find_cycle(stiffening(speed), {"displacement": {"X": 0.5}}, 200.0, sample_rate=10.0)
+    # It is released where x + x³ + c V = μ(0) = 1, slips until it is as fast as the belt again, and sticks until then.
+    released = float(np.roots([1.0, 0.0, 1.0, 0.1 * speed - 1.0])[-1].real)
+
+    def rate(_, u):
+        return [u[1], 0.5 + 0.5 * np.exp(-2 * (speed - u[1])) - 0.1 * u[1] - u[0] - u[0] ** 3]
+
+    def caught(time, u):
+        return speed - u[1] if time > 0.5 else 1.0
+
+    caught.terminal = True
+
+    def turns(_, u):
+        return u[1]
+
+    found = solve_ivp(rate, (0, 20), [released, speed - 1e-9], events=[caught, turns], rtol=1e-11, atol=1e-12)
+    places = found.y_events[1][:, 0]
+    period = found.t[-1] + (released - found.y[0, -1]) / speed
+    # Slip begins with a slip speed of 1e-9 m/s, and takes some 1e-4 s to grow by the root of that.
+    assert cycle.period_s == pytest.approx(period, abs=1e-3)
+    assert cycle.amplitude["X"] == pytest.approx(np.ptp(places) / 2, rel=1e-6)
+
+
+def test_the_onset_of_a_body_with_a_force_of_ones_own_has_its_frequency():
+    onset = study_onset(stiffening, Variation("V", "m/s", (1.0, 1.3)), sample_rate=10.0)
+    (critical,) = onset.critical_values
+    assert critical.value == pytest.approx(0.5 * np.log(10), rel=1e-9)
+    steady = float(np.roots([1.0, 0.0, 1.0, -0.55])[-1].real)  # x + x³ = μ(V)
+    assert critical.frequency_Hz == pytest.approx(np.sqrt(1 + 3 * steady**2) / (2 * np.pi), rel=1e-9)
+
+
+def test_models_and_laws_are_shown_with_their_numbers():
+    law = ExponentialLaw(1.0, 0.5, 2.0)
+    assert repr(law) == "ExponentialLaw(static=1, kinetic=0.5, decay=2 s/m)"
+    assert repr(StepLaw(1.0, 0.5)) == "StepLaw(static=1, kinetic=0.5)"
+    table = TabulatedLaw.from_function(lambda slip: 0.5 - 0.1 * slip, 2.0, points=5)
+    assert repr(table) == "TabulatedLaw(5 points, step=0.5 m/s)"
+    assert repr(stiffening(1.2)) == (
+        "Model(Block: X 1 kg; speed 1.2 m/s, load 1 N; Bonded contact of 0 N/m; "
+        f"{law}; Springs(matrix=1); Damping(matrix=0.1); CubicSpring(stiffness=1))"
+    )
+    block = sprung_block_on_belt(StepLaw(1.0, 0.5), mass=[1.0, 2.0], springs=[[2, 1], [1, 2]], contact_stiffness=0.7)
+    assert "Y 2 kg; " in repr(block)
+    assert "Unilateral contact of 0.7 N/m; StepLaw(static=1, kinetic=0.5); Springs(matrix=2, 1; 1, 2))" in repr(block)
+    shown = []
+    jax.jit(lambda mu: shown.append(repr(ConstantLaw(mu))))(0.3)
+    assert shown == ["ConstantLaw(coefficient=traced)"]

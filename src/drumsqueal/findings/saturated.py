@@ -15,10 +15,12 @@ from drumsqueal.findings.signals.spectra import amplitude_spectrum, spectral_pea
 from drumsqueal.outcome import COMPLETE, Ending, Outcome
 from drumsqueal.physics.model import Model
 from drumsqueal.progress import Progress, silent
+from drumsqueal.solve.pulling import smallest_force
 from drumsqueal.solve.transient.batch import integrate_many
 from drumsqueal.solve.transient.resolution import least_energy
 from drumsqueal.solve.transient.runge_kutta import AUTO
 
+HUGE = 1e70  # m, rad, m/s: what has grown so far grows without bound, and its energy is a number still
 AT_ONCE = 16  # transients a thread, so that memory does not grow with their number
 LAST_FRACTION = 0.5  # of the duration that is looked at
 FEWEST_SAMPLES = 16  # of what is looked at, for a spectrum
@@ -38,8 +40,8 @@ class Saturated(NamedTuple):
     the rms velocity, weighted by mass, from the first half of the part to the second. `vibration` and `velocity` (n,)
     are where it ended: another transient can go on from there. `at_rest` marks one whose motion is below what is
     resolved (`least_energy`): its numbers are round-off. `fluctuation` is by how much the rms of a coordinate comes and
-    goes: its standard deviation over `PARTS` parts that overlap by half, of its mean, at most. One that failed has NaN
-    for all numbers, and says why in `outcome`.
+    goes: its standard deviation over `PARTS` parts that overlap by half, of its mean, at most. `smallest_force` (N) is
+    that of all of it, see `pulling.smallest_force`. One that failed has NaN for all numbers, and says why in `outcome`.
     """
 
     amplitude: NDArray[np.float64]
@@ -55,6 +57,7 @@ class Saturated(NamedTuple):
     outcome: str
     at_rest: bool = False
     fluctuation: float = 0.0
+    smallest_force: float = np.inf
 
     @property
     def failed(self) -> bool:
@@ -119,8 +122,8 @@ def saturated_motions(
                         begin, end = float(chunk.time[0]), float(chunk.time[-1])
                         why = f"failed: the integration stopped between t = {begin:.6g} s and {end:.6g} s"
                         part.outcome = Outcome(Ending.FAILED, why)
-        for part, model in zip(parts, models[some], strict=True):
-            yield _looked_at(part, model, sample_rate)
+        for part, model, rest in zip(parts, models[some], steady[some], strict=True):
+            yield _looked_at(part, model, rest, sample_rate)
 
 
 @dataclass
@@ -130,21 +133,26 @@ class _Part:
     start: int
     samples: int = 0
     outcome: Outcome = COMPLETE
+    lowest: float | NDArray[np.float64] = np.inf  # displacements (n,) from steady sliding, of all samples
     kept: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = field(default_factory=list)
 
     def add(self, vibration: NDArray[np.float64], velocity: NDArray[np.float64]) -> None:
         """A chunk of samples (k, n)."""
         fresh = slice(max(self.start - self.samples, 0), None)
+        self.lowest = np.fmin(self.lowest, vibration.min(axis=0, initial=np.inf))
         if len(vibration[fresh]):
             self.kept.append((vibration[fresh], velocity[fresh]))
         self.samples += len(vibration)
 
 
-def _looked_at(part: _Part, model: Model, sample_rate: float) -> Saturated:
-    n = len(model.names)
+def _looked_at(part: _Part, model: Model, steady: NDArray[np.float64], sample_rate: float) -> Saturated:
+    n, smallest = len(model.names), smallest_force(model, steady + part.lowest)
+    if part.outcome == COMPLETE and any(np.max(np.abs(each)) > HUGE for pair in part.kept for each in pair):
+        part.outcome = Outcome(Ending.FAILED, "failed: the motion grows without bound")
     if part.outcome != COMPLETE:
         lost = np.full(n, np.nan)
-        return Saturated(lost, lost, (np.nan, np.nan), None, None, np.nan, np.nan, 0.0, lost, lost, part.outcome)
+        numbers = lost, lost, (np.nan, np.nan), None, None, np.nan, np.nan, 0.0, lost, lost
+        return Saturated(*numbers, part.outcome, smallest_force=smallest)
     vibration, velocity = (np.concatenate(pieces) for pieces in zip(*part.kept, strict=True))
     seconds, half = (len(vibration) - 1) / sample_rate, len(vibration) // 2
     mass = np.asarray(model.mass)
@@ -169,6 +177,7 @@ def _looked_at(part: _Part, model: Model, sample_rate: float) -> Saturated:
         outcome=part.outcome,
         at_rest=at_rest,
         fluctuation=0.0 if at_rest else _fluctuation(velocity, mass),
+        smallest_force=smallest,
     )
 
 

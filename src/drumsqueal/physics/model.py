@@ -31,6 +31,7 @@ from drumsqueal.physics.quadrature.area import AreaSurface
 from drumsqueal.precision import real
 from drumsqueal.programs import Program
 from drumsqueal.scene import Scene
+from drumsqueal.shown import short
 
 Numbers = Mapping[str, ArrayLike]
 
@@ -48,6 +49,17 @@ class Model(eqx.Module):
     mass: Array = eqx.field(converter=real)
     stiffness: Array = eqx.field(converter=real)
     remembering: tuple[Remembering, ...] = ()
+
+    def __repr__(self) -> str:
+        """Body, masses, drive, contact and effects, with their numbers in SI."""
+        contact, (drum, load, stiffness) = self.contact, self.contact.units
+        units = ["kg m²" if name.startswith("T") else "kg" for name in self.names]
+        masses = ", ".join(f"{name} {short(m, u)}" for name, m, u in zip(self.names, self.mass, units, strict=True))
+        operation = f"{self.operation.drum_speed} {drum}, load {self.operation.preload} {load}"
+        touching = f"{type(contact.law).__name__} contact of {short(contact.law.stiffness, stiffness)}"
+        friction = contact.friction and contact.friction.law
+        others = "".join(f"; {effect}" for effect in (*self.others, *self.remembering))
+        return f"Model({type(self.body).__name__}: {masses}; speed {operation}; {touching}; {friction}{others})"
 
     @property
     def body(self) -> Body:

@@ -13,7 +13,7 @@ from drumsqueal.physics.effects.effect import Effect
 from drumsqueal.physics.effects.forcing import ConstantForce, Forcing
 from drumsqueal.physics.effects.friction import Direction, Friction, Tangential, UnitVelocity
 from drumsqueal.physics.effects.operation import Constant, Operation
-from drumsqueal.physics.effects.pressure import Bonded
+from drumsqueal.physics.effects.pressure import Bonded, Unilateral
 from drumsqueal.physics.effects.springs import Springs
 from drumsqueal.physics.laws.custom_friction import as_law, with_breakpoints
 from drumsqueal.physics.laws.friction_law import FrictionLaw
@@ -63,14 +63,17 @@ def sprung_block_on_belt(
     belt_speed: ArrayLike = 1.0,
     damping: ArrayLike | Sequence[Sequence[float]] | None = None,
     forces: Forces | None = None,
+    separation: bool = True,
 ) -> Model:
-    """A block that also moves into the belt, N = p0 + k3 y, by which friction follows its normal motion.
+    """A block that also moves into the belt, N = max(0, p0 + k3 y), by which friction follows its normal motion.
 
     `mass` (2,) in kg, `springs` (2, 2) in N/m and `damping` (2, 2) in N s/m belong to X and Y, as `forces` by name do;
-    the contact spring k3 (N/m) comes on top. Source: Hoffmann et al., Journal of Sound and Vibration 257 (2002) 1.
+    the contact spring k3 (N/m) comes on top. Without `separation` the block cannot lift off: N = p0 + k3 y, which pulls
+    where it is negative. Source: Hoffmann et al., Journal of Sound and Vibration 257 (2002) 1, who linearise.
     """
     block = Block(real(mass))
-    contact = PointContact(block, Bonded(contact_stiffness), Friction(as_law(law), Tangential()))
+    pressure = (Unilateral if separation else Bonded)(contact_stiffness)
+    contact = PointContact(block, pressure, Friction(as_law(law), Tangential()))
     operation = Operation(Constant(belt_speed), Constant(load))
     stiffness = real(springs) + jnp.diag(jnp.stack([jnp.zeros(()), real(contact_stiffness)]))
     dashpots = () if damping is None else (Damping(real(damping)),)

@@ -17,6 +17,7 @@ from drumsqueal.physics.model import Model
 from drumsqueal.progress import Progress, silent
 from drumsqueal.solve.linear.modes import Stability, analyse_stability
 from drumsqueal.solve.linear.steady import steady_sliding
+from drumsqueal.solve.pulling import pulling, smallest_recorded
 from drumsqueal.solve.transient.integrate import Chunk
 from drumsqueal.solve.transient.integrate import integrate as chunks_of
 from drumsqueal.solve.transient.runge_kutta import AUTO
@@ -31,7 +32,8 @@ class Motion:
     """A transient: time (k,) in s, displacement and velocity (k, n) of the named coordinates, and how it ended.
 
     Displacement (m, rad) is measured from where springs are unloaded. `changes` holds when the contact began to stick
-    (True) or to slip (False), in s. `energy_balance_error` (k,) in J is what is missing in the balance of energy.
+    (True) or to slip (False), in s. `energy_balance_error` (k,) in J is what is missing in the balance of energy, and
+    `normal_force` (k,) in N is that of the contact. `notes` say what limits the motion, such as a contact that pulls.
     """
 
     names: tuple[str, ...]
@@ -39,14 +41,17 @@ class Motion:
     displacement: Vector
     velocity: Vector
     energy_balance_error: Vector
+    normal_force: Vector
     changes: tuple[tuple[float, bool], ...]
     steps: int
     outcome: Outcome
+    notes: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         """How long it is, what it holds and how it ended."""
+        ended = "; ".join([self.outcome, *self.notes])
         time = f"{self.time[0]:g} to {self.time[-1]:g} s, {len(self.time)} samples of {', '.join(self.names)}"
-        return f"Motion({time}, {len(self.changes)} changes between stick and slip, {self.steps} steps; {self.outcome})"
+        return f"Motion({time}, {len(self.changes)} changes between stick and slip, {self.steps} steps; {ended})"
 
     def turning_points(self, name: str) -> tuple[Vector, Vector]:
         """When a coordinate turns round (s), and where, by the cubic through displacements and velocities.
@@ -146,9 +151,13 @@ def integrate(
         field: np.concatenate([getattr(chunk, field) for chunk in chunks])
         for field in ("time", "displacement", "velocity", "energy_balance_error")
     }
+    force = np.concatenate([chunk.observation.normal_force for chunk in chunks])
+    pulled = pulling(smallest_recorded(model, force))
     changes = tuple(change for chunk in chunks for change in chunk.changes)
     steps = sum(chunk.steps for chunk in chunks)
-    return Motion(names=model.names, changes=changes, steps=steps, outcome=outcome, **whole)
+    notes = (pulled,) if pulled else ()
+    found: Any = {"normal_force": force, "changes": changes, "steps": steps, "outcome": outcome, "notes": notes}
+    return Motion(names=model.names, **whole, **found)
 
 
 def start_of(names: tuple[str, ...], start: Start) -> tuple[Vector, Vector]:

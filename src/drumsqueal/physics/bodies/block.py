@@ -18,7 +18,7 @@ from drumsqueal.physics.bodies.body import Motion, Scalar
 from drumsqueal.physics.effects.effect import Action, Observation, Touching
 from drumsqueal.physics.effects.friction import Friction
 from drumsqueal.physics.effects.operation import Moment
-from drumsqueal.physics.effects.pressure import PressureLaw
+from drumsqueal.physics.effects.pressure import PressureLaw, Unilateral
 from drumsqueal.precision import real
 
 
@@ -70,9 +70,19 @@ class PointContact(Touching):
     law: PressureLaw
     friction: Friction | None
 
+    @property
+    def units(self) -> tuple[str, str, str]:
+        """Those of a belt and of a force at a point."""
+        return "m/s", "N", "N/m"
+
     def fastest_slip(self, moment: Moment, v: Motion) -> Array:
         """|s| (m/s)."""
         return jnp.abs(_slip(moment, v))
+
+    def kinks(self, moment: Moment, q: Motion, v: Motion) -> Array:
+        """p0 + k y (N), which vanishes where the block lifts off and lands."""
+        del v
+        return self._level(moment, q).reshape(1) if isinstance(self.law, Unilateral) else jnp.zeros(0)
 
     def pressure_range(self, moment: Moment, q: Motion) -> tuple[Array, Array]:
         """The force N (N), twice."""

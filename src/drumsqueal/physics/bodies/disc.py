@@ -72,6 +72,11 @@ class DiscContact(Touching):
     law: PressureLaw
     friction: Friction | None
 
+    @property
+    def units(self) -> tuple[str, str, str]:
+        """Those of a plate."""
+        return "m/s", "Pa", "N/m³"
+
     def fastest_slip(self, moment: Moment, v: Motion) -> Array:
         """|u| + R |ω| (m/s), reached on the rim."""
         ux, uy, rim = self._motion(moment, v)

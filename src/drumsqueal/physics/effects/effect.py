@@ -12,6 +12,7 @@ from drumsqueal.physics.bodies.body import Body, Motion, Scalar
 from drumsqueal.physics.effects.friction import Friction
 from drumsqueal.physics.effects.operation import Moment
 from drumsqueal.physics.effects.pressure import PressureLaw, Unilateral
+from drumsqueal.shown import short
 
 
 class Action(NamedTuple):
@@ -24,6 +25,12 @@ class Action(NamedTuple):
 
 class Effect(eqx.Module):
     """What acts on a body. Motion and force have an entry for each kept coordinate of the body."""
+
+    def __repr__(self) -> str:
+        """Its name, and its numbers in SI, rows of a matrix divided by semicolons."""
+        fields = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
+        numbers = (f"{name}={short(value)}" for name, value in fields.items() if eqx.is_array_like(value))
+        return f"{type(self).__name__}({', '.join(numbers)})"
 
     @abstractmethod
     def act(self, moment: Moment, q: Motion, v: Motion) -> Action:
@@ -58,11 +65,17 @@ class Touching(Effect):
     body: eqx.AbstractVar[Body]
     law: eqx.AbstractVar[PressureLaw]
     friction: eqx.AbstractVar[Friction | None]
+    __repr__ = eqx.Module.__repr__  # all of it
 
     @property
     def radius(self) -> Scalar:
         """What the drum's speed is multiplied by to be that of its surface (m); one for a belt or a plate."""
         return 1.0
+
+    @property
+    def units(self) -> tuple[str, str, str]:
+        """Of the drum's speed, of the preload and of the contact stiffness."""
+        return "rad/s", "Pa", "N/m³"
 
     @property
     def lifting_stiffness(self) -> Scalar:

@@ -8,12 +8,17 @@ from jax import Array
 from jax.typing import ArrayLike
 
 from drumsqueal.precision import real
+from drumsqueal.shown import short
 
 
 class Constant(eqx.Module):
     """The same value at all times."""
 
     value: Array = eqx.field(converter=real)
+
+    def __repr__(self) -> str:
+        """The value."""
+        return short(self.value)
 
     def at(self, time: ArrayLike) -> tuple[Array, None]:
         """Value at a time (s); it has no rate."""
@@ -31,6 +36,10 @@ class Profile(eqx.Module):
 
     time: Array = eqx.field(converter=real)
     value: Array = eqx.field(converter=real)
+
+    def __repr__(self) -> str:
+        """How many points."""
+        return f"<{self.time.size} points>"
 
     def at(self, time: ArrayLike) -> tuple[Array, Array]:
         """Value at a time (s) and its time derivative (per s), from the right at a corner; one search for both."""

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from drumsqueal.physics.laws.friction_law import ANY_LAW, FrictionLaw, static_coefficient
 from drumsqueal.precision import real
+from drumsqueal.shown import short
 
 # A stretch of a law is resolved where polynomials of this degree in x give μ(low + length x²) and μ(high − length x²)
 # on [0, 1], as where the slip speed has an extremum, to a fraction of its largest value. Sixteen Gauss nodes are exact
@@ -42,6 +43,10 @@ class TabulatedLaw(eqx.Module):
 
     coefficients: Array = eqx.field(converter=real)
     step: Array = eqx.field(converter=real)
+
+    def __repr__(self) -> str:
+        """How many points it has, and how far apart."""
+        return f"TabulatedLaw({self.coefficients.shape[-1] + 1} points, step={short(self.step, 'm/s')})"
 
     @staticmethod
     def from_function(function: Callable[[float], float], largest_speed: float, points: int = 2001) -> "TabulatedLaw":
@@ -79,6 +84,10 @@ class MeasuredLaw(eqx.Module):
     law: FrictionLaw
     speeds: Array = eqx.field(converter=real)
     gradual: bool = eqx.field(static=True)
+
+    def __repr__(self) -> str:
+        """That of the law."""
+        return repr(self.law)
 
     def coefficient(self, slip_speed: Array) -> Array:
         """μ at slip speeds s ≥ 0 (m/s)."""

@@ -11,6 +11,7 @@ from jax.typing import ArrayLike
 from drumsqueal.precision import real
 from drumsqueal.scene.laws import LAWS
 from drumsqueal.scene.tables import Friction
+from drumsqueal.shown import short
 
 
 @runtime_checkable
@@ -62,6 +63,12 @@ class SceneLaw(eqx.Module):
     law: type[Friction] = eqx.field(static=True)
     numbers: dict[str, Array]
 
+    def __repr__(self) -> str:
+        """Name and numbers: ExponentialLaw(static=1, kinetic=0.5, decay=2 s/m)."""
+        keys, usual = self.law.number_keys(), self.law.usual
+        numbers = ", ".join(f"{key}={short(self.numbers[key], usual[key].unit)}" for key in keys)
+        return f"{self.law.__name__.removesuffix('Friction')}Law({numbers})"
+
     def coefficient(self, slip_speed: Array) -> Array:
         """μ at slip speeds s ≥ 0 (m/s)."""
         return self.law.mu(slip_speed, jnp, **self.numbers)
@@ -103,6 +110,10 @@ class StepLaw(eqx.Module):
 
     static: Array = eqx.field(converter=real)
     kinetic: Array = eqx.field(converter=real)
+
+    def __repr__(self) -> str:
+        """Its numbers."""
+        return f"StepLaw(static={short(self.static)}, kinetic={short(self.kinetic)})"
 
     def coefficient(self, slip_speed: Array) -> Array:
         """μ at slip speeds s ≥ 0 (m/s)."""

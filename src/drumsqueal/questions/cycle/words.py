@@ -11,6 +11,7 @@ from drumsqueal.questions.cycle.diagram import Branch, Diagram, End, OffBranch
 from drumsqueal.questions.cycle.orbit import Cycle
 from drumsqueal.scene.quantities import percent
 from drumsqueal.scene.variation import Variation
+from drumsqueal.solve.pulling import pulling_sentence, smallest_force
 
 TINY, ALIKE = 1e-12, 0.7  # m, rad; and logarithm of the ratio of amplitudes at neighbouring values of one motion
 UNPROVEN = "which does not prove that there is none"
@@ -27,7 +28,7 @@ def cycle_verdict(cycle: Cycle) -> str:
     return (
         f"{brief[0].upper()}{brief[1:]}, with {percent(cycle.contact_fraction)} of the {surface} in contact and the "
         f"slip reversed on {percent(cycle.slip_reversed_fraction)} of it on average"
-        f"{sticks if cycle.sticking_phases else ''}: {_disturbed(cycle)}."
+        f"{sticks if cycle.sticking_phases else ''}: {_disturbed(cycle)}.{_pull([cycle])}"
     )
 
 
@@ -94,9 +95,14 @@ def diagram_verdict(diagram: Diagram, along: Variation) -> str:
         if both
         else f"no stable cycle that was found coexists with stable steady sliding, {UNPROVEN}"
     )
-    return (
-        f"Steady sliding {sliding}; {lives}{f' ({named})' if named else ''}; {bistable}.{off}{_unknown(diagram, along)}"
-    )
+    pull = _pull([cycle for branch in diagram.branches for cycle in branch.cycles])
+    found = f"Steady sliding {sliding}; {lives}{f' ({named})' if named else ''}; {bistable}."
+    return f"{found}{pull}{off}{_unknown(diagram, along)}"
+
+
+def _pull(cycles: Sequence[Cycle]) -> str:
+    """That the contact pulls in one of them."""
+    return pulling_sentence(min(smallest_force(each.model, each.samples.displacement) for each in cycles))
 
 
 def off_branch_words(diagram: Diagram, along: Variation) -> str:

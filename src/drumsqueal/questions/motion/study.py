@@ -35,6 +35,7 @@ from drumsqueal.questions.motion.attractor import Attractor, Kind, decide_attrac
 from drumsqueal.scene import Scene
 from drumsqueal.simulation import check_constant, constant_transient
 from drumsqueal.solve import motion
+from drumsqueal.solve.pulling import pulling, smallest_recorded
 from drumsqueal.solve.transient.flow import neighbours, state_size
 from drumsqueal.solve.transient.integrate import Chunk
 from drumsqueal.solve.transient.runge_kutta import AUTO
@@ -260,13 +261,14 @@ class _Study:
 
     def record(self) -> tuple[bool, float, list[Chunk]]:
         """Run until settled and on: whether it settled, when the record begins (s), and its chunks."""
-        began = clock.monotonic()
+        began, smallest = clock.monotonic(), np.inf
         kept: list[Chunk] = []
         start: float | None = None
         settled = False
 
         def take(chunk: Chunk) -> bool:
-            nonlocal kept, start, settled
+            nonlocal kept, start, settled, smallest
+            smallest = min(smallest, smallest_recorded(self.transient.model, chunk.observation.normal_force))
             now = float(chunk.time[-1])
             kept.append(chunk)
             if start is None:
@@ -287,6 +289,7 @@ class _Study:
             self.limits.append(f"the integration failed: {error}")
             if not kept:
                 raise
+        self.limits += filter(None, [pulling(smallest)])
         return settled, float(kept[0].time[0]) if start is None else start, kept
 
     def _at_rest(self, chunks: list[Chunk]) -> bool:

@@ -119,6 +119,7 @@ class _Job:
         self.history: list[float] = []  # and of all rounds since the start, or since it was made smaller
         self.fluctuations: list[float] = []  # of all rounds
         self.rounds = 0
+        self.smallest_force = np.inf  # N, of all rounds
         self.probed: float | None = None  # mean kinetic energy (J) of the settled motion that was made smaller
 
     def note(self, motion: Saturated) -> None:
@@ -206,11 +207,13 @@ def find_attractors(
         left = []
         for job, motion in zip(jobs, motions, strict=True):
             job.rounds += 1
+            job.smallest_force = min(job.smallest_force, motion.smallest_force)
             job.vibration, job.velocity = motion.vibration, motion.velocity
             kind = _judge(job, motion, family, how, rounds)
             there = settled.setdefault(job.point.value, [])
             seconds = job.rounds * how.round_seconds
             named = {"kick": job.start.kick, "from_value": job.start.from_value}
+            motion = motion._replace(smallest_force=job.smallest_force)
             of = partial(Response.of, job.point.value, job.start.name)
             response = of(kind or Leads.SQUEALS, motion, seconds, family.moving, **named)
             is_known = response.motion is not None and any(response.motion.same(each) for each in there)

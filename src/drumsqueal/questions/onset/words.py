@@ -9,6 +9,7 @@ from drumsqueal.questions.cycle.words import shown_Hz
 from drumsqueal.questions.onset.found import Attractor, Kind, Leads, Onset, Range
 from drumsqueal.scene.variation import Variation
 from drumsqueal.solve.linear.branches import DIVERGENCE, Critical
+from drumsqueal.solve.pulling import pulling_sentence
 
 EXACT = 1e-6  # relative uncertainty that is not worth stating
 
@@ -185,6 +186,8 @@ def reservations(study: Onset) -> tuple[str, ...]:
         values = [row.value for row in study.values if any(each.leads_to is leads for each in row.starts)]
         if values:
             found.append(f"A transient {words} at {_values(study, values)}; see the table.")
+    ends = (each.saturated for row in study.values for each in row.starts if each.saturated is not None)
+    found += filter(None, [pulling_sentence(min((each.smallest_force for each in ends), default=math.inf)).lstrip()])
     nowhere = [row.value for row in asked if row.kind is Kind.NOWHERE]
     if nowhere:
         found.append(f"No steady sliding at {_values(study, nowhere)}.")

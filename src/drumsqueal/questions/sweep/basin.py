@@ -10,6 +10,7 @@ from drumsqueal.findings.part import Finding, Held, Number
 from drumsqueal.questions.onset.found import Leads, how_unlike
 from drumsqueal.questions.sweep.chance import Chance, chance, fraction
 from drumsqueal.questions.sweep.points import LEADS, NONE, Starting, squealing
+from drumsqueal.solve.pulling import pulling
 
 OTHERS = (Leads.NEUTRAL, Leads.RUNS_AWAY, Leads.GROWS, Leads.UNDECIDED)
 
@@ -37,7 +38,7 @@ class Basin(Finding):
     less than 5 % are one attractor; there are none where the brake is varied, too. `starts` (N, keys) are in SI, in the
     order of `keys`, and `attractor` (N,) has the number of the squeal that each leads to, 0 for steady sliding, −1 for
     neither. `coordinate` is the one that has most kinetic energy in most of
-    the squeals, and `data` are all results.
+    the squeals, `notes` say what limits all this, and `data` are all results.
     """
 
     keys: tuple[str, ...]
@@ -49,13 +50,17 @@ class Basin(Finding):
     unclear: int
     starts: Any = Held
     attractor: Any = Held
+    notes: tuple[str, ...] = ()
     data: Any = Held
 
     def __repr__(self) -> str:
         """One line."""
         motions = ", ".join(f"{each.frequency_Hz:.4g} Hz {each.chance.percent}" for each in self.attractors)
         unclear = f", {self.unclear} unclear" if self.unclear else ""
-        return f"Basin of {self.squeal.total} starts: {self.squeal.in_words} squeal ({motions or 'none'}){unclear}"
+        notes = "".join(f"; {each}" for each in self.notes)
+        return (
+            f"Basin of {self.squeal.total} starts: {self.squeal.in_words} squeal ({motions or 'none'}){unclear}{notes}"
+        )
 
 
 def number_motions(data: xarray.Dataset) -> NDArray[np.int16]:
@@ -98,8 +103,15 @@ def find_basin(data: xarray.Dataset, plan: Starting) -> Basin:
         unclear=plan.points - clear,
         starts=starts,
         attractor=numbers,
+        notes=_notes(data),
         data=data,
     )
+
+
+def _notes(data: xarray.Dataset) -> tuple[str, ...]:
+    """What limits what was found."""
+    smallest = float(data["smallest_force"].min()) if "smallest_force" in data else np.inf
+    return tuple(filter(None, [pulling(smallest)]))
 
 
 def _main_coordinate(data: xarray.Dataset, plan: Starting) -> str:

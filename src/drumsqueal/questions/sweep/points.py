@@ -134,6 +134,7 @@ CELLS = {
     "small_velocity": Variable((), "f8", "m/s", "rms velocity of the squeal after a small disturbance"),
     "small_frequency": Variable((), "f8", "Hz", "of its line with most kinetic energy"),
 }
+FORCE = {"smallest_force": Variable((), "f8", "N", "smallest normal force of a block that cannot lift off; else inf")}
 Columns = dict[str, np.ndarray]
 
 
@@ -143,6 +144,7 @@ def variables_of(plan: Points) -> dict[str, Variable]:
         return ALWAYS | CELLS
     found = ALWAYS | (LINEAR if plan.eigenvalues else {}) | (TRANSIENT if plan.transient else {})
     found |= STARTS if plan.starts else {}
+    found |= FORCE if isinstance(plan, BodyPlan) else {}
     names = ((NONE, "none"), *enumerate(plan.coordinates))
     return {name: each._replace(flags=names) if each.flags == _NAMES else each for name, each in found.items()}
 
@@ -226,6 +228,8 @@ def note_motion(
     columns["amplitude"][k] = 0.0  # of coordinates that the transient leaves out
     columns["amplitude"][k, [coordinates.index(name) for name in names]] = motion.amplitude
     columns["kinetic_energy"][k] = motion.kinetic_energy
+    if "smallest_force" in columns:
+        columns["smallest_force"][k] = motion.smallest_force
     columns["separation_share"][k], columns["reversal_share"][k] = motion.boundary_ratios
     if motion.frequency_Hz is not None and motion.line is not None:
         columns["main_frequency"][k] = motion.frequency_Hz

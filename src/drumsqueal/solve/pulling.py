@@ -1,0 +1,47 @@
+"""A bonded contact that pulls, which no dry contact does: how hard, and what to do about it."""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from drumsqueal.physics.bodies.block import PointContact
+from drumsqueal.physics.effects.pressure import Bonded
+from drumsqueal.physics.model import Model
+
+UNBOUNDED = 1e30  # N; only what grows without bound comes so far
+
+
+def smallest_force(model: Model, displacement: ArrayLike) -> float:
+    """Smallest normal force (N) of a block that cannot lift off, by the load at t = 0; infinite of any other contact.
+
+    Displacements (..., n) in m are measured from q = 0.
+    """
+    if not _can_pull(model):
+        return np.inf
+    into, _ = model.body.surface()
+    depth = np.asarray(displacement) @ into.T
+    return float(model.operation.at(0.0).preload + model.contact.law.stiffness * np.min(depth))
+
+
+def smallest_recorded(model: Model, force: ArrayLike) -> float:
+    """The same of recorded normal forces (k,) in N."""
+    return float(np.min(force)) if _can_pull(model) else np.inf
+
+
+def _can_pull(model: Model) -> bool:
+    # A shoe without separation says so among what its scene leaves out.
+    law = model.contact.law
+    return isinstance(model.contact, PointContact) and isinstance(law, Bonded) and float(law.stiffness) > 0
+
+
+def pulling(smallest: float) -> str:
+    """That the contact pulls, by the smallest normal force (N); empty where it does not."""
+    if not smallest < 0:
+        return ""
+    fell = f"fell to {smallest:.3g} N" if smallest > -UNBOUNDED else "falls without bound"
+    return f"the contact pulls: the normal force {fell}; use separation=True".replace("-", "−")
+
+
+def pulling_sentence(smallest: float) -> str:
+    """The same as a sentence after others; empty where the contact does not pull."""
+    words = pulling(smallest)
+    return f" {words[0].upper()}{words[1:]}." if words else ""
