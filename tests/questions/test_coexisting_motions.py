@@ -320,5 +320,5 @@ def test_what_was_not_found_is_unknown_and_of_one_cycle_both_sides_are():
     assert none.squeals_unknown == ((1.0, 2.0),)
     assert "does not prove that there is none" in diagram_verdict(none, Variation("drum.speed", "rad/s", (1.0, 2.0)))
     alone = SimpleNamespace(value=0.5)
-    branch = Branch.model_construct(start="lost", end="lost", cycles=(alone,))
+    branch = Branch.model_construct(start=End.LOST, end=End.LOST, start_detail="", end_detail="", cycles=(alone,))
     assert {(each.low, each.high) for each in branch.not_followed(0.0, 1.0)} == {(0.0, 1.0)}

@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -37,7 +38,7 @@ from drumsqueal.questions.cycle.diagram import Branch, CycleBranches, End, Span
 from drumsqueal.questions.cycle.figures import _shade
 from drumsqueal.questions.cycle.orbit import Cycle, Event, Shooting, Start, floquet, floquet_of
 from drumsqueal.questions.cycle.search import CycleStudy, cycle_from, find_cycle, is_same, modal_starts, returns
-from drumsqueal.questions.cycle.words import diagram_verdict
+from drumsqueal.questions.cycle.words import diagram_verdict, end_words
 from drumsqueal.scene import SceneError, load_scene
 from drumsqueal.scene.variation import Variation
 from drumsqueal.simulation import run
@@ -518,6 +519,42 @@ def test_the_cycle_of_a_model_is_found_from_its_own_transient():
     assert "m in X" in found.verdict
 
 
+# In the unit of the range their ends are 0.97 + 1e-16, 0.3 + 5e-17 and so on.
+@pytest.mark.parametrize(("low", "high"), [(0.81, 0.97), (0.3, 0.7)])
+def test_a_cycle_at_an_end_of_the_range_is_there_once_and_of_that_very_value(low, high):
+    family = Family(with_derivative(falling_friction), (low, high))
+    for value in (low, high):
+        cycle = family.sticking_at(value)
+        assert cycle is not None
+        branch = family.both_ways(cycle)
+        values = [each.value for each in branch.cycles]
+        assert (values[0], values[-1]) == (low, high)
+        assert all(a < b for a, b in pairwise(values))
+        assert (branch.start, branch.end) == (End.BOUND, End.BOUND)
+    # So motions that begin there are on the branch, and none of its own.
+    assert len(follow_cycles(falling_friction, (low, high)).branches) == 1
+
+
+def test_a_branch_that_does_not_reach_the_end_of_the_range_is_lost_there(monkeypatch):
+    family = Family(with_derivative(falling_friction), (0.8, 1.0))
+    cycle = family.sticking_at(0.9)
+    assert cycle is not None
+    close = Shooting.close
+
+    def fails_at_the_end(self, guess, *conditions):
+        at_the_end = not conditions and guess[-1] == 1.0 / self.scale[-1]
+        return None if at_the_end else close(self, guess, *conditions)
+
+    monkeypatch.setattr(Shooting, "close", fails_at_the_end)
+    branch = family.both_ways(cycle)
+    last = branch.cycles[-1].value
+    assert (branch.start, branch.end) == (End.BOUND, End.LOST)
+    assert branch.end_detail == f"Newton's method fails between {last:.6g} and the end of the range"
+    (lost,) = branch.not_followed(0.8, 1.0)
+    assert (lost.low, lost.high, lost.reason) == (last, 1.0, branch.end_detail)
+    assert end_words(branch) == [f"is lost where it ends: {branch.end_detail}"]
+
+
 def test_of_a_model_that_comes_to_rest_the_stable_and_the_unstable_cycle_are_found():
     found = find_cycle(falling_friction(1.3), {"displacement": {"X": 1e-3}}, 30.0, sample_rate=10.0)
     assert found.stable
@@ -678,6 +715,12 @@ def test_what_sticks_again_and_again_and_closes_nowhere_is_not_passed_over(monke
 def test_what_does_not_stick_again_is_no_cycle():
     family = Family(with_derivative(falling_friction), (1.8, 2.4))
     assert family.sticking_at(2.4) is None
+
+
+def test_what_friction_does_not_hold_on_the_drum_slips_on_and_sticks_no_more():
+    # At steady sliding the spring pulls with the whole kinetic friction, and the dashpot as the block moves on.
+    diagram = follow_cycles(lambda speed: block_on_belt(ConstantLaw(0.3), damping=0.05, belt_speed=speed), (0.2, 1.0))
+    assert (diagram.branches, diagram.not_followed, diagram.notes) == ((), (), ())
 
 
 def test_where_static_friction_exceeds_kinetic_the_branch_ends_with_grazing():

@@ -722,7 +722,7 @@ def made_up_cycles(speeds: list[float]) -> Branch:
     places[-1]["multipliers"] = np.array([1.5 + 0j])
     places[-2] |= {"multipliers": np.array([1.0 + 0j]), "what": Event.FOLD}
     cycles = tuple(one.model_copy(update=place) for place in places)
-    return Branch(start=End.BOUND, end="it is lost", cycles=cycles)
+    return Branch(start=End.BOUND, end=End.LOST, end_detail="nothing", cycles=cycles)
 
 
 def test_cycles_are_laid_over_the_onset(drumsqueal, tmp_path, monkeypatch):

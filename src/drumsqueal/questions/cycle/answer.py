@@ -14,7 +14,7 @@ from drumsqueal.questions.cycle.diagram import Branch, CycleBranches, End
 from drumsqueal.questions.cycle.figures import draw_branch, draw_cycle
 from drumsqueal.questions.cycle.orbit import NEUTRAL, Cycle
 from drumsqueal.questions.cycle.search import CycleStudy
-from drumsqueal.questions.cycle.words import describe_briefly
+from drumsqueal.questions.cycle.words import describe_briefly, end_words
 from drumsqueal.terminal.runner import Answer
 from drumsqueal.terminal.tables import print_table, rows_to_csv
 
@@ -73,11 +73,8 @@ def print_branches(console: Console, found: CycleBranches) -> None:
         where = f"{variation.key} = {variation.with_unit(critical.value, '.7g')}"
         console.print(f"Steady sliding becomes {becomes} in {critical.label} as the value rises past {where}")
     for number, branch in enumerate(found.branches, start=1):
-        for verb, end in (("begins", branch.start), ("ends", branch.end)):
-            if end not in set(End):
-                console.print(f"Branch {number} ends: {end}", style="dim")
-            elif end == End.HOPF:
-                console.print(f"Branch {number} {verb} next to a Hopf point, where cycles have no size", style="dim")
+        for words in end_words(branch):
+            console.print(f"Branch {number} {words}", style="dim")
     for note in found.notes:
         console.print(f"Not found: {note}", style="dim")
     console.print(found.verdict, style="bold")
@@ -87,7 +84,7 @@ def milestones(branch: Branch) -> list[tuple[str, Cycle]]:
     """The ends of a branch and what happens on it, in order; at a Hopf point the end is the cycle next to it."""
     ends = {}
     for place, reason, which in ((len(branch.cycles) - 1, branch.end, "last"), (0, branch.start, "first")):
-        ends[place] = f"{which} cycle" if reason == End.HOPF else reason if reason in set(End) else "end"
+        ends[place] = f"{which} cycle" if reason is End.HOPF else "end" if reason is End.LOST else reason
     found = [(cycle.what or ends.get(k), cycle) for k, cycle in enumerate(branch.cycles)]
     return [(what, cycle) for what, cycle in found if what is not None]
 

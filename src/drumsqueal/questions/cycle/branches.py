@@ -11,7 +11,7 @@ from drumsqueal.errors import CycleError
 from drumsqueal.outcome import Ending
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.cycle.continuation import Track
+from drumsqueal.questions.cycle.continuation import Ended, Track
 from drumsqueal.questions.cycle.diagram import (
     Branch,
     CycleBranches,
@@ -288,7 +288,7 @@ def _ends_at(branch: Branch, critical: Critical, width: float) -> bool:
     """Whether a branch begins or ends at a Hopf point."""
     ends = [(branch.start, branch.cycles[0]), (branch.end, branch.cycles[-1])]
     return any(
-        what == End.HOPF
+        what is End.HOPF
         and abs(cycle.value - critical.value) < NEAR_HOPF * width
         and abs(cycle.frequency_Hz / critical.frequency_Hz - 1) < NEAR_HOPF
         for what, cycle in ends
@@ -330,10 +330,10 @@ class Family:
         closed = shooting.close(guess, guess - rest)
         if closed is None:
             raise CycleError("Newton's method finds no cycle next to it")
-        cycles, end = self._follow(shooting, closed, guess - rest, End.HOPF, on_branch)
+        cycles, (end, detail) = self._follow(shooting, closed, guess - rest, End.HOPF, on_branch)
         if not cycles:
-            raise CycleError(end)
-        return Branch(start=End.HOPF, end=end, cycles=tuple(cycles))
+            raise CycleError(detail)
+        return Branch(start=End.HOPF, end=end, end_detail=detail, cycles=tuple(cycles))
 
     def sticking_at(self, value: float) -> Cycle | None:
         """The cycle to which a motion leads that begins at rest on the drum; None where that does not stick again.
@@ -360,10 +360,11 @@ class Family:
             raise CycleError("Newton's method loses the cycle that it had found")
         upwards = np.eye(closed.unknowns.size)[-1]
         down, first = self._follow(shooting, closed, -upwards, End.CUT_OFF, on_branch)
-        if first == End.LOOP:
-            return Branch(start=first, end=first, cycles=tuple(down))
+        if first.end is End.LOOP:
+            return Branch(start=End.LOOP, end=End.LOOP, cycles=tuple(down))
         up, last = self._follow(shooting, closed, upwards, End.CUT_OFF, on_branch)
-        return Branch(start=first, end=last, cycles=(*reversed(down), *up[1:]))
+        ends = {"start": first.end, "start_detail": first.detail, "end": last.end, "end_detail": last.detail}
+        return Branch(**ends, cycles=(*reversed(down), *up[1:]))
 
     def between(self, value: float, a: Cycle, b: Cycle) -> Cycle | None:
         """The cycle of a branch at a value between two of its cycles, None where Newton's method does not find it."""
@@ -384,8 +385,8 @@ class Family:
         return Shooting(self._models, scale_near(self.model_at(value), start, steady, width), self.on_flow)
 
     def _follow(
-        self, shooting: Shooting, closed: Closed, ahead: Vector, start: str, on_branch: OnBranch
-    ) -> tuple[list[Cycle], str]:
+        self, shooting: Shooting, closed: Closed, ahead: Vector, start: End, on_branch: OnBranch
+    ) -> tuple[list[Cycle], Ended]:
         track = Track(shooting, self._bounds, self.steady_at, start, on_branch)
-        end = track.follow(closed, ahead)
-        return track.cycles, end
+        ended = track.follow(closed, ahead)
+        return track.cycles, ended

@@ -32,6 +32,18 @@ MOST_POINTS = 400
 FEWEST = 4  # points of a closed loop
 SAME = 0.02  # relative difference in period and amplitudes of what is taken for the same cycle
 CLOSE_TO_REST = 2e-3  # scaled amplitude at which a branch ends at the steady sliding that it came from
+AT_BOUND = 1e-9  # of the range: a cycle so near to its end is at its end
+
+
+class Ended(NamedTuple):
+    """Why a branch goes on no further; the detail says how it was lost."""
+
+    end: End
+    detail: str = ""
+
+
+class _GrazingError(CycleError):
+    """The motion jumps away at a grazing bifurcation."""
 
 
 class _Place(NamedTuple):
@@ -48,7 +60,7 @@ class Track:
         shooting: Shooting,
         bounds: tuple[float, float],
         steady_at: Callable[[float], Vector | None],
-        start: str,
+        start: End,
         on_branch: Callable[[Branch], object],
     ) -> None:
         """Follow within bounds of the parameter; `steady_at` gives steady sliding q* (n,), None where there is none.
@@ -59,7 +71,7 @@ class Track:
         self._start, self._on_branch = start, on_branch
         self.cycles: list[Cycle] = []
 
-    def follow(self, closed: Closed, ahead: Vector) -> str:
+    def follow(self, closed: Closed, ahead: Vector) -> Ended:
         """Follow from a cycle in the direction that has a part along `ahead` (2n + 2,); returns why it ended.
 
         `cycles` grows as it goes, the cycle of the start included.
@@ -74,19 +86,21 @@ class Track:
                 if bound != following.cycle.value:
                     return self._to_bound(place, following, bound)
                 if self._at_rest(place, following):
-                    return End.HOPF
+                    return Ended(End.HOPF)
                 if self._is_back(start, place, following):
                     self._keep(start.cycle)
-                    return End.LOOP
+                    return Ended(End.LOOP)
                 if not corner:  # whatever changes there does so at the corner
                     self._look_between(place, following, step)
                 self._keep(following.cycle)
                 step = min(step * (FASTER if following.closed.steps <= EASY else 1.0), LONGEST_STEP)
                 step = step * SLOWER if following.closed.steps >= HARD else step
                 place = self._cut_anew(following)
+        except _GrazingError:
+            return Ended(End.GRAZING)
         except CycleError as error:
-            return str(error)
-        return f"after {MOST_POINTS} points"
+            return Ended(End.LOST, str(error))
+        return Ended(End.LOST, f"after {MOST_POINTS} points")
 
     def _keep(self, cycle: Cycle) -> None:
         self.cycles.append(cycle)
@@ -139,7 +153,7 @@ class Track:
         if following is None:
             if self._jumps_ahead(place):
                 self.cycles[-1] = place.cycle.model_copy(update={"what": Event.GRAZING})
-                raise CycleError(End.GRAZING)
+                raise _GrazingError
             raise CycleError(why)
         grazes = following.closed.flow.pattern != place.closed.flow.pattern
         what = Event.GRAZING if grazes else Event.CORNER
@@ -194,19 +208,23 @@ class Track:
         guess = place.closed.unknowns + step * place.tangent
         return self._shooting.close(guess, place.tangent, place.closed.flow.rate)
 
-    def _to_bound(self, place: _Place, beyond: _Place, bound: float) -> str:
-        """Keep the cycle at the bound itself."""
+    def _to_bound(self, place: _Place, beyond: _Place, bound: float) -> Ended:
+        """Keep the cycle at the bound itself, with its very value, once. Raises CycleError where there is none."""
         before, after = place.cycle.value, beyond.cycle.value
+        if abs(bound - before) < AT_BOUND * (self._bounds[1] - self._bounds[0]):
+            self.cycles[-1] = self.cycles[-1].model_copy(update={"value": bound})
+            return Ended(End.BOUND)
+        near, far = place.closed.unknowns, beyond.closed.unknowns
         fraction = (bound - before) / (after - before)
-        closed = self._shooting.close((1 - fraction) * place.closed.unknowns + fraction * beyond.closed.unknowns)
-        if closed is not None:
-            try:
-                last = self._place(closed, beyond.tangent)
-            except CycleError:
-                return End.BOUND
-            self._look_between(place, last, float(np.linalg.norm(closed.unknowns - place.closed.unknowns)))
-            self._keep(last.cycle)
-        return End.BOUND
+        guesses = ((1 - fraction) * near + fraction * far, near, far)
+        at_bound = (np.append(guess[:-1], bound / self._shooting.scale[-1]) for guess in guesses)
+        closed = next(filter(None, map(self._shooting.close, at_bound)), None)
+        if closed is None:
+            raise CycleError(f"Newton's method fails between {before:.6g} and the end of the range")
+        last = self._place(closed, beyond.tangent)
+        self._look_between(place, last, float(np.linalg.norm(closed.unknowns - near)))
+        self._keep(last.cycle.model_copy(update={"value": bound}))
+        return Ended(End.BOUND)
 
     def _at_rest(self, place: _Place, following: _Place) -> bool:
         """Whether the branch has shrunk to steady sliding: beyond that it would go on as its own mirror image."""

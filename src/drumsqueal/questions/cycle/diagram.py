@@ -17,7 +17,7 @@ Interval = tuple[float, float]
 
 
 class End(StrEnum):
-    """Where a branch begins or ends, if Newton's method does not fail there.
+    """Where a branch begins or ends, or is lost on the way.
 
     With grazing it ends where static friction exceeds what slides: the motion jumps to another one.
     """
@@ -27,6 +27,7 @@ class End(StrEnum):
     LOOP = "closed loop"
     GRAZING = "grazing"
     CUT_OFF = "cut off"
+    LOST = "lost"
 
 
 class Unfollowed(Finding):
@@ -40,11 +41,13 @@ class Unfollowed(Finding):
 class Branch(Finding):
     """Cycles in the order in which they follow one another, and why the branch ends on either side.
 
-    `start` and `end` are an `End` or a reason in words.
+    `start_detail` and `end_detail` say in words how it was lost there.
     """
 
-    start: str
-    end: str
+    start: End
+    end: End
+    start_detail: str = ""
+    end_detail: str = ""
     cycles: tuple[Cycle, ...]
 
     @computed_field
@@ -54,13 +57,13 @@ class Branch(Finding):
         return tuple(cycle for cycle in self.cycles if cycle.what is not None)
 
     def not_followed(self, low: float, high: float) -> tuple[Unfollowed, ...]:
-        """Its ends for which there is no better name than a reason: from there on to the bound that it went to."""
+        """The ends at which it is lost: from there on to the bound that it went to."""
         found = []
-        for reason, last, before in (
-            (self.start, self.cycles[0], self.cycles[1:2]),
-            (self.end, self.cycles[-1], self.cycles[-2:-1]),
+        for end, reason, last, before in (
+            (self.start, self.start_detail, self.cycles[0], self.cycles[1:2]),
+            (self.end, self.end_detail, self.cycles[-1], self.cycles[-2:-1]),
         ):
-            if reason not in set(End):
+            if end is End.LOST:
                 onwards = not before or before[0].value <= last.value
                 # Of a branch of one cycle it is not known to which side it goes.
                 ends = sorted((last.value if before else low, high if onwards else low))

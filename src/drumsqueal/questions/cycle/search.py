@@ -305,7 +305,10 @@ def released_start(model: Model, steady: Vector) -> Start | None:
         releases = [time for time, what in found.changes if what is Change.SLIPS]
         if not found.reached:
             raise CycleError("a motion that slips and sticks takes too many steps")
-        if found.pattern[-1:] == (Change.SLIPS,) and duration - releases[-1] > duration / 2:
+        # What does not hold it at the start reverses its slip there, and that is all.
+        held = [change for change in found.changes if change[1] is not Change.REVERSES]
+        since, what = held[-1] if held else (0.0, Change.SLIPS)
+        if what is Change.SLIPS and duration - since > duration / 2:
             return None
         if len(releases) > 2:
             last = flow(model, size, start, releases[-1], TOLERANCE)

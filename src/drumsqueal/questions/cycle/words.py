@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from drumsqueal.findings.signals.regime import Kind, Regime
 from drumsqueal.findings.vibration import unit_of
 from drumsqueal.physics.effects.contact import Contact
-from drumsqueal.questions.cycle.diagram import Diagram, Interval, OffBranch
+from drumsqueal.questions.cycle.diagram import Branch, Diagram, End, Interval, OffBranch
 from drumsqueal.questions.cycle.orbit import Cycle
 from drumsqueal.scene.quantities import percent
 from drumsqueal.scene.variation import Variation
@@ -65,6 +65,17 @@ def regime_words(regime: Regime) -> str:
             return "settles to a periodic motion"
         case _:
             return f"settles to no periodic motion (the motion is {regime.kind})"
+
+
+def end_words(branch: Branch) -> list[str]:
+    """How a branch begins and ends where its table does not say it."""
+    found = []
+    for verb, end, detail in (("begins", branch.start, branch.start_detail), ("ends", branch.end, branch.end_detail)):
+        if end is End.HOPF:
+            found.append(f"{verb} next to a Hopf point, where cycles have no size")
+        elif end is End.LOST:
+            found.append(f"is lost where it {verb}: {detail}")
+    return found
 
 
 def diagram_verdict(diagram: Diagram, along: Variation) -> str:
