@@ -118,7 +118,7 @@ def estimate(residuals: Residuals, scale: Scale) -> Estimate:
         return r[:-size], jacobian[:-size]
 
     x = _polished(of_lines, found.x, scale)
-    return _assess(*of_lines(x), x, scale.at_bound(x))
+    return assess(*of_lines(x), x, scale)
 
 
 def _polished(evaluate: Residuals, x: NDArray[np.float64], scale: Scale) -> NDArray[np.float64]:
@@ -140,9 +140,8 @@ def _polished(evaluate: Residuals, x: NDArray[np.float64], scale: Scale) -> NDAr
     return best
 
 
-def _assess(
-    r: NDArray[np.float64], jacobian: NDArray[np.float64], x: NDArray[np.float64], at_bound: NDArray[np.bool_]
-) -> Estimate:
+def assess(r: NDArray[np.float64], jacobian: NDArray[np.float64], x: NDArray[np.float64], scale: Scale) -> Estimate:
+    """What residuals (m,) at x, with their Jacobian (m, k), leave known of it."""
     _, values, right = np.linalg.svd(jacobian, full_matrices=True)
     fitted = int(np.sum(values * OPEN > 1))
     freedom, chi_square = r.size - fitted, float(r @ r)
@@ -154,5 +153,5 @@ def _assess(
     held = int(np.sum(values * OPEN > spread * factor / PERCENT_95))
     known, free = right[:held], right[held:]
     covariance = spread**2 * (known.T / values[:held] ** 2) @ known + WIDTH**2 * free.T @ free
-    determined = (np.sqrt(np.sum(free**2, axis=0)) < PART) & ~at_bound
+    determined = (np.sqrt(np.sum(free**2, axis=0)) < PART) & ~scale.at_bound(x)
     return Estimate(x, covariance, right[fitted:], determined, chi_square, freedom, factor)

@@ -13,18 +13,16 @@ from drumsqueal.files.saved_history import read_history
 from drumsqueal.findings.time_window import time_window
 from drumsqueal.physics.composition import kept_coordinates
 from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.compare.matching import match_lines
 from drumsqueal.questions.compare.measured.reader import read_measured
 from drumsqueal.questions.compare.measured.record import Measured, check_count
 from drumsqueal.questions.export.signals import SURFACE, make_channels, names_of
-from drumsqueal.questions.fit.assignment import FURTHEST, MODEL_FREQUENCY, Assignment, assign, fit_lines
+from drumsqueal.questions.fit.assignment import Assignment, assign, fit_lines
+from drumsqueal.questions.fit.choice import fit_squeals
 from drumsqueal.questions.fit.eigenlines import Eigenmodes
 from drumsqueal.questions.fit.estimate import PERCENT_95, Estimate, Scale
 from drumsqueal.questions.fit.found import Fit, FittedLine, FittedNumber
 from drumsqueal.questions.fit.record import CLOCK, Kind, Reading, RecordLine, read_lines
-from drumsqueal.questions.fit.squeal import find_squeal, fit_squeal, pair_squeal
-from drumsqueal.questions.fit.words import describe_fit, describe_notes
-from drumsqueal.questions.sensitivity.decay import DISTURBANCE
+from drumsqueal.questions.fit.words import describe_fit, describe_notes, short
 from drumsqueal.questions.sensitivity.stabilising import numbers_of, variable_numbers
 from drumsqueal.questions.sensitivity.study import at_one_time
 from drumsqueal.scene import Scene, load_with_tables
@@ -45,6 +43,14 @@ class _Result(NamedTuple):
     ambiguous: str | None = None
     transients: int = 0
     notes: tuple[str, ...] = ()
+    rivals: tuple[Estimate, ...] = ()
+
+    @property
+    def determined(self) -> NDArray[np.bool_]:
+        """Which numbers (k,) the record determines: a rival has them within their uncertainty, too."""
+        wide = self.estimate.factor_95 * self.estimate.errors
+        alike = [np.abs(other.x - self.estimate.x) <= wide for other in self.rivals]
+        return self.estimate.determined & np.all(alike, axis=0)
 
 
 def fit_scene(
@@ -86,7 +92,7 @@ def fit_scene(
     numbers = numbers_of(changed)
     scale = Scale.of(keys, [numbers[key] for key in keys])
     how = _fit_linear if reading.kind is Kind.LINEAR else _fit_saturated
-    result = how(changed, keys, scale, reading, signal, progress)
+    result = how(changed, keys, scale, reading, measured.sample_rate, signal, progress)
     return _report(scene, keys, scale, reading, result, measured, str(file), written or Written(scene))
 
 
@@ -125,10 +131,10 @@ def read_record(
 
 
 def _fit_linear(
-    scene: Scene, keys: Sequence[str], scale: Scale, reading: Reading, signal: str, progress: Progress
+    scene: Scene, keys: Sequence[str], scale: Scale, reading: Reading, rate: float, signal: str, progress: Progress
 ) -> _Result:
     """Eigenvalues onto the lines of small vibration."""
-    del signal
+    del rate, signal
     frozen = at_one_time(scene, prepare(scene).stability.time)
     progress("fitting eigenvalues", 0.0, None)
     modes, lines = Eigenmodes(frozen, keys), reading.lines
@@ -179,28 +185,20 @@ def _rival(found: Assignment, lines: Sequence[RecordLine], labels: Sequence[str]
         for line, own, other in zip(lines, found.modes, found.rival, strict=True)
         if own != other
     ]
-    return ", ".join(named)
+    return f"another assignment of lines to modes fits as well: {', '.join(named)}"
 
 
 def _fit_saturated(
-    scene: Scene, keys: Sequence[str], scale: Scale, reading: Reading, signal: str, progress: Progress
+    scene: Scene, keys: Sequence[str], scale: Scale, reading: Reading, rate: float, signal: str, progress: Progress
 ) -> _Result:
     """Lines of transients onto those of saturated squeal."""
-    squeal = find_squeal(scene, reading.lines, signal, progress)
-    pairs = pair_squeal(reading.lines, squeal.lines)
-    used = [(line, squeal.lines[k]) for line, k in zip(reading.lines, pairs, strict=True) if k is not None]
-    if not used:
-        heard, own = (", ".join(f"{line.frequency_Hz:.0f}" for line in each) for each in (reading.lines, squeal.lines))
-        raise RequestError(f"the scene squeals at {own} Hz, and no line of the record ({heard} Hz) is near; correct it")
 
-    def change(x: NDArray[np.float64]) -> Scene:
-        return squeal.scene.with_values(dict(zip(keys, map(float, scale.numbers(x)), strict=True)))
+    def change(at: Scene, x: NDArray[np.float64]) -> Scene:
+        return at.with_values(dict(zip(keys, map(float, scale.numbers(x)), strict=True)))
 
-    measured, simulated = [line for line, _ in used], [line for _, line in used]
-    guess = _shifted(scene, keys, scale, measured, simulated)
-    found = fit_squeal(change, measured, simulated, scale, signal, progress, begin=squeal.start, guess=guess)
-    after = dict(zip([line.frequency_Hz for line in measured], found.after.tolist(), strict=True))
-    before = dict(zip([line.frequency_Hz for line in measured], found.before.tolist(), strict=True))
+    choice = fit_squeals(scene, change, reading, rate, scale, signal, progress)
+    found, used = choice.fitted, [line.frequency_Hz for line in choice.used]
+    before, after = (dict(zip(used, each.tolist(), strict=True)) for each in (found.before, found.after))
     rows = [
         FittedLine(
             measured_Hz=line.frequency_Hz,
@@ -210,34 +208,23 @@ def _fit_saturated(
         )
         for line in reading.lines
     ]
-    size = (
-        f"the transients start from a disturbance of {DISTURBANCE * squeal.start:g} p0/k_c, which leads to the squeal"
+    ran = found.squeal.scene.simulate.duration
+    notes = (
+        [f"the scene has squeals of {', '.join(f'{f:.0f}' for f in choice.squeals)} Hz"] if choice.squeals[1:] else []
     )
-    start = (f"{size} that is most like the measured one",) if squeal.start else ()
-    if squeal.scene is not scene:
-        ran = squeal.scene.simulate.duration
-        start = (*start, f"the transients ran for {ran:g} s, since squeal has not settled within the scene's duration")
-    return _Result(found.estimate, tuple(rows), len(used), None, found.transients, start)
+    if ran != scene.simulate.duration:
+        notes.append(f"the transients ran for {ran:g} s, since squeal has not settled within the scene's duration")
+    rivals = [each.estimate for each in choice.rivals]
+    others = [
+        f"the squeal of {other.before[0]:.0f} Hz, with {_listed(keys, scale.numbers(other.estimate.x))}"
+        for other in choice.rivals
+    ]
+    ambiguous = f"another squeal of the scene fits as well: {'; '.join(others)}" if others else None
+    return _Result(found.estimate, tuple(rows), len(used), ambiguous, choice.transients, tuple(notes), tuple(rivals))
 
 
-def _shifted(
-    scene: Scene, keys: Sequence[str], scale: Scale, measured: Sequence[RecordLine], simulated: Sequence[RecordLine]
-) -> NDArray[np.float64] | None:
-    """Where eigenvalues move as far as the lines of squeal are to, as if their ratio to these stayed: a first guess."""
-    modes = Eigenmodes(at_one_time(scene, prepare(scene).stability.time), keys)
-    kept = kept_coordinates(scene)
-    own = [k for k, mode in enumerate(modes.modes) if mode.name in kept]
-    matches = match_lines(
-        [line.frequency_Hz for line in simulated], [modes.modes[k].frequency_Hz for k in own], widest=FURTHEST
-    )
-    lines, places = [], []
-    for line, of_scene, match in zip(measured, simulated, matches, strict=True):
-        if match is not None and match.paired:
-            places.append(own[match.reference])
-            frequency = modes.modes[places[-1]].frequency_Hz * line.frequency_Hz / of_scene.frequency_Hz
-            known = {"frequency_Hz": frequency, "frequency_uncertainty_Hz": MODEL_FREQUENCY * frequency}
-            lines.append(line.model_copy(update=known))
-    return fit_lines(lines, places, modes, scale).x if lines else None
+def _listed(keys: Sequence[str], numbers: NDArray[np.float64]) -> str:
+    return ", ".join(f"{key} = {short(value, 3)}" for key, value in zip(keys, numbers.tolist(), strict=True))
 
 
 def _report(
@@ -256,7 +243,7 @@ def _report(
     numbers, texts = [], {}
     for k, key in enumerate(keys):
         standard = float(slopes[k] * estimate.errors[k])
-        wide, determined = standard * estimate.factor_95, bool(estimate.determined[k])
+        wide, determined = standard * estimate.factor_95, bool(result.determined[k])
         unit = written.unit(key)
         si = unit_of(key, scene) if unit else ""
         size = parse_quantity(f"1 {unit}", si) if unit else 1.0

@@ -105,7 +105,7 @@ def describe_notes(fit: Fit) -> tuple[str, ...]:
         missed = ", ".join(f"{line.measured_Hz:.1f}" for line in short_of)
         notes.append(f"the search stopped short of {missed} Hz: the squeal jumps to another motion on the way there")
     if fit.ambiguous:
-        notes.append(f"another assignment of lines to modes fits as well: {fit.ambiguous}")
+        notes.append(fit.ambiguous)
     bound = [number.key for number in fit.numbers if number.at_bound]
     if bound:
         notes.append(f"{', '.join(bound)}: not determined, at the end of what is tried, {EXTREMES}")
