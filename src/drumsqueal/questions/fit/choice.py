@@ -11,6 +11,7 @@ from drumsqueal.errors import RequestError
 from drumsqueal.findings.signals.decibels import level_dB
 from drumsqueal.findings.signals.spectra import amplitude_spectrum
 from drumsqueal.progress import Progress
+from drumsqueal.questions.fit.assignment import AMBIGUOUS, LIKELY
 from drumsqueal.questions.fit.coexisting import scenes_that_squeal
 from drumsqueal.questions.fit.estimate import Scale
 from drumsqueal.questions.fit.record import Reading, RecordLine
@@ -19,9 +20,10 @@ from drumsqueal.scene import Scene
 
 OVERTONES = (2, 3, 4, 5)  # times the main line
 CLEAR_DB = 12.0  # over the noise beside it, from which an overtone is one
-# Rms difference of overtones up to which two signals are one motion's, and from which they are not: those of one scene
-# differ by 0.1 dB, those of squeals that coexist by 5 dB and more.
-SAME_DB, OTHER_DB = 1.0, 3.0
+# Rms difference of overtones up to which two signals are one motion's, and beyond which, where another squeal is that
+# near, they are not: 0.2 dB where the numbers are found, 1.4 dB where one that is open is off by 23 %, 5 dB of squeals
+# that coexist (and, rarely, where an open number is off).
+SAME_DB, OTHER_DB = 2.0, 4.0
 MET = 9.0  # χ² per degree of freedom: three times the uncertainty
 FARTHEST = 0.5  # of log number, in the second search
 
@@ -69,9 +71,9 @@ def fit_squeals(
     """Fit each squeal of the scene that has a line near the strongest measured one, the nearest first.
 
     One that meets the lines with the overtones of the record is taken at once. Of several that meet them otherwise the
-    one with the smallest change of the numbers is taken, and the others are `rivals`. Where none meets them, squeals are
-    looked for where the best fit would have gone on to. Raises RequestError where the scene does not squeal, or in no
-    line like the measured ones.
+    one with the smallest change of the numbers is taken, and the others are `rivals`. Where none meets them, the search
+    begins anew with the squeals where the best fit would have gone on to. Raises RequestError where the scene does not
+    squeal, or in no line like the measured ones.
     """
     x, tried, heard = np.zeros(scale.before.size), list[_Try](), list[float]()
     for _ in range(2):
@@ -93,7 +95,7 @@ def fit_squeals(
         wanted = min(tried, key=lambda each: each.miss).fitted.wanted
         x = np.clip(wanted, -FARTHEST, FARTHEST)
     best = _best(met or tried)
-    alike = [each for each in met if each is not best and not (best.heard and (each.apart_dB or 0.0) > OTHER_DB)]
+    alike = [each for each in met if each is not best and _as_likely(each, best)]
     transients = sum(each.fitted.transients for each in tried)
     return Choice(best.fitted, best.used, tuple(each.fitted for each in alike), transients, tuple(heard))
 
@@ -103,6 +105,14 @@ def _best(tried: Sequence[_Try]) -> _Try:
         return min(tried, key=lambda each: each.miss)
     heard = [each for each in tried if each.heard]
     return min(heard or tried, key=lambda each: float(np.linalg.norm(each.fitted.estimate.x)))
+
+
+def _as_likely(other: _Try, best: _Try) -> bool:
+    """Whether overtones and the change of the numbers leave another fit as likely as the best."""
+    if best.heard and other.apart_dB is not None and other.apart_dB > OTHER_DB:
+        return False
+    costs = [float(np.sum((each.fitted.estimate.x / LIKELY) ** 2)) for each in (best, other)]
+    return costs[1] - costs[0] < AMBIGUOUS
 
 
 def _near(squeals: Sequence[Squeal], measured: Sequence[RecordLine]) -> list[Squeal]:

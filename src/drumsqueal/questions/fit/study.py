@@ -6,10 +6,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import xarray
 from numpy.typing import NDArray
 
 from drumsqueal.errors import RequestError
-from drumsqueal.files.saved_history import read_history
+from drumsqueal.files.saved_history import SavedHistory, read_history
 from drumsqueal.findings.time_window import time_window
 from drumsqueal.physics.composition import kept_coordinates
 from drumsqueal.progress import Progress, silent
@@ -19,8 +20,8 @@ from drumsqueal.questions.export.signals import SURFACE, make_channels, names_of
 from drumsqueal.questions.fit.assignment import Assignment, assign, fit_lines
 from drumsqueal.questions.fit.choice import fit_squeals
 from drumsqueal.questions.fit.eigenlines import Eigenmodes
-from drumsqueal.questions.fit.estimate import PERCENT_95, Estimate, Scale
-from drumsqueal.questions.fit.found import Fit, FittedLine, FittedNumber
+from drumsqueal.questions.fit.estimate import PART, PERCENT_95, Estimate, Scale
+from drumsqueal.questions.fit.found import Combination, Fit, FittedLine, FittedNumber
 from drumsqueal.questions.fit.record import CLOCK, Kind, Reading, RecordLine, read_lines
 from drumsqueal.questions.fit.words import describe_fit, describe_notes, short
 from drumsqueal.questions.sensitivity.stabilising import numbers_of, variable_numbers
@@ -75,17 +76,12 @@ def fit_scene(
     cannot be varied, for another `kind` and for records without lines, and SceneError for a scene without steady
     sliding.
     """
-    if not vary:
-        raise RequestError("--vary: name at least one number, such as --vary contact.stiffness")
     if not isinstance(scene, Scene):
         written = written or Written(*load_with_tables(scene))
         scene = written.scene
+    changed, keys = check_request(scene, vary, kind, signal)
     if not isinstance(measured, Measured):
         file, measured = file or measured, read_record(Path(measured), channel, signal)
-    changed, keys = variable_numbers(scene, vary)
-    if kind is not None and kind not in list(Kind):
-        raise RequestError(f"kind {kind!r}: write {' or '.join(map(repr, map(str, Kind)))}, or leave it out")
-    prepare(changed)  # what has no steady sliding is reported first
     progress("lines of the record", 0.0, None)
     asked = None if kind is None else Kind(kind)
     reading = read_lines(measured, asked)
@@ -94,6 +90,25 @@ def fit_scene(
     how = _fit_linear if reading.kind is Kind.LINEAR else _fit_saturated
     result = how(changed, keys, scale, reading, measured.sample_rate, signal, progress)
     return _report(scene, keys, scale, reading, result, measured, str(file), written or Written(scene))
+
+
+def check_request(
+    scene: Scene, vary: Sequence[str], kind: str | None = None, signal: str = SURFACE
+) -> tuple[Scene, tuple[str, ...]]:
+    """The scene with a damping ratio if that is varied, and the keys of the numbers to fit.
+
+    Raises RequestError for keys, a kind or a signal that cannot be, and SceneError for a scene without steady sliding.
+    """
+    if not vary:
+        raise RequestError("--vary: name at least one number to fit, such as --vary contact.stiffness")
+    changed, keys = variable_numbers(scene, vary)
+    if kind is not None and kind not in list(Kind):
+        raise RequestError(f"--as {kind}: write --as {' or --as '.join(Kind)}, or leave it out")
+    names, _ = names_of([signal], SavedHistory(Path(), xarray.Dataset(), scene), option="--signal")
+    if len(names) != 1:
+        raise RequestError(f"--signal {signal}: there are several such, {', '.join(names)}; take one of them")
+    prepare(changed)
+    return changed, keys
 
 
 def read_record(
@@ -244,9 +259,7 @@ def _report(
     for k, key in enumerate(keys):
         standard = float(slopes[k] * estimate.errors[k])
         wide, determined = standard * estimate.factor_95, bool(result.determined[k])
-        unit = written.unit(key)
-        si = unit_of(key, scene) if unit else ""
-        size = parse_quantity(f"1 {unit}", si) if unit else 1.0
+        unit, size = _unit(key, scene, written)
         shown = _rounded(values[k] / size, wide / size if determined else None)
         # An open number is as it was but for round-off of the lines.
         same = bool(abs(values[k] - scale.before[k]) <= (0.0 if determined else CLOCK * abs(scale.before[k])))
@@ -283,14 +296,52 @@ def _report(
         chi_square_per_freedom=estimate.chi_square_per_freedom,
         freedom=estimate.freedom,
         open_combinations=tuple(dict(zip(keys, each.tolist(), strict=True)) for each in estimate.open),
+        fixed=_fixed(scene, keys, values, estimate, written),
+        missed=estimate.missed,
         ambiguous=result.ambiguous,
         transients=result.transients,
         fitted_scene=changed.scene,
         reading=reading,
         written=changed,
     )
-    notes = (*measured.remarks, *result.notes, *describe_notes(fit))
+    notes = (*describe_notes(fit), *result.notes, *measured.remarks)
     return fit.model_copy(update={"verdict": describe_fit(fit), "notes": notes})
+
+
+def _unit(key: str, scene: Scene, written: Written) -> tuple[str, float]:
+    """The unit of a number in the scene file, "" for SI, and what that is in SI."""
+    unit = written.unit(key)
+    return unit, parse_quantity(f"1 {unit}", unit_of(key, scene)) if unit else 1.0
+
+
+def _fixed(
+    scene: Scene, keys: Sequence[str], values: NDArray[np.float64], estimate: Estimate, written: Written
+) -> tuple[Combination, ...]:
+    """What stays of the numbers in open combinations, where that is one combination and the lines are not missed."""
+    free = estimate.open
+    parts = np.flatnonzero(np.linalg.norm(free, axis=0) > PART)
+    if estimate.missed or parts.size < 2 or parts.size - len(free) != 1 or np.any(values[parts] == 0):
+        return ()
+    held = np.linalg.svd(free[:, parts])[2][-1]
+    held = held / float(held[np.argmax(np.abs(held))])
+    spread = estimate.factor_95 * math.sqrt(max(held @ estimate.covariance[np.ix_(parts, parts)] @ held, 0.0))
+    named = [keys[k] for k in parts]
+    found = Combination(powers=dict(zip(named, held.tolist(), strict=True)), relative_uncertainty=spread)
+    units = {_unit(key, scene, written) for key in named}
+    if len(units) > 1 or len({unit_of(key, scene) for key in named}) > 1:
+        return (found,)
+    ((unit, size),) = units
+    # Σ c dp = Σ c p dx is to go as Σ h dx.
+    factors = held / values[parts]
+    largest = float(factors[np.argmax(np.abs(factors))])
+    factors, slope = factors / largest, 1 / largest
+    total = {
+        "factors": dict(zip(named, factors.tolist(), strict=True)),
+        "value": float(factors @ values[parts] / size),
+        "uncertainty": abs(slope) * spread / size,
+        "unit": unit,
+    }
+    return (found.model_copy(update=total),)
 
 
 def _rounded(value: float, uncertainty: float | None) -> str:
