@@ -24,6 +24,7 @@ CLEAR_DB = 12.0  # over the noise beside it, from which an overtone is one
 # near, they are not: 0.2 dB where the numbers are found, 1.4 dB where one that is open is off by 23 %, 5 dB of squeals
 # that coexist (and, rarely, where an open number is off).
 SAME_DB, OTHER_DB = 2.0, 4.0
+SAME_FREQUENCY, SAME_AMPLITUDE = 1e-3, 0.03  # relative, of one squeal after two starts
 MET = 9.0  # χ² per degree of freedom: three times the uncertainty
 FARTHEST = 0.5  # of log number, in the second search
 
@@ -31,7 +32,8 @@ FARTHEST = 0.5  # of log number, in the second search
 class Choice(NamedTuple):
     """The fit that is taken, the measured lines that it uses, other fits that do as well, and all transients run.
 
-    `squeals` are the frequencies (Hz) of the squeals that were found in the scene.
+    `squeals` are the frequencies (Hz) of the squeals that were found in the scene. `overtones_apart_dB` is the rms
+    difference of the measured overtones from the fitted ones, None without one that stands out of the noise.
     """
 
     fitted: Fitted
@@ -39,6 +41,12 @@ class Choice(NamedTuple):
     rivals: tuple[Fitted, ...]
     transients: int
     squeals: tuple[float, ...]
+    overtones_apart_dB: float | None
+
+    @property
+    def known(self) -> bool:
+        """Whether the squeal is the only one, or its overtones are not those of another motion."""
+        return not self.squeals[1:] or self.overtones_apart_dB is None or self.overtones_apart_dB < OTHER_DB
 
 
 class _Try(NamedTuple):
@@ -78,8 +86,7 @@ def fit_squeals(
     x, tried, heard = np.zeros(scale.before.size), list[_Try](), list[float]()
     for _ in range(2):
         here = change(scene, x)
-        found = [settled(each, signal, progress) for each in scenes_that_squeal(here, progress)]
-        squeals = [each for each in found if each is not None]
+        squeals = _different([settled(each, signal, progress) for each in scenes_that_squeal(here, progress)])
         heard += [each.lines[0].frequency_Hz for each in squeals]
         for squeal in _near(squeals, reading.lines):
             attempt = _attempt(change, squeal, reading, rate, scale, signal, progress, x)
@@ -97,7 +104,7 @@ def fit_squeals(
     best = _best(met or tried)
     alike = [each for each in met if each is not best and _as_likely(each, best)]
     transients = sum(each.fitted.transients for each in tried)
-    return Choice(best.fitted, best.used, tuple(each.fitted for each in alike), transients, tuple(heard))
+    return Choice(best.fitted, best.used, tuple(each.fitted for each in alike), transients, tuple(heard), best.apart_dB)
 
 
 def _best(tried: Sequence[_Try]) -> _Try:
@@ -113,6 +120,21 @@ def _as_likely(other: _Try, best: _Try) -> bool:
         return False
     costs = [float(np.sum((each.fitted.estimate.x / LIKELY) ** 2)) for each in (best, other)]
     return costs[1] - costs[0] < AMBIGUOUS
+
+
+def _different(found: Sequence[Squeal | None]) -> list[Squeal]:
+    """Each squeal once."""
+    squeals: list[Squeal] = []
+    for each in found:
+        if each is not None and not any(is_same(each.lines[0], other.lines[0]) for other in squeals):
+            squeals.append(each)
+    return squeals
+
+
+def is_same(one: RecordLine, other: RecordLine) -> bool:
+    """Whether two lines are one in frequency and amplitude."""
+    frequency, amplitude = one.frequency_Hz / other.frequency_Hz, one.amplitude / other.amplitude
+    return abs(math.log(frequency)) < SAME_FREQUENCY and abs(math.log(amplitude)) < SAME_AMPLITUDE
 
 
 def _near(squeals: Sequence[Squeal], measured: Sequence[RecordLine]) -> list[Squeal]:

@@ -30,9 +30,10 @@ STEPS = (0.02, -0.02, 0.08)
 DRIFTS, LONGER = 2e-4, 3.0  # of its frequency, from which a line has not settled; the transient then is so much longer
 WIDEST = 0.3  # between a measured line and the simulated one at the scene's numbers
 FOLLOWED = 0.1  # between a simulated line and where it was expected
-# Of log number, in one go: a frequency then changes by 3 % or so, and a squeal is told from another one by more than
-# JUMP of log frequency (the nearest seen are 10 % apart) or a FACTOR of amplitude.
-WALK, JUMP, FACTOR = 0.05, 0.06, 2.0
+WALK = 0.05  # of log number, in one go
+# A squeal goes over into another one where log frequency and log amplitude of its line change by more than so many
+# times log number, and a little: they change by 0.5 and up to 4 times, between squeals by 3 % and 30 % and more.
+STEEPEST, BY_CHANCE = (1.5, 8.0), (2e-3, 0.05)
 NOISE = 3.0  # times the error of a derivative by differences, below which it is none
 ROUNDS, HALVINGS = 10, 4
 CLOSE = 0.1  # of the uncertainties: a smaller change of the residuals ends the search
@@ -207,7 +208,7 @@ class _Work:
             self.transients += 1
             there = self.change(squeal.scene, here.x + k / count * (x - here.x))
             found = simulate(there, self.signal, self.progress)
-            if found is None or _jumped(squeal.lines[0], found.lines):
+            if found is None or _jumped(squeal.lines[0], found.lines, float(np.max(np.abs(x - here.x))) / count):
                 return None
             squeal = found
         return squeal
@@ -258,8 +259,9 @@ class _Work:
         return residuals
 
 
-def _jumped(before: RecordLine, lines: Sequence[RecordLine]) -> bool:
-    """Whether none of the lines is what a line has become after a small change."""
+def _jumped(before: RecordLine, lines: Sequence[RecordLine], step: float) -> bool:
+    """Whether none of the lines is what a line has become after a step of log number."""
     nearest = min(lines, key=lambda line: abs(math.log(line.frequency_Hz / before.frequency_Hz)))
-    apart = abs(math.log(nearest.frequency_Hz / before.frequency_Hz))
-    return apart > JUMP or abs(math.log(nearest.amplitude / before.amplitude)) > math.log(FACTOR)
+    ratios = nearest.frequency_Hz / before.frequency_Hz, nearest.amplitude / before.amplitude
+    limits = (steep * step + chance for steep, chance in zip(STEEPEST, BY_CHANCE, strict=True))
+    return any(abs(math.log(ratio)) > limit for ratio, limit in zip(ratios, limits, strict=True))
