@@ -166,9 +166,10 @@ def _fit_linear(
     found = assign(lines, modes, scale, [mode.name in kept for mode in modes.modes])
     pairs = [(line, k) for line, k in zip(lines, found.modes, strict=True) if k is not None]
     if not pairs:
-        near = ", ".join(f"{mode.label} {mode.frequency_Hz:.0f}" for mode in modes.modes)
-        heard = ", ".join(f"{line.frequency_Hz:.0f}" for line in lines)
-        raise RequestError(f"no measured line ({heard} Hz) is near a mode of the scene ({near} Hz); correct the scene")
+        near = ", ".join(f"{each.label} {each.frequency_Hz:.0f} Hz {each.growth_rate:+.0f} 1/s" for each in modes.modes)
+        heard = ", ".join(f"{line.frequency_Hz:.0f} Hz {line.growth_rate_1_per_s or 0.0:+.0f} 1/s" for line in lines)
+        why = f"no measured line ({heard}) is near a mode of the scene in frequency and growth rate ({near})"
+        raise RequestError(f"{why}; correct the scene")
     estimate = fit_lines([line for line, _ in pairs], [k for _, k in pairs], modes, scale)
     before, after = modes.at(scale.before).eigenvalues, modes.at(scale.numbers(estimate.x)).eigenvalues
     rows = [_mode_line(line, k, modes.labels, before, after) for line, k in zip(lines, found.modes, strict=True)]
