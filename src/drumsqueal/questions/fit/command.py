@@ -102,4 +102,4 @@ def fit_command(
         )
     answer(reply, FIT_ANSWER, lambda *_: found)
     if found.missed:
-        raise IntegrationError(why_missed(found))
+        raise IntegrationError(f"the fit {why_missed(found)}")

@@ -39,7 +39,7 @@ def short(value: float, digits: int) -> str:
 def describe_fit(fit: Fit) -> str:
     """The result in one or two sentences."""
     if fit.missed:
-        return f"The fit has failed: {why_missed(fit)}."
+        return f"The fit has failed: it {why_missed(fit)}."
     how = "eigenvalues" if fit.record_kind is Kind.LINEAR else "lines of the scene's squeal"
     used = [line for line in fit.lines if line.used]
     (before, rates_before), (after, rates_after) = (_furthest(used, which) for which in ("before", "after"))
@@ -57,8 +57,8 @@ def describe_fit(fit: Fit) -> str:
 
 
 def why_missed(fit: Fit) -> str:
-    """Why a fit has failed whose lines are missed."""
-    miss = f"the fit misses the lines by {_misses(fit)} times their uncertainty, up to"
+    """Why a fit has failed whose lines are missed, after its name."""
+    miss = f"misses the lines by {_misses(fit)} times their uncertainty, up to"
     used = [line for line in fit.lines if line.used]
     frequency, rate = _furthest(used, "after")
     by = f"{frequency} in frequency and {rate} in growth rate" if rate else frequency
