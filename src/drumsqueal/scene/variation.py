@@ -2,6 +2,7 @@
 
 import math
 import re
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from drumsqueal.errors import nearest
@@ -144,12 +145,15 @@ def unit_of(key: str, scene: Scene) -> str:
     if table in OPTIONAL_TABLES and getattr(scene, table) is None:
         raise SceneError(f"this scene has no table {table}; add it first, as by --set {key}=...")
     plain = [each for each in numbers if not isinstance(numbers[each], tuple)]
-    same_name = [each for each in plain if each.split(".", 1)[1] in (key, name)]
-    near = same_name or nearest(key, plain)
-    message = f"did you mean {near[0]}?" if near else f"its numbers are {', '.join(plain)}"
-    raise SceneError(
-        f"{key or 'nothing'} is no number of this scene's {'start' if table == 'start' else 'brake'}; {message}"
-    )
+    of = "start" if table == "start" else "brake"
+    raise SceneError(f"{key or 'nothing'} is no number of this scene's {of}; {likely_key(key, plain)}")
+
+
+def likely_key(key: str, keys: Sequence[str]) -> str:
+    """Which of the keys may be meant by one that is none of them, or all of them."""
+    same_name = [each for each in keys if each.split(".", 1)[1] in (key, key.partition(".")[2])]
+    near = same_name or nearest(key, keys)
+    return f"did you mean {near[0]}?" if near else f"its numbers are {', '.join(keys)}"
 
 
 def _ends(written: str, unit: str, example: str) -> tuple[tuple[float, float], str]:

@@ -17,15 +17,15 @@ NOTHING = "-"
 
 
 def print_fit(console: Console, fit: Fit) -> None:
-    """Print the numbers before and after, the lines before and after, what is open, and the verdict."""
+    """Print the numbers before and after, the lines before and after, the verdict, and what limits it."""
     _print_numbers(console, fit)
     _print_lines(console, fit)
     part = f"{fit.from_s:.4g} to {fit.until_s:.4g} s at {fit.sample_rate_Hz:.6g} Hz"
     console.print(printable(f"Measured: {fit.channel}, {part}; {fit.reason}"), style="dim")
-    console.print("±: half the 95 % confidence interval", style="dim")
+    console.print("±: half the 95 % confidence interval, if every other number of the scene is exact", style="dim")
+    console.print(printable(fit.verdict), style="bold")
     for note in fit.notes:
         console.print(printable(f"Note: {note}"))
-    console.print(printable(fit.verdict), style="bold")
 
 
 def _print_numbers(console: Console, fit: Fit) -> None:
@@ -75,8 +75,10 @@ def _line(line: FittedLine, *, linear: bool) -> list[str]:
     return [line.mode or NOTHING, *cells]
 
 
-def fitted_scene(fit: Fit) -> str:
-    """The scene with the fitted numbers in the units of its file, headed by what was found."""
+def fitted_scene(fit: Fit) -> str | None:
+    """The scene with the fitted numbers in the units of its file, headed by what was found; None where it failed."""
+    if fit.missed:
+        return None
     text = fit.written.to_toml() if fit.written is not None else fit.fitted_scene.to_toml()
     return f"# {printable(fit.verdict)}\n{text}"
 

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from drumsqueal.errors import RequestError
+from drumsqueal.errors import IntegrationError
 from drumsqueal.files.claims import claim_results
 from drumsqueal.files.output_folder import FIT_FILES, history_file
 from drumsqueal.questions.compare.command import SIGNAL, is_history
@@ -68,16 +68,12 @@ def fit_command(
     record cannot determine. Small vibration (a ring-down, a hammer test, growing squeal) is compared with the
     eigenvalues, in frequency and growth rate; saturated squeal with transients.
 
-    Writes fit.json, fitted.toml, the scene with the fitted numbers, and fit.png into DIR. --from and --until take a
-    part of MEASURED.
+    Writes fit.json, fit.png and, unless the lines are missed by far more than their uncertainty, fitted.toml, the scene
+    with the fitted numbers, into DIR. --from and --until take a part of MEASURED.
 
     Example: drumsqueal fit scenarios/nominal.toml rig.wav --vary damping.ratio
     """
-    if kind not in (None, *KINDS):
-        raise RequestError(f"--as {kind}: write --as linear or --as saturated, or leave it out")
     keys = [key.strip() for part in vary or () for key in part.split(",") if key.strip()]
-    if not keys:
-        raise RequestError("--vary: name at least one number to fit, such as --vary contact.stiffness")
     loaded, tables = load_with_tables(scene, settings or ())
     folder = output if output is not None else Path("out") / f"{scene.stem}-fit"
     read = (scene, history_file(measured))
@@ -86,10 +82,12 @@ def fit_command(
         claim_results(history_file(measured).parent)
     begin, end, sampled = read_time(since, "--from"), read_time(until, "--until"), read_rate(rate, "--rate")
     from drumsqueal.questions.fit.answer import FIT_ANSWER
-    from drumsqueal.questions.fit.study import fit_scene, read_record
+    from drumsqueal.questions.fit.study import check_request, fit_scene, read_record
+    from drumsqueal.questions.fit.words import why_missed
     from drumsqueal.scene.written import Written
     from drumsqueal.terminal.runner import answer, shown_progress
 
+    check_request(loaded, keys, kind, signal)
     record = read_record(measured, channel, signal, rate=sampled, first=begin, last=end)
     with shown_progress(reply.console) as progress:  # what cannot be done is reported before there is a folder
         found = fit_scene(
@@ -103,3 +101,5 @@ def fit_command(
             progress=progress,
         )
     answer(reply, FIT_ANSWER, lambda *_: found)
+    if found.missed:
+        raise IntegrationError(f"the fit {why_missed(found)}")

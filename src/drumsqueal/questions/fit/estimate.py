@@ -17,6 +17,9 @@ FURTHEST = float(np.log(20.0))  # of log number from the scene's value
 AT_BOUND = 1e-3  # of x, this close to the end of what is tried
 POLISH, SETTLED = 20, 1e-12  # steps without the scene's values, and the length of the last
 NOWHERE = 1e6  # residual where the model has no answer
+# Uncertainties by which observations may be missed: up to here the intervals are widened, as if the misses were random;
+# beyond it the model or another of its numbers is wrong, and no interval says by how much.
+FAR = 10.0
 PERCENT_95 = 1.959964  # standard errors of a normal distribution
 
 Residuals = Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]]
@@ -60,7 +63,8 @@ class Estimate(NamedTuple):
     residuals are larger than their uncertainties, χ² > max(freedom, 1), the covariance is scaled by their ratio, and
     `factor_95` is that of Student's distribution, which makes 95 % of a standard error. As many numbers as observations
     should leave no residual, so that one that is left is that of freedom 1. `determined` (k,) are the numbers that are
-    in no combination whose error, so widened, is OPEN or more, and not at the end of what is tried.
+    in no combination whose error, so widened, is OPEN or more, and not at the end of what is tried; none where the
+    observations are `missed`, by FAR times their uncertainty or more.
     """
 
     x: NDArray[np.float64]
@@ -75,6 +79,11 @@ class Estimate(NamedTuple):
     def chi_square_per_freedom(self) -> float | None:
         """χ²/max(freedom, 1); None where no freedom is left and the observations are met."""
         return self.chi_square / max(self.freedom, 1) if self.freedom > 0 or self.chi_square > 1 else None
+
+    @property
+    def missed(self) -> bool:
+        """Whether the observations are missed by far more than their uncertainty."""
+        return (self.chi_square_per_freedom or 0.0) > FAR**2
 
     @property
     def errors(self) -> NDArray[np.float64]:
@@ -118,7 +127,7 @@ def estimate(residuals: Residuals, scale: Scale) -> Estimate:
         return r[:-size], jacobian[:-size]
 
     x = _polished(of_lines, found.x, scale)
-    return _assess(*of_lines(x), x, scale.at_bound(x))
+    return assess(*of_lines(x), x, scale)
 
 
 def _polished(evaluate: Residuals, x: NDArray[np.float64], scale: Scale) -> NDArray[np.float64]:
@@ -140,9 +149,8 @@ def _polished(evaluate: Residuals, x: NDArray[np.float64], scale: Scale) -> NDAr
     return best
 
 
-def _assess(
-    r: NDArray[np.float64], jacobian: NDArray[np.float64], x: NDArray[np.float64], at_bound: NDArray[np.bool_]
-) -> Estimate:
+def assess(r: NDArray[np.float64], jacobian: NDArray[np.float64], x: NDArray[np.float64], scale: Scale) -> Estimate:
+    """What residuals (m,) at x, with their Jacobian (m, k), leave known of it."""
     _, values, right = np.linalg.svd(jacobian, full_matrices=True)
     fitted = int(np.sum(values * OPEN > 1))
     freedom, chi_square = r.size - fitted, float(r @ r)
@@ -154,5 +162,6 @@ def _assess(
     held = int(np.sum(values * OPEN > spread * factor / PERCENT_95))
     known, free = right[:held], right[held:]
     covariance = spread**2 * (known.T / values[:held] ** 2) @ known + WIDTH**2 * free.T @ free
-    determined = (np.sqrt(np.sum(free**2, axis=0)) < PART) & ~at_bound
-    return Estimate(x, covariance, right[fitted:], determined, chi_square, freedom, factor)
+    determined = (np.sqrt(np.sum(free**2, axis=0)) < PART) & ~scale.at_bound(x)
+    found = Estimate(x, covariance, right[fitted:], determined, chi_square, freedom, factor)
+    return found._replace(determined=determined & ~np.array(found.missed))

@@ -3,6 +3,7 @@
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from drumsqueal.findings.signals.decibels import level_dB
 from drumsqueal.findings.signals.spectra import amplitude_spectrum
@@ -11,9 +12,10 @@ from drumsqueal.questions.fit.record import LOWEST, Kind
 from drumsqueal.terminal import style
 from drumsqueal.terminal.placement import extremes, label_top_edge
 
-BEFORE, AFTER = style.SEPARATED, style.REVERSED
+BEFORE, AFTER, FIRST = style.SEPARATED, style.REVERSED, style.STUCK
 ABOVE = 1.15  # highest frequency shown over that of the highest line
 DEEPEST_DB, HEADROOM_DB = 90.0, 6.0
+DECAYED, SHORT = 3.0, 0.5  # a line is heard until it has fallen to e^-3; a fraction of the record that is a short one
 LEAST_PERCENT = 1e-3  # of a deviation, on the logarithmic axis
 
 
@@ -39,7 +41,7 @@ def draw_fit(fit: Fit) -> Figure | None:
                 value / 1e3, color=colour, linestyle=look, linewidth=1.2, zorder=0.5, label=None if k else label
             )
     handles, names = upper.get_legend_handles_labels()
-    upper.legend(handles, names, loc="lower left", bbox_to_anchor=(0.0, 1.12), borderaxespad=0, ncols=3)
+    upper.legend(handles, names, loc="lower left", bbox_to_anchor=(0.0, 1.12), borderaxespad=0, ncols=2)
     label_top_edge(upper, [(line.measured_Hz / 1e3, _name(line), style.DARK) for line in used])
     _draw_deviations(used, lower)
     return figure
@@ -51,22 +53,34 @@ def _name(line: FittedLine) -> str:
 
 def _draw_spectrum(fit: Fit, axes: Axes, highest: float) -> None:
     assert fit.reading is not None
-    spectrum = amplitude_spectrum(fit.reading.values, fit.sample_rate_Hz, zero_padding=2)
+    values, rate = fit.reading.values, fit.sample_rate_Hz
+    what = "small vibration" if fit.record_kind is Kind.LINEAR else "saturated squeal"
+    first = _until_decayed(fit)
+    lowest = [_draw_level(axes, values, fit, highest, style.DARK, f"measured: {what}")]
+    if first:
+        lowest.append(_draw_level(axes, values[: round(first * rate)], fit, highest, FIRST, "first part"))
+    axes.set_ylim(max(min(lowest) - HEADROOM_DB, -DEEPEST_DB), HEADROOM_DB)
+    style.frame(axes, None, "Level (dB re largest)")
+
+
+def _until_decayed(fit: Fit) -> float | None:
+    """How long (s) the line is heard that decays fastest, where that is a short first part of the record."""
+    rates = [line.measured_growth_rate_1_per_s or 0.0 for line in fit.lines if line.used]
+    first = DECAYED / max(-min(rates), 1e-300)
+    return first if first < SHORT * (fit.until_s - fit.from_s) else None
+
+
+def _draw_level(axes: Axes, values: NDArray[np.float64], fit: Fit, highest: float, colour: str, what: str) -> float:
+    """Draw the spectrum of a part, and return a level near its lowest (dB)."""
+    spectrum = amplitude_spectrum(values, fit.sample_rate_Hz, zero_padding=2)
     seen = (spectrum.frequency_Hz >= LOWEST) & (spectrum.frequency_Hz <= highest)
     level = level_dB(spectrum.amplitude[seen], float(spectrum.amplitude[seen].max() / np.sqrt(2)))
     starts, _, largest = extremes(level)
     factor, unit = style.time_unit(fit.until_s)
-    part = f"{fit.from_s * factor:.4g} to {fit.until_s * factor:.4g} {unit}"
-    what = "small vibration" if fit.record_kind is Kind.LINEAR else "saturated squeal"
-    axes.plot(
-        spectrum.frequency_Hz[seen][starts] / 1e3,
-        largest,
-        color=style.DARK,
-        linewidth=0.8,
-        label=f"measured, {part}: {what}",
-    )
-    axes.set_ylim(max(float(np.percentile(largest, 2)) - HEADROOM_DB, -DEEPEST_DB), HEADROOM_DB)
-    style.frame(axes, None, "Level (dB re largest)")
+    until = fit.from_s + values.size / fit.sample_rate_Hz
+    part = f"{what}, {fit.from_s * factor:.4g} to {until * factor:.4g} {unit}"
+    axes.plot(spectrum.frequency_Hz[seen][starts] / 1e3, largest, color=colour, linewidth=0.8, label=part)
+    return float(np.percentile(largest, 2))
 
 
 def _draw_deviations(used: list[FittedLine], axes: Axes) -> None:

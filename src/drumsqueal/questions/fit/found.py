@@ -58,6 +58,22 @@ class FittedLine(Finding):
         return self.after_Hz is not None
 
 
+class Combination(Finding):
+    """What the record fixes of numbers that it does not tell apart: a product of powers, or a sum.
+
+    The product of the numbers, each to its exponent in `powers`, is known to `relative_uncertainty`, half its 95 %
+    interval, near the fitted values. Of numbers with one unit `factors` are those of the sum that stays instead, and
+    `value` and `uncertainty` (95 %) are its, in the `unit` of the scene file ("": SI).
+    """
+
+    powers: dict[str, float]
+    relative_uncertainty: float
+    factors: dict[str, float] | None = None
+    value: float | None = None
+    uncertainty: float | None = None
+    unit: str = ""
+
+
 class Fit(Findings):
     """Numbers of a scene fitted to a measured record; `scene` is the one before, `fitted_scene` the one after.
 
@@ -66,7 +82,9 @@ class Fit(Findings):
     `chi_square_per_freedom` is that of the lines, of a freedom of at least 1, and None where there are no more
     observations than numbers and the lines are met; uncertainties are scaled by its root where it exceeds 1.
     `open_combinations` are those of the numbers that the record does not determine: exponents by key, along which the
-    product of powers may change. `ambiguous` says which other assignment of lines to modes fits as well.
+    product of powers may change, and `fixed` what it determines of these numbers all the same. `ambiguous` says which
+    other assignment of lines to modes, or which other squeal, fits as well. Where the lines are `missed` by more than
+    FAR times their uncertainty nothing is determined, and the fit has failed.
     """
 
     printed_by = "drumsqueal.questions.fit.answer.print_fit"
@@ -84,6 +102,8 @@ class Fit(Findings):
     chi_square_per_freedom: float | None
     freedom: int
     open_combinations: tuple[dict[str, float], ...]
+    fixed: tuple[Combination, ...] = ()
+    missed: bool = False
     ambiguous: str | None = None
     transients: int = 0
     verdict: str = ""

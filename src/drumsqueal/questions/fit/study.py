@@ -6,25 +6,24 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import xarray
 from numpy.typing import NDArray
 
 from drumsqueal.errors import RequestError
-from drumsqueal.files.saved_history import read_history
+from drumsqueal.files.saved_history import SavedHistory, read_history
 from drumsqueal.findings.time_window import time_window
 from drumsqueal.physics.composition import kept_coordinates
 from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.compare.matching import match_lines
 from drumsqueal.questions.compare.measured.reader import read_measured
 from drumsqueal.questions.compare.measured.record import Measured, check_count
 from drumsqueal.questions.export.signals import SURFACE, make_channels, names_of
-from drumsqueal.questions.fit.assignment import FURTHEST, MODEL_FREQUENCY, Assignment, assign, fit_lines
+from drumsqueal.questions.fit.assignment import Assignment, assign, fit_lines
+from drumsqueal.questions.fit.choice import fit_squeals
 from drumsqueal.questions.fit.eigenlines import Eigenmodes
-from drumsqueal.questions.fit.estimate import PERCENT_95, Estimate, Scale
-from drumsqueal.questions.fit.found import Fit, FittedLine, FittedNumber
+from drumsqueal.questions.fit.estimate import PART, PERCENT_95, Estimate, Scale
+from drumsqueal.questions.fit.found import Combination, Fit, FittedLine, FittedNumber
 from drumsqueal.questions.fit.record import CLOCK, Kind, Reading, RecordLine, read_lines
-from drumsqueal.questions.fit.squeal import find_squeal, fit_squeal, pair_squeal
-from drumsqueal.questions.fit.words import describe_fit, describe_notes
-from drumsqueal.questions.sensitivity.decay import DISTURBANCE
+from drumsqueal.questions.fit.words import describe_fit, describe_notes, short
 from drumsqueal.questions.sensitivity.stabilising import numbers_of, variable_numbers
 from drumsqueal.questions.sensitivity.study import at_one_time
 from drumsqueal.scene import Scene, load_with_tables
@@ -33,6 +32,9 @@ from drumsqueal.scene.variation import unit_of
 from drumsqueal.scene.written import Written
 from drumsqueal.simulation import prepare
 
+# Rms difference of overtones from which something else differs: 0.3 dB where the numbers are found, 1.4 dB where one
+# that is not varied is off by 23 %.
+HINT_DB = 0.7
 FEWEST_DIGITS, OPEN_DIGITS, MOST_DIGITS = 3, 6, 10  # of a fitted number; one more than its uncertainty asks for
 
 
@@ -45,6 +47,20 @@ class _Result(NamedTuple):
     ambiguous: str | None = None
     transients: int = 0
     notes: tuple[str, ...] = ()
+    rivals: tuple[Estimate, ...] = ()
+    known: bool = True
+
+    @property
+    def determined(self) -> NDArray[np.bool_]:
+        """Which numbers (k,) the record determines: a rival has them within their uncertainty, too.
+
+        None where it is not `known` which motion the record is.
+        """
+        if not self.known:
+            return np.zeros_like(self.estimate.determined)
+        wide = self.estimate.factor_95 * self.estimate.errors
+        alike = [np.abs(other.x - self.estimate.x) <= wide for other in self.rivals]
+        return self.estimate.determined & np.all(alike, axis=0)
 
 
 def fit_scene(
@@ -69,25 +85,39 @@ def fit_scene(
     cannot be varied, for another `kind` and for records without lines, and SceneError for a scene without steady
     sliding.
     """
-    if not vary:
-        raise RequestError("--vary: name at least one number, such as --vary contact.stiffness")
     if not isinstance(scene, Scene):
         written = written or Written(*load_with_tables(scene))
         scene = written.scene
+    changed, keys = check_request(scene, vary, kind, signal)
     if not isinstance(measured, Measured):
         file, measured = file or measured, read_record(Path(measured), channel, signal)
-    changed, keys = variable_numbers(scene, vary)
-    if kind is not None and kind not in list(Kind):
-        raise RequestError(f"kind {kind!r}: write {' or '.join(map(repr, map(str, Kind)))}, or leave it out")
-    prepare(changed)  # what has no steady sliding is reported first
     progress("lines of the record", 0.0, None)
     asked = None if kind is None else Kind(kind)
     reading = read_lines(measured, asked)
     numbers = numbers_of(changed)
     scale = Scale.of(keys, [numbers[key] for key in keys])
     how = _fit_linear if reading.kind is Kind.LINEAR else _fit_saturated
-    result = how(changed, keys, scale, reading, signal, progress)
+    result = how(changed, keys, scale, reading, measured.sample_rate, signal, progress)
     return _report(scene, keys, scale, reading, result, measured, str(file), written or Written(scene))
+
+
+def check_request(
+    scene: Scene, vary: Sequence[str], kind: str | None = None, signal: str = SURFACE
+) -> tuple[Scene, tuple[str, ...]]:
+    """The scene with a damping ratio if that is varied, and the keys of the numbers to fit.
+
+    Raises RequestError for keys, a kind or a signal that cannot be, and SceneError for a scene without steady sliding.
+    """
+    if not vary:
+        raise RequestError("--vary: name at least one number to fit, such as --vary contact.stiffness")
+    changed, keys = variable_numbers(scene, vary)
+    if kind is not None and kind not in list(Kind):
+        raise RequestError(f"--as {kind}: write --as {' or --as '.join(Kind)}, or leave it out")
+    names, _ = names_of([signal], SavedHistory(Path(), xarray.Dataset(), scene), option="--signal")
+    if len(names) != 1:
+        raise RequestError(f"--signal {signal}: there are several such, {', '.join(names)}; take one of them")
+    prepare(changed)
+    return changed, keys
 
 
 def read_record(
@@ -125,10 +155,10 @@ def read_record(
 
 
 def _fit_linear(
-    scene: Scene, keys: Sequence[str], scale: Scale, reading: Reading, signal: str, progress: Progress
+    scene: Scene, keys: Sequence[str], scale: Scale, reading: Reading, rate: float, signal: str, progress: Progress
 ) -> _Result:
     """Eigenvalues onto the lines of small vibration."""
-    del signal
+    del rate, signal
     frozen = at_one_time(scene, prepare(scene).stability.time)
     progress("fitting eigenvalues", 0.0, None)
     modes, lines = Eigenmodes(frozen, keys), reading.lines
@@ -136,9 +166,10 @@ def _fit_linear(
     found = assign(lines, modes, scale, [mode.name in kept for mode in modes.modes])
     pairs = [(line, k) for line, k in zip(lines, found.modes, strict=True) if k is not None]
     if not pairs:
-        near = ", ".join(f"{mode.label} {mode.frequency_Hz:.0f}" for mode in modes.modes)
-        heard = ", ".join(f"{line.frequency_Hz:.0f}" for line in lines)
-        raise RequestError(f"no measured line ({heard} Hz) is near a mode of the scene ({near} Hz); correct the scene")
+        near = ", ".join(f"{each.label} {each.frequency_Hz:.0f} Hz {each.growth_rate:+.0f} 1/s" for each in modes.modes)
+        heard = ", ".join(f"{line.frequency_Hz:.0f} Hz {line.growth_rate_1_per_s or 0.0:+.0f} 1/s" for line in lines)
+        why = f"no measured line ({heard}) is near a mode of the scene in frequency and growth rate ({near})"
+        raise RequestError(f"{why}; correct the scene")
     estimate = fit_lines([line for line, _ in pairs], [k for _, k in pairs], modes, scale)
     before, after = modes.at(scale.before).eigenvalues, modes.at(scale.numbers(estimate.x)).eigenvalues
     rows = [_mode_line(line, k, modes.labels, before, after) for line, k in zip(lines, found.modes, strict=True)]
@@ -179,28 +210,20 @@ def _rival(found: Assignment, lines: Sequence[RecordLine], labels: Sequence[str]
         for line, own, other in zip(lines, found.modes, found.rival, strict=True)
         if own != other
     ]
-    return ", ".join(named)
+    return f"another assignment of lines to modes fits as well: {', '.join(named)}"
 
 
 def _fit_saturated(
-    scene: Scene, keys: Sequence[str], scale: Scale, reading: Reading, signal: str, progress: Progress
+    scene: Scene, keys: Sequence[str], scale: Scale, reading: Reading, rate: float, signal: str, progress: Progress
 ) -> _Result:
     """Lines of transients onto those of saturated squeal."""
-    squeal = find_squeal(scene, reading.lines, signal, progress)
-    pairs = pair_squeal(reading.lines, squeal.lines)
-    used = [(line, squeal.lines[k]) for line, k in zip(reading.lines, pairs, strict=True) if k is not None]
-    if not used:
-        heard, own = (", ".join(f"{line.frequency_Hz:.0f}" for line in each) for each in (reading.lines, squeal.lines))
-        raise RequestError(f"the scene squeals at {own} Hz, and no line of the record ({heard} Hz) is near; correct it")
 
-    def change(x: NDArray[np.float64]) -> Scene:
-        return squeal.scene.with_values(dict(zip(keys, map(float, scale.numbers(x)), strict=True)))
+    def change(at: Scene, x: NDArray[np.float64]) -> Scene:
+        return at.with_values(dict(zip(keys, map(float, scale.numbers(x)), strict=True)))
 
-    measured, simulated = [line for line, _ in used], [line for _, line in used]
-    guess = _shifted(scene, keys, scale, measured, simulated)
-    found = fit_squeal(change, measured, simulated, scale, signal, progress, begin=squeal.start, guess=guess)
-    after = dict(zip([line.frequency_Hz for line in measured], found.after.tolist(), strict=True))
-    before = dict(zip([line.frequency_Hz for line in measured], found.before.tolist(), strict=True))
+    choice = fit_squeals(scene, change, reading, rate, scale, signal, progress)
+    found, used = choice.fitted, [line.frequency_Hz for line in choice.used]
+    before, after = (dict(zip(used, each.tolist(), strict=True)) for each in (found.before, found.after))
     rows = [
         FittedLine(
             measured_Hz=line.frequency_Hz,
@@ -210,34 +233,37 @@ def _fit_saturated(
         )
         for line in reading.lines
     ]
-    size = (
-        f"the transients start from a disturbance of {DISTURBANCE * squeal.start:g} p0/k_c, which leads to the squeal"
+    apart = choice.overtones_apart_dB or 0.0
+    overtones = f"the measured overtones differ from those of the fitted squeal by {apart:.1f} dB"
+    notes = []
+    if choice.known and apart > HINT_DB:
+        notes.append(f"{overtones}: other numbers of the scene differ, too, or the channel is not {signal}")
+    if choice.squeals[1:]:
+        notes.append(f"squeals that coexist in the scene: {', '.join(f'{f:.0f}' for f in choice.squeals)} Hz")
+    ran = found.squeal.scene.simulate.duration
+    if ran != scene.simulate.duration:
+        notes.append(f"the transients ran for {ran:g} s, since squeal has not settled within the scene's duration")
+    others = [
+        f"the squeal of {other.before[0]:.0f} Hz, with {_listed(keys, scale.numbers(other.estimate.x))}"
+        for other in choice.rivals
+    ]
+    ambiguous = f"another squeal of the scene fits as well: {'; '.join(others)}" if others else None
+    if not choice.known:
+        ambiguous = f"not determined, for which of the squeals that coexist the record is, is not known: {overtones}"
+    return _Result(
+        found.estimate,
+        tuple(rows),
+        len(used),
+        ambiguous,
+        choice.transients,
+        tuple(notes),
+        tuple(each.estimate for each in choice.rivals),
+        choice.known,
     )
-    start = (f"{size} that is most like the measured one",) if squeal.start else ()
-    if squeal.scene is not scene:
-        ran = squeal.scene.simulate.duration
-        start = (*start, f"the transients ran for {ran:g} s, since squeal has not settled within the scene's duration")
-    return _Result(found.estimate, tuple(rows), len(used), None, found.transients, start)
 
 
-def _shifted(
-    scene: Scene, keys: Sequence[str], scale: Scale, measured: Sequence[RecordLine], simulated: Sequence[RecordLine]
-) -> NDArray[np.float64] | None:
-    """Where eigenvalues move as far as the lines of squeal are to, as if their ratio to these stayed: a first guess."""
-    modes = Eigenmodes(at_one_time(scene, prepare(scene).stability.time), keys)
-    kept = kept_coordinates(scene)
-    own = [k for k, mode in enumerate(modes.modes) if mode.name in kept]
-    matches = match_lines(
-        [line.frequency_Hz for line in simulated], [modes.modes[k].frequency_Hz for k in own], widest=FURTHEST
-    )
-    lines, places = [], []
-    for line, of_scene, match in zip(measured, simulated, matches, strict=True):
-        if match is not None and match.paired:
-            places.append(own[match.reference])
-            frequency = modes.modes[places[-1]].frequency_Hz * line.frequency_Hz / of_scene.frequency_Hz
-            known = {"frequency_Hz": frequency, "frequency_uncertainty_Hz": MODEL_FREQUENCY * frequency}
-            lines.append(line.model_copy(update=known))
-    return fit_lines(lines, places, modes, scale).x if lines else None
+def _listed(keys: Sequence[str], numbers: NDArray[np.float64]) -> str:
+    return ", ".join(f"{key} = {short(value, 3)}" for key, value in zip(keys, numbers.tolist(), strict=True))
 
 
 def _report(
@@ -256,10 +282,8 @@ def _report(
     numbers, texts = [], {}
     for k, key in enumerate(keys):
         standard = float(slopes[k] * estimate.errors[k])
-        wide, determined = standard * estimate.factor_95, bool(estimate.determined[k])
-        unit = written.unit(key)
-        si = unit_of(key, scene) if unit else ""
-        size = parse_quantity(f"1 {unit}", si) if unit else 1.0
+        wide, determined = standard * estimate.factor_95, bool(result.determined[k])
+        unit, size = _unit(key, scene, written)
         shown = _rounded(values[k] / size, wide / size if determined else None)
         # An open number is as it was but for round-off of the lines.
         same = bool(abs(values[k] - scale.before[k]) <= (0.0 if determined else CLOCK * abs(scale.before[k])))
@@ -296,14 +320,52 @@ def _report(
         chi_square_per_freedom=estimate.chi_square_per_freedom,
         freedom=estimate.freedom,
         open_combinations=tuple(dict(zip(keys, each.tolist(), strict=True)) for each in estimate.open),
+        fixed=_fixed(scene, keys, values, estimate, written) if result.known and not result.rivals else (),
+        missed=estimate.missed,
         ambiguous=result.ambiguous,
         transients=result.transients,
         fitted_scene=changed.scene,
         reading=reading,
         written=changed,
     )
-    notes = (*measured.remarks, *result.notes, *describe_notes(fit))
+    notes = (*describe_notes(fit), *result.notes, *measured.remarks)
     return fit.model_copy(update={"verdict": describe_fit(fit), "notes": notes})
+
+
+def _unit(key: str, scene: Scene, written: Written) -> tuple[str, float]:
+    """The unit of a number in the scene file, "" for SI, and what that is in SI."""
+    unit = written.unit(key)
+    return unit, parse_quantity(f"1 {unit}", unit_of(key, scene)) if unit else 1.0
+
+
+def _fixed(
+    scene: Scene, keys: Sequence[str], values: NDArray[np.float64], estimate: Estimate, written: Written
+) -> tuple[Combination, ...]:
+    """What stays of the numbers in open combinations, where that is one combination and the lines are not missed."""
+    free = estimate.open
+    parts = np.flatnonzero(np.linalg.norm(free, axis=0) > PART)
+    if estimate.missed or parts.size < 2 or parts.size - len(free) != 1 or np.any(values[parts] == 0):
+        return ()
+    held = np.asarray(np.linalg.svd(free[:, parts])[2][-1], dtype=np.float64)
+    held = held / max(held.tolist(), key=abs)
+    spread = estimate.factor_95 * math.sqrt(max(held @ estimate.covariance[np.ix_(parts, parts)] @ held, 0.0))
+    named = [keys[k] for k in parts.tolist()]
+    found = Combination(powers=dict(zip(named, held.tolist(), strict=True)), relative_uncertainty=spread)
+    units = {_unit(key, scene, written) for key in named}
+    if len(units) > 1 or len({unit_of(key, scene) for key in named}) > 1:
+        return (found,)
+    ((unit, size),) = units
+    # Σ c dp = Σ c p dx is to go as Σ h dx.
+    factors = held / values[parts]
+    largest = max(factors.tolist(), key=abs)
+    factors, slope = factors / largest, 1 / largest
+    total = {
+        "factors": dict(zip(named, factors.tolist(), strict=True)),
+        "value": float(factors @ values[parts] / size),
+        "uncertainty": abs(slope) * spread / size,
+        "unit": unit,
+    }
+    return (found.model_copy(update=total),)
 
 
 def _rounded(value: float, uncertainty: float | None) -> str:

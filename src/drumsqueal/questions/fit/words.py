@@ -3,10 +3,12 @@
 import math
 from collections.abc import Sequence
 
-from drumsqueal.questions.fit.found import Fit, FittedLine, FittedNumber
+from drumsqueal.questions.fit.estimate import FAR
+from drumsqueal.questions.fit.found import Combination, Fit, FittedLine, FittedNumber
 from drumsqueal.questions.fit.record import Kind
 
 PRESENT = 0.1  # of a combination's largest exponent, from which a number is named in it
+EQUAL = 1e-3  # of 1, within which a factor of a sum is one
 SHORT = 2e-3  # of a frequency that a search for squeal misses, from which it is reported
 EXTREMES = "20 times or a twentieth of the scene's value"
 POOR = 9.0  # χ² per degree of freedom: the lines are off by three times their uncertainty
@@ -36,27 +38,38 @@ def short(value: float, digits: int) -> str:
 
 def describe_fit(fit: Fit) -> str:
     """The result in one or two sentences."""
+    if fit.missed:
+        return f"The fit has failed: it {why_missed(fit)}."
     how = "eigenvalues" if fit.record_kind is Kind.LINEAR else "lines of the scene's squeal"
     used = [line for line in fit.lines if line.used]
     (before, rates_before), (after, rates_after) = (_furthest(used, which) for which in ("before", "after"))
     if rates_before:
         before, after = f"{before} in frequency and {rates_before} in growth rate", f"{after} and {rates_after}"
     was = f"the {how}, up to {before} off before, are now within {after} of the measured lines"
-    if _misses(fit):
-        was += f", which is still {_misses(fit)} times their uncertainty"
     known = [f"{number.key} = {with_uncertainty(number)}" for number in fit.determined]
     left = [number.key for number in fit.numbers if not number.determined]
+    sums = "".join(f" {_sum(each)}." for each in fit.fixed if each.factors is not None)
     if not known:
-        return f"The record determines none of {', '.join(left)}; {was}."
+        return f"The record determines none of {', '.join(left)} alone; {was}.{sums}"
     text = f"The record gives {' and '.join([', '.join(known[:-1]), known[-1]] if known[1:] else known)}"
-    text += f" (95 % confidence); {was}."
-    return f"{text} Not determined: {', '.join(left)}." if left else text
+    text += f" (95 % confidence, if every other number of the scene is exact); {was}."
+    return f"{text} Not determined: {', '.join(left)}.{sums}" if left else text
+
+
+def why_missed(fit: Fit) -> str:
+    """Why a fit has failed whose lines are missed, after its name."""
+    miss = f"misses the lines by {_misses(fit)} times their uncertainty, up to"
+    used = [line for line in fit.lines if line.used]
+    frequency, rate = _furthest(used, "after")
+    by = f"{frequency} in frequency and {rate} in growth rate" if rate else frequency
+    why = "other numbers of the scene differ, too, or the record is of another brake"
+    return f"{miss} {by}, so that nothing is determined: {why}"
 
 
 def _misses(fit: Fit) -> str:
     """By how many times their uncertainty lines miss, where that is too much; else nothing."""
     chi = fit.chi_square_per_freedom
-    return f"{math.sqrt(chi):.2g}" if chi is not None and chi > POOR else ""
+    return f"{math.sqrt(chi):.{0 if chi > FAR**2 else 1}f}" if chi is not None and chi > POOR else ""
 
 
 def _off(line, which: str) -> float:
@@ -79,36 +92,27 @@ def _percent(fraction: float) -> str:
 
 
 def describe_notes(fit: Fit) -> tuple[str, ...]:
-    """What limits the fit: what is open, poor, ambiguous, or not used."""
-    notes = [*map(_open, _combinations(fit))]
-    count, varied = fit.observations, len(fit.numbers)
-    used = sum(line.used for line in fit.lines)
-    what = f"{used} line{'s' if used > 1 else ''}"
-    rates = " with growth rates" if fit.record_kind is Kind.LINEAR else ""
-    if count < varied:
-        are = f"are {count} observations" if count > 1 else "is one observation"
-        notes.append(f"{what}{rates} {are}, fewer than the {varied} numbers that vary")
-    if any(not number.determined for number in fit.numbers):
-        notes.append("what is not determined stays as near to the scene's values as the lines allow")
-    if _misses(fit):
-        miss = f"the lines still miss by {_misses(fit)} times their uncertainty: other numbers differ, too,"
-        notes.append(f"{miss} or the model lacks something; the uncertainties are widened by that factor")
-    explained = {key for each in _combinations(fit) for key in each} | {n.key for n in fit.numbers if n.at_bound}
-    wide = [number.key for number in fit.numbers if not number.determined and number.key not in explained]
-    if wide:
-        why = "the lines are missed by more than their uncertainty, which widens that of a number too far"
-        notes.append(f"{', '.join(wide)}: not determined, for {why}")
-    if fit.chi_square_per_freedom is None:
-        notes.append("there are no more observations than numbers, so nothing tests the fit")
+    """What limits the fit: what tests it, what is open, poor, ambiguous, or not used."""
+    notes = []
+    if not fit.missed:
+        notes += [
+            *_tested(fit),
+            *map(_open, _combinations(fit)),
+            *(_product(each) for each in fit.fixed if each.factors is None),
+        ]
+        if _misses(fit):
+            miss = f"the lines still miss by {_misses(fit)} times their uncertainty: other numbers differ, too,"
+            notes.append(f"{miss} or the model lacks something; the uncertainties are widened by that factor")
+        notes += _too_wide(fit)
+        if fit.ambiguous:
+            notes.append(fit.ambiguous)
     short_of = [line for line in fit.lines if line.used and abs(_off(line, "after_Hz")) > SHORT]
     if fit.record_kind is Kind.SATURATED and short_of:
         missed = ", ".join(f"{line.measured_Hz:.1f}" for line in short_of)
         notes.append(f"the search stopped short of {missed} Hz: the squeal jumps to another motion on the way there")
-    if fit.ambiguous:
-        notes.append(f"another assignment of lines to modes fits as well: {fit.ambiguous}")
     bound = [number.key for number in fit.numbers if number.at_bound]
     if bound:
-        notes.append(f"{', '.join(bound)}: not determined, at the end of what is tried, {EXTREMES}")
+        notes.append(f"{', '.join(bound)}: at the end of what is tried, {EXTREMES}")
     unused = [f"{line.measured_Hz:.1f}" for line in fit.lines if not line.used]
     if unused:
         like = "near no mode" if fit.record_kind is Kind.LINEAR else "like none of the simulated squeal"
@@ -117,6 +121,28 @@ def describe_notes(fit: Fit) -> tuple[str, ...]:
         left = ", ".join(f"{f:.1f}" for f in fit.reading.left_out_Hz[:6])
         notes.append(f"harmonics, combinations and faint lines, which are of no mode: {left} Hz")
     return tuple(notes)
+
+
+def _tested(fit: Fit) -> list[str]:
+    """That nothing tests a fit of as many numbers as observations."""
+    count, varied = fit.observations, len(fit.numbers)
+    if fit.chi_square_per_freedom is not None:
+        return []
+    what = "frequency" if count == 1 else "frequencies and growth rates" if fit.record_kind is Kind.LINEAR else "lines"
+    gave = f"{count} {what} for {varied} number{'s' if varied > 1 else ''}: nothing tests the fit"
+    if not fit.determined:
+        return [gave]
+    return [f"{gave}; where another number of the scene is wrong, the error may be many times the ±"]
+
+
+def _too_wide(fit: Fit) -> list[str]:
+    """Numbers whose interval has become too wide."""
+    explained = {key for each in _combinations(fit) for key in each} | {n.key for n in fit.numbers if n.at_bound}
+    wide = [number.key for number in fit.numbers if not number.determined and number.key not in explained]
+    if not wide or fit.chi_square_per_freedom is None:
+        return []
+    why = "the lines are missed by more than their uncertainty, which widens that of a number too far"
+    return [f"{', '.join(wide)}: not determined, for {why}"]
 
 
 def _combinations(fit: Fit) -> list[dict[str, float]]:
@@ -131,13 +157,31 @@ def _combinations(fit: Fit) -> list[dict[str, float]]:
 def _open(combination: dict[str, float]) -> str:
     keys = list(combination)
     if len(keys) == 1:
-        return f"{keys[0]} is not determined: the lines hardly depend on it"
-    if len(keys) == 2:  # along (a, b) in logarithms p^b q^-a stays
-        (p, a), (q, b) = combination.items()
-        first, second = (p, b), (q, -a)
-        if abs(first[1]) < abs(second[1]):
-            first, second = second, first
-        power = second[1] / first[1]
-        fixed = f"what the lines fix is about {first[0]} × {second[0]}^{power:.2g}"
-        return f"{keys[0]} and {keys[1]} are not told apart: {fixed}"
-    return f"{', '.join(keys[:-1])} and {keys[-1]} are not told apart: the lines fix one combination fewer than numbers"
+        return f"{keys[0]} is not determined: the lines hardly depend on it, and fit with its other values as well"
+    return f"{', '.join(keys[:-1])} and {keys[-1]} are not told apart: the lines fit with other values of these as well"
+
+
+def _product(fixed: Combination) -> str:
+    """What is known of numbers with different units, which have no sum."""
+    terms = " × ".join(key if power == 1 else f"{key}^{power:.2g}" for key, power in _by_size(fixed.powers))
+    return f"{terms} is known to ± {short(100 * fixed.relative_uncertainty, 2)} %, near the fitted values"
+
+
+def _sum(fixed: Combination) -> str:
+    """What is known of numbers that act together, with their unit."""
+    assert fixed.factors is not None
+    assert fixed.value is not None
+    assert fixed.uncertainty is not None
+    unit = f" {fixed.unit}" if fixed.unit else ""
+    is_sum = all(abs(factor - 1) < EQUAL for factor in fixed.factors.values())
+    terms = [
+        f"{'-' if factor < 0 else '+'} {key if abs(abs(factor) - 1) < EQUAL else f'{abs(factor):.2g} {key}'}"
+        for key, factor in _by_size(fixed.factors)
+    ]
+    counts = "Only their sum counts: " if is_sum else "Near these values only this counts: "
+    value = f"{value_to(fixed.value, fixed.uncertainty)} ± {short(fixed.uncertainty, 2)}{unit}"
+    return f"{counts}{' '.join(terms).removeprefix('+ ')} = {value}"
+
+
+def _by_size(factors: dict[str, float]) -> list[tuple[str, float]]:
+    return sorted(factors.items(), key=lambda each: -abs(each[1]))

@@ -10,6 +10,7 @@ from drumsqueal.errors import RequestError
 from drumsqueal.progress import Progress
 from drumsqueal.scene import Scene, quantity_of
 from drumsqueal.scene.tables import Scheduled
+from drumsqueal.scene.variation import likely_key
 from drumsqueal.solve.linear.family import StateMatrix, eigenvalue_gradient
 from drumsqueal.solve.linear.modes import DRIFT_FRACTION
 
@@ -44,9 +45,9 @@ def variable_numbers(scene: Scene, keys: Sequence[str] | None = None) -> tuple[S
         if f"{key}.value" in scene.numbers():
             raise RequestError(f"--vary {key}: it changes over time; give it one value")
         if key in scene.numbers() and key not in numbers:
-            raise RequestError(f"--vary {key}: it is a list, which is not varied; choose from {', '.join(numbers)}")
+            raise RequestError(f"--vary {key}: it is a list, which is not varied; leave it out")
         if key not in numbers:
-            raise RequestError(f"--vary {key}: not a number of this scene; choose from {', '.join(numbers)}")
+            raise RequestError(f"--vary {key}: not a number of this scene; {likely_key(key, list(numbers))}")
         if key in keys[:k]:
             raise RequestError(f"--vary {key}: named twice; leave one out")
         if key.startswith("forcing."):

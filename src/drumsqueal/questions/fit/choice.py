@@ -1,0 +1,211 @@
+"""Which of the squeals that coexist in a scene a record of saturated squeal is: each is fitted, and one is taken."""
+
+import math
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drumsqueal.errors import RequestError
+from drumsqueal.findings.signals.decibels import level_dB
+from drumsqueal.findings.signals.spectra import amplitude_spectrum
+from drumsqueal.progress import Progress
+from drumsqueal.questions.fit.assignment import AMBIGUOUS, LIKELY
+from drumsqueal.questions.fit.coexisting import scenes_that_squeal
+from drumsqueal.questions.fit.estimate import Scale
+from drumsqueal.questions.fit.record import Reading, RecordLine
+from drumsqueal.questions.fit.squeal import WIDEST, Fitted, Squeal, fit_squeal, pair_squeal, settled
+from drumsqueal.scene import Scene
+
+OVERTONES = (2, 3, 4, 5)  # times the main line
+CLEAR_DB = 12.0  # over the noise beside it, from which an overtone is one
+# Rms difference of overtones up to which two signals are one motion's, and beyond which, where another squeal is that
+# near, they are not: 0.2 dB where the numbers are found, 1.4 dB where one that is open is off by 23 %, 5 dB of squeals
+# that coexist (and, rarely, where an open number is off).
+SAME_DB, OTHER_DB = 2.0, 4.0
+SAME_FREQUENCY, SAME_AMPLITUDE = 1e-3, 0.03  # relative, of one squeal after two starts
+MET = 9.0  # χ² per degree of freedom: three times the uncertainty
+FARTHEST = 0.5  # of log number, in the second search
+
+
+class Choice(NamedTuple):
+    """The fit that is taken, the measured lines that it uses, other fits that do as well, and all transients run.
+
+    `squeals` are the frequencies (Hz) of the squeals that were found in the scene. `overtones_apart_dB` is the rms
+    difference of the measured overtones from the fitted ones, None without one that stands out of the noise.
+    """
+
+    fitted: Fitted
+    used: tuple[RecordLine, ...]
+    rivals: tuple[Fitted, ...]
+    transients: int
+    squeals: tuple[float, ...]
+    overtones_apart_dB: float | None
+
+    @property
+    def known(self) -> bool:
+        """Whether the squeal is the only one, or its overtones are not those of another motion."""
+        return not self.squeals[1:] or self.overtones_apart_dB is None or self.overtones_apart_dB < OTHER_DB
+
+
+class _Try(NamedTuple):
+    fitted: Fitted
+    used: tuple[RecordLine, ...]
+    apart_dB: float | None
+
+    @property
+    def miss(self) -> float:
+        return self.fitted.estimate.chi_square_per_freedom or 0.0
+
+    @property
+    def met(self) -> bool:
+        return self.miss <= MET
+
+    @property
+    def heard(self) -> bool:
+        return self.apart_dB is not None and self.apart_dB < SAME_DB
+
+
+def fit_squeals(
+    scene: Scene,
+    change: Callable[[Scene, NDArray[np.float64]], Scene],
+    reading: Reading,
+    rate: float,
+    scale: Scale,
+    signal: str,
+    progress: Progress,
+) -> Choice:
+    """Fit each squeal of the scene that has a line near the strongest measured one, the nearest first.
+
+    One that meets the lines with the overtones of the record is taken at once. Of several that meet them otherwise the
+    one with the smallest change of the numbers is taken, and the others are `rivals`. Where none meets them, the search
+    begins anew with the squeals where the best fit would have gone on to. Raises RequestError where the scene does not
+    squeal, or in no line like the measured ones.
+    """
+    x, tried, heard = np.zeros(scale.before.size), list[_Try](), list[float]()
+    for _ in range(2):
+        here = change(scene, x)
+        squeals = _different([settled(each, signal, progress) for each in scenes_that_squeal(here, progress)])
+        heard += [each.lines[0].frequency_Hz for each in squeals]
+        for squeal in _near(squeals, reading.lines):
+            attempt = _attempt(change, squeal, reading, rate, scale, signal, progress, x)
+            if attempt is not None:
+                tried.append(attempt)
+            if attempt is not None and attempt.met and attempt.heard:
+                break
+        if not tried:
+            raise RequestError(_unlike(scene, reading.lines, heard))
+        met = [each for each in tried if each.met]
+        if met:
+            break
+        wanted = min(tried, key=lambda each: each.miss).fitted.wanted
+        x = np.clip(wanted, -FARTHEST, FARTHEST)
+    best = _best(met or tried)
+    alike = [each for each in met if each is not best and _as_likely(each, best)]
+    transients = sum(each.fitted.transients for each in tried)
+    return Choice(best.fitted, best.used, tuple(each.fitted for each in alike), transients, tuple(heard), best.apart_dB)
+
+
+def _best(tried: Sequence[_Try]) -> _Try:
+    if not any(each.met for each in tried):
+        return min(tried, key=lambda each: each.miss)
+    heard = [each for each in tried if each.heard]
+    return min(heard or tried, key=lambda each: float(np.linalg.norm(each.fitted.estimate.x)))
+
+
+def _as_likely(other: _Try, best: _Try) -> bool:
+    """Whether overtones and the change of the numbers leave another fit as likely as the best."""
+    if best.heard and other.apart_dB is not None and other.apart_dB > OTHER_DB:
+        return False
+    costs = [float(np.sum((each.fitted.estimate.x / LIKELY) ** 2)) for each in (best, other)]
+    return costs[1] - costs[0] < AMBIGUOUS
+
+
+def _different(found: Sequence[Squeal | None]) -> list[Squeal]:
+    """Each squeal once."""
+    squeals: list[Squeal] = []
+    for each in found:
+        if each is not None and not any(is_same(each.lines[0], other.lines[0]) for other in squeals):
+            squeals.append(each)
+    return squeals
+
+
+def is_same(one: RecordLine, other: RecordLine) -> bool:
+    """Whether two lines are one in frequency and amplitude."""
+    frequency, amplitude = one.frequency_Hz / other.frequency_Hz, one.amplitude / other.amplitude
+    return abs(math.log(frequency)) < SAME_FREQUENCY and abs(math.log(amplitude)) < SAME_AMPLITUDE
+
+
+def _near(squeals: Sequence[Squeal], measured: Sequence[RecordLine]) -> list[Squeal]:
+    """Those with a line within reach of the strongest measured one, the nearest first."""
+
+    def apart(squeal: Squeal) -> float:
+        return min(abs(math.log(line.frequency_Hz / measured[0].frequency_Hz)) for line in squeal.lines)
+
+    return sorted((each for each in squeals if apart(each) < WIDEST), key=apart)
+
+
+def _attempt(
+    change: Callable[[Scene, NDArray[np.float64]], Scene],
+    squeal: Squeal,
+    reading: Reading,
+    rate: float,
+    scale: Scale,
+    signal: str,
+    progress: Progress,
+    x: NDArray[np.float64],
+) -> _Try | None:
+    pairs = pair_squeal(reading.lines, squeal.lines)
+    used = [(line, squeal.lines[k]) for line, k in zip(reading.lines, pairs, strict=True) if k is not None]
+    if not used:
+        return None
+    measured, simulated = (tuple(lines) for lines in zip(*used, strict=True))
+    fitted = fit_squeal(change, measured, squeal, simulated, scale, signal, progress, x)
+    own = fitted.squeal.scene.simulate.sample_rate
+    theirs = overtones(reading.values, rate, measured[0].frequency_Hz)
+    simulated = overtones(fitted.squeal.values, own, float(fitted.after[0]))
+    return _Try(fitted, measured, overtones_apart(theirs, simulated))
+
+
+class Overtones(NamedTuple):
+    """Levels of multiples of a line, and of what lies beside each (dB re the line); NaN beyond half the sample rate."""
+
+    level: NDArray[np.float64]
+    noise: NDArray[np.float64]
+
+
+def overtones(values: NDArray[np.float64], rate: float, line: float) -> Overtones:
+    """The overtones of a line (Hz) of a signal."""
+    spectrum = amplitude_spectrum(values, rate, zero_padding=4)
+    width = 2 * spectrum.resolution_Hz
+    off = np.abs(spectrum.frequency_Hz - line)
+    level = level_dB(spectrum.amplitude, float(spectrum.amplitude[off < width].max()) / math.sqrt(2))
+    found = Overtones(*np.full((2, len(OVERTONES)), np.nan))
+    for j, n in enumerate(OVERTONES):
+        off = np.abs(spectrum.frequency_Hz - n * line)
+        near, beside = level[off < width], level[(off > 2 * width) & (off < line / 3)]
+        if n * line + width < rate / 2 and near.size and beside.size:
+            found.level[j], found.noise[j] = near.max(), np.median(beside)
+    return found
+
+
+def overtones_apart(measured: Overtones, simulated: Overtones) -> float | None:
+    """Rms difference (dB) of overtones, of those that stand out of the measured noise in either; None without one."""
+    floor = measured.noise + CLEAR_DB
+    seen = np.fmax(measured.level, simulated.level) > floor
+    seen &= np.isfinite(measured.level) & np.isfinite(simulated.level)
+    if not seen.any():
+        return None
+    apart = np.maximum(measured.level, floor) - np.maximum(simulated.level, floor)
+    return float(np.sqrt(np.mean(apart[seen] ** 2)))
+
+
+def _unlike(scene: Scene, lines: Sequence[RecordLine], squeals: Sequence[float]) -> str:
+    """Why no squeal of the scene can be fitted."""
+    if not squeals:
+        fault = "the record is squeal that has saturated, but this scene does not squeal, from its own start or after"
+        cure = "change numbers so that it does (drumsqueal onset finds where), or take the record with --as linear"
+        return f"{fault} large disturbances, within {scene.simulate.duration:g} s; {cure}"
+    heard, own = (", ".join(f"{f:.0f}" for f in each) for each in ([line.frequency_Hz for line in lines], squeals))
+    return f"the scene squeals at {own} Hz, and no line of the record ({heard} Hz) is near; correct it"
