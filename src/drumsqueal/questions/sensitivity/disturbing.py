@@ -217,11 +217,14 @@ class Disturber:
             along = [_along(each, each.sizes[-1]) for each in directions(points[c], family, (1,))]
             return [*common[tuple(cases[c].at.items())], *along]
 
-        def thorough(c: int) -> list[Disturbed]:
+        def kicks(c: int) -> list[Disturbed]:
             multiples = [_carried(each, size) for each in cases[c].carried for size in SIZES[1:]]
-            return [*multiples, *_both_ways(family, points[c]), *_random_starts(family, points[c])]
+            return [*multiples, *_both_ways(family, points[c])]
 
-        return [likeliest, carried, large, thorough]
+        def random_starts(c: int) -> list[Disturbed]:
+            return _random_starts(family, points[c])
+
+        return [likeliest, carried, large, kicks, random_starts]
 
     def _common(self, at: Mapping[str, float], family: Family) -> list[Disturbed]:
         """The disturbances that are those of every brake."""

@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from drumsqueal.progress import Progress
-from drumsqueal.questions.sensitivity.disturbing import Brake, Disturber, Judged, Trial, squealing
+from drumsqueal.questions.sensitivity.disturbing import Brake, Disturber, Judged, Trial
 
 PRECISION = 0.04  # of a position: how far the first quiet one and the last that squeals may be apart
 
@@ -67,8 +67,7 @@ class Line:
         None at all where there is no brake at that position, which then counts as one that squeals.
         """
         assert self.position is not None
-        carried = squealing([*self._last, *self._carried])
-        carried = (*self._last, *(each for each in carried if not any(each is known for known in self._last)))
+        carried = (*self._last, *(each for each in self._carried if not any(each is known for known in self._last)))
         further = [each * self.position for each in FURTHER if each * self.position <= self._farthest]
         positions = [self.position, *(further if self.confirms else ())]
         numbers = [self.numbers_at(each) for each in positions]

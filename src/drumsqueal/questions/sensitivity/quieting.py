@@ -36,7 +36,7 @@ STRETCHES = 1 + 0.01 * np.arange(50)  # of the others, which then change a littl
 STEP, MOST_STEPS = 1.6, 16  # from one size of the whole change that is tried to the next
 TINY = 1e-300  # keeps a quotient finite where no number alone makes the brake quiet
 NEAREST = 0.4  # of the change that would do if the border of quiet were flat: where the search along it begins
-MOST_PROOFS = 6  # of changes that are smaller than each number alone would have to change
+MOST_PROOFS = 3  # of changes made smaller; what is left squealing then is enlarged only
 OUTWARD = (1.1, 1.25, 1.6, 2.5, 4.0, 6.3)  # times a change that some disturbance has shown to squeal
 
 
@@ -205,12 +205,15 @@ class Quietening:
         first = found if begin.quiet_at is None else begin.numbers_at(begin.quiet_at)
         if first is not None:
             smaller = self._proven(self._sizes(first), alone, carried, self._norm(found) if found else math.inf)
-            found = min((each for each in (smaller, found) if each is not None), key=self._norm, default=None)
-        numbers = found or stable
-        if numbers is None:
+            singles += [] if smaller is None else [smaller]
+        for numbers in sorted(singles, key=self._norm):
+            (judged,) = self._disturber.judge([Brake(numbers, tuple(carried))], "proof")
+            if judged.quiet:
+                return self._quieting(numbers, judged)
+        if stable is None:
             return self._quieting(self._least_growth(), None)
-        (judged,) = self._disturber.judge([Brake(numbers, tuple(carried))], "proof")
-        return self._quieting(numbers, judged)
+        (judged,) = self._disturber.judge([Brake(stable, tuple(carried))], "proof")
+        return self._quieting(stable, judged)
 
     def _proven(
         self, whole: NDArray[np.float64], alone: Sequence[Alone], carried: Sequence[Trial], most: float
@@ -225,22 +228,34 @@ class Quietening:
         failed: list[Mapping[str, float]] = []
         for _ in range(MOST_PROOFS):
             whole = shrink(whole, ways, self._in_file, carried, self._disturber, self._progress, but=failed)
-            farthest = min(most / float(np.linalg.norm(whole)), self._farthest(whole))
-            brakes = [
-                Brake(self._in_file(size * whole), tuple(carried)) for size in (1.0, *FURTHER) if size <= farthest
-            ]
-            judged = self._disturber.judge(brakes, "proof", [k == 0 for k, _ in enumerate(brakes)])
+            further = [each for each in FURTHER if each <= self._farthest(whole)]
+            brakes = [Brake(self._in_file(size * whole), tuple(carried)) for size in (1.0, *further)]
+            judged = self._disturber.judge(brakes, "proof", [True, *(False for _ in further)])
             if all(each.quiet for each in judged):
                 return brakes[0].numbers
             failed.append(brakes[0].numbers)
-            carried = squealing([*(trial for each in judged for trial in each.squealing), *carried])
-            further = [each for each in OUTWARD if each < farthest]
-            line = Line(partial(self._times, whole), further, 1.0, carried, farthest=farthest, proven=False)
-            search([line], self._disturber, self._progress, "all numbers")
-            if line.quiet_at is None:
+            carried = (*squealing([trial for each in judged for trial in each.trials]), *carried)
+            size = self._outwards(whole, most, carried, proven=False)
+            if size is None:
                 return None
-            whole = line.quiet_at * whole
-        return None
+            whole = size * whole
+        size = self._outwards(whole, most, carried, proven=True)
+        return None if size is None else self._in_file(size * whole)
+
+    def _outwards(
+        self, whole: NDArray[np.float64], most: float, carried: Sequence[Trial], *, proven: bool
+    ) -> float | None:
+        """How many times a change (k,) the brake is quiet, up to a size of `most`; None where it is not.
+
+        The change itself squeals, or is yet to be `proven`.
+        """
+        assert self._disturber is not None
+        farthest = self._farthest(whole)
+        ladder = [each for each in OUTWARD if each < min(farthest, most / float(np.linalg.norm(whole)))]
+        begin = ([1.0, *ladder], 1 - PRECISION) if proven else (ladder, 1.0)
+        line = Line(partial(self._times, whole), *begin, carried, farthest=farthest, proven=proven)
+        search([line], self._disturber, self._progress, "proof")
+        return line.quiet_at
 
     def _times(self, change: NDArray[np.float64], size: float) -> Mapping[str, float]:
         return self._in_file(size * change)
@@ -267,7 +282,8 @@ class Quietening:
     def _along(self, direction: NDArray[np.float64], carried: Sequence[Trial], most: float) -> Line:
         """Brakes along a direction (k,), up to a size of `most`."""
         farthest = min(self._farthest(direction), most / float(np.linalg.norm(direction)))
-        ladder = [float(each) for each in NEAREST * STEP ** np.arange(MOST_STEPS) if each <= farthest]
+        sizes = NEAREST * STEP ** np.arange(MOST_STEPS)
+        ladder = [*sizes[sizes < farthest * (1 - PRECISION)].tolist(), farthest]
         return Line(partial(self._times, direction), ladder, 0.0, carried, farthest=farthest, proven=False)
 
     def _farthest(self, direction: NDArray[np.float64]) -> float:

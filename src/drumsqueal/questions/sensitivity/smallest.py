@@ -10,8 +10,10 @@ from drumsqueal.questions.sensitivity.disturbing import Brake, Disturber, Trial
 from drumsqueal.questions.sensitivity.lines import PRECISION, Numbers
 
 LESS = (0.0, 0.5)  # times one part, the others as they are
-TURNS = (0.5, 0.25)  # of the whole change that one part gains or loses, the others in proportion
-SHORTER = (1 - PRECISION, 0.85)  # times the size of the whole change, after such a turn
+# Of the whole change: what one part gains or loses, the others in proportion, and what then remains of its size. The
+# large steps first, and small ones where no large one is quiet.
+STEPS = ((0.5, 0.85), (0.25, 1 - PRECISION))
+AT_ONCE = 4  # that are tried, the smallest first, until one is quiet
 MOST_ROUNDS = 12
 
 Vector = NDArray[np.float64]
@@ -33,24 +35,32 @@ def shrink(
     make it; the smallest that is quiet is the next, `but` for brakes that are known not to be. At the end none next to
     it is quiet.
     """
-    found, turns = whole, iter(TURNS)
-    turn = next(turns)
+    found, steps = whole, iter(STEPS)
+    step = next(steps)
     for done in range(MOST_ROUNDS):
         progress("smaller changes", done, MOST_ROUNDS)
-        candidates = [each for each in sorted(_next_to(found, ways, turn), key=_size) if numbers_at(each) not in but]
-        brakes = [Brake(numbers_at(each), tuple(carried)) for each in candidates]
-        judged = disturber.judge(brakes, "smaller changes", [False] * len(brakes))
-        quiet = [each for each, one in zip(candidates, judged, strict=True) if one.quiet]
-        if quiet:
-            found = quiet[0]
+        candidates = [each for each in sorted(_next_to(found, ways, *step), key=_size) if numbers_at(each) not in but]
+        smaller = _first_quiet(candidates, [Brake(numbers_at(each), tuple(carried)) for each in candidates], disturber)
+        if smaller is not None:
+            found = smaller
             continue
-        turn = next(turns, None)
-        if turn is None:
+        step = next(steps, None)
+        if step is None:
             break
     return found
 
 
-def _next_to(whole: Vector, ways: Vector, turn: float) -> list[Vector]:
+def _first_quiet(candidates: Sequence[Vector], brakes: Sequence[Brake], disturber: Disturber) -> Vector | None:
+    for first in range(0, len(candidates), AT_ONCE):
+        some = brakes[first : first + AT_ONCE]
+        judged = disturber.judge(some, "smaller changes", [False] * len(some))
+        for each, one in zip(candidates[first:], judged, strict=False):
+            if one.quiet:
+                return each
+    return None
+
+
+def _next_to(whole: Vector, ways: Vector, turn: float, shorter: float) -> list[Vector]:
     """Changes that are smaller by at least `PRECISION`."""
     size, units = _size(whole), np.eye(whole.size)
     found = [whole - (1 - less) * whole * unit for unit in units for less in LESS]
@@ -59,7 +69,7 @@ def _next_to(whole: Vector, ways: Vector, turn: float) -> list[Vector]:
             turned = whole + step * way * size * unit
             turned = np.where(turned * ways < 0, 0.0, turned)  # no part the other way
             if turned.any():
-                found += [shorter * size / _size(turned) * turned for shorter in SHORTER]
+                found.append(shorter * size / _size(turned) * turned)
     unlike: list[Vector] = []
     for each in found:
         smaller = 0 < _size(each) <= size * (1 - PRECISION / 2)

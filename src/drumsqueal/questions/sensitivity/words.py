@@ -21,7 +21,8 @@ def as_it_is(study: SensitivityStudy) -> str | None:
     squeal = study.squeal
     if study.needs_no_change:
         tried = "" if squeal is None else f", and none of the {len(squeal.disturbances)} disturbances tried squeals"
-        return f"Nothing in this scene is unstable{tried}: there is nothing to make quiet."
+        at = f"at {where(study.operating)}{where_else(study.operating)}"
+        return f"Nothing in this scene is unstable {at}{tried}: there is nothing to make quiet."
     return None if squeal is None else squeal_words(squeal)
 
 
