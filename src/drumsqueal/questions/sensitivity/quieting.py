@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import Field, computed_field
 
 from drumsqueal.findings.part import Finding
 from drumsqueal.findings.schema import SceneInFile
@@ -97,13 +97,18 @@ class Quieting(Finding):
     quiet: bool | None = None
     changes: tuple[Change, ...]
     norm_of_relative_changes: float
-    norm_of_logarithms: float
     largest_growth_rate_1_per_s: float
     cautions: tuple[Caution, ...] = ()
     disturbances: tuple[Trial, ...] = ()
     transients: tuple[Decay, ...] = ()
     scene: SceneInFile
     scene_file: str = Field(default="", exclude=True)
+
+    @computed_field
+    @property
+    def norm_of_logarithms(self) -> float:
+        """√Σ ln²(after/before), of which the search finds a least one."""
+        return math.hypot(*(each.logarithm for each in self.changes))
 
     @property
     def succeeded(self) -> bool:
@@ -345,7 +350,6 @@ class Quietening:
             quiet=None if judged is None else judged.quiet,
             changes=changes,
             norm_of_relative_changes=math.hypot(*(each.relative for each in changes)),
-            norm_of_logarithms=self._norm(numbers),
             largest_growth_rate_1_per_s=largest,
             cautions=cautions(self._problem.numbers, numbers),
             disturbances=() if judged is None else judged.trials,

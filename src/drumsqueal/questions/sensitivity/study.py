@@ -73,7 +73,7 @@ class SensitivityStudy(Findings):
     """
 
     printed_by = "drumsqueal.questions.sensitivity.answer.print_study"
-    operating: Operating = Operating(own=())
+    operating: Operating
     modes: tuple[LabelledMode, ...]
     numbers: tuple[Sensitivity, ...]
     divergence_rate_1_per_s: float | None
