@@ -71,7 +71,7 @@ def draw_quiet(study: SensitivityStudy) -> Figure | None:
             axes.annotate(
                 text,
                 (size, at),
-                xytext=(3 * side, 0),
+                xytext=(8 * side, 0),
                 textcoords="offset points",
                 ha="left" if side > 0 else "right",
                 va="center",
