@@ -13,6 +13,7 @@ from drumsqueal.questions.sensitivity.quieting import Quieting, Squeal
 from drumsqueal.questions.sensitivity.study import Relevant, SensitivityStudy
 from drumsqueal.scene.variation import unit_of as unit_of_number
 
+SI = {"drum.speed": "rad/s", "contact.normal_load": "N"}
 MOST_NAMED = 3  # changes in a sentence
 
 
@@ -67,7 +68,7 @@ def _each(trials: Sequence[Trial]) -> str:
 
 def _at(trial: Trial) -> str:
     """At which operating point, where it is not that of the scene."""
-    return "".join(f" at {key} = {value:.4g}" for key, value in trial.at.items())
+    return "".join(f" at {key} = {value:.4g} {SI.get(key, '')}".rstrip() for key, value in trial.at.items())
 
 
 def _motion(motion: Motion) -> str:
