@@ -19,7 +19,7 @@ from drumsqueal.physics.laws.friction_law import ExponentialLaw, SceneLaw, frict
 from drumsqueal.physics.small_bodies import block_on_belt
 from drumsqueal.questions.effects.reductions import reduce, reductions_of
 from drumsqueal.questions.paper.curves import CONSTANT_FRICTION, constant_friction
-from drumsqueal.questions.sensitivity.stabilising import LEAST, _bounds, numbers_of, variable_numbers
+from drumsqueal.questions.sensitivity.stabilising import LEAST, _limits, numbers_of, variable_numbers
 from drumsqueal.scene import COORDINATES, Scene, SceneError, quantity_of, setting_choices
 from drumsqueal.scene.laws import LAWS, lacking
 from drumsqueal.scene.tables import Friction
@@ -248,9 +248,9 @@ def test_every_number_can_be_varied_set_and_uncertain(name, nominal):
         drawn = {"distribution": "uniform", "low": 0.9 * value, "high": 1.1 * value}
         assert scene.with_values({"uncertain": {key: drawn}}).uncertain is not None
         # To make the brake quiet no number goes where the scene could not take it.
-        low = _bounds(key, numbers_of(scene), scene)[0]
-        assert low == (-1.0 if quantity_of(key, scene).above is None else LEAST - 1)
-        scene.with_values({key: (1 + low) * value})
+        low = _limits(key, numbers_of(scene), scene)[0]
+        assert low == (0.0 if quantity_of(key, scene).above is None else LEAST * value)
+        scene.with_values({key: low})
 
 
 @every_law

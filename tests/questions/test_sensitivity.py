@@ -8,6 +8,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+from matplotlib.patches import Rectangle
 
 from drumsqueal.errors import RequestError
 from drumsqueal.files.json_file import to_json
@@ -18,23 +19,28 @@ from drumsqueal.physics.model import build_model
 from drumsqueal.progress import silent
 from drumsqueal.questions.onset.found import Kick, Leads, Motion
 from drumsqueal.questions.sensitivity.alone import Alone
-from drumsqueal.questions.sensitivity.change import in_SI, rounded
+from drumsqueal.questions.sensitivity.change import Caution, Change, cautions, in_SI, rounded
 from drumsqueal.questions.sensitivity.decay import DISTURBANCE, Outcome, disturbed, nonlinear_decay
 from drumsqueal.questions.sensitivity.disturbing import RANDOM, Brake, Disturber, Origin, Trial
+from drumsqueal.questions.sensitivity.figure import draw_quiet
 from drumsqueal.questions.sensitivity.lines import FURTHER, PRECISION, Line, search
+from drumsqueal.questions.sensitivity.operating import operating, where, where_else
 from drumsqueal.questions.sensitivity.quieting import Quietening, Squeal, quieten
+from drumsqueal.questions.sensitivity.smallest import shrink
 from drumsqueal.questions.sensitivity.stabilising import (
     LEAST,
     MARGIN,
     Problem,
     largest_growth,
     numbers_of,
+    size_of,
     variable_numbers,
 )
 from drumsqueal.questions.sensitivity.study import SensitivityStudy, at_one_time, check_request, study_sensitivity
-from drumsqueal.questions.sensitivity.words import as_it_is, squeal_words, without_answer
+from drumsqueal.questions.sensitivity.words import as_it_is, modes_that_matter, squeal_words, without_answer
 from drumsqueal.scene import COORDINATES, load_scene
 from drumsqueal.scene.file import replace_value
+from drumsqueal.scene.variation import read_variation
 from drumsqueal.scene.written import Written
 from drumsqueal.simulation import run
 from drumsqueal.solve.linear.family import eigenvalue_gradient, state_matrix_of
@@ -244,7 +250,7 @@ def test_no_small_change_and_few_digits_are_left_in_the_answer(bistable):
     search_ = Quietening(bistable, ["friction.static", "shoe.width"])
     squeal = search_.squeal()
     assert squeal is not None
-    alone = search_.alone(squeal.motions)
+    alone = search_.alone(squeal.squealing)
     assert [each.key for each in alone] == ["friction.static", "shoe.width"]  # the least change first
     assert alone[0].quiet is not None
     assert alone[0].quiet.after == float(f"{alone[0].quiet.after:.3g}")
@@ -285,7 +291,7 @@ def test_a_position_at_which_there_is_no_brake_is_not_tried():
             return [Judged(quiet=brake.numbers["x"] >= 1.9) for brake in brakes]
 
     class Judged:
-        motions = ()
+        squealing = ()
 
         def __init__(self, quiet):
             self.quiet = quiet
@@ -328,7 +334,7 @@ def test_quiet_between_two_that_squeal_is_passed_over():
             return [Judged(quiet=0.5 <= x <= 0.52 or x >= 1.3) for x in self.tried]
 
     class Judged:
-        motions = ()
+        squealing = ()
 
         def __init__(self, quiet):
             self.quiet = quiet
@@ -433,6 +439,150 @@ def test_a_disturbance_starts_beyond_the_contact_boundary_and_growth_is_no_decay
     assert growing.decays is not True
 
 
+# --- the smallest change --------------------------------------------------------------------------------------------
+
+
+def test_twice_and_half_are_equally_far_and_zero_is_finite():
+    assert size_of("friction.static", 0.5, 1.0) == -size_of("friction.static", 0.5, 0.25) == np.log(2)
+    lower = [size_of("friction.static", 0.5, 0.5 * ratio) for ratio in (0.5, LEAST, 0.05, 0.0)]
+    assert lower == sorted(lower, reverse=True)
+    assert lower[-1] == pytest.approx(np.log(LEAST) - 1)  # the tangent of the logarithm at a tenth, to its end
+    assert size_of("damping.ratio", 0.0, 0.01) == np.log(2)  # in units of 0.01
+
+
+def test_numbers_and_sizes_of_changes_are_each_other_s_inverse(damped):
+    problem = problem_of(damped, ["friction.static", "damping.ratio", "friction.kinetic"])
+    for x in ([-0.5, 0.7, -3.0], [1.0, -1.0, 2.0]):
+        np.testing.assert_allclose(problem.sizes(problem.after(np.array(x))), x, rtol=1e-12)
+    assert problem.after(problem.low)[0] == 0  # exactly
+    step, x = 1e-6, np.array([-0.5, 0.7, -2.5])
+    for k in range(3):
+        sides = [problem.rates(x + sign * step * np.eye(3)[k])[0] for sign in (1, -1)]
+        by_difference = (sides[0] - sides[1]) / (2 * step)
+        scale = np.abs(by_difference).max()
+        np.testing.assert_allclose(problem.rates(x)[1][:, k], by_difference, atol=1e-4 * scale)  # round-off over step
+
+
+@pytest.mark.parametrize("start", [[1.6, 1.6, 0.5], [0.0, 4.0, 0.0]])
+def test_a_change_is_made_smaller_to_the_least_of_a_border_that_is_known(start):
+    """Quiet from the plane a·x = 1 on: its nearest point to none is a/|a|², whether from a mix or from one number."""
+    normal = np.array([1.0, 0.5, 0.0])
+
+    class Judge:
+        def judge(self, brakes, what, thorough):
+            assert not any(thorough)
+            return [Judged(quiet=normal @ brake.numbers >= 1) for brake in brakes]
+
+    class Judged:
+        def __init__(self, quiet):
+            self.quiet = quiet
+
+    found = shrink(np.array(start), np.ones(3), lambda x: cast("Any", x), (), cast("Any", Judge()), silent)
+    assert normal @ found >= 1
+    assert np.linalg.norm(found) < 1.05 / np.linalg.norm(normal)  # steps of 4 %, turns of a quarter
+    assert found[2] == 0  # what does nothing is left out
+
+
+def test_single_changes_are_ranked_by_the_logarithm(damped):
+    def row(key: str, before: float, after: float) -> Alone:
+        change = Change.of(Written(damped), key, before, after)
+        return Alone(key=key, lowest=0.0, highest=1.0, quiet=change)
+
+    # −62.9 % is a factor of 2.7, +88 % one of 1.9.
+    assert row("friction.static", 0.45, 0.167).rank > row("damping.ratio", 0.003, 0.00565).rank
+
+
+def test_friction_that_rises_with_speed_is_flagged():
+    before = {"friction.static": 0.45, "friction.kinetic": 0.35, "shoe.width": 0.06, "shoe.outer_radius": 0.16}
+    assert cautions(before, {"friction.static": 0.36}) == ()
+    assert cautions(before, {"friction.static": 0.167}) == (Caution.RISING,)
+    assert cautions(before, {"friction.kinetic": 0.5, "shoe.width": 0.331}) == (Caution.RISING, Caution.WIDE)
+    assert cautions({**before, "friction.static": 0.3}, {"friction.static": 0.2}) == ()  # it did before
+
+
+def test_a_disturbance_that_a_brake_has_had_is_not_run_again(bistable, monkeypatch):
+    disturber, run = Disturber(bistable), []
+    original = disturber._run  # pyright: ignore[reportPrivateUsage]
+
+    def counted(*args):
+        for each in original(*args):
+            run.append(each)
+            yield each
+
+    monkeypatch.setattr(disturber, "_run", counted)
+    quiet = Brake({"damping.ratio": 0.02})
+    disturber.judge([quiet], "", [False])
+    first = len(run)
+    (judged,) = disturber.judge([quiet], "")
+    assert judged.quiet
+    assert len(run) == len(judged.trials) > first > 0
+    disturber.judge([quiet], "")
+    assert len(run) == len(judged.trials)
+
+
+# --- where it is quiet ----------------------------------------------------------------------------------------------
+
+
+def test_a_brake_is_quiet_only_where_it_is_quiet_at_every_point(nominal):
+    """With 0.5 % of damping sliding at 70 rad/s is quiet, and at 20 rad/s a large disturbance leads to squeal."""
+    scene = nominal.with_values({"damping": {"ratio": 0.005}, "drum.speed": 70.0, "simulate.duration": 0.1})
+    (alone,) = Disturber(scene).judge([Brake({})], "")
+    assert alone.quiet
+    (both,) = Disturber(scene, points=({}, {"drum.speed": 20.0})).judge([Brake({})], "")
+    assert not both.quiet
+    assert {tuple(each.at.items()) for each in both.trials if each.leads_to is not Leads.DECAYS} == {
+        (("drum.speed", 20.0),)
+    }
+
+
+def test_the_linear_problem_holds_at_every_point(nominal):
+    scene = nominal.with_values(BRIEF | {"damping": {"ratio": 0.005}, "drum.speed": 20.0})
+    evaluate = state_matrix_of(scene, tuple(numbers_of(scene)))
+    problem = Problem(scene, ("friction.static",), MARGIN, evaluate, silent, ({}, {"drum.speed": 5.0}))
+    assert problem_of(scene, ["friction.static"], evaluate).largest(np.zeros(1)) < 0 < problem.largest(np.zeros(1))
+    slower = problem_of(scene.with_values({"drum.speed": 5.0}), ["friction.static"])
+    assert problem.largest(np.zeros(1)) == pytest.approx(slower.largest(np.zeros(1)), rel=1e-9)
+
+
+def test_the_points_are_every_combination_and_the_scene_itself(nominal):
+    ranges = [
+        read_variation(text, nominal, option="--at") for text in ("drum.speed=5..7x3", "contact.normal_load=1..2 kNx2")
+    ]
+    found = operating(nominal, nominal, 0.0, Written(nominal), ranges)
+    assert found.time_s is None
+    assert found.points[0] == {}
+    assert len(found.points) == 6  # 5 rad/s with 2 kN is the scene
+    assert {"drum.speed": 7.0, "contact.normal_load": 1000.0} in found.points
+    words = f"{where(found)}{where_else(found)}"
+    assert words == (
+        "a drum speed of 5 rad/s and a load of 2000 N and at drum.speed from 5 to 7 rad/s (3 values) "
+        "with contact.normal_load from 1 to 2 kN (2 values)"
+    )
+
+
+def test_a_speed_that_changes_is_reported_with_its_time(nominal):
+    profile = nominal.with_values(BRIEF | {"drum.speed": {"time": [0, 1], "value": [5, 1]}})
+    study = study_sensitivity(profile)
+    assert where(study.operating) == "a drum speed of 5 rad/s and a load of 2000 N (at t = 0 s)"
+
+
+def test_without_unstable_modes_the_numbers_are_sorted_by_the_mode_that_squeals(bistable_study):
+    (relevant,) = bistable_study.relevant
+    assert bistable_study.modes[relevant].name == "Y"
+    sizes = [abs(row.growth_per_percent_1_per_s[relevant]) for row in bistable_study.numbers]
+    assert sizes == sorted(sizes, reverse=True)
+    assert modes_that_matter(bistable_study) == "the mode that squeals"
+
+
+def test_the_figure_of_what_makes_it_quiet_has_a_row_for_each_number(bistable_study):
+    figure = draw_quiet(bistable_study)
+    assert figure is not None
+    (axes,) = figure.axes
+    assert [each.get_text() for each in axes.get_yticklabels()] == ["damping.ratio"]
+    assert [cast("Rectangle", each).get_width() for each in axes.patches] == [bistable_study.alone[0].quiet.logarithm]
+    assert draw_quiet(bistable_study.model_copy(update={"alone": ()})) is None
+
+
 def test_the_command_writes_a_quiet_scene_that_is_one(drumsqueal, tmp_path):
     scene, out = tmp_path / "scene.toml", tmp_path / "out"
     text = NOMINAL.read_text(encoding="utf-8").replace('"0.4 s"', '"0.05 s"')
@@ -441,16 +591,18 @@ def test_the_command_writes_a_quiet_scene_that_is_one(drumsqueal, tmp_path):
     status, printed, error = drumsqueal(*arguments)
     assert (status, error) == (0, "")
     assert {path.name for path in out.iterdir()} == set(SENSITIVITY_FILES)
-    assert "Quiet with friction.static changed from 0.5 to" in " ".join(printed.split())
+    point = "Quiet at a drum speed of 5 rad/s and a load of 2000 N with friction.static"
+    assert f"{point} changed from 0.5 to" in " ".join(printed.split())
     quiet = load_scene(out / QUIET_SCENE)
     assert not analyse_stability(build_model(quiet, coordinates=COORDINATES)).unstable
     found = json.loads((out / "sensitivity.json").read_text())
+    assert found["operating"]["own"][0]["values"] == [5.0]
     assert found["quiet"]["transients"][0]["start"] == "its own start"
     assert len(found["quiet"]["transients"]) == 1  # the disturbances hold all other starts
     assert found["quiet"]["quiet"] is True
     assert {each["leads_to"] for each in found["quiet"]["disturbances"]} == {"decays"}
     text = (out / QUIET_SCENE).read_text()
-    assert text.startswith("# Quiet with friction.static")
+    assert " ".join(text.replace("#", " ").split()).startswith(point)
     assert 'thickness = "20 mm"' in text
     assert "…" not in printed  # no number is cut off
     with (out / SENSITIVITY_TABLE).open(newline="") as file:
@@ -486,6 +638,12 @@ def test_the_command_writes_a_quiet_scene_that_is_one(drumsqueal, tmp_path):
         ("--vary", "friction.static"),
         ("--until", "stable", "--vary", "friction.statik"),
         ("--until", "stable", "--vary", ""),
+        ("--at", "drum.speed=3..8"),
+        ("--until", "stable", "--at", "drum.speed=-3..8"),
+        ("--until", "stable", "--at", "drum.sped=3..8"),
+        ("--until", "stable", "--at", "contact.normal_load=0..1000"),
+        ("--until", "stable", "--at", "drum.speed=3..8x11", "--at", "contact.normal_load=1..2x11"),
+        ("--until", "stable", "--at", "drum.speed=3..8", "--vary", "drum.speed"),
     ],
 )
 def test_wrong_requests_write_nothing(drumsqueal, tmp_path, wrong):

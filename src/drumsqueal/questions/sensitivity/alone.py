@@ -7,18 +7,16 @@ import scipy
 
 from drumsqueal.findings.part import Finding
 from drumsqueal.progress import Progress
-from drumsqueal.questions.onset.found import Motion
-from drumsqueal.questions.sensitivity.change import Change, in_SI, rounded
-from drumsqueal.questions.sensitivity.disturbing import Disturber
+from drumsqueal.questions.sensitivity.change import Caution, Change, cautions, in_SI, rounded
+from drumsqueal.questions.sensitivity.disturbing import Disturber, Trial
 from drumsqueal.questions.sensitivity.lines import PRECISION, Line, search
 from drumsqueal.questions.sensitivity.stabilising import Problem
 from drumsqueal.scene.written import Written
 
-# Relative change tried first, and how much larger the next is, in its logarithm: from 10 % to a factor of ten in
-# six steps. What is quiet between two of them alone goes unseen.
-FIRST, STEP = 0.1, 2.0
-MOST_STEPS = 20  # of them, to the farthest that the bounds of any number allow
-SMALL = 1e-3  # relative change that shows which way a mode decays faster
+# Size of the change tried first, and of the next over it: from 10 % to a factor of ten in six steps. What is quiet
+# between two of them alone goes unseen.
+FIRST, STEP, MOST_STEPS = 0.1, 2.0, 8
+SMALL = 1e-3  # change that shows which way a mode decays faster
 FOUND = 1e-6  # of a change: how well the one that makes the brake stable is found
 
 
@@ -26,7 +24,8 @@ class Alone(Finding):
     """One number, and its smallest change that makes the brake stable, and quiet; None where none within bounds does.
 
     Stable: every growth rate is minus the margin or below. Quiet: and no disturbance that was tried squeals. `lowest`
-    and `highest` (SI) are the bounds. A brake that is stable as it is has no change that makes it so.
+    and `highest` (SI) are the bounds, and `cautions` what else is to be said of the brake with its change. A brake that
+    is stable as it is has no change that makes it so.
     """
 
     key: str
@@ -34,10 +33,22 @@ class Alone(Finding):
     highest: float
     stable: Change | None = None
     quiet: Change | None = None
+    cautions: tuple[Caution, ...] = ()
+
+    @property
+    def change(self) -> Change | None:
+        """That to be quiet or, where there is none, to be stable."""
+        return self.quiet or self.stable
+
+    @property
+    def rank(self) -> tuple[float, float]:
+        """How far it has to change to be quiet, and to be stable, by which numbers are sorted."""
+        sizes = [np.inf if change is None else abs(change.logarithm) for change in (self.quiet, self.stable)]
+        return sizes[0], sizes[1]
 
 
 class _Way:
-    """One number that changes one way, by how far: |relative change|."""
+    """One number that changes one way, by the size of its change."""
 
     def __init__(self, problem: Problem, written: Written, number: int, sign: int) -> None:
         self._problem, self._written, self._number, self.sign = problem, written, number, sign
@@ -50,10 +61,8 @@ class _Way:
     def _ladder(self) -> list[float]:
         if self.farthest <= 0:
             return []
-        steps = FIRST * STEP ** np.arange(MOST_STEPS if self._before == 0 else MOST_STEPS // 2)
-        if self._before != 0:
-            steps = self.sign * np.expm1(self.sign * steps)
-        return [*(float(each) for each in steps[steps < self.farthest * (1 - PRECISION)]), self.farthest]
+        steps = FIRST * STEP ** np.arange(MOST_STEPS)
+        return [*steps[steps < self.farthest * (1 - PRECISION)].tolist(), self.farthest]
 
     def growth(self, position: float) -> float:
         """The largest growth rate (1/s)."""
@@ -98,10 +107,10 @@ def each_alone(
     written: Written,
     margin: float,
     disturber: Disturber | None,
-    motions: Sequence[Motion],
+    carried: Sequence[Trial],
     progress: Progress,
 ) -> tuple[Alone, ...]:
-    """Find the changes of each number alone, the smallest first; `motions` are those of the brake as it is.
+    """Find the changes of each number alone, the smallest first; `carried` is the squeal of the brake as it is.
 
     Of a stable brake a number changes the way in which its least stable mode decays faster. Without a disturber no
     change is looked for that makes the brake quiet.
@@ -116,11 +125,11 @@ def each_alone(
             stable[way] = found
             ladder = [x for x in way.ladder if x > found * (1 + PRECISION)]
             first = [] if stable_now else [found]
-            way.line = Line(way.numbers_at, [*first, *ladder], found * (1 - PRECISION), motions, farthest=way.farthest)
+            way.line = Line(way.numbers_at, [*first, *ladder], found * (1 - PRECISION), carried, farthest=way.farthest)
     if disturber is not None:
         _search(list(stable), disturber, progress)
     rows = [_row(problem, number, stable, stable_now) for number in range(len(problem.keys))]
-    return tuple(sorted(rows, key=_size))
+    return tuple(sorted(rows, key=lambda row: row.rank))
 
 
 def _search(ways: Sequence[_Way], disturber: Disturber, progress: Progress) -> None:
@@ -139,15 +148,12 @@ def _row(problem: Problem, number: int, stable: dict[_Way, float], stable_now: b
     quiet = {way: way.line.quiet_at for way in ways if way.line is not None and way.line.quiet_at is not None}
     nearest, quietest = (min(each, key=lambda way: each[way], default=None) for each in (ways, quiet))
     limits = problem.limits[problem.keys[number]]
-    return Alone(
+    row = Alone(
         key=problem.keys[number],
         lowest=limits[0],
         highest=limits[1],
         stable=None if stable_now or nearest is None else nearest.change(ways[nearest]),
         quiet=None if quietest is None else quietest.change(quiet[quietest]),
     )
-
-
-def _size(row: Alone) -> tuple[float, float]:
-    sizes = [np.inf if change is None else abs(change.relative) for change in (row.quiet, row.stable)]
-    return sizes[0], sizes[1]
+    changed = {} if row.change is None else {row.key: row.change.after}
+    return row.model_copy(update={"cautions": cautions(problem.numbers, changed)})

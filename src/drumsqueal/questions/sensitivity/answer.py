@@ -2,27 +2,29 @@
 
 import textwrap
 
-import numpy as np
-from matplotlib.figure import Figure
 from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from drumsqueal.files.output_folder import QUIET_SCENE, SENSITIVITY, SENSITIVITY_SUMMARY, SENSITIVITY_TABLE
+from drumsqueal.files.output_folder import QUIET, QUIET_SCENE, SENSITIVITY, SENSITIVITY_SUMMARY, SENSITIVITY_TABLE
 from drumsqueal.questions.sensitivity.change import Change
+from drumsqueal.questions.sensitivity.figure import draw_quiet, draw_sensitivity
+from drumsqueal.questions.sensitivity.operating import Operating, where
 from drumsqueal.questions.sensitivity.quieting import Quieting
 from drumsqueal.questions.sensitivity.study import SensitivityStudy
-from drumsqueal.questions.sensitivity.words import as_it_is, quiet_sentence, without_answer
+from drumsqueal.questions.sensitivity.words import (
+    as_it_is,
+    cautions_of,
+    modes_that_matter,
+    quiet_sentence,
+    without_answer,
+)
 from drumsqueal.scene.quantities import printable
 from drumsqueal.scene.variation import unit_of
-from drumsqueal.terminal import style
 from drumsqueal.terminal.runner import Answer
-from drumsqueal.terminal.style import frame, new_figure, styled
 from drumsqueal.terminal.tables import print_table, rows_to_csv
 
 LEAST_PLAIN = 0.01  # 1/s
-ROW = 0.8  # of the distance between two numbers that their bars take up
-HATCHES = ("", "////", "....")  # of a second and a third mode of one name
 WIDTH = 110  # letters in a line of the comment that heads a scene file
 
 
@@ -40,10 +42,11 @@ def print_study(console: Console, study: SensitivityStudy) -> None:
         )
     print_table(console, table)
     names = ", ".join(study.modes[k].label for k in study.relevant)
-    kind = "unstable modes" if study.modes[study.relevant[0]].unstable else "modes"
     console.print(
-        f"Sorted by the largest change of the {kind} {names}; 0: below round-off. Automatic derivatives and central "
-        f"differences of ±0.1 % agree to {study.largest_deviation_from_central_differences:.1g} of the largest.",
+        f"At {where(study.operating)}. Sorted by the largest change of {modes_that_matter(study)} {names}; "
+        "0: below round-off. "
+        "Automatic derivatives and central differences of ±0.1 % agree to "
+        f"{study.largest_deviation_from_central_differences:.1g} of the largest.",
         style="dim",
     )
     if study.divergence_rate_1_per_s is not None:
@@ -64,10 +67,10 @@ def _print_search(console: Console, study: SensitivityStudy) -> None:
         console.print(printable(words), style="bold")
     if any(each.stable is not None or each.quiet is not None for each in study.alone):
         print_table(console, _each_alone(study))
-    for line in without_answer(study.alone, study.stable):
+    for line in (*cautions_of(study.alone), *without_answer(study.alone, study.stable)):
         console.print(line, style="dim")
     if study.quiet is not None:
-        _print_quiet(console, study.quiet)
+        _print_quiet(console, study.quiet, study.operating)
 
 
 def _each_alone(study: SensitivityStudy) -> Table:
@@ -75,7 +78,7 @@ def _each_alone(study: SensitivityStudy) -> Table:
     for heading in ("number", "now", *(() if study.stable else ("stable with", "change")), "quiet with", "change"):
         table.add_column(heading, justify="left" if heading == "number" else "right")
     for row in study.alone:
-        known = row.quiet or row.stable
+        known = row.change
         if known is not None:
             both = (row.quiet,) if study.stable else (row.stable, row.quiet)
             cells = [cell for change in both for cell in _cells(change, study)]
@@ -98,14 +101,14 @@ def _relative(change: Change) -> str:
     return f"{100 * change.relative:+.3g} %" if change.before else "new"
 
 
-def _print_quiet(console: Console, quiet: Quieting) -> None:
-    title = "The smallest change of all found that makes the brake quiet" if quiet.quiet else (
+def _print_quiet(console: Console, quiet: Quieting, operating: Operating) -> None:
+    title = "The smallest change found that makes the brake quiet" if quiet.quiet else (
         "The smallest change that makes every mode decay" if quiet.found else "The change with the least growth"
     )  # fmt: skip
     table = Table(title=title, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     for heading in ("number", "before", "after", "unit", "change"):
         table.add_column(heading, justify="left" if heading in ("number", "unit") else "right")
-    for change in sorted(quiet.changes, key=lambda each: -abs(each.relative)):
+    for change in sorted(quiet.changes, key=lambda each: -abs(each.logarithm)):
         unit = change.unit or unit_of(change.key, quiet.scene)
         table.add_row(
             change.key, f"{change.before_in_unit:.6g}", f"{change.after_in_unit:.6g}", unit, _relative(change)
@@ -113,7 +116,7 @@ def _print_quiet(console: Console, quiet: Quieting) -> None:
     if quiet.changes:
         print_table(console, table)
     if quiet.succeeded:
-        console.print(printable(quiet_sentence(quiet)), style="bold")
+        console.print(printable(quiet_sentence(quiet, operating)), style="bold")
 
 
 def sensitivity_table(study: SensitivityStudy) -> str:
@@ -138,7 +141,7 @@ def quiet_scene(study: SensitivityStudy) -> str | None:
     quiet = study.quiet
     if quiet is None or not quiet.succeeded:
         return None
-    lines = textwrap.wrap(printable(quiet_sentence(quiet)), WIDTH, break_long_words=False)
+    lines = textwrap.wrap(printable(quiet_sentence(quiet, study.operating)), WIDTH, break_long_words=False)
     return "".join(f"# {line}\n" for line in lines) + quiet.scene_file
 
 
@@ -148,36 +151,9 @@ def _change(study: SensitivityStudy, value: float) -> str:
     return f"{value:+.2g}" if abs(value) >= LEAST_PLAIN else f"{value:+.0e}"  # so that six modes fit on a terminal
 
 
-@styled()
-def draw_sensitivity(study: SensitivityStudy) -> Figure:
-    """Draw the change of the growth rates of the modes that matter, per +1 % of each number."""
-    shown = [study.modes[k] for k in study.relevant]
-    kind = "unstable modes" if shown[0].unstable else "no mode is unstable; all"
-    figure = new_figure(study.title, f"what +1 % of each number does to the growth rates ({kind})")
-    axes = figure.subplots()
-    places = np.arange(len(study.numbers))
-    height = ROW / len(shown)
-    for k, mode in enumerate(shown):
-        values = [row.growth_per_percent_1_per_s[study.relevant[k]] for row in study.numbers]
-        shift = (k - (len(shown) - 1) / 2) * height
-        earlier = sum(other.name == mode.name for other in shown[:k])
-        label = f"{mode.label}: {mode.frequency_Hz:.0f} Hz, {mode.growth_rate_1_per_s:+.3g} 1/s"
-        hatch = HATCHES[min(earlier, len(HATCHES) - 1)]
-        axes.barh(places + shift, values, height=height, color=style.COLOUR[mode.name], hatch=hatch, label=label)
-    axes.axvline(0, color=style.DARK, linewidth=0.6)
-    axes.set_yticks(places, [row.key for row in study.numbers])
-    axes.tick_params(axis="y", length=0)
-    axes.set_ylim(len(study.numbers) - 0.5, -0.5)
-    for place in places[1:]:
-        axes.axhline(place - 0.5, color=style.FAINT, linewidth=0.4, zorder=0.5)
-    frame(axes, "Change of the growth rate per +1 % (1/s): to the left it grows slower, to the right faster", None)
-    figure.legend(loc="outside lower center", ncols=min(len(shown), 3))
-    return figure
-
-
 SENSITIVITY_ANSWER = Answer(
     words=print_study,
     summary=SENSITIVITY_SUMMARY,
     tables={SENSITIVITY_TABLE: sensitivity_table, QUIET_SCENE: quiet_scene},
-    figures={SENSITIVITY: draw_sensitivity},
+    figures={SENSITIVITY: draw_sensitivity, QUIET: draw_quiet},
 )

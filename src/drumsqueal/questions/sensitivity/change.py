@@ -1,11 +1,12 @@
 """A number of a scene before and after, and what rounding makes of it."""
 
 from collections.abc import Mapping
+from enum import StrEnum
 
 from pydantic import computed_field
 
 from drumsqueal.findings.part import Finding
-from drumsqueal.questions.sensitivity.stabilising import ZERO_SCALE
+from drumsqueal.questions.sensitivity.stabilising import ZERO_SCALE, size_of
 from drumsqueal.scene.written import Value, Written
 
 ROUNDING = 0.02  # of a change: how much further rounding may take it
@@ -33,6 +34,32 @@ class Change(Finding):
     def relative(self) -> float:
         """After over before, less 1; for a number that was zero, in units of its scale."""
         return (self.after - self.before) / (self.before or ZERO_SCALE[self.key])
+
+    @computed_field
+    @property
+    def logarithm(self) -> float:
+        """How far the number changes, ln(after/before), by which changes are ranked (`size_of`)."""
+        return size_of(self.key, self.before, self.after)
+
+
+class Caution(StrEnum):
+    """What a changed brake is that the one before was not, though it may be quiet."""
+
+    RISING = "friction then rises with the slip speed: its static coefficient lies below the kinetic one"
+    WIDE = "the lining is then wider than the radius of the drum"
+
+
+def cautions(before: Mapping[str, float], changed: Mapping[str, float]) -> tuple[Caution, ...]:
+    """What is to be said of changed numbers (SI) of a brake."""
+    return tuple(each for each in Caution if _is(each, {**before, **changed}) and not _is(each, before))
+
+
+def _is(caution: Caution, numbers: Mapping[str, float]) -> bool:
+    small, large = {
+        Caution.RISING: ("friction.static", "friction.kinetic"),
+        Caution.WIDE: ("shoe.outer_radius", "shoe.width"),
+    }[caution]
+    return small in numbers and large in numbers and numbers[small] < numbers[large]
 
 
 def rounded(

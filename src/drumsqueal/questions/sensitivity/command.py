@@ -9,11 +9,17 @@ import typer
 from drumsqueal.errors import IntegrationError
 from drumsqueal.files.output_folder import SENSITIVITY_FILES
 from drumsqueal.scene import load_with_tables
-from drumsqueal.terminal.completion import complete_list, words
+from drumsqueal.scene.variation import SYNTAX, read_variation
+from drumsqueal.terminal.completion import complete_list, complete_range, words
 from drumsqueal.terminal.options import JsonFile, Overwrite, Quiet, SceneFile, Settings, UsageError, output_option
 from drumsqueal.terminal.reply import Reply
 
+VALUES = 6  # of a range without xN
 _UNTIL = "Also find what makes the brake stable, and quiet after disturbances: each number alone, and together."
+_AT = (
+    "Where else --until stable must make it quiet: a range of speeds, loads or another number, N values, "
+    f"{VALUES} without xN. Repeat it for every combination."
+)
 _VARY = "What --until stable may change (default: the design, not speed, load and radius). Repeatable."
 
 
@@ -26,6 +32,9 @@ def sensitivity_command(
     vary: Annotated[
         list[str] | None, typer.Option("--vary", metavar="KEY,KEY...", help=_VARY, autocompletion=complete_list)
     ] = None,
+    at: Annotated[
+        list[str] | None, typer.Option("--at", metavar=SYNTAX, help=_AT, autocompletion=complete_range)
+    ] = None,
     settings: Settings = None,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
@@ -35,17 +44,21 @@ def sensitivity_command(
 
     Differentiates every growth rate with respect to every parameter of the scene.
 
-    Writes sensitivity.csv, sensitivity.json, sensitivity.png and, with --until stable, quiet.toml: the changed scene,
-    if no disturbance that was tried makes it squeal.
+    Writes sensitivity.csv, sensitivity.json, sensitivity.png and, with --until stable, quiet.png, and quiet.toml: the
+    changed scene, if no disturbance that was tried makes it squeal. It is quiet at the scene's speed and load, and
+    where --at asks for it.
 
-    Example: drumsqueal sensitivity scenarios/damped.toml --until stable -o out/quiet
+    Example: drumsqueal sensitivity scenarios/damped.toml --until stable --at drum.speed=3..8x6 -o out/quiet
     """
     if until not in (None, "stable"):
         raise UsageError(f"--until {until}: write --until stable, or leave it out")
     if vary and until is None:
         raise UsageError("--vary names what --until stable may change; add --until stable")
+    if at and until is None:
+        raise UsageError("--at names where --until stable must make it quiet; add --until stable")
     loaded, tables = load_with_tables(scene, settings or ())
     keys = [key.strip() for part in vary for key in part.split(",")] if vary else None
+    ranges = [read_variation(text, loaded, option="--at", points=VALUES) for text in at or ()]
     folder = output if output is not None else Path("out") / f"{scene.stem}-sensitivity"
     reply = Reply.next_to(folder, SENSITIVITY_FILES, (scene,), quiet, json_file, overwrite=overwrite)
     from drumsqueal.questions.sensitivity.answer import SENSITIVITY_ANSWER
@@ -54,8 +67,10 @@ def sensitivity_command(
     from drumsqueal.terminal.runner import answer
 
     until_stable = until is not None
-    check_request(loaded, keys, until_stable=until_stable)  # what cannot be done is reported before there is a folder
-    study = partial(study_sensitivity, loaded, until_stable=until_stable, keys=keys, tables=tables)
+    check_request(
+        loaded, keys, until_stable=until_stable, at=ranges
+    )  # what cannot be done is reported before there is a folder
+    study = partial(study_sensitivity, loaded, until_stable=until_stable, keys=keys, at=ranges, tables=tables)
     found = answer(reply, SENSITIVITY_ANSWER, lambda progress, keep: study(progress=progress, keep=keep))
     if found.quiet is not None and not found.quiet.succeeded:
         raise IntegrationError(not_found(found))

@@ -1,11 +1,12 @@
 """Does a brake stay quiet when it is disturbed? Transients of many brakes, which differ in their numbers alone."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from enum import StrEnum
 from typing import NamedTuple
 
 import numpy as np
+from pydantic import Field
 
 from drumsqueal.findings.part import Finding
 from drumsqueal.physics.composition import linear_coordinates
@@ -30,7 +31,12 @@ from drumsqueal.solve.linear.branches import Point, point_at
 
 QUICK = 3  # stages of disturbances, those that are likeliest to start squeal, of a brake that is not to be proven quiet
 RANDOM, SEED = 32, 20231122  # disturbances of all modes at once, and the seed of the generator
+ELSEWHERE = 1  # squeal of other operating points that is tried at a point
 SAMPLES = 2.5  # a period of the fastest mode, where the scene's rate is lower
+
+Numbers = tuple[tuple[str, float], ...]
+Identity = tuple[Numbers, bytes, bytes]
+Task = tuple[int, Identity]
 
 
 class Origin(StrEnum):
@@ -48,10 +54,11 @@ class Trial(Finding):
 
     Displacement in m and rad, velocity in m/s and rad/s, as in the table `start` of a scene. A start without
     displacement has the energy `energy_J`, and the fastest point of the lining's surface moves at `speed_m_per_s`.
-    `kick` has the mode, the way and the size of a disturbance along a mode, None for others. `motion` is the squeal
-    that it leads to.
+    `kick` has the mode, the way and the size of a disturbance along a mode, None for others. `at` has the numbers (SI)
+    of the operating point that replace those of the scene, and `motion` is the squeal that it leads to.
     """
 
+    at: dict[str, float] = Field(default_factory=dict)
     start: str
     kind: Origin
     kick: Kick | None = None
@@ -71,43 +78,80 @@ class Disturbed(NamedTuple):
     start: Start
 
 
-class Judged(NamedTuple):
-    """What became of a brake: its linear point, and the transients that were run until one of them did not decay."""
+def squealing(trials: Sequence[Trial]) -> tuple[Trial, ...]:
+    """One transient for each steady-state response of each operating point, most kinetic energy first."""
+    found: list[tuple[Motion, Trial]] = []
+    for each in trials:
+        if each.motion is not None and not any(each.at == one.at and each.motion.like(motion) for motion, one in found):
+            found.append((each.motion, each))
+    return tuple(trial for _, trial in sorted(found, key=lambda pair: -pair[0].kinetic_energy_J))
 
-    point: Point
+
+class Judged(NamedTuple):
+    """What became of a brake: its linear model at each operating point, and the transients until one did not decay."""
+
+    points: tuple[Point, ...]
     trials: tuple[Trial, ...]
+
+    @property
+    def stable(self) -> bool:
+        """Whether steady sliding is stable at every operating point."""
+        return not any(point.reason or point.unstable for point in self.points)
 
     @property
     def quiet(self) -> bool:
         """Whether steady sliding is stable and every transient decays."""
-        stable = not self.point.reason and not self.point.unstable
-        return stable and all(each.leads_to is Leads.DECAYS for each in self.trials)
+        return self.stable and _all_decay(self.trials)
 
     @property
-    def motions(self) -> tuple[Motion, ...]:
-        """The steady-state responses that differ, the one with most kinetic energy first."""
-        found: list[Motion] = []
-        for each in self.trials:
-            if each.motion is not None and not any(each.motion.like(other) for other in found):
-                found.append(each.motion)
-        return tuple(sorted(found, key=lambda motion: -motion.kinetic_energy_J))
+    def squealing(self) -> tuple[Trial, ...]:
+        """The transients that lead to the steady-state responses that differ."""
+        return squealing(self.trials)
+
+
+def _all_decay(trials: Iterable[Trial]) -> bool:
+    return all(each.leads_to is Leads.DECAYS for each in trials)
 
 
 class Brake(NamedTuple):
-    """Numbers that replace those of the scene, by key in SI, and squeal of a similar brake that may go on here."""
+    """Numbers that replace those of the scene, by key in SI, and squeal of similar brakes that may go on here."""
 
     numbers: Mapping[str, float]
-    carried: tuple[Motion, ...] = ()
+    carried: tuple[Trial, ...] = ()
+
+
+class _Case(NamedTuple):
+    """A brake at an operating point, and the squeal that may go on there; `likeliest` is the first of the brake's."""
+
+    brake: int
+    numbers: Mapping[str, float]
+    at: Mapping[str, float]
+    carried: tuple[Trial, ...]
+    likeliest: bool
+
+
+def _case(number: int, brake: Brake, at: Mapping[str, float]) -> _Case:
+    """A brake at a point: squeal of this point may go on there, and one of another that is like none of these."""
+    here = [each for each in brake.carried if each.at == at]
+    known = [each.motion for each in here if each.motion is not None]
+    others = [each for each in brake.carried if each.motion and not any(each.motion.like(motion) for motion in known)]
+    others = [each for each in others if each.at != at]
+    return _Case(
+        number, {**brake.numbers, **at}, at, (*here, *others[:ELSEWHERE]), bool(here) and here[0] is brake.carried[0]
+    )
 
 
 class Disturber:
     """Runs the transients of disturbed brakes that are a scene with other numbers, without its harmonic force."""
 
-    def __init__(self, scene: Scene, progress: Progress = silent) -> None:
-        """Take the scene, with one value for its drum speed and one for its load."""
+    def __init__(
+        self, scene: Scene, progress: Progress = silent, points: Sequence[Mapping[str, float]] = ({},)
+    ) -> None:
+        """Take the scene, with one value for its drum speed and one for its load, and its operating points."""
         self._scene = scene if scene.forcing is None else scene.with_values({"forcing": None})
-        self._progress = progress
+        self._progress, self._at = progress, tuple(points)
         self._linear_coordinates = linear_coordinates(self._scene)
+        self._known: dict[Numbers, dict[Identity, Trial]] = {}
 
     @property
     def coordinates(self) -> tuple[str, ...]:
@@ -115,12 +159,12 @@ class Disturber:
         return build_model(self._scene).names
 
     def judge(self, brakes: Sequence[Brake], what: str, thorough: Sequence[bool] | None = None) -> list[Judged]:
-        """Disturb brakes whose steady sliding is stable, each until it squeals.
+        """Disturb brakes whose steady sliding is stable, each at every operating point, until it squeals.
 
         The disturbances: squeal of a similar brake, the scene's own start, one beyond the contact boundary and each
         mode `LARGE` beyond both of them; for those that are `thorough` (None: all), also each mode both ways in sizes
         from a tenth of the nearer boundary on, twice as large each time, `RANDOM` of all modes at once, and larger
-        multiples of the carried squeal.
+        multiples of the carried squeal. A disturbance that a brake has had before is not run again.
         """
         return self._judge(brakes, what, [True] * len(brakes) if thorough is None else thorough)
 
@@ -131,75 +175,77 @@ class Disturber:
     def _judge(
         self, brakes: Sequence[Brake], what: str, thorough: Sequence[bool], *, until_squeal: bool = True
     ) -> list[Judged]:
-        family, points = self._family(brakes), []
-        for k, _ in enumerate(brakes):
-            points.append(point_at(self._linear_at(brakes), k))
-        found: dict[int, list[Trial]] = {k: [] for k, _ in enumerate(brakes)}
-        left = [k for k, point in enumerate(points) if not point.reason and not (until_squeal and point.unstable)]
-        for stage, starts in enumerate(self._stages(brakes, points, family)):
-            left = [k for k in left if stage < QUICK or thorough[k]]
-            tasks = [(points[k], start) for k in left for start in starts(k)]
-            for k, trial in self._run(family, tasks, what):
-                found[k].append(trial)
+        cases = [_case(k, brake, at) for k, brake in enumerate(brakes) for at in self._at]
+        family, linear_at = self._family(cases), self._linear_at(cases)
+        points = [point_at(linear_at, c) for c, _ in enumerate(cases)]
+        of_brake = [
+            tuple(p for p, case in zip(points, cases, strict=True) if case.brake == k) for k in range(len(brakes))
+        ]
+        known = [self._known.setdefault(tuple(sorted(brake.numbers.items())), {}) for brake in brakes]
+        going = [
+            not any(point.reason or (until_squeal and point.unstable) for point in of_brake[k])
+            and not (until_squeal and not _all_decay(known[k].values()))
+            for k in range(len(brakes))
+        ]
+        for stage, starts in enumerate(self._stages(cases, points, family)):
+            tasks = {
+                (case.brake, _identity(case, each)): (case, points[c], each)
+                for c, case in enumerate(cases)
+                if going[case.brake] and (stage < QUICK or thorough[case.brake])
+                for each in starts(c)
+                if _identity(case, each) not in known[case.brake]
+            }
+            for key, trial in self._run(family, tasks, what):
+                known[key[0]][key[1]] = trial
             if until_squeal:
-                left = [k for k in left if all(each.leads_to is Leads.DECAYS for each in found[k])]
-        return [Judged(point, tuple(found[k])) for k, point in enumerate(points)]
+                going = [each and _all_decay(known[k].values()) for k, each in enumerate(going)]
+        return [Judged(of_brake[k], tuple(known[k].values())) for k in range(len(brakes))]
 
     def _stages(
-        self, brakes: Sequence[Brake], points: Sequence[Point], family: Family
+        self, cases: Sequence[_Case], points: Sequence[Point], family: Family
     ) -> list[Callable[[int], list[Disturbed]]]:
-        """The disturbances of brake k, those first that are likeliest to make it squeal."""
-        own, beyond = (
-            Disturbed(kind, Start(name, *start_of(scene, family.moving)))
-            for kind, name, scene in (
-                (Origin.OWN, "own start", self._scene),
-                (Origin.DISPLACEMENT, "a displacement of 3 p0/k_c", disturbed(self._scene)),
-            )
-        )
+        """The disturbances of case c, those first that are likeliest to make it squeal."""
+        common = {tuple(at.items()): self._common(at, family) for at in self._at}
 
-        def likeliest(k: int) -> list[Disturbed]:
-            return [_carried(motion) for motion in brakes[k].carried[:1]]
+        def likeliest(c: int) -> list[Disturbed]:
+            return [_carried(cases[c].carried[0])] if cases[c].likeliest else []
 
-        def carried(k: int) -> list[Disturbed]:
-            return [_carried(motion) for motion in brakes[k].carried[1:]]
+        def carried(c: int) -> list[Disturbed]:
+            return [_carried(each) for each in cases[c].carried]
 
-        def large(k: int) -> list[Disturbed]:
-            return [own, beyond, *(_along(each, each.sizes[-1]) for each in directions(points[k], family, (1,)))]
+        def large(c: int) -> list[Disturbed]:
+            along = [_along(each, each.sizes[-1]) for each in directions(points[c], family, (1,))]
+            return [*common[tuple(cases[c].at.items())], *along]
 
-        def thorough(k: int) -> list[Disturbed]:
-            multiples = [_carried(motion, size) for motion in brakes[k].carried for size in SIZES[1:]]
-            return [*multiples, *_both_ways(family, points[k]), *random_starts(k)]
+        def kicks(c: int) -> list[Disturbed]:
+            multiples = [_carried(each, size) for each in cases[c].carried for size in SIZES[1:]]
+            return [*multiples, *_both_ways(family, points[c])]
 
-        def random_starts(k: int) -> list[Disturbed]:
-            """All modes at once, each in a size and a phase of its own."""
-            model, generator = family.model_at(k), np.random.default_rng(SEED)
-            reached = [family.reach(mode, model) for mode in family.modes(points[k])]
-            modes = [(shape, LEAST / max(far), LARGE / min(far)) for shape, far in reached if far]
-            starts = []
-            for number in range(RANDOM if modes else 0):
-                sizes = [np.exp(generator.uniform(*np.log(limits))) for _, *limits in modes]
-                turns = np.exp(2j * np.pi * generator.random(len(modes)))
-                parts = [
-                    size * (turn * shape).real for size, turn, (shape, *_) in zip(sizes, turns, modes, strict=True)
-                ]
-                starts.append(Disturbed(Origin.RANDOM, Start(f"random {number + 1}", *np.sum(parts, axis=0))))
-            return starts
+        def random_starts(c: int) -> list[Disturbed]:
+            return _random_starts(family, points[c])
 
-        return [likeliest, carried, large, thorough]
+        return [likeliest, carried, large, kicks, random_starts]
 
-    def _family(self, brakes: Sequence[Brake]) -> Family:
+    def _common(self, at: Mapping[str, float], family: Family) -> list[Disturbed]:
+        """The disturbances that are those of every brake."""
+        scene = self._scene.with_values(dict(at))
+        own = Start("own start", *start_of(scene, family.moving))
+        beyond = Start("a displacement of 3 p0/k_c", *start_of(disturbed(scene), family.moving))
+        return [Disturbed(Origin.OWN, own), Disturbed(Origin.DISPLACEMENT, beyond)]
+
+    def _family(self, cases: Sequence[_Case]) -> Family:
         models: dict[int, Model] = {}
 
         def model_at(value: float) -> Model:
-            k = int(value)
-            if k not in models:
-                models[k] = build_model(self._scene, brakes[k].numbers)
-            return models[k]
+            c = int(value)
+            if c not in models:
+                models[c] = build_model(self._scene, cases[c].numbers)
+            return models[c]
 
         return Family(model_at, build_model(self._scene).names, self._linear_coordinates)
 
-    def _linear_at(self, brakes: Sequence[Brake]) -> Callable[[float], Model]:
-        return lambda value: build_model(self._scene, brakes[int(value)].numbers, self._linear_coordinates)
+    def _linear_at(self, cases: Sequence[_Case]) -> Callable[[float], Model]:
+        return lambda value: build_model(self._scene, cases[int(value)].numbers, self._linear_coordinates)
 
     def _how(self, points: Sequence[Point], family: Family) -> How:
         simulate = self._scene.simulate
@@ -217,19 +263,42 @@ class Disturber:
             how = self._how([point for point, _ in some], family)
             yield from find_attractors(family, some, how, rounds=PERSISTENT, progress=report)
 
-    def _run(self, family: Family, tasks: Sequence[tuple[Point, Disturbed]], what: str) -> Iterator[tuple[int, Trial]]:
+    def _run(
+        self, family: Family, tasks: Mapping[Task, tuple[_Case, Point, Disturbed]], what: str
+    ) -> Iterator[tuple[Task, Trial]]:
         done = 0
 
         def report(*_: object) -> None:
             self._progress(what, done, len(tasks))
 
         # Each under a name of its own, by which it is told from the others when it comes back.
-        named = [(point, each.start._replace(name=str(k))) for k, (point, each) in enumerate(tasks)]
+        keys = list(tasks)
+        named = [(point, each.start._replace(name=str(k))) for k, (_, point, each) in enumerate(tasks.values())]
         for response in self._responses(family, named, report):
-            tried, k = tasks[int(response.start)][1], int(response.value)
-            yield k, _trial(tried, response, family.model_at(k))
+            key = keys[int(response.start)]
+            case, _, tried = tasks[key]
+            yield key, _trial(tried, case.at, response, family.model_at(response.value))
             done += 1
             report()
+
+
+def _identity(case: _Case, each: Disturbed) -> Identity:
+    """What tells a disturbance of a brake from another."""
+    return tuple(case.at.items()), each.start.vibration.tobytes(), each.start.velocity.tobytes()
+
+
+def _random_starts(family: Family, point: Point) -> list[Disturbed]:
+    """All modes at once, each in a size and a phase of its own."""
+    model, generator = family.model_at(point.value), np.random.default_rng(SEED)
+    reached = [family.reach(mode, model) for mode in family.modes(point)]
+    modes = [(shape, LEAST / max(far), LARGE / min(far)) for shape, far in reached if far]
+    starts = []
+    for number in range(RANDOM if modes else 0):
+        sizes = [np.exp(generator.uniform(*np.log(limits))) for _, *limits in modes]
+        turns = np.exp(2j * np.pi * generator.random(len(modes)))
+        parts = [size * (turn * shape).real for size, turn, (shape, *_) in zip(sizes, turns, modes, strict=True)]
+        starts.append(Disturbed(Origin.RANDOM, Start(f"random {number + 1}", *np.sum(parts, axis=0))))
+    return starts
 
 
 def _both_ways(family: Family, point: Point) -> list[Disturbed]:
@@ -248,14 +317,16 @@ def _along(direction: Direction, size: float) -> Disturbed:
     return Disturbed(Origin.MODE, direction.start(size)._replace(name=name))
 
 
-def _carried(motion: Motion, size: float = 1.0) -> Disturbed:
+def _carried(trial: Trial, size: float = 1.0) -> Disturbed:
     """The squeal of a similar brake, or a multiple of it."""
+    motion = trial.motion
+    assert motion is not None
     line = "" if motion.frequency_Hz is None else f" at {motion.frequency_Hz:.0f} Hz"
     times = "" if size == 1 else f"{size:g} times "
     return Disturbed(Origin.EARLIER, go_on(0.0, motion, size)._replace(name=f"{times}earlier squeal{line}"))
 
 
-def _trial(tried: Disturbed, response: Response, model: Model) -> Trial:
+def _trial(tried: Disturbed, at: Mapping[str, float], response: Response, model: Model) -> Trial:
     """The transient of a model from a disturbance."""
     kind, start = tried
     displacement, velocity = (
@@ -264,6 +335,7 @@ def _trial(tried: Disturbed, response: Response, model: Model) -> Trial:
     kicked = not np.any(start.vibration)  # of a displacement the energy hangs on the contact, too
     motion = response.motion
     return Trial(
+        at=dict(at),
         start=start.name,
         kind=kind,
         kick=start.kick,

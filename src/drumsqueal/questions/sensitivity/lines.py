@@ -9,8 +9,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from drumsqueal.progress import Progress
-from drumsqueal.questions.onset.found import Motion
-from drumsqueal.questions.sensitivity.disturbing import Brake, Disturber, Judged
+from drumsqueal.questions.sensitivity.disturbing import Brake, Disturber, Judged, Trial
 
 PRECISION = 0.04  # of a position: how far the first quiet one and the last that squeals may be apart
 
@@ -23,8 +22,8 @@ class Line:
     """Positions tried along a line, and what is known of them.
 
     The numbers of a brake are a function of its position, None where there is no brake; `ladder` has the positions to
-    try, outwards, until one is quiet. Up to `squeals_at` none is, and `motions` are those of the brake at position
-    zero.
+    try, outwards, until one is quiet. Up to `squeals_at` none is, and `carried` is the squeal of the brake at position
+    zero. What is quiet is tried from every disturbance unless it is not to be proven.
     """
 
     def __init__(
@@ -32,15 +31,16 @@ class Line:
         numbers_at: Callable[[float], Numbers | None],
         ladder: Iterable[float],
         squeals_at: float,
-        motions: Sequence[Motion] = (),
+        carried: Sequence[Trial] = (),
         *,
         farthest: float = math.inf,
+        proven: bool = True,
     ) -> None:
         """Begin with nothing tried; `farthest` is the last position within the bounds."""
         self._farthest = farthest
         self.numbers_at, self._ladder = numbers_at, iter(ladder)
         self.squeals_at, self.quiet_at = squeals_at, None
-        self._motions, self._last, self._confirmed = tuple(motions), tuple(motions), False
+        self._carried, self._last, self._confirmed, self._proven = tuple(carried), (), False, proven
         self._further = self._next_further()
 
     def _next_further(self) -> float | None:
@@ -53,12 +53,12 @@ class Line:
             return self._further
         if self.quiet_at - self.squeals_at > PRECISION * self.quiet_at:
             return (self.squeals_at + self.quiet_at) / 2
-        return None if self._confirmed else self.quiet_at
+        return None if self._confirmed or not self._proven else self.quiet_at
 
     @property
     def confirms(self) -> bool:
         """Whether what is tried next has been quiet already and is to be tried from every disturbance."""
-        return self.position == self.quiet_at
+        return self.quiet_at is not None and self.position == self.quiet_at
 
     @property
     def next_brakes(self) -> list[Brake]:
@@ -67,13 +67,13 @@ class Line:
         None at all where there is no brake at that position, which then counts as one that squeals.
         """
         assert self.position is not None
-        others = [each for each in self._motions if not any(each.like(known) for known in self._last)]
+        carried = (*self._last, *(each for each in self._carried if not any(each is known for known in self._last)))
         further = [each * self.position for each in FURTHER if each * self.position <= self._farthest]
         positions = [self.position, *(further if self.confirms else ())]
         numbers = [self.numbers_at(each) for each in positions]
         if numbers[0] is None:
             return []
-        return [Brake(each, (*self._last, *others)) for each in numbers if each is not None]
+        return [Brake(each, carried) for each in numbers if each is not None]
 
     def take(self, judged: Sequence[Judged]) -> None:
         """Note what became of the brakes that were tried."""
@@ -83,7 +83,7 @@ class Line:
             self.quiet_at, self._confirmed = position, confirmed
             return
         self.squeals_at, self._confirmed = position, False
-        self._last = next((each.motions for each in judged if each.motions), self._last)
+        self._last = next((each.squealing for each in judged if each.squealing), self._last)
         if confirmed:
             self.quiet_at = None
         if self.quiet_at is None and self._further is not None and self._further <= position:

@@ -2,26 +2,27 @@
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import Field, computed_field
 
 from drumsqueal.findings.part import Finding
 from drumsqueal.findings.schema import SceneInFile
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.onset.found import Leads, Motion
 from drumsqueal.questions.sensitivity.alone import Alone, each_alone
-from drumsqueal.questions.sensitivity.change import Change, in_SI, rounded
+from drumsqueal.questions.sensitivity.change import Caution, Change, cautions, in_SI, rounded
 from drumsqueal.questions.sensitivity.decay import Decay
-from drumsqueal.questions.sensitivity.disturbing import Brake, Disturber, Judged, Trial
-from drumsqueal.questions.sensitivity.lines import PRECISION, Line, search
+from drumsqueal.questions.sensitivity.disturbing import Brake, Disturber, Judged, Trial, squealing
+from drumsqueal.questions.sensitivity.lines import FURTHER, PRECISION, Line, search
+from drumsqueal.questions.sensitivity.smallest import shrink
 from drumsqueal.questions.sensitivity.stabilising import (
     MARGIN,
     SLACK,
     Problem,
-    largest_growth,
     numbers_of,
     variable_numbers,
 )
@@ -30,11 +31,13 @@ from drumsqueal.scene.written import Written
 from drumsqueal.simulation import prepare
 from drumsqueal.solve.linear.family import StateMatrix, state_matrix_of
 
-UNCHANGED = 0.1  # of the largest relative change: a number that would change by less stays as it is and is not listed
+UNCHANGED = 0.1  # of the largest change: a number that would change by less stays as it is and is not listed
 STRETCHES = 1 + 0.01 * np.arange(50)  # of the others, which then change a little more, until every mode decays again
 STEP, MOST_STEPS = 1.6, 16  # from one size of the whole change that is tried to the next
 TINY = 1e-300  # keeps a quotient finite where no number alone makes the brake quiet
-NEAREST = 0.25  # of the change that would do if the border of quiet were flat: where the search along it begins
+NEAREST = 0.4  # of the change that would do if the border of quiet were flat: where the search along it begins
+MOST_PROOFS = 3  # of changes made smaller; what is left squealing then is enlarged only
+OUTWARD = (1.1, 1.25, 1.6, 2.5, 4.0, 6.3)  # times a change that some disturbance has shown to squeal
 
 
 class Squeal(Finding):
@@ -48,6 +51,11 @@ class Squeal(Finding):
     quiet: bool
     motions: tuple[Motion, ...]
     disturbances: tuple[Trial, ...]
+
+    @property
+    def squealing(self) -> tuple[Trial, ...]:
+        """A disturbance for each of the responses at each operating point."""
+        return squealing(self.disturbances)
 
     @property
     def smallest_disturbance(self) -> Trial | None:
@@ -75,7 +83,9 @@ def _energy(trial: Trial) -> float:
 
 
 class Quieting(Finding):
-    """The smallest change found: the changed scene, its changes, their norm and its largest growth rate.
+    """The smallest change found: the changed scene, its changes, their norms, and its largest growth rate anywhere.
+
+    The smallest is the one with the least norm of logarithms, √Σ ln²(after/before) (`size_of`).
 
     `found` states whether every mode decays, and `quiet` whether no disturbance squeals either (None: not looked for).
     Where no change within the bounds does both, the change is the smallest that makes every mode decay or, where none
@@ -88,10 +98,17 @@ class Quieting(Finding):
     changes: tuple[Change, ...]
     norm_of_relative_changes: float
     largest_growth_rate_1_per_s: float
+    cautions: tuple[Caution, ...] = ()
     disturbances: tuple[Trial, ...] = ()
     transients: tuple[Decay, ...] = ()
     scene: SceneInFile
     scene_file: str = Field(default="", exclude=True)
+
+    @computed_field
+    @property
+    def norm_of_logarithms(self) -> float:
+        """√Σ ln²(after/before), of which the search finds a least one."""
+        return math.hypot(*(each.logarithm for each in self.changes))
 
     @property
     def succeeded(self) -> bool:
@@ -109,20 +126,22 @@ def quieten(
     keys: Sequence[str] | None = None,
     *,
     margin: float = MARGIN,
+    points: Sequence[Mapping[str, float]] = ({},),
     state_matrix: StateMatrix | None = None,
     progress: Progress = silent,
 ) -> Quieting:
-    """Find the smallest norm of relative changes that makes a brake quiet: `quieten(scene, ["damping.ratio"]).scene`.
+    """Find the smallest norm √Σ ln²(after/before) that makes a brake quiet: `quieten(scene, ["damping.ratio"]).scene`.
 
     Quiet: every real part is −`margin` (1/s) or below, and no disturbance that is tried leads to squeal. `keys` may
-    change (None: the design). Profiles must have been turned into one value before. `state_matrix` is that of the
+    change (None: the design). Quiet it is to be at each of the operating `points`, numbers (SI) by key in place of the
+    scene's. Profiles must have been turned into one value before. `state_matrix` is that of the
     scene's numbers where it is compiled already. Raises RequestError for keys that cannot change.
     """
-    search = Quietening(scene, keys, margin=margin, state_matrix=state_matrix, progress=progress)
+    search = Quietening(scene, keys, margin=margin, points=points, state_matrix=state_matrix, progress=progress)
     squeal = search.squeal()
     if squeal is None or squeal.quiet:
         return search.together((), (), quiet=True)
-    return search.together(search.alone(squeal.motions), squeal.motions, quiet=False)
+    return search.together(search.alone(squeal.squealing), squeal.squealing, quiet=False)
 
 
 class Quietening:
@@ -134,67 +153,119 @@ class Quietening:
         keys: Sequence[str] | None = None,
         *,
         margin: float = MARGIN,
+        points: Sequence[Mapping[str, float]] = ({},),
         tables: Mapping[str, Any] | None = None,
         state_matrix: StateMatrix | None = None,
         progress: Progress = silent,
     ) -> None:
-        """Take a scene without profiles, what may change, and the tables of its file (None: in SI)."""
+        """Take a scene without profiles, what may change, where it is to be quiet, and its file's tables (None: SI)."""
         own = scene
-        scene, self._keys = variable_numbers(scene, keys)
+        held = {key for point in points for key in point}
+        scene, self._keys = variable_numbers(scene, keys, held)
         if state_matrix is None or scene is not own:
             state_matrix = state_matrix_of(scene, tuple(numbers_of(scene)))
         self._solved: dict[float, dict[str, float] | None] = {}
         self._evaluate, self._margin, self._progress = state_matrix, margin, progress
-        self._written = Written(scene, tables)
+        self._written, self._points = Written(scene, tables), tuple(points)
         self._problem = self._with_margin(margin)
         self._before = dict(zip(self._keys, self._problem.before.tolist(), strict=True))
         self._growth = self._problem.largest(np.zeros(len(self._keys)))
         load = scene.contact.normal_load
         squeals = scene.friction is not None and (isinstance(load, Profile) or load > 0)
-        self._disturber = Disturber(scene, progress) if squeals else None
+        self._disturber = Disturber(scene, progress, self._points) if squeals else None
 
     def _with_margin(self, margin: float) -> Problem:
-        return Problem(self._written.scene, self._keys, margin, self._evaluate, self._progress)
+        return Problem(self._written.scene, self._keys, margin, self._evaluate, self._progress, self._points)
 
     def squeal(self) -> Squeal | None:
         """What becomes of the brake as it is when it is disturbed; None where nothing can squeal."""
         if self._disturber is None:
             return None
         judged = self._disturber.squeal("disturbances")
-        stable = not judged.point.unstable
+        motions = tuple(each.motion for each in judged.squealing if each.motion is not None)
         return Squeal(
-            steady_sliding_stable=stable, quiet=judged.quiet, motions=judged.motions, disturbances=judged.trials
+            steady_sliding_stable=judged.stable, quiet=judged.quiet, motions=motions, disturbances=judged.trials
         )
 
-    def alone(self, motions: Sequence[Motion]) -> tuple[Alone, ...]:
-        """What each number alone does; `motions` are those of the brake as it is."""
-        return each_alone(self._problem, self._written, self._margin, self._disturber, motions, self._progress)
+    def alone(self, carried: Sequence[Trial]) -> tuple[Alone, ...]:
+        """What each number alone does; `carried` is the squeal of the brake as it is."""
+        return each_alone(self._problem, self._written, self._margin, self._disturber, carried, self._progress)
 
-    def together(self, alone: Sequence[Alone], motions: Sequence[Motion], *, quiet: bool) -> Quieting:
+    def together(self, alone: Sequence[Alone], carried: Sequence[Trial], *, quiet: bool) -> Quieting:
         """The smallest change of all numbers that was found; `quiet` states whether the brake as it is squeals never.
 
-        Towards the border of quiet, as flat as it is through the changes of each number alone, and the smallest of
-        these; where no number alone is enough, the smallest that make every mode decay faster and faster.
+        It begins on the way to the border of quiet, as flat as that is through the changes of each number alone, or
+        with the smallest of these; where no number alone is enough, with the smallest that make every mode decay faster
+        and faster. From there `shrink` goes to smaller ones. What is found is tried from every disturbance, and is
+        enlarged until it stands that.
         """
         stable = self._stable_values(self._margin)
         if self._disturber is None or (quiet and self._growth <= -self._margin):
             return self._quieting(stable or {}, None)
+        singles = [{each.key: each.quiet.after} for each in alone if each.quiet is not None]
+        found = min(singles, key=self._norm, default=None)
         direction = self._direction(alone)
-        lines = [self._along(direction, motions) if direction.any() else self._by_margin(motions)]
-        search(lines, self._disturber, self._progress, "all numbers")
-        at_quiet = [line.numbers_at(line.quiet_at) for line in lines if line.quiet_at is not None]
-        found = [each for each in at_quiet if each is not None]
-        found += [{each.key: each.quiet.after} for each in alone if each.quiet is not None]
-        for numbers in sorted(found, key=self._norm):
-            (judged,) = self._disturber.judge([Brake(numbers, tuple(motions))], "proof")
+        begin = self._along(direction, carried, self._norm(found)) if found else self._by_margin(carried)
+        search([begin], self._disturber, self._progress, "all numbers")
+        first = found if begin.quiet_at is None else begin.numbers_at(begin.quiet_at)
+        if first is not None:
+            smaller = self._proven(self._sizes(first), alone, carried, self._norm(found) if found else math.inf)
+            singles += [] if smaller is None else [smaller]
+        for numbers in sorted(singles, key=self._norm):
+            (judged,) = self._disturber.judge([Brake(numbers, tuple(carried))], "proof")
             if judged.quiet:
                 return self._quieting(numbers, judged)
         if stable is None:
             return self._quieting(self._least_growth(), None)
-        (judged,) = self._disturber.judge([Brake(stable, tuple(motions))], "proof")
+        (judged,) = self._disturber.judge([Brake(stable, tuple(carried))], "proof")
         return self._quieting(stable, judged)
 
-    def _by_margin(self, motions: Sequence[Motion]) -> Line:
+    def _proven(
+        self, whole: NDArray[np.float64], alone: Sequence[Alone], carried: Sequence[Trial], most: float
+    ) -> Mapping[str, float] | None:
+        """The numbers of the smallest change found from a whole one (k,), up to a size of `most`, that stands a proof.
+
+        What then squeals after all is a disturbance of those that are tried next.
+        """
+        assert self._disturber is not None
+        quiet = {each.key: each.quiet.logarithm for each in alone if each.quiet is not None}
+        ways = np.sign(np.array([quiet.get(key, float(part)) for key, part in zip(self._keys, whole, strict=True)]))
+        failed: list[Mapping[str, float]] = []
+        for _ in range(MOST_PROOFS):
+            whole = shrink(whole, ways, self._in_file, carried, self._disturber, self._progress, but=failed)
+            further = [each for each in FURTHER if each <= self._farthest(whole)]
+            brakes = [Brake(self._in_file(size * whole), tuple(carried)) for size in (1.0, *further)]
+            judged = self._disturber.judge(brakes, "proof", [True, *(False for _ in further)])
+            if all(each.quiet for each in judged):
+                return brakes[0].numbers
+            failed.append(brakes[0].numbers)
+            carried = (*squealing([trial for each in judged for trial in each.trials]), *carried)
+            size = self._outwards(whole, most, carried, proven=False)
+            if size is None:
+                return None
+            whole = size * whole
+        size = self._outwards(whole, most, carried, proven=True)
+        return None if size is None else self._in_file(size * whole)
+
+    def _outwards(
+        self, whole: NDArray[np.float64], most: float, carried: Sequence[Trial], *, proven: bool
+    ) -> float | None:
+        """How many times a change (k,) the brake is quiet, up to a size of `most`; None where it is not.
+
+        The change itself squeals, or is yet to be `proven`.
+        """
+        assert self._disturber is not None
+        farthest = self._farthest(whole)
+        ladder = [each for each in OUTWARD if each < min(farthest, most / float(np.linalg.norm(whole)))]
+        begin = ([1.0, *ladder], 1 - PRECISION) if proven else (ladder, 1.0)
+        line = Line(partial(self._times, whole), *begin, carried, farthest=farthest, proven=proven)
+        search([line], self._disturber, self._progress, "proof")
+        return line.quiet_at
+
+    def _times(self, change: NDArray[np.float64], size: float) -> Mapping[str, float]:
+        return self._in_file(size * change)
+
+    def _by_margin(self, carried: Sequence[Trial]) -> Line:
         """Brakes whose every mode decays faster and faster, with the least change each."""
         first = max(self._margin, -self._growth)
         stable = self._growth <= -self._margin
@@ -205,21 +276,26 @@ class Quietening:
                     return
                 yield float(margin)
 
-        return Line(lambda margin: self._stable_values(margin), ladder(), first * (1 - PRECISION), motions)
+        return Line(self._stable_values, ladder(), first * (1 - PRECISION), carried, proven=False)
 
     def _direction(self, alone: Sequence[Alone]) -> NDArray[np.float64]:
-        """The shortest relative change (k,) to the plane through what each number alone would have to be changed by."""
-        changes = {each.key: each.quiet.relative for each in alone if each.quiet is not None}
+        """The smallest change (k,) to the plane through what each number alone would have to be changed by."""
+        changes = {each.key: each.quiet.logarithm for each in alone if each.quiet is not None}
         inverse = np.array([1 / changes[key] if key in changes else 0.0 for key in self._keys])
         return _without_small(inverse / max(float(inverse @ inverse), TINY))
 
-    def _along(self, direction: NDArray[np.float64], motions: Sequence[Motion]) -> Line:
-        low, high = self._problem.low, self._problem.high
-        sizes = (float(each) for each in NEAREST * STEP ** np.arange(MOST_STEPS))
-        within = [each for each in sizes if np.all((low <= each * direction) & (each * direction <= high))]
-        return Line(
-            lambda size: self._in_file(size * direction), within, 0.0, motions, farthest=max(within, default=0.0)
-        )
+    def _along(self, direction: NDArray[np.float64], carried: Sequence[Trial], most: float) -> Line:
+        """Brakes along a direction (k,), up to a size of `most`."""
+        farthest = min(self._farthest(direction), most / float(np.linalg.norm(direction)))
+        sizes = NEAREST * STEP ** np.arange(MOST_STEPS)
+        ladder = [*sizes[sizes < farthest * (1 - PRECISION)].tolist(), farthest]
+        return Line(partial(self._times, direction), ladder, 0.0, carried, farthest=farthest, proven=False)
+
+    def _farthest(self, direction: NDArray[np.float64]) -> float:
+        """How many times a change (k,) the bounds allow."""
+        moved = direction != 0
+        ends = np.where(direction > 0, self._problem.high, self._problem.low)
+        return float(np.min(ends[moved] / direction[moved], initial=np.inf))
 
     def _stable_values(self, margin: float) -> dict[str, float] | None:
         """The numbers (SI) that change the least of all that make every mode decay at a rate (1/s), None: none do."""
@@ -233,33 +309,32 @@ class Quietening:
         """Without numbers that change by little, and with few digits, if every mode then decays, too."""
         for stretch in STRETCHES:
             numbers = self._in_file(np.clip(stretch * _without_small(whole), problem.low, problem.high))
-            if problem.decays(self._relative(numbers)):
+            if problem.decays(self._sizes(numbers)):
                 return numbers
         return self._exact(whole)
 
     def _least_growth(self) -> dict[str, float]:
         return self._exact(self._problem.smallest_change())
 
-    def _exact(self, relative: NDArray[np.float64]) -> dict[str, float]:
-        """The numbers (SI) that relative changes (k,) lead to, with all digits that the scene file can have."""
-        after = dict(zip(self._keys, self._problem.after(relative).tolist(), strict=True))
+    def _exact(self, change: NDArray[np.float64]) -> dict[str, float]:
+        """The numbers (SI) that changes (k,) lead to, with all digits that the scene file can have."""
+        after = dict(zip(self._keys, self._problem.after(change).tolist(), strict=True))
         return in_SI(self._written, self._as_written(after))
 
     def _as_written(self, numbers: Mapping[str, float]) -> dict[str, float | str]:
         return {key: self._written.exact(key, value) for key, value in numbers.items()}
 
-    def _in_file(self, relative: NDArray[np.float64]) -> dict[str, float]:
-        """The numbers (SI) that relative changes (k,) lead to, as the scene file will have them."""
-        after = dict(zip(self._keys, self._problem.after(relative).tolist(), strict=True))
+    def _in_file(self, change: NDArray[np.float64]) -> dict[str, float]:
+        """The numbers (SI) that changes (k,) lead to, as the scene file will have them."""
+        after = dict(zip(self._keys, self._problem.after(change).tolist(), strict=True))
         changed = {key: value for key, value in after.items() if value != self._before[key]}
         return in_SI(self._written, rounded(self._written, changed, self._before, self._problem.limits))
 
-    def _relative(self, numbers: Mapping[str, float]) -> NDArray[np.float64]:
-        after = np.array([numbers.get(key, self._before[key]) for key in self._keys])
-        return (after - self._problem.before) / self._problem.scale
+    def _sizes(self, numbers: Mapping[str, float]) -> NDArray[np.float64]:
+        return self._problem.sizes(np.array([numbers.get(key, self._before[key]) for key in self._keys]))
 
     def _norm(self, numbers: Mapping[str, float]) -> float:
-        return float(np.linalg.norm(self._relative(numbers)))
+        return float(np.linalg.norm(self._sizes(numbers)))
 
     def _quieting(self, numbers: Mapping[str, float], judged: Judged | None) -> Quieting:
         """What was found, and the scene with these numbers (SI)."""
@@ -268,19 +343,21 @@ class Quietening:
         rate, least = written.scene.simulate.sample_rate, 2 * stability.highest_frequency_Hz
         if rate < least:  # a stiffer brake may need more; a multiple leaves the duration a whole number of samples
             written = written.with_values({"simulate.sample_rate": math.ceil(least / rate) * rate})
-        largest = largest_growth(stability.eigenvalues)
+        changes = tuple(Change.of(self._written, key, self._before[key], after) for key, after in numbers.items())
+        largest = self._problem.largest(self._sizes(numbers))
         return Quieting(
             found=largest <= -self._margin * (1 - 2 * SLACK),
             quiet=None if judged is None else judged.quiet,
-            changes=tuple(Change.of(self._written, key, self._before[key], after) for key, after in numbers.items()),
-            norm_of_relative_changes=self._norm(numbers),
+            changes=changes,
+            norm_of_relative_changes=math.hypot(*(each.relative for each in changes)),
             largest_growth_rate_1_per_s=largest,
+            cautions=cautions(self._problem.numbers, numbers),
             disturbances=() if judged is None else judged.trials,
             scene=written.scene,
             scene_file=written.to_toml(),
         )
 
 
-def _without_small(relative: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Relative changes (k,) without those that are small beside the largest."""
-    return np.where(np.abs(relative) < UNCHANGED * np.abs(relative).max(initial=0.0), 0.0, relative)
+def _without_small(change: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Changes (k,) without those that are small beside the largest."""
+    return np.where(np.abs(change) < UNCHANGED * np.abs(change).max(initial=0.0), 0.0, change)

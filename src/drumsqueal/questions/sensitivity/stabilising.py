@@ -1,6 +1,7 @@
 """The smallest change of a brake that makes every mode decay: what may change, how far, and the search for it."""
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 import scipy
@@ -16,12 +17,13 @@ from drumsqueal.solve.linear.modes import DRIFT_FRACTION
 
 MARGIN = 1.0  # 1/s: every growth rate is to be at most minus this
 SLACK = 1e-3  # of the margin that an optimum on its limit may miss
-STARTS, SPREAD, SEED = 6, 0.3, 20231122  # starting points, their relative distance, and the seed of the random ones
+STARTS, SPREAD, SEED = 6, 0.3, 20231122  # starting points, their distance, and the seed of the random ones
 NOWHERE = 1e9  # 1/s; the growth rate where there is no steady sliding
 LEAST, MOST = 0.1, 10.0  # times its value: how far a number may go, where physics has no nearer limit
 WIDEST_ARC, THICKEST = 2 * np.pi, 0.99  # rad; of the geometric mean of thickness and outer radius
 DAMPING = "damping.ratio"
-ZERO_SCALE = {DAMPING: 0.01}  # what counts as a change of one of a number that is zero
+ZERO_SCALE = {DAMPING: 0.01}  # of a number that is zero: what it is measured in
+TENTH = math.log(LEAST)
 GIVEN = ("drum.speed", "contact.normal_load", "shoe.outer_radius", "forcing.")  # of the vehicle, not of the design
 
 
@@ -30,16 +32,19 @@ def numbers_of(scene: Scene) -> dict[str, float]:
     return {key: value for key, value in scene.numbers().items() if isinstance(value, float)}
 
 
-def variable_numbers(scene: Scene, keys: Sequence[str] | None = None) -> tuple[Scene, tuple[str, ...]]:
-    """The numbers that may change, by default those of the design, and the scene with a damping ratio if it is one.
+def variable_numbers(
+    scene: Scene, keys: Sequence[str] | None = None, held: Collection[str] = ()
+) -> tuple[Scene, tuple[str, ...]]:
+    """The numbers that may change, and the scene with a damping ratio if it is one.
 
+    By default those of the design that are not `held`.
     Raises RequestError for a key that is none, is named twice, changes over time or is zero.
     """
     if keys is not None and DAMPING in keys and scene.damping is None:
         scene = scene.with_values({"damping": {"ratio": 0.0}})
     numbers = numbers_of(scene)
     if keys is None:
-        chosen = tuple(key for key, value in numbers.items() if value and not key.startswith(GIVEN))
+        chosen = tuple(key for key, value in numbers.items() if value and key not in held and not key.startswith(GIVEN))
         return scene, chosen
     for k, key in enumerate(keys):
         if f"{key}.value" in scene.numbers():
@@ -63,56 +68,95 @@ def largest_growth(eigenvalues: NDArray[np.complex128]) -> float:
     return float(eigenvalues[held].real.max())
 
 
-class Problem:
-    """Growth rates as smooth functions of relative changes x (k,), remembered for the last x.
+def size_of(key: str, before: float, after: float) -> float:
+    """How far a number changes, and which way: ln(after/before), so that twice and half are equally far.
 
-    The numbers with these `keys` are `before` + x `scale`, within `low` and `high`; every growth rate is to be
-    −`margin` (1/s) or below.
+    Below a tenth of the number before it goes on along its tangent, to −3.3 for a number that becomes zero; of a number
+    that was zero it is ln(1 + after/`ZERO_SCALE`).
+    """
+    if before == 0:
+        return math.log1p(after / ZERO_SCALE[key])
+    ratio = after / before
+    return math.log(ratio) if ratio >= LEAST else TENTH - 1 + ratio / LEAST
+
+
+class Problem:
+    """Growth rates as smooth functions of the sizes x (k,) of changes (`size_of`), remembered for the last x.
+
+    Of its `numbers` those with these `keys` are `before`, and change within `low` and `high`; every growth rate is to
+    be −`margin` (1/s) or below with the numbers of each of the operating `points` in place of those of the scene.
     """
 
     def __init__(
-        self, scene: Scene, keys: tuple[str, ...], margin: float, state_matrix: StateMatrix, progress: Progress
+        self,
+        scene: Scene,
+        keys: tuple[str, ...],
+        margin: float,
+        state_matrix: StateMatrix,
+        progress: Progress,
+        points: Sequence[Mapping[str, float]] = ({},),
     ) -> None:
         """Take a scene without profiles, and the state matrix as a function of its numbers."""
-        numbers, self.keys = numbers_of(scene), keys
-        self._numbers, self._own = np.array(list(numbers.values())), [list(numbers).index(key) for key in keys]
+        self.numbers = numbers = numbers_of(scene)
+        self.keys = keys
+        self._cases = np.array([list({**numbers, **point}.values()) for point in points])
+        self._own = [list(numbers).index(key) for key in keys]
         self._margin, self._evaluate, self._progress = margin, state_matrix, progress
-        self.before = self._numbers[self._own]
-        self.scale = np.array([numbers[key] or ZERO_SCALE[key] for key in keys])
-        self.low, self.high = np.transpose([_bounds(key, numbers, scene) for key in keys])
+        self.before = self._cases[0, self._own]
+        self._ends = np.transpose([_limits(key, numbers, scene) for key in keys])
+        self.low, self.high = (self.sizes(ends) for ends in self._ends)
         self._at, self._found, self._largest = None, (np.empty(0), np.empty((0, 0))), NOWHERE
+
+    def sizes(self, after: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The sizes (k,) of the changes to these numbers (k,)."""
+        return np.array([size_of(*each) for each in zip(self.keys, self.before, after, strict=True)])
 
     def after(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """The numbers that are changed (k,)."""
-        return self.before + x * self.scale
+        values = [_changed(*each)[0] for each in zip(self.keys, self.before, x, strict=True)]
+        return np.where(x <= self.low, self._ends[0], np.where(x >= self.high, self._ends[1], values))
 
     @property
     def limits(self) -> dict[str, tuple[float, float]]:
         """The least and the largest value (SI) of each number."""
-        ends = np.sort([self.after(self.low), self.after(self.high)], axis=0).T.tolist()
+        ends = np.sort(self._ends, axis=0).T.tolist()
         return {key: (low, high) for key, (low, high) in zip(self.keys, ends, strict=True)}
 
     def rates(self, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Real parts (2n,), by rising imaginary part, and their derivatives (2n, k); of a drift −margin and zero."""
+        """Real parts (m,) at all points, each by rising imaginary part, and their derivatives (m, k).
+
+        Those of a drift are −margin and zero.
+        """
         if self._at is not None and np.array_equal(x, self._at):
             return self._found
         self._progress("searching for the smallest change", 0, None)
-        numbers = self._numbers.copy()
-        numbers[self._own] = self.after(x)
+        slopes = np.array([_changed(*each)[1] for each in zip(self.keys, self.before, x, strict=True)])
+        cases = []
+        for case in self._cases:
+            numbers = case.copy()
+            numbers[self._own] = self.after(x)
+            cases.append(self._rates(numbers, slopes))
+        rates, derivatives, largest = zip(*cases, strict=True)
+        self._at, self._found, self._largest = (
+            x.copy(),
+            (np.concatenate(rates), np.concatenate(derivatives)),
+            max(largest),
+        )
+        return self._found
+
+    def _rates(
+        self, numbers: NDArray[np.float64], slopes: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
         matrix, derivatives = self._evaluate(numbers)
         if not (np.isfinite(matrix).all() and np.isfinite(derivatives).all()):  # no steady sliding there
-            self._at, self._largest = x.copy(), NOWHERE
-            self._found = np.full(len(matrix), NOWHERE), np.zeros((len(matrix), x.size))
-            return self._found
+            return np.full(len(matrix), NOWHERE), np.zeros((len(matrix), slopes.size)), NOWHERE
         eigenvalues, right = (part.astype(np.complex128) for part in np.linalg.eig(matrix))
         left = np.linalg.pinv(right).conj().T  # leftᴴ right = 1 for each
         order = np.lexsort((eigenvalues.real, eigenvalues.imag))
         drift = np.abs(eigenvalues) <= DRIFT_FRACTION * np.abs(eigenvalues).max()
         gradients = [eigenvalue_gradient(left[:, k], right[:, k], derivatives[self._own]) for k in order]
         rates = np.where(drift, -self._margin, eigenvalues.real)[order]
-        slopes = np.where(drift[order, None], 0.0, np.real(gradients)) * self.scale
-        self._at, self._found, self._largest = x.copy(), (rates, slopes), largest_growth(eigenvalues)
-        return self._found
+        return rates, np.where(drift[order, None], 0.0, np.real(gradients)) * slopes, largest_growth(eigenvalues)
 
     def largest(self, x: NDArray[np.float64]) -> float:
         """Largest growth rate (1/s) of all but a free drift."""
@@ -120,7 +164,7 @@ class Problem:
         return self._largest
 
     def smallest_change(self) -> NDArray[np.float64]:
-        """The relative changes (k,) of least norm that make every mode decay or, where none do, of least growth.
+        """The changes (k,) of least norm that make every mode decay or, where none do, of least growth.
 
         Every eigenvalue is a constraint of its own, not the largest of them, so that each is smooth; a free drift is
         none. Sequential quadratic programming (SciPy's SLSQP) with derivatives by eigenvectors, from several starts.
@@ -156,23 +200,31 @@ class Problem:
         return np.clip(result.x, self.low, self.high)
 
 
-def _bounds(key: str, numbers: Mapping[str, float], scene: Scene) -> tuple[float, float]:
-    """Least and largest relative change of a number."""
+def _changed(key: str, before: float, size: float) -> tuple[float, float]:
+    """The number that a change of this size makes of one, and its derivative with respect to the size."""
+    if before == 0:
+        return ZERO_SCALE[key] * math.expm1(size), ZERO_SCALE[key] * math.exp(size)
+    if size < TENTH:
+        return before * LEAST * (size - TENTH + 1), before * LEAST
+    return before * math.exp(size), before * math.exp(size)
+
+
+def _limits(key: str, numbers: Mapping[str, float], scene: Scene) -> tuple[float, float]:
+    """What a number (SI) may become: the end of the way down of its size, and of the way up."""
     value = numbers[key]
     if value == 0:
-        return 0.0, 1 / ZERO_SCALE[key]  # up to critical damping
+        return 0.0, 1.0  # up to critical damping
     quantity = quantity_of(key, scene)
     may_vanish = quantity.least == 0 and not isinstance(quantity, Scheduled)  # without load there is no contact
-    low = -1.0 if may_vanish else LEAST - 1
-    high = MOST - 1
+    low, high = (0.0 if may_vanish else LEAST * value), MOST * value
     # Thickness and radius stay on their sides of a number between them, so that the shoe remains a sector.
     middle = float(np.sqrt(numbers["shoe.thickness"] * numbers["shoe.outer_radius"]))
     if key == DAMPING:
-        high = 1 / value - 1
+        high = 1.0
     elif key == "shoe.arc_angle":
-        high = min(high, WIDEST_ARC / value - 1)
+        high = min(high, WIDEST_ARC)
     elif key == "shoe.thickness":
-        high = min(high, THICKEST * middle / value - 1)
+        high = min(high, THICKEST * middle)
     elif key == "shoe.outer_radius":
-        low = max(low, middle / (THICKEST * value) - 1)
+        low = max(low, middle / THICKEST)
     return low, high

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from enum import StrEnum
 from typing import Any
 
 import numpy as np
@@ -14,15 +15,26 @@ from drumsqueal.findings.schema import Finding, Findings, Held
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.sensitivity.alone import Alone
 from drumsqueal.questions.sensitivity.decay import nonlinear_decay
+from drumsqueal.questions.sensitivity.operating import Operating, check_points, operating
 from drumsqueal.questions.sensitivity.quieting import Quietening, Quieting, Squeal
 from drumsqueal.questions.sensitivity.stabilising import numbers_of, variable_numbers
 from drumsqueal.scene import Profile, Scene
+from drumsqueal.scene.variation import Variation
+from drumsqueal.scene.written import Written
 from drumsqueal.simulation import Prepared, check_sample_rate, prepare
 from drumsqueal.solve.linear.family import StateMatrix, eigenvalue_gradient, state_matrix_of
 from drumsqueal.solve.linear.modes import UNDAMPED_FRACTION, Mode
 
 PERCENT = 0.01
 DIFFERENCE_STEP = 1e-3  # of a number, for the central differences that the derivatives are compared with
+
+
+class Relevant(StrEnum):
+    """Which modes matter."""
+
+    UNSTABLE = "unstable"
+    SQUEALS = "squeals"
+    LEAST_STABLE = "least stable"
 
 
 class LabelledMode(PredictedMode):
@@ -49,8 +61,10 @@ class Sensitivity(Finding):
 class SensitivityStudy(Findings):
     """The oscillating modes of a scene by rising frequency and how they change with its numbers.
 
-    The number that changes most comes first. `scene` is as it is when the eigenvalues are taken: profiles have one
-    value. `largest_deviation_from_central_differences` is relative to the largest derivative, both per percent. A
+    The number that changes most the modes that matter (`relevant`) comes first. `scene` is as it is when the
+    eigenvalues are taken: profiles have one value. Where that is, and over which ranges it is to be quiet, too, is
+    `operating`.
+    `largest_deviation_from_central_differences` is relative to the largest derivative, both per percent. A
     growth rate is known to `round_off_1_per_s`. `divergence_rate_1_per_s` is None where nothing grows without
     oscillation. `quiet` is None where the smallest change that makes the scene stable was not asked for
     (`until_stable`), or nothing squeals. Where it was asked for, `squeal` is what becomes of the brake as it is when it
@@ -59,6 +73,7 @@ class SensitivityStudy(Findings):
     """
 
     printed_by = "drumsqueal.questions.sensitivity.answer.print_study"
+    operating: Operating
     modes: tuple[LabelledMode, ...]
     numbers: tuple[Sensitivity, ...]
     divergence_rate_1_per_s: float | None
@@ -77,15 +92,35 @@ class SensitivityStudy(Findings):
         return tuple(key for key, value in self.scene.numbers().items() if isinstance(value, tuple))
 
     @property
+    def kind_of_relevant(self) -> Relevant:
+        """Which modes matter."""
+        return next(kind for kind, places in self._places.items() if places)
+
+    @property
     def relevant(self) -> tuple[int, ...]:
-        """Places of the unstable modes or, where none is, of all."""
-        unstable = tuple(k for k, mode in enumerate(self.modes) if mode.unstable)
-        return unstable or tuple(range(len(self.modes)))
+        """Their places: of the unstable modes, else of those that squeal, else of the least stable one."""
+        return self._places[self.kind_of_relevant]
+
+    @property
+    def _places(self) -> dict[Relevant, tuple[int, ...]]:
+        lines = {motion.line_of for motion in self.squeal.motions} if self.squeal is not None else set()
+        every = range(len(self.modes))
+        return {
+            Relevant.UNSTABLE: tuple(k for k in every if self.modes[k].unstable),
+            Relevant.SQUEALS: tuple(k for k in every if self.modes[k].name in lines),
+            Relevant.LEAST_STABLE: (max(every, key=lambda k: self.modes[k].growth_rate_1_per_s),),
+        }
+
+    def in_order(self) -> "SensitivityStudy":
+        """The same with the number first that changes most the modes that matter."""
+        most = {row.key: max(abs(row.growth_per_percent_1_per_s[k]) for k in self.relevant) for row in self.numbers}
+        return self.model_copy(update={"numbers": tuple(sorted(self.numbers, key=lambda row: -most[row.key]))})
 
     @property
     def stable(self) -> bool:
-        """Whether nothing grows, with or without oscillation."""
-        return self.divergence_rate_1_per_s is None and not any(mode.unstable for mode in self.modes)
+        """Whether nothing grows, with or without oscillation, wherever the brake is to be quiet."""
+        elsewhere = self.squeal is None or self.squeal.steady_sliding_stable
+        return elsewhere and self.divergence_rate_1_per_s is None and not any(mode.unstable for mode in self.modes)
 
     @property
     def needs_no_change(self) -> bool:
@@ -93,13 +128,16 @@ class SensitivityStudy(Findings):
         return self.stable and (self.squeal is None or self.squeal.quiet)
 
 
-def check_request(scene: Scene, keys: Sequence[str] | None, *, until_stable: bool) -> None:
+def check_request(
+    scene: Scene, keys: Sequence[str] | None, *, until_stable: bool, at: Sequence[Variation] = ()
+) -> None:
     """Raise SceneError or RequestError for what cannot be studied."""
     prepared = _prepare(scene)
     if until_stable:
         check_sample_rate(prepared)
         _check_load(scene, prepared.stability.time)
         variable_numbers(scene, keys)
+        check_points(at, keys)
 
 
 def _check_load(scene: Scene, time: float) -> None:
@@ -124,6 +162,7 @@ def study_sensitivity(
     *,
     until_stable: bool = False,
     keys: Sequence[str] | None = None,
+    at: Sequence[Variation] = (),
     tables: Mapping[str, Any] | None = None,
     progress: Progress = silent,
     keep: Callable[[SensitivityStudy], None] = lambda _: None,
@@ -132,27 +171,36 @@ def study_sensitivity(
 
     With `until_stable`, also look what squeals when the brake is disturbed, find what each number alone and all of them
     together would have to be for the brake to be quiet, of the numbers with these `keys` (None: the design), and run
-    the changed scene. A profile counts as what it is at t = 0, or where the drum first turns. `tables` are those of the
+    the changed scene. It is to be quiet as it is and `at` each combination of the values of other numbers, which do not
+    change. A profile counts as what it is at t = 0, or where the drum first turns. `tables` are those of the
     scene's file, whose units the changed scene keeps (None: SI). `keep` takes what is known after each step. Raises
     SceneError for a scene without steady sliding and RequestError for one in which nothing oscillates, or for keys that
     cannot change.
     """
     if until_stable:
         _check_load(scene, _prepare(scene).stability.time)
-    study = _differentiate(scene, progress)
+        check_points(at, keys)
+    study = _differentiate(scene, tables, at, progress)
     if not until_stable:
         return study
     study = study.model_copy(update={"until_stable": True})
     keep(study)
-    search = Quietening(study.scene, keys, tables=tables, state_matrix=study.state_matrix, progress=progress)
-    study = study.model_copy(update={"squeal": search.squeal()})
+    search = Quietening(
+        study.scene,
+        keys,
+        points=study.operating.points,
+        tables=tables,
+        state_matrix=study.state_matrix,
+        progress=progress,
+    )
+    study = study.model_copy(update={"squeal": search.squeal()}).in_order()
     if study.needs_no_change:
         return study
     keep(study)
-    motions = () if study.squeal is None else study.squeal.motions
-    study = study.model_copy(update={"alone": search.alone(motions)})
+    carried = () if study.squeal is None else study.squeal.squealing
+    study = study.model_copy(update={"alone": search.alone(carried)})
     keep(study)
-    quiet = search.together(study.alone, motions, quiet=study.squeal is None or study.squeal.quiet)
+    quiet = search.together(study.alone, carried, quiet=study.squeal is None or study.squeal.quiet)
     study = study.model_copy(update={"quiet": quiet})
     keep(study)
     if not quiet.found:
@@ -161,7 +209,9 @@ def study_sensitivity(
     return study.model_copy(update={"quiet": tested})
 
 
-def _differentiate(scene: Scene, progress: Progress) -> SensitivityStudy:
+def _differentiate(
+    scene: Scene, tables: Mapping[str, Any] | None, at: Sequence[Variation], progress: Progress
+) -> SensitivityStudy:
     progress("derivatives", 0, None)
     stability = _prepare(scene).stability
     frozen = at_one_time(scene, stability.time)
@@ -173,17 +223,16 @@ def _differentiate(scene: Scene, progress: Progress) -> SensitivityStudy:
     differences = _differences(stability.modes, evaluate, values, progress)
     rows = [_row(*each) for each in zip(numbers, values, derivatives.T, differences.T, strict=True)]
     modes = zip(stability.modes, predict(stability).modes, strict=True)
-    study = SensitivityStudy(
+    return SensitivityStudy(
         scene=frozen,
+        operating=operating(scene, frozen, stability.time, Written(frozen, tables), at),
         modes=tuple(LabelledMode(label=mode.label, **predicted.model_dump()) for mode, predicted in modes),
         numbers=tuple(rows),
         divergence_rate_1_per_s=stability.divergence,
         largest_deviation_from_central_differences=_deviation(values, derivatives, differences),
         round_off_1_per_s=UNDAMPED_FRACTION * float(np.abs(stability.eigenvalues).max()),
         state_matrix=evaluate,
-    )
-    most = {row.key: max(abs(row.growth_per_percent_1_per_s[k]) for k in study.relevant) for row in rows}
-    return study.model_copy(update={"numbers": tuple(sorted(rows, key=lambda row: -most[row.key]))})
+    ).in_order()
 
 
 def _row(key: str, value: float, derivative: NDArray[np.complex128], difference: NDArray[np.complex128]) -> Sensitivity:

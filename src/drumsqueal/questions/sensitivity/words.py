@@ -8,10 +8,12 @@ from drumsqueal.questions.sensitivity.alone import Alone
 from drumsqueal.questions.sensitivity.change import Change
 from drumsqueal.questions.sensitivity.decay import Decay, Outcome
 from drumsqueal.questions.sensitivity.disturbing import Origin, Trial
+from drumsqueal.questions.sensitivity.operating import Operating, where, where_else
 from drumsqueal.questions.sensitivity.quieting import Quieting, Squeal
-from drumsqueal.questions.sensitivity.study import SensitivityStudy
+from drumsqueal.questions.sensitivity.study import Relevant, SensitivityStudy
 from drumsqueal.scene.variation import unit_of as unit_of_number
 
+SI = {"drum.speed": "rad/s", "contact.normal_load": "N"}
 MOST_NAMED = 3  # changes in a sentence
 
 
@@ -20,7 +22,8 @@ def as_it_is(study: SensitivityStudy) -> str | None:
     squeal = study.squeal
     if study.needs_no_change:
         tried = "" if squeal is None else f", and none of the {len(squeal.disturbances)} disturbances tried squeals"
-        return f"Nothing in this scene is unstable{tried}: there is nothing to make quiet."
+        at = f"at {where(study.operating)}{where_else(study.operating)}"
+        return f"Nothing in this scene is unstable {at}{tried}: there is nothing to make quiet."
     return None if squeal is None else squeal_words(squeal)
 
 
@@ -38,22 +41,34 @@ def squeal_words(squeal: Squeal) -> str:
         )
     if squeal.steady_sliding_stable:
         return f"As it is, steady sliding is stable, but squeals after a large disturbance. {_disturbances(squeal)}"
-    each = "; ".join(f"{_motion(motion)} ({_start(motion, squeal.disturbances)})" for motion in squeal.motions)
-    return f"As it is, the brake squeals: {each}."
+    return f"As it is, the brake squeals: {_each(squeal.squealing)}."
 
 
 def _disturbances(squeal: Squeal) -> str:
     smallest, decays, sentences = squeal.smallest_disturbance, squeal.largest_that_decays, list[str]()
-    named = list(squeal.motions)
+    named = list(squeal.squealing)
     if smallest is not None and smallest.kick is not None and smallest.motion is not None:
         less = "" if decays is None else f"; {decays.energy_J:.2g} J in the same way decays"
-        sentences.append(f"A velocity along mode {_kick(smallest.kick)} leads to {_motion(smallest.motion)}{less}.")
-        named = [motion for motion in named if not motion.like(smallest.motion)]
+        sentences.append(
+            f"A velocity along mode {_kick(smallest.kick)} leads to {_motion(smallest.motion)}{_at(smallest)}{less}."
+        )
+        named = [each for each in named if each.motion and not each.motion.like(smallest.motion)]
     if named:
         other = "Other disturbances lead" if sentences else "Disturbances lead"
-        each = "; ".join(f"{_motion(motion)} ({_start(motion, squeal.disturbances)})" for motion in named)
-        sentences.append(f"{other} to {each}.")
+        sentences.append(f"{other} to {_each(named)}.")
     return " ".join(sentences)
+
+
+def _each(trials: Sequence[Trial]) -> str:
+    """The squeal that transients lead to, the loudest first, and how."""
+    named = [f"{_motion(each.motion)}{_at(each)} ({_start(each)})" for each in trials if each.motion is not None]
+    left = len(named) - MOST_NAMED
+    return "; ".join(named[:MOST_NAMED]) + (f"; and {left} more" if left > 0 else "")
+
+
+def _at(trial: Trial) -> str:
+    """At which operating point, where it is not that of the scene."""
+    return "".join(f" at {key} = {value:.4g} {SI.get(key, '')}".rstrip() for key, value in trial.at.items())
 
 
 def _motion(motion: Motion) -> str:
@@ -70,9 +85,8 @@ def _kick(kick: Kick) -> str:
     return f"{kick.mode} of {kick.energy_J:.2g} J ({kick.speed_m_per_s:.2g} m/s of the lining's surface)"
 
 
-def _start(motion: Motion, trials: Sequence[Trial]) -> str:
-    """The disturbance that led to a motion, in words."""
-    trial = next(each for each in trials if each.start == motion.start)
+def _start(trial: Trial) -> str:
+    """A disturbance, in words."""
     if trial.kick is not None:
         return f"from a velocity along mode {_kick(trial.kick)}"
     if trial.kind is Origin.EARLIER:
@@ -99,14 +113,16 @@ def tried_words(trials: Sequence[Trial]) -> str:
     return "; ".join(parts)
 
 
-def quiet_sentence(quiet: Quieting) -> str:
-    """What to change, what the eigenvalues say of it, and what the transients do."""
+def quiet_sentence(quiet: Quieting, operating: Operating) -> str:
+    """Where it is quiet, what to change, what the eigenvalues say of it, and what the transients do."""
     word = "Quiet" if quiet.quiet else "Stable"
     rates = f"every growth rate is {quiet.largest_growth_rate_1_per_s:.3g} 1/s or below"
-    sentences = [f"{word} with {_changes(quiet)}: {rates}."]
+    sentences = [f"{word} at {where(operating)}{where_else(operating)} with {_changes(quiet)}: {rates}."]
+    sentences += [f"{each[0].upper()}{each[1:]}." for each in quiet.cautions]
     if quiet.quiet:
         tried = tried_words(quiet.disturbances)
         sentences.append(f"None of the {len(quiet.disturbances)} disturbances tried squeals: {tried}.")
+        sentences.append("At other speeds and loads it may squeal.")
     # Of what has been shown to decay from every disturbance a record that is too short says nothing.
     shown = [each for each in quiet.transients if not (quiet.quiet and each.outcome is Outcome.NOT_SETTLED)]
     return " ".join([*sentences, *map(_ending, shown)])
@@ -115,7 +131,7 @@ def quiet_sentence(quiet: Quieting) -> str:
 def _changes(quiet: Quieting) -> str:
     if not quiet.changes:
         return "nothing changed"
-    by_size = sorted(quiet.changes, key=lambda each: -abs(each.relative))
+    by_size = sorted(quiet.changes, key=lambda each: -abs(each.logarithm))
     named = ", ".join(
         f"{each.key} changed from {each.before_in_unit:.5g} to {each.after_in_unit:.6g} {_unit(each, quiet)}".rstrip()
         for each in by_size[:MOST_NAMED]
@@ -137,12 +153,21 @@ def not_found(study: SensitivityStudy) -> str:
         return f"no change of {names} within the bounds makes every mode decay; {least}"
     none = f"no change of {names} within the bounds was found after which no disturbance squeals"
     still = (
-        f"{_motion(quiet.motions[0])} ({_start(quiet.motions[0], quiet.disturbances)})"
+        _each([each for each in quiet.disturbances if each.motion is not None][:1])
         if quiet.motions
         else "is not proven quiet"
     )
     smallest = f"with {_changes(quiet)} every mode decays, but there is still {still}"
     return f"{none}; {smallest}"
+
+
+def cautions_of(alone: Sequence[Alone]) -> tuple[str, ...]:
+    """What is to be said of brakes with one number changed, a sentence each."""
+    said: dict[str, list[str]] = {}
+    for row in alone:
+        for each in row.cautions:
+            said.setdefault(each, []).append(row.key)
+    return tuple(f"{', '.join(keys)}: {caution}." for caution, keys in said.items())
 
 
 def without_answer(alone: Sequence[Alone], stable_now: bool) -> tuple[str, ...]:
@@ -168,3 +193,13 @@ def _ending(decay: Decay) -> str:
         Outcome.FAILED: f"the transient failed: {decay.reason}",
     }
     return f"From {decay.start} {ends[decay.outcome]}."
+
+
+def modes_that_matter(study: SensitivityStudy) -> str:
+    """What the modes are by which the numbers are sorted."""
+    several = len(study.relevant) > 1
+    return {
+        Relevant.UNSTABLE: "the unstable modes" if several else "the unstable mode",
+        Relevant.SQUEALS: "the modes that squeal" if several else "the mode that squeals",
+        Relevant.LEAST_STABLE: "the least stable mode",
+    }[study.kind_of_relevant]
