@@ -15,8 +15,8 @@ from drumsqueal.outcome import COMPLETE, Ending, Outcome
 from drumsqueal.physics.model import Model
 from drumsqueal.progress import Progress, silent
 from drumsqueal.solve.transient.batch import integrate_many
+from drumsqueal.solve.transient.resolution import least_energy
 from drumsqueal.solve.transient.runge_kutta import AUTO
-from drumsqueal.solve.transient.segment import least_energy
 
 AT_ONCE = 16  # transients a thread, so that memory does not grow with their number
 LAST_FRACTION = 0.5  # of the duration that is looked at

@@ -16,7 +16,7 @@ from drumsqueal.physics.laws.friction_law import breakpoints
 from drumsqueal.physics.model import Model
 from drumsqueal.physics.quadrature.independent import FEJER, TANH_SINH, IndependentSurface
 from drumsqueal.progress import Progress, silent
-from drumsqueal.solve.transient.segment import motion_scale
+from drumsqueal.solve.transient.resolution import motion_scale
 from drumsqueal.solve.transient.state import State
 
 # The reference, the run that says how good it is, and another method that confirms it, each with its tolerance.

@@ -275,11 +275,15 @@ class Cycle(Finding):
 
 
 def describe(shooting: Shooting, closed: Closed) -> Cycle:
-    """Sample a closed motion over its period. Raises CycleError as `floquet_of` does."""
+    """Sample a closed motion over its period. Raises CycleError as `floquet_of` does, and beside grazing.
+
+    That is where the sampled motion does not stick and slip at the times at which the flow does.
+    """
     state, period, parameter = shooting.unscaled(closed.unknowns)
     model = shooting.models(parameter)[0]
     names, n = model.names, len(model.names)
     samples = _sample(model, state, period)
+    _check_changes(samples, closed.flow, period)
     multipliers, unit_error, tangent_error = floquet_of(shooting, closed)
     observed = samples.observation
     moved, speed = samples.displacement, samples.velocity
@@ -317,6 +321,20 @@ def _sample(model: Model, state: Vector, period: float) -> Chunk:
     except (IntegrationError, ValueError) as error:
         raise CycleError(f"the motion cannot be sampled over its period: {error}") from None
     return chunk
+
+
+def _check_changes(samples: Chunk, found: Flow, period: float) -> None:
+    """Raise CycleError unless samples stick and slip as the flow does: they differ by errors that a period enlarges."""
+    wanted = [(time, what is Change.STICKS) for time, what in found.changes if what is not Change.REVERSES]
+    alike = len(wanted) == len(samples.changes) and all(
+        sticks == begins and abs(time - when) < ASTRAY * period
+        for (time, sticks), (when, begins) in zip(wanted, samples.changes, strict=True)
+    )
+    if not alike:
+        raise CycleError(
+            "the contact sticks or slips at other times when the same motion is integrated again: it nearly grazes "
+            "a further change, and errors of integration decide"
+        )
 
 
 def _sticking(changes: tuple[tuple[float, Change], ...], period: float) -> list[float]:

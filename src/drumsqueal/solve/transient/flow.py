@@ -1,55 +1,40 @@
 """The flow map of a model whose drum and load are steady, and its derivatives, by the variational equations.
 
-The tangents are integrated with the motion, step for step by the same method: they are derivatives of the motion as
-it was computed, also where contact boundaries appear and vanish. A contact that sticks as a whole moves by other
-equations from one instant on, which depends on the motion: there a tangent δ becomes δ + (f⁻ − f⁺) δt, with f the rates
-on either side and δt by how much a neighbour gets there later. Source: R. I. Leine & H. Nijmeijer, Dynamics and
-Bifurcations of Non-Smooth Mechanical Systems, Springer 2004, chapter 7 (saltation matrices).
+Its tangents come stretch by stretch, see `legs.py`. A contact that sticks as a whole moves by other equations from one
+instant on, which depends on the motion: there a tangent δ becomes δ + (f⁻ − f⁺) δt, with f the rates on either side and
+δt by how much a neighbour gets there later. Source: R. I. Leine & H. Nijmeijer, Dynamics and Bifurcations of Non-Smooth
+Mechanical Systems, Springer 2004, chapter 7 (saltation matrices).
 """
 
-from collections.abc import Callable
 from enum import StrEnum
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-import scipy
 from jax import Array
 from jax.typing import ArrayLike
 
-from drumsqueal.physics.bodies.body import scalars
 from drumsqueal.physics.kernel import compiled, one_kernel
 from drumsqueal.physics.model import Model
 from drumsqueal.programs import Program
-from drumsqueal.solve.transient.passing import Step, fraction_to_rest
-from drumsqueal.solve.transient.runge_kutta import DEFAULT, make_solver
-from drumsqueal.solve.transient.segment import AWAY, first_step, local_tolerance, motion_scale
+from drumsqueal.solve.transient.legs import Leg, follow_leg, rate_at, slip_alone, stepped_through, until_rest
+from drumsqueal.solve.transient.phase import AWAY
+from drumsqueal.solve.transient.resolution import local_tolerance, motion_scale
+from drumsqueal.solve.transient.runge_kutta import DEFAULT
 from drumsqueal.solve.transient.state import State
-from drumsqueal.solve.transient.stepping import Attempt, Stepped, step_through
 from drumsqueal.solve.transient.sticking import (
-    Held,
     can_stick,
     drum_motion,
     grip,
     held,
     hold,
-    reserve,
     slip,
     slip_acceleration,
-    slip_motion,
 )
 
 TIGHT = 1e-11  # tolerance of neighbours that are subtracted from each other
 APART = 1e-6  # of the size of the motion: how far they begin from it
-BUDGET = 20_000  # steps; a period takes some hundred
-FIRST_STEP = 1e-3  # of the duration
-LONGEST_STEP = 25.0  # times the step that a transient begins with, a hundredth of a radian of the fastest mode
-SHORT_STEP = 0.1  # of the longest
-
-
-LOOKS = 128  # at a contact that sticks: whether friction still holds it
-TIMING = 1e-14  # of the duration: how well the end of sticking is found
 MOST_CHANGES = 100  # between slip and stick: more is a contact that chatters, not a motion
 
 
@@ -99,22 +84,6 @@ def flow(
     return motion.followed(np.asarray(state))
 
 
-class _Leg(NamedTuple):
-    """A stretch that slips or sticks throughout: where it sticks states (k, 2n) at even times; its end, and when.
-
-    The `rate` is that at the end, if a step was made.
-    """
-
-    samples: Any
-    end: Any
-    rate: Any
-    tangents: Any  # (2n, 2n + 1), the last one of the parameter
-    time: Any
-    steps: Any
-    reached: Any
-    halted: Any
-
-
 class _Motion:
     """A motion through its changes between slip and stick."""
 
@@ -138,20 +107,18 @@ class _Motion:
             changes.append((0.0, what))
         while len(changes) <= MOST_CHANGES:
             leg = self._leg(state, self._duration - time, sticks=sticks)
-            released = self._release(state, leg) if sticks else None
-            leg = leg if released is None else self._leg(state, released, sticks=sticks)
             state = np.asarray(leg.end)
             rate = np.asarray(leg.rate) if leg.steps else self._rate(state, sticks=sticks)
             steps, time = steps + int(leg.steps), time + float(leg.time)
             tangents = _then(np.asarray(leg.tangents), tangents)
-            if released is not None:
-                state, tangents = self._released(state, tangents)
-                what = Change.SLIPS
-            elif bool(leg.halted) and time < self._duration:
-                state, tangents, what = self._stopped(state, rate, tangents)
-            else:
+            if not (bool(leg.halted) and time < self._duration):
                 sound = bool(leg.reached)
                 break
+            if sticks:
+                state, tangents = self._released(state, rate, tangents)
+                what = Change.SLIPS
+            else:
+                state, tangents, what = self._stopped(state, rate, tangents)
             sticks = what is Change.STICKS
             changes.append((time, what))
         else:
@@ -160,11 +127,9 @@ class _Motion:
         lost = int(self._slipping.sum()) if stuck else 0
         return Flow(state, rate, tangents[:, :-1], tangents[:, -1], steps, sound, tuple(changes), lost)
 
-    def _leg(self, state: np.ndarray, duration: float, *, sticks: bool) -> _Leg:
-        least = None if sticks else self._least
-        return _leg(
-            self._models[sticks], self._size, state, np.float64(duration), self._local, self._changes[sticks], least
-        )
+    def _leg(self, state: np.ndarray, duration: float, *, sticks: bool) -> Leg:
+        given = self._models[sticks], self._size, state, np.float64(duration), self._local
+        return follow_leg(*given, self._changes[sticks], self._least)
 
     def _parts(self, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         moved = state * self._size
@@ -174,7 +139,7 @@ class _Motion:
         return float(slip(self._models[False], 0.0, self._parts(state)[1]))
 
     def _rate(self, state: np.ndarray, *, sticks: bool) -> np.ndarray:
-        return np.asarray(_rate_at(self._models[sticks], self._size, state))
+        return np.asarray(rate_at(self._models[sticks], self._size, state))
 
     def _with_drum(self, state: np.ndarray, slipping: np.ndarray | float = 0.0) -> np.ndarray:
         """The state with the drum's velocity, but for what slips."""
@@ -206,33 +171,12 @@ class _Motion:
             tangents[self._n :, -1] += self._drum / self._size[self._n :]
         return after, tangents, Change.STICKS if stops else Change.REVERSES
 
-    def _release(self, start: np.ndarray, leg: _Leg) -> float | None:
-        """When (s after the start of the leg) friction no longer holds; None where it does to the end."""
-        samples = np.asarray(leg.samples) * self._size
-        times, (places, speeds) = np.linspace(0.0, float(leg.time), LOOKS), np.split(samples, 2, axis=1)
-        model = self._models[False]
-        ends = np.flatnonzero(np.asarray(_reserves(model, places, speeds))[1:] < 1)
-        if not (ends.size and bool(leg.reached)):  # nor is it known where it took too many steps
-            return None
-
-        def excess(time: float) -> float:
-            state = self._leg(start, time, sticks=True).end if time > 0 else start
-            return float(hold(model, 0.0, *self._parts(np.asarray(state)), slips=False).reserve) - 1
-
-        before, after = times[ends[0] : ends[0] + 2].tolist()
-        if excess(before) <= 0:
-            return before
-        found = scipy.optimize.brentq(excess, before, after, xtol=TIMING * self._duration)
-        assert isinstance(found, float)
-        return found
-
-    def _released(self, state: np.ndarray, tangents: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _released(self, state: np.ndarray, rate: np.ndarray, tangents: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The state and tangents with which it slips, where friction can just hold."""
         q, v = self._parts(state)
         away = np.asarray(hold(self._models[False], 0.0, q, v, ends=True).direction)
         after = self._with_drum(state, AWAY * float(self._least) * away)
         slopes, of_parameter = _excess_derivatives(self._models[False], self._changes[False], self._size, state, -away)
-        rate = self._rate(state, sticks=True)
         row = np.asarray(slopes) @ tangents
         row[-1] += float(of_parameter)
         later = -row / float(np.asarray(slopes) @ rate)
@@ -244,24 +188,6 @@ def _then(later: np.ndarray, earlier: np.ndarray) -> np.ndarray:
     through = later[:, :-1] @ earlier
     through[:, -1] += later[:, -1]
     return through
-
-
-@Program
-def _reserves(model: Model, places: Array, speeds: Array) -> Array:
-    """What friction could hold over what is needed (k,), of states (k, n)."""
-    return jax.lax.map(lambda now: reserve(model, 0.0, *now)[0], (places, speeds))
-
-
-@Program
-def _rate_at(model: Model, size: Array, state: Array) -> Array:
-    return _rate(model, size, state)
-
-
-@Program
-def _slip_alone(model: Model, velocity: Array) -> Array:
-    """Slip speed (m/s) that a velocity (n,) makes on a drum at rest."""
-    still = model.operation.at(0.0)._replace(drum_speed=jnp.zeros(()))
-    return model.contact.fastest_slip(still, scalars(jnp.asarray(velocity)))
 
 
 @Program
@@ -327,11 +253,11 @@ def _each_followed(
     model: Model, size: Array, starts: Array, duration: Array, local: Array, least: Array | None
 ) -> Array:
     """Where they are after the duration, NaN where a motion does not get there or all but stops slipping before."""
-    rest = {} if least is None else _rest(model, size, least)
+    rest = {} if least is None else until_rest(model, size, least)
     times = jnp.stack([jnp.zeros(()), duration])
 
     def end(start: Array) -> Array:
-        stepped = _stepped(model, size, start, times, local, **rest)
+        stepped = stepped_through(model, size, start, times, local, **rest)
         return jnp.where(stepped.reached & ~stepped.halted, stepped.last, jnp.nan)
 
     return jax.lax.map(end, starts)
@@ -341,27 +267,7 @@ def _least_slip(model: Model, size: np.ndarray, tolerance: float) -> Any:
     """Slip speed (m/s) below which nothing slips; None for what cannot stick to a drum that turns."""
     if not can_stick(model, at_rest=False):
         return None
-    return np.float64(tolerance) * np.asarray(_slip_alone(model, size[size.size // 2 :]))
-
-
-def _stepped(model: Model, size: Array, start: Array, times: Array, local: Array, **more: Any) -> Stepped:
-    return step_through(
-        make_solver(DEFAULT),
-        lambda _, y: _rate(model, size, y),
-        times,
-        start,
-        FIRST_STEP * times[-1],
-        tolerance=local,
-        norm=lambda error: jnp.max(jnp.abs(error)),
-        budget=jnp.asarray(BUDGET),
-        **more,
-    )
-
-
-def _rate(model: Model, size: Array, scaled: Array) -> Array:
-    """ẏ (2n,) of a scaled state y (2n,)."""
-    y, n = scaled * size, scaled.size // 2
-    return jnp.concatenate([y[n:], model.act(0.0, y[:n], y[n:])[0] / model.mass]) / size
+    return np.float64(tolerance) * np.asarray(slip_alone(model, size[size.size // 2 :]))
 
 
 @compiled
@@ -369,116 +275,3 @@ def state_size(model: Model, vibration: Array, velocity: Array) -> Array:
     """Amplitudes (2n,) of displacement and velocity that the energy of a motion about steady sliding gives them."""
     scale = motion_scale(model, State(vibration, velocity, jnp.zeros(())))
     return jnp.concatenate([scale.vibration, scale.velocity])
-
-
-@compiled
-def _leg(
-    model: Model, size: Array, state: Array, duration: Array, local: Array, change: Model, least: Array | None
-) -> _Leg:
-    """Follow a motion for a duration (s) or, unless that is None, until its slip speed is below the `least` (m/s)."""
-    # A motion near rest asks for no short steps, but its tangents do.
-    longest = LONGEST_STEP * first_step(model)
-    return one_kernel(_followed, model, size, state, duration, local, longest, change, least)
-
-
-def _followed(
-    model: Model,
-    size: Array,
-    state: Array,
-    duration: Array,
-    local: Array,
-    longest: Array,
-    change: Model,
-    least: Array | None,
-) -> _Leg:
-    unknowns = state.size
-
-    def derivatives(state: Array) -> Array:
-        """∂ẏ/∂(y, p), direction by direction as rows (2n + 1, 2n)."""
-
-        def along(unit: Array) -> Array:
-            changed = jax.tree.map(lambda x: x * unit[-1], change)
-            return jax.jvp(lambda model, y: _rate(model, size, y), (model, state), (changed, unit[:-1]))[1]
-
-        return jax.vmap(along)(jnp.eye(unknowns + 1))
-
-    def along(step: Attempt, carried: tuple[Array, Array]) -> tuple[Array, Array]:
-        return _pushed(step, carried[0], derivatives, local, longest), step.slope_after
-
-    begin = jnp.eye(unknowns + 1, unknowns), state
-    rest = {} if least is None else _rest(model, size, least)
-    looks = LOOKS if isinstance(model, Held) else 2
-    times = jnp.arange(looks) / (looks - 1) * duration
-    stepped = _stepped(model, size, state, times, local, longest=longest, along=along, carried=begin, **rest)
-    # Tangents come as rows, one for each direction; a derivative has them as columns.
-    tangents, rate = stepped.carried
-    last = stepped.last, rate, tangents.T, stepped.time
-    return _Leg(stepped.samples, *last, stepped.steps, stepped.reached, stepped.halted)
-
-
-def _rest(model: Model, size: Array, least: Array) -> dict[str, Any]:
-    """What stops `step_through` where no part of the contact slips faster than `least` (m/s)."""
-    speeds = size[size.size // 2 :]
-
-    def motion(scaled: Array) -> Array:
-        return slip_motion(model, 0.0, scaled[speeds.size :] * speeds) / speeds
-
-    def passes(attempt: Attempt) -> Array:
-        def inside(fraction: Array) -> Array:
-            return motion(attempt.inside(attempt.start + fraction * (attempt.end - attempt.start)))
-
-        h = attempt.end - attempt.start
-        slopes = attempt.slope_before, attempt.slope_after
-        changes = (h * slip_acceleration(model, 0.0, each[speeds.size :] * speeds) / speeds for each in slopes)
-        step = Step(motion(attempt.before), motion(attempt.after), *changes)
-        return fraction_to_rest(step, inside, lambda x: _slip_alone(model, x * speeds), least)
-
-    return {
-        "halts": lambda _, scaled: slip(model, 0.0, scaled[speeds.size :] * speeds) < least,
-        "passes": passes,
-    }
-
-
-def _pushed(
-    step: Attempt, tangents: Array, derivatives: Callable[[Array], Array], local: Array, longest: Array
-) -> Array:
-    """Tangents (2n + 1, 2n), the last one of the parameter, at the end of a step of the same method."""
-    h, slopes, n = step.end - step.start, step.dense["k"], step.before.size
-    weights = make_solver(DEFAULT).weights
-    states = [step.before + sum(a * slope for a, slope in zip(row, slopes, strict=True) if a != 0) for row in weights]
-    rows = jax.lax.map(derivatives, jnp.stack(states))
-
-    def growth(i: Any, tangents: Array) -> Array:
-        pushed = jnp.sum(tangents[:, :, None] * rows[i, None, :n], axis=1)
-        return pushed.at[-1].add(rows[i, n])
-
-    of_rate = jnp.sum(step.slope_before[:, None] * (rows[-1, :n] - rows[0, :n]), axis=0)
-    shift = _time_shift(step, growth(-1, tangents) - growth(0, tangents), of_rate, local, longest)
-    start = tangents - shift * step.slope_before
-    matrix = jnp.asarray(weights)
-
-    def stage(i: Array, grown: Array) -> Array:
-        now = start + h * sum(matrix[i, j] * grown[j] for j in range(len(weights)))
-        return grown.at[i].set(growth(i, now))
-
-    grown = jax.lax.fori_loop(0, len(weights), stage, jnp.zeros((len(weights), *start.shape)))
-    # The last stage is at the end of the step (FSAL).
-    end = start + h * sum(a * slope for a, slope in zip(weights[-1], grown, strict=True) if a != 0)
-    return end + shift * step.slope_after
-
-
-def _time_shift(step: Attempt, of_tangents: Array, of_rate: Array, local: Array, longest: Array) -> Array:
-    """How far in time (k, 1) each tangent is best displaced along the motion while it goes through a step.
-
-    Where a contact boundary enters the lining the Jacobian J jumps, where a pair of them appears it grows without bound
-    (like 1/√t), in one direction of the state space only. A tangent δ less α times the motion's own rate f, which
-    solves the variational equation, too, does not feel that if it lies in the surface of the event. That is the α for
-    which the change of J over the step moves it least: α = ΔJf·ΔJδ / |ΔJf|².
-    """
-    # What it costs is α times the error of f, as the motion has it: where that is more than it gains, α is little.
-    h, error = step.end - step.start, local / longest
-    square = jnp.sum(of_rate * of_rate)
-    ridge = square + (error / h) ** 2
-    shift = jnp.sum(of_tangents * of_rate, axis=1) / ridge
-    # Events make steps short; in a long one the change of J is nothing but smooth.
-    return jnp.where(h < SHORT_STEP * longest, shift, 0.0)[:, None]

@@ -20,7 +20,7 @@ from drumsqueal.precision import real
 from drumsqueal.solve.transient.runge_kutta import AUTO, IMPLICIT, STAGES, is_explicit
 from drumsqueal.solve.transient.segment import Segment, first_step
 from drumsqueal.solve.transient.state import CHUNK_SAMPLES, Span, State
-from drumsqueal.solve.transient.stick_slip import Method, StickSlip
+from drumsqueal.solve.transient.stick_slip import MOST_CHANGES, Method, StickSlip
 
 STICKING = 1e-3  # m/s; friction power over normal force below which a collapsed step means a sticking lining
 
@@ -165,6 +165,11 @@ def _why(segment: Segment, chunk: Chunk, last: int) -> str:
     time = chunk.time[last]
     if segment.reached or not all(np.isfinite(each).all() for each in jax.tree.leaves(segment.final)):
         return f"the motion became infinite or undefined after t = {time:.6g} s"
+    if segment.halted:
+        return (
+            f"the lining changes between stick and slip without getting on: {MOST_CHANGES:,} times just after "
+            f"t = {chunk.time[0] + segment.time:.9g} s; another simulate.tolerance may help"
+        )
     collapsed = f"the step size collapsed: {segment.steps:,} steps were not enough to get past t = {time:.6g} s"
     heat, load = chunk.observation.friction_power[last], chunk.observation.normal_force[last]
     if 0 < heat < STICKING * load:

@@ -9,9 +9,12 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 
 NEAR = 2.0  # times the square of the way a step can go: what is further from rest is not looked at
+JUST_SHORT = 1 - 1e-9  # of a step: one that ends so little after rest ends at rest, for again it would be no shorter
+AT_THE_END = 1 - np.finfo(np.float64).epsneg  # of a step: it is over at its end
 HALVINGS = 12  # of a step, in search of where slip turns round inside it
 
 
@@ -56,6 +59,7 @@ def _fraction(step: Step, inside: Callable[[Array], Array], slip: Callable[[Arra
     second, found_later = _nearest(middle, step.after, slip, least)
     later = jnp.where((turn < 1) & found_later, turn + second * (1 - turn), 1.0)
     fraction = jnp.where(found, first * turn, later)
+    fraction = jnp.where((fraction >= JUST_SHORT) & (fraction < 1), AT_THE_END, fraction)
     return jnp.where(slip(step.before) < least, 1.0, fraction)  # at its start it is known already
 
 

@@ -14,13 +14,14 @@ from jax import Array
 from jax.typing import ArrayLike
 
 from drumsqueal.solve.transient.landing import fraction_to_excursion, fraction_to_kink
+from drumsqueal.solve.transient.passing import AT_THE_END
 
 if TYPE_CHECKING:
     import diffrax
 
 # A proportional part in the step-size control halves the rejected steps where contact boundaries make kinks.
 PROPORTIONAL, INTEGRAL = 0.3, 0.4
-JUST_SHORT = 1 - 1e-9  # of a step: one that ends so little after rest ends at rest, for again it would be no shorter
+JUST_SHORT = 1 - 1e-9  # of what is left: a step that goes so far goes to the end
 MARGIN = 2  # round-offs of a time: stages at a corner look at what is prescribed from so far inside their piece
 Norm = Callable[[Array], Array]
 
@@ -123,11 +124,12 @@ def step_through(
     `longest`. As many steps as the `budget`, kept or not, may be made; what is used of it comes back at a `pace` (1/s).
     Steps end at all `corners` (c,) on the way, ascending times from another `origin`: f may jump there, and is asked
     for on each side of them in turn. It ends early after a step whose time and state make `halts` true. Of a step
-    `passes` gives the fraction after which that would have been so, or 1: it is then made again so far only. Of a time
-    and state `kinks` gives numbers, of which one changes its sign where f has a kink: a step that is not kept, or
-    within which one comes to the other side and goes back, ends there when it is made again. With every step that is
-    kept `along` takes `carried`, a tree of arrays, from its start to its end. It may go on from a later `begin`, with
-    as many samples `sampled` as are there, to an earlier `end`, and make no step where it is `halted`.
+    `passes` gives the fraction after which that would have been so, `AT_THE_END` where it is so at the end of the step,
+    or 1: it is then made again so far only. Of a time and state `kinks` gives numbers, of which one changes its sign
+    where f has a kink: a step that is not kept, or within which one comes to the other side and goes back, ends there
+    when it is made again. With every step that is kept `along` takes `carried`, a tree of arrays, from its start to its
+    end. It may go on from a later `begin`, with as many samples `sampled` as are there, to an earlier `end`, and make
+    no step where it is `halted`.
     """
     import diffrax  # as in make_solver
 
@@ -233,7 +235,7 @@ def _stopping(plan: _Plan, attempt: Attempt, now: _Now, fraction: Array) -> tupl
     """Make a step again so far only if a stop would be requested inside it; whether that is at its end."""
     length = attempt.end - attempt.start
     # One that the rounding of times leaves as long as it was is not made again.
-    short = (fraction < JUST_SHORT) & (attempt.start + fraction * length < attempt.end)
+    short = (fraction < AT_THE_END) & (attempt.start + fraction * length < attempt.end)
     rests, again = plan.keep & (fraction < 1) & ~short, plan.keep & short
     return _Plan(
         plan.keep & ~again,

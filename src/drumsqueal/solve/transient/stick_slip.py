@@ -11,11 +11,19 @@ from jax.errors import JaxRuntimeError
 from drumsqueal.physics.effects.operation import Constant
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.transient.runge_kutta import AUTO, DEFAULT, IMPLICIT
-from drumsqueal.solve.transient.segment import CORNER_BUDGET, STEP_BUDGET, Segment, advance, advance_packed, no_rows
+from drumsqueal.solve.transient.segment import (
+    CORNER_BUDGET,
+    STEP_BUDGET,
+    Segment,
+    advance,
+    advance_packed,
+    first_step,
+    no_rows,
+)
 from drumsqueal.solve.transient.state import Span, State
 from drumsqueal.solve.transient.sticking import can_stick
 
-MOST_CHANGES = 1000  # in one chunk, two a sample: more is a mistake, not a motion
+MOST_CHANGES = 1000  # in one call; a chunk goes on with another call
 MARGIN = 1e-12  # of the drum's schedule: its jumps are looked at from so far, beyond round-off
 # Steps that the explicit method gets where another may take over, at a tolerance of 1e-6, and how many more each
 # BUDGET_RADIANS: where it takes more of them the implicit one gets through sooner, though a step of it takes four times
@@ -124,10 +132,19 @@ class StickSlip:
             rows, state, step = segment.rows, segment.final, segment.step
             steps, kept = steps + segment.steps, kept + segment.kept
             ended, might_stick = segment.time >= span.length, segment.halted and not (sticks or halted)
-            more = segment.reached or might_stick or (segment.steps and not segment.halted and self._choice.switch())
+            more = segment.reached or might_stick or self._goes_on(segment, span)
             if ended or not more:
                 return segment._replace(steps=steps, kept=kept, reached=ended)
             span, sticks, halted = span._replace(offset=np.float64(segment.time)), segment.sticks, might_stick
+
+    def _goes_on(self, segment: Segment, span: Span) -> bool:
+        """Whether it does after all changes of a call, or all steps of a method.
+
+        So many changes within a hundredth of a radian of the fastest mode are chatter, and would not come to an end.
+        """
+        if segment.halted:
+            return segment.time - span.offset > float(first_step(self._model))
+        return segment.steps > 0 and self._choice.switch()
 
     def _note(self, segment: Segment, span: Span, sticks: bool) -> None:
         """Keep when the lining began to stick or to slip, and what it slipped by."""

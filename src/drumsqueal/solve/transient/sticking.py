@@ -18,6 +18,7 @@ from jax.typing import ArrayLike
 
 from drumsqueal.physics.bodies.body import dot, scalars
 from drumsqueal.physics.effects.effect import Observation
+from drumsqueal.physics.effects.forcing import Forcing
 from drumsqueal.physics.effects.friction import Friction
 from drumsqueal.physics.effects.operation import Moment
 from drumsqueal.physics.laws.friction_law import ConstantLaw, static_coefficient
@@ -165,32 +166,71 @@ def hold(
     memory: Array | None = None,
     *,
     ends: Any = False,
-    slips: bool = True,
 ) -> Hold:
     """Decide whether the lining sticks at a displacement q (n,), moving with the drum.
 
     The reserve is min h(u) over the motions u with Q·u = 1, Q the force that is needed: at least one where it lies in
-    the limit surface. Where sticking `ends`, the direction is given also at a reserve of just one; unless `slips`, it
-    is not asked for and is zero.
+    the limit surface. Where sticking `ends`, the direction is given also at a reserve of just one.
     """
     # Arrays, for plain numbers would be compiled into the program; NumPy's, which take a tenth of the time of JAX's.
-    return _hold(model, *map(np.asarray, (time, q, v)), memory, np.bool_(ends), slips)
+    return _hold(model, *map(np.asarray, (time, q, v)), memory, np.bool_(ends))
 
 
 @Program
-def _hold(model: Model, time: Array, q: Array, v: Array, memory: Array | None, ends: Array, slips: bool) -> Hold:
-    return decide(model, time, q, v, memory, ends) if slips else Hold(reserve(model, time, q, v, memory)[0], 0 * q)
+def _hold(model: Model, time: Array, q: Array, v: Array, memory: Array | None, ends: Array) -> Hold:
+    return decide(model, time, q, v, memory, ends)
 
 
-def reserve(
-    model: Model, time: ArrayLike, q: Array, v: Array, memory: Array | None = None, near: Array | None = None
-) -> tuple[Array, Array]:
-    """The reserve of `hold`, and the motion (k,) of the slipping coordinates, by root mass, that is resisted least.
+class Spare(NamedTuple):
+    """What friction has to spare, 1 − 1/reserve from −1 to 1; its rate (1/s); and the motion that is resisted least.
 
-    It is sought from a motion `near` on, such as that of a moment ago.
+    That is one of the slipping coordinates (k,), by root mass.
     """
-    needed, resistance, _ = _resistance(model, time, q, v, memory)
-    return _weakest(needed, resistance, needed if near is None else near)
+
+    value: Array
+    rate: Array
+    weakest: Array
+
+
+def spare(
+    model: Model,
+    motion: Callable[[Array], tuple[ArrayLike, Array, Array, Array | None]],
+    time: Array,
+    near: Array | None = None,
+) -> Spare:
+    """What friction has to spare at a time of a motion, which gives the model's time, q (n,), v (n,) and memory.
+
+    Its rate is that along the motion that is resisted least: how that one changes counts for nothing (the envelope
+    theorem). That motion is sought from a motion `near` on, such as that of a moment ago.
+    """
+
+    def acting(time: Array) -> tuple[Array, Callable[[Array], tuple[Array, Array]]]:
+        moment, q, v, memory = motion(time)
+        return _resistance(model, moment, q, drum_motion(model, moment, v), memory)[:2]
+
+    needed, resistance = acting(time)
+    weakest = _weakest(needed, resistance, needed if near is None else near)[1]
+
+    def left(time: Array) -> Array:
+        needed, resistance = acting(time)
+        pulls, holds = jnp.sum(needed * weakest), resistance(weakest)[0]
+        some = holds > 0
+        return jnp.where(some, 1 - pulls / jnp.where(some, holds, 1.0), jnp.where(pulls > 0, -1.0, 1.0))
+
+    value, rate = jax.jvp(left, (time,), (jnp.ones_like(time),))
+    return Spare(jnp.maximum(value, -1.0), rate, weakest)
+
+
+def fastest_held(model: Model) -> Array:
+    """A bound (rad/s) on the frequencies of what moves freely while the lining sticks, and acts on it; zero: nothing.
+
+    Source of the bound: Gershgorin's circles of M^−½ K M^−½.
+    """
+    root = jnp.sqrt(jnp.asarray(model.mass))
+    rows = jnp.sum(jnp.abs(jnp.asarray(model.stiffness) / root / root[:, None]) * ~_slips(model), axis=1)
+    free = jnp.sqrt(jnp.max(jnp.where(_slips(model), 0.0, rows)))
+    acting = [2 * jnp.pi * effect.frequency for effect in model.others if isinstance(effect, Forcing)]
+    return jnp.max(jnp.stack([free, *acting]))
 
 
 def decide(model: Model, time: ArrayLike, q: Array, v: Array, memory: Array | None, ends: ArrayLike) -> Hold:
