@@ -17,7 +17,7 @@ from drumsqueal.physics.kernel import compiled, one_kernel
 from drumsqueal.physics.model import Model
 from drumsqueal.programs import Program
 from drumsqueal.solve.transient.passing import Step, fraction_to_rest
-from drumsqueal.solve.transient.release import fraction_to_release
+from drumsqueal.solve.transient.release import TIMING, fraction_to_release
 from drumsqueal.solve.transient.runge_kutta import DEFAULT, make_solver
 from drumsqueal.solve.transient.segment import first_step
 from drumsqueal.solve.transient.stepping import Attempt, Stepped, step_through
@@ -82,7 +82,7 @@ def _followed(
     stops = (
         {}
         if least is None
-        else until_release(model, size)
+        else until_release(model, size, TIMING * duration)
         if isinstance(model, Held)
         else until_rest(model, size, least)
     )
