@@ -79,13 +79,11 @@ def _followed(
         return _pushed(step, carried[0], derivatives, local, longest), step.slope_after
 
     begin = jnp.eye(unknowns + 1, unknowns), state
-    stops = (
-        {}
-        if least is None
-        else until_release(model, size, TIMING * duration)
-        if isinstance(model, Held)
-        else until_rest(model, size, least)
-    )
+    stops: dict[str, Any] = {}
+    if least is not None and isinstance(model, Held):
+        stops = until_release(model, size, TIMING * duration)
+    elif least is not None:
+        stops = until_rest(model, size, least)
     times = jnp.stack([jnp.zeros(()), duration])
     stepped = stepped_through(model, size, state, times, local, longest=longest, along=along, carried=begin, **stops)
     # Tangents come as rows, one for each direction; a derivative has them as columns.
