@@ -30,14 +30,17 @@ from drumsqueal.physics.laws.friction_law import ConstantLaw, ExponentialLaw, St
 from drumsqueal.physics.model import build_model
 from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
 from drumsqueal.questions.cycle import branches, continuation, orbit
+from drumsqueal.questions.cycle import family as family_module
 from drumsqueal.questions.cycle import search as search_module
 from drumsqueal.questions.cycle.answer import branches_table, milestones
-from drumsqueal.questions.cycle.branches import Family, follow_cycles, follow_models
+from drumsqueal.questions.cycle.branches import follow_cycles, follow_models
 from drumsqueal.questions.cycle.continuation import _kind
 from drumsqueal.questions.cycle.diagram import Branch, CycleBranches, End, Span
+from drumsqueal.questions.cycle.family import Family
 from drumsqueal.questions.cycle.figures import _shade
 from drumsqueal.questions.cycle.orbit import Cycle, Event, Shooting, Start, floquet, floquet_of
-from drumsqueal.questions.cycle.search import CycleStudy, cycle_from, find_cycle, is_same, modal_starts, returns
+from drumsqueal.questions.cycle.search import CycleStudy, cycle_from, find_cycle, is_same
+from drumsqueal.questions.cycle.starts import modal_starts, returns
 from drumsqueal.questions.cycle.words import diagram_verdict, end_words
 from drumsqueal.scene import SceneError, load_scene
 from drumsqueal.scene.variation import Variation
@@ -705,7 +708,7 @@ def test_multipliers_of_a_block_that_moves_two_ways_are_those_of_an_independent_
 
 
 def test_what_sticks_again_and_again_and_closes_nowhere_is_not_passed_over(monkeypatch):
-    monkeypatch.setattr(branches, "cycle_from", partial(_raised, CycleError("lost")))
+    monkeypatch.setattr(family_module, "cycle_from", partial(_raised, CycleError("lost")))
     diagram = follow_cycles(coulomb, (0.2, 0.4))
     assert not diagram.branches
     assert [(each.low, each.high) for each in diagram.not_followed] == [(0.2, 0.4)]
