@@ -1,6 +1,7 @@
 """Cycles along a parameter: branches that leave steady sliding at its Hopf points, and that of the scene's cycle."""
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from functools import partial
 from typing import Any, cast, overload
 
@@ -11,6 +12,7 @@ from drumsqueal.errors import CycleError
 from drumsqueal.outcome import Ending
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.progress import Progress, silent
+from drumsqueal.questions.cycle.continuation import SAME
 from drumsqueal.questions.cycle.diagram import (
     Branch,
     CycleBranches,
@@ -23,9 +25,9 @@ from drumsqueal.questions.cycle.diagram import (
     steady_sliding,
 )
 from drumsqueal.questions.cycle.family import Family, OnBranch
-from drumsqueal.questions.cycle.orbit import Cycle
+from drumsqueal.questions.cycle.orbit import Cycle, Event
 from drumsqueal.questions.cycle.search import checked, find_cycle
-from drumsqueal.questions.cycle.seeds import Seed, closed_from, is_branch_cycle, on_branch, settled_at
+from drumsqueal.questions.cycle.seeds import Seed, closed_from, is_branch_cycle, on_branch, repeats, settled_at
 from drumsqueal.questions.cycle.words import diagram_verdict
 from drumsqueal.scene import Scene
 from drumsqueal.scene.variation import Variation, may_not_rest, read_variation
@@ -34,6 +36,7 @@ from drumsqueal.solve.linear.branches import Critical, follow_modes
 VALUES = 60  # of the parameter, at which the eigenvalues are looked at first
 NEAR_HOPF = 0.02  # of the range: a branch that ends there so near to a Hopf point ends at it
 STICKING_STARTS = 9  # values at which motions begin at rest on the drum
+SAME_VALUE = 1e-5  # of the range: what happens on two branches is found to ten times as much at least
 KEPT_EVERY = 10  # cycles
 
 
@@ -262,7 +265,53 @@ def _extended(
         branch = follow(lambda branch: on_diagram(extended(branch)))
     except CycleError as error:
         return _lost(diagram, family, f"{origin}: {error}")
-    return _without(extended(branch), branch.not_followed(family.low, family.high))
+    diagram = with_branch(diagram, branch, family)
+    for cycle in branch.stable_ends():
+        if cycle.what is not Event.DOUBLING or cycle.value in _doubled(diagram.branches):
+            continue
+        with suppress(CycleError):  # or what begins there stays unknown
+            branch = family.from_doubling(cycle, lambda branch: on_diagram(extended(branch)))
+            diagram = with_branch(diagram, branch, family)
+    return diagram
+
+
+def with_branch(diagram: Diagram, branch: Branch, family: Family) -> Diagram:
+    """The diagram with a branch in place of those that are parts of it, unless it is part of one itself."""
+    if repeats(branch, diagram.branches, family.between):
+        return diagram
+    others = tuple(each for each in diagram.branches if not repeats(each, (branch,), family.between))
+    branches = (*others, _aligned(branch, others, family.high - family.low))
+    known = _left_behind(diagram.branches, family)
+    lost = [each for each in diagram.not_followed if each not in known]
+    lost += _left_behind(branches, family)
+    return diagram.model_copy(update={"branches": branches, "not_followed": tuple(lost)})
+
+
+def _left_behind(branches: Sequence[Branch], family: Family) -> list[Unfollowed]:
+    doubled = _doubled(branches)
+    return [each for branch in branches for each in branch.not_followed(family.low, family.high, doubled)]
+
+
+def _doubled(branches: Sequence[Branch]) -> set[float]:
+    """The values of the period doublings at which one of the branches begins or ends."""
+    ends = (
+        (end, cycle) for each in branches for end, cycle in ((each.start, each.cycles[0]), (each.end, each.cycles[-1]))
+    )
+    return {cycle.value for end, cycle in ends if end is End.DOUBLING}
+
+
+def _aligned(branch: Branch, others: Sequence[Branch], width: float) -> Branch:
+    """The branch with the values of what happens on others, too, as where it meets them."""
+
+    def aligned(cycle: Cycle) -> Cycle:
+        for other in (each for branch in others for each in branch.special):
+            ratio = cycle.period_s / other.period_s
+            alike = min(abs(ratio - 1), abs(ratio - 2), abs(ratio - 0.5)) < SAME
+            if cycle.what is other.what and alike and abs(cycle.value - other.value) < SAME_VALUE * width:
+                return cycle.model_copy(update={"value": other.value})
+        return cycle
+
+    return branch.model_copy(update={"cycles": tuple(map(aligned, branch.cycles))})
 
 
 def _lost(diagram: Diagram, family: Family, reason: str) -> Diagram:

@@ -1,6 +1,7 @@
 """Models along a parameter, and the branches of their cycles that are followed from a Hopf point or from a cycle."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 
 import numpy as np
 
@@ -15,6 +16,8 @@ from drumsqueal.solve.linear.branches import Critical, point_at
 from drumsqueal.solve.transient.sticking import can_stick
 
 SMALL = 0.02  # amplitude of the first cycle near a Hopf point, over that at which the drum's speed is reached
+
+DOUBLED = 0.02  # of the scale: how far the first cycle of twice the period is from the one that it leaves
 
 OnBranch = Callable[[Branch], object]
 
@@ -59,6 +62,29 @@ class Family:
             raise CycleError(detail)
         return Branch(start=End.HOPF, end=end, end_detail=detail, cycles=tuple(cycles))
 
+    def from_doubling(self, doubled: Cycle, on_branch: OnBranch) -> Branch:
+        """Follow the cycles of twice the period that begin at a period doubling.
+
+        They leave along the direction that changes its sign in a period. Raises CycleError where there are none.
+        """
+        steady = self.steady_at(doubled.value)
+        if steady is None:
+            raise CycleError("there is no steady sliding to measure it from")
+        period = 2 * doubled.period_s
+        shooting = self._shooting(doubled.value, Start(doubled.state, period, ""), steady)
+        multipliers, directions = np.linalg.eig(
+            shooting.flow(shooting.scaled(doubled.state, doubled.period_s, doubled.value)).transition
+        )
+        ahead = np.append(directions[:, np.argmin(np.abs(multipliers + 1))].real, [0.0, 0.0])
+        closed = shooting.close(shooting.scaled(doubled.state, period, doubled.value) + DOUBLED * ahead, ahead)
+        if closed is None:
+            raise CycleError("Newton's method finds no cycle of twice the period next to it")
+        cycles, (end, detail) = self._follow(shooting, closed, ahead, End.DOUBLING, on_branch)
+        if not cycles:
+            raise CycleError(detail)
+        first = doubled.model_copy(update={"period_s": period, "multipliers": doubled.multipliers**2})
+        return Branch(start=End.DOUBLING, end=end, end_detail=detail, cycles=(first, *cycles))
+
     def sticking_at(self, value: float) -> Cycle | None:
         """The cycle to which a motion leads that begins at rest on the drum; None where that does not stick again.
 
@@ -90,19 +116,23 @@ class Family:
         ends = {"start": first.end, "start_detail": first.detail, "end": last.end, "end_detail": last.detail}
         return Branch(**ends, cycles=(*reversed(down), *up[1:]))
 
-    def between(self, value: float, a: Cycle, b: Cycle) -> Cycle | None:
-        """The cycle of a branch at a value between two of its cycles, None where Newton's method does not find it."""
+    def between(self, value: float, a: Cycle, b: Cycle) -> Iterator[Cycle]:
+        """The cycles at a value that Newton's method finds from between two cycles of a branch and from each of them.
+
+        Those two may have been cut at different phases: what is between them is then no good start.
+        """
         steady, fraction = self.steady_at(value), (value - a.value) / (b.value - a.value)
         if steady is None:
-            return None
-        state = (1 - fraction) * a.state + fraction * b.state
-        start = Start(state, (1 - fraction) * a.period_s + fraction * b.period_s, "")
-        shooting = self._shooting(value, start, steady)
-        closed = shooting.close(shooting.scaled(start.state, start.period, value))
-        try:
-            return None if closed is None else describe(shooting, closed)
-        except CycleError:
-            return None
+            return
+        middle = Start(
+            (1 - fraction) * a.state + fraction * b.state, (1 - fraction) * a.period_s + fraction * b.period_s, ""
+        )
+        for start in (middle, Start(a.state, a.period_s, ""), Start(b.state, b.period_s, "")):
+            shooting = self._shooting(value, start, steady)
+            closed = shooting.close(shooting.scaled(start.state, start.period, value))
+            if closed is not None:
+                with suppress(CycleError):
+                    yield describe(shooting, closed)
 
     def _shooting(self, value: float, start: Start, steady: Vector) -> Shooting:
         width = self._bounds[1] - self._bounds[0]
