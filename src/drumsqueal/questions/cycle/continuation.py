@@ -22,7 +22,8 @@ from drumsqueal.solve.transient.flow import slip_speeds
 
 FIRST_STEP, LEAST_STEP, LONGEST_STEP = 0.02, 1e-6, 0.15  # of arclength, in the scaled unknowns
 FASTER, SLOWER = 1.6, 0.5
-EASY, HARD = 3, 6  # steps of Newton
+EASY, HARD = 4, 6  # steps of Newton
+RESCALED = 1.5  # change of the period after which it is measured in that of the present cycle
 CLOSER = 1.0  # times the way of a multiplier to the unit circle that it may go in a step
 MARGIN = 0.015  # that it may go in any case
 PATIENT_STEP = 2e-3  # a step that is not made shorter for that
@@ -101,7 +102,7 @@ class Track:
                 self._keep(following.cycle)
                 step = min(step * (FASTER if following.closed.steps <= EASY else 1.0), LONGEST_STEP)
                 step = step * SLOWER if following.closed.steps >= HARD else step
-                place = self._cut_anew(following)
+                place = self._rescaled(self._cut_anew(following))
         except _GrazingError:
             return Ended(End.GRAZING)
         except CycleError as error:
@@ -128,6 +129,19 @@ class Track:
         later = float(samples.time[fastest] - samples.time[0])
         closed, ahead = self._shooting.moved(place.closed, place.tangent, later)
         return place._replace(closed=closed, tangent=self._tangent(closed, ahead))
+
+    def _rescaled(self, place: _Place) -> _Place:
+        """The place with its period as the unit of time: on a slow drum that grows as the drum's speed falls."""
+        period = place.closed.unknowns[-2]
+        if 1 / RESCALED < period < RESCALED:
+            return place
+        units = np.ones(place.tangent.size)
+        units[-2] = period
+        self._shooting = self._shooting.in_units(units)
+        closed, tangent = place.closed, place.tangent / units
+        return place._replace(
+            closed=closed._replace(unknowns=closed.unknowns / units), tangent=tangent / np.linalg.norm(tangent)
+        )
 
     def _tangent(self, closed: Closed, ahead: Vector) -> Vector:
         """The direction of the branch at a cycle (2n + 2,), of length one, with a part along `ahead`."""

@@ -68,6 +68,10 @@ class Shooting:
         """
         self.models, self.scale, self._on_flow = models, scale, on_flow
 
+    def in_units(self, units: Vector) -> "Shooting":
+        """The same equations with unknowns in other units (2n + 2,), as multiples of the present ones."""
+        return Shooting(self.models, self.scale * units, self._on_flow)
+
     def scaled(self, state: Vector, period: float, parameter: float) -> Vector:
         """The unknowns (2n + 2,) of a state (m, m/s, rad, rad/s), a period (s) and a parameter."""
         return np.append(state, [period, parameter]) / self.scale
