@@ -1,6 +1,6 @@
 """Branches of cycles along a parameter as they were found, and the stability of steady sliding along it."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from enum import StrEnum
 from itertools import pairwise
 from typing import Any
@@ -15,7 +15,6 @@ from drumsqueal.questions.cycle.orbit import Cycle, Event
 from drumsqueal.solve.linear.branches import Branches, Critical
 
 Interval = tuple[float, float]
-BEARING = (Event.DOUBLING, Event.NEIMARK_SACKER)  # where other motions begin
 
 
 class End(StrEnum):
@@ -79,30 +78,21 @@ class Branch(Finding):
                 ends = sorted((last.value if before else low, high if onwards else low))
                 reason = f"what the motion jumps to at the grazing at {last.value:.5g}" if jumps else reason
                 found.append(Unfollowed(reason=reason, low=ends[0], high=ends[1]))
-        return (*found, *self._born(low, high, followed))
+        return (*found, *self._born(followed))
 
     def stable_ends(self) -> list[Cycle]:
         """The cycles of stable pieces at which others of twice the period, or tori, begin."""
-        events = [event for cycles, stable in self.pieces() if not stable for event in (cycles[0], cycles[-1])]
-        return [event for event in events if event.what in BEARING]
+        return [event for cycles, stable in self.pieces() if not stable for event in _bearing(cycles)]
 
-    def _born(self, low: float, high: float, followed: Collection[float]) -> list[Unfollowed]:
-        """What begins where a stable piece ends and is not followed.
-
-        It may be stable as far as the piece that is unstable goes, and beyond that where it ends otherwise.
-        """
+    def _born(self, followed: Collection[float]) -> list[Unfollowed]:
+        """What begins where a stable piece ends and is not followed: it may be stable where the branch is not."""
         found = []
         for cycles, stable in self.pieces():
-            ends = [(cycles[0], cycles[1]), (cycles[-1], cycles[-2])]
-            bearing = [(event, inside) for event, inside in ends if event.what in BEARING]
             values = [cycle.value for cycle in cycles]
-            for event, inside in bearing:
-                if stable or event.value in followed:
-                    continue
-                beyond = high if inside.value > event.value else low
-                within = values if len(bearing) == len(ends) else [event.value, beyond]
-                reason = f"what begins at the {event.what} at {event.value:.5g}"
-                found.append(Unfollowed(reason=reason, low=min(within), high=max(within)))
+            for event in _bearing(cycles):
+                if not stable and event.value not in followed:
+                    reason = f"what begins at the {event.what} at {event.value:.5g}"
+                    found.append(Unfollowed(reason=reason, low=min(values), high=max(values)))
         return found
 
     def pieces(self) -> list[tuple[list[Cycle], bool]]:
@@ -117,6 +107,11 @@ class Branch(Finding):
             else:
                 found.append(([a, b], stable))
         return found
+
+
+def _bearing(cycles: Sequence[Cycle]) -> list[Cycle]:
+    """The ends of a piece of a branch at which other motions begin."""
+    return [event for event in (cycles[0], cycles[-1]) if event.what in (Event.DOUBLING, Event.NEIMARK_SACKER)]
 
 
 class Why(StrEnum):
