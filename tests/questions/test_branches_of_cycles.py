@@ -53,6 +53,7 @@ def simple(family):
     scale = scale_near(cycle.model, Start(cycle.state, cycle.period_s, ""), steady, 0.18)
     shooting = Shooting(with_derivative(two_springs), scale)
     closed = shooting.close(shooting.scaled(cycle.state, cycle.period_s, 0.0595))
+    assert closed is not None
     track = Track(shooting, RANGE, family.steady_at, End.CUT_OFF, lambda _: None)
     ended = track.follow(closed, -np.eye(closed.unknowns.size)[-1])
     return Branch(start=End.CUT_OFF, end=ended.end, cycles=tuple(track.cycles))
@@ -143,7 +144,9 @@ def test_cycles_of_a_belt_that_stops_end_there_and_at_no_hopf_point():
         return block_on_belt(ExponentialLaw(1.0, 0.5, 2.0), damping=0.1, belt_speed=speed)
 
     slow = Family(with_derivative(falling_friction), (-0.1, 0.1))
-    branch = slow.both_ways(slow.sticking_at(0.09))
+    cycle = slow.sticking_at(0.09)
+    assert cycle is not None
+    branch = slow.both_ways(cycle)
     assert {branch.start, branch.end} == {End.STANDSTILL, End.BOUND}
     assert "where the drum stands still" in " ".join(end_words(branch))
 
@@ -153,6 +156,7 @@ def test_a_slow_belt_takes_no_more_steps(speed):
     # It sticks for 1/V, and slips round all of a circle but the arc on which it would be as fast as the belt.
     exact = 1 / speed + 2 * np.pi - 2 * np.arctan(0.5 / speed)
     cycle = Family(with_derivative(coulomb), (speed / 2, speed)).sticking_at(speed)
+    assert cycle is not None
     assert cycle.period_s == pytest.approx(exact, rel=1e-9)
     size = jnp.array([1.0, 1.0])
     assert flow(cycle.model, size, cycle.state, cycle.period_s, 1e-10).steps < 150  # 93 at 0.01 m/s, 78 at 0.0001

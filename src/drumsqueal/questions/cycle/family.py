@@ -75,7 +75,7 @@ class Family:
         multipliers, directions = np.linalg.eig(
             shooting.flow(shooting.scaled(doubled.state, doubled.period_s, doubled.value)).transition
         )
-        ahead = np.append(directions[:, np.argmin(np.abs(multipliers + 1))].real, [0.0, 0.0])
+        ahead = np.append(np.real(directions[:, np.argmin(np.abs(multipliers + 1))]), [0.0, 0.0])
         closed = shooting.close(shooting.scaled(doubled.state, period, doubled.value) + DOUBLED * ahead, ahead)
         if closed is None:
             raise CycleError("Newton's method finds no cycle of twice the period next to it")
