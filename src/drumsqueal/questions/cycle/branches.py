@@ -277,9 +277,9 @@ def _extended(
 
 def with_branch(diagram: Diagram, branch: Branch, family: Family) -> Diagram:
     """The diagram with a branch in place of those that are parts of it, unless it is part of one itself."""
-    if repeats(branch, diagram.branches, family.between):
+    if any(repeats(branch, each, family.between) for each in diagram.branches):
         return diagram
-    others = tuple(each for each in diagram.branches if not repeats(each, (branch,), family.between))
+    others = tuple(each for each in diagram.branches if not repeats(each, branch, family.between))
     branches = (*others, _aligned(branch, others, family.high - family.low))
     known = _left_behind(diagram.branches, family)
     lost = [each for each in diagram.not_followed if each not in known]

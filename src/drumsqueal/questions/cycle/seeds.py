@@ -107,10 +107,10 @@ def is_branch_cycle(
     return False
 
 
-def repeats(branch: Branch, branches: Sequence[Branch], between: Callable[..., Iterable[Cycle]]) -> bool:
-    """Whether each cycle of a branch is on one of others, but for its ends: one branch goes a little further there."""
+def repeats(branch: Branch, other: Branch, between: Callable[..., Iterable[Cycle]]) -> bool:
+    """Whether each cycle of a branch is on another one, but for its ends: one branch goes a little further there."""
     inner = [cycle for cycle in branch.cycles[1:-1] if cycle.what is None]
-    return bool(inner) and all(is_branch_cycle(branches, cycle, partial(between, cycle.value)) for cycle in inner)
+    return bool(inner) and all(is_branch_cycle((other,), cycle, partial(between, cycle.value)) for cycle in inner)
 
 
 def _around(branches: Sequence[Branch], value: float) -> list[tuple[Cycle, Cycle]]:
