@@ -30,14 +30,17 @@ from drumsqueal.physics.laws.friction_law import ConstantLaw, ExponentialLaw, St
 from drumsqueal.physics.model import build_model
 from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
 from drumsqueal.questions.cycle import branches, continuation, orbit
+from drumsqueal.questions.cycle import family as family_module
 from drumsqueal.questions.cycle import search as search_module
 from drumsqueal.questions.cycle.answer import branches_table, milestones
-from drumsqueal.questions.cycle.branches import Family, follow_cycles, follow_models
+from drumsqueal.questions.cycle.branches import follow_cycles, follow_models
 from drumsqueal.questions.cycle.continuation import Track, _kind
 from drumsqueal.questions.cycle.diagram import Branch, CycleBranches, End, Span
+from drumsqueal.questions.cycle.family import Family
 from drumsqueal.questions.cycle.figures import _shade
 from drumsqueal.questions.cycle.orbit import Cycle, Event, Shooting, Start, floquet, floquet_of
-from drumsqueal.questions.cycle.search import CycleStudy, cycle_from, find_cycle, is_same, modal_starts, returns
+from drumsqueal.questions.cycle.search import CycleStudy, cycle_from, find_cycle, is_same
+from drumsqueal.questions.cycle.starts import modal_starts, returns
 from drumsqueal.questions.cycle.words import diagram_verdict, end_words
 from drumsqueal.scene import SceneError, load_scene
 from drumsqueal.scene.variation import Variation
@@ -331,8 +334,8 @@ def test_the_branch_turns_round_where_the_block_just_touches_the_speed_of_the_be
     (branch,) = block.branches
     (grazing,) = branch.special
     assert grazing.what is Event.GRAZING
-    # The smallest step along the branch, 1e-5 of its scale of 1.6 m/s.
-    assert grazing.value == pytest.approx(exact, abs=1.6e-5)
+    # The smallest step along the branch, 1e-6 of its scale of 1.6 m/s.
+    assert grazing.value == pytest.approx(exact, abs=1.6e-6)
     assert (branch.start, branch.end) == (End.HOPF, End.BOUND)
     place = branch.cycles.index(grazing)
     slipping, sticking = branch.cycles[: place + 1], branch.cycles[place + 1 :]
@@ -735,7 +738,7 @@ def test_multipliers_of_a_block_that_moves_two_ways_are_those_of_an_independent_
 
 
 def test_what_sticks_again_and_again_and_closes_nowhere_is_not_passed_over(monkeypatch):
-    monkeypatch.setattr(branches, "cycle_from", partial(_raised, CycleError("lost")))
+    monkeypatch.setattr(family_module, "cycle_from", partial(_raised, CycleError("lost")))
     diagram = follow_cycles(coulomb, (0.2, 0.4))
     assert not diagram.branches
     assert [(each.low, each.high) for each in diagram.not_followed] == [(0.2, 0.4)]
@@ -773,8 +776,8 @@ def test_where_static_friction_exceeds_kinetic_the_branch_ends_with_grazing():
     diagram = follow_cycles(model, (0.3, 1.0))
     (branch,) = diagram.branches
     assert (branch.start, branch.end) == (End.BOUND, End.GRAZING)
-    # Along the branch the period grows with the root of the distance: a step of 1e-5 is one of 1e-10.
-    assert branch.cycles[-1].value == pytest.approx(exact, abs=1e-5)
+    # The smallest step along the branch, 1e-6 of its scale of 0.7 m/s.
+    assert branch.cycles[-1].value == pytest.approx(exact, abs=7e-7)
     assert branch.cycles[-1].what is Event.GRAZING
     assert diagram.squeals_only_when_kicked == ((0.3, branch.cycles[-1].value),)
     assert not diagram.not_followed

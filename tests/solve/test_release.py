@@ -204,3 +204,12 @@ def test_chatter_that_does_not_get_on_is_reported_as_such(monkeypatch):
     with pytest.raises(IntegrationError, match=r"changes between stick and slip without getting on: 1,000 times"):
         changes(forced(), [0.0], [0.0], 1.0, 100.0)
     assert len(made) == 2
+
+
+@pytest.mark.parametrize("later", [1e-10, 6e-10, 1e-9, 3e-9, 1e-8])
+def test_a_release_just_short_of_the_end_of_a_chunk_ends(later):
+    # A step that is cut just short of the end of the chunk is stretched to that end, again and again.
+    model = block_on_belt(StepLaw(1.0, 0.5), damping=0.05, belt_speed=0.1)
+    released = next(time for time, sticks in changes(model, [0.6], [0.05], 20.0, 5.0) if not sticks)
+    until = released + later
+    assert changes(model, [0.6], [0.05], until, 100 / until)[-1][1] is False

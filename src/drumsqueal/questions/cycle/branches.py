@@ -1,6 +1,7 @@
 """Cycles along a parameter: branches that leave steady sliding at its Hopf points, and that of the scene's cycle."""
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from functools import partial
 from typing import Any, cast, overload
 
@@ -11,7 +12,7 @@ from drumsqueal.errors import CycleError
 from drumsqueal.outcome import Ending
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.cycle.continuation import Ended, Track
+from drumsqueal.questions.cycle.continuation import SAME
 from drumsqueal.questions.cycle.diagram import (
     Branch,
     CycleBranches,
@@ -23,22 +24,20 @@ from drumsqueal.questions.cycle.diagram import (
     Why,
     steady_sliding,
 )
-from drumsqueal.questions.cycle.orbit import Closed, Cycle, Shooting, Start, Vector, describe, scale_near
-from drumsqueal.questions.cycle.search import checked, cycle_from, find_cycle, modal_start, reach, released_start
-from drumsqueal.questions.cycle.seeds import Seed, closed_from, is_branch_cycle, on_branch, settled_at
+from drumsqueal.questions.cycle.family import Family, OnBranch
+from drumsqueal.questions.cycle.orbit import Cycle, Event
+from drumsqueal.questions.cycle.search import checked, find_cycle
+from drumsqueal.questions.cycle.seeds import Seed, closed_from, is_branch_cycle, on_branch, repeats, settled_at
 from drumsqueal.questions.cycle.words import diagram_verdict
 from drumsqueal.scene import Scene
 from drumsqueal.scene.variation import Variation, may_not_rest, read_variation
-from drumsqueal.solve.linear.branches import Critical, follow_modes, point_at
-from drumsqueal.solve.transient.sticking import can_stick
+from drumsqueal.solve.linear.branches import Critical, follow_modes
 
 VALUES = 60  # of the parameter, at which the eigenvalues are looked at first
-SMALL = 0.02  # amplitude of the first cycle near a Hopf point, over that at which the drum's speed is reached
 NEAR_HOPF = 0.02  # of the range: a branch that ends there so near to a Hopf point ends at it
 STICKING_STARTS = 9  # values at which motions begin at rest on the drum
+SAME_VALUE = 1e-5  # of the range: what happens on two branches is found to ten times as much at least
 KEPT_EVERY = 10  # cycles
-
-OnBranch = Callable[[Branch], object]
 
 
 @overload
@@ -191,7 +190,7 @@ def follow_models(
 def _with_own(
     diagram: Diagram,
     scene: Scene,
-    family: "Family",
+    family: Family,
     at: tuple[float, str],
     progress: Progress,
     on_diagram: Callable[[Diagram], None],
@@ -209,7 +208,7 @@ def _with_own(
 
 
 def _with_cycle(
-    diagram: Diagram, family: "Family", cycle: Cycle, kind: str, on_diagram: Callable[[Diagram], None]
+    diagram: Diagram, family: Family, cycle: Cycle, kind: str, on_diagram: Callable[[Diagram], None]
 ) -> Diagram:
     """The diagram with the branch of a cycle, unless that is on one of its branches."""
     if is_branch_cycle(diagram.branches, cycle, partial(family.between, cycle.value)):
@@ -220,7 +219,7 @@ def _with_cycle(
 
 def _with_seeds(
     diagram: Diagram,
-    family: "Family",
+    family: Family,
     seeds: Sequence[Seed],
     progress: Progress,
     on_diagram: Callable[[Diagram], None],
@@ -255,7 +254,7 @@ def _with_seeds(
 def _extended(
     diagram: Diagram,
     origin: str,
-    family: "Family",
+    family: Family,
     follow: Callable[[OnBranch], Branch],
     on_diagram: Callable[[Diagram], None],
 ) -> Diagram:
@@ -268,10 +267,56 @@ def _extended(
         branch = follow(lambda branch: on_diagram(extended(branch)))
     except CycleError as error:
         return _lost(diagram, family, f"{origin}: {error}")
-    return _without(extended(branch), branch.not_followed(family.low, family.high))
+    diagram = with_branch(diagram, branch, family)
+    for cycle in branch.stable_ends():
+        if cycle.what is not Event.DOUBLING or cycle.value in _doubled(diagram.branches):
+            continue
+        with suppress(CycleError):  # or what begins there stays unknown
+            branch = family.from_doubling(cycle, lambda branch: on_diagram(extended(branch)))
+            diagram = with_branch(diagram, branch, family)
+    return diagram
 
 
-def _lost(diagram: Diagram, family: "Family", reason: str) -> Diagram:
+def with_branch(diagram: Diagram, branch: Branch, family: Family) -> Diagram:
+    """The diagram with a branch in place of those that are parts of it, unless it is part of one itself."""
+    if any(repeats(branch, each, family.between) for each in diagram.branches):
+        return diagram
+    others = tuple(each for each in diagram.branches if not repeats(each, branch, family.between))
+    branches = (*others, _aligned(branch, others, family.high - family.low))
+    known = _left_behind(diagram.branches, family)
+    lost = [each for each in diagram.not_followed if each not in known]
+    lost += _left_behind(branches, family)
+    return diagram.model_copy(update={"branches": branches, "not_followed": tuple(lost)})
+
+
+def _left_behind(branches: Sequence[Branch], family: Family) -> list[Unfollowed]:
+    doubled = _doubled(branches)
+    return [each for branch in branches for each in branch.not_followed(family.low, family.high, doubled)]
+
+
+def _doubled(branches: Sequence[Branch]) -> set[float]:
+    """The values of the period doublings at which one of the branches begins or ends."""
+    ends = (
+        (end, cycle) for each in branches for end, cycle in ((each.start, each.cycles[0]), (each.end, each.cycles[-1]))
+    )
+    return {cycle.value for end, cycle in ends if end is End.DOUBLING}
+
+
+def _aligned(branch: Branch, others: Sequence[Branch], width: float) -> Branch:
+    """The branch with the values of what happens on others, too, as where it meets them."""
+
+    def aligned(cycle: Cycle) -> Cycle:
+        for other in (each for branch in others for each in branch.special):
+            ratio = cycle.period_s / other.period_s
+            alike = min(abs(ratio - 1), abs(ratio - 2), abs(ratio - 0.5)) < SAME
+            if cycle.what is other.what and alike and abs(cycle.value - other.value) < SAME_VALUE * width:
+                return cycle.model_copy(update={"value": other.value})
+        return cycle
+
+    return branch.model_copy(update={"cycles": tuple(map(aligned, branch.cycles))})
+
+
+def _lost(diagram: Diagram, family: Family, reason: str) -> Diagram:
     """The diagram with cycles that are somewhere in the range and could not be followed."""
     if reason in diagram.notes:
         return diagram
@@ -295,100 +340,3 @@ def _ends_at(branch: Branch, critical: Critical, width: float) -> bool:
         and abs(cycle.frequency_Hz / critical.frequency_Hz - 1) < NEAR_HOPF
         for what, cycle in ends
     )
-
-
-class Family:
-    """Models along a parameter within bounds, given with their derivative, and the branches of their cycles."""
-
-    def __init__(
-        self,
-        models: Callable[[float], tuple[Model, Model]],
-        bounds: tuple[float, float],
-        on_flow: Callable[[], object] = lambda: None,
-    ) -> None:
-        """Take the models; `on_flow` is called before each integration over a period."""
-        self._models, self._bounds, self.on_flow = models, bounds, on_flow
-        self.low, self.high = bounds
-
-    def model_at(self, value: float) -> Model:
-        """The model at a value."""
-        return self._models(value)[0]
-
-    def steady_at(self, value: float) -> Vector | None:
-        """Steady sliding (n,) at a value, None where there is none."""
-        point = point_at(self.model_at, value)
-        return None if point.reason else point.steady
-
-    def from_hopf(self, critical: Critical, on_branch: OnBranch) -> Branch:
-        """Follow the branch that begins with amplitude zero at a Hopf point. Raises CycleError where there is none."""
-        value, model = critical.value, self.model_at(critical.value)
-        point = point_at(self.model_at, value)
-        mode = min(point.modes, key=lambda mode: abs(mode.growth_rate))
-        amplitude = reach(model, mode)
-        start = modal_start(point.steady, mode, SMALL * amplitude)
-        shooting = self._shooting(value, modal_start(point.steady, mode, amplitude), point.steady)
-        guess = shooting.scaled(start.state, start.period, value)
-        rest = shooting.scaled(np.append(point.steady, 0 * point.steady), start.period, value)
-        closed = shooting.close(guess, guess - rest)
-        if closed is None:
-            raise CycleError("Newton's method finds no cycle next to it")
-        cycles, (end, detail) = self._follow(shooting, closed, guess - rest, End.HOPF, on_branch)
-        if not cycles:
-            raise CycleError(detail)
-        return Branch(start=End.HOPF, end=end, end_detail=detail, cycles=tuple(cycles))
-
-    def sticking_at(self, value: float) -> Cycle | None:
-        """The cycle to which a motion leads that begins at rest on the drum; None where that does not stick again.
-
-        Raises CycleError where it does and no cycle is found, or where it cannot be followed.
-        """
-        steady, model = self.steady_at(value), self.model_at(value)
-        if steady is None or not can_stick(model, at_rest=False):
-            return None
-        self.on_flow()
-        start = released_start(model, steady)
-        if start is None:
-            return None
-        return cycle_from(model, start, steady, self.on_flow).model_copy(update={"value": value})
-
-    def both_ways(self, cycle: Cycle, on_branch: OnBranch = lambda _: None) -> Branch:
-        """Follow the branch of a cycle at a value to either side. Raises CycleError where Newton's method loses it."""
-        steady = self.steady_at(cycle.value)
-        if steady is None:
-            raise CycleError("there is no steady sliding to measure it from")
-        shooting = self._shooting(cycle.value, Start(cycle.state, cycle.period_s, ""), steady)
-        closed = shooting.close(shooting.scaled(cycle.state, cycle.period_s, cycle.value))
-        if closed is None:
-            raise CycleError("Newton's method loses the cycle that it had found")
-        upwards = np.eye(closed.unknowns.size)[-1]
-        down, first = self._follow(shooting, closed, -upwards, End.CUT_OFF, on_branch)
-        if first.end is End.LOOP:
-            return Branch(start=End.LOOP, end=End.LOOP, cycles=tuple(down))
-        up, last = self._follow(shooting, closed, upwards, End.CUT_OFF, on_branch)
-        ends = {"start": first.end, "start_detail": first.detail, "end": last.end, "end_detail": last.detail}
-        return Branch(**ends, cycles=(*reversed(down), *up[1:]))
-
-    def between(self, value: float, a: Cycle, b: Cycle) -> Cycle | None:
-        """The cycle of a branch at a value between two of its cycles, None where Newton's method does not find it."""
-        steady, fraction = self.steady_at(value), (value - a.value) / (b.value - a.value)
-        if steady is None:
-            return None
-        state = (1 - fraction) * a.state + fraction * b.state
-        start = Start(state, (1 - fraction) * a.period_s + fraction * b.period_s, "")
-        shooting = self._shooting(value, start, steady)
-        closed = shooting.close(shooting.scaled(start.state, start.period, value))
-        try:
-            return None if closed is None else describe(shooting, closed)
-        except CycleError:
-            return None
-
-    def _shooting(self, value: float, start: Start, steady: Vector) -> Shooting:
-        width = self._bounds[1] - self._bounds[0]
-        return Shooting(self._models, scale_near(self.model_at(value), start, steady, width), self.on_flow)
-
-    def _follow(
-        self, shooting: Shooting, closed: Closed, ahead: Vector, start: End, on_branch: OnBranch
-    ) -> tuple[list[Cycle], Ended]:
-        track = Track(shooting, self._bounds, self.steady_at, start, on_branch)
-        ended = track.follow(closed, ahead)
-        return track.cycles, ended

@@ -7,6 +7,7 @@ of Bifurcation Theory, Academic Press 1977; of the names: Y. A. Kuznetsov, Eleme
 """
 
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
@@ -19,9 +20,13 @@ from drumsqueal.questions.cycle.diagram import Branch, End
 from drumsqueal.questions.cycle.orbit import SINGULAR, Closed, Cycle, Event, Shooting, Vector, describe, floquet_of
 from drumsqueal.solve.transient.flow import slip_speeds
 
-FIRST_STEP, LEAST_STEP, LONGEST_STEP = 0.02, 1e-5, 0.15  # of arclength, in the scaled unknowns
+FIRST_STEP, LEAST_STEP, LONGEST_STEP = 0.02, 1e-6, 0.15  # of arclength, in the scaled unknowns
 FASTER, SLOWER = 1.6, 0.5
-EASY, HARD = 3, 6  # steps of Newton
+EASY, HARD = 4, 6  # steps of Newton
+RESCALED = 1.5  # change of the period after which it is measured in that of the present cycle
+CLOSER = 1.0  # times the way of a multiplier to the unit circle that it may go in a step
+MARGIN = 0.015  # that it may go in any case
+PATIENT_STEP = 2e-3  # a step that is not made shorter for that
 TURN = 0.9  # cosine of the angle between two neighbouring tangents, at least
 CORNER_STEPS = (1e-3, 4e-3, 1.6e-2, 6.4e-2)
 SLOW = 0.3  # of the fastest slip of a cycle: where that is less at its cut another one is taken
@@ -86,16 +91,18 @@ class Track:
                 if bound != following.cycle.value:
                     return self._to_bound(place, following, bound)
                 if self._at_rest(place, following):
-                    return Ended(End.HOPF)
+                    # Next to a Hopf point hardly anything slips slower; what still sticks moves as slowly as the drum.
+                    return Ended(End.STANDSTILL if place.cycle.sticking_phases else End.HOPF)
                 if self._is_back(start, place, following):
                     self._keep(start.cycle)
                     return Ended(End.LOOP)
-                if not corner:  # whatever changes there does so at the corner
-                    self._look_between(place, following, step)
+                # Whatever changes at a corner does so there.
+                if not corner and self._look_between(place, following, step) is Event.DOUBLING:
+                    return Ended(End.DOUBLING)
                 self._keep(following.cycle)
                 step = min(step * (FASTER if following.closed.steps <= EASY else 1.0), LONGEST_STEP)
                 step = step * SLOWER if following.closed.steps >= HARD else step
-                place = self._cut_anew(following)
+                place = self._rescaled(self._cut_anew(following))
         except _GrazingError:
             return Ended(End.GRAZING)
         except CycleError as error:
@@ -122,6 +129,19 @@ class Track:
         later = float(samples.time[fastest] - samples.time[0])
         closed, ahead = self._shooting.moved(place.closed, place.tangent, later)
         return place._replace(closed=closed, tangent=self._tangent(closed, ahead))
+
+    def _rescaled(self, place: _Place) -> _Place:
+        """The place with its period as the unit of time: on a slow drum that grows as the drum's speed falls."""
+        period = place.closed.unknowns[-2]
+        if 1 / RESCALED < period < RESCALED:
+            return place
+        units = np.ones(place.tangent.size)
+        units[-2] = period
+        self._shooting = self._shooting.in_units(units)
+        closed, tangent = place.closed, place.tangent / units
+        return place._replace(
+            closed=closed._replace(unknowns=closed.unknowns / units), tangent=tangent / np.linalg.norm(tangent)
+        )
 
     def _tangent(self, closed: Closed, ahead: Vector) -> Vector:
         """The direction of the branch at a cycle (2n + 2,), of length one, with a part along `ahead`."""
@@ -188,7 +208,8 @@ class Track:
             return None
         if tangent @ place.tangent < SMOOTH and not self._same_way(place, closed, tangent):
             return None  # behind a corner, too, and on the way back to it
-        return _Place(closed, tangent, describe(self._shooting, closed))
+        following = _Place(closed, tangent, describe(self._shooting, closed))
+        return None if step > PATIENT_STEP and _may_cross_twice(place.cycle, following.cycle) else following
 
     def _around(self, place: _Place) -> _Place | None:
         """A place behind a corner of the branch, if there is one.
@@ -260,19 +281,25 @@ class Track:
         same_way = start.tangent[-1] * following.tangent[-1] > 0
         return same_way and len(self.cycles) > FEWEST and is_between(place.cycle, following.cycle, start.cycle)
 
-    def _look_between(self, a: _Place, b: _Place, step: float) -> None:
-        """Find a fold, and where multipliers cross the unit circle, on the way from one place to the next."""
+    def _look_between(self, a: _Place, b: _Place, step: float) -> Event | None:
+        """Find a fold, and where multipliers cross the unit circle, on the way from one place to the next.
+
+        It is a period doubling, and not a fold, where cycles of twice the period turn round: the branch ends there, and
+        goes back as it came, half a period later.
+        """
         if a.tangent[-1] * b.tangent[-1] < 0:
-            self._locate(a, step, Event.FOLD, lambda closed: float(self._tangent(closed, a.tangent)[-1]))
-            return
+            if self._halves(a.closed) @ self._halves(b.closed) < 0:
+                return self._end_at_doubling(a, b, step)
+            return self._locate(a, step, Event.FOLD, lambda closed: float(self._tangent(closed, a.tangent)[-1]))
         one, other = a.cycle.unstable_directions, b.cycle.unstable_directions
         if one == other or min(abs(a.cycle.largest - 1), abs(b.cycle.largest - 1)) < LOCATED**2:
-            return
+            return None
         rank = min(one, other)
         self._locate(a, step, None, lambda closed: float(np.abs(floquet_of(self._shooting, closed)[0][rank])) - 1)
+        return None
 
-    def _locate(self, a: _Place, step: float, kind: Event | None, measure: Callable[[Closed], float]) -> None:
-        """Keep the cycle at which a measure vanishes, between a place and the end of the step from it."""
+    def _locate(self, a: _Place, step: float, kind: Event | None, measure: Callable[[Closed], float]) -> Event | None:
+        """Keep the cycle at which a measure vanishes, between a place and the end of the step from it: what it is."""
 
         def at(length: float) -> Closed:
             closed = a.closed if length == 0 else self._corrected(a, length)
@@ -282,10 +309,29 @@ class Track:
 
         try:
             length: Any = scipy.optimize.brentq(lambda length: measure(at(length)), 0.0, step, xtol=LOCATED * step)
-            cycle = describe(self._shooting, at(length))
+            closed = at(length)
+            cycle = describe(self._shooting, closed)
         except (CycleError, ValueError):
-            return  # the branch itself goes on, without the name of what happened
-        self._keep(cycle.model_copy(update={"what": kind or _kind(cycle)}))
+            return None  # the branch itself goes on, without the name of what happened
+        what = kind or _kind(cycle)
+        self._keep(cycle.model_copy(update={"what": what}))
+        return what
+
+    def _end_at_doubling(self, a: _Place, b: _Place, step: float) -> Event:
+        """Keep the cycle at which both halves of the period become alike, between a place and the next one."""
+        one, other = (float(np.linalg.norm(self._halves(place.closed))) for place in (a, b))
+        cycle = min((one, a.cycle), (other, b.cycle), key=lambda pair: pair[0])[1]
+        # The other branch crosses there: just beside it Newton's method may fail, and a value is as good.
+        with suppress(CycleError):
+            closed = self._corrected(a, step * one / (one + other))
+            cycle = cycle if closed is None else describe(self._shooting, closed)
+        self._keep(cycle.model_copy(update={"what": Event.DOUBLING}))
+        return Event.DOUBLING
+
+    def _halves(self, closed: Closed) -> Vector:
+        """By how much a state (2n,), scaled, differs from that after half of the period."""
+        halved = closed.unknowns * np.append(np.ones(closed.unknowns.size - 2), [0.5, 1.0])
+        return self._shooting.flow(halved).end - closed.unknowns[:-2]
 
 
 def is_between(a: Cycle, b: Cycle, cycle: Cycle) -> bool:
@@ -297,6 +343,14 @@ def is_between(a: Cycle, b: Cycle, cycle: Cycle) -> bool:
     first, last, wanted = (np.array([each.period_s, *each.amplitude.values()]) for each in (a, b, cycle))
     between = (1 - fraction) * first + fraction * last
     return bool(np.all(np.abs(between - wanted) < SAME * np.maximum(between, wanted)))
+
+
+def _may_cross_twice(a: Cycle, b: Cycle) -> bool:
+    """Whether a multiplier may have left the unit circle and come back: it moves by more than its way to the circle."""
+    one, other = np.abs(a.multipliers), np.abs(b.multipliers)
+    away = np.minimum(np.abs(one - 1), np.abs(other - 1))
+    stays = (one > 1) == (other > 1)  # what crosses is found
+    return bool(np.any(stays & (np.abs(one - other) > np.maximum(CLOSER * away, MARGIN))))
 
 
 def _kind(cycle: Cycle) -> Event:

@@ -1,5 +1,6 @@
 """Branches of cycles along a parameter as they were found, and the stability of steady sliding along it."""
 
+from collections.abc import Collection, Sequence
 from enum import StrEnum
 from itertools import pairwise
 from typing import Any
@@ -18,13 +19,16 @@ from drumsqueal.solve.linear.branches import Branches, Critical
 class End(StrEnum):
     """Where a branch begins or ends, or is lost on the way.
 
-    With grazing it ends where static friction exceeds what slides: the motion jumps to another one.
+    With grazing it ends where static friction exceeds what slides: the motion jumps to another one. Cycles of twice the
+    period of others end at the period doubling of those, and all cycles where the drum stands still.
     """
 
     HOPF = "Hopf"
     BOUND = "end of the range"
     LOOP = "closed loop"
     GRAZING = "grazing"
+    DOUBLING = "period doubling"
+    STANDSTILL = "standstill"
     CUT_OFF = "cut off"
     LOST = "lost"
 
@@ -55,19 +59,40 @@ class Branch(Finding):
         """The cycles at which something happens."""
         return tuple(cycle for cycle in self.cycles if cycle.what is not None)
 
-    def not_followed(self, low: float, high: float) -> tuple[Unfollowed, ...]:
-        """The ends at which it is lost: from there on to the bound that it went to."""
+    def not_followed(self, low: float, high: float, followed: Collection[float] = ()) -> tuple[Unfollowed, ...]:
+        """Where it leaves cycles behind: beyond an end at which it is lost or the motion jumps, and where others begin.
+
+        Of those that begin at a value that is among the `followed` ones nothing is left behind.
+        """
         found = []
         for end, reason, last, before in (
             (self.start, self.start_detail, self.cycles[0], self.cycles[1:2]),
             (self.end, self.end_detail, self.cycles[-1], self.cycles[-2:-1]),
         ):
-            if end is End.LOST:
+            # What sticks in its only direction is released in one state: if that does not stick again, nothing does.
+            jumps = end is End.GRAZING and len(last.amplitude) > 1
+            if end is End.LOST or jumps:
                 onwards = not before or before[0].value <= last.value
                 # Of a branch of one cycle it is not known to which side it goes.
                 ends = sorted((last.value if before else low, high if onwards else low))
+                reason = f"what the motion jumps to at the grazing at {last.value:.5g}" if jumps else reason
                 found.append(Unfollowed(reason=reason, low=ends[0], high=ends[1]))
-        return tuple(found)
+        return (*found, *self._born(followed))
+
+    def stable_ends(self) -> list[Cycle]:
+        """The cycles of stable pieces at which others of twice the period, or tori, begin."""
+        return [event for cycles, stable in self.pieces() if not stable for event in _bearing(cycles)]
+
+    def _born(self, followed: Collection[float]) -> list[Unfollowed]:
+        """What begins where a stable piece ends and is not followed: it may be stable where the branch is not."""
+        found = []
+        for cycles, stable in self.pieces():
+            values = [cycle.value for cycle in cycles]
+            for event in _bearing(cycles):
+                if not stable and event.value not in followed:
+                    reason = f"what begins at the {event.what} at {event.value:.5g}"
+                    found.append(Unfollowed(reason=reason, low=min(values), high=max(values)))
+        return found
 
     def pieces(self) -> list[tuple[list[Cycle], bool]]:
         """The branch in pieces that are stable or not, in order; neighbours share the cycle at which it changes."""
@@ -81,6 +106,11 @@ class Branch(Finding):
             else:
                 found.append(([a, b], stable))
         return found
+
+
+def _bearing(cycles: Sequence[Cycle]) -> list[Cycle]:
+    """The ends of a piece of a branch at which other motions begin."""
+    return [event for event in (cycles[0], cycles[-1]) if event.what in (Event.DOUBLING, Event.NEIMARK_SACKER)]
 
 
 class Why(StrEnum):
@@ -143,9 +173,15 @@ class Diagram(Finding):
         """Values at the grazing bifurcations, by rising value."""
         return self._values_of(Event.GRAZING)
 
+    @computed_field
+    @property
+    def doublings(self) -> tuple[float, ...]:
+        """Values at the period doublings, by rising value."""
+        return self._values_of(Event.DOUBLING)
+
     def _values_of(self, event: Event) -> tuple[float, ...]:
         special = (cycle for branch in self.branches for cycle in branch.special)
-        return tuple(sorted(cycle.value for cycle in special if cycle.what is event))
+        return tuple(sorted({cycle.value for cycle in special if cycle.what is event}))
 
     @computed_field
     @property

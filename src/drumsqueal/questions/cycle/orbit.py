@@ -68,6 +68,10 @@ class Shooting:
         """
         self.models, self.scale, self._on_flow = models, scale, on_flow
 
+    def in_units(self, units: Vector) -> "Shooting":
+        """The same equations with unknowns in other units (2n + 2,), as multiples of the present ones."""
+        return Shooting(self.models, self.scale * units, self._on_flow)
+
     def scaled(self, state: Vector, period: float, parameter: float) -> Vector:
         """The unknowns (2n + 2,) of a state (m, m/s, rad, rad/s), a period (s) and a parameter."""
         return np.append(state, [period, parameter]) / self.scale
@@ -150,14 +154,21 @@ def cut_in_slip(model: Model, start: Start) -> Start:
     sticking forgets are columns of zero of its derivative, not of φ − y.
     """
     try:
-        samples = _sample(model, start.state, start.period)
+        whole = _sample(model, start.state, start.period)
+        if not whole.observation.sticking.any():
+            return start
+        # On a slow drum it sticks for almost all of the period, and slips between two samples of that only.
+        slipping = [_sample(model, start.state, time) for time in _first_sticking(whole)]
     except CycleError:
         return start
-    if not samples.observation.sticking.any():
-        return start
-    fastest = int(np.argmax(slip_speeds(model, samples.velocity)))
-    state = np.concatenate([samples.displacement[fastest], samples.velocity[fastest]])
-    return start._replace(state=state)
+    states = np.vstack([np.hstack([each.displacement, each.velocity]) for each in (whole, *slipping)])
+    fastest = int(np.argmax(slip_speeds(model, states[:, states.shape[1] // 2 :])))
+    return start._replace(state=states[fastest])
+
+
+def _first_sticking(samples: Chunk) -> list[float]:
+    """When (s) the contact first begins to stick after the start, if it does."""
+    return [time for time, sticks in samples.changes if sticks and time > 0][:1]
 
 
 def scale_near(model: Model, start: Start, steady: Vector, parameter: float = 1.0) -> Vector:

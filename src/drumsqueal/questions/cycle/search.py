@@ -1,8 +1,7 @@
 """The periodic motion of a scene or a model: where to look for it, and Newton's method from there.
 
 A search begins at the end of a transient, where a transient nearly returns to itself, and near the modes of steady
-sliding. Along a mode of amplitude a, friction and damping do the net work W(a) in a period. A cycle near that mode has
-W(a) = 0: the first step of the method of averaging, good for the start of Newton's method.
+sliding.
 """
 
 import math
@@ -11,23 +10,19 @@ from dataclasses import dataclass
 from functools import partial
 from typing import overload
 
-import jax
 import jax.numpy as jnp
 import numpy as np
-from jax import Array
 
 from drumsqueal.errors import CycleError, IntegrationError
 from drumsqueal.findings.decay import decay_to_rest
 from drumsqueal.findings.schema import Findings
 from drumsqueal.findings.signals.regime import Kind, classify
 from drumsqueal.findings.vibration import Vibration
-from drumsqueal.physics.kernel import compiled
 from drumsqueal.physics.model import Model
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.cycle.orbit import (
     CLOSED,
     NEUTRAL,
-    TOLERANCE,
     Closed,
     Cycle,
     Shooting,
@@ -37,15 +32,14 @@ from drumsqueal.questions.cycle.orbit import (
     describe,
     scale_near,
 )
+from drumsqueal.questions.cycle.starts import modal_starts, reach, returns
 from drumsqueal.questions.cycle.words import cycle_verdict, regime_words
 from drumsqueal.scene import Scene, SceneError
 from drumsqueal.simulation import check_constant, constant_transient
 from drumsqueal.solve import motion
-from drumsqueal.solve.linear.modes import Mode, Stability, analyse_stability
-from drumsqueal.solve.transient.flow import Change, flow, state_size
+from drumsqueal.solve.transient.flow import state_size
 from drumsqueal.solve.transient.integrate import Chunk
 from drumsqueal.solve.transient.runge_kutta import AUTO
-from drumsqueal.solve.transient.sticking import drum_motion
 
 SMALLEST = 1e-4  # of the scale of the start: what has shrunk to less is steady sliding, not a cycle
 FRACTIONS = (0.6, 0.3, 0.15)  # last parts of a transient that may have settled
@@ -53,15 +47,7 @@ FEWEST_SAMPLES = 64
 FAST = 3.0  # a large disturbance, times the speed of the drum
 MOST_PARTS = 7  # a motion may repeat so many times within a period that was found
 SAME = 1e-6  # relative difference of period and amplitudes below which two cycles are one
-PHASES = 64  # of a period, at which the work is summed
-LEAST, MOST, AMPLITUDES = 1e-3, 4.0, 80  # of the amplitude at which the fastest point is as fast as the drum
-ROUND_OFF = 1e-9  # of the vibration energy in a radian: a gain below that is none
 RELEASES = 2  # of the contact from the drum in a period, at most, where a search begins
-RETURNS = 8  # periods of the slowest mode: how long a motion from rest on the drum gets to stick again, at first
-LONGEST_STICKING = 7  # times that this is doubled: a slow drum takes long to stretch the springs
-NEAREST = 4  # returns of a record that are tried
-LONGEST_RETURN = 6.0  # periods of the lowest frequency of interest
-APART = 0.05  # of each other: two returns after so different times are two
 
 
 class FoundCycle(Cycle):
@@ -290,109 +276,3 @@ def _starts(transient: motion.Transient, record: Record) -> Iterator[Start]:
     if lowest is not None and moves:
         yield from returns(record.time, record.states, _size_of(transient, record.states), lowest)
     yield from modal_starts(transient.model, transient.stability)
-
-
-def released_start(model: Model, steady: Vector) -> Start | None:
-    """The last release of a motion that begins at rest on the drum at steady sliding (n,), and the time between two.
-
-    None where it does not stick again. Raises CycleError where it cannot be followed so far.
-    """
-    n, modes = len(steady), analyse_stability(model).modes
-    if not modes:
-        return None
-    period = 2 * np.pi / min(mode.eigenvalue.imag for mode in modes)
-    velocity = np.asarray(drum_motion(model, 0.0, np.zeros(n)))
-    size = np.asarray(state_size(model, jnp.zeros(n), jnp.asarray(velocity)))
-    start = np.concatenate([steady, velocity]) / size
-    for doubling in range(LONGEST_STICKING):
-        duration = RETURNS * period * 2**doubling
-        found = flow(model, size, start, duration, TOLERANCE)
-        releases = [time for time, what in found.changes if what is Change.SLIPS]
-        if not found.reached:
-            raise CycleError("a motion that slips and sticks takes too many steps")
-        # What does not hold it at the start reverses its slip there, and that is all.
-        held = [change for change in found.changes if change[1] is not Change.REVERSES]
-        since, what = held[-1] if held else (0.0, Change.SLIPS)
-        if what is Change.SLIPS and duration - since > duration / 2:
-            return None
-        if len(releases) > 2:
-            last = flow(model, size, start, releases[-1], TOLERANCE)
-            return Start(last.end * size, releases[-1] - releases[-2], "a motion from rest on the drum")
-    raise CycleError("a motion from rest on the drum is not released in time")
-
-
-def returns(time: Vector, states: Vector, scale: Vector, lowest_frequency: float) -> Iterator[Start]:
-    """Where a record of states (k, 2n) comes nearest to itself again, the nearest first; `scale` (2n,)."""
-    scaled = states / scale
-    interval = time[1] - time[0]
-    longest = min(int(LONGEST_RETURN / lowest_frequency / interval), len(scaled) // 2)
-    nearest = np.full(longest + 1, np.inf)
-    places = np.zeros(longest + 1, dtype=int)
-    for lag in range(2, longest + 1):
-        away = np.max(np.abs(scaled[lag:] - scaled[:-lag]), axis=1)
-        places[lag] = int(np.argmin(away))
-        nearest[lag] = away[places[lag]]
-    inner = nearest[1:-1]
-    minima = 1 + np.flatnonzero((inner <= nearest[:-2]) & (inner <= nearest[2:]) & np.isfinite(nearest[:-2]))
-    taken: list[int] = []
-    for lag in sorted(minima, key=lambda lag: nearest[lag]):
-        if len(taken) == NEAREST:
-            return
-        if all(abs(lag - other) > APART * other for other in taken):
-            taken.append(int(lag))
-            origin = f"where the transient nearly returns at {time[places[lag]]:.4g} s"
-            yield Start(states[places[lag]], float(lag * interval), origin)
-
-
-def modal_starts(model: Model, stability: Stability) -> Iterator[Start]:
-    """Motions along each mode with an amplitude at which nothing is gained over a period, the largest first.
-
-    The stability is that over the coordinates of the model.
-    """
-    steady = stability.steady_state
-    for mode in stability.modes:
-        shape, frequency = mode.right[: len(steady)], mode.eigenvalue.imag
-        amplitudes = reach(model, mode) * np.geomspace(LEAST, MOST, AMPLITUDES)
-        work = np.asarray(_work(model, jnp.asarray(steady), jnp.asarray(shape), frequency, amplitudes))
-        # Without damping nothing is gained or lost but round-off: all amplitudes would do, and none is a cycle.
-        energy = np.sum(np.asarray(model.mass) * np.abs(shape) ** 2) / 2  # over the squares of amplitude and frequency
-        known = np.abs(work) > ROUND_OFF * amplitudes**2 * energy * frequency**3
-        changes = (np.sign(work[:-1]) * np.sign(work[1:]) < 0) & known[:-1] & known[1:]
-        for k in reversed(np.flatnonzero(changes)):
-            fraction = work[k] / (work[k] - work[k + 1])
-            yield modal_start(steady, mode, float(amplitudes[k] * (amplitudes[k + 1] / amplitudes[k]) ** fraction))
-
-
-def modal_start(steady: Vector, mode: Mode, amplitude: float) -> Start:
-    """The motion along a mode about steady sliding (n,), of an amplitude (m, rad) of its named coordinate."""
-    shape, frequency = mode.right[: len(steady)], mode.eigenvalue.imag
-    state = np.concatenate([steady + amplitude * shape.real, -amplitude * frequency * shape.imag])
-    return Start(state, 2 * np.pi / frequency, f"along mode {mode.label}, {amplitude:.3g} of {mode.name}")
-
-
-def reach(model: Model, mode: Mode) -> float:
-    """Amplitude (m, rad) of a mode at which the fastest point of the contact is as fast as the drum."""
-    return float(_reach(model, jnp.asarray(mode.right[: len(model.names)] * 1j * mode.eigenvalue.imag)))
-
-
-@compiled
-def _reach(model: Model, velocity: Array) -> Array:
-    moment = model.operation.at(0.0)
-    still = moment._replace(drum_speed=jnp.zeros(()))
-    fastest = jnp.hypot(*(model.contact.fastest_slip(still, part) for part in (velocity.real, velocity.imag)))
-    return model.contact.fastest_slip(moment, jnp.zeros(len(model.names))) / jnp.where(fastest > 0, fastest, 1.0)
-
-
-@compiled
-def _work(model: Model, steady: Array, shape: Array, frequency: Array, amplitudes: Array) -> Array:
-    """Mean power (W) of what stores no energy, along motions of these amplitudes (k,)."""
-    turns = jnp.exp(2j * jnp.pi * jnp.arange(PHASES) / PHASES)
-
-    def power(motion: tuple[Array, Array]) -> Array:
-        amplitude, turn = motion
-        moved = amplitude * shape * turn
-        return model.act(0.0, steady + moved.real, (1j * frequency * moved).real)[1]
-
-    pairs = [part.ravel() for part in jnp.meshgrid(amplitudes, turns, indexing="ij")]
-    powers = jax.lax.map(power, (pairs[0].real, pairs[1]))
-    return jnp.mean(powers.reshape(amplitudes.size, PHASES), axis=1)

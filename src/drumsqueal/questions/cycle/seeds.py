@@ -1,6 +1,7 @@
 """Motions that branches of cycles may begin at: settled ones, closed by Newton's method where they are periodic."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -91,16 +92,25 @@ def on_branch(branches: Sequence[Branch], period: float, amplitude: dict[str, fl
     return any(_off(a, b, period, amplitude, value) < SAME for a, b in _around(branches, value))
 
 
-def is_branch_cycle(branches: Sequence[Branch], cycle: Cycle, between: Callable[[Cycle, Cycle], Cycle | None]) -> bool:
-    """Whether a cycle is one of a branch; `between` closes that of the branch at its value, between two others."""
+def is_branch_cycle(
+    branches: Sequence[Branch], cycle: Cycle, between: Callable[[Cycle, Cycle], Iterable[Cycle]]
+) -> bool:
+    """Whether a cycle is one of a branch; `between` closes those of the branch at its value, between two others."""
     for a, b in _around(branches, cycle.value):
+        if cycle.unstable_directions not in (a.unstable_directions, b.unstable_directions):
+            continue  # on the other side of a fold, however near
         off = _off(a, b, cycle.period_s, cycle.amplitude, cycle.value)
         if off < SAME:
             return True
-        own = between(a, b) if off < LIKE else None
-        if own is not None and _apart(own.amplitude, cycle.amplitude) < EQUAL:
+        if off < LIKE and any(_apart(own.amplitude, cycle.amplitude) < EQUAL for own in between(a, b)):
             return True
     return False
+
+
+def repeats(branch: Branch, other: Branch, between: Callable[..., Iterable[Cycle]]) -> bool:
+    """Whether each cycle of a branch is on another one, but for its ends: one branch goes a little further there."""
+    inner = [cycle for cycle in branch.cycles[1:-1] if cycle.what is None]
+    return bool(inner) and all(is_branch_cycle((other,), cycle, partial(between, cycle.value)) for cycle in inner)
 
 
 def _around(branches: Sequence[Branch], value: float) -> list[tuple[Cycle, Cycle]]:

@@ -76,6 +76,8 @@ def end_words(branch: Branch) -> list[str]:
     for verb, end, detail in (("begins", branch.start, branch.start_detail), ("ends", branch.end, branch.end_detail)):
         if end is End.HOPF:
             found.append(f"{verb} next to a Hopf point, where cycles have no size")
+        elif end is End.STANDSTILL:
+            found.append(f"{verb} where the drum stands still, and cycles have no size")
         elif end is End.LOST:
             found.append(f"is lost where it {verb}: {detail}")
     return found
@@ -89,7 +91,7 @@ def diagram_verdict(diagram: Diagram, along: Variation) -> str:
     unstable, cycles, both = diagram.steady_sliding_unstable, diagram.stable_cycles, diagram.squeals_only_when_kicked
     sliding = f"is unstable for {along.key} {_ranges(unstable, along)}" if unstable else "is stable throughout"
     lives = f"stable cycles exist {_ranges(cycles, along)}" if cycles else "no cycle that was found is stable"
-    special = ((diagram.folds, "folds"), (diagram.grazings, "grazing"))
+    special = ((diagram.folds, "folds"), (diagram.grazings, "grazing"), (diagram.doublings, "period doubling"))
     named = "; ".join(_values(values, what, along) for values, what in special if values)
     bistable = (
         f"{_ranges(both, along)} the brake squeals only after a large disturbance (bistable)"
@@ -162,13 +164,12 @@ def _values(values: Sequence[float], what: str, along: Variation) -> str:
 
 def _unknown(diagram: Diagram, along: Variation) -> str:
     """Where nothing is known of cycles, and why."""
-    if not diagram.not_followed:
-        return ""
     reasons = "; ".join(dict.fromkeys(each.reason for each in diagram.not_followed))
+    why = f"not everything was followed ({reasons})" if reasons else ""
     if not diagram.squeals_unknown:
-        return f" Not everything was followed: {reasons}."
+        return f" {why[0].upper()}{why[1:]}." if why else ""
     where = _ranges(diagram.squeals_unknown, along)
-    return f" Whether it squeals after a large disturbance is unknown {where}: not everything was followed ({reasons})."
+    return f" Whether it squeals after a large disturbance is unknown {where}{f': {why}' if why else ''}."
 
 
 def _ranges(intervals: Sequence[Interval], along: Variation) -> str:

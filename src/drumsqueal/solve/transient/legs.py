@@ -19,7 +19,7 @@ from drumsqueal.programs import Program
 from drumsqueal.solve.transient.passing import Step, fraction_to_rest
 from drumsqueal.solve.transient.release import TIMING, fraction_to_release
 from drumsqueal.solve.transient.runge_kutta import DEFAULT, make_solver
-from drumsqueal.solve.transient.segment import first_step
+from drumsqueal.solve.transient.segment import FIRST_STEP_FRACTION, first_step
 from drumsqueal.solve.transient.stepping import Attempt, Stepped, step_through
 from drumsqueal.solve.transient.sticking import Held, fastest_held, slip, slip_acceleration, slip_motion, spare
 
@@ -85,11 +85,18 @@ def _followed(
     elif least is not None:
         stops = until_rest(model, size, least)
     times = jnp.stack([jnp.zeros(()), duration])
-    stepped = stepped_through(model, size, state, times, local, longest=longest, along=along, carried=begin, **stops)
+    limit = _longest_held(model, duration) if isinstance(model, Held) else longest
+    stepped = stepped_through(model, size, state, times, local, longest=limit, along=along, carried=begin, **stops)
     # Tangents come as rows, one for each direction; a derivative has them as columns.
     tangents, rate = stepped.carried
     last = stepped.last, rate, tangents.T, stepped.time
     return Leg(*last, stepped.steps, stepped.reached, stepped.halted)
+
+
+def _longest_held(model: Model, duration: Array) -> Array:
+    """The longest step (s) while the contact sticks: a slow drum carries it along for thousands of periods."""
+    fastest = fastest_held(model)
+    return jnp.where(fastest > 0, LONGEST_STEP * FIRST_STEP_FRACTION / jnp.where(fastest > 0, fastest, 1.0), duration)
 
 
 def until_rest(model: Model, size: Array, least: Array) -> dict[str, Any]:

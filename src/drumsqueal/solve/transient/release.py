@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 from jax import Array
 
-from drumsqueal.solve.transient.passing import AT_THE_END
+from drumsqueal.solve.transient.passing import AT_THE_END, JUST_SHORT
 from drumsqueal.solve.transient.stepping import Attempt
 from drumsqueal.solve.transient.sticking import Spare
 
@@ -92,7 +92,9 @@ def fraction_to_release(attempt: Attempt, spare: Callable[[Array, Any], Spare], 
     nowhere = before._replace(time=jnp.full((), jnp.inf))
     found = jax.lax.while_loop(unfinished, look, _Search(before, nowhere, one, -one, attempt.start)).high.time
     fraction = jnp.where(found < attempt.end - timing, jnp.maximum(found - attempt.start, timing) / length, AT_THE_END)
-    return jnp.where(found < jnp.inf, jnp.minimum(fraction, AT_THE_END), 1.0)
+    # A step that is made again just short of where it ends would be stretched to that end once more.
+    fraction = jnp.where(fraction < JUST_SHORT, fraction, AT_THE_END)
+    return jnp.where(found < jnp.inf, fraction, 1.0)
 
 
 def _may_dip(low: _Look, high: _Look, timing: Array) -> Array:

@@ -1,0 +1,146 @@
+"""Models along a parameter, and the branches of their cycles that are followed from a Hopf point or from a cycle."""
+
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+
+import numpy as np
+
+from drumsqueal.errors import CycleError
+from drumsqueal.physics.model import Model
+from drumsqueal.questions.cycle.continuation import Ended, Track
+from drumsqueal.questions.cycle.diagram import Branch, End
+from drumsqueal.questions.cycle.orbit import Closed, Cycle, Shooting, Start, Vector, describe, scale_near
+from drumsqueal.questions.cycle.search import cycle_from
+from drumsqueal.questions.cycle.starts import modal_start, reach, released_start
+from drumsqueal.solve.linear.branches import Critical, point_at
+from drumsqueal.solve.transient.sticking import can_stick
+
+SMALL = 0.02  # amplitude of the first cycle near a Hopf point, over that at which the drum's speed is reached
+
+DOUBLED = 0.02  # of the scale: how far the first cycle of twice the period is from the one that it leaves
+
+OnBranch = Callable[[Branch], object]
+
+
+class Family:
+    """Models along a parameter within bounds, given with their derivative, and the branches of their cycles."""
+
+    def __init__(
+        self,
+        models: Callable[[float], tuple[Model, Model]],
+        bounds: tuple[float, float],
+        on_flow: Callable[[], object] = lambda: None,
+    ) -> None:
+        """Take the models; `on_flow` is called before each integration over a period."""
+        self._models, self._bounds, self.on_flow = models, bounds, on_flow
+        self.low, self.high = bounds
+
+    def model_at(self, value: float) -> Model:
+        """The model at a value."""
+        return self._models(value)[0]
+
+    def steady_at(self, value: float) -> Vector | None:
+        """Steady sliding (n,) at a value, None where there is none."""
+        point = point_at(self.model_at, value)
+        return None if point.reason else point.steady
+
+    def from_hopf(self, critical: Critical, on_branch: OnBranch) -> Branch:
+        """Follow the branch that begins with amplitude zero at a Hopf point. Raises CycleError where there is none."""
+        value, model = critical.value, self.model_at(critical.value)
+        point = point_at(self.model_at, value)
+        mode = min(point.modes, key=lambda mode: abs(mode.growth_rate))
+        amplitude = reach(model, mode)
+        start = modal_start(point.steady, mode, SMALL * amplitude)
+        shooting = self._shooting(value, modal_start(point.steady, mode, amplitude), point.steady)
+        guess = shooting.scaled(start.state, start.period, value)
+        rest = shooting.scaled(np.append(point.steady, 0 * point.steady), start.period, value)
+        closed = shooting.close(guess, guess - rest)
+        if closed is None:
+            raise CycleError("Newton's method finds no cycle next to it")
+        cycles, (end, detail) = self._follow(shooting, closed, guess - rest, End.HOPF, on_branch)
+        if not cycles:
+            raise CycleError(detail)
+        return Branch(start=End.HOPF, end=end, end_detail=detail, cycles=tuple(cycles))
+
+    def from_doubling(self, doubled: Cycle, on_branch: OnBranch) -> Branch:
+        """Follow the cycles of twice the period that begin at a period doubling.
+
+        They leave along the direction that changes its sign in a period. Raises CycleError where there are none.
+        """
+        steady = self.steady_at(doubled.value)
+        if steady is None:
+            raise CycleError("there is no steady sliding to measure it from")
+        period = 2 * doubled.period_s
+        shooting = self._shooting(doubled.value, Start(doubled.state, period, ""), steady)
+        multipliers, directions = np.linalg.eig(
+            shooting.flow(shooting.scaled(doubled.state, doubled.period_s, doubled.value)).transition
+        )
+        ahead = np.append(np.real(directions[:, np.argmin(np.abs(multipliers + 1))]), [0.0, 0.0])
+        closed = shooting.close(shooting.scaled(doubled.state, period, doubled.value) + DOUBLED * ahead, ahead)
+        if closed is None:
+            raise CycleError("Newton's method finds no cycle of twice the period next to it")
+        cycles, (end, detail) = self._follow(shooting, closed, ahead, End.DOUBLING, on_branch)
+        if not cycles:
+            raise CycleError(detail)
+        first = doubled.model_copy(update={"period_s": period, "multipliers": doubled.multipliers**2})
+        return Branch(start=End.DOUBLING, end=end, end_detail=detail, cycles=(first, *cycles))
+
+    def sticking_at(self, value: float) -> Cycle | None:
+        """The cycle to which a motion leads that begins at rest on the drum; None where that does not stick again.
+
+        Raises CycleError where it does and no cycle is found, or where it cannot be followed.
+        """
+        steady, model = self.steady_at(value), self.model_at(value)
+        if steady is None or not can_stick(model, at_rest=False):
+            return None
+        self.on_flow()
+        start = released_start(model, steady)
+        if start is None:
+            return None
+        return cycle_from(model, start, steady, self.on_flow).model_copy(update={"value": value})
+
+    def both_ways(self, cycle: Cycle, on_branch: OnBranch = lambda _: None) -> Branch:
+        """Follow the branch of a cycle at a value to either side. Raises CycleError where Newton's method loses it."""
+        steady = self.steady_at(cycle.value)
+        if steady is None:
+            raise CycleError("there is no steady sliding to measure it from")
+        shooting = self._shooting(cycle.value, Start(cycle.state, cycle.period_s, ""), steady)
+        closed = shooting.close(shooting.scaled(cycle.state, cycle.period_s, cycle.value))
+        if closed is None:
+            raise CycleError("Newton's method loses the cycle that it had found")
+        upwards = np.eye(closed.unknowns.size)[-1]
+        down, first = self._follow(shooting, closed, -upwards, End.CUT_OFF, on_branch)
+        if first.end is End.LOOP:
+            return Branch(start=End.LOOP, end=End.LOOP, cycles=tuple(down))
+        up, last = self._follow(shooting, closed, upwards, End.CUT_OFF, on_branch)
+        ends = {"start": first.end, "start_detail": first.detail, "end": last.end, "end_detail": last.detail}
+        return Branch(**ends, cycles=(*reversed(down), *up[1:]))
+
+    def between(self, value: float, a: Cycle, b: Cycle) -> Iterator[Cycle]:
+        """The cycles at a value that Newton's method finds from between two cycles of a branch and from each of them.
+
+        Those two may have been cut at different phases: what is between them is then no good start.
+        """
+        steady, fraction = self.steady_at(value), (value - a.value) / (b.value - a.value)
+        if steady is None:
+            return
+        middle = Start(
+            (1 - fraction) * a.state + fraction * b.state, (1 - fraction) * a.period_s + fraction * b.period_s, ""
+        )
+        for start in (middle, Start(a.state, a.period_s, ""), Start(b.state, b.period_s, "")):
+            shooting = self._shooting(value, start, steady)
+            closed = shooting.close(shooting.scaled(start.state, start.period, value))
+            if closed is not None:
+                with suppress(CycleError):
+                    yield describe(shooting, closed)
+
+    def _shooting(self, value: float, start: Start, steady: Vector) -> Shooting:
+        width = self._bounds[1] - self._bounds[0]
+        return Shooting(self._models, scale_near(self.model_at(value), start, steady, width), self.on_flow)
+
+    def _follow(
+        self, shooting: Shooting, closed: Closed, ahead: Vector, start: End, on_branch: OnBranch
+    ) -> tuple[list[Cycle], Ended]:
+        track = Track(shooting, self._bounds, self.steady_at, start, on_branch)
+        ended = track.follow(closed, ahead)
+        return track.cycles, ended

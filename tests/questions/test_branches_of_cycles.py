@@ -1,0 +1,173 @@
+"""Branches of cycles that double their period, jump, come to rest or are there already."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from drumsqueal.physics.laws.friction_law import ExponentialLaw, StepLaw
+from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
+from drumsqueal.questions.cycle.branches import with_branch
+from drumsqueal.questions.cycle.continuation import Track
+from drumsqueal.questions.cycle.diagram import Branch, Diagram, End
+from drumsqueal.questions.cycle.family import Family
+from drumsqueal.questions.cycle.orbit import Event, Shooting, Start, scale_near
+from drumsqueal.questions.cycle.words import diagram_verdict, end_words
+from drumsqueal.scene.variation import Variation
+from drumsqueal.solve.transient.flow import flow
+from drumsqueal.solve.transient.integrate import integrate
+
+pytestmark = pytest.mark.optimised
+RANGE = (0.045, 0.06)  # m/s, about a window in which the cycles of the block on two springs have doubled their period
+
+
+def with_derivative(model):
+    return jax.jit(lambda value: jax.jvp(model, (value,), (1.0,)))
+
+
+def two_springs(speed):
+    how = {"mass": [1.0, 1.0], "springs": [[2.0, 1.0], [1.0, 2 - 4 / 3]], "damping": [[0.05, 0.0], [0.0, 0.05]]}
+    return sprung_block_on_belt(StepLaw(0.7, 0.45), contact_stiffness=4 / 3, load=1.0, belt_speed=speed, **how)
+
+
+def coulomb(speed):
+    return block_on_belt(StepLaw(1.0, 0.5), belt_speed=speed)
+
+
+def after(cycle, duration):
+    """Where a transient from a cycle is after a time."""
+    how: Any = {"duration": duration, "sample_rate": 20 / duration, "tolerance": 1e-12, "solver": "dopri8"}
+    *_, chunk = integrate(cycle.model, np.zeros(2), cycle.state[:2], cycle.state[2:], **how)
+    return np.concatenate([chunk.displacement[-1], chunk.velocity[-1]])
+
+
+def diagram_of(*branches, family):
+    found = Diagram(steady_sliding_stable=(RANGE,), steady_sliding_unstable=(), branches=())
+    for branch in branches:
+        found = with_branch(found, branch, family)
+    return found
+
+
+@pytest.fixture(scope="module")
+def family():
+    return Family(with_derivative(two_springs), RANGE)
+
+
+@pytest.fixture(scope="module")
+def simple(family):
+    """The branch of the cycles that stick once, downwards, in steps as long as in a range twelve times as wide."""
+    cycle, steady = family.sticking_at(0.0595), family.steady_at(0.0595)
+    scale = scale_near(cycle.model, Start(cycle.state, cycle.period_s, ""), steady, 0.18)
+    shooting = Shooting(with_derivative(two_springs), scale)
+    closed = shooting.close(shooting.scaled(cycle.state, cycle.period_s, 0.0595))
+    assert closed is not None
+    track = Track(shooting, RANGE, family.steady_at, End.CUT_OFF, lambda _: None)
+    ended = track.follow(closed, -np.eye(closed.unknowns.size)[-1])
+    return Branch(start=End.CUT_OFF, end=ended.end, cycles=tuple(track.cycles))
+
+
+@pytest.fixture(scope="module")
+def doubled(family, simple):
+    return family.from_doubling(simple.special[0], lambda _: None)
+
+
+def test_no_window_of_instability_is_stepped_over(simple):
+    # An independent return map has the multiplier -1.0072 at 0.051 m/s, and -1 at about 0.0498 and 0.0517 m/s.
+    above, below = simple.special
+    assert (above.what, below.what) == (Event.DOUBLING, Event.DOUBLING)
+    assert (above.value, below.value) == (pytest.approx(0.0517, abs=1e-4), pytest.approx(0.0498, abs=1e-4))
+    assert [stable for _, stable in simple.pieces()] == [True, False, True]
+    for cycle in (above, below):
+        assert abs(cycle.multipliers[0] + 1) < 1e-4  # 1e-5 of a step of at most 0.15, in which it changes by 1 at most
+    middle = min(simple.cycles, key=lambda cycle: abs(cycle.value - 0.051))
+    assert middle.multipliers[0].real == pytest.approx(-1.0072, abs=1e-3)  # at 0.051, where it is largest
+
+
+def test_cycles_of_twice_the_period_are_followed_from_one_doubling_to_the_next(family, simple, doubled):
+    assert (doubled.start, doubled.end) == (End.DOUBLING, End.DOUBLING)
+    above, below = simple.special
+    ends = doubled.cycles[0].value, doubled.cycles[-1].value
+    # The value is a parabola of the way along the branch, of which the end is found to a hundredth of a step.
+    assert ends == (above.value, pytest.approx(below.value, abs=1e-5 * (RANGE[1] - RANGE[0])))
+    assert all(cycle.stable for cycle in doubled.cycles[1:-1])
+    # The transient of an independent code is released every 7.19 and 6.49 s in turn at 0.0505 m/s.
+    rising = sorted(doubled.cycles[1:-1], key=lambda cycle: cycle.value)
+    period = np.interp(0.0505, [cycle.value for cycle in rising], [cycle.period_s for cycle in rising])
+    assert period == pytest.approx(7.19 + 6.49, abs=0.01)
+    # And the package's own, which knows no tangents, is back after the whole of the period and not after half of it.
+    cycle = rising[len(rising) // 2]
+    half = np.concatenate([after(cycle, cycle.period_s / 2), after(cycle, cycle.period_s)]) - np.tile(cycle.state, 2)
+    assert np.max(np.abs(half[:4])) > 1e-3
+    assert np.max(np.abs(half[4:])) < 1e-7
+
+
+def test_where_doubled_cycles_are_not_followed_squeal_is_unknown_and_where_they_are_it_is_known(
+    family, simple, doubled
+):
+    above, below = simple.special
+    alone = diagram_of(simple, family=family)
+    assert alone.squeals_unknown == ((below.value, above.value),)
+    assert alone.doublings == (below.value, above.value)
+    speed = Variation("belt speed", "m/s", RANGE)
+    assert "unknown from 0.049804 to 0.051744 m/s" in diagram_verdict(alone, speed)
+    both = diagram_of(simple, doubled, family=family)
+    assert both.doublings == alone.doublings
+    assert both.folds == ()
+    assert (both.squeals_unknown, both.not_followed) == ((), ())
+    ((low, high),) = both.stable_cycles
+    assert (low, high) == (RANGE[0], pytest.approx(0.0595))
+    assert "period doubling at 0.049804, 0.051744 m/s" in diagram_verdict(both, speed)
+
+
+def test_what_begins_where_a_stable_piece_ends_is_unknown_as_far_as_the_branch_goes(simple):
+    at = simple.cycles.index(simple.special[0])
+    ends = Branch(start=End.CUT_OFF, end=End.BOUND, cycles=simple.cycles[: at + 2])
+    (unknown,) = ends.not_followed(*RANGE)
+    assert (unknown.low, unknown.high) == (simple.cycles[at + 1].value, simple.special[0].value)
+    # What is followed already is known; where an unstable piece ends otherwise nothing begins.
+    assert ends.not_followed(*RANGE, {simple.special[0].value}) == ()
+
+
+def test_where_a_motion_of_two_coordinates_jumps_it_is_not_known_what_to(simple):
+    jumps = Branch(start=End.BOUND, end=End.GRAZING, cycles=tuple(reversed(simple.cycles[:3])))
+    (unknown,) = jumps.not_followed(*RANGE)
+    assert (unknown.low, unknown.high) == (simple.cycles[0].value, RANGE[1])
+
+
+def test_a_branch_is_there_once(family, simple):
+    at = len(simple.cycles) // 2
+    halves = [
+        Branch(start=End.BOUND, end=End.LOST, end_detail="here", cycles=simple.cycles[: at + 1]),
+        Branch(start=End.LOST, end=End.BOUND, cycles=simple.cycles[at:]),
+    ]
+    pieces = diagram_of(*halves, family=family)
+    assert len(pieces.branches) == 2
+    assert any(each.reason == "here" for each in pieces.not_followed)
+    for found in (diagram_of(*halves, simple, family=family), diagram_of(simple, *halves, family=family)):
+        assert found.branches == (simple,)
+        assert not any(each.reason == "here" for each in found.not_followed)
+
+
+def test_cycles_of_a_belt_that_stops_end_there_and_at_no_hopf_point():
+    def falling_friction(speed):
+        return block_on_belt(ExponentialLaw(1.0, 0.5, 2.0), damping=0.1, belt_speed=speed)
+
+    slow = Family(with_derivative(falling_friction), (-0.1, 0.1))
+    cycle = slow.sticking_at(0.09)
+    assert cycle is not None
+    branch = slow.both_ways(cycle)
+    assert {branch.start, branch.end} == {End.STANDSTILL, End.BOUND}
+    assert "where the drum stands still" in " ".join(end_words(branch))
+
+
+@pytest.mark.parametrize("speed", [1e-2, 1e-4])
+def test_a_slow_belt_takes_no_more_steps(speed):
+    # It sticks for 1/V, and slips round all of a circle but the arc on which it would be as fast as the belt.
+    exact = 1 / speed + 2 * np.pi - 2 * np.arctan(0.5 / speed)
+    cycle = Family(with_derivative(coulomb), (speed / 2, speed)).sticking_at(speed)
+    assert cycle is not None
+    assert cycle.period_s == pytest.approx(exact, rel=1e-9)
+    size = jnp.array([1.0, 1.0])
+    assert flow(cycle.model, size, cycle.state, cycle.period_s, 1e-10).steps < 150  # 93 at 0.01 m/s, 78 at 0.0001
