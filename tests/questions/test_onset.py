@@ -22,10 +22,10 @@ from drumsqueal.findings.parameter import Parameter
 from drumsqueal.findings.saturated import Saturated, saturated_motions
 from drumsqueal.findings.schema import read_findings
 from drumsqueal.physics.effects.damping import Damping
-from drumsqueal.physics.laws.friction_law import ConstantLaw, ExponentialLaw
+from drumsqueal.physics.laws.friction_law import ConstantLaw, ExponentialLaw, StepLaw
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
-from drumsqueal.questions.cycle.diagram import Branch, CycleBranches, End, Span, steady_sliding
+from drumsqueal.questions.cycle.diagram import Branch, CycleBranches, Diagram, End, Span, steady_sliding
 from drumsqueal.questions.cycle.orbit import Cycle, Event
 from drumsqueal.questions.cycle.words import diagram_verdict
 from drumsqueal.questions.onset import attractors
@@ -324,9 +324,24 @@ def test_a_faint_limit_cycle_is_told_from_a_faint_decay_at_its_fold(over_fold, k
     assert found.leads_to == kind
 
 
+def supercritical(belt_speed: float):
+    """x″ + x − 0.4 x′³ + 0.9 x′⁵ = 1 on a belt of 1 m/s: averaged, a cycle of A² = 0.3/(0.9·5/8), A = 0.73 m."""
+    return block_on_belt(lambda s: 1.0 + 0.4 * (1 - s) ** 3 - 0.9 * (1 - s) ** 5, belt_speed=belt_speed)
+
+
 def free(belt_speed: float):
     """A block that nothing feeds or brakes, at 1 rad/s."""
     return block_on_belt(ConstantLaw(0.0), belt_speed=belt_speed)
+
+
+def undamped(belt_speed: float):
+    """A block whose friction is 0.5 while it slips, and up to 1 while it sticks."""
+    return block_on_belt(StepLaw(1.0, 0.5), belt_speed=belt_speed)
+
+
+def rubbing(belt_speed: float):
+    """The same without more friction while it sticks: beyond slip reversal that only takes energy."""
+    return block_on_belt(ConstantLaw(0.5), belt_speed=belt_speed)
 
 
 @pytest.mark.parametrize(
@@ -336,6 +351,11 @@ def free(belt_speed: float):
         (free, 1.0, 0.5, Leads.NEUTRAL),
         (free, 1.0, 3.0, Leads.NEUTRAL),  # beyond slip reversal; made smaller, it stays so
         (falling_friction, HOPF, 3.0, Leads.SQUEALS),  # made smaller, it comes back to stick and slip
+        (undamped, 1.0, 0.98, Leads.NEUTRAL),  # slides for ever
+        (undamped, 1.0, 1.02, Leads.SQUEALS),  # sticks; made smaller, that may slide for ever
+        (undamped, 0.2, 3.0, Leads.SQUEALS),
+        (rubbing, 1.0, 3.0, Leads.NEUTRAL),  # falls until it just does not stick any more
+        (supercritical, 1.0, 0.2, Leads.SQUEALS),  # within slip reversal, and comes back
     ],
 )
 def test_where_no_mode_grows_or_decays_motion_is_neutral_unless_it_comes_back(model_at, speed, size, kind):
@@ -345,6 +365,10 @@ def test_where_no_mode_grows_or_decays_motion_is_neutral_unless_it_comes_back(mo
     assert found.leads_to == kind
     assert found.lasts == (found.motion is not None) == (kind == Leads.SQUEALS)
     assert found.saturated.at_rest == (found.saturated.frequency_Hz is None) == (kind == Leads.DECAYS)
+    if model_at is undamped and kind is Leads.SQUEALS:
+        # Friction gives way at 0.5 m from steady sliding, and the block slips off as fast as the belt: 29 s in the
+        # crests of which a sample may miss 0.1 %.
+        assert found.motion.amplitude["X"] == pytest.approx(math.hypot(0.5, speed), rel=2e-3)
 
 
 def test_a_shoe_that_nothing_holds_runs_away_and_does_not_squeal():
@@ -392,6 +416,23 @@ def test_a_range_of_neutral_motion_is_no_squeal(nominal):
     study = compare(Prediction(nominal, variation, family, free, linear, how), 0.5)
     assert [each.kind for each in study.ranges] == ["neutral"]
     assert "predict no squeal; motion neither grows nor decays: its amplitude is that" in verdict(study)
+
+
+def test_where_sliding_is_neutral_a_large_disturbance_may_lead_to_squeal(nominal):
+    # Undamped: what stays below the belt's speed slides for ever, all else sticks and slips.
+    linear = follow_modes(undamped, [1.0, 2.0])
+    family, how = Family(undamped, ("X",), ("X",)), How(10.0, 1e-6, 60.0)
+    variation = Variation("drum.speed", "m/s", (1.0, 2.0))
+    study = compare(Prediction(nominal, variation, family, undamped, linear, how), 0.5, smallest_kick=True)
+    assert [each.kind for each in study.ranges] == ["bistable"]
+    assert "steady sliding is neutral all along (small motion neither grows nor decays), but a large" in verdict(study)
+    for row in study.values:
+        assert row.small.leads_to == Leads.NEUTRAL
+        assert abs(row.smallest_kick.speed_m_per_s - row.value) < row.smallest_kick.speed_uncertainty_m_per_s
+    # The branches of cycles say the same of small motion.
+    none = Diagram(steady_sliding_stable=((1.0, 2.0),), steady_sliding_unstable=(), branches=(), linear=linear)
+    along = none.model_copy(update={"branches": (made_up_cycles([1.0, 1.5, 2.0]),)})
+    assert diagram_verdict(along, variation).startswith("Steady sliding is neutral throughout")
 
 
 def grazing_speed() -> float:

@@ -37,8 +37,9 @@ class Saturated(NamedTuple):
     the rms velocity, weighted by mass, from the first half of the part to the second. `vibration` and `velocity` (n,)
     are where it ended: another transient can go on from there. `at_rest` marks one whose motion is below what is
     resolved (`least_energy`): its numbers are round-off. `fluctuation` is by how much the rms of a coordinate comes and
-    goes: its standard deviation over `PARTS` parts that overlap by half, of its mean, at most. One that failed has NaN
-    for all numbers, and says why in `outcome`.
+    goes: its standard deviation over `PARTS` parts that overlap by half, of its mean, at most. `sticking` is the
+    fraction of the time during which the contact sticks. One that failed has NaN for all numbers, and says why in
+    `outcome`.
     """
 
     amplitude: NDArray[np.float64]
@@ -54,6 +55,7 @@ class Saturated(NamedTuple):
     outcome: str
     at_rest: bool = False
     fluctuation: float = 0.0
+    sticking: float = 0.0
 
     @property
     def failed(self) -> bool:
@@ -113,7 +115,7 @@ def saturated_motions(
             for chunk in stream:
                 progress(WHAT, float(chunk.time[-1]), duration)
                 for k, part in enumerate(parts):
-                    part.add(chunk.vibration[k], chunk.velocity[k])
+                    part.add(chunk.vibration[k], chunk.velocity[k], chunk.sticks[k])
                     if not chunk.reached[k] and part.outcome == COMPLETE:
                         begin, end = float(chunk.time[0]), float(chunk.time[-1])
                         why = f"failed: the integration stopped between t = {begin:.6g} s and {end:.6g} s"
@@ -129,13 +131,13 @@ class _Part:
     start: int
     samples: int = 0
     outcome: Outcome = COMPLETE
-    kept: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = field(default_factory=list)
+    kept: list[tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]] = field(default_factory=list)
 
-    def add(self, vibration: NDArray[np.float64], velocity: NDArray[np.float64]) -> None:
-        """A chunk of samples (k, n)."""
+    def add(self, vibration: NDArray[np.float64], velocity: NDArray[np.float64], sticks: NDArray[np.bool_]) -> None:
+        """A chunk of samples (k, n), and which of them stick (k,)."""
         fresh = slice(max(self.start - self.samples, 0), None)
         if len(vibration[fresh]):
-            self.kept.append((vibration[fresh], velocity[fresh]))
+            self.kept.append((vibration[fresh], velocity[fresh], sticks[fresh]))
         self.samples += len(vibration)
 
 
@@ -144,7 +146,7 @@ def _looked_at(part: _Part, model: Model, sample_rate: float) -> Saturated:
     if part.outcome != COMPLETE:
         lost = np.full(n, np.nan)
         return Saturated(lost, lost, (np.nan, np.nan), None, None, np.nan, np.nan, 0.0, lost, lost, part.outcome)
-    vibration, velocity = (np.concatenate(pieces) for pieces in zip(*part.kept, strict=True))
+    vibration, velocity, sticks = (np.concatenate(pieces) for pieces in zip(*part.kept, strict=True))
     seconds, half = (len(vibration) - 1) / sample_rate, len(vibration) // 2
     mass = np.asarray(model.mass)
     # Sharp ends would hold more or less of a period: 1e-3 of the energy, and weak damping takes less in that time.
@@ -169,6 +171,7 @@ def _looked_at(part: _Part, model: Model, sample_rate: float) -> Saturated:
         outcome=part.outcome,
         at_rest=at_rest,
         fluctuation=0.0 if at_rest else _fluctuation(velocity, mass),
+        sticking=float(np.mean(sticks)),
     )
 
 

@@ -84,7 +84,7 @@ def diagram_verdict(diagram: Diagram, along: Variation) -> str:
     if not diagram.branches:
         return f"No cycle was found, {UNPROVEN}.{off}{_unknown(diagram, along)}"
     unstable, cycles, both = diagram.steady_sliding_unstable, diagram.stable_cycles, diagram.squeals_only_when_kicked
-    sliding = f"is unstable for {along.key} {_ranges(unstable, along)}" if unstable else "is stable throughout"
+    sliding = f"is unstable for {along.key} {_ranges(unstable, along)}" if unstable else _without_growth(diagram)
     lives = f"stable cycles exist {_ranges(cycles, along)}" if cycles else "no cycle that was found is stable"
     special = ((diagram.folds, "folds"), (diagram.grazings, "grazing"))
     named = "; ".join(_values(values, what, along) for values, what in special if values)
@@ -96,6 +96,14 @@ def diagram_verdict(diagram: Diagram, along: Variation) -> str:
     return (
         f"Steady sliding {sliding}; {lives}{f' ({named})' if named else ''}; {bistable}.{off}{_unknown(diagram, along)}"
     )
+
+
+def _without_growth(diagram: Diagram) -> str:
+    """How steady sliding is where it is unstable nowhere."""
+    sound = [point for point in diagram.linear.points if not point.reason] if diagram.linear is not None else []
+    if sound and all(point.neutral for point in sound):
+        return "is neutral throughout, for small motion neither grows nor decays"
+    return "is stable throughout"
 
 
 def off_branch_words(diagram: Diagram, along: Variation) -> str:

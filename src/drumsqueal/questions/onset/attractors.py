@@ -37,6 +37,9 @@ SCATTER = 2.0  # standard errors of a trend: an irregular motion whose energy fa
 # was seen to change the rms velocity of an undamped block by a quarter of the tolerance.
 RESOLVED = 10.0
 STEADY = 0.02  # change of the rms from half to half below which a motion may be one that is known already
+# Of the time: what sticks for longer, time and again, owes its energy to friction. Friction that does not fall only takes
+# energy while it sticks: its motions come to stick for an instant, seen as up to 3e-4 of the time.
+STICKS = 0.01
 PROBE = 0.7  # a motion made so much smaller comes back where it is an attractor, and stays where it is one of many
 
 
@@ -180,8 +183,8 @@ def find_attractors(
     small perturbation does. One that comes and goes beyond the boundaries has settled when its mean energy over ten
     rounds is that over the ten before, to a fifth, and falls no more than it scatters. After `MOST_ROUNDS` rounds one
     beyond them counts as squeal, too, but for one that falls, which is undecided. Where no mode decays or grows by more
-    than is resolved, motion below the boundaries that has settled is neutral, and so is one beyond them that stays
-    smaller when it has been made smaller. A shoe that has turned by more than `SMALL_ROTATION` has run away: it may do
+    than is resolved, motion that has settled squeals where it sticks, or comes back when it has been made smaller; it
+    is neutral where it stays smaller, or is within a tenth of the boundaries. A shoe that has turned by more than `SMALL_ROTATION` has run away: it may do
     so without coming near a boundary. A steady motion that is the same as one of those `known` at its value, or found
     there, has settled after its first round on it.
     `progress` is called after each chunk.
@@ -214,7 +217,10 @@ def find_attractors(
             of = partial(Response.of, job.point.value, job.start.name)
             response = of(kind or Leads.SQUEALS, motion, seconds, family.moving, **named)
             is_known = response.motion is not None and any(response.motion.same(each) for each in there)
-            if kind is None and not (is_known and max(abs(motion.drift), motion.fluctuation) < STEADY):
+            steady = max(abs(motion.drift), motion.fluctuation) < STEADY and not _may_be_neutral(
+                job, motion, family, how
+            )
+            if kind is None and not (is_known and steady):
                 left.append(job)
                 continue
             if response.motion is not None and not is_known:
@@ -231,12 +237,8 @@ def _judge(job: _Job, motion: Saturated, family: Family, how: How, rounds: int) 
         return Leads.RUNS_AWAY
     job.note(motion)
     fraction = max(motion.boundary_ratios)
-    rates = [mode.growth_rate for mode in family.modes(job.point)]
-    if job.point.divergence is not None:
-        rates.append(job.point.divergence)
-    linear, seconds = max(rates, default=0.0), how.round_seconds
-    noise, resolved = UNDAMPED_FRACTION * job.point.largest, RESOLVED * how.tolerance
-    stable, neutral = linear <= noise, bool(rates) and -max(noise, resolved / seconds) <= linear <= noise
+    linear, stable, neutral = _linear(job.point, family, how)
+    seconds, resolved = how.round_seconds, RESOLVED * how.tolerance
     if stable and (fraction == 0 or motion.at_rest):
         return Leads.DECAYS
     if stable and not neutral:
@@ -249,9 +251,9 @@ def _judge(job: _Job, motion: Saturated, family: Family, how: How, rounds: int) 
     still = np.inf if neutral else STILL * abs(linear) * seconds
     falls = min(still, resolved) if stable else np.inf
     if _settled(job, motion, rounds, still, falls):
-        if not neutral:
+        if not _may_be_neutral(job, motion, family, how):
             return Leads.SQUEALS
-        if fraction < BEYOND:
+        if fraction < SMALL:
             return Leads.NEUTRAL
         if job.probed is not None:
             return Leads.NEUTRAL if motion.kinetic_energy < PROBE * job.probed else Leads.SQUEALS
@@ -261,6 +263,21 @@ def _judge(job: _Job, motion: Saturated, family: Family, how: How, rounds: int) 
     if fraction < BEYOND:
         return Leads.UNDECIDED if stable else Leads.GROWS
     return Leads.UNDECIDED if job.falls(falls) else Leads.SQUEALS
+
+
+def _linear(point: Point, family: Family, how: How) -> tuple[float, bool, bool]:
+    """The largest growth rate (1/s), whether nothing grows, and whether something neither grows nor decays."""
+    rates = [mode.growth_rate for mode in family.modes(point)]
+    if point.divergence is not None:
+        rates.append(point.divergence)
+    linear, noise = max(rates, default=0.0), UNDAMPED_FRACTION * point.largest
+    resolved = RESOLVED * how.tolerance / how.round_seconds
+    return linear, linear <= noise, bool(rates) and -max(noise, resolved) <= linear <= noise
+
+
+def _may_be_neutral(job: _Job, motion: Saturated, family: Family, how: How) -> bool:
+    """Whether a motion that lasts may be one of any size: by the linear model, and as it does not stick."""
+    return _linear(job.point, family, how)[2] and motion.sticking <= STICKS
 
 
 def _settled(job: _Job, motion: Saturated, rounds: int, still: float, falls: float) -> bool:

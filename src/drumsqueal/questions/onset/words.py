@@ -12,6 +12,8 @@ from drumsqueal.solve.linear.branches import DIVERGENCE, Critical
 
 EXACT = 1e-6  # relative uncertainty that is not worth stating
 
+NEUTRAL = "small motion neither grows nor decays"
+
 
 def verdict(study: Onset) -> str:
     """State where the eigenvalues predict squeal, where only a large disturbance leads to it, and its frequency."""
@@ -56,7 +58,10 @@ def _bistable(study: Onset) -> str:
     if not bistable:
         return _quiet(study)
     places = _joined([_place(study, each) for each in bistable])
-    text = f"steady sliding is stable {places}, but a large disturbance leads to squeal there (bistable)"
+    smalls = [row.small for row in study.values if row.asked and row.kind is Kind.BISTABLE]
+    neutral = all(small is not None and small.leads_to is Leads.NEUTRAL for small in smalls)
+    still = f"neutral {places} ({NEUTRAL})" if smalls and neutral else f"stable {places}"
+    text = f"steady sliding is {still}, but a large disturbance leads to squeal there (bistable)"
     motions = [motion for row in study.values if row.kind is Kind.BISTABLE for motion in row.motions]
     lines = [each.frequency_Hz for each in motions if each.frequency_Hz is not None]
     if not lines:
