@@ -574,6 +574,37 @@ def test_a_family_without_an_onset_is_refused(model_at, values, rate, why):
         study_onset(model_at, Variation("belt speed", "m/s", values), sample_rate=rate)
 
 
+def test_instability_between_the_values_is_studied_there(monkeypatch):
+    # μ falls only about 1 m/s, where damping of 0.1 N s/m takes less than it gives: roots of μ'(V) = −0.1.
+    def island(s):
+        return 0.4 + 0.02 * s + 0.05 * jnp.exp(-(((s - 1.0) / 0.05) ** 2))
+
+    def slope(s: float) -> float:
+        return 0.12 - 40 * (s - 1) * 0.05 * math.exp(-(((s - 1) / 0.05) ** 2)) / 0.05
+
+    low, high = brentq(slope, 1.0, 1.03), brentq(slope, 1.06, 1.2)
+    monkeypatch.setattr(study_module, "find_attractors", made_up([], fold=1.1707, reach=9.0))
+    along = Variation("belt speed", "m/s", (0.2, 0.6, 1.4, 1.8))
+    study = study_onset(lambda v: block_on_belt(island, damping=0.1, belt_speed=v), along, sample_rate=10.0)
+    stable, squeals, bistable, again = study.ranges
+    assert [each.kind for each in study.ranges] == [Kind.BISTABLE, Kind.SQUEALS, Kind.BISTABLE, Kind.STABLE]
+    assert (squeals.first, squeals.last) == pytest.approx((low, high), rel=1e-9)
+    assert abs(bistable.last - 1.1707) <= bistable.last_uncertainty == pytest.approx(1.6e-3)
+    assert (stable.first, again.last) == (0.2, 1.8)
+    assert [row.value for row in study.values if row.asked] == [0.2, 0.6, 1.4, 1.8]
+
+
+def test_instability_on_both_sides_of_a_belt_at_rest_is_seen(monkeypatch):
+    monkeypatch.setattr(study_module, "find_attractors", made_up([], fold=9.0, reach=0.0))
+    study = study_onset(falling_friction, Variation("belt speed", "m/s", (-1.5, 0.0, 1.5)), sample_rate=10.0)
+    kinds = [Kind.STABLE, Kind.SQUEALS, Kind.NOWHERE, Kind.SQUEALS, Kind.STABLE]
+    assert [each.kind for each in study.ranges] == kinds
+    assert [study.ranges[1].first, study.ranges[3].last] == pytest.approx([-HOPF, HOPF], rel=1e-9)
+    rest = study.ranges[2]
+    assert (rest.first, rest.last) == pytest.approx((-3 / 59 / 4, 3 / 59 / 4))  # halfway to the nearest value looked at
+    assert "no range called stable has been proved stable" in reservations(study)[-1]
+
+
 def test_no_hysteresis_leaves_the_critical_value_alone(nominal, monkeypatch):
     monkeypatch.setattr(study_module, "find_attractors", made_up([], fold=HOPF, reach=9.0))
     study = compare(predicted(nominal, [1.0, 1.1, 1.2, 1.3]), 1e-3)

@@ -37,8 +37,8 @@ SCATTER = 2.0  # standard errors of a trend: an irregular motion whose energy fa
 # was seen to change the rms velocity of an undamped block by a quarter of the tolerance.
 RESOLVED = 10.0
 STEADY = 0.02  # change of the rms from half to half below which a motion may be one that is known already
-# Of the time: what sticks for longer, time and again, owes its energy to friction. Friction that does not fall only takes
-# energy while it sticks: its motions come to stick for an instant, seen as up to 3e-4 of the time.
+# Of the time: what sticks for longer, time and again, owes its energy to friction. Friction that does not fall only
+# takes energy while it sticks: its motions come to stick for an instant, seen as up to 3e-4 of the time.
 STICKS = 0.01
 PROBE = 0.7  # a motion made so much smaller comes back where it is an attractor, and stays where it is one of many
 
@@ -184,9 +184,9 @@ def find_attractors(
     rounds is that over the ten before, to a fifth, and falls no more than it scatters. After `MOST_ROUNDS` rounds one
     beyond them counts as squeal, too, but for one that falls, which is undecided. Where no mode decays or grows by more
     than is resolved, motion that has settled squeals where it sticks, or comes back when it has been made smaller; it
-    is neutral where it stays smaller, or is within a tenth of the boundaries. A shoe that has turned by more than `SMALL_ROTATION` has run away: it may do
-    so without coming near a boundary. A steady motion that is the same as one of those `known` at its value, or found
-    there, has settled after its first round on it.
+    is neutral where it stays smaller, or is within a tenth of the boundaries. A shoe that has turned by more than
+    `SMALL_ROTATION` has run away: it may do so without coming near a boundary. A steady motion that is the same as one
+    of those `known` at its value, or found there, has settled after its first round on it.
     `progress` is called after each chunk.
     """
     settled = {value: list(motions) for value, motions in (known or {}).items()}

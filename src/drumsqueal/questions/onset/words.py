@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from drumsqueal.findings.verdict import SMALL_ROTATION
 from drumsqueal.findings.vibration import unit_of
 from drumsqueal.questions.cycle.words import shown_Hz
-from drumsqueal.questions.onset.found import Attractor, Kind, Leads, Onset, Range
+from drumsqueal.questions.onset.found import QUIET, Attractor, Kind, Leads, Onset, Range
 from drumsqueal.scene.variation import Variation
 from drumsqueal.solve.linear.branches import DIVERGENCE, Critical
 
@@ -205,8 +205,8 @@ def reservations(study: Onset) -> tuple[str, ...]:
     if study.smallest_kick_sought and not_started:
         squeal = "squeal that a neighbouring value's motion leads to"
         found.append(f"No disturbance along a mode that was tried starts the {squeal}: {_values(study, not_started)}.")
-    if bistable:
-        other = "Disturbances that were not tried may lead to squeal elsewhere, too"
+    if bistable or any(each.kind in QUIET for each in study.ranges):
+        other = f"Disturbances that were not tried may lead to squeal{' elsewhere, too' * bool(bistable)}"
         found.append(f"{other}: no range called stable has been proved stable.")
     return tuple(found)
 
