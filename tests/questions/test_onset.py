@@ -536,7 +536,7 @@ def test_a_motion_that_only_lasts_larger_is_tried_larger(nominal, monkeypatch):
         for each in lasting(family, tasks, how, rounds=rounds):
             yield (
                 each
-                if each.value < HOPF or each.start.startswith("1.5 times")
+                if each.value < HOPF or "1.5 times" in each.start
                 else each.model_copy(update={"leads_to": Leads.DECAYS, "motion": None})
             )
 

@@ -30,16 +30,20 @@ PERSISTENT, LASTING = 3, 10  # rounds a motion must last to count as settled, on
 # A motion that fluctuates by so much, and so many times more than a round before, is leaving what it was near: a cycle
 # fluctuates by 1e-5, and one was seen to grow from 1.1e-4 by 2.2 times a round for six rounds before it left.
 LEAVES, FASTER = 1e-4, 1.2
-IRREGULAR = 20  # rounds over which one whose rms comes and goes must go on as it was
+# A motion that fluctuates by less has an amplitude: one that fluctuated by 0.1 kept its energy within 1 % for three
+# rounds and lost it within ten. What fluctuates by more must go on as it was for so many rounds.
+CONSTANT, IRREGULAR = 1e-3, 20
 STILL = 0.1  # of the linear rate: a motion below the contact boundaries that changes so slowly has settled
 SCATTER = 2.0  # standard errors of a trend: an irregular motion whose energy falls by less may not fall at all
 # Of the tolerance, a round: a motion that falls by less keeps its energy as well as is known. The integrator itself
 # was seen to change the rms velocity of an undamped block by a quarter of the tolerance.
 RESOLVED = 10.0
+REMAINS = 0.02  # of the rms, by which a motion that has settled may still grow
 STEADY = 0.02  # change of the rms from half to half below which a motion may be one that is known already
 # Of the time: what sticks for longer, time and again, owes its energy to friction. Friction that does not fall only
 # takes energy while it sticks: its motions come to stick for an instant, seen as up to 3e-4 of the time.
 STICKS = 0.01
+CLOSE = 1e-3  # to the rms of one that is known, so that it need not come nearer
 PROBE = 0.7  # a motion made so much smaller comes back where it is an attractor, and stays where it is one of many
 
 
@@ -139,13 +143,31 @@ class _Job:
             return np.nan
         return float(np.log(last[-1] / last[0])) / 2 / (len(last) - 1)
 
-    def falls(self, least: float) -> bool:
-        """Whether the same of many rounds falls by more than `least` a round, and by more than it scatters."""
-        last = self.history[-IRREGULAR:]
-        if len(last) < IRREGULAR or min(last) <= 0:
+    def remains(self, resolved: float) -> float:
+        """By how much the logarithm still grows if each change is to the one before as the last is; infinite before."""
+        last = np.log(self.energies[-3:]) / 2
+        *before, change = np.diff(last)
+        if change <= resolved:
+            return 0.0
+        return float(change**2 / (before[0] - change)) if before and change < before[0] else np.inf
+
+    def goes_on(self, rounds: int, least: float) -> bool:
+        """Whether it is an irregular motion that is in the later half of so many rounds as it was in the earlier one.
+
+        The mean energies are alike, it falls by no more than `least` a round or than it scatters, and does not spread.
+        """
+        last = self.history[-rounds:]
+        if len(last) < rounds or min(last) <= 0:
             return False
-        (slope, _), covariance = np.polyfit(np.arange(IRREGULAR), np.log(last) / 2, 1, cov=True)
-        return bool(slope < -max(least, SCATTER * np.sqrt(covariance[0, 0])))
+        earlier, later = np.mean(last[: rounds // 2]), np.mean(last[rounds // 2 :])
+        return bool(abs(np.log(later / earlier)) / 2 < DRIFT) and not self.leaves(rounds, least)
+
+    def leaves(self, rounds: int, least: float) -> bool:
+        """Whether over so many rounds its energy falls, or its fluctuation rises, by more than they scatter."""
+        energies, fluctuations = self.history[-rounds:], self.fluctuations[-rounds:]
+        falls = len(energies) == rounds and min(energies) > 0 and -_trend(energies) / 2 > least
+        spreads = len(energies) == rounds and min(fluctuations) > CONSTANT and _trend(fluctuations) > 0
+        return falls or spreads
 
     def probe(self, energy: float) -> None:
         """Go on from less than what has settled."""
@@ -153,6 +175,12 @@ class _Job:
         self.vibration, self.velocity = PROBE * self.vibration, PROBE * self.velocity
         self.energies.clear()
         self.history.clear()
+
+
+def _trend(values: Sequence[float]) -> float:
+    """Change a round of the logarithm; zero where that is no more than it scatters."""
+    (slope, _), covariance = np.polyfit(np.arange(len(values)), np.log(values), 1, cov=True)
+    return float(slope) if abs(slope) > SCATTER * np.sqrt(covariance[0, 0]) else 0.0
 
 
 def round_seconds(points: Iterable[Point], moving: tuple[str, ...]) -> float:
@@ -216,14 +244,11 @@ def find_attractors(
             named = {"kick": job.start.kick, "from_value": job.start.from_value}
             of = partial(Response.of, job.point.value, job.start.name)
             response = of(kind or Leads.SQUEALS, motion, seconds, family.moving, **named)
-            is_known = response.motion is not None and any(response.motion.same(each) for each in there)
-            steady = max(abs(motion.drift), motion.fluctuation) < STEADY and not _may_be_neutral(
-                job, motion, family, how
-            )
-            if kind is None and not (is_known and steady):
+            may_stay = _may_be_neutral(job, motion, family, how)
+            if kind is None and (may_stay or not _comes_to(motion, response, there)):
                 left.append(job)
                 continue
-            if response.motion is not None and not is_known:
+            if response.motion is not None and not any(response.motion.same(each) for each in there):
                 there.append(response.motion)
             yield response
         pending = left + pending
@@ -249,8 +274,7 @@ def _judge(job: _Job, motion: Saturated, family: Family, how: How, rounds: int) 
     if not stable and fraction < SMALL and job.start.name != SMALL_START:
         return Leads.GROWS
     still = np.inf if neutral else STILL * abs(linear) * seconds
-    falls = min(still, resolved) if stable else np.inf
-    if _settled(job, motion, rounds, still, falls):
+    if _settled(job, motion, rounds, still, resolved):
         if not _may_be_neutral(job, motion, family, how):
             return Leads.SQUEALS
         if fraction < SMALL:
@@ -262,7 +286,7 @@ def _judge(job: _Job, motion: Saturated, family: Family, how: How, rounds: int) 
         return None
     if fraction < BEYOND:
         return Leads.UNDECIDED if stable else Leads.GROWS
-    return Leads.UNDECIDED if job.falls(falls) else Leads.SQUEALS
+    return Leads.UNDECIDED if job.leaves(2 * IRREGULAR, min(still, resolved)) else Leads.SQUEALS
 
 
 def _linear(point: Point, family: Family, how: How) -> tuple[float, bool, bool]:
@@ -280,20 +304,32 @@ def _may_be_neutral(job: _Job, motion: Saturated, family: Family, how: How) -> b
     return _linear(job.point, family, how)[2] and motion.sticking <= STICKS
 
 
-def _settled(job: _Job, motion: Saturated, rounds: int, still: float, falls: float) -> bool:
+def _settled(job: _Job, motion: Saturated, rounds: int, still: float, resolved: float) -> bool:
     """Whether it has, by the change of the logarithm of its rms velocity in a round.
 
     A limit cycle keeps its energy over a period: beyond the contact boundaries it is none where it falls by more than
-    `falls`, below them where it changes by more than `still`.
+    is `resolved`, below them where it changes by more than `still`.
     """
-    beyond = max(motion.boundary_ratios) >= BEYOND
-    change = job.change(rounds)
+    beyond, change, falls = max(motion.boundary_ratios) >= BEYOND, job.change(rounds), min(still, resolved)
     departs = LEAVES < motion.fluctuation > FASTER * job.fluctuations[-2] if len(job.fluctuations) > 1 else False
-    slow = change > -falls if beyond else abs(change) < still
-    if abs(np.expm1(change * (rounds - 1))) < DRIFT and slow and not departs:
+    if not abs(np.expm1(change * (rounds - 1))) < DRIFT:
+        slow = False
+    elif beyond:
+        slow = motion.fluctuation < CONSTANT and change > -falls and job.remains(falls) < REMAINS
+    else:
+        slow = abs(change) < still
+    if slow and not departs:
         return not motion.at_rest
-    if not beyond or len(job.history) < IRREGULAR:
-        return False
-    # An irregular motion goes on as it was where the mean energies over both halves of many rounds are alike.
-    earlier, later = job.history[-IRREGULAR : -IRREGULAR // 2], job.history[-IRREGULAR // 2 :]
-    return bool(abs(np.log(np.mean(later) / np.mean(earlier))) / 2 < DRIFT) and not job.falls(falls)
+    return beyond and job.goes_on(2 * IRREGULAR if rounds >= LASTING else IRREGULAR, falls)
+
+
+def _comes_to(motion: Saturated, response: Response, known: Sequence[Motion]) -> bool:
+    """Whether a motion is a steady one that is known, no less steady than that, and comes no farther from it."""
+    for each in known:
+        if response.motion is None or not response.motion.same(each):
+            continue
+        ahead = np.log(each.kinetic_energy_J / motion.kinetic_energy) / 2
+        nearer = ahead * motion.drift > 0 or abs(ahead) < max(CLOSE, each.fluctuation)
+        if nearer and max(abs(motion.drift), motion.fluctuation) < max(STEADY, FASTER * each.fluctuation):
+            return True
+    return False

@@ -30,6 +30,7 @@ from drumsqueal.questions.onset.found import (
     QUIET,
     FollowedMode,
     Kind,
+    Motion,
     Onset,
     OnsetStudy,
     Response,
@@ -314,10 +315,16 @@ class _Search:
         for a, b in list(pairwise(self.rows)):
             if Kind.SQUEALS in (a.kind, b.kind) and (a.kind in QUIET or b.kind in QUIET):
                 self._look_next_to_critical(a, b, precision)
-        for a, b in list(pairwise(self.rows)):
-            if Kind.BISTABLE not in (a.kind, b.kind) or (a.kind not in QUIET and b.kind not in QUIET):
-                continue
-            self._close_in(*((a, b) if a.kind is Kind.BISTABLE else (b, a)), precision)
+        while ends := self._ends():
+            if not self._run_on("ends of a bistable range", [(a, motion) for a, _ in ends for motion in a.motions]):
+                break
+        for a, b in ends:
+            self._close_in(a, b, precision)
+
+    def _ends(self) -> list[tuple[Row, Row]]:
+        """Neighbours of which the first is bistable and the other is not, and slides steadily without squeal."""
+        pairs = [pair for a, b in pairwise(self.rows) for pair in ((a, b), (b, a))]
+        return [(a, b) for a, b in pairs if a.kind is Kind.BISTABLE and b.kind in QUIET]
 
     def smallest_disturbances(self) -> bool:
         """How large a disturbance must be for each motion, at each bistable value that was asked for.
@@ -343,8 +350,8 @@ class _Search:
             self._try([float(value)], squeals)
 
     def _close_in(self, a: Row, b: Row, precision: float) -> None:
-        """Narrow down where between a bistable row `a` and a quiet one `b` squeal ends."""
-        while abs(b.value - a.value) > precision and a.strongest is not None:
+        """Narrow down where between a bistable row `a` and a quiet one `b` squeal ends, as far as that can be seen."""
+        while abs(b.value - a.value) > precision and a.strongest is not None and b.kind is not Kind.UNDECIDED:
             fractions = np.arange(1, SECTIONS + 1) / (SECTIONS + 1)
             values = [float(a.value + fraction * (b.value - a.value)) for fraction in fractions]
             tried = self._try(values, a)
@@ -359,26 +366,30 @@ class _Search:
         for point in points:
             self._rows.setdefault(point.value, Row.at(point, asked=False))
         for motion, size in product(source.motions, SIZES):
-            left = [point for point in points if self._rows[point.value].strongest is None]
+            # Larger ones come down to where one that went on so long is.
+            left = [point for point in points if self._rows[point.value].kind not in (Kind.BISTABLE, Kind.UNDECIDED)]
             start = go_on(source.value, motion, size)
             self._run("boundaries", [(point, start) for point in left], LASTING)
         return [self._rows[value] for value in values]
 
     def _tell_apart(self) -> None:
         """Run motions on that are nearly alike at one value: some may only be on the way to the others."""
+        alike = [
+            (row, a) for row in self.rows for a in row.motions if any(a is not b and a.like(b) for b in row.motions)
+        ]
+        self._run_on("telling motions apart", alike)
+
+    def _run_on(self, what: str, motions: Sequence[tuple[Row, Motion]]) -> bool:
+        """Run motions of rows on that were not yet, and return whether there were any."""
         tasks, meant = [], {}
-        for row in self.rows:
-            motions = row.motions
-            nearly = [a for a in motions if any(a is not b and a.like(b) for b in motions)]
-            for k, motion in enumerate(nearly):
-                key = row.value, motion.state.tobytes()
-                if key not in self._told:
-                    start = Start(f"{motion.start} {k}", *motion.state)
-                    tasks.append((row.point, start))
-                    meant[row.value, start.name] = motion
+        for k, (row, motion) in enumerate(motions):
+            if (row.value, motion.state.tobytes()) not in self._told:
+                start = Start(f"{k}: {motion.start}", *motion.state)
+                tasks.append((row.point, start))
+                meant[row.value, start.name] = motion
 
         def report(*_: object) -> None:
-            self._progress("telling motions apart", 0, len(tasks))
+            self._progress(what, 0, len(tasks))
 
         for response in find_attractors(self._family, tasks, self._how, rounds=LASTING, progress=report):
             row, before = self._rows[response.value], meant[response.value, response.start]
@@ -389,6 +400,7 @@ class _Search:
             if response.motion is not None:
                 self._told.add((row.value, response.motion.state.tobytes()))
             self._rows[response.value] = row.model_copy(update={"starts": starts})
+        return bool(tasks)
 
     def _run(
         self, what: str, tasks: list[tuple[Point, Start]], rounds: int, more: Mapping[float, int] | None = None
@@ -414,4 +426,6 @@ class _Search:
 def _ended(response: Response, later: Response) -> Response:
     """A response whose motion went on, and where that led."""
     motion = later.motion and later.motion.model_copy(update={"start": response.start})
-    return response.model_copy(update={"leads_to": later.leads_to, "outcome": later.outcome, "motion": motion})
+    seconds = response.simulated_s + later.simulated_s
+    update = {"leads_to": later.leads_to, "outcome": later.outcome, "motion": motion, "simulated_s": seconds}
+    return response.model_copy(update=update)

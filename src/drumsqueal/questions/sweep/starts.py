@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from drumsqueal.physics.model import Model
 from drumsqueal.questions.onset.attractors import (
+    CONSTANT,
     LASTING,
     PERSISTENT,
     Family,
@@ -68,7 +69,8 @@ def follow_starts(
         for response in find_attractors(family, tasks, how, rounds=rounds, progress=progress):
             k, motion = int(response.start), response.motion
             seconds[k] += response.simulated_s
-            if motion is not None and rounds != LASTING and not (k in before and _is_same(before[k], motion)):
+            brief = motion is not None and motion.fluctuation < CONSTANT and rounds != LASTING
+            if motion is not None and brief and not (k in before and _is_same(before[k], motion)):
                 before[k] = motion
                 doubtful.append((points[k], Start(response.start, *motion.state)))
                 continue
