@@ -32,7 +32,7 @@ def print_study(console: Console, study: OnsetStudy) -> None:
     table.add_column(f"{name}\n\n{unit}", justify="right")
     table.add_column("line\n\nHz", justify="right")
     for row in study.in_order:
-        if row.asked:
+        if row.asked or row.small is not None:
             kind = Text(row.kind, style=STYLES.get(row.kind, ""))
             growth = "-" if row.growth_rate is None else f"{row.growth_rate:+.2f}"
             first, *others = _outcomes(row, study) or [("", "-", "")]

@@ -45,7 +45,7 @@ def _place(study: Onset, found: Range) -> str:
         for each in study.critical_values
         if any(abs(each.value - end) <= each.uncertainty for end in ends)
     ]
-    named = f" ({', '.join(modes)})" if modes and found.kind is Kind.SQUEALS else ""
+    named = f" ({', '.join(dict.fromkeys(modes))})" if modes and found.kind is Kind.SQUEALS else ""
     if found.first_uncertainty is None:
         return f"below {last}{named}"
     if found.last_uncertainty is None:
