@@ -458,6 +458,22 @@ def grazing_speed() -> float:
     return float(brentq(crest, 1.16, 2.0, xtol=1e-8))  # pyright: ignore[reportArgumentType]
 
 
+@pytest.mark.parametrize("speed", [1e-3, 1e-2])
+def test_stick_slip_whose_period_is_longer_than_a_round_is_waited_for(speed):
+    # The spring needs 0.5 m more to overcome static friction: 48 s at 0.01 m/s, and 480 s. Half a period of slip with
+    # damping ratio 0.025 leaves e^(−0.025 π) of it on the other side.
+    def model_at(belt_speed: float):
+        return block_on_belt(StepLaw(1.0, 0.5), damping=0.05, belt_speed=belt_speed)
+
+    start = Start("kick", np.zeros(1), np.array([2 * speed]))
+    family = Family(model_at, ("X",), ("X",))
+    (found,) = find_attractors(family, [(point_at(model_at, speed), start)], How(10.0, 1e-6, 60.0))
+    assert found.leads_to == Leads.SQUEALS
+    # The belt moves on by its speed times the damping over the stiffness until it gives way: less than 1e-3 of it.
+    assert found.motion.amplitude["X"] == pytest.approx(0.25 * (1 + math.exp(-0.025 * math.pi)), rel=2e-3)
+    assert found.motion.frequency_Hz * found.motion.amplitude["X"] * 2 / speed == pytest.approx(1, rel=0.08)
+
+
 @pytest.mark.slow
 def test_the_bistable_range_of_the_block_ends_where_scipy_says(nominal, monkeypatch):
     # Subcritical: above the Hopf point squeal by stick and slip goes on once started, until it no longer sticks.

@@ -24,6 +24,10 @@ FEWEST_SAMPLES = 16  # of what is looked at, for a spectrum
 WHAT = "transients"
 PARTS = 5  # of what is looked at, whose rms is compared
 TAKES_PART = 1e-2  # of the kinetic energy: a coordinate that holds less does not count in that
+# Cycles of stick-slip, of which windows with smooth ends give the energy to 1e-5; of fewer it is that of whole cycles,
+# which is as uncertain as samples make their periods, 1e-4.
+MANY = 20
+MOSTLY = 0.5  # of the time: what sticks for longer has a period longer than those of free vibration
 DRIFT = 0.1  # change of the rms from half to half of what is looked at, below which the motion has settled
 
 
@@ -38,8 +42,8 @@ class Saturated(NamedTuple):
     are where it ended: another transient can go on from there. `at_rest` marks one whose motion is below what is
     resolved (`least_energy`): its numbers are round-off. `fluctuation` is by how much the rms of a coordinate comes and
     goes: its standard deviation over `PARTS` parts that overlap by half, of its mean, at most. `sticking` is the
-    fraction of the time during which the contact sticks. One that failed has NaN for all numbers, and says why in
-    `outcome`.
+    fraction of the time during which the contact sticks, `phases` how often it comes to. One that failed has NaN for
+    all numbers, and says why in `outcome`.
     """
 
     amplitude: NDArray[np.float64]
@@ -56,6 +60,7 @@ class Saturated(NamedTuple):
     at_rest: bool = False
     fluctuation: float = 0.0
     sticking: float = 0.0
+    phases: int = 0
 
     @property
     def failed(self) -> bool:
@@ -148,10 +153,13 @@ def _looked_at(part: _Part, model: Model, sample_rate: float) -> Saturated:
         return Saturated(lost, lost, (np.nan, np.nan), None, None, np.nan, np.nan, 0.0, lost, lost, part.outcome)
     vibration, velocity, sticks = (np.concatenate(pieces) for pieces in zip(*part.kept, strict=True))
     seconds, half = (len(vibration) - 1) / sample_rate, len(vibration) // 2
+    onsets = np.flatnonzero(~sticks[:-1] & sticks[1:]) + 1
+    slow = np.mean(sticks) > MOSTLY and 1 < onsets.size < MANY
+    squares = _over_cycles(velocity**2, onsets) if slow else velocity**2
     mass = np.asarray(model.mass)
     # Sharp ends would hold more or less of a period: 1e-3 of the energy, and weak damping takes less in that time.
     window = np.hanning(half + 2)[1:-1] / (half + 1) * 2
-    before, after = (float(mass @ (window @ each**2)) for each in (velocity[:half], velocity[-half:]))
+    before, after = (float(mass @ (window @ each)) for each in (squares[:half], squares[-half:]))
     rate = np.log(after / before) / seconds if min(before, after) > 0 else 0.0  # half the logarithm over half the time
     kinetic = (before + after) / 4
     # Of a vibration half the energy is kinetic. What moves without stiffness has no other, and any motion of it counts.
@@ -170,18 +178,33 @@ def _looked_at(part: _Part, model: Model, sample_rate: float) -> Saturated:
         velocity=velocity[-1],
         outcome=part.outcome,
         at_rest=at_rest,
-        fluctuation=0.0 if at_rest else _fluctuation(velocity, mass),
+        fluctuation=0.0 if at_rest else _fluctuation(squares, mass),
         sticking=float(np.mean(sticks)),
+        phases=onsets.size,
     )
 
 
-def _fluctuation(velocity: NDArray[np.float64], mass: NDArray[np.float64]) -> float:
+def _over_cycles(squares: NDArray[np.float64], onsets: NDArray[np.intp]) -> NDArray[np.float64]:
+    """Squares (k, n) as means over cycles, from one onset of sticking to the next, for all the samples of each.
+
+    Of slow stick-slip a part holds few cycles, and hardly any of them without one slip more or less at its ends.
+    """
+    lengths = np.diff(onsets)
+    # Cycles that are as long to a sample are as long as their mean.
+    periods = np.full(lengths.shape, lengths.mean()) if np.ptp(lengths) <= 1 else lengths
+    means = np.add.reduceat(squares[: onsets[-1]], onsets[:-1]) / periods[:, None]
+    lengths[0] += onsets[0]
+    lengths[-1] += len(squares) - onsets[-1]
+    return np.repeat(means, lengths, axis=0)
+
+
+def _fluctuation(squares: NDArray[np.float64], mass: NDArray[np.float64]) -> float:
     """The standard deviation of the rms over parts, of its mean; half of that of the energies."""
-    length = 2 * len(velocity) // (PARTS + 1)
+    length = 2 * len(squares) // (PARTS + 1)
     # Parts with sharp ends would hold more or less of a period: 1 % of the rms where they are ten periods long.
     window = np.hanning(length + 2)[1:-1]
-    starts = np.linspace(0, len(velocity) - length, PARTS).astype(int)
-    energies = np.array([mass * (window @ velocity[k : k + length] ** 2) for k in starts])
+    starts = np.linspace(0, len(squares) - length, PARTS).astype(int)
+    energies = np.array([mass * (window @ squares[k : k + length]) for k in starts])
     mean = energies.mean(axis=0)
     counts = mean > TAKES_PART * mean.sum()
     return float(np.max(energies.std(axis=0)[counts] / mean[counts], initial=0.0)) / 2

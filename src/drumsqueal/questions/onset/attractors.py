@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from drumsqueal.findings.boundaries import boundary_ratios
 from drumsqueal.findings.decay import BEYOND, NEARLY_LINEAR, SMALL, is_decaying
-from drumsqueal.findings.saturated import DRIFT, Saturated, at_once, saturated_motions
+from drumsqueal.findings.saturated import DRIFT, MOSTLY, Saturated, at_once, saturated_motions
 from drumsqueal.findings.verdict import SMALL_ROTATION
 from drumsqueal.findings.vibration import ROTATIONS
 from drumsqueal.physics.model import Model
@@ -44,6 +44,9 @@ STEADY = 0.02  # change of the rms from half to half below which a motion may be
 # takes energy while it sticks: its motions come to stick for an instant, seen as up to 3e-4 of the time.
 STICKS = 0.01
 CLOSE = 1e-3  # to the rms of one that is known, so that it need not come nearer
+# Of what is looked at of a motion that sticks most of the time: with fewer, its round is made so many times longer, or
+# more where one phase at least was seen; and how many times as long as that of the others it is at most.
+FEWEST_PHASES, LONGER, LONGEST = 12, 8.0, 1e4
 PROBE = 0.7  # a motion made so much smaller comes back where it is an attractor, and stays where it is one of many
 
 
@@ -118,8 +121,9 @@ class Family:
 class _Job:
     """A transient on its way."""
 
-    def __init__(self, point: Point, start: Start, family: Family) -> None:
+    def __init__(self, point: Point, start: Start, family: Family, seconds: float) -> None:
         self.point, self.start = point, start
+        self.seconds, self.simulated = seconds, 0.0  # of a round, and of all
         self.model, self.steady = family.model_at(point.value), family.shown(point.steady)
         self.vibration, self.velocity = start.vibration, start.velocity
         self.energies: list[float] = []  # mean kinetic energy of each round (J) since it last changed much
@@ -127,6 +131,17 @@ class _Job:
         self.fluctuations: list[float] = []  # of all rounds
         self.rounds = 0
         self.probed: float | None = None  # mean kinetic energy (J) of the settled motion that was made smaller
+
+    def lengthen(self, motion: Saturated, how: How) -> bool:
+        """Make its rounds longer where stick-slip is so slow that one holds few cycles; says whether it did."""
+        few = motion.sticking > MOSTLY and motion.phases < FEWEST_PHASES
+        if not few or self.seconds >= LONGEST * how.round_seconds:
+            return False
+        self.seconds *= np.clip(1.5 * FEWEST_PHASES / max(motion.phases, 1), 2.0, LONGER)
+        self.rounds = 0
+        for each in (self.energies, self.history, self.fluctuations):
+            each.clear()
+        return True
 
     def note(self, motion: Saturated) -> None:
         """Note the energy of a round."""
@@ -201,33 +216,36 @@ def find_attractors(
 ) -> Iterator[Response]:
     """Run each start at its point until it is clear where it leads, and yield the responses as they come.
 
-    A motion has settled when for `rounds` rounds its rms velocity has changed by less than a tenth and, below the
-    contact boundaries, by less than a tenth of what the linear growth rate would make of it, unless it fluctuates more
-    than a round before, as one does that leaves an unstable cycle. Beyond the boundaries, where steady sliding is
-    stable, it must not fall by more in a round than the integrator may make it: what loses energy in each period is no
-    limit cycle. A motion within a tenth of the boundaries that falls where the linear model is stable has decayed, as
-    has one below them that falls as fast as half the linear rate; what is below the resolved size is at rest. A
-    disturbance that has fallen to within a tenth of the boundaries where the linear model is unstable grows, as the
-    small perturbation does. One that comes and goes beyond the boundaries has settled when its mean energy over ten
-    rounds is that over the ten before, to a fifth, and falls no more than it scatters. After `MOST_ROUNDS` rounds one
-    beyond them counts as squeal, too, but for one that falls, which is undecided. Where no mode decays or grows by more
-    than is resolved, motion that has settled squeals where it sticks, or comes back when it has been made smaller; it
-    is neutral where it stays smaller, or is within a tenth of the boundaries. A shoe that has turned by more than
-    `SMALL_ROTATION` has run away: it may do so without coming near a boundary. A steady motion that is the same as one
-    of those `known` at its value, or found there, has settled after its first round on it.
+    A round of stick-slip is longer where it would hold few of its cycles. A motion has settled when for `rounds` rounds
+    its rms velocity has changed by less than a tenth and, below the contact boundaries, by less than a tenth of what
+    the linear growth rate would make of it, unless it fluctuates more than a round before, as one does that leaves an
+    unstable cycle. Beyond the boundaries, where steady sliding is stable, it must not fall by more in a round than the
+    integrator may make it: what loses energy in each period is no limit cycle. A motion within a tenth of the
+    boundaries that falls where the linear model is stable has decayed, as has one below them that falls as fast as half
+    the linear rate; what is below the resolved size is at rest. A disturbance that has fallen to within a tenth of the
+    boundaries where the linear model is unstable grows, as the small perturbation does. One that comes and goes beyond
+    the boundaries has settled when its mean energy over ten rounds is that over the ten before, to a fifth, and falls
+    no more than it scatters. After `MOST_ROUNDS` rounds one beyond them counts as squeal, too, but for one that falls,
+    which is undecided. Where no mode decays or grows by more than is resolved, motion that has settled squeals where it
+    sticks, or comes back when it has been made smaller; it is neutral where it stays smaller, or is within a tenth of
+    the boundaries. A shoe that has turned by more than `SMALL_ROTATION` has run away: it may do so without coming near
+    a boundary. A steady motion that is the same as one of those `known` at its value, or found there, has settled after
+    its first round on it.
     `progress` is called after each chunk.
     """
     settled = {value: list(motions) for value, motions in (known or {}).items()}
-    pending = [_Job(point, start, family) for point, start in tasks]
+    pending = [_Job(point, start, family, how.round_seconds) for point, start in tasks]
     many = at_once(how.threads)
     while pending:
-        jobs, pending = pending[:many], pending[many:]
+        round_s = pending[0].seconds
+        jobs = [job for job in pending if job.seconds == round_s][:many]
+        pending = [job for job in pending if job not in jobs]
         motions = saturated_motions(
             [job.model for job in jobs],
             [job.steady for job in jobs],
             [job.vibration for job in jobs],
             [job.velocity for job in jobs],
-            duration=how.round_seconds,
+            duration=round_s,
             sample_rate=how.sample_rate,
             tolerance=how.tolerance,
             solver=how.solver,
@@ -236,14 +254,16 @@ def find_attractors(
         )
         left = []
         for job, motion in zip(jobs, motions, strict=True):
-            job.rounds += 1
+            job.rounds, job.simulated = job.rounds + 1, job.simulated + round_s
             job.vibration, job.velocity = motion.vibration, motion.velocity
+            if job.lengthen(motion, how):
+                left.append(job)
+                continue
             kind = _judge(job, motion, family, how, rounds)
             there = settled.setdefault(job.point.value, [])
-            seconds = job.rounds * how.round_seconds
             named = {"kick": job.start.kick, "from_value": job.start.from_value}
             of = partial(Response.of, job.point.value, job.start.name)
-            response = of(kind or Leads.SQUEALS, motion, seconds, family.moving, **named)
+            response = of(kind or Leads.SQUEALS, motion, job.simulated, family.moving, **named)
             may_stay = _may_be_neutral(job, motion, family, how)
             if kind is None and (may_stay or not _comes_to(motion, response, there)):
                 left.append(job)
@@ -263,7 +283,7 @@ def _judge(job: _Job, motion: Saturated, family: Family, how: How, rounds: int) 
     job.note(motion)
     fraction = max(motion.boundary_ratios)
     linear, stable, neutral = _linear(job.point, family, how)
-    seconds, resolved = how.round_seconds, RESOLVED * how.tolerance
+    seconds, resolved = job.seconds, RESOLVED * how.tolerance
     if stable and (fraction == 0 or motion.at_rest):
         return Leads.DECAYS
     if stable and not neutral:
