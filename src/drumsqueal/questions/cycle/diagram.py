@@ -2,7 +2,7 @@
 
 from enum import StrEnum
 from itertools import pairwise
-from typing import Any
+from typing import Any, ClassVar
 
 from pydantic import computed_field
 
@@ -115,6 +115,7 @@ class Diagram(Finding):
     the modes of steady sliding.
     """
 
+    subject: ClassVar[str] = "the body"
     verdict: str | None = None
     steady_sliding_stable: tuple[Interval, ...]
     steady_sliding_unstable: tuple[Interval, ...]
@@ -199,6 +200,7 @@ class CycleBranches(Findings, Diagram):
     """The cycles of a scene along one of its numbers, and where modes of steady sliding gain or lose stability."""
 
     printed_by = "drumsqueal.questions.cycle.answer.print_branches"
+    subject: ClassVar[str] = "the brake"
     outcome: Ending = Ending.COMPLETE
     parameter: Span
     critical_values: tuple[Critical, ...]

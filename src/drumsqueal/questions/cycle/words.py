@@ -89,7 +89,7 @@ def diagram_verdict(diagram: Diagram, along: Variation) -> str:
     special = ((diagram.folds, "folds"), (diagram.grazings, "grazing"))
     named = "; ".join(_values(values, what, along) for values, what in special if values)
     bistable = (
-        f"{_ranges(both, along)} the brake squeals only after a large disturbance (bistable)"
+        f"{_ranges(both, along)} {diagram.subject} squeals only after a large disturbance (bistable)"
         if both
         else f"no stable cycle that was found coexists with stable steady sliding, {UNPROVEN}"
     )

@@ -97,10 +97,10 @@ class Family:
         """The entries (n,) of the coordinates that move, of one over those of the linear model."""
         return np.array([vector[self.names.index(name)] for name in self.moving])
 
-    def small_start(self, point: Point, model: Model) -> Start:
-        """All modes at once, within `SMALL` of the nearer contact boundary."""
+    def small_start(self, point: Point, model: Model, size: float = SMALL) -> Start:
+        """All modes at once, within this fraction of the nearer contact boundary."""
         modes = self.modes(point)
-        parts = [self._scaled(mode, model, SMALL / len(modes)) for mode in modes]
+        parts = [self._scaled(mode, model, size / len(modes)) for mode in modes]
         total = np.sum(parts, axis=0) if parts else np.zeros((2, len(self.moving)))
         return Start(SMALL_START, total[0], total[1])
 

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from enum import StrEnum
 from itertools import pairwise
-from typing import Any, Self, cast
+from typing import Any, ClassVar, Self, cast
 
 import numpy as np
 from pydantic import Field, computed_field
@@ -380,6 +380,7 @@ class Onset(Finding):
     """
 
     printed_by = "drumsqueal.questions.onset.answer.print_study"
+    rubbing: ClassVar[str] = "the body"
     outcome: Ending = Ending.COMPLETE
     verdict: str | None = None
     reservations: tuple[str, ...] = ()
@@ -425,6 +426,8 @@ class Onset(Finding):
 
 class OnsetStudy(Onset, Findings):
     """The same for a scene."""
+
+    rubbing: ClassVar[str] = "the lining"
 
 
 def find_ranges(

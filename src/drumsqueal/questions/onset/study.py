@@ -9,6 +9,7 @@ from typing import Any, NamedTuple, cast, overload
 import numpy as np
 
 from drumsqueal.errors import RequestError
+from drumsqueal.findings.decay import SMALL
 from drumsqueal.findings.parameter import Parameter
 from drumsqueal.outcome import Ending
 from drumsqueal.physics.composition import linear_coordinates
@@ -28,6 +29,7 @@ from drumsqueal.questions.onset.attractors import (
 from drumsqueal.questions.onset.disturbance import smallest_disturbances
 from drumsqueal.questions.onset.found import (
     QUIET,
+    SMALL_START,
     FollowedMode,
     Kind,
     Motion,
@@ -47,6 +49,7 @@ from drumsqueal.solve.linear.branches import Branches, ModelAt, Point, follow_mo
 WITHIN = 1e-3  # of the range: how well the boundaries of the bistable range are found
 APART = 1e-3  # of a step of the eigenvalues: no two values are looked at that are nearer to each other
 AT_ONCE = 8  # values whose starts run together: what is done when a study is interrupted is whole values
+SMALLER = 3  # small perturbations by tenths: next to a subcritical Hopf point even a tenth may be too large
 SECTIONS = 2  # values tried at once between two
 # Multiples of a neighbour's motion: where motion that is too small decays the attractor may be larger there.
 SIZES = (1.0, 1.2, 1.5)
@@ -289,7 +292,21 @@ class _Search:
                     rest += [(point, each.start(size)) for size in smaller if size > least]
             self._run("transients", first, PERSISTENT, more=Counter(point.value for point, _ in rest))
             self._run("transients", rest, PERSISTENT)
+        self._smaller_perturbations()
         self._tell_apart()
+
+    def _smaller_perturbations(self) -> None:
+        """Where steady sliding is stable and the small perturbation squeals, it was none: try smaller ones."""
+        size = SMALL
+        for _ in range(SMALLER):
+            large = [row for row in self.rows if not row.unstable and row.small is not None and row.small.motion]
+            for row in large:
+                starts = tuple(_named(each, size) if each.start == SMALL_START else each for each in row.starts)
+                self._rows[row.value] = row.model_copy(update={"starts": starts})
+            size /= 10
+            points = [row.point for row in large]
+            tasks = [(each, self._family.small_start(each, self._family.model_at(each.value), size)) for each in points]
+            self._run("transients", tasks, PERSISTENT)
 
     def from_neighbours(self) -> None:
         """Carry every motion that a neighbouring value lacks over to it, upwards and downwards as far as it lasts."""
@@ -421,6 +438,13 @@ class _Search:
                 self._on_rows(self.rows)
             done += 1
             report()
+
+
+def _named(response: Response, size: float) -> Response:
+    """The response to what was to be a small perturbation, of this fraction of the nearer contact boundary."""
+    start = f"{size:g} of the contact boundary"
+    motion = response.motion and response.motion.model_copy(update={"start": start})
+    return response.model_copy(update={"start": start, "motion": motion})
 
 
 def _ended(response: Response, later: Response) -> Response:
