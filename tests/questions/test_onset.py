@@ -324,6 +324,18 @@ def test_a_faint_limit_cycle_is_told_from_a_faint_decay_at_its_fold(over_fold, k
     assert found.leads_to == kind
 
 
+@pytest.mark.parametrize(("over", "kinds"), [(0.995, {Leads.DECAYS, Leads.UNDECIDED}), (1.005, {Leads.UNDECIDED})])
+def test_what_creeps_away_from_an_unstable_cycle_has_not_settled(over, kinds):
+    # Next to its Hopf point, at 1.152 m/s, the block has an unstable cycle that passes steady sliding at 0.05320 m/s by
+    # a return map: from it starts depart by 2e-3 of their distance in a period at most.
+    start = Start("kick", np.zeros(1), np.array([over * 0.05320]))
+    family = Family(falling_friction, ("X",), ("X",))
+    point = point_at(falling_friction, 1.152)
+    for rounds in (3, 10):
+        (found,) = find_attractors(family, [(point, start)], How(10.0, 1e-6, 40 * math.pi), rounds=rounds)
+        assert found.leads_to in kinds
+
+
 def supercritical(belt_speed: float):
     """x″ + x − 0.4 x′³ + 0.9 x′⁵ = 1 on a belt of 1 m/s: averaged, a cycle of A² = 0.3/(0.9·5/8), A = 0.73 m."""
     return block_on_belt(lambda s: 1.0 + 0.4 * (1 - s) ** 3 - 0.9 * (1 - s) ** 5, belt_speed=belt_speed)

@@ -166,6 +166,19 @@ class _Job:
             return 0.0
         return float(change**2 / (before[0] - change)) if before and change < before[0] else np.inf
 
+    def converges(self, resolved: float) -> bool:
+        """Whether the logarithm no longer changes, comes and goes, or changes ever less and has little left to do so.
+
+        Next to an unstable cycle it changes ever more, however slowly.
+        """
+        *before, change = np.diff(np.log(self.energies[-3:]) / 2)
+        if abs(change) <= resolved:
+            return True
+        if not before:
+            return False
+        slower = abs(before[0]) - abs(change)
+        return bool(before[0] * change < 0 or (slower > 0 and change**2 / slower < REMAINS))
+
     def goes_on(self, rounds: int, least: float) -> bool:
         """Whether it is an irregular motion that is in the later half of so many rounds as it was in the earlier one.
 
@@ -337,7 +350,7 @@ def _settled(job: _Job, motion: Saturated, rounds: int, still: float, resolved: 
     elif beyond:
         slow = motion.fluctuation < CONSTANT and change > -falls and job.remains(falls) < REMAINS
     else:
-        slow = abs(change) < still
+        slow = abs(change) < still and (np.isinf(still) or job.converges(resolved))
     if slow and not departs:
         return not motion.at_rest
     return beyond and job.goes_on(2 * IRREGULAR if rounds >= LASTING else IRREGULAR, falls)
