@@ -15,7 +15,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from drumsqueal.errors import RequestError
+from drumsqueal.errors import RequestError, SteadyStateError
 from drumsqueal.files.json_file import to_json
 from drumsqueal.findings.history import COMPLETE
 from drumsqueal.findings.parameter import Parameter
@@ -34,10 +34,18 @@ from drumsqueal.questions.onset.attractors import Family, How, Start, find_attra
 from drumsqueal.questions.onset.figure import draw_onset
 from drumsqueal.questions.onset.found import Kind, Leads, OnsetStudy, Range, Response, Row, find_ranges
 from drumsqueal.questions.onset.study import Prediction, compare, predict, study_onset
-from drumsqueal.questions.onset.words import reservations, verdict, with_uncertainty
+from drumsqueal.questions.onset.words import (
+    motion_words,
+    reservations,
+    shown_line,
+    size_unit,
+    verdict,
+    with_uncertainty,
+)
 from drumsqueal.scene import SceneError, load_scene
 from drumsqueal.scene.variation import Variation, read_variation
 from drumsqueal.solve.linear.branches import follow_modes, point_at
+from drumsqueal.solve.linear.modes import analyse_stability
 
 DAMPED = Path(__file__).parents[2] / "scenarios" / "damped.toml"
 HOPF = 0.5 * math.log(10)  # of the block below
@@ -380,6 +388,7 @@ def test_where_no_mode_grows_or_decays_motion_is_neutral_unless_it_comes_back(mo
     if model_at is undamped and kind is Leads.SQUEALS:
         # Friction gives way at 0.5 m from steady sliding, and the block slips off as fast as the belt: 29 s in the
         # crests of which a sample may miss 0.1 %.
+        assert found.motion is not None
         assert found.motion.amplitude["X"] == pytest.approx(math.hypot(0.5, speed), rel=2e-3)
 
 
@@ -439,6 +448,8 @@ def test_where_sliding_is_neutral_a_large_disturbance_may_lead_to_squeal(nominal
     assert [each.kind for each in study.ranges] == ["bistable"]
     assert "steady sliding is neutral all along (small motion neither grows nor decays), but a large" in verdict(study)
     for row in study.values:
+        assert row.small is not None
+        assert row.smallest_kick is not None
         assert row.small.leads_to == Leads.NEUTRAL
         assert abs(row.smallest_kick.speed_m_per_s - row.value) < row.smallest_kick.speed_uncertainty_m_per_s
     # The branches of cycles say the same of small motion.
@@ -481,6 +492,8 @@ def test_stick_slip_whose_period_is_longer_than_a_round_is_waited_for(speed):
     family = Family(model_at, ("X",), ("X",))
     (found,) = find_attractors(family, [(point_at(model_at, speed), start)], How(10.0, 1e-6, 60.0))
     assert found.leads_to == Leads.SQUEALS
+    assert found.motion is not None
+    assert found.motion.frequency_Hz is not None
     # The belt moves on by its speed times the damping over the stiffness until it gives way: less than 1e-3 of it.
     assert found.motion.amplitude["X"] == pytest.approx(0.25 * (1 + math.exp(-0.025 * math.pi)), rel=2e-3)
     assert found.motion.frequency_Hz * found.motion.amplitude["X"] * 2 / speed == pytest.approx(1, rel=0.08)
@@ -617,6 +630,7 @@ def test_instability_between_the_values_is_studied_there(monkeypatch):
     stable, squeals, bistable, again = study.ranges
     assert [each.kind for each in study.ranges] == [Kind.BISTABLE, Kind.SQUEALS, Kind.BISTABLE, Kind.STABLE]
     assert (squeals.first, squeals.last) == pytest.approx((low, high), rel=1e-9)
+    assert bistable.last_uncertainty is not None
     assert abs(bistable.last - 1.1707) <= bistable.last_uncertainty == pytest.approx(1.6e-3)
     assert (stable.first, again.last) == (0.2, 1.8)
     assert [row.value for row in study.values if row.asked] == [0.2, 0.6, 1.4, 1.8]
@@ -670,6 +684,38 @@ def test_a_motion_that_still_grows_lasts_but_has_no_size():
 )
 def test_uncertainty_is_given_in_one_digit(value, uncertainty, text):
     assert with_uncertainty(value, uncertainty) == text
+
+
+def test_numbers_of_small_slow_and_large_motions_can_be_read():
+    assert with_uncertainty(7.654e-25, 8e-27) == "(7.65 ± 0.08)e-25"
+    assert (shown_line(0.15834), shown_line(0.0101), shown_line(1230.94)) == ("0.1583", "0.0101", "1230.9")
+    assert size_unit("X", [1.183, 2e-3]) == (1.0, "m")
+    assert size_unit("X", [2e-3]) == (1e6, "µm")
+
+
+def test_a_perturbation_that_squeals_next_to_a_hopf_point_was_not_small(monkeypatch):
+    # The unstable cycle lies at 0.05 of the contact boundary: a tenth of it squeals, a hundredth decays.
+    def find(family, tasks, how, *, rounds, known=None, progress=None):
+        for point, start in tasks:
+            fraction = max(abs(start.velocity[0]), abs(start.vibration[0])) / point.value
+            yield ending(point.value, start.name, Leads.SQUEALS if fraction > 0.05 else Leads.DECAYS)
+
+    monkeypatch.setattr(study_module, "find_attractors", find)
+    along = Variation("belt speed", "m/s", (1.16, 1.2))
+    study = study_onset(falling_friction, along, sample_rate=10.0)
+    for row in (row for row in study.values if row.asked):
+        assert row.small is not None
+        assert (row.kind, row.small.leads_to) == (Kind.BISTABLE, Leads.DECAYS)
+        assert not any(motion.after_small for motion in row.motions)
+    assert "a small perturbation" in str(study)
+    assert "velocity of" in str(study)
+    assert "lining" not in str(study)
+    assert "after 0.1 of the contact boundary" in motion_words(study, study.values[0].motions[0])
+
+
+def test_a_belt_at_rest_is_no_drum():
+    with pytest.raises(SteadyStateError, match="the belt is at rest"):
+        analyse_stability(falling_friction(0.0))
 
 
 # --- the command -----------------------------------------------------------------------------------------------------
