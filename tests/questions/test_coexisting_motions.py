@@ -199,18 +199,19 @@ def judged(monkeypatch, fluctuations, known=None) -> Response:
 
 
 @pytest.mark.parametrize(
-    ("fluctuations", "rounds"),
+    ("fluctuations", "kind", "rounds"),
     [
-        (np.full(60, 1e-5), 3),
-        ([0.3, 0.2, 0.1], 3),  # a torus, or what approaches one
-        ([0.2, 0.005, 0.011, 0.024, 0.05, 0.04], 6),  # leaves an unstable cycle
-        ([1.1e-4, 2.4e-4, 5.4e-4, 1.2e-3, 1.2e-3], 5),
-        ([1e-6, 1e-5, 1e-4], 3),  # round-off
+        (np.full(60, 1e-5), Leads.SQUEALS, 3),
+        ([0.3, 0.2, *[0.1] * 18], Leads.SQUEALS, 20),  # a torus, or what approaches one
+        (0.1 * 0.95 ** np.arange(60), Leads.SQUEALS, 20),  # approaches a cycle
+        (2e-3 * 1.05 ** np.arange(60), Leads.UNDECIDED, 60),  # leaves an unstable cycle
+        ([1.1e-4, 2.4e-4, 5.4e-4, 5e-4], Leads.SQUEALS, 4),
+        ([1e-6, 1e-5, 1e-4], Leads.SQUEALS, 3),  # round-off
     ],
 )
-def test_a_motion_that_fluctuates_more_each_round_has_not_settled(monkeypatch, fluctuations, rounds):
+def test_a_motion_that_fluctuates_has_settled_only_when_it_goes_on_as_it_was(monkeypatch, fluctuations, kind, rounds):
     found = judged(monkeypatch, fluctuations)
-    assert (found.leads_to, found.simulated_s / 120.0) == (Leads.SQUEALS, rounds)
+    assert (found.leads_to, found.simulated_s / 120.0) == (kind, rounds)
 
 
 def test_a_motion_that_is_known_has_settled_after_one_round(monkeypatch):
@@ -218,6 +219,10 @@ def test_a_motion_that_is_known_has_settled_after_one_round(monkeypatch):
     assert first is not None
     again = judged(monkeypatch, [1e-5] * 3, {float(FORCE[0]): [first]})
     assert (again.simulated_s, again.leads_to) == (120.0, Leads.SQUEALS)
+    # One that fluctuates more than the known one is none of it yet, and one that is farther must come nearer.
+    assert judged(monkeypatch, [0.1, *[1e-5] * 3], {float(FORCE[0]): [first]}).simulated_s == 240.0
+    larger = first.model_copy(update={"kinetic_energy_J": 1.02 * first.kinetic_energy_J})
+    assert judged(monkeypatch, [1e-5] * 3, {float(FORCE[0]): [larger]}).simulated_s == 360.0
     other = first.model_copy(update={"frequency_Hz": 1.1})
     assert judged(monkeypatch, [1e-5] * 3, {float(FORCE[0]): [other]}).simulated_s == 360.0
 
@@ -231,6 +236,7 @@ def two_squeals(family, tasks, how, *, rounds, known=None, progress=None):
     """Above the critical value a loud one after more than 1 m/s, and a quiet one after more than 0.3 m/s."""
     for point, start in tasks:
         speed = start.kick.speed_m_per_s if start.kick else 2.0 if point.unstable or "from" in start.name else 0.0
+        speed = {1e-6: 0.5, 2e-5: 2.0}.get(float(start.vibration[0]), speed)  # one of them that goes on
         size, line = (2e-5, 1000.0) if speed > 1 else (1e-6, 1400.0)
         one = np.array([size])
         ended = Saturated(one, one, (0.0, 1.5), line, "Y", size**2, 0.0, 1.0, one, one, COMPLETE)

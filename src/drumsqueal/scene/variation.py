@@ -1,5 +1,6 @@
 """A number of a scene over a range of values, as the command line has it: "drum.speed=1..40", "drum.speed=1..40x20"."""
 
+import math
 import re
 from typing import NamedTuple
 
@@ -56,6 +57,13 @@ class Variation(NamedTuple):
     def with_unit(self, value: float, form: str = ".6g") -> str:
         """A value (SI) in that unit, with the unit."""
         return f"{self.shown(value):{form}}{self.unit_after}"
+
+    def brief(self, value: float) -> str:
+        """A value (SI) in that unit, to a hundredth of the range and to three digits at least: 52.1."""
+        shown = self.shown(value)
+        sizes = (abs(self.shown(self.last - self.first)) / 100, abs(shown) / 100)
+        decimals = max((-math.floor(math.log10(size)) for size in sizes if size > 0), default=0)
+        return f"{round(shown, decimals):.10g}"
 
     @property
     def first(self) -> float:

@@ -133,7 +133,8 @@ def follow_cycles(
     where = ""
     family = Family(models, (low, high), partial(report, "cycles"))
     if low <= own <= high:
-        diagram = _with_own(diagram, scene, family, own, report, on_diagram)
+        where_own = f"at the scene's own {key}, {variation.with_unit(own, '.4g')}"
+        diagram = _with_own(diagram, scene, family, (own, where_own), report, on_diagram)
     where = ""
     diagram = _with_seeds(diagram, family, seeds, report, on_diagram)
     branches = found(diagram, Ending.COMPLETE)
@@ -191,15 +192,16 @@ def _with_own(
     diagram: Diagram,
     scene: Scene,
     family: "Family",
-    own: float,
+    at: tuple[float, str],
     progress: Progress,
     on_diagram: Callable[[Diagram], None],
 ) -> Diagram:
     """The diagram with the branches of the scene's own cycles, as far as they are none of those that are there."""
+    own, words = at
     try:
         search = find_cycle(scene, progress=progress)
     except CycleError as error:
-        return _noted(diagram, f"at the scene's own value: {error}")
+        return _noted(diagram, f"{words}: {error}")
     for cycle in (search, *search.others):
         here = cycle.model_copy(update={"value": own})
         diagram = _with_cycle(diagram, family, here, "scene's own ", on_diagram)

@@ -25,7 +25,7 @@ EASY, HARD = 3, 6  # steps of Newton
 TURN = 0.9  # cosine of the angle between two neighbouring tangents, at least
 CORNER_STEPS = (1e-3, 4e-3, 1.6e-2, 6.4e-2)
 SLOW = 0.3  # of the fastest slip of a cycle: where that is less at its cut another one is taken
-BACKWARDS = -0.97  # cosine of the angle to the branch below which one is on it again, on the way back
+SMOOTH = 0.999  # the same where a real multiplier passes 1 without a fold: at a corner the branch turns by more
 LOCATED = 1e-5  # of a step: how well an instability, or the turn of a fold, is found along the branch
 BENT = 1e-3  # |Im μ| above which two multipliers that leave the circle are a pair
 MOST_POINTS = 400
@@ -125,11 +125,26 @@ class Track:
 
     def _tangent(self, closed: Closed, ahead: Vector) -> Vector:
         """The direction of the branch at a cycle (2n + 2,), of length one, with a part along `ahead`."""
-        found = closed.flow
-        phase = np.append(found.rate / np.linalg.norm(found.rate), [0.0, 0.0])
-        matrix = np.vstack([self._shooting.jacobian(found), phase, ahead])
+        matrix = self._bordered(closed, ahead)
         tangent = np.linalg.lstsq(matrix, np.eye(len(matrix))[-1], rcond=SINGULAR)[0]
         return tangent / np.linalg.norm(tangent)
+
+    def _bordered(self, closed: Closed, row: Vector) -> Vector:
+        """The derivative of what vanishes on a branch (2n + 2, 2n + 2), and a row."""
+        found = closed.flow
+        phase = np.append(found.rate / np.linalg.norm(found.rate), [0.0, 0.0])
+        return np.vstack([self._shooting.jacobian(found), phase, row])
+
+    def _same_way(self, place: _Place, closed: Closed, tangent: Vector) -> bool:
+        """Whether a tangent at a cycle leads the way along the branch that it has at a place.
+
+        The sign of det [derivative; tangent] is kept through folds, and across corners, where only the derivative
+        normal to the boundary jumps. It changes where another branch crosses.
+        Source: E. L. Allgower and K. Georg, Numerical Continuation Methods, Springer 1990, sections 2.1 and 14.2.
+        """
+        matrices = self._bordered(place.closed, place.tangent), self._bordered(closed, tangent)
+        before, after = (np.linalg.slogdet(matrix)[0] for matrix in matrices)
+        return bool(before * after >= 0)
 
     def _next(self, place: _Place, step: float) -> tuple[_Place, float, bool]:
         """The next place, the step that led there, and whether a corner lies between.
@@ -156,7 +171,8 @@ class Track:
                 raise _GrazingError
             raise CycleError(why)
         grazes = following.closed.flow.pattern != place.closed.flow.pattern
-        what = Event.GRAZING if grazes else Event.CORNER
+        turns = place.tangent[-1] * following.tangent[-1] < 0
+        what = Event.GRAZING if grazes else Event.FOLD if turns else Event.CORNER
         self.cycles[-1] = place.cycle.model_copy(update={"what": what})
         return following, CORNER_STEPS[0], True
 
@@ -170,6 +186,8 @@ class Track:
         tangent = self._tangent(closed, place.tangent)
         if tangent @ place.tangent < TURN and step > LEAST_STEP / SLOWER:
             return None
+        if tangent @ place.tangent < SMOOTH and not self._same_way(place, closed, tangent):
+            return None  # behind a corner, too, and on the way back to it
         return _Place(closed, tangent, describe(self._shooting, closed))
 
     def _around(self, place: _Place) -> _Place | None:
@@ -188,7 +206,7 @@ class Track:
                     continue
                 way = closed.unknowns - old.unknowns
                 length = float(np.linalg.norm(way))
-                onwards = way @ place.tangent > BACKWARDS * length or closed.flow.pattern != old.flow.pattern
+                onwards = self._same_way(place, closed, way / length)
                 if step / 3 < length < 3 * step and onwards:
                     try:
                         return self._place(closed, way / length)

@@ -137,7 +137,7 @@ def checked(scene: Scene) -> Scene:
 
 def _search(transient: motion.Transient, progress: Progress) -> CycleSearch:
     found: list[tuple[Cycle, str]] = []
-    reasons: list[str] = []
+    reasons: dict[str, list[str]] = {}  # why there is none, and the starts that lead to none for that
 
     def attempt(starts: Iterable[Start]) -> None:
         """Add the cycles that differ, each with where it was started from, and why there is none from other starts."""
@@ -146,7 +146,7 @@ def _search(transient: motion.Transient, progress: Progress) -> CycleSearch:
             try:
                 cycle = cycle_from(transient.model, start, transient.stability.steady_state, report)
             except CycleError as error:
-                reasons.append(f"{start.origin}: {error}")
+                reasons.setdefault(str(error), []).append(start.origin)
                 continue
             if not any(is_same(cycle, other) for other, _ in found):
                 found.append((cycle, start.origin))
@@ -159,14 +159,19 @@ def _search(transient: motion.Transient, progress: Progress) -> CycleSearch:
         after = recorded(start, progress, f"transient {disturbed}")
         lasting = list(_lasting(after, f"a transient {disturbed}"))
         if not lasting:
-            reasons.append(f"{disturbed}: the transient {after.words}")
+            reasons.setdefault(f"the transient {after.words}", []).append(disturbed)
         attempt(lasting)
     if not found:
-        raise CycleError("; ".join([f"no periodic motion was found: the transient {record.words}", *reasons]))
+        why = [f"{starts[0]}{_and_others(len(starts) - 1)}: {error}" for error, starts in reasons.items()]
+        raise CycleError("; ".join([f"no periodic motion was found: the transient {record.words}", *why]))
     cycle, origin = min(found, key=lambda item: not item[0].stable)
     others = tuple(FoundCycle(found_from=start, **dict(other)) for other, start in found if other is not cycle)
     verdict, ends = cycle_verdict(cycle), record.words
     return CycleSearch(verdict=verdict, found_from=origin, transient=ends, others=others, **dict(cycle))
+
+
+def _and_others(count: int) -> str:
+    return f" and {count} other {'start' if count == 1 else 'starts'}" if count else ""
 
 
 def cycle_from(model: Model, start: Start, steady: Vector, on_flow: Callable[[], object] = lambda: None) -> Cycle:

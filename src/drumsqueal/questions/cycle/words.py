@@ -1,6 +1,7 @@
 """What cycles are and what they say of squeal, in sentences."""
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 
 from drumsqueal.findings.signals.regime import Kind, Regime
@@ -155,8 +156,9 @@ def shown_Hz(frequency: float) -> str:
 
 def _values(values: Sequence[float], what: str, along: Variation) -> str:
     """Where something happens."""
-    shown = [f"{along.shown(value):.6g}" for value in values[:-1]] + [along.with_unit(values[-1])]
-    return f"{what} at {', '.join(shown)}"
+    counts = Counter(map(along.brief, values))
+    shown = (value if count == 1 else f"{value} ({count})" for value, count in counts.items())
+    return f"{what} at {', '.join(shown)}{along.unit_after}"
 
 
 def _unknown(diagram: Diagram, along: Variation) -> str:
@@ -171,5 +173,5 @@ def _unknown(diagram: Diagram, along: Variation) -> str:
 
 
 def _ranges(intervals: Sequence[Interval], along: Variation) -> str:
-    ranges = (f"from {along.shown(low):.6g} to {along.shown(high):.6g}" for low, high in intervals)
+    ranges = (f"from {along.brief(low)} to {along.brief(high)}" for low, high in intervals)
     return f"{' and '.join(ranges)}{along.unit_after}"

@@ -232,18 +232,19 @@ def find_attractors(
     A round of stick-slip is longer where it would hold few of its cycles. A motion has settled when for `rounds` rounds
     its rms velocity has changed by less than a tenth and, below the contact boundaries, by less than a tenth of what
     the linear growth rate would make of it, unless it fluctuates more than a round before, as one does that leaves an
-    unstable cycle. Beyond the boundaries, where steady sliding is stable, it must not fall by more in a round than the
-    integrator may make it: what loses energy in each period is no limit cycle. A motion within a tenth of the
-    boundaries that falls where the linear model is stable has decayed, as has one below them that falls as fast as half
-    the linear rate; what is below the resolved size is at rest. A disturbance that has fallen to within a tenth of the
-    boundaries where the linear model is unstable grows, as the small perturbation does. One that comes and goes beyond
-    the boundaries has settled when its mean energy over ten rounds is that over the ten before, to a fifth, and falls
-    no more than it scatters. After `MOST_ROUNDS` rounds one beyond them counts as squeal, too, but for one that falls,
-    which is undecided. Where no mode decays or grows by more than is resolved, motion that has settled squeals where it
-    sticks, or comes back when it has been made smaller; it is neutral where it stays smaller, or is within a tenth of
-    the boundaries. A shoe that has turned by more than `SMALL_ROTATION` has run away: it may do so without coming near
-    a boundary. A steady motion that is the same as one of those `known` at its value, or found there, has settled after
-    its first round on it.
+    unstable cycle, and unless it changes ever more. Beyond the boundaries it must have an amplitude, which may not fall
+    by more in a round than the integrator may make it, for what loses energy in each period is no limit cycle, and may
+    have little left to grow. One that comes and goes has settled when its mean energy over ten rounds (twenty, of those
+    that must last longer) is that over the ten before, to a fifth, and it neither falls nor fluctuates more, but for
+    scatter. A motion within a tenth of the boundaries that falls where the linear model is stable has decayed, as has
+    one below them that falls as fast as half the linear rate; what is below the resolved size is at rest. A disturbance
+    that has fallen to within a tenth of the boundaries where the linear model is unstable grows, as the small
+    perturbation does. After `MOST_ROUNDS` rounds one beyond them counts as squeal, too, but for one that falls, or
+    fluctuates more and more, which is undecided. Where no mode decays or grows by more than is resolved, motion that
+    has settled squeals where it sticks, or comes back when it has been made smaller; it is neutral where it stays
+    smaller, or is within a tenth of the boundaries. A shoe that has turned by more than `SMALL_ROTATION` has run away:
+    it may do so without coming near a boundary. A steady motion that is on one of those `known` at its value, or found
+    there, or comes nearer to it, has settled.
     `progress` is called after each chunk.
     """
     settled = {value: list(motions) for value, motions in (known or {}).items()}

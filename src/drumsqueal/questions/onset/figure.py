@@ -43,6 +43,7 @@ WIDE, FAR = 3, 100  # ratios of amplitudes: for a log axis, and for its ticks to
 BELOW = 2  # how far below the smallest amplitude zero stands on a log axis
 NARROW = 0.14  # of the width below which a range has no name of its own
 MARGIN = 0.012  # of the width, for a marker at either end
+SEEN = 0.01  # of the width, and of an amplitude: what is shorter is no line of the figure, as next to a corner
 MICRO = 1e6
 
 
@@ -85,6 +86,8 @@ def draw_cycles(axes: Axes, diagram: Diagram, colour: str, measure: Callable[[Cy
             values = [cycle.value for cycle in cycles]
             shown = [measure(cycle) for cycle in cycles]
             label, line = (STABLE_CYCLE, "-") if stable else (UNSTABLE_CYCLE, DASHES)
+            seen = np.ptp(values) > SEEN * np.ptp(axes.get_xlim()) or np.ptp(shown) > SEEN * max(shown)
+            label = label if seen else None
             axes.plot(values, shown, color=colour, linewidth=1.2, linestyle=line, label=label, zorder=1.5)
 
 

@@ -252,7 +252,8 @@ def compare(
         found = follow_cycles(predicted.family.model_at, ends, seeds=study.seeds, progress=progress)
     else:
         found = follow_cycles(scene, predicted.variation, seeds=study.seeds, progress=progress)
-    return study.model_copy(update={"cycles": found})
+    study = study.model_copy(update={"cycles": found})
+    return study.model_copy(update={"reservations": reservations(study)})
 
 
 class _Search:
@@ -339,9 +340,9 @@ class _Search:
             self._close_in(a, b, precision)
 
     def _ends(self) -> list[tuple[Row, Row]]:
-        """Neighbours of which the first is bistable and the other is not, and slides steadily without squeal."""
+        """Neighbours of which the first is bistable and the other one, as far as is known, does not squeal."""
         pairs = [pair for a, b in pairwise(self.rows) for pair in ((a, b), (b, a))]
-        return [(a, b) for a, b in pairs if a.kind is Kind.BISTABLE and b.kind in QUIET]
+        return [(a, b) for a, b in pairs if a.kind is Kind.BISTABLE and b.kind in (*QUIET, Kind.UNDECIDED)]
 
     def smallest_disturbances(self) -> bool:
         """How large a disturbance must be for each motion, at each bistable value that was asked for.
@@ -367,8 +368,8 @@ class _Search:
             self._try([float(value)], squeals)
 
     def _close_in(self, a: Row, b: Row, precision: float) -> None:
-        """Narrow down where between a bistable row `a` and a quiet one `b` squeal ends, as far as that can be seen."""
-        while abs(b.value - a.value) > precision and a.strongest is not None and b.kind is not Kind.UNDECIDED:
+        """Narrow down where between a bistable row `a` and another one `b` squeal ends, as far as that can be seen."""
+        while abs(b.value - a.value) > precision and a.strongest is not None:
             fractions = np.arange(1, SECTIONS + 1) / (SECTIONS + 1)
             values = [float(a.value + fraction * (b.value - a.value)) for fraction in fractions]
             tried = self._try(values, a)
@@ -376,6 +377,8 @@ class _Search:
             b = next((row for row in tried if row.kind is not Kind.BISTABLE), b)
             lasts = [row for row in bistable if abs(row.value - a.value) < abs(b.value - a.value)]
             a = lasts[-1] if lasts else a
+            if b.kind is Kind.UNDECIDED:
+                return
 
     def _try(self, values: Sequence[float], source: Row) -> list[Row]:
         """Look whether a motion of a row lasts at other values, the strongest first and in several sizes each."""

@@ -21,7 +21,8 @@ def verdict(study: Onset) -> str:
     along = study.variation
     low, high = sorted((along.first, along.last))
     over = f"Along {along.key} from {along.shown(low):.6g} to {along.with_unit(high)}"
-    return f"{over} {_linear(study)}; {_bistable(study)}.{_coexisting(study)}{_smallest_disturbances(study)}"
+    told = "; ".join(filter(None, (_linear(study), _bistable(study), _undecided(study))))
+    return f"{over} {told}.{_coexisting(study)}{_smallest_disturbances(study)}"
 
 
 def _linear(study: Onset) -> str:
@@ -36,8 +37,8 @@ def _linear(study: Onset) -> str:
 def _place(study: Onset, found: Range) -> str:
     """Where a range is: below, above or from one value to another, and whose critical values they are."""
     along = study.variation
-    first = _value(along, found.first, found.first_uncertainty)
-    last = _value(along, found.last, found.last_uncertainty) + along.unit_after
+    first = _value(along, found.first, found.first_uncertainty, along.brief(found.first))
+    last = _value(along, found.last, found.last_uncertainty, along.brief(found.last)) + along.unit_after
     if found.first_uncertainty is None and found.last_uncertainty is None:
         return "all along"
     ends = [found.first] * (found.first_uncertainty is not None) + [found.last] * (found.last_uncertainty is not None)
@@ -60,9 +61,9 @@ def _bistable(study: Onset) -> str:
         return _quiet(study)
     places = _joined([_place(study, each) for each in bistable])
     smalls = [row.small for row in study.values if row.asked and row.kind is Kind.BISTABLE]
-    neutral = all(small is not None and small.leads_to is Leads.NEUTRAL for small in smalls)
-    still = f"neutral {places} ({NEUTRAL})" if smalls and neutral else f"stable {places}"
-    text = f"steady sliding is {still}, but a large disturbance leads to squeal there (bistable)"
+    neutral = smalls and all(small is not None and small.leads_to is Leads.NEUTRAL for small in smalls)
+    sliding = f"neutral there ({NEUTRAL})" if neutral else "stable there"
+    text = f"bistable {places}: steady sliding is {sliding}, but a large disturbance leads to squeal"
     motions = [motion for row in study.values if row.kind is Kind.BISTABLE for motion in row.motions]
     lines = [each.frequency_Hz for each in motions if each.frequency_Hz is not None]
     if not lines:
@@ -79,16 +80,18 @@ def _quiet(study: Onset) -> str:
     """What becomes of starts where none squeals with steady sliding stable."""
     kinds = {each.kind for each in study.ranges}
     elsewhere = "elsewhere " if Kind.SQUEALS in kinds else ""
-    texts = []
     if Kind.STABLE in kinds:
-        texts = [f"{elsewhere}no start that was tried squeals"]
-    elif Kind.NEUTRAL in kinds:
+        return f"{elsewhere}no start that was tried squeals"
+    if Kind.NEUTRAL in kinds:
         neutral = "its amplitude is that of the initial perturbation, which is not squeal"
-        texts = [f"{elsewhere}motion neither grows nor decays: {neutral}"]
+        return f"{elsewhere}motion neither grows nor decays: {neutral}"
+    return ""
+
+
+def _undecided(study: Onset) -> str:
+    """Where no transient squealed and not all of them have come to rest."""
     undecided = [_place(study, each) for each in study.ranges if each.kind is Kind.UNDECIDED]
-    if undecided:
-        texts.append(f"whether a disturbance leads to squeal is undecided {_joined(undecided)}")
-    return "; ".join(texts) or "there is nothing else to find"
+    return f"whether a disturbance leads to squeal is undecided {_joined(undecided)}" if undecided else ""
 
 
 def _coexisting(study: Onset) -> str:
@@ -161,9 +164,9 @@ def _smallest_disturbances(study: Onset) -> str:
     )
 
 
-def _value(along: Variation, value: float, uncertainty: float | None) -> str:
+def _value(along: Variation, value: float, uncertainty: float | None, exact: str = "") -> str:
     if not uncertainty or uncertainty < EXACT * abs(value):
-        return f"{along.shown(value):.6g}"
+        return exact or f"{along.shown(value):.6g}"
     return with_uncertainty(along.shown(value), along.shown(uncertainty))
 
 
@@ -172,8 +175,8 @@ def with_uncertainty(value: float, uncertainty: float) -> str:
     if 0 < abs(value) < TINY:
         power = math.floor(math.log10(abs(value)))
         return f"({with_uncertainty(value / 10.0**power, uncertainty / 10.0**power)})e{power}"
-    digits = -math.floor(math.log10(uncertainty))
-    return f"{value:.{max(0, digits)}f} ± {float(f'{uncertainty:.1g}'):g}"
+    rounded = float(f"{uncertainty:.1g}")
+    return f"{value:.{max(0, -math.floor(math.log10(rounded)))}f} ± {rounded:g}"
 
 
 def _joined(texts: Sequence[str]) -> str:
@@ -202,11 +205,12 @@ def reservations(study: Onset) -> tuple[str, ...]:
     if quiet:
         found.append(f"Unstable by its eigenvalues, but no transient squealed: {_values(study, quiet)}.")
     away = f"ran away, with the shoe turned by more than {SMALL_ROTATION:g} rad,"
-    still = "was still decaying or growing at its end"
-    for leads, words in ((Leads.UNDECIDED, still), (Leads.RUNS_AWAY, away), (Leads.FAILED, "failed")):
-        values = [row.value for row in study.values if any(each.leads_to is leads for each in row.starts)]
-        if values:
-            found.append(f"A transient {words} at {_values(study, values)}; see the table.")
+    for leads, words in ((Leads.UNDECIDED, "had not settled"), (Leads.RUNS_AWAY, away), (Leads.FAILED, "failed")):
+        led = [(row.value, each) for row in study.values for each in row.starts if each.leads_to is leads]
+        if led:
+            longest = max(each.simulated_s for _, each in led)
+            still = f" after {longest:.2g} s: it still decayed, grew or came and went" * (leads is Leads.UNDECIDED)
+            found.append(f"A transient {words} at {_values(study, list(dict(led)))}{still}; see the table.")
     nowhere = [row.value for row in asked if row.kind is Kind.NOWHERE]
     if nowhere:
         found.append(f"No steady sliding at {_values(study, nowhere)}.")
@@ -218,6 +222,7 @@ def reservations(study: Onset) -> tuple[str, ...]:
         found.append(
             f"The bistable range may go on beyond {_values(study, open_ends)}, {which} of the range asked for."
         )
+    found += _contradictions(study)
     not_started = [row.value for row in asked if row.kind is Kind.BISTABLE and row.smallest_kick is None]
     if study.smallest_kick_sought and not_started:
         squeal = "squeal that a neighbouring value's motion leads to"
@@ -226,6 +231,28 @@ def reservations(study: Onset) -> tuple[str, ...]:
         other = f"Disturbances that were not tried may lead to squeal{' elsewhere, too' * bool(bistable)}"
         found.append(f"{other}: no range called stable has been proved stable.")
     return tuple(found)
+
+
+def _contradictions(study: Onset) -> list[str]:
+    """Where the limit cycles end a bistable range elsewhere than the transients do: there they are few, and short."""
+    if study.cycles is None:
+        return []
+    told = []
+    for each in study.ranges:
+        cycles = [(a, b) for a, b in study.cycles.squeals_only_when_kicked if a < each.last and b > each.first]
+        if each.kind is not Kind.BISTABLE or not cycles:
+            continue
+        first, last = min(a for a, _ in cycles), max(b for _, b in cycles)
+        ends = ((each.first, each.first_uncertainty, first), (each.last, each.last_uncertainty, last))
+        for end, uncertainty, cycle in ends:
+            if uncertainty and abs(end - cycle) > uncertainty + EXACT * abs(end):
+                by_transients = _value(study.variation, end, uncertainty)
+                told.append(
+                    f"The limit cycles end the bistable range at {study.variation.with_unit(cycle, '.5g')}, not at "
+                    f"{by_transients}{study.variation.unit_after}, where transients do: next to a fold these decay "
+                    "slowly, and may miss a cycle with a small basin. Trust the cycles there."
+                )
+    return told
 
 
 def _values(study: Onset, values: Sequence[float]) -> str:
