@@ -16,6 +16,7 @@ class NoSteadySliding(StrEnum):
     """Why there is no steady sliding."""
 
     AT_REST = "drum.speed is 0 all the time: there is no steady sliding; give the drum a speed"
+    BELT_AT_REST = "the belt is at rest: there is no steady sliding; give it a speed"
     NOT_FOUND = (
         "no self-consistent steady sliding was found, neither directly nor by raising friction step by step from zero: "
         "the shoe may jam (self-locking), or its supports and the drum may not hold it at this load and speed"

@@ -16,17 +16,17 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from drumsqueal.errors import RequestError
+from drumsqueal.errors import RequestError, SteadyStateError
 from drumsqueal.files.json_file import to_json
 from drumsqueal.findings.history import COMPLETE
 from drumsqueal.findings.parameter import Parameter
 from drumsqueal.findings.saturated import Saturated, saturated_motions
 from drumsqueal.findings.schema import read_findings
 from drumsqueal.physics.effects.damping import Damping
-from drumsqueal.physics.laws.friction_law import ConstantLaw, ExponentialLaw
+from drumsqueal.physics.laws.friction_law import ConstantLaw, ExponentialLaw, StepLaw
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
-from drumsqueal.questions.cycle.diagram import Branch, CycleBranches, End, Span, steady_sliding
+from drumsqueal.questions.cycle.diagram import Branch, CycleBranches, Diagram, End, Span, steady_sliding
 from drumsqueal.questions.cycle.orbit import Cycle, Event
 from drumsqueal.questions.cycle.words import diagram_verdict
 from drumsqueal.questions.onset import attractors
@@ -35,10 +35,18 @@ from drumsqueal.questions.onset.attractors import Family, How, Start, find_attra
 from drumsqueal.questions.onset.figure import draw_onset
 from drumsqueal.questions.onset.found import Kind, Leads, OnsetStudy, Range, Response, Row, find_ranges
 from drumsqueal.questions.onset.study import Prediction, compare, predict, study_onset
-from drumsqueal.questions.onset.words import reservations, verdict, with_uncertainty
+from drumsqueal.questions.onset.words import (
+    motion_words,
+    reservations,
+    shown_line,
+    size_unit,
+    verdict,
+    with_uncertainty,
+)
 from drumsqueal.scene import SceneError, load_scene
 from drumsqueal.scene.variation import Variation, read_variation
 from drumsqueal.solve.linear.branches import follow_modes, point_at
+from drumsqueal.solve.linear.modes import analyse_stability
 
 DAMPED = Path(__file__).parents[2] / "scenarios" / "damped.toml"
 HOPF = 0.5 * math.log(10)  # of the block below
@@ -325,9 +333,36 @@ def test_a_faint_limit_cycle_is_told_from_a_faint_decay_at_its_fold(over_fold, k
     assert found.leads_to == kind
 
 
+@pytest.mark.parametrize(("over", "kinds"), [(0.995, {Leads.DECAYS, Leads.UNDECIDED}), (1.005, {Leads.UNDECIDED})])
+def test_what_creeps_away_from_an_unstable_cycle_has_not_settled(over, kinds):
+    # Next to its Hopf point, at 1.152 m/s, the block has an unstable cycle that passes steady sliding at 0.05320 m/s by
+    # a return map: from it starts depart by 2e-3 of their distance in a period at most.
+    start = Start("kick", np.zeros(1), np.array([over * 0.05320]))
+    family = Family(falling_friction, ("X",), ("X",))
+    point = point_at(falling_friction, 1.152)
+    for rounds in (3, 10):
+        (found,) = find_attractors(family, [(point, start)], How(10.0, 1e-6, 40 * math.pi), rounds=rounds)
+        assert found.leads_to in kinds
+
+
+def supercritical(belt_speed: float):
+    """x″ + x − 0.4 x′³ + 0.9 x′⁵ = 1 on a belt of 1 m/s: averaged, a cycle of A² = 0.3/(0.9·5/8), A = 0.73 m."""
+    return block_on_belt(lambda s: 1.0 + 0.4 * (1 - s) ** 3 - 0.9 * (1 - s) ** 5, belt_speed=belt_speed)
+
+
 def free(belt_speed: float):
     """A block that nothing feeds or brakes, at 1 rad/s."""
     return block_on_belt(ConstantLaw(0.0), belt_speed=belt_speed)
+
+
+def undamped(belt_speed: float):
+    """A block whose friction is 0.5 while it slips, and up to 1 while it sticks."""
+    return block_on_belt(StepLaw(1.0, 0.5), belt_speed=belt_speed)
+
+
+def rubbing(belt_speed: float):
+    """The same without more friction while it sticks: beyond slip reversal that only takes energy."""
+    return block_on_belt(ConstantLaw(0.5), belt_speed=belt_speed)
 
 
 @pytest.mark.parametrize(
@@ -337,6 +372,11 @@ def free(belt_speed: float):
         (free, 1.0, 0.5, Leads.NEUTRAL),
         (free, 1.0, 3.0, Leads.NEUTRAL),  # beyond slip reversal; made smaller, it stays so
         (falling_friction, HOPF, 3.0, Leads.SQUEALS),  # made smaller, it comes back to stick and slip
+        (undamped, 1.0, 0.98, Leads.NEUTRAL),  # slides for ever
+        (undamped, 1.0, 1.02, Leads.SQUEALS),  # sticks; made smaller, that may slide for ever
+        (undamped, 0.2, 3.0, Leads.SQUEALS),
+        (rubbing, 1.0, 3.0, Leads.NEUTRAL),  # falls until it just does not stick any more
+        (supercritical, 1.0, 0.2, Leads.SQUEALS),  # within slip reversal, and comes back
     ],
 )
 def test_where_no_mode_grows_or_decays_motion_is_neutral_unless_it_comes_back(model_at, speed, size, kind):
@@ -346,6 +386,11 @@ def test_where_no_mode_grows_or_decays_motion_is_neutral_unless_it_comes_back(mo
     assert found.leads_to == kind
     assert found.lasts == (found.motion is not None) == (kind == Leads.SQUEALS)
     assert found.saturated.at_rest == (found.saturated.frequency_Hz is None) == (kind == Leads.DECAYS)
+    if model_at is undamped and kind is Leads.SQUEALS:
+        # Friction gives way at 0.5 m from steady sliding, and the block slips off as fast as the belt: 29 s in the
+        # crests of which a sample may miss 0.1 %.
+        assert found.motion is not None
+        assert found.motion.amplitude["X"] == pytest.approx(math.hypot(0.5, speed), rel=2e-3)
 
 
 def test_a_shoe_that_nothing_holds_runs_away_and_does_not_squeal():
@@ -395,6 +440,28 @@ def test_a_range_of_neutral_motion_is_no_squeal(nominal):
     assert "predict no squeal; motion neither grows nor decays: its amplitude is that" in verdict(study)
 
 
+def test_where_sliding_is_neutral_a_large_disturbance_may_lead_to_squeal(nominal):
+    # Undamped: what stays below the belt's speed slides for ever, all else sticks and slips.
+    linear = follow_modes(undamped, [1.0, 2.0])
+    family, how = Family(undamped, ("X",), ("X",)), How(10.0, 1e-6, 60.0)
+    variation = Variation("drum.speed", "m/s", (1.0, 2.0))
+    study = compare(Prediction(nominal, variation, family, undamped, linear, how), 0.5, smallest_kick=True)
+    assert [each.kind for each in study.ranges] == ["bistable"]
+    assert (
+        "bistable all along: steady sliding is neutral there (small motion neither grows nor decays), but"
+        in verdict(study)
+    )
+    for row in study.values:
+        assert row.small is not None
+        assert row.smallest_kick is not None
+        assert row.small.leads_to == Leads.NEUTRAL
+        assert abs(row.smallest_kick.speed_m_per_s - row.value) < row.smallest_kick.speed_uncertainty_m_per_s
+    # The branches of cycles say the same of small motion.
+    none = Diagram(steady_sliding_stable=((1.0, 2.0),), steady_sliding_unstable=(), branches=(), linear=linear)
+    along = none.model_copy(update={"branches": (made_up_cycles([1.0, 1.5, 2.0]),)})
+    assert diagram_verdict(along, variation).startswith("Steady sliding is neutral throughout")
+
+
 def grazing_speed() -> float:
     """The belt speed above which the block that has stuck does not stick again: SciPy, from one release to the crest.
 
@@ -416,6 +483,24 @@ def grazing_speed() -> float:
         return solve_ivp(slip, (0, 20), first, events=turns, rtol=1e-11, atol=1e-12).y[1, -1] - belt
 
     return float(brentq(crest, 1.16, 2.0, xtol=1e-8))  # pyright: ignore[reportArgumentType]
+
+
+@pytest.mark.parametrize("speed", [1e-3, 1e-2])
+def test_stick_slip_whose_period_is_longer_than_a_round_is_waited_for(speed):
+    # The spring needs 0.5 m more to overcome static friction: 48 s at 0.01 m/s, and 480 s. Half a period of slip with
+    # damping ratio 0.025 leaves e^(−0.025 π) of it on the other side.
+    def model_at(belt_speed: float):
+        return block_on_belt(StepLaw(1.0, 0.5), damping=0.05, belt_speed=belt_speed)
+
+    start = Start("kick", np.zeros(1), np.array([2 * speed]))
+    family = Family(model_at, ("X",), ("X",))
+    (found,) = find_attractors(family, [(point_at(model_at, speed), start)], How(10.0, 1e-6, 60.0))
+    assert found.leads_to == Leads.SQUEALS
+    assert found.motion is not None
+    assert found.motion.frequency_Hz is not None
+    # The belt moves on by its speed times the damping over the stiffness until it gives way: less than 1e-3 of it.
+    assert found.motion.amplitude["X"] == pytest.approx(0.25 * (1 + math.exp(-0.025 * math.pi)), rel=2e-3)
+    assert found.motion.frequency_Hz * found.motion.amplitude["X"] * 2 / speed == pytest.approx(1, rel=0.08)
 
 
 @pytest.mark.slow
@@ -575,6 +660,38 @@ def test_a_family_without_an_onset_is_refused(model_at, values, rate, why):
         study_onset(model_at, Variation("belt speed", "m/s", values), sample_rate=rate)
 
 
+def test_instability_between_the_values_is_studied_there(monkeypatch):
+    # μ falls only about 1 m/s, where damping of 0.1 N s/m takes less than it gives: roots of μ'(V) = −0.1.
+    def island(s):
+        return 0.4 + 0.02 * s + 0.05 * jnp.exp(-(((s - 1.0) / 0.05) ** 2))
+
+    def slope(s: float) -> float:
+        return 0.12 - 40 * (s - 1) * 0.05 * math.exp(-(((s - 1) / 0.05) ** 2)) / 0.05
+
+    low, high = brentq(slope, 1.0, 1.03), brentq(slope, 1.06, 1.2)
+    monkeypatch.setattr(study_module, "find_attractors", made_up([], fold=1.1707, reach=9.0))
+    along = Variation("belt speed", "m/s", (0.2, 0.6, 1.4, 1.8))
+    study = study_onset(lambda v: block_on_belt(island, damping=0.1, belt_speed=v), along, sample_rate=10.0)
+    stable, squeals, bistable, again = study.ranges
+    assert [each.kind for each in study.ranges] == [Kind.BISTABLE, Kind.SQUEALS, Kind.BISTABLE, Kind.STABLE]
+    assert (squeals.first, squeals.last) == pytest.approx((low, high), rel=1e-9)
+    assert bistable.last_uncertainty is not None
+    assert abs(bistable.last - 1.1707) <= bistable.last_uncertainty == pytest.approx(1.6e-3)
+    assert (stable.first, again.last) == (0.2, 1.8)
+    assert [row.value for row in study.values if row.asked] == [0.2, 0.6, 1.4, 1.8]
+
+
+def test_instability_on_both_sides_of_a_belt_at_rest_is_seen(monkeypatch):
+    monkeypatch.setattr(study_module, "find_attractors", made_up([], fold=9.0, reach=0.0))
+    study = study_onset(falling_friction, Variation("belt speed", "m/s", (-1.5, 0.0, 1.5)), sample_rate=10.0)
+    kinds = [Kind.STABLE, Kind.SQUEALS, Kind.NOWHERE, Kind.SQUEALS, Kind.STABLE]
+    assert [each.kind for each in study.ranges] == kinds
+    assert [study.ranges[1].first, study.ranges[3].last] == pytest.approx([-HOPF, HOPF], rel=1e-9)
+    rest = study.ranges[2]
+    assert (rest.first, rest.last) == pytest.approx((-3 / 59 / 4, 3 / 59 / 4))  # halfway to the nearest value looked at
+    assert "no range called stable has been proved stable" in reservations(study)[-1]
+
+
 def test_no_hysteresis_leaves_the_critical_value_alone(nominal, monkeypatch):
     monkeypatch.setattr(study_module, "find_attractors", made_up([], fold=HOPF, reach=9.0))
     study = compare(predicted(nominal, [1.0, 1.1, 1.2, 1.3]), 1e-3)
@@ -617,6 +734,38 @@ def test_a_motion_that_still_grows_lasts_but_has_no_size():
 )
 def test_uncertainty_is_given_in_one_digit(value, uncertainty, text):
     assert with_uncertainty(value, uncertainty) == text
+
+
+def test_numbers_of_small_slow_and_large_motions_can_be_read():
+    assert with_uncertainty(7.654e-25, 8e-27) == "(7.65 ± 0.08)e-25"
+    assert (shown_line(0.15834), shown_line(0.0101), shown_line(1230.94)) == ("0.1583", "0.0101", "1230.9")
+    assert size_unit("X", [1.183, 2e-3]) == (1.0, "m")
+    assert size_unit("X", [2e-3]) == (1e6, "µm")
+
+
+def test_a_perturbation_that_squeals_next_to_a_hopf_point_was_not_small(monkeypatch):
+    # The unstable cycle lies at 0.05 of the contact boundary: a tenth of it squeals, a hundredth decays.
+    def find(family, tasks, how, *, rounds, known=None, progress=None):
+        for point, start in tasks:
+            fraction = max(abs(start.velocity[0]), abs(start.vibration[0])) / point.value
+            yield ending(point.value, start.name, Leads.SQUEALS if fraction > 0.05 else Leads.DECAYS)
+
+    monkeypatch.setattr(study_module, "find_attractors", find)
+    along = Variation("belt speed", "m/s", (1.16, 1.2))
+    study = study_onset(falling_friction, along, sample_rate=10.0)
+    for row in (row for row in study.values if row.asked):
+        assert row.small is not None
+        assert (row.kind, row.small.leads_to) == (Kind.BISTABLE, Leads.DECAYS)
+        assert not any(motion.after_small for motion in row.motions)
+    assert "a small perturbation" in str(study)
+    assert "velocity of" in str(study)
+    assert "lining" not in str(study)
+    assert "after 0.1 of the contact boundary" in motion_words(study, study.values[0].motions[0])
+
+
+def test_a_belt_at_rest_is_no_drum():
+    with pytest.raises(SteadyStateError, match="the belt is at rest"):
+        analyse_stability(falling_friction(0.0))
 
 
 # --- the command -----------------------------------------------------------------------------------------------------

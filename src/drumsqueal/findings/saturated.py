@@ -27,6 +27,10 @@ FEWEST_SAMPLES = 16  # of what is looked at, for a spectrum
 WHAT = "transients"
 PARTS = 5  # of what is looked at, whose rms is compared
 TAKES_PART = 1e-2  # of the kinetic energy: a coordinate that holds less does not count in that
+# Cycles of stick-slip, of which windows with smooth ends give the energy to 1e-5; of fewer it is that of whole cycles,
+# which is as uncertain as samples make their periods, 1e-4.
+MANY = 20
+MOSTLY = 0.5  # of the time: what sticks for longer has a period longer than those of free vibration
 DRIFT = 0.1  # change of the rms from half to half of what is looked at, below which the motion has settled
 
 
@@ -41,7 +45,8 @@ class Saturated(NamedTuple):
     are where it ended: another transient can go on from there. `at_rest` marks one whose motion is below what is
     resolved (`least_energy`): its numbers are round-off. `fluctuation` is by how much the rms of a coordinate comes and
     goes: its standard deviation over `PARTS` parts that overlap by half, of its mean, at most. `smallest_force` (N) is
-    that of all of it, see `pulling.smallest_force`. One that failed has NaN for all numbers, and says why in `outcome`.
+    that of all of it, see `pulling.smallest_force`. `sticking` is the fraction of the time during which the contact
+    sticks, `phases` how often it comes to. One that failed has NaN for all numbers, and says why in `outcome`.
     """
 
     amplitude: NDArray[np.float64]
@@ -58,6 +63,8 @@ class Saturated(NamedTuple):
     at_rest: bool = False
     fluctuation: float = 0.0
     smallest_force: float = np.inf
+    sticking: float = 0.0
+    phases: int = 0
 
     @property
     def failed(self) -> bool:
@@ -117,7 +124,7 @@ def saturated_motions(
             for chunk in stream:
                 progress(WHAT, float(chunk.time[-1]), duration)
                 for k, part in enumerate(parts):
-                    part.add(chunk.vibration[k], chunk.velocity[k])
+                    part.add(chunk.vibration[k], chunk.velocity[k], chunk.sticks[k])
                     if not chunk.reached[k] and part.outcome == COMPLETE:
                         begin, end = float(chunk.time[0]), float(chunk.time[-1])
                         why = f"failed: the integration stopped between t = {begin:.6g} s and {end:.6g} s"
@@ -134,31 +141,34 @@ class _Part:
     samples: int = 0
     outcome: Outcome = COMPLETE
     lowest: float | NDArray[np.float64] = np.inf  # displacements (n,) from steady sliding, of all samples
-    kept: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = field(default_factory=list)
+    kept: list[tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]] = field(default_factory=list)
 
-    def add(self, vibration: NDArray[np.float64], velocity: NDArray[np.float64]) -> None:
-        """A chunk of samples (k, n)."""
+    def add(self, vibration: NDArray[np.float64], velocity: NDArray[np.float64], sticks: NDArray[np.bool_]) -> None:
+        """A chunk of samples (k, n), and which of them stick (k,)."""
         fresh = slice(max(self.start - self.samples, 0), None)
         self.lowest = np.fmin(self.lowest, vibration.min(axis=0, initial=np.inf))
         if len(vibration[fresh]):
-            self.kept.append((vibration[fresh], velocity[fresh]))
+            self.kept.append((vibration[fresh], velocity[fresh], sticks[fresh]))
         self.samples += len(vibration)
 
 
 def _looked_at(part: _Part, model: Model, steady: NDArray[np.float64], sample_rate: float) -> Saturated:
     n, smallest = len(model.names), smallest_force(model, steady + part.lowest)
-    if part.outcome == COMPLETE and any(np.max(np.abs(each)) > HUGE for pair in part.kept for each in pair):
+    if part.outcome == COMPLETE and any(np.max(np.abs(each)) > HUGE for kept in part.kept for each in kept[:2]):
         part.outcome = Outcome(Ending.FAILED, "failed: the motion grows without bound")
     if part.outcome != COMPLETE:
         lost = np.full(n, np.nan)
         numbers = lost, lost, (np.nan, np.nan), None, None, np.nan, np.nan, 0.0, lost, lost
         return Saturated(*numbers, part.outcome, smallest_force=smallest)
-    vibration, velocity = (np.concatenate(pieces) for pieces in zip(*part.kept, strict=True))
+    vibration, velocity, sticks = (np.concatenate(pieces) for pieces in zip(*part.kept, strict=True))
     seconds, half = (len(vibration) - 1) / sample_rate, len(vibration) // 2
+    onsets = np.flatnonzero(~sticks[:-1] & sticks[1:]) + 1
+    slow = np.mean(sticks) > MOSTLY and 1 < onsets.size < MANY
+    squares = _over_cycles(velocity**2, onsets) if slow else velocity**2
     mass = np.asarray(model.mass)
     # Sharp ends would hold more or less of a period: 1e-3 of the energy, and weak damping takes less in that time.
     window = np.hanning(half + 2)[1:-1] / (half + 1) * 2
-    before, after = (float(mass @ (window @ each**2)) for each in (velocity[:half], velocity[-half:]))
+    before, after = (float(mass @ (window @ each)) for each in (squares[:half], squares[-half:]))
     kinetic = (before + after) / 4
     # Of a vibration half the energy is kinetic. What moves without stiffness has no other, and any motion of it counts.
     at_rest = not np.any(np.ptp(vibration, axis=0)) or 2 * kinetic < float(least_energy(model))
@@ -176,18 +186,34 @@ def _looked_at(part: _Part, model: Model, steady: NDArray[np.float64], sample_ra
         velocity=velocity[-1],
         outcome=part.outcome,
         at_rest=at_rest,
-        fluctuation=0.0 if at_rest else _fluctuation(velocity, mass),
+        fluctuation=0.0 if at_rest else _fluctuation(squares, mass),
         smallest_force=smallest,
+        sticking=float(np.mean(sticks)),
+        phases=onsets.size,
     )
 
 
-def _fluctuation(velocity: NDArray[np.float64], mass: NDArray[np.float64]) -> float:
+def _over_cycles(squares: NDArray[np.float64], onsets: NDArray[np.intp]) -> NDArray[np.float64]:
+    """Squares (k, n) as means over cycles, from one onset of sticking to the next, for all the samples of each.
+
+    Of slow stick-slip a part holds few cycles, and hardly any of them without one slip more or less at its ends.
+    """
+    lengths = np.diff(onsets)
+    # Cycles that are as long to a sample are as long as their mean.
+    periods = np.full(lengths.shape, lengths.mean()) if np.ptp(lengths) <= 1 else lengths
+    means = np.add.reduceat(squares[: onsets[-1]], onsets[:-1]) / periods[:, None]
+    lengths[0] += onsets[0]
+    lengths[-1] += len(squares) - onsets[-1]
+    return np.repeat(means, lengths, axis=0)
+
+
+def _fluctuation(squares: NDArray[np.float64], mass: NDArray[np.float64]) -> float:
     """The standard deviation of the rms over parts, of its mean; half of that of the energies."""
-    length = 2 * len(velocity) // (PARTS + 1)
+    length = 2 * len(squares) // (PARTS + 1)
     # Parts with sharp ends would hold more or less of a period: 1 % of the rms where they are ten periods long.
     window = np.hanning(length + 2)[1:-1]
-    starts = np.linspace(0, len(velocity) - length, PARTS).astype(int)
-    energies = np.array([mass * (window @ velocity[k : k + length] ** 2) for k in starts])
+    starts = np.linspace(0, len(squares) - length, PARTS).astype(int)
+    energies = np.array([mass * (window @ squares[k : k + length]) for k in starts])
     mean = energies.mean(axis=0)
     counts = mean > TAKES_PART * mean.sum()
     return float(np.max(energies.std(axis=0)[counts] / mean[counts], initial=0.0)) / 2

@@ -3,7 +3,7 @@
 from collections.abc import Collection, Sequence
 from enum import StrEnum
 from itertools import pairwise
-from typing import Any
+from typing import Any, ClassVar
 
 from pydantic import computed_field
 
@@ -144,6 +144,7 @@ class Diagram(Finding):
     the modes of steady sliding.
     """
 
+    subject: ClassVar[str] = "the body"
     verdict: str | None = None
     steady_sliding_stable: tuple[Interval, ...]
     steady_sliding_unstable: tuple[Interval, ...]
@@ -229,6 +230,7 @@ class CycleBranches(Findings, Diagram):
     """The cycles of a scene along one of its numbers, and where modes of steady sliding gain or lose stability."""
 
     printed_by = "drumsqueal.questions.cycle.answer.print_branches"
+    subject: ClassVar[str] = "the brake"
     outcome: Ending = Ending.COMPLETE
     parameter: Span
     critical_values: tuple[Critical, ...]

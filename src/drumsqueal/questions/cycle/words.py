@@ -89,12 +89,12 @@ def diagram_verdict(diagram: Diagram, along: Variation) -> str:
     if not diagram.branches:
         return f"No cycle was found, {UNPROVEN}.{off}{_unknown(diagram, along)}"
     unstable, cycles, both = diagram.steady_sliding_unstable, diagram.stable_cycles, diagram.squeals_only_when_kicked
-    sliding = f"is unstable for {along.key} {_ranges(unstable, along)}" if unstable else "is stable throughout"
+    sliding = f"is unstable for {along.key} {_ranges(unstable, along)}" if unstable else _without_growth(diagram)
     lives = f"stable cycles exist {_ranges(cycles, along)}" if cycles else "no cycle that was found is stable"
     special = ((diagram.folds, "folds"), (diagram.grazings, "grazing"), (diagram.doublings, "period doubling"))
     named = "; ".join(_values(values, what, along) for values, what in special if values)
     bistable = (
-        f"{_ranges(both, along)} the brake squeals only after a large disturbance (bistable)"
+        f"{_ranges(both, along)} {diagram.subject} squeals only after a large disturbance (bistable)"
         if both
         else f"no stable cycle that was found coexists with stable steady sliding, {UNPROVEN}"
     )
@@ -106,6 +106,14 @@ def diagram_verdict(diagram: Diagram, along: Variation) -> str:
 def _pull(cycles: Sequence[Cycle]) -> str:
     """That the contact pulls in one of them."""
     return pulling_sentence(min(smallest_force(each.model, each.samples.displacement) for each in cycles))
+
+
+def _without_growth(diagram: Diagram) -> str:
+    """How steady sliding is where it is unstable nowhere."""
+    sound = [point for point in diagram.linear.points if not point.reason] if diagram.linear is not None else []
+    if sound and all(point.neutral for point in sound):
+        return "is neutral throughout, for small motion neither grows nor decays"
+    return "is stable throughout"
 
 
 def off_branch_words(diagram: Diagram, along: Variation) -> str:

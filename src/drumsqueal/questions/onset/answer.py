@@ -12,8 +12,8 @@ from drumsqueal.files.output_folder import ONSET as FIGURE
 from drumsqueal.files.output_folder import ONSET_SUMMARY, ONSET_TABLE
 from drumsqueal.findings.vibration import unit_of
 from drumsqueal.questions.onset.figure import draw_onset
-from drumsqueal.questions.onset.found import Attractor, Kind, Leads, Motion, OnsetStudy, Response, Row
-from drumsqueal.questions.onset.words import critical_words, start_words, with_uncertainty
+from drumsqueal.questions.onset.found import Attractor, Kind, Leads, Motion, Onset, OnsetStudy, Response, Row
+from drumsqueal.questions.onset.words import critical_words, shown_line, size_unit, start_words, with_uncertainty
 from drumsqueal.terminal.runner import Answer
 from drumsqueal.terminal.tables import print_table, rows_to_csv
 
@@ -23,16 +23,16 @@ STYLES = {Kind.SQUEALS: "bold red", Kind.BISTABLE: "bold"}
 
 def print_study(console: Console, study: OnsetStudy) -> None:
     """Print a row for each value that was asked for, critical values, what follows, and what the cycles say of it."""
-    name, unit, along = study.coordinate, unit_of(study.coordinate, "µ"), study.variation
+    name, along, (_, unit) = study.coordinate, study.variation, _unit(study)
     table = Table(title=f"Onset along {along.key}", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     table.add_column(f"\n\n{along.shown_unit}", justify="right")
     table.add_column("")
     table.add_column("growth\nrate\n1/s", justify="right")
-    table.add_column("what leads there\n(velocity of\nthe lining)")
+    table.add_column(f"what leads there\n(velocity of\n{study.rubbing})")
     table.add_column(f"{name}\n\n{unit}", justify="right")
     table.add_column("line\n\nHz", justify="right")
     for row in study.in_order:
-        if row.asked:
+        if row.asked or row.small is not None:
             kind = Text(row.kind, style=STYLES.get(row.kind, ""))
             growth = "-" if row.growth_rate is None else f"{row.growth_rate:+.2f}"
             first, *others = _outcomes(row, study) or [("", "-", "")]
@@ -55,25 +55,31 @@ def print_study(console: Console, study: OnsetStudy) -> None:
 
 def _outcomes(row: Row, study: OnsetStudy) -> list[tuple[str, str, str]]:
     """Where the small perturbation led, and every motion with what leads to it, its amplitude and its line."""
-    motions = [(start_words(each, study.variation), *_shown(each, study.coordinate)) for each in row.led_to]
+    motions = [(start_words(each, study.variation), *_shown(each, study)) for each in row.led_to]
     if row.small is None or row.small.motion is not None:
         return motions
     return [("a small perturbation", str(row.small.leads_to), ""), *motions]
 
 
-def _shown(motion: Motion, name: str) -> tuple[str, str]:
+def _unit(study: Onset) -> tuple[float, str]:
+    """The unit of the amplitudes in the tables, and how many of it are one of SI."""
+    amplitudes = [each.amplitude[study.coordinate] for row in study.values for each in row.motions]
+    return size_unit(study.coordinate, amplitudes)
+
+
+def _shown(motion: Motion, study: Onset) -> tuple[str, str]:
     """Amplitude and line of a motion."""
-    return f"{1e6 * motion.amplitude[name]:.4g}", "" if motion.frequency_Hz is None else f"{motion.frequency_Hz:.1f}"
+    amplitude = _unit(study)[0] * motion.amplitude[study.coordinate]
+    return f"{amplitude:.4g}", "" if motion.frequency_Hz is None else shown_line(motion.frequency_Hz)
 
 
 def _disturbances(study: OnsetStudy) -> Table:
     """How large a disturbance must be, and along which mode, at each value where it was found."""
-    unit = unit_of(study.coordinate, "µ")
     table = Table(title="Smallest disturbance that starts squeal", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     table.add_column(f"\n\n{study.variation.shown_unit}", justify="right")
     table.add_column("along\nmode\n")
-    numbers = ("velocity of\nthe lining\nm/s", "energy\n\nJ", "times the\nnearer contact\nboundary")
-    for heading in (*numbers, f"leads to\n{study.coordinate}\n{unit}", "line\n\nHz"):
+    numbers = (f"velocity of\n{study.rubbing}\nm/s", "energy\n\nJ", "times the\nnearer contact\nboundary")
+    for heading in (*numbers, f"leads to\n{study.coordinate}\n{_unit(study)[1]}", "line\n\nHz"):
         table.add_column(heading, justify="right")
     for row in study.in_order:
         for found in sorted(row.smallest_kicks, key=lambda each: each.energy_J):
@@ -83,7 +89,7 @@ def _disturbances(study: OnsetStudy) -> Table:
                 with_uncertainty(found.speed_m_per_s, found.speed_uncertainty_m_per_s),
                 with_uncertainty(found.energy_J, found.energy_uncertainty_J),
                 f"{found.edge_share:.3g}",
-                *_shown(found.leads_to, study.coordinate),
+                *_shown(found.leads_to, study),
             )
     return table
 

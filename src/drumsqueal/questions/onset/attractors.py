@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from drumsqueal.findings.boundaries import boundary_ratios
 from drumsqueal.findings.decay import BEYOND, NEARLY_LINEAR, SMALL, is_decaying
-from drumsqueal.findings.saturated import DRIFT, Saturated, at_once, saturated_motions
+from drumsqueal.findings.saturated import DRIFT, MOSTLY, Saturated, at_once, saturated_motions
 from drumsqueal.findings.verdict import SMALL_ROTATION
 from drumsqueal.findings.vibration import ROTATIONS
 from drumsqueal.physics.model import Model
@@ -40,7 +40,13 @@ SCATTER = 2.0  # standard errors of a trend: an irregular motion whose energy fa
 RESOLVED = 10.0
 REMAINS = 0.02  # of the rms, by which a motion that has settled may still grow
 STEADY = 0.02  # change of the rms from half to half below which a motion may be one that is known already
+# Of the time: what sticks for longer, time and again, owes its energy to friction. Friction that does not fall only
+# takes energy while it sticks: its motions come to stick for an instant, seen as up to 3e-4 of the time.
+STICKS = 0.01
 CLOSE = 1e-3  # to the rms of one that is known, so that it need not come nearer
+# Of what is looked at of a motion that sticks most of the time: with fewer, its round is made so many times longer, or
+# more where one phase at least was seen; and how many times as long as that of the others it is at most.
+FEWEST_PHASES, LONGER, LONGEST = 12, 8.0, 1e4
 PROBE = 0.7  # a motion made so much smaller comes back where it is an attractor, and stays where it is one of many
 
 
@@ -91,10 +97,10 @@ class Family:
         """The entries (n,) of the coordinates that move, of one over those of the linear model."""
         return np.array([vector[self.names.index(name)] for name in self.moving])
 
-    def small_start(self, point: Point, model: Model) -> Start:
-        """All modes at once, within `SMALL` of the nearer contact boundary."""
+    def small_start(self, point: Point, model: Model, size: float = SMALL) -> Start:
+        """All modes at once, within this fraction of the nearer contact boundary."""
         modes = self.modes(point)
-        parts = [self._scaled(mode, model, SMALL / len(modes)) for mode in modes]
+        parts = [self._scaled(mode, model, size / len(modes)) for mode in modes]
         total = np.sum(parts, axis=0) if parts else np.zeros((2, len(self.moving)))
         return Start(SMALL_START, total[0], total[1])
 
@@ -115,8 +121,9 @@ class Family:
 class _Job:
     """A transient on its way."""
 
-    def __init__(self, point: Point, start: Start, family: Family) -> None:
+    def __init__(self, point: Point, start: Start, family: Family, seconds: float) -> None:
         self.point, self.start = point, start
+        self.seconds, self.simulated = seconds, 0.0  # of a round, and of all
         self.model, self.steady = family.model_at(point.value), family.shown(point.steady)
         self.vibration, self.velocity = start.vibration, start.velocity
         self.energies: list[float] = []  # mean kinetic energy of each round (J) since it last changed much
@@ -125,6 +132,17 @@ class _Job:
         self.rounds = 0
         self.smallest_force = np.inf  # N, of all rounds
         self.probed: float | None = None  # mean kinetic energy (J) of the settled motion that was made smaller
+
+    def lengthen(self, motion: Saturated, how: How) -> bool:
+        """Make its rounds longer where stick-slip is so slow that one holds few cycles; says whether it did."""
+        few = motion.sticking > MOSTLY and motion.phases < FEWEST_PHASES
+        if not few or self.seconds >= LONGEST * how.round_seconds:
+            return False
+        self.seconds *= np.clip(1.5 * FEWEST_PHASES / max(motion.phases, 1), 2.0, LONGER)
+        self.rounds = 0
+        for each in (self.energies, self.history, self.fluctuations):
+            each.clear()
+        return True
 
     def note(self, motion: Saturated) -> None:
         """Note the energy of a round."""
@@ -148,6 +166,19 @@ class _Job:
         if change <= resolved:
             return 0.0
         return float(change**2 / (before[0] - change)) if before and change < before[0] else np.inf
+
+    def converges(self, resolved: float) -> bool:
+        """Whether the logarithm no longer changes, comes and goes, or changes ever less and has little left to do so.
+
+        Next to an unstable cycle it changes ever more, however slowly.
+        """
+        *before, change = np.diff(np.log(self.energies[-3:]) / 2)
+        if abs(change) <= resolved:
+            return True
+        if not before:
+            return False
+        slower = abs(before[0]) - abs(change)
+        return bool(before[0] * change < 0 or (slower > 0 and change**2 / slower < REMAINS))
 
     def goes_on(self, rounds: int, least: float) -> bool:
         """Whether it is an irregular motion that is in the later half of so many rounds as it was in the earlier one.
@@ -199,34 +230,37 @@ def find_attractors(
 ) -> Iterator[Response]:
     """Run each start at its point until it is clear where it leads, and yield the responses as they come.
 
-    A motion has settled when for `rounds` rounds its rms velocity has changed by less than a tenth and, below the
-    contact boundaries, by less than a tenth of what the linear growth rate would make of it, unless it fluctuates more
-    than a round before, as one does that leaves an unstable cycle. Beyond the boundaries it must have an amplitude,
-    which may not fall by more in a round than the integrator may make it, for what loses energy in each period is no
-    limit cycle, and may have little left to grow. One that comes and goes has settled when its mean energy over ten
-    rounds (twenty, of those that must last longer) is that over the ten before, to a fifth, and it neither falls nor
-    fluctuates more, but for scatter. A motion within a tenth of the boundaries that falls where the linear model is
-    stable has decayed, as has one below them that falls as fast as half the linear rate; what is below the resolved
-    size is at rest. A disturbance that has fallen to within a tenth of the boundaries where the linear model is
-    unstable grows, as the small perturbation does. After `MOST_ROUNDS` rounds one beyond them counts as squeal, too,
-    but for one that falls, or fluctuates more and more, which is undecided. Where no mode decays or grows by more than
-    is resolved, motion below the boundaries that has settled is neutral, and so is one beyond them that stays smaller
-    when it has been made smaller. A shoe that has turned by more than `SMALL_ROTATION` has run away: it may do so
-    without coming near a boundary. A steady motion that is on one of those `known` at its value, or found there, or
-    comes nearer to it, has settled.
+    A round of stick-slip is longer where it would hold few of its cycles. A motion has settled when for `rounds` rounds
+    its rms velocity has changed by less than a tenth and, below the contact boundaries, by less than a tenth of what
+    the linear growth rate would make of it, unless it fluctuates more than a round before, as one does that leaves an
+    unstable cycle, and unless it changes ever more. Beyond the boundaries it must have an amplitude, which may not fall
+    by more in a round than the integrator may make it, for what loses energy in each period is no limit cycle, and may
+    have little left to grow. One that comes and goes has settled when its mean energy over ten rounds (twenty, of those
+    that must last longer) is that over the ten before, to a fifth, and it neither falls nor fluctuates more, but for
+    scatter. A motion within a tenth of the boundaries that falls where the linear model is stable has decayed, as has
+    one below them that falls as fast as half the linear rate; what is below the resolved size is at rest. A disturbance
+    that has fallen to within a tenth of the boundaries where the linear model is unstable grows, as the small
+    perturbation does. After `MOST_ROUNDS` rounds one beyond them counts as squeal, too, but for one that falls, or
+    fluctuates more and more, which is undecided. Where no mode decays or grows by more than is resolved, motion that
+    has settled squeals where it sticks, or comes back when it has been made smaller; it is neutral where it stays
+    smaller, or is within a tenth of the boundaries. A shoe that has turned by more than `SMALL_ROTATION` has run away:
+    it may do so without coming near a boundary. A steady motion that is on one of those `known` at its value, or found
+    there, or comes nearer to it, has settled.
     `progress` is called after each chunk.
     """
     settled = {value: list(motions) for value, motions in (known or {}).items()}
-    pending = [_Job(point, start, family) for point, start in tasks]
+    pending = [_Job(point, start, family, how.round_seconds) for point, start in tasks]
     many = at_once(how.threads)
     while pending:
-        jobs, pending = pending[:many], pending[many:]
+        round_s = pending[0].seconds
+        jobs = [job for job in pending if job.seconds == round_s][:many]
+        pending = [job for job in pending if job not in jobs]
         motions = saturated_motions(
             [job.model for job in jobs],
             [job.steady for job in jobs],
             [job.vibration for job in jobs],
             [job.velocity for job in jobs],
-            duration=how.round_seconds,
+            duration=round_s,
             sample_rate=how.sample_rate,
             tolerance=how.tolerance,
             solver=how.solver,
@@ -235,17 +269,20 @@ def find_attractors(
         )
         left = []
         for job, motion in zip(jobs, motions, strict=True):
-            job.rounds += 1
+            job.rounds, job.simulated = job.rounds + 1, job.simulated + round_s
             job.smallest_force = min(job.smallest_force, motion.smallest_force)
             job.vibration, job.velocity = motion.vibration, motion.velocity
+            if job.lengthen(motion, how):
+                left.append(job)
+                continue
             kind = _judge(job, motion, family, how, rounds)
             there = settled.setdefault(job.point.value, [])
-            seconds = job.rounds * how.round_seconds
             named = {"kick": job.start.kick, "from_value": job.start.from_value}
             motion = motion._replace(smallest_force=job.smallest_force)
             of = partial(Response.of, job.point.value, job.start.name)
-            response = of(kind or Leads.SQUEALS, motion, seconds, family.moving, **named)
-            if kind is None and not _comes_to(motion, response, there):
+            response = of(kind or Leads.SQUEALS, motion, job.simulated, family.moving, **named)
+            may_stay = _may_be_neutral(job, motion, family, how)
+            if kind is None and (may_stay or not _comes_to(motion, response, there)):
                 left.append(job)
                 continue
             if response.motion is not None and not any(response.motion.same(each) for each in there):
@@ -262,12 +299,8 @@ def _judge(job: _Job, motion: Saturated, family: Family, how: How, rounds: int) 
         return Leads.RUNS_AWAY
     job.note(motion)
     fraction = max(motion.boundary_ratios)
-    rates = [mode.growth_rate for mode in family.modes(job.point)]
-    if job.point.divergence is not None:
-        rates.append(job.point.divergence)
-    linear, seconds = max(rates, default=0.0), how.round_seconds
-    noise, resolved = UNDAMPED_FRACTION * job.point.largest, RESOLVED * how.tolerance
-    stable, neutral = linear <= noise, bool(rates) and -max(noise, resolved / seconds) <= linear <= noise
+    linear, stable, neutral = _linear(job.point, family, how)
+    seconds, resolved = job.seconds, RESOLVED * how.tolerance
     if stable and (fraction == 0 or motion.at_rest):
         return Leads.DECAYS
     if stable and not neutral:
@@ -279,9 +312,9 @@ def _judge(job: _Job, motion: Saturated, family: Family, how: How, rounds: int) 
         return Leads.GROWS
     still = np.inf if neutral else STILL * abs(linear) * seconds
     if _settled(job, motion, rounds, still, resolved):
-        if not neutral:
+        if not _may_be_neutral(job, motion, family, how):
             return Leads.SQUEALS
-        if fraction < BEYOND:
+        if fraction < SMALL:
             return Leads.NEUTRAL
         if job.probed is not None:
             return Leads.NEUTRAL if motion.kinetic_energy < PROBE * job.probed else Leads.SQUEALS
@@ -291,6 +324,21 @@ def _judge(job: _Job, motion: Saturated, family: Family, how: How, rounds: int) 
     if fraction < BEYOND:
         return Leads.UNDECIDED if stable else Leads.GROWS
     return Leads.UNDECIDED if job.leaves(2 * IRREGULAR, min(still, resolved)) else Leads.SQUEALS
+
+
+def _linear(point: Point, family: Family, how: How) -> tuple[float, bool, bool]:
+    """The largest growth rate (1/s), whether nothing grows, and whether something neither grows nor decays."""
+    rates = [mode.growth_rate for mode in family.modes(point)]
+    if point.divergence is not None:
+        rates.append(point.divergence)
+    linear, noise = max(rates, default=0.0), UNDAMPED_FRACTION * point.largest
+    resolved = RESOLVED * how.tolerance / how.round_seconds
+    return linear, linear <= noise, bool(rates) and -max(noise, resolved) <= linear <= noise
+
+
+def _may_be_neutral(job: _Job, motion: Saturated, family: Family, how: How) -> bool:
+    """Whether a motion that lasts may be one of any size: by the linear model, and as it does not stick."""
+    return _linear(job.point, family, how)[2] and motion.sticking <= STICKS
 
 
 def _settled(job: _Job, motion: Saturated, rounds: int, still: float, resolved: float) -> bool:
@@ -306,7 +354,7 @@ def _settled(job: _Job, motion: Saturated, rounds: int, still: float, resolved: 
     elif beyond:
         slow = motion.fluctuation < CONSTANT and change > -falls and job.remains(falls) < REMAINS
     else:
-        slow = abs(change) < still
+        slow = abs(change) < still and (np.isinf(still) or job.converges(resolved))
     if slow and not departs:
         return not motion.at_rest
     return beyond and job.goes_on(2 * IRREGULAR if rounds >= LASTING else IRREGULAR, falls)

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from enum import StrEnum
 from itertools import pairwise
-from typing import Any, Self, cast
+from typing import Any, ClassVar, Self, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -390,6 +390,7 @@ class Onset(Finding):
     """
 
     printed_by = "drumsqueal.questions.onset.answer.print_study"
+    rubbing: ClassVar[str] = "the body"
     outcome: Ending = Ending.COMPLETE
     verdict: str | None = None
     reservations: tuple[str, ...] = ()
@@ -436,12 +437,17 @@ class Onset(Finding):
 class OnsetStudy(Onset, Findings):
     """The same for a scene."""
 
+    rubbing: ClassVar[str] = "the lining"
 
-def find_ranges(rows: Sequence[Row], critical: Sequence[Critical], resolved: float) -> tuple[Range, ...]:
+
+def find_ranges(
+    rows: Sequence[Row], critical: Sequence[Critical], resolved: float, points: Sequence[Point] = ()
+) -> tuple[Range, ...]:
     """Join rows of one kind; they part at critical values where stability changes, and halfway between rows elsewhere.
 
     The uncertainty of an end is that of the critical value, or half the distance of the two rows, but not less than is
-    `resolved`: motion that decays slowly is still there beyond its end when it is looked at.
+    `resolved`: motion that decays slowly is still there beyond its end when it is looked at. Steady sliding ends
+    between the two of the linear `points` that it ends between.
     """
     ends: list[tuple[float, float | None]] = [(rows[0].value, None)]
     kinds = [rows[0].kind]
@@ -454,10 +460,20 @@ def find_ranges(rows: Sequence[Row], critical: Sequence[Critical], resolved: flo
             nearest = between[-1] if a.kind is Kind.SQUEALS else between[0]
             ends.append((nearest.value, nearest.uncertainty))
         else:
-            ends.append(((a.value + b.value) / 2, max((b.value - a.value) / 2, resolved)))
+            low, high = _about(a, b, points)
+            ends.append(((low + high) / 2, max((high - low) / 2, resolved)))
         kinds.append(b.kind)
     ends.append((rows[-1].value, None))
     return tuple(
         Range(kind=kind, first=first, last=last, first_uncertainty=before, last_uncertainty=after)
         for kind, ((first, before), (last, after)) in zip(kinds, pairwise(ends), strict=True)
     )
+
+
+def _about(a: Row, b: Row, points: Sequence[Point]) -> tuple[float, float]:
+    """Between which two values one kind goes over into another, of all values at which it is known."""
+    if Kind.NOWHERE in (a.kind, b.kind):
+        for p, q in pairwise(point for point in points if a.value <= point.value <= b.value):
+            if bool(p.reason) != bool(q.reason):
+                return p.value, q.value
+    return a.value, b.value

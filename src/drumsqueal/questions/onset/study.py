@@ -1,20 +1,21 @@
 """Linear against nonlinear onset along a parameter: where eigenvalues predict squeal, where a disturbance starts it."""
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import partial
-from itertools import pairwise, product
+from itertools import groupby, pairwise, product
 from typing import Any, NamedTuple, cast, overload
 
 import numpy as np
 
 from drumsqueal.errors import RequestError
+from drumsqueal.findings.decay import SMALL
 from drumsqueal.findings.parameter import Parameter
 from drumsqueal.outcome import Ending
 from drumsqueal.physics.composition import linear_coordinates
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.cycle.branches import checked_range, follow_cycles
+from drumsqueal.questions.cycle.branches import VALUES, checked_range, follow_cycles
 from drumsqueal.questions.onset.attractors import (
     LASTING,
     PERSISTENT,
@@ -28,6 +29,7 @@ from drumsqueal.questions.onset.attractors import (
 from drumsqueal.questions.onset.disturbance import smallest_disturbances
 from drumsqueal.questions.onset.found import (
     QUIET,
+    SMALL_START,
     FollowedMode,
     Kind,
     Motion,
@@ -45,7 +47,9 @@ from drumsqueal.scene.variation import Variation, may_not_rest, read_variation
 from drumsqueal.solve.linear.branches import Branches, ModelAt, Point, follow_modes, point_at
 
 WITHIN = 1e-3  # of the range: how well the boundaries of the bistable range are found
+APART = 1e-3  # of a step of the eigenvalues: no two values are looked at that are nearer to each other
 AT_ONCE = 8  # values whose starts run together: what is done when a study is interrupted is whole values
+SMALLER = 3  # small perturbations by tenths: next to a subcritical Hopf point even a tenth may be too large
 SECTIONS = 2  # values tried at once between two
 # Multiples of a neighbour's motion: where motion that is too small decays the attractor may be larger there.
 SIZES = (1.0, 1.2, 1.5)
@@ -173,7 +177,7 @@ def _predict(
 ) -> Prediction:
     if len(set(variation.values)) < 2:
         raise RequestError(f"{variation.key}: give it a range of two values at least")
-    linear = follow_modes(linear_at, variation.values, progress)
+    linear = follow_modes(linear_at, _values_of(variation), progress)
     sound = [point for point in linear.points if not point.reason]
     if not sound:
         raise RequestError(f"{variation.key}: no steady sliding anywhere in the range: {linear.points[0].reason}")
@@ -185,8 +189,27 @@ def _predict(
             raise RequestError(f"sample_rate: {reason}")
         raise SceneError(reason, ("simulate", "sample_rate"), how.sample_rate)
     # Whole chunks of samples need no program of their own, but any number will do.
-    how = how._replace(round_seconds=round_seconds(sound, family.moving))
+    asked = [point for point in sound if point.value in variation.values] or sound
+    how = how._replace(round_seconds=round_seconds(asked, family.moving))
     return Prediction(scene, variation, family, linear_at, linear, how)
+
+
+def _values_of(variation: Variation) -> list[float]:
+    """The values at which the eigenvalues are looked at: those asked for, and between them as many as for cycles."""
+    asked = np.unique(variation.values)
+    grid, step = np.linspace(asked[0], asked[-1], VALUES, retstep=True)
+    apart = np.abs(grid[:, None] - asked).min(axis=1) > APART * step
+    return np.sort([*asked, *grid[apart]]).tolist()
+
+
+def _started(points: Sequence[Point], asked: Collection[float]) -> Iterator[Point]:
+    """Those asked for and, where they miss a stretch in which steady sliding is stable or not, one in its middle."""
+    for (nowhere, _), stretch in groupby(points, key=lambda point: (bool(point.reason), point.unstable)):
+        within = list(stretch)
+        those = [point for point in within if point.value in asked]
+        middle = (within[0].value + within[-1].value) / 2
+        nearest = min(within, key=lambda point: abs(point.value - middle))
+        yield from those or ([] if nowhere else [nearest])
 
 
 def compare(
@@ -218,7 +241,7 @@ def compare(
     while smallest_kick and search.smallest_disturbances():
         search.from_neighbours()
     search.at_boundaries(precision)
-    ranges = find_ranges(search.rows, linear.critical, precision)
+    ranges = find_ranges(search.rows, linear.critical, precision, linear.points)
     study = study.model_copy(update={"outcome": Ending.COMPLETE, "values": tuple(search.rows), "ranges": ranges})
     study = study.model_copy(update={"verdict": verdict(study), "reservations": reservations(study)})
     if not cycles:
@@ -240,8 +263,8 @@ class _Search:
         asked = set(predicted.variation.values)
         self._predicted, self._family, self._how = predicted, predicted.family, predicted.how
         self._on_rows, self._progress = on_rows, progress
-        self._started = {point.value: point for point in predicted.linear.points if point.value in asked}
-        self._rows = {value: Row.at(point, asked=True) for value, point in self._started.items()}
+        self._started = {point.value: point for point in _started(predicted.linear.points, asked)}
+        self._rows = {value: Row.at(point, asked=value in asked) for value, point in self._started.items()}
         self._complete: set[float] = set()
         self._carried: set[tuple[float, float, bytes, float]] = set()  # from where to where, which motion and how large
         self._told: set[tuple[float, bytes]] = set()  # motions that were run on, to be told apart from others
@@ -270,7 +293,21 @@ class _Search:
                     rest += [(point, each.start(size)) for size in smaller if size > least]
             self._run("transients", first, PERSISTENT, more=Counter(point.value for point, _ in rest))
             self._run("transients", rest, PERSISTENT)
+        self._smaller_perturbations()
         self._tell_apart()
+
+    def _smaller_perturbations(self) -> None:
+        """Where steady sliding is stable and the small perturbation squeals, it was none: try smaller ones."""
+        size = SMALL
+        for _ in range(SMALLER):
+            large = [row for row in self.rows if not row.unstable and row.small is not None and row.small.motion]
+            for row in large:
+                starts = tuple(_named(each, size) if each.start == SMALL_START else each for each in row.starts)
+                self._rows[row.value] = row.model_copy(update={"starts": starts})
+            size /= 10
+            points = [row.point for row in large]
+            tasks = [(each, self._family.small_start(each, self._family.model_at(each.value), size)) for each in points]
+            self._run("transients", tasks, PERSISTENT)
 
     def from_neighbours(self) -> None:
         """Carry every motion that a neighbouring value lacks over to it, upwards and downwards as far as it lasts."""
@@ -404,6 +441,13 @@ class _Search:
                 self._on_rows(self.rows)
             done += 1
             report()
+
+
+def _named(response: Response, size: float) -> Response:
+    """The response to what was to be a small perturbation, of this fraction of the nearer contact boundary."""
+    start = f"{size:g} of the contact boundary"
+    motion = response.motion and response.motion.model_copy(update={"start": start})
+    return response.model_copy(update={"start": start, "motion": motion})
 
 
 def _ended(response: Response, later: Response) -> Response:

@@ -5,13 +5,16 @@ from collections.abc import Sequence
 
 from drumsqueal.findings.verdict import SMALL_ROTATION
 from drumsqueal.findings.vibration import unit_of
-from drumsqueal.questions.cycle.words import shown_Hz
-from drumsqueal.questions.onset.found import Attractor, Kind, Leads, Onset, Range
+from drumsqueal.questions.cycle.words import VISIBLE, WHOLE, shown_Hz
+from drumsqueal.questions.onset.found import QUIET, Attractor, Kind, Leads, Onset, Range
 from drumsqueal.scene.variation import Variation
 from drumsqueal.solve.linear.branches import DIVERGENCE, Critical
 from drumsqueal.solve.pulling import pulling_sentence
 
+TINY = 1e-4  # a number from which on zeros behind the point are not written
 EXACT = 1e-6  # relative uncertainty that is not worth stating
+
+NEUTRAL = "small motion neither grows nor decays"
 
 
 def verdict(study: Onset) -> str:
@@ -45,7 +48,7 @@ def _place(study: Onset, found: Range) -> str:
         for each in study.critical_values
         if any(abs(each.value - end) <= each.uncertainty for end in ends)
     ]
-    named = f" ({', '.join(modes)})" if modes and found.kind is Kind.SQUEALS else ""
+    named = f" ({', '.join(dict.fromkeys(modes))})" if modes and found.kind is Kind.SQUEALS else ""
     if found.first_uncertainty is None:
         return f"below {last}{named}"
     if found.last_uncertainty is None:
@@ -58,7 +61,10 @@ def _bistable(study: Onset) -> str:
     if not bistable:
         return _quiet(study)
     places = _joined([_place(study, each) for each in bistable])
-    text = f"bistable {places}: steady sliding is stable there, but a large disturbance leads to squeal"
+    smalls = [row.small for row in study.values if row.asked and row.kind is Kind.BISTABLE]
+    neutral = smalls and all(small is not None and small.leads_to is Leads.NEUTRAL for small in smalls)
+    sliding = f"neutral there ({NEUTRAL})" if neutral else "stable there"
+    text = f"bistable {places}: steady sliding is {sliding}, but a large disturbance leads to squeal"
     motions = [motion for row in study.values if row.kind is Kind.BISTABLE for motion in row.motions]
     lines = [each.frequency_Hz for each in motions if each.frequency_Hz is not None]
     if not lines:
@@ -105,12 +111,24 @@ def motion_words(study: Onset, motion: Attractor) -> str:
     """Line and amplitude of a motion, and what leads to it."""
     name = study.coordinate
     line = "" if motion.frequency_Hz is None else f"{shown_Hz(motion.frequency_Hz)} Hz with "
-    size = f"{1e6 * motion.amplitude[name]:.3g} {unit_of(name, 'µ')} of {name}"
+    scale, unit = size_unit(name, [motion.amplitude[name]])
+    size = f"{scale * motion.amplitude[name]:.3g} {unit} of {name}"
     return f"{line}{size} {_after(motion)} {start_words(motion, study.variation)}"
 
 
+def size_unit(name: str, amplitudes: Sequence[float]) -> tuple[float, str]:
+    """The unit in which amplitudes of a coordinate are shown, and how many of it are one of SI."""
+    micro = max(amplitudes, default=0.0) < VISIBLE
+    return (1e6, unit_of(name, "µ")) if micro else (1.0, unit_of(name))
+
+
+def shown_line(frequency: float) -> str:
+    """A frequency in tenths of a Hz, or with four digits."""
+    return f"{frequency:.1f}" if frequency >= WHOLE else f"{frequency:.4g}"
+
+
 def _after(motion: Attractor) -> str:
-    return "after" if motion.after_small or motion.kick is not None else "continued from"
+    return "after" if motion.after_small or motion.kick is not None or not motion.from_values else "continued from"
 
 
 def start_words(motion: Attractor, along: Variation) -> str:
@@ -142,7 +160,7 @@ def _smallest_disturbances(study: Onset) -> str:
     if not sizes:
         return ""
     return (
-        " The smallest disturbance along a mode that starts squeal, as the velocity of the lining's surface, is "
+        f" The smallest disturbance along a mode that starts squeal, as the velocity of {study.rubbing}'s surface, is "
         f"{' to '.join(sizes)} at the values tried."
     )
 
@@ -154,7 +172,10 @@ def _value(along: Variation, value: float, uncertainty: float | None, exact: str
 
 
 def with_uncertainty(value: float, uncertainty: float) -> str:
-    """A value in as many digits as its uncertainty leaves it, in one: 47.94 ± 0.02."""
+    """A value in as many digits as its uncertainty leaves it, in one: 47.94 ± 0.02, (7.6 ± 0.1)e-25."""
+    if 0 < abs(value) < TINY:
+        power = math.floor(math.log10(abs(value)))
+        return f"({with_uncertainty(value / 10.0**power, uncertainty / 10.0**power)})e{power}"
     rounded = float(f"{uncertainty:.1g}")
     return f"{value:.{max(0, -math.floor(math.log10(rounded)))}f} ± {rounded:g}"
 
@@ -167,7 +188,8 @@ def critical_words(critical: Critical, along: Variation) -> str:
     """Which mode gains or loses stability at which value."""
     becomes = "loses stability" if critical.destabilises else "gains stability"
     value = _value(along, critical.value, critical.uncertainty)
-    line = f" at {critical.frequency_Hz:.2f} Hz" if critical.frequency_Hz > 0 else ""
+    shown = f"{critical.frequency_Hz:.2f}" if critical.frequency_Hz >= 1 else f"{critical.frequency_Hz:.4g}"
+    line = f" at {shown} Hz" if critical.frequency_Hz > 0 else ""
     return f"{critical.label} {becomes}{line} as the value rises past {along.key} = {value}{along.unit_after}"
 
 
@@ -208,8 +230,8 @@ def reservations(study: Onset) -> tuple[str, ...]:
     if study.smallest_kick_sought and not_started:
         squeal = "squeal that a neighbouring value's motion leads to"
         found.append(f"No disturbance along a mode that was tried starts the {squeal}: {_values(study, not_started)}.")
-    if bistable:
-        other = "Disturbances that were not tried may lead to squeal elsewhere, too"
+    if bistable or any(each.kind in QUIET for each in study.ranges):
+        other = f"Disturbances that were not tried may lead to squeal{' elsewhere, too' * bool(bistable)}"
         found.append(f"{other}: no range called stable has been proved stable.")
     return tuple(found)
 

@@ -34,6 +34,7 @@ OUTCOMES = {
 }
 NOWHERE = {
     NoSteadySliding.AT_REST: AT_REST,
+    NoSteadySliding.BELT_AT_REST: AT_REST,
     NoSteadySliding.NOT_FOUND: NOT_FOUND,
     NoSteadySliding.NOT_FINITE: NOT_FINITE,
 }

@@ -48,6 +48,11 @@ class Point(NamedTuple):
         return self.divergence is not None or any(mode.unstable for mode in self.modes)
 
     @property
+    def neutral(self) -> bool:
+        """Whether nothing grows, and something neither grows nor decays but for round-off."""
+        return not self.unstable and self.growth_rate >= -UNDAMPED_FRACTION * self.largest
+
+    @property
     def growth_rate(self) -> float:
         """The largest Re λ (1/s) of what oscillates or grows; NaN where there is nothing."""
         rates = [mode.growth_rate for mode in self.modes]

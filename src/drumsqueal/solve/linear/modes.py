@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from drumsqueal.errors import NoSteadySliding, SteadyStateError
 from drumsqueal.physics.bodies.body import scalars
+from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.effects.effect import at_rest
 from drumsqueal.physics.effects.operation import Profile
 from drumsqueal.physics.model import Model
@@ -182,7 +183,8 @@ def while_sliding(model: Model) -> tuple[Model, float]:
         time = np.asarray(speed.time)[(np.asarray(speed.value) != 0) & (np.asarray(speed.time) > 0)]
         if time.size:
             return model.frozen(float(time[0])), float(time[0])
-    raise SteadyStateError(NoSteadySliding.AT_REST)
+    brake = isinstance(model.contact, Contact)
+    raise SteadyStateError(NoSteadySliding.AT_REST if brake else NoSteadySliding.BELT_AT_REST)
 
 
 def growing_without_oscillation(eigenvalues: NDArray[np.complex128]) -> float | None:

@@ -28,7 +28,7 @@ class Batch(NamedTuple):
     """A chunk of m transients: time (k,), displacement from steady sliding, velocity (m, k, n), evaluations (m,).
 
     Evaluations are NaN where they are not counted. Where `reached` (m,) is False a transient has failed: its samples
-    are NaN from there on.
+    are NaN from there on. `sticks` (m, k) says whether the contact sticks.
     """
 
     time: np.ndarray
@@ -36,6 +36,7 @@ class Batch(NamedTuple):
     velocity: np.ndarray
     evaluations: np.ndarray
     reached: np.ndarray
+    sticks: np.ndarray
 
 
 def integrate_many(
@@ -75,7 +76,8 @@ def integrate_many(
             done = zip(*pool.map(lambda each, span=span: each.through(span), transients), strict=True)
             vibration, velocity, evaluations, reached = map(np.array, done)
             time = np.arange(first, first + count + 1)[fresh] / sample_rate
-            yield Batch(time, vibration[:, fresh], velocity[:, fresh], evaluations, reached)
+            sticks = np.array([each.sticks_at(time) for each in transients])
+            yield Batch(time, vibration[:, fresh], velocity[:, fresh], evaluations, reached, sticks)
 
 
 def _check(models: Sequence[Model], solver: str, states: Mapping[str, ArrayLike], threads: int | None) -> None:
@@ -113,3 +115,9 @@ class _Transient:
         states, self._state, self._step = segment.states, segment.final, segment.step
         self._failed = not (segment.reached and all(np.isfinite(each).all() for each in jax.tree.leaves(self._state)))
         return states.vibration, states.velocity, count_evaluations(segment, self._run.solvers), not self._failed
+
+    def sticks_at(self, time: np.ndarray) -> np.ndarray:
+        """Whether the contact sticks at times (k,) of the last chunk."""
+        changes = self._run.changes
+        after = [not changes[0][1] if changes else self._run.sticks, *(sticks for _, sticks in changes)]
+        return np.array(after)[np.searchsorted([when for when, _ in changes], time, side="right")]
