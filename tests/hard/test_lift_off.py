@@ -4,6 +4,8 @@ The model is that of Hoffmann et al., Journal of Sound and Vibration 257 (2002) 
 and stick-slip limit: m x″ + c x′ + k11 x + k12 y = F and m y″ + c y′ + k12 x + k22 y = p0 − N, N = max(0, p0 + k3 y).
 """
 
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -63,7 +65,7 @@ class Witness:
             for event in events:
                 event.terminal, event.direction = True, 1
             turning = [lambda _, u: u[2], lambda _, u: u[3]]
-            field, how = self.rate(touches, slip), {"rtol": 1e-11, "atol": 1e-12, "max_step": 0.2}
+            field, how = self.rate(touches, slip), dict[str, Any](rtol=1e-11, atol=1e-12, max_step=0.2)
             found = solve_ivp(field, (time, duration), u, method="DOP853", events=events + turning, **how)
             for k in range(2):
                 states = found.y_events[k - 2].reshape(-1, 4)

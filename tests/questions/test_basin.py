@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 import drumsqueal as ds
 from drumsqueal.errors import RequestError
 from drumsqueal.files.json_file import to_json
-from drumsqueal.questions.onset.found import Leads
+from drumsqueal.questions.onset.motions import Leads
 from drumsqueal.questions.sweep.basin import Basin, number_motions
 from drumsqueal.questions.sweep.points import LEADS, NOT_YET
 from drumsqueal.questions.sweep.study import compute

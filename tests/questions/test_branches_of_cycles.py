@@ -13,7 +13,8 @@ from drumsqueal.questions.cycle.branches import with_branch
 from drumsqueal.questions.cycle.continuation import Track
 from drumsqueal.questions.cycle.diagram import Branch, Diagram, End
 from drumsqueal.questions.cycle.family import Family
-from drumsqueal.questions.cycle.orbit import Event, Shooting, Start, scale_near
+from drumsqueal.questions.cycle.orbit import Event
+from drumsqueal.questions.cycle.shooting import Shooting, Start, scale_near
 from drumsqueal.questions.cycle.words import diagram_verdict, end_words
 from drumsqueal.scene.variation import Variation
 from drumsqueal.solve.transient.flow import flow

@@ -29,7 +29,8 @@ from drumsqueal.questions.cycle.words import diagram_verdict
 from drumsqueal.questions.onset import attractors
 from drumsqueal.questions.onset import study as study_module
 from drumsqueal.questions.onset.attractors import Family, How, Start, find_attractors
-from drumsqueal.questions.onset.found import Kind, Leads, Motion, OnsetStudy, Response, pairs_of, unpaired
+from drumsqueal.questions.onset.found import Kind, OnsetStudy
+from drumsqueal.questions.onset.motions import Leads, Motion, Response, pairs_of, unpaired
 from drumsqueal.questions.onset.study import study_onset
 from drumsqueal.scene.variation import Variation
 from drumsqueal.solve.linear.branches import point_at

@@ -38,8 +38,9 @@ from drumsqueal.questions.cycle.continuation import Track, _kind
 from drumsqueal.questions.cycle.diagram import Branch, CycleBranches, End, Span
 from drumsqueal.questions.cycle.family import Family
 from drumsqueal.questions.cycle.figures import _shade
-from drumsqueal.questions.cycle.orbit import Cycle, Event, Shooting, Start, floquet, floquet_of
+from drumsqueal.questions.cycle.orbit import Cycle, Event, floquet, floquet_of
 from drumsqueal.questions.cycle.search import CycleStudy, cycle_from, find_cycle, is_same
+from drumsqueal.questions.cycle.shooting import Shooting, Start
 from drumsqueal.questions.cycle.starts import modal_starts, returns
 from drumsqueal.questions.cycle.words import diagram_verdict, end_words
 from drumsqueal.scene import SceneError, load_scene

@@ -33,7 +33,8 @@ from drumsqueal.questions.onset import attractors
 from drumsqueal.questions.onset import study as study_module
 from drumsqueal.questions.onset.attractors import Family, How, Start, find_attractors, go_on
 from drumsqueal.questions.onset.figure import draw_onset
-from drumsqueal.questions.onset.found import Kind, Leads, OnsetStudy, Range, Response, Row, find_ranges
+from drumsqueal.questions.onset.found import Kind, OnsetStudy, Range, Row, find_ranges
+from drumsqueal.questions.onset.motions import Leads, Response
 from drumsqueal.questions.onset.study import Prediction, compare, predict, study_onset
 from drumsqueal.questions.onset.words import (
     motion_words,
@@ -590,6 +591,7 @@ def test_an_end_that_motions_are_too_slow_to_show_is_left_as_uncertain_as_it_is(
     assert kinds == [Kind.SQUEALS, Kind.BISTABLE, Kind.UNDECIDED, Kind.STABLE]
     bistable = study.ranges[1]
     assert bistable.last_uncertainty == pytest.approx(0.1 / 6)  # one section between 1.6 and 1.7, which is undecided
+    assert bistable.last_uncertainty is not None
     assert abs(bistable.last - 1.6789) <= bistable.last_uncertainty
     assert "whether a disturbance leads to squeal is undecided from" in verdict(study)
     assert "A transient had not settled at 1.7 m/s after 1 s" in " ".join(reservations(study))

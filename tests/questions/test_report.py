@@ -29,7 +29,7 @@ from drumsqueal.physics.model import build_model
 from drumsqueal.questions.matrix.found import NoiseMatrix
 from drumsqueal.questions.onset import study as study_module
 from drumsqueal.questions.onset.answer import ONSET
-from drumsqueal.questions.onset.found import Leads, Response
+from drumsqueal.questions.onset.motions import Leads, Response
 from drumsqueal.questions.onset.study import study_onset
 from drumsqueal.questions.report import onset_page as onset_page_module
 from drumsqueal.questions.report import page

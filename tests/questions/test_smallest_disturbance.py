@@ -16,16 +16,17 @@ from drumsqueal.findings.history import COMPLETE
 from drumsqueal.findings.saturated import Saturated
 from drumsqueal.physics.model import build_model
 from drumsqueal.physics.small_bodies import block_on_belt
-from drumsqueal.questions.cycle.orbit import Start as Beginning
 from drumsqueal.questions.cycle.search import cycle_from
+from drumsqueal.questions.cycle.shooting import Start as Beginning
 from drumsqueal.questions.onset import disturbance as disturbance_module
 from drumsqueal.questions.onset import kicks as kicks_module
 from drumsqueal.questions.onset import study as study_module
 from drumsqueal.questions.onset.attractors import Family, How, Start, find_attractors
 from drumsqueal.questions.onset.disturbance import PRECISION, smallest_disturbances
 from drumsqueal.questions.onset.figure import draw_onset
-from drumsqueal.questions.onset.found import Leads, Response, Row
+from drumsqueal.questions.onset.found import Row
 from drumsqueal.questions.onset.kicks import surface_speed
+from drumsqueal.questions.onset.motions import Leads, Response
 from drumsqueal.questions.onset.study import predict, study_onset
 from drumsqueal.questions.onset.words import reservations, verdict
 from drumsqueal.scene import load_scene

@@ -9,8 +9,9 @@ from drumsqueal.errors import CycleError
 from drumsqueal.physics.model import Model
 from drumsqueal.questions.cycle.continuation import Ended, Track
 from drumsqueal.questions.cycle.diagram import Branch, End
-from drumsqueal.questions.cycle.orbit import Closed, Cycle, Shooting, Start, Vector, describe, scale_near
+from drumsqueal.questions.cycle.orbit import Cycle, describe
 from drumsqueal.questions.cycle.search import cycle_from
+from drumsqueal.questions.cycle.shooting import Closed, Shooting, Start, Vector, scale_near
 from drumsqueal.questions.cycle.starts import modal_start, reach, released_start
 from drumsqueal.solve.linear.branches import Critical, point_at
 from drumsqueal.solve.transient.sticking import can_stick

@@ -20,18 +20,8 @@ from drumsqueal.findings.signals.regime import Kind, classify
 from drumsqueal.findings.vibration import Vibration
 from drumsqueal.physics.model import Model
 from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.cycle.orbit import (
-    CLOSED,
-    NEUTRAL,
-    Closed,
-    Cycle,
-    Shooting,
-    Start,
-    Vector,
-    cut_in_slip,
-    describe,
-    scale_near,
-)
+from drumsqueal.questions.cycle.orbit import NEUTRAL, Cycle, cut_in_slip, describe
+from drumsqueal.questions.cycle.shooting import CLOSED, Closed, Shooting, Start, Vector, scale_near
 from drumsqueal.questions.cycle.starts import modal_starts, reach, returns
 from drumsqueal.questions.cycle.words import cycle_verdict, regime_words
 from drumsqueal.scene import Scene, SceneError

@@ -12,8 +12,9 @@ from drumsqueal.physics.model import Model
 from drumsqueal.progress import Progress
 from drumsqueal.questions.cycle.continuation import SAME
 from drumsqueal.questions.cycle.diagram import Branch, OffBranch, Why
-from drumsqueal.questions.cycle.orbit import Cycle, Start
+from drumsqueal.questions.cycle.orbit import Cycle
 from drumsqueal.questions.cycle.search import cycle_from, recorded
+from drumsqueal.questions.cycle.shooting import Start
 from drumsqueal.solve import motion
 
 PERIODS = 200  # of the slowest mode: how long a motion is recorded to find its period

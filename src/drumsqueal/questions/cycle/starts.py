@@ -14,7 +14,7 @@ from jax import Array
 from drumsqueal.errors import CycleError
 from drumsqueal.physics.kernel import compiled
 from drumsqueal.physics.model import Model
-from drumsqueal.questions.cycle.orbit import TOLERANCE, Start, Vector
+from drumsqueal.questions.cycle.shooting import TOLERANCE, Start, Vector
 from drumsqueal.solve.linear.modes import Mode, Stability, analyse_stability
 from drumsqueal.solve.transient.flow import Change, flow, state_size
 from drumsqueal.solve.transient.sticking import drum_motion

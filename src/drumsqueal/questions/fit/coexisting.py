@@ -9,8 +9,8 @@ from drumsqueal.physics.composition import linear_coordinates
 from drumsqueal.physics.model import build_model
 from drumsqueal.progress import Progress
 from drumsqueal.questions.onset.attractors import Family, How, Start, find_attractors
-from drumsqueal.questions.onset.found import Motion
 from drumsqueal.questions.onset.kicks import directions
+from drumsqueal.questions.onset.motions import Motion
 from drumsqueal.questions.sensitivity.study import at_one_time
 from drumsqueal.questions.sweep.starts import point_of, round_of
 from drumsqueal.scene import Scene

@@ -19,8 +19,9 @@ from drumsqueal.physics.model import Model, build_model
 from drumsqueal.progress import Progress
 from drumsqueal.questions.matrix.table import WINDOW, MatrixPlan
 from drumsqueal.questions.onset.attractors import Family, How, Start, find_attractors
-from drumsqueal.questions.onset.found import SMALL_START, Leads, Row
+from drumsqueal.questions.onset.found import Row
 from drumsqueal.questions.onset.kicks import directions
+from drumsqueal.questions.onset.motions import SMALL_START, Leads
 from drumsqueal.questions.sweep.points import (
     COMPUTED,
     FAILED,

@@ -12,7 +12,8 @@ from drumsqueal.files.output_folder import ONSET as FIGURE
 from drumsqueal.files.output_folder import ONSET_SUMMARY, ONSET_TABLE
 from drumsqueal.findings.vibration import unit_of
 from drumsqueal.questions.onset.figure import draw_onset
-from drumsqueal.questions.onset.found import Attractor, Kind, Leads, Motion, Onset, OnsetStudy, Response, Row
+from drumsqueal.questions.onset.found import Kind, Onset, OnsetStudy, Row
+from drumsqueal.questions.onset.motions import Attractor, Leads, Motion, Response
 from drumsqueal.questions.onset.words import critical_words, shown_line, size_unit, start_words, with_uncertainty
 from drumsqueal.terminal.runner import Answer
 from drumsqueal.terminal.tables import print_table, rows_to_csv

@@ -18,7 +18,7 @@ from drumsqueal.findings.verdict import SMALL_ROTATION
 from drumsqueal.findings.vibration import ROTATIONS
 from drumsqueal.physics.model import Model
 from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.onset.found import SMALL_START, Kick, Leads, Motion, Response
+from drumsqueal.questions.onset.motions import SMALL_START, Kick, Leads, Motion, Response
 from drumsqueal.solve.linear.branches import ModelAt, Point
 from drumsqueal.solve.linear.modes import UNDAMPED_FRACTION, Mode
 from drumsqueal.solve.transient.runge_kutta import AUTO

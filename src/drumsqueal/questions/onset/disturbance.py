@@ -13,8 +13,9 @@ import numpy as np
 
 from drumsqueal.progress import Progress
 from drumsqueal.questions.onset.attractors import LASTING, PERSISTENT, Family, How, Start, find_attractors
-from drumsqueal.questions.onset.found import Disturbance, Leads, Motion, Response, Row
+from drumsqueal.questions.onset.found import Row
 from drumsqueal.questions.onset.kicks import Direction, directions
+from drumsqueal.questions.onset.motions import Disturbance, Leads, Motion, Response
 from drumsqueal.solve.linear.branches import Point
 
 SMALLER = 10  # halvings below the sizes tried at first, where it squeals already

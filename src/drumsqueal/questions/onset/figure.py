@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from drumsqueal.findings.vibration import unit_of
 from drumsqueal.questions.cycle.diagram import Diagram
 from drumsqueal.questions.cycle.orbit import Cycle
-from drumsqueal.questions.onset.found import Attractor, Kind, Leads, Onset, OnsetStudy, Row
+from drumsqueal.questions.onset.found import Kind, Onset, OnsetStudy, Row
+from drumsqueal.questions.onset.motions import Attractor, Leads
 from drumsqueal.questions.run.figures.eigenvalues import STABLE as STABLE_COLOUR
 from drumsqueal.questions.run.figures.eigenvalues import UNSTABLE as UNSTABLE_COLOUR
 from drumsqueal.solve.linear.modes import UNDAMPED_FRACTION

@@ -27,20 +27,9 @@ from drumsqueal.questions.onset.attractors import (
     round_seconds,
 )
 from drumsqueal.questions.onset.disturbance import smallest_disturbances
-from drumsqueal.questions.onset.found import (
-    QUIET,
-    SMALL_START,
-    FollowedMode,
-    Kind,
-    Motion,
-    Onset,
-    OnsetStudy,
-    Response,
-    Row,
-    find_ranges,
-    unpaired,
-)
+from drumsqueal.questions.onset.found import QUIET, FollowedMode, Kind, Onset, OnsetStudy, Row, find_ranges
 from drumsqueal.questions.onset.kicks import directions
+from drumsqueal.questions.onset.motions import SMALL_START, Motion, Response, unpaired
 from drumsqueal.questions.onset.words import reservations, verdict
 from drumsqueal.scene import Profile, Scene, SceneError
 from drumsqueal.scene.variation import Variation, may_not_rest, read_variation

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from drumsqueal.findings.verdict import SMALL_ROTATION
 from drumsqueal.findings.vibration import unit_of
 from drumsqueal.questions.cycle.words import VISIBLE, WHOLE, shown_Hz
-from drumsqueal.questions.onset.found import QUIET, Attractor, Kind, Leads, Onset, Range
+from drumsqueal.questions.onset.found import QUIET, Kind, Onset, Range
+from drumsqueal.questions.onset.motions import Attractor, Leads
 from drumsqueal.scene.variation import Variation
 from drumsqueal.solve.linear.branches import DIVERGENCE, Critical
 from drumsqueal.solve.pulling import pulling_sentence

@@ -21,8 +21,8 @@ from drumsqueal.questions.onset.attractors import (
     go_on,
     round_seconds,
 )
-from drumsqueal.questions.onset.found import Kick, Leads, Motion, Response
 from drumsqueal.questions.onset.kicks import LARGE, LEAST, Direction, directions, surface_speed
+from drumsqueal.questions.onset.motions import Kick, Leads, Motion, Response
 from drumsqueal.questions.onset.study import SIZES
 from drumsqueal.questions.sensitivity.decay import disturbed
 from drumsqueal.scene import Scene

@@ -12,7 +12,7 @@ from pydantic import Field, computed_field
 from drumsqueal.findings.part import Finding
 from drumsqueal.findings.schema import SceneInFile
 from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.onset.found import Leads, Motion
+from drumsqueal.questions.onset.motions import Leads, Motion
 from drumsqueal.questions.sensitivity.alone import Alone, each_alone
 from drumsqueal.questions.sensitivity.change import Caution, Change, cautions, in_SI, rounded
 from drumsqueal.questions.sensitivity.decay import Decay

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from drumsqueal.findings.vibration import unit_of
-from drumsqueal.questions.onset.found import Kick, Leads, Motion
+from drumsqueal.questions.onset.motions import Kick, Leads, Motion
 from drumsqueal.questions.sensitivity.alone import Alone
 from drumsqueal.questions.sensitivity.change import Change
 from drumsqueal.questions.sensitivity.decay import Decay, Outcome

@@ -7,7 +7,7 @@ import xarray
 from numpy.typing import NDArray
 
 from drumsqueal.findings.part import Finding, Held, Number
-from drumsqueal.questions.onset.found import Leads, how_unlike
+from drumsqueal.questions.onset.motions import Leads, how_unlike
 from drumsqueal.questions.sweep.chance import Chance, chance, fraction
 from drumsqueal.questions.sweep.points import LEADS, NONE, Starting, squealing
 from drumsqueal.solve.pulling import pulling

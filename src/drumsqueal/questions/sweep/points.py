@@ -13,7 +13,7 @@ from drumsqueal.findings.decay import BEYOND
 from drumsqueal.findings.history import versions
 from drumsqueal.findings.saturated import Saturated
 from drumsqueal.questions.matrix.table import MatrixPlan
-from drumsqueal.questions.onset.found import Leads
+from drumsqueal.questions.onset.motions import Leads
 from drumsqueal.questions.sweep.body import BodyPlan
 from drumsqueal.scene import COORDINATES
 from drumsqueal.scene.plan import Plan

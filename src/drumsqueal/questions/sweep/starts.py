@@ -16,7 +16,7 @@ from drumsqueal.questions.onset.attractors import (
     find_attractors,
     round_seconds,
 )
-from drumsqueal.questions.onset.found import Leads, Motion, Response
+from drumsqueal.questions.onset.motions import Leads, Motion, Response
 from drumsqueal.questions.sweep.body import BodyPlan
 from drumsqueal.questions.sweep.points import COMPUTED, LEADS, OPEN, Columns, blank, note_motion
 from drumsqueal.solve.linear.branches import Point

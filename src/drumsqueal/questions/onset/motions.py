@@ -1,0 +1,234 @@
+"""Where starts lead: disturbances, the motions after them, and which of these are the same attractor."""
+
+import math
+from collections.abc import Sequence
+from enum import StrEnum
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from drumsqueal.findings.part import Finding, Held, Number
+from drumsqueal.findings.saturated import Saturated
+
+# At neighbouring values motions are alike where the logarithms of their energy and of their frequency differ by less.
+ALIKE_ENERGY, ALIKE_FREQUENCY = 0.5, 0.05
+# At one value they are the same where those of the rms of each coordinate and of the frequency do. Settled squeal of
+# the brakes repeats to 0.5 % and 0.001 %; two attractors were seen that differ by 1.1 % in frequency.
+SAME_RMS, SAME_FREQUENCY = 0.05, 5e-3
+# An irregular motion is known no better than it fluctuates: in standard deviations of a part of it, and that at most.
+FLUCTUATIONS, MOST_FLUCTUATION = 2.0, 0.25
+TINY = 1e-300  # J: of a motion without energy the logarithm is finite
+COUNTS = 1e-3  # of the largest rms, m or rad: a coordinate that moves less does not distinguish motions
+
+
+class Leads(StrEnum):
+    """Where a start leads.
+
+    Its motion decays, squeals, grows (still, at the end), is neutral (its size depends on the start), runs away (the
+    shoe turns further than rotations are small), is undecided or failed.
+    """
+
+    DECAYS = "decays"
+    SQUEALS = "squeals"
+    GROWS = "grows"
+    NEUTRAL = "neutral"
+    RUNS_AWAY = "runs away"
+    UNDECIDED = "undecided"
+    FAILED = "failed"
+
+
+SMALL_START = "small"  # the name of the small perturbation
+
+
+class Kick(Finding):
+    """A disturbance that was tried: a velocity from steady sliding (m/s, rad/s) along `mode` (its label), either way.
+
+    With it the fastest point of the lining's surface moves at `speed_m_per_s` and the shoe has the kinetic energy
+    `energy_J`. Free vibration from it would come to `edge_share` times the nearer contact boundary, lift-off or slip
+    reversal, by the linear model.
+    """
+
+    mode: str
+    forwards: bool
+    velocity: dict[str, float]
+    speed_m_per_s: float
+    energy_J: float
+    edge_share: float
+
+
+class Motion(Finding):
+    """A steady-state response, by the last part of a transient: half its peak-to-peak values and rms (m, rad).
+
+    `frequency_Hz` is that of the line with most kinetic energy, of the coordinate `line_of`. Of the motions at which
+    contact is lost and slip reversed it has these fractions. `drift` is the relative change of the rms velocity at its
+    end, `fluctuation` by how much the rms of a coordinate comes and goes. `state` (2, n) is vibration and velocity at
+    its end.
+    """
+
+    start: str
+    amplitude: dict[str, float]
+    rms: dict[str, float]
+    frequency_Hz: float | None
+    line_of: str | None
+    kinetic_energy_J: float
+    share_of_contact_loss: Number
+    share_of_slip_reversal: Number
+    drift: Number
+    fluctuation: float = 0.0
+    state: Any = Held
+
+    def same(self, other: "Motion") -> bool:
+        """Whether two motions at one value are one attractor, as far as they fluctuate."""
+        fluctuation = min(FLUCTUATIONS * max(self.fluctuation, other.fluctuation), MOST_FLUCTUATION)
+        counts = COUNTS * max(*self.rms.values(), *other.rms.values())
+        pairs = [(self.rms[name], other.rms[name]) for name in self.rms]
+        apart = [abs(np.log(max(a, counts) / max(b, counts))) for a, b in pairs]
+        if max(apart) > max(SAME_RMS, fluctuation):
+            return False
+        if self.frequency_Hz is None or other.frequency_Hz is None or fluctuation > SAME_RMS:
+            return True  # of an irregular motion now one line is the strongest, now another
+        return bool(abs(np.log(self.frequency_Hz / other.frequency_Hz)) < SAME_FREQUENCY)
+
+    def like(self, other: "Motion") -> bool:
+        """Whether two motions, at one value or at neighbouring ones, are alike in size and frequency."""
+        return self.apart(other) < 1
+
+    def apart(self, other: "Motion") -> float:
+        """How much less alike in size and frequency they are, over what counts as alike."""
+        frequencies = (self.frequency_Hz or math.nan, other.frequency_Hz or math.nan)
+        return how_unlike((self.kinetic_energy_J, other.kinetic_energy_J), frequencies)
+
+
+def how_unlike(
+    energies: Sequence[float] | NDArray[np.float64], frequencies: Sequence[float] | NDArray[np.float64]
+) -> float:
+    """How far two motions are apart in kinetic energy and frequency (NaN: none), over what counts as alike."""
+    sizes = [math.log(max(each, TINY)) for each in energies]
+    apart = abs(sizes[0] - sizes[1]) / ALIKE_ENERGY
+    if any(map(math.isnan, frequencies)):
+        return apart
+    return max(apart, abs(math.log(frequencies[0] / frequencies[1])) / ALIKE_FREQUENCY)
+
+
+class Response(Finding):
+    """Where a start led at a value, after how long (s), and the motion that it squeals with.
+
+    `kick` is the disturbance that it was, or `from_value` the value at which the motion was known from which it goes
+    on; None for others. `saturated` is how the transient ended.
+    """
+
+    start: str
+    leads_to: Leads
+    simulated_s: float
+    outcome: str
+    kick: Kick | None = None
+    from_value: float | None = None
+    motion: Motion | None = None
+    value: float = Field(default=np.nan, exclude=True)
+    saturated: Any = Held
+
+    @classmethod
+    def of(
+        cls,
+        value: float,
+        start: str,
+        leads_to: Leads,
+        ended: Saturated,
+        seconds: float,
+        names: Sequence[str],
+        *,
+        kick: Kick | None = None,
+        from_value: float | None = None,
+    ) -> Self:
+        """That of a transient over the named coordinates."""
+        motion = None
+        if leads_to is Leads.SQUEALS:
+            motion = Motion(
+                start=start,
+                amplitude=dict(zip(names, ended.amplitude.tolist(), strict=True)),
+                rms=dict(zip(names, ended.rms.tolist(), strict=True)),
+                frequency_Hz=ended.frequency_Hz,
+                line_of=ended.line,
+                kinetic_energy_J=ended.kinetic_energy,
+                share_of_contact_loss=ended.boundary_ratios[0],
+                share_of_slip_reversal=ended.boundary_ratios[1],
+                drift=ended.drift,
+                fluctuation=ended.fluctuation,
+                state=np.array([ended.vibration, ended.velocity]),
+            )
+        return cls(
+            start=start,
+            leads_to=leads_to,
+            simulated_s=seconds,
+            outcome=ended.outcome,
+            kick=kick,
+            from_value=from_value,
+            motion=motion,
+            value=value,
+            saturated=ended,
+        )
+
+    @property
+    def lasts(self) -> bool:
+        """Whether motion is left, or still grows."""
+        return self.leads_to in (Leads.SQUEALS, Leads.GROWS)
+
+
+class Disturbance(Kick):
+    """The smallest disturbance that leads to a motion, of those along the modes.
+
+    It lies between the largest that leads elsewhere and the smallest that leads there, both along `mode`, either way,
+    and the numbers are those halfway; the uncertainties are half of what lies between. `leads_to` is the motion.
+    """
+
+    speed_uncertainty_m_per_s: float
+    energy_uncertainty_J: float
+    leads_to: Motion
+
+
+class Attractor(Motion):
+    """A steady-state response with all starts that led to it, by name.
+
+    `after_small` says whether the small perturbation did, `kick` is the smallest of the disturbances along modes that
+    did, None where none of them did, and `from_values` are those from which it was continued. `smallest_kick` is the
+    smallest disturbance that leads there, None where none was found or looked for.
+    """
+
+    starts: tuple[str, ...]
+    after_small: bool
+    kick: Kick | None = None
+    from_values: tuple[float, ...] = ()
+    smallest_kick: Disturbance | None = None
+
+    @classmethod
+    def of(cls, led: Sequence[Response], smallest: Sequence[Disturbance]) -> Self:
+        """That of all responses with one motion."""
+        motion = led[0].motion
+        assert motion is not None
+        kicks = sorted((each.kick for each in led if each.kick is not None), key=lambda kick: kick.energy_J)
+        return cls(
+            **dict(motion),
+            starts=tuple(each.start for each in led),
+            after_small=any(each.start == SMALL_START for each in led),
+            kick=next(iter(kicks), None),
+            from_values=tuple(dict.fromkeys(each.from_value for each in led if each.from_value is not None)),
+            smallest_kick=next((each for each in smallest if each.leads_to.same(motion)), None),
+        )
+
+
+def pairs_of(there: Sequence[Motion], here: Sequence[Motion]) -> list[tuple[Motion, Motion]]:
+    """Which motions at neighbouring values go over into each other: the most alike first, each in one pair."""
+    alike = sorted(((a.apart(b), j, k) for j, a in enumerate(there) for k, b in enumerate(here) if a.like(b)))
+    found: dict[int, int] = {}
+    for _, j, k in alike:
+        if j not in found and k not in found.values():
+            found[j] = k
+    return [(there[j], here[k]) for j, k in found.items()]
+
+
+def unpaired(there: Sequence[Motion], here: Sequence[Motion]) -> list[Motion]:
+    """The motions at a value that none at its neighbour is alike, but for those that are in a pair already."""
+    paired = {id(a) for a, _ in pairs_of(there, here)}
+    return [motion for motion in there if id(motion) not in paired]
