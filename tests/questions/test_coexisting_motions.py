@@ -85,7 +85,7 @@ def test_every_cycle_that_is_stable_is_found_with_the_smallest_disturbance_that_
     assert row.motions == (loud, quiet)
     told = str(study.verdict)
     assert "Several motions coexist at 0.036 N s/m and" in told
-    assert f"m/s along X and 0.159 Hz with {1e6 * loud.amplitude['X']:.3g} µm of X after" in told
+    assert f"m/s along X and 0.159 Hz with {loud.amplitude['X']:.3g} m of X after" in told
 
 
 def test_without_that_search_the_sizes_by_doublings_find_them(study):

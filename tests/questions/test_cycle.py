@@ -611,8 +611,8 @@ def hyperbolic(speed):
 
 
 def two_ways(speed):
-    """A block that moves along the belt and into it; friction follows its load."""
-    how: Any = {"mass": [1.0, 1.3], "springs": [[2.0, 0.3], [0.3, 1.0]], "contact_stiffness": 0.7}
+    """A block that moves along the belt and into it; friction follows its load, which may pull in the codes here."""
+    how: Any = {"separation": False, "mass": [1.0, 1.3], "springs": [[2.0, 0.3], [0.3, 1.0]], "contact_stiffness": 0.7}
     damping = [[0.05, 0.0], [0.0, 0.05]]
     return sprung_block_on_belt(ExponentialLaw(0.8, 0.3, 2.0), belt_speed=speed, damping=damping, **how)
 

@@ -275,7 +275,7 @@ def test_more_transients_than_run_at_once_come_in_order_also_those_that_stick():
     ("speed", "fraction", "rate", "energies", "kind", "rounds"),
     [
         (1.3, 0.05, -1e-9, [1.0], Leads.DECAYS, 1),  # small, and it falls
-        (1.3, 0.5, -0.0075, [1.0], Leads.DECAYS, 1),  # below the contact boundaries, faster than half the linear rate
+        (1.3, 0.5, -0.0075, [1.0, 0.2], Leads.DECAYS, 2),  # below them, faster than half the linear rate, twice
         (1.3, 0.5, -0.003, 0.49 ** np.arange(60), Leads.UNDECIDED, 60),  # slower than that, and not still
         (1.3, 0.5, 0.0, np.ones(60), Leads.SQUEALS, 3),  # below the contact boundaries, and still
         (1.3, 1.5, 0.0, np.ones(60), Leads.SQUEALS, 3),
@@ -314,6 +314,23 @@ def test_what_decays_from_slip_reversal_on_is_no_squeal_however_weakly_it_is_dam
     (found,) = find_attractors(family, [(point_at(model_at, 1.0), start)], How(10.0, 1e-6, 200 * math.pi))
     assert found.leads_to == Leads.DECAYS
     assert found.simulated_s <= 12 * 200 * math.pi  # measured against the linear rate, not waited for
+
+
+@pytest.mark.parametrize("speed", [0.75, 3.0, -1.5])
+def test_what_falls_onto_a_cycle_below_slip_reversal_squeals(speed):
+    # Averaged, −2e-4 + ¾ 2.211e-3 a² − ⅝ 4.08e-3 a⁴ = 0: cycles of 0.400 (unstable) and 0.700 (stable) m.
+    def law(slip):
+        w = 1 - slip
+        return 0.4 - 2e-4 * w + 2.211e-3 * w**3 - 4.08e-3 * w**5
+
+    model = block_on_belt(law, belt_speed=1.0)
+    family = Family(lambda _: model, ("X",), ("X",))
+    start = Start("kick", np.zeros(1), np.array([speed]))
+    point = point_at(lambda _: model, 1.0)
+    (found,) = find_attractors(family, [(point, start)], How(10.0, 1e-6, 200 * math.pi))
+    assert found.leads_to == Leads.SQUEALS
+    assert found.motion is not None
+    assert found.motion.amplitude["X"] == pytest.approx(0.7, rel=0.02)
 
 
 # By friction that falls by Δμ to the kinetic one a motion as fast as the belt, sin t m/s, gains π Δμ 2 I₁(2)/e² in a

@@ -105,7 +105,9 @@ def diagram_verdict(diagram: Diagram, along: Variation) -> str:
 
 def _pull(cycles: Sequence[Cycle]) -> str:
     """That the contact pulls in one of them."""
-    return pulling_sentence(min(smallest_force(each.model, each.samples.displacement) for each in cycles))
+    known = [each for each in cycles if each.samples is not None]  # of those read from a file they are not
+    forces = (smallest_force(each.model, each.samples.displacement) for each in known)
+    return pulling_sentence(min(forces, default=math.inf))
 
 
 def _without_growth(diagram: Diagram) -> str:

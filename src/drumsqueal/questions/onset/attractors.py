@@ -45,8 +45,8 @@ STEADY = 0.02  # change of the rms from half to half below which a motion may be
 STICKS = 0.01
 CLOSE = 1e-3  # to the rms of one that is known, so that it need not come nearer
 # Of what is looked at of a motion that sticks most of the time: with fewer, its round is made so many times longer, or
-# more where one phase at least was seen; and how many times as long as that of the others it is at most.
-FEWEST_PHASES, LONGER, LONGEST = 12, 8.0, 1e4
+# more where one phase at least was seen; and from how many times the length of the others on it is undecided instead.
+FEWEST_PHASES, LONGER, LONGEST = 12, 8.0, 300
 PROBE = 0.7  # a motion made so much smaller comes back where it is an attractor, and stays where it is one of many
 
 
@@ -129,18 +129,18 @@ class _Job:
         self.energies: list[float] = []  # mean kinetic energy of each round (J) since it last changed much
         self.history: list[float] = []  # and of all rounds since the start, or since it was made smaller
         self.fluctuations: list[float] = []  # of all rounds
+        self.rates: list[float] = []  # growth rate (1/s) of all rounds
         self.rounds = 0
         self.smallest_force = np.inf  # N, of all rounds
         self.probed: float | None = None  # mean kinetic energy (J) of the settled motion that was made smaller
 
     def lengthen(self, motion: Saturated, how: How) -> bool:
         """Make its rounds longer where stick-slip is so slow that one holds few cycles; says whether it did."""
-        few = motion.sticking > MOSTLY and motion.phases < FEWEST_PHASES
-        if not few or self.seconds >= LONGEST * how.round_seconds:
+        if not _holds_few(motion) or self.seconds >= LONGEST * how.round_seconds:
             return False
         self.seconds *= np.clip(1.5 * FEWEST_PHASES / max(motion.phases, 1), 2.0, LONGER)
         self.rounds = 0
-        for each in (self.energies, self.history, self.fluctuations):
+        for each in (self.energies, self.history, self.fluctuations, self.rates):
             each.clear()
         return True
 
@@ -151,6 +151,7 @@ class _Job:
         self.energies.append(motion.kinetic_energy)
         self.history.append(motion.kinetic_energy)
         self.fluctuations.append(motion.fluctuation)
+        self.rates.append(motion.rate)
 
     def change(self, rounds: int) -> float:
         """Mean change a round of the logarithm of the rms velocity, over so many rounds; NaN before."""
@@ -158,6 +159,19 @@ class _Job:
         if len(last) < max(rounds, 2) or min(last) <= 0:
             return np.nan
         return float(np.log(last[-1] / last[0])) / 2 / (len(last) - 1)
+
+    def nears(self, linear: float) -> bool:
+        """Whether it falls nearly as fast as the linear model says (1/s), and the smaller it is the more so.
+
+        Next to rest the rate is linear in the energy. What falls towards a limit cycle below the contact boundaries
+        may pass that rate, too, but on a line that leads elsewhere.
+        """
+        if len(self.history) < 2 or not 0 < self.history[-1] < self.history[-2]:
+            return False
+        before, now = self.rates[-2:]
+        fallen = self.history[-1] / self.history[-2]
+        at_rest = now + (now - before) * fallen / (1 - fallen)
+        return max(abs(now - linear), abs(at_rest - linear)) < (1 - NEARLY_LINEAR) * abs(linear)
 
     def remains(self, resolved: float) -> float:
         """By how much the logarithm still grows if each change is to the one before as the last is; infinite before."""
@@ -200,7 +214,7 @@ class _Job:
 
     def probe(self, energy: float) -> None:
         """Go on from less than what has settled."""
-        self.probed = energy
+        self.probed, self.rounds = energy, 0
         self.vibration, self.velocity = PROBE * self.vibration, PROBE * self.velocity
         self.energies.clear()
         self.history.clear()
@@ -238,14 +252,14 @@ def find_attractors(
     have little left to grow. One that comes and goes has settled when its mean energy over ten rounds (twenty, of those
     that must last longer) is that over the ten before, to a fifth, and it neither falls nor fluctuates more, but for
     scatter. A motion within a tenth of the boundaries that falls where the linear model is stable has decayed, as has
-    one below them that falls as fast as half the linear rate; what is below the resolved size is at rest. A disturbance
-    that has fallen to within a tenth of the boundaries where the linear model is unstable grows, as the small
-    perturbation does. After `MOST_ROUNDS` rounds one beyond them counts as squeal, too, but for one that falls, or
-    fluctuates more and more, which is undecided. Where no mode decays or grows by more than is resolved, motion that
-    has settled squeals where it sticks, or comes back when it has been made smaller; it is neutral where it stays
-    smaller, or is within a tenth of the boundaries. A shoe that has turned by more than `SMALL_ROTATION` has run away:
-    it may do so without coming near a boundary. A steady motion that is on one of those `known` at its value, or found
-    there, or comes nearer to it, has settled.
+    one below them whose rate comes near to the linear one as its energy falls; what is below the resolved size is at
+    rest. A disturbance that has fallen to within a tenth of the boundaries where the linear model is unstable grows, as
+    the small perturbation does. After `MOST_ROUNDS` rounds one beyond them counts as squeal, too, but for one that
+    falls, or fluctuates more and more, which is undecided. Where no mode decays or grows by more than is resolved,
+    motion that has settled squeals where it sticks, or comes back when it has been made smaller; it is neutral where it
+    stays smaller, or is within a tenth of the boundaries. A shoe that has turned by more than `SMALL_ROTATION` has run
+    away: it may do so without coming near a boundary. A steady motion that is on one of those `known` at its value, or
+    found there, or comes nearer to it, has settled.
     `progress` is called after each chunk.
     """
     settled = {value: list(motions) for value, motions in (known or {}).items()}
@@ -297,6 +311,8 @@ def _judge(job: _Job, motion: Saturated, family: Family, how: How, rounds: int) 
         return Leads.FAILED
     if any(abs(turn) > SMALL_ROTATION for turn in motion.vibration[[name in ROTATIONS for name in family.moving]]):
         return Leads.RUNS_AWAY
+    if _holds_few(motion):
+        return Leads.UNDECIDED
     job.note(motion)
     fraction = max(motion.boundary_ratios)
     linear, stable, neutral = _linear(job.point, family, how)
@@ -304,9 +320,10 @@ def _judge(job: _Job, motion: Saturated, family: Family, how: How, rounds: int) 
     if stable and (fraction == 0 or motion.at_rest):
         return Leads.DECAYS
     if stable and not neutral:
-        # Within the contact boundaries all smaller motions decay like one that has kept on decaying there.
-        goes_on = fraction < 1 and job.change(LASTING) < NEARLY_LINEAR * linear * seconds
-        if goes_on or is_decaying(fraction, motion.rate, linear):
+        if fraction < SMALL and motion.rate < 0:
+            return Leads.DECAYS
+        lasts = fraction < 1 and job.change(LASTING) < NEARLY_LINEAR * linear * seconds
+        if (lasts or is_decaying(fraction, motion.rate, linear)) and job.nears(linear):
             return Leads.DECAYS
     if not stable and fraction < SMALL and job.start.name != SMALL_START:
         return Leads.GROWS
@@ -324,6 +341,11 @@ def _judge(job: _Job, motion: Saturated, family: Family, how: How, rounds: int) 
     if fraction < BEYOND:
         return Leads.UNDECIDED if stable else Leads.GROWS
     return Leads.UNDECIDED if job.leaves(2 * IRREGULAR, min(still, resolved)) else Leads.SQUEALS
+
+
+def _holds_few(motion: Saturated) -> bool:
+    """Whether a round of slow stick-slip holds too few of its cycles to judge it."""
+    return motion.sticking > MOSTLY and motion.phases < FEWEST_PHASES
 
 
 def _linear(point: Point, family: Family, how: How) -> tuple[float, bool, bool]:

@@ -48,7 +48,7 @@ def sensitivity_command(
     changed scene, if no disturbance that was tried makes it squeal. It is quiet at the scene's speed and load, and
     where --at asks for it.
 
-    Example: drumsqueal sensitivity scenarios/damped.toml --until stable --at drum.speed=3..8x6 -o out/quiet
+    Example: drumsqueal sensitivity scenarios/damped.toml -o out/quiet --until stable
     """
     if until not in (None, "stable"):
         raise UsageError(f"--until {until}: write --until stable, or leave it out")

@@ -28,7 +28,7 @@ SURE = 5e-3
 DECAYED = 3.0  # of a round, so that what decays has fallen to e^-3
 FEWEST_PERIODS = 20  # of the slowest mode in a round, for its frequency
 
-ONCE_MORE = 1  # round
+ONCE_MORE = 2  # rounds: of one, no change can be seen
 
 Vectors = Mapping[int, tuple[NDArray[np.float64], NDArray[np.float64]]]
 
