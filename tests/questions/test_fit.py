@@ -342,6 +342,7 @@ def test_the_sum_of_numbers_that_act_together_has_a_value(damped, keys, sentence
     assert abs(fixed.value - 7.3e8) <= fixed.uncertainty <= 0.02 * 7.3e8
     assert {UPPER, LOWER}.isdisjoint(number.key for number in fit.determined)
     assert sentence in fit.verdict
+    assert " ".join(str(fit).split()).count("if every other number of the scene is exact") == 1
 
 
 @pytest.fixture(scope="module")

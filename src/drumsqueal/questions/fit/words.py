@@ -11,6 +11,7 @@ PRESENT = 0.1  # of a combination's largest exponent, from which a number is nam
 EQUAL = 1e-3  # of 1, within which a factor of a sum is one
 SHORT = 2e-3  # of a frequency that a search for squeal misses, from which it is reported
 EXTREMES = "20 times or a twentieth of the scene's value"
+CONFIDENCE = "95 % confidence, if every other number of the scene is exact"
 POOR = 9.0  # χ² per degree of freedom: the lines are off by three times their uncertainty
 
 
@@ -50,9 +51,10 @@ def describe_fit(fit: Fit) -> str:
     left = [number.key for number in fit.numbers if not number.determined]
     sums = "".join(f" {_sum(each)}." for each in fit.fixed if each.factors is not None)
     if not known:
-        return f"The record determines none of {', '.join(left)} alone; {was}.{sums}"
+        sure = f" (±: {CONFIDENCE})" if fit.fixed else ""
+        return f"The record determines none of {', '.join(left)} alone{sure}; {was}.{sums}"
     text = f"The record gives {' and '.join([', '.join(known[:-1]), known[-1]] if known[1:] else known)}"
-    text += f" (95 % confidence, if every other number of the scene is exact); {was}."
+    text += f" ({CONFIDENCE}); {was}."
     return f"{text} Not determined: {', '.join(left)}.{sums}" if left else text
 
 
