@@ -16,7 +16,7 @@ from drumsqueal.physics.model import build_model
 from drumsqueal.progress import silent
 from drumsqueal.questions.compare.measured.record import Measured
 from drumsqueal.questions.export.signals import surface_velocity
-from drumsqueal.questions.fit import choice, squeal, study
+from drumsqueal.questions.fit import choice, squeal, study, words
 from drumsqueal.questions.fit.assignment import assign, fit_lines
 from drumsqueal.questions.fit.eigenlines import Eigenmodes
 from drumsqueal.questions.fit.estimate import Scale, estimate
@@ -509,6 +509,13 @@ def test_the_lines_before_a_second_search_are_those_of_the_scene(monkeypatch):
         "squeals that coexist in the scene: 930, 960 Hz",
         "squeals that coexist at the numbers of the second search: 969, 1000 Hz",
     )
+
+
+@pytest.mark.parametrize(("chi_square", "poor"), [(8.9, False), (9.1, True)])
+def test_one_limit_tells_lines_that_are_met_from_a_poor_fit(chi_square, poor):
+    fit = cast("Any", SimpleNamespace(chi_square_per_freedom=chi_square))
+    attempt = choice._Try(cast("Any", SimpleNamespace(estimate=fit)), (LINE,), None, OfRoots().squeal())
+    assert (attempt.met, bool(words._misses(fit))) == (not poor, poor)
 
 
 @pytest.mark.parametrize(

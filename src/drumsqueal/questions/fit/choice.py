@@ -13,7 +13,7 @@ from drumsqueal.findings.signals.spectra import amplitude_spectrum
 from drumsqueal.progress import Progress
 from drumsqueal.questions.fit.assignment import AMBIGUOUS, LIKELY
 from drumsqueal.questions.fit.coexisting import scenes_that_squeal
-from drumsqueal.questions.fit.estimate import Scale
+from drumsqueal.questions.fit.estimate import POOR, Scale
 from drumsqueal.questions.fit.record import Reading, RecordLine
 from drumsqueal.questions.fit.squeal import WIDEST, Fitted, Squeal, fit_squeal, pair_squeal, settled
 from drumsqueal.scene import Scene
@@ -25,7 +25,6 @@ CLEAR_DB = 12.0  # over the noise beside it, from which an overtone is one
 # that coexist (and, rarely, where an open number is off).
 SAME_DB, OTHER_DB = 2.0, 4.0
 SAME_FREQUENCY, SAME_AMPLITUDE = 1e-3, 0.03  # relative, of one squeal after two starts
-MET = 9.0  # χ² per degree of freedom: three times the uncertainty
 FARTHEST = 0.5  # of log number, in the second search
 
 
@@ -65,7 +64,7 @@ class _Try(NamedTuple):
 
     @property
     def met(self) -> bool:
-        return self.miss <= MET
+        return self.miss <= POOR**2
 
     @property
     def heard(self) -> bool:

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 
-from drumsqueal.questions.fit.estimate import FAR
+from drumsqueal.questions.fit.estimate import FAR, POOR
 from drumsqueal.questions.fit.found import Combination, Fit, FittedLine, FittedNumber
 from drumsqueal.questions.fit.record import Kind
 
@@ -12,7 +12,6 @@ EQUAL = 1e-3  # of 1, within which a factor of a sum is one
 SHORT = 2e-3  # of a frequency that a search for squeal misses, from which it is reported
 EXTREMES = "20 times or a twentieth of the scene's value"
 CONFIDENCE = "95 % confidence, if every other number of the scene is exact"
-POOR = 9.0  # χ² per degree of freedom: the lines are off by three times their uncertainty
 
 
 def with_uncertainty(number: FittedNumber) -> str:
@@ -71,7 +70,7 @@ def why_missed(fit: Fit) -> str:
 def _misses(fit: Fit) -> str:
     """By how many times their uncertainty lines miss, where that is too much; else nothing."""
     chi = fit.chi_square_per_freedom
-    return f"{math.sqrt(chi):.{0 if chi > FAR**2 else 1}f}" if chi is not None and chi > POOR else ""
+    return f"{math.sqrt(chi):.{0 if chi > FAR**2 else 1}f}" if chi is not None and chi > POOR**2 else ""
 
 
 def _off(line, which: str) -> float:
