@@ -16,7 +16,7 @@ from drumsqueal.physics.model import build_model
 from drumsqueal.progress import silent
 from drumsqueal.questions.compare.measured.record import Measured
 from drumsqueal.questions.export.signals import surface_velocity
-from drumsqueal.questions.fit import choice, squeal
+from drumsqueal.questions.fit import choice, squeal, study, words
 from drumsqueal.questions.fit.assignment import assign, fit_lines
 from drumsqueal.questions.fit.eigenlines import Eigenmodes
 from drumsqueal.questions.fit.estimate import Scale, estimate
@@ -342,6 +342,7 @@ def test_the_sum_of_numbers_that_act_together_has_a_value(damped, keys, sentence
     assert abs(fixed.value - 7.3e8) <= fixed.uncertainty <= 0.02 * 7.3e8
     assert {UPPER, LOWER}.isdisjoint(number.key for number in fit.determined)
     assert sentence in fit.verdict
+    assert " ".join(str(fit).split()).count("if every other number of the scene is exact") == 1
 
 
 @pytest.fixture(scope="module")
@@ -453,8 +454,72 @@ def test_overtones_tell_which_squeal_a_record_is(monkeypatch, overtone, frequenc
     assert found.fitted.after == pytest.approx([1000.0], abs=0.02)
 
 
+class Jumping(OfRoots):
+    """Another squeal, half as large, where the numbers change by more than 3 %."""
+
+    def changed(self, x):
+        return Jumping(self.frequency, self.overtone, x)
+
+    def squeal(self, *_):
+        found = super().squeal()
+        half = (found.lines[0].model_copy(update={"amplitude": 0.5}),)
+        return found._replace(lines=half) if abs(self.x.sum()) > 0.03 else found
+
+
+def searched_twice(monkeypatch, own, overtone):
+    """The fit of squeals that jump on the way from the scene's numbers to 1000 Hz, and exist there all the same."""
+    searches = iter((Jumping, OfRoots))
+
+    def squeals(here, *_):
+        kind = next(searches)
+        return [kind(frequency, overtone, here.x) for frequency, overtone in own]
+
+    monkeypatch.setattr(squeal, "simulate", lambda scene, *_: scene.squeal())
+    monkeypatch.setattr(choice, "scenes_that_squeal", squeals)
+    values = with_noise(tone_with(1000.0, overtone), 0.01, 4)
+    reading = Reading(kind=Kind.SATURATED, reason="", from_s=0, until_s=0.2, lines=(LINE,), values=values)
+    scene, change = cast("Any", Jumping()), cast("Any", lambda at, x: at.changed(x))
+    found = choice.fit_squeals(scene, change, reading, RATE, BOTH, "", silent)
+    assert next(searches, None) is None
+    monkeypatch.setattr(study, "fit_squeals", lambda *_: found)
+    return found, study._fit_saturated(scene, (CONTACT, UPPER), BOTH, reading, RATE, "", silent)
+
+
+def test_a_squeal_that_is_searched_for_twice_is_one(monkeypatch):
+    """Its overtones are not those of the record; that it is not another one is known, since there is none."""
+    found, told = searched_twice(monkeypatch, [(1050.0, 0.3)], 0.02)
+    # The second search begins where the line would go on straight: ½ · 1050 · (0.05)² = 1.3 Hz off.
+    assert (found.squeals, found.later) == ((1050.0,), pytest.approx((1000.0,), abs=2))
+    assert found.overtones_apart_dB is not None
+    assert found.overtones_apart_dB > choice.OTHER_DB
+    assert (found.known, told.known) == (True, True)
+    assert not any("coexist" in note for note in told.notes)
+    assert told.lines[0].before_Hz == 1050
+    assert told.lines[0].after_Hz == pytest.approx(1000, abs=0.02)
+
+
+def test_the_lines_before_a_second_search_are_those_of_the_scene(monkeypatch):
+    """At the second one's numbers the other squeal, too, is nearest to 960 Hz: it has gone from 930 to 969 Hz."""
+    found, told = searched_twice(monkeypatch, [(930.0, 0.3), (960.0, 0.02)], 0.08)
+    assert (found.squeals, found.later) == ((930.0, 960.0), pytest.approx((930 / 0.96, 1000), abs=2))
+    assert not found.known
+    assert told.lines[0].before_Hz == 960
+    assert [each.before.tolist() for each in found.rivals] == [[930]]
+    assert told.notes == (
+        "squeals that coexist in the scene: 930, 960 Hz",
+        "squeals that coexist at the numbers of the second search: 969, 1000 Hz",
+    )
+
+
+@pytest.mark.parametrize(("chi_square", "poor"), [(8.9, False), (9.1, True)])
+def test_one_limit_tells_lines_that_are_met_from_a_poor_fit(chi_square, poor):
+    fit = cast("Any", SimpleNamespace(chi_square_per_freedom=chi_square))
+    attempt = choice._Try(cast("Any", SimpleNamespace(estimate=fit)), (LINE,), None, OfRoots().squeal())
+    assert (attempt.met, bool(words._misses(fit))) == (not poor, poor)
+
+
 @pytest.mark.parametrize(
-    ("options", "words"),
+    ("options", "sentence"),
     [
         ((), "--vary: name at least one number"),
         (("--vary", "contact.stifness"), "not a number of this scene; did you mean contact.stiffness?"),
@@ -463,12 +528,12 @@ def test_overtones_tell_which_squeal_a_record_is(monkeypatch, overtone, frequenc
         (("--vary", CONTACT, "--as", "loud"), "--as loud: write --as linear or --as saturated"),
     ],
 )
-def test_wrong_requests_are_refused_in_one_line(drumsqueal, tmp_path, options, words):
+def test_wrong_requests_are_refused_in_one_line(drumsqueal, tmp_path, options, sentence):
     """Before the record is read, which has two samples."""
     record = tmp_path / "rig.csv"
     record.write_text("time (s),a\n0,1\n1,2\n")
     folder = tmp_path / "out"
     status, printed, error = drumsqueal("fit", str(NOMINAL), str(record), *options, "-o", str(folder))
     assert (status, printed, error.count("\n")) == (2, "", 1)
-    assert words in error
+    assert sentence in error
     assert not folder.exists()

@@ -22,7 +22,7 @@ def print_fit(console: Console, fit: Fit) -> None:
     _print_lines(console, fit)
     part = f"{fit.from_s:.4g} to {fit.until_s:.4g} s at {fit.sample_rate_Hz:.6g} Hz"
     console.print(printable(f"Measured: {fit.channel}, {part}; {fit.reason}"), style="dim")
-    console.print("±: half the 95 % confidence interval, if every other number of the scene is exact", style="dim")
+    console.print("±: half the 95 % confidence interval", style="dim")
     console.print(printable(fit.verdict), style="bold")
     for note in fit.notes:
         console.print(printable(f"Note: {note}"))

@@ -13,7 +13,7 @@ from drumsqueal.findings.signals.spectra import amplitude_spectrum
 from drumsqueal.progress import Progress
 from drumsqueal.questions.fit.assignment import AMBIGUOUS, LIKELY
 from drumsqueal.questions.fit.coexisting import scenes_that_squeal
-from drumsqueal.questions.fit.estimate import Scale
+from drumsqueal.questions.fit.estimate import POOR, Scale
 from drumsqueal.questions.fit.record import Reading, RecordLine
 from drumsqueal.questions.fit.squeal import WIDEST, Fitted, Squeal, fit_squeal, pair_squeal, settled
 from drumsqueal.scene import Scene
@@ -25,15 +25,16 @@ CLEAR_DB = 12.0  # over the noise beside it, from which an overtone is one
 # that coexist (and, rarely, where an open number is off).
 SAME_DB, OTHER_DB = 2.0, 4.0
 SAME_FREQUENCY, SAME_AMPLITUDE = 1e-3, 0.03  # relative, of one squeal after two starts
-MET = 9.0  # χ² per degree of freedom: three times the uncertainty
 FARTHEST = 0.5  # of log number, in the second search
 
 
 class Choice(NamedTuple):
     """The fit that is taken, the measured lines that it uses, other fits that do as well, and all transients run.
 
-    `squeals` are the frequencies (Hz) of the squeals that were found in the scene. `overtones_apart_dB` is the rms
-    difference of the measured overtones from the fitted ones, None without one that stands out of the noise.
+    `squeals` are the frequencies (Hz) of the squeals that were found in the scene, `later` of those at the numbers
+    where a second search began. The lines before, of the fit and of its rivals, are those of the scene.
+    `overtones_apart_dB` is the rms difference of the measured overtones from the fitted ones, None without one that
+    stands out of the noise.
     """
 
     fitted: Fitted
@@ -41,18 +42,21 @@ class Choice(NamedTuple):
     rivals: tuple[Fitted, ...]
     transients: int
     squeals: tuple[float, ...]
+    later: tuple[float, ...]
     overtones_apart_dB: float | None
 
     @property
     def known(self) -> bool:
-        """Whether the squeal is the only one, or its overtones are not those of another motion."""
-        return not self.squeals[1:] or self.overtones_apart_dB is None or self.overtones_apart_dB < OTHER_DB
+        """Whether the squeal is the only one in each search, or its overtones are not those of another motion."""
+        alone = not (self.squeals[1:] or self.later[1:])
+        return alone or self.overtones_apart_dB is None or self.overtones_apart_dB < OTHER_DB
 
 
 class _Try(NamedTuple):
     fitted: Fitted
     used: tuple[RecordLine, ...]
     apart_dB: float | None
+    begun: Squeal  # of which it is the fit
 
     @property
     def miss(self) -> float:
@@ -60,11 +64,21 @@ class _Try(NamedTuple):
 
     @property
     def met(self) -> bool:
-        return self.miss <= MET
+        return self.miss <= POOR**2
 
     @property
     def heard(self) -> bool:
         return self.apart_dB is not None and self.apart_dB < SAME_DB
+
+    def shift(self, x: NDArray[np.float64]) -> float:
+        """The factor by which its line is to change at x, on the way to where it would be the measured one."""
+        way = float(np.linalg.norm(self.fitted.wanted))
+        part = float(np.linalg.norm(x)) / way if way else 0.0
+        return (self.used[0].frequency_Hz / float(self.fitted.before[0])) ** part
+
+    def as_of(self, before: NDArray[np.float64]) -> "_Try":
+        """The same with other lines before."""
+        return self._replace(fitted=self.fitted._replace(before=before))
 
 
 def fit_squeals(
@@ -80,31 +94,48 @@ def fit_squeals(
 
     One that meets the lines with the overtones of the record is taken at once. Of several that meet them otherwise the
     one with the smallest change of the numbers is taken, and the others are `rivals`. Where none meets them, the search
-    begins anew with the squeals where the best fit would have gone on to. Raises RequestError where the scene does not
-    squeal, or in no line like the measured ones.
+    begins anew with the squeals where the best fit would have gone on to; all squeals are taken to have shifted there
+    as that one. Raises RequestError where the scene does not squeal, or in no line like the measured ones.
     """
-    x, tried, heard = np.zeros(scale.before.size), list[_Try](), list[float]()
+    x, tried = np.zeros(scale.before.size), list[_Try]()
+    heard: list[tuple[float, ...]] = []  # in each search
+    firsts, shift = tuple[Squeal, ...](), 1.0
     for _ in range(2):
         here = change(scene, x)
         squeals = _different([settled(each, signal, progress) for each in scenes_that_squeal(here, progress)])
-        heard += [each.lines[0].frequency_Hz for each in squeals]
+        heard.append(tuple(each.lines[0].frequency_Hz for each in squeals))
         for squeal in _near(squeals, reading.lines):
             attempt = _attempt(change, squeal, reading, rate, scale, signal, progress, x)
             if attempt is not None:
+                if firsts:
+                    attempt = attempt.as_of(_lines_before(attempt.fitted.before / shift, firsts))
                 tried.append(attempt)
             if attempt is not None and attempt.met and attempt.heard:
                 break
         if not tried:
-            raise RequestError(_unlike(scene, reading.lines, heard))
+            raise RequestError(_unlike(scene, reading.lines, heard[0]))
         met = [each for each in tried if each.met]
         if met:
             break
-        wanted = min(tried, key=lambda each: each.miss).fitted.wanted
-        x = np.clip(wanted, -FARTHEST, FARTHEST)
+        if not firsts:
+            nearest = min(tried, key=lambda each: each.miss)
+            x = np.clip(nearest.fitted.wanted, -FARTHEST, FARTHEST)
+            firsts, shift = tuple(each.begun for each in tried), nearest.shift(x)
     best = _best(met or tried)
     alike = [each for each in met if each is not best and _as_likely(each, best)]
     transients = sum(each.fitted.transients for each in tried)
-    return Choice(best.fitted, best.used, tuple(each.fitted for each in alike), transients, tuple(heard), best.apart_dB)
+    rivals, later = tuple(each.fitted for each in alike), heard[1] if heard[1:] else ()
+    return Choice(best.fitted, best.used, rivals, transients, heard[0], later, best.apart_dB)
+
+
+def _lines_before(expected: NDArray[np.float64], squeals: Sequence[Squeal]) -> NDArray[np.float64]:
+    """The lines (Hz) of the scene's squeal that has one nearest to the first expected, each nearest to its own."""
+
+    def nearest(squeal: Squeal, frequency: float) -> float:
+        return min((line.frequency_Hz for line in squeal.lines), key=lambda own: abs(math.log(own / frequency)))
+
+    own = min(squeals, key=lambda squeal: abs(math.log(nearest(squeal, expected[0]) / expected[0])))
+    return np.array([nearest(own, frequency) for frequency in expected.tolist()])
 
 
 def _best(tried: Sequence[_Try]) -> _Try:
@@ -165,7 +196,7 @@ def _attempt(
     own = fitted.squeal.scene.simulate.sample_rate
     theirs = overtones(reading.values, rate, measured[0].frequency_Hz)
     simulated = overtones(fitted.squeal.values, own, float(fitted.after[0]))
-    return _Try(fitted, measured, overtones_apart(theirs, simulated))
+    return _Try(fitted, measured, overtones_apart(theirs, simulated), squeal)
 
 
 class Overtones(NamedTuple):

@@ -20,6 +20,9 @@ NOWHERE = 1e6  # residual where the model has no answer
 # Uncertainties by which observations may be missed: up to here the intervals are widened, as if the misses were random;
 # beyond it the model or another of its numbers is wrong, and no interval says by how much.
 FAR = 10.0
+# The same from which a miss is more than chance: three standard errors are exceeded by 1 of 370, and by fewer where
+# there is more freedom.
+POOR = 3.0
 PERCENT_95 = 1.959964  # standard errors of a normal distribution
 
 Residuals = Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]]

@@ -50,7 +50,7 @@ class Squeal(NamedTuple):
 
 
 class Fitted(NamedTuple):
-    """Numbers fitted to saturated lines: the estimate, the lines before and after (Hz), and the squeal after.
+    """Numbers fitted to saturated lines: the estimate, the lines before the search and after (Hz), the squeal after.
 
     `wanted` is where the lines would be met if they went on changing as at the end of the search.
     """

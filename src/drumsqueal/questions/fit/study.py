@@ -238,8 +238,9 @@ def _fit_saturated(
     notes = []
     if choice.known and apart > HINT_DB:
         notes.append(f"{overtones}: other numbers of the scene differ, too, or the channel is not {signal}")
-    if choice.squeals[1:]:
-        notes.append(f"squeals that coexist in the scene: {', '.join(f'{f:.0f}' for f in choice.squeals)} Hz")
+    for squeals, where in ((choice.squeals, "in the scene"), (choice.later, "at the numbers of the second search")):
+        if squeals[1:]:
+            notes.append(f"squeals that coexist {where}: {', '.join(f'{f:.0f}' for f in squeals)} Hz")
     ran = found.squeal.scene.simulate.duration
     if ran != scene.simulate.duration:
         notes.append(f"the transients ran for {ran:g} s, since squeal has not settled within the scene's duration")

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 
-from drumsqueal.questions.fit.estimate import FAR
+from drumsqueal.questions.fit.estimate import FAR, POOR
 from drumsqueal.questions.fit.found import Combination, Fit, FittedLine, FittedNumber
 from drumsqueal.questions.fit.record import Kind
 
@@ -11,7 +11,7 @@ PRESENT = 0.1  # of a combination's largest exponent, from which a number is nam
 EQUAL = 1e-3  # of 1, within which a factor of a sum is one
 SHORT = 2e-3  # of a frequency that a search for squeal misses, from which it is reported
 EXTREMES = "20 times or a twentieth of the scene's value"
-POOR = 9.0  # χ² per degree of freedom: the lines are off by three times their uncertainty
+CONFIDENCE = "95 % confidence, if every other number of the scene is exact"
 
 
 def with_uncertainty(number: FittedNumber) -> str:
@@ -50,9 +50,10 @@ def describe_fit(fit: Fit) -> str:
     left = [number.key for number in fit.numbers if not number.determined]
     sums = "".join(f" {_sum(each)}." for each in fit.fixed if each.factors is not None)
     if not known:
-        return f"The record determines none of {', '.join(left)} alone; {was}.{sums}"
+        sure = f" (±: {CONFIDENCE})" if fit.fixed else ""
+        return f"The record determines none of {', '.join(left)} alone{sure}; {was}.{sums}"
     text = f"The record gives {' and '.join([', '.join(known[:-1]), known[-1]] if known[1:] else known)}"
-    text += f" (95 % confidence, if every other number of the scene is exact); {was}."
+    text += f" ({CONFIDENCE}); {was}."
     return f"{text} Not determined: {', '.join(left)}.{sums}" if left else text
 
 
@@ -69,7 +70,7 @@ def why_missed(fit: Fit) -> str:
 def _misses(fit: Fit) -> str:
     """By how many times their uncertainty lines miss, where that is too much; else nothing."""
     chi = fit.chi_square_per_freedom
-    return f"{math.sqrt(chi):.{0 if chi > FAR**2 else 1}f}" if chi is not None and chi > POOR else ""
+    return f"{math.sqrt(chi):.{0 if chi > FAR**2 else 1}f}" if chi is not None and chi > POOR**2 else ""
 
 
 def _off(line, which: str) -> float:
