@@ -9,7 +9,7 @@ import pytest
 
 from drumsqueal.physics.laws.friction_law import ExponentialLaw, StepLaw
 from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
-from drumsqueal.questions.cycle.branches import with_branch
+from drumsqueal.questions.cycle.branches import SAME_VALUE, _extended, with_branch
 from drumsqueal.questions.cycle.continuation import Track
 from drumsqueal.questions.cycle.diagram import Branch, Diagram, End
 from drumsqueal.questions.cycle.family import Family
@@ -102,6 +102,22 @@ def test_cycles_of_twice_the_period_are_followed_from_one_doubling_to_the_next(f
     half = np.concatenate([after(cycle, cycle.period_s / 2), after(cycle, cycle.period_s)]) - np.tile(cycle.state, 2)
     assert np.max(np.abs(half[:4])) > 1e-3
     assert np.max(np.abs(half[4:])) < 1e-7
+
+
+def test_a_doubling_whose_value_is_known_from_the_doubled_cycles_is_not_followed_again(
+    family, simple, doubled, monkeypatch
+):
+    shift, again = SAME_VALUE / 3 * (RANGE[1] - RANGE[0]), []
+    shifted = tuple(cycle.model_copy(update={"value": cycle.value + shift}) for cycle in doubled.cycles)
+    there = diagram_of(doubled.model_copy(update={"cycles": shifted}), family=family)
+    monkeypatch.setattr(family, "from_doubling", lambda cycle, _: again.append(cycle) or doubled)
+    found = _extended(there, "", family, lambda _: simple, lambda _: None)
+    assert again == []
+    assert len(found.branches) == 2
+    assert found.not_followed == ()
+    # A branch that is there already adds nothing, and nothing begins on it that was not looked for.
+    assert _extended(found, "", family, lambda _: simple, lambda _: None) is found
+    assert again == []
 
 
 def test_where_doubled_cycles_are_not_followed_squeal_is_unknown_and_where_they_are_it_is_known(

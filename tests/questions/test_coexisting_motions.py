@@ -23,9 +23,9 @@ from drumsqueal.findings.schema import read_findings
 from drumsqueal.physics.laws.friction_law import ExponentialLaw
 from drumsqueal.physics.small_bodies import block_on_belt
 from drumsqueal.questions.cycle import branches
-from drumsqueal.questions.cycle.diagram import Branch, Diagram, End, OffBranch, Why
+from drumsqueal.questions.cycle.diagram import Branch, Diagram, End, OffBranch, Unfollowed, Why
 from drumsqueal.questions.cycle.seeds import Settled
-from drumsqueal.questions.cycle.words import diagram_verdict
+from drumsqueal.questions.cycle.words import diagram_verdict, missing_words
 from drumsqueal.questions.onset import attractors
 from drumsqueal.questions.onset import study as study_module
 from drumsqueal.questions.onset.attractors import Family, How, Start, find_attractors
@@ -292,6 +292,20 @@ def test_what_is_on_no_branch_is_said_by_value_and_motion(monkeypatch):
         "703 Hz with 10 µm of Y are on none of the branches: not periodic. At 9 rad/s the motion of 709 Hz with 10 µm "
         "of Y is on none of the branches: not closed by Newton's method."
     )
+
+
+def test_what_was_lost_is_said_once():
+    lost, sought = "from the Hopf point of Y at 1.2: lost", "at the scene's own drum.speed, 1.1 rad/s: no cycle"
+    unfollowed = (Unfollowed(reason=lost, low=1.0, high=2.0),)
+    diagram = Diagram(
+        steady_sliding_stable=((1.0, 2.0),), steady_sliding_unstable=(), branches=(), notes=(lost, sought),
+        not_followed=unfollowed,
+    )  # fmt: skip
+    assert missing_words(diagram) == [f"Not found: {lost}", f"Not found: {sought}"]  # there is no verdict yet
+    verdict = diagram_verdict(diagram, Variation("drum.speed", "rad/s", (1.0, 2.0)))
+    whole = diagram.model_copy(update={"verdict": verdict})
+    assert missing_words(whole) == [f"Not found: {sought}"]
+    assert verdict.count(lost) == 1
 
 
 def test_a_motion_that_is_not_periodic_is_reported_and_not_closed(monkeypatch):

@@ -174,8 +174,10 @@ def test_scenes_of_one_file_name_in_two_folders_are_two(table):
 def test_a_cell_without_steady_sliding_says_why(table):
     still = TABLE.replace('"5 rad/s", "15 rad/s", "60 rad/s"', '"0 rad/s"')
     table.write_text(still[: still.index("[procedures.stop]")])
-    (cell,) = ds.study_matrix(table).cells
+    found = ds.study_matrix(table)
+    (cell,) = found.cells
     assert (cell.verdict, cell.outcome) == ("not computed", "no steady sliding: the drum is at rest")
+    assert (found.not_clear, found.headline) == (0, "0 of 1 cells squeal; 0 are quiet, 1 not computed")
 
 
 def _cells(table, scene, *procedures) -> list[CellFound]:
@@ -207,6 +209,7 @@ def test_a_procedure_that_ends_while_a_disturbance_falls_is_undecided(table):
     found = ds.study_matrix(table)
     short, long = found.cells
     assert (short.verdict, found.not_clear) == ("undecided at its end", 1)
+    assert found.headline == "0 of 2 cells squeal; 1 are quiet, 1 not clear"
     assert short.outcome == "a disturbance still falls when the procedure ends"
     assert (long.verdict, long.outcome) == ("quiet", "computed")
     assert "undecided at its end (procedure short): a disturbance still falls" in " ".join(str(found).split())

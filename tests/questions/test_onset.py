@@ -6,8 +6,8 @@ import json
 import math
 from itertools import pairwise
 from pathlib import Path
-from types import SimpleNamespace
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -26,7 +26,18 @@ from drumsqueal.physics.effects.damping import Damping
 from drumsqueal.physics.laws.friction_law import ConstantLaw, ExponentialLaw, StepLaw
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
-from drumsqueal.questions.cycle.diagram import Branch, CycleBranches, Diagram, End, Span, steady_sliding
+from drumsqueal.questions.cycle.branches import follow_models
+from drumsqueal.questions.cycle.diagram import (
+    Branch,
+    CycleBranches,
+    Diagram,
+    End,
+    OffBranch,
+    Span,
+    Unfollowed,
+    Why,
+    steady_sliding,
+)
 from drumsqueal.questions.cycle.orbit import Cycle, Event
 from drumsqueal.questions.cycle.words import diagram_verdict
 from drumsqueal.questions.onset import attractors
@@ -616,22 +627,47 @@ def test_an_end_that_motions_are_too_slow_to_show_is_left_as_uncertain_as_it_is(
     assert sum(1.67 < value < 1.7 for value in tried) <= 3
 
 
-def test_cycles_that_end_a_bistable_range_elsewhere_are_a_reservation(nominal):
-    ends = (1.0, 1.5, 2.0)
-    kinds = (Kind.BISTABLE, Kind.STABLE)
-    found = tuple(
-        Range(kind=kind, first=a, last=b, first_uncertainty=None if a == 1.0 else 0.01,
-              last_uncertainty=None if b == 2.0 else 0.01)
-        for kind, (a, b) in zip(kinds, pairwise(ends), strict=True)
-    )  # fmt: skip
-    study = bare_study(nominal, Variation("drum.speed", "rad/s", (1.0, 2.0))).model_copy(update={"ranges": found})
+@pytest.fixture(scope="module")
+def folding() -> Diagram:
+    """The cycles of the block: from the Hopf point up to where they fold, and from there down to 0.8 m/s, stable."""
+    models = jax.jit(lambda value: jax.jvp(falling_friction, (value,), (1.0,)))
+    return follow_models(models, 0.8, 2.4, 12)
 
-    def said(fold: float) -> str:
-        cycles = SimpleNamespace(squeals_only_when_kicked=((1.0, fold),))
-        return " ".join(reservations(study.model_copy(update={"cycles": cycles})))
 
-    assert "limit cycles" not in said(1.505)
-    assert "The limit cycles end the bistable range at 1.45 rad/s, not at 1.50 ± 0.01 rad/s" in said(1.45)
+def test_cycles_that_end_a_bistable_range_elsewhere_are_a_reservation(nominal, folding):
+    ((_, fold),) = folding.squeals_only_when_kicked
+    assert fold == pytest.approx(1.836, abs=1e-3)
+    belt = Variation("drum.speed", "rad/s", (0.8, 2.4))
+
+    def said(last: float, cycles: Diagram = folding) -> str:
+        ends = ((0.8, HOPF, Kind.SQUEALS), (HOPF, last, Kind.BISTABLE), (last, 2.4, Kind.STABLE))
+        ranges = tuple(
+            Range(kind=kind, first=a, last=b, first_uncertainty=0.01 if a > 0.8 else None,
+                  last_uncertainty=0.01 if b < 2.4 else None)
+            for a, b, kind in ends
+        )  # fmt: skip
+        return " ".join(reservations(bare_study(nominal, belt, ranges=ranges, cycles=cycles)))
+
+    assert "limit cycles" not in said(fold + 0.005)
+    assert "The limit cycles end the bistable range at 1.8366 rad/s, not at 1.70 ± 0.01 rad/s" in said(1.7)
+    assert "The limit cycles end the bistable range at 1.8366 rad/s, not at 1.90 ± 0.01 rad/s" in said(1.9)
+    # A branch that is only lost does not end there.
+    (branch,) = folding.branches
+    folds = [k for k, cycle in enumerate(branch.cycles) if cycle.value == fold][-1]
+    rest = tuple(cycle for cycle in branch.cycles[folds + 1 :] if cycle.value <= 1.5)
+    cut = Branch(start=End.LOST, start_detail="cut by hand", end=branch.end, cycles=rest)
+    lost = folding.model_copy(update={"branches": (cut,), "not_followed": cut.not_followed(0.8, 2.4)})
+    ((_, last),) = lost.squeals_only_when_kicked
+    assert last == rest[0].value < 1.5
+    for cycles in (lost, lost.model_copy(update={"not_followed": ()})):
+        assert "limit cycles" not in said(1.836, cycles)
+    # Nor does squeal end at a fold where other cycles may go on, or where a motion is on no branch.
+    other = Unfollowed(reason="another branch", low=1.88, high=2.4)
+    assert "limit cycles" not in said(1.9, folding.model_copy(update={"not_followed": (other,)}))
+    assert "at 1.8366 rad/s, not at 1.70" in said(1.7, folding.model_copy(update={"not_followed": (other,)}))
+    off = OffBranch(value=1.5, frequency_Hz=None, amplitude={}, why=Why.NOT_PERIODIC, reason="")
+    assert "limit cycles" not in said(1.9, folding.model_copy(update={"off_branches": (off,)}))
+    assert "at 1.8366 rad/s, not at 1.70" in said(1.7, folding.model_copy(update={"off_branches": (off,)}))
 
 
 def test_a_motion_that_only_lasts_larger_is_tried_larger(nominal, monkeypatch):

@@ -4,6 +4,7 @@ import csv
 import json
 from collections import Counter
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
@@ -25,7 +26,7 @@ from drumsqueal.questions.sensitivity.disturbing import RANDOM, Brake, Disturber
 from drumsqueal.questions.sensitivity.figure import draw_quiet
 from drumsqueal.questions.sensitivity.lines import FURTHER, PRECISION, Line, search
 from drumsqueal.questions.sensitivity.operating import operating, where, where_else
-from drumsqueal.questions.sensitivity.quieting import Quietening, Squeal, quieten
+from drumsqueal.questions.sensitivity.quieting import Quietening, Quieting, Squeal, quieten
 from drumsqueal.questions.sensitivity.smallest import shrink
 from drumsqueal.questions.sensitivity.stabilising import (
     LEAST,
@@ -37,7 +38,7 @@ from drumsqueal.questions.sensitivity.stabilising import (
     variable_numbers,
 )
 from drumsqueal.questions.sensitivity.study import SensitivityStudy, at_one_time, check_request, study_sensitivity
-from drumsqueal.questions.sensitivity.words import as_it_is, modes_that_matter, squeal_words, without_answer
+from drumsqueal.questions.sensitivity.words import as_it_is, modes_that_matter, not_found, squeal_words, without_answer
 from drumsqueal.scene import COORDINATES, load_scene
 from drumsqueal.scene.file import replace_value
 from drumsqueal.scene.variation import read_variation
@@ -440,6 +441,25 @@ def test_a_disturbance_starts_beyond_the_contact_boundary_and_growth_is_no_decay
 
 
 # --- the smallest change --------------------------------------------------------------------------------------------
+
+
+def test_a_search_without_result_says_what_is_left(damped):
+    quiet = Quieting(
+        found=True, quiet=False, changes=(), norm_of_relative_changes=0.0, largest_growth_rate_1_per_s=-1.0,
+        scene=Written(damped).scene,
+    )  # fmt: skip
+
+    def said(*trials: Trial) -> str:
+        found = quiet.model_copy(update={"disturbances": trials})
+        return not_found(cast("Any", SimpleNamespace(quiet=found, alone=[SimpleNamespace(key="damping.ratio")])))
+
+    none = "no change of damping.ratio within the bounds was found after which no disturbance squeals"
+    decays = "with nothing changed every mode decays"
+    assert said() == f"{none}; {decays}, but the brake has not been shown to be quiet"
+    motion = Motion.model_construct(amplitude={"Y": 1e-5}, frequency_Hz=800.0, line_of="Y")
+    squealing = Trial.model_construct(kind=Origin.EARLIER, start="a run", at={}, kick=None, motion=motion)
+    told = f"{none}; {decays}, but there is still squeal at 800 Hz, Y ±10 µm (from a run, before the change)"
+    assert said(squealing) == told
 
 
 def test_twice_and_half_are_equally_far_and_zero_is_finite():

@@ -14,7 +14,7 @@ from drumsqueal.questions.cycle.diagram import Branch, CycleBranches, End
 from drumsqueal.questions.cycle.figures import draw_branch, draw_cycle
 from drumsqueal.questions.cycle.orbit import NEUTRAL, Cycle
 from drumsqueal.questions.cycle.search import CycleStudy
-from drumsqueal.questions.cycle.words import describe_briefly, end_words
+from drumsqueal.questions.cycle.words import describe_briefly, end_words, missing_words
 from drumsqueal.terminal.runner import Answer
 from drumsqueal.terminal.tables import print_table, rows_to_csv
 
@@ -75,8 +75,8 @@ def print_branches(console: Console, found: CycleBranches) -> None:
     for number, branch in enumerate(found.branches, start=1):
         for words in end_words(branch):
             console.print(f"Branch {number} {words}", style="dim")
-    for note in found.notes:
-        console.print(f"Not found: {note}", style="dim")
+    for words in missing_words(found):
+        console.print(words, style="dim")
     console.print(found.verdict, style="bold")
 
 

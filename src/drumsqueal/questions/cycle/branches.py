@@ -267,13 +267,15 @@ def _extended(
         branch = follow(lambda branch: on_diagram(extended(branch)))
     except CycleError as error:
         return _lost(diagram, family, f"{origin}: {error}")
-    diagram = with_branch(diagram, branch, family)
-    for cycle in branch.stable_ends():
-        if cycle.what is not Event.DOUBLING or cycle.value in _doubled(diagram.branches):
+    before, diagram = diagram, with_branch(diagram, branch, family)
+    if diagram is before:  # what begins on the branch that it is part of was followed with that
+        return diagram
+    for cycle in diagram.branches[-1].stable_ends():  # with the values that they have on other branches
+        if cycle.what is not Event.DOUBLING or _is_doubled(cycle, diagram.branches, family.high - family.low):
             continue
         with suppress(CycleError):  # or what begins there stays unknown
-            branch = family.from_doubling(cycle, lambda branch: on_diagram(extended(branch)))
-            diagram = with_branch(diagram, branch, family)
+            doubled = family.from_doubling(cycle, lambda branch: on_diagram(extended(branch)))
+            diagram = with_branch(diagram, doubled, family)
     return diagram
 
 
@@ -296,10 +298,23 @@ def _left_behind(branches: Sequence[Branch], family: Family) -> list[Unfollowed]
 
 def _doubled(branches: Sequence[Branch]) -> set[float]:
     """The values of the period doublings at which one of the branches begins or ends."""
+    return {cycle.value for cycle in _doubled_ends(branches)}
+
+
+def _doubled_ends(branches: Sequence[Branch]) -> list[Cycle]:
+    """The cycles of twice the period of others that these begin or end with, at the period doubling of those."""
     ends = (
         (end, cycle) for each in branches for end, cycle in ((each.start, each.cycles[0]), (each.end, each.cycles[-1]))
     )
-    return {cycle.value for end, cycle in ends if end is End.DOUBLING}
+    return [cycle for end, cycle in ends if end is End.DOUBLING]
+
+
+def _is_doubled(cycle: Cycle, branches: Sequence[Branch], width: float) -> bool:
+    """Whether one of the branches begins or ends at the period doubling of a cycle."""
+    return any(
+        abs(end.value - cycle.value) < SAME_VALUE * width and abs(end.period_s / cycle.period_s - 2) < SAME
+        for end in _doubled_ends(branches)
+    )
 
 
 def _aligned(branch: Branch, others: Sequence[Branch], width: float) -> Branch:

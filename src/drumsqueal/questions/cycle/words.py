@@ -83,6 +83,12 @@ def end_words(branch: Branch) -> list[str]:
     return found
 
 
+def missing_words(diagram: Diagram) -> list[str]:
+    """What was looked for and not found, as far as the verdict does not give it as what was not followed."""
+    given = {each.reason for each in diagram.not_followed} if diagram.verdict else set[str]()
+    return [f"Not found: {note}" for note in diagram.notes if note not in given]
+
+
 def diagram_verdict(diagram: Diagram, along: Variation) -> str:
     """Where steady sliding is unstable, where stable cycles are, where both are stable, and what is on no branch."""
     off = off_branch_words(diagram, along)

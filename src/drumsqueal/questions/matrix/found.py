@@ -28,6 +28,7 @@ class Disturbance(StrEnum):
 
 
 CLEAR = (Verdict.QUIET, Verdict.SQUEALS)
+OPEN = (Verdict.NOT_CLEAR, Verdict.UNDECIDED)
 
 
 class CellFound(Finding):
@@ -56,7 +57,10 @@ class CellFound(Finding):
 
 
 class NoiseMatrix(Finding):
-    """Every cell, how many squeal after a small disturbance and after a large one only, and how many are not clear."""
+    """Every cell, how many squeal after a small disturbance and after a large one only, and how many are not clear.
+
+    Cells that were not computed are counted in none of these.
+    """
 
     printed_by = "drumsqueal.questions.matrix.answer.print_matrix"
     title: str
@@ -74,11 +78,13 @@ class NoiseMatrix(Finding):
 
     @property
     def headline(self) -> str:
-        """How many cells squeal, are quiet, and are not clear."""
+        """How many cells squeal, are quiet, are not clear, and were not computed."""
         large = f", {self.squeal_after_large_only} of them after a large disturbance only" * bool(self.squeal)
-        quiet = sum(cell.verdict is Verdict.QUIET for cell in self.cells)
-        unclear = f", {self.not_clear} not clear" * bool(self.not_clear)
-        return f"{self.squeal} of {len(self.cells)} cells squeal{large}; {quiet} are quiet{unclear}"
+        verdicts = [cell.verdict for cell in self.cells]
+        unclear, missing = sum(each in OPEN for each in verdicts), verdicts.count(Verdict.NOT_COMPUTED)
+        others = f", {unclear} not clear" * bool(unclear) + f", {missing} not computed" * bool(missing)
+        quiet = verdicts.count(Verdict.QUIET)
+        return f"{self.squeal} of {len(self.cells)} cells squeal{large}; {quiet} are quiet{others}"
 
 
 def shown_axes(found: NoiseMatrix) -> tuple[str, list[str]]:

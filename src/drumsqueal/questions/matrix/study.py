@@ -11,7 +11,7 @@ import xarray
 
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.matrix.cells import QUIET, SQUEALS, UNCLEAR, UNDECIDED
-from drumsqueal.questions.matrix.found import CLEAR, CellFound, Disturbance, NoiseMatrix, Verdict
+from drumsqueal.questions.matrix.found import OPEN, CellFound, Disturbance, NoiseMatrix, Verdict
 from drumsqueal.questions.matrix.table import MatrixPlan, read_matrix
 from drumsqueal.questions.sweep.points import OUTCOMES
 from drumsqueal.questions.sweep.study import in_memory
@@ -51,7 +51,7 @@ def find_matrix(data: xarray.Dataset, plan: MatrixPlan) -> NoiseMatrix:
         cells=cells,
         squeal=len(loud),
         squeal_after_large_only=sum(cell.disturbance is Disturbance.LARGE for cell in loud),
-        not_clear=sum(cell.verdict not in CLEAR for cell in cells),
+        not_clear=sum(cell.verdict in OPEN for cell in cells),
         data=data,
     )
 

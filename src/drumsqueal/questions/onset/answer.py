@@ -11,6 +11,7 @@ from rich.text import Text
 from drumsqueal.files.output_folder import ONSET as FIGURE
 from drumsqueal.files.output_folder import ONSET_SUMMARY, ONSET_TABLE
 from drumsqueal.findings.vibration import unit_of
+from drumsqueal.questions.cycle.words import missing_words
 from drumsqueal.questions.onset.figure import draw_onset
 from drumsqueal.questions.onset.found import Kind, Onset, OnsetStudy, Row
 from drumsqueal.questions.onset.motions import Attractor, Leads, Motion, Response
@@ -49,8 +50,8 @@ def print_study(console: Console, study: OnsetStudy) -> None:
         console.print(line, style="dim")
     console.print(study.verdict, style="bold")
     if study.cycles is not None:
-        for note in study.cycles.notes:
-            console.print(f"Not found: {note}", style="dim")
+        for words in missing_words(study.cycles):
+            console.print(words, style="dim")
         console.print(study.cycles.verdict, style="bold")
 
 

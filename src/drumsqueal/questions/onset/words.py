@@ -5,6 +5,8 @@ from collections.abc import Sequence
 
 from drumsqueal.findings.verdict import SMALL_ROTATION
 from drumsqueal.findings.vibration import unit_of
+from drumsqueal.questions.cycle.diagram import Diagram
+from drumsqueal.questions.cycle.orbit import Event
 from drumsqueal.questions.cycle.words import VISIBLE, WHOLE, shown_Hz
 from drumsqueal.questions.onset.found import QUIET, Kind, Onset, Range
 from drumsqueal.questions.onset.motions import Attractor, Leads
@@ -238,7 +240,10 @@ def reservations(study: Onset) -> tuple[str, ...]:
 
 
 def _contradictions(study: Onset) -> list[str]:
-    """Where the limit cycles end a bistable range elsewhere than the transients do: there they are few, and short."""
+    """Where the limit cycles end a bistable range elsewhere than the transients do: there they are few, and short.
+
+    Only where the cycles do end there, at a bifurcation that was found.
+    """
     if study.cycles is None:
         return []
     told = []
@@ -249,14 +254,34 @@ def _contradictions(study: Onset) -> list[str]:
         first, last = min(a for a, _ in cycles), max(b for _, b in cycles)
         ends = ((each.first, each.first_uncertainty, first), (each.last, each.last_uncertainty, last))
         for end, uncertainty, cycle in ends:
-            if uncertainty and abs(end - cycle) > uncertainty + EXACT * abs(end):
+            apart = uncertainty and abs(end - cycle) > uncertainty + EXACT * abs(end)
+            if apart and _ends_cycles(study.cycles, cycle, end, each):
                 by_transients = _value(study.variation, end, uncertainty)
                 told.append(
                     f"The limit cycles end the bistable range at {study.variation.with_unit(cycle, '.5g')}, not at "
-                    f"{by_transients}{study.variation.unit_after}, where transients do: next to a fold these decay "
+                    f"{by_transients}{study.variation.unit_after}, where transients do: near such an end these decay "
                     "slowly, and may miss a cycle with a small basin. Trust the cycles there."
                 )
     return told
+
+
+def _ends_cycles(cycles: Diagram, value: float, end: float, found: Range) -> bool:
+    """Whether squeal is known to end at a value, and not at the end of a range that transients give.
+
+    It is where that is a bifurcation on a branch or of steady sliding, cycles are followed from there to the other end,
+    and no motion of the range, if that goes further, is on none of the branches.
+    """
+    # An end of a range is the very value at which a branch changes its stability.
+    special = {each.value for branch in cycles.branches for each in branch.special if each.what is not Event.CORNER}
+    stable, unstable = (
+        {value for each in spans for value in each}
+        for spans in (cycles.steady_sliding_stable, cycles.steady_sliding_unstable)
+    )
+    low, high = sorted((value, end))
+    followed = not any(each.low <= high and each.high >= low for each in cycles.not_followed)
+    further = found.first < value < found.last
+    off = further and any(found.first <= each.value <= found.last for each in cycles.off_branches)
+    return value in special | (stable & unstable) and followed and not off
 
 
 def _values(study: Onset, values: Sequence[float]) -> str:

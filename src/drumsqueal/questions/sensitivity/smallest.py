@@ -32,8 +32,8 @@ def shrink(
 
     `ways` (k,) has ±1 where a number may come in that way, 0 where it may not. From each change those next to it are
     tried that are smaller by at least `PRECISION`, each until it squeals, from the disturbances that are likeliest to
-    make it; the smallest that is quiet is the next, `but` for brakes that are known not to be. At the end none next to
-    it is quiet.
+    make it; the smallest that is quiet is the next, `but` for brakes that are known not to be. The search stops where
+    none of those next to it is quiet, or after `MOST_ROUNDS` rounds: then a smaller one next to it may be quiet, too.
     """
     found, steps = whole, iter(STEPS)
     step = next(steps)

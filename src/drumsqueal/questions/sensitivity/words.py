@@ -152,13 +152,9 @@ def not_found(study: SensitivityStudy) -> str:
         least = f"the largest growth rate can be brought down to {quiet.largest_growth_rate_1_per_s:+.4g} 1/s"
         return f"no change of {names} within the bounds makes every mode decay; {least}"
     none = f"no change of {names} within the bounds was found after which no disturbance squeals"
-    still = (
-        _each([each for each in quiet.disturbances if each.motion is not None][:1])
-        if quiet.motions
-        else "is not proven quiet"
-    )
-    smallest = f"with {_changes(quiet)} every mode decays, but there is still {still}"
-    return f"{none}; {smallest}"
+    squealing = [each for each in quiet.disturbances if each.motion is not None]
+    still = f"there is still {_each(squealing[:1])}" if squealing else "the brake has not been shown to be quiet"
+    return f"{none}; with {_changes(quiet)} every mode decays, but {still}"
 
 
 def cautions_of(alone: Sequence[Alone]) -> tuple[str, ...]:
