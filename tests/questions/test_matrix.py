@@ -189,15 +189,15 @@ def _cells(table, scene, *procedures) -> list[CellFound]:
 
 
 def test_a_procedure_of_constant_speed_sounds_as_the_drag_does(table):
-    """Where a small start squeals, not the large disturbance of another start is shown."""
+    """After the small start; frequency and level are those of the loudest squeal, whichever start leads to it."""
     drag, hold = _cells(table, "nominal", ("hold", [0, 0.3], [1, 1]))
-    assert (drag.after, hold.after) == ("small", "small")
-    for cell in (drag, hold):
-        assert cell.velocity_m_per_s == cell.small_velocity_m_per_s
-        assert cell.frequency_Hz == cell.small_frequency_Hz
+    # Three squeals coexist at constant speed; in a procedure a large disturbance itself may be louder than its squeal.
+    assert (drag.disturbance, drag.after) == ("small", "small; the loudest: large, along Y")
+    assert drag.velocity_m_per_s > 1.05 * drag.small_velocity_m_per_s
+    assert (hold.after, hold.velocity_m_per_s) == ("small", hold.small_velocity_m_per_s)
     # The loudest 50 ms of a motion that fluctuates against its mean over a longer time.
-    assert hold.frequency_Hz == pytest.approx(drag.frequency_Hz, rel=0.05)
-    assert hold.level_dB == pytest.approx(drag.level_dB, abs=1.5)
+    assert hold.small_frequency_Hz == pytest.approx(drag.small_frequency_Hz, rel=0.05)
+    assert hold.small_velocity_m_per_s == pytest.approx(drag.small_velocity_m_per_s, rel=0.19)  # 1.5 dB
 
 
 def test_a_procedure_that_ends_while_a_disturbance_falls_is_undecided(table):

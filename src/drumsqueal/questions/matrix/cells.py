@@ -21,7 +21,7 @@ from drumsqueal.questions.matrix.table import WINDOW, MatrixPlan
 from drumsqueal.questions.onset.attractors import Family, How, Start, find_attractors
 from drumsqueal.questions.onset.found import Row
 from drumsqueal.questions.onset.kicks import directions
-from drumsqueal.questions.onset.motions import SMALL_START, Leads
+from drumsqueal.questions.onset.motions import SAME_FREQUENCY, SAME_RMS, SMALL_START, Leads
 from drumsqueal.questions.sweep.points import (
     COMPUTED,
     FAILED,
@@ -89,7 +89,7 @@ def compute_cells(plan: MatrixPlan, first: int, stop: int, threads: int | None, 
         found, outcome = (_through if procedure.time else _lasting)(cell, threads, lambda *_: look())
         columns["outcome"][k] = outcome
         columns["squeal"][k] = SQUEALS if found else OF_OUTCOME.get(outcome, UNCLEAR)
-        _note(columns, k, found)
+        _note(columns, k, found, settled=not procedure.time)
     return columns
 
 
@@ -253,16 +253,28 @@ def _rms(model: Model, kinetic_energy: float) -> float:
     return math.sqrt(2 * kinetic_energy / mass.get("Y", mass[model.names[0]]))
 
 
-def _note(columns: Columns, k: int, found: Sequence[Loudest]) -> None:
-    """Put down the squeal after the small start, or else the loudest after a large disturbance."""
+def _note(columns: Columns, k: int, found: Sequence[Loudest], *, settled: bool) -> None:
+    """Put down the loudest squeal, the one after the small start, and whether only a large disturbance leads to any.
+
+    Of a procedure, in which a large disturbance may still be louder than the squeal that it leads to, the one after the
+    small start is the loudest if there is one.
+    """
     if not found:
         return
     small = next((each for each in found if each.start.name == SMALL_START), None)
-    heard = small or max(found, key=_how_loud)
-    columns["velocity"][k], columns["frequency"][k] = heard.velocity, heard.frequency
-    columns["time"][k], columns["speed"][k] = heard.time, heard.speed
+    loudest = max(found, key=_how_loud) if settled or small is None else small
+    columns["velocity"][k], columns["frequency"][k] = loudest.velocity, loudest.frequency
+    columns["time"][k], columns["speed"][k] = loudest.time, loudest.speed
     columns["after"][k] = 0 if small else 1
     if small:
         columns["small_velocity"][k], columns["small_frequency"][k] = small.velocity, small.frequency
-    elif heard.start.kick is not None:
-        columns["along"][k] = COORDINATES.index(heard.start.kick.mode.split()[0])
+    if loudest.start.kick is not None and not _is_alike(small, loudest):
+        columns["along"][k] = COORDINATES.index(loudest.start.kick.mode.split()[0])
+
+
+def _is_alike(small: Loudest | None, loudest: Loudest) -> bool:
+    """Whether the small start leads to a squeal as loud, at the same frequency."""
+    if small is None:
+        return False
+    ratios = small.velocity / loudest.velocity, small.frequency / loudest.frequency
+    return all(abs(ratio - 1) < limit for ratio, limit in zip(ratios, (SAME_RMS, SAME_FREQUENCY), strict=True))

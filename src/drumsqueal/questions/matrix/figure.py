@@ -22,7 +22,7 @@ SPAN = 12.0  # dB from the softest to the loudest, at least
 
 @styled()
 def draw_matrix(found: NoiseMatrix) -> Figure | None:
-    """Draw rows by columns; quiet cells are empty, a ring marks squeal after a large disturbance only."""
+    """Draw rows by columns; quiet cells are white, a ring marks squeal after a large disturbance only."""
     columns, rows = in_rows(found)
     if len(rows) > MOST_ROWS or len(columns) > MOST_COLUMNS:
         return None
@@ -60,5 +60,5 @@ def _draw_cell(axes: Axes, x: int, y: int, cell: CellFound, colours: ScalarMappa
     ink = "white" if dark else style.DARK
     if loud and cell.disturbance is Disturbance.LARGE:
         axes.add_patch(Rectangle((x - 0.46, y - 0.42), 0.92, 0.84, fill=False, edgecolor=ink, linewidth=0.9))
-    text = f"{cell.frequency_Hz:.0f} Hz" if loud else "" if cell.verdict is Verdict.QUIET else "?"
+    text = f"{cell.frequency_Hz:.0f} Hz" if loud else "quiet" if cell.verdict is Verdict.QUIET else "?"
     axes.text(x, y, text, ha="center", va="center", fontsize=style.SMALL_SIZE, color=ink)

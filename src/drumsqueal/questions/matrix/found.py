@@ -34,10 +34,13 @@ OPEN = (Verdict.NOT_CLEAR, Verdict.UNDECIDED)
 class CellFound(Finding):
     """A cell by its labels: whether it squeals, by transients and by eigenvalues, and its squeal.
 
-    That is the one after a small disturbance, or else the loudest after a large one.
-    `velocity_m_per_s` is the rms velocity of the shoe over its mass and over time, `level_dB` that over 1 nm/s (ISO
-    1683); of a procedure it is that of its loudest 50 ms, in the middle of which are `time_s` and `speed_rad_per_s`.
-    `disturbance` is the smallest that it was found after, `after` says of a large one also along which mode it was.
+    That is the loudest that was found; of a procedure the one after a small disturbance, if there is one.
+    `small_frequency_Hz` and `small_velocity_m_per_s` are those of the squeal after a small disturbance, where there is
+    one. `velocity_m_per_s` is the rms velocity of the shoe over its mass and over time, `level_dB` that over 1 nm/s
+    (ISO 1683); of a procedure it is that of its loudest 50 ms, in the middle of which are `time_s` and
+    `speed_rad_per_s`.
+    `disturbance` is the smallest after which the cell squeals, `after` says of a large one that leads to the loudest
+    also along which mode it was.
     """
 
     levels: dict[str, str]

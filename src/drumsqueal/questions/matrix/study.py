@@ -60,6 +60,7 @@ def _cell(columns: dict[str, np.ndarray], plan: MatrixPlan, number: int) -> Cell
     here = {name: values[number].item() for name, values in columns.items()}
     velocity, disturbance = here["velocity"], DISTURBANCES.get(here["after"])
     along = f", along {COORDINATES[here['along']]}" if here["along"] >= 0 else ""
+    louder = along and f"; the loudest: large{along}"
     return CellFound(
         levels={name: level.label for name, level in plan.levels(number).items()},
         verdict=VERDICTS.get(here["squeal"], Verdict.NOT_COMPUTED),
@@ -69,7 +70,7 @@ def _cell(columns: dict[str, np.ndarray], plan: MatrixPlan, number: int) -> Cell
         frequency_Hz=here["frequency"],
         velocity_m_per_s=velocity,
         level_dB=20 * math.log10(velocity / REFERENCE) if velocity > 0 else math.nan,
-        after=disturbance and f"{disturbance}{along}",
+        after=disturbance and f"{disturbance}{louder if disturbance is Disturbance.SMALL else along}",
         time_s=here["time"],
         speed_rad_per_s=here["speed"],
         small_frequency_Hz=here["small_frequency"],
