@@ -135,7 +135,7 @@ def test_where_doubled_cycles_are_not_followed_squeal_is_unknown_and_where_they_
     assert (both.squeals_unknown, both.not_followed) == ((), ())
     ((low, high),) = both.stable_cycles
     assert (low, high) == (RANGE[0], pytest.approx(0.0595))
-    assert "period doubling at 0.049804, 0.051744 m/s" in diagram_verdict(both, speed)
+    assert "period doubling at 0.0498, 0.0517 m/s" in diagram_verdict(both, speed)
 
 
 def test_what_begins_where_a_stable_piece_ends_is_unknown_as_far_as_the_branch_goes(simple):
