@@ -28,7 +28,8 @@ from drumsqueal.questions.cycle.seeds import Settled
 from drumsqueal.questions.cycle.words import diagram_verdict, missing_words
 from drumsqueal.questions.onset import attractors
 from drumsqueal.questions.onset import study as study_module
-from drumsqueal.questions.onset.attractors import Family, How, Start, find_attractors
+from drumsqueal.questions.onset.attractors import find_attractors
+from drumsqueal.questions.onset.family import Family, How, Start
 from drumsqueal.questions.onset.found import Kind, OnsetStudy
 from drumsqueal.questions.onset.motions import Leads, Motion, Response, pairs_of, unpaired
 from drumsqueal.questions.onset.study import study_onset

@@ -42,7 +42,8 @@ from drumsqueal.questions.cycle.orbit import Cycle, Event
 from drumsqueal.questions.cycle.words import diagram_verdict
 from drumsqueal.questions.onset import attractors
 from drumsqueal.questions.onset import study as study_module
-from drumsqueal.questions.onset.attractors import Family, How, Start, find_attractors, go_on
+from drumsqueal.questions.onset.attractors import find_attractors
+from drumsqueal.questions.onset.family import Family, How, Start, go_on
 from drumsqueal.questions.onset.figure import draw_onset
 from drumsqueal.questions.onset.found import Kind, OnsetStudy, Range, Row, find_ranges
 from drumsqueal.questions.onset.motions import Leads, Response

@@ -21,8 +21,9 @@ from drumsqueal.questions.cycle.shooting import Start as Beginning
 from drumsqueal.questions.onset import disturbance as disturbance_module
 from drumsqueal.questions.onset import kicks as kicks_module
 from drumsqueal.questions.onset import study as study_module
-from drumsqueal.questions.onset.attractors import Family, How, Start, find_attractors
+from drumsqueal.questions.onset.attractors import find_attractors
 from drumsqueal.questions.onset.disturbance import PRECISION, smallest_disturbances
+from drumsqueal.questions.onset.family import Family, How, Start
 from drumsqueal.questions.onset.figure import draw_onset
 from drumsqueal.questions.onset.found import Row
 from drumsqueal.questions.onset.kicks import surface_speed

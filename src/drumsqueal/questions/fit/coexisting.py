@@ -8,7 +8,8 @@ from numpy.typing import ArrayLike
 from drumsqueal.physics.composition import linear_coordinates
 from drumsqueal.physics.model import build_model
 from drumsqueal.progress import Progress
-from drumsqueal.questions.onset.attractors import Family, How, Start, find_attractors
+from drumsqueal.questions.onset.attractors import find_attractors
+from drumsqueal.questions.onset.family import Family, How, Start
 from drumsqueal.questions.onset.kicks import directions
 from drumsqueal.questions.onset.motions import Motion
 from drumsqueal.questions.sensitivity.study import at_one_time

@@ -18,7 +18,8 @@ from drumsqueal.physics.composition import linear_coordinates
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.progress import Progress
 from drumsqueal.questions.matrix.table import WINDOW, MatrixPlan
-from drumsqueal.questions.onset.attractors import Family, How, Start, find_attractors
+from drumsqueal.questions.onset.attractors import find_attractors
+from drumsqueal.questions.onset.family import Family, How, Start
 from drumsqueal.questions.onset.found import Row
 from drumsqueal.questions.onset.kicks import directions
 from drumsqueal.questions.onset.motions import SAME_FREQUENCY, SAME_RMS, SMALL_START, Leads

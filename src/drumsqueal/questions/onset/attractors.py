@@ -6,22 +6,18 @@ are at hand run together.
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from drumsqueal.findings.boundaries import boundary_ratios
 from drumsqueal.findings.decay import BEYOND, NEARLY_LINEAR, SMALL, is_decaying
 from drumsqueal.findings.saturated import DRIFT, MOSTLY, Saturated, at_once, saturated_motions
 from drumsqueal.findings.verdict import SMALL_ROTATION
 from drumsqueal.findings.vibration import ROTATIONS
-from drumsqueal.physics.model import Model
 from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.onset.motions import SMALL_START, Kick, Leads, Motion, Response
-from drumsqueal.solve.linear.branches import ModelAt, Point
-from drumsqueal.solve.linear.modes import UNDAMPED_FRACTION, Mode
-from drumsqueal.solve.transient.runge_kutta import AUTO
+from drumsqueal.questions.onset.family import Family, How, Start
+from drumsqueal.questions.onset.motions import SMALL_START, Leads, Motion, Response
+from drumsqueal.solve.linear.branches import Point
+from drumsqueal.solve.linear.modes import UNDAMPED_FRACTION
 
 ROUND_PERIODS = 100  # of the slowest mode that oscillates freely
 FREE = 0.1  # damping ratio below which a mode does: beyond it falls to half within a period or so
@@ -48,74 +44,6 @@ CLOSE = 1e-3  # to the rms of one that is known, so that it need not come nearer
 # more where one phase at least was seen; and from how many times the length of the others on it is undecided instead.
 FEWEST_PHASES, LONGER, LONGEST = 12, 8.0, 300
 PROBE = 0.7  # a motion made so much smaller comes back where it is an attractor, and stays where it is one of many
-
-
-class Start(NamedTuple):
-    """A displacement (n,) from steady sliding and a velocity (n,), what to call them, and what they are.
-
-    That is a disturbance along a mode, or the motion at another value.
-    """
-
-    name: str
-    vibration: NDArray[np.float64]
-    velocity: NDArray[np.float64]
-    kick: Kick | None = None
-    from_value: float | None = None
-
-
-def go_on(value: float, motion: Motion, size: float = 1.0) -> Start:
-    """The end of a motion at a value, or a multiple of it, as a start at another value."""
-    name = f"from {value:.6g}" if size == 1 else f"{size:g} times from {value:.6g}"
-    return Start(name, *(size * motion.state), from_value=value)
-
-
-class How(NamedTuple):
-    """How transients are integrated, as in a scene, and how long a round is (s)."""
-
-    sample_rate: float
-    tolerance: float
-    round_seconds: float = 0.0
-    solver: str = AUTO
-    threads: int | None = None
-
-
-class Family:
-    """Models of one composition along a parameter: `model_at` a value, over the coordinates that move (`moving`).
-
-    `names` are the coordinates of the linear model, which may be more.
-    """
-
-    def __init__(self, model_at: ModelAt, moving: tuple[str, ...], names: tuple[str, ...]) -> None:
-        """Take the models and the names of their coordinates."""
-        self.model_at, self.moving, self.names = model_at, moving, names
-
-    def modes(self, point: Point) -> list[Mode]:
-        """Modes of a point that the coordinates that move can show."""
-        return [mode for mode in point.modes if mode.name in self.moving]
-
-    def shown(self, vector: NDArray) -> NDArray:
-        """The entries (n,) of the coordinates that move, of one over those of the linear model."""
-        return np.array([vector[self.names.index(name)] for name in self.moving])
-
-    def small_start(self, point: Point, model: Model, size: float = SMALL) -> Start:
-        """All modes at once, within this fraction of the nearer contact boundary."""
-        modes = self.modes(point)
-        parts = [self._scaled(mode, model, size / len(modes)) for mode in modes]
-        total = np.sum(parts, axis=0) if parts else np.zeros((2, len(self.moving)))
-        return Start(SMALL_START, total[0], total[1])
-
-    def reach(self, mode: Mode, model: Model) -> tuple[NDArray[np.complex128], list[float]]:
-        """Displacement and velocity (2, n) of a mode, and the fractions of the contact boundaries that it comes to."""
-        half = len(self.names)
-        shape = np.array([self.shown(part) for part in (mode.right[:half], mode.right[half:])])
-        turns = np.exp(2j * np.pi * np.arange(32) / 32)
-        vibration, velocity = ((turns[:, None] * part).real for part in shape)
-        return shape, [each for each in boundary_ratios(model, vibration, velocity) if each > 0]
-
-    def _scaled(self, mode: Mode, model: Model, fraction: float) -> NDArray[np.float64]:
-        """Displacement and velocity (2, n) of a mode of a size that comes to this fraction of the nearer boundary."""
-        shape, reached = self.reach(mode, model)
-        return np.real(shape) * (fraction / max(reached) if reached else 0.0)
 
 
 class _Job:

@@ -12,7 +12,8 @@ from typing import cast
 import numpy as np
 
 from drumsqueal.progress import Progress
-from drumsqueal.questions.onset.attractors import LASTING, PERSISTENT, Family, How, Start, find_attractors
+from drumsqueal.questions.onset.attractors import LASTING, PERSISTENT, find_attractors
+from drumsqueal.questions.onset.family import Family, How, Start
 from drumsqueal.questions.onset.found import Row
 from drumsqueal.questions.onset.kicks import Direction, directions
 from drumsqueal.questions.onset.motions import Disturbance, Leads, Motion, Response

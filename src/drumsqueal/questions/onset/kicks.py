@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.model import Model
-from drumsqueal.questions.onset.attractors import Family, Start
+from drumsqueal.questions.onset.family import Family, Start
 from drumsqueal.questions.onset.motions import Kick
 from drumsqueal.solve.linear.branches import Point
 from drumsqueal.solve.linear.modes import Mode

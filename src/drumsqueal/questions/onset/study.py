@@ -16,17 +16,9 @@ from drumsqueal.physics.composition import linear_coordinates
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.cycle.branches import VALUES, checked_range, follow_cycles
-from drumsqueal.questions.onset.attractors import (
-    LASTING,
-    PERSISTENT,
-    Family,
-    How,
-    Start,
-    find_attractors,
-    go_on,
-    round_seconds,
-)
+from drumsqueal.questions.onset.attractors import LASTING, PERSISTENT, find_attractors, round_seconds
 from drumsqueal.questions.onset.disturbance import smallest_disturbances
+from drumsqueal.questions.onset.family import Family, How, Start, go_on
 from drumsqueal.questions.onset.found import QUIET, FollowedMode, Kind, Onset, OnsetStudy, Row, find_ranges
 from drumsqueal.questions.onset.kicks import directions
 from drumsqueal.questions.onset.motions import SMALL_START, Motion, Response, unpaired

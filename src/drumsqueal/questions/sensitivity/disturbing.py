@@ -12,15 +12,8 @@ from drumsqueal.findings.part import Finding
 from drumsqueal.physics.composition import linear_coordinates
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.onset.attractors import (
-    PERSISTENT,
-    Family,
-    How,
-    Start,
-    find_attractors,
-    go_on,
-    round_seconds,
-)
+from drumsqueal.questions.onset.attractors import PERSISTENT, find_attractors, round_seconds
+from drumsqueal.questions.onset.family import Family, How, Start, go_on
 from drumsqueal.questions.onset.kicks import LARGE, LEAST, Direction, directions, surface_speed
 from drumsqueal.questions.onset.motions import Kick, Leads, Motion, Response
 from drumsqueal.questions.onset.study import SIZES

@@ -6,16 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.physics.model import Model
-from drumsqueal.questions.onset.attractors import (
-    CONSTANT,
-    LASTING,
-    PERSISTENT,
-    Family,
-    How,
-    Start,
-    find_attractors,
-    round_seconds,
-)
+from drumsqueal.questions.onset.attractors import CONSTANT, LASTING, PERSISTENT, find_attractors, round_seconds
+from drumsqueal.questions.onset.family import Family, How, Start
 from drumsqueal.questions.onset.motions import Leads, Motion, Response
 from drumsqueal.questions.sweep.body import BodyPlan
 from drumsqueal.questions.sweep.points import COMPUTED, LEADS, OPEN, Columns, blank, note_motion

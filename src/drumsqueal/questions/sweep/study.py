@@ -18,7 +18,7 @@ from drumsqueal.physics.model import build_model
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.matrix.cells import compute_cells
 from drumsqueal.questions.matrix.table import MatrixPlan
-from drumsqueal.questions.onset.attractors import How
+from drumsqueal.questions.onset.family import How
 from drumsqueal.questions.sweep.basin import number_motions
 from drumsqueal.questions.sweep.body import BodyPlan
 from drumsqueal.questions.sweep.points import (
