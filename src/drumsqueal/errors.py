@@ -17,6 +17,7 @@ class NoSteadySliding(StrEnum):
 
     AT_REST = "drum.speed is 0 all the time: there is no steady sliding; give the drum a speed"
     BELT_AT_REST = "the belt is at rest: there is no steady sliding; give it a speed"
+    SELF_LOCKING = "self-locking: friction drags the shoe into the drum ever harder, and nothing holds it in balance"
     NOT_FOUND = (
         "no self-consistent steady sliding was found, neither directly nor by raising friction step by step from zero: "
         "the shoe may jam (self-locking), or its supports and the drum may not hold it at this load and speed"
@@ -30,14 +31,10 @@ class NoSteadySliding(StrEnum):
 class SteadyStateError(ArithmeticError):
     """No steady sliding was found, for a `reason`."""
 
-    def __init__(self, reason: NoSteadySliding) -> None:
-        """Take the reason, which is the message."""
-        super().__init__(reason)
-
-    @property
-    def reason(self) -> NoSteadySliding:
-        """Why."""
-        return self.args[0]
+    def __init__(self, reason: NoSteadySliding, more: str = "") -> None:
+        """Take the reason, which is the message, and what there is to say of the case."""
+        super().__init__(f"{reason}; {more}" if more else reason)
+        self.reason = reason
 
 
 class IntegrationError(ArithmeticError):

@@ -17,7 +17,6 @@ import pickle
 import platform
 import re
 import secrets
-import tempfile
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -36,6 +35,7 @@ from jaxlib import lapack
 from jaxlib import utils as log  # pyright: ignore[reportAttributeAccessIssue]
 
 from drumsqueal.compilation import is_private, programs_folder
+from drumsqueal.kept_files import forget, keep, load_kept
 
 PACKAGE = Path(__file__).parent
 WRITTEN_WITH = ("jax", "jaxlib", "equinox", "diffrax", "numpy", "scipy")
@@ -151,7 +151,8 @@ class Program:
         if all(name.startswith("lapack_") for name in called):  # and nothing of this process
             with suppress(NotImplementedError, ValueError):
                 content = serialize_executable.serialize(executable)[0]
-                _keep(path, _Kept(content, len(jax.tree.leaves(executable.in_avals)), result, lapack=bool(called)))
+                kept = _Kept(content, len(jax.tree.leaves(executable.in_avals)), result, lapack=bool(called))
+                keep(path, _pickled(kept), MOST_BYTES)
         return _whole(executable, result)
 
 
@@ -168,14 +169,11 @@ def _whole(executable: Callable[..., Any], result: Any) -> Callable[..., Any]:
 
 def _load(path: Path) -> Callable[..., Any] | None:
     """The program of a file; None where there is none or where it is damaged or another one's, and then removed."""
-    try:
-        content = path.read_bytes()
-    except OSError:
+    content = load_kept(path)
+    if content is None:
         return None
     try:
-        if not content.startswith(_digest(path, content[32:])):
-            raise ValueError
-        kept = _Kept(*pickle.loads(content[32:]))
+        kept = _Kept(*pickle.loads(content))
         if kept.lapack:  # which tracing would see to; without it the process dies
             lapack.prepare_lapack_call("syevd", np.dtype(np.float64))
         with _silent:
@@ -183,38 +181,15 @@ def _load(path: Path) -> Callable[..., Any] | None:
             trees = jax.tree.structure(((0,) * kept.taken, {})), jax.tree.structure(given)
             executable = serialize_executable.deserialize_and_load(kept.executable, *trees)
     except Exception:  # whatever a pickle or XLA raises
-        with suppress(OSError):
-            path.unlink()
+        forget(path)
         return None
-    with suppress(OSError):
-        os.utime(path)  # so that it is not what goes first
     return _whole(executable, kept.result)
 
 
-def _keep(path: Path, kept: _Kept) -> None:
-    """Write a file whole or not at all, and remove the oldest ones beyond MOST_BYTES; a full disk keeps nothing."""
+def _pickled(kept: _Kept) -> bytes:
     stream = io.BytesIO()
     _Pickler(stream).dump(tuple(kept))
-    content = stream.getvalue()
-    with suppress(OSError):
-        number, part = tempfile.mkstemp(dir=path.parent)
-        try:
-            with os.fdopen(number, "wb") as file:
-                file.write(_digest(path, content) + content)
-            Path(part).replace(path)
-        except BaseException:
-            Path(part).unlink(missing_ok=True)
-            raise
-        files = sorted(((each.stat(), each) for each in path.parent.iterdir()), key=lambda each: -each[0].st_mtime)
-        total = 0
-        for found, each in files:
-            total += found.st_size
-            if total > MOST_BYTES:
-                each.unlink()
-
-
-def _digest(path: Path, content: bytes) -> bytes:
-    return hashlib.sha256(path.name.encode() + content).digest()
+    return stream.getvalue()
 
 
 class _UntoldError(Exception):

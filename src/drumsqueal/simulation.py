@@ -19,6 +19,7 @@ from drumsqueal.outcome import COMPLETE, Outcome
 from drumsqueal.physics.composition import (
     GIVEN,
     Inventory,
+    coordinates_of,
     kept_coordinates,
     linear_coordinates,
     moved_coordinates,
@@ -27,7 +28,7 @@ from drumsqueal.physics.composition import (
 from drumsqueal.physics.laws.friction_law import FrictionLaw
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.progress import Progress, silent
-from drumsqueal.scene import COORDINATES, Profile, Scene, SceneError
+from drumsqueal.scene import Profile, Scene, SceneError
 from drumsqueal.shown import headed
 from drumsqueal.solve import motion
 from drumsqueal.solve.linear.modes import Stability, analyse_stability, while_sliding
@@ -109,13 +110,14 @@ def held_coordinates(scene: Scene) -> tuple[str, ...]:
     """
     if scene.simulate.coordinates == "auto":
         return ()
-    even = scene.with_values({"steady.state": "uniform-pressure"})
-    pushes = coupling(while_sliding(build_model(even, coordinates=COORDINATES))[0])
-    moving = np.isin(COORDINATES, list(moved_coordinates(scene)))
-    for _ in COORDINATES:
+    even = scene.with_values({"shoe.force": None, "steady.state": "uniform-pressure", "contact.normal_load": 1.0})
+    names = coordinates_of(scene)
+    pushes = coupling(while_sliding(build_model(even, coordinates=names))[0])
+    moving = np.isin(names, list(moved_coordinates(scene)))
+    for _ in names:
         moving = moving | (pushes @ moving)
     kept = kept_coordinates(scene)
-    return tuple(name for name, moves in zip(COORDINATES, moving, strict=True) if moves and name not in kept)
+    return tuple(name for name, moves in zip(names, moving, strict=True) if moves and name not in kept)
 
 
 def check_sample_rate(prepared: Prepared) -> None:
@@ -132,9 +134,10 @@ def check_sample_rate(prepared: Prepared) -> None:
 
 def check_constant(scene: Scene) -> Scene:
     """Return the scene, or raise SceneError where its drum speed, load or temperature change with time."""
-    for path, value in ((("drum", "speed"), scene.drum.speed), (("contact", "normal_load"), scene.contact.normal_load)):
+    for key, value in scene.schedules().items():
         if isinstance(value, Profile):
-            raise SceneError("limit cycles and attractors take a constant value, not a profile over time", path)
+            reason = "limit cycles and attractors take a constant value, not a profile over time"
+            raise SceneError(reason, tuple(key.split(".")))
     if scene.temperature is not None:
         message = "the lining warms up, so that no motion is stationary; leave the temperature out (temperature=none)"
         raise SceneError(message, ("temperature",))

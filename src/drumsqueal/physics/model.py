@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any
+from typing import Any, cast
 
 import equinox as eqx
 import jax
@@ -12,25 +12,38 @@ from jax import Array
 from jax.core import Tracer
 from jax.typing import ArrayLike
 
-from drumsqueal.physics.bodies.body import Body, Scalar, scalars
+from drumsqueal.physics.bodies.body import Body, LinedBody, Scalar, Shoe, plus, scalars, whole
+from drumsqueal.physics.bodies.elastic_shoe import ElasticShoe
 from drumsqueal.physics.bodies.rigid_shoe import RigidShoe, Support
-from drumsqueal.physics.composition import GIVEN, Composition, compose
+from drumsqueal.physics.composition import (
+    GIVEN,
+    SHAPES,
+    WAVENUMBERS,
+    Composition,
+    check_shapes_stay,
+    compose,
+    numbers_of,
+)
 from drumsqueal.physics.effects.assembly import Balance, Preload
 from drumsqueal.physics.effects.contact import Contact
-from drumsqueal.physics.effects.damping import Damping
+from drumsqueal.physics.effects.damping import Damping, damping_matrix
 from drumsqueal.physics.effects.effect import Effect, Observation, Touching
 from drumsqueal.physics.effects.forcing import Forcing
 from drumsqueal.physics.effects.friction import Friction, Tangential, UnitVelocity
 from drumsqueal.physics.effects.operation import Constant, Moment, Operation, Profile, Schedule
+from drumsqueal.physics.effects.points import Pushes, against
 from drumsqueal.physics.effects.pressure import Bonded, Unilateral
+from drumsqueal.physics.effects.springs import Springs
 from drumsqueal.physics.effects.temperature import Remembering, Temperature
 from drumsqueal.physics.laws.custom_friction import as_law, with_breakpoints
 from drumsqueal.physics.laws.friction_law import FrictionLaw, friction_law
 from drumsqueal.physics.quadrature.arc import NODES, NODES_LONG_ARC, ArcSurface
 from drumsqueal.physics.quadrature.area import AreaSurface
+from drumsqueal.physics.quadrature.surface import Surface
 from drumsqueal.precision import real
 from drumsqueal.programs import Program
-from drumsqueal.scene import Scene
+from drumsqueal.scene import COORDINATES, Scene
+from drumsqueal.scene.coordinates import mass_unit
 from drumsqueal.shown import short
 
 Numbers = Mapping[str, ArrayLike]
@@ -40,7 +53,8 @@ class Model(eqx.Module):
     """M q̈ = Σ effects, over the n kept coordinates of the body.
 
     `mass` is the diagonal of M (n,) and `stiffness` the frictionless stiffness in full contact (n, n). What effects
-    remember (m,) is part of the state where `remembering` is not empty, and None elsewhere.
+    remember (m,) is part of the state where `remembering` is not empty, and None elsewhere. `planar` says that nothing
+    pushes or holds the body out of the plane in which it is dragged.
     """
 
     operation: Operation
@@ -49,11 +63,12 @@ class Model(eqx.Module):
     mass: Array = eqx.field(converter=real)
     stiffness: Array = eqx.field(converter=real)
     remembering: tuple[Remembering, ...] = ()
+    planar: bool = eqx.field(static=True, default=True)
 
     def __repr__(self) -> str:
         """Body, masses, drive, contact and effects, with their numbers in SI."""
         contact, (drum, load, stiffness) = self.contact, self.contact.units
-        units = ["kg m²" if name.startswith("T") else "kg" for name in self.names]
+        units = [mass_unit(name) for name in self.names]
         masses = ", ".join(f"{name} {short(m, u)}" for name, m, u in zip(self.names, self.mass, units, strict=True))
         operation = f"{self.operation.drum_speed} {drum}, load {self.operation.preload} {load}"
         touching = f"{type(contact.law).__name__} contact of {short(contact.law.stiffness, stiffness)}"
@@ -79,12 +94,9 @@ class Model(eqx.Module):
         return self.contact
 
     @property
-    def shoe(self) -> RigidShoe:
-        """The body, for what asks for its own dimensions. Raises TypeError where it is no rigid shoe."""
-        body = self.lining.body
-        if not isinstance(body, RigidShoe):
-            raise TypeError(f"a {type(body).__name__} is not a rigid shoe")
-        return body
+    def shoe(self) -> Shoe:
+        """The body, for what asks for its dimensions. Raises TypeError for a body without a lining."""
+        return cast("Shoe", self.lining.body)
 
     @property
     def effects(self) -> tuple[Effect, ...]:
@@ -92,9 +104,19 @@ class Model(eqx.Module):
         return (self.contact, *self.others)
 
     @property
+    def moved_by_steady_sliding(self) -> tuple[bool, ...]:
+        """Which coordinates steady sliding displaces; the others rest by symmetry."""
+        return self.body.symmetric if self.planar else (True,) * len(self.names)
+
+    @property
     def forced(self) -> bool:
         """Whether a harmonic force acts."""
         return any(isinstance(effect, Forcing) for effect in self.others)
+
+    @property
+    def pushed(self) -> bool:
+        """Whether forces at points press the lining on the drum, so that the pressure is not known beforehand."""
+        return any(isinstance(effect, Pushes) for effect in self.others)
 
     @property
     def balanced(self) -> bool:
@@ -103,14 +125,12 @@ class Model(eqx.Module):
 
     def frozen(self, time: float) -> "Model":
         """The same model with the drum speed and the load that it has at a time (s), at all times."""
-        moment = self.operation.at(time)
-        operation = Operation(Constant(moment.drum_speed), Constant(moment.preload))
+        operation = self.operation.mapped(lambda each: Constant(each.at(time)[0]))
         return dataclasses.replace(self, operation=operation)
 
     def since(self, time: float) -> "Model":
         """The same model with its clock set to zero at a time (s): the programs of the one are those of the other."""
-        moved = (each.since(time) for each in (self.operation.drum_speed, self.operation.preload))
-        return dataclasses.replace(self, operation=Operation(*moved))
+        return dataclasses.replace(self, operation=self.operation.mapped(lambda each: each.since(time)))
 
     def in_plane(self) -> "Model":
         """The same model for motion that is the same on every line across: a line integral instead of an area."""
@@ -164,9 +184,9 @@ class Model(eqx.Module):
         """
         moment, motion = self.moment(time, memory), (scalars(q), scalars(v))
         actions = [effect.act(moment, *motion) for effect in self.effects]
-        force = [sum(parts) + jnp.zeros(()) for parts in zip(*(action.force for action in actions), strict=True)]
+        force = whole(plus(*(action.force for action in actions)))
         power = jnp.asarray(sum(action.power for action in actions) + jnp.zeros(()))
-        return jnp.stack(force), power, self.memory_rate(memory, sum(action.heat for action in actions))
+        return force, power, self.memory_rate(memory, sum(action.heat for action in actions))
 
     def kinks(self, time: ArrayLike, q: Array, v: Array, memory: Array | None = None) -> Array:
         """Numbers (k,) of which one changes its sign where the force has a kink in time."""
@@ -195,13 +215,17 @@ def build_model(
     that is how a growth rate is differentiated with respect to a parameter of the scene. The number of quadrature nodes
     is that of the scene's own arc angle: from 130° to 360° by `numbers` alone, forces are off by up to 2e-5.
     `friction_law`, a function of the slip speed or a law with the method `coefficient`, takes the place of the scene's.
-    Raises KeyError for a key that the scene does not have, TypeError for a law that JAX cannot trace, and ValueError
+    Raises KeyError for a key that the scene does not have, RequestError for another geometry or Poisson's ratio of a
+    shoe that bends, whose free modes they change, TypeError for a law that JAX cannot trace, and ValueError
     for a law where the scene has no friction.
     """
-    own = scene.numbers()
+    own = numbers_of(scene)
     unknown = sorted(set(numbers or {}) - set(own))
     if unknown:
         raise KeyError(f"{unknown[0]} is no number of this scene; it has {', '.join(sorted(own))}")
+    for key, number in (numbers or {}).items():
+        if SHAPES not in (numbers or {}) and (isinstance(number, Tracer) or not np.array_equal(number, own[key])):
+            check_shapes_stay(scene, key)
     value = {key: real(number) for key, number in {**own, **(numbers or {})}.items()}
     composition = compose(scene)
     if coordinates is not None:
@@ -214,8 +238,20 @@ def build_model(
     return _with_numbers_of_numpy(assemble(composition._replace(friction_law=GIVEN), value, law))
 
 
-def _with_numbers_of_numpy(model: Model) -> Model:
-    """The model with its numbers of NumPy, see `precision.real`; traced ones stay what they are."""
+def body_of(scene: Scene, coordinates: tuple[str, ...] | None = None) -> Shoe:
+    """The shoe of a scene over its kept coordinates, unless others are asked for, without the rest of the model.
+
+    No program is compiled.
+    """
+    value = {key: real(number) for key, number in numbers_of(scene).items()}
+    composition = compose(scene)
+    if coordinates is not None:
+        composition = composition._replace(coordinates=coordinates)
+    return _with_numbers_of_numpy(_shoe(composition, value))
+
+
+def _with_numbers_of_numpy(model: Any) -> Any:
+    """The model, or a part of it, with its numbers of NumPy, see `precision.real`; traced ones stay what they are."""
 
     def converted(leaf: Any) -> Any:
         is_number = isinstance(leaf, Array) and not isinstance(leaf, Tracer) and leaf.ndim == 0
@@ -227,17 +263,11 @@ def _with_numbers_of_numpy(model: Model) -> Model:
 @Program  # one small program instead of a hundred separate operations
 def assemble(composition: Composition, value: Mapping[str, Array], law: FrictionLaw | None = None) -> Model:
     """Build the model of a composition from its numbers in SI (float64 arrays), traced or not; `build_model` checks."""
-    shoe = RigidShoe(
-        outer_radius=value["shoe.outer_radius"],
-        thickness=value["shoe.thickness"],
-        width=value["shoe.width"],
-        arc_angle=value["shoe.arc_angle"],
-        density=value["shoe.density"],
-        names=composition.coordinates,
-    )
+    shoe = _shoe(composition, value)
     # The load is spread evenly, p0 = load / (R β b): our reading of the paper's "uniformly distributed".
     preload = _schedule("contact.normal_load", value, 1 / shoe.area)
-    operation = Operation(_schedule("drum.speed", value, jnp.ones(())), preload)
+    pushes = tuple(_schedule(f"shoe.force.{k}.size", value, jnp.ones(())) for k in range(composition.pushes))
+    operation = Operation(_schedule("drum.speed", value, jnp.ones(())), preload, pushes)
     contact = _contact(composition, value, shoe, law)
     preload_alone = Preload(contact.body)
     self_consistent = composition.steady_state == "self-consistent"
@@ -247,8 +277,25 @@ def assemble(composition: Composition, value: Mapping[str, Array], law: Friction
         support = Support(value["support.upper_stiffness"], value["support.lower_stiffness"], shoe)
         others.append(support)
         stiffness = stiffness + support.stiffness()
+    damping: list[Array] = []
+    springs: list[Array] = [shoe.elastic_stiffness()] if isinstance(shoe, ElasticShoe) else []
+    if composition.springs:
+        along = _along_points("shoe.spring", composition.springs, value, shoe)
+        strengths, dampers = (
+            jnp.stack([value[f"shoe.spring.{k}.{key}"] for k in range(composition.springs)])
+            for key in ("stiffness", "damping")
+        )
+        springs.append(against(along, strengths))
+        damping.append(against(along, dampers))
+    if springs:
+        others.append(Springs(sum(springs)))
+        stiffness = stiffness + sum(springs)
+    if composition.pushes:
+        others.append(Pushes(_along_points("shoe.force", composition.pushes, value, shoe)))
     if composition.damping:
-        others.append(Damping.from_ratio(value["damping.ratio"], shoe.mass, stiffness))
+        damping.append(damping_matrix(value["damping.ratio"], shoe.mass, stiffness))
+    if damping:
+        others.append(Damping(sum(damping)))
     forced = [name for name in composition.forced if name in shoe.names]
     if forced:
         amplitude = jnp.stack([value[f"forcing.amplitude.{name}"] for name in forced])
@@ -257,17 +304,46 @@ def assemble(composition: Composition, value: Mapping[str, Array], law: Friction
     remembering: list[Remembering] = []
     if composition.temperature:
         remembering.append(Temperature(*(value[f"temperature.{key}"] for key in ("heat_capacity", "cooling", "fade"))))
-    return Model(operation, contact, tuple(others), shoe.mass, stiffness, tuple(remembering))
+    return Model(operation, contact, tuple(others), shoe.mass, stiffness, tuple(remembering), planar=composition.planar)
+
+
+def _shoe(composition: Composition, value: Mapping[str, Array]) -> RigidShoe:
+    """The body over its kept coordinates, rigid unless one of them is elastic."""
+    names = composition.coordinates
+    sizes = (value[f"shoe.{key}"] for key in ("outer_radius", "thickness", "width", "arc_angle", "density"))
+    rigid = RigidShoe(*sizes, names=tuple(name for name in names if name in COORDINATES))
+    elastic = tuple(name for name in names if name not in COORDINATES)
+    if not elastic:
+        return rigid
+    kept = np.array([int(name[1:]) - 1 for name in elastic])
+    density = value["shoe.density"]
+    return ElasticShoe.of(
+        rigid,
+        elastic,
+        jnp.sqrt(value["shoe.elastic.young"] / density) * value[WAVENUMBERS][kept],
+        value[SHAPES][kept] / jnp.sqrt(density),
+        tuple(composition.symmetric_modes[k] for k in kept),
+    )
+
+
+def _along_points(key: str, count: int, value: Mapping[str, Array], shoe: LinedBody) -> Array:
+    """d_j·φ_i(P_j) (count, n) of the points of a list of the scene."""
+    return jnp.stack([value[f"{key}.{k}.direction"] @ shoe.shapes_at(value[f"{key}.{k}.at"]) for k in range(count)])
 
 
 def _contact(
     composition: Composition, value: Mapping[str, Array], shoe: RigidShoe, friction_law: FrictionLaw | None
 ) -> Contact:
     law = Unilateral if composition.separation else Bonded
-    nodes = NODES_LONG_ARC if composition.long_arc else NODES
-    surface = ArcSurface(nodes) if all(shoe.symmetric) else AreaSurface()
+    surface = _surface(composition, shoe)
     friction = _friction(composition, value, friction_law)
     return Contact(shoe, law(value["contact.stiffness"]), friction, surface)
+
+
+def _surface(composition: Composition, shoe: RigidShoe) -> Surface:
+    if isinstance(shoe, ElasticShoe):
+        return shoe.cells
+    return ArcSurface(NODES_LONG_ARC if composition.long_arc else NODES) if all(shoe.symmetric) else AreaSurface()
 
 
 def _friction(composition: Composition, value: Mapping[str, Array], law: FrictionLaw | None) -> Friction | None:

@@ -1,19 +1,19 @@
 """A scene as data: a TOML file or a mapping, checked and turned to SI. Start with `load_scene`."""
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Annotated, Any, Union, get_args
 
 import tomli_w
 from pydantic import Field, ValidationError, field_serializer, field_validator, model_validator
 from pydantic.fields import FieldInfo
 
-from drumsqueal.scene.file import apply_setting, read_tables, replace_value
+from drumsqueal.scene.coordinates import COORDINATES, is_elastic
+from drumsqueal.scene.file import TABLE_LISTS, apply_setting, read_tables, replace_value
 from drumsqueal.scene.laws import LAWS
 from drumsqueal.scene.mistakes import explain
-from drumsqueal.scene.quantities import SceneError
+from drumsqueal.scene.quantities import KeyPath, SceneError, as_first
 from drumsqueal.scene.tables import (
-    COORDINATES,
     Contact,
     Damping,
     Drum,
@@ -22,6 +22,8 @@ from drumsqueal.scene.tables import (
     PerCoordinate,
     Profile,
     Quantity,
+    Reader,
+    Resolution,
     Schedule,
     Shoe,
     Simulate,
@@ -47,7 +49,8 @@ _PHYSICAL_TABLES = ("shoe", "support", "contact", "friction", "drum", "damping",
 class Scene(Table):
     """One scene, checked, in SI: what brake, what acts on it, how it starts and how long it runs.
 
-    A table that is None (support, friction, damping, temperature, forcing) is an effect the scene does not call for.
+    A table that is None (support, friction, damping, temperature, forcing) is an effect the scene does not call for;
+    so are a shoe without `elastic`, and one without springs and forces at points (`spring`, `force`: tuples of tables).
     `uncertain` holds distributions of its numbers, which a random sweep samples and all other commands ignore.
     """
 
@@ -77,15 +80,49 @@ class Scene(Table):
     @model_validator(mode="after")
     def _starts_what_moves(self) -> "Scene":
         moving = self.simulate.coordinates
-        tables = {("start", table): getattr(self.start, table) for table in ("displacement", "velocity")}
-        if self.forcing is not None:
-            tables["forcing", "amplitude"] = self.forcing.amplitude
-        for path, table in tables.items():
+        for path, table in self._by_coordinate():
             for name, value in table.items():
                 if moving != "auto" and name not in moving:
                     done = "started" if path[0] == "start" else "forced"
                     reason = f"{name} is {done} but not among simulate.coordinates; add it there, or remove it here"
                     raise SceneError(reason, (*path, name), value)
+        return self
+
+    def _by_coordinate(self) -> Iterator[tuple[KeyPath, Mapping[str, float]]]:
+        """The tables that have a number for each coordinate, with the way to them."""
+        yield ("start", "displacement"), self.start.displacement
+        yield ("start", "velocity"), self.start.velocity
+        if self.forcing is not None:
+            yield ("forcing", "amplitude"), self.forcing.amplitude
+
+    @model_validator(mode="after")
+    def _bends_where_it_is_elastic(self) -> "Scene":
+        if self.shoe.elastic is not None:
+            return self
+        named = [(*path, name) for path, table in self._by_coordinate() for name in table]
+        if self.simulate.coordinates != "auto":
+            named += [("simulate", "coordinates", name) for name in self.simulate.coordinates]
+        for *path, name in named:
+            if is_elastic(name):
+                reason = f"the shoe is rigid and has no elastic mode {name}; add a table [shoe.elastic], or remove it"
+                raise SceneError(reason, (*path, name) if path[0] != "simulate" else tuple(path))
+        return self
+
+    @model_validator(mode="after")
+    def _is_pressed_on(self) -> "Scene":
+        if self.shoe.force:
+            if self.steady.state == "uniform-pressure":
+                reason = (
+                    "the assembly then balances every force that does not change, so that [[shoe.force]] would do "
+                    'nothing; write state = "self-consistent", or remove the forces'
+                )
+                raise SceneError(reason, ("steady", "state"), self.steady.state)
+        elif "normal_load" not in self.contact.model_fields_set:
+            reason = (
+                'nothing presses the lining on the drum; add normal_load = "2000 N" to [contact], or push the shoe by '
+                'a table [[shoe.force]] and write state = "self-consistent" in [steady]'
+            )
+            raise SceneError(reason, ("contact", "normal_load"))
         return self
 
     @model_validator(mode="after")
@@ -118,7 +155,8 @@ class Scene(Table):
         """Return the scene with values put in by dotted key: `scene.with_values({"drum.speed": "3 rad/s"})`.
 
         The values are as in a file: numbers in SI, strings with a unit, whole tables as mappings; None leaves out one
-        of the tables support, friction, damping, temperature, forcing and uncertain. Raises SceneError.
+        of the tables support, friction, damping, temperature, forcing, uncertain and shoe.elastic, or all of
+        shoe.spring or shoe.force. Raises SceneError.
         """
         tables = self._tables()
         for key, value in values.items():
@@ -128,24 +166,28 @@ class Scene(Table):
     def numbers(self) -> dict[str, float | tuple[float, ...]]:
         """Return every physical number in SI by dotted key; a profile gives drum.speed.time and drum.speed.value.
 
-        A list, such as the points of a friction curve, is one tuple. Only tables that are there count, and only
-        those of the brake: not start, not simulate.
+        A list, such as the points of a friction curve or a point in space, is one tuple; springs and forces at points
+        are counted from 0: shoe.spring.0.stiffness. Only tables that are there count, and only those of the brake: not
+        start, not simulate, and not up to which frequency a shoe's elastic modes are kept.
         """
-        numbers: dict[str, float | tuple[float, ...]] = {}
-        for name in _PHYSICAL_TABLES:
-            for key, value in getattr(self, name) or ():
-                if isinstance(value, Profile):
-                    numbers[f"{name}.{key}.time"] = value.time
-                    numbers[f"{name}.{key}.value"] = value.value
-                elif isinstance(value, Mapping):
-                    numbers |= {f"{name}.{key}.{coordinate}": number for coordinate, number in value.items()}
-                elif isinstance(value, float | tuple):
-                    numbers[f"{name}.{key}"] = value
-        return numbers
+        tables = ((name, getattr(self, name)) for name in _PHYSICAL_TABLES)
+        return {key: number for name, table in tables if table is not None for key, number in _numbers_in(name, table)}
+
+    def schedules(self) -> dict[str, Schedule]:
+        """Return what may change over time, by dotted key: drum speed, normal load, and forces at points."""
+        forces = {f"shoe.force.{k}.size": force.size for k, force in enumerate(self.shoe.force)}
+        return {"drum.speed": self.drum.speed, "contact.normal_load": self.contact.normal_load, **forces}
 
     def starts(self) -> dict[str, float]:
-        """Return the start of the transient in SI by dotted key, start.displacement.X to start.velocity.Tz."""
-        keys = start_units() if self.simulate.coordinates == "auto" else start_units(self.simulate.coordinates)
+        """Return the start of the transient in SI by dotted key, start.displacement.X to start.velocity.Tz.
+
+        Elastic modes count where they are listed in simulate.coordinates, or else started.
+        """
+        coordinates = self.simulate.coordinates
+        if coordinates == "auto":
+            started = {*self.start.displacement, *self.start.velocity}
+            coordinates = (*COORDINATES, *sorted(started.difference(COORDINATES), key=lambda name: int(name[1:])))
+        keys = start_units(coordinates)
         return {key: getattr(self.start, key.split(".")[1]).get(key.split(".")[2], 0.0) for key in keys}
 
     def to_toml(self) -> str:
@@ -154,6 +196,28 @@ class Scene(Table):
 
     def _tables(self) -> dict[str, Any]:
         return self.model_dump(exclude_none=True)
+
+
+def _numbers_in(within: str, table: Table) -> Iterator[tuple[str, float | tuple[float, ...]]]:
+    """The physical numbers of a table and of those within it, by dotted key."""
+    for name, value in table:
+        key = f"{within}.{name}"
+        if isinstance(value, Table):
+            yield from _numbers_in(key, value)
+        elif key in TABLE_LISTS:
+            for k, each in enumerate(value):
+                yield from _numbers_in(f"{key}.{k}", each)
+        elif isinstance(value, Profile):
+            yield f"{key}.time", value.time
+            yield f"{key}.value", value.value
+        elif isinstance(value, Mapping):
+            yield from ((f"{key}.{coordinate}", number) for coordinate, number in value.items())
+        elif isinstance(value, float | tuple) and not _sets_resolution(type(table).model_fields[name]):
+            yield key, value
+
+
+def _sets_resolution(field: FieldInfo) -> bool:
+    return any(isinstance(each, Resolution) for each in field.metadata)
 
 
 def load_scene(path: str | os.PathLike[str], settings: Iterable[str] = ()) -> Scene:
@@ -200,37 +264,51 @@ def _tables_in(annotation: Any) -> tuple[type[Table], ...]:
     return tuple(table for part in get_args(annotation) for table in _tables_in(part))
 
 
-_MODELS = {"": (Scene,)} | {name: _tables_in(field.annotation) for name, field in Scene.model_fields.items()}
+def _models_within(within: str, models: Iterable[type[Table]]) -> Iterator[tuple[str, tuple[type[Table], ...]]]:
+    """The models of the tables that these have, and so on, by dotted key; 0 stands for any entry of a list."""
+    for name, field in (each for model in models for each in model.model_fields.items()):
+        key = f"{within}.{name}" if within else name
+        if inner := _tables_in(field.annotation):
+            key = f"{key}.0" if key in TABLE_LISTS else key
+            yield key, inner
+            yield from _models_within(key, inner)
+
+
+_MODELS = {"": (Scene,), **dict(_models_within("", (Scene,)))}
 
 
 def setting_keys() -> tuple[str, ...]:
     """Every dotted key that a scene may have, such as drum.speed, in the order of its tables."""
-    return "title", *dict.fromkeys(key for table in _MODELS if table for key, _ in _fields_of(table))
+    keys = dict.fromkeys(key for table in _MODELS if table for key, _ in _fields_of(table))
+    return "title", *keys
 
 
 def setting_choices(key: str) -> tuple[str, ...]:
     """The words that a dotted key may have, such as auto for simulate.solver; none for one that takes other values."""
-    kinds = [field.annotation for name, field in _fields_of(key.partition(".")[0]) if name == key]
+    key = as_first(key)
+    kinds = [field.annotation for name, field in _fields_of(key.rpartition(".")[0]) if name == key]
     if bool in kinds:
         return "true", "false"
     return tuple(dict.fromkeys(word for kind in kinds for word in get_args(kind) if isinstance(word, str)))
 
 
 def number_units() -> dict[str, str]:
-    """The SI unit of every single number that a scene may have, by the dotted key."""
-    fields = [each for table in _PHYSICAL_TABLES for each in _fields_of(table)]
+    """The SI unit of every single number that a scene may have, by the dotted key, with 0 for any entry of a list."""
+    tables = [table for table in _MODELS if table.partition(".")[0] in _PHYSICAL_TABLES]
+    fields = [each for table in tables for each in _fields_of(table) if not _sets_resolution(each[1])]
     return {key: each.unit for key, field in fields for each in field.metadata if isinstance(each, Quantity)}
 
 
 def uncertain_units() -> dict[str, str]:
-    """Those of the numbers that may be uncertain: the brake's, not the force's on it, and the start's."""
-    return {key: unit for key, unit in number_units().items() if not key.startswith("forcing.")} | start_units()
+    """Those of the numbers that may be uncertain: the brake's, not the harmonic force's on it, and the start's."""
+    units = {key: unit for key, unit in number_units().items() if not key.startswith("forcing.")}
+    return units | start_units((*COORDINATES, "E1"))
 
 
 def start_units(coordinates: Iterable[str] = COORDINATES) -> dict[str, str]:
     """The SI unit of every number of the start, by the dotted key."""
     return {
-        f"{key}.{name}": each.angle_unit if name.startswith("T") else each.length_unit
+        f"{key}.{name}": each.unit(name)
         for key, field in _fields_of("start")
         for each in field.metadata
         if isinstance(each, PerCoordinate)
@@ -240,14 +318,21 @@ def start_units(coordinates: Iterable[str] = COORDINATES) -> dict[str, str]:
 
 def quantity_of(key: str, scene: Scene) -> Quantity:
     """Unit and limits of a single number of this scene, by its dotted key."""
-    table, name, *coordinate = key.split(".")
-    for each in type(getattr(scene, table)).model_fields[name].metadata:
-        if isinstance(each, Quantity):
-            return each
-        if isinstance(each, PerCoordinate) and coordinate:
-            return Quantity(each.angle_unit if coordinate[0].startswith("T") else each.length_unit)
+    found: Any = scene
+    for part in key.split("."):
+        if isinstance(found, PerCoordinate):
+            return Quantity(found.unit(part))
+        if isinstance(found, tuple):
+            found = found[int(part)]
+            continue
+        reader = next((each for each in type(found).model_fields[part].metadata if isinstance(each, Reader)), None)
+        if isinstance(reader, Quantity):
+            return reader
+        found = reader or getattr(found, part)
     raise AssertionError(f"{key} is no number with a unit of its own")
 
 
 def _fields_of(table: str) -> list[tuple[str, FieldInfo]]:
-    return [(f"{table}.{key}", each) for model in _MODELS.get(table, ()) for key, each in model.model_fields.items()]
+    """The fields of a table that are no tables themselves, by dotted key."""
+    fields = [each for model in _MODELS.get(table, ()) for each in model.model_fields.items()]
+    return [(f"{table}.{key}", each) for key, each in fields if not _tables_in(each.annotation)]

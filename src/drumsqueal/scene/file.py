@@ -12,7 +12,13 @@ from drumsqueal.ordinary import NotOrdinaryError, read_ordinary
 from drumsqueal.scene.quantities import DECIMAL_POINT, SceneError
 from drumsqueal.scene.shipped import shipped_names
 
-OPTIONAL_TABLES = ("support", "friction", "damping", "temperature", "forcing", "uncertain")
+TABLE_LISTS = ("shoe.spring", "shoe.force")
+"""Lists of tables, written as [[shoe.spring]]; a dotted key counts them from 0: shoe.spring.0.stiffness."""
+
+OPTIONAL_TABLES = (
+    *("support", "friction", "damping", "temperature", "forcing", "uncertain"),
+    *("shoe.elastic", *TABLE_LISTS),
+)
 """The tables that a scene may leave out; `--set friction=none` leaves one out."""
 
 _DEEPEST = 10  # parts of a dotted key
@@ -123,9 +129,15 @@ def replace_value(tables: Mapping[str, Any], key: str, value: Any) -> dict[str, 
         raise SceneError('this is no key; write a dotted path such as "drum.speed"', (f'"{key}"',))
     if value is None and key.strip() not in OPTIONAL_TABLES:
         raise SceneError(f"only the tables {', '.join(OPTIONAL_TABLES)} can be left out; give a value", tuple(parts))
-    if value is None:
-        return {name: table for name, table in tables.items() if name != parts[0]}
-    return _replaced(tables, parts, value)
+    return _without(tables, parts) if value is None else _replaced(tables, parts, value)
+
+
+def _without(tables: Mapping[str, Any], parts: list[str]) -> dict[str, Any]:
+    first, *rest = parts
+    if not rest:
+        return {name: table for name, table in tables.items() if name != first}
+    inner = tables.get(first)
+    return {**tables, first: _without(inner, rest)} if isinstance(inner, Mapping) else dict(tables)
 
 
 def _replaced(tables: Mapping[str, Any], parts: list[str], value: Any, done: int = 0) -> dict[str, Any]:
@@ -134,9 +146,31 @@ def _replaced(tables: Mapping[str, Any], parts: list[str], value: Any, done: int
     name = next(quoted, parts[done])
     done += name.count(".")
     if done + 1 < len(parts):
-        inner = tables.get(name, {})
-        if not isinstance(inner, Mapping):
-            where = ".".join(parts[: done + 1])
-            raise SceneError(f"{where} is a value, not a table, so it has no key {parts[done + 1]}", tuple(parts))
-        value = _replaced(inner, parts, value, done + 1)
+        where = ".".join(parts[: done + 1])
+        inner = tables.get(name, [] if where in TABLE_LISTS else {})
+        value = _replaced_within(inner, where, parts, value, done + 1)
     return {**tables, name: value}
+
+
+def _replaced_within(inner: Any, where: str, parts: list[str], value: Any, done: int) -> Any:
+    """What stands at `where`, a table or a list, with the value put in at parts[done:]."""
+    if isinstance(inner, Mapping):
+        return _replaced(inner, parts, value, done)
+    part = parts[done]
+    if not isinstance(inner, list | tuple):
+        raise SceneError(f"{where} is a value, not a table, so it has no key {part}", tuple(parts))
+    index = next((k for k in range(len(inner)) if str(k) == part), None)
+    if index is None:
+        raise SceneError(no_entry(where, len(inner)), tuple(parts))
+    if done + 1 < len(parts):
+        value = _replaced_within(inner[index], f"{where}.{part}", parts, value, done + 1)
+    return [*inner[:index], value, *inner[index + 1 :]]
+
+
+def no_entry(where: str, count: int) -> str:
+    """Why a list with so many entries has none of a certain number, and the cure."""
+    if count:
+        last = f" to {where}.{count - 1}" if count > 1 else ""
+        return f"entries are counted from 0, and this scene has {count} of {where}; write {where}.0{last}"
+    cure = f"add a table [[{where}]] to the file first" if where in TABLE_LISTS else "set the whole list"
+    return f"this scene has no {where}; {cure}"

@@ -16,7 +16,8 @@ Models = Mapping[str, tuple[type[BaseModel], ...]]
 def explain(error: ValidationError, models: Models, source: str) -> SceneError:
     """Return the first mistake as a SceneError, with the number of the others.
 
-    `models` has the models of each table by its name, and under "" the one of the whole scene.
+    `models` has the models of each table by its dotted key, with 0 for any entry of a list of tables, and under ""
+    the one of the whole scene.
     """
     # Unknown keys first: a key that is missing is often one that is misspelt.
     found = sorted(error.errors(include_url=False), key=lambda each: each["type"] != "extra_forbidden")
@@ -26,10 +27,10 @@ def explain(error: ValidationError, models: Models, source: str) -> SceneError:
 
 def _mistake(found: Any, models: Models) -> SceneError:
     loc, kind, value, context = list(found["loc"]), found["type"], found["input"], found.get("ctx", {})
-    table = str(loc[0]) if len(loc) > 1 else ""
     # Between table and key pydantic puts the law.
-    model = LAWS[loc.pop(1)] if table == "friction" else (models.get(table) or models[""])[0]
+    law = LAWS[loc.pop(1)] if len(loc) > 1 and loc[0] == "friction" else None
     path: KeyPath = tuple(loc)
+    model = law or (models.get(_table_of(path)) or models[""])[0]
     if isinstance(context.get("error"), SceneError):
         return context["error"].under(path, value)
     if kind == "extra_forbidden":
@@ -41,7 +42,17 @@ def _mistake(found: Any, models: Models) -> SceneError:
         if isinstance(value, Mapping) and "law" in value:
             return SceneError(f"write {choice}", (*path, "law"), value["law"])
         return SceneError(f"the key is missing; write law = {choice}", (*path, "law"))
-    return SceneError(_wrong_type(kind, path, model), path, value)
+    return SceneError(_wrong_type(kind, path, model, value), path, value)
+
+
+def _table_of(path: KeyPath) -> str:
+    """The key of the table that a path leads into, as `models` has it."""
+    return ".".join("0" if isinstance(part, int) else part for part in path[:-1])
+
+
+def _header(path: KeyPath) -> str:
+    """How a file heads the table at a path."""
+    return f"[[{dotted(path[:-1])}]]" if isinstance(path[-1], int) else f"[{dotted(path)}]"
 
 
 def _unknown(path: KeyPath, model: type[BaseModel], models: Models) -> str:
@@ -50,7 +61,8 @@ def _unknown(path: KeyPath, model: type[BaseModel], models: Models) -> str:
     if model in LAWS.values() and laws:
         anew = '{ law = "constant", coefficient = 0.4 }'
         return f"this key belongs to law {_choice(laws)} only; remove it, or replace all of friction, as by {anew}"
-    elsewhere = [f"{table}.{key}" for table in models if table for other in models[table] if key in other.model_fields]
+    tables = sorted((table for table in models if table), key=lambda table: table.count("."))
+    elsewhere = [f"{table}.{key}" for table in tables for other in models[table] if key in other.model_fields]
     near = [dotted((*path[:-1], name)) for name in nearest(key, model.model_fields)]
     for guess in elsewhere + near:
         return f"unknown key; did you mean {guess}?"
@@ -62,19 +74,22 @@ def _missing(path: KeyPath, model: type[BaseModel]) -> str:
         return f"the table is missing; add [{path[0]}] with its keys"
     readers = (each for each in model.model_fields[str(path[-1])].metadata if isinstance(each, Reader))
     value = next((reader.example for reader in readers), "...")
-    return f"the key is missing; add it to [{path[0]}], such as {path[-1]} = {value}"
+    return f"the key is missing; add it to {_header(path[:-1])}, such as {path[-1]} = {value}"
 
 
-def _wrong_type(kind: str, path: KeyPath, model: type[BaseModel]) -> str:
+def _wrong_type(kind: str, path: KeyPath, model: type[BaseModel], value: Any) -> str:
     if kind == "literal_error":
         return f"write {_choice(model.model_fields[str(path[-1])].annotation.__args__)}"  # pyright: ignore
+    if path == ("shoe",) and isinstance(value, list):
+        return "this version takes one shoe; write one table [shoe], in single brackets"
     return {
+        "tuple_type": f"this must be a list of tables; write each of them as [[{dotted(path)}]] with its keys",
         "bool_type": "write true or false",
         "string_type": "write a text in quotes",
         "string_too_long": "write a shorter text, of at most 1000 characters",
         "string_unicode": "write a text that is valid Unicode",
         "invalid_key": "a key must be a text",
-    }.get(kind, f"this must be a table; write it as [{dotted(path)}] with its keys")
+    }.get(kind, f"this must be a table; write it as {_header(path)} with its keys")
 
 
 def _choice(names: Any) -> str:

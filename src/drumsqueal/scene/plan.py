@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.errors import RequestError
-from drumsqueal.scene import COORDINATES, Scene, SceneError
+from drumsqueal.scene import Scene, SceneError
 from drumsqueal.scene.uncertain import PLACES, Distribution, Uniform, describe, reach
 from drumsqueal.scene.variation import Variation, unit_of
 
@@ -53,11 +53,6 @@ class Plan(NamedTuple):
         return True
 
     @property
-    def coordinates(self) -> tuple[str, ...]:
-        """Names of the coordinates of the results."""
-        return COORDINATES
-
-    @property
     def about(self) -> dict[str, str]:
         """What is swept, as text, for the file of the results."""
         return {"title": self.scene.title, "scene": self.scene.to_toml()}
@@ -86,6 +81,12 @@ class Plan(NamedTuple):
             places = np.unravel_index(np.arange(first, stop), self.shape)
             return np.stack([np.array(each.values)[at] for each, at in zip(self.variations, places, strict=True)], 1)
         return draw(list(self.distributions.values()), self.seed, first, stop)
+
+    @property
+    def ends(self) -> dict[str, tuple[float, float]]:
+        """The first and the last value of each number (SI), or how far its samples reach."""
+        ends = {each.key: (each.first, each.last) for each in self.variations}
+        return ends | {key: reach(each) for key, each in self.distributions.items()}
 
     def listed(self, key: str, value: float) -> float:
         """A value (SI) of a number, in the unit in which its range was written."""
@@ -165,12 +166,11 @@ def _checked(plan: Plan, given: list[str]) -> Plan:
         more = ", transients aside" if plan.transient else ""
         limit = f"take at most {MOST_POINTS:.0e}".replace("e+0", "e")
         raise RequestError(f"{points:.3g} points would need {needs}{more}; {limit} points")
-    ends = {each.key: (each.first, each.last) for each in plan.variations}
-    ends |= {key: reach(each) for key, each in plan.distributions.items()}
+    ends = plan.ends
     # What the numbers of one table must fulfil together, they fulfil everywhere between if they do at every corner.
     tables: dict[str, list[str]] = {}
     for key in plan.keys:
-        tables.setdefault(key if key in plan.starts else key.split(".")[0], []).append(key)
+        tables.setdefault(key if key in plan.starts else key.rpartition(".")[0], []).append(key)
     for keys in tables.values():
         for corner in itertools.product(*(ends[key] for key in keys)):
             try:

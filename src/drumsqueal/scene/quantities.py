@@ -28,24 +28,32 @@ _EXPECTED = {
     "N": ("a force", "2000 N"),
     "N*m": ("a moment", "1 N*m"),
     "N/m": ("a stiffness", "1e8 N/m"),
+    "N*s/m": ("a damping", "100 N s/m"),
     "N/m^3": ("a stiffness per area", "0.35e11 N/m^3"),
     "s/m": ("an inverse velocity", "1 s/m"),
     "s": ("a time", "40 ms"),
     "Hz": ("a frequency", "50 kHz"),
+    "Pa": ("an elastic modulus", "210 GPa"),
     "J/K": ("a heat capacity", "300 J/K"),
     "W/K": ("a cooling power per temperature", "2 W/K"),
     "1/K": ("a fraction per temperature", "0.001 1/K"),
+    "m*kg^0.5": ("a modal displacement", "1e-6 m*kg^0.5"),
+    "m*kg^0.5/s": ("a modal velocity", "1e-3 m*kg^0.5/s"),
+    "N/kg^0.5": ("a modal force", "10 N/kg^0.5"),
 }
 DECIMAL_POINT = "a number takes a decimal point and no comma"
 _LONGEST = 64  # characters in a value
 _LONGEST_PART = 300  # characters of a path that are shown
 ROUND_OFF, _MANY = 1e-9, 100.0  # a fraction below it is written as zero, one above as a power of ten
 
-# The unit expression is held to names, "*", "/" and one-digit powers: pint evaluates arithmetic, and a tower of powers
-# (9**9**9) would keep it busy for ever.
+# The unit expression is held to names, products (a space is one, as in "N s/m"), "/", one-digit powers and square roots
+# (0.5): pint evaluates arithmetic, and a tower of powers (9**9**9) would keep it busy for ever.
 _NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
-_FACTOR = r"(?:[A-Za-z_µμΩ]+|°|%)(?:(?:\^|\*\*)-?[1-9]|[²³])?"
-_WRITTEN = re.compile(rf"\s*(?P<number>{_NUMBER})\s*(?P<unit>(?:1\s*/\s*)?{_FACTOR}(?:\s*[*/·]\s*{_FACTOR})*)?\s*")
+_FACTOR = r"(?:[A-Za-z_µμΩ]+|°|%)(?:(?:\^|\*\*)-?(?:[1-9]|0\.5)|[²³])?"
+_WRITTEN = re.compile(
+    rf"\s*(?P<number>{_NUMBER})\s*(?P<unit>(?:1\s*/\s*)?{_FACTOR}(?:(?:\s*[*/·]\s*|\s+){_FACTOR})*)?\s*"
+)
+_PRODUCT = re.compile(r"\s*·\s*|(?<![*/\s])\s+(?![*/\s])")
 
 # Factors as pint has them, of what scenes are mostly written in: for these alone it need not be loaded, which takes a
 # quarter of a second.
@@ -56,9 +64,11 @@ _USUAL = {
     ("kN", "N"): 1e3,
     ("ms", "s"): 1e-3,
     ("kHz", "Hz"): 1e3,
+    ("GPa", "Pa"): 1e9,
     ("%", ""): 1e-2,
 }
 _NOTHING = object()
+_ENTRY, _MODE = re.compile(r"\.[0-9]+(?=\.)"), re.compile(r"\.E[1-9][0-9]*$")
 
 
 class SceneError(ValueError):
@@ -105,9 +115,15 @@ def percent(fraction: float, sign: str = "") -> str:
 
 
 def dotted(path: KeyPath) -> str:
-    """Write a path as users do: drum.speed.value[2]."""
-    parts = (f"[{part}]" if isinstance(part, int) else f".{_shortened(part, _LONGEST_PART)}" for part in path)
-    return "".join(parts).removeprefix(".")
+    """Write a path as users do: drum.speed.value[2], shoe.spring.0.stiffness."""
+    *tables, last = path or ("",)
+    end = f"[{last}]" if isinstance(last, int) else f".{_shortened(last, _LONGEST_PART)}"
+    return ("".join(f".{_shortened(str(part), _LONGEST_PART)}" for part in tables) + end).removeprefix(".")
+
+
+def as_first(key: str) -> str:
+    """The dotted key of the same number of the first spring, force or elastic mode: shoe.spring.0.damping for .3."""
+    return _MODE.sub(".E1", _ENTRY.sub(".0", key))
 
 
 def show(value: Any) -> str:
@@ -154,7 +170,7 @@ def _from_text(text: str, unit: str) -> float:
         raise QuantityError("this is not a number followed by a unit", _cure(unit))
     number = float(written["number"])
     if written["unit"]:
-        return _in_unit(number, written["unit"].replace("·", "*"), unit)
+        return _in_unit(number, _PRODUCT.sub("*", written["unit"]), unit)
     plain = written["number"].removeprefix("+")
     if unit:
         raise QuantityError("the unit is missing", f'write {plain} as a number in {unit}, or "{plain} {unit}"')

@@ -1,6 +1,7 @@
 """The tables of a scene as frozen, checked models: every value an SI float once it is in."""
 
 import math
+import sys
 import unicodedata
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
@@ -8,19 +9,30 @@ from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, StrictBool, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    SerializerFunctionWrapHandler,
+    StrictBool,
+    model_serializer,
+    model_validator,
+)
 from pydantic_core import core_schema
 
+from drumsqueal.scene.coordinates import COORDINATES, in_order, is_coordinate, is_elastic, is_rotation
 from drumsqueal.scene.quantities import KeyPath, SceneError, example, parse_quantity
 from drumsqueal.scene.usual import Usual
 
-COORDINATES = ("X", "Y", "Z", "Tx", "Ty", "Tz")
-"""The six coordinates of the shoe at its centre of gravity: displacements in m, rotations in rad."""
-
+_OTHERS = f"{', '.join(COORDINATES)}, and E1, E2, ... of an elastic shoe"
+_ROUND_OFF = 4 * sys.float_info.epsilon  # of a length: three quotients and a root leave less
 _MOST_POINTS = 100_000  # of a profile
 _BYTES_PER_POINT = 56  # in every file that holds the scene: two numbers with all their digits, each in a line
 _MOST_SAMPLES = 10**8
 BYTES_PER_SAMPLE = 200  # of the history: six displacements, six velocities and a dozen signals
+BYTES_PER_MODE = 16  # more for each free mode
 
 
 class Reader(ABC):
@@ -62,6 +74,11 @@ class Quantity(Reader):
         if self.most is not None and number > self.most:
             raise SceneError(f"the value must not be above {self.most:g}{unit}")
         return number
+
+
+@dataclass(frozen=True)
+class Resolution(Quantity):
+    """A quantity that says how finely is computed: it can be set, and is no physical number of the brake."""
 
 
 @dataclass(frozen=True)
@@ -134,11 +151,57 @@ class Scheduled(Quantity):
 
 
 @dataclass(frozen=True)
+class Point(Reader):
+    """A point x, y, z in the axes of the shoe, in m."""
+
+    example = '["40 mm", "95 mm", "0 mm"]'
+
+    def read(self, values: Any) -> tuple[float, ...]:
+        """Read three lengths; raises SceneError."""
+        return _three(values, Quantity("m"), self.example)
+
+
+@dataclass(frozen=True)
+class Direction(Reader):
+    """A unit vector x, y, z in the axes of the shoe, from a vector of any length but zero."""
+
+    example = "[0.0, 1.0, 0.0]"
+
+    def read(self, values: Any) -> tuple[float, ...]:
+        """Read three numbers and divide them by their length; raises SceneError."""
+        vector = _three(values, Quantity(""), self.example)
+        largest = max(map(abs, vector))
+        if largest == 0:
+            raise SceneError(f"a direction must not be zero; write one such as {self.example}")
+        # What was normalised once stays as it is to the last bit, so that a scene survives its file.
+        if abs(math.hypot(*vector) - 1) <= _ROUND_OFF:
+            return vector
+        scaled = [each / largest for each in vector]  # the length of very small numbers would be rounded off
+        return tuple(each / math.hypot(*scaled) for each in scaled)
+
+
+def _three(values: Any, quantity: Quantity, example: str) -> tuple[float, ...]:
+    if not isinstance(values, list | tuple) or len(values) != 3:
+        raise SceneError(f"this must be a list of three, along x, y and z, such as {example}")
+    return _numbers(values, quantity)
+
+
+@dataclass(frozen=True)
 class PerCoordinate(Reader):
-    """A table of coordinate names, in `length_unit` or, for the rotations, in `angle_unit`."""
+    """A table of coordinate names, in `length_unit`, for rotations in `angle_unit`, for elastic modes in `modal_unit`.
+
+    Elastic modes are normalised to a generalised mass of 1, so that their coordinates are in m kg^0.5.
+    """
 
     length_unit: str
     angle_unit: str
+    modal_unit: str
+
+    def unit(self, coordinate: str) -> str:
+        """The SI unit for a coordinate."""
+        if is_elastic(coordinate):
+            return self.modal_unit
+        return self.angle_unit if is_rotation(coordinate) else self.length_unit
 
     def read(self, table: Any) -> dict[str, float]:
         """Read a table to SI floats; raises SceneError."""
@@ -146,27 +209,27 @@ class PerCoordinate(Reader):
             raise SceneError(f'this must be a table of coordinates such as {{ Y = "1e-5 {self.length_unit}" }}')
         numbers = {}
         for name, value in table.items():
-            if name not in COORDINATES:
-                raise SceneError(f"unknown coordinate; the coordinates are {', '.join(COORDINATES)}", (str(name),))
+            if not is_coordinate(name):
+                raise SceneError(f"unknown coordinate; the coordinates are {_OTHERS}", (str(name),))
             try:
-                numbers[name] = parse_quantity(value, self.angle_unit if name.startswith("T") else self.length_unit)
+                numbers[name] = parse_quantity(value, self.unit(name))
             except SceneError as error:
                 raise error.under((name,), value) from None
         return numbers
 
 
 def _coordinates(value: Any) -> Any:
-    # Kept in the order of COORDINATES, so that two ways to write one choice are one scene.
+    # Kept in their own order, so that two ways to write one choice are one scene.
     if isinstance(value, str) and value == "auto":
         return value
     if not isinstance(value, list | tuple) or not value:
         raise SceneError('write "auto", or a list of coordinates such as ["X", "Y", "Tz"]')
     for index, name in enumerate(value):
-        if name not in COORDINATES:
-            raise SceneError(f"unknown coordinate; the coordinates are {', '.join(COORDINATES)}", (index,), name)
+        if not is_coordinate(name):
+            raise SceneError(f"unknown coordinate; the coordinates are {_OTHERS}", (index,), name)
         if name in value[:index]:
             raise SceneError("this coordinate is named twice; leave one out", (index,), name)
-    return tuple(name for name in COORDINATES if name in value)
+    return in_order(value)
 
 
 def _without_controls(title: str) -> str:
@@ -190,14 +253,68 @@ class Table(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", revalidate_instances="always")
 
 
+class Elasticity(Table):
+    """The shoe's own elasticity: Young's modulus in Pa, Poisson's ratio, and up to which frequency (Hz) modes are kept.
+
+    Quadratic elements lock where Poisson's ratio comes near 0.5, so it may be 0.49 at most.
+    """
+
+    young: Annotated[float, Quantity("Pa", above=0)]
+    poisson: Annotated[float, Quantity("", least=0, most=0.49)]
+    up_to: Annotated[float, Resolution("Hz", above=0)]
+
+
+class PointSpring(Table):
+    """A spring to the ground at a point P of the shoe, along the unit vector d: force −(k d·u(P) + c d·u̇(P)) d.
+
+    P in m in the axes of the shoe, stiffness k in N/m, damping c in N s/m.
+    """
+
+    at: Annotated[tuple[float, ...], Point()]
+    direction: Annotated[tuple[float, ...], Direction()]
+    stiffness: Stiffness
+    damping: Annotated[float, Quantity("N*s/m", least=0)] = 0.0
+
+
+class PointForce(Table):
+    """A force at a point P of the shoe along the unit vector d, in N; a negative one acts against d.
+
+    P in m in the axes of the shoe; the size may follow a profile.
+    """
+
+    at: Annotated[tuple[float, ...], Point()]
+    direction: Annotated[tuple[float, ...], Direction()]
+    size: Annotated[Schedule, Scheduled("N")]
+
+
 class Shoe(Table):
-    """The shoe, an annular sector: lengths in m, arc angle in rad, density in kg/m^3."""
+    """The shoe, an annular sector: lengths in m, arc angle in rad, density in kg/m^3.
+
+    Springs and forces act at points of it; without `elastic` it is rigid.
+    """
 
     outer_radius: Length
     thickness: Length
     width: Length
     arc_angle: Annotated[float, Quantity("rad", above=0)]
     density: Annotated[float, Quantity("kg/m^3", above=0)]
+    elastic: Elasticity | None = None
+    spring: tuple[PointSpring, ...] = ()
+    force: tuple[PointForce, ...] = ()
+
+    @property
+    def sector(self) -> dict[str, Any]:
+        """The numbers of the body alone: lengths, arc angle and density, by key."""
+        return {key: value for key, value in self if isinstance(value, float)}
+
+    @property
+    def in_plane(self) -> bool:
+        """Whether all springs and forces at points lie in the plane z = 0, with their directions."""
+        return all(each.at[2] == 0 and each.direction[2] == 0 for each in (*self.spring, *self.force))
+
+    @model_serializer(mode="wrap")
+    def _write_what_is_there(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        return {key: value for key, value in write(self).items() if value not in (None, (), [])}
 
     @model_validator(mode="after")
     def _is_a_sector(self) -> "Shoe":
@@ -224,7 +341,7 @@ class Contact(Table):
     """The lining: stiffness in N/m^3, normal load in N; without separation the contact also pulls."""
 
     stiffness: Annotated[float, Quantity("N/m^3", least=0)]
-    normal_load: Annotated[Schedule, Scheduled("N", least=0)]
+    normal_load: Annotated[Schedule, Scheduled("N", least=0)] = 0.0
     separation: StrictBool = True
 
 
@@ -306,9 +423,12 @@ class Damping(Table):
 
 
 class Forcing(Table):
-    """A harmonic force, amplitude sin(2 pi frequency t + phase), coordinate by coordinate: N, and N m for rotations."""
+    """A harmonic force, amplitude sin(2 pi frequency t + phase), coordinate by coordinate.
 
-    amplitude: Annotated[dict[str, float], PerCoordinate("N", "N*m")]
+    Amplitudes in N, for rotations in N m, for elastic modes in N/kg^0.5.
+    """
+
+    amplitude: Annotated[dict[str, float], PerCoordinate("N", "N*m", "N/kg^0.5")]
     frequency: Annotated[float, Quantity("Hz", above=0)]
     phase: Annotated[float, Quantity("rad")] = 0.0
 
@@ -326,10 +446,13 @@ class Steady(Table):
 
 
 class Start(Table):
-    """The initial perturbation of steady sliding, coordinate by coordinate: m and rad, m/s and rad/s."""
+    """The initial perturbation of steady sliding, coordinate by coordinate: m and rad, m/s and rad/s.
 
-    displacement: Annotated[dict[str, float], PerCoordinate("m", "rad")] = Field(default_factory=dict)
-    velocity: Annotated[dict[str, float], PerCoordinate("m/s", "rad/s")] = Field(default_factory=dict)
+    Of elastic modes in m kg^0.5 and m kg^0.5/s.
+    """
+
+    displacement: Annotated[dict[str, float], PerCoordinate("m", "rad", "m*kg^0.5")] = Field(default_factory=dict)
+    velocity: Annotated[dict[str, float], PerCoordinate("m/s", "rad/s", "m*kg^0.5/s")] = Field(default_factory=dict)
 
 
 class Simulate(Table):

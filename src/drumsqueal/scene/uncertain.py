@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from drumsqueal.errors import nearest
-from drumsqueal.scene.quantities import SceneError, parse_quantity
+from drumsqueal.scene.quantities import SceneError, as_first, parse_quantity
 
 # A sample is a quantile at one of 2³² places, each in the middle of its interval: so no sample lies farther out than
 # 6.4 deviations, and whether a distribution can reach a value that the scene does not take is a plain question.
@@ -123,14 +123,16 @@ def read_distributions(table: Any, units: Mapping[str, str]) -> dict[str, Distri
     if not isinstance(table, Mapping):
         raise SceneError('this must be a table of distributions; write [uncertain] with keys such as "drum.speed"')
     found = {}
-    for key, written in _flat(table, {key.rsplit(".", parts)[0] for key in units for parts in range(1, 3)}):
+    tables = {each[:k] for each in units for k, letter in enumerate(each) if letter == "."}
+    for key, written in _flat(table, tables):
         if key in found:
             raise SceneError("this key is there twice, with quotes and without; leave one of them out", (key,))
-        if key not in units:
+        kind = as_first(key)
+        if kind not in units:
             raise SceneError(_unknown(key, units), (key,))
         if isinstance(written, Uniform | Normal | LogNormal):
             written = describe(written)
-        found[key] = _read(key, written, units[key])
+        found[key] = _read(key, written, units[kind])
     return found or None
 
 
@@ -138,7 +140,7 @@ def _flat(table: Mapping[str, Any], tables: Collection[str], within: str = "") -
     """Dotted keys and what stands there: drum.speed = {...} makes tables in tables, "drum.speed" = {...} does not."""
     for name, value in table.items():
         key = f"{within}{name}"
-        if isinstance(value, Mapping) and "distribution" not in value and key in tables:
+        if isinstance(value, Mapping) and "distribution" not in value and as_first(f"{key}.")[:-1] in tables:
             yield from _flat(value, tables, f"{key}.")
         else:
             yield key, value

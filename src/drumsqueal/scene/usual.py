@@ -6,7 +6,7 @@ The ranges are wide on purpose: they are there for numbers in a wrong unit, not 
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, NamedTuple
 
-from drumsqueal.scene.quantities import RPM, dotted
+from drumsqueal.scene.quantities import RPM, as_first, dotted
 
 if TYPE_CHECKING:
     from drumsqueal.scene import Scene
@@ -38,6 +38,15 @@ USUAL = {
     "shoe.arc_angle": Usual(20 * _DEGREE, 180 * _DEGREE, "rad", "20 to 180 deg", (("deg", _DEGREE),)),
     # Moulded lining 1500 kg/m^3, aluminium 2700 kg/m^3, cast iron 7200 kg/m^3, steel 7850 kg/m^3.
     "shoe.density": Usual(1000, 10_000, "kg/m^3", "1000 to 10000 kg/m^3", (("g/cm^3", 1e3),)),
+    # Moulded plates 1 GPa, aluminium 70 GPa, cast iron 120 GPa, steel 210 GPa.
+    "shoe.elastic.young": Usual(1e9, 5e11, "Pa", "1 to 500 GPa", (("GPa", 1e9), ("MPa", 1e6))),
+    "shoe.elastic.poisson": Usual(0.05, 0.45, "", "0.05 to 0.45", _PER_CENT),
+    # From a return spring (10 N/mm) to a pin that is as good as rigid; 0 stands for none.
+    "shoe.spring.0.stiffness": Usual(1e4, 1e12, "N/m", "1e4 to 1e12 N/m", _STIFFNESS),
+    # From a return spring in grease to 2 % of loss in such a pin at 1 kHz; 0 stands for none.
+    "shoe.spring.0.damping": Usual(1e-2, 1e7, "N*s/m", "0.01 to 1e7 N s/m"),
+    # Fingers on a lever give 10 N at a shoe's tip, an air chamber on an S-cam 100 kN.
+    "shoe.force.0.size": Usual(1, 3e5, "N", "1 N to 300 kN", (("kN", 1e3),)),
     # From a return spring (10 N/mm) to solid steel between the shoe and the back plate; 0 stands for none.
     "support.upper_stiffness": Usual(1e4, 1e11, "N/m", "1e4 to 1e11 N/m", _STIFFNESS),
     "support.lower_stiffness": Usual(1e4, 1e11, "N/m", "1e4 to 1e11 N/m", _STIFFNESS),
@@ -66,8 +75,9 @@ def unusual(scene: "Scene") -> Iterator[str]:
     numbers = scene.numbers()
     of_law = {} if scene.friction is None else scene.friction.usual
     for key, usual in (USUAL | {f"friction.{key}": usual for key, usual in of_law.items()}).items():
-        for path in (key, f"{key}.value"):
-            values = numbers.get(path, ())
+        for path, values in numbers.items():
+            if as_first(path) not in (key, f"{key}.value"):
+                continue
             for index, value in enumerate(values if isinstance(values, tuple) else (values,)):
                 if value != 0 and not usual.low <= abs(value) <= usual.high:
                     place = dotted((path, index)) if isinstance(values, tuple) else path

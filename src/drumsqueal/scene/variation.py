@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from drumsqueal.errors import nearest
-from drumsqueal.scene import Profile, Scene, SceneError, quantity_of
-from drumsqueal.scene.file import OPTIONAL_TABLES
+from drumsqueal.scene import Scene, SceneError, quantity_of
+from drumsqueal.scene.file import OPTIONAL_TABLES, TABLE_LISTS, no_entry
 from drumsqueal.scene.quantities import parse_quantity
 
 POINTS, MOST_POINTS = 40, 10_000
@@ -133,20 +133,41 @@ def may_not_rest(variation: Variation) -> None:
 
 def unit_of(key: str, scene: Scene) -> str:
     """The SI unit of a number of a scene's brake or start; raises SceneError for any other key, and for a profile."""
-    table, _, name = key.partition(".")
+    table = key.partition(".")[0]
     numbers = scene.starts() if table == "start" else scene.numbers()
-    if isinstance(getattr(getattr(scene, table, None), name.split(".")[0], None), Profile):
-        key = ".".join(key.split(".")[:2])  # without time or value
+    key = _profile_of(key, scene) or key
+    if key not in numbers and f"{key}.value" in numbers:
         raise SceneError(f"{key} is a profile over time in this scene; give it one value, as by --set {key}=...")
     if isinstance(numbers.get(key), tuple):
         raise SceneError(f"{key} is a list in this scene, which is not varied; set all of it, as by --set {key}=[...]")
     if key in numbers:
         return quantity_of(key, scene).unit
-    if table in OPTIONAL_TABLES and getattr(scene, table) is None:
-        raise SceneError(f"this scene has no table {table}; add it first, as by --set {key}=...")
+    _check_table(key, scene)
     plain = [each for each in numbers if not isinstance(numbers[each], tuple)]
     of = "start" if table == "start" else "brake"
     raise SceneError(f"{key or 'nothing'} is no number of this scene's {of}; {likely_key(key, plain)}")
+
+
+def _profile_of(key: str, scene: Scene) -> str:
+    """The key of the profile whose times or values a key names, "" for another."""
+    above = key.rpartition(".")[0]
+    return above if f"{above}.value" in scene.numbers() else ""
+
+
+def _check_table(key: str, scene: Scene) -> None:
+    """Raise SceneError for a key of a table, or of an entry of a list, that the scene does not have."""
+    missing = next((each for each in OPTIONAL_TABLES if f"{key}.".startswith(f"{each}.")), None)
+    if missing is None:
+        return
+    *tables, name = missing.split(".")
+    there = getattr(getattr(scene, tables[0]) if tables else scene, name)
+    if missing in TABLE_LISTS:
+        entry = key.removeprefix(missing).split(".")[1:2]
+        if entry and entry[0] in map(str, range(len(there))):
+            return
+        raise SceneError(no_entry(missing, len(there)))
+    if there is None:
+        raise SceneError(f"this scene has no table {missing}; add it first, as by --set {key}=...")
 
 
 def likely_key(key: str, keys: Sequence[str]) -> str:

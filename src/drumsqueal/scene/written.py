@@ -35,6 +35,8 @@ class Written:
         """The unit that the number with this dotted key has in the file, "" for one in SI without its unit."""
         found: Any = self._tables
         for part in key.split("."):
+            if isinstance(found, list | tuple):
+                found = dict(zip(map(str, range(len(found))), found, strict=True))
             found = found.get(part) if isinstance(found, Mapping) else None
         return unit_written(found).strip() if isinstance(found, str) else ""
 

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from drumsqueal.errors import IntegrationError
 from drumsqueal.interrupts import noted_interrupts, stop_if_interrupted
 from drumsqueal.outcome import COMPLETE, Ending, Outcome
-from drumsqueal.physics.effects.operation import Constant
 from drumsqueal.physics.model import Model
 from drumsqueal.progress import Progress, silent
 from drumsqueal.solve.linear.modes import Stability, analyse_stability
@@ -106,7 +105,7 @@ def constant_transient(model: Model, start: Start, **how: Any) -> Transient:
     Raises ValueError for a model that changes with time, a wrong start, and for no duration or samples that fold.
     """
     operation = model.operation
-    if model.remembering or not all(isinstance(each, Constant) for each in (operation.drum_speed, operation.preload)):
+    if model.remembering or not operation.constant:
         raise ValueError("speed and load must be constant; this model changes with time")
     stability = analyse_stability(model)
     if not how["duration"] > 0 or how["sample_rate"] < 2 * stability.highest_frequency_Hz:

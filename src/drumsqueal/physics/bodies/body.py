@@ -7,6 +7,7 @@ Displacements, velocities and generalised forces have one entry for each coordin
 from collections.abc import Mapping
 from typing import Any, Protocol
 
+import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
@@ -14,10 +15,12 @@ from numpy.typing import NDArray
 
 from drumsqueal.physics.quadrature.levels import Level
 from drumsqueal.physics.quadrature.surface import Densities, Lining, Nodes
+from drumsqueal.scene.coordinates import at_surface, is_elastic, unit_of
 
 Scalar = Array | float
 Motion = tuple[Scalar, ...] | Array
 """One entry for each kept coordinate: displacements, velocities or generalised forces."""
+WRITTEN_OUT = 6  # coordinates, one by one, at most
 
 
 class Body(Protocol):
@@ -87,13 +90,30 @@ class LinedBody(Body, Lining, Protocol):
         """u_z of the lining (m), or its rate."""
         ...
 
+    def ends_and_extremes(self, level: Any, *, spatial: bool) -> tuple[Array, Array, Array, Array]:
+        """Values of a level at both ends of the arc, least and largest ones on it, along each line that may have them.
+
+        Those are the edges of the width, or the middle line where motion is not `spatial`.
+        """
+        ...
+
     def displacement(
         self, q: Mapping[str, ArrayLike], angle: ArrayLike, z: ArrayLike = 0.0, radius: ArrayLike | None = None
     ) -> tuple:
-        """(u_r, u_θ, u_z) at angles (rad), z and a radius (m; the lining's unless given), of coordinates by name."""
+        """(u_r, u_θ, u_z) at angles (rad), z and a radius (m; the lining's unless given), of coordinates by name.
+
+        Any that the body can have, kept or not.
+        """
         ...
 
-    def tractions(self, nodes: Nodes, load: Array, drag: Array | None, lateral: Array | None) -> Densities:
+    def shapes_at(self, point: Array) -> Array:
+        """Displacements (u_x, u_y, u_z) of a point (3,) in m from the drum's axis, shape (3, n).
+
+        One column a coordinate, for 1 m or 1 rad of it. A point off the body is held to it by a rigid arm.
+        """
+        ...
+
+    def tractions(self, nodes: Nodes, load: Array, drag: Array | None, lateral: Array | None) -> Any:
         """What is summed over the nodes: load, drag along θ and lateral force along z are in N."""
         ...
 
@@ -114,6 +134,39 @@ class LinedBody(Body, Lining, Protocol):
         ...
 
 
+class Shoe(LinedBody, Protocol):
+    """A lined body with the dimensions of an annular sector, its centre of gravity on the x axis."""
+
+    @property
+    def thickness(self) -> Any:
+        """h (m), inwards from the lining."""
+        ...
+
+    @property
+    def centroid(self) -> Any:
+        """Distance of the centre of gravity from the drum's axis (m)."""
+        ...
+
+    @property
+    def inertia(self) -> Any:
+        """Masses and moments of inertia of the rigid coordinates, by their names as attributes (kg, kg m²)."""
+        ...
+
+    def lever(self, name: str) -> float:
+        """How far 1 of a coordinate, kept or not, moves the lining (m): R for a rotation, 1 for a displacement."""
+        ...
+
+
+def at_lining(body: Any, name: str) -> tuple[float, str, str]:
+    """How an amplitude is shown: the factor to millionths, unit and name; of a free mode as it moves the lining.
+
+    Where the body is not known (None), in the units of all coordinates.
+    """
+    if is_elastic(name) and body is not None:
+        return 1e6 * body.lever(name), "µm", at_surface(name)
+    return 1e6, unit_of(name, "µ"), name
+
+
 def displace(body: LinedBody, q: Mapping[str, Any], x: Any, y: Any, z: Any) -> tuple[Any, Any, Any]:
     """(u_x, u_y, u_z) of points of a body (m, from the drum's axis), of coordinates by name, zero where not named."""
     angle = np.arctan2(y, x)
@@ -124,9 +177,43 @@ def displace(body: LinedBody, q: Mapping[str, Any], x: Any, y: Any, z: Any) -> t
 
 def dot(force: Motion, motion: Motion) -> Scalar:
     """Power of a generalised force at a velocity, or its work along a displacement."""
-    return sum(f * x for f, x in zip(force, motion, strict=True))
+    if isinstance(force, tuple):
+        return sum(f * x for f, x in zip(force, motion, strict=True))
+    return jnp.sum(force * whole(motion))
 
 
 def scalars(motion: Array) -> Motion:
-    """The entries of an array (n,), one by one: what a body then leaves out of its sums is not in the program."""
-    return tuple(motion[k] for k in range(motion.shape[0]))
+    """The entries of an array (n,), one by one: what a body then leaves out of its sums is not in the program.
+
+    Beyond six it stays an array, for the time to compile grows with all that is written out.
+    """
+    return tuple(motion[k] for k in range(motion.shape[0])) if motion.shape[0] <= WRITTEN_OUT else motion
+
+
+def whole(motion: Motion) -> Array:
+    """The array (n,) of entries one by one, literal zeros among them."""
+    return jnp.stack([each + jnp.zeros(()) for each in motion]) if isinstance(motion, tuple) else motion
+
+
+def times(factor: Scalar, motion: Motion) -> Motion:
+    """A multiple of a motion or of a force."""
+    return tuple(factor * each for each in motion) if isinstance(motion, tuple) else factor * motion
+
+
+def opposite(motion: Motion) -> Motion:
+    """A motion or a force the other way."""
+    return tuple(-each for each in motion) if isinstance(motion, tuple) else -motion
+
+
+def plus(*motions: Motion) -> Motion:
+    """The sum of motions or forces."""
+    if all(isinstance(each, tuple) for each in motions):
+        return tuple(sum(parts) for parts in zip(*motions, strict=True))
+    return sum(whole(each) for each in motions)  # pyright: ignore[reportReturnType]
+
+
+def product(matrix: Array, motion: Motion) -> Motion:
+    """A matrix (m, n) times a motion (n,): (m,)."""
+    if isinstance(motion, tuple):
+        return tuple(sum(a * x for a, x in zip(matrix[k], motion, strict=True)) for k in range(matrix.shape[0]))
+    return jnp.sum(matrix * motion, axis=1)

@@ -23,7 +23,7 @@ from drumsqueal.physics.effects.operation import Moment
 from drumsqueal.physics.quadrature.levels import Level
 from drumsqueal.physics.quadrature.surface import Densities, Nodes
 from drumsqueal.precision import real
-from drumsqueal.scene import COORDINATES
+from drumsqueal.scene.coordinates import COORDINATES, is_rotation
 
 IN_PLANE, OUT_OF_PLANE = ("X", "Y", "Tz"), ("Z", "Tx", "Ty")
 ALONG = 65  # points along the lining: the largest of a constant, a cosine and a sine to 3e-4
@@ -176,6 +176,20 @@ class RigidShoe(eqx.Module):
         """u_z of the lining (m), or its rate."""
         return _axial(self.widen(v), self.outer_radius, self.centroid)
 
+    def ends_and_extremes(self, level: Level, *, spatial: bool) -> tuple[Array, Array, Array, Array]:
+        """Values at both ends of the arc, least and largest ones on it, along each line where extremes can be."""
+        lines = jnp.array([-0.5, 0.5]) * self.width if spatial else jnp.zeros(1)
+        a, b, c = (jnp.asarray(x) for x in level.on_line(lines)[:3])
+        squared = b * b + c * c
+        swing = jnp.where(squared > 0, jnp.sqrt(jnp.where(squared > 0, squared, 1.0)), 0.0)
+        cosine = jnp.cos(self.half_angle)
+        middle, tilt = a + b * cosine, c * jnp.sin(self.half_angle)
+        first, last = middle - tilt, middle + tilt
+        # An extreme lies where cos and sin line up, cos θ = ±b/swing, if that is on the arc.
+        low = jnp.where(-b > cosine * swing, a - swing, jnp.minimum(first, last))
+        high = jnp.where(b > cosine * swing, a + swing, jnp.maximum(first, last))
+        return first, last, low, high
+
     def displacement(
         self, q: Mapping[str, ArrayLike], angle: ArrayLike, z: ArrayLike = 0.0, radius: ArrayLike | None = None
     ) -> tuple:
@@ -188,6 +202,15 @@ class RigidShoe(eqx.Module):
         cosine, sine = trigonometry.cos(angle), trigonometry.sin(angle)
         return tuple(level.value(cosine, sine, z) for level in self._levels(q, radius))
 
+    def shapes_at(self, point: Array) -> Array:
+        """Displacements (u_x, u_y, u_z) of a point (3,) in m, on the shoe or held by a rigid arm, shape (3, n).
+
+        One column a coordinate, for 1 m or 1 rad of it.
+        """
+        x, y, z = point[0] - self.centroid, point[1], point[2]
+        rows = Six(X=1.0, Ty=z, Tz=-y), Six(Y=1.0, Tx=-z, Tz=x), Six(Z=1.0, Tx=y, Ty=-x)
+        return jnp.stack([jnp.stack([each + jnp.zeros(()) for each in self.keep(row)]) for row in rows])
+
     def largest(self, q: Mapping[str, NDArray[np.float64]]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Bounds of |u_r| and |u_θ|, over the whole circle, of coordinates or their rates (time,) by name."""
         half_width = float(self.width) / 2
@@ -196,12 +219,25 @@ class RigidShoe(eqx.Module):
 
     def surface(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Displacements u_r and u_θ of points of the lining (points, n), of 1 m or 1 rad of each coordinate."""
-        angle = np.linspace(-1, 1, ALONG) * float(self.half_angle)
-        across = np.array([0.0] if all(self.symmetric) else [-0.5, 0.0, 0.5]) * float(self.width)
-        angle, z = (axis.ravel() for axis in np.meshgrid(angle, across, indexing="ij"))
+        angle, z = self._lining_points()
         shapes = [self.displacement({name: 1.0}, angle, z) for name in self.names]
         radial, along = ([np.broadcast_to(shape[k], angle.shape) for shape in shapes] for k in (0, 1))
         return np.stack(radial, axis=1), np.stack(along, axis=1)
+
+    @property
+    def _across(self) -> tuple[float, ...]:
+        """Where across the lining (in widths) its displacement is largest."""
+        return (0.0,) if all(self.symmetric) else (-0.5, 0.0, 0.5)
+
+    def _lining_points(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Angles (rad) and places across (m) of points spread over the lining."""
+        both = np.linspace(-1, 1, ALONG) * float(self.half_angle), np.array(self._across) * float(self.width)
+        angle, z = np.meshgrid(*both, indexing="ij")
+        return angle.ravel(), z.ravel()
+
+    def lever(self, name: str) -> float:
+        """R (m) for a rotation, 1 for a displacement."""
+        return float(self.outer_radius) if is_rotation(name) else 1.0
 
     def _levels(self, q: Mapping[str, Any], radius: Any = None) -> tuple[Level, Level, Level]:
         """u_r, u_θ, u_z on a radius (m) of coordinates by name; of NumPy where all is."""

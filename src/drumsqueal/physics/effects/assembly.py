@@ -1,6 +1,6 @@
 """What the assembly applies to the shoe at rest: the two readings of the state q = 0."""
 
-from drumsqueal.physics.bodies.body import LinedBody, Motion, Scalar, dot
+from drumsqueal.physics.bodies.body import LinedBody, Motion, Scalar, dot, plus, times
 from drumsqueal.physics.effects.effect import Action, Effect
 from drumsqueal.physics.effects.friction import Friction
 from drumsqueal.physics.effects.operation import Moment
@@ -19,7 +19,7 @@ class Preload(Effect):
         """Force p0(t) ∫φ^r dA, and the power −ṗ0 q·∫φ^r dA where the load changes."""
         del v
         resultant = self.body.radial_resultant()
-        force = tuple(moment.preload * each for each in resultant)
+        force = times(moment.preload, resultant)
         power = 0.0 if moment.preload_rate is None else -moment.preload_rate * dot(resultant, q)
         return Action(force, power)
 
@@ -45,9 +45,8 @@ class Balance(Effect):
             return action
         body = self.preload.body
         friction = self.friction.steady_coefficient(moment, body.outer_radius * moment.drum_speed)
-        drag = tuple(-friction * moment.preload * each for each in body.tangential_resultant())
-        force = tuple(f + d for f, d in zip(action.force, drag, strict=True))
-        return Action(force, action.power + dot(drag, v))
+        drag = times(-friction * moment.preload, body.tangential_resultant())
+        return Action(plus(action.force, drag), action.power + dot(drag, v))
 
     def potential_energy(self, moment: Moment, q: Motion) -> Scalar:
         """U of the preload (J)."""

@@ -8,16 +8,17 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import jax.numpy as jnp
-import numpy as np
 from jax import Array
 
 from drumsqueal.physics.bodies.body import LinedBody, Motion
+from drumsqueal.physics.bodies.elastic_shoe import ElasticShoe
 from drumsqueal.physics.effects.effect import Action, Observation, Touching
 from drumsqueal.physics.effects.friction import Friction
 from drumsqueal.physics.effects.operation import Moment
 from drumsqueal.physics.effects.pressure import PressureLaw
 from drumsqueal.physics.laws.friction_law import breakpoints, kinks
 from drumsqueal.physics.quadrature.arc import NODES_LONG_ARC, ArcSurface
+from drumsqueal.physics.quadrature.cells import Cells
 from drumsqueal.physics.quadrature.levels import Level
 from drumsqueal.physics.quadrature.surface import Boundaries, Densities, Nodes, Surface
 
@@ -61,17 +62,23 @@ class Contact(Touching):
 
     def fastest_slip(self, moment: Moment, v: Motion) -> Array:
         """A bound on the slip speed (m/s): |constant| + |cosine| + |sine| of V_θ and V_z, at the edges of the width."""
-        axial = self.body.axial(v) if self._knows_axial else None
-        half_width, bound = self.body.width / 2, jnp.zeros(())
-        for level in (self._slip_level(moment, v), axial):
-            if level is not None:
-                slopes = abs(level.cosine_slope) + abs(level.sine_slope)
-                bound = bound + abs(level.constant) + abs(level.cosine) + abs(level.sine) + half_width * slopes
-        return bound
+        levels = [self._slip_level(moment, v), *([self.body.axial(v)] if self._knows_axial else [])]
+        return sum((level.bound(self.body.width / 2) for level in levels), start=jnp.zeros(()))
 
     def in_plane(self) -> "Contact":
-        """The same contact for motion that is the same on every line across, so that one line serves."""
+        """The same contact for steady sliding, which is the same on every line across, so that one line serves."""
+        if isinstance(self.surface, Cells):  # of bodies that bend, whose lines differ: what is saved is slip reversal
+            return dataclasses.replace(self, surface=dataclasses.replace(self.surface, slips=False))
         return dataclasses.replace(self, surface=ArcSurface(NODES_LONG_ARC, compact=True))
+
+    def on_cells(self, along: float, across: float, more: int = 0) -> "Contact":
+        """The same contact of a bending shoe with so many times the cells, and `more` nodes along each side of one."""
+        cells = self.surface
+        assert isinstance(cells, Cells)
+        assert isinstance(self.body, ElasticShoe)
+        counts = {"along": round(along * cells.along), "across": max(1, round(across * cells.across))}
+        cells = dataclasses.replace(cells, **counts, order=cells.order + more)
+        return dataclasses.replace(self, body=self.body.on_cells(cells), surface=cells)
 
     def levels(self, moment: Moment, q: Motion, v: Motion) -> Levels:
         """The levels at the present state."""
@@ -91,12 +98,12 @@ class Contact(Touching):
     def _field(self, moment: Moment, levels: Levels, nodes: Nodes) -> ContactField:
         """Evaluate the contact at quadrature nodes."""
         level, slip, axial = levels
-        value = level.at(nodes.cosine, nodes.sine, nodes.z)
+        value = level.at(nodes)
         pressure = self.law.pressure(value)
         if self.friction is None or slip is None:
             return ContactField(nodes, value, pressure, None, None, None, None)
-        tangential = slip.at(nodes.cosine, nodes.sine, nodes.z)
-        lateral = None if axial is None else axial.at(nodes.cosine, nodes.sine, nodes.z)
+        tangential = slip.at(nodes)
+        lateral = None if axial is None else axial.at(nodes)
         along, across = self.friction.traction(moment, pressure, tangential, lateral)
         return ContactField(nodes, value, pressure, tangential, lateral, along, across)
 
@@ -165,14 +172,15 @@ class Contact(Touching):
         self, moment: Moment, q: Motion, v: Motion, theta: Array, z: Array | None = None
     ) -> tuple[Array, Array]:
         """Pressure N (Pa) and slip velocity V_θ (m/s) at angles θ (rad) of a line z (m), or of the middle line."""
-        cosine, sine = jnp.cos(theta), jnp.sin(theta)
-        pressure = self.law.pressure(self._pressure_level(moment, q).at(cosine, sine, z))
-        return pressure, self._slip_level(moment, v).at(cosine, sine, z)
+        line = 0.0 if z is None else z
+        states = (dict(zip(self.body.names, each, strict=True)) for each in (q, v))
+        radial, along = (self.body.displacement(state, theta, line)[k] for k, state in enumerate(states))
+        pressure = self.law.pressure(moment.preload + self.law.stiffness * radial)
+        return pressure, along - self.body.outer_radius * moment.drum_speed
 
     def _pressure_level(self, moment: Moment, q: Motion) -> Level:
         """p0 + k_c u_r."""
-        k, radial = self.law.stiffness, self.body.radial(q)
-        return Level(moment.preload, *(k * each for each in radial[1:]))
+        return self.body.radial(q).scaled(self.law.stiffness, moment.preload)
 
     def _slip_level(self, moment: Moment, v: Motion) -> Level:
         """V_θ."""
@@ -189,7 +197,7 @@ class Contact(Touching):
 
     def _stored(self, moment: Moment, q: Motion, nodes: Nodes) -> tuple[Array, Array]:
         """Stored energy per unit area (J/m²) and its derivative with respect to p0, the compression e (m)."""
-        radial = self.body.radial(q).at(nodes.cosine, nodes.sine, nodes.z)
+        radial = self.body.radial(q).at(nodes)
         preload = moment.preload
         compression = self.law.compression(preload, radial)
         return compression * (preload + self.law.stiffness * compression / 2), compression
@@ -201,25 +209,13 @@ class Contact(Touching):
         """
         levels = self.levels(moment, q, v)
         slip = None if levels.axial is not None else levels.slip
-        found = [level for level in (self.law.boundaries(levels.pressure), slip) if level is not None]
-        ends = (jnp.stack(jnp.broadcast_arrays(*self._ends_and_extremes(level))) for level in found)
+        found = [level for level in (self.law.boundaries(levels.pressure), slip) if isinstance(level, Level)]
+        across = self.surface.spatial
+        ends = (jnp.stack(jnp.broadcast_arrays(*self.body.ends_and_extremes(each, spatial=across))) for each in found)
         return jnp.concatenate([jnp.zeros(0), *(each.ravel() for each in ends)])
 
     def _pressure_range(self, moment: Moment, q: Motion) -> tuple[Array, Array]:
         """Extremes of p0 + k_c u_r over the lining."""
-        _, _, low, high = self._ends_and_extremes(self._pressure_level(moment, q))
+        level = self._pressure_level(moment, q)
+        _, _, low, high = self.body.ends_and_extremes(level, spatial=self.surface.spatial)
         return jnp.min(low), jnp.max(high)
-
-    def _ends_and_extremes(self, level: Level) -> tuple[Array, Array, Array, Array]:
-        """Values at both ends of the arc, least and largest ones on it, along each line where extremes can be."""
-        lines = np.array([-0.5, 0.5]) * self.body.width if self.surface.spatial else jnp.zeros(1)
-        a, b, c = (jnp.asarray(x) for x in level.on_line(lines)[:3])
-        squared = b * b + c * c
-        swing = jnp.where(squared > 0, jnp.sqrt(jnp.where(squared > 0, squared, 1.0)), 0.0)
-        cosine = jnp.cos(self.body.half_angle)
-        middle, tilt = a + b * cosine, c * jnp.sin(self.body.half_angle)
-        first, last = middle - tilt, middle + tilt
-        # An extreme lies where cos and sin line up, cos θ = ±b/swing, if that is on the arc.
-        low = jnp.where(-b > cosine * swing, a - swing, jnp.minimum(first, last))
-        high = jnp.where(b > cosine * swing, a + swing, jnp.maximum(first, last))
-        return first, last, low, high

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
-from drumsqueal.physics.bodies.body import Motion, dot
+from drumsqueal.physics.bodies.body import Motion, dot, opposite, product
 from drumsqueal.physics.effects.effect import Action, Effect
 from drumsqueal.physics.effects.operation import Moment
 from drumsqueal.precision import real
@@ -26,20 +26,20 @@ def frictionless_modes(mass: Array, stiffness: Array) -> tuple[Array, Array]:
     return omega, vectors / root[:, None]
 
 
+def damping_matrix(ratio: ArrayLike, mass: Array, stiffness: Array) -> Array:
+    """C = M Φ diag(2 ζ ω) Φᵀ M (n, n) for the ratio ζ, from the kept part of mass (n,) and frictionless stiffness."""
+    omega, modes = frictionless_modes(mass, stiffness)
+    shaped = mass[:, None] * modes
+    return (shaped * (2 * ratio * omega)) @ shaped.T
+
+
 class Damping(Effect):
-    """F = −C v with C = M Φ diag(2 ζ ω) Φᵀ M over the kept coordinates."""
+    """F = −C v with C symmetric (n, n) in N s/m over the kept coordinates."""
 
     matrix: Array = eqx.field(converter=real)
-
-    @staticmethod
-    def from_ratio(ratio: ArrayLike, mass: Array, stiffness: Array) -> "Damping":
-        """Build C for the ratio ζ from the kept part of mass (n,) and frictionless stiffness (n, n)."""
-        omega, modes = frictionless_modes(mass, stiffness)
-        shaped = mass[:, None] * modes
-        return Damping((shaped * (2 * ratio * omega)) @ shaped.T)
 
     def act(self, moment: Moment, q: Motion, v: Motion) -> Action:
         """Force −C v and its power −vᵀ C v."""
         del moment, q
-        force = tuple(-dot(self.matrix[row], v) for row in range(len(v)))
+        force = opposite(product(self.matrix, v))
         return Action(force, dot(force, v))

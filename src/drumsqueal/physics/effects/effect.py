@@ -44,7 +44,7 @@ class Effect(eqx.Module):
 
 def at_rest(motion: Motion) -> Motion:
     """Literal zeros, as many as a motion has."""
-    return (0.0,) * len(motion)
+    return (0.0,) * len(motion) if isinstance(motion, tuple) else jnp.zeros_like(motion)
 
 
 class Observation(NamedTuple):

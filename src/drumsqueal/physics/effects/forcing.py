@@ -4,8 +4,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jax import Array
 
-from drumsqueal.physics.bodies.body import Motion, Scalar, dot
-from drumsqueal.physics.effects.effect import Action, Effect, at_rest
+from drumsqueal.physics.bodies.body import Motion, Scalar, dot, scalars
+from drumsqueal.physics.effects.effect import Action, Effect
 from drumsqueal.physics.effects.operation import Moment
 from drumsqueal.precision import real
 
@@ -25,12 +25,9 @@ class Forcing(Effect):
         """Force at a moment and its power F·v."""
         del q
         swing = jnp.sin(2 * jnp.pi * self.frequency * moment.time + self.phase)
-        force = list(at_rest(v))
-        power = 0.0
-        for k, i in enumerate(self.coordinates):
-            force[i] = self.amplitude[k] * swing
-            power = power + force[i] * v[i]
-        return Action(tuple(force), power)
+        acting = {place: self.amplitude[k] * swing for k, place in enumerate(self.coordinates)}
+        power = sum(force * v[place] for place, force in acting.items())
+        return Action(scalars(jnp.stack([acting.get(k, jnp.zeros(())) for k in range(len(v))])), power)
 
 
 class ConstantForce(Effect):
@@ -40,8 +37,8 @@ class ConstantForce(Effect):
 
     def act(self, moment: Moment, q: Motion, v: Motion) -> Action:
         """The force; all of it comes from the potential."""
-        del moment, v
-        return Action(tuple(self.force[k] for k in range(len(q))), 0.0)
+        del moment, q, v
+        return Action(scalars(self.force), 0.0)
 
     def potential_energy(self, moment: Moment, q: Motion) -> Scalar:
         """U = −F·q (J)."""

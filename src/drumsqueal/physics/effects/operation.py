@@ -1,5 +1,6 @@
-"""How the brake is driven: the drum's speed and the load, each evaluated once an instant and handed to every effect."""
+"""How the brake is driven: drum speed, load and pushes, each evaluated once an instant and handed to every effect."""
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import equinox as eqx
@@ -61,7 +62,8 @@ Schedule = Constant | Profile
 class Moment(NamedTuple):
     """One instant: time (s), drum speed Ω (rad/s), preload p0 (Pa) and its rate (Pa/s; None for a constant load).
 
-    `friction_left` is the fraction of friction that acts; None: all of it.
+    `friction_left` is the fraction of friction that acts; None: all of it. `pushes` are the sizes of forces at points
+    (N) with their rates (N/s; None for constant ones).
     """
 
     time: ArrayLike
@@ -69,20 +71,37 @@ class Moment(NamedTuple):
     preload: Array
     preload_rate: Array | None
     friction_left: Array | None = None
+    pushes: tuple[tuple[Array, Array | None], ...] = ()
 
 
 class Operation(eqx.Module):
-    """Drum speed Ω (rad/s) and preload p0 (Pa) over time."""
+    """Drum speed Ω (rad/s), preload p0 (Pa) and sizes of forces at points (N) over time."""
 
     drum_speed: Schedule
     preload: Schedule
+    pushes: tuple[Schedule, ...] = ()
+
+    @property
+    def schedules(self) -> tuple[Schedule, ...]:
+        """All of them."""
+        return (self.drum_speed, self.preload, *self.pushes)
+
+    @property
+    def constant(self) -> bool:
+        """Whether nothing changes with time."""
+        return all(isinstance(each, Constant) for each in self.schedules)
 
     def at(self, time: ArrayLike) -> Moment:
-        """Both at a time (s)."""
-        return Moment(time, self.drum_speed.at(time)[0], *self.preload.at(time))
+        """All of them at a time (s)."""
+        pushes = tuple(each.at(time) for each in self.pushes)
+        return Moment(time, self.drum_speed.at(time)[0], *self.preload.at(time), pushes=pushes)
+
+    def mapped(self, change: Callable[[Schedule], Schedule]) -> "Operation":
+        """The same with each schedule changed."""
+        return Operation(change(self.drum_speed), change(self.preload), tuple(change(each) for each in self.pushes))
 
     @property
     def corners(self) -> Array | None:
-        """Times (c,) in ascending order (s) at which the rate of either may jump; None where both are constant."""
-        times = [each.time for each in (self.drum_speed, self.preload) if isinstance(each, Profile)]
+        """Times (c,) in ascending order (s) at which a rate may jump; None where all are constant."""
+        times = [each.time for each in self.schedules if isinstance(each, Profile)]
         return jnp.sort(jnp.concatenate(times)) if times else None

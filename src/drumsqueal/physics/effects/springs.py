@@ -3,7 +3,7 @@
 import equinox as eqx
 from jax import Array
 
-from drumsqueal.physics.bodies.body import Motion, Scalar, dot
+from drumsqueal.physics.bodies.body import Motion, Scalar, dot, opposite, product
 from drumsqueal.physics.effects.effect import Action, Effect
 from drumsqueal.physics.effects.operation import Moment
 from drumsqueal.precision import real
@@ -17,7 +17,7 @@ class Springs(Effect):
     def act(self, moment: Moment, q: Motion, v: Motion) -> Action:
         """Force −K q; all of it comes from the potential."""
         del moment, v
-        return Action(tuple(-dot(self.matrix[row], q) for row in range(len(q))), 0.0)
+        return Action(opposite(product(self.matrix, q)), 0.0)
 
     def potential_energy(self, moment: Moment, q: Motion) -> Scalar:
         """U (J)."""

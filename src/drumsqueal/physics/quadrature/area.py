@@ -223,7 +223,7 @@ def _line_velocity(boundaries: Boundaries, cosine: Array, sine: Array) -> LineVe
     assert boundaries.slip is not None
     slip, slope = _across_line(boundaries.slip, cosine, sine)
     still = jnp.zeros_like(slip)
-    return LineVelocity(slip, slope, still if boundaries.axial is None else boundaries.axial.at(cosine, sine, None))
+    return LineVelocity(slip, slope, still if boundaries.axial is None else boundaries.axial.over(cosine, sine, None))
 
 
 def _is_straight(velocity: LineVelocity, half_width: Array, kinks: Array) -> Array:

@@ -123,7 +123,7 @@ def _on_lining(found: Breaks, level: Level, half_width: Array) -> Breaks:
 def _runs_over(level: Level, half_width: Array, angle: Array) -> Array:
     """Whether the boundary of a level crosses the lines at angles (rad) on the lining, or not far off it."""
     sine, cosine = sine_cosine(angle)
-    value, slope = level.at(cosine, sine, None), level.cosine_slope * cosine + level.sine_slope * sine
+    value, slope = level.over(cosine, sine, None), level.cosine_slope * cosine + level.sine_slope * sine
     return jnp.abs(value) <= REACH * half_width * jnp.abs(slope)
 
 

@@ -6,7 +6,7 @@ with a few nodes; one that does not puts a kink into the motion whenever a bound
 """
 
 from math import factorial
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import jax.numpy as jnp
 from jax import Array
@@ -31,6 +31,25 @@ def sine_cosine(angle: Array) -> tuple[Array, Array]:
     return 2 * sine * cosine, 1 - 2 * sine * sine
 
 
+class Places(Protocol):
+    """Where nodes of a quadrature are."""
+
+    @property
+    def cosine(self) -> Array:
+        """cos θ."""
+        ...
+
+    @property
+    def sine(self) -> Array:
+        """sin θ."""
+        ...
+
+    @property
+    def z(self) -> Array | None:
+        """z (m), None on the line z = 0."""
+        ...
+
+
 class Level(NamedTuple):
     """L(θ, z) = constant + (cosine + cosine_slope z) cos θ + (sine + sine_slope z) sin θ."""
 
@@ -50,10 +69,25 @@ class Level(NamedTuple):
         """Evaluate at cos θ, sin θ and z (m): numbers, arrays of NumPy or of JAX."""
         return self.constant + (self.cosine + self.cosine_slope * z) * cosine + (self.sine + self.sine_slope * z) * sine
 
-    def at(self, cosine: Array, sine: Array, z: Array | None) -> Array:
-        """Evaluate at nodes given by cos θ, sin θ and z (None on the line z = 0)."""
+    def over(self, cosine: Array, sine: Array, z: Array | None) -> Array:
+        """Evaluate at cos θ, sin θ and z (None on the line z = 0)."""
         line = self if z is None else self.on_line(z)
         return jnp.asarray(line.constant + line.cosine * cosine + line.sine * sine)
+
+    def at(self, nodes: "Places") -> Array:
+        """Evaluate at nodes of a quadrature."""
+        return self.over(nodes.cosine, nodes.sine, nodes.z)
+
+    def scaled(self, factor: Array, offset: Array) -> "Level":
+        """Offset + factor · level."""
+        nothing = isinstance(self.constant, float) and self.constant == 0  # which stays out of the program
+        constant = offset if nothing else offset + factor * self.constant
+        return Level(constant, *(factor * each for each in self[1:]))
+
+    def bound(self, half_width: Array) -> Array:
+        """A bound of its size anywhere on the circle and within |z| ≤ half the width (m)."""
+        slopes = abs(self.cosine_slope) + abs(self.sine_slope)
+        return abs(self.constant) + abs(self.cosine) + abs(self.sine) + half_width * slopes
 
 
 def swing(level: Level, half_width: Array) -> Array:

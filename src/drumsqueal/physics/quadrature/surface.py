@@ -87,7 +87,7 @@ class Surface(Protocol):
         """Whether the nodes differ across the lining."""
         ...
 
-    def integrate(self, lining: Lining, boundaries: Boundaries, densities: Callable[[Nodes], Densities]) -> Densities:
+    def integrate(self, lining: Lining, boundaries: Boundaries, densities: Callable[[Any], Any]) -> Densities:
         """Sums over the lining of densities times weights, which are smooth between the boundaries."""
         ...
 
@@ -119,3 +119,15 @@ def _add(one: Densities, other: Densities) -> Densities:
 @_reduce.defjvp
 def _(densities: tuple[Densities], tangents: tuple[Densities]) -> tuple[Densities, Densities]:
     return _reduce(*densities), jax.tree.map(jnp.sum, *tangents)
+
+
+@jax.custom_jvp
+def sum_over_points(densities: dict[Any, Array]) -> dict[Any, Array]:
+    """Sums over the first axis alone, in one loop."""
+    zeros = jax.tree.map(lambda density: np.zeros((), density.dtype), densities)
+    return jax.lax.reduce(densities, zeros, _add, (0,))
+
+
+@sum_over_points.defjvp
+def _(densities: tuple[dict], tangents: tuple[dict]) -> tuple[dict, dict]:
+    return sum_over_points(*densities), jax.tree.map(lambda tangent: jnp.sum(tangent, axis=0), *tangents)

@@ -9,10 +9,13 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 
 # Forces are balanced when what is left is this fraction of those that cancel in it, and this fraction of the load.
 ROUND_OFF, OF_LOAD = 1e-13, 1e-8
+# Where Newton's steps get no shorter, so much is round-off: a pin ten thousand times as stiff as the lining leaves it.
+LEAST, NEARLY = 64 * np.finfo(np.float64).eps, 1e-5
 POLISH = 1e-8  # of the displacement: the last Newton step is added where it is smaller, and no null direction
 NEWTON_STEPS = 30  # of each try; five do where the start is near
 DESCENT = 0.25  # of a damped step, by which the next one must be shorter (Deuflhard's natural monotonicity test)
@@ -20,6 +23,7 @@ LEAST_DAMPING = 1e-4
 PATH_STEPS = 60
 FIRST_LENGTH, LEAST_LENGTH = 0.1, 1e-5  # of a step along the path, on which all of the friction is 1
 FARTHEST = 1e7  # along the path: there the equilibrium runs off to infinity
+RUNS_OFF = 1e4  # along the path where it is lost: farther, it does so, too
 
 DIRECT, FRICTIONLESS, FOLLOW, ARRIVE, FOUND, NOT_FOUND = range(6)
 
@@ -36,6 +40,7 @@ class _Newton(NamedTuple):
     damping: Array
     count: Array
     balanced: Array
+    nearly: Array
     failed: Array
 
 
@@ -55,12 +60,24 @@ class _Path(NamedTuple):
     count: Array
 
 
-def find_equilibrium(forces: Forces, n: int) -> Array:
-    """Displacement x (n,) at which the forces vanish with all of the friction; NaN where none was found.
+class Equilibrium(NamedTuple):
+    """Displacement x (n,), NaN where none was found; then `fraction` is that of the friction up to which there is one.
+
+    `runs_off` says whether the equilibrium runs off to infinity there.
+    """
+
+    displacement: Array
+    fraction: Array
+    runs_off: Array
+
+
+def find_equilibrium(forces: Forces, n: int, *, directly: bool = True) -> Equilibrium:
+    """The displacement at which the forces vanish with all of the friction.
 
     `forces` takes x and, last, the fraction s of the friction that acts (n + 1,), and returns the sum of the forces
     and the sum of their magnitudes (n,). Newton's method starts from x = 0; where it fails, from the equilibrium
-    without friction along the path of equilibria, round its turns, as far as s = 1.
+    without friction along the path of equilibria, round its turns, as far as s = 1. Not `directly`, it is followed from
+    there at once: what is found then hangs together with the equilibrium without friction.
     """
     all_friction = jnp.zeros(n + 1).at[n].set(1.0)  # as a point, and as the row that keeps s as it is
     slope, size = jax.jacfwd(forces, has_aux=True)(all_friction)
@@ -72,22 +89,24 @@ def find_equilibrium(forces: Forces, n: int) -> Array:
         force, size = forces(jnp.append(z[:n] / root, z[n]))
         return force / root, (force / root, size / root)
 
-    def newton_system(z: Array, row: Array) -> tuple[Array, Array, Array]:
-        """Matrix and right-hand side of the step at a point, and whether the forces are balanced there."""
+    def newton_system(z: Array, row: Array) -> tuple[Array, Array, Array, Array]:
+        """Matrix and right-hand side of the step at a point, whether forces are balanced there, and nearly so."""
         slope, (force, size) = jax.jacfwd(scaled, has_aux=True)(z)
         cancelling = jnp.max(size + jnp.abs(slope[:, :n]) @ jnp.abs(z[:n]))
-        balanced = jnp.max(jnp.abs(force)) <= jnp.minimum(ROUND_OFF * cancelling, OF_LOAD * load)
+        left = jnp.max(jnp.abs(force))
+        balanced = left <= jnp.minimum(ROUND_OFF * cancelling, OF_LOAD * load)
+        nearly = left <= jnp.minimum(LEAST * cancelling, NEARLY * load)
         # A coordinate that nothing holds and nothing pushes stays where it is.
         idle = ~(jnp.any(slope[:, :n] != 0, axis=0) | jnp.any(slope != 0, axis=1))
         slope = slope.at[:, :n].add(jnp.diag(jnp.where(idle, 1.0, 0.0)))
-        return jnp.vstack([slope, row]), jnp.append(-force, 0.0), balanced
+        return jnp.vstack([slope, row]), jnp.append(-force, 0.0), balanced, nearly
 
     def newton(guess: Array, row: Array, speed: Array) -> _Newton:
         def norm(z: Array) -> Array:
             return jnp.linalg.norm(jnp.append(z[:n] / speed, z[n]))
 
         def step(at: _Newton) -> _Newton:
-            matrix, right, balanced = newton_system(at.trial, row)
+            matrix, right, balanced, nearly = newton_system(at.trial, row)
             shorter = norm(jnp.linalg.solve(at.matrix, right)) <= (1 - DESCENT * at.damping) * norm(at.step)
             taken = (at.count == 0) | balanced | shorter
             new = jnp.linalg.solve(matrix, right)
@@ -96,11 +115,14 @@ def find_equilibrium(forces: Forces, n: int) -> Array:
                 jnp.where(taken, a, b) for a, b in ((at.trial, at.point), (matrix, at.matrix), (new, at.step))
             )
             usable = jnp.all(jnp.isfinite(new)) & (damping >= LEAST_DAMPING) & (at.count < NEWTON_STEPS)
-            return _Newton(point, matrix, new, point + damping * new, damping, at.count + 1, balanced, ~usable)
+            nearly = jnp.where(taken, nearly, at.nearly)
+            trial = point + damping * new
+            return _Newton(point, matrix, new, trial, damping, at.count + 1, balanced, nearly, ~usable)
 
         no = jnp.zeros((), bool)
-        start = _Newton(guess, jnp.eye(n + 1), jnp.zeros(n + 1), guess, jnp.ones(()), jnp.zeros((), int), no, no)
-        return jax.lax.while_loop(lambda at: ~(at.balanced | at.failed), step, start)
+        start = _Newton(guess, jnp.eye(n + 1), jnp.zeros(n + 1), guess, jnp.ones(()), jnp.zeros((), int), no, no, no)
+        end = jax.lax.while_loop(lambda at: ~(at.balanced | at.failed), step, start)
+        return end._replace(balanced=end.balanced | end.nearly)
 
     def search(path: _Path) -> _Path:
         found, stage = newton(path.guess, path.row, path.speed), path.stage
@@ -122,9 +144,13 @@ def find_equilibrium(forces: Forces, n: int) -> Array:
         return _Path(next_stage, base, direction, length, speed, guess, row, path.count + 1)
 
     zero, one = jnp.zeros(n + 1), jnp.ones(())
-    start = _Path(jnp.asarray(DIRECT), zero, zero, one, one, all_friction, all_friction, jnp.zeros((), int))
+    stage, guess = (DIRECT, all_friction) if directly else (FRICTIONLESS, zero)
+    start = _Path(jnp.asarray(stage), zero, zero, one, one, guess, all_friction, jnp.zeros((), int))
     path = jax.lax.while_loop(lambda path: path.stage < FOUND, search, start)
-    return jnp.where(path.stage == FOUND, path.guess[:n] / root, jnp.nan)
+    found = path.stage == FOUND
+    far = jnp.linalg.norm(path.base[:n]) > RUNS_OFF * path.speed
+    displacement = jnp.where(found, path.guess[:n] / root, jnp.nan)
+    return Equilibrium(displacement, jnp.where(found, 1.0, path.base[n]), far & ~found)
 
 
 def _heading(path: _Path, found: _Newton, all_friction: Array) -> tuple[Array, Array, Array]:

@@ -12,7 +12,16 @@ from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
 from drumsqueal.errors import SteadyStateError
-from drumsqueal.physics.composition import Composition, compose, linear_coordinates
+from drumsqueal.physics.composition import (
+    SHAPING,
+    Composition,
+    check_shapes_stay,
+    compose,
+    free_modes,
+    linear_coordinates,
+    modal_numbers,
+    numbers_of,
+)
 from drumsqueal.physics.model import assemble, build_model
 from drumsqueal.programs import Program
 from drumsqueal.scene import Scene
@@ -31,6 +40,7 @@ from drumsqueal.solve.linear.steady import Linear, linear_model, linearise, stea
 # within a program they take half to two thirds of that time. So many scenes go into one, always, that a scene's result
 # does not depend on which others go with it, not in a bit; the last block is filled up with its last scene.
 BLOCK = 32
+MORE = 1.05  # times the frequency up to which free modes are kept, where as many are looked for in another geometry
 
 Complex = NDArray[np.complex128]
 StateMatrix = Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]]
@@ -64,8 +74,10 @@ class Spectrum(NamedTuple):
 def spectra_of(scene: Scene, numbers: Mapping[str, ArrayLike]) -> Spectrum:
     """Eigenvalues for m sets of numbers, arrays (m,) by key as in `scene.numbers()`; what is not named is the scene's.
 
-    One program takes one set after the other.
+    One program takes one set after the other. Raises RequestError for numbers with which the shoe's modes change.
     """
+    for key in numbers:
+        check_shapes_stay(scene, key)
     stacked = {key: np.asarray(value, dtype=np.float64) for key, value in numbers.items()}
     linear, matrices = _linear_models(stacked, _as_arrays(scene), _kind(scene)[0])
     eigenvalues, right = np.linalg.eig(np.asarray(matrices))
@@ -94,13 +106,19 @@ def _informative(pair: Complex, largest: float) -> complex:
     return complex(held[np.argmax(held.real)]) if held.size else 0j
 
 
-def state_matrix_of(scene: Scene, keys: tuple[str, ...]) -> StateMatrix:
+def state_matrix_of(scene: Scene, keys: tuple[str, ...], modes_of: Scene | None = None) -> StateMatrix:
     """The state matrix A (2n, 2n) and ∂A/∂p (k, 2n, 2n) as a function of the numbers p (k,) with these keys, in SI.
 
     By automatic differentiation of the model's own linearisation, one number after the other in one program, which is
-    compiled at the first call.
+    compiled at the first call. With `modes_of`, the scene with another geometry or Poisson's ratio, these and as many
+    free modes as the scene's are that one's. Raises RequestError for keys with which the shoe's modes change, and
+    ArithmeticError where its modes are not those of the scene.
     """
+    for key in keys:
+        check_shapes_stay(scene, key)
     numbers, (composition, _) = _as_arrays(scene), _kind(scene)
+    if modes_of is not None:
+        numbers |= _as_many_modes(scene, modes_of)
 
     def evaluate(values: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         matrices, derivatives = _with_derivatives(np.asarray(values, dtype=np.float64), keys, numbers, composition)
@@ -109,8 +127,20 @@ def state_matrix_of(scene: Scene, keys: tuple[str, ...]) -> StateMatrix:
     return evaluate
 
 
+def _as_many_modes(scene: Scene, other: Scene) -> dict[str, np.ndarray]:
+    """Geometry, Poisson's ratio and as many free modes of another scene as the scene has."""
+    own = free_modes(scene)
+    assert own is not None
+    assert other.shoe.elastic is not None
+    more = free_modes(other.with_values({"shoe.elastic.up_to": MORE * other.shoe.elastic.up_to}))
+    count = len(own.symmetric)
+    if more is None or more.symmetric[:count] != own.symmetric:
+        raise ArithmeticError("two free modes change places")
+    return modal_numbers(more, count) | {key: np.asarray(other.numbers()[key]) for key in SHAPING}
+
+
 def _as_arrays(scene: Scene) -> dict[str, np.ndarray]:
-    return {key: np.asarray(value, dtype=np.float64) for key, value in scene.numbers().items()}
+    return {key: np.asarray(value, dtype=np.float64) for key, value in numbers_of(scene).items()}
 
 
 def _linear(composition: Composition, numbers: Mapping[str, Any]) -> Linear:
@@ -176,7 +206,7 @@ def _kind(scene: Scene) -> tuple[Composition, tuple]:
     """What is static in the program of a scene: its composition, and the lengths of its profiles."""
     # Forces do not change the linear model; which ones act would only ask for further programs.
     composition = compose(scene)._replace(coordinates=linear_coordinates(scene), forced=())
-    return composition, tuple((key, np.shape(value)) for key, value in scene.numbers().items())
+    return composition, tuple((key, np.shape(value)) for key, value in numbers_of(scene).items())
 
 
 def _or_error(analyse: Callable[..., Stability], *arguments: Any) -> Stability | SteadyStateError:
@@ -187,7 +217,7 @@ def _or_error(analyse: Callable[..., Stability], *arguments: Any) -> Stability |
 
 
 def _together(composition: Composition, scenes: list[Scene]) -> list[Stability | SteadyStateError]:
-    filled = [scene.numbers() for scene in scenes + scenes[-1:] * (BLOCK - len(scenes))]
+    filled = [numbers_of(scene) for scene in scenes + scenes[-1:] * (BLOCK - len(scenes))]
     stacked = {key: np.array([numbers[key] for numbers in filled]) for key in filled[0]}
     found = jax.tree.map(np.asarray, _about_many(stacked, composition))
     each = [jax.tree.map(lambda values, k=k: values[k], found) for k in range(len(scenes))]

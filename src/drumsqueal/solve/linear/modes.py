@@ -18,7 +18,7 @@ from drumsqueal.physics.effects.operation import Profile
 from drumsqueal.physics.model import Model
 from drumsqueal.programs import Program
 from drumsqueal.shown import as_html, as_text, headed
-from drumsqueal.solve.linear.steady import Linear, linear_model, linearise, steady_sliding
+from drumsqueal.solve.linear.steady import Linear, linear_model, linearise, no_steady_sliding, steady_sliding
 
 # An eigenvalue oscillates when its imaginary part exceeds this fraction of the largest modulus: a real one, and the
 # zero of the free Z motion, come out of the solver with an imaginary part of round-off size.
@@ -133,6 +133,8 @@ def analyse_stability(model: Model) -> Stability:
     """
     model, time = while_sliding(model)
     steady, linear = linear_model(model)
+    if not np.all(np.isfinite(steady)):
+        raise no_steady_sliding(model)
     return stability_of(model.names, about_steady(model, steady, linear), time)
 
 
@@ -155,7 +157,8 @@ def about_steady(model: Model, steady: Array, linear: Linear) -> AboutSteady:
     """Matrix, pressure and contact at steady sliding q* (n,), not yet looked at."""
     moment, q = model.operation.at(0.0), scalars(steady)
     pressure_range = model.contact.pressure_range(moment, q)
-    touching = model.contact.in_plane().observe(moment, q, at_rest(q)).contact_fraction
+    contact = model.contact.in_plane() if model.planar else model.contact
+    touching = contact.observe(moment, q, at_rest(q)).contact_fraction
     return AboutSteady(steady, model.mass, linear.state_matrix(), pressure_range, touching)
 
 

@@ -82,8 +82,7 @@ def value_at(schedule: Schedule, time: float) -> float:
 
 def corners_of(model: Model, until: float) -> Vector:
     """The times (s) between which drum speed and load are linear, from 0 to a time."""
-    schedules = (model.operation.drum_speed, model.operation.preload)
-    times = [np.asarray(each.time) for each in schedules if isinstance(each, Profile)]
+    times = [np.asarray(each.time) for each in model.operation.schedules if isinstance(each, Profile)]
     inner = np.concatenate([[], *times])
     return np.unique([0.0, *inner[(inner > 0) & (inner < until)], until])
 

@@ -11,13 +11,16 @@ from jax import Array
 from jax.core import Tracer
 
 from drumsqueal.errors import NoSteadySliding, SteadyStateError
+from drumsqueal.physics.bodies.body import WRITTEN_OUT, Motion, whole
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.effects.effect import at_rest
 from drumsqueal.physics.effects.forcing import Forcing
+from drumsqueal.physics.effects.pressure import Bonded
 from drumsqueal.physics.model import Model
 from drumsqueal.physics.quadrature.area import SteadySurface
+from drumsqueal.physics.quadrature.cells import Cells
 from drumsqueal.programs import Program
-from drumsqueal.solve.linear.equilibrium import find_equilibrium
+from drumsqueal.solve.linear.equilibrium import Equilibrium, find_equilibrium
 
 COUPLED_FRACTION = 1e-10  # of the largest coupling: below it is round-off
 
@@ -41,15 +44,17 @@ def steady_sliding(model: Model) -> Array:
     """Displacement q* (n,) of steady sliding at t = 0: Q(q*, 0) = 0 (physics: m, rad).
 
     Differentiable with respect to every number of the model (implicit function theorem). With the balanced assembly
-    q* = 0 without iteration. The out-of-plane coordinates stay zero by symmetry. Raises SteadyStateError
+    q* = 0 without iteration. Coordinates out of the plane stay zero where nothing acts on them. Raises SteadyStateError
     where none is found; inside `jax.jit` and the like, where nothing can be raised, q* is NaN then.
     """
-    symmetric = model.body.symmetric
-    if not any(symmetric) or model.balanced:
-        return jnp.zeros(len(symmetric))
-    still = tuple(effect for effect in model.others if not isinstance(effect, Forcing))
-    plane = dataclasses.replace(model.in_plane(), others=still)
-    found = find_equilibrium(partial(_static_forces, jax.lax.stop_gradient(plane)), sum(symmetric))
+    moved = model.moved_by_steady_sliding
+    if not any(moved) or model.balanced:
+        return jnp.zeros(len(moved))
+    plane = _at_rest(model)
+    # A bonded contact always has an equilibrium, beyond self-locking one that pulls: not one to arrive at.
+    directly = not (model.pushed and isinstance(model.contact.law, Bonded))
+    forces = partial(_static_forces, jax.lax.stop_gradient(plane))
+    found = find_equilibrium(forces, sum(moved), directly=directly).displacement
     q = jax.lax.custom_root(
         lambda q: _static_forces(plane, jnp.append(q, 1.0))[0],
         found,
@@ -57,8 +62,55 @@ def steady_sliding(model: Model) -> Array:
         tangent_solve=lambda linear, force: jnp.linalg.solve(jax.jacfwd(linear)(force), force),
     )
     if not isinstance(q, Tracer) and not np.all(np.isfinite(q)):
-        raise SteadyStateError(NoSteadySliding.NOT_FOUND)
-    return jnp.zeros(len(symmetric)).at[np.flatnonzero(symmetric)].set(q)
+        raise no_steady_sliding(model)
+    return jnp.zeros(len(moved)).at[np.flatnonzero(moved)].set(q)
+
+
+def no_steady_sliding(model: Model) -> SteadyStateError:
+    """Why none was found: where the path of equilibria runs off to infinity with the friction, the shoe locks."""
+    friction = model.contact.friction
+    if friction is None or not bool((found := _end_of_path(model)).runs_off):
+        return SteadyStateError(NoSteadySliding.NOT_FOUND)
+    moment, radius = model.operation.at(0.0), model.contact.radius
+    speed = abs(float(radius * moment.drum_speed))
+    here = float(friction.law.coefficient(jnp.asarray(speed)))
+    limit = float(found.fraction) * here
+    return SteadyStateError(
+        NoSteadySliding.SELF_LOCKING,
+        f"that begins at a coefficient of friction of {limit:.4g}, and at {speed:.3g} m/s the scene has {here:.4g}; "
+        "take less friction, or move the pin towards the line of the drag",
+    )
+
+
+@Program
+def _end_of_path(model: Model) -> Equilibrium:
+    return find_equilibrium(partial(_static_forces, _at_rest(model)), sum(model.moved_by_steady_sliding))
+
+
+def without_friction(model: Model) -> Array:
+    """Displacement (n,) at which the shoe rests at t = 0 without friction, NaN where nothing else holds it.
+
+    To be called within a program.
+    """
+    moved, plane = model.moved_by_steady_sliding, _at_rest(model)
+    found = find_equilibrium(lambda z: _static_forces(plane, z.at[-1].set(0.0)), sum(moved)).displacement
+    return jnp.zeros(len(moved)).at[np.flatnonzero(moved)].set(found)
+
+
+def raise_friction(model: Model, factor: Array) -> Equilibrium:
+    """Follow steady sliding from no friction to a multiple of it; `fraction` is of that multiple.
+
+    To be called within a program.
+    """
+    plane = _at_rest(model)
+    forces = lambda z: _static_forces(plane, z.at[-1].multiply(factor))  # noqa: E731
+    return find_equilibrium(forces, sum(model.moved_by_steady_sliding), directly=False)
+
+
+def _at_rest(model: Model) -> Model:
+    """What acts in steady sliding: no harmonic force; and motion that is the same all across, where that holds."""
+    still = tuple(effect for effect in model.others if not isinstance(effect, Forcing))
+    return dataclasses.replace(model.in_plane() if model.planar else model, others=still)
 
 
 def _static_forces(model: Model, z: Array) -> tuple[Array, Array]:
@@ -66,11 +118,14 @@ def _static_forces(model: Model, z: Array) -> tuple[Array, Array]:
 
     Over the coordinates that need not rest by symmetry.
     """
-    moving = [int(k) for k in np.flatnonzero(model.body.symmetric)]
-    q = tuple(z[moving.index(k)] if k in moving else 0.0 for k in range(len(model.names)))
+    moving = [int(k) for k in np.flatnonzero(model.moved_by_steady_sliding)]
+    count = len(model.names)
+    q: Motion = tuple(z[moving.index(k)] if k in moving else 0.0 for k in range(count))
+    if count > WRITTEN_OUT:
+        q = whole(q)
     moment = model.operation.at(0.0)._replace(friction_left=z[-1])
     forces = [effect.act(moment, q, at_rest(q)).force for effect in model.effects]
-    parts = jnp.stack([jnp.stack([jnp.asarray(force[k] + jnp.zeros(())) for k in moving]) for force in forces])
+    parts = jnp.stack([whole(force)[np.array(moving)] for force in forces])
     return jnp.sum(parts, axis=0), jnp.sum(jnp.abs(parts), axis=0)
 
 
@@ -91,9 +146,14 @@ def coupling(model: Model) -> np.ndarray:
 
 def _near_steady_sliding(model: Model) -> Model:
     """The model for motion infinitely near to steady sliding; balanced forces leave the whole lining pressed there."""
-    if not isinstance(model.contact, Contact):
+    contact = model.contact
+    if not isinstance(contact, Contact) or not model.planar:
         return model
-    surface = SteadySurface(cut=not model.balanced)
+    lifts = not model.balanced
+    if isinstance(contact.surface, Cells):
+        surface = dataclasses.replace(contact.surface, slips=False, lifts=lifts)
+    else:
+        surface = SteadySurface(cut=lifts)
     return dataclasses.replace(model, contact=dataclasses.replace(model.contact, surface=surface))
 
 

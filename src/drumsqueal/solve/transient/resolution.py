@@ -73,10 +73,13 @@ def _resolution(model: Model, quiet: ArrayLike = QUIET) -> Resolution:
 def _quiet(model: Model, time: Array, local: Array) -> Array:
     """Amplitude (m) below which motion counts as rest: where round-off of the load's forces exceeds the tolerance."""
     moment, stiffest = model.operation.at(time), jnp.max(jnp.diag(model.stiffness))
-    pressed = yielding(model.contact.law, moment.preload)
+    preload = moment.preload
+    if moment.pushes:
+        preload = preload + sum(abs(size) for size, _ in moment.pushes) / model.body.area
+    pressed = yielding(model.contact.law, preload)
     # Where it is not the contact that yields under the load, the springs yield to friction.
     sprung = (pressed == 0) & (stiffest > 0)
-    drawn = moment.preload * model.body.area / jnp.where(sprung, stiffest, 1.0)
+    drawn = preload * model.body.area / jnp.where(sprung, stiffest, 1.0)
     return jnp.maximum(QUIET, ROUND_OFF * jnp.where(sprung, drawn, pressed) / local)
 
 

@@ -11,6 +11,8 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
+from drumsqueal.physics.bodies.body import WRITTEN_OUT
+
 if TYPE_CHECKING:
     import diffrax
 
@@ -211,8 +213,14 @@ def _turn(residual: Callable[[Array], Array], here: Array, now: _Found, past: Ar
 
 
 def _solved(matrix: Array, right: Array) -> Array:
-    """Solve by elimination without exchanges: the identity is on the diagonal, and friction mostly adds to it."""
+    """Solve by elimination without exchanges: the identity is on the diagonal, and friction mostly adds to it.
+
+    Beyond six unknowns, which take long to compile when they are written out, row by row in a loop: within one kernel
+    (`kernel.py`) there are no libraries.
+    """
     count = right.size
+    if count > WRITTEN_OUT:
+        return _solved_in_a_loop(matrix, right)
     for i in range(count - 1):
         factor = matrix[i + 1 :, i] / matrix[i, i]
         matrix = matrix.at[i + 1 :, i:].add(-factor[:, None] * matrix[i, i:])
@@ -221,6 +229,21 @@ def _solved(matrix: Array, right: Array) -> Array:
         right = right.at[i].set(right[i] / matrix[i, i])
         right = right.at[:i].add(-matrix[:i, i] * right[i])
     return right
+
+
+def _solved_in_a_loop(matrix: Array, right: Array) -> Array:
+    """The same by elimination in all other rows at once."""
+    rows = np.arange(right.size)
+
+    def eliminate(i: Array, found: tuple[Array, Array]) -> tuple[Array, Array]:
+        matrix, right = found
+        row = matrix[i] / matrix[i, i]
+        value = right[i] / matrix[i, i]
+        own, column = rows == i, matrix[:, i]
+        left = jnp.where(own[:, None], row, matrix - column[:, None] * row)
+        return left, jnp.where(own, value, right - column * value)
+
+    return jax.lax.fori_loop(0, right.size, eliminate, (matrix, right))[1]
 
 
 _EXPLICIT = {"tsit5": "Tsit5", "dopri5": "Dopri5", "dopri8": "Dopri8"}  # as diffrax calls them

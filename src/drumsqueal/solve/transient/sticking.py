@@ -16,7 +16,7 @@ import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
-from drumsqueal.physics.bodies.body import dot, scalars
+from drumsqueal.physics.bodies.body import dot, scalars, whole
 from drumsqueal.physics.effects.effect import Observation
 from drumsqueal.physics.effects.forcing import Forcing
 from drumsqueal.physics.effects.friction import Friction
@@ -118,8 +118,7 @@ def _limits(
     still, place = moment._replace(drum_speed=jnp.zeros(())), scalars(q)
 
     def force(friction: Friction | None, motion: Array) -> Array:
-        acting = model.contact.with_friction(friction).act(still, place, scalars(motion)).force
-        return jnp.stack([jnp.asarray(each + jnp.zeros(())) for each in acting])
+        return whole(model.contact.with_friction(friction).act(still, place, scalars(motion)).force)
 
     without = force(None, jnp.zeros_like(q))
     return needed, lambda direction: force(static, -direction) - without
@@ -139,7 +138,7 @@ def _grip(model: Model, moment: Moment, free: Array) -> Array:
 
 def following(model: Model) -> Array:
     """Velocities d of a shoe that turns with the drum at 1 rad/s."""
-    return jnp.stack([jnp.asarray(each) for each in model.body.following])
+    return whole(model.body.following)
 
 
 def _slips(model: Model) -> np.ndarray:

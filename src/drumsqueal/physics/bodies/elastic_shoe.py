@@ -1,0 +1,213 @@
+"""The shoe that bends: the rigid one's coordinates, and one for each of its free modes up to some frequency.
+
+u = rigid motion + Σ ψ_j η_j with the mass-normalised modes (ω_j, ψ_j) of the free shoe. Rigid motions and modes are
+orthogonal, so the mass matrix stays diagonal, with 1 for each mode; the stiffness gains ω_j².
+"""
+
+from collections.abc import Mapping
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.typing import ArrayLike
+from numpy.typing import NDArray
+
+from drumsqueal.physics.bodies.body import Motion, Scalar, scalars, whole
+from drumsqueal.physics.bodies.free_modes import Sector, shapes_at, shapes_held_at
+from drumsqueal.physics.bodies.rigid_shoe import RigidShoe, Six
+from drumsqueal.physics.quadrature.cells import CellDensities, Cells, Sampled, Spread
+from drumsqueal.physics.quadrature.surface import Densities, Nodes
+from drumsqueal.precision import real
+from drumsqueal.scene import COORDINATES
+
+BLOCK = 4096  # instants at a time, of a record whose largest displacement on the lining is sought
+
+
+class ElasticShoe(RigidShoe):
+    """An annular sector with its free modes: `names` are X to Tz, as far as kept, and then the kept modes, E1, E2, …
+
+    `frequencies` ω_j (m,) in rad/s and `shapes` ψ_j (m, 3, …), coefficients as in `free_modes.py`, are those of the
+    kept modes; a mode's coordinate η_j is in m kg^½. `sampled` (3, N, n) holds u_r, u_θ and u_z at the nodes of the
+    cells for 1 of each coordinate, and `weights` (N,) the area (m²) that belongs to each node.
+    """
+
+    frequencies: Array = eqx.field(converter=real, kw_only=True)
+    shapes: Array = eqx.field(converter=real, kw_only=True)
+    sampled: Array = eqx.field(converter=real, kw_only=True)
+    weights: Array = eqx.field(converter=real, kw_only=True)
+    even: tuple[bool, ...] = eqx.field(static=True, kw_only=True)
+    cells: Cells = eqx.field(kw_only=True)
+
+    @classmethod
+    def of(
+        cls,
+        rigid: RigidShoe,
+        elastic: tuple[str, ...],
+        frequencies: Array,
+        shapes: Array,
+        even: tuple[bool, ...],
+        cells: Cells | None = None,
+    ) -> "ElasticShoe":
+        """Add modes to a rigid shoe; `even` says which of them the plane z = 0 mirrors. The cells may be given."""
+        cells = Cells(mirrored=all(rigid.symmetric + even)) if cells is None else cells
+        angle, z, weights, _ = cells.nodes(rigid)
+        radius = jnp.full_like(angle, 1.0) * rigid.outer_radius
+        modal = jnp.moveaxis(shapes_at(shapes, _sector(rigid), radius, angle, z), -2, 0)
+        levels = [jnp.stack([*parts, angle], axis=-1)[..., :-1] for parts in _of_each(rigid, angle, z)]
+        return cls(
+            rigid.outer_radius,
+            rigid.thickness,
+            rigid.width,
+            rigid.arc_angle,
+            rigid.density,
+            rigid.names + elastic,
+            frequencies=frequencies,
+            shapes=shapes,
+            sampled=jnp.concatenate([jnp.stack(levels), modal], axis=-1),
+            weights=weights,
+            even=even,
+            cells=cells,
+        )
+
+    def on_cells(self, cells: Cells) -> "ElasticShoe":
+        """The same shoe, its lining known at the nodes of other cells."""
+        elastic = tuple(name for name in self.names if name not in COORDINATES)
+        return ElasticShoe.of(_rigid(self), elastic, self.frequencies, self.shapes, self.even, cells)
+
+    def widen(self, kept: Motion) -> Six:
+        """The six rigid coordinates."""
+        return Six(**{name: kept[k] for k, name in enumerate(self.names) if name in COORDINATES})
+
+    def keep(self, six: Six) -> Motion:
+        """The kept coordinates of all six, and zeros for the modes."""
+        rigid = [getattr(six, name) + jnp.zeros(()) for name in self.names if name in COORDINATES]
+        return scalars(jnp.stack([*rigid, *[jnp.zeros(())] * len(self.even)]))
+
+    @property
+    def symmetric(self) -> tuple[bool, ...]:
+        """Which coordinates the plane z = 0 mirrors."""
+        return _rigid(self).symmetric + self.even
+
+    @property
+    def mass(self) -> Array:
+        """Diagonal of the mass matrix (n,), in kg and kg m², and 1 for each mode."""
+        rigid = [getattr(self.inertia, name) for name in self.names if name in COORDINATES]
+        return jnp.stack([*rigid, *[jnp.ones(())] * len(self.even)])
+
+    def elastic_stiffness(self) -> Array:
+        """diag(ω_j²) of the modes (n, n), zero elsewhere."""
+        return jnp.diag(jnp.concatenate([jnp.zeros(len(self.names) - len(self.even)), self.frequencies**2]))
+
+    def radial_resultant(self) -> Motion:
+        """∫ φ^r dA: the generalised force of unit pressure is its negative."""
+        return scalars(self.weights @ self.sampled[0])
+
+    def tangential_resultant(self) -> Motion:
+        """∫ φ^θ dA: the generalised force of unit traction along θ."""
+        return scalars(self.weights @ self.sampled[1])
+
+    def radial_stiffness(self) -> Array:
+        """∫ φ^r φ^r dA, shape (n, n): the full-contact stiffness per unit contact stiffness."""
+        return (self.sampled[0] * self.weights[:, None]).T @ self.sampled[0]
+
+    def radial(self, q: Motion) -> Sampled:
+        """u_r of the lining (m)."""
+        return Sampled(self._at_nodes(0, q))
+
+    def along(self, v: Motion, turning: Scalar = 0.0) -> Sampled:
+        """u_θ of the lining (m), or of velocities V_θ (m/s) on a drum that turns (rad/s)."""
+        return Sampled(self._at_nodes(1, v) - self.outer_radius * turning)
+
+    def axial(self, v: Motion) -> Sampled:
+        """u_z of the lining (m), or its rate."""
+        return Sampled(self._at_nodes(2, v))
+
+    def _at_nodes(self, direction: int, motion: Motion) -> Array:
+        return jnp.sum(self.sampled[direction] * whole(motion), axis=-1)
+
+    def ends_and_extremes(self, level: Sampled, *, spatial: bool) -> tuple[Array, Array, Array, Array]:
+        """Least and largest values at the nodes of the cells and on their sides, twice."""
+        del spatial
+        reached = self.cells.with_sides(level)
+        low, high = jnp.min(reached), jnp.max(reached)
+        return low, high, low, high
+
+    def shapes_at(self, point: Array) -> Array:
+        """Displacements (u_x, u_y, u_z) of a point (3,) in m, on the shoe or held to it by a rigid arm, (3, n)."""
+        rigid = _rigid(self).shapes_at(point)
+        return jnp.concatenate([rigid, shapes_held_at(self.shapes, _sector(self), *point)], axis=1)
+
+    def displacement(
+        self, q: Mapping[str, ArrayLike], angle: ArrayLike, z: ArrayLike = 0.0, radius: ArrayLike | None = None
+    ) -> tuple:
+        """(u_r, u_θ, u_z) at angles θ (rad), z (m) and a radius (m; the lining's unless given).
+
+        `q` has coordinates by name, zero where not named, or their rates: numbers and arrays of NumPy or of JAX, which
+        broadcast with the points.
+        """
+        rigid = super().displacement({name: q[name] for name in q if name in COORDINATES}, angle, z, radius)
+        elastic = [name for name in self.names if name not in COORDINATES]
+        if not any(name in q for name in elastic):
+            return rigid
+        at = jnp.broadcast_arrays if isinstance(angle, Array) else np.broadcast_arrays
+        shapes = self.shapes if isinstance(angle, Array) else np.asarray(self.shapes)
+        places = at(self.outer_radius if radius is None else radius, angle, z)
+        modal = shapes_at(shapes, _sector(self), *places)
+        return tuple(
+            each + sum(q[name] * modal[..., k, j] for j, name in enumerate(elastic) if name in q)
+            for k, each in enumerate(rigid)
+        )
+
+    def largest(self, q: Mapping[str, NDArray[np.float64]]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Largest |u_r| and |u_θ| on the lining, of coordinates or their rates (time,) by name."""
+        columns = np.stack(np.broadcast_arrays(*(q.get(name, np.zeros(())) for name in self.names)), axis=-1)
+        found = np.zeros((2, *columns.shape[:-1]))
+        for k, shapes in enumerate(self.surface()):
+            for first in range(0, len(columns), BLOCK):
+                rows = slice(first, first + BLOCK)
+                found[k, rows] = np.abs(columns[rows] @ shapes.T).max(axis=-1)
+        return found[0], found[1]
+
+    @property
+    def _across(self) -> tuple[float, ...]:
+        """Everywhere: a mode that the plane z = 0 mirrors changes across the lining, too."""
+        return (-0.5, -0.25, 0.0, 0.25, 0.5)
+
+    def lever(self, name: str) -> float:
+        """R (m) for a rotation, 1 for a displacement and for a mode that is left out, max √(ψ_r² + ψ_θ²) for others."""
+        if name not in self.names or name in COORDINATES:
+            return super().lever(name)
+        radial, along, _ = self.displacement({name: 1.0}, *self._lining_points())
+        return float(np.hypot(radial, along).max())
+
+    def tractions(self, nodes: Nodes, load: Array, drag: Array | None, lateral: Array | None) -> CellDensities:
+        """Forces on the lining (N) along r, θ and z, spread onto the nodes of the cells."""
+        del nodes
+        forces = {"radial": -load, "along": drag, "axial": lateral}
+        return {name: Spread(force) for name, force in forces.items() if force is not None}
+
+    def resultant(self, total: Densities) -> Motion:
+        """Generalised force of the tractions: the shape functions at the nodes times the forces there."""
+        directions = ("radial", "along", "axial")
+        parts = [
+            jnp.sum(self.sampled[k] * total[name][:, None], axis=0)
+            for k, name in enumerate(directions)
+            if name in total
+        ]
+        return scalars(sum(parts[1:], start=parts[0]))
+
+
+def _rigid(shoe: RigidShoe) -> RigidShoe:
+    names = tuple(name for name in shoe.names if name in COORDINATES)
+    return RigidShoe(shoe.outer_radius, shoe.thickness, shoe.width, shoe.arc_angle, shoe.density, names)
+
+
+def _sector(shoe: RigidShoe) -> Sector:
+    return Sector(shoe.outer_radius, shoe.thickness, shoe.width, shoe.arc_angle)
+
+
+def _of_each(rigid: RigidShoe, angle: Array, z: Array) -> list[list[Array]]:
+    """u_r, u_θ, u_z at points for 1 of each rigid coordinate that is kept."""
+    each = [rigid.displacement({name: 1.0}, angle, z) for name in rigid.names]
+    return [[jnp.broadcast_to(shape[k], angle.shape) for shape in each] for k in range(3)]

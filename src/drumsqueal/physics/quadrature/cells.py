@@ -1,0 +1,325 @@
+"""Quadrature over a lining whose levels are known by their values at nodes: no closed forms, as of a body that bends.
+
+The lining is cut into cells, with a product of Gauss rules in each. Within a cell a level is the polynomial through its
+nodes; forces are spread onto the nodes by the same polynomials, so that the generalised force is the transpose of the
+shape functions at the nodes times the nodal forces, however many coordinates there are. Cells that no boundary comes
+near are summed as they are; the others are cut where it runs (`cut_cells.py`).
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from drumsqueal.physics.quadrature.arc import sort_by_counting
+from drumsqueal.physics.quadrature.cut_cells import Piece, Powers, find_cuts, piece_nodes, powers_of, turn_lines
+from drumsqueal.physics.quadrature.levels import sine_cosine
+from drumsqueal.physics.quadrature.polynomials import (
+    applied,
+    compute_once,
+    evaluate,
+    gauss_nodes,
+    to_legendre,
+    to_powers,
+)
+from drumsqueal.physics.quadrature.surface import Boundaries, Lining, resolved, sum_over_points, sum_together
+
+CELLS_ALONG, CELLS_ACROSS, ORDER = 8, 2, 7
+# Where the mean slip velocity of a cell exceeds so many times what it differs from it at most, the direction of
+# friction is smooth: its branch points are so many half cells away.
+CLEAR_CELL = 2.5
+PRESSING, SLIPPING = 0, 1  # what comes near a cell: the boundary of contact alone, or a reversal of slip, maybe both
+BLOCK = 4  # pieces of cut cells that are summed at once
+
+
+class Place(NamedTuple):
+    """Where nodes lie within cells: lines of `turned` cells run along θ, of others across.
+
+    Cells (n,), where in [−1, 1] each line is (n, lines), points on the lines (points, n, lines), and if there are any
+    (what branches on that is not computed anew wherever it is used).
+    """
+
+    cell: Array
+    turned: Array
+    line: Array
+    point: Array
+    some: Array
+    order: int
+
+
+class CellNodes(NamedTuple):
+    """Quadrature nodes: θ (rad), z (m), weight (m²), and where they lie within the cells (None: at all Gauss nodes)."""
+
+    theta: Array
+    z: Array
+    weight: Array
+    place: Place | None
+
+    @property
+    def cosine(self) -> Array:
+        """Of θ."""
+        return sine_cosine(self.theta)[1]
+
+    @property
+    def sine(self) -> Array:
+        """Of θ."""
+        return sine_cosine(self.theta)[0]
+
+
+class Sampled(NamedTuple):
+    """A level by its values (N,) at the Gauss nodes of all cells."""
+
+    values: Array
+
+    def at(self, nodes: CellNodes) -> Array:
+        """The values, or those of the polynomials through them at nodes within cells."""
+        place = nodes.place
+        if place is None:
+            return self.values
+        powers = Powers(powers_of(self.values.reshape(-1, place.order, place.order)), None, None)
+        level = powers.of(place.cell, place.turned).pressure
+        assert level is not None
+        lines = compute_once(place.some, lambda: evaluate(level[..., None], place.line))
+        return compute_once(place.some, lambda: evaluate(lines, place.point))
+
+    def scaled(self, factor: Array, offset: Array) -> "Sampled":
+        """Offset + factor · level."""
+        return Sampled(offset + factor * self.values)
+
+    def bound(self, half_width: Array) -> Array:
+        """The largest size at the nodes."""
+        del half_width
+        return jnp.max(jnp.abs(self.values))
+
+
+class Spread(NamedTuple):
+    """What is not summed but spread onto the Gauss nodes of all cells, by the polynomials of which levels are made.
+
+    Its total (N,) does the same work as it at whatever has a value at each node.
+    """
+
+    density: Array
+
+
+CellDensities = dict[str, Array | Spread]
+
+
+class Cells(eqx.Module):
+    """The lining in cells, `order` Gauss nodes along and across each.
+
+    `mirrored`: all is even in z but V_z, which is odd, so that half the width is represented and counts twice. Cells
+    are cut where slip reverses if it may (`slips`), and where the lining `lifts`: near steady sliding neither is asked
+    for.
+    """
+
+    along: int = eqx.field(static=True, default=CELLS_ALONG)
+    across: int = eqx.field(static=True, default=CELLS_ACROSS)
+    order: int = eqx.field(static=True, default=ORDER)
+    mirrored: bool = eqx.field(static=True, default=False)
+    slips: bool = eqx.field(static=True, default=True)
+    lifts: bool = eqx.field(static=True, default=True)
+
+    spatial: bool = eqx.field(static=True, default=True, init=False)
+
+    @property
+    def count(self) -> int:
+        """Number N of nodes."""
+        return self.along * self.across * self.order**2
+
+    def nodes(self, lining: Lining) -> CellNodes:
+        """All Gauss nodes, (N,) in the order of cells across, cells along, nodes across, nodes along."""
+        point, weight = gauss_nodes(self.order)
+        shape = (self.across, self.along, self.order, self.order)
+        cell = np.arange(self.across * self.along)
+        theta, z, area = self._locate(lining, cell[:, None, None], point[:, None], point[None, :])
+        weight = area * (weight[:, None] * weight)
+        theta, z, weight = (
+            jnp.broadcast_to(each.reshape(*shape), shape).ravel()
+            for each in (jnp.broadcast_to(each, (cell.size, self.order, self.order)) for each in (theta, z, weight))
+        )
+        return CellNodes(theta, z, weight, None)
+
+    def _locate(self, lining: Lining, cell: Any, across: Any, along: Any) -> tuple[Array, Array, Array]:
+        """θ (rad) and z (m) of a point of [−1, 1]² of a cell, and area (m²) per unit of it."""
+        half_arc = lining.half_angle / self.along
+        theta = -lining.half_angle + half_arc * (2 * (cell % self.along) + 1 + along)
+        half_width = lining.width / (4 if self.mirrored else 2) / self.across
+        low = 0.0 if self.mirrored else -lining.width / 2
+        z = low + half_width * (2 * (cell // self.along) + 1 + across)
+        return theta, z, lining.outer_radius * half_arc * half_width * (2 if self.mirrored else 1)
+
+    def integrate(
+        self, lining: Lining, boundaries: Boundaries, densities: Callable[[CellNodes], CellDensities]
+    ) -> dict[str, Array]:
+        """Totals over the lining of densities times weights; of those that are spread, onto all nodes (N,)."""
+        found = densities(self.nodes(lining))
+        boundaries = boundaries._replace(
+            pressure=boundaries.pressure if self.lifts else None, slip=boundaries.slip if self.slips else None
+        )
+        if boundaries.pressure is None and boundaries.slip is None:
+            return self._totals(found, None)
+        slipping, pressing = jax.lax.stop_gradient(self._near(boundaries))
+        near = slipping | pressing
+        totals = self._totals(found, jnp.repeat(near, self.order**2))
+        return jax.lax.cond(
+            jnp.any(near),
+            lambda: self._add_cut(lining, boundaries, densities, slipping, pressing, totals),
+            lambda: totals,
+        )
+
+    @staticmethod
+    def _totals(found: CellDensities, without: Array | None) -> dict[str, Array]:
+        """Totals over the Gauss nodes of all cells but some."""
+        kept = found if without is None else jax.tree.map(lambda each: jnp.where(without, 0.0, each), found)
+        summed = {name: each for name, each in kept.items() if not isinstance(each, Spread)}
+        totals = sum_together([summed]) if summed else {}
+        return {name: each.density if isinstance(each, Spread) else totals[name] for name, each in kept.items()}
+
+    def with_sides(self, level: Sampled) -> Array:
+        """Values of the cells' polynomials at their nodes and on their sides."""
+        points = np.concatenate([[-1.0], gauss_nodes(self.order)[0], [1.0]])
+        matrix = np.vander(points, self.order, increasing=True) @ to_powers(self.order)
+        return applied(matrix, applied(matrix, level.values.reshape(-1, self.order, self.order), 1), 2)
+
+    def _by_cell(self, level: Any) -> Array | None:
+        return None if level is None else level.values.reshape(-1, self.order, self.order)
+
+    def _near(self, boundaries: Boundaries) -> tuple[Array, Array]:
+        """Which cells (n,) a reversal of slip crosses or comes near, and which the boundary of contact crosses."""
+        transform = to_legendre(self.order)
+
+        def bounds(values: Array) -> tuple[Array, Array]:
+            """Mean of a polynomial and a bound of what it differs from it."""
+            parts = applied(transform, applied(transform, values, 1), 2)
+            mean = parts[:, 0, 0]
+            return mean, jnp.sum(jnp.abs(parts), axis=(1, 2)) - jnp.abs(mean)
+
+        pressure, slip, axial = (self._by_cell(each) for each in boundaries[:3])
+        slipping = pressing = lifted = jnp.zeros(self.along * self.across, bool)
+        if pressure is not None:
+            mean, swing = bounds(pressure)
+            # A level that vanishes all over is pressed: there the slope of the pressure is that of contact.
+            pressing, lifted = jnp.abs(mean) < swing, mean < -swing
+        if slip is not None:
+            mean, swing = bounds(slip)
+            if axial is None:
+                near = jnp.abs(mean) <= swing
+            else:
+                lateral, more = bounds(axial)
+                mean, swing = jnp.hypot(mean, lateral), jnp.hypot(swing, more)
+                near = mean <= CLEAR_CELL * swing
+            size = jnp.abs(mean)
+            steep = jax.vmap(lambda low, high: ~resolved(boundaries.breakpoints, low, high))
+            slipping = (near | steep(jnp.maximum(size - swing, 0.0), size + swing)) & ~lifted
+        return slipping, pressing
+
+    def _add_cut(
+        self,
+        lining: Lining,
+        boundaries: Boundaries,
+        densities: Callable[[CellNodes], CellDensities],
+        slipping: Array,
+        pressing: Array,
+        totals: dict[str, Array],
+    ) -> dict[str, Array]:
+        """Add the totals of cells near to boundaries, in blocks of their pieces."""
+        pressure, slip, axial = (self._by_cell(each) for each in boundaries[:3])
+        turned = jnp.zeros_like(slipping)
+        for level, chosen in ((pressure, pressing), (slip, slipping)):
+            if level is not None:
+                turned = jnp.where(chosen, turn_lines(jax.lax.stop_gradient(level)), turned)
+        powers = Powers(*(None if each is None else powers_of(each) for each in (pressure, slip, axial)))
+        pieces, counts = _find_pieces(jax.lax.stop_gradient(powers), slipping, pressing, turned, boundaries.kinks)
+
+        def add_blocks(totals: dict[str, Array], kind: int, powers: Powers) -> dict[str, Array]:
+            def add_block(block: Array, totals: dict[str, Array]) -> dict[str, Array]:
+                some = jax.lax.dynamic_slice_in_dim(pieces[kind], BLOCK * block, BLOCK)
+                there = BLOCK * block + np.arange(BLOCK) < counts[kind]
+                nodes = self._piece_nodes(lining, boundaries, powers, Piece(*some.T), there)
+                assert nodes.place is not None
+                return self._with_cut(totals, densities(nodes), nodes.place)
+
+            return jax.lax.fori_loop(0, (counts[kind] + BLOCK - 1) // BLOCK, add_block, totals)
+
+        if slip is not None:
+            totals = add_blocks(totals, SLIPPING, powers)
+        if pressure is not None:
+            totals = add_blocks(totals, PRESSING, Powers(powers.pressure, None, None))
+        return totals
+
+    def _piece_nodes(
+        self, lining: Lining, boundaries: Boundaries, powers: Powers, piece: Piece, there: Array
+    ) -> CellNodes:
+        """Nodes (points, pieces, lines) on the pieces that are there."""
+        cell, turned = piece.cell.astype(int), piece.turned > 0
+        x, inner, weight = piece_nodes(
+            powers.of(cell, turned), piece, boundaries.kinks, there[0], lifted=boundaries.lifted
+        )
+        along, across = jnp.where(turned[:, None], inner, x), jnp.where(turned[:, None], x, inner)
+        theta, z, area = self._locate(lining, cell[:, None], across, along)
+        weight = jnp.where(there[:, None], area * weight, 0.0)
+        return CellNodes(theta, z, weight, Place(cell, turned, x, inner, there[0], self.order))
+
+    def _with_cut(self, totals: dict[str, Array], found: CellDensities, place: Place) -> dict[str, Array]:
+        """Totals with those at nodes within cells added."""
+        powers = [jnp.ones_like(place.point)]
+        outer = [jnp.ones_like(place.line)]
+        for _ in range(self.order - 1):
+            powers.append(powers[-1] * place.point)
+            outer.append(outer[-1] * place.line)
+        at_nodes = compute_once(
+            place.some,
+            lambda: {name: each.density if isinstance(each, Spread) else each for name, each in found.items()},
+        )
+        spread = [name for name, each in found.items() if isinstance(each, Spread)]
+        parts = {(name, 0): each for name, each in at_nodes.items()}
+        parts |= {(name, p): at_nodes[name] * power for name in spread for p, power in enumerate(powers) if p}
+        moments = sum_over_points(parts)
+        more = {name: jnp.sum(moments[name, 0]) for name in found if name not in spread}
+        if spread:
+            inner = jnp.stack([moments[name, p] for name in spread for p in range(self.order)])
+            inner = inner.reshape(len(spread), self.order, 1, *place.line.shape)
+            sums = jnp.sum(inner * jnp.stack(outer), axis=-1)  # (k, p, q, n)
+            nodes = jnp.moveaxis(applied(to_powers(self.order).T, applied(to_powers(self.order).T, sums, 1), 2), -1, 1)
+            nodes = jnp.where(place.turned[:, None, None], jnp.swapaxes(nodes, 2, 3), nodes)
+            own = place.cell[:, None] == np.arange(self.along * self.across)  # no scatter, as no products of matrices
+            cells = jnp.sum(jnp.where(own[:, :, None, None], nodes[:, :, None], 0.0), axis=1)
+            more |= dict(zip(spread, cells.reshape(len(spread), -1), strict=True))
+        return {name: totals[name] + more[name] for name in totals}
+
+
+def _find_pieces(powers: Powers, slipping: Array, pressing: Array, turned: Array, kinks: Array) -> tuple[Array, Array]:
+    """Pieces of the cells near to boundaries by what comes near, (2, n, fields), and their numbers (2,)."""
+    cells, kind, near = slipping.size, jnp.where(slipping, SLIPPING, PRESSING), slipping | pressing
+    ordered = sort_by_counting(jnp.where(near, np.arange(cells), cells)).astype(int)
+    ordered = jnp.concatenate([ordered, jnp.full(BLOCK, cells)])
+    one = jax.tree.map(lambda each: each[:, :, 0], powers)
+    most = jax.eval_shape(find_cuts, one, slipping[0], pressing[0], kinks)[0].size - 1
+
+    def find_block(block: Array, state: tuple[Array, Array]) -> tuple[Array, Array]:
+        pieces, counts = state
+        cell = jax.lax.dynamic_slice_in_dim(ordered, BLOCK * block, BLOCK)
+        there, cell = cell < cells, jnp.minimum(cell, cells - 1)
+        found = jax.vmap(find_cuts, in_axes=(-1, 0, 0, None))(
+            powers.of(cell, turned[cell]), slipping[cell], pressing[cell], kinks
+        )
+        bounds, even, number, halved = found
+        fields = [cell[:, None], turned[cell][:, None], bounds[:, :-1], bounds[:, 1:], even[:, :-1], even[:, 1:]]
+        shape = (BLOCK, most)
+        for half, more in ((jnp.where(halved, 1, 0), there), (jnp.full(BLOCK, 2), there & halved)):
+            rows = jnp.stack(
+                [jnp.broadcast_to(each, shape).astype(float) for each in (*fields, half[:, None])], axis=-1
+            )
+            for k in range(BLOCK):
+                which = kind[cell[k]]
+                start = (which, counts[which], jnp.zeros((), counts.dtype))
+                pieces = jax.lax.dynamic_update_slice(pieces, rows[None, k], start)
+                counts = counts.at[which].add(jnp.where(more[k], number[k], 0))
+        return pieces, counts
+
+    start = jnp.zeros((2, 2 * (cells + 1) * most, len(Piece._fields))), jnp.zeros(2, int)
+    return jax.lax.fori_loop(0, (jnp.sum(near) + BLOCK - 1) // BLOCK, find_block, start)

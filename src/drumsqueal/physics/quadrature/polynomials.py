@@ -1,0 +1,126 @@
+"""Polynomials on [−1, 1] by the coefficients of their powers: through Gauss nodes, their roots and where they turn.
+
+The axis of the coefficients is the first, so that the others fill the lanes of a processor.
+"""
+
+from collections.abc import Callable
+from functools import cache
+from typing import TypeVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from numpy.typing import NDArray
+
+T = TypeVar("T")
+
+SAMPLES = 9  # where a polynomial on a line is looked at; what turns twice between two of them is missed
+ROOT_STEPS = 6  # of Newton's method, held within the bracket
+
+
+@cache
+def gauss_nodes(order: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Points and weights on [−1, 1]."""
+    return np.polynomial.legendre.leggauss(order)
+
+
+@cache
+def to_powers(order: int) -> NDArray[np.float64]:
+    """Coefficients of 1, s, s², … from the values at the Gauss nodes, (order, order)."""
+    return np.asarray(np.linalg.inv(np.vander(gauss_nodes(order)[0], increasing=True)), dtype=np.float64)
+
+
+@cache
+def to_legendre(order: int) -> NDArray[np.float64]:
+    """Coefficients of Legendre polynomials from the values at the Gauss nodes, (order, order)."""
+    table = np.polynomial.legendre.legvander(gauss_nodes(order)[0], order - 1)
+    return np.asarray(np.linalg.inv(table), dtype=np.float64)
+
+
+@cache
+def lobatto(count: int) -> NDArray[np.float64]:
+    """Points on [−1, 1], both ends among them, that crowd there."""
+    return -np.cos(np.pi * np.linspace(0, 1, count))
+
+
+def compute_once(some: Array, compute: Callable[[], T]) -> T:
+    """What is computed, or zeros where there is nothing: XLA puts what is not in a branch into all that uses it."""
+    shapes = jax.eval_shape(compute)
+    return jax.lax.cond(some, compute, lambda: jax.tree.map(lambda each: jnp.zeros(each.shape, each.dtype), shapes))
+
+
+def applied(matrix: np.ndarray, values: Array, axis: int) -> Array:
+    """A matrix (m, k) applied along an axis (k) of values.
+
+    Products and sums, not a product of matrices: with a sum behind it, as in derivatives, XLA fails to compile that
+    within a kernel.
+    """
+    wide = matrix.reshape(*matrix.shape, *[1] * (values.ndim - axis - 1))
+    return jnp.sum(jnp.expand_dims(values, axis) * wide, axis=axis + 1)
+
+
+def evaluate(powers: Array, s: Array) -> Array:
+    """Value at s of polynomials with coefficients (order, ...)."""
+    value = powers[-1] + jnp.zeros_like(s)
+    for k in reversed(range(len(powers) - 1)):
+        value = value * s + powers[k]
+    return value
+
+
+def at_points(powers: Array, points: NDArray[np.float64]) -> Array:
+    """Values (points, ...) of polynomials with coefficients (order, ...) at given points (points,)."""
+    return applied(np.vander(points, len(powers), increasing=True), powers, 0)
+
+
+def with_slope(powers: Array, s: Array) -> tuple[Array, Array]:
+    """Value at s of polynomials with coefficients (order, ...), and the derivative there."""
+    value, slope = powers[-1] + jnp.zeros_like(s), jnp.zeros_like(s)
+    for k in reversed(range(len(powers) - 1)):
+        slope = slope * s + value
+        value = value * s + powers[k]
+    return value, slope
+
+
+def derivative(powers: Array) -> Array:
+    """Coefficients of the derivative, and a zero (order, ...)."""
+    order = len(powers)
+    factor = np.arange(1.0, order).reshape(-1, *[1] * (powers.ndim - 1))
+    return jnp.concatenate([powers[1:] * factor, jnp.zeros_like(powers[:1])])
+
+
+def bracketed_root(powers: Array, low: Array, high: Array) -> tuple[Array, Array]:
+    """Whether a polynomial changes sign between two points, and where."""
+    first, last = evaluate(powers, low), evaluate(powers, high)
+    there = first * last < 0
+    start = low + (high - low) * jnp.where(there, first / jnp.where(there, first - last, 1.0), 0.5)
+
+    def improve(_: int, state: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
+        low, high, s = state
+        value, slope = with_slope(powers, s)
+        left = value * first > 0
+        low, high = jnp.where(left, s, low), jnp.where(left, high, s)
+        step = s - value / jnp.where(slope == 0, 1.0, slope)
+        return low, high, jnp.where((step >= low) & (step <= high), step, (low + high) / 2)
+
+    return there, jax.lax.fori_loop(0, ROOT_STEPS, improve, (low, high, start))[2]
+
+
+def split_line(powers: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+    """Turn of polynomials (order, ...) closest to zero, and roots below and above (2, ...): whether there, and where.
+
+    One that does not turn has its only root below, up to 1.
+    """
+    slopes = derivative(powers)
+    value, slope = at_points(powers, lobatto(SAMPLES)), at_points(slopes, lobatto(SAMPLES))
+    point = lobatto(SAMPLES).reshape(-1, *[1] * (powers.ndim - 1))
+    turns = slope[1:] * slope[:-1] < 0
+    near = jnp.where(turns, jnp.minimum(jnp.abs(value[1:]), jnp.abs(value[:-1])), jnp.inf)
+    nearest = near == jnp.min(near, axis=0)
+    low = jnp.max(jnp.where(nearest, point[:-1], -1.0), axis=0)
+    high = jnp.max(jnp.where(nearest, point[1:], -1.0), axis=0)
+    has_turn, turn = bracketed_root(slopes, low, high)
+    turn = jnp.where(has_turn, turn, 1.0)
+    one = jnp.ones_like(turn)
+    ends = jnp.stack([-one, turn]), jnp.stack([turn, one])
+    return (has_turn, turn), bracketed_root(powers[:, None], *ends)
