@@ -9,7 +9,6 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from drumsqueal.errors import RequestError
-from drumsqueal.findings.vibration import unit_of
 from drumsqueal.physics.model import build_model
 from drumsqueal.questions.cycle.diagram import CycleBranches, Diagram
 from drumsqueal.questions.cycle.figures import draw_with_events
@@ -19,6 +18,7 @@ from drumsqueal.questions.onset.found import Onset
 from drumsqueal.questions.run.figures import growth, phase, spectra
 from drumsqueal.questions.run.figures.eigenvalues import draw_plane, name_modes
 from drumsqueal.questions.run.figures.view import MICRO, View
+from drumsqueal.scene.coordinates import unit_of
 from drumsqueal.scene.variation import Variation
 from drumsqueal.simulation import Result
 from drumsqueal.solve.linear.modes import Stability

@@ -20,6 +20,7 @@ from drumsqueal.files.output_folder import part_of
 from drumsqueal.findings.history import RUNNING, columns, empty_dataset
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.outcome import Ending, Outcome
+from drumsqueal.physics.composition import coordinates_of
 from drumsqueal.scene import Scene
 from drumsqueal.solve.transient.integrate import Chunk
 
@@ -77,7 +78,7 @@ class HistoryFile:
             before.samples + len(chunk.time), before.steps + chunk.steps, before.rejected_steps + chunk.rejected_steps
         )
         with nullcontext((self.path, self._places)) if self.exists else self._anew(self._rows) as (path, places):
-            fill(path, places, before.samples, columns(chunk, self._kept))
+            fill(path, places, before.samples, columns(chunk, self._kept, coordinates_of(self._scene)))
             _note_progress(path, after, self._so_far(after))
         self.reached = after
 

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from drumsqueal.errors import RequestError
+from drumsqueal.scene.coordinates import name_at
 
 
 def figure_file(name: str) -> str:
@@ -29,9 +30,20 @@ PHASE, CONTACT, EIGENVALUES, FREQUENCY = "phase", "contact", "eigenvalues", "fre
 FIGURES = (GROWTH, SPECTROGRAM, SPECTRA, PHASE, CONTACT, EIGENVALUES, FREQUENCY)
 WATERFALL = "waterfall"
 """The figure that a run has besides where drum speed or load change."""
-MODE_FILES = tuple(f"mode-{name}.gif" for name in ("X", "Y", "Z", "Tx", "Ty", "Tz"))
+PRESSURE = "pressure"
+"""That which it has where the steady pressure is not prescribed."""
+MOST_MODES = 36  # of the shapes of a scene, those whose files are known
+MODE_FILES = tuple(f"mode-{name_at(place)}.gif" for place in range(MOST_MODES))
 """What `animate --mode` makes of the scene of a run where it is given no name."""
-RUN_FILES = (HISTORY, SUMMARY, RESUME, *map(figure_file, (*FIGURES, WATERFALL)), REPORT, *made_of(HISTORY), *MODE_FILES)
+RUN_FILES = (
+    HISTORY,
+    SUMMARY,
+    RESUME,
+    *map(figure_file, (*FIGURES, PRESSURE, WATERFALL)),
+    REPORT,
+    *made_of(HISTORY),
+    *MODE_FILES,
+)
 
 EFFECTS_TABLE, REDUCED_SCENE, EFFECTS = "effects.csv", "reduced.toml", "effects"
 EFFECT_FILES = (EFFECTS_TABLE, REDUCED_SCENE, figure_file(EFFECTS))
@@ -101,9 +113,9 @@ def history_file(place: Path) -> Path:
         return place
 
 
-def run_figures(*, changing: bool) -> tuple[str, ...]:
-    """The figures of a run by whether drum speed or load change."""
-    return (*FIGURES, WATERFALL) if changing else FIGURES
+def run_figures(*, changing: bool, brake: bool = False) -> tuple[str, ...]:
+    """The figures of a run by whether drum speed or load change, and whether the steady pressure had to be found."""
+    return (*FIGURES, *((PRESSURE,) if brake else ()), *((WATERFALL,) if changing else ()))
 
 
 class UnwrittenError(OSError):

@@ -144,6 +144,8 @@ def difference(there: Scene, here: Scene) -> str:
 def _leaves(tables: dict[str, Any], path: str = "") -> dict[str, Any]:
     leaves = {}
     for name, value in tables.items():
+        if isinstance(value, list) and value and isinstance(value[0], dict):
+            value = {str(index): each for index, each in enumerate(value)}
         leaves |= _leaves(value, f"{path}{name}.") if isinstance(value, dict) else {f"{path}{name}": value}
     return leaves
 

@@ -13,7 +13,8 @@ from drumsqueal.files.in_place import as_text, content_of, variable
 from drumsqueal.files.output_folder import history_file
 from drumsqueal.findings.history import MOTION, SIGNALS, signals_of
 from drumsqueal.outcome import COMPLETE, Ending, Outcome
-from drumsqueal.scene import COORDINATES, Scene, SceneError, scene_from_dict
+from drumsqueal.scene import Scene, SceneError, scene_from_dict
+from drumsqueal.scene.coordinates import COORDINATES, in_order
 
 UNEVEN = 1e-6  # of a sampling interval, that a sample may lie off its place; round-off is below 1e-9 in an hour
 _OURS = "drumsqueal run SCENE -o DIR writes one, DIR/history.nc"
@@ -25,6 +26,11 @@ class SavedHistory(NamedTuple):
     path: Path
     data: xarray.Dataset
     scene: Scene
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Names of the coordinates recorded: the six of the rigid shoe, and behind them those of its free modes."""
+        return tuple(map(str, self.data["coordinate"].values))
 
     @property
     def sample_rate(self) -> float:
@@ -86,7 +92,8 @@ def _load(path: Path) -> tuple[xarray.Dataset, Scene]:
         # Of something without dimensions, which no run writes, xarray would warn that it made some up.
         data = xarray.load_dataset(content, engine="h5netcdf", decode_timedelta=False, phony_dims="access")
     scene = scene_from_dict(tomllib.loads(as_text(data.attrs["scene"])))
-    if list(data["coordinate"].values) != list(COORDINATES):
+    names = tuple(map(str, data["coordinate"].values))
+    if names[: len(COORDINATES)] != COORDINATES or in_order(names) != names:
         raise ValueError("coordinate")
     dimensions = dict.fromkeys(signals_of(scene), ("time",)) | dict.fromkeys(MOTION, ("time", "coordinate"))
     if any(data[name].dims != wanted for name, wanted in dimensions.items()):

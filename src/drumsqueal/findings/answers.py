@@ -9,6 +9,7 @@ from drumsqueal.findings.compare import RunFindings
 from drumsqueal.findings.saturation import Line, describe_motion, saturated_part
 from drumsqueal.findings.vibration import Vibration
 from drumsqueal.physics.model import Model
+from drumsqueal.scene.coordinates import is_elastic
 from drumsqueal.solve.linear.modes import Stability
 
 LOST = math.inf  # the change of what one of two runs lacks
@@ -82,6 +83,8 @@ def change_of(whole: Answer, other: Answer) -> Change:
     """
     frequency, growth = [], []
     for label, before in whole.modes.items():
+        if label not in other.modes and is_elastic(label.split()[0]) and label not in whole.unstable:
+            continue  # one that the other run has no coordinate for, and that decays
         after, negligible = other.modes.get(label), NEGLIGIBLE_RATIO * 2 * math.pi * before.frequency_Hz
         frequency.append(LOST if after is None else after.frequency_Hz / before.frequency_Hz - 1)
         size = max(abs(before.growth_rate), negligible)

@@ -3,10 +3,16 @@
 from collections.abc import Mapping
 
 import numpy as np
+from jax import Array
 from numpy.typing import ArrayLike, NDArray
 
+from drumsqueal.physics.bodies.body import scalars
+from drumsqueal.physics.effects.effect import at_rest
+from drumsqueal.physics.effects.operation import Moment, Profile
 from drumsqueal.physics.model import Model
+from drumsqueal.programs import Program
 from drumsqueal.solve.linear.modes import Mode
+from drumsqueal.solve.linear.steady import steady_sliding
 
 LIFTED_FRACTION = 0.1  # of the lining
 
@@ -20,17 +26,39 @@ def boundary_ratios(model: Model, vibration: NDArray[np.float64], velocity: NDAr
     """
     moment = model.operation.at(0.0)
     q, v = (dict(zip(model.names, columns.T, strict=True)) for columns in (vibration, velocity))
-    lost, back = pressure_fraction(model, q, moment.preload), slip_fraction(model, v, moment.drum_speed)
+    lost, back = pressure_fraction(model, q, moment), slip_fraction(model, v, moment.drum_speed)
     return float(np.max(lost)), float(np.max(back))
 
 
-def pressure_fraction(model: Model, q: Columns, preload: ArrayLike) -> NDArray[np.float64]:
-    """k_c max|u_r − u_r*| over the mean pressure p0 (time,), q displacements (time,) by name; 0 without separation.
+def mean_pressure(model: Model, moment: Moment) -> ArrayLike:
+    """The mean pressure on the lining (Pa) at a moment, or at the moments of a record (time,).
+
+    p0, which the load spreads evenly; of a shoe that is pushed, normal force over lining area in steady sliding. That
+    is found at the corners of what changes with time, and linear between them.
+    """
+    if not model.pushed:
+        return moment.preload
+    changing = [np.asarray(each.time) for each in model.operation.schedules if isinstance(each, Profile)]
+    corners = np.unique(np.concatenate([[0.0], *changing]))
+    found = np.array([float(_mean_of_steady_sliding(model.frozen(time))) for time in corners.tolist()])
+    known = np.isfinite(found)  # a drum that hardly turns may lock the shoe, which has no steady sliding then
+    return np.interp(np.asarray(moment.time), corners[known], found[known]) if known.any() else np.inf
+
+
+@Program
+def _mean_of_steady_sliding(model: Model) -> Array:
+    q = scalars(steady_sliding(model))
+    contact = model.contact.in_plane() if model.planar else model.contact
+    return contact.observe(model.operation.at(0.0), q, at_rest(q)).normal_force / model.body.area
+
+
+def pressure_fraction(model: Model, q: Columns, moment: Moment) -> NDArray[np.float64]:
+    """k_c max|u_r − u_r*| over the mean pressure (time,), q displacements (time,) by name; 0 without separation.
 
     The maximum is a bound over the whole circle: where the steady pressure is uniform nothing has lifted off below 1.
     """
     depth, _ = model.body.largest(q)
-    return _over(float(model.contact.lifting_stiffness) * depth, np.asarray(preload))
+    return _over(float(model.contact.lifting_stiffness) * depth, np.asarray(mean_pressure(model, moment)))
 
 
 def slip_fraction(model: Model, v: Columns, drum_speed: ArrayLike) -> NDArray[np.float64]:
@@ -47,13 +75,16 @@ def amplitude_at_boundary(
     """The amplitude at which a mode alone reaches a contact boundary, lift-off or slip reversal; infinite without any.
 
     In m or rad of the coordinate that names it, about steady sliding q* (n,) at a preload (Pa) and a speed (rad/s).
-    Where part of the lining is off the drum in steady sliding already, another tenth must leave or touch it.
+    Where part of the lining is off the drum in steady sliding already, or one end is hardly pressed, as that next to
+    the pin of a shoe that is pushed, another tenth must leave or touch it.
     """
     into, along = model.body.surface()
     pressure = preload + float(model.contact.lifting_stiffness) * (into @ steady)
     rates = mode.right[steady.size :]
     lifts = _over_size(pressure, float(model.contact.lifting_stiffness) * np.abs(into @ mode.right[: steady.size]))
-    lifted = float(lifts.min() if pressure.min() > 0 else np.quantile(lifts, LIFTED_FRACTION, method="lower"))
+    lifted = float(
+        lifts.min() if pressure.min() > 0 and not model.pushed else np.quantile(lifts, LIFTED_FRACTION, method="lower")
+    )
     if model.contact.friction is None:
         return lifted
     sliding = np.full(len(along), float(model.contact.radius) * drum_speed)

@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import Field, computed_field
 
 from drumsqueal.findings.accuracy import Accuracy, measure_accuracy
+from drumsqueal.findings.brake import Brake, describe_brake
 from drumsqueal.findings.frequency import FrequencyDrift, follow_frequency
 from drumsqueal.findings.growth_phase import Growth, ModeComparison, Note, measure_growth
 from drumsqueal.findings.history import memory_of
@@ -69,7 +70,8 @@ class RunFindings(Findings):
     the record over that in the first tenth, None without a start. `changing` says that drum speed or load change, so
     that the prediction is for one time only, `predicted_at_s`; `forced`, that a harmonic force acts; `moved_by`, what
     else pushes the shoe. `model` says what the transient includes and leaves out, and
-    `held_though_they_would_move` the coordinates that the scene leaves out though they would move.
+    `held_though_they_would_move` the coordinates that the scene leaves out though they would move. `brake` is what the
+    shoe does in steady sliding, None where the assembly balances all forces.
     """
 
     printed_by = "drumsqueal.questions.run.words.print_findings"
@@ -93,6 +95,7 @@ class RunFindings(Findings):
     held_though_they_would_move: tuple[str, ...] = ()
     model: dict[str, tuple[str, ...]] = Field(default_factory=dict)
     ramp: Ramp | None = None
+    brake: Brake | None = None
 
     @property
     def modes(self) -> tuple[ModeComparison, ...]:
@@ -168,6 +171,7 @@ def compare(
         held_though_they_would_move=held,
         model=take_inventory(scene, history.attrs.get("friction_law", ""))._asdict(),
         ramp=find_ramp(history, vibration, stability, model) if changing else None,
+        brake=describe_brake(scene, model, stability),
     )
 
 

@@ -10,21 +10,24 @@ import numpy as np
 
 from drumsqueal.outcome import COMPLETE as COMPLETE
 from drumsqueal.outcome import Ending, Outcome
-from drumsqueal.scene import COORDINATES, Scene
+from drumsqueal.physics.composition import coordinates_of
+from drumsqueal.scene import Scene
+from drumsqueal.scene.coordinates import COORDINATES, units_of
 from drumsqueal.solve.transient.integrate import Chunk
 
 if TYPE_CHECKING:
     import xarray
 
-# name: (units, what it is), of each coordinate
+# name: (what is added to the units of displacements, what it is), of each coordinate
 MOTION = {
-    "displacement": ("m (X, Y, Z), rad (Tx, Ty, Tz)", "displacement and rotation of the shoe at its centre of gravity"),
-    "velocity": ("m/s (X, Y, Z), rad/s (Tx, Ty, Tz)", "rates of displacement and rotation"),
+    "displacement": ("", "displacement and rotation of the shoe at its centre of gravity"),
+    "velocity": ("/s", "rates of displacement and rotation"),
 }
 AXES = (
     "x from the drum's axis through the middle of the lining, y at right angles to it the way the lining's middle sees "
     "the drum move at positive speed, z along the drum's axis; Tx, Ty, Tz are small rotations about x, y, z"
 )
+ELASTIC = "; E1, E2 and so on are the amplitudes of the shoe's mass-normalised free modes by rising frequency"
 # name: (units, what it is)
 SIGNALS = {
     "brake_torque": ("N m", "torque of friction that brakes the drum, R times the integral of its tangential traction"),
@@ -62,10 +65,10 @@ def memory_of(history: "xarray.Dataset", names: Sequence[str]) -> np.ndarray | N
 def to_dataset(chunks: Sequence[Chunk], scene: Scene, kept: Sequence[str], outcome: Outcome) -> "xarray.Dataset":
     """Put the chunks of one run, over the kept coordinates, into one Dataset; left-out coordinates are zero.
 
-    Dimensions time (s) and coordinate (six names). The scene as it was run, the versions and the outcome are in the
-    attributes.
+    Dimensions time (s) and coordinate (all names of the scene's body). The scene as it was run, the versions and the
+    outcome are in the attributes.
     """
-    parts = [columns(chunk, kept) for chunk in chunks]
+    parts = [columns(chunk, kept, coordinates_of(scene)) for chunk in chunks]
     joined = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     steps, rejected = (sum(getattr(chunk, name) for chunk in chunks) for name in ("steps", "rejected_steps"))
     return _dataset(joined, scene, outcome, steps, rejected)
@@ -73,30 +76,32 @@ def to_dataset(chunks: Sequence[Chunk], scene: Scene, kept: Sequence[str], outco
 
 def empty_dataset(scene: Scene) -> "xarray.Dataset":
     """The same of a run that has not begun: no samples, no steps, no outcome."""
-    wide, narrow = np.empty((0, len(COORDINATES))), np.empty(0)
+    wide, narrow = np.empty((0, len(coordinates_of(scene)))), np.empty(0)
     signals = ("time", *signals_of(scene))
     return _dataset(dict.fromkeys(MOTION, wide) | dict.fromkeys(signals, narrow), scene, RUNNING, 0, 0)
 
 
-def columns(chunk: Chunk, kept: Sequence[str]) -> dict[str, np.ndarray]:
-    """What every variable of the history gets from a chunk."""
+def columns(chunk: Chunk, kept: Sequence[str], names: Sequence[str]) -> dict[str, np.ndarray]:
+    """What every variable of a history of all the named coordinates gets from a chunk of those kept."""
     recorded = chunk.observation._asdict() | chunk._asdict() | dict(chunk.remembered)
-    wide = {name: np.zeros((len(chunk.time), len(COORDINATES))) for name in MOTION}
+    wide = {name: np.zeros((len(chunk.time), len(names))) for name in MOTION}
     for name, values in wide.items():
-        values[:, [COORDINATES.index(each) for each in kept]] = recorded[name]
+        values[:, [names.index(each) for each in kept]] = recorded[name]
     return wide | {name: recorded[name] for name in ("time", *SIGNALS, *chunk.remembered)}
 
 
 def _dataset(
     values: Mapping[str, np.ndarray], scene: Scene, outcome: Outcome, steps: int, rejected_steps: int
 ) -> "xarray.Dataset":
+    names = coordinates_of(scene)
+    motion = {name: (units_of(names, rate), meaning) for name, (rate, meaning) in MOTION.items()}
     data = {
         name: (("time", "coordinate")[: values[name].ndim], values[name], {"units": units, "long_name": meaning})
-        for name, (units, meaning) in (MOTION | signals_of(scene)).items()
+        for name, (units, meaning) in (motion | signals_of(scene)).items()
     }
     coordinates = {
         "time": ("time", values["time"], {"units": "s", "axis": "T"}),
-        "coordinate": ("coordinate", list(COORDINATES), {"long_name": AXES}),
+        "coordinate": ("coordinate", list(names), {"long_name": AXES + ELASTIC * (len(names) > len(COORDINATES))}),
     }
     attributes = {
         "title": scene.title,

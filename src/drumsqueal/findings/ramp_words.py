@@ -3,28 +3,25 @@
 import math
 from collections.abc import Iterator, Sequence
 
-from drumsqueal.findings.instant import LOAD, SPEED, Instant
+from drumsqueal.findings.instant import Instant, name_of_key, unit_of_key
 from drumsqueal.findings.passages import Growth, Passage
 from drumsqueal.findings.ramp import Ramp
 from drumsqueal.findings.squeals import End, Squeal
-from drumsqueal.findings.vibration import unit_of
+from drumsqueal.scene.coordinates import unit_of
 
 MOST = 3  # squeals, and modes, that are named one by one
-UNITS = {SPEED: "rad/s", LOAD: "N"}
-WHAT = {SPEED: "drum speed", LOAD: "load"}
 
 
 def value_words(instant: Instant, keys: Sequence[str], unit: bool = True) -> str:
     """What changes, at an instant: "4.48 rad/s"."""
-    values = {SPEED: instant.drum_speed_rad_per_s, LOAD: instant.normal_load_N}
-    return ", ".join(f"{values[key]:.3g}{f' {UNITS[key]}' if unit else ''}" for key in keys)
+    return ", ".join(f"{instant.value(key):.3g}{f' {unit_of_key(key)}' if unit else ''}" for key in keys)
 
 
 def way_words(instant: Instant, keys: Sequence[str]) -> str:
     """Which way the one thing that changes goes: "rising", "falling", "constant"; empty where both change."""
     if len(keys) != 1:
         return ""
-    rate = {SPEED: instant.drum_speed_rate_rad_per_s2, LOAD: instant.normal_load_rate_N_per_s}[keys[0]]
+    rate = instant.rate(keys[0])
     return "rising" if rate > 0 else "falling" if rate < 0 else "constant"
 
 
@@ -49,8 +46,8 @@ def ramp_sentences(ramp: Ramp) -> Iterator[str]:
     for each in ramp.hysteresis[:MOST]:
         other = {"rises": "falls", "falls": "rises"}[each.squeals_while]
         yield (
-            f"Hysteresis: from {each.low:.3g} to {each.high:.3g} {UNITS[each.key]} the brake squeals while the "
-            f"{WHAT[each.key]} {each.squeals_while} and is quiet while it {other}."
+            f"Hysteresis: from {each.low:.3g} to {each.high:.3g} {unit_of_key(each.key)} the brake squeals while the "
+            f"{name_of_key(each.key)} {each.squeals_while} and is quiet while it {other}."
         )
 
 

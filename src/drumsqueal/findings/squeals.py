@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.findings.decay import NEARLY_LINEAR
-from drumsqueal.findings.instant import SPEED, Instant, changing_keys, instant_at
+from drumsqueal.findings.instant import LOAD, Instant, changing_keys, instant_at
 from drumsqueal.findings.intervals import Interval, common, joined, without
 from drumsqueal.findings.part import Finding
 from drumsqueal.findings.saturation import Line, describe_motion
@@ -56,7 +56,7 @@ class Squeal(Finding):
 
 
 class Hysteresis(Finding):
-    """A range of drum speed (rad/s) or load (N) that squeals on the way one way, and is quiet on the way back."""
+    """A range of drum speed (rad/s) or of a load or force (N) that squeals on one way, and is quiet on the way back."""
 
     key: str
     low: float
@@ -194,7 +194,7 @@ def find_hysteresis(squeals: tuple[Squeal, ...], model: Model, until: float) -> 
     if len(changing) != 1:
         return ()
     ((key, schedule),) = changing.items()
-    scale = 1.0 if key == SPEED else float(model.body.area)
+    scale = float(model.body.area) if key == LOAD else 1.0
     ways: dict[str, tuple[list[Interval], list[Interval]]] = {"rises": ([], []), "falls": ([], [])}
     corners = corners_of(model, until)
     for first, last in zip(corners[:-1].tolist(), corners[1:].tolist(), strict=True):

@@ -13,31 +13,26 @@ from numpy.typing import ArrayLike, NDArray
 from drumsqueal.findings.boundaries import LIFTED_FRACTION, pressure_fraction, slip_fraction
 from drumsqueal.findings.signals.growth import modal_amplitudes
 from drumsqueal.findings.signals.spectra import Spectrum, amplitude_spectrum
-from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
+from drumsqueal.physics.bodies.body import Shoe
 from drumsqueal.physics.effects.operation import Constant, Moment, Operation, Profile
 from drumsqueal.physics.model import Model
 from drumsqueal.programs import Program
+from drumsqueal.scene.coordinates import is_rotation
 from drumsqueal.solve.linear.modes import Mode, Stability
 from drumsqueal.solve.transient.integrate import Chunk
 
 if TYPE_CHECKING:
     import xarray
 
-ROTATIONS = ("Tx", "Ty", "Tz")
 FEWEST_FOR_SPECTRUM = 16  # samples
 PIECE = 2**14  # samples that are read at a time
 FRACTION_ROUND_OFF = 1e-12  # of a fraction of the lining, which is a sum over some hundred nodes
 FORCE_ROUND_OFF = 1e-10  # of the load: forces that cancel leave so much at most
 
 
-def unit_of(coordinate: str, prefix: str = "") -> str:
-    """The unit of a coordinate, m or rad, with a prefix such as µ."""
-    return f"{prefix}{'rad' if coordinate in ROTATIONS else 'm'}"
-
-
-def levers(coordinates: Sequence[str], shoe: RigidShoe) -> NDArray[np.float64]:
-    """How far the drum's surface is (n,) from what turns: R (m) for rotations, 1 for displacements."""
-    return np.array([float(shoe.outer_radius) if name in ROTATIONS else 1.0 for name in coordinates])
+def levers(coordinates: Sequence[str], shoe: Shoe) -> NDArray[np.float64]:
+    """How far 1 of each coordinate moves the lining (n,): R (m) for rotations, 1 for displacements."""
+    return np.array([shoe.lever(name) for name in coordinates])
 
 
 class Vibration:
@@ -130,7 +125,7 @@ class Vibration:
     @property
     def largest_rotation(self) -> float:
         """Largest rotation of the record (rad)."""
-        columns = [k for k, name in enumerate(self.coordinates) if name in ROTATIONS]
+        columns = [k for k, name in enumerate(self.coordinates) if is_rotation(name)]
         return float(self.largest()[columns].max(initial=0.0))
 
     @property
@@ -145,19 +140,19 @@ class Vibration:
             found[rows] = 2 * modal_amplitudes(mode.left[:, None], np.hstack([displacement, velocity]))[:, 0]
         return found
 
-    def spectra(self, part: slice) -> Iterator[tuple[str, Spectrum]]:
-        """Displacement spectra of the coordinates that move in a part of the record (none if it is too short)."""
+    def spectra(self, part: slice, names: Sequence[str] | None = None) -> Iterator[tuple[str, Spectrum]]:
+        """Displacement spectra of what moves in a part of the record (none if it is too short), of all or of some."""
         if self.time[part].size < FEWEST_FOR_SPECTRUM:
             return
-        for name in self.coordinates:
+        for name in self.coordinates if names is None else names:
             if np.ptp(self.column(name, part)) > 0:
                 yield name, amplitude_spectrum(self.column(name, part), self.sample_rate)
 
 
 def changes(model: Model, time: NDArray[np.float64]) -> bool:
     """Whether drum speed or load change within these times (s), also between two of them."""
-    prescribed = (model.operation.drum_speed, model.operation.preload)
-    return any(np.ptp(_values(each, time[0], time[-1])) > 0 for each in prescribed if isinstance(each, Profile))
+    each_of = model.operation.schedules
+    return any(np.ptp(_values(each, time[0], time[-1])) > 0 for each in each_of if isinstance(each, Profile))
 
 
 def _values(profile: Profile, since: float, until: float) -> NDArray[np.float64]:
@@ -169,54 +164,55 @@ def _values(profile: Profile, since: float, until: float) -> NDArray[np.float64]
 def moved_by(model: Model, stability: Stability, until: float) -> str:
     """What pushes a shoe out of its steady sliding until a time (s), in words, such as "changing load"; else nothing.
 
-    Drum speed and load are changed in turn, each to the least and the most that it comes to. A shoe that the assembly
-    balances at all times is not pushed.
+    Drum speed, load and forces are changed in turn, each to the least and the most that it comes to. A shoe that the
+    assembly balances at all times is not pushed.
     """
-    prescribed = {"drum speed": model.operation.drum_speed, "load": model.operation.preload}
-    kept = {name: np.asarray(each.at(stability.time)[0]) for name, each in prescribed.items()}
-    if not (any(isinstance(each, Profile) for each in prescribed.values()) and any(model.body.symmetric)):
+    schedules = model.operation.schedules
+    kept = [np.asarray(each.at(stability.time)[0]) for each in schedules]
+    if not (any(isinstance(each, Profile) for each in schedules) and any(model.body.symmetric)):
         return ""
-    middle, found = model.in_plane(), []  # where steady sliding is
+    middle, found = model.in_plane() if model.planar else model, []  # where steady sliding is
     q = np.asarray([stability.steady_state[stability.coordinates.index(name)] for name in model.names])
-    for name, schedule in prescribed.items():
+    for place, schedule in enumerate(schedules):
         if isinstance(schedule, Profile):
             values = _values(schedule, 0.0, until)
-            rows = {other: np.repeat(value, 3) for other, value in kept.items()}
-            rows[name] = np.array([kept[name], values.min(), values.max()])
-            forces = np.asarray(_forces(middle, rows["drum speed"], rows["load"], q))
-            if np.ptp(forces, axis=0).max() > FORCE_ROUND_OFF * np.abs(rows["load"]).max() * float(model.body.area):
-                found.append(name)
-    return f"changing {' and '.join(found)}" if found else ""
+            rows = [np.repeat(value, 3) for value in kept]
+            rows[place] = np.array([kept[place], values.min(), values.max()])
+            forces, (_, loads, *pushes) = np.asarray(_forces(middle, tuple(rows), q)), rows
+            largest = np.abs(loads).max() * float(model.body.area) + sum(np.abs(push).max() for push in pushes)
+            if np.ptp(forces, axis=0).max() > FORCE_ROUND_OFF * largest:
+                found.append(("drum speed", "load")[place] if place < 2 else "force")
+    return f"changing {' and '.join(dict.fromkeys(found))}" if found else ""
 
 
 @Program
-def _forces(model: Model, speeds: Array, loads: Array, q: Array) -> Array:
-    def force(each: tuple[Array, Array]) -> Array:
-        operation = Operation(*(Constant(value) for value in each))
+def _forces(model: Model, rows: tuple[Array, ...], q: Array) -> Array:
+    def force(values: tuple[Array, ...]) -> Array:
+        speed, load, *pushes = (Constant(value) for value in values)
+        operation = Operation(speed, load, tuple(pushes))
         return dataclasses.replace(model, operation=operation).act(0.0, q, jnp.zeros_like(q))[0]
 
-    return jax.lax.map(force, (jnp.asarray(speeds), jnp.asarray(loads)))
+    return jax.lax.map(force, tuple(jnp.asarray(row) for row in rows))
 
 
 def boundary_ratio(vibration: Vibration, model: Model) -> NDArray[np.float64]:
     """How far the motion has come towards contact loss or slip reversal (time,).
 
-    The larger of k_c max|u_r − u_r*| over the mean pressure p0 and max|u̇_θ| over R|Ω|; both maxima are bounds over the
+    The larger of k_c max|u_r − u_r*| over the mean pressure and max|u̇_θ| over R|Ω|; both maxima are bounds over the
     whole circle, so where the steady pressure is uniform neither has happened below 1. Without separation, or without
     friction, there is no such boundary.
     """
     fraction = np.empty(vibration.time.size)
     for rows, displacement, velocity in vibration.pieces():
         q, v = (dict(zip(vibration.coordinates, columns.T, strict=True)) for columns in (displacement, velocity))
-        moments = _moments(model.operation, vibration.time[rows])
-        fraction[rows] = np.maximum(
-            pressure_fraction(model, q, moments.preload), slip_fraction(model, v, moments.drum_speed)
-        )
+        moments = moments_at(model.operation, vibration.time[rows])
+        fraction[rows] = np.maximum(pressure_fraction(model, q, moments), slip_fraction(model, v, moments.drum_speed))
     return fraction
 
 
 @Program
-def _moments(operation: Operation, times: Array) -> Moment:
+def moments_at(operation: Operation, times: Array) -> Moment:
+    """The moments of a record (time,), as one."""
     return jax.vmap(operation.at)(times)
 
 
@@ -230,14 +226,16 @@ def beyond_boundaries(history: "xarray.Dataset", steady_contact: ArrayLike, mode
     """At which samples (time,) part of the lining is off the drum or slips backwards.
 
     Read off what was recorded; `steady_contact` is the fraction of the lining that touches in steady sliding, of all
-    samples or of each (time,). Where part of the lining is off the drum in steady sliding already, so that its contact
-    boundary moves with every motion, another tenth of the lining must leave or touch it.
+    samples or of each (time,). Where part of the lining is off the drum in steady sliding already, or next to the pin
+    of a shoe that is pushed all but off, so that its contact boundary moves with every motion, another tenth of the
+    lining must leave or touch it.
     """
     touching = history["contact_fraction"].values
     reached = np.zeros(touching.size, dtype=bool)
     if float(model.contact.lifting_stiffness) > 0:
         steady = np.asarray(steady_contact)
-        most = np.where(steady > 1 - FRACTION_ROUND_OFF, FRACTION_ROUND_OFF, LIFTED_FRACTION)
+        whole = (steady > 1 - FRACTION_ROUND_OFF) & (not model.pushed)
+        most = np.where(whole, FRACTION_ROUND_OFF, LIFTED_FRACTION)
         reached |= np.abs(touching - steady) > most
     if model.contact.friction is not None:
         reached |= history["slip_reversed_fraction"].values > FRACTION_ROUND_OFF

@@ -1,6 +1,7 @@
 """What the shell offers after a tab: scenes, the keys of --set, --along and --vary, and the words of other options."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import typer
@@ -9,6 +10,7 @@ from drumsqueal.scene import COORDINATES, load_scene, number_units, setting_choi
 from drumsqueal.scene.quantities import SceneError
 from drumsqueal.scene.shipped import find_scene, shipped_names
 
+FREE_MODES = 9  # that are offered: how many there are takes seconds to find
 SIGNALS = (
     *("displacement", "velocity", "acceleration"),
     *(f"{kind}_{name}" for kind in ("displacement", "velocity", "acceleration") for name in COORDINATES),
@@ -72,6 +74,15 @@ def complete_setting(incomplete: str) -> list[str]:
     if equals:
         return [f"{key}={choice}" for choice in setting_choices(key) if choice.startswith(word)]
     return [f"{key}=" for key in setting_keys() if key.startswith(incomplete)]
+
+
+def complete_mode(ctx: typer.Context, incomplete: str) -> list[str]:
+    """The names of modes: those of the rigid motion and, of a scene whose shoe bends, the first free ones."""
+    known = COORDINATES
+    with suppress(SceneError):
+        scene = load_scene(find_scene(str(ctx.params.get("source") or "")), ctx.params.get("settings") or ())
+        known += tuple(f"E{k + 1}" for k in range(FREE_MODES * (getattr(scene.shoe, "elastic", None) is not None)))
+    return words(*known)(incomplete)
 
 
 def words(*known: str) -> Callable[[str], list[str]]:

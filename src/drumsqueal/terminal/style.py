@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.font_manager import findfont, get_font
 
 from drumsqueal.files import output_folder
+from drumsqueal.scene.coordinates import is_elastic
 
 WIDTH_MM, HEIGHT_MM = 170.0, 110.0
 DOTS_PER_INCH = 200
@@ -22,7 +23,7 @@ FONT = "DejaVu Sans"  # comes with matplotlib, so that a figure is the same ever
 TEXT_SIZE, SMALL_SIZE, TITLE_SIZE = 8.0, 7.0, 9.0  # points
 
 # The palette of Okabe and Ito, which the colour-blind can distinguish; a mode has the colour of its coordinate.
-COLOUR: Mapping[str, str] = {
+_RIGID = {
     "X": "#0072B2",
     "Y": "#D55E00",
     "Z": "#B8A500",
@@ -30,6 +31,18 @@ COLOUR: Mapping[str, str] = {
     "Ty": "#E69F00",
     "Tz": "#009E73",
 }
+# Of free modes, one after the other and again from the first; darker than those of the rigid motion or far from them.
+_ELASTIC = ("#882255", "#332288", "#CC79A7", "#117733", "#AA4499", "#661100", "#6699CC", "#999933")
+
+
+class _Colours(dict[str, str]):
+    def __missing__(self, name: str) -> str:
+        if not is_elastic(name):
+            raise KeyError(name)
+        return _ELASTIC[(int(name[1:]) - 1) % len(_ELASTIC)]
+
+
+COLOUR: Mapping[str, str] = _Colours(_RIGID)
 TOUCHING, SEPARATED, REVERSED, STUCK = "#444444", "#BDBDBD", "#AA3377", "#0072B2"  # states of the contact
 PALE, FAINT, DARK = "#EEEEEE", "#CCCCCC", "#333333"
 SHORTEST_IN_SECONDS = 2.0  # a longer time axis is in s, a shorter one in ms

@@ -87,7 +87,7 @@ class Measurement:
 
 def check_motion(scene: Scene) -> None:
     """Raise SceneError for a scene in which nothing moves, or the lining warms up: no errors can be measured there."""
-    profiles = any(isinstance(value, Profile) for value in (scene.drum.speed, scene.contact.normal_load))
+    profiles = any(isinstance(value, Profile) for value in scene.schedules().values())
     if not moved_coordinates(scene) and not profiles:
         raise SceneError("nothing moves; give a start, such as displacement = { Y = 1e-7 }, or a force", ("start",))
     if scene.temperature is not None:

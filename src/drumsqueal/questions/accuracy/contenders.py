@@ -8,22 +8,24 @@ import equinox as eqx
 import jax.numpy as jnp
 from jax import Array
 
+from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.laws.friction_law import FrictionLaw
 from drumsqueal.physics.model import Model
 from drumsqueal.physics.quadrature.arc import ArcSurface
 from drumsqueal.physics.quadrature.area import AreaSurface
+from drumsqueal.physics.quadrature.cells import Cells
 from drumsqueal.physics.quadrature.independent import FixedGrid
-from drumsqueal.physics.quadrature.surface import Surface
 from drumsqueal.precision import real
 from drumsqueal.solve.transient.runge_kutta import DEFAULT, SOLVERS, is_explicit
 
 STEPPING, QUADRATURE, SMOOTHING = "time stepping", "contact quadrature", "smoothed friction"
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
 NODES = (2, 4, 6, 8, 12, 16)  # along each piece of the arc, or each half of it in space, split at contact boundaries
+CELLS_ALONG = (2, 4, 8, 12)  # of a lining that bends, with as many across in proportion
 GRID = (20, 40, 80, 160, 320, 640)  # nodes of a grid that does not know the contact boundaries
 WIDTHS = (1e-1, 1e-2, 1e-3, 1e-4)  # of the smoothing, over the speed of the drum's surface
 OTHERS = 1e-6  # tolerance of those that are not about time stepping; at less a fixed grid does not get through
-SPLIT, FIXED, SMOOTHED = "split lining", "fixed grid", "smoothed"
+SPLIT, FIXED, CELLS, SMOOTHED = "split lining", "fixed grid", "cells", "smoothed"
 
 
 class SmoothedDirection(eqx.Module):
@@ -62,7 +64,8 @@ class Contender:
     @property
     def name(self) -> str:
         """What it is, in a word or two."""
-        unit = {STEPPING: "", QUADRATURE: " nodes", SMOOTHING: " of RΩ"}[self.cause]
+        nodes = " along" if self.line == CELLS else " nodes"
+        unit = {STEPPING: "", QUADRATURE: nodes, SMOOTHING: " of RΩ"}[self.cause]
         return f"{self.line}, {self.setting:g}{unit}"
 
 
@@ -70,10 +73,7 @@ def contenders_of(model: Model) -> Iterator[list[Contender]]:
     """The lines of the study, each from its cheapest contender to its dearest."""
     for solver in SOLVERS:
         yield [Contender(STEPPING, solver, tolerance, solver, tolerance, model) for tolerance in TOLERANCES]
-    spatial = model.lining.surface.spatial
-    split = {n: AreaSurface(n, max(2, n // 2), n) if spatial else ArcSurface(n) for n in NODES}
-    yield [_quadrature(SPLIT, n, model, surface) for n, surface in split.items()]
-    yield [_quadrature(FIXED, n, model, FixedGrid(n, spatial)) for n in GRID]
+    yield from _quadratures(model)
     friction = model.contact.friction
     if friction is not None:
         surface_speed = float(model.contact.radius * jnp.abs(model.operation.at(0.0).drum_speed))
@@ -86,6 +86,16 @@ def contenders_of(model: Model) -> Iterator[list[Contender]]:
         yield smoothed
 
 
-def _quadrature(line: str, nodes: int, model: Model, surface: Surface) -> Contender:
-    contact = dataclasses.replace(model.lining, surface=surface)
-    return Contender(QUADRATURE, line, nodes, DEFAULT, OTHERS, dataclasses.replace(model, contact=contact))
+def _quadratures(model: Model) -> Iterator[list[Contender]]:
+    """Lines of nodes, split at the boundaries and not; of a lining that bends, cells: it has no other rule."""
+    cells, spatial = model.lining.surface, model.lining.surface.spatial
+
+    def contender(line: str, setting: int, contact: Contact) -> Contender:
+        return Contender(QUADRATURE, line, setting, DEFAULT, OTHERS, dataclasses.replace(model, contact=contact))
+
+    if isinstance(cells, Cells):
+        yield [contender(CELLS, n, model.lining.on_cells(n / cells.along, n / cells.along)) for n in CELLS_ALONG]
+        return
+    split = {n: AreaSurface(n, max(2, n // 2), n) if spatial else ArcSurface(n) for n in NODES}
+    for line, surfaces in ((SPLIT, split), (FIXED, {n: FixedGrid(n, spatial) for n in GRID})):
+        yield [contender(line, n, dataclasses.replace(model.lining, surface=each)) for n, each in surfaces.items()]

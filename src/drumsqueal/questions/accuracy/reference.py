@@ -14,6 +14,7 @@ from scipy.integrate import DOP853, LSODA
 from drumsqueal.physics.kernel import one_kernel
 from drumsqueal.physics.laws.friction_law import breakpoints
 from drumsqueal.physics.model import Model
+from drumsqueal.physics.quadrature.cells import Cells
 from drumsqueal.physics.quadrature.independent import FEJER, TANH_SINH, IndependentSurface
 from drumsqueal.progress import Progress, silent
 from drumsqueal.solve.transient.resolution import motion_scale
@@ -23,6 +24,7 @@ from drumsqueal.solve.transient.state import State
 FIRST, SECOND, THIRD = 1e-13, 1e-12, 1e-12
 UNMOVED = 1e-2  # of what the energy would give a coordinate: one that moves less is measured against that
 GENTLE = 5.0  # m/s; a law whose slope changes over more is as smooth as the rest
+FINER_CELLS = {TANH_SINH: (2, 2), FEJER: (1.5, 1, 2)}  # see `Contact.on_cells`
 STEEP_PANELS = 8  # of the arc: 2e-12 of the load where the law falls with 1000 s/m
 PATIENCE = 40.0  # s of computing for each of the three; a reference that takes longer ends where it has come to
 
@@ -104,8 +106,11 @@ def trajectory_error(states: np.ndarray, wanted: np.ndarray, sizes: np.ndarray) 
 def _with(model: Model, rule: str) -> Model:
     """The model with another quadrature; where the friction law is steep the arc is split into many panels.
 
-    In space that would take too long: where the two rules then differ, the uncertainty shows it.
+    In space that would take too long: where the two rules then differ, the uncertainty shows it. A lining that bends
+    has finer cells in place of either rule.
     """
+    if isinstance(model.lining.surface, Cells):
+        return dataclasses.replace(model, contact=model.lining.on_cells(*FINER_CELLS[rule]))
     spatial, friction = model.lining.surface.spatial, model.contact.friction
     speeds = np.zeros(0) if friction is None else np.asarray(breakpoints(friction.law))
     steep = not spatial and bool(np.any(speeds < GENTLE))

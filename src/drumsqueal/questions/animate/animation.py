@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from rich.console import Console
 
 from drumsqueal.findings.schema import Finding
-from drumsqueal.findings.vibration import ROTATIONS
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.animate.file import write_animation
 from drumsqueal.questions.animate.playback import (
@@ -29,6 +28,7 @@ from drumsqueal.questions.animate.playback import (
     Playback,
 )
 from drumsqueal.questions.animate.section import MILLI, Motion, lining_parts, moved, on_circle, shoe_outline
+from drumsqueal.scene.coordinates import at_surface
 from drumsqueal.scene.quantities import printable
 from drumsqueal.terminal import style
 
@@ -207,8 +207,7 @@ class MovingSection:
         scale = 1 / max(np.abs(values).max() for values in shown.curves.values()) if shown.relative else 1.0
         time = MILLI * shown.curve_time
         for name, values in shown.curves.items():
-            label = f"R {name}" if name in ROTATIONS else name
-            axes.plot(time, scale * values, color=style.COLOUR[name], label=label, linewidth=1.1)
+            axes.plot(time, scale * values, color=style.COLOUR[name], label=at_surface(name), linewidth=1.1)
         self._marker = axes.axvline(time[0], color=style.DARK, linewidth=1.0, animated=True)
         axes.set_xlim(time[0], time[-1])
         step = float(np.diff(shown.time).min()) * MILLI

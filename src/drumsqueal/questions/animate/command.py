@@ -10,9 +10,9 @@ from drumsqueal.errors import RequestError
 from drumsqueal.files.claims import claim_folder, claim_results
 from drumsqueal.files.output_folder import HISTORY, history_file
 from drumsqueal.progress import Progress
-from drumsqueal.scene import COORDINATES, load_scene
+from drumsqueal.scene import load_scene
 from drumsqueal.scene.shipped import find_scene
-from drumsqueal.terminal.completion import complete_source, words
+from drumsqueal.terminal.completion import complete_mode, complete_source
 from drumsqueal.terminal.options import (
     JsonFile,
     Overwrite,
@@ -41,9 +41,7 @@ def animate_command(
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="FILE", parser=read_file, help=OUTPUT)
     ] = None,
-    mode: Annotated[
-        str | None, typer.Option("--mode", metavar="MODE", help=MODE, autocompletion=words(*COORDINATES))
-    ] = None,
+    mode: Annotated[str | None, typer.Option("--mode", metavar="MODE", help=MODE, autocompletion=complete_mode)] = None,
     since: Since = None,
     until: Until = None,
     slow: Annotated[

@@ -14,13 +14,15 @@ from drumsqueal.findings.signals.spectra import amplitude_spectrum, spectral_pea
 from drumsqueal.findings.time_window import time_window
 from drumsqueal.findings.vibration import FEWEST_FOR_SPECTRUM, levers
 from drumsqueal.outcome import Ending
-from drumsqueal.physics.bodies.rigid_shoe import OUT_OF_PLANE, RigidShoe
+from drumsqueal.physics.bodies.body import Shoe
+from drumsqueal.physics.composition import coordinates_of
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.programs import Program
 from drumsqueal.questions.animate.section import largest_displacement
 from drumsqueal.questions.run.figures.contact import SMALL, along_arc
 from drumsqueal.questions.run.figures.view import MICRO, REST
-from drumsqueal.scene import COORDINATES, Scene
+from drumsqueal.scene import Scene
+from drumsqueal.scene.coordinates import largest_of
 from drumsqueal.scene.quantities import percent
 from drumsqueal.solve.linear.modes import Mode, Stability, while_sliding
 from drumsqueal.solve.linear.steady import steady_sliding
@@ -70,7 +72,7 @@ class Playback(NamedTuple):
     title: str
     subject: str
     notes: tuple[str, ...]
-    shoe: RigidShoe
+    shoe: Shoe
     drum_sense: float
     time: Values
     motion: dict[str, Values]
@@ -99,7 +101,7 @@ def play_history(
     from steady sliding is drawn as 30 % of the shoe's thickness. Raises RequestError where nothing moves, where the
     times are not the history's, and where a period would have fewer than 8 frames.
     """
-    model = build_model(scene, coordinates=COORDINATES)
+    model = build_model(scene, coordinates=coordinates_of(scene))
     names, n = list(model.names), len(model.names)
     time: Values = history["time"].values
     both = [history[kind].sel(coordinate=names).values for kind in ("displacement", "velocity")]
@@ -131,7 +133,7 @@ def play_history(
         f"{1e3 * start:.6g} to {1e3 * end:.6g} ms{periods}, at {_slowness(shown)} of real time",
         f"Displacement magnified {_digits(factor)} times (at most {_digits(MICRO * largest)} µm, drawn as "
         f"{percent(fraction)} of the thickness), the drum's rotation {turn}",
-        *_section_notes(0.0, faces, curves),
+        *_section_notes(model.shoe, 0.0, faces, curves),
     )
     title = scene.title if history.attrs["ending"] == Ending.COMPLETE else f"{scene.title} (incomplete run)"
     return Playback(
@@ -166,7 +168,8 @@ def play_mode(scene: Scene, stability: Stability, mode: Mode, *, slow: float | N
     phases = np.arange(frames) / frames
     moved = over(phases)
     motion = dict(zip(names, moved.T, strict=True))
-    z = float(model.shoe.width) / 2 if mode.name in OUT_OF_PLANE else 0.0
+    flat = model.shoe.symmetric[model.names.index(mode.name)]
+    z = 0.0 if flat else float(model.shoe.width) / 2
     faces, largest = _faces(model.shoe, motion, z)
     factor = FRACTION * float(model.shoe.thickness) / largest
     curve_phases = np.linspace(0.0, 1.0, CURVE_POINTS)
@@ -177,7 +180,7 @@ def play_mode(scene: Scene, stability: Stability, mode: Mode, *, slow: float | N
         f"one period, at {_slowness(period * phases)} of real time",
         f"The size is arbitrary: the largest displacement is drawn as {percent(FRACTION)} of the thickness. "
         "The drum's rotation is left out, too",
-        *_section_notes(z, faces, curves),
+        *_section_notes(model.shoe, z, faces, curves),
     )
     return Playback(
         scene.title, f"mode {mode.label}", notes, model.shoe, _sense(model, 0.0), period * phases, motion, z, faces,
@@ -238,7 +241,7 @@ def _count_frames(
     return frames
 
 
-def _find_magnification(shoe: RigidShoe, largest: float, wanted: float | None, window: tuple[float, float]) -> float:
+def _find_magnification(shoe: Shoe, largest: float, wanted: float | None, window: tuple[float, float]) -> float:
     """Factor at which the largest displacement (m) is drawn, if none is wanted as a fraction of the thickness.
 
     Raises RequestError where nothing moves, and where it would be drawn further than the shoe is thick.
@@ -258,13 +261,13 @@ def _find_magnification(shoe: RigidShoe, largest: float, wanted: float | None, w
     return wanted
 
 
-def _faces(shoe: RigidShoe, motion: dict[str, Values], z: float) -> tuple[tuple[float, float] | None, float]:
+def _faces(shoe: Shoe, motion: dict[str, Values], z: float) -> tuple[tuple[float, float] | None, float]:
     """Where front and back face are (m), if they move otherwise than the middle, and the largest displacement (m).
 
     The latter is that of all that is drawn of a motion (frames,): the section at z (m), and these faces.
     """
     half = float(shoe.width) / 2
-    tilt = {name: values for name, values in motion.items() if name in OUT_OF_PLANE}
+    tilt = {name: motion[name] for name, flat in zip(shoe.names, shoe.symmetric, strict=True) if not flat}
     tilted = max(abs(largest_displacement(shoe, tilt, at)) for at in (half, -half))
     faces = (half, -half) if tilted > MOVES * largest_displacement(shoe, motion) else None
     return faces, max(largest_displacement(shoe, motion, at) for at in (z, *(faces or ())))
@@ -320,21 +323,26 @@ def _sense(model: Model, time: float) -> float:
 
 
 def _curves(model: Model, displacement: Values) -> dict[str, Values]:
-    """The displacements (points, n) that are worth a curve, in µm at the drum's surface, by their labels."""
+    """The displacements (points, n) that are worth a curve, in µm at the drum's surface, by their coordinates."""
     values = MICRO * levers(model.names, model.shoe) * displacement
     sizes = np.ptp(values, axis=0)
-    return {name: values[:, k] for k, name in enumerate(model.names) if sizes[k] >= MOVES * sizes.max()}
+    moving = {name: size for name, size in zip(model.names, sizes.tolist(), strict=True) if size >= MOVES * sizes.max()}
+    return {name: values[:, model.names.index(name)] for name in largest_of(moving)[0]}
 
 
-def _section_notes(z: float, faces: tuple[float, float] | None, curves: dict[str, Values]) -> tuple[str, ...]:
+def _section_notes(
+    shoe: Shoe, z: float, faces: tuple[float, float] | None, curves: dict[str, Values]
+) -> tuple[str, ...]:
     """What the section is of, and what it leaves out, for motion out of the plane."""
     notes = []
     if faces is not None and z > 0:
         notes.append("Section: the front face (z = b/2); the back face dashed")
     elif faces is not None:
         notes.append("Section at mid-width; the front face solid, the back face dashed")
-    if "Z" in curves:
-        notes.append("Z, along the drum's axis, is not drawn")
+    front = float(shoe.width) / 2
+    for name in curves:
+        if largest_displacement(shoe, {name: np.ones(1)}, front) == 0:
+            notes.append(f"{name}, along the drum's axis, is not drawn")
     return ("; ".join(notes),) if notes else ()
 
 

@@ -9,8 +9,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from drumsqueal.physics.bodies.body import displace
-from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
+from drumsqueal.physics.bodies.body import Shoe, displace
 
 Points = NDArray[np.float64]
 Motion = Mapping[str, ArrayLike]
@@ -20,7 +19,7 @@ MILLI = 1e3
 ARC_POINTS = 61  # along each arc of the outline
 
 
-def shoe_outline(shoe: RigidShoe) -> Points:
+def shoe_outline(shoe: Shoe) -> Points:
     """Return the outline (n, 2) in mm, closed, of the shoe in section at z = 0.
 
     The outer arc comes first, from θ = −β/2 to β/2, then the inner one back.
@@ -32,7 +31,7 @@ def shoe_outline(shoe: RigidShoe) -> Points:
     return np.concatenate([*arcs, arcs[0][:1]])
 
 
-def lining_parts(shoe: RigidShoe, edges: NDArray[np.float64], depths: tuple[float, float]) -> Points:
+def lining_parts(shoe: Shoe, edges: NDArray[np.float64], depths: tuple[float, float]) -> Points:
     """Return the corners (parts, 4, 2) in mm of what lies between angles `edges` (parts + 1,) at two depths (m)."""
     outer, inner = (on_circle(float(shoe.outer_radius) - depth, edges) for depth in depths)
     return np.stack([outer[:-1], outer[1:], inner[1:], inner[:-1]], axis=1)
@@ -44,7 +43,7 @@ def on_circle(radius: float, angles: ArrayLike) -> Points:
     return MILLI * radius * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
 
 
-def moved(points: Points, shoe: RigidShoe, motion: Motion, z: ArrayLike = 0.0) -> NDArray:
+def moved(points: Points, shoe: Shoe, motion: Motion, z: ArrayLike = 0.0) -> NDArray:
     """Return the displacement (..., 2) in mm of points (..., 2) in mm of the shoe at z (m), real or complex.
 
     That is the model's own displacement, linear in the rotation: magnified far, the shoe grows by half the square of
@@ -54,7 +53,7 @@ def moved(points: Points, shoe: RigidShoe, motion: Motion, z: ArrayLike = 0.0) -
     return MILLI * np.stack([along_x, along_y], axis=-1)
 
 
-def largest_displacement(shoe: RigidShoe, motion: Motion, z: float = 0.0) -> float:
+def largest_displacement(shoe: Shoe, motion: Motion, z: float = 0.0) -> float:
     """Largest displacement (m) of any point of the outline at z (m) over a motion (frames,)."""
     # The modulus of what is linear in the point is convex: it is largest on the outline.
     frames = {name: np.asarray(values)[..., None] for name, values in motion.items()}

@@ -6,6 +6,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from drumsqueal.findings.brake import brake_sentences
 from drumsqueal.questions.check.study import Check, Growth
 from drumsqueal.scene.quantities import printable
 from drumsqueal.terminal.tables import print_model, print_notes, print_table
@@ -24,6 +25,9 @@ def print_check(console: Console, found: Check) -> None:
     for name, number in found.numbers.items():
         table.add_row(name, f"{number.value:.6g}", number.unit, number.meaning)
     print_table(console, table)
+    if found.brake is not None:
+        for line in brake_sentences(found.brake):
+            console.print(line)
     for line in [_grows(growth) for growth in found.growing] or ["No mode grows."]:
         console.print(line)
     console.print(

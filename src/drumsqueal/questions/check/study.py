@@ -11,17 +11,19 @@ from jax import Array
 from numpy.typing import NDArray
 from pydantic import Field
 
-from drumsqueal.findings.boundaries import boundary_ratios
+from drumsqueal.findings.boundaries import boundary_ratios, mean_pressure
+from drumsqueal.findings.brake import Brake, describe_brake
 from drumsqueal.findings.prediction import Prediction, predict
 from drumsqueal.findings.schema import Finding, Findings, Held, InMemory
 from drumsqueal.findings.vibration import moved_by
+from drumsqueal.physics.composition import elastic_names
 from drumsqueal.physics.effects.pressure import Unilateral
 from drumsqueal.physics.laws.friction_law import FrictionLaw
 from drumsqueal.programs import Program
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.check.run_time import estimate
 from drumsqueal.scene import Profile, Scene
-from drumsqueal.scene.tables import BYTES_PER_SAMPLE
+from drumsqueal.scene.tables import BYTES_PER_MODE, BYTES_PER_SAMPLE
 from drumsqueal.scene.usual import unusual
 from drumsqueal.simulation import Prepared, check_sample_rate, prepare, start_of
 from drumsqueal.solve.linear.modes import Mode, while_sliding
@@ -33,6 +35,7 @@ LOADED = 0.1  # s; loading that is faster did not happen, for all was loaded bef
 HARMONICS = 2  # of the highest frequency that a record should hold: contact that comes and goes makes them
 PHASES = 64  # of an oscillation, at which its distance from the contact boundaries is looked at
 SMALL = 0.5  # of the way to a contact boundary: a start from there on leaves next to no linear growth
+NEXT_TO_PIN = 5e-4  # of the lining, which is off the drum for what the pin of a shoe gives way: 1e-5 to 1e-4 were found
 EXCITED = 1e-6  # of the way to a contact boundary; less is round-off
 
 
@@ -87,6 +90,7 @@ class Check(Findings):
     estimate: Estimate
     warnings: tuple[str, ...]
     model: dict[str, tuple[str, ...]]
+    brake: Brake | None
     prepared: InMemory[Prepared] = Held
 
 
@@ -118,10 +122,11 @@ def check_scene(scene: Scene, loading: float = 0.0, *, progress: Progress = sile
         highest_frequency_Hz=prepared.stability.highest_frequency_Hz,
         least_sample_rate_Hz=2 * prepared.stability.highest_frequency_Hz,
         samples=samples,
-        history_bytes=samples * BYTES_PER_SAMPLE,
+        history_bytes=samples * (BYTES_PER_SAMPLE + BYTES_PER_MODE * len(elastic_names(scene))),
         estimate=Estimate(seconds, evaluations, whole),
         warnings=tuple(warnings_of(prepared, growing, fractions)),
         model={key: tuple(words) for key, words in prepared.inventory._asdict().items()},
+        brake=describe_brake(scene, prepared.linear, prepared.stability),
         prepared=prepared,
     )
 
@@ -139,13 +144,18 @@ def _numbers(prepared: Prepared) -> Iterator[tuple[str, float, str, str]]:
     for k, axis in enumerate(("Tx", "Ty", "Tz"), start=1):
         inertia = float(getattr(shoe.inertia, axis))
         yield (f"moment of inertia I{k}", inertia, "kg m^2", f"about the centre, for {axis}")
-    preload, stiffness = float(moment.preload), float(contact.law.stiffness)
-    yield ("mean pressure p0", preload, "Pa", "normal load / (R β b)")
+    preload, stiffness = float(np.asarray(mean_pressure(model, moment))), float(contact.law.stiffness)
+    if model.pushed:
+        mean = "mean pressure"
+        yield (mean, preload, "Pa", "normal force in steady sliding / (R β b)")
+    else:
+        mean = "p0"
+        yield ("mean pressure p0", preload, "Pa", "normal load / (R β b)")
     if isinstance(contact.law, Unilateral) and stiffness > 0:
         depth = preload / stiffness
-        yield ("lifting displacement", depth, "m", "p0/k_c: away from the drum, at which pressure p0 is lost")
+        yield ("lifting displacement", depth, "m", f"{mean}/k_c: away from the drum, at which that pressure is lost")
         arm = centroid * (math.sin(half) if half < math.pi / 2 else 1.0)
-        if arm > 0:
+        if arm > 0 and not model.pushed:  # next to its pin such a shoe lifts off at once
             yield ("lifting rotation", depth / arm, "rad", "Tz alone at which an end of the lining lifts off")
     if contact.friction is not None:
         speed = abs(float(moment.drum_speed))
@@ -215,7 +225,8 @@ def warnings_of(prepared: Prepared, growing: tuple[Growth, ...], fractions: tupl
 
 def _about_the_steady_state(prepared: Prepared) -> Iterator[str]:
     stability = prepared.stability
-    if stability.contact_fraction < 1 - 1e-9:
+    least = 1 - (NEXT_TO_PIN if prepared.linear.pushed else 1e-9)
+    if stability.contact_fraction < least:
         yield (
             f"In steady sliding the lining presses on {100 * stability.contact_fraction:.3g} % of its area only: the "
             "eigenvalues are those of the part that touches."

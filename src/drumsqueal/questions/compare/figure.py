@@ -11,6 +11,7 @@ from drumsqueal.findings.signals.decibels import level_dB
 from drumsqueal.questions.compare.measured.record import QUANTITIES
 from drumsqueal.questions.compare.study import LOWEST, MeasuredComparison, Spectral
 from drumsqueal.questions.compare.words import zero_level
+from drumsqueal.scene.coordinates import largest_of
 from drumsqueal.terminal import style
 from drumsqueal.terminal.placement import extremes, label_top_edge
 
@@ -44,9 +45,9 @@ def draw_comparison(comparison: MeasuredComparison) -> Figure:
         place = (nyquist + highest) / 2e3, 0.97
         upper.annotate("not measurable", place, rotation=90, **ALONG_TOP)
     _label_harmonics(comparison, upper)
-    label_top_edge(
-        upper, [(m.frequency_Hz / 1e3, f"{m.label} {m.frequency_Hz:.0f} Hz", style.COLOUR[m.name]) for m in modes]
-    )
+    named, _ = largest_of({mode.label: mode.growth_rate_1_per_s for mode in modes})
+    labels = [(m.frequency_Hz / 1e3, f"{m.label} {m.frequency_Hz:.0f} Hz", style.COLOUR[m.name]) for m in modes]
+    label_top_edge(upper, [each for each, mode in zip(labels, modes, strict=True) if mode.label in named])
     return figure
 
 

@@ -9,12 +9,13 @@ from rich.table import Table
 
 from drumsqueal.files.output_folder import BRANCH, BRANCH_SUMMARY, BRANCH_TABLE, CYCLE, CYCLE_HISTORY, CYCLE_SUMMARY
 from drumsqueal.findings.history import COMPLETE, to_dataset
-from drumsqueal.findings.vibration import unit_of
+from drumsqueal.physics.bodies.body import at_lining
 from drumsqueal.questions.cycle.diagram import Branch, CycleBranches, End
 from drumsqueal.questions.cycle.figures import draw_branch, draw_cycle
 from drumsqueal.questions.cycle.orbit import NEUTRAL, Cycle
 from drumsqueal.questions.cycle.search import CycleStudy
 from drumsqueal.questions.cycle.words import describe_briefly, end_words, missing_words
+from drumsqueal.scene.coordinates import MOST_SHOWN, column_unit, largest_of
 from drumsqueal.terminal.runner import Answer
 from drumsqueal.terminal.tables import print_table, rows_to_csv
 
@@ -25,7 +26,8 @@ def print_cycle(console: Console, found: CycleStudy) -> None:
     table.add_column("coordinate")
     table.add_column("half peak\nto peak", justify="right")
     for name, amplitude in found.amplitude.items():
-        table.add_row(name, f"{1e6 * amplitude:.6g} {unit_of(name, 'µ')}")
+        factor, unit, shown = at_lining(getattr(found.model, "body", None), name)
+        table.add_row(shown, f"{factor * amplitude:.6g} {unit}")
     print_table(console, table)
     table = Table(title="Floquet multipliers", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     for heading in ("modulus", "angle\ndegrees"):
@@ -53,21 +55,25 @@ def print_branches(console: Console, found: CycleBranches) -> None:
     """Print where branches begin and end and what happens on them, and what follows from that."""
     variation = found.parameter.variation
     unit = f"\n{variation.shown_unit}" if variation.shown_unit else ""
-    names = found.branches[0].cycles[0].names
+    names, others = _columns(found)
     table = Table(title=f"Limit cycles along {variation.key}", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     table.add_column("", justify="right")
     table.add_column("")
     table.add_column(f"value{unit}", justify="right")
     table.add_column("freq.\nHz", justify="right")
+    body = getattr(found.branches[0].cycles[0].model, "body", None) if found.branches else None
+    shown = {name: at_lining(body, name) for name in names}  # of free modes how far the lining moves
     for name in names:
-        table.add_column(f"{name}\n{unit_of(name, 'µ')}", justify="right")
+        table.add_column(f"{name}\n{shown[name][1]}", justify="right")
     table.add_column("largest\n|μ|", justify="right")
     for number, branch in enumerate(found.branches, start=1):
         for what, cycle in milestones(branch):
-            amplitudes = (f"{1e6 * cycle.amplitude[name]:.3g}" for name in names)
+            amplitudes = (f"{shown[name][0] * cycle.amplitude[name]:.3g}" for name in names)
             value = f"{variation.shown(cycle.value):.7g}"
             table.add_row(str(number), what, value, f"{cycle.frequency_Hz:.1f}", *amplitudes, f"{cycle.largest:.4f}")
     print_table(console, table)
+    if others:
+        console.print(f"Without the {len(others)} coordinates that move less; {BRANCH_TABLE} has them all", style="dim")
     for critical in found.critical_values:
         becomes = "unstable" if critical.destabilises else "stable"
         where = f"{variation.key} = {variation.with_unit(critical.value, '.7g')}"
@@ -78,6 +84,16 @@ def print_branches(console: Console, found: CycleBranches) -> None:
     for words in missing_words(found):
         console.print(words, style="dim")
     console.print(found.verdict, style="bold")
+
+
+def _columns(found: CycleBranches) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The coordinates that the table has columns for, those that move the lining most, and the others."""
+    cycles = [cycle for branch in found.branches for cycle in branch.cycles]
+    names = cycles[0].names
+    if len(names) <= MOST_SHOWN:
+        return names, ()
+    reach = {name: cycles[0].model.shoe.lever(name) for name in names}
+    return largest_of({name: max(reach[name] * cycle.amplitude[name] for cycle in cycles) for name in names})
 
 
 def milestones(branch: Branch) -> list[tuple[str, Cycle]]:
@@ -103,7 +119,7 @@ def branches_table(found: CycleBranches) -> str:
                 # one on the circle is none
                 "unstable_directions": int(np.sum(np.abs(cycle.multipliers) > 1 + NEUTRAL)),
             }
-            row |= {f"amplitude_{name}_{unit_of(name)}": size for name, size in cycle.amplitude.items()}
+            row |= {f"amplitude_{name}_{column_unit(name)}": size for name, size in cycle.amplitude.items()}
             row |= {
                 name: getattr(cycle, name)
                 for name in ("contact_fraction", "slip_reversed_fraction", "sticking_fraction")

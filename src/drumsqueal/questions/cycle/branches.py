@@ -10,6 +10,7 @@ import numpy as np
 
 from drumsqueal.errors import CycleError
 from drumsqueal.outcome import Ending
+from drumsqueal.physics.composition import check_shapes_stay
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.cycle.continuation import SAME
@@ -155,6 +156,7 @@ def checked_range(scene: Scene, variation: Variation) -> None:
     """Raise SceneError where cycles cannot be followed over a range of a scene's number."""
     checked(scene)
     may_not_rest(variation)
+    check_shapes_stay(scene, variation.key)
     for value in variation.values:
         checked(scene.with_values({variation.key: value}))
 

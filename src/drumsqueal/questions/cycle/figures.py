@@ -11,13 +11,14 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from drumsqueal.findings.intervals import Interval
-from drumsqueal.findings.vibration import ROTATIONS, unit_of
+from drumsqueal.findings.vibration import levers
 from drumsqueal.questions.cycle.diagram import CycleBranches, Diagram
 from drumsqueal.questions.cycle.orbit import Cycle, Event
 from drumsqueal.questions.cycle.search import CycleStudy
 from drumsqueal.questions.onset.figure import DASHES, OTHER, SHADES, draw_cycles, limit_amplitudes
 from drumsqueal.questions.onset.found import Kind
 from drumsqueal.questions.run.figures.contact import along_arc
+from drumsqueal.scene.coordinates import at_surface, largest_of, unit_of
 from drumsqueal.terminal import style
 from drumsqueal.terminal.placement import tick_in_units
 from drumsqueal.terminal.style import frame, new_figure, styled
@@ -26,6 +27,7 @@ MICRO = 1e6
 ANGLES = 160  # of the picture of the contact
 NEAR = 0.3  # the slip limit is drawn where the motion comes to this fraction of it
 LEGEND: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "borderaxespad": 0.2}  # above the frame
+LEGEND_COLUMNS = 6
 MARKERS = dict(zip(Event, "s^vPxo", strict=True))
 SPECIAL: dict[str, Any] = {"color": style.DARK, "markersize": 4, "markerfacecolor": "white"}
 ROOM = 0.08  # of the height, above the largest amplitude
@@ -63,14 +65,16 @@ def draw_portrait(axes: Axes, cycle: Cycle) -> None:
 
 def _draw_displacements(axes: Axes, cycle: Cycle) -> None:
     """All in µm at the drum's surface."""
-    radius = float(cycle.model.shoe.outer_radius)
+    values = MICRO * cycle.samples.displacement * levers(cycle.names, cycle.model.shoe)
+    sizes = dict(zip(cycle.names, np.ptp(values, axis=0).tolist(), strict=True))
+    shown, others = largest_of({name: size for name, size in sizes.items() if size > 0})
     for k, name in enumerate(cycle.names):
-        turned = name in ROTATIONS
-        values = MICRO * cycle.samples.displacement[:, k] * (radius if turned else 1.0)
-        if np.ptp(values) > 0:
-            axes.plot(_time(cycle), values, color=style.COLOUR[name], label=f"R {name}" if turned else name)
+        if name in shown:
+            axes.plot(_time(cycle), values[:, k], color=style.COLOUR[name], label=at_surface(name))
+    if others:
+        axes.plot([], [], linestyle="", label=f"{len(others)} more move less")
     axes.set_xlim(0, _time(cycle)[-1])
-    axes.legend(ncols=len(cycle.names), **LEGEND)
+    axes.legend(ncols=min(len(cycle.names), LEGEND_COLUMNS), **LEGEND)
     frame(axes, None, "Displacement (µm)")
 
 

@@ -6,10 +6,11 @@ from collections.abc import Sequence
 
 from drumsqueal.findings.intervals import Interval
 from drumsqueal.findings.signals.regime import Kind, Regime
-from drumsqueal.findings.vibration import unit_of
+from drumsqueal.physics.bodies.body import at_lining
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.questions.cycle.diagram import Branch, Diagram, End, OffBranch
 from drumsqueal.questions.cycle.orbit import Cycle
+from drumsqueal.scene.coordinates import unit_of
 from drumsqueal.scene.quantities import percent
 from drumsqueal.scene.variation import Variation
 from drumsqueal.solve.pulling import pulling_sentence, smallest_force
@@ -36,8 +37,10 @@ def cycle_verdict(cycle: Cycle) -> str:
 def describe_briefly(cycle: Cycle) -> str:
     """Stability, frequency and amplitude of a cycle."""
     name = cycle.main_coordinate
-    scale, prefix = (1e6, "µ") if cycle.amplitude[name] < VISIBLE else (1.0, "")
-    amplitude = f"{scale * cycle.amplitude[name]:.4g} {unit_of(name, prefix)} in {name}"
+    scale, unit, shown = at_lining(getattr(cycle.model, "body", None), name)
+    if cycle.amplitude[name] >= VISIBLE and shown == name:
+        scale, unit = 1.0, unit_of(name)
+    amplitude = f"{scale * cycle.amplitude[name]:.4g} {unit} in {shown}"
     kind = "a neutral" if cycle.neutral else "a stable" if cycle.stable else "an unstable"
     return f"{kind} limit cycle at {cycle.frequency_Hz:.7g} Hz, {amplitude}"
 

@@ -1,16 +1,22 @@
 """What a scene could do without: each of its effects left out, or reduced to a simpler one."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from drumsqueal.physics.bodies.rigid_shoe import IN_PLANE
-from drumsqueal.physics.composition import forced_coordinates, kept_coordinates
-from drumsqueal.scene import COORDINATES, Profile, Scene, Schedule
+from drumsqueal.physics.composition import (
+    coordinates_of,
+    forced_coordinates,
+    free_frequencies,
+    kept_coordinates,
+    plane_of,
+)
+from drumsqueal.scene import COORDINATES, Profile, Scene, Schedule, quantity_of
 from drumsqueal.scene.laws.constant import ConstantFriction
 
 NOTHING = "none"  # what becomes of an effect that is left out
+ELASTICITY = "elasticity of the shoe"
 
 
 class Reduction(NamedTuple):
@@ -34,31 +40,69 @@ def reduce(scene: Scene, reductions: Iterable[Reduction]) -> Scene:
     """Return the scene with these reductions, in the order of `reductions_of`."""
     values: dict[str, Any] = {}
     for reduction in reductions:
-        values |= reduction.values
+        values |= {key: _both(values[key], each) if key in values else each for key, each in reduction.values.items()}
     return scene.with_values(values)
 
 
+def _both(one: Any, other: Any) -> Any:
+    """What two reductions leave of the coordinates that are started, forced or listed."""
+    if isinstance(one, Mapping) and isinstance(other, Mapping):
+        return {name: value for name, value in one.items() if name in other}
+    if isinstance(one, list) and isinstance(other, list):
+        return [name for name in one if name in other]
+    return one if other == "auto" else other
+
+
 def _reductions(scene: Scene) -> Iterator[Reduction]:
-    kept = set(kept_coordinates(scene))
-    if kept - set(IN_PLANE) and kept & set(IN_PLANE):
-        yield Reduction("space", "plane", _plane(scene))
+    kept, plane = set(kept_coordinates(scene)), set(plane_of(scene))
+    if kept - plane and kept & plane:
+        yield Reduction("space", "plane", _over(scene, plane_of(scene)))
+    if scene.shoe.elastic is not None:
+        yield Reduction(ELASTICITY, "rigid", {"shoe.elastic": None, **_over(scene, COORDINATES)})
     if scene.contact.separation:
         yield Reduction("separation", "bonded", {"contact.separation": False})
     yield from _friction(scene)
     for table, effect in (("support", "support springs"), ("damping", "damping"), ("temperature", "temperature")):
         if getattr(scene, table) is not None:
             yield Reduction(effect, NOTHING, {table: None})
+    if scene.shoe.spring:
+        yield Reduction("springs at points", NOTHING, {"shoe.spring": None})
     if forced_coordinates(scene):
         yield Reduction("harmonic force", NOTHING, {"forcing": None})
-    if scene.steady.state == "self-consistent" and scene.friction is not None:
+    if scene.steady.state == "self-consistent" and scene.friction is not None and not scene.shoe.force:
         yield Reduction("steady drag", "balanced", {"steady.state": "uniform-pressure"})
-    for key, effect, schedule, unit in (
-        ("drum.speed", "speed profile", scene.drum.speed, "rad/s"),
-        ("contact.normal_load", "load profile", scene.contact.normal_load, "N"),
-    ):
+    named = {"drum.speed": "speed profile", "contact.normal_load": "load profile"}
+    for key, schedule in scene.schedules().items():
         if isinstance(schedule, Profile):
-            start = _at_start(schedule)
-            yield Reduction(effect, f"{start:.4g} {unit}", {key: start})
+            start, unit = _at_start(schedule), quantity_of(key, scene).unit
+            yield Reduction(named.get(key, f"profile of {key}"), f"{start:.4g} {unit}", {key: start})
+
+
+def fewest_modes(scene: Scene, suffices: Callable[[Reduction], bool]) -> Reduction | None:
+    """The fewest free modes of an elastic shoe that suffice, by bisection; None where it takes all of them.
+
+    With more modes errors are taken to be smaller.
+    """
+    frequencies = free_frequencies(scene)
+    too_few, enough, found = 0, len(frequencies), None
+    while enough - too_few > 1:
+        count = (too_few + enough) // 2
+        reduction = _modes(scene, frequencies, count)
+        if suffices(reduction):
+            enough, found = count, reduction
+        else:
+            too_few = count
+    return found
+
+
+def _modes(scene: Scene, frequencies: Sequence[float], count: int) -> Reduction:
+    """As many of the modes: those below a round frequency between two."""
+    last, following = frequencies[count - 1 : count + 1]
+    between = (float(f"{(last + following) / 2:.{digits}g}") for digits in range(1, 16))
+    limit = next((each for each in between if last < each < following), following)
+    kept = (*COORDINATES, *(f"E{k + 1}" for k in range(count)))
+    values = {"shoe.elastic.up_to": limit, **_over(scene, kept)}
+    return Reduction("elastic modes", f"{count} below {limit / 1e3:.6g} kHz", values)
 
 
 def _friction(scene: Scene) -> Iterator[Reduction]:
@@ -75,22 +119,23 @@ def _friction(scene: Scene) -> Iterator[Reduction]:
         yield Reduction("friction", NOTHING, {"friction": None, **heated})
 
 
-def _plane(scene: Scene) -> dict[str, Any]:
+def _over(scene: Scene, names: Sequence[str]) -> dict[str, Any]:
+    """Values by which no other coordinate is started, forced or listed."""
     values: dict[str, Any] = {}
     for table in ("displacement", "velocity"):
-        values[f"start.{table}"] = _in_plane(getattr(scene.start, table))
+        values[f"start.{table}"] = _among(names, getattr(scene.start, table))
     if scene.forcing is not None:
-        amplitude = _in_plane(scene.forcing.amplitude)
+        amplitude = _among(names, scene.forcing.amplitude)
         values |= {"forcing.amplitude": amplitude} if any(amplitude.values()) else {"forcing": None}
-    if scene.simulate.coordinates == COORDINATES:
-        values["simulate.coordinates"] = "auto"  # which keeps the eigenvalues of all six
+    if scene.simulate.coordinates == coordinates_of(scene):
+        values["simulate.coordinates"] = "auto"  # which keeps the eigenvalues of all
     elif scene.simulate.coordinates != "auto":
-        values["simulate.coordinates"] = [name for name in scene.simulate.coordinates if name in IN_PLANE]
+        values["simulate.coordinates"] = [name for name in scene.simulate.coordinates if name in names]
     return values
 
 
-def _in_plane(table: Mapping[str, float]) -> dict[str, float]:
-    return {name: value for name, value in table.items() if name in IN_PLANE}
+def _among(names: Sequence[str], table: Mapping[str, float]) -> dict[str, float]:
+    return {name: value for name, value in table.items() if name in names}
 
 
 def _at_start(schedule: Schedule) -> float:

@@ -10,15 +10,16 @@ from drumsqueal.errors import RequestError, nearest
 from drumsqueal.files.saved_history import SavedHistory
 from drumsqueal.findings.history import SIGNALS as ALWAYS
 from drumsqueal.findings.history import TEMPERATURE, memory_of, signals_of
-from drumsqueal.findings.vibration import ROTATIONS
-from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
-from drumsqueal.physics.composition import kept_coordinates
-from drumsqueal.scene import COORDINATES, Scene
+from drumsqueal.physics.composition import coordinates_of, kept_coordinates
+from drumsqueal.physics.model import body_of
+from drumsqueal.scene import Scene
+from drumsqueal.scene.coordinates import COORDINATES, is_elastic, is_rotation, unit_of
 
 if TYPE_CHECKING:
     from drumsqueal.solve.linear.modes import Stability
 
 DISPLACEMENT, VELOCITY, ACCELERATION, FLAG = "displacement", "velocity", "acceleration", "flag"
+MODAL = "modal amplitude"
 CENTRE_OF_GRAVITY, MIDDLE, LEADING_END, TRAILING_END = 1, 2, 3, 4
 """Points of the shoe by number, the ends as at positive speed; 0 is no point, for what belongs to the whole lining."""
 # Lengths and forces multiplied in the units of a signal that is no motion: what formats with codes of units ask for.
@@ -26,7 +27,7 @@ NO_UNITS = (0, 0)
 UNKNOWN = "eigenvalues_unknown"
 SURFACE = "surface_velocity"
 _GIVEN_LAW = "the friction law was given in Python and is not in the history"
-_UNITS = {DISPLACEMENT: ("m", "rad"), VELOCITY: ("m/s", "rad/s"), ACCELERATION: ("m/s^2", "rad/s^2")}
+_RATES = {DISPLACEMENT: "", VELOCITY: "/s", ACCELERATION: "/s^2"}  # what is added to the units of coordinates
 _SHORT = {DISPLACEMENT: "disp", VELOCITY: "vel", ACCELERATION: "acc"}
 # What the recorded signals measure: short name, quantity, powers of length and force in the units.
 _RECORDED = {
@@ -120,10 +121,11 @@ def names_of(
     """
     moving, left_out = kept_coordinates(saved.scene), []
     if asked is None:
-        groups = [kind for kind in _UNITS if kind != ACCELERATION or not saved.given_law]
+        groups = [kind for kind in _RATES if kind != ACCELERATION or not saved.given_law]
         asked = (*groups, *_SURFACE, *signals_of(saved.scene))
         left_out = [] if ACCELERATION in groups else [f"accelerations are left out: {_GIVEN_LAW}"]
-    names = list(dict.fromkeys(name for group in asked for name in _members(group, moving, option)))
+    every = coordinates_of(saved.scene)
+    names = list(dict.fromkeys(name for group in asked for name in _members(group, moving, every, option)))
     absent = next((name for name in names if name in TEMPERATURE and saved.scene.temperature is None), None)
     if absent is not None:
         raise RequestError(f"{option} {absent}: the scene of this history has no temperature; leave it out")
@@ -132,20 +134,20 @@ def names_of(
     return names, left_out
 
 
-def known_signals() -> list[str]:
-    """Every name that may be asked for, of signals and of groups of them."""
-    every = [f"{kind}_{coordinate}" for kind in _UNITS for coordinate in COORDINATES]
-    return [*_UNITS, *every, *_SURFACE, *SIGNALS]
+def known_signals(coordinates: Sequence[str] = COORDINATES) -> list[str]:
+    """Every name that may be asked for of a history of these coordinates, of signals and of groups of them."""
+    every = [f"{kind}_{coordinate}" for kind in _RATES for coordinate in coordinates]
+    return [*_RATES, *every, *_SURFACE, *SIGNALS]
 
 
-def _members(name: str, moving: Sequence[str], option: str) -> list[str]:
-    if name in _UNITS:
+def _members(name: str, moving: Sequence[str], coordinates: Sequence[str], option: str) -> list[str]:
+    if name in _RATES:
         return [f"{name}_{coordinate}" for coordinate in moving]
-    known = known_signals()
+    known = known_signals(coordinates)
     if name in known:
         return [name]
     near = nearest(name, known)
-    meant = f"did you mean {near[0]}?" if near else f"there are {', '.join((*_UNITS, *_SURFACE, *SIGNALS))}"
+    meant = f"did you mean {near[0]}?" if near else f"there are {', '.join((*_RATES, *_SURFACE, *SIGNALS))}"
     raise RequestError(f"{option} {name}: there is no such signal; {meant}")
 
 
@@ -158,8 +160,8 @@ def make_channels(saved: SavedHistory, names: Sequence[str], rows: slice) -> lis
     channels = []
     for name in names:
         kind, _, coordinate = name.partition("_")
-        if kind in _UNITS:
-            channels.append(_motion(kind, coordinate, motions[kind]))
+        if kind in _RATES:
+            channels.append(_motion(kind, coordinate, saved.coordinates.index(coordinate), motions[kind]))
         elif name in _SURFACE:
             channels.append(_surface(saved.scene, name, motions[VELOCITY]))
         else:
@@ -174,17 +176,18 @@ def surface_velocity(
 
     Radial or along the drum, of velocities (k, m) of all coordinates.
     """
-    radial, along, _ = RigidShoe(**scene.shoe.model_dump()).displacement(
-        dict(zip(COORDINATES, velocity.T, strict=True)), angle
-    )
+    radial, along, _ = body_of(scene).displacement(dict(zip(coordinates_of(scene), velocity.T, strict=True)), angle)
     return along if along_drum else radial
 
 
-def _motion(kind: str, coordinate: str, recorded: NDArray[np.float64]) -> Channel:
-    i, rotation = COORDINATES.index(coordinate), coordinate in ROTATIONS
-    name, short, units = f"{kind}_{coordinate}", f"{_SHORT[kind]}_{coordinate}", _UNITS[kind][rotation]
-    meaning = f"{kind}{' of rotation' if rotation else ''} {coordinate} at the centre of gravity"
-    return Channel(name, short, kind, units, meaning, recorded[:, i].copy(), CENTRE_OF_GRAVITY, i + 1)
+def _motion(kind: str, coordinate: str, place: int, recorded: NDArray[np.float64]) -> Channel:
+    name, short, units = f"{kind}_{coordinate}", f"{_SHORT[kind]}_{coordinate}", unit_of(coordinate) + _RATES[kind]
+    values = recorded[:, place].copy()
+    if is_elastic(coordinate):  # of no point and in no direction, and in units that no format has a code for
+        rate = "" if kind == DISPLACEMENT else f"{kind} of the "
+        return Channel(name, short, MODAL, units, f"{rate}amplitude of free mode {coordinate}", values)
+    meaning = f"{kind}{' of rotation' if is_rotation(coordinate) else ''} {coordinate} at the centre of gravity"
+    return Channel(name, short, kind, units, meaning, values, CENTRE_OF_GRAVITY, place + 1)
 
 
 def _surface(scene: Scene, name: str, velocity: NDArray[np.float64]) -> Channel:
@@ -209,8 +212,8 @@ def _accelerations(saved: SavedHistory) -> NDArray[np.float64]:
     from drumsqueal.solve.transient.accelerations import accelerations
 
     model = build_model(saved.scene)
-    data, kept = saved.data, [COORDINATES.index(name) for name in kept_coordinates(saved.scene)]
-    wide = np.zeros((data.sizes["time"], len(COORDINATES)))
+    data, kept = saved.data, [saved.coordinates.index(name) for name in model.names]
+    wide = np.zeros((data.sizes["time"], len(saved.coordinates)))
     q, v = (data[name].values[:, kept] for name in (DISPLACEMENT, VELOCITY))
     wide[:, kept] = accelerations(
         model, data["time"].values, q, v, data["sticking"].values > 0, memory_of(data, model.remembered)

@@ -15,9 +15,9 @@ import pyuff
 from numpy.typing import NDArray
 
 from drumsqueal.files.universal import SI_SYSTEM, TIME_AXIS, TIME_RESPONSE, type_of
-from drumsqueal.findings.vibration import unit_of
-from drumsqueal.physics.bodies.body import displace
-from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
+from drumsqueal.physics.bodies.body import Shoe, displace
+from drumsqueal.physics.composition import coordinates_of
+from drumsqueal.physics.model import body_of
 from drumsqueal.progress import Progress
 from drumsqueal.questions.export.signals import (
     CENTRE_OF_GRAVITY,
@@ -27,11 +27,13 @@ from drumsqueal.questions.export.signals import (
     Channel,
     Channels,
 )
+from drumsqueal.scene.coordinates import is_elastic, unit_of
 from drumsqueal.solve.linear.modes import Mode
 
 # Of the points of the shoe, those that a line joins.
 OUTLINE = (LEADING_END, MIDDLE, TRAILING_END, CENTRE_OF_GRAVITY, LEADING_END)
 POINTS = sorted(set(OUTLINE))
+SECTIONS, FIRST_OF_GRID = 17, 101  # of a shoe that bends: frames along it, and the number of their first point
 EXACT = 1e-9  # of the interval between samples, that six digits of a time may be off without a word
 _EVEN = 1
 _ID_LINE, _LABEL, _NAME = 80, 20, 10  # columns
@@ -68,21 +70,43 @@ def write_uff58(channels: Channels, path: Path, progress: Progress) -> str:
 
 
 def _datasets(channels: Channels) -> Iterator[dict[str, Any]]:
-    # In the order of POINTS: (c, 0, 0), then R (cos θ, sin θ, 0) at θ = 0, −β/2 and β/2.
-    shoe = RigidShoe(**channels.scene.shoe.model_dump())
-    angles = float(shoe.half_angle) * np.array([0.0, -1.0, 1.0])
-    lining = float(shoe.outer_radius) * np.stack([np.cos(angles), np.sin(angles), np.zeros(3)], axis=1)
-    places = np.vstack([[float(shoe.centroid), 0.0, 0.0], lining]).T
+    shoe = body_of(channels.scene, coordinates_of(channels.scene))
+    points, lines = _geometry(shoe, bends=channels.scene.shoe.elastic is not None)
     yield _header(channels)
     yield _units()
     yield _coordinate_systems()
-    yield _nodes(places)
-    yield pyuff.prepare_82(trace_num=1, color=_COLOUR, id="shoe", nodes=np.array(OUTLINE))
+    yield _nodes(points)
+    for number, (name, line) in enumerate(lines, start=1):
+        yield pyuff.prepare_82(trace_num=number, color=_COLOUR, id=name, nodes=np.array(line))
     if channels.stability is not None:
+        places = np.array(list(points.values())).T
         for number, mode in enumerate(channels.stability.modes):
             moves = displace(shoe, mode.shape(channels.stability.coordinates), *places)
-            yield _mode(channels, mode, number, [np.broadcast_to(move, len(POINTS)).astype(complex) for move in moves])
+            each = [np.broadcast_to(move, len(points)).astype(complex) for move in moves]
+            yield _mode(channels, mode, number, list(points), each)
     yield from (_function(channels, channel, number) for number, channel in enumerate(channels.channels, start=1))
+
+
+def _geometry(shoe: Shoe, *, bends: bool) -> tuple[dict[int, tuple[float, ...]], list[tuple[str, tuple[int, ...]]]]:
+    """Places (m) of the points by their numbers, and the lines that join them, by name.
+
+    Those that signals belong to, and of a shoe that bends a grid over its surface: a frame around each section.
+    """
+    angles, radius = float(shoe.half_angle) * np.array([0.0, -1.0, 1.0]), float(shoe.outer_radius)
+    lining = (tuple(radius * np.array([np.cos(angle), np.sin(angle), 0.0])) for angle in angles)
+    # In the order of POINTS: (c, 0, 0), then R (cos θ, sin θ, 0) at θ = 0, −β/2 and β/2.
+    points: dict[int, tuple[float, ...]] = dict(zip(POINTS, [(float(shoe.centroid), 0.0, 0.0), *lining], strict=True))
+    lines: list[tuple[str, tuple[int, ...]]] = [("shoe", OUTLINE)]
+    if not bends:
+        return points, lines
+    half, inner = float(shoe.width) / 2, radius - float(shoe.thickness)
+    frame = [(radius, -half), (radius, 0.0), (radius, half), (inner, half), (inner, 0.0), (inner, -half)]
+    sections = np.linspace(-1.0, 1.0, SECTIONS) * float(shoe.half_angle)
+    numbers = FIRST_OF_GRID + np.arange(SECTIONS * len(frame)).reshape(SECTIONS, len(frame))
+    for row, angle in zip(numbers.tolist(), sections, strict=True):
+        points |= {k: (r * np.cos(angle), r * np.sin(angle), z) for k, (r, z) in zip(row, frame, strict=True)}
+        lines.append((f"section at {np.rad2deg(angle):.4g} deg", (*row, row[0])))
+    return points, lines + [(f"along the shoe {k}", tuple(line)) for k, line in enumerate(numbers.T.tolist(), start=1)]
 
 
 def _header(channels: Channels) -> dict[str, Any]:
@@ -125,31 +149,34 @@ def _coordinate_systems() -> dict[str, Any]:
     )
 
 
-def _nodes(places: NDArray[np.float64]) -> dict[str, Any]:
+def _nodes(points: dict[int, tuple[float, ...]]) -> dict[str, Any]:
     """Dataset 2411: places along the model's axes; the lining's directions are radial, along the drum, axial."""
-    x, y, z = places
+    x, y, z = np.array(list(points.values())).T
     return pyuff.prepare_2411(
-        node_nums=np.array(POINTS),
-        def_cs=np.full(len(POINTS), _GLOBAL),
-        disp_cs=np.array([_GLOBAL if point == CENTRE_OF_GRAVITY else _DRUM for point in POINTS]),
-        color=np.full(len(POINTS), _COLOUR),
+        node_nums=np.array(list(points)),
+        def_cs=np.full(len(points), _GLOBAL),
+        disp_cs=np.array([_DRUM if point in (LEADING_END, MIDDLE, TRAILING_END) else _GLOBAL for point in points]),
+        color=np.full(len(points), _COLOUR),
         x=x,
         y=y,
         z=z,
     )
 
 
-def _mode(channels: Channels, mode: Mode, number: int, moves: list[NDArray[np.complex128]]) -> dict[str, Any]:
+def _mode(
+    channels: Channels, mode: Mode, number: int, points: list[int], moves: list[NDArray[np.complex128]]
+) -> dict[str, Any]:
     """Dataset 55 of the mode of that number (from 0 on): translations of the points along the global axes.
 
     Modal A and B are 0, which is none: with friction they take the left eigenvector, for which there is no place.
     """
     x, y, z = moves
+    place = f"free mode {mode.name}" if is_elastic(mode.name) else f"{mode.name} at the centre of gravity"
     return pyuff.prepare_55(
         id1=_fitted(f"mode {channels.prediction[number]}", _ID_LINE),
         id2=_fitted(channels.texts["title"], _ID_LINE),
         id3="complex mode of steady sliding, along the global x, y, z at every node",
-        id4=f"in m where {mode.name} at the centre of gravity is 1 {unit_of(mode.name)}",
+        id4=f"in m where {place} is 1 {unit_of(mode.name)}",
         id5="NONE",
         model_type=1,
         analysis_type=_COMPLEX_MODE,
@@ -158,7 +185,7 @@ def _mode(channels: Channels, mode: Mode, number: int, moves: list[NDArray[np.co
         load_case=0,
         mode_n=number + 1,
         eig=mode.eigenvalue,
-        node_nums=POINTS,
+        node_nums=points,
         r1=x,
         r2=y,
         r3=z,

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from drumsqueal.errors import RequestError
 from drumsqueal.findings.signals.sound import FULL_SCALE, HEADROOM_DB, to_sound, wav_bytes
-from drumsqueal.findings.vibration import unit_of
 from drumsqueal.progress import Progress
 from drumsqueal.questions.export.signals import Channels
+from drumsqueal.scene.coordinates import unit_of
 
 _BLOCK = 2**14  # rows at a time
 _MOST = 2**31 - 2**20  # bytes of one variable that a MAT file takes

@@ -34,7 +34,8 @@ from drumsqueal.questions.sweep.points import (
     blank,
 )
 from drumsqueal.questions.sweep.starts import point_of, round_of
-from drumsqueal.scene import COORDINATES, Scene
+from drumsqueal.scene import Scene
+from drumsqueal.scene.coordinates import DISPLACEMENT, kind_of, place_of
 from drumsqueal.solve.linear.branches import Point
 from drumsqueal.solve.linear.modes import Stability, analyse_stability
 from drumsqueal.solve.linear.passage import point_in_time
@@ -226,7 +227,7 @@ def _heard(
     if not _turns(model, time):
         return None, False
     q, v = (dict(zip(model.names, columns.T, strict=True)) for columns in (vibration, velocity))
-    beyond = np.maximum(pressure_fraction(model, q, moments.preload), slip_fraction(model, v, speed)) >= BEYOND
+    beyond = np.maximum(pressure_fraction(model, q, moments), slip_fraction(model, v, speed)) >= BEYOND
     if not beyond.any():
         return None, False
     energies, middle = velocity**2 @ np.asarray(model.mass) / 2, len(time) // 2
@@ -250,8 +251,8 @@ def _line(model: Model, time: NDArray, velocity: NDArray) -> float:
 
 def _rms(model: Model, kinetic_energy: float) -> float:
     """√(2 T/m): the rms velocity (m/s) of the shoe, over its mass and over time, by the mean kinetic energy T (J)."""
-    mass = dict(zip(model.names, np.asarray(model.mass).tolist(), strict=True))
-    return math.sqrt(2 * kinetic_energy / mass.get("Y", mass[model.names[0]]))
+    translated = next((k for k, name in enumerate(model.names) if kind_of(name) is DISPLACEMENT), 0)
+    return math.sqrt(2 * kinetic_energy / float(model.mass[translated]))
 
 
 def _note(columns: Columns, k: int, found: Sequence[Loudest], *, settled: bool) -> None:
@@ -270,7 +271,7 @@ def _note(columns: Columns, k: int, found: Sequence[Loudest], *, settled: bool) 
     if small:
         columns["small_velocity"][k], columns["small_frequency"][k] = small.velocity, small.frequency
     if loudest.start.kick is not None and not _is_alike(small, loudest):
-        columns["along"][k] = COORDINATES.index(loudest.start.kick.mode.split()[0])
+        columns["along"][k] = place_of(loudest.start.kick.mode.split()[0])
 
 
 def _is_alike(small: Loudest | None, loudest: Loudest) -> bool:

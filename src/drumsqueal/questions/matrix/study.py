@@ -15,7 +15,7 @@ from drumsqueal.questions.matrix.found import OPEN, CellFound, Disturbance, Nois
 from drumsqueal.questions.matrix.table import MatrixPlan, read_matrix
 from drumsqueal.questions.sweep.points import OUTCOMES
 from drumsqueal.questions.sweep.study import in_memory
-from drumsqueal.scene import COORDINATES
+from drumsqueal.scene.coordinates import name_at
 
 REFERENCE = 1e-9  # m/s, of velocity levels by ISO 1683
 
@@ -59,7 +59,7 @@ def find_matrix(data: xarray.Dataset, plan: MatrixPlan) -> NoiseMatrix:
 def _cell(columns: dict[str, np.ndarray], plan: MatrixPlan, number: int) -> CellFound:
     here = {name: values[number].item() for name, values in columns.items()}
     velocity, disturbance = here["velocity"], DISTURBANCES.get(here["after"])
-    along = f", along {COORDINATES[here['along']]}" if here["along"] >= 0 else ""
+    along = f", along {name_at(here['along'])}" if here["along"] >= 0 else ""
     louder = along and f"; the loudest: large{along}"
     return CellFound(
         levels={name: level.label for name, level in plan.levels(number).items()},

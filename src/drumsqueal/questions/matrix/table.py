@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from drumsqueal.errors import RequestError, nearest
-from drumsqueal.scene import COORDINATES, Profile, Scene, SceneError, load_scene
+from drumsqueal.scene import Profile, Scene, SceneError, load_scene
 from drumsqueal.scene.file import read_tables
 from drumsqueal.scene.quantities import parse_quantity
 from drumsqueal.scene.shipped import find_scene
@@ -77,7 +77,6 @@ class MatrixPlan(NamedTuple):
     starts = ()
     draws = 0
     variations = ()
-    coordinates = COORDINATES
 
     @property
     def keys(self) -> tuple[str, ...]:

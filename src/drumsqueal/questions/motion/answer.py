@@ -6,9 +6,9 @@ from rich.console import Console
 
 from drumsqueal.files.output_folder import CONVERGENCE, LINES, MOTION_SUMMARY, MOTION_TABLE, SECTION
 from drumsqueal.findings.signals.regime_words import written_frequencies
-from drumsqueal.findings.vibration import unit_of
 from drumsqueal.questions.motion.attractor import Kind, written_exponents
 from drumsqueal.questions.motion.study import MotionStudy
+from drumsqueal.scene.coordinates import column_unit, unit_of
 from drumsqueal.terminal import style
 from drumsqueal.terminal.placement import label_right_edge
 from drumsqueal.terminal.runner import Answer
@@ -59,7 +59,8 @@ def lines_table(study: MotionStudy) -> str:
         }
         row |= {f"k{place}": times for place, times in enumerate(integers, start=1)}
         row |= {
-            f"amplitude_{name}_{unit_of(name)}": abs(lines.amplitude[k, c]) for c, name in enumerate(study.coordinates)
+            f"amplitude_{name}_{column_unit(name)}": abs(lines.amplitude[k, c])
+            for c, name in enumerate(study.coordinates)
         }
         rows.append(row)
     return rows_to_csv(rows)

@@ -10,12 +10,12 @@ from rich.text import Text
 
 from drumsqueal.files.output_folder import ONSET as FIGURE
 from drumsqueal.files.output_folder import ONSET_SUMMARY, ONSET_TABLE
-from drumsqueal.findings.vibration import unit_of
 from drumsqueal.questions.cycle.words import missing_words
 from drumsqueal.questions.onset.figure import draw_onset
 from drumsqueal.questions.onset.found import Kind, Onset, OnsetStudy, Row
 from drumsqueal.questions.onset.motions import Attractor, Leads, Motion, Response
-from drumsqueal.questions.onset.words import critical_words, shown_line, size_unit, start_words, with_uncertainty
+from drumsqueal.questions.onset.words import critical_words, shown_line, shown_size, start_words, with_uncertainty
+from drumsqueal.scene.coordinates import column_unit
 from drumsqueal.terminal.runner import Answer
 from drumsqueal.terminal.tables import print_table, rows_to_csv
 
@@ -64,9 +64,9 @@ def _outcomes(row: Row, study: OnsetStudy) -> list[tuple[str, str, str]]:
 
 
 def _unit(study: Onset) -> tuple[float, str]:
-    """The unit of the amplitudes in the tables, and how many of it are one of SI."""
+    """How many units of the amplitudes in the tables are one of SI, and the unit."""
     amplitudes = [each.amplitude[study.coordinate] for row in study.values for each in row.motions]
-    return size_unit(study.coordinate, amplitudes)
+    return shown_size(study, amplitudes)[:2]
 
 
 def _shown(motion: Motion, study: Onset) -> tuple[str, str]:
@@ -136,7 +136,7 @@ def onset_table(study: OnsetStudy) -> str:
 def _cells(which: str, response: Response | None, study: OnsetStudy) -> dict[str, Any]:
     """Where a start led and its motion, as far as there is one."""
     motion = response and response.motion
-    units = {name: unit_of(name) for name in study.coordinates}
+    units = {name: column_unit(name) for name in study.coordinates}
     return {
         f"{which}_start": response and response.start,
         f"{which}_start_leads_to": response and response.leads_to,
@@ -148,7 +148,7 @@ def _cells(which: str, response: Response | None, study: OnsetStudy) -> dict[str
 
 def _motion_cells(which: str, motion: Attractor | None, study: OnsetStudy) -> dict[str, Any]:
     """A motion and what leads to it, as far as there is one."""
-    units = {name: unit_of(name) for name in study.coordinates}
+    units = {name: column_unit(name) for name in study.coordinates}
     kick = motion and (motion.smallest_kick or motion.kick)
     return {
         f"{which}_after": motion and start_words(motion, study.variation),

@@ -12,10 +12,10 @@ import numpy as np
 from drumsqueal.findings.decay import BEYOND, NEARLY_LINEAR, SMALL, is_decaying
 from drumsqueal.findings.saturated import DRIFT, MOSTLY, Saturated, at_once, saturated_motions
 from drumsqueal.findings.verdict import SMALL_ROTATION
-from drumsqueal.findings.vibration import ROTATIONS
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.onset.family import Family, How, Start
 from drumsqueal.questions.onset.motions import SMALL_START, Leads, Motion, Response
+from drumsqueal.scene.coordinates import is_rotation
 from drumsqueal.solve.linear.branches import Point
 from drumsqueal.solve.linear.modes import UNDAMPED_FRACTION
 
@@ -237,7 +237,7 @@ def _judge(job: _Job, motion: Saturated, family: Family, how: How, rounds: int) 
     """Where a transient leads, None while that is not clear."""
     if motion.failed:
         return Leads.FAILED
-    if any(abs(turn) > SMALL_ROTATION for turn in motion.vibration[[name in ROTATIONS for name in family.moving]]):
+    if any(abs(turn) > SMALL_ROTATION for turn in motion.vibration[[is_rotation(name) for name in family.moving]]):
         return Leads.RUNS_AWAY
     if _holds_few(motion):
         return Leads.UNDECIDED

@@ -11,13 +11,14 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
-from drumsqueal.findings.vibration import unit_of
 from drumsqueal.questions.cycle.diagram import Diagram
 from drumsqueal.questions.cycle.orbit import Cycle
 from drumsqueal.questions.onset.found import Kind, Onset, OnsetStudy, Row
 from drumsqueal.questions.onset.motions import Attractor, Leads
+from drumsqueal.questions.onset.words import shown_size
 from drumsqueal.questions.run.figures.eigenvalues import STABLE as STABLE_COLOUR
 from drumsqueal.questions.run.figures.eigenvalues import UNSTABLE as UNSTABLE_COLOUR
+from drumsqueal.scene.coordinates import largest_of
 from drumsqueal.solve.linear.modes import UNDAMPED_FRACTION
 from drumsqueal.terminal import style
 from drumsqueal.terminal.placement import label_top_edge, tick_in_units
@@ -36,6 +37,7 @@ SQUARE: dict[str, Any] = MARKER | {"marker": "s"}  # of disturbances: these are 
 DASHES = (0, (3, 2))  # of unstable cycles
 AFTER_SMALL, AFTER_LARGE = "after a small perturbation", "after a large disturbance only"
 STEADY, CRITICAL = "steady sliding, after a small perturbation", "critical value"
+OTHER_MODES = "modes that grow less"
 STABLE_CYCLE, UNSTABLE_CYCLE = "stable limit cycle", "unstable limit cycle"
 FIRST = (AFTER_SMALL, STEADY, AFTER_LARGE, CRITICAL, STABLE_CYCLE, UNSTABLE_CYCLE)  # in the legend
 ROOM = 0.25  # of the height, above the largest amplitude, for the names of the ranges
@@ -116,13 +118,13 @@ def limit_amplitudes(axes: Axes, amplitudes: list[float], room: float) -> float:
 def draw_amplitudes(axes: Axes, study: Onset) -> None:
     """Half the peak-to-peak value of `study.coordinate` (µm, µrad) of each motion, and zero where sliding is stable."""
     name, colour = study.coordinate, style.COLOUR[study.coordinate]
-    amplitudes = []
+    amplitudes, (factor, unit, shown) = [], shown_size(study, [0.0])  # in millionths
     if study.cycles is not None:
-        amplitudes += [MICRO * cycle.amplitude[name] for branch in study.cycles.branches for cycle in branch.cycles]
-        draw_cycles(axes, study.cycles, colour, lambda cycle: MICRO * cycle.amplitude[name])
+        amplitudes += [factor * cycle.amplitude[name] for branch in study.cycles.branches for cycle in branch.cycles]
+        draw_cycles(axes, study.cycles, colour, lambda cycle: factor * cycle.amplitude[name])
     for row in study.values:
         for motion in row.motions:
-            amplitudes.append(MICRO * motion.amplitude[name])
+            amplitudes.append(factor * motion.amplitude[name])
             _draw_motion(axes, row, motion, amplitudes[-1], colour)
     rest = limit_amplitudes(axes, amplitudes, ROOM)
     quiet = [row.value for row in study.values if row.small is not None and row.small.leads_to is Leads.DECAYS]
@@ -134,7 +136,7 @@ def draw_amplitudes(axes: Axes, study: Onset) -> None:
         if each.last - each.first > NARROW * (high - low):
             place = {"transform": axes.get_xaxis_transform(), "ha": "center", "va": "top"}
             axes.text((each.first + each.last) / 2, 0.97, each.kind, fontsize=style.SMALL_SIZE, **place)
-    frame(axes, None, f"{name}, half peak\nto peak ({unit_of(name, 'µ')})")
+    frame(axes, None, f"{shown}, half peak\nto peak ({unit})")
 
 
 def _draw_motion(axes: Axes, row: Row, motion: Attractor, value: float, colour: str) -> None:
@@ -146,8 +148,9 @@ def _draw_motion(axes: Axes, row: Row, motion: Attractor, value: float, colour: 
 def _draw_frequencies(axes: Axes, study: Onset) -> None:
     """The lines that hold most kinetic energy, before the modes that are near them."""
     axes.set_ylim(*_frequency_limits(study))
+    named = _named(study)
     for mode in study.modes:
-        _draw_mode(axes, mode.name, np.array(mode.values), np.array(mode.frequency_Hz) / 1e3)
+        _draw_mode(axes, mode.name, np.array(mode.values), np.array(mode.frequency_Hz) / 1e3, named)
     for row in study.values:
         for motion in row.motions:
             if motion.frequency_Hz:
@@ -156,23 +159,35 @@ def _draw_frequencies(axes: Axes, study: Onset) -> None:
     frame(axes, None, "Frequency\n(kHz)")
 
 
-def _draw_mode(axes: Axes, name: str, values: NDArray[np.float64], measure: NDArray[np.float64]) -> None:
-    """Draw a mode over the parameter, named in the legend where any of it is in the picture."""
+def _named(study: Onset) -> tuple[str, ...]:
+    """The names of the modes that grow most, as many as the legend has room for."""
+    growth: dict[str, float] = {}
+    for mode in study.modes:
+        growth[mode.name] = max(growth.get(mode.name, -np.inf), *mode.growth_rate_1_per_s)
+    return largest_of(growth)[0]
+
+
+def _draw_mode(
+    axes: Axes, name: str, values: NDArray[np.float64], measure: NDArray[np.float64], named: tuple[str, ...]
+) -> None:
+    """Draw a mode over the parameter, named in the legend where any of it is in the picture; grey if it is not one."""
     low, high = axes.get_ylim()
-    label = f"mode {name}" if np.any((measure > low) & (measure < high)) else None
-    axes.plot(values, measure, color=style.COLOUR[name], label=label)
+    label = f"mode {name}" if name in named else OTHER_MODES
+    label = label if np.any((measure > low) & (measure < high)) else None
+    axes.plot(values, measure, color=style.COLOUR[name] if name in named else style.SEPARATED, label=label)
 
 
 def _draw_growth(axes: Axes, study: Onset) -> None:
     """Re λ of the modes, as far down as the least stable one goes."""
     axes.set_ylim(*_growth_limits(study))
     axes.axhline(0, color=style.DARK, linewidth=0.6)
+    named = _named(study)
     for mode in study.modes:
         zeros = [each.value for each in study.critical_values if each.label == mode.label]  # between few values, too
         values = np.array([*mode.values, *zeros])
         rates = np.array([*mode.growth_rate_1_per_s, *(0.0 for _ in zeros)])
         order = np.argsort(values)
-        _draw_mode(axes, mode.name, values[order], rates[order])
+        _draw_mode(axes, mode.name, values[order], rates[order], named)
     for critical in study.critical_values:
         axes.plot(critical.value, 0, "D", markersize=3.5, color=style.DARK, label=CRITICAL, zorder=4)
     frame(axes, None, "Growth rate\n(1/s)")

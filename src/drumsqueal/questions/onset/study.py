@@ -12,7 +12,7 @@ from drumsqueal.errors import RequestError
 from drumsqueal.findings.decay import SMALL
 from drumsqueal.findings.parameter import Parameter
 from drumsqueal.outcome import Ending
-from drumsqueal.physics.composition import linear_coordinates
+from drumsqueal.physics.composition import check_shapes_stay, linear_coordinates
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.cycle.branches import VALUES, checked_range, follow_cycles
@@ -122,10 +122,11 @@ def predict(scene: Scene, variation: Variation, progress: Progress = silent) -> 
         raise RequestError("friction: this scene has none, so nothing in it can squeal; add the table")
     if scene.forcing is not None:
         raise RequestError("forcing: with a harmonic force there is no steady sliding; add --set forcing=none")
-    for key, value in (("drum.speed", scene.drum.speed), ("contact.normal_load", scene.contact.normal_load)):
+    for key, value in scene.schedules().items():
         if isinstance(value, Profile):
             raise RequestError(f"{key}: it changes over time here; give it one value, as by --set {key}=...")
     may_not_rest(variation)
+    check_shapes_stay(scene, variation.key)
     # Structure hangs on the larger end: a long arc has more nodes, a force that vanishes is none.
     largest = max(variation.values, key=abs)
     whole = scene.with_values({variation.key: largest})

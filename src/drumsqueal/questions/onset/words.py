@@ -4,12 +4,15 @@ import math
 from collections.abc import Sequence
 
 from drumsqueal.findings.verdict import SMALL_ROTATION
-from drumsqueal.findings.vibration import unit_of
+from drumsqueal.physics.bodies.body import at_lining
+from drumsqueal.physics.composition import coordinates_of
+from drumsqueal.physics.model import body_of
 from drumsqueal.questions.cycle.diagram import Diagram
 from drumsqueal.questions.cycle.orbit import Event
 from drumsqueal.questions.cycle.words import VISIBLE, WHOLE, shown_Hz
 from drumsqueal.questions.onset.found import QUIET, Kind, Onset, Range
 from drumsqueal.questions.onset.motions import Attractor, Leads
+from drumsqueal.scene.coordinates import is_elastic, unit_of
 from drumsqueal.scene.variation import Variation
 from drumsqueal.solve.linear.branches import DIVERGENCE, Critical
 from drumsqueal.solve.pulling import pulling_sentence
@@ -114,9 +117,17 @@ def motion_words(study: Onset, motion: Attractor) -> str:
     """Line and amplitude of a motion, and what leads to it."""
     name = study.coordinate
     line = "" if motion.frequency_Hz is None else f"{shown_Hz(motion.frequency_Hz)} Hz with "
-    scale, unit = size_unit(name, [motion.amplitude[name]])
-    size = f"{scale * motion.amplitude[name]:.3g} {unit} of {name}"
+    scale, unit, shown = shown_size(study, [motion.amplitude[name]])
+    size = f"{scale * motion.amplitude[name]:.3g} {unit} of {shown}"
     return f"{line}{size} {_after(motion)} {start_words(motion, study.variation)}"
+
+
+def shown_size(study: Onset, amplitudes: Sequence[float]) -> tuple[float, str, str]:
+    """How amplitudes of a study's coordinate are shown: how many units are one of SI, the unit, and its name."""
+    name, scene = study.coordinate, getattr(study, "scene", None)
+    if is_elastic(name) and scene is not None:
+        return at_lining(body_of(scene, coordinates_of(scene)), name)
+    return *size_unit(name, amplitudes), name
 
 
 def size_unit(name: str, amplitudes: Sequence[float]) -> tuple[float, str]:

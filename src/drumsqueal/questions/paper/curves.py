@@ -15,7 +15,7 @@ from jax import Array
 from numpy.typing import NDArray
 
 from drumsqueal.errors import RequestError
-from drumsqueal.physics.composition import linear_coordinates
+from drumsqueal.physics.composition import coordinates_of, linear_coordinates
 from drumsqueal.physics.model import build_model
 from drumsqueal.scene import COORDINATES, Scene
 from drumsqueal.solve.linear.family import Spectrum, spectra_of
@@ -102,6 +102,8 @@ def check_brake(scene: Scene) -> None:
         raise RequestError(f"{missing} changes over time; the figures of the paper vary it: give it one value")
     if scene.friction is None:
         raise RequestError("the scene has no friction; the figures of the paper are about it: add the table friction")
+    if coordinates_of(scene) != COORDINATES:
+        raise RequestError("the shoe of the paper is rigid; leave the table shoe.elastic out")
     if linear_coordinates(scene) != COORDINATES:
         raise RequestError('the figures of the paper show all six coordinates; set simulate.coordinates to "auto"')
     if scene.drum.speed == 0 or scene.contact.stiffness == 0 or scene.contact.normal_load == 0:

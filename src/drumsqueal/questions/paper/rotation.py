@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
+from drumsqueal.physics.bodies.body import Shoe
 from drumsqueal.questions.paper.curves import Curve, FrictionCurve
 from drumsqueal.questions.paper.statement import (
     EXPONENT,
@@ -21,7 +21,7 @@ from drumsqueal.questions.paper.statement import (
 )
 
 
-def rotation_statements(curve: Curve, shoe: RigidShoe, friction: FrictionCurve) -> tuple[Statement, ...]:
+def rotation_statements(curve: Curve, shoe: Shoe, friction: FrictionCurve) -> tuple[Statement, ...]:
     """Growth and decay along the drum's speed, and which way the lining moves in each mode."""
     spectrum, n = curve.spectrum, len(curve.spectrum.names)
     energy = np.abs(spectrum.right[:, :n]) ** 2 * spectrum.mass[:, :, None]
@@ -102,7 +102,7 @@ def _power(curve: Curve, name: str, over: NDArray[np.float64] | float) -> float:
     return float(np.polyfit(np.log(np.abs(curve.values)), np.log(damping), 1)[0])
 
 
-def _directions(curve: Curve, shoe: RigidShoe) -> list[Statement]:
+def _directions(curve: Curve, shoe: Shoe) -> list[Statement]:
     """Along which direction of the surface the lining moves; the paper contrasts u_θ and u_z alone."""
     statements = []
     for names, says, symbol, index in (
@@ -122,7 +122,7 @@ def _directions(curve: Curve, shoe: RigidShoe) -> list[Statement]:
     return statements
 
 
-def _lining_motion(curve: Curve, shoe: RigidShoe, names: tuple[str, ...]) -> dict[str, NDArray[np.float64]]:
+def _lining_motion(curve: Curve, shoe: Shoe, names: tuple[str, ...]) -> dict[str, NDArray[np.float64]]:
     """Fractions of u_r², u_θ² and u_z² in the mean square motion of the lining, of each coordinate's mode at 1 Ω.
 
     Over Gauss nodes of the lining; u_r, u_θ and u_z as in Seo & Kang, equations (8) to (12).
@@ -130,15 +130,10 @@ def _lining_motion(curve: Curve, shoe: RigidShoe, names: tuple[str, ...]) -> dic
     spectrum, k = curve.spectrum, int(np.argmin(np.abs(curve.values - curve.nominal)))
     nodes, weights = np.polynomial.legendre.leggauss(24)
     angle, z = np.meshgrid(nodes * float(shoe.half_angle), nodes * float(shoe.width) / 2, indexing="ij")
-    weight, radius, centroid = np.outer(weights, weights), float(shoe.outer_radius), float(shoe.centroid)
-    fractions = {}
+    weight, fractions = np.outer(weights, weights), {}
     for name in names:
         column = int(np.argmin(np.abs(spectrum.eigenvalues[k] - spectrum.of(name)[k])))
-        q = spectrum.right[k, : len(spectrum.names), column]
-        x, y = q[0] + z * q[4], q[1] - z * q[3] - centroid * q[5]
-        radial = x * np.cos(angle) + y * np.sin(angle)
-        tangential = radius * q[5] - x * np.sin(angle) + y * np.cos(angle)
-        axial = q[2] + radius * np.sin(angle) * q[3] - (radius * np.cos(angle) - centroid) * q[4]
-        squares = np.array([np.sum(weight * np.abs(u) ** 2) for u in (radial, tangential, axial)])
+        q = dict(zip(spectrum.names, spectrum.right[k, : len(spectrum.names), column], strict=True))
+        squares = np.array([np.sum(weight * np.abs(u) ** 2) for u in shoe.displacement(q, angle, z)])
         fractions[name] = squares / squares.sum()
     return fractions

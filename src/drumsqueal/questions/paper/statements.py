@@ -9,7 +9,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
+from drumsqueal.physics.bodies.body import Shoe
 from drumsqueal.questions.paper.curves import CONSTANT_FRICTION, Curve, FrictionCurve
 from drumsqueal.questions.paper.rotation import rotation_statements
 from drumsqueal.questions.paper.statement import (
@@ -35,7 +35,7 @@ from drumsqueal.solve.linear.modes import DRIFT_FRACTION, OSCILLATING_FRACTION, 
 
 
 def check_statements(
-    shoe: RigidShoe,
+    shoe: Shoe,
     friction: FrictionCurve,
     curves: Mapping[str, Curve],
     points: Mapping[str, tuple[Point, ...]],

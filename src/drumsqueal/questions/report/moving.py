@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.findings.vibration import levers
-from drumsqueal.physics.bodies.body import displace
-from drumsqueal.physics.bodies.rigid_shoe import OUT_OF_PLANE, RigidShoe
+from drumsqueal.physics.bodies.body import Shoe, displace
 from drumsqueal.questions.animate.section import MILLI, moved, on_circle, shoe_outline
 from drumsqueal.simulation import Prepared
 from drumsqueal.solve.linear.modes import NEUTRAL_FRACTION, Mode, Stability
@@ -42,12 +41,11 @@ def animate(prepared: Prepared, modes: Sequence[Mode]) -> dict[str, Any]:
     }
 
 
-def _moving(shoe: RigidShoe, stability: Stability, mode: Mode) -> dict[str, Any]:
+def _moving(shoe: Shoe, stability: Stability, mode: Mode) -> dict[str, Any]:
     coordinates = stability.coordinates
     shape, right = mode.shape(coordinates), mode.right[: len(coordinates)]
     sizes = np.abs(right * levers(coordinates, shoe))
-    across = [size for name, size in zip(coordinates, sizes, strict=True) if name in OUT_OF_PLANE]
-    flat = bool(max(across, default=0.0) < FLAT * sizes.max())
+    flat = bool(sizes[~np.array(shoe.symmetric)].max(initial=0.0) < FLAT * sizes.max())
     lines = _section(shoe, shape) if flat else _body(shoe, shape)
     drawn = DRAWN * MILLI * float(shoe.outer_radius)
     magnification = drawn / max(_largest(moved) for _, moved in lines)
@@ -75,14 +73,14 @@ def _moving(shoe: RigidShoe, stability: Stability, mode: Mode) -> dict[str, Any]
     }
 
 
-def _section(shoe: RigidShoe, shape: Shape) -> list[tuple[NDArray[np.float64], Complex]]:
+def _section(shoe: Shoe, shape: Shape) -> list[tuple[NDArray[np.float64], Complex]]:
     """The outline in section at z = 0, and a cross at the centre of gravity."""
     centre, arm = MILLI * float(shoe.centroid), 0.03 * MILLI * float(shoe.outer_radius)
     cross = [np.array([[centre - arm, 0.0], [centre + arm, 0.0]]), np.array([[centre, -arm], [centre, arm]])]
     return [(at, moved(at, shoe, shape)) for at in (shoe_outline(shoe), *cross)]
 
 
-def _body(shoe: RigidShoe, shape: Shape) -> list[tuple[NDArray[np.float64], Complex]]:
+def _body(shoe: Shoe, shape: Shape) -> list[tuple[NDArray[np.float64], Complex]]:
     """Back and front face and the edges between them, projected on the picture."""
     half, beta = float(shoe.width) / 2, float(shoe.half_angle)
     radii = (float(shoe.outer_radius), float(shoe.outer_radius) - float(shoe.thickness))
@@ -97,7 +95,7 @@ def _body(shoe: RigidShoe, shape: Shape) -> list[tuple[NDArray[np.float64], Comp
 
 
 def _projected(
-    at: NDArray[np.float64], z: NDArray[np.float64], shoe: RigidShoe, shape: Shape
+    at: NDArray[np.float64], z: NDArray[np.float64], shoe: Shoe, shape: Shape
 ) -> tuple[NDArray[np.float64], Complex]:
     place = np.column_stack([at, MILLI * z])
     found = [np.broadcast_to(part, z.shape) for part in displace(shoe, shape, *place.T / MILLI)]

@@ -13,9 +13,9 @@ import jinja2
 from markupsafe import Markup, escape
 
 from drumsqueal.errors import RequestError
-from drumsqueal.findings.vibration import unit_of
 from drumsqueal.ordinary import read_ordinary
 from drumsqueal.scene import Scene
+from drumsqueal.scene.coordinates import unit_of
 
 MEGABYTE = 1e6
 LARGEST = 64 * 2**20  # bytes of a picture; those of drumsqueal have some 1 MB

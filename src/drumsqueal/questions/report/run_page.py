@@ -10,13 +10,13 @@ from drumsqueal.files.saved_history import read_history
 from drumsqueal.findings.compare import RunFindings
 from drumsqueal.findings.schema import read_findings
 from drumsqueal.findings.verdict import difference_is_no_error, state_headline
-from drumsqueal.findings.vibration import unit_of
 from drumsqueal.outcome import Ending
 from drumsqueal.questions.report.moving import animate
 from drumsqueal.questions.report.page import picture
 from drumsqueal.questions.report.sound import clips
 from drumsqueal.questions.report.words import figure_words
 from drumsqueal.scene import Profile, Scene
+from drumsqueal.scene.coordinates import unit_of
 from drumsqueal.simulation import Prepared, compared, prepare
 
 SAME = 1e-6  # relative, of the largest eigenvalue: another version may differ by round-off
@@ -42,7 +42,7 @@ def run_content(folder: Path) -> tuple[RunFindings, dict[str, Any]]:
             raise RequestError(f"{folder}: there is neither {SUMMARY} nor the friction law that it takes to make one")
         prepared = prepare(history.scene)
         found = compared(prepared, history.data).findings
-    names = run_figures(changing=found.changing)
+    names = run_figures(changing=found.changing, brake=found.brake is not None)
     pictures = {name: picture(folder / figure_file(name), figure_words(name, found)) for name in names}
     changes, headline = _changes(found.scene), state_headline(found)
     return found, {
@@ -64,7 +64,7 @@ def run_content(folder: Path) -> tuple[RunFindings, dict[str, Any]]:
 
 
 def _changes(scene: Scene) -> bool:
-    return isinstance(scene.drum.speed, Profile) or isinstance(scene.contact.normal_load, Profile)
+    return any(isinstance(each, Profile) for each in scene.schedules().values())
 
 
 def _warning(summary: RunFindings, folder: Path) -> str | None:

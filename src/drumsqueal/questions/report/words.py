@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable
 
 from drumsqueal.files import output_folder
+from drumsqueal.findings.brake import brake_sentences
 from drumsqueal.findings.compare import RunFindings
 from drumsqueal.findings.prediction import PredictedMode
 from drumsqueal.findings.ramp_words import ramp_sentences
@@ -155,6 +156,10 @@ def _frequency(summary: RunFindings) -> list[str]:
     ]
 
 
+def _pressure(summary: RunFindings) -> list[str]:
+    return [] if summary.brake is None else list(brake_sentences(summary.brake))
+
+
 _FIGURES: dict[str, tuple[str, Callable[[RunFindings], list[str]]]] = {
     output_folder.GROWTH: ("Growth of the modes", _growth),
     output_folder.SPECTROGRAM: ("Spectrogram", _spectrogram),
@@ -163,5 +168,6 @@ _FIGURES: dict[str, tuple[str, Callable[[RunFindings], list[str]]]] = {
     output_folder.CONTACT: ("Contact along the arc", _contact),
     output_folder.EIGENVALUES: ("Eigenvalues", _eigenvalues),
     output_folder.FREQUENCY: ("Frequency over time", _frequency),
+    output_folder.PRESSURE: ("Pressure on the lining", _pressure),
     output_folder.WATERFALL: ("Waterfall", _waterfall),
 }

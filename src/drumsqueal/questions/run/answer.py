@@ -47,7 +47,7 @@ def run_into(
         except OSError as error:
             raise IntegrationError(f"{not_taken(error, folder)}; {_kept(history, outcome)}{_again(resume)}") from None
     print_findings(console, result.findings)
-    names = run_figures(changing=result.findings.changing)
+    names = run_figures(changing=result.findings.changing, brake=result.findings.brake is not None)
     print_place(console, folder, (HISTORY, SUMMARY, *map(figure_file, names)), left_out)
     if outcome.ending is not Ending.COMPLETE:
         raise IntegrationError(f"{outcome}; what was computed is in {folder}{_again(resume)}")

@@ -29,8 +29,11 @@ def bistable_words(
     speed = scene.drum.speed
     if stability.divergence is not None or scene.friction is None or scene.forcing is not None:
         return None
-    load = scene.contact.normal_load
-    if isinstance(speed, Profile) or isinstance(load, Profile) or load == 0 or not moved_coordinates(scene):
+    if isinstance(speed, Profile) or any(isinstance(each, Profile) for each in scene.schedules().values()):
+        return None
+    if not moved_coordinates(scene):
+        return None
+    if scene.contact.normal_load == 0 and not scene.shoe.force:
         return None
     given = [part for each in settings for part in ("--set", each)]
     rpm = math.isclose(speed / RPM, float(f"{speed / RPM:.4g}"), rel_tol=1e-9)  # where that is a round number

@@ -96,7 +96,7 @@ def draw(folder: Path, result: "Result", model: "Model", second: Second | None) 
 
     Raises OSError, and KeyboardInterrupt between two figures.
     """
-    names = run_figures(changing=result.findings.changing)
+    names = run_figures(changing=result.findings.changing, brake=result.findings.brake is not None)
     left, drawn, failed = deque[str](names), dict[str, bool](), list[OSError]()
     helps = threading.Event()  # while the second one may have a figure; until it is ready nobody waits for it
 

@@ -7,15 +7,16 @@ from rich.console import Console
 from rich.table import Table
 
 from drumsqueal.findings.accuracy import INSTANTS
+from drumsqueal.findings.brake import brake_sentences
 from drumsqueal.findings.compare import RunFindings
-from drumsqueal.findings.instant import Instant
+from drumsqueal.findings.instant import Instant, name_of_key, unit_of_key
 from drumsqueal.findings.ramp import Ramp
-from drumsqueal.findings.ramp_words import UNITS, WHAT, value_words
+from drumsqueal.findings.ramp_words import value_words
 from drumsqueal.findings.saturation import duration_for
 from drumsqueal.findings.signals.regime import Kind
 from drumsqueal.findings.squeals import End
 from drumsqueal.findings.verdict import difference_is_no_error
-from drumsqueal.findings.vibration import unit_of
+from drumsqueal.scene.coordinates import unit_of
 from drumsqueal.solve.transient.runge_kutta import AUTO, IMPLICIT
 from drumsqueal.terminal.tables import print_model, print_table
 
@@ -28,6 +29,8 @@ def print_findings(console: Console, found: RunFindings) -> None:
     if found.held_though_they_would_move:
         held = ", ".join(found.held_though_they_would_move)
         console.print(f"Held at zero, though the other coordinates would move them: {held}", style="bold")
+    for line in () if found.brake is None else brake_sentences(found.brake):
+        console.print(line)
     print_table(console, _growth_table(found))
     resolution = sorted(mode.frequency_resolution_Hz for mode in found.modes if mode.frequency_resolution_Hz)
     if resolution:
@@ -74,7 +77,7 @@ def _growth_table(found: RunFindings) -> Table:
 
 
 def _squeal_table(ramp: Ramp) -> Table:
-    what, unit = (" and ".join(words[key] for key in ramp.keys) for words in (WHAT, UNITS))
+    what, unit = (" and ".join(dict.fromkeys(map(words, ramp.keys))) for words in (name_of_key, unit_of_key))
     title = f"Squeal while {what} {'changes' if len(ramp.keys) == 1 else 'change'}"
     table = Table(title=title, box=box.SIMPLE_HEAD, padding=0)
     for header in (
@@ -106,7 +109,7 @@ def _squeal_table(ramp: Ramp) -> Table:
 
 
 def _passage_table(ramp: Ramp) -> Table:
-    unit = " and ".join(UNITS[key] for key in ramp.keys)
+    unit = " and ".join(dict.fromkeys(unit_of_key(key) for key in ramp.keys))
     table = Table(
         title="Growth integrated along the way: ∫ Re λ dt against the transient", box=box.SIMPLE_HEAD, padding=0
     )

@@ -11,7 +11,7 @@ from drumsqueal.questions.sensitivity.change import Change
 from drumsqueal.questions.sensitivity.figure import draw_quiet, draw_sensitivity
 from drumsqueal.questions.sensitivity.operating import Operating, where
 from drumsqueal.questions.sensitivity.quieting import Quieting
-from drumsqueal.questions.sensitivity.study import SensitivityStudy
+from drumsqueal.questions.sensitivity.study import MODES_STEP, SensitivityStudy
 from drumsqueal.questions.sensitivity.words import (
     as_it_is,
     cautions_of,
@@ -19,6 +19,7 @@ from drumsqueal.questions.sensitivity.words import (
     quiet_sentence,
     without_answer,
 )
+from drumsqueal.scene.coordinates import largest_of
 from drumsqueal.scene.quantities import printable
 from drumsqueal.scene.variation import unit_of
 from drumsqueal.terminal.runner import Answer
@@ -33,14 +34,17 @@ def print_study(console: Console, study: SensitivityStudy) -> None:
     table = Table(title="Change of each growth rate per +1 %, in 1/s", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     table.add_column("number")
     table.add_column("SI value", justify="right")
-    for mode in study.modes:
+    shown, others = largest_of({mode.label: mode.growth_rate_1_per_s for mode in study.modes})
+    places = [k for k, mode in enumerate(study.modes) if mode.label in shown]
+    for mode in (study.modes[k] for k in places):
         heading = f"{mode.label}\n{mode.frequency_Hz:.0f} Hz\n{mode.growth_rate_1_per_s:+.4g}"
         table.add_column(heading, justify="right")
     for row in study.numbers:
-        table.add_row(
-            row.key, f"{row.value_SI:.3g}", *(_change(study, each) for each in row.growth_per_percent_1_per_s)
-        )
+        changes = (_change(study, row.growth_per_percent_1_per_s[k]) for k in places)
+        table.add_row(row.key, f"{row.value_SI:.3g}", *changes)
     print_table(console, table)
+    if others:
+        console.print(f"Without the {len(others)} modes that grow less; {SENSITIVITY_TABLE} has them all", style="dim")
     names = ", ".join(study.modes[k].label for k in study.relevant)
     console.print(
         f"At {where(study.operating)}. Sorted by the largest change of {modes_that_matter(study)} {names}; "
@@ -53,6 +57,15 @@ def print_study(console: Console, study: SensitivityStudy) -> None:
         console.print(
             f"A motion without oscillation also grows: {study.divergence_rate_1_per_s:+.4g} 1/s.", style="dim"
         )
+    if study.by_free_modes:
+        console.print(
+            f"The shoe's free modes change with {', '.join(study.by_free_modes)}: these rows are central "
+            f"differences of ±{100 * MODES_STEP:g} %, each with free modes of its own.",
+            style="dim",
+        )
+    if study.not_followed:
+        listed = " and ".join(study.not_followed)
+        console.print(f"Not covered: {listed}: free modes change places there, or the scene takes no such value.")
     if study.not_covered:
         lists = " and ".join(study.not_covered)
         console.print(f"Not covered: {lists}, which are lists; the table and the search leave them as they are.")

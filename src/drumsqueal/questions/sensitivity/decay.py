@@ -6,15 +6,16 @@ import numpy as np
 from pydantic import computed_field
 
 from drumsqueal.errors import IntegrationError
+from drumsqueal.findings.boundaries import mean_pressure
 from drumsqueal.findings.schema import Finding
 from drumsqueal.findings.signals.regime import Kind
-from drumsqueal.findings.vibration import ROTATIONS, Vibration, beyond_boundaries
-from drumsqueal.physics.composition import kept_coordinates
+from drumsqueal.findings.vibration import Vibration, beyond_boundaries, moments_at
+from drumsqueal.physics.model import body_of, build_model
 from drumsqueal.progress import Progress, silent
 from drumsqueal.scene import Profile, Scene
 from drumsqueal.simulation import prepare, run_whole
 
-DISTURBANCE = 3.0  # times the displacement p0/k_c at which the pressure is lost
+DISTURBANCE = 3.0  # times the displacement p0/k_c at which the mean pressure is lost
 LAST = 0.1  # of the record, which shows how a motion ends
 SUSTAINED = (Kind.PERIODIC, Kind.QUASI_PERIODIC, Kind.IRREGULAR)
 
@@ -53,14 +54,24 @@ class Decay(Finding):
 
 
 def disturbed(scene: Scene) -> Scene:
-    """The scene with a start beyond the contact boundary: Y and Tz or, if neither is kept, whatever is."""
-    shoe, load = scene.shoe, scene.contact.normal_load
-    most = max(load.value) if isinstance(load, Profile) else load
-    size = DISTURBANCE * most / (shoe.outer_radius * shoe.arc_angle * shoe.width) / max(scene.contact.stiffness, 1.0)
-    kept = kept_coordinates(scene)
-    moved = [name for name in kept if name in ("Y", "Tz")] or list(kept)
-    start = {name: size / shoe.outer_radius if name in ROTATIONS else size for name in moved}
+    """The scene with a start beyond the contact boundary: of what moves with the drum or, if that rests, of all."""
+    size = DISTURBANCE * _largest_mean_pressure(scene) / max(scene.contact.stiffness, 1.0)
+    body = body_of(scene)
+    following = [name for name, rate in zip(body.names, body.following, strict=True) if rate != 0]
+    start = {name: size / body.lever(name) for name in following or body.names}
     return scene.with_values({"start": {"displacement": start, "velocity": {}}})
+
+
+def _largest_mean_pressure(scene: Scene) -> float:
+    """At any time (Pa): the load over the lining or, where forces push the shoe, what these make of it."""
+    shoe, load = scene.shoe, scene.contact.normal_load
+    if not shoe.force:
+        most = max(load.value) if isinstance(load, Profile) else load
+        return most / (shoe.outer_radius * shoe.arc_angle * shoe.width)
+    model = build_model(scene)
+    corners = model.operation.corners
+    times = np.zeros(1) if corners is None else np.append(0.0, np.asarray(corners))
+    return float(np.max(mean_pressure(model, moments_at(model.operation, times))))
 
 
 def nonlinear_decay(scene: Scene, progress: Progress = silent) -> Decay:

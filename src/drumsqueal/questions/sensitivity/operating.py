@@ -4,7 +4,9 @@ import itertools
 from collections.abc import Collection, Mapping, Sequence
 
 from drumsqueal.errors import RequestError
+from drumsqueal.findings.instant import FORCE, LOAD
 from drumsqueal.findings.part import Finding
+from drumsqueal.physics.composition import check_shapes_stay
 from drumsqueal.scene import Profile, Scene
 from drumsqueal.scene.variation import Variation, may_not_rest, unit_of
 from drumsqueal.scene.written import Written
@@ -55,7 +57,9 @@ def points_of(ranges: Mapping[str, Sequence[float]], own: Mapping[str, float]) -
 
 def operating(scene: Scene, frozen: Scene, time: float, written: Written, at: Sequence[Variation]) -> Operating:
     """What a scene is asked for, which is `frozen` at a time (s)."""
-    given = {"drum.speed": scene.drum.speed, "contact.normal_load": scene.contact.normal_load}
+    given = scene.schedules()
+    if scene.shoe.force and given[LOAD] == 0:
+        del given[LOAD]
     numbers = frozen.numbers()
     own = [
         Values(
@@ -76,16 +80,17 @@ def operating(scene: Scene, frozen: Scene, time: float, written: Written, at: Se
         )
         for each in at
     ]
-    changes = any(isinstance(each, Profile) for each in given.values())
+    changes = any(isinstance(each, Profile) for each in scene.schedules().values())
     return Operating(
         own=tuple(own), ranges=tuple(ranges), time_s=time if changes else None, cold=scene.temperature is not None
     )
 
 
-def check_points(at: Sequence[Variation], keys: Collection[str] | None) -> None:
+def check_points(scene: Scene, at: Sequence[Variation], keys: Collection[str] | None) -> None:
     """Raise SceneError or RequestError for ranges that cannot be asked for."""
     for k, each in enumerate(at):
         may_not_rest(each)
+        check_shapes_stay(scene, each.key)
         if each.key in [other.key for other in at[:k]]:
             raise RequestError(f"--at {each.key}: named twice; give one range")
         if keys is not None and each.key in keys:
@@ -103,7 +108,8 @@ def check_points(at: Sequence[Variation], keys: Collection[str] | None) -> None:
 
 def where(found: Operating) -> str:
     """The speed and the load, in words: "a drum speed of 5 rad/s and a load of 2000 N (at t = 0 s)"."""
-    named = [f"a {NAMES[each.key]} of {each}" for each in found.own if each.key in NAMES]
+    names = {each.key: "force" if FORCE.fullmatch(each.key) else NAMES.get(each.key) for each in found.own}
+    named = [f"a {names[each.key]} of {each}" for each in found.own if names[each.key]]
     at_time = "" if found.time_s is None else f" (at t = {found.time_s:g} s)"
     cold = ", with a cold lining" if found.cold else ""
     return f"{' and '.join(named)}{at_time}{cold}"

@@ -171,7 +171,8 @@ class Quietening:
         self._before = dict(zip(self._keys, self._problem.before.tolist(), strict=True))
         self._growth = self._problem.largest(np.zeros(len(self._keys)))
         load = scene.contact.normal_load
-        squeals = scene.friction is not None and (isinstance(load, Profile) or load > 0)
+        pressed = bool(scene.shoe.force) or isinstance(load, Profile) or load > 0
+        squeals = scene.friction is not None and pressed
         self._disturber = Disturber(scene, progress, self._points) if squeals else None
 
     def _with_margin(self, margin: float) -> Problem:

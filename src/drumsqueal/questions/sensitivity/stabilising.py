@@ -8,6 +8,7 @@ import scipy
 from numpy.typing import NDArray
 
 from drumsqueal.errors import RequestError
+from drumsqueal.physics.composition import check_shapes_stay, shaping_numbers
 from drumsqueal.progress import Progress
 from drumsqueal.scene import Scene, quantity_of
 from drumsqueal.scene.tables import Scheduled
@@ -24,12 +25,17 @@ WIDEST_ARC, THICKEST = 2 * np.pi, 0.99  # rad; of the geometric mean of thicknes
 DAMPING = "damping.ratio"
 ZERO_SCALE = {DAMPING: 0.01}  # of a number that is zero: what it is measured in
 TENTH = math.log(LEAST)
-GIVEN = ("drum.speed", "contact.normal_load", "shoe.outer_radius", "forcing.")  # of the vehicle, not of the design
+# Of the vehicle, not of the design.
+GIVEN = ("drum.speed", "contact.normal_load", "shoe.outer_radius", "shoe.force.", "forcing.")
 
 
 def numbers_of(scene: Scene) -> dict[str, float]:
-    """The physical numbers of a scene without profiles, by key, in SI."""
-    return {key: value for key, value in scene.numbers().items() if isinstance(value, float)}
+    """The physical numbers of a scene without profiles that a model can follow, by key, in SI.
+
+    Not those with which the free modes of a shoe that bends change.
+    """
+    held = shaping_numbers(scene)
+    return {key: value for key, value in scene.numbers().items() if isinstance(value, float) and key not in held}
 
 
 def variable_numbers(
@@ -51,6 +57,7 @@ def variable_numbers(
             raise RequestError(f"--vary {key}: it changes over time; give it one value")
         if key in scene.numbers() and key not in numbers:
             raise RequestError(f"--vary {key}: it is a list, which is not varied; leave it out")
+        check_shapes_stay(scene, key)
         if key not in numbers:
             raise RequestError(f"--vary {key}: not a number of this scene; {likely_key(key, list(numbers))}")
         if key in keys[:k]:
@@ -217,8 +224,10 @@ def _limits(key: str, numbers: Mapping[str, float], scene: Scene) -> tuple[float
     quantity = quantity_of(key, scene)
     may_vanish = quantity.least == 0 and not isinstance(quantity, Scheduled)  # without load there is no contact
     low, high = (0.0 if may_vanish else LEAST * value), MOST * value
+    if quantity.most is not None:
+        high = min(high, quantity.most)
     # Thickness and radius stay on their sides of a number between them, so that the shoe remains a sector.
-    middle = float(np.sqrt(numbers["shoe.thickness"] * numbers["shoe.outer_radius"]))
+    middle = float(np.sqrt(scene.shoe.thickness * scene.shoe.outer_radius))
     if key == DAMPING:
         high = 1.0
     elif key == "shoe.arc_angle":

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from enum import StrEnum
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from pydantic import computed_field
 from drumsqueal.errors import RequestError
 from drumsqueal.findings.prediction import PredictedMode, predict
 from drumsqueal.findings.schema import Finding, Findings, Held
+from drumsqueal.physics.composition import SHAPING, shaping_numbers
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.sensitivity.alone import Alone
 from drumsqueal.questions.sensitivity.decay import nonlinear_decay
@@ -27,6 +28,8 @@ from drumsqueal.solve.linear.modes import UNDAMPED_FRACTION, Mode
 
 PERCENT = 0.01
 DIFFERENCE_STEP = 1e-3  # of a number, for the central differences that the derivatives are compared with
+# The same where free modes are found anew: another mesh may change their frequencies by some 3e-4.
+MODES_STEP = 1e-2
 
 
 class Relevant(StrEnum):
@@ -92,6 +95,16 @@ class SensitivityStudy(Findings):
         return tuple(key for key, value in self.scene.numbers().items() if isinstance(value, tuple))
 
     @property
+    def not_followed(self) -> tuple[str, ...]:
+        """Numbers with which the shoe's free modes change, and not as smoothly as a derivative asks for."""
+        return tuple(key for key in shaping_numbers(self.scene) if key not in self.by_free_modes)
+
+    @property
+    def by_free_modes(self) -> tuple[str, ...]:
+        """Numbers with which the shoe's free modes change: their rows are central differences."""
+        return tuple(row.key for row in self.numbers if row.key in shaping_numbers(self.scene))
+
+    @property
     def kind_of_relevant(self) -> Relevant:
         """Which modes matter."""
         return next(kind for kind, places in self._places.items() if places)
@@ -137,12 +150,13 @@ def check_request(
         check_sample_rate(prepared)
         _check_load(scene, prepared.stability.time)
         variable_numbers(scene, keys)
-        check_points(at, keys)
+        check_points(scene, at, keys)
 
 
 def _check_load(scene: Scene, time: float) -> None:
     """Raise RequestError for a load that is 0 at the time (s) for which a quiet brake would be looked for."""
-    if scene.friction is not None and at_one_time(scene, time).contact.normal_load == 0:
+    pushed = bool(scene.shoe.force)
+    if scene.friction is not None and not pushed and at_one_time(scene, time).contact.normal_load == 0:
         raise RequestError(
             f"--until stable: contact.normal_load is 0 N at t = {time:g} s, for which the brake would be made quiet, "
             "and without load nothing squeals; give the load of the braking as one value"
@@ -179,7 +193,7 @@ def study_sensitivity(
     """
     if until_stable:
         _check_load(scene, _prepare(scene).stability.time)
-        check_points(at, keys)
+        check_points(scene, at, keys)
     study = _differentiate(scene, tables, at, progress)
     if not until_stable:
         return study
@@ -222,6 +236,7 @@ def _differentiate(
     derivatives = np.array([eigenvalue_gradient(mode.left, mode.right, matrices) for mode in stability.modes])
     differences = _differences(stability.modes, evaluate, values, progress)
     rows = [_row(*each) for each in zip(numbers, values, derivatives.T, differences.T, strict=True)]
+    rows += _by_free_modes(stability.modes, frozen, values, progress)
     modes = zip(stability.modes, predict(stability).modes, strict=True)
     return SensitivityStudy(
         scene=frozen,
@@ -233,6 +248,28 @@ def _differentiate(
         round_off_1_per_s=UNDAMPED_FRACTION * float(np.abs(stability.eigenvalues).max()),
         state_matrix=evaluate,
     ).in_order()
+
+
+def _by_free_modes(
+    modes: tuple[Mode, ...], scene: Scene, values: NDArray[np.float64], progress: Progress
+) -> list[Sensitivity]:
+    """Central differences by the numbers with which the shoe's free modes change, each with free modes of its own.
+
+    Without those where two free modes change places.
+    """
+    rows, keys, own = [], tuple(numbers_of(scene)), scene.numbers()
+    for k, key in enumerate(shaping_numbers(scene)):
+        progress("derivatives by the shoe's free modes", k, len(SHAPING))
+        value = cast("float", own[key])
+        ends = [scene.with_values({key: (1 + sign * MODES_STEP) * value}) for sign in (1, -1)] if value else []
+        try:
+            above, below = (np.linalg.eig(state_matrix_of(scene, keys, end)(values)[0]) for end in ends)
+        except (ValueError, ArithmeticError):  # beyond what a scene takes, or modes that change places
+            continue
+        change = [_followed(mode, *above) - _followed(mode, *below) for mode in modes]
+        derivative = np.array(change, dtype=np.complex128) / (2 * MODES_STEP * value)
+        rows.append(_row(key, value, derivative, derivative))
+    return rows
 
 
 def _row(key: str, value: float, derivative: NDArray[np.complex128], difference: NDArray[np.complex128]) -> Sensitivity:
@@ -249,9 +286,9 @@ def _row(key: str, value: float, derivative: NDArray[np.complex128], difference:
 
 
 def at_one_time(scene: Scene, time: float) -> Scene:
-    """The scene with the drum speed and the load that it has at a time (s), at all times."""
+    """The scene with the drum speed, the load and the forces that it has at a time (s), at all times."""
     values = {}
-    for key, given in (("drum.speed", scene.drum.speed), ("contact.normal_load", scene.contact.normal_load)):
+    for key, given in scene.schedules().items():
         if isinstance(given, Profile):
             values[key] = float(np.interp(time, given.time, given.value))
     return scene.with_values(values)

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 
-from drumsqueal.findings.vibration import unit_of
 from drumsqueal.questions.onset.motions import Kick, Leads, Motion
 from drumsqueal.questions.sensitivity.alone import Alone
 from drumsqueal.questions.sensitivity.change import Change
@@ -11,6 +10,7 @@ from drumsqueal.questions.sensitivity.disturbing import Origin, Trial
 from drumsqueal.questions.sensitivity.operating import Operating, where, where_else
 from drumsqueal.questions.sensitivity.quieting import Quieting, Squeal
 from drumsqueal.questions.sensitivity.study import Relevant, SensitivityStudy
+from drumsqueal.scene.coordinates import unit_of
 from drumsqueal.scene.variation import unit_of as unit_of_number
 
 SI = {"drum.speed": "rad/s", "contact.normal_load": "N"}

@@ -5,13 +5,14 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from drumsqueal.findings.vibration import unit_of
+from drumsqueal.findings.brake import Brake, brake_sentences
+from drumsqueal.scene.coordinates import is_elastic, largest_of, unit_of
 from drumsqueal.solve.linear.modes import OSCILLATING_FRACTION, UNDAMPED_FRACTION, Stability
 from drumsqueal.terminal.tables import print_table
 
 
-def print_stability(console: Console, stability: Stability) -> None:
-    """Print the modes, the other eigenvalues and the steady state."""
+def print_stability(console: Console, stability: Stability, brake: Brake | None = None) -> None:
+    """Print the modes, the other eigenvalues and the steady state, also as a brake if given."""
     table = Table(title="Modes of steady sliding", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     for heading in ("mode", "frequency", "growth rate", "damping ratio", ""):
         table.add_column(heading, justify="left" if heading in ("mode", "") else "right")
@@ -31,8 +32,15 @@ def print_stability(console: Console, stability: Stability) -> None:
         console.print("Without oscillation: " + ", ".join(f"{value:.3f} 1/s" for value in rounded))
     moved = {n: q for n, q in zip(stability.coordinates, stability.steady_state, strict=True) if q != 0}
     if moved:
-        console.print("Steady sliding at " + ", ".join(f"{n} = {q:.4g} {unit_of(n)}" for n, q in moved.items()))
+        smaller = largest_of({name: abs(q) for name, q in moved.items() if is_elastic(name)})[1]
+        places = [f"{name} = {q:.4g} {unit_of(name)}" for name, q in moved.items() if name not in smaller]
+        places += [f"{len(smaller)} more free modes less"] if smaller else []
+        console.print("Steady sliding at " + ", ".join(places))
     if stability.time > 0:
         console.print(f"This is for the drum's speed at t = {stability.time:g} s: at t = 0 it is at rest")
+    if brake is not None:
+        for line in brake_sentences(brake):
+            console.print(line)
+        return
     low, high = stability.pressure_range
     console.print(f"Steady pressure from {low / 1e3:.2f} to {high / 1e3:.2f} kPa along the lining")

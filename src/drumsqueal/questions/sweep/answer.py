@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.table import Table
 
 from drumsqueal.files.output_folder import AMPLITUDE, BASIN, CHANCE, STABILITY, SWEEP, SWEEP_SUMMARY
-from drumsqueal.findings.vibration import unit_of
+from drumsqueal.physics.composition import shaping_numbers
 from drumsqueal.progress import Progress
 from drumsqueal.questions.sweep.basin import Basin
 from drumsqueal.questions.sweep.basin_figure import draw_basin
@@ -20,6 +20,7 @@ from drumsqueal.questions.sweep.file import SweepFile
 from drumsqueal.questions.sweep.filling import Source, fill_file
 from drumsqueal.questions.sweep.points import COMPUTED, OUTCOMES, Starting
 from drumsqueal.questions.sweep.summary import ChanceStudy, Responses, SweepStudy, summarise
+from drumsqueal.scene.coordinates import unit_of
 from drumsqueal.scene.plan import Plan
 from drumsqueal.scene.quantities import printable
 from drumsqueal.terminal.reply import Reply
@@ -62,6 +63,8 @@ def print_study(console: Console, study: SweepStudy) -> None:
         print_basin(console, study.basin, study.plan)
     elif study.transients is not None:
         _print_responses(console, study.transients)
+    if set(study.plan.keys) & set(shaping_numbers(study.plan.scene)):
+        console.print("E1, E2, … are the shoe's free modes by rising frequency at each point: shapes may change places")
     if study.points_with_divergence:
         console.print(f"Steady sliding diverges without oscillation at {study.points_with_divergence} points")
     _print_outcomes(console, study)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from drumsqueal.findings.part import Finding, Held, Number
 from drumsqueal.questions.onset.motions import Leads, how_unlike
 from drumsqueal.questions.sweep.chance import Chance, chance, fraction
-from drumsqueal.questions.sweep.points import LEADS, NONE, Starting, squealing
+from drumsqueal.questions.sweep.points import LEADS, NONE, Starting, names_of, squealing
 from drumsqueal.solve.pulling import pulling
 
 OTHERS = (Leads.NEUTRAL, Leads.RUNS_AWAY, Leads.GROWS, Leads.UNDECIDED)
@@ -116,13 +116,13 @@ def _notes(data: xarray.Dataset) -> tuple[str, ...]:
 
 def _main_coordinate(data: xarray.Dataset, plan: Starting) -> str:
     main = np.ravel(data["main_coordinate"].values)[np.ravel(squealing(data))]
-    return plan.coordinates[int(np.bincount(main[main >= 0], minlength=1).argmax())]
+    return names_of(plan)[int(np.bincount(main[main >= 0], minlength=1).argmax())]
 
 
 def _attractor(
     data: xarray.Dataset, plan: Starting, number: int, members: NDArray[np.intp], chance_of_it: Chance
 ) -> Attractor:
-    names = plan.coordinates
+    names = names_of(plan)
     amplitude = data["amplitude"].values.reshape(-1, len(names))[members]
     frequency = np.ravel(data["main_frequency"].values)[members]
     first = plan.values(int(members[0]), int(members[0]) + 1)[0]

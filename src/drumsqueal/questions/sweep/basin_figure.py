@@ -5,10 +5,10 @@ import xarray
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from drumsqueal.findings.vibration import unit_of
 from drumsqueal.questions.sweep.basin import Basin
 from drumsqueal.questions.sweep.figure import in_words
 from drumsqueal.questions.sweep.points import NONE, Starting
+from drumsqueal.scene.coordinates import unit_of
 from drumsqueal.terminal import style
 from drumsqueal.terminal.style import frame, new_figure, styled
 

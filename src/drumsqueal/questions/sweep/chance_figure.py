@@ -1,13 +1,16 @@
 """The figure of random samples: growth rates and frequencies, and which numbers they depend on."""
 
+from typing import Any
+
 import numpy as np
 import xarray
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from drumsqueal.questions.sweep.figure import in_words
+from drumsqueal.questions.sweep.points import names_in
 from drumsqueal.questions.sweep.summary import ChanceStudy
-from drumsqueal.scene import COORDINATES
+from drumsqueal.scene.coordinates import largest_of
 from drumsqueal.scene.plan import Plan
 from drumsqueal.terminal import style
 from drumsqueal.terminal.style import frame, new_figure, styled
@@ -57,12 +60,16 @@ def _draw_frequencies(axes: Axes, sweep: xarray.Dataset) -> None:
     frequency, samples = sweep["frequency"].values, sweep.sizes["sample"]
     if unstable.any():
         edges = np.histogram_bin_edges(frequency[unstable], 2 * BINS).tolist()
-        for index, name in enumerate(COORDINATES):
-            mine = frequency[unstable & (which == index)]
-            if mine.size:
-                weights = np.full(mine.size, 100 / samples)
-                axes.hist(mine, edges, weights=weights, color=style.COLOUR[name], label=name, alpha=0.85)
-        axes.legend(loc="upper right", title="mode")
+        found = {name: frequency[unstable & (which == k)] for k, name in enumerate(names_in(sweep))}
+        named, others = largest_of({name: each.size for name, each in found.items() if each.size})
+        shown = [(found[name], style.COLOUR[name], name) for name in named]
+        if others:
+            shown += [(np.concatenate([found[name] for name in others]), style.SEPARATED, f"{len(others)} others")]
+        for mine, colour, label in shown:
+            weights = np.full(mine.size, 100 / samples)
+            axes.hist(mine, edges, weights=weights, color=colour, label=label, alpha=0.85)
+        above: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "ncols": 4, "columnspacing": 1.0}
+        axes.legend(**(above if others else {"loc": "upper right", "title": "mode"}))
     else:
         axes.text(0.5, 0.5, "no sample squeals", transform=axes.transAxes, ha="center", fontsize=style.SMALL_SIZE)
     frame(axes, "frequency of unstable modes (Hz)", "samples (%)")

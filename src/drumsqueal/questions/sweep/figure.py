@@ -15,9 +15,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from drumsqueal.findings.vibration import unit_of
-from drumsqueal.questions.sweep.points import squealing, undecided
-from drumsqueal.scene import COORDINATES
+from drumsqueal.physics.composition import shaping_numbers
+from drumsqueal.questions.sweep.points import names_in, squealing, undecided
+from drumsqueal.scene.coordinates import MOST_SHOWN, largest_of, unit_of
 from drumsqueal.scene.plan import Plan
 from drumsqueal.terminal import style
 from drumsqueal.terminal.style import frame, new_figure, styled
@@ -72,7 +72,7 @@ def _draw_growth_map(panel: Panel, sweep: xarray.Dataset, plan: Plan, norm: Cent
     if _changes_sign(growth):
         axes.contour(x, y, growth, [0.0], colors=style.DARK, linewidths=BOUNDARY)
         seen["boundary"] = Line2D([], [], color=style.DARK, linewidth=BOUNDARY, label="boundary of squeal, Re λ = 0")
-    for index, name in enumerate(COORDINATES):
+    for index, name in enumerate(names_in(sweep)):
         of_mode = _of_coordinate(part, "growth_rate", index)
         if _changes_sign(of_mode):
             axes.contour(x, y, of_mode, [0.0], colors=style.COLOUR[name], linewidths=OF_A_MODE)
@@ -94,29 +94,37 @@ def _draw_modes(sweep: xarray.Dataset, plan: Plan) -> Figure:
     upper, lower = figure.subplots(2, 1, sharex=True)
     x = sweep[plan.keys[0]].values
     upper.axhline(0, color=style.DARK, linewidth=0.6)
-    for index, name in enumerate(COORDINATES):
-        growth, frequency = (_of_coordinate(sweep, each, index) for each in ("growth_rate", "frequency"))
-        if np.isnan(growth).all():
-            continue
-        upper.plot(x, growth, color=style.COLOUR[name], label=name)
-        lower.plot(x, frequency, color=style.COLOUR[name], linewidth=0.6)
-        lower.plot(x, np.where(growth > 0, frequency, np.nan), color=style.COLOUR[name], linewidth=2.0)
+    both = {
+        name: [_of_coordinate(sweep, each, index) for each in ("growth_rate", "frequency")]
+        for index, name in enumerate(names_in(sweep))
+    }
+    named, others = largest_of({name: np.nanmax(each[0]) for name, each in both.items() if np.isfinite(each[0]).any()})
+    # Free modes whose shapes may change places from point to point are not joined by lines.
+    reshaped = plan.keys[0] in shaping_numbers(plan.scene)
+    for name in (*others, *named):
+        (growth, frequency), colour = both[name], style.COLOUR[name] if name in named else style.SEPARATED
+        apart = {"linestyle": "none", "marker": "o"} if reshaped else {}
+        upper.plot(x, growth, color=colour, label=name if name in named else None, markersize=4, **apart)
+        lower.plot(x, frequency, color=colour, linewidth=0.6, markersize=2, **apart)
+        unstable = np.where(growth > 0, frequency, np.nan)
+        lower.plot(x, unstable, color=colour, linewidth=2.0, markersize=5, **apart)
     sizes = np.abs(sweep["largest_growth_rate"].values)
     if np.isfinite(sizes).any():  # modes that decay fast go out of the picture below: the boundary is what matters
         largest = ROOM * max(float(np.nanmax(sizes)), 1e-9)
         upper.set_ylim(-largest, largest)
-    dots = ""
+    dots = f"; grey: {len(others)} more modes, which grow less" if others else ""
     if plan.transient:
         lower.plot(x, _sustained_frequency(sweep).values, ".", color=style.DARK, markersize=3)
-        dots = "; dots: main frequency of sustained transients"
+        dots += "; dots: main frequency of sustained transients"
     (own,) = _places_of_the_scene(plan, {})
     if own is not None:
         for axes in (upper, lower):
             axes.axvline(own, color=style.FAINT, linewidth=0.8, zorder=0.5)
     frame(upper, None, "growth rate (1/s)")
     frame(lower, _label_of(sweep, plan.keys[0]), "frequency (Hz)")
+    dots += "; E1, E2, …: free modes by rising frequency at each point" if reshaped else ""
     lower.set_title(f"thick: unstable{dots}", fontsize=style.SMALL_SIZE, loc="left")
-    upper.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(COORDINATES), borderaxespad=0.2)
+    upper.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=MOST_SHOWN, borderaxespad=0.2)
     return figure
 
 
@@ -171,7 +179,7 @@ def _quantities(sweep: xarray.Dataset) -> list[Quantity]:
         return []
     # Of the coordinate that carries the motion at most points.
     index = int(np.bincount(main[main >= 0].ravel()).argmax())
-    name = COORDINATES[index]
+    name = names_in(sweep, "main_coordinate")[index]
     amplitude = 1e6 * sweep["amplitude"].isel(coordinate=index)
     found = [Quantity(f"{name}, half peak to peak ({unit_of(name, 'µ')})", amplitude, style.COLOUR[name])]
     frequency = _sustained_frequency(sweep)

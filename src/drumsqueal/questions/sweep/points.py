@@ -1,21 +1,24 @@
 """What a sweep computes: the variables of sweep.nc, along the numbers of a grid or along random samples."""
 
+import itertools
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 import xarray
 from numpy.typing import NDArray
 
-from drumsqueal.errors import NoSteadySliding
+from drumsqueal.errors import NoSteadySliding, RequestError
 from drumsqueal.findings.decay import BEYOND
 from drumsqueal.findings.history import versions
 from drumsqueal.findings.saturated import Saturated
+from drumsqueal.physics.composition import coordinates_of
 from drumsqueal.questions.matrix.table import MatrixPlan
 from drumsqueal.questions.onset.motions import Leads
 from drumsqueal.questions.sweep.body import BodyPlan
-from drumsqueal.scene import COORDINATES
+from drumsqueal.scene import Scene, SceneError
+from drumsqueal.scene.coordinates import COORDINATES, units_of
 from drumsqueal.scene.plan import Plan
 
 # Outcome of a point: why its numbers are NaN.
@@ -35,12 +38,12 @@ OUTCOMES = {
 NOWHERE = {
     NoSteadySliding.AT_REST: AT_REST,
     NoSteadySliding.BELT_AT_REST: AT_REST,
+    NoSteadySliding.SELF_LOCKING: NOT_FOUND,
     NoSteadySliding.NOT_FOUND: NOT_FOUND,
     NoSteadySliding.NOT_FINITE: NOT_FINITE,
 }
 TRENDS = ("grows", "decays", "settled", "at rest", "failed")
 NONE = -1  # of a coordinate or a trend: there is none
-MODES = len(COORDINATES)  # at most
 Starting = Plan | BodyPlan
 Points = Starting | MatrixPlan
 """What is computed at which points."""
@@ -72,7 +75,7 @@ class Variable(NamedTuple):
         return found
 
 
-_NAMES = ((NONE, "none"), *enumerate(COORDINATES))
+_NAMES = ((NONE, "none"),)  # and those of the coordinates
 OUTCOME = "outcome"
 ALWAYS = {
     OUTCOME: Variable((), "i1", "1", "what became of the point, and why its numbers are NaN", tuple(OUTCOMES.items())),
@@ -94,7 +97,7 @@ TRANSIENT = {
     "amplitude": Variable(
         ("coordinate",),
         "f8",
-        "m (X, Y, Z), rad (Tx, Ty, Tz)",
+        "",  # those of the coordinates
         "half the peak-to-peak value in the last half of the scene's duration that was integrated last",
     ),
     "main_frequency": Variable(
@@ -139,21 +142,55 @@ FORCE = {"smallest_force": Variable((), "f8", "N", "smallest normal force of a b
 Columns = dict[str, np.ndarray]
 
 
+def names_of(plan: Points) -> tuple[str, ...]:
+    """Names of the coordinates of the results: those of the scene that has most of them at either end of each number.
+
+    A shoe that bends may have more free modes between the ends; these are left out.
+    """
+    if isinstance(plan, BodyPlan):
+        return plan.coordinates
+    if isinstance(plan, MatrixPlan):
+        return max(map(coordinates_of, plan.scenes), key=len)
+    names = coordinates_of(plan.scene)
+    if names == COORDINATES:  # rigid, whatever its numbers
+        return names
+    ends = {key: each for key, each in plan.ends.items() if key.startswith("shoe.")}
+    corners = (dict(zip(ends, values, strict=True)) for values in itertools.product(*ends.values()))
+    return max((_coordinates_at(plan.scene, corner) or names for corner in corners), key=len)
+
+
+def _coordinates_at(scene: Scene, values: Mapping[str, float]) -> tuple[str, ...]:
+    """Names of the coordinates there; none where the scene cannot be had, as far out in a distribution."""
+    try:
+        return coordinates_of(scene.with_values(values))
+    except (SceneError, RequestError, ArithmeticError):
+        return ()
+
+
+def names_in(sweep: xarray.Dataset, which: str = "mode_coordinate") -> tuple[str, ...]:
+    """Names of the coordinates that a variable of results counts."""
+    return tuple(sweep[which].attrs["flag_meanings"].split()[1:])
+
+
 def variables_of(plan: Points) -> dict[str, Variable]:
     """The variables of a sweep, by name."""
+    names = names_of(plan)
     if isinstance(plan, MatrixPlan):
-        return ALWAYS | CELLS
-    found = ALWAYS | (LINEAR if plan.eigenvalues else {}) | (TRANSIENT if plan.transient else {})
-    found |= STARTS if plan.starts else {}
-    found |= FORCE if isinstance(plan, BodyPlan) else {}
-    names = ((NONE, "none"), *enumerate(plan.coordinates))
-    return {name: each._replace(flags=names) if each.flags == _NAMES else each for name, each in found.items()}
+        found = ALWAYS | CELLS
+    else:
+        found = ALWAYS | (LINEAR if plan.eigenvalues else {}) | (TRANSIENT if plan.transient else {})
+        found |= STARTS if plan.starts else {}
+        found |= FORCE if isinstance(plan, BodyPlan) else {}
+    flags = (*_NAMES, *enumerate(names))
+    found = {name: each._replace(flags=flags) if each.flags == _NAMES else each for name, each in found.items()}
+    if "amplitude" in found:
+        found["amplitude"] = found["amplitude"]._replace(units=units_of(names))
+    return found
 
 
 def shape_of(plan: Points, variable: Variable, points: int) -> tuple[int, ...]:
     """Shape of a variable over so many points."""
-    sizes = {"mode": MODES, "coordinate": len(plan.coordinates)}
-    return (points, *(sizes[name] for name in variable.dimensions))
+    return (points, *(len(names_of(plan)) for _ in variable.dimensions))  # a mode a coordinate, at most
 
 
 def blank(plan: Points, points: int) -> Columns:
@@ -176,9 +213,9 @@ def axes(plan: Points) -> dict[str, tuple[tuple[str, ...], np.ndarray, dict[str,
         found[key] = ((dimension,), listed, {"units": plan.unit(key), "long_name": key})
     if plan.eigenvalues:
         ranks = {"long_name": "modes of a point by rising frequency; mode_coordinate names them"}
-        found["mode"] = (("mode",), np.arange(MODES, dtype="i1"), ranks)
+        found["mode"] = (("mode",), np.arange(len(names_of(plan)), dtype="i1"), ranks)
     if plan.transient:
-        found["coordinate"] = (("coordinate",), np.array(plan.coordinates, dtype=object), {})
+        found["coordinate"] = (("coordinate",), np.array(names_of(plan), dtype=object), {})
     return found
 
 

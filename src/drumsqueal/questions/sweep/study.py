@@ -2,14 +2,14 @@
 
 import math
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
 import numpy as np
 import xarray
 
-from drumsqueal.errors import SteadyStateError
+from drumsqueal.errors import RequestError, SteadyStateError
 from drumsqueal.findings.decay import BEYOND, is_decaying
 from drumsqueal.findings.history import COMPLETE
 from drumsqueal.findings.saturated import Saturated, saturated_motions
@@ -24,17 +24,17 @@ from drumsqueal.questions.sweep.body import BodyPlan
 from drumsqueal.questions.sweep.points import (
     COMPUTED,
     FOLDED,
-    MODES,
     NOT_TAKEN,
     NOWHERE,
     Columns,
     Points,
     blank,
+    names_of,
     note_motion,
     to_dataset,
 )
 from drumsqueal.questions.sweep.starts import compute_starts, follow_starts, round_of
-from drumsqueal.scene import COORDINATES, Profile, Scene, SceneError
+from drumsqueal.scene import Profile, Scene, SceneError
 from drumsqueal.scene.plan import Plan, grid, sample
 from drumsqueal.scene.quantities import parse_quantity
 from drumsqueal.scene.variation import Variation, unit_of
@@ -137,19 +137,21 @@ def compute(
         return compute_cells(plan, first, stop, threads, look)
     if isinstance(plan, BodyPlan):
         return compute_starts(plan, first, stop, threads, look)
-    columns = blank(plan, stop - first)
+    columns, names = blank(plan, stop - first), names_of(plan)
     scenes: dict[int, Scene] = {}
     for k, values in enumerate(plan.values(first, stop)):
         try:
-            scenes[k] = plan.scene_at(values)
-        except SceneError:
+            scene = plan.scene_at(values)
+            compose(scene)  # which finds the free modes of a shoe that bends, or too many
+            scenes[k] = scene
+        except (SceneError, RequestError):
             columns["outcome"][k] = NOT_TAKEN
     found = _analyse(plan, first, scenes)
     for k, stability in found.items():
         if isinstance(stability, SteadyStateError):
             columns["outcome"][k] = NOWHERE[stability.reason]
         else:
-            _note_stability(columns, k, stability)
+            _note_stability(columns, k, stability, names)
     if plan.transient:
         look()
         sound = {k: each for k, each in found.items() if isinstance(each, Stability)}
@@ -168,13 +170,14 @@ def _analyse(plan: Plan, first: int, scenes: Mapping[int, Scene]) -> dict[int, S
     return {k: found[brake] for k, brake in brakes.items()}
 
 
-def _note_stability(columns: Columns, k: int, stability: Stability) -> None:
-    assert len(stability.modes) <= MODES
-    for rank, mode in enumerate(stability.modes):
+def _note_stability(columns: Columns, k: int, stability: Stability, names: Sequence[str]) -> None:
+    for rank, mode in enumerate(mode for mode in stability.modes if mode.name in names):
+        if rank == len(names):  # modes of one name, of a shoe with more free modes than at the ends of the sweep
+            break
         columns["growth_rate"][k, rank] = mode.growth_rate
         columns["frequency"][k, rank] = mode.frequency_Hz
         columns["unstable"][k, rank] = mode.unstable
-        columns["mode_coordinate"][k, rank] = COORDINATES.index(mode.name)
+        columns["mode_coordinate"][k, rank] = names.index(mode.name)
     columns["largest_growth_rate"][k] = max((mode.growth_rate for mode in stability.modes), default=np.nan)
     columns["squeal"][k] = bool(stability.unstable)
     columns["divergence_rate"][k] = stability.divergence or 0.0
@@ -204,7 +207,7 @@ def _follow_scenes(
 ) -> None:
     """Integrate scenes that call for the same effects."""
     simulate = plan.scene.simulate
-    models = {k: build_model(scene) for k, scene in scenes.items()}
+    models, coordinates = {k: build_model(scene) for k, scene in scenes.items()}, names_of(plan)
     names = next(iter(models.values())).names
     places = [found[next(iter(scenes))].coordinates.index(name) for name in names]
     displacement, velocity = start_of(plan.scene, names)
@@ -224,7 +227,7 @@ def _follow_scenes(
         )
         for k, motion in zip(tuple(before), motions, strict=True):
             settled = has_settled(motion, found[k], _rate_since(before[k], motion, simulate.duration))
-            note_motion(columns, k, motion, COORDINATES, names, settled=settled)
+            note_motion(columns, k, motion, coordinates, names, settled=settled)
             columns["simulated"][k] = number * simulate.duration
             before[k] = motion
             if settled:
@@ -253,7 +256,7 @@ def _follow_starts(
     seconds = round_of(own, names) if isinstance(own, Stability) else simulate.duration
     how = How(simulate.sample_rate, simulate.tolerance, seconds, simulate.solver, threads)
     starts = {k: start_of(scene, names) for k, scene in scenes.items()}
-    follow_starts(columns, plan.coordinates, models, {k: found[k] for k in scenes}, starts, how, look)
+    follow_starts(columns, names_of(plan), models, {k: found[k] for k in scenes}, starts, how, look)
 
 
 def _rate_since(before: Saturated | None, motion: Saturated, seconds: float) -> float:
@@ -265,7 +268,7 @@ def _rate_since(before: Saturated | None, motion: Saturated, seconds: float) -> 
 
 def most_rounds(scene: Scene) -> int:
     """How many times its duration a transient may take to settle; once where time itself matters."""
-    changes = isinstance(scene.drum.speed, Profile) or isinstance(scene.contact.normal_load, Profile)
+    changes = any(isinstance(each, Profile) for each in scene.schedules().values())
     return 1 if changes or scene.forcing is not None else MOST_ROUNDS
 
 

@@ -10,8 +10,7 @@ from numpy.typing import ArrayLike
 from drumsqueal.findings.schema import Finding, Findings, Held
 from drumsqueal.questions.sweep.basin import Basin, find_basin
 from drumsqueal.questions.sweep.chance import Chance, chance
-from drumsqueal.questions.sweep.points import COMPUTED, OUTCOMES, TRENDS, squealing, undecided
-from drumsqueal.scene import COORDINATES
+from drumsqueal.questions.sweep.points import COMPUTED, OUTCOMES, TRENDS, names_in, squealing, undecided
 from drumsqueal.scene.plan import Plan
 
 NOT_SETTLED = "not settled"
@@ -31,7 +30,7 @@ class UnstableMode(Finding):
 class Responses(Finding):
     """How many transients squeal, have not settled after `longest_of_them_s`, or have each trend; largest amplitudes.
 
-    Amplitudes are in m (X, Y, Z) and rad (Tx, Ty, Tz).
+    Amplitudes are in the units of the coordinates: m, rad for rotations, m kg^0.5 for free modes.
     """
 
     points_with_squeal: int
@@ -115,7 +114,7 @@ def _unstable_modes(data: xarray.Dataset, plan: Plan) -> dict[str, UnstableMode]
     unstable, which = data["unstable"].values == 1, data["mode_coordinate"].values
     growth, frequency = data["growth_rate"].values, data["frequency"].values
     modes = {}
-    for index, name in enumerate(COORDINATES):
+    for index, name in enumerate(names_in(data)):
         here = unstable & (which == index)
         if not here.any():
             continue
@@ -141,7 +140,7 @@ def _responses(data: xarray.Dataset) -> Responses:
         points_not_settled=counts[NOT_SETTLED],
         longest_of_them_s=float(np.max(data["simulated"].values[unsettled], initial=0.0)),
         trends={name: count for name, count in counts.items() if count},
-        largest_amplitude=dict(zip(COORDINATES, largest.tolist(), strict=True)),
+        largest_amplitude=dict(zip(names_in(data, "main_coordinate"), largest.tolist(), strict=True)),
     )
 
 
@@ -154,7 +153,7 @@ def study_chance(sweep: xarray.Dataset) -> ChanceStudy | None:
     squeal, growth = sweep["squeal"].values[known], sweep["largest_growth_rate"].values[known]
     unstable, which = (sweep[name].values[known] for name in ("unstable", "mode_coordinate"))
     modes = {}
-    for index, name in enumerate(COORDINATES):
+    for index, name in enumerate(names_in(sweep)):
         if np.any(which == index):
             modes[name] = chance(int(np.any((unstable == 1) & (which == index), axis=1).sum()), total)
     keys = [str(name) for name, each in sweep.coords.items() if each.dims == ("sample",)]

@@ -10,6 +10,7 @@ from drumsqueal.questions.run.figures.contact import draw_contact
 from drumsqueal.questions.run.figures.eigenvalues import draw_eigenvalues
 from drumsqueal.questions.run.figures.growth import draw_frequency, draw_growth
 from drumsqueal.questions.run.figures.phase import draw_phase
+from drumsqueal.questions.run.figures.pressure import draw_pressure
 from drumsqueal.questions.run.figures.spectra import draw_spectra, draw_spectrogram
 from drumsqueal.questions.run.figures.view import View
 from drumsqueal.questions.run.figures.waterfall import draw_waterfall
@@ -23,6 +24,7 @@ _DRAWINGS = {
     output_folder.CONTACT: draw_contact,
     output_folder.EIGENVALUES: draw_eigenvalues,
     output_folder.FREQUENCY: draw_frequency,
+    output_folder.PRESSURE: draw_pressure,
     output_folder.WATERFALL: draw_waterfall,
 }
 
@@ -33,5 +35,4 @@ def drawings(result: Result, model: Model) -> dict[str, Callable[[object], Figur
     It gives None for a record that is too short, or in which nothing moves, to show anything there.
     """
     view = View(result, model)
-    left_out = () if result.findings.changing else (output_folder.WATERFALL,)
-    return {name: lambda _, draw=draw: draw(view) for name, draw in _DRAWINGS.items() if name not in left_out}
+    return {name: lambda _, draw=draw: draw(view) for name, draw in _DRAWINGS.items()}

@@ -5,18 +5,12 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from drumsqueal.findings.instant import LOAD, SPEED, Instant
 from drumsqueal.findings.ramp import CampbellLine, Ramp
 from drumsqueal.terminal import style
 
 DOTTED = (0, (2, 4))
 STABLE, UNSTABLE = 0.6, 1.6  # points of a line
 UNSTABLE_COLOUR = style.COLOUR["Tx"]  # which stands out on the dark pictures
-
-
-def value_of(instant: Instant, key: str) -> float:
-    """What changes, in rad/s or N."""
-    return {SPEED: instant.drum_speed_rad_per_s, LOAD: instant.normal_load_N}[key]
 
 
 def draw_campbell_lines(axes: Axes, line: CampbellLine, place: NDArray[np.float64]) -> None:

@@ -12,6 +12,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
+from drumsqueal.findings.boundaries import mean_pressure
+from drumsqueal.findings.vibration import moments_at
 from drumsqueal.physics.effects.pressure import Bonded
 from drumsqueal.physics.model import Model
 from drumsqueal.programs import Program
@@ -25,7 +27,7 @@ SMALL = 0.5  # a pressure that stays this near to p0 is drawn as its deviation
 
 
 class _Field(NamedTuple):
-    """Along the arc over time (angle, time): level (p0 + k_c u_r) / p0, and slip in the drum's sense.
+    """Along the arc over time (angle, time): level p0 + k_c u_r over its mean, and slip in the drum's sense.
 
     The level is the pressure where it is positive; elsewhere the lining has lifted off, if it can.
     """
@@ -46,14 +48,15 @@ def draw_contact(view: View) -> Figure | None:
     axes = figure.subplots()
     factor, unit = style.time_unit(view.time[-1])
     deviation, can_lift = float(np.abs(field.level - 1).max()), float(view.model.contact.lifting_stiffness) > 0
-    values, label, colours = field.level, "Pressure N / p₀", "YlGnBu"
+    unit = "mean" if view.model.pushed else "p₀"
+    values, label, colours = field.level, f"Pressure N / {unit}", "YlGnBu"
     limits = (0.0 if can_lift else min(0.0, float(values.min())), float(values.max()))
     if deviation < SMALL:
         power = 0 if deviation >= 0.01 or deviation == 0 else int(np.floor(np.log10(deviation)))
         reach = (deviation or 1.0) / 10.0**power
         values, limits = (field.level - 1) / 10.0**power, (-reach, reach)
         times = "10" + str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
-        colours, label = "RdBu_r", "Pressure N / p₀ − 1" + (f" ({times})" if power else "")
+        colours, label = "RdBu_r", f"Pressure N / {unit} − 1" + (f" ({times})" if power else "")
     image = axes.imshow(
         values,
         origin="lower",
@@ -89,10 +92,11 @@ def _evaluate(view: View) -> _Field | None:
     half = float(view.model.shoe.half_angle)
     angles = np.linspace(-half, half, ANGLES)
     level, slip, preload = along_arc(view.model, time, fine, angles)
-    p0 = float(np.max(np.asarray(preload)))
-    if not p0 > 0:
+    mean = preload if not view.model.pushed else mean_pressure(view.model, moments_at(view.model.operation, time))
+    largest = float(np.max(np.asarray(mean)))
+    if not largest > 0:
         return None
-    return _Field(time, np.rad2deg(angles), np.asarray(level).T / p0, np.asarray(slip).T)
+    return _Field(time, np.rad2deg(angles), np.asarray(level).T / largest, np.asarray(slip).T)
 
 
 @Program

@@ -62,7 +62,7 @@ def draw_amplitudes(view: View, axes: Axes, shown: slice) -> tuple[list[Artist],
     # A decaying mode leaves the frame below: how it begins decides how far down that goes.
     axes.set_ylim(min(max(begins / 10, top * 10.0**-DECADES), top / 100), top * 2)
     axes.yaxis.set_minor_formatter(NullFormatter())
-    style.frame(axes, None, "Amplitude (µm; rotations times R)")
+    style.frame(axes, None, f"Amplitude ({view.measure})")
     return modes, marks
 
 
@@ -76,7 +76,7 @@ def _explain(view: View, axes: Axes, modes: list[Artist], marks: list[Artist]) -
         predicted = f"growth as predicted {when}"
     legend = axes.legend(
         handles=modes,
-        title=f"Mode: {compared} (1/s)",
+        title=f"Mode: {compared} (1/s)" + (f"; {view.further_modes} more move less" if view.further_modes else ""),
         loc="lower left",
         bbox_to_anchor=(0.0, 1.0),
         borderaxespad=0.2,

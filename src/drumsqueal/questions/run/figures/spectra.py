@@ -8,14 +8,13 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
 
-from drumsqueal.findings.instant import SPEED, instant_at
+from drumsqueal.findings.instant import SPEED, instant_at, name_of_key, unit_of_key
 from drumsqueal.findings.ramp import Ramp
-from drumsqueal.findings.ramp_words import UNITS, WHAT
 from drumsqueal.findings.signals.spectra import Spectrogram, Spectrum, spectrogram
 from drumsqueal.findings.verdict import shift_words
-from drumsqueal.findings.vibration import unit_of
-from drumsqueal.questions.run.figures.campbell import draw_campbell_lines, line_labels, line_legend, value_of
+from drumsqueal.questions.run.figures.campbell import draw_campbell_lines, line_labels, line_legend
 from drumsqueal.questions.run.figures.view import View
+from drumsqueal.scene.coordinates import unit_of
 from drumsqueal.solve.linear.passage import corners_of
 from drumsqueal.terminal import style
 from drumsqueal.terminal.placement import extremes, label_right_edge, label_top_edge
@@ -67,7 +66,7 @@ def draw_spectra(view: View) -> Figure | None:
         handlelength=1.2,
         columnspacing=1.2,
     )
-    figure.supylabel("Displacement amplitude (µm; rotations times R)", fontsize=style.TEXT_SIZE)
+    figure.supylabel(f"Displacement amplitude ({view.measure})", fontsize=style.TEXT_SIZE)
     label_top_edge(
         rows[0],
         [(m.frequency_Hz / 1e3, f"{m.label} {m.frequency_Hz:.0f} Hz", style.COLOUR[m.name]) for m in view.modes],
@@ -82,7 +81,7 @@ def draw_spectrum(view: View, axes: Axes) -> None:
     _mark_main_line(view, axes)
     _mark_modes(view, axes)
     axes.legend(ncols=3)
-    style.frame(axes, "Frequency (kHz)", "Displacement amplitude\n(µm; rotations times R)")
+    style.frame(axes, "Frequency (kHz)", f"Displacement amplitude\n({view.measure})")
 
 
 def _draw_lines(axes: Axes, found: Mapping[str, Spectrum], highest: float) -> None:
@@ -108,7 +107,7 @@ def _highest_shown(view: View) -> float:
 def _outlines(view: View, part: slice, highest: float) -> dict[str, Spectrum]:
     """The spectra (µm) of a part of the record, each brought to the size of the figure before the next is computed."""
     found = {}
-    for coordinate, spectrum in view.vibration.spectra(part):
+    for coordinate, spectrum in view.vibration.spectra(part, view.shown_coordinates(part)):
         stop = int(np.searchsorted(spectrum.frequency_Hz, highest, side="right"))
         starts, _, largest = extremes(spectrum.amplitude[:stop])
         shown = largest * view.micrometres(coordinate)
@@ -225,11 +224,11 @@ def _draw_operation(view: View, axes: Axes, ramp: Ramp) -> None:
     factor, _ = style.time_unit(view.time[-1])
     times = np.unique([*corners_of(view.model, float(view.time[-1])), *(t for line in ramp.lines for t in line.time_s)])
     key = ramp.keys[0] if ramp.keys else SPEED
-    axes.plot(times * factor, [value_of(instant_at(view.model, t), key) for t in times.tolist()], color=style.DARK)
+    axes.plot(times * factor, [instant_at(view.model, t).value(key) for t in times.tolist()], color=style.DARK)
     for squeal in ramp.squeals:
         ends = (squeal.sets_in.time_s * factor, squeal.ends.time_s * factor)
         axes.axvspan(*ends, color=style.FAINT, linewidth=0, zorder=0, gid="squeal")
-    style.frame(axes, None, f"{WHAT[key].capitalize()}\n({UNITS[key]})")
+    style.frame(axes, None, f"{name_of_key(key).capitalize()}\n({unit_of_key(key)})")
     axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]))
     if ramp.squeals:
         label_right_edge(axes, [(sum(axes.get_ylim()) / 2, "grey: squeal", style.DARK)], reach=6.0)

@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.findings.growth_phase import UNEXCITED_FRACTION
-from drumsqueal.findings.vibration import FEWEST_FOR_SPECTRUM, ROTATIONS, Vibration
+from drumsqueal.findings.vibration import FEWEST_FOR_SPECTRUM, Vibration
 from drumsqueal.outcome import Ending
 from drumsqueal.physics.model import Model
+from drumsqueal.scene.coordinates import MOST_SHOWN, is_elastic, largest_of
 from drumsqueal.simulation import Result
 from drumsqueal.solve.linear.modes import Mode
 
@@ -43,16 +44,42 @@ class View:
         """Amplitude (time,) of a mode in a part of the record (µm, rotations times the outer radius), computed anew."""
         return np.abs(self.vibration.modal(mode, part)) * self.micrometres(mode.name)
 
-    @cached_property
+    @property
     def modes(self) -> tuple[Mode, ...]:
-        """The modes that take part in the motion, by rising frequency."""
+        """The modes that take part in the motion, by rising frequency: as many as figures show."""
+        return self._modes[0]
+
+    @property
+    def further_modes(self) -> int:
+        """How many more take part, and move the lining less."""
+        return self._modes[1]
+
+    @cached_property
+    def _modes(self) -> tuple[tuple[Mode, ...], int]:
         least = UNEXCITED_FRACTION * self.vibration.largest().max()
         able = [mode for mode in self.result.stability.modes if mode.name in self.model.names]
-        return tuple(mode for mode in able if self.amplitude(mode).max() > least * self.micrometres(mode.name))
+        sizes = {mode.label: float(self.amplitude(mode).max()) for mode in able}
+        moving = {mode.label: mode for mode in able if sizes[mode.label] > least * self.micrometres(mode.name)}
+        shown, others = largest_of({label: sizes[label] for label in moving})
+        return tuple(moving[label] for label in shown), len(others)
+
+    def shown_coordinates(self, part: slice) -> tuple[str, ...]:
+        """Those that move the lining most in a part of the record, as many as figures show."""
+        names = self.vibration.coordinates
+        if len(names) <= MOST_SHOWN:
+            return names
+        sizes = np.ptp(self.vibration.extremes(part), axis=0) * [self.micrometres(name) for name in names]
+        return largest_of(dict(zip(names, sizes.tolist(), strict=True)))[0]
+
+    @property
+    def measure(self) -> str:
+        """What displacements are drawn in."""
+        elastic = any(is_elastic(name) for name in self.vibration.coordinates)
+        return "µm at the lining" if elastic else "µm; rotations times R"
 
     def micrometres(self, coordinate: str) -> float:
         """Factor from a coordinate's unit to µm at the drum's surface."""
-        return MICRO * (self.radius if coordinate in ROTATIONS else 1.0)
+        return MICRO * self.model.shoe.lever(coordinate)
 
     @cached_property
     def main_frequency(self) -> float | None:

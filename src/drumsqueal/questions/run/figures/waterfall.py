@@ -9,11 +9,11 @@ from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 from numpy.typing import NDArray
 
-from drumsqueal.findings.instant import LOAD, SPEED, instant_at
+from drumsqueal.findings.instant import instant_at, name_of_key, unit_of_key
 from drumsqueal.findings.ramp import Ramp
-from drumsqueal.findings.ramp_words import UNITS, WHAT, way_words
+from drumsqueal.findings.ramp_words import way_words
 from drumsqueal.findings.squeals import End
-from drumsqueal.questions.run.figures.campbell import draw_campbell_lines, line_labels, line_legend, value_of
+from drumsqueal.questions.run.figures.campbell import draw_campbell_lines, line_labels, line_legend
 from drumsqueal.questions.run.figures.spectra import Content, edges, level_bar, levels, spectrogram_of
 from drumsqueal.questions.run.figures.view import View
 from drumsqueal.terminal import style
@@ -30,9 +30,9 @@ def draw_waterfall(view: View) -> Figure | None:
     ramp, content = view.findings.ramp, spectrogram_of(view)
     if ramp is None or content is None or not ramp.keys:
         return None
-    key = SPEED if SPEED in ramp.keys else LOAD
+    key = ramp.keys[0]
     instants = [instant_at(view.model, time) for time in content.picture.time_s.tolist()]
-    values = np.array([value_of(each, key) for each in instants])
+    values = np.array([each.value(key) for each in instants])
     directions = np.array([way_words(each, (key,)) for each in instants])
     ways = [way for way in ("falling", "rising") if np.count_nonzero(directions == way) > 1]
     if not ways or not np.ptp(values) > 0:
@@ -42,16 +42,18 @@ def draw_waterfall(view: View) -> Figure | None:
     for axes, way in zip(rows, ways, strict=True):
         image = _draw_way(axes, content, values, directions == way)
         for line in ramp.lines:
-            draw_campbell_lines(axes, line, np.array([value_of(instant_at(view.model, t), key) for t in line.time_s]))
+            draw_campbell_lines(axes, line, np.array([instant_at(view.model, t).value(key) for t in line.time_s]))
         style.frame(axes, None, "Frequency (kHz)")
         axes.set_xlim(values.min(), values.max())
         named = axes.text(
-            0.99, 0.94, f"{WHAT[key]} {way}", color="white", ha="right", va="top", transform=axes.transAxes
+            0.99, 0.94, f"{name_of_key(key)} {way}", color="white", ha="right", va="top", transform=axes.transAxes
         )
         named.set_bbox({"facecolor": "black", "alpha": 0.6, "linewidth": 0})
         label_top_edge(axes, _marks(axes, ramp, key, way))
         label_right_edge(axes, line_labels(ramp, content.highest), reach=6.0)
-    rows[-1].set_xlabel(f"{WHAT[key].capitalize()} ({UNITS[key]}); windows of {content.window * 1e3:.3g} ms")
+    rows[-1].set_xlabel(
+        f"{name_of_key(key).capitalize()} ({unit_of_key(key)}); windows of {content.window * 1e3:.3g} ms"
+    )
     line_legend(rows[0])
     level_bar(figure, image, rows, content)
     return figure
@@ -86,8 +88,8 @@ def _marks(axes: Axes, ramp: Ramp, key: str, way: str) -> list[tuple[float, str,
             else []
         )
         for instant, what in ends:
-            value = value_of(instant, key)
+            value = instant.value(key)
             if way_words(instant, (key,)) == way and axes.get_xlim()[0] <= value <= axes.get_xlim()[1]:
                 axes.axvline(value, color="white", linewidth=0.8, linestyle="--", gid=f"{what} {way}")
-                found.append((value, f"{what} at {value:.3g} {UNITS[key]}", style.DARK))
+                found.append((value, f"{what} at {value:.3g} {unit_of_key(key)}", style.DARK))
     return found
