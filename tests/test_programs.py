@@ -33,7 +33,7 @@ def folder(tmp_path, monkeypatch) -> Path:
 
 def moments() -> Program:
     """A program that no other one knows of, as in another process."""
-    return Program(vibration._moments._function)
+    return Program(vibration.moments_at._function)
 
 
 def coefficient() -> Program:
@@ -54,10 +54,10 @@ def same(a: Any, b: Any) -> None:
 
 
 def test_a_program_is_loaded_without_being_traced_and_gives_the_same_to_the_last_bit(folder, monkeypatch):
-    first, plain = moments()(OPERATION, TIMES), vibration._moments._traced(OPERATION, TIMES)
+    first, plain = moments()(OPERATION, TIMES), vibration.moments_at._traced(OPERATION, TIMES)
     same(first, plain)
     (kept,) = names(folder)
-    assert kept.startswith("_moments-")
+    assert kept.startswith("moments_at-")
     monkeypatch.setattr(Program, "_compile", never)
     same(moments()(OPERATION, TIMES), plain)
     same(moments()(Operation(PROFILE, Constant(7.0)), TIMES).preload, np.full(7, 7.0))  # numbers are no part of it
@@ -77,14 +77,14 @@ def test_a_call_waits_for_what_another_thread_has_begun_to_compile(folder, monke
     before = jax.config.values["jax_persistent_cache_min_compile_time_secs"]
     program.ahead(OPERATION, TIMES)
     assert begun.wait(10)
-    same(program(OPERATION, TIMES), vibration._moments._traced(OPERATION, TIMES))
+    same(program(OPERATION, TIMES), vibration.moments_at._traced(OPERATION, TIMES))
     assert made != [threading.current_thread()]
     assert len(made) == 1
     assert jax.config.values["jax_persistent_cache_min_compile_time_secs"] == before
 
 
 def test_what_fails_ahead_fails_where_it_is_called(folder):
-    program = Program(vibration._moments._function)
+    program = Program(vibration.moments_at._function)
     program.ahead(OPERATION, "no times")
     with pytest.raises(TypeError):
         program(OPERATION, "no times")
@@ -230,7 +230,7 @@ def test_within_another_program_it_is_traced(folder):
 def test_a_folder_in_which_others_may_write_is_left_alone(folder):
     folder.mkdir()
     folder.chmod(0o777)
-    same(moments()(OPERATION, TIMES), vibration._moments._traced(OPERATION, TIMES))
+    same(moments()(OPERATION, TIMES), vibration.moments_at._traced(OPERATION, TIMES))
     assert not names(folder)
     folder.chmod(0o700)
     moments()(OPERATION, TIMES)
@@ -240,7 +240,7 @@ def test_a_folder_in_which_others_may_write_is_left_alone(folder):
 
 def test_where_nothing_can_be_written_all_goes_on(folder):
     folder.write_text("a file in the place of the folder")
-    same(moments()(OPERATION, TIMES), vibration._moments._traced(OPERATION, TIMES))
+    same(moments()(OPERATION, TIMES), vibration.moments_at._traced(OPERATION, TIMES))
 
 
 def test_writers_at_the_same_time_leave_one_whole_file(folder, monkeypatch):

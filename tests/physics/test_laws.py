@@ -11,7 +11,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.interpolate import PchipInterpolator
-from test_quadrature import Brake, brute_force, contact_of, force_of, moment_of, scaled_state, with_law
 
 from drumsqueal import build_model, growth_rate, run, sweep_parameters
 from drumsqueal.errors import RequestError
@@ -27,6 +26,7 @@ from drumsqueal.scene.usual import unusual
 from drumsqueal.scene.variation import read_variation
 from drumsqueal.solve.linear.modes import analyse_stability
 from drumsqueal.solve.linear.steady import linearise, steady_sliding
+from test_quadrature import Brake, brute_force, contact_of, force_of, moment_of, scaled_state, with_law
 
 
 class Example(NamedTuple):

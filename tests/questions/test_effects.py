@@ -89,6 +89,24 @@ def test_every_effect_of_a_scene_can_be_reduced(nominal):
     }
 
 
+def test_forces_at_points_keep_the_drag_that_they_balance(nominal):
+    profile = {"time": [0.0, 1.0], "value": [100.0, 200.0]}
+    forces = [{"at": [0, 0.1, 0], "direction": [1, 0, 0], "size": size} for size in (50.0, profile)]
+    pushed = nominal.with_values({"steady.state": "self-consistent", "shoe.force": forces})
+    found = {str(reduction) for reduction in reductions_of(pushed)}
+    assert found == {str(each) for each in reductions_of(nominal)} | {"profile of shoe.force.1.size → 100 N"}
+    assert reduce(pushed, reductions_of(pushed)).shoe.force[1].size == 100.0
+
+
+def test_reductions_of_coordinates_add_up(nominal):
+    bends = {"shoe.elastic": {"young": 210e9, "poisson": 0.3, "up_to": 6e3}, "start.displacement.Z": 1e-7}
+    scene = nominal.with_values(bends)
+    space, rigid = (each for each in reductions_of(scene) if each.effect in ("space", "elasticity of the shoe"))
+    left = reduce(scene, [space, rigid])
+    assert left.shoe.elastic is None
+    assert set(left.start.displacement) == {"Y", "Tz"}
+
+
 def test_what_is_reduced_to_is_the_scene_one_would_write(nominal):
     everything = nominal.with_values(EVERYTHING)
     constant = {"law": "constant", "coefficient": 0.3 + 0.2 * math.exp(-0.5), "direction": "tangential"}

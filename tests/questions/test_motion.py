@@ -290,6 +290,9 @@ def test_the_axes_of_a_section_span_what_moves(spread, span):
     assert np.ptp(limits[1]) == pytest.approx(0.4 * span)
 
 
+RISING = '{at=[0, "0.1 m", 0], direction=[1, 0, 0], size={time=[0, 1], value=[0, "1 kN"]}}'
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -302,6 +305,10 @@ def test_the_axes_of_a_section_span_what_moves(spread, span):
         (["--duration", "-1"], "--duration -1: write a time"),
         (["--at-most", "0"], "--at-most 0: write a time"),
         (["--set", 'drum.speed={time=["0 s", "1 s"], value=["5 rad/s", "4 rad/s"]}'], "not a profile over time"),
+        (
+            ["--set", "steady.state=self-consistent", "--set", f"shoe.force=[{RISING}]"],
+            "shoe.force.0.size: limit cycles and attractors take a constant value",
+        ),
     ],
 )
 def test_wrong_requests_are_told_in_one_line(drumsqueal, tmp_path, arguments, message):

@@ -427,6 +427,17 @@ def test_damping_may_be_added_and_by_default_the_design_changes(nominal):
     assert not {"drum.speed", "contact.normal_load", "shoe.outer_radius"} & set(keys)
 
 
+def test_what_pushes_a_shoe_is_given_and_what_holds_and_bends_it_is_designed(nominal):
+    at = {"at": [0, 0.1, 0], "direction": [1, 0, 0]}
+    tables = {"shoe.spring": [{**at, "stiffness": 1e9}], "shoe.force": [{**at, "size": 1000}]}
+    elastic = {"young": 210e9, "poisson": 0.3, "up_to": 1e4}
+    scene = nominal.with_values({**tables, "shoe.elastic": elastic, "steady.state": "self-consistent"})
+    scene, keys = variable_numbers(scene)
+    assert [key for key in keys if key.count(".") > 1] == [
+        *("shoe.elastic.young", "shoe.spring.0.stiffness"),  # Poisson's ratio changes the shapes of the modes
+    ]
+
+
 def test_a_disturbance_starts_beyond_the_contact_boundary_and_growth_is_no_decay(nominal):
     scene = nominal.with_values({"damping": {"ratio": 0.02}, "simulate.duration": 0.05})
     start = disturbed(scene)

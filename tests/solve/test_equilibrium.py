@@ -37,7 +37,7 @@ def test_the_path_goes_round_its_turns(length, load):
         return drag - held, jnp.abs(drag) + jnp.abs(held)
 
     # Forces balanced to 1e-13 of those that cancel.
-    assert spring(float(find_equilibrium(forces, 1)[0]) / length) == pytest.approx(1.0, rel=1e-12)
+    assert spring(float(find_equilibrium(forces, 1).displacement[0]) / length) == pytest.approx(1.0, rel=1e-12)
 
 
 def test_an_equilibrium_that_runs_off_is_none():
@@ -45,7 +45,7 @@ def test_an_equilibrium_that_runs_off_is_none():
         drag, spring = z[1:], 0.7 * z[:1] / (1 + jnp.abs(z[:1]))
         return drag - spring, jnp.abs(drag) + jnp.abs(spring)
 
-    assert np.isnan(find_equilibrium(forces, 1)[0])
+    assert np.isnan(find_equilibrium(forces, 1).displacement[0])
 
 
 # --- scenes ----------------------------------------------------------------------------------------------------------

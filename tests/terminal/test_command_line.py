@@ -97,11 +97,11 @@ def test_no_result_is_overwritten_unasked(drumsqueal, tmp_path, name):
 def test_overwriting_clears_all_results_of_an_earlier_run_and_nothing_else(drumsqueal, tmp_path):
     for name in (*RUN_FILES, "notes.txt"):
         (tmp_path / name).write_text("of value")
-    # 100 samples are too few for a spectrogram, no frequency drifts, no speed changes, and a complete run leaves
-    # nothing to resume.
+    # 100 samples are too few for a spectrogram, no frequency drifts, no speed changes, the steady pressure is given,
+    # and a complete run leaves nothing to resume.
     status, printed, _ = drumsqueal("run", NOMINAL, "-o", str(tmp_path), "--overwrite", *SHORT)
     assert status == 0
-    absent = {"spectrogram.png", "waterfall.png", "frequency.png", "resume.json"} | MADE
+    absent = {"spectrogram.png", "waterfall.png", "pressure.png", "frequency.png", "resume.json"} | MADE
     told = " ".join(printed.split()).partition("Removed with the results that they were made of: ")[2].split(", ")
     assert {name.split()[0] for name in told[: len(MADE)]} == MADE
     assert {path.name for path in tmp_path.iterdir()} == {*RUN_FILES, "notes.txt"} - absent

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 from pydantic import BaseModel
 
+from drumsqueal.findings.brake import PredictionOfBrake
 from drumsqueal.findings.compare import RunFindings
-from drumsqueal.findings.prediction import Prediction
 from drumsqueal.questions.accuracy.study import AccuracyStudy
 from drumsqueal.questions.animate.animation import Animation
 from drumsqueal.questions.check.study import Check
@@ -28,7 +28,7 @@ from drumsqueal.questions.sweep.summary import SweepStudy
 PAGE = (Path(__file__).parents[2] / "docs" / "json.md").read_text()
 MODELS: dict[str, type[BaseModel]] = {
     "run": RunFindings,
-    "stability": Prediction,
+    "stability": PredictionOfBrake,
     "check": Check,
     "motion": MotionStudy,
     "onset": OnsetStudy,

@@ -370,6 +370,10 @@ def test_what_cannot_be_resumed_is_told_in_one_line_and_left_alone(drumsqueal, s
         (("simulate.duration=0.04",), "simulate.duration was 0.0301 in the run and is 0.04 here;"),
         (("drum.speed=3", "title=x"), 'title was "Nominal squeal" in the run and is "x" here (and 1 more differ);'),
         (("support=none",), "support.upper_stiffness was 100000000.0 in the run and is left out here (and 1 more"),
+        (
+            ("shoe.spring=[{at=[0, 0, 0.1], direction=[0, 0, 1], stiffness=1}]",),
+            "shoe.spring.0.at was left out in the run and is [0.0, 0.0, 0.1] here (and 3 more differ)",
+        ),
         (("forcing={amplitude={Y=1}, frequency=9}",), "forcing.amplitude.Y was left out in the run and is 1.0 here"),
     ],
 )

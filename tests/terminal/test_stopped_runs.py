@@ -215,7 +215,7 @@ def test_control_c_between_two_figures(drumsqueal, tmp_path, monkeypatch):
     drawn = []
     drawings = {name: lambda view, name=name: (drawn.append(name), press())[0] for name in ("first", "second")}
     monkeypatch.setattr(figures, "_DRAWINGS", drawings)
-    monkeypatch.setattr(drawing, "run_figures", lambda *, changing: tuple(drawings))
+    monkeypatch.setattr(drawing, "run_figures", lambda **_: tuple(drawings))
     status, _, errors = drumsqueal("run", NOMINAL, "-o", str(tmp_path), *THREE_CHUNKS)
     assert (status, drawn) == (1, ["first"])
     assert AGAIN in errors

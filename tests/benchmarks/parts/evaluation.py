@@ -21,7 +21,6 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from drumsqueal.findings.vibration import ROTATIONS
 from drumsqueal.physics.bodies.body import Motion, scalars
 from drumsqueal.physics.bodies.rigid_shoe import IN_PLANE
 from drumsqueal.physics.kernel import compiled, one_kernel
@@ -129,7 +128,7 @@ def error_of(contender: Contender) -> float:
     model = contender.model
     finer = dataclasses.replace(model, contact=dataclasses.replace(model.lining, surface=FINER[contender.coordinates]))
     difference = forces(model, contender.q, contender.v) - forces(finer, contender.q, contender.v)
-    reach = [float(model.shoe.outer_radius) if name in ROTATIONS else 1.0 for name in model.names]
+    reach = [model.shoe.lever(name) for name in model.names]
     load = float(model.operation.at(0.0).preload * model.shoe.area)
     return float(np.max(np.abs(np.asarray(difference)) / reach) / load)
 

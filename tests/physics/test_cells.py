@@ -1,0 +1,250 @@
+"""Contact integrals over cells: against closed forms, the exact rigid surface, and brute force on the true levels."""
+
+from collections.abc import Callable
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from jax import Array
+
+from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
+from drumsqueal.physics.effects.contact import Contact
+from drumsqueal.physics.effects.friction import Friction, UnitVelocity
+from drumsqueal.physics.effects.operation import Moment
+from drumsqueal.physics.effects.pressure import Unilateral
+from drumsqueal.physics.laws.friction_law import (
+    ExponentialLaw,
+    FrictionLaw,
+    breakpoints,
+    friction_law,
+    kinks,
+)
+from drumsqueal.physics.quadrature.area import AreaSurface
+from drumsqueal.physics.quadrature.cells import CellNodes, Cells, Sampled, Spread
+from drumsqueal.physics.quadrature.levels import Level
+from drumsqueal.physics.quadrature.surface import Boundaries
+
+SHOE = RigidShoe(0.1, 0.02, 0.0365, np.radians(130.0), 7820.0)
+R, HALF_ANGLE, HALF_WIDTH, AREA = 0.1, float(SHOE.half_angle), 0.0365 / 2, float(SHOE.area)
+CELLS = Cells()
+NODES = CELLS.nodes(SHOE)
+FALLING = ExponentialLaw(0.5, 0.3, 1.0)
+EVEN = ExponentialLaw(0.4, 0.4, 1.0)  # the same μ everywhere, in the same program
+NONE = jnp.zeros(0)
+# A law with kinks at both ends of its points.
+TABLE = friction_law("table", speed=np.array([0.2, 0.4, 0.6]), coefficient=np.array([0.5, 0.4, 0.2]))
+
+
+def friction(level, slip, axial, law):
+    """Pressure and tractions along θ and z, for a pressure level of any scale."""
+    pressure = jnp.where(level < 0, 0.0, level)
+    along, across = UnitVelocity().traction(law, pressure, slip, axial)
+    return pressure, along, across
+
+
+def totals_of(levels, law: FrictionLaw, surface) -> dict[str, Array]:
+    """Forces and first moments of pressure and friction, over the area."""
+    level, slip, axial = levels
+
+    def densities(nodes):
+        found = friction(level.at(nodes), slip.at(nodes), None if axial is None else axial.at(nodes), law)
+        parts = {}
+        for name, part in zip(("normal", "along", "across"), found, strict=True):
+            if part is not None:
+                arms = {"": 1.0, "x": nodes.cosine, "y": nodes.sine, "z": nodes.z / HALF_WIDTH}
+                parts |= {name + key: part * arm * nodes.weight / AREA for key, arm in arms.items()}
+        return parts
+
+    return surface.integrate(SHOE, Boundaries(level, slip, axial, breakpoints(law), kinks(law), False), densities)
+
+
+@eqx.filter_jit
+def over_cells(values, law: FrictionLaw = FALLING, cells: Cells = CELLS):
+    return totals_of([None if each is None else Sampled(each) for each in values], law, cells)
+
+
+@eqx.filter_jit
+def exactly(levels, law: FrictionLaw):
+    return totals_of(levels, law, AreaSurface(always_split=True))
+
+
+def largest_difference(one, other) -> float:
+    return max(abs(float(one[name] - other[name])) for name in other)
+
+
+def rigid_state(generator: np.random.Generator) -> tuple[Level, Level, Level]:
+    """Levels of a rigid shoe beyond the edges, V_z from next to nothing to more than V_θ."""
+
+    def terms(size: float, count: int) -> list[Array]:  # arrays, so that all states share a program
+        scale = size * np.array([1, 1, 0.3 / HALF_WIDTH, 0.3 / HALF_WIDTH])[:count]
+        return [jnp.asarray(each) for each in scale * generator.normal(size=count)]
+
+    pressure, slip, axial = (10 ** generator.uniform(*range_) for range_ in ((-0.5, 0.7), (-0.5, 0.7), (-4, 1)))
+    return Level(1.0, *terms(pressure, 4)), Level(-0.5, *terms(slip, 4)), Level(*terms(axial, 2), *terms(axial, 1))
+
+
+def test_levels_of_a_rigid_shoe_as_the_exact_surface():
+    """Errors over the load: all but a few states within 1e-6, the hardest (reversal along a whole line) 2e-4."""
+    generator, errors = np.random.default_rng(3), []
+    for _ in range(40):
+        levels = rigid_state(generator)
+        errors.append(largest_difference(over_cells([each.at(NODES) for each in levels]), exactly(levels, FALLING)))
+    assert np.mean(np.array(errors) < 1e-6) >= 0.95
+    assert max(errors) < 2e-4
+
+
+MIRRORED = Cells(across=1, mirrored=True)
+
+
+@pytest.mark.parametrize(
+    "cells", [CELLS, pytest.param(MIRRORED, marks=pytest.mark.slow)], ids=["whole", "mirrored: a program of its own"]
+)
+def test_forces_follow_boundaries_through_nodes_and_sides(cells: Cells):
+    """Closed forms at every position: with pressure 1 + θ and θ − θ₀ slip, F = −μ ∫ N sgn dA; and lifting likewise.
+
+    A rule that does not cut has kinks of 1e-3 at nodes; 1e-11 is round-off of a level's polynomial.
+    """
+    nodes = cells.nodes(SHOE)
+    theta, ones = nodes.theta, jnp.ones(nodes.theta.size)
+    sides = np.linspace(-HALF_ANGLE, HALF_ANGLE, cells.along + 1)[1:-1]
+    places = np.unique(np.concatenate([np.asarray(theta)[:: cells.order], sides, sides + 1e-9, np.linspace(-1, 1, 15)]))
+    law, strip, B = EVEN, 2 * HALF_WIDTH * R / AREA, HALF_ANGLE
+    for place in places:
+        found = over_cells([2 + theta, theta - place, 0 * ones], law, cells)
+        before, after = ((2 * b + b**2 / 2) - (2 * a + a**2 / 2) for a, b in ((-B, place), (place, B)))
+        assert abs(found["along"] + 0.4 * strip * (after - before)) < 1e-11
+        found = over_cells([theta - place, -ones, 0 * ones], law, cells)
+        assert abs(found["normal"] - strip * (B - place) ** 2 / 2) < 1e-11
+        assert abs(found["along"] - 0.4 * strip * (B - place) ** 2 / 2) < 1e-11
+
+
+def test_patches_appear_and_grow_continuously():
+    """An elliptic patch that lifts or slips back: level (θ/a)² + (z/d)² − t, t from nothing to several cells."""
+    a, d, theta, z = 0.31, 0.011, NODES.theta, NODES.z
+    ones = jnp.ones(CELLS.count)
+    for centre in (0.02, 0.13, float(NODES.theta[150])):
+        bowl = ((theta - centre) / a) ** 2 + ((z - 0.003) / d) ** 2
+        whole = float(jnp.sum(bowl * NODES.weight)) / AREA
+        for t in [0, 1e-8, 1e-6, 1e-4, 1e-3, 1e-2, 0.05, 0.1, 0.2, 0.4, 0.7]:
+            patch = np.pi * a * d * R / AREA
+            lifting = over_cells([bowl - t, -ones, 0 * ones], EVEN)
+            assert abs(lifting["normal"] - (whole - t + patch * t**2 / 2)) < 1e-6
+            turning = over_cells([ones, bowl - t, 0 * ones], EVEN)
+            assert abs(turning["along"] + 0.4 * (1 - 2 * patch * t)) < 1e-6
+
+
+def wavy(generator: np.random.Generator, theta, z):
+    """A smooth level as of elastic modes: waves down to a third of the arc, quartics across."""
+    zeta, total = z / HALF_WIDTH, 0.0
+    for _ in range(6):
+        wave, phase = generator.uniform(0, 3 * np.pi / HALF_ANGLE), generator.uniform(0, 2 * np.pi)
+        shape = np.polynomial.polynomial.polyval(zeta, generator.normal(size=5) * [1, 0.6, 0.4, 0.25, 0.15])
+        total = total + 0.3 * np.cos(wave * theta + phase) * shape
+    return total
+
+
+@pytest.mark.parametrize("seed", [1, 6])
+def test_levels_of_elastic_modes_against_brute_force(seed: int):
+    """The true levels, not the polynomials, on a grid that resolves turn (V_z = 0.2) and contact boundary to 1e-7."""
+
+    def levels(theta, z):
+        generator = np.random.default_rng(seed)
+        return [1 + 2 * wavy(generator, theta, z), -0.5 + wavy(generator, theta, z), 0.2 + 0 * theta]
+
+    point, weight = np.polynomial.legendre.leggauss(4)
+    theta, z = (
+        np.ravel((np.arange(panels)[:, None] + (1 + point) / 2) * 2 / panels - 1) * size
+        for panels, size in ((500, HALF_ANGLE), (200, HALF_WIDTH))
+    )
+    weights = np.tile(weight / 2, 200)[:, None] / 200 * (np.tile(weight / 2, 500) / 500)
+    grid = np.meshgrid(theta, z)
+    level, slip, axial = (jnp.asarray(each) for each in levels(*grid))
+    parts = friction(level, slip, axial, FALLING)
+    found = over_cells([jnp.asarray(each) for each in levels(np.asarray(NODES.theta), np.asarray(NODES.z))])
+    for name, part in zip(("normal", "along", "across"), parts, strict=True):
+        arms = {"": 1.0, "x": np.cos(grid[0]), "y": np.sin(grid[0]), "z": grid[1] / HALF_WIDTH}
+        for key, arm in arms.items():
+            assert abs(found[name + key] - np.sum(np.asarray(part) * arm * weights)) < 1e-6
+
+
+@pytest.mark.slow
+def test_kinks_of_a_law_are_cut():
+    """Slip speeds from 0 to 0.8 m/s pass both ends of the table; without cuts at them the force is off by 5e-6."""
+    levels = Level(2.0, 0.3, 0.4), Level(-0.35, 0.1, 0.4, 2.0, 1.0), Level(0.05, 0.02, 0.03)
+    found = over_cells([each.at(NODES) for each in levels], TABLE)
+    assert largest_difference(found, exactly(levels, TABLE)) < 1e-6
+
+
+class SampledShoe(RigidShoe):
+    """A rigid shoe whose levels are known by their values at the nodes of cells, as those of an elastic one."""
+
+    def radial(self, q) -> Sampled:  # pyright: ignore[reportIncompatibleMethodOverride]
+        return Sampled(super().radial(q).at(NODES))  # pyright: ignore[reportArgumentType]
+
+    def along(self, v, turning=0.0) -> Sampled:  # pyright: ignore[reportIncompatibleMethodOverride]
+        return Sampled(super().along(v, turning).at(NODES))  # pyright: ignore[reportArgumentType]
+
+    def axial(self, v) -> Sampled:  # pyright: ignore[reportIncompatibleMethodOverride]
+        return Sampled(super().axial(v).at(NODES))  # pyright: ignore[reportArgumentType]
+
+    def tractions(self, nodes, load, drag, lateral):  # pyright: ignore[reportIncompatibleMethodOverride]
+        del nodes
+        return {name: Spread(each) for name, each in zip(("r", "t", "z"), (-load, drag, lateral), strict=True)}  # pyright: ignore[reportArgumentType]
+
+    def resultant(self, total):
+        shoe = RigidShoe(0.1, 0.02, 0.0365, np.radians(130.0), 7820.0)
+        force = []
+        for unit in np.eye(6):
+            shapes = shoe.radial(tuple(unit)), shoe.along(tuple(unit)), shoe.axial(tuple(unit))
+            force.append(sum(jnp.sum(shape.at(NODES) * total[name]) for shape, name in zip(shapes, "rtz", strict=True)))
+        return tuple(force)
+
+
+def contacts() -> tuple[Callable, Callable]:
+    """Generalised forces (6,) by the exact surface and by cells, of displacements and rates (6,)."""
+    moment = Moment(0.0, jnp.asarray(5.0), jnp.asarray(241499.6), None)
+
+    def forces(shoe, surface):
+        contact = Contact(shoe, Unilateral(0.35e11), Friction(FALLING, UnitVelocity()), surface)
+        return lambda q, v: jnp.stack(contact.act(moment, tuple(q), tuple(v)).force)
+
+    sampled = SampledShoe(0.1, 0.02, 0.0365, np.radians(130.0), 7820.0)
+    return forces(SHOE, AreaSurface(always_split=True)), forces(sampled, CELLS)
+
+
+@pytest.mark.slow
+def test_contact_of_sampled_levels_as_of_exact_ones():
+    """Forces of all six coordinates and, sliding on with a part lifted off, their derivatives."""
+    exact, sampled = (eqx.filter_jit(each) for each in contacts())
+    load = 241499.6 * AREA
+    scale = load * np.array([1, 1, 1, R, R, R])
+    generator = np.random.default_rng(11)
+    size = np.array([1, 1, 1, 20, 20, 10])
+    for speed in (0.1, 0.7):
+        q, v = generator.normal(size=6) * 8e-6 * size, generator.normal(size=6) * speed * size
+        assert np.all(np.abs(exact(q, v) - sampled(q, v)) < 1e-6 * scale)
+    q, v = np.array([-4e-6, 6e-6, 0, 1e-4, 1e-4, 2e-5]), np.array([0.02, -0.03, 0.01, 0.1, 0.2, 0.1])
+    for argument in (0, 1):
+        one, other = (eqx.filter_jit(jax.jacfwd(each, argument))(q, v) for each in (exact, sampled))
+        assert np.all(np.abs(one - other) < 1e-6 * np.abs(np.asarray(one)).max(axis=1, keepdims=True))
+
+
+def test_what_is_spread_does_the_same_work():
+    """Polynomials in θ and z times what is spread sum to their integral, also from within cut cells."""
+    nodes = MIRRORED.nodes(SHOE)
+    level = Sampled(nodes.theta - 0.1 + 2e4 * nodes.z**2)
+
+    @jax.jit
+    def total(level: Sampled):
+        def densities(nodes: CellNodes):
+            pressure = jnp.maximum(level.at(nodes), 0.0) * nodes.weight
+            return {"spread": Spread(pressure), "work": pressure * (nodes.theta**3 + nodes.z**2 * nodes.theta)}
+
+        boundaries = Boundaries(level, None, None, NONE, NONE, False)  # pyright: ignore[reportArgumentType]
+        return MIRRORED.integrate(SHOE, boundaries, densities)
+
+    found = total(level)
+    work = jnp.sum(found["spread"] * (nodes.theta**3 + nodes.z**2 * nodes.theta))
+    assert abs(work - found["work"]) < 1e-14 * float(jnp.max(nodes.theta) ** 3)

@@ -1,0 +1,399 @@
+"""Free modes of a sector against a Ritz method of its own, straight bars and finite differences."""
+
+import subprocess
+import sys
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from numpy.polynomial import legendre
+from scipy.linalg import eigh
+from scipy.optimize import brentq
+
+from drumsqueal.errors import RequestError
+from drumsqueal.physics.bodies import free_modes, sector_elements
+from drumsqueal.physics.bodies.free_modes import Sector, find_free_modes, shapes_at, shapes_held_at
+from drumsqueal.physics.bodies.mode_shapes import nearest_point
+from drumsqueal.physics.bodies.sector_elements import Mesh, Parity, solve_free_sector
+
+PAPER = Sector(0.1, 0.02, 0.0365, np.radians(130))
+STEEL = np.sqrt(210e9 / 7820)  # m/s
+POISSON = 0.3
+UP_TO = 2 * np.pi * 12000 / STEEL
+# Finite elements are on the stiff side by what the last refinement still changed, or less.
+CLOSE = 4e-4
+
+
+@pytest.fixture(scope="module")
+def paper():
+    """Return the free modes of the paper's shoe, of steel, up to 12 kHz."""
+    return find_free_modes(*PAPER, POISSON, UP_TO)
+
+
+def line(count):
+    """Legendre polynomials and their slopes at Gauss nodes, and the weights."""
+    x, weight = legendre.leggauss(count + 4)
+    slope = np.stack([legendre.legval(x, legendre.legder(np.eye(count)[k])) for k in range(count)], axis=1)
+    return x, weight, legendre.legvander(x, count - 1), slope
+
+
+def ritz(sector, poisson, degrees):
+    """Wavenumbers and Cartesian coefficients (3, polynomials, n) of all modes of u_x, u_y, u_z = Σ c P P P.
+
+    It knows no symmetry, no cylindrical components and no finite elements.
+    """
+    R, h, b, beta = sector
+    lines = [line(count) for count in degrees]
+    (xr, wr, Pr, Dr), (xt, wt, Pt, Dt), (xz, wz, Pz, Dz) = lines
+    r, angle = R - h / 2 + h / 2 * xr, beta / 2 * xt
+
+    def products(*factors):
+        return np.einsum("ia,jb,kc->ijkabc", *factors).reshape(len(xr) * len(xt) * len(xz), -1)
+
+    weight = np.einsum("i,j,k->ijk", wr * r * h / 2, wt * beta / 2, wz * b / 2).ravel()
+    radius, turn, _ = (each.reshape(-1, 1) for each in np.meshgrid(r, angle, xz, indexing="ij"))
+    value = products(Pr, Pt, Pz)
+    by_r, by_angle = products(Dr * 2 / h, Pt, Pz), products(Pr, Dt * 2 / beta, Pz) / radius
+    cosine, sine = np.cos(turn), np.sin(turn)
+    slopes = [cosine * by_r - sine * by_angle, sine * by_r + cosine * by_angle, products(Pr, Pt, Dz * 2 / b)]
+    energy = [[one.T @ (weight[:, None] * other) for other in slopes] for one in slopes]
+    first, second = poisson / ((1 + poisson) * (1 - 2 * poisson)), 1 / (2 * (1 + poisson))
+    trace = sum(energy[i][i] for i in range(3))
+    blocks = [
+        [first * energy[i][j] + second * energy[j][i] + (i == j) * second * trace for j in range(3)] for i in range(3)
+    ]
+    mass = np.kron(np.eye(3), value.T @ (weight[:, None] * value))
+    values, vectors = eigh(np.block(blocks), mass, subset_by_index=(6, 17))
+    return np.sqrt(values), vectors.reshape(3, *degrees, -1)
+
+
+def grid(sector, counts=(5, 9, 5)):
+    """Points spread over a sector: r, θ, z."""
+    R, h, b, beta = sector
+    ends = (R - h, R), (-beta / 2, beta / 2), (-b / 2, b / 2)
+    axes = (np.linspace(*end, n) for end, n in zip(ends, counts, strict=True))
+    return [each.ravel() for each in np.meshgrid(*axes, indexing="ij")]
+
+
+def scaled(sector, r, angle, z):
+    return (
+        (r - sector.outer_radius + sector.thickness / 2) * 2 / sector.thickness,
+        angle * 2 / sector.arc_angle,
+        (z * 2 / sector.width),
+    )
+
+
+@pytest.fixture(scope="module")
+def witness():
+    """Return what the Ritz method finds; with degrees of 17 in place of 13 its frequencies change by 1e-5."""
+    return ritz(PAPER, POISSON, (6, 14, 6))
+
+
+def test_modes_of_the_papers_shoe_are_those_of_a_ritz_method(paper, witness):
+    wavenumbers, shapes = witness
+    count = len(paper.wavenumbers)
+    assert count == np.sum(wavenumbers < UP_TO) == 6
+    np.testing.assert_allclose(paper.wavenumbers, wavenumbers[:count], rtol=CLOSE)
+    assert np.all(paper.wavenumbers > wavenumbers[:count] * (1 - 1e-4))  # elements are too stiff, never too soft
+    r, angle, z = grid(PAPER)
+    bases = [legendre.legvander(x, n - 1) for x, n in zip(scaled(PAPER, r, angle, z), (6, 14, 6), strict=True)]
+    x, y, axial = np.einsum("pa,pb,pc,iabcn->ipn", *bases, shapes[..., :count])
+    cosine, sine = np.cos(angle)[:, None], np.sin(angle)[:, None]
+    expected = np.stack([cosine * x + sine * y, cosine * y - sine * x, axial], axis=1)
+    found = shapes_at(paper.coefficients, PAPER, r, angle, z)
+    expected = expected * np.sign(np.sum(found * expected, axis=(0, 1)))
+    # Both have unit modal mass, so the same size. Shapes err with a lower power of the element than frequencies.
+    np.testing.assert_allclose(found, expected, atol=3e-3 * np.max(np.abs(expected)))
+
+
+def test_frequencies_of_the_papers_shoe_are_near_the_published_ones(paper):
+    frequencies = paper.wavenumbers * STEEL / (2 * np.pi)
+    np.testing.assert_allclose(frequencies[:4], [2172, 5046, 5972, 6600], rtol=CLOSE)
+    assert paper.symmetric == (True, False, True, False, False, True)
+    assert 0 < paper.frequency_change < 1e-3
+    assert 0 < paper.fit_error < 2e-4
+
+
+def test_a_finer_mesh_moves_frequencies_by_less_than_is_reported(paper, witness):
+    expected = witness[0][:6]
+    errors = []
+    for mesh in (Mesh(2, 8, 2), Mesh(3, 12, 3)):
+        found = solve_free_sector(PAPER, POISSON, mesh, UP_TO * 1.05, (2, 1, 1, 2))
+        errors.append(np.sort(np.concatenate([each.wavenumbers for each in found]))[:6] / expected - 1)
+    # Fourth order would be a factor of 5; the corners take some of it.
+    assert np.all(errors[1] < errors[0] / 2.5)
+    assert np.max(paper.wavenumbers / expected - 1) < paper.frequency_change
+
+
+@pytest.fixture(scope="module")
+def bar():
+    """Return a sector that is nearly a straight bar of 10 by 10 by 200 mm: its modes up to the first axial one."""
+    sector = Sector(20.0, 0.01, 0.01, 0.2 / 19.995)
+    return sector, find_free_modes(*sector, POISSON, 1.02 * np.pi / 0.2)
+
+
+def timoshenko(length, side, poisson, low, high):
+    """Wavenumbers ω sqrt(ρ/E) of bending of a free beam of square section, from equations of the first order."""
+    area, inertia = side**2, side**4 / 12
+    shear = 10 * (1 + poisson) / (12 + 11 * poisson) * area / (2 * (1 + poisson))  # Cowper 1966, E = 1
+
+    def residual(wavenumber):
+        square = wavenumber**2
+        # w, turn, moment, force: w' = φ + Q/(κGA), φ' = M/(EI), Q' = −ρAω²w, M' = −Q − ρIω²φ
+        system = np.array(
+            [[0, 1, 0, 1 / shear], [0, 0, 1 / inertia, 0], [0, -square * inertia, 0, -1], [-square * area, 0, 0, 0]]
+        )
+        values, vectors = np.linalg.eig(system)
+        across = (vectors * np.exp(values * length)) @ np.linalg.inv(vectors)
+        return np.linalg.det(across[2:, :2]).real
+
+    at = np.linspace(low, high, 2000)
+    signs = np.sign([residual(each) for each in at])
+    turns = np.flatnonzero(signs[1:] != signs[:-1])
+    return np.array([brentq(residual, at[k], at[k + 1]) for k in turns])
+
+
+def test_a_nearly_straight_bar_bends_twists_and_stretches_as_beams_do(bar):
+    sector, modes = bar
+    length, side = 0.2, 0.01
+    bending = timoshenko(length, side, POISSON, 0.5, 1.02 * np.pi / length)
+    torsion = np.pi / length * np.sqrt(0.140577 * 6 / (2 * (1 + POISSON)))  # Saint-Venant's square: J = 0.140577 a⁴
+    stretching = np.pi / length * (1 - (POISSON * np.pi / length) ** 2 * side**2 / 6 / 2)  # Rayleigh and Love
+    expected = np.sort([*bending, *bending, torsion, stretching])
+    assert len(bending) == 4
+    # Twice the change by the last mesh, four times where the beam itself is approximate: the fourth bends shortest.
+    np.testing.assert_allclose(modes.wavenumbers, expected, rtol=2e-3)
+    pure = [np.argmin(np.abs(modes.wavenumbers - each)) for each in (torsion, stretching)]
+    np.testing.assert_allclose(modes.wavenumbers[pure], [torsion, stretching], rtol=1e-3)
+    assert [modes.symmetric[k] for k in pure] == [False, True]
+    # A bar that twists bends by L/R = 1/100 of that, being curved; one that stretches moves its ends by sqrt(2/V).
+    ends = shapes_at(modes.coefficients, sector, 20.0 - side / 2, np.array([-1, 1]) * sector.arc_angle / 2, 0.0)
+    np.testing.assert_allclose(ends[:, :, pure[0]], 0, atol=5e-3 * np.sqrt(2 / (length * side**2)))
+    np.testing.assert_allclose(np.abs(ends[:, 1, pure[1]]), np.sqrt(2 / (length * side**2)), rtol=1e-3)
+    assert ends[0, 1, pure[1]] == pytest.approx(-ends[1, 1, pure[1]], rel=1e-9)
+
+
+def test_shapes_are_orthonormal_and_hold_no_rigid_motion(paper):
+    R, h, b, beta = PAPER
+    rules = [legendre.leggauss(n) for n in (12, 40, 14)]
+    r, angle, z = (each.ravel() for each in np.meshgrid(*(x for x, _ in rules), indexing="ij"))
+    r, angle, z = R - h / 2 + h / 2 * r, angle * beta / 2, z * b / 2
+    weight = np.einsum("i,j,k->ijk", *(w for _, w in rules)).ravel() * r * h * beta * b / 8
+    shapes = shapes_at(paper.coefficients, PAPER, r, angle, z)
+    gram = np.einsum("pim,pin,p->mn", shapes, shapes, weight)
+    np.testing.assert_allclose(gram, np.eye(len(gram)), atol=1e-12)
+    cosine, sine, none = np.cos(angle), np.sin(angle), 0 * angle
+    rigid = [
+        (cosine, -sine, none),
+        (sine, cosine, none),
+        (none, none, none + 1),
+        (-z * sine, -z * cosine, r * sine),
+        (z * cosine, -z * sine, -r * cosine),
+        (none, r, none),
+    ]
+    sizes = np.sqrt([np.einsum("ip,ip,p", np.array(each), np.array(each), weight) for each in rigid])
+    products = np.einsum("qip,pin,p->qn", np.array(rigid), shapes, weight) / sizes[:, None]
+    # A cosine over 130° is a polynomial of degree 15 to 1e-13; weighted by r, and of the nodes.
+    np.testing.assert_allclose(products, 0, atol=1e-9)
+
+
+def test_shapes_are_even_or_odd_in_both_planes_to_all_digits(paper):
+    r, angle, z = grid(PAPER)
+    shapes, mirrored, across = (
+        shapes_at(paper.coefficients, PAPER, r, s * angle, t * z) for s, t in ((1, 1), (-1, 1), (1, -1))
+    )
+    in_z = np.where(paper.symmetric, 1, -1) * np.array([1, 1, -1])[:, None]
+    scale = np.max(np.abs(shapes))
+    np.testing.assert_allclose(across, in_z * shapes, atol=1e-12 * scale)
+    u_r, mirrored_u_r = shapes[:, 0], mirrored[:, 0]
+    sign = np.sign(np.sum(u_r * mirrored_u_r, axis=0))
+    np.testing.assert_allclose(mirrored, sign * np.array([1, -1, 1])[:, None] * shapes, atol=1e-12 * scale)
+
+
+def test_signs_are_settled_by_the_linings_corner(paper):
+    corner = shapes_at(paper.coefficients, PAPER, PAPER.outer_radius, PAPER.arc_angle / 2, PAPER.width / 2)
+    moves = np.abs(corner) > 0.1 * np.max(np.abs(corner), axis=0)
+    assert np.all(corner[np.argmax(moves, axis=0), np.arange(corner.shape[1])] > 0)
+
+
+# On the shoe, beyond the lining, inwards, beside it, beyond either end, behind the drum's axis and on it (m).
+POINTS = [
+    (0.09, 0.02, 0.01),
+    (0.05, -0.1, -0.004),
+    (0.03, 0.01, 0.03),
+    (-0.02, 0.09, 0.0),
+    (-0.01, -0.12, -0.03),
+    (-0.09, 0.001, 0.02),
+]
+
+
+@pytest.mark.parametrize("point", POINTS)
+def test_the_nearest_point_of_the_shoe_is_nearest(point):
+    r, angle, z = nearest_point(PAPER, *point)
+    found = np.linalg.norm(np.array(point) - [r * np.cos(angle), r * np.sin(angle), z])
+    many_r, many_angle, many_z = grid(PAPER, (21, 401, 41))
+    others = np.stack([many_r * np.cos(many_angle), many_r * np.sin(many_angle), many_z], axis=1)
+    nearest = np.min(np.linalg.norm(np.array(point) - others, axis=1))
+    assert nearest - 1e-3 < found <= nearest + 1e-15  # 1 mm: the distance of those others
+    assert PAPER.outer_radius - PAPER.thickness - 1e-15 <= r <= PAPER.outer_radius + 1e-15
+
+
+@pytest.mark.parametrize("point", POINTS)
+def test_a_point_off_the_shoe_is_held_by_a_rigid_arm(paper, point):
+    # Rotation from central differences in Cartesian coordinates; the polynomials go on beyond the sector.
+    r, angle, z = nearest_point(PAPER, *point)
+    foot = np.array([r * np.cos(angle), r * np.sin(angle), z])
+
+    def cartesian(x, y, z):
+        turn = np.arctan2(y, x)
+        u = shapes_at(paper.coefficients, PAPER, np.hypot(x, y), turn, z)
+        return np.stack([np.cos(turn) * u[0] - np.sin(turn) * u[1], np.sin(turn) * u[0] + np.cos(turn) * u[1], u[2]])
+
+    step = 1e-6
+    slopes = [(cartesian(*(foot + step * e)) - cartesian(*(foot - step * e))) / (2 * step) for e in np.eye(3)]
+    curl = np.stack([slopes[1][2] - slopes[2][1], slopes[2][0] - slopes[0][2], slopes[0][1] - slopes[1][0]])
+    expected = cartesian(*foot) + np.cross(curl / 2, (np.array(point) - foot)[:, None], axis=0)
+    found = shapes_held_at(paper.coefficients, PAPER, *point)
+    # The third derivative times the square of the step, and round-off over the step.
+    np.testing.assert_allclose(found, expected, atol=1e-7 * np.max(np.abs(expected)))
+
+
+def test_a_rigid_turn_takes_held_points_along():
+    # u = ω × x with ω = (0, 0, 1): u_θ = r, a polynomial.
+    coefficients = np.zeros((1, 3, 2, 1, 1))
+    coefficients[0, 1, :, 0, 0] = PAPER.outer_radius - PAPER.thickness / 2, PAPER.thickness / 2
+    for x, y, z in POINTS:
+        np.testing.assert_allclose(shapes_held_at(coefficients, PAPER, x, y, z)[:, 0], [-y, x, 0], atol=1e-15)
+
+
+def test_jax_traces_and_differentiates_what_numpy_evaluates(paper):
+    numbers = shapes_at(paper.coefficients, PAPER, 0.1, 0.5, np.array([0.0, 0.01]))
+    assert isinstance(numbers, np.ndarray)
+    assert numbers.shape == (2, 3, len(paper.wavenumbers))
+    traced = jax.jit(lambda angle: shapes_at(paper.coefficients, PAPER, 0.1, angle, jnp.array([0.0, 0.01])))
+    np.testing.assert_allclose(traced(0.5), numbers, rtol=1e-12, atol=1e-12)
+    scaled = jax.jit(lambda c: shapes_held_at(c, PAPER, 0.05, -0.1, 0.0))(2 * jnp.asarray(paper.coefficients))
+    np.testing.assert_allclose(scaled, 2 * shapes_held_at(paper.coefficients, PAPER, 0.05, -0.1, 0.0), rtol=1e-10)
+    slope = jax.jit(jax.jacfwd(lambda x: shapes_held_at(paper.coefficients, PAPER, x, -0.1, 0.0)))(0.05)
+    ahead, behind = (shapes_held_at(paper.coefficients, PAPER, 0.05 + s, -0.1, 0.0) for s in (1e-6, -1e-6))
+    np.testing.assert_allclose(slope, (ahead - behind) / 2e-6, atol=1e-6 * np.max(np.abs(slope)))
+
+
+SMALL = (*PAPER, POISSON, 2 * np.pi * 3000 / STEEL)  # one mode
+
+
+@pytest.fixture
+def solved(monkeypatch, tmp_path):
+    """Return a list that grows with every mesh that is solved; modes are kept in an empty folder."""
+    meshes = []
+
+    def solve(sector, poisson, mesh, *others):
+        meshes.append(mesh)
+        return solve_free_sector(sector, poisson, mesh, *others)
+
+    monkeypatch.setattr(free_modes, "folder", tmp_path / "kept")
+    monkeypatch.setattr(free_modes, "solve_free_sector", solve)
+    find_free_modes.cache_clear()
+    yield meshes
+    find_free_modes.cache_clear()
+
+
+def test_modes_are_found_once_and_kept(solved, tmp_path, monkeypatch):
+    monkeypatch.setattr(free_modes, "STEADY", 0.1)  # two small meshes
+    monkeypatch.setattr(free_modes, "FITTED", 0.1)
+    monkeypatch.setattr(free_modes, "_first_mesh", lambda *_: Mesh(1, 3, 1))
+    first = find_free_modes(*SMALL)
+    meshes = len(solved)
+    assert meshes >= 2
+    assert find_free_modes(*SMALL) is first
+    with pytest.raises(ValueError, match="read-only"):
+        first.wavenumbers[0] = 0.0
+    find_free_modes.cache_clear()
+    again = find_free_modes(*SMALL)
+    assert len(solved) == meshes
+    np.testing.assert_array_equal(again.coefficients, first.coefficients)
+    np.testing.assert_array_equal(again.wavenumbers, first.wavenumbers)
+    assert again.symmetric == first.symmetric == (True,)
+    assert (again.frequency_change, again.fit_error) == (first.frequency_change, first.fit_error)
+    (kept,) = (tmp_path / "kept").iterdir()
+    for damage in (b"", kept.read_bytes()[:-20], b"x" + kept.read_bytes()[1:], b"nonsense"):
+        kept.write_bytes(damage)
+        find_free_modes.cache_clear()
+        meshes = len(solved)
+        np.testing.assert_array_equal(find_free_modes(*SMALL).coefficients, first.coefficients)
+        assert len(solved) > meshes
+        assert [each.name for each in kept.parent.iterdir()] == [kept.name]
+
+
+@pytest.mark.parametrize("changed", range(6))
+def test_other_numbers_are_other_modes(changed, tmp_path, monkeypatch):
+    monkeypatch.setattr(free_modes, "folder", tmp_path / "kept")
+    numbers = list(SMALL)
+    numbers[changed] = np.nextafter(numbers[changed], 1e9)
+    one, other = (free_modes._kept_at(Sector(*each[:4]), *each[4:]) for each in (SMALL, numbers))
+    assert one is not None
+    assert one != other
+
+
+def test_a_folder_that_cannot_be_written_costs_only_time(solved, tmp_path, monkeypatch):
+    monkeypatch.setattr(free_modes, "STEADY", 0.1)
+    (tmp_path / "kept").write_text("a file in the place of the folder")
+    assert len(find_free_modes(*SMALL).wavenumbers) == 1
+
+
+def test_below_the_first_mode_there_is_none(solved):
+    modes = find_free_modes(*PAPER, POISSON, 2 * np.pi * 1500 / STEEL)
+    assert modes.wavenumbers.shape == (0,)
+    assert modes.symmetric == ()
+    assert shapes_at(modes.coefficients, PAPER, 0.1, np.zeros(4), 0.0).shape == (4, 3, 0)
+    assert shapes_held_at(modes.coefficients, PAPER, 0.05, -0.1, 0.0).shape == (3, 0)
+
+
+def test_too_much_is_refused_before_anything_is_solved(solved):
+    # Some 190 modes: 20 kHz in a plate of 4 mm that goes nearly round.
+    with pytest.raises(
+        RequestError, match=r"some \d+ free modes up to shoe.elastic.up_to, and at most 150 .* \d+ % of"
+    ):
+        find_free_modes(0.1, 0.004, 0.2, np.radians(340), POISSON, 2 * np.pi * 20000 / STEEL)
+    with pytest.raises(RequestError, match=r"a finite-element mesh of .* unknowns a quarter, and at most"):
+        find_free_modes(0.1, 0.0001, 0.02, np.radians(130), POISSON, 0.05)
+    with pytest.raises(RequestError, match=r"ratio is 0\.5"):
+        find_free_modes(*PAPER, 0.5, UP_TO)
+    assert solved == []
+
+
+def test_a_shoe_whose_rigid_motions_drown_its_modes_is_refused(monkeypatch):
+    monkeypatch.setattr(sector_elements, "RIGID", 0.0)
+    with pytest.raises(ArithmeticError, match="lost in round-off"):
+        list(solve_free_sector(PAPER, POISSON, Mesh(1, 4, 1), UP_TO, (1, 1, 1, 1)))
+
+
+def test_a_coarse_first_mesh_is_refined_until_frequencies_stay(solved, monkeypatch):
+    monkeypatch.setattr(free_modes, "_first_mesh", lambda *_: Mesh(1, 4, 1))
+    modes = find_free_modes(*SMALL)
+    assert len(solved) > 2
+    assert solved == sorted(solved)
+    assert modes.frequency_change < 1e-3
+
+
+def test_more_modes_than_expected_are_all_found():
+    few, many = (
+        np.concatenate(
+            [each.wavenumbers for each in solve_free_sector(PAPER, POISSON, Mesh(1, 8, 1), 4 * UP_TO, [n] * 4)]
+        )
+        for n in (0, 12)
+    )
+    assert len(few) > 20  # each parity has more than are asked for at first
+    np.testing.assert_allclose(few, many, rtol=1e-9)
+
+
+def test_parities_count_their_rigid_motions():
+    assert sum(parity.rigid for parity in sector_elements.PARITIES) == 6
+    assert Parity(in_z=True, in_angle=False).rigid == 2  # Y and Tz
+
+
+def test_scikit_fem_is_imported_only_where_modes_are_solved_for():
+    code = "import sys, drumsqueal.physics.bodies.free_modes; print('skfem' in sys.modules)"
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert found.stdout.strip() == "False"

@@ -1,0 +1,177 @@
+"""Histories, exports, sweeps and figures of a body with more coordinates than a rigid shoe: names decide, not places.
+
+The free modes are made up: what is tested is that all that is told of them stands under their names.
+"""
+
+import csv
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from drumsqueal.files.saved_history import read_history
+from drumsqueal.findings.history import to_dataset
+from drumsqueal.findings.vibration import Vibration
+from drumsqueal.outcome import COMPLETE
+from drumsqueal.physics import composition
+from drumsqueal.physics.composition import (
+    coordinates_of,
+    kept_coordinates,
+    linear_coordinates,
+    plane_of,
+    take_inventory,
+)
+from drumsqueal.physics.effects.effect import Observation
+from drumsqueal.questions.effects.reductions import reductions_of
+from drumsqueal.questions.export.export import Part, export_history
+from drumsqueal.questions.export.formats import find_format
+from drumsqueal.questions.export.signals import make_channels
+from drumsqueal.questions.sweep import points
+from drumsqueal.questions.sweep.chance_figure import draw_chance
+from drumsqueal.questions.sweep.figure import draw_stability
+from drumsqueal.questions.sweep.summary import study_chance, summarise
+from drumsqueal.scene import COORDINATES
+from drumsqueal.scene.plan import grid, sample
+from drumsqueal.scene.variation import read_variation
+from drumsqueal.solve.transient.integrate import Chunk
+from drumsqueal.terminal import style
+from test_figures import outside, overlapping
+
+FREE = tuple(f"E{k}" for k in range(1, 13))
+SYMMETRIC = FREE[::2]
+
+
+@pytest.fixture
+def bending(nominal, monkeypatch):
+    """A scene whose shoe is said to have twelve free modes."""
+    monkeypatch.setattr(composition, "elastic_names", lambda _, *, symmetric=False: SYMMETRIC if symmetric else FREE)
+    return nominal
+
+
+def test_what_a_scene_keeps_goes_by_all_names_of_its_body(bending):
+    plane = ("X", "Y", "Tz", *SYMMETRIC)
+    assert coordinates_of(bending) == linear_coordinates(bending) == (*COORDINATES, *FREE)
+    assert kept_coordinates(bending) == plane_of(bending) == plane
+    tilted = bending.with_values({"start.displacement.Tx": 1e-7})
+    assert kept_coordinates(tilted) == (*COORDINATES, *FREE)
+    (left_out, *_) = take_inventory(bending).leaves_out
+    assert left_out == f"coordinates Z, Tx, Ty, {', '.join(FREE[1::2])} (nothing moves them)"
+    space = next(each for each in reductions_of(tilted) if each.effect == "space")
+    assert kept_coordinates(tilted.with_values(space.values)) == plane
+
+
+# --- histories ------------------------------------------------------------------------------------------------------
+
+
+def made_up_chunk(scene, kept):
+    """The displacement of each coordinate is its place among those kept, to begin with; the velocity ten times it."""
+    time = np.arange(20) / scene.simulate.sample_rate
+    ones, moved = cast("Any", np.ones(20)), np.arange(1.0, len(kept) + 1) * (1 + time)[:, None]
+    observed = Observation(*(ones for _ in Observation._fields))
+    return Chunk(time, moved, 10 * moved, observed, ones, ones, ones, 1, 0, 1.0, ones, None)
+
+
+@pytest.fixture
+def saved(bending, tmp_path):
+    kept = kept_coordinates(bending)
+    data = to_dataset([made_up_chunk(bending, kept)], bending, kept, COMPLETE)
+    data.to_netcdf(tmp_path / "history.nc", engine="h5netcdf")
+    return read_history(tmp_path / "history.nc")
+
+
+def test_a_history_has_the_rigid_coordinates_first_and_all_free_modes_behind(saved):
+    assert saved.coordinates == (*COORDINATES, *FREE)
+    at_first = dict(zip(saved.coordinates, saved.data["displacement"].values[0].tolist(), strict=True))
+    kept = ("X", "Y", "Tz", *SYMMETRIC)
+    assert at_first == {name: kept.index(name) + 1.0 if name in kept else 0.0 for name in saved.coordinates}
+    assert saved.data["velocity"].attrs["units"] == "m/s (X, Y, Z), rad/s (Tx, Ty, Tz), m kg^0.5/s (E1 to E12)"
+
+
+@pytest.mark.parametrize("names", [("E1", *COORDINATES), (*COORDINATES, "E2", "E1"), (*COORDINATES[:5], "E1")])
+def test_a_history_in_another_order_is_none(saved, names, tmp_path):
+    other = saved.data.isel(coordinate=slice(len(names))).assign_coords(coordinate=list(names))
+    other.to_netcdf(tmp_path / "other.nc", engine="h5netcdf")
+    with pytest.raises(Exception, match="this is not a history of drumsqueal"):
+        read_history(tmp_path / "other.nc")
+
+
+def test_free_modes_go_out_under_their_names_and_with_their_units(saved, tmp_path):
+    part = Part(("displacement", "velocity_E3", "velocity_E2"))
+    done = export_history(saved, tmp_path / "out.csv", find_format("csv"), part)
+    assert done.signals["displacement_E11"] == "m kg^0.5"
+    assert done.signals["velocity_E3"] == "m kg^0.5/s"
+    with (tmp_path / "out.csv").open() as file:
+        heading, first, *_ = csv.reader(file)
+    row = dict(zip(heading, map(float, first), strict=True))
+    assert row["displacement_E3 (m kg^0.5)"] == 5.0
+    assert row["velocity_E3 (m kg^0.5/s)"] == 50.0
+    assert row["velocity_E2 (m kg^0.5/s)"] == 0.0  # rests, and comes where it is asked for by name
+    (channel,) = make_channels(saved, ["displacement_E3"], slice(None))
+    assert (channel.point, channel.direction) == (0, 0)  # of a universal file: of no point, and no length
+    assert channel.quantity != "displacement"
+    with pytest.raises(Exception, match="displacement_E13: there is no such signal"):
+        export_history(saved, tmp_path / "none.csv", find_format("csv"), Part(("displacement_E13",)))
+
+
+# --- sweeps ---------------------------------------------------------------------------------------------------------
+
+
+def made_up_sweep(plan):
+    """Modes of which each grows more than the one before, the last five at every point; each with its own frequency."""
+    names, columns = points.names_of(plan), points.blank(plan, plan.points)
+    rank = np.arange(len(names))
+    columns["growth_rate"][:] = rank - 12.5
+    columns["frequency"][:] = 1000.0 + 500 * rank
+    columns["mode_coordinate"][:] = rank
+    columns["unstable"][:] = rank > 12.5
+    columns["largest_growth_rate"][:] = rank[-1] - 12.5
+    columns["squeal"][:], columns["outcome"][:], columns["divergence_rate"][:] = 1, 0, 0.0
+    return points.to_dataset(plan, columns, COMPLETE)
+
+
+def test_a_sweep_counts_modes_by_the_names_of_its_scenes(bending):
+    plan = grid(bending, [read_variation("drum.speed=1..20x4", bending)], transient=True)
+    sweep = made_up_sweep(plan)
+    assert points.names_in(sweep) == points.names_in(sweep, "main_coordinate") == (*COORDINATES, *FREE)
+    assert sweep["amplitude"].attrs["units"].endswith("m kg^0.5 (E1 to E12)")
+    assert sweep["amplitude"].sizes["coordinate"] == sweep.sizes["mode"] == 18
+    sweep = made_up_sweep(grid(bending, plan.variations))
+    modes = summarise(sweep, grid(bending, plan.variations)).modes
+    assert {name: mode.frequency_there_Hz for name, mode in modes.items()} == {
+        name: 1000.0 + 500 * place for place, name in enumerate((*COORDINATES, *FREE)) if place > 12.5
+    }
+
+
+def test_figures_of_many_modes_name_the_six_that_grow_most(bending):
+    variation = read_variation("drum.speed=1..20x40", bending)
+    plan = grid(bending, [variation])
+    figure = draw_stability(made_up_sweep(plan), plan)
+    upper, lower = figure.axes
+    legend = upper.get_legend()
+    assert legend is not None
+    assert [text.get_text() for text in legend.get_texts()] == list(FREE[-6:])
+    assert lower.get_title(loc="left") == "thick: unstable; grey: 12 more modes, which grow less"
+    random = sample(bending, [variation], 40)
+    sweep = made_up_sweep(random)
+    sweep["unstable"][:] = 1
+    chances = study_chance(sweep)
+    assert chances is not None
+    for drawn in (figure, draw_chance(sweep, random, chances)):
+        assert overlapping(drawn) == []
+        assert outside(drawn) == []
+
+
+def test_free_modes_have_colours_of_their_own():
+    colours = [style.COLOUR[name] for name in (*COORDINATES, *FREE[:8])]
+    assert len({*colours}) == len(colours)
+    with pytest.raises(KeyError):
+        style.COLOUR["Q"]
+
+
+def test_the_spectra_shown_are_of_what_moves_most(saved):
+    class Still:
+        coordinates, steady_state = saved.coordinates, np.zeros(18)
+
+    vibration = Vibration(saved.data, Still())  # pyright: ignore[reportArgumentType]
+    assert [name for name, _ in vibration.spectra(slice(None))] == ["X", "Y", "Tz", *SYMMETRIC]
+    assert [name for name, _ in vibration.spectra(slice(None), ("Y", "E4", "E5"))] == ["Y", "E5"]

@@ -1,0 +1,130 @@
+"""Linear models of a shoe that bends: which numbers they follow, and what the free modes cost to trace."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from jax.extend.core import jaxprs_in_params
+
+from drumsqueal.errors import RequestError
+from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
+from drumsqueal.physics.composition import SHAPES, SHAPING, WAVENUMBERS, compose, free_modes, numbers_of
+from drumsqueal.physics.model import assemble, build_model
+from drumsqueal.precision import real
+from drumsqueal.questions.sensitivity.study import study_sensitivity
+from drumsqueal.scene import COORDINATES, SceneError
+from drumsqueal.simulation import prepare
+from drumsqueal.solve.linear.family import analyse_many, spectra_of, state_matrix_of
+from drumsqueal.solve.transient.runge_kutta import _solved
+
+STEEL = {"young": 210e9, "poisson": 0.3, "up_to": 7e3}
+
+
+@pytest.fixture
+def elastic(nominal):
+    """The paper's shoe of steel, with its free modes up to 7 kHz."""
+    return nominal.with_values({"shoe.elastic": STEEL, "simulate.duration": 2e-3})
+
+
+def by_name(stability):
+    return {mode.label: mode.eigenvalue for mode in stability.modes}
+
+
+# --- numbers --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("key", SHAPING)
+def test_a_model_does_not_follow_numbers_that_change_the_free_modes(elastic, key):
+    value = elastic.numbers()[key]
+    assert build_model(elastic, {key: value}).names == ("X", "Y", "Tz", "E1", "E3")
+    with pytest.raises(RequestError, match=rf"{key}: the free modes .* drumsqueal sweep SCENE --vary {key}="):
+        build_model(elastic, {key: 1.01 * value})
+    for refuses in (lambda: spectra_of(elastic, {key: np.array([value])}), lambda: state_matrix_of(elastic, (key,))):
+        with pytest.raises(RequestError, match="free modes"):
+            refuses()
+
+
+def test_a_traced_thickness_is_refused_and_a_traced_modulus_is_not(elastic):
+    with pytest.raises(RequestError, match=r"shoe\.thickness: the free modes"):
+        jax.jvp(lambda h: build_model(elastic, {"shoe.thickness": h}).mass, (0.02,), (1.0,))
+    stiffness = jax.jvp(lambda E: build_model(elastic, {"shoe.elastic.young": E}).stiffness[3, 3], (210e9,), (1.0,))[1]
+    modes = free_modes(elastic)
+    assert modes is not None
+    wanted = modes.wavenumbers[0] ** 2 / 7820.0  # of ω² = E k²/ρ
+    assert stiffness == pytest.approx(wanted, rel=1e-12)
+
+
+def test_derivatives_are_those_of_free_modes_found_anew(elastic):
+    scene = elastic.with_values({"shoe.elastic.up_to": 3e3})  # E1 alone, whose finite elements are few
+    study = study_sensitivity(scene)
+    rows = {row.key: row for row in study.numbers}
+    assert set(study.by_free_modes) == set(SHAPING)
+    labels = [mode.label for mode in study.modes]
+    # Scenes of their own, whose free modes are found by finite elements, 4 % apart: truncation and meshes make 3 %.
+    ends = [
+        (key, factor) for key in ("shoe.elastic.young", "shoe.density", "shoe.thickness") for factor in (1.02, 0.98)
+    ]
+    scenes = [scene.with_values({key: factor * scene.numbers()[key]}) for key, factor in ends]
+    anew = dict(zip(ends, map(by_name, analyse_many(scenes)), strict=True))
+    for key in dict(ends):
+        for label in ("X", "Y", "Tz", "E1"):
+            change = (anew[key, 1.02][label] - anew[key, 0.98][label]).real / 4
+            found = rows[key].growth_per_percent_1_per_s[labels.index(label)]
+            assert found == pytest.approx(change, rel=0.03, abs=2e-3), (key, label)
+    # With the shapes held, the thickness would make E1 decay: −0.007 1/s a percent.
+    assert rows["shoe.thickness"].growth_per_percent_1_per_s[labels.index("E1")] > 0.01
+
+
+# --- how many modes -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"start.displacement": {"E99": 1e-7}}, "start.displacement.E99.*4 free modes .E1 to E4. up to 7000 Hz"),
+        ({"simulate.coordinates": ["X", "Y", "Tz", "E5"]}, "simulate.coordinates.*leave out E5"),
+    ],
+)
+def test_a_free_mode_that_the_shoe_does_not_have_is_named(elastic, values, message):
+    scene = elastic.with_values(values)
+    with pytest.raises(SceneError, match=message):
+        build_model(scene)
+
+
+def test_a_shoe_without_free_modes_in_the_range_is_the_rigid_one(elastic, nominal):
+    stiff = elastic.with_values({"shoe.elastic.up_to": 1e3})
+    assert type(build_model(stiff).body) is RigidShoe
+    assert by_name(prepare(stiff).stability) == by_name(prepare(nominal).stability)
+    assert build_model(stiff, {"shoe.thickness": 0.018}).names == ("X", "Y", "Tz")
+
+
+# --- what it takes to trace -----------------------------------------------------------------------------------------
+
+
+def count(jaxpr):
+    """Equations of a program and of all within it."""
+    inner = (each for equation in jaxpr.eqns for each in jaxprs_in_params(equation.params))
+    return len(jaxpr.eqns) + sum(count(each) for each in inner)
+
+
+def traced(scene, number):
+    """Equations of the forces on a shoe with so many made-up modes."""
+    value = {key: real(each) for key, each in numbers_of(scene).items()}
+    value |= {WAVENUMBERS: np.arange(1.0, number + 1), SHAPES: np.ones((number, *value[SHAPES].shape[1:]))}
+    names = (*COORDINATES, *(f"E{k}" for k in range(1, number + 1)))
+    composition = compose(scene)._replace(coordinates=names, symmetric_modes=(False,) * number)
+    zeros = np.zeros(len(names))
+    return count(jax.make_jaxpr(lambda value, q: assemble(composition, value).act(0.0, q, q))(value, zeros).jaxpr)
+
+
+def test_programs_do_not_grow_with_the_number_of_modes(elastic):
+    assert traced(elastic, 2) == traced(elastic, 12) == traced(elastic, 30)
+
+
+def test_many_unknowns_are_eliminated_in_a_loop():
+    sizes = {n: count(jax.make_jaxpr(_solved)(np.eye(n), np.ones(n)).jaxpr) for n in (6, 7, 18)}
+    assert sizes[7] == sizes[18] < sizes[6]
+    matrix = np.eye(18) + 0.1 * np.random.default_rng(0).standard_normal((18, 18))
+    right = np.arange(18.0)
+    found = np.asarray(_solved(jnp.asarray(matrix), jnp.asarray(right)))
+    assert found == pytest.approx(np.linalg.solve(matrix, right), rel=1e-12)
