@@ -332,6 +332,13 @@ def test_figures_are_saved_under_their_names(tmp_path):
         assert path.read_bytes().startswith(b"\x89PNG")
 
 
+def test_what_comes_over_time_is_drawn_over_time():
+    _, _, figures = drawn("growing")
+    for name in ("growth", "spectrogram", "contact", "frequency"):
+        labels = " ".join(axes.get_xlabel() for axes in figures[name].axes)
+        assert labels.startswith("Time (ms)")
+
+
 def test_no_half_of_a_figure_is_left(tmp_path, monkeypatch):
     def write_half(path: Path, content: bytes) -> None:
         with path.open("wb") as file:

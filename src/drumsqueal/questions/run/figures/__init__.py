@@ -34,5 +34,6 @@ def drawings(result: Result, model: Model) -> dict[str, Callable[[object], Figur
 
     It gives None for a record that is too short, or in which nothing moves, to show anything there.
     """
-    view = View(result, model)
-    return {name: lambda _, draw=draw: draw(view) for name, draw in _DRAWINGS.items()}
+    view, found = View(result, model), result.findings
+    asked = {output_folder.PRESSURE: found.brake, output_folder.WATERFALL: found.changing}
+    return {name: lambda _, draw=draw: draw(view) for name, draw in _DRAWINGS.items() if asked.get(name, True)}
