@@ -13,18 +13,13 @@ from drumsqueal.scene.file import TABLE_LISTS, apply_setting, read_tables, repla
 from drumsqueal.scene.laws import LAWS
 from drumsqueal.scene.mistakes import explain
 from drumsqueal.scene.quantities import KeyPath, SceneError, as_first
+from drumsqueal.scene.readers import PerCoordinate, Profile, Quantity, Reader, Resolution, Schedule
 from drumsqueal.scene.tables import (
     Contact,
     Damping,
     Drum,
     Forcing,
     Friction,
-    PerCoordinate,
-    Profile,
-    Quantity,
-    Reader,
-    Resolution,
-    Schedule,
     Shoe,
     Simulate,
     Start,

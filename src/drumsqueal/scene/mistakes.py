@@ -8,7 +8,7 @@ from pydantic import BaseModel, ValidationError
 from drumsqueal.errors import nearest
 from drumsqueal.scene.laws import LAWS
 from drumsqueal.scene.quantities import KeyPath, SceneError, dotted
-from drumsqueal.scene.tables import Reader
+from drumsqueal.scene.readers import Reader
 
 Models = Mapping[str, tuple[type[BaseModel], ...]]
 

@@ -11,7 +11,7 @@ from drumsqueal.errors import RequestError
 from drumsqueal.physics.composition import check_shapes_stay, shaping_numbers
 from drumsqueal.progress import Progress
 from drumsqueal.scene import Scene, quantity_of
-from drumsqueal.scene.tables import Scheduled
+from drumsqueal.scene.readers import Scheduled
 from drumsqueal.scene.variation import likely_key
 from drumsqueal.solve.linear.family import StateMatrix, eigenvalue_gradient
 from drumsqueal.solve.linear.modes import DRIFT_FRACTION

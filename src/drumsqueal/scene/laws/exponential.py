@@ -2,7 +2,8 @@
 
 from typing import Annotated, Any, ClassVar, Literal
 
-from drumsqueal.scene.tables import Coefficient, Friction, Quantity
+from drumsqueal.scene.readers import Quantity
+from drumsqueal.scene.tables import Coefficient, Friction
 from drumsqueal.scene.usual import SLIDING, STATIC, Usual
 
 # Slip speeds times the decay at which exp(−decay s) is cut. With sixteen Gauss nodes on each stretch the error of a

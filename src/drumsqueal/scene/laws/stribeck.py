@@ -2,7 +2,8 @@
 
 from typing import Annotated, Any, ClassVar, Literal
 
-from drumsqueal.scene.tables import Coefficient, Friction, Quantity
+from drumsqueal.scene.readers import Quantity
+from drumsqueal.scene.tables import Coefficient, Friction
 from drumsqueal.scene.usual import SLIDING, STATIC, Usual
 
 # Slip speeds over the Stribeck speed at which exp(−x²) is cut: sixteen Gauss nodes resolve each stretch of it to 1e-12,

@@ -5,7 +5,8 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import model_validator
 
 from drumsqueal.scene.quantities import SceneError
-from drumsqueal.scene.tables import Friction, Quantities, Quantity
+from drumsqueal.scene.readers import Quantities, Quantity
+from drumsqueal.scene.tables import Friction
 from drumsqueal.scene.usual import SLIDING, Usual
 
 MOST_POINTS = 50  # the contact is cut at each of them
